@@ -6,6 +6,13 @@ import numpy as np
 from numba import njit
 
 
+@njit(cache=True)
+def window(cut, fx, fy, z):
+    """Half-sizes of the support in pixels, and the step at which about 16 x 16 of them are read."""
+    step = max(1, int(cut * fx / z) // 8)
+    return (int(cut * fy / z) // step + 1) * step, (int(cut * fx / z) // step + 1) * step, step
+
+
 @njit(cache=True, fastmath=True)
 def project_first(depth, fx, fy, cx, cy, h):
     """Eq. 1: weighted mean depth of the neighbours within the support."""
@@ -19,10 +26,12 @@ def project_first(depth, fx, fy, cx, cy, h):
             if z <= 0.0:
                 continue
             x, y = (j - cx) / fx * z, (i - cy) / fy * z
-            reach_y, reach_x = int(cut * fy / z) + 1, int(cut * fx / z) + 1
+            reach_y, reach_x, step = window(cut, fx, fy, z)
             total, weight = 0.0, 0.0
-            for a in range(max(0, i - reach_y), min(rows, i + reach_y + 1)):
-                for b in range(max(0, j - reach_x), min(cols, j + reach_x + 1)):
+            for a in range(i - reach_y, i + reach_y + 1, step):
+                for b in range(j - reach_x, j + reach_x + 1, step):
+                    if a < 0 or b < 0 or a >= rows or b >= cols:
+                        continue
                     zs = depth[a, b]
                     if zs <= 0.0 or abs(zs - z) > cut:
                         continue
@@ -48,10 +57,12 @@ def project_next(original, depth, fx, fy, cx, cy, h, mu):
                 continue
             z0 = original[i, j]
             rx, ry = (j - cx) / fx, (i - cy) / fy
-            reach_y, reach_x = int(cut * fy / z) + 1, int(cut * fx / z) + 1
+            reach_y, reach_x, step = window(cut, fx, fy, z)
             total, weight, push, push_weight = 0.0, 0.0, 0.0, 0.0
-            for a in range(max(0, i - reach_y), min(rows, i + reach_y + 1)):
-                for b in range(max(0, j - reach_x), min(cols, j + reach_x + 1)):
+            for a in range(i - reach_y, i + reach_y + 1, step):
+                for b in range(j - reach_x, j + reach_x + 1, step):
+                    if a < 0 or b < 0 or a >= rows or b >= cols:
+                        continue
                     zs = depth[a, b]
                     if zs <= 0.0 or abs(zs - z) > cut:
                         continue

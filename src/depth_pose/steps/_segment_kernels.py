@@ -88,7 +88,7 @@ def plane_inliers(samples, normals, areas, plane, tolerance):
         on[i] = is_inlier(p, normals[i], plane, tolerance)
         if on[i]:
             slant = abs(plane[3]) / np.sqrt(p[0] * p[0] + p[1] * p[1] + p[2] * p[2])
-            total += areas[i] / max(slant, 0.1)
+            total += areas[i] / max(slant, 0.25)
     return on, total
 
 

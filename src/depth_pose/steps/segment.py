@@ -21,6 +21,9 @@ from depth_pose.types import BACKGROUND, PERSON, UNKNOWN, Camera, DepthFrame
 MIN_PLANE_AREA_M2 = 1.5
 """A plane with less visible area than this may be a person's back; it stays."""
 
+MIN_PLANE_WIDTH_M = 0.2
+"""Standard deviation of a plane's points along its narrower side; a person's is less."""
+
 MIN_FLOOR_AREA_M2 = 0.6
 """The same for planes less than 40 degrees off the camera's horizontal: nobody's back is there."""
 
@@ -156,7 +159,7 @@ class PersonSegmenter:
             grown = False
             for k in np.flatnonzero(touching[1:]):
                 union = np.concatenate([np.minimum(box[:3], low[k]), np.maximum(box[3:], high[k])])
-                if area[k] <= 1.2 * area[seed] and (union[3:] - union[:3]).max() <= _PERSON_EXTENT_M:
+                if area[k] <= 0.5 * area[seed] and (union[3:] - union[:3]).max() <= _PERSON_EXTENT_M:
                     chosen[k + 1] = True
                     box, grown = union, True
             if not grown:
@@ -194,23 +197,25 @@ def mark_large_planes(points: NDArray[np.float32], camera: Camera) -> NDArray[np
         samples_left, normals_left, areas_left = samples[free], normals[free], areas[free]
         seeds = rng.integers(0, len(samples_left), _PLANE_SEEDS)
         plane = kernels.best_plane(samples_left, normals_left, areas_left, seeds, _PLANE_TOLERANCE)
+        width = 0.0
         for _ in range(4):
             inliers, area = kernels.plane_inliers(
                 samples_left, normals_left, areas_left, plane, _PLANE_TOLERANCE
             )
             if inliers.sum() < 10:
                 break
-            plane = _fit_plane(samples_left[inliers])
-        if area >= _least_area(plane):
+            plane, width = _fit_plane(samples_left[inliers])
+        if width >= MIN_PLANE_WIDTH_M and area >= _least_area(plane):
             kernels.mark_plane(points, plane, 1.5 * _PLANE_TOLERANCE, 3, marked)
         free[np.flatnonzero(free)[inliers]] = False
     return marked
 
 
-def _fit_plane(points: NDArray[np.float64]) -> NDArray[np.float64]:
+def _fit_plane(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+    """Plane (n, d) through points, and the standard deviation of its narrower side, metres."""
     middle = points.mean(axis=0)
-    normal = np.linalg.eigh(np.cov((points - middle).T))[1][:, 0]
-    return np.append(normal, normal @ middle)
+    variances, axes = np.linalg.eigh(np.cov((points - middle).T))
+    return np.append(axes[:, 0], axes[:, 0] @ middle), float(np.sqrt(variances[1]))
 
 
 def _least_area(plane: NDArray[np.float64]) -> float:
