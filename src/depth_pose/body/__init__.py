@@ -1,0 +1,1 @@
+"""Skinned bodies, motion sources and what joints can do."""
