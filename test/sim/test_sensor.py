@@ -16,7 +16,9 @@ IDEAL = replace(SENSORS["tof"], noise=NO_NOISE)
 
 
 def _quad(z: float, half: float = 10.0, x: float = 0.0):
-    vertices = np.array([[x - half, -half, z], [x + half, -half, z], [x + half, half, z], [x - half, half, z]])
+    vertices = np.array(
+        [[x - half, -half, z], [x + half, -half, z], [x + half, half, z], [x - half, half, z]]
+    )
     return vertices, np.array([[0, 1, 2], [0, 2, 3]])
 
 
@@ -79,7 +81,9 @@ def test_projector_shadow_falls_on_the_right_of_a_near_thing() -> None:
 
 
 def test_noise_grows_as_configured() -> None:
-    config = NoiseConfig(constant=0.001, quadratic=0.002, grazing_power=1.0, grazing_limit=90.0, depth_step=0.0)
+    config = NoiseConfig(
+        constant=0.001, quadratic=0.002, grazing_power=1.0, grazing_limit=90.0, depth_step=0.0
+    )
     for z, cos in [(1.0, 1.0), (3.0, 1.0), (3.0, 0.5)]:
         depth = np.full((200, 200), z, np.float32)
         noisy = add_noise(depth, np.full_like(depth, cos), config, np.random.default_rng(0))
@@ -89,7 +93,9 @@ def test_noise_grows_as_configured() -> None:
 
 def test_no_noise_changes_nothing() -> None:
     depth = VirtualSensor(IDEAL).render_ideal([_quad(1.0, 0.3), _quad(3.0)])
-    np.testing.assert_array_equal(add_noise(depth, np.ones_like(depth), NO_NOISE, np.random.default_rng(0)), depth)
+    np.testing.assert_array_equal(
+        add_noise(depth, np.ones_like(depth), NO_NOISE, np.random.default_rng(0)), depth
+    )
 
 
 def test_flying_pixels_lie_between_the_surfaces() -> None:
@@ -108,7 +114,9 @@ def test_losses_and_steps() -> None:
     flat = np.ones_like(depth)
     lost = add_noise(depth, flat, replace(NO_NOISE, dropout=0.1), np.random.default_rng(0)) == 0
     assert lost.mean() == pytest.approx(0.1, abs=0.01)
-    grazing = add_noise(depth, flat * 0.1, replace(NO_NOISE, grazing_limit=80.0), np.random.default_rng(0)) == 0
+    grazing = (
+        add_noise(depth, flat * 0.1, replace(NO_NOISE, grazing_limit=80.0), np.random.default_rng(0)) == 0
+    )
     assert grazing.mean() == pytest.approx(0.7, abs=0.02)
     stepped = add_noise(depth, flat, NoiseConfig(constant=0.01, depth_step=0.005), np.random.default_rng(0))
     np.testing.assert_allclose(stepped / 0.005, np.rint(stepped / 0.005), atol=1e-3)
