@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from depth_pose.sim.config import Placement, Room
 from depth_pose.sim.noise import NO_NOISE, NoiseConfig, add_noise
-from depth_pose.sim.placement import Placement, Room, camera_pose, room_mesh
+from depth_pose.sim.placement import camera_pose, room_mesh
 from depth_pose.sim.sensor import SENSORS, VirtualSensor
 from depth_pose.sim.simulate import transform
 

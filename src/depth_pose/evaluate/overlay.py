@@ -14,7 +14,7 @@ from depth_pose.evaluate.figures import LEFT, MIDDLE, RIGHT
 from depth_pose.evaluate.score import STAMP_TOLERANCE_NS, load_truth
 from depth_pose.evaluate.shading import shade_depth
 from depth_pose.io.mcap_read import DepthReader, read_skeletons
-from depth_pose.io.mcap_write import SKELETON_TOPIC
+from depth_pose.io.schemas import SKELETON_TOPIC
 from depth_pose.skeleton import BONES, JOINTS, JointState
 from depth_pose.types import Camera, DepthFrame, Skeleton
 

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from depth_pose.errors import InputError
 from depth_pose.io.mcap_read import read_skeletons
-from depth_pose.io.mcap_write import SKELETON_TOPIC
+from depth_pose.io.schemas import SKELETON_TOPIC
 from depth_pose.skeleton import JOINTS
 
 THRESHOLDS_M = (0.02, 0.03, 0.05, 0.07, 0.10, 0.15, 0.20)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from depth_pose.errors import InputError
 from depth_pose.evaluate.overlay import project
 from depth_pose.io.mcap_read import DepthReader, read_skeletons
-from depth_pose.io.mcap_write import SKELETON_TOPIC
+from depth_pose.io.schemas import SKELETON_TOPIC
 from depth_pose.skeleton import JOINT_INDEX
 from depth_pose.types import DepthFrame, Skeleton
 

@@ -29,7 +29,7 @@ from depth_pose.io.decode import (
     frame_from_cloud,
     rectify_depth,
 )
-from depth_pose.io.mcap_write import SKELETON_TOPIC
+from depth_pose.io.schemas import SKELETON_TOPIC
 from depth_pose.types import DepthFrame, Skeleton
 
 _log = logging.getLogger(__name__)

@@ -2,41 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.config import _Checked, option
+from depth_pose.sim.config import Placement, Room
 
 _ROOM_HALF_WIDTH_M = 6.0
-
-
-@dataclass(frozen=True)
-class Placement(_Checked):
-    """The camera's place, told from the spot on the floor that it looks toward."""
-
-    distance: float = option(3.3, "Distance on the floor from camera to person", unit="m", low=0.5, high=20.0)
-    height: float = option(1.0, "The camera's height above the floor", unit="m", low=0.05, high=10.0)
-    azimuth: float = option(
-        0.0,
-        "Side that the camera sees: 0 the front, 90 the person's left, 180 the back",
-        unit="deg",
-        low=-360.0,
-        high=360.0,
-    )
-    pitch: float = option(0.0, "How far the camera looks down", unit="deg", low=-89.0, high=89.0)
-    roll: float = option(0.0, "Turn about the optical axis, clockwise", unit="deg", low=-180.0, high=180.0)
-
-
-@dataclass(frozen=True)
-class Room(_Checked):
-    """What stands around the person."""
-
-    floor: bool = option(True, "Put a floor under the person")
-    wall: float = option(
-        1.6, "Distance of the wall behind the person; 0 for none", unit="m", low=0.0, high=20.0
-    )
 
 
 def camera_pose(placement: Placement, target: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 
 from depth_pose.errors import ConfigError
 from depth_pose.io.mcap_write import DepthWriter
-from depth_pose.sim.placement import Placement, Room, camera_pose, room_mesh
+from depth_pose.sim.config import Placement, Room
+from depth_pose.sim.placement import camera_pose, room_mesh
 from depth_pose.sim.sensor import SENSORS, Mesh, SensorModel, VirtualSensor
 from depth_pose.skeleton import ADULT_STATURE_M, JOINT_NODES, JOINTS, NODE_INDEX, rest_nodes
 
