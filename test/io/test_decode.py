@@ -122,7 +122,7 @@ def test_rectified_wall_is_flat(model: str, d: tuple[float, ...]) -> None:
     inside = rectified > 0
     assert inside.mean() > 0.8
     assert np.abs(rectified - ideal)[inside].max() < 0.004  # half a pixel along the slope
-    assert np.abs(seen - ideal).max() > 0.02
+    assert np.abs(seen - ideal).max() > 0.012
 
 
 def test_plumb_bob_formula() -> None:
@@ -202,7 +202,9 @@ def test_organised_cloud_keeps_its_pixels() -> None:
 def test_unorganised_cloud_gets_a_camera_of_its_density() -> None:
     rng = np.random.default_rng(1)
     points = _wall(CAMERA).reshape(-1, 3)
-    hidden = points[rng.random(len(points)) < 0.2] * 1.5  # a second surface behind the first must not show through
+    hidden = (
+        points[rng.random(len(points)) < 0.2] * 1.5
+    )  # a second surface behind the first must not show through
     frame = frame_from_cloud(rng.permutation(np.concatenate([points, hidden])), 0, "optical")
     camera = frame.camera
     assert 100 < camera.width < 260

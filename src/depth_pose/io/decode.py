@@ -147,6 +147,7 @@ def camera_from_info(
             f"that is far outside an image of {width} x {height}"
         )
     _distortion(d, distortion_model)
+    fx, fy, cx, cy = map(float, (fx, fy, cx, cy))
     return Camera(width=int(width), height=int(height), fx=fx, fy=fy, cx=cx, cy=cy)
 
 
