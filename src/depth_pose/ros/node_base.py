@@ -158,7 +158,7 @@ class StageNode(Node):
         return self.get_parameter(name).value
 
     def publisher(self, kind: type, topic: str, *, reliable: bool = False, counted: bool = True) -> Publisher:
-        """Publisher of frames: sensor QoS, or `reliable`, which suits every subscriber.
+        """Make a publisher of frames: sensor QoS, or `reliable`, which suits every subscriber.
 
         Parameters
         ----------

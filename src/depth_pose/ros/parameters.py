@@ -151,7 +151,7 @@ def _section_class(section: str) -> type:
 def read_config(
     node: Node, sections: Sequence[str], changes: Mapping[str, Any] | None = None
 ) -> PipelineConfig:
-    """Configuration from a node's parameters, with some of them changed.
+    """Make the configuration from a node's parameters, with some of them changed.
 
     Raises
     ------

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import queue
 import threading
 import time
@@ -320,11 +321,9 @@ class _ReadAhead:
 
     def _put(self, item: Recorded | BaseException | None) -> None:
         while not self._done.is_set():
-            try:
+            with contextlib.suppress(queue.Full):
                 self._queue.put(item, timeout=0.1)
                 return
-            except queue.Full:
-                continue
 
 
 def topic_types(path: str | Path, topics: Sequence[str] | None = None) -> dict[str, str]:

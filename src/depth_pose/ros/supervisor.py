@@ -158,19 +158,13 @@ class Suite:
     def stop(self) -> dict[str, int]:
         """End all nodes; gives their exit codes, 0 where they ended cleanly."""
         self._stopping.set()
-        codes = {}
         with self._lock:
             running = {n: c.process for n, c in self._children.items() if c.process is not None}
         for process in running.values():
             if process.poll() is None:
                 process.send_signal(signal.SIGTERM)
         deadline = time.monotonic() + _STOP_PATIENCE_S
-        for name, process in running.items():
-            try:
-                codes[name] = process.wait(max(0.1, deadline - time.monotonic()))
-            except subprocess.TimeoutExpired:
-                process.kill()
-                codes[name] = process.wait()
+        codes = {name: _wait(process, deadline) for name, process in running.items()}
         if self._thread is not None:
             self._thread.join()
         return codes
@@ -325,6 +319,14 @@ def _yaml(value: Any) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
     return repr(value) if isinstance(value, int | float) else f"'{value}'"
+
+
+def _wait(process: subprocess.Popen[str], deadline: float) -> int:
+    try:
+        return process.wait(max(0.1, deadline - time.monotonic()))
+    except subprocess.TimeoutExpired:
+        process.kill()
+        return process.wait()
 
 
 def _environment() -> dict[str, str]:
