@@ -11,7 +11,7 @@ from __future__ import annotations
 import time
 import traceback
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Protocol
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -208,14 +208,14 @@ class StageNode(Node):
     def _open_inputs(self, inputs: Sequence[Input]) -> None:
         paired = len(inputs) > 1
         depth = max(self.queue, PAIR_DEPTH) if paired else self.queue
-        self._inputs = tuple(inputs)
+        self._inputs = tuple(replace(i, topic=self.resolve_topic_name(i.topic)) for i in inputs)
         self._pairer = (
             Pairer(len(inputs), depth, self._unpaired, ordered=not self.lossless) if paired else None
         )
-        for index, i in enumerate(inputs):
+        for index, i in enumerate(self._inputs):
             qos = self._qos(depth, self.lossless)
             self.create_subscription(i.kind, i.topic, self._callback(index), qos)
-        self._silence = SilenceWatch(self, [i for i in inputs if i.sensor])
+        self._silence = SilenceWatch(self, [i for i in self._inputs if i.sensor])
 
     def _callback(self, index: int) -> Callable[[Any, Any], None]:
         def take(message: Any, info: Any) -> None:  # rclpy counts the arguments
