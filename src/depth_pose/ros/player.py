@@ -17,6 +17,7 @@ from depth_pose.errors import InputError
 CLOCK_HZ = 40.0
 """``/clock`` messages a second of wall time, beside one before every recorded message."""
 
+_DEPTH = 100
 _AHEAD = 32
 """Messages read ahead of their time."""
 
@@ -208,7 +209,7 @@ class Player:
                 continue
             name = self._remap.get(topic, topic)
             # reliable suits every subscriber; those that ask for best effort get that
-            self._publishers[topic] = self._node.create_publisher(kind, name, QoSProfile(depth=10))
+            self._publishers[topic] = self._node.create_publisher(kind, name, QoSProfile(depth=_DEPTH))
         if not self._publishers:
             why = "; ".join(f"{t}: {w}" for t, w in self._result.skipped.items())
             raise InputError(f"{self._path} has no topic that could be played; {why or 'none was found'}")
