@@ -125,9 +125,7 @@ def test_stamps(stamp_ns):
 
 
 def info_of(width, height):
-    return CameraInfo(
-        width=width, height=height, k=[90.0, 0, width / 2, 0, 91.0, height / 2, 0, 0, 1.0]
-    )
+    return CameraInfo(width=width, height=height, k=[90.0, 0, width / 2, 0, 91.0, height / 2, 0, 0, 1.0])
 
 
 def test_image_to_frame():
@@ -166,8 +164,7 @@ def test_sensor_cloud_to_frame(kind):
         row_step=step * (width + 1),
         is_bigendian=kind[0] == ">",
         fields=[
-            PointField(name=n, offset=(i + 1) * size, datatype=datatype, count=1)
-            for i, n in enumerate("xyz")
+            PointField(name=n, offset=(i + 1) * size, datatype=datatype, count=1) for i, n in enumerate("xyz")
         ],
         data=raw.tobytes(),
     )

@@ -2,6 +2,7 @@
 
 import pytest
 import scene
+from depth_pose.pipeline import PosePipeline
 from depth_pose_msgs.msg import PoseMatch, Skeleton
 from peer import SENSOR
 
@@ -9,7 +10,6 @@ from depth_pose.bank import Bank
 from depth_pose.config import PipelineConfig
 from depth_pose.io.mcap_read import read_frames
 from depth_pose.io.mcap_write import DepthWriter
-from depth_pose.pipeline import PosePipeline
 from depth_pose.ros.bag import play
 from depth_pose.ros.conversions import msg_to_match, msg_to_skeleton
 from depth_pose.ros.supervisor import Suite
