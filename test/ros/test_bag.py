@@ -17,7 +17,7 @@ from std_msgs.msg import Header
 from depth_pose.errors import InputError
 from depth_pose.io.mcap_read import read_frames
 from depth_pose.io.mcap_write import DepthWriter
-from depth_pose.ros.bag import Player, Recorder, play
+from depth_pose.ros.bag import Player, Recorder, header_stamp_ns, play
 from depth_pose.ros.conversions import make_header, stamp_to_ns
 from depth_pose.ros.message_text import message_text
 
@@ -138,7 +138,13 @@ def test_schema_text_is_whole():
         message_text("nonsense")
 
 
-def test_record_ends_with_sigint(start, tmp_path, peer):
+def test_stamp_of_serialised_messages(recording):
+    expected = [frame.stamp_ns for frame in scene.frames(FRAMES)]
+    assert [header_stamp_ns(data) for data in recorded_bytes(recording)[IMAGE]] == expected
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_record_ends_with_a_whole_file(start, tmp_path, peer, number):
     path = tmp_path / "out.mcap"
     code = f"from depth_pose.ros.bag import record; print(record({str(path)!r}), flush=True)"
     process = start("-c", code)
@@ -146,6 +152,6 @@ def test_record_ends_with_sigint(start, tmp_path, peer):
     for i in range(5):
         infos.publish(CameraInfo(header=make_header(i, "optical")))
     peer.spin(0.5)
-    exit_code, _ = process.end(signal.SIGINT)
+    exit_code, _ = process.end(number)
     assert exit_code == 0, process.output
     assert len(recorded_bytes(path)[INFO]) == 5

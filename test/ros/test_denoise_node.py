@@ -1,12 +1,17 @@
 """The denoise node as users run it: real frames, and everything that may be wrong with them."""
 
+import threading
+
 import numpy as np
 import pytest
 import scene
+from diagnostic_msgs.msg import DiagnosticArray
 from peer import RELIABLE, SENSOR
 from sensor_msgs.msg import CameraInfo, Image, PointCloud2, PointField
 
 from depth_pose.config import DenoiseConfig, SegmentConfig
+from depth_pose.io.mcap_write import DepthWriter
+from depth_pose.ros.bag import play
 from depth_pose.ros.conversions import image_to_frame, make_header, msg_to_cloud, msg_to_frame
 from depth_pose.steps.extract import PersonExtractor
 from depth_pose.types import PERSON
@@ -165,3 +170,24 @@ def test_camera_info_that_is_sent_once(start, peer, frames):
     peer.spin(0.3)
     images.publish(image_msg(frames[0]))
     peer.until(lambda: answers, what="the answer")
+
+
+def test_latency_by_the_clock_of_a_recording(start, peer, frames, tmp_path):
+    """Stamps of years ago give no latency, but with ``use_sim_time`` and ``/clock`` they do."""
+    path = tmp_path / "small.mcap"
+    with DepthWriter(path, scene.CAMERA, "optical") as writer:
+        for frame in scene.frames(40):
+            writer.write_frame(frame)
+    process = start("-m", "depth_pose.ros.denoise_node", "--ros-args", "-p", "use_sim_time:=true")
+    process.wait_for("is ready", 60.0)
+    statuses = peer.listen(DiagnosticArray, "/diagnostics", RELIABLE)
+    thread = threading.Thread(target=play, args=(path,), kwargs={"wait_for_subscribers": [IMAGE, INFO]})
+    thread.start()
+
+    def known():
+        values = {v.key: v.value for s in statuses for v in s.status[0].values}
+        return values.get("latency_ms_p95", "unknown") != "unknown" and values
+
+    peer.until(known, what="a latency")
+    assert float(known()["latency_ms_p95"]) < 1000.0
+    thread.join(10.0)

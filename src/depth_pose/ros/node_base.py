@@ -38,6 +38,11 @@ READY = "is ready"
 PAIR_DEPTH = 4
 """Messages held per topic by a node that pairs topics, where one frame may wait (see `StageNode`)."""
 
+SETTLE_S = 0.2
+"""What a writer takes for joined, the reader may not yet: it is given this long to follow."""
+
+_READY_TICK_S = 0.05
+
 LOG_EVERY_S = 5.0
 """A drop of the same reason is logged at most this often, with the number since."""
 
@@ -123,7 +128,8 @@ class StageNode(Node):
         self.add_on_set_parameters_callback(self._check_parameters)
         self.add_post_set_parameters_callback(self._take_parameters)
         self.create_timer(1.0, self._tell, clock=self._steady)
-        self._ready_timer = self.create_timer(0.05, self._tell_ready, clock=self._steady)
+        self._joined_ticks = 0
+        self._ready_timer = self.create_timer(_READY_TICK_S, self._tell_ready, clock=self._steady)
 
     # What a sub-class says
 
@@ -246,8 +252,9 @@ class StageNode(Node):
             return
         last = self._sequences.get(index)
         self._sequences[index] = sequence
-        if last is not None and sequence > last + 1:
-            topic = self._inputs[index].topic
+        topic = self._inputs[index].topic
+        # each publisher counts for itself: the numbers of several say nothing
+        if last is not None and sequence > last + 1 and self.count_publishers(topic) == 1:
             self.drop("missed", f"{topic} brought newer ones while this node was busy", sequence - last - 1)
 
     def _is_new(self, stamp_ns: int) -> bool:
@@ -333,7 +340,9 @@ class StageNode(Node):
 
     def _tell_ready(self) -> None:
         wanted = self.value("consumers")
-        if all(p.get_subscription_count() >= wanted for p in self._outputs):
+        joined = all(p.get_subscription_count() >= wanted for p in self._outputs)
+        self._joined_ticks = self._joined_ticks + 1 if joined else 0
+        if self._joined_ticks > SETTLE_S / _READY_TICK_S:
             self.destroy_timer(self._ready_timer)
             topics = ", ".join(i.topic for i in self._inputs)
             self.get_logger().info(f"{self.get_name()} {READY}: listens to {topics}")

@@ -13,11 +13,13 @@ from pathlib import Path
 from typing import Any
 
 from depth_pose.errors import InputError
+from depth_pose.ros.runner import on_stop
 
 CLOCK_HZ = 40.0
 """``/clock`` messages a second of wall time, beside one before every recorded message."""
 
 _DEPTH = 100
+_SETTLE_S = 0.2
 _AHEAD = 32
 """Messages read ahead of their time."""
 
@@ -226,6 +228,8 @@ class Player:
                 if p.topic_name in self._wait_for and not p.get_subscription_count()
             ]
             if not alone:
+                # what the writer takes for joined, the reader may not yet
+                self._stop.wait(_SETTLE_S if self._wait_for else 0.0)
                 return
             if time.monotonic() > deadline:
                 raise InputError(f"nobody subscribed to {', '.join(alone)} within {self._wait_s:g} s")
@@ -369,12 +373,10 @@ def _summary(path: str | Path) -> Any:
 
 
 def play(path: str | Path, **options: Any) -> Played:
-    """Publish a recording until its end, or until SIGINT where it is called from a terminal.
+    """Publish a recording until its end, or until SIGINT or SIGTERM.
 
     Options are those of `Player`.
     """
     player = Player(path, **options)
-    try:
+    with on_stop(player.stop):
         return player.run()
-    except KeyboardInterrupt:
-        return player._result

@@ -12,6 +12,7 @@ from typing import Any
 
 import depth_pose
 from depth_pose.errors import InputError
+from depth_pose.ros.runner import on_stop
 
 _LOOK_EVERY_S = 0.05
 _QUEUE = 1000
@@ -105,11 +106,12 @@ class Recorder:
             return self._changed.wait_for(lambda: self._counts[topic] >= count, timeout_s)
 
     def wait_subscribed(self, topics: Sequence[str] | None = None, timeout_s: float = 10.0) -> bool:
-        """Wait until topics are subscribed to and their publishers found."""
+        """Wait until topics are subscribed to and their publishers found; False if not in time."""
         wanted = list(topics if topics is not None else self._topics or ())
         deadline = time.monotonic() + timeout_s
         while time.monotonic() < deadline:
             if all(t in self._subscriptions and self._subscriptions[t].get_publisher_count() for t in wanted):
+                time.sleep(0.2)  # what the reader takes for joined, the writer may not yet
                 return True
             time.sleep(0.02)
         return False
@@ -213,7 +215,7 @@ def record(
     seconds: float | None = None,
     until: Callable[[Counter[str]], bool] | None = None,
 ) -> Counter[str]:
-    """Record until SIGINT, for some time, or until a condition holds.
+    """Record until SIGINT or SIGTERM, for some time, or until a condition holds.
 
     Parameters
     ----------
@@ -229,14 +231,10 @@ def record(
     Counter
         Messages recorded by topic.
     """
-    recorder = Recorder(output, topics)
-    recorder.start()
+    done = threading.Event()
     deadline = time.monotonic() + seconds if seconds is not None else float("inf")
-    try:
-        while time.monotonic() < deadline and not (until is not None and until(recorder.counts)):
-            time.sleep(0.05)
-    except KeyboardInterrupt:
-        pass
-    finally:
-        recorder.stop()
+    with on_stop(done.set), Recorder(output, topics) as recorder:
+        while not done.wait(0.05) and time.monotonic() < deadline:
+            if until is not None and until(recorder.counts):
+                break
     return recorder.counts

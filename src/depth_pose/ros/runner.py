@@ -1,4 +1,4 @@
-"""Start a node, run it, and end it with exit code 0 when it is asked to stop."""
+"""Run a node, and end what runs, with exit code 0, when it is asked to stop."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ import ctypes
 import os
 import signal
 import sys
-from collections.abc import Callable, Sequence
+import threading
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 PARENT_VARIABLE = "DEPTH_POSE_PARENT"
@@ -81,6 +82,21 @@ def _spin(node: Any) -> None:
                 node.process_pending()
     finally:
         executor.shutdown(timeout_sec=0.2)
+
+
+@contextlib.contextmanager
+def on_stop(callback: Callable[[], None]) -> Iterator[None]:
+    """Call back on SIGINT and SIGTERM within the block, where it is the main thread's."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    numbers = (signal.SIGINT, signal.SIGTERM)
+    before = {n: signal.signal(n, lambda *_: callback()) for n in numbers}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def _stop(number: int, frame: object) -> None:

@@ -28,7 +28,7 @@ from types import TracebackType
 from typing import IO, Any
 
 from depth_pose.errors import ConfigError, DepthPoseError
-from depth_pose.ros.runner import EXIT_CONFIG, PARENT_VARIABLE
+from depth_pose.ros.runner import EXIT_CONFIG, PARENT_VARIABLE, on_stop
 
 NODES: tuple[str, ...] = ("denoise", "matcher", "refine", "recovery")
 """The nodes, in the order that a frame passes them."""
@@ -258,7 +258,7 @@ def up(
     *,
     parameters: Mapping[str, Any] | None = None,
 ) -> int:
-    """Run the four nodes until SIGINT or SIGTERM; call it from the main thread.
+    """Run the four nodes until SIGINT or SIGTERM; signals are heard in the main thread.
 
     Parameters are those of `Suite`.
 
@@ -273,22 +273,24 @@ def up(
         If a node cannot start.
     """
     stop = threading.Event()
-    before = {n: signal.signal(n, lambda *_: stop.set()) for n in (signal.SIGINT, signal.SIGTERM)}
     suite = Suite(params_file, sensor, bank, parameters=parameters)
-    suite.start()
-    try:
-        told = False
-        while not stop.wait(0.1):
-            if suite.failure is not None:
-                raise suite.failure
-            if not told and all(suite.is_ready(name) for name in NODES):
-                told = True
-                _print("all nodes are ready; skeletons come on /depth_pose/skeleton, Ctrl-C ends")
-    finally:
-        codes = suite.stop()
-        for number, handler in before.items():
-            signal.signal(number, handler)
+    with on_stop(stop.set):
+        suite.start()
+        try:
+            _watch(suite, stop)
+        finally:
+            codes = suite.stop()
     return 0 if not any(codes.values()) else 1
+
+
+def _watch(suite: Suite, stop: threading.Event) -> None:
+    told = False
+    while not stop.wait(0.1):
+        if suite.failure is not None:
+            raise suite.failure
+        if not told and all(suite.is_ready(name) for name in NODES):
+            told = True
+            _print("all nodes are ready; skeletons come on /depth_pose/skeleton, Ctrl-C ends")
 
 
 def _ros_arguments(
