@@ -15,32 +15,32 @@ from depth_pose.skeleton import ADULT_STATURE_M, NODE_INDEX, rest_nodes
 # Rows: height, half-breadth, front, back (both measured from the pelvis's z = 0), exponent.
 _TRUNK = np.array(
     [
-        (0.820, 0.110, 0.050, 0.060, 2.0),
-        (0.850, 0.150, 0.080, 0.085, 2.1),
-        (0.885, 0.172, 0.102, 0.098, 2.2),
-        (0.925, 0.174, 0.109, 0.102, 2.3),
-        (0.962, 0.166, 0.115, 0.098, 2.3),
-        (1.001, 0.157, 0.122, 0.085, 2.3),
-        (1.039, 0.150, 0.126, 0.069, 2.4),
-        (1.078, 0.142, 0.124, 0.059, 2.4),
-        (1.116, 0.136, 0.126, 0.054, 2.4),
-        (1.154, 0.135, 0.128, 0.055, 2.4),
-        (1.193, 0.138, 0.130, 0.060, 2.4),
-        (1.231, 0.143, 0.130, 0.067, 2.3),
+        (0.836, 0.105, 0.050, 0.050, 2.0),
+        (0.860, 0.150, 0.085, 0.080, 2.1),
+        (0.890, 0.172, 0.106, 0.094, 2.2),
+        (0.925, 0.174, 0.113, 0.098, 2.3),
+        (0.962, 0.167, 0.119, 0.093, 2.3),
+        (1.001, 0.159, 0.126, 0.081, 2.3),
+        (1.039, 0.153, 0.129, 0.067, 2.4),
+        (1.078, 0.145, 0.129, 0.060, 2.4),
+        (1.116, 0.139, 0.131, 0.057, 2.4),
+        (1.154, 0.138, 0.134, 0.058, 2.4),
+        (1.193, 0.140, 0.136, 0.063, 2.4),
+        (1.231, 0.144, 0.134, 0.068, 2.3),
         (1.270, 0.152, 0.129, 0.075, 2.3),
         (1.308, 0.159, 0.124, 0.085, 2.3),
         (1.347, 0.158, 0.112, 0.091, 2.2),
         (1.385, 0.150, 0.093, 0.090, 2.1),
         (1.424, 0.130, 0.072, 0.082, 2.0),
-        (1.463, 0.095, 0.058, 0.062, 2.0),
-        (1.500, 0.062, 0.060, 0.042, 2.0),
+        (1.463, 0.092, 0.052, 0.060, 2.0),
+        (1.500, 0.058, 0.052, 0.040, 2.0),
     ]
 )
 _NECK = np.array(
     [
-        (0.0, 0.062, 0.062, 0.058, 0.056),
-        (0.5, 0.055, 0.055, 0.058, 0.055),
-        (1.0, 0.056, 0.056, 0.058, 0.060),
+        (0.0, 0.060, 0.060, 0.048, 0.054),
+        (0.5, 0.052, 0.052, 0.049, 0.054),
+        (1.0, 0.054, 0.054, 0.052, 0.060),
     ]
 )
 # Rows: fraction of the bone, half-axes towards the inside, the outside, front, back[, exponent].
@@ -94,7 +94,7 @@ _THUMB = np.array(
         (1.0, 0.009, 0.009, 0.009, 0.009),
     ]
 )
-_SHOULDER = np.array([(0.0, 0.050, 0.034, 0.050, 0.040), (1.0, 0.050, 0.046, 0.050, 0.050)])
+_SHOULDER = np.array([(0.0, 0.050, 0.026, 0.050, 0.040), (1.0, 0.050, 0.048, 0.062, 0.058)])
 _THIGH = np.array(
     [
         (-0.16, 0.050, 0.040, 0.060, 0.060, 2.0),
@@ -188,15 +188,15 @@ class BodyField:
 
     def _make_head(self) -> None:
         self.neck = Sweep(np.array([0.0, 1.47, 0.008]), np.array([0.0, 1.60, 0.034]), _FORWARD, _NECK)
-        self.cranium = Ellipsoid(np.array([0.0, 1.660, 0.037]), np.array([0.076, 0.090, 0.100]), np.eye(3))
-        self.face = Ellipsoid(np.array([0.0, 1.604, 0.072]), np.array([0.057, 0.078, 0.066]), np.eye(3))
-        self.nose = Ellipsoid(np.array([0.0, 1.612, 0.140]), np.array([0.014, 0.024, 0.016]), np.eye(3))
+        self.cranium = Ellipsoid(np.array([0.0, 1.660, 0.031]), np.array([0.077, 0.091, 0.102]), np.eye(3))
+        self.face = Ellipsoid(np.array([0.0, 1.604, 0.067]), np.array([0.057, 0.078, 0.066]), np.eye(3))
+        self.nose = Ellipsoid(np.array([0.0, 1.612, 0.135]), np.array([0.014, 0.024, 0.016]), np.eye(3))
 
     def _make_arm(self, at: dict[str, Array]) -> None:
         shoulder, elbow, wrist = (at[f"left_{n}"] for n in ("shoulder", "elbow", "wrist"))
         along = (wrist - elbow) / np.linalg.norm(wrist - elbow)
         palm = np.cross(along, _FORWARD)
-        self.deltoid = Ellipsoid(shoulder + [0.004, 0.0, -0.003], np.array([0.054, 0.054, 0.060]), np.eye(3))
+        self.deltoid = Ellipsoid(shoulder + [0.005, 0.0, -0.003], np.array([0.061, 0.057, 0.069]), np.eye(3))
         self.trapezius = Sweep(
             np.array([0.030, 1.475, -0.025]), shoulder + [-0.015, 0.010, -0.012], _FORWARD, _SHOULDER
         )
@@ -209,7 +209,7 @@ class BodyField:
         self.fingers = Sweep(knuckles, tip, _FORWARD, _FINGERS)
         self.thumb = Sweep(
             wrist + 0.035 * along + 0.024 * _FORWARD + 0.008 * palm,
-            wrist + 0.105 * along + 0.060 * _FORWARD + 0.022 * palm,
+            wrist + 0.102 * along + 0.064 * _FORWARD + 0.032 * palm,
             _FORWARD,
             _THUMB,
         )
