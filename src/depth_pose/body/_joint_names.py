@@ -86,7 +86,7 @@ def find_joints(source: SourceMotion) -> dict[str, int]:
     -------
     dict
         Row of each of: pelvis, chest, head, left_/right_ shoulder, elbow, wrist, hip, knee,
-        ankle; and, where the file has them, toe, clavicle, neck.
+        ankle; and, where the file has them, toe, clavicle.
 
     Raises
     ------
@@ -119,15 +119,12 @@ def find_joints(source: SourceMotion) -> dict[str, int]:
     if not heads:
         raise InputError(f"{source.name}: no joint called Head")
     found["head"] = heads[0]
-    necks = [j for j, (side, bare) in enumerate(names) if not side and bare.startswith("neck") and "end" not in bare]
-    if necks:
-        found["neck"] = necks[0]
     return found
 
 
-def trunk_between(source: SourceMotion, pelvis: int, chest: int) -> list[int]:
-    """Rows of the joints strictly between pelvis and chest, from below."""
-    chain = _ancestors(source, chest)
-    if pelvis not in chain:
+def joints_between(source: SourceMotion, below: int, above: int) -> list[int]:
+    """Rows of the joints strictly between one (the pelvis) and another above it (the chest)."""
+    chain = _ancestors(source, above)
+    if below not in chain:
         return []
-    return chain[1 : chain.index(pelvis)][::-1]
+    return chain[1 : chain.index(below)][::-1]

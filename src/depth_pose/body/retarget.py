@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.body._joint_names import find_joints, trunk_between
-from depth_pose.body.anatomy import HANG, SHANK_M, THIGH_M, angles_from_rotations, rotation_between
+from depth_pose.body._joint_names import find_joints, joints_between
+from depth_pose.body.anatomy import HANG, SHANK_M, THIGH_M, angles_from_rotations, nearest_rotation, rotation_between
 from depth_pose.body.contact import pelvis_height
 from depth_pose.body.limits import violation
 from depth_pose.body.motion import Clip
@@ -124,10 +124,11 @@ def _leg_length(name: str, rest: Array, joint: dict[str, int]) -> float:
 def _segments(source: SourceMotion, joint: dict[str, int], rest: Array, place: Array, turn: Array) -> Array:
     out = np.empty((len(place), 21, 3, 3))
     pelvis, chest, head = (turn[:, joint[name]] for name in ("pelvis", "chest", "head"))
-    between = [turn[:, j] for j in trunk_between(source, joint["pelvis"], joint["chest"])]
+    spine = [turn[:, j] for j in joints_between(source, joint["pelvis"], joint["chest"])]
+    neck = [turn[:, j] for j in joints_between(source, joint["chest"], joint["head"])]
     out[:, 0], out[:, 2], out[:, 4] = pelvis, chest, head
-    out[:, 1] = mean_rotation(between or [pelvis, chest])
-    out[:, 3] = turn[:, joint["neck"]] if "neck" in joint else mean_rotation([chest, head])
+    out[:, 1] = mean_rotation(spine or [pelvis, chest])
+    out[:, 3] = mean_rotation(neck or [chest, head])
     for side in ("left", "right"):
         mine = {n.removeprefix(f"{side}_"): j for n, j in joint.items() if n.startswith(side)}
         flip = side == "right"
@@ -149,11 +150,8 @@ def _mirrored_turn(rotations: Array, flip: bool) -> Array:
 
 
 def mean_rotation(rotations: list[Array]) -> Array:
-    """Mean of rotations (the one nearest to their sum), lists of (T, 3, 3) to (T, 3, 3)."""
-    u, _, vt = np.linalg.svd(np.sum(rotations, axis=0))
-    u[..., :, 2] *= np.linalg.det(u @ vt)[..., None]
-    result: Array = u @ vt
-    return result
+    """Mean of rotations, lists of (T, 3, 3) to (T, 3, 3)."""
+    return nearest_rotation(np.sum(rotations, axis=0))
 
 
 def _unit(vector: Array) -> Array:
