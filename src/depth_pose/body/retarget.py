@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.body._joint_names import find_joints, joints_between
-from depth_pose.body.anatomy import HANG, SHANK_M, THIGH_M, angles_from_rotations, nearest_rotation, rotation_between
+from depth_pose.body.angles import HANG, SHANK_M, THIGH_M, angles_from_rotations, nearest_rotation, rotation_between
 from depth_pose.body.contact import pelvis_height
 from depth_pose.body.limits import violation
 from depth_pose.body.motion import Clip
