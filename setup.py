@@ -3,6 +3,8 @@
 from setuptools import setup
 
 setup(
+    license="Apache-2.0",
+    python_requires=">=3.10,<3.13",
     entry_points={
         "console_scripts": [
             "depth-pose = depth_pose.cli:main",
