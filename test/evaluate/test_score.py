@@ -70,10 +70,10 @@ def test_constant_offset_in_the_torsos_frame_is_taken_out() -> None:
     angles = np.linspace(0, 2 * np.pi, 16, endpoint=False)
     turns = np.array([[[np.cos(a), 0, np.sin(a)], [0, 1, 0], [-np.sin(a), 0, np.cos(a)]] for a in angles])
     centred = REST - REST[0]
-    joints = np.einsum("tij,nj->tni", turns, centred) + [0, 0, 3]
+    joints = np.einsum("tij,nj->tni", turns, centred) + np.array([0, 0, 3])
     offset = np.zeros((19, 3))
     offset[3] = [0.03, 0, 0]
-    answered = np.einsum("tij,nj->tni", turns, centred + offset) + [0, 0, 3]
+    answered = np.einsum("tij,nj->tni", turns, centred + offset) + np.array([0, 0, 3])
     truth = KnownJoints(joints, JOINTS, np.arange(16) * 40_000_000, np.ones((16, 19), bool))
     result = score_sequences([match_sequence("a", truth, _answers(truth, answered))])
     assert result.joints["neck"].mean_error_mm == pytest.approx(30)
