@@ -223,7 +223,7 @@ class StageNode(Node):
             self.create_subscription(i.kind, i.topic, self._callback(index), qos)
         self._silence = SilenceWatch(self, [i for i in self._inputs if i.sensor])
 
-    def _callback(self, index: int) -> Callable[[Any, Any], None]:
+    def _callback(self, index: int) -> Callable[..., None]:
         def take(message: Any, info: Any) -> None:  # rclpy counts the arguments
             self._take(index, message, info)
 
