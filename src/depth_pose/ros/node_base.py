@@ -25,7 +25,7 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 from rclpy.subscription import Subscription
 
 from depth_pose.config import PipelineConfig
-from depth_pose.errors import ConfigError, DepthPoseError, InputError
+from depth_pose.errors import BankError, ConfigError, DepthPoseError, InputError
 from depth_pose.ros.conversions import stamp_to_ns
 from depth_pose.ros.figures import Figures
 from depth_pose.ros.pairing import Pairer
@@ -150,7 +150,7 @@ class StageNode(Node):
 
         Raises
         ------
-        InputError, Drop
+        InputError, BankError, Drop
             Where there is no answer to this frame.
         Held
             Where it is kept; the sub-class calls `process` with it later.
@@ -299,6 +299,8 @@ class StageNode(Node):
             self.drop(e.reason, str(e))
         except InputError as e:
             self.drop("bad input", f"{self._inputs[0].topic}: {e}")
+        except BankError as e:
+            self.drop("other bank", str(e))
         except Exception as e:  # a node outlives every frame
             self.get_logger().error(traceback.format_exc(), throttle_duration_sec=LOG_EVERY_S)
             self.drop("error", f"{type(e).__name__}: {e}")
