@@ -48,27 +48,46 @@ def rasterize(vertices, faces, fx, fy, cx, cy, zbuffer):
 
 
 @njit(cache=True)
-def compare(zbuffer, depth, labels, band):
+def compare(zbuffer, depth, labels, band, out):
     """Rendered-depth score: mean of min(|dz|, band) / band over the union of the silhouettes.
 
-    A pixel in only one silhouette counts 1. Returns the score, and over the overlap the mean of
-    clipped |dz| in metres.
+    A pixel in only one silhouette counts 1; pixels where nothing is known are left out. Writes
+    to ``out``: the score; over the overlap, the mean |dz| cut at the band and the mean dz cut at
+    three bands; and the silhouettes' difference in mean column and row, observed less drawn.
     """
-    total, count, gap, overlap = 0.0, 0, 0.0, 0
+    total, count, gap, signed, overlap = 0.0, 0, 0.0, 0.0, 0
+    drawn_j, drawn_i, drawn_count, seen_j, seen_i, seen_count = 0.0, 0.0, 0, 0.0, 0.0, 0
     for i in range(depth.shape[0]):
         for j in range(depth.shape[1]):
             label = labels[i, j]
             drawn = zbuffer[i, j] < np.inf
+            if label == 2:
+                continue
+            if drawn:
+                drawn_i += i
+                drawn_j += j
+                drawn_count += 1
             if label == 1:
+                seen_i += i
+                seen_j += j
+                seen_count += 1
                 count += 1
                 if drawn:
-                    dz = min(abs(zbuffer[i, j] - depth[i, j]), band)
-                    total += dz / band
-                    gap += dz
+                    dz = depth[i, j] - zbuffer[i, j]
+                    signed += min(max(dz, -3.0 * band), 3.0 * band)
+                    cut = min(abs(dz), band)
+                    total += cut / band
+                    gap += cut
                     overlap += 1
                 else:
                     total += 1.0
-            elif label == 0 and drawn:
+            elif drawn:
                 count += 1
                 total += 1.0
-    return total / max(count, 1), gap / max(overlap, 1)
+    out[0] = total / max(count, 1)
+    out[1] = gap / max(overlap, 1)
+    out[2] = signed / max(overlap, 1)
+    out[3] = out[4] = 0.0
+    if drawn_count > 0 and seen_count > 0:
+        out[3] = seen_j / seen_count - drawn_j / drawn_count
+        out[4] = seen_i / seen_count - drawn_i / drawn_count

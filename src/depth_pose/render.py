@@ -59,6 +59,25 @@ def observe(
     )
 
 
+@dataclass(frozen=True)
+class Comparison:
+    """How a mesh compares with the observation.
+
+    Attributes
+    ----------
+    score : float
+        Disagreement, 0 to 1.
+    gap : float
+        Mean depth difference where both are, each at most the band, metres.
+    shift : (3,) float64
+        Translation of the mesh that brings the mean depths and silhouettes together, metres.
+    """
+
+    score: float
+    gap: float
+    shift: NDArray[np.float64]
+
+
 class DepthComparer:
     """Renders meshes into one observation's window and scores them."""
 
@@ -66,6 +85,7 @@ class DepthComparer:
         self.observation = observation
         self._band = band
         self.zbuffer = np.empty(observation.depth.shape)
+        self._sums = np.empty(5)
 
     def render(self, vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> NDArray[np.float64]:
         """Depth of a mesh in the camera frame, shape (h, w), infinite where there is none."""
@@ -73,10 +93,12 @@ class DepthComparer:
         kernels.rasterize(vertices, faces, c.fx, c.fy, c.cx, c.cy, self.zbuffer)
         return self.zbuffer
 
-    def score(self, vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> float:
-        """Disagreement of a mesh in the camera frame with the observation, 0 to 1."""
+    def compare(self, vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> Comparison:
+        """Render a mesh in the camera frame and compare it with the observation."""
         self.render(vertices, faces)
         o = self.observation
-        return float(kernels.compare(self.zbuffer, o.depth, o.labels, self._band)[0])
-
-
+        kernels.compare(self.zbuffer, o.depth, o.labels, self._band, self._sums)
+        score, gap, dz, du, dv = self._sums.tolist()
+        z = float(vertices[:, 2].mean())
+        shift = np.array([du * z / o.camera.fx, dv * z / o.camera.fy, dz])
+        return Comparison(score=score, gap=gap, shift=shift)

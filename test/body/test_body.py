@@ -52,7 +52,8 @@ def test_volume_is_that_of_an_adult_and_faces_look_outwards(body: Body) -> None:
 def test_stands_on_the_floor_at_its_stature(body: Body) -> None:
     assert body.vertices[:, 1].min() == pytest.approx(0.0, abs=1e-6)
     assert body.vertices[:, 1].max() == pytest.approx(1.75, abs=1e-6)
-    np.testing.assert_allclose(body.nodes, rest_nodes() * 1.75, atol=1e-12)
+    offset = body.nodes - rest_nodes() * 1.75
+    np.testing.assert_allclose(offset, np.tile(offset[0], (21, 1)), atol=1e-12)
 
 
 def test_left_and_right_are_mirror_images(body: Body) -> None:
@@ -94,6 +95,19 @@ def test_weights_are_few_and_sum_to_one(body: Body) -> None:
     np.testing.assert_allclose(body.weights.sum(axis=1), 1.0, atol=1e-12)
     assert (body.weights >= 0).all()
     assert int((body.weights > 0).sum(axis=1).max()) <= INFLUENCES
+
+
+def test_each_part_moves_with_its_own_segment(body: Body) -> None:
+    for name, at, least in (
+        ("left_wrist", body.nodes[NODE_INDEX["left_wrist"]] + [0.07, -0.07, 0.0], 50),
+        ("left_elbow", 0.5 * (body.nodes[NODE_INDEX["left_elbow"]] + body.nodes[NODE_INDEX["left_wrist"]]), 10),
+        ("left_knee", 0.5 * (body.nodes[NODE_INDEX["left_knee"]] + body.nodes[NODE_INDEX["left_ankle"]]), 10),
+        ("left_ankle", body.nodes[NODE_INDEX["left_foot"]], 30),
+        ("head", np.array([0.0, 1.67, 0.03]), 60),
+    ):
+        near = np.linalg.norm(body.vertices - at, axis=1) < 0.10
+        assert near.sum() >= least
+        assert body.weights[near, NODE_INDEX[name]].mean() > 0.8
 
 
 def test_weights_never_cross_to_the_other_limb(body: Body) -> None:

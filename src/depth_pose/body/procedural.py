@@ -11,17 +11,17 @@ from functools import lru_cache
 
 import numpy as np
 
-from depth_pose.body.anatomy import BodyField
+from depth_pose.body.anatomy import BodyField, reference_nodes
 from depth_pose.body.body import Body
 from depth_pose.body.remesh import mirror, remesh_half
 from depth_pose.body.surface import Array, Mesh, sample_grid, surface_nets
 from depth_pose.body.weights import skin_weights
 from depth_pose.errors import ConfigError
-from depth_pose.skeleton import ADULT_STATURE_M, NODE_INDEX, NODE_PARENTS, NODES, rest_nodes
+from depth_pose.skeleton import ADULT_STATURE_M, NODE_INDEX, NODE_PARENTS, NODES
 
-_GRID = 0.008
-_LOW = np.array([-1.5 * _GRID, -0.0301, -0.20])
-_COUNTS = (100, 232, 58)
+_GRID = 0.011
+_LOW = np.array([-1.5 * _GRID, -0.0301, -0.18])
+_COUNTS = (68, 168, 40)
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,7 @@ def _template() -> Body:
     field = BodyField()
     mesh = mirror(remesh_half(_fine_half(field), field, _edge_length))
     height = float(mesh.vertices[:, 1].max())
-    nodes = rest_nodes() * ADULT_STATURE_M
+    nodes = reference_nodes()
     weights = skin_weights(mesh, nodes, field)
     vertices = mesh.vertices * [1.0, ADULT_STATURE_M / height, 1.0]
     for array in (vertices, mesh.faces, weights, nodes):
@@ -112,7 +112,7 @@ def _fine_half(field: BodyField) -> Mesh:
 
 def _edge_length(points: Array) -> Array:
     """Wished edge length: fine at hands, feet and head."""
-    nodes = rest_nodes() * ADULT_STATURE_M
+    nodes = reference_nodes()
     size = np.full(len(points), 0.036)
     for name, radius, fine in (("left_wrist", 0.20, 0.019), ("left_foot", 0.17, 0.025), ("head", 0.16, 0.027)):
         away = np.linalg.norm(points - nodes[NODE_INDEX[name]], axis=1)

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
-from depth_pose.body.angles import angles_from_rotations, rotations_from_angles
-from depth_pose.body.contact import separate_limbs, walk_on_floor
+from depth_pose.body.angles import nearest_rotation, rotations_from_angles
+from depth_pose.body.contact import Separated, separate_limbs, walk_on_floor
 from depth_pose.body.limits import clamp_angles, with_shoulder_rhythm
 from depth_pose.body.motion import Clip, PoseSet, choose_for_coverage, join_poses, without_heading
 from depth_pose.body.procedural_motion_draw import Draw
@@ -32,8 +32,14 @@ Progress = Callable[[float], None]
 POOL_PER_POSE = 5.0
 """How many poses are made for each one that is chosen."""
 
+APART_SHARE = 0.5
+"""Part of a set chosen to lie far apart; the rest follows the families' shares."""
+
+STAY_WITHIN_M = 1.0
+"""How far a clip's path goes from its middle; a runner needs a treadmill to stay in view."""
+
 _TOO_DEEP_M = 0.03
-_SMOOTH_S = 0.05
+_SMOOTH_S = (0.06, 0.04, 0.025)
 
 
 def make_clip(name: str, fps: float = 30.0, seconds: float = 10.0, seed: int = 0) -> Clip:
@@ -53,7 +59,7 @@ def make_clip(name: str, fps: float = 30.0, seconds: float = 10.0, seed: int = 0
     Returns
     -------
     Clip
-        The person starts near the origin facing about +z and wanders from there.
+        The person begins facing about +z and stays within about `STAY_WITHIN_M` of the origin.
 
     Raises
     ------
@@ -68,15 +74,31 @@ def make_clip(name: str, fps: float = 30.0, seconds: float = 10.0, seed: int = 0
     t = np.arange(max(int(round(fps * seconds)), 2)) / fps
     motion = FAMILIES[name].motion(t, Draw(rng, ()))
     rotations = _through_gates(motion.angles).rotations
-    # Pushed limbs and clamped joints start and stop suddenly; people do not.
-    angles = angles_from_rotations(rotations)
-    angles = np.degrees(np.unwrap(np.radians(angles), axis=0))
-    angles = gaussian_filter1d(angles, _SMOOTH_S * fps, axis=0, mode="nearest")
-    rotations = rotations_from_angles(angles)
-    return Clip(name, float(fps), rotations, walk_on_floor(rotations, motion.lift))
+    # Pushed limbs and clamped joints start and stop suddenly; people do not. Smoothing moves
+    # limbs into the body again, less each time.
+    for sigma_s in _SMOOTH_S:
+        rotations = separate_limbs(smooth_rotations(rotations, sigma_s * fps)).rotations
+    rotations = smooth_rotations(rotations, _SMOOTH_S[-1] * fps)
+    return Clip(name, float(fps), rotations, _stay_near(walk_on_floor(rotations, motion.lift), fps))
 
 
-def _through_gates(angles: Array):  # type: ignore[no-untyped-def]
+def smooth_rotations(rotations: Array, sigma_frames: float) -> Array:
+    """Smooth rotations in time by a Gaussian, (T, ..., 3, 3); the result are rotations again."""
+    return nearest_rotation(gaussian_filter1d(rotations, sigma_frames, axis=0, mode="nearest"))
+
+
+def _stay_near(roots: Array, fps: float) -> Array:
+    """Keep a path within `STAY_WITHIN_M` of its middle, as a treadmill does, by its slow part."""
+    level = roots[:, [0, 2]]
+    slow = gaussian_filter1d(level, 0.8 * fps, axis=0, mode="nearest")
+    middle = (slow.max(axis=0) + slow.min(axis=0)) / 2
+    far = float(np.linalg.norm(slow - middle, axis=1).max())
+    out = roots.copy()
+    out[:, [0, 2]] = level - slow + (slow - middle) * min(1.0, STAY_WITHIN_M / max(far, 1e-9))
+    return out
+
+
+def _through_gates(angles: Array) -> Separated:
     return separate_limbs(rotations_from_angles(clamp_angles(with_shoulder_rhythm(clamp_angles(angles)))))
 
 
@@ -105,11 +127,21 @@ def make_pool(count: int, seed: int, progress: Progress | None = None) -> PoseSe
     return join_poses(*parts)
 
 
+def _choose(pool: PoseSet, count: int, rng: np.random.Generator) -> NDArray[np.int64]:
+    """Choose rows: the far-apart ones first, then at random, so that common motions are dense."""
+    weights = np.array([FAMILIES[family].weight for family in pool.families])
+    apart = choose_for_coverage(pool, int(round(count * APART_SHARE)), weights, mirrored=True)
+    others = np.setdiff1d(np.arange(len(pool)), apart)
+    common = rng.choice(others, count - len(apart), replace=False)
+    return np.concatenate([apart, common])
+
+
 def make_poses(count: int = 8000, seed: int = 0, progress: Progress | None = None) -> PoseSet:
     """Make a set of poses that covers what people do in front of a sensor.
 
-    Half are chosen from a pool several times larger, far apart from each other and denser where
-    common motions are (`choose_for_coverage`); the other half are their mirror images.
+    They are chosen from a pool several times larger: half of them to lie far apart from each
+    other (`choose_for_coverage`), so that rare postures are there, half at random, so that common
+    ones are dense. Every second half mirrors the first.
 
     Parameters
     ----------
@@ -131,8 +163,7 @@ def make_poses(count: int = 8000, seed: int = 0, progress: Progress | None = Non
     pool = make_pool(
         int(half * 2 * POOL_PER_POSE), seed, None if progress is None else lambda f: progress(0.6 * f)
     )
-    weights = np.array([FAMILIES[family].weight for family in pool.families])
-    chosen = pool.take(choose_for_coverage(pool, half, weights, mirrored=True))
+    chosen = pool.take(_choose(pool, half, np.random.default_rng([seed, 1])))
     if progress is not None:
         progress(1.0)
     both = join_poses(chosen, chosen.mirrored())

@@ -47,7 +47,7 @@ def _angles(draw: Draw, *mean_and_spread: tuple[float, float]) -> Array:
 
 def hang(draw: Draw) -> Array:
     """Let the arm hang, more or less relaxed."""
-    return _angles(draw, (2, 9), (11, 6), (14, 18), (22, 13))
+    return _angles(draw, (2, 9), (8, 6), (12, 18), (20, 13))
 
 
 def hang_away(draw: Draw) -> Array:
@@ -57,7 +57,7 @@ def hang_away(draw: Draw) -> Array:
 
 def ready(draw: Draw) -> Array:
     """Hold forearm and hand before the body (typing, carrying, boxing guard, talking)."""
-    return _angles(draw, (18, 22), (20, 14), (25, 25), (88, 27))
+    return _angles(draw, (18, 22), (18, 14), (8, 36), (88, 27))
 
 
 def on_hip(draw: Draw) -> Array:

@@ -308,7 +308,7 @@ def dribble(t: Array, draw: Draw) -> Motion:
     upper[..., :9] = wander(draw, t, arms.both(arms.low_arm, 0.5), 0.8, 0.6)[..., :9]
     upper[..., 11] = draw.normal(22, 16) + 12 * push
     upper[..., 12] = draw.normal(22, 10)
-    upper[..., 13] = draw.normal(20, 20)
+    upper[..., 13] = draw.normal(-2, 32)
     upper[..., 14] = draw.normal(40, 16) + draw.uniform(20, 45) * push
     upper[..., 15] = 70.0
     upper[..., 16] = 30 - 45 * push

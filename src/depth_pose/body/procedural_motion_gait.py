@@ -32,13 +32,15 @@ def _leg(phase: Array, draw: Draw, size: Array, bounce: Array, run: bool) -> Arr
         (RUN_HIP, RUN_KNEE, RUN_ANKLE, RUN_ABDUCTION) if run else (WALK_HIP, WALK_KNEE, WALK_ANKLE, WALK_ABDUCTION)
     )
     out = np.zeros(phase.shape + (7,))
-    out[..., 0] = size * harmonic(phase, hip) + (1 - size) * 8 + bounce
-    out[..., 1] = 0.8 * harmonic(phase, side) + draw.normal(3, 3)
+    out[..., 0] = size * harmonic(phase, hip) + (1 - size) * 8 + bounce - 2.0
+    # Steps of a straight path stay under the body; those of a turn or a feint cross or spread.
+    wide = np.maximum(draw.normal(0.0, 1.0) * draw.pick(1.0, 15.0, 3.0), -5.0)
+    out[..., 1] = 0.8 * harmonic(phase, side) + (-0.5 if run else 1.5) + wide
     out[..., 2] = draw.normal(-2, 5)
     swing = harmonic(phase, knee)
     out[..., 3] = np.maximum(swing * (0.35 + 0.65 * size) + 2.0 * bounce, 0.0)
     out[..., 4] = (0.4 + 0.6 * size) * harmonic(phase, ankle) + bounce
-    out[..., 6] = draw.normal(7, 5)
+    out[..., 6] = draw.normal(2 if run else 5, 6)
     return out
 
 
@@ -74,7 +76,11 @@ def gait_legs(phase: Array, draw: Draw, size: Array, run: bool = False) -> tuple
     counter = (2.0 if not run else 2.4) + draw.normal(0, 0.4)
     trunk[..., 5], trunk[..., 8] = -0.4 * counter * pelvis_turn, -0.6 * counter * pelvis_turn
     trunk[..., 4] = trunk[..., 7] = -0.5 * trunk[..., 1]
-    lean = draw.normal(3, 6) if not run else draw.normal(8, 7)
+    trunk[..., 1] += draw.normal(0, 1.0) * draw.pick(1.0, 16.0 if run else 8.0, 2.5)
+    # A runner who speeds up leans into it, one who brakes leans back.
+    lean = draw.normal(3, 6) if not run else draw.normal(6, 7) + draw.pick(0, 34, 2.2)
+    if run:
+        trunk[..., 0] += draw.pick(0, 25, 2.5)
     trunk[..., 3], trunk[..., 6] = 0.5 * lean, 0.5 * lean
     trunk[..., 9] = trunk[..., 12] = -0.3 * lean + draw.normal(3, 6)
     trunk[..., 11] = trunk[..., 14] = -0.5 * (1 - counter) * pelvis_turn
@@ -84,11 +90,11 @@ def gait_legs(phase: Array, draw: Draw, size: Array, run: bool = False) -> tuple
 def gait_arms(phase: Array, draw: Draw, size: Array, run: bool = False) -> Array:
     """Both arms swinging against the legs, (T, 18) degrees."""
     out = np.zeros(phase.shape + (18,))
-    bent = draw.normal(22, 13) if not run else draw.normal(88, 20)
+    bent = draw.normal(22, 13) if not run else draw.normal(95, 20)
     swing = draw.normal(15, 6) * size if not run else draw.normal(32, 10) * (0.5 + 0.5 * size)
-    aside = draw.normal(9, 4) if not run else draw.normal(15, 7)
+    aside = draw.normal(9, 4) if not run else draw.normal(10, 7)
     inward = draw.normal(18, 14) if not run else draw.normal(28, 14)
-    back = draw.normal(-2, 6) if not run else draw.normal(-16, 9)
+    back = draw.normal(-2, 6) if not run else draw.normal(-20, 11)
     for side in (0, 1):
         c = 9 * side
         # The left arm is farthest back as the left foot touches down.

@@ -70,7 +70,7 @@ def lower_body(
 
 
 def _feet(draw: Draw, width: Array, stagger: Array) -> tuple[Array, Array]:
-    shift = draw.normal(0.0, 0.35) * width
+    shift = draw.uniform(-0.65, 0.65) * width
     zero = np.zeros(np.broadcast(width, stagger).shape)
     left = np.stack([width / 2 + shift, zero, stagger / 2], axis=-1)
     right = np.stack([-width / 2 + shift, zero, -stagger / 2], axis=-1)
@@ -87,7 +87,7 @@ def _pelvis(draw: Draw, flexion: Array, side: float = 4.0, twist: float = 0.0) -
 
 def stand(draw: Draw) -> Array:
     """Stand at ease: feet about hip-wide, weight on either foot, knees nearly straight."""
-    width, stagger = draw.normal(0.27, 0.10), draw.normal(0.0, 0.08)
+    width, stagger = draw.normal(0.28, 0.13), draw.normal(0.0, 0.10)
     left, right = _feet(draw, np.abs(width), stagger)
     drop = draw.pick(0.005, 0.06, 1.5) + 0.25 * (np.abs(width) - 0.22) ** 2
     return lower_body(

@@ -61,7 +61,7 @@ def _left_weights(points: Array, nodes: Array, field: BodyField) -> Array:
     across = (points - at["left_shoulder"]) @ _unit(0.92, -0.39)
     _blend(w, _limb(points, at, ("shoulder", "elbow", "wrist")), to_arm * smooth_step(across / 0.10 + 0.4))
     off_midline = np.maximum(smooth_step(points[:, 0] / 0.06), smooth_step((0.80 - points[:, 1]) / 0.05))
-    to_leg = smooth_step((torso - leg) / 0.06 + 0.65) * off_midline
+    to_leg = smooth_step((torso - leg) / 0.06 + 0.65) * off_midline * smooth_step((arm - leg) / 0.06 + 0.5)
     across = (points - at["left_hip"]) @ _unit(0.60, -0.80)
     _blend(w, _limb(points, at, ("hip", "knee", "ankle")), to_leg * smooth_step(across / 0.13 + 0.35))
     return w
