@@ -128,6 +128,7 @@ class StageNode(Node):
         self.add_on_set_parameters_callback(self._check_parameters)
         self.add_post_set_parameters_callback(self._take_parameters)
         self.create_timer(1.0, self._tell, clock=self._steady)
+        self.create_timer(0.5, self._silence.check, clock=self._steady)
         self._joined_ticks = 0
         self._ready_timer = self.create_timer(_READY_TICK_S, self._tell_ready, clock=self._steady)
 
@@ -350,7 +351,6 @@ class StageNode(Node):
             self.get_logger().info(f"{self.get_name()} {READY}: listens to {topics}")
 
     def _tell(self) -> None:
-        self._silence.check()
         new = self.figures.new_drops()
         status = DiagnosticStatus(name=f"{self.get_fully_qualified_name()}", hardware_id="depth_pose")
         status.level, status.message = DiagnosticStatus.OK, "answers" if self.figures.rate_hz() else "waits"
