@@ -15,5 +15,6 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/depth_pose"]),
         ("share/depth_pose", ["package.xml"]),
+        ("share/depth_pose/launch", ["launch_scripts/depth_pose.launch.py"]),
     ],
 )
