@@ -1,0 +1,105 @@
+"""Kernels that thin and choose rows by distance; the first columns should vary most."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+
+@njit(cache=True)
+def keep_apart(rows: NDArray[np.float32], limit: np.float32) -> NDArray[np.bool_]:
+    """Mark the rows whose squared distance to every row marked before is at least ``limit``."""
+    n, width = rows.shape
+    kept = np.empty(n, np.int64)
+    mark = np.zeros(n, np.bool_)
+    count = 0
+    for i in range(n):
+        near = False
+        # The latest first: in a recording the neighbour in time is the likeliest duplicate.
+        for j in range(count - 1, -1, -1):
+            total = np.float32(0.0)
+            for k in range(width):
+                d = rows[i, k] - rows[kept[j], k]
+                total += d * d
+                if total >= limit:
+                    break
+            if total < limit:
+                near = True
+                break
+        if not near:
+            kept[count] = i
+            count += 1
+            mark[i] = True
+    return mark
+
+
+@njit(cache=True, fastmath=True)
+def _lower(rows: NDArray[np.float32], point: NDArray[np.float32], nearest: NDArray[np.float32]) -> None:
+    """Lower every row's squared distance to the chosen ones by that to a new one."""
+    n, width = rows.shape
+    for i in range(n):
+        limit = nearest[i]
+        total = np.float32(0.0)
+        for k in range(0, width):
+            d = rows[i, k] - point[k]
+            total += d * d
+            if k & 3 == 3 and total >= limit:
+                break
+        if total < limit:
+            nearest[i] = total
+
+
+@njit(cache=True)
+def farthest_rows(
+    rows: NDArray[np.float32],
+    images: NDArray[np.float32],
+    weights: NDArray[np.float32],
+    count: int,
+    start: int,
+) -> NDArray[np.int64]:
+    """Choose rows greedily by weight times squared distance to the chosen rows and their images."""
+    n = rows.shape[0]
+    nearest = np.full(n, np.float32(1e30))
+    chosen = np.empty(count, np.int64)
+    chosen_mark = np.zeros(n, np.bool_)
+    best = start
+    for c in range(count):
+        chosen[c] = best
+        chosen_mark[best] = True
+        _lower(rows, rows[best], nearest)
+        _lower(rows, images[best], nearest)
+        top = np.float32(-1.0)
+        for i in range(n):
+            value = nearest[i] * weights[i]
+            if value > top and not chosen_mark[i]:
+                top = value
+                best = i
+    return chosen
+
+
+@njit(cache=True)
+def nearest_rows(
+    queries: NDArray[np.float32], rows: NDArray[np.float32]
+) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
+    """Find for each (J, 3) query the row of least mean joint distance, and that distance."""
+    joints = rows.shape[1]
+    index = np.zeros(queries.shape[0], np.int64)
+    distance = np.full(queries.shape[0], np.float32(1e30))
+    for q in range(queries.shape[0]):
+        best = np.float32(1e30)
+        for i in range(rows.shape[0]):
+            total = np.float32(0.0)
+            # Hands and feet are last in each limb and differ most: going backwards stops early.
+            for j in range(joints - 1, -1, -1):
+                x = queries[q, j, 0] - rows[i, j, 0]
+                y = queries[q, j, 1] - rows[i, j, 1]
+                z = queries[q, j, 2] - rows[i, j, 2]
+                total += np.sqrt(x * x + y * y + z * z)
+                if total >= best:
+                    break
+            if total < best:
+                best = total
+                index[q] = i
+        distance[q] = best / joints
+    return index, distance
