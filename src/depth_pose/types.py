@@ -56,8 +56,8 @@ class DepthFrame:
     camera: Camera
 
 
-BACKGROUND, PERSON, OCCLUDER = 0, 1, 2
-"""Labels of a `PersonCloud`: nothing in front of here, the person, something nearer than the person."""
+BACKGROUND, PERSON, UNKNOWN = 0, 1, 2
+"""Labels of a `PersonCloud`: free space; the person; hidden by something nearer, or no return."""
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ class PersonCloud:
     points : (h, w, 3) float32
         Points in the camera frame, metres; NaN where the pixel is not the person's.
     labels : (h, w) uint8
-        `BACKGROUND`, `PERSON` or `OCCLUDER` of every pixel.
+        `BACKGROUND`, `PERSON` or `UNKNOWN` of every pixel.
     """
 
     stamp_ns: int

@@ -1,1 +1,1 @@
-"""Skinned bodies, motion sources and what joints can do."""
+"""The skinned human body: its mesh, its skeleton, and how poses move it."""

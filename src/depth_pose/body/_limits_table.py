@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from depth_pose.body.anatomy import ANGLES
+from depth_pose.body.angles import ANGLES
 
 TRUNK_RANGES: dict[str, tuple[float, float]] = {
     # The pelvis against the world may lean and turn freely; these keep a person off the ground.

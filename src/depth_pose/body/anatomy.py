@@ -1,397 +1,202 @@
-"""Anatomical joint angles, and their conversion to the segment rotations of the skeleton.
+"""The embedded body's outer shape: cross-sections along the bones of a 1.75 m adult.
 
-The anatomical zero is the standing posture with arms and legs hanging vertically, palms to
-the thighs, feet forward. In that posture every limb segment points along -y, the elbow bends
-forward and the knee backward. Angles are degrees, named as a clinician names them:
-
-* trunk (pelvis against the world; spine, chest, neck and head against their parents):
-  *flexion* forward, *side* bend to the left, *twist* to the left; ``Ry(twist) Rx(flexion)
-  Rz(-side)``;
-* clavicle: *elevation* and *protraction* against the chest;
-* shoulder (against the chest, that is humero-thoracic) and hip: the swing of the limb from
-  hanging to its direction is the rotation vector with components *flexion* (about -x) and
-  *abduction* (about z, outward), after an internal *twist* about the limb. It is the
-  swing-twist form of the plane/elevation/axial sequence that the ISB recommends (G. Wu et
-  al., *ISB recommendation ... Part II: shoulder, elbow, wrist and hand*, J. Biomech. 38,
-  2005), without its singularity at the hanging arm;
-* elbow *flexion* and forearm *pronation*; wrist *flexion* (to the palm) and *deviation*
-  (to the thumb);
-* knee *flexion*; ankle *dorsiflexion*, *inversion* and *toe-out* (with the tibia's torsion).
-
-Right limbs are the mirror images of left ones, so equal angles are symmetric postures.
+All lengths are metres. Breadths, depths and girths are those of an adult between the means of
+the men and the women of the 2012 US Army survey, scaled to one stature (C. C. Gordon et al.,
+*2012 Anthropometric survey of U.S. Army personnel*, NATICK/TR-15/007, 2014), rounded.
 """
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from depth_pose.body.surface import Array, Ellipsoid, Sweep, smooth_min
 from depth_pose.skeleton import ADULT_STATURE_M, NODE_INDEX, rest_nodes
 
-Array = NDArray[np.float64]
-
-_TRUNK_NAMES = tuple(
-    f"{part}_{angle}"
-    for part in ("pelvis", "spine", "chest", "neck", "head")
-    for angle in ("flexion", "side", "twist")
+# Rows: height, half-breadth, front, back (both measured from z = 0), superellipse exponent.
+_TRUNK = np.array(
+    [
+        (0.800, 0.120, 0.070, 0.075, 2.0),
+        (0.850, 0.160, 0.090, 0.105, 2.2),
+        (0.900, 0.174, 0.100, 0.118, 2.3),
+        (0.950, 0.172, 0.108, 0.115, 2.3),
+        (1.000, 0.163, 0.112, 0.103, 2.3),
+        (1.050, 0.152, 0.110, 0.096, 2.3),
+        (1.110, 0.146, 0.105, 0.096, 2.3),
+        (1.180, 0.147, 0.106, 0.106, 2.3),
+        (1.250, 0.154, 0.112, 0.120, 2.3),
+        (1.310, 0.160, 0.112, 0.130, 2.3),
+        (1.370, 0.158, 0.098, 0.133, 2.2),
+        (1.420, 0.145, 0.076, 0.124, 2.1),
+        (1.460, 0.115, 0.052, 0.108, 2.0),
+        (1.500, 0.078, 0.032, 0.090, 2.0),
+        (1.540, 0.060, 0.034, 0.078, 2.0),
+    ]
 )
-ARM_ANGLES = (
-    "clavicle_elevation",
-    "clavicle_protraction",
-    "shoulder_flexion",
-    "shoulder_abduction",
-    "shoulder_twist",
-    "elbow_flexion",
-    "forearm_pronation",
-    "wrist_flexion",
-    "wrist_deviation",
+_NECK = np.array(
+    [
+        (0.0, 0.064, 0.064, 0.062, 0.062),
+        (0.5, 0.058, 0.058, 0.060, 0.058),
+        (1.0, 0.056, 0.056, 0.060, 0.058),
+    ]
 )
-LEG_ANGLES = (
-    "hip_flexion",
-    "hip_abduction",
-    "hip_twist",
-    "knee_flexion",
-    "ankle_dorsiflexion",
-    "ankle_inversion",
-    "ankle_toe_out",
+# Rows: fraction of the bone, half-axes towards the inside, the outside, front, back, exponent.
+_UPPER_ARM = np.array(
+    [
+        (-0.06, 0.048, 0.050, 0.052, 0.052, 2.0),
+        (0.15, 0.048, 0.056, 0.056, 0.056, 2.0),
+        (0.35, 0.045, 0.050, 0.054, 0.053, 2.0),
+        (0.60, 0.043, 0.044, 0.051, 0.048, 2.0),
+        (0.85, 0.042, 0.040, 0.042, 0.042, 2.0),
+        (1.00, 0.043, 0.040, 0.041, 0.041, 2.0),
+    ]
 )
-ANGLES: tuple[str, ...] = _TRUNK_NAMES + tuple(
-    f"{side}_{name}" for names in (ARM_ANGLES, LEG_ANGLES) for side in ("left", "right") for name in names
+_FOREARM = np.array(
+    [
+        (0.00, 0.042, 0.040, 0.042, 0.041, 2.0),
+        (0.20, 0.044, 0.040, 0.046, 0.043, 2.0),
+        (0.45, 0.039, 0.036, 0.041, 0.040, 2.0),
+        (0.75, 0.028, 0.027, 0.032, 0.032, 2.0),
+        (1.00, 0.021, 0.021, 0.030, 0.030, 2.2),
+    ]
 )
-"""Names of the columns of every (..., 47) array of angles, degrees."""
+_HAND = np.array(
+    [
+        (0.00, 0.021, 0.020, 0.030, 0.030, 2.2),
+        (0.22, 0.020, 0.015, 0.040, 0.038, 2.4),
+        (0.45, 0.017, 0.014, 0.044, 0.043, 2.6),
+        (0.65, 0.014, 0.012, 0.041, 0.041, 2.6),
+        (0.85, 0.011, 0.010, 0.034, 0.036, 2.6),
+        (0.96, 0.008, 0.008, 0.022, 0.026, 2.4),
+    ]
+)
+_THIGH = np.array(
+    [
+        (-0.16, 0.050, 0.040, 0.055, 0.055, 2.0),
+        (-0.05, 0.075, 0.064, 0.080, 0.085, 2.0),
+        (0.15, 0.085, 0.080, 0.092, 0.096, 2.1),
+        (0.35, 0.080, 0.078, 0.090, 0.085, 2.1),
+        (0.60, 0.068, 0.070, 0.078, 0.072, 2.1),
+        (0.85, 0.056, 0.056, 0.062, 0.060, 2.1),
+        (1.00, 0.053, 0.052, 0.056, 0.058, 2.1),
+    ]
+)
+_SHANK = np.array(
+    [
+        (0.00, 0.053, 0.052, 0.056, 0.058, 2.1),
+        (0.12, 0.052, 0.051, 0.050, 0.062, 2.1),
+        (0.28, 0.054, 0.055, 0.047, 0.075, 2.0),
+        (0.50, 0.045, 0.048, 0.042, 0.062, 2.0),
+        (0.75, 0.034, 0.036, 0.036, 0.044, 2.0),
+        (0.92, 0.033, 0.033, 0.036, 0.042, 2.0),
+        (1.02, 0.036, 0.035, 0.040, 0.045, 2.0),
+        (1.10, 0.030, 0.030, 0.036, 0.040, 2.0),
+    ]
+)
+# Along the foot, heel to toes: half-axes outside, inside, up, down from an axis 0.03 above the floor.
+_FOOT = np.array(
+    [
+        (0.03, 0.022, 0.022, 0.030, 0.022, 2.2),
+        (0.12, 0.033, 0.033, 0.060, 0.030, 2.4),
+        (0.25, 0.034, 0.033, 0.070, 0.031, 2.4),
+        (0.40, 0.037, 0.036, 0.058, 0.031, 2.4),
+        (0.62, 0.044, 0.043, 0.030, 0.031, 2.4),
+        (0.75, 0.046, 0.048, 0.018, 0.030, 2.4),
+        (0.90, 0.036, 0.044, 0.008, 0.028, 2.4),
+        (0.98, 0.020, 0.028, 0.000, 0.024, 2.2),
+    ]
+)
 
-ANGLE_INDEX: dict[str, int] = {name: i for i, name in enumerate(ANGLES)}
-N_ANGLES = len(ANGLES)
-TRUNK = slice(0, 15)
-ARM = (slice(15, 24), slice(24, 33))
-"""Columns of the left and of the right arm."""
-LEG = (slice(33, 40), slice(40, 47))
-"""Columns of the left and of the right leg."""
+_TRAPEZIUS = np.array([(0.0, 0.05, 0.04, 0.05, 0.05), (1.0, 0.05, 0.036, 0.045, 0.05)])
+_THUMB = np.array(
+    [
+        (0.0, 0.015, 0.015, 0.016, 0.016),
+        (0.6, 0.012, 0.012, 0.012, 0.012),
+        (1.0, 0.009, 0.009, 0.009, 0.009),
+    ]
+)
+_FORWARD = np.array([0.0, 0.0, 1.0])
 
-SIDES = ("left", "right")
-_FLIP = np.array([-1.0, 1.0, 1.0])
-
-
-def rotation_x(angle: Array) -> Array:
-    """Rotations about x by angles in radians, shape (...) to (..., 3, 3)."""
-    return _axis_rotation(angle, 1, 2)
-
-
-def rotation_y(angle: Array) -> Array:
-    """Rotations about y by angles in radians, shape (...) to (..., 3, 3)."""
-    return _axis_rotation(angle, 2, 0)
-
-
-def rotation_z(angle: Array) -> Array:
-    """Rotations about z by angles in radians, shape (...) to (..., 3, 3)."""
-    return _axis_rotation(angle, 0, 1)
-
-
-def _axis_rotation(angle: Array, i: int, j: int) -> Array:
-    angle = np.asarray(angle, dtype=np.float64)
-    out = np.zeros(angle.shape + (3, 3))
-    out[..., 3 - i - j, 3 - i - j] = 1.0
-    cosine, sine = np.cos(angle), np.sin(angle)
-    out[..., i, i] = out[..., j, j] = cosine
-    out[..., j, i] = sine
-    out[..., i, j] = -sine
-    return out
-
-
-def rotation_between(source: Array, target: Array) -> Array:
-    """Smallest rotations that turn unit vectors into others, (..., 3) to (..., 3, 3)."""
-    cross = np.cross(source, target)
-    cosine = np.sum(source * target, axis=-1)[..., None, None]
-    k = np.zeros(cross.shape + (3,))
-    k[..., 0, 1], k[..., 0, 2], k[..., 1, 2] = -cross[..., 2], cross[..., 1], -cross[..., 0]
-    k -= np.swapaxes(k, -1, -2)
-    return np.eye(3) + k + (k @ k) / np.maximum(1.0 + cosine, 1e-9)
-
-
-def nearest_rotation(matrix: Array) -> Array:
-    """Rotations nearest to matrices (least squares), (..., 3, 3) to (..., 3, 3)."""
-    u, _, vt = np.linalg.svd(matrix)
-    u[..., :, 2] *= np.linalg.det(u @ vt)[..., None]
-    result: Array = u @ vt
-    return result
-
-
-_DOWN = np.array([0.0, -1.0, 0.0])
-
-
-def _hang_rotations() -> dict[str, Array]:
-    """Rotation from each left limb segment's rest direction to hanging."""
-    at = rest_nodes()
-    ends = {
-        "shoulder": ("left_shoulder", "left_elbow"),
-        "elbow": ("left_elbow", "left_wrist"),
-        "wrist": ("left_elbow", "left_wrist"),
-        "hip": ("left_hip", "left_knee"),
-        "knee": ("left_knee", "left_ankle"),
-    }
-    out = {}
-    for name, (start, end) in ends.items():
-        bone = at[NODE_INDEX[end]] - at[NODE_INDEX[start]]
-        out[name] = rotation_between(bone / np.linalg.norm(bone), _DOWN)
-    return out
+HAND_LENGTH = 0.108
+"""Wrist to the tip of the middle finger, in statures (Drillis and Contini)."""
+FOOT_LENGTH = 0.152
+"""Heel to toes, in statures (Drillis and Contini)."""
 
 
-HANG: dict[str, Array] = _hang_rotations()
-"""For the left shoulder, elbow, wrist, hip and knee: rotation of the segment from rest to hanging."""
-
-_AT = rest_nodes() * ADULT_STATURE_M
-
-
-def _length(start: str, end: str) -> float:
-    return float(np.linalg.norm(_AT[NODE_INDEX[end]] - _AT[NODE_INDEX[start]]))
-
-
-UPPER_ARM_M = _length("left_shoulder", "left_elbow")
-FOREARM_M = _length("left_elbow", "left_wrist")
-THIGH_M = _length("left_hip", "left_knee")
-SHANK_M = _length("left_knee", "left_ankle")
+def _trunk() -> Sweep:
+    rows = _TRUNK
+    low, high = rows[0, 0], rows[-1, 0]
+    stations = np.column_stack(
+        [(rows[:, 0] - low) / (high - low), rows[:, 1], rows[:, 1], rows[:, 2], rows[:, 3], rows[:, 4]]
+    )
+    return Sweep(np.array([0.0, low, 0.0]), np.array([0.0, high, 0.0]), np.array([0.0, 0.0, 1.0]), stations)
 
 
-def _mirror(rotation: Array) -> Array:
-    return _FLIP[:, None] * rotation * _FLIP
+class BodyField:
+    """Signed distance of the left half (x >= 0) of the reference body, mirrored to the right.
 
-
-def trunk_rotation(flexion: Array, side: Array, twist: Array) -> Array:
-    """Rotations ``Ry(twist) Rx(flexion) Rz(-side)`` of angles in degrees, (...) to (..., 3, 3)."""
-    f, s, t = (np.radians(a) for a in (flexion, side, twist))
-    return rotation_y(t) @ rotation_x(f) @ rotation_z(-s)
-
-
-def swing_twist_rotation(flexion: Array, abduction: Array, twist: Array) -> Array:
-    """Rotation of a left limb from hanging, of angles in degrees, (...) to (..., 3, 3)."""
-    f, a = np.radians(flexion), np.radians(abduction)
-    size = np.sqrt(f * f + a * a)
-    sinc = np.sinc(size / np.pi)
-    half = np.sinc(size / (2 * np.pi)) ** 2 / 2
-    zero = np.zeros_like(size)
-    k = _stack_matrix(((zero, -a, zero), (a, zero, f), (zero, -f, zero)))
-    swing = np.eye(3) + sinc[..., None, None] * k + half[..., None, None] * (k @ k)
-    return swing @ rotation_y(-np.radians(twist))
-
-
-def _stack_matrix(rows: tuple[tuple[Array, ...], ...]) -> Array:
-    return np.stack([np.stack(np.broadcast_arrays(*row), axis=-1) for row in rows], axis=-2)
-
-
-def rotations_from_angles(angles: Array) -> Array:
-    """Segment rotations of postures given as anatomical angles.
-
-    Parameters
-    ----------
-    angles : (..., 47)
-        Degrees, in the order of `ANGLES`.
-
-    Returns
-    -------
-    (..., 21, 3, 3) float64
-        Rotation of each node's segment, rest pose to model frame.
+    Calling it gives the distance of (N, 3) points in the model frame, metres; `parts` gives the
+    distances to trunk with head, arm and leg apart.
     """
-    angles = np.asarray(angles, dtype=np.float64)
-    out = np.empty(angles.shape[:-1] + (21, 3, 3))
-    parent = np.broadcast_to(np.eye(3), angles.shape[:-1] + (3, 3))
-    for i in range(5):
-        f, s, t = (angles[..., 3 * i + k] for k in range(3))
-        parent = parent @ trunk_rotation(f, s, t)
-        out[..., i, :, :] = parent
-    for side, name in enumerate(SIDES):
-        pelvis, chest = out[..., 0, :, :], out[..., 2, :, :]
-        if side == 1:
-            pelvis, chest = _mirror(pelvis), _mirror(chest)
-        limbs = _arm_rotations(angles[..., ARM[side]], chest) | _leg_rotations(angles[..., LEG[side]], pelvis)
-        for node, rotation in limbs.items():
-            out[..., NODE_INDEX[f"{name}_{node}"], :, :] = rotation if side == 0 else _mirror(rotation)
-    return out
 
+    def __init__(self) -> None:
+        nodes = rest_nodes() * ADULT_STATURE_M
+        at = {name: nodes[i] for name, i in NODE_INDEX.items()}
+        self.trunk = _trunk()
+        self.buttock = Ellipsoid(np.array([0.080, 0.895, -0.065]), np.array([0.080, 0.085, 0.072]), np.eye(3))
+        self._make_head()
+        self._make_arm(at)
+        self._make_leg(at)
 
-def _arm_rotations(a: Array, chest: Array) -> dict[str, Array]:
-    r = np.radians(a)
-    clavicle = chest @ rotation_y(-r[..., 1]) @ rotation_z(r[..., 0])
-    upper = chest @ swing_twist_rotation(a[..., 2], a[..., 3], a[..., 4])
-    fore = upper @ rotation_x(-r[..., 5]) @ rotation_y(-r[..., 6])
-    hand = fore @ rotation_z(-r[..., 7]) @ rotation_x(-r[..., 8])
-    return {
-        "clavicle": clavicle,
-        "shoulder": upper @ HANG["shoulder"],
-        "elbow": fore @ HANG["elbow"],
-        "wrist": hand @ HANG["wrist"],
-    }
+    def _make_head(self) -> None:
+        self.neck = Sweep(np.array([0.0, 1.48, -0.030]), np.array([0.0, 1.63, -0.005]), _FORWARD, _NECK)
+        self.cranium = Ellipsoid(np.array([0.0, 1.664, -0.004]), np.array([0.077, 0.086, 0.098]), np.eye(3))
+        self.face = Ellipsoid(np.array([0.0, 1.610, 0.026]), np.array([0.060, 0.085, 0.068]), np.eye(3))
+        self.nose = Ellipsoid(np.array([0.0, 1.615, 0.092]), np.array([0.014, 0.024, 0.020]), np.eye(3))
 
+    def _make_arm(self, at: dict[str, Array]) -> None:
+        shoulder, elbow, wrist = (at[f"left_{n}"] for n in ("shoulder", "elbow", "wrist"))
+        along = (wrist - elbow) / np.linalg.norm(wrist - elbow)
+        palm = np.cross(along, _FORWARD)
+        self.deltoid = Ellipsoid(shoulder + [0.012, -0.002, 0.0], np.array([0.058, 0.056, 0.058]), np.eye(3))
+        self.trapezius = Sweep(
+            np.array([0.03, 1.49, -0.045]), shoulder + [0.0, 0.012, 0.0], _FORWARD, _TRAPEZIUS
+        )
+        self.upper_arm = Sweep(shoulder, elbow, _FORWARD, _UPPER_ARM)
+        self.forearm = Sweep(elbow, wrist, _FORWARD, _FOREARM)
+        tip = wrist + along * HAND_LENGTH * ADULT_STATURE_M
+        self.hand = Sweep(wrist, tip + 0.012 * palm, _FORWARD, _HAND)
+        self.thumb = Sweep(
+            wrist + 0.035 * along + 0.024 * _FORWARD + 0.008 * palm,
+            wrist + 0.105 * along + 0.060 * _FORWARD + 0.022 * palm,
+            _FORWARD,
+            _THUMB,
+        )
 
-def _leg_rotations(a: Array, pelvis: Array) -> dict[str, Array]:
-    r = np.radians(a)
-    thigh = pelvis @ swing_twist_rotation(a[..., 0], a[..., 1], a[..., 2])
-    shank = thigh @ rotation_x(r[..., 3])
-    foot = shank @ rotation_y(r[..., 6]) @ rotation_x(-r[..., 4]) @ rotation_z(-r[..., 5])
-    return {"hip": thigh @ HANG["hip"], "knee": shank @ HANG["knee"], "ankle": foot, "foot": foot}
+    def _make_leg(self, at: dict[str, Array]) -> None:
+        hip, knee, ankle = (at[f"left_{n}"] for n in ("hip", "knee", "ankle"))
+        self.thigh = Sweep(hip, knee, _FORWARD, _THIGH)
+        self.shank = Sweep(knee, ankle, _FORWARD, _SHANK)
+        heel = np.array([ankle[0], 0.030, ankle[2] - 0.058])
+        toe = heel + _FORWARD * FOOT_LENGTH * ADULT_STATURE_M + [0.004, 0.0, 0.0]
+        self.foot = Sweep(heel, toe, np.array([0.0, 1.0, 0.0]), _FOOT)
 
+    def parts(self, points: Array) -> tuple[Array, Array, Array]:
+        """Signed distances (N,) to the trunk with head, to the arm, and to the leg."""
+        points = np.column_stack([np.abs(points[:, 0]), points[:, 1:]])
+        torso = smooth_min(self.trunk(points), self.trapezius(points), 0.06)
+        head = smooth_min(self.cranium(points), self.face(points), 0.05)
+        head = smooth_min(head, self.nose(points), 0.02)
+        torso = smooth_min(torso, smooth_min(head, self.neck(points), 0.03), 0.05)
+        torso = smooth_min(torso, self.buttock(points), 0.05)
+        arm = smooth_min(self.upper_arm(points), self.deltoid(points), 0.05)
+        arm = smooth_min(arm, self.forearm(points), 0.015)
+        hand = smooth_min(self.hand(points), self.thumb(points), 0.02)
+        arm = smooth_min(arm, hand, 0.012)
+        leg = smooth_min(self.thigh(points), self.shank(points), 0.015)
+        leg = np.maximum(smooth_min(leg, self.foot(points), 0.03), -points[:, 1])
+        return torso, arm, leg
 
-def angles_from_rotations(rotations: Array) -> Array:
-    """Anatomical angles of given segment rotations, the inverse of `rotations_from_angles`.
-
-    What the angles cannot express (a sideways bend or twist of elbow or knee, a roll of the
-    clavicle) is left out.
-
-    Parameters
-    ----------
-    rotations : (..., 21, 3, 3)
-        Segment rotations, rest pose to model frame.
-
-    Returns
-    -------
-    (..., 47) float64
-        Degrees, in the order of `ANGLES`.
-    """
-    out = np.empty(rotations.shape[:-3] + (N_ANGLES,))
-    parent = np.broadcast_to(np.eye(3), rotations.shape[:-3] + (3, 3))
-    for i in range(5):
-        out[..., 3 * i : 3 * i + 3] = trunk_angles(_relative(parent, rotations[..., i, :, :]))
-        parent = rotations[..., i, :, :]
-    for side, name in enumerate(SIDES):
-        get = {
-            node: rotations[..., NODE_INDEX[f"{name}_{node}"], :, :]
-            for node in ("clavicle", "shoulder", "elbow", "wrist", "hip", "knee", "ankle")
-        }
-        get |= {"pelvis": rotations[..., 0, :, :], "chest": rotations[..., 2, :, :]}
-        if side == 1:
-            get = {node: _mirror(rotation) for node, rotation in get.items()}
-        out[..., ARM[side]] = _arm_angles(get)
-        out[..., LEG[side]] = _leg_angles(get)
-    return out
-
-
-def _relative(parent: Array, child: Array) -> Array:
-    return np.swapaxes(parent, -1, -2) @ child
-
-
-def trunk_angles(rotation: Array) -> Array:
-    """Flexion, side bend and twist in degrees of (..., 3, 3) rotations, shape (..., 3)."""
-    r = rotation
-    flexion = np.arcsin(np.clip(-r[..., 1, 2], -1, 1))
-    side = -np.arctan2(r[..., 1, 0], r[..., 1, 1])
-    twist = np.arctan2(r[..., 0, 2], r[..., 2, 2])
-    return np.degrees(np.stack([flexion, side, twist], axis=-1))
-
-
-def swing_twist_angles(rotation: Array) -> Array:
-    """Flexion, abduction and internal twist in degrees of a left limb's rotation from hanging."""
-    u = -rotation[..., :, 1]
-    sine = np.hypot(u[..., 0], u[..., 2])
-    angle = np.arctan2(sine, -u[..., 1])
-    factor = np.where(sine > 1e-9, angle / np.maximum(sine, 1e-9), 1.0)
-    flexion, abduction = np.degrees(factor * u[..., 2]), np.degrees(factor * u[..., 0])
-    swing = swing_twist_rotation(flexion, abduction, np.zeros_like(flexion))
-    return np.stack([flexion, abduction, -_turn_about_y(_relative(swing, rotation))], axis=-1)
-
-
-def _turn_about_y(rotation: Array) -> Array:
-    """Angle in degrees of the twist about y that a rotation contains."""
-    r = rotation
-    return np.degrees(np.arctan2(r[..., 0, 2] - r[..., 2, 0], r[..., 0, 0] + r[..., 2, 2]))
-
-
-def _arm_angles(get: dict[str, Array]) -> Array:
-    axis = _relative(get["chest"], get["clavicle"])[..., :, 0]
-    elevation = np.degrees(np.arcsin(np.clip(axis[..., 1], -1, 1)))
-    protraction = np.degrees(np.arctan2(axis[..., 2], axis[..., 0]))
-    upper, fore, hand = (get[n] @ HANG[n].T for n in ("shoulder", "elbow", "wrist"))
-    shoulder = swing_twist_angles(_relative(get["chest"], upper))
-    elbow = _relative(upper, fore)
-    flexion = np.arctan2(-elbow[..., 2, 1], elbow[..., 1, 1])
-    pronation = -_turn_about_y(rotation_x(flexion) @ elbow)
-    u = -_relative(fore, hand)[..., :, 1]
-    wrist = np.degrees(np.arctan2(-u[..., 0], -u[..., 1])), np.degrees(np.arcsin(np.clip(u[..., 2], -1, 1)))
-    parts = (elevation, protraction, *np.moveaxis(shoulder, -1, 0), np.degrees(flexion), pronation, *wrist)
-    return np.stack(parts, axis=-1)
-
-
-def _leg_angles(get: dict[str, Array]) -> Array:
-    thigh, shank = get["hip"] @ HANG["hip"].T, get["knee"] @ HANG["knee"].T
-    hip = swing_twist_angles(_relative(get["pelvis"], thigh))
-    knee = _relative(thigh, shank)
-    flexion = np.degrees(np.arctan2(knee[..., 2, 1], knee[..., 1, 1]))
-    ankle = trunk_angles(_relative(shank, get["ankle"]))
-    parts = (*np.moveaxis(hip, -1, 0), flexion, -ankle[..., 0], ankle[..., 1], ankle[..., 2])
-    return np.stack(parts, axis=-1)
-
-
-def arm_to_target(target: Array, pole: Array) -> Array:
-    """Shoulder and elbow angles that bring the left wrist to a place.
-
-    Parameters
-    ----------
-    target : (..., 3)
-        Wrist relative to the shoulder in the chest's frame (x left, y up, z forward), metres,
-        for a 1.75 m body. Places out of reach are approached with a straight arm.
-    pole : (..., 3)
-        Direction to which the elbow points.
-
-    Returns
-    -------
-    (..., 9) float64
-        Angles of `ARM_ANGLES`, degrees; clavicle and hand at zero.
-    """
-    x, u, flexion = _two_links(target, -np.asarray(pole), UPPER_ARM_M, FOREARM_M)
-    rotation = np.stack([x, -u, np.cross(x, -u)], axis=-1)
-    out = np.zeros(u.shape[:-1] + (9,))
-    out[..., 2:5] = swing_twist_angles(rotation)
-    out[..., 5] = flexion
-    return out
-
-
-def _two_links(target: Array, front: Array, first: float, second: float) -> tuple[Array, Array, Array]:
-    """Hinge axis x, direction of the first link and flexion (degrees) of a two-link limb.
-
-    ``front`` is the side to which the second link folds (the elbow points to ``-front``).
-    """
-    target, front = np.broadcast_arrays(target, front)
-    distance = np.linalg.norm(target, axis=-1, keepdims=True)
-    axis = target / np.maximum(distance, 1e-6)
-    d = np.clip(distance[..., 0], abs(first - second) + 0.02, (first + second) * 0.9995)
-    flexion = np.pi - np.arccos(np.clip((first**2 + second**2 - d**2) / (2 * first * second), -1, 1))
-    bend = np.arccos(np.clip((first**2 + d**2 - second**2) / (2 * first * d), -1, 1))
-    front = front - np.sum(front * axis, axis=-1, keepdims=True) * axis
-    front = front / np.maximum(np.linalg.norm(front, axis=-1, keepdims=True), 1e-6)
-    u = np.cos(bend)[..., None] * axis - np.sin(bend)[..., None] * front
-
-    x = np.cross(front, axis)
-    x = x / np.maximum(np.linalg.norm(x, axis=-1, keepdims=True), 1e-6)
-    return x, u, np.degrees(flexion)
-
-
-def leg_to_target(ankle: Array, toe_out: Array, pitch: Array, pelvis: Array) -> Array:
-    """Leg angles that bring the left ankle to a place with the foot at a given attitude.
-
-    Parameters
-    ----------
-    ankle : (..., 3)
-        Ankle relative to the hip, axes of the model frame, metres, for a 1.75 m body.
-    toe_out : (...)
-        Direction of the foot from straight ahead, outward positive, degrees; the knee follows it.
-    pitch : (...)
-        Foot attitude, degrees: positive with the heel raised.
-    pelvis : (..., 3, 3)
-        Rotation of the pelvis.
-
-    Returns
-    -------
-    (..., 7) float64
-        Angles of `LEG_ANGLES`, degrees.
-    """
-    turn = rotation_y(np.radians(np.asarray(toe_out, dtype=np.float64)))
-    knee_front = turn[..., :, 2]
-    x, u, flexion = _two_links(ankle, -knee_front, THIGH_M, SHANK_M)
-    x = -x
-    thigh = np.stack(np.broadcast_arrays(x, -u, np.cross(x, -u)), axis=-1)
-    shank = thigh @ rotation_x(np.radians(flexion))
-    foot = turn @ rotation_x(np.radians(pitch))
-    out = np.zeros(u.shape[:-1] + (7,))
-    out[..., :3] = swing_twist_angles(_relative(pelvis, thigh))
-    out[..., 3] = flexion
-    attitude = trunk_angles(_relative(shank, foot))
-    out[..., 4], out[..., 5], out[..., 6] = -attitude[..., 0], attitude[..., 1], attitude[..., 2]
-    return out
+    def __call__(self, points: Array) -> Array:
+        """Signed distance (N,) of points (N, 3)."""
+        torso, arm, leg = self.parts(points)
+        return smooth_min(smooth_min(torso, arm, 0.045), leg, 0.04)

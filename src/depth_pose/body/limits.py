@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.body._limits_table import RANGES
-from depth_pose.body.anatomy import ARM, LEG, angles_from_rotations, rotations_from_angles
+from depth_pose.body.angles import ARM, LEG, angles_from_rotations, rotations_from_angles
 
 Array = NDArray[np.float64]
 
@@ -44,7 +44,7 @@ def clamp_angles(angles: Array) -> Array:
     Parameters
     ----------
     angles : (..., 47)
-        Degrees, in the order of `depth_pose.body.anatomy.ANGLES`.
+        Degrees, in the order of `depth_pose.body.angles.ANGLES`.
 
     Returns
     -------
@@ -64,7 +64,7 @@ def clamp_angles(angles: Array) -> Array:
 def _into_cone(swing: Array, low: Array, high: Array) -> Array:
     reach = np.where(swing >= 0, high, -low)
     size = np.linalg.norm(swing / reach, axis=-1, keepdims=True)
-    return swing / np.maximum(size, 1.0)
+    return np.asarray(swing / np.maximum(size, 1.0))
 
 
 def shoulder_twist_range(flexion: Array, abduction: Array) -> tuple[Array, Array]:

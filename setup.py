@@ -1,0 +1,19 @@
+"""The parts of the packaging that colcon reads; everything else stands in pyproject.toml."""
+
+from setuptools import setup
+
+setup(
+    entry_points={
+        "console_scripts": [
+            "depth-pose = depth_pose.cli:main",
+            "denoise_node = depth_pose.ros.denoise_node:main",
+            "matcher_node = depth_pose.ros.matcher_node:main",
+            "refine_node = depth_pose.ros.refine_node:main",
+            "recovery_node = depth_pose.ros.recovery_node:main",
+        ],
+    },
+    data_files=[
+        ("share/ament_index/resource_index/packages", ["resource/depth_pose"]),
+        ("share/depth_pose", ["package.xml"]),
+    ],
+)

@@ -1,0 +1,203 @@
+"""The exemplar bank and its file.
+
+A bank file is a NumPy ``.npz`` of plain arrays (never pickled objects) with a JSON header: format
+version, content hash, and what the bank was built from. Loading checks all of it and refuses a
+damaged or foreign file with the reason.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import zipfile
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from depth_pose.body.body import Body
+from depth_pose.errors import BankError
+from depth_pose.geometry import quat_to_matrix
+
+FORMAT = "depth_pose exemplar bank"
+FORMAT_VERSION = 1
+
+_SHAPES: dict[str, tuple[str, tuple[int | str, ...]]] = {
+    "body_vertices": ("float64", ("V", 3)),
+    "body_faces": ("int32", ("F", 3)),
+    "body_weights": ("float64", ("V", 21)),
+    "body_nodes": ("float64", (21, 3)),
+    "pose_quats": ("float32", ("N", 21, 4)),
+    "view_quats": ("float32", ("N", "W", 4)),
+    "view_origins": ("float32", ("N", "W", 3)),
+    "coefficients": ("float32", ("N", "W", "D")),
+    "mean": ("float32", ("P",)),
+    "components": ("float32", ("D", "P")),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Bank:
+    """Poses of one body, their partial views, and the subspace in which inputs are matched.
+
+    Attributes
+    ----------
+    body : Body
+    pose_quats : (N, 21, 4) float32
+        Segment rotations of each pose, model frame, x y z w.
+    view_quats : (N, W, 4) float32
+        ``R_canonical_model`` of each view.
+    view_origins : (N, W, 3) float32
+        Centroid of each view's partial cloud, model frame with the pelvis at the origin, metres.
+    coefficients : (N, W, D) float32
+        Each view's descriptor in the subspace.
+    mean, components : (P,), (D, P) float32
+        The PCA subspace of descriptors.
+    source : dict
+        What the bank was built from.
+    """
+
+    body: Body
+    pose_quats: NDArray[np.float32]
+    view_quats: NDArray[np.float32]
+    view_origins: NDArray[np.float32]
+    coefficients: NDArray[np.float32]
+    mean: NDArray[np.float32]
+    components: NDArray[np.float32]
+    source: dict[str, Any] = field(default_factory=dict)
+
+    def _arrays(self) -> dict[str, NDArray[Any]]:
+        return {
+            "body_vertices": self.body.vertices,
+            "body_faces": self.body.faces,
+            "body_weights": self.body.weights,
+            "body_nodes": self.body.nodes,
+            "pose_quats": self.pose_quats,
+            "view_quats": self.view_quats,
+            "view_origins": self.view_origins,
+            "coefficients": self.coefficients,
+            "mean": self.mean,
+            "components": self.components,
+        }
+
+    @cached_property
+    def bank_id(self) -> str:
+        """Hash of the content, 16 hexadecimal digits."""
+        digest = hashlib.sha256()
+        for name, array in self._arrays().items():
+            digest.update(f"{name}{array.dtype.str}{array.shape}".encode())
+            digest.update(np.ascontiguousarray(array).data)
+        return digest.hexdigest()[:16]
+
+    @property
+    def poses(self) -> int:
+        """Number of poses."""
+        return len(self.pose_quats)
+
+    @property
+    def views(self) -> int:
+        """Number of views of each pose."""
+        return self.coefficients.shape[1]
+
+    def rotations(self, exemplar: int) -> NDArray[np.float64]:
+        """Segment rotations of one pose in the model frame, shape (21, 3, 3)."""
+        return quat_to_matrix(self.pose_quats[exemplar].astype(np.float64))
+
+    def save(self, path: str | Path) -> None:
+        """Write the bank; the file appears whole or not at all."""
+        path = Path(path)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        header = {
+            "format": FORMAT,
+            "version": FORMAT_VERSION,
+            "bank_id": self.bank_id,
+            "body": {"name": self.body.name, "stature": self.body.stature},
+            "source": self.source,
+        }
+        text = np.frombuffer(json.dumps(header).encode(), np.uint8)
+        part = path.with_name(f".{path.name}.{os.getpid()}.part")
+        try:
+            with part.open("wb") as file:
+                np.savez(file, header=text, **self._arrays())  # type: ignore[arg-type]
+            part.replace(path)
+        finally:
+            part.unlink(missing_ok=True)
+
+    @classmethod
+    def load(cls, path: str | Path) -> Bank:
+        """Read a bank.
+
+        Raises
+        ------
+        BankError
+            Where the file is missing, damaged, foreign, or of another version.
+        """
+        header, arrays = _read(Path(path))
+        body = Body(
+            name=header["body"]["name"],
+            vertices=arrays["body_vertices"],
+            faces=arrays["body_faces"],
+            weights=arrays["body_weights"],
+            nodes=arrays["body_nodes"],
+            stature=float(header["body"]["stature"]),
+        )
+        views = {k: v for k, v in arrays.items() if not k.startswith("body_")}
+        bank = cls(body=body, source=header["source"], **views)
+        if bank.bank_id != header["bank_id"]:
+            raise BankError(f"{path}: the content does not match its hash; build the bank again")
+        return bank
+
+
+def _read(path: Path) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+    """Read and check a bank file's header and arrays."""
+    if not path.is_file():
+        raise BankError(f"{path}: no such bank; make it with `depth-pose bank build -o {path}`")
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            arrays = {name: file[name] for name in file.files}
+    except (ValueError, OSError, EOFError, KeyError, zipfile.BadZipFile, zipfile.zlib.error) as error:  # type: ignore[attr-defined]
+        raise BankError(f"{path}: not a readable bank file ({error}); build the bank again") from error
+    try:
+        header = json.loads(bytes(arrays.pop("header")))
+        found, version = header["format"], header["version"]
+        header["body"]["name"], header["body"]["stature"], header["source"], header["bank_id"]
+    except (KeyError, TypeError, ValueError) as error:
+        raise BankError(f"{path}: this is not a bank of depth_pose: its header is missing") from error
+    if found != FORMAT:
+        raise BankError(f"{path}: this is not a bank of depth_pose but {found!r}")
+    if version != FORMAT_VERSION:
+        raise BankError(
+            f"{path}: bank format {version}; this version reads {FORMAT_VERSION}: build the bank again"
+        )
+    _check_arrays(path, arrays)
+    return header, arrays
+
+
+def _check_arrays(path: Path, arrays: dict[str, NDArray[Any]]) -> None:
+    sizes: dict[str, int] = {}
+    for name, (dtype, shape) in _SHAPES.items():
+        if name not in arrays:
+            raise BankError(f"{path}: the array {name} is missing; build the bank again")
+        array = arrays[name]
+        fits = array.dtype == dtype and array.ndim == len(shape)
+        for want, have in zip(shape, array.shape, strict=False):
+            fits = fits and have == (sizes.setdefault(want, have) if isinstance(want, str) else want)
+        if not fits:
+            raise BankError(
+                f"{path}: the array {name} is {array.dtype}{list(array.shape)}, "
+                f"not {dtype}{list(shape)}; build the bank again"
+            )
+        if array.dtype.kind == "f" and not np.isfinite(array).all():
+            raise BankError(f"{path}: the array {name} has values that are not finite; build the bank again")
+
+
+def default_bank_path() -> Path:
+    """Where the set-up keeps the embedded bank: ``$DEPTH_POSE_BANK``, else the user's cache."""
+    if "DEPTH_POSE_BANK" in os.environ:
+        return Path(os.environ["DEPTH_POSE_BANK"])
+    cache = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache"))
+    return cache / "depth_pose" / f"default_bank_v{FORMAT_VERSION}.npz"

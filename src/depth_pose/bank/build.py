@@ -1,0 +1,132 @@
+"""Build a bank: render every pose's partial views, learn the subspace, project (Sec. 5)."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from multiprocessing import get_context
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from depth_pose.bank.bank import Bank
+from depth_pose.bank.views import PoseViews, render_views
+from depth_pose.body.body import Body
+from depth_pose.config import option
+from depth_pose.geometry import matrix_to_quat, quat_to_matrix
+
+Progress = Callable[[int, int], None]
+"""Called with the number of poses done and their total."""
+
+_CHUNK = 50
+
+
+@dataclass(frozen=True)
+class BuildConfig:
+    """How a bank is built."""
+
+    poses: int = option(9000, "Number of poses of the embedded bank", low=10, high=1_000_000)
+    dimensions: int = option(48, "Dimensions of the PCA subspace", low=2, high=512)
+    seed: int = option(1, "Seed of the embedded pose source", low=0)
+
+
+@dataclass(frozen=True)
+class Subspace:
+    """PCA of descriptors: mean (P,), components (D, P), float32, largest variance first."""
+
+    mean: NDArray[np.float32]
+    components: NDArray[np.float32]
+
+
+def build_bank(
+    body: Body,
+    rotations: NDArray[np.float64],
+    config: BuildConfig,
+    source: dict[str, Any],
+    progress: Progress | None = None,
+    workers: int | None = None,
+) -> Bank:
+    """Build a bank; the same input gives the same bank, whatever the number of workers.
+
+    Parameters
+    ----------
+    body : Body
+    rotations : (N, 21, 3, 3)
+        Segment rotations of the poses, model frame.
+    config : BuildConfig
+    source : dict
+        What the poses come from, for the file's header.
+    progress : callable, optional
+        Called with (poses done, poses in all).
+    workers : int, optional
+        Processes; all cores by default, 0 works in this process.
+    """
+    # as they will be read back from the file, so that views and poses belong together exactly
+    quats = matrix_to_quat(rotations).astype(np.float32)
+    poses = quat_to_matrix(quats.astype(np.float64))
+    parts = []
+    done = 0
+    for part in _render_all(body, poses, workers):
+        parts.append(part)
+        done += len(part.descriptors)
+        if progress is not None:
+            progress(done, len(poses))
+    descriptors = np.concatenate([p.descriptors for p in parts])
+    subspace = learn_subspace(descriptors.reshape(-1, descriptors.shape[-1]), config.dimensions)
+    return Bank(
+        body=body,
+        pose_quats=quats,
+        view_quats=matrix_to_quat(np.concatenate([p.rotations for p in parts])).astype(np.float32),
+        view_origins=np.concatenate([p.origins for p in parts]),
+        coefficients=project(descriptors, subspace),
+        mean=subspace.mean,
+        components=subspace.components,
+        source=source,
+    )
+
+
+def _render_all(
+    body: Body, poses: NDArray[np.float64], workers: int | None
+) -> Iterator[PoseViews]:
+    starts = range(0, len(poses), _CHUNK)
+    count = (os.cpu_count() or 1) if workers is None else workers
+    if count == 0:
+        for first in starts:
+            yield render_views(body, poses[first : first + _CHUNK], first)
+        return
+    with ProcessPoolExecutor(count, mp_context=get_context("spawn")) as pool:
+        tasks = [pool.submit(render_views, body, poses[i : i + _CHUNK], i) for i in starts]
+        for task in tasks:
+            yield task.result()
+
+
+def learn_subspace(descriptors: NDArray[np.float16], dimensions: int) -> Subspace:
+    """Principal components of descriptors, from the covariance of at most 24,000 of them.
+
+    Parameters
+    ----------
+    descriptors : (M, P) float16
+    dimensions : int
+        Components to keep; fewer where there are fewer descriptors.
+    """
+    step = max(1, len(descriptors) // 24_000)
+    sample = descriptors[::step].astype(np.float32)
+    mean = sample.mean(axis=0, dtype=np.float64).astype(np.float32)
+    sample -= mean
+    covariance = (sample.T @ sample).astype(np.float64)
+    vectors = np.linalg.eigh(covariance)[1][:, ::-1]
+    keep = min(dimensions, len(sample), len(mean))
+    return Subspace(mean, np.ascontiguousarray(vectors[:, :keep].T.astype(np.float32)))
+
+
+def project(descriptors: NDArray[np.float16], subspace: Subspace) -> NDArray[np.float32]:
+    """Coefficients of descriptors, shape (N, W, P), in the subspace, shape (N, W, D)."""
+    n, views, _ = descriptors.shape
+    out = np.empty((n, views, len(subspace.components)), np.float32)
+    for i in range(0, n, 500):
+        part = descriptors[i : i + 500].astype(np.float32) - subspace.mean
+        out[i : i + 500] = part @ subspace.components.T
+    return out

@@ -1,0 +1,58 @@
+"""Compiled skinning; `depth_pose.body.body` is its public side."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+
+@njit(cache=True)
+def skin(
+    rest: Any,
+    nodes_rest: Any,
+    parents: Any,
+    index: Any,
+    weights: Any,
+    rotations: Any,
+    root: Any,
+    scale: float,
+    out_vertices: Any,
+    out_nodes: Any,
+) -> None:
+    """Walk the tree, then blend; writes (V, 3) vertices and (21, 3) nodes."""
+    n_nodes = nodes_rest.shape[0]
+    moves = np.empty((n_nodes, 12))
+    for k in range(3):
+        out_nodes[0, k] = root[k]
+    for n in range(n_nodes):
+        p = parents[n]
+        if p >= 0:
+            d0 = nodes_rest[n, 0] - nodes_rest[p, 0]
+            d1 = nodes_rest[n, 1] - nodes_rest[p, 1]
+            d2 = nodes_rest[n, 2] - nodes_rest[p, 2]
+            for k in range(3):
+                out_nodes[n, k] = out_nodes[p, k] + scale * (
+                    rotations[p, k, 0] * d0 + rotations[p, k, 1] * d1 + rotations[p, k, 2] * d2
+                )
+        for k in range(3):
+            shift = out_nodes[n, k]
+            for j in range(3):
+                moves[n, 4 * k + j] = scale * rotations[n, k, j]
+                shift -= moves[n, 4 * k + j] * nodes_rest[n, j]
+            moves[n, 4 * k + 3] = shift
+    for i in range(rest.shape[0]):
+        x, y, z = rest[i, 0], rest[i, 1], rest[i, 2]
+        a = b = c = 0.0
+        for j in range(index.shape[1]):
+            w = weights[i, j]
+            if w == 0.0:
+                break
+            m = moves[index[i, j]]
+            a += w * (m[0] * x + m[1] * y + m[2] * z + m[3])
+            b += w * (m[4] * x + m[5] * y + m[6] * z + m[7])
+            c += w * (m[8] * x + m[9] * y + m[10] * z + m[11])
+        out_vertices[i, 0] = a
+        out_vertices[i, 1] = b
+        out_vertices[i, 2] = c

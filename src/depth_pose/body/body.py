@@ -1,0 +1,140 @@
+"""A skinned body and its poses.
+
+Linear blend skinning with the project's node rotations (rest pose to posed, not relative to
+the parent): ``v' = sum_n w_n (s R_n (v - c_n) + p_n)``, with c_n a node's rest position, p_n its
+posed one from `depth_pose.skeleton.forward_kinematics`, and s the body's scale.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from depth_pose.skeleton import NODE_PARENTS
+
+INFLUENCES = 4
+"""Greatest number of nodes that move one vertex."""
+
+
+@dataclass(frozen=True)
+class PosedBody:
+    """A body in a pose.
+
+    Attributes
+    ----------
+    vertices : (V, 3) float64
+        Metres, in the frame that the rotations lead to.
+    nodes : (21, 3) float64
+        Positions of `depth_pose.skeleton.NODES` in the same frame, metres.
+    """
+
+    vertices: NDArray[np.float64]
+    nodes: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class SparseWeights:
+    """Skin weights, `INFLUENCES` per vertex, greatest first.
+
+    Attributes
+    ----------
+    nodes : (V, 4) int32
+        Index of the node.
+    weights : (V, 4) float64
+        Its weight; unused slots are 0.
+    """
+
+    nodes: NDArray[np.int32]
+    weights: NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """A skinned body in the rest pose of `depth_pose.skeleton`.
+
+    Attributes
+    ----------
+    name : str
+    vertices : (V, 3) float64
+        Model frame (x to the person's left, y up, z forward, floor at y = 0), metres.
+    faces : (F, 3) int32
+        Watertight, counter-clockwise seen from outside.
+    weights : (V, 21) float64
+        Skin weights; rows sum to 1 and have at most `INFLUENCES` entries.
+    nodes : (21, 3) float64
+        Rest positions of the nodes, model frame, metres.
+    stature : float
+        Height standing upright, metres.
+    """
+
+    name: str
+    vertices: NDArray[np.float64]
+    faces: NDArray[np.int32]
+    weights: NDArray[np.float64]
+    nodes: NDArray[np.float64]
+    stature: float
+
+    def __post_init__(self) -> None:
+        v, n = len(self.vertices), len(NODE_PARENTS)
+        shapes = {"vertices": (v, 3), "weights": (v, n), "nodes": (n, 3)}
+        for field, shape in shapes.items():
+            if getattr(self, field).shape != shape:
+                raise ValueError(f"Body.{field} has shape {getattr(self, field).shape}; it must be {shape}")
+        if not np.allclose(self.weights.sum(axis=1), 1.0, atol=1e-6):
+            raise ValueError("Body.weights: every row must sum to 1")
+        if int((self.weights > 0).sum(axis=1).max()) > INFLUENCES:
+            raise ValueError(f"Body.weights: at most {INFLUENCES} nodes may move a vertex")
+
+    @cached_property
+    def sparse_weights(self) -> SparseWeights:
+        """The weights without their zeros."""
+        order = np.argsort(-self.weights, axis=1, kind="stable")[:, :INFLUENCES]
+        return SparseWeights(
+            np.ascontiguousarray(order.astype(np.int32)),
+            np.ascontiguousarray(np.take_along_axis(self.weights, order, axis=1)),
+        )
+
+    def pose(
+        self, rotations: NDArray[np.float64], root: NDArray[np.float64], scale: float = 1.0
+    ) -> PosedBody:
+        """Pose the body by linear blend skinning.
+
+        Parameters
+        ----------
+        rotations : (21, 3, 3)
+            Rotation of each node's segment, rest pose to the target frame.
+        root : (3,)
+            Position of the pelvis in the target frame, metres.
+        scale : float
+            Factor on the whole body's size.
+        """
+        from depth_pose.body._skin_kernels import skin
+
+        sparse = self.sparse_weights
+        vertices = np.empty_like(self.vertices)
+        nodes = np.empty_like(self.nodes)
+        skin(
+            self.vertices,
+            self.nodes,
+            NODE_PARENTS,
+            sparse.nodes,
+            sparse.weights,
+            np.ascontiguousarray(rotations, dtype=np.float64),
+            np.ascontiguousarray(root, dtype=np.float64),
+            float(scale),
+            vertices,
+            nodes,
+        )
+        return PosedBody(vertices, nodes)
+
+    def content_hash(self) -> str:
+        """SHA-256 of the body's geometry, weights and nodes: the same wherever it is made the same."""
+        digest = hashlib.sha256()
+        for array in (self.vertices, self.faces, self.weights, self.nodes):
+            digest.update(str(array.shape).encode())
+            digest.update(np.ascontiguousarray(array).tobytes())
+        return digest.hexdigest()

@@ -1,0 +1,307 @@
+"""Reading recordings: depth frames from any camera, and skeletons.
+
+Topics are found by what they hold, not by their names: images of a depth encoding with a
+CameraInfo beside them, or point clouds.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from depth_pose.errors import InputError
+from depth_pose.io import schemas
+from depth_pose.io._messages import (
+    CameraInfoMessage,
+    read_camera_info,
+    read_cloud,
+    read_image,
+    read_skeleton,
+)
+from depth_pose.io._recording import RawMessage, Recording
+from depth_pose.io.decode import (
+    camera_from_info,
+    decode_depth,
+    decode_points,
+    frame_from_cloud,
+    rectify_depth,
+)
+from depth_pose.io.mcap_write import SKELETON_TOPIC
+from depth_pose.types import DepthFrame, Skeleton
+
+_log = logging.getLogger(__name__)
+_DEPTH_ENCODINGS = ("16UC1", "mono16", "32FC1")
+_OWN_TOPICS = "/depth_pose/"
+
+
+@dataclass(frozen=True)
+class DepthTopic:
+    """A topic that depth frames can be made from.
+
+    Attributes
+    ----------
+    name : str
+    kind : str
+        ``sensor_msgs/msg/Image`` or ``sensor_msgs/msg/PointCloud2``.
+    info_topic : str
+        The CameraInfo topic that belongs to it; empty for a cloud.
+    frames : int
+        How many messages the recording has; for one cut short, how many are readable.
+    """
+
+    name: str
+    kind: str
+    info_topic: str
+    frames: int
+
+
+def find_depth_topics(path: Path | str) -> tuple[DepthTopic, ...]:
+    """List the topics of a recording that depth frames can be made from.
+
+    Raises
+    ------
+    InputError
+        Where the file is missing or no MCAP recording.
+    """
+    return _depth_topics(Recording(path))
+
+
+def _depth_topics(recording: Recording) -> tuple[DepthTopic, ...]:
+    found = []
+    for topic in recording.topics.values():
+        if topic.count == 0:
+            continue
+        if topic.kind == schemas.IMAGE and _is_depth_image(recording, topic.name):
+            info = _info_topic(recording, topic.name)
+            found.append(DepthTopic(topic.name, topic.kind, info, topic.count))
+        elif topic.kind == schemas.POINT_CLOUD and not topic.name.startswith(_OWN_TOPICS):
+            found.append(DepthTopic(topic.name, topic.kind, "", topic.count))
+    return tuple(sorted(found, key=lambda topic: topic.name))
+
+
+def _is_depth_image(recording: Recording, topic: str) -> bool:
+    message = recording.first(topic)
+    if message is None:
+        return False
+    try:
+        return read_image(message.data).encoding in _DEPTH_ENCODINGS
+    except InputError:
+        return False
+
+
+def _info_topic(recording: Recording, image_topic: str) -> str:
+    """Name the CameraInfo topic beside an image topic, or in the nearest namespace above; else ''."""
+    infos = [t.name for t in recording.topics.values() if t.kind == schemas.CAMERA_INFO and t.count > 0]
+    namespace = image_topic
+    while namespace:
+        if f"{namespace}/camera_info" in infos:
+            return f"{namespace}/camera_info"
+        inside = [name for name in infos if name.rpartition("/")[0] == namespace]
+        if len(inside) == 1:
+            return inside[0]
+        namespace = namespace.rpartition("/")[0]
+    return infos[0] if len(infos) == 1 else ""
+
+
+def _choose(recording: Recording, wanted: str | None) -> DepthTopic:
+    """Pick the depth topic: the one wanted, else the only image, else the only cloud."""
+    if wanted is not None:
+        return _named_topic(recording, wanted)
+    topics = _depth_topics(recording)
+    images = [t for t in topics if t.kind == schemas.IMAGE]
+    named = [t for t in images if "depth" in t.name.lower()]
+    for choice in (images, named, list(topics) if not images else []):
+        if len(choice) == 1:
+            return _with_info(recording, choice[0])
+    if topics:
+        names = ", ".join(t.name for t in topics)
+        raise InputError(f"{recording.path} has {len(topics)} depth topics: {names}; choose one")
+    raise InputError(f"{recording.path} has no depth image or point cloud; {_listing(recording)}")
+
+
+def _named_topic(recording: Recording, name: str) -> DepthTopic:
+    topic = recording.topics.get(name) or recording.topics.get("/" + name)
+    if topic is None or topic.count == 0:
+        choices = ", ".join(t.name for t in _depth_topics(recording)) or "none"
+        raise InputError(f"{recording.path} has no messages on {name}; its depth topics are: {choices}")
+    if topic.kind == schemas.POINT_CLOUD:
+        return DepthTopic(topic.name, topic.kind, "", topic.count)
+    if topic.kind != schemas.IMAGE:
+        raise InputError(f"{recording.path}: {name} is a {topic.kind}; depth is an Image or PointCloud2")
+    info = _info_topic(recording, topic.name)
+    return _with_info(recording, DepthTopic(topic.name, topic.kind, info, topic.count))
+
+
+def _with_info(recording: Recording, topic: DepthTopic) -> DepthTopic:
+    if topic.kind == schemas.IMAGE and not topic.info_topic:
+        beside = topic.name.rpartition("/")[0] + "/camera_info"
+        raise InputError(
+            f"{recording.path}: {topic.name} has no CameraInfo; record {beside} with it ({_listing(recording)})"
+        )
+    return topic
+
+
+def _listing(recording: Recording) -> str:
+    topics = [f"{t.name} ({t.kind})" for t in sorted(recording.topics.values(), key=lambda t: t.name)]
+    return "it has " + (", ".join(topics) if topics else "no topics")
+
+
+class DepthReader:
+    """The depth frames of a recording, in order; may be iterated again.
+
+    Parameters
+    ----------
+    path : Path or str
+        An MCAP file, or a folder of them.
+    depth_topic : str, optional
+        The topic; by default the only one there is.
+
+    Attributes
+    ----------
+    topic : DepthTopic
+        What is read.
+
+    Raises
+    ------
+    InputError
+        Where the recording cannot be read, or it is not clear which topic is meant, or (on
+        iteration) not one of its frames can be used.
+    """
+
+    def __init__(self, path: Path | str, depth_topic: str | None = None) -> None:
+        self._recording = Recording(path)
+        self.topic = _choose(self._recording, depth_topic)
+        self._dropped: Counter[str] = Counter()
+
+    def __len__(self) -> int:
+        """Give the number of frames that the recording is said to have."""
+        return self.topic.frames
+
+    @property
+    def dropped(self) -> int:
+        """Number of frames, since iteration began, that could not be used."""
+        return self._dropped.total()
+
+    @property
+    def warnings(self) -> list[str]:
+        """What went wrong since iteration began, one line each with its count."""
+        lines = list(self._recording.damage)
+        for reason, count in self._dropped.items():
+            frames = "1 frame was" if count == 1 else f"{count} frames were"
+            lines.append(f"{frames} dropped: {self._recording.path}: {self.topic.name}: {reason}")
+        return lines
+
+    def __iter__(self) -> Iterator[DepthFrame]:
+        self._dropped.clear()
+        info = self._first_info()
+        used = 0
+        for message in self._recording.messages(*filter(None, (self.topic.name, self.topic.info_topic))):
+            if message.topic == self.topic.info_topic:
+                info = message
+                continue
+            try:
+                frame = self._frame(message, info)
+            except InputError as error:
+                self._dropped[str(error)] += 1
+                continue
+            used += 1
+            yield frame
+        if not used:
+            raise InputError("; ".join(self.warnings) or f"{self._recording.path} has no frames")
+
+    def _first_info(self) -> RawMessage | None:
+        """The first calibration, which may be recorded after the first image."""
+        return self._recording.first(self.topic.info_topic) if self.topic.info_topic else None
+
+    def _frame(self, message: RawMessage, info: RawMessage | None) -> DepthFrame:
+        if self.topic.kind == schemas.POINT_CLOUD:
+            return frame_of_cloud(message.data)
+        if info is None:
+            raise InputError(f"no CameraInfo on {self.topic.info_topic}")
+        return frame_of_image(message.data, read_camera_info(info.data))
+
+
+def frame_of_image(data: bytes, info: CameraInfoMessage) -> DepthFrame:
+    """Make a frame of an Image's CDR bytes and its camera's calibration."""
+    image = read_image(data)
+    depth = decode_depth(
+        image.data, image.height, image.width, image.step, image.encoding, image.is_bigendian
+    )
+    camera = camera_from_info(info.k, info.d, info.width, info.height, info.distortion_model)
+    depth = rectify_depth(depth, camera, info.d, info.distortion_model)
+    return DepthFrame(image.stamp_ns, image.frame_id, depth, camera)
+
+
+def frame_of_cloud(data: bytes) -> DepthFrame:
+    """Make a frame of a PointCloud2's CDR bytes."""
+    cloud = read_cloud(data)
+    points = decode_points(
+        cloud.data,
+        cloud.height,
+        cloud.width,
+        cloud.point_step,
+        cloud.row_step,
+        cloud.fields,
+        cloud.is_bigendian,
+    )
+    return frame_from_cloud(points, cloud.stamp_ns, cloud.frame_id)
+
+
+def read_frames(path: Path | str, depth_topic: str | None = None) -> Iterator[DepthFrame]:
+    """Give the depth frames of a recording, in order; what was dropped is logged at the end.
+
+    Parameters
+    ----------
+    path : Path or str
+        An MCAP file, or a folder of them.
+    depth_topic : str, optional
+        The topic; by default the only one there is.
+
+    Raises
+    ------
+    InputError
+        As `DepthReader`; at the call where the recording or its topics are at fault.
+    """
+    return _logged(DepthReader(path, depth_topic))
+
+
+def _logged(reader: DepthReader) -> Iterator[DepthFrame]:
+    yield from reader
+    for line in reader.warnings:
+        _log.warning("%s", line)
+
+
+def read_skeletons(path: Path | str, topic: str = SKELETON_TOPIC) -> Iterator[Skeleton]:
+    """Give the skeletons of a recording, in order.
+
+    Parameters
+    ----------
+    path : Path or str
+        An MCAP file, or a folder of them.
+    topic : str
+        The topic's name.
+
+    Raises
+    ------
+    InputError
+        Where the recording has no such topic.
+    """
+    recording = Recording(path)
+    found = recording.topics.get(topic)
+    if found is None or found.kind != schemas.SKELETON:
+        others = [t.name for t in recording.topics.values() if t.kind == schemas.SKELETON]
+        raise InputError(
+            f"{recording.path} has no skeletons on {topic}"
+            + (f"; it has {', '.join(others)}" if others else f"; {_listing(recording)}")
+        )
+    return _skeletons(recording, topic)
+
+
+def _skeletons(recording: Recording, topic: str) -> Iterator[Skeleton]:
+    for message in recording.messages(topic):
+        yield read_skeleton(message.data)
+    for line in recording.damage:
+        _log.warning("%s", line)

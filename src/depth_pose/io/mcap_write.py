@@ -1,0 +1,171 @@
+"""Writing recordings: skeletons, and depth images with their camera.
+
+The same input gives the same bytes: every message is logged at its own stamp, and nothing
+of the machine or the moment is written.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from types import TracebackType
+from typing import BinaryIO, TypeVar
+
+import numpy as np
+from mcap.writer import CompressionType, Writer
+from numpy.typing import NDArray
+
+from depth_pose.errors import InputError
+from depth_pose.io import schemas
+from depth_pose.io._messages import write_camera_info, write_image, write_skeleton
+from depth_pose.types import Camera, DepthFrame, Skeleton
+
+SKELETON_TOPIC = "/depth_pose/skeleton"
+DEPTH_TOPIC = "/camera/depth/image_raw"
+
+_Writer = TypeVar("_Writer", bound="_RecordingWriter")
+
+
+class _RecordingWriter:
+    """A recording that stands under its name only once it is whole.
+
+    As a context manager it is closed at the end; after an error the file is left as it was
+    before, after Ctrl-C it holds what was written until then.
+    """
+
+    def __init__(self, path: Path | str) -> None:
+        self._path = Path(path)
+        self._part = self._path.with_name(self._path.name + ".part")
+        try:
+            self._path.parent.mkdir(parents=True, exist_ok=True)
+            self._stream: BinaryIO = self._part.open("wb")
+        except OSError as error:
+            raise InputError(f"{self._path} cannot be written: {error.strerror}") from error
+        self._writer = Writer(self._stream, compression=CompressionType.ZSTD)
+        self._writer.start(profile="ros2", library="depth_pose")
+        self._channels: dict[str, int] = {}
+        self._counts: dict[str, int] = {}
+
+    def _write(self, topic: str, kind: str, stamp_ns: int, data: bytes) -> None:
+        if topic not in self._channels:
+            schema = self._writer.register_schema(kind, "ros2msg", schemas.schema_text(kind).encode())
+            self._channels[topic] = self._writer.register_channel(topic, "cdr", schema)
+            self._counts[topic] = 0
+        if stamp_ns < 0:
+            raise InputError(f"{self._path}: stamp {stamp_ns} ns is below 0")
+        self._writer.add_message(
+            self._channels[topic],
+            log_time=stamp_ns,
+            publish_time=stamp_ns,
+            data=data,
+            sequence=self._counts[topic],
+        )
+        self._counts[topic] += 1
+
+    def close(self) -> None:
+        """Finish the file and give it its name."""
+        if not self._stream.closed:
+            self._writer.finish()  # type: ignore[no-untyped-call]
+            self._stream.close()
+            os.replace(self._part, self._path)
+
+    def discard(self) -> None:
+        """Drop what was written."""
+        self._stream.close()
+        self._part.unlink(missing_ok=True)
+
+    def __enter__(self: _Writer) -> _Writer:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if kind is None or issubclass(kind, KeyboardInterrupt):
+            self.close()
+        else:
+            self.discard()
+
+
+class SkeletonWriter(_RecordingWriter):
+    """Writes ``depth_pose_msgs/msg/Skeleton`` messages.
+
+    Parameters
+    ----------
+    path : Path or str
+        The MCAP file; folders are made, a file that is there is replaced.
+    topic : str
+        The topic's name.
+    """
+
+    def __init__(self, path: Path | str, topic: str = SKELETON_TOPIC) -> None:
+        super().__init__(path)
+        self._topic = topic
+
+    def write(self, skeleton: Skeleton) -> None:
+        """Add one skeleton at its stamp."""
+        self._write(self._topic, schemas.SKELETON, skeleton.stamp_ns, write_skeleton(skeleton))
+
+
+class DepthWriter(_RecordingWriter):
+    """Writes a depth camera's images and calibration.
+
+    Parameters
+    ----------
+    path : Path or str
+        The MCAP file; folders are made, a file that is there is replaced.
+    camera : Camera
+        The camera of all images.
+    frame_id : str
+        Name of the optical frame.
+    topic : str
+        The images' topic; the calibration goes to ``camera_info`` beside it.
+    encoding : str
+        ``16UC1`` (whole millimetres) or ``32FC1`` (metres).
+    """
+
+    def __init__(
+        self,
+        path: Path | str,
+        camera: Camera,
+        frame_id: str,
+        topic: str = DEPTH_TOPIC,
+        encoding: str = "16UC1",
+    ) -> None:
+        if encoding not in ("16UC1", "32FC1"):
+            raise InputError(f"{path}: encoding is {encoding!r}; it is 16UC1 or 32FC1")
+        super().__init__(path)
+        self._camera = camera
+        self._frame_id = frame_id
+        self._topic = topic
+        self._info_topic = topic.rpartition("/")[0] + "/camera_info"
+        self._encoding = encoding
+
+    def write(self, stamp_ns: int, depth: NDArray[np.float32]) -> None:
+        """Add one image and its calibration.
+
+        Parameters
+        ----------
+        stamp_ns : int
+            Nanoseconds.
+        depth : (H, W) float32
+            Metres; 0 or NaN where nothing returned. 16UC1 holds up to 65.535 m.
+        """
+        if depth.shape != (self._camera.height, self._camera.width):
+            raise InputError(
+                f"{self._path}: the image is {depth.shape[1]} x {depth.shape[0]}, "
+                f"the camera's are {self._camera.width} x {self._camera.height}"
+            )
+        info = write_camera_info(stamp_ns, self._frame_id, self._camera)
+        self._write(self._info_topic, schemas.CAMERA_INFO, stamp_ns, info)
+        if self._encoding == "16UC1":
+            mm = np.rint(np.nan_to_num(depth, posinf=0.0, neginf=0.0).astype(np.float64) * 1000.0)
+            image = write_image(
+                stamp_ns, self._frame_id, np.where(mm <= 65535, mm.clip(0), 0).astype(np.uint16)
+            )
+        else:
+            image = write_image(stamp_ns, self._frame_id, depth.astype(np.float32))
+        self._write(self._topic, schemas.IMAGE, stamp_ns, image)
+
+    def write_frame(self, frame: DepthFrame) -> None:
+        """Add a `DepthFrame` of the same camera."""
+        self.write(frame.stamp_ns, frame.depth)

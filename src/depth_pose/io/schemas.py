@@ -1,0 +1,100 @@
+"""Texts of the message definitions that recordings carry, so that any MCAP reader decodes them.
+
+They say what the ``.msg`` files of ``depth_pose_msgs`` and of ROS 2 Jazzy say, without the
+comments; a test holds the former together.
+"""
+
+from __future__ import annotations
+
+_DEFINITIONS: dict[str, str] = {
+    "depth_pose_msgs/Skeleton": """\
+uint8 MATCHED=0
+uint8 REFINED=1
+uint8 RECOVERED=2
+uint8 VOLUME=3
+uint8 LOST=4
+std_msgs/Header header
+string body_id
+uint8 source
+float32 confidence
+float32 residual
+float32 scale
+Joint[] joints""",
+    "depth_pose_msgs/Joint": """\
+uint8 SEEN=0
+uint8 OCCLUDED=1
+uint8 OUTSIDE_IMAGE=2
+uint8 LOST=3
+string name
+geometry_msgs/Point position
+geometry_msgs/Quaternion orientation
+float32 confidence
+uint8 state""",
+    "geometry_msgs/Point": "float64 x\nfloat64 y\nfloat64 z",
+    "geometry_msgs/Quaternion": "float64 x 0\nfloat64 y 0\nfloat64 z 0\nfloat64 w 1",
+    "std_msgs/Header": "builtin_interfaces/Time stamp\nstring frame_id",
+    "builtin_interfaces/Time": "int32 sec\nuint32 nanosec",
+    "sensor_msgs/Image": """\
+std_msgs/Header header
+uint32 height
+uint32 width
+string encoding
+uint8 is_bigendian
+uint32 step
+uint8[] data""",
+    "sensor_msgs/CameraInfo": """\
+std_msgs/Header header
+uint32 height
+uint32 width
+string distortion_model
+float64[] d
+float64[9] k
+float64[9] r
+float64[12] p
+uint32 binning_x
+uint32 binning_y
+RegionOfInterest roi""",
+    "sensor_msgs/RegionOfInterest": """\
+uint32 x_offset
+uint32 y_offset
+uint32 height
+uint32 width
+bool do_rectify""",
+}
+
+SKELETON = "depth_pose_msgs/msg/Skeleton"
+IMAGE = "sensor_msgs/msg/Image"
+CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
+POINT_CLOUD = "sensor_msgs/msg/PointCloud2"
+
+
+def definition(name: str) -> str:
+    """Give one message's own definition, for instance of ``depth_pose_msgs/msg/Joint``."""
+    return _DEFINITIONS[name.replace("/msg/", "/")]
+
+
+def schema_text(name: str) -> str:
+    """Give a message's definition and those of all that it names, as MCAP's ``ros2msg`` schema.
+
+    Parameters
+    ----------
+    name : str
+        For instance ``depth_pose_msgs/msg/Skeleton``.
+    """
+    found: list[str] = []
+
+    def visit(full: str) -> None:
+        if full in found:
+            return
+        found.append(full)
+        package = full.partition("/")[0]
+        for line in _DEFINITIONS[full].splitlines():
+            kind = line.split()[0].partition("[")[0]
+            inner = kind if "/" in kind else f"{package}/{kind}"
+            if inner in _DEFINITIONS:
+                visit(inner)
+
+    visit(name.replace("/msg/", "/"))
+    first, *others = found
+    parts = [_DEFINITIONS[first]] + [f"MSG: {other}\n{_DEFINITIONS[other]}" for other in others]
+    return ("\n" + "=" * 80 + "\n").join(parts) + "\n"

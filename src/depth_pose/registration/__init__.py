@@ -1,0 +1,1 @@
+"""Registration: coherent point drift, Laplacian completion, articulated fit, rigid alignment."""

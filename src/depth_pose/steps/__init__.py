@@ -1,0 +1,1 @@
+"""The method's steps, in the order of the paper's outline (Fig. 3)."""

@@ -1,0 +1,217 @@
+"""Compiled loops of the segmentation; `depth_pose.steps.segment` says what they are for."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+
+@njit(cache=True)
+def reduce_depth(depth, stride, jump, near, far):
+    """Average blocks of ``stride`` x ``stride`` pixels over the surface of their median depth."""
+    rows, cols = depth.shape[0] // stride, depth.shape[1] // stride
+    out = np.zeros((rows, cols), np.float32)
+    block = np.empty(stride * stride, np.float32)
+    for i in range(rows):
+        for j in range(cols):
+            n = 0
+            for a in range(stride):
+                for b in range(stride):
+                    z = depth[i * stride + a, j * stride + b]
+                    if z >= near and z <= far:
+                        block[n] = z
+                        n += 1
+            if 2 * n < stride * stride or n == 0:
+                continue
+            middle = np.sort(block[:n])[n // 2]
+            total, count = 0.0, 0
+            for k in range(n):
+                if abs(block[k] - middle) <= jump:
+                    total += block[k]
+                    count += 1
+            out[i, j] = total / count
+    return out
+
+
+@njit(cache=True)
+def back_project(depth, fx, fy, cx, cy):
+    """Points of a depth image, NaN where there is none."""
+    rows, cols = depth.shape
+    points = np.empty((rows, cols, 3), np.float32)
+    for i in range(rows):
+        for j in range(cols):
+            z = depth[i, j]
+            if z > 0.0:
+                points[i, j, 0] = (j - cx) / fx * z
+                points[i, j, 1] = (i - cy) / fy * z
+                points[i, j, 2] = z
+            else:
+                points[i, j, :] = np.nan
+    return points
+
+
+@njit(cache=True)
+def sample_normals(points, rows, cols, reach):
+    """Unit normals of the surface at some pixels from neighbours ``reach`` away; 0 at edges."""
+    normals = np.zeros((rows.shape[0], 3))
+    for k in range(rows.shape[0]):
+        i, j = rows[k], cols[k]
+        if i < reach or j < reach or i + reach >= points.shape[0] or j + reach >= points.shape[1]:
+            continue
+        e = points[i, j + reach] - points[i, j - reach]
+        f = points[i + reach, j] - points[i - reach, j]
+        n0, n1, n2 = e[1] * f[2] - e[2] * f[1], e[2] * f[0] - e[0] * f[2], e[0] * f[1] - e[1] * f[0]
+        norm = np.sqrt(n0 * n0 + n1 * n1 + n2 * n2)
+        if norm > 0.0:  # false where a neighbour is NaN
+            normals[k, 0], normals[k, 1], normals[k, 2] = n0 / norm, n1 / norm, n2 / norm
+    return normals
+
+
+@njit(cache=True)
+def is_inlier(p, n, plane, tolerance):
+    """Whether a point lies on a plane and its surface faces the plane's way, within 37 degrees."""
+    off = plane[0] * p[0] + plane[1] * p[1] + plane[2] * p[2] - plane[3]
+    along = plane[0] * n[0] + plane[1] * n[1] + plane[2] * n[2]
+    return abs(off) < tolerance * p[2] and abs(along) > 0.8
+
+
+@njit(cache=True)
+def plane_inliers(samples, normals, areas, plane, tolerance):
+    """Which samples lie on a plane, and their area on it.
+
+    ``areas`` are what the samples would cover if they faced the camera.
+    """
+    on = np.zeros(samples.shape[0], np.bool_)
+    total = 0.0
+    for i in range(samples.shape[0]):
+        p = samples[i]
+        on[i] = is_inlier(p, normals[i], plane, tolerance)
+        if on[i]:
+            slant = abs(plane[3]) / np.sqrt(p[0] * p[0] + p[1] * p[1] + p[2] * p[2])
+            total += areas[i] / max(slant, 0.25)
+    return on, total
+
+
+@njit(cache=True)
+def best_plane(samples, normals, areas, seeds, tolerance):
+    """Plane (n, d), ``n . p = d``, through one of the seeds along its normal, with the most area."""
+    best = np.zeros(4)
+    most = 0.0
+    plane = np.empty(4)
+    for seed in seeds:
+        plane[:3] = normals[seed]
+        plane[3] = (normals[seed] * samples[seed]).sum()
+        area = plane_inliers(samples, normals, areas, plane, 2.0 * tolerance)[1]
+        if area > most:
+            most = area
+            best[:] = plane
+    return best
+
+
+@njit(cache=True)
+def mark_plane(points, plane, tolerance, window, out):
+    """Set ``out`` where a pixel and at least half of its window's pixels lie on the plane."""
+    rows, cols = points.shape[:2]
+    on = np.zeros((rows, cols), np.bool_)
+    for i in range(rows):
+        for j in range(cols):
+            z = points[i, j, 2]
+            if z == z:
+                r = plane[0] * points[i, j, 0] + plane[1] * points[i, j, 1] + plane[2] * z - plane[3]
+                on[i, j] = abs(r) < tolerance * z
+    for i in range(rows):
+        for j in range(cols):
+            if not on[i, j]:
+                continue
+            hits, valid = 0, 0
+            for a in range(max(0, i - window), min(rows, i + window + 1)):
+                for b in range(max(0, j - window), min(cols, j + window + 1)):
+                    if points[a, b, 2] == points[a, b, 2]:
+                        valid += 1
+                        hits += on[a, b]
+            if 2 * hits >= valid:
+                out[i, j] = True
+
+
+@njit(cache=True)
+def label_components(depth, mask, jump):
+    """Number the 4-connected surfaces of ``mask`` from 1; 0 elsewhere."""
+    rows, cols = depth.shape
+    labels = np.zeros((rows, cols), np.int32)
+    stack = np.empty((rows * cols, 2), np.int32)
+    count = 0
+    for i in range(rows):
+        for j in range(cols):
+            if not mask[i, j] or labels[i, j] != 0:
+                continue
+            count += 1
+            labels[i, j] = count
+            stack[0, 0], stack[0, 1] = i, j
+            top = 1
+            while top > 0:
+                top -= 1
+                a, b = stack[top, 0], stack[top, 1]
+                for k in range(4):
+                    c = a + (1 if k == 0 else -1 if k == 1 else 0)
+                    d = b + (1 if k == 2 else -1 if k == 3 else 0)
+                    if c < 0 or d < 0 or c >= rows or d >= cols or labels[c, d] != 0 or not mask[c, d]:
+                        continue
+                    if abs(depth[c, d] - depth[a, b]) <= jump:
+                        labels[c, d] = count
+                        stack[top, 0], stack[top, 1] = c, d
+                        top += 1
+    return labels, count
+
+
+@njit(cache=True)
+def component_boxes(points, labels, count, focal):
+    """Area (m^2), bounding box (6) and pixel count of each component, from label 1."""
+    stats = np.zeros((count, 8))
+    stats[:, 1:4] = np.inf
+    stats[:, 4:7] = -np.inf
+    for i in range(labels.shape[0]):
+        for j in range(labels.shape[1]):
+            k = labels[i, j] - 1
+            if k < 0:
+                continue
+            stats[k, 0] += (points[i, j, 2] / focal) ** 2
+            stats[k, 7] += 1
+            for a in range(3):
+                stats[k, 1 + a] = min(stats[k, 1 + a], points[i, j, a])
+                stats[k, 4 + a] = max(stats[k, 4 + a], points[i, j, a])
+    return stats
+
+
+@njit(cache=True)
+def touching_components(depth, labels, count, chosen, reach, gap):
+    """Which components have a pixel within ``reach`` pixels and ``gap`` metres of a chosen one."""
+    rows, cols = labels.shape
+    touching = np.zeros(count + 1, np.bool_)
+    for i in range(rows):
+        for j in range(cols):
+            k = labels[i, j]
+            if k == 0 or chosen[k] or touching[k]:
+                continue
+            for a in range(max(0, i - reach), min(rows, i + reach + 1)):
+                for b in range(max(0, j - reach), min(cols, j + reach + 1)):
+                    if chosen[labels[a, b]] and abs(depth[a, b] - depth[i, j]) < gap:
+                        touching[k] = True
+    return touching
+
+
+@njit(cache=True)
+def filter_support(depth, mask, jump, least):
+    """Keep the pixels of ``mask`` with at least ``least`` of 24 neighbours within ``jump`` in depth."""
+    rows, cols = depth.shape
+    out = np.zeros((rows, cols), np.bool_)
+    for i in range(rows):
+        for j in range(cols):
+            if not mask[i, j]:
+                continue
+            support = -1
+            for a in range(max(0, i - 2), min(rows, i + 3)):
+                for b in range(max(0, j - 2), min(cols, j + 3)):
+                    if mask[a, b] and abs(depth[a, b] - depth[i, j]) <= jump:
+                        support += 1
+            out[i, j] = support >= least
+    return out

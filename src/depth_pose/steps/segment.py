@@ -1,0 +1,232 @@
+"""Cut the person out of a depth image (Sec. 4, first paragraph).
+
+The paper cuts with two fixed distances. Here nothing is set per recording: after generous
+distance limits, large planes (walls, floor) are taken away, what is left is split into
+surfaces, and the largest one of a person's size is kept together with the smaller ones that
+touch it (a hand in front of the trunk is a surface of its own). Last, a pixel stays only if
+enough of its neighbours are on its surface, which removes the flying pixels at edges.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from depth_pose.config import SegmentConfig
+from depth_pose.steps import _segment_kernels as kernels
+from depth_pose.types import BACKGROUND, PERSON, UNKNOWN, Camera, DepthFrame
+
+MIN_PLANE_AREA_M2 = 1.5
+"""A plane with less visible area than this may be a person's back; it stays."""
+
+MIN_PLANE_WIDTH_M = 0.2
+"""Standard deviation of a plane's points along its narrower side; a person's is less."""
+
+MIN_FLOOR_AREA_M2 = 0.6
+"""The same for planes less than 40 degrees off the camera's horizontal: nobody's back is there."""
+
+_PLANE_TOLERANCE = 0.012
+"""Distance from a plane, as a share of the range, within which a point belongs to it."""
+
+_MAX_PLANES = 8
+_PLANE_SEEDS = 64
+_PERSON_AREA_M2 = (0.04, 2.5)
+_PERSON_EXTENT_M = 2.6
+
+
+@dataclass(frozen=True)
+class Segmentation:
+    """The person on the working grid.
+
+    Attributes
+    ----------
+    stamp_ns : int
+    frame_id : str
+    depth : (h, w) float32
+        Depth of the person's pixels, metres; 0 elsewhere.
+    labels : (h, w) uint8
+        `depth_pose.types` labels of all pixels.
+    camera : Camera
+        Camera of the working grid.
+    """
+
+    stamp_ns: int
+    frame_id: str
+    depth: NDArray[np.float32]
+    labels: NDArray[np.uint8]
+    camera: Camera
+
+
+def reduce_camera(camera: Camera, stride: int) -> Camera:
+    """Give the camera whose pixels are blocks of ``stride`` x ``stride`` pixels."""
+    return Camera(
+        width=camera.width // stride,
+        height=camera.height // stride,
+        fx=camera.fx / stride,
+        fy=camera.fy / stride,
+        cx=(camera.cx - (stride - 1) / 2) / stride,
+        cy=(camera.cy - (stride - 1) / 2) / stride,
+    )
+
+
+class PersonSegmenter:
+    """Finds the person; remembers where they were, to stay with them."""
+
+    def __init__(self, config: SegmentConfig) -> None:
+        self.config = config
+        self._last_box: NDArray[np.float64] | None = None
+
+    def reset(self) -> None:
+        """Forget the person."""
+        self._last_box = None
+
+    def segment(self, frame: DepthFrame) -> Segmentation:
+        """Label every pixel of the working grid.
+
+        Parameters
+        ----------
+        frame : DepthFrame
+
+        Returns
+        -------
+        Segmentation
+            With no `PERSON` pixel where nobody of a person's size is in view.
+        """
+        config = self.config
+        stride = max(1, round(frame.camera.height / config.working_height))
+        camera = reduce_camera(frame.camera, stride)
+        depth = kernels.reduce_depth(frame.depth, stride, config.depth_jump, config.near, config.far)
+        points = kernels.back_project(depth, camera.fx, camera.fy, camera.cx, camera.cy)
+
+        planes = mark_large_planes(points, camera)
+        foreground = (depth > 0) & ~planes
+        person = self._find_person(depth, points, foreground, camera)
+        person = kernels.filter_support(depth, person, config.depth_jump, config.min_support)
+
+        labels = np.full(depth.shape, BACKGROUND, np.uint8)
+        if person.any():
+            nearer = foreground & (depth < np.median(depth[person]))
+            labels[nearer] = UNKNOWN
+            missing = depth == 0
+            if missing.mean() < 0.5:  # else the recording's background was cut away
+                labels[missing] = UNKNOWN
+            labels[person] = PERSON
+        return Segmentation(
+            stamp_ns=frame.stamp_ns,
+            frame_id=frame.frame_id,
+            depth=np.where(person, depth, np.float32(0)),
+            labels=labels,
+            camera=camera,
+        )
+
+    def _find_person(
+        self,
+        depth: NDArray[np.float32],
+        points: NDArray[np.float32],
+        foreground: NDArray[np.bool_],
+        camera: Camera,
+    ) -> NDArray[np.bool_]:
+        """Choose the surfaces that are the person."""
+        labels, count = kernels.label_components(depth, foreground, self.config.depth_jump)
+        if count == 0:
+            self._last_box = None
+            return np.zeros(depth.shape, np.bool_)
+        stats = kernels.component_boxes(points, labels, count, camera.fx)
+        area, low, high = stats[:, 0], stats[:, 1:4], stats[:, 4:7]
+        extent = high - low
+        fits = (
+            (area >= _PERSON_AREA_M2[0])
+            & (area <= _PERSON_AREA_M2[1])
+            & (extent.max(axis=1) >= self.config.min_height)
+            & (extent.max(axis=1) <= _PERSON_EXTENT_M)
+        )
+        if not fits.any():
+            self._last_box = None
+            return np.zeros(depth.shape, np.bool_)
+        rank = np.where(fits, area, 0.0)
+        if self._last_box is not None:
+            rank = rank * (1.0 + 2.0 * _overlap(low, high, self._last_box))
+        seed = int(np.argmax(rank))
+
+        chosen = np.zeros(count + 1, np.bool_)
+        chosen[seed + 1] = True
+        box = np.concatenate([low[seed], high[seed]])
+        reach = max(2, round(0.06 * camera.fx / float(np.median(depth[labels == seed + 1]))))
+        for _ in range(3):
+            touching = kernels.touching_components(depth, labels, count, chosen, reach, 0.5)
+            grown = False
+            for k in np.flatnonzero(touching[1:]):
+                union = np.concatenate([np.minimum(box[:3], low[k]), np.maximum(box[3:], high[k])])
+                if area[k] <= 0.5 * area[seed] and (union[3:] - union[:3]).max() <= _PERSON_EXTENT_M:
+                    chosen[k + 1] = True
+                    box, grown = union, True
+            if not grown:
+                break
+        self._last_box = box
+        return chosen[labels]
+
+
+def mark_large_planes(points: NDArray[np.float32], camera: Camera) -> NDArray[np.bool_]:
+    """Mark the pixels of walls, floor and ceiling.
+
+    Parameters
+    ----------
+    points : (h, w, 3) float32
+        Organised points, metres, NaN where there is none.
+    camera : Camera
+        Camera of the grid.
+
+    Returns
+    -------
+    (h, w) bool
+    """
+    marked = np.zeros(points.shape[:2], np.bool_)
+    rows, cols = np.nonzero(np.isfinite(points[..., 2]))
+    step = max(1, len(rows) // 2000)
+    rows, cols = rows[::step], cols[::step]
+    samples = points[rows, cols].astype(np.float64)
+    areas = float(step) * (samples[:, 2] / camera.fx) ** 2
+    normals = kernels.sample_normals(points, rows, cols, max(2, points.shape[0] // 36))
+    free = normals.any(axis=1)  # samples that no plane has explained yet
+    rng = np.random.default_rng(0)  # the same frame always gives the same planes
+    for _ in range(_MAX_PLANES):
+        if areas[free].sum() < MIN_FLOOR_AREA_M2:
+            break
+        samples_left, normals_left, areas_left = samples[free], normals[free], areas[free]
+        seeds = rng.integers(0, len(samples_left), _PLANE_SEEDS)
+        plane = kernels.best_plane(samples_left, normals_left, areas_left, seeds, _PLANE_TOLERANCE)
+        width = 0.0
+        for _ in range(4):
+            inliers, area = kernels.plane_inliers(
+                samples_left, normals_left, areas_left, plane, _PLANE_TOLERANCE
+            )
+            if inliers.sum() < 10:
+                break
+            plane, width = _fit_plane(samples_left[inliers])
+        if width >= MIN_PLANE_WIDTH_M and area >= _least_area(plane):
+            kernels.mark_plane(points, plane, 1.5 * _PLANE_TOLERANCE, 3, marked)
+        free[np.flatnonzero(free)[inliers]] = False
+    return marked
+
+
+def _fit_plane(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+    """Plane (n, d) through points, and the standard deviation of its narrower side, metres."""
+    middle = points.mean(axis=0)
+    variances, axes = np.linalg.eigh(np.cov((points - middle).T))
+    return np.append(axes[:, 0], axes[:, 0] @ middle), float(np.sqrt(variances[1]))
+
+
+def _least_area(plane: NDArray[np.float64]) -> float:
+    return MIN_FLOOR_AREA_M2 if abs(plane[1]) > np.cos(np.radians(40)) else MIN_PLANE_AREA_M2
+
+
+def _overlap(
+    low: NDArray[np.float64], high: NDArray[np.float64], box: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Share of ``box`` that each component's box covers, in the image plane."""
+    side = np.minimum(high[:, :2], box[3:5]) - np.maximum(low[:, :2], box[:2])
+    whole = np.maximum(box[3:5] - box[:2], 1e-3)
+    return np.asarray(np.prod(np.clip(side / whole, 0.0, 1.0), axis=1))
+
