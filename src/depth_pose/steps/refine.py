@@ -22,7 +22,7 @@ from depth_pose.geometry import matrix_to_quat, quat_to_matrix
 from depth_pose.registration.articulated import ArticulatedFitter, BodyPose, nearest_person_pixels
 from depth_pose.render import Comparison, DepthComparer
 from depth_pose.skeleton import JOINT_NODES, Source
-from depth_pose.steps.confidence import joint_states, skeleton_confidence
+from depth_pose.steps.confidence import report_joints, skeleton_confidence
 from depth_pose.steps.stamps import StampGuard
 from depth_pose.steps.view import PersonView, thin, view_person
 from depth_pose.types import Candidate, PersonCloud, PoseMatch, Skeleton
@@ -111,7 +111,8 @@ class Refiner:
     def _skeleton(self, cloud: PersonCloud, view: PersonView, fitted: Fitted) -> Skeleton:
         """Put a fitted pose into words."""
         confidence = skeleton_confidence(fitted.comparison.score)
-        states = joint_states(fitted, self.bank.body, view)
+        positions = fitted.nodes[JOINT_NODES]
+        report = report_joints(positions, fitted.pose.scale, view)
         return Skeleton(
             stamp_ns=cloud.stamp_ns,
             frame_id=cloud.frame_id,
@@ -120,10 +121,10 @@ class Refiner:
             confidence=float(np.float32(confidence)),
             residual=float(np.float32(fitted.comparison.gap)),
             scale=float(np.float32(fitted.pose.scale)),
-            positions=fitted.nodes[JOINT_NODES],
+            positions=positions,
             quats_xyzw=matrix_to_quat(fitted.pose.rotations[JOINT_NODES]),
-            joint_confidence=(confidence * states.certainty).astype(np.float32),
-            joint_states=states.states,
+            joint_confidence=(confidence * report.certainty).astype(np.float32),
+            joint_states=report.states,
         )
 
 
