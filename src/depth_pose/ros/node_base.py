@@ -25,7 +25,7 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 from rclpy.subscription import Subscription
 
 from depth_pose.config import PipelineConfig
-from depth_pose.errors import ConfigError, DepthPoseError, InputError
+from depth_pose.errors import BankError, ConfigError, DepthPoseError, InputError
 from depth_pose.ros.conversions import stamp_to_ns
 from depth_pose.ros.figures import Figures
 from depth_pose.ros.pairing import Pairer
@@ -128,6 +128,7 @@ class StageNode(Node):
         self.add_on_set_parameters_callback(self._check_parameters)
         self.add_post_set_parameters_callback(self._take_parameters)
         self.create_timer(1.0, self._tell, clock=self._steady)
+        self.create_timer(0.5, self._silence.check, clock=self._steady)
         self._joined_ticks = 0
         self._ready_timer = self.create_timer(_READY_TICK_S, self._tell_ready, clock=self._steady)
 
@@ -150,7 +151,7 @@ class StageNode(Node):
 
         Raises
         ------
-        InputError, Drop
+        InputError, BankError, Drop
             Where there is no answer to this frame.
         Held
             Where it is kept; the sub-class calls `process` with it later.
@@ -223,7 +224,7 @@ class StageNode(Node):
             self.create_subscription(i.kind, i.topic, self._callback(index), qos)
         self._silence = SilenceWatch(self, [i for i in self._inputs if i.sensor])
 
-    def _callback(self, index: int) -> Callable[[Any, Any], None]:
+    def _callback(self, index: int) -> Callable[..., None]:
         def take(message: Any, info: Any) -> None:  # rclpy counts the arguments
             self._take(index, message, info)
 
@@ -299,6 +300,8 @@ class StageNode(Node):
             self.drop(e.reason, str(e))
         except InputError as e:
             self.drop("bad input", f"{self._inputs[0].topic}: {e}")
+        except BankError as e:
+            self.drop("other bank", str(e))
         except Exception as e:  # a node outlives every frame
             self.get_logger().error(traceback.format_exc(), throttle_duration_sec=LOG_EVERY_S)
             self.drop("error", f"{type(e).__name__}: {e}")
@@ -348,7 +351,6 @@ class StageNode(Node):
             self.get_logger().info(f"{self.get_name()} {READY}: listens to {topics}")
 
     def _tell(self) -> None:
-        self._silence.check()
         new = self.figures.new_drops()
         status = DiagnosticStatus(name=f"{self.get_fully_qualified_name()}", hardware_id="depth_pose")
         status.level, status.message = DiagnosticStatus.OK, "answers" if self.figures.rate_hz() else "waits"
