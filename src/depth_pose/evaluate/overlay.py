@@ -146,7 +146,8 @@ def _draw_sheet(panels: list[Panel], path: Path, title: str) -> None:
 def _draw_panel(axes: Any, panel: Panel, aspect: float) -> None:
     frame = panel.frame
     skeleton = panel.skeleton if panel.skeleton is not None and not panel.skeleton.is_lost else None
-    positions = skeleton.positions if skeleton is not None else panel.truth
+    shown = [p for p in (skeleton.positions if skeleton is not None else None, panel.truth) if p is not None]
+    positions = np.concatenate(shown) if shown else None
     left, right, top, bottom = _crop(positions, frame.camera, aspect)
     axes.imshow(shade_depth(frame.depth, positions), interpolation="nearest")
     axes.set(xlim=(left, right), ylim=(bottom, top), xticks=[], yticks=[], facecolor=_DARK)
