@@ -30,7 +30,7 @@ from depth_pose.ros.conversions import stamp_to_ns
 from depth_pose.ros.figures import Figures
 from depth_pose.ros.pairing import Pairer
 from depth_pose.ros.parameters import COMMON, Setting, declare, read_config
-from depth_pose.ros.silence import SilenceWatch
+from depth_pose.ros.silence import CrowdWatch, SilenceWatch
 
 READY = "is ready"
 """A node logs this once it has warmed up and its connections stand; the supervisor waits for it."""
@@ -222,6 +222,7 @@ class StageNode(Node):
         for index, i in enumerate(self._inputs):
             qos = self._qos(depth, self.lossless)
             self.create_subscription(i.kind, i.topic, self._callback(index), qos)
+        self._crowd = CrowdWatch(self, self._inputs)
         self._silence = SilenceWatch(self, [i for i in self._inputs if i.sensor])
 
     def _callback(self, index: int) -> Callable[..., None]:
@@ -351,6 +352,7 @@ class StageNode(Node):
             self.get_logger().info(f"{self.get_name()} {READY}: listens to {topics}")
 
     def _tell(self) -> None:
+        self._crowd.check()
         new = self.figures.new_drops()
         status = DiagnosticStatus(name=f"{self.get_fully_qualified_name()}", hardware_id="depth_pose")
         status.level, status.message = DiagnosticStatus.OK, "answers" if self.figures.rate_hz() else "waits"
