@@ -35,8 +35,10 @@ def _positions(rotations: Array, rest: Array, at: Array) -> None:
 
 
 @njit(cache=True)
-def _lateral(rotations: Array, at: Array, node: int, y: float, z: float, half: float, a: Array, b: Array) -> None:
-    """Ends of a segment across the body, given in the node's own frame."""
+def _lateral(
+    rotations: Array, at: Array, node: int, y: float, z: float, half: float, a: Array, b: Array
+) -> None:
+    """Fill the ends of a segment across the body, given in the node's own frame."""
     for k in range(3):
         middle = at[node, k] + rotations[node, k, 1] * y + rotations[node, k, 2] * z
         a[k] = middle + rotations[node, k, 0] * half
@@ -61,8 +63,10 @@ def _obstacles(rotations: Array, at: Array, ends: Array, radii: Array) -> None:
 
 @njit(cache=True)
 def _closest(a: Array, b: Array, c: Array, d: Array) -> tuple[float, float]:
-    """Parameters of the closest points of segments ab and cd (C. Ericson, Real-Time Collision
-    Detection, 2005, section 5.1.9)."""
+    """Give the closest points of segments ab and cd as their parameters.
+
+    C. Ericson, *Real-Time Collision Detection*, 2005, section 5.1.9.
+    """
     e1, e2, f12, g1, g2 = 0.0, 0.0, 0.0, 0.0, 0.0
     for k in range(3):
         u, v, r = b[k] - a[k], d[k] - c[k], a[k] - c[k]
@@ -97,7 +101,7 @@ def _depth(a: Array, b: Array, c: Array, d: Array, reach: float, point: Array, n
     size = np.sqrt(size)
     for k in range(3):
         normal[k] /= max(size, 1e-6)
-    return reach - size
+    return float(reach - size)
 
 
 @njit(cache=True)
@@ -136,7 +140,14 @@ def _arm_segments(rotations: Array, rest: Array, at: Array, side: int, ends: Arr
 
 @njit(cache=True)
 def _push_arm(
-    rotations: Array, rest: Array, at: Array, side: int, blocks: Array, radii: Array, mine: Array, other: Array
+    rotations: Array,
+    rest: Array,
+    at: Array,
+    side: int,
+    blocks: Array,
+    radii: Array,
+    mine: Array,
+    other: Array,
 ) -> float:
     """One correction of one arm by its deepest contact; returns that depth."""
     point, normal = np.empty(3), np.empty(3)
@@ -147,13 +158,17 @@ def _push_arm(
     own = (_UPPER, _FORE, _HAND)
     for i in range(3):
         for j in range(_OBSTACLES):
-            depth = _depth(mine[i, 0], mine[i, 1], blocks[j, 0], blocks[j, 1], own[i] + radii[j], point, normal)
+            depth = _depth(
+                mine[i, 0], mine[i, 1], blocks[j, 0], blocks[j, 1], own[i] + radii[j], point, normal
+            )
             if depth > deepest:
                 deepest = depth
                 best_point[:], best_normal[:] = point, normal
         for j in range(2 if i == 2 else 3):
             # Hands may touch hands; forearms and upper arms of the two sides may not enter.
-            depth = _depth(mine[i, 0], mine[i, 1], other[j, 0], other[j, 1], own[i] + own[j] - 0.012, point, normal)
+            depth = _depth(
+                mine[i, 0], mine[i, 1], other[j, 0], other[j, 1], own[i] + own[j] - 0.012, point, normal
+            )
             if depth > deepest:
                 deepest = depth
                 best_point[:], best_normal[:] = point, normal

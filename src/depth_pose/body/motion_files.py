@@ -47,7 +47,9 @@ class FileReport:
     def __str__(self) -> str:
         if self.refused:
             return f"{self.path.name}: refused: {self.note}"
-        return f"{self.path.name}: {self.frames} frames, {self.seconds:.1f} s" + (f"; {self.note}" if self.note else "")
+        return f"{self.path.name}: {self.frames} frames, {self.seconds:.1f} s" + (
+            f"; {self.note}" if self.note else ""
+        )
 
 
 @dataclass(frozen=True)
@@ -75,7 +77,8 @@ class LoadedMotion:
             Whether mirror images are added.
         """
         parts = [
-            PoseSet(without_heading(clip.rotations), (family_of(clip.name),) * len(clip)) for clip in self.clips
+            PoseSet(without_heading(clip.rotations), (family_of(clip.name),) * len(clip))
+            for clip in self.clips
         ]
         poses = join_poses(*parts)
         if distance_m > 0:
@@ -101,7 +104,9 @@ def family_of(name: str) -> str:
     return name.rstrip("0123456789").rstrip("_- ") or name
 
 
-def load_motion_dir(path: str | Path, progress: Progress | None = None, max_fps: float = 30.0) -> LoadedMotion:
+def load_motion_dir(
+    path: str | Path, progress: Progress | None = None, max_fps: float = 30.0
+) -> LoadedMotion:
     """Read and retarget every motion file in a folder and the folders below it.
 
     Parameters
@@ -157,9 +162,13 @@ def _load_file(file: Path, max_fps: float) -> tuple[Clip, FileReport]:
     if not possible.all():
         notes.append(f"{int((~possible).sum())} frames beyond what joints can do, left out")
     if not possible.any():
-        raise InputError(f"{file}: no frame within what joints can do (beyond by {_TOO_FAR_DEG:.0f} degrees or more)")
+        raise InputError(
+            f"{file}: no frame within what joints can do (beyond by {_TOO_FAR_DEG:.0f} degrees or more)"
+        )
     clip = _rows(moved.clip, kept[possible], moved.clip.fps / stride)
-    return clip, FileReport(file, len(clip), len(moved.clip) / moved.clip.fps, ", ".join(notes), refused=False)
+    return clip, FileReport(
+        file, len(clip), len(moved.clip) / moved.clip.fps, ", ".join(notes), refused=False
+    )
 
 
 def _rows(clip: Clip, rows: NDArray[np.int64], fps: float) -> Clip:

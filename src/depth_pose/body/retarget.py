@@ -15,7 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.body._joint_names import find_joints, joints_between
-from depth_pose.body.angles import HANG, SHANK_M, THIGH_M, angles_from_rotations, nearest_rotation, rotation_between
+from depth_pose.body.angles import (
+    HANG,
+    SHANK_M,
+    THIGH_M,
+    angles_from_rotations,
+    nearest_rotation,
+    rotation_between,
+)
 from depth_pose.body.contact import pelvis_height
 from depth_pose.body.limits import violation
 from depth_pose.body.motion import Clip
@@ -77,7 +84,9 @@ def retarget(source: SourceMotion) -> Retargeted:
     rotations = _segments(source, joint, rest @ to_model.T, place, turn)
     up = rotations[:, 2, 1, 1]
     if np.median(up) < 0.2:
-        raise InputError(f"{source.name}: the trunk is hardly ever upright; is another axis than the rest pose's up?")
+        raise InputError(
+            f"{source.name}: the trunk is hardly ever upright; is another axis than the rest pose's up?"
+        )
     roots = _roots(rotations, place, joint, (THIGH_M + SHANK_M) / leg)
     clip = Clip(source.name, source.fps, rotations, roots)
     return Retargeted(clip, unit, violation(angles_from_rotations(rotations)).max(axis=-1))
@@ -96,13 +105,13 @@ def _rest_axes(name: str, rest: Array, joint: dict[str, int]) -> Array:
 
 
 def _snap(direction: Array) -> Array:
-    """Unit vector, moved onto a coordinate axis that is within 35 degrees."""
+    """Give the unit vector, moved onto a coordinate axis that is within 35 degrees."""
     size = np.linalg.norm(direction)
     if size == 0:
         return np.zeros(3)
     unit = direction / size
     axis = int(np.argmax(np.abs(unit)))
-    return np.sign(unit[axis]) * np.eye(3)[axis] if abs(unit[axis]) > np.cos(np.radians(35)) else unit
+    return np.asarray(np.sign(unit[axis]) * np.eye(3)[axis] if abs(unit[axis]) > np.cos(np.radians(35)) else unit)
 
 
 def _leg_length(name: str, rest: Array, joint: dict[str, int]) -> float:
@@ -116,7 +125,9 @@ def _leg_length(name: str, rest: Array, joint: dict[str, int]) -> float:
     longest = max(lengths.values())
     for what, length in lengths.items():
         if not length > 0.2 * longest:
-            raise InputError(f"{name}: {what} is {length:.4g} long, the longest limb {longest:.4g}: not a person")
+            raise InputError(
+                f"{name}: {what} is {length:.4g} long, the longest limb {longest:.4g}: not a person"
+            )
     legs = [length for what, length in lengths.items() if "hip" in what or "ankle" in what]
     return sum(legs) / 2
 
@@ -155,7 +166,7 @@ def mean_rotation(rotations: list[Array]) -> Array:
 
 
 def _unit(vector: Array) -> Array:
-    return vector / np.maximum(np.linalg.norm(vector, axis=-1, keepdims=True), 1e-9)
+    return np.asarray(vector / np.maximum(np.linalg.norm(vector, axis=-1, keepdims=True), 1e-9))
 
 
 def _aimed(hang: Array, rest_direction: Array, turn: Array, direction: Array) -> Array:
@@ -235,4 +246,4 @@ def _roots(rotations: Array, place: Array, joint: dict[str, int], scale: float) 
     middle = scale * (place[:, joint["left_hip"]] + place[:, joint["right_hip"]]) / 2
     roots = middle - middle[0]
     roots[:, 1] = pelvis_height(rotations) + lift
-    return roots
+    return np.asarray(roots)
