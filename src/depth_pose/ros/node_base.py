@@ -35,8 +35,12 @@ from depth_pose.ros.silence import CrowdWatch, SilenceWatch
 READY = "is ready"
 """A node logs this once it has warmed up and its connections stand; the supervisor waits for it."""
 
-PAIR_DEPTH = 4
-"""Messages held per topic by a node that pairs topics, where one frame may wait (see `StageNode`)."""
+PAIR_DEPTH = 64
+"""Stamps held by a node that pairs topics, until the later part of a frame comes.
+
+It must span the time that the stages between take, two seconds at 30 frames a second: with fewer,
+a node behind a slow stage would have let go of every frame's points when its match comes.
+"""
 
 SETTLE_S = 0.2
 """What a writer takes for joined, the reader may not yet: it is given this long to follow."""
@@ -91,8 +95,8 @@ class StageNode(Node):
     """A node around one stage; sub-classes say which, and convert.
 
     Queues hold one frame and the newest wins. A node with several inputs pairs them by exact
-    stamp. There, the topics' own queues hold `PAIR_DEPTH` messages, because the parts of one
-    frame come at different times; they are emptied before the newest whole frame is taken.
+    stamp: up to `PAIR_DEPTH` incomplete frames are held, because the parts of one frame come at
+    different times, and all that waits is taken in before the newest whole frame is begun.
     With the parameter ``reliable`` every frame is taken in turn, up to ``queue`` of them.
 
     Attributes
