@@ -173,6 +173,8 @@ def _push_arm(
                 deepest = depth
                 best_point[:], best_normal[:] = point, normal
     if deepest > 1e-4:
+        if np.abs(best_normal).max() < 0.1:
+            best_normal[:] = rotations[_CHEST, :, 2]  # the bones cross: out to the front
         _turn(rotations, _ARMS[side], at[_ARMS[side, 0]], best_point, best_normal, deepest + 0.001)
     return deepest
 
@@ -197,6 +199,8 @@ def _push_legs(rotations: Array, at: Array) -> float:
                 deepest = depth
                 best_point[:], best_normal[:] = point, normal
     if deepest > 1e-4:
+        if np.abs(best_normal).max() < 0.1:
+            best_normal[:] = rotations[_PELVIS, :, 0]  # the bones cross: apart to the sides
         half = 0.5 * deepest + 0.0005
         _turn(rotations, _LEGS[0], at[_LEGS[0, 0]], best_point, best_normal, half)
         _turn(rotations, _LEGS[1], at[_LEGS[1, 0]], best_point, -best_normal, half)
