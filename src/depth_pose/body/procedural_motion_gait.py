@@ -110,9 +110,11 @@ def gait_legs(phase: Array, draw: Draw, size: Array, run: bool = False) -> tuple
     trunk[..., 4] = trunk[..., 7] = -0.5 * trunk[..., 1]
     trunk[..., 1] += draw.normal(0, 1.0) * draw.pick(1.0, 16.0 if run else 8.0, 2.5)
     # A runner who speeds up leans into it, one who brakes leans back.
-    lean = draw.normal(3, 6) if not run else draw.normal(6, 7) + draw.pick(0, 34, 2.2)
+    lean = draw.normal(3, 6) if not run else draw.normal(6, 7) + draw.pick(0, 34, 2.2) - draw.pick(0, 32, 4.0)
     if run:
-        trunk[..., 0] += draw.pick(0, 25, 2.5)
+        trunk[..., 0] += draw.pick(0, 25, 2.5) - draw.pick(0, 15, 3.5)
+        leg_reach = draw.pick(0, 14, 2.0) - 3.0
+        legs[..., [0, 7]] += np.asarray(leg_reach)[..., None]
     trunk[..., 3], trunk[..., 6] = 0.5 * lean, 0.5 * lean
     trunk[..., 9] = trunk[..., 12] = -0.3 * lean + draw.normal(3, 6)
     trunk[..., 11] = trunk[..., 14] = -0.5 * (1 - counter) * pelvis_turn
