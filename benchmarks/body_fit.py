@@ -150,7 +150,9 @@ def _stretched(turn: dict[str, Array], rest: Array, nodes: Array, scale: float) 
 def body_scale(body: Body, joints: dict[str, Array]) -> float:
     """Size of a person relative to the body: ratio of the bones' summed lengths."""
     pairs = [
-        (NODES[i], NODES[p]) for i, p in enumerate(NODE_PARENTS) if p >= 0 and "clavicle" not in NODES[i] + NODES[p]
+        (NODES[i], NODES[p])
+        for i, p in enumerate(NODE_PARENTS)
+        if p >= 0 and "clavicle" not in NODES[i] + NODES[p]
     ]
     seen = sum(np.linalg.norm(joints[a] - joints[b]) for a, b in pairs)
     rest = sum(np.linalg.norm(body.nodes[NODE_INDEX[a]] - body.nodes[NODE_INDEX[b]]) for a, b in pairs)
@@ -164,7 +166,9 @@ def posed_vertices(body: Body, joints: dict[str, Array]) -> Array:
     return np.einsum("vn,vni->vi", body.weights, moved)
 
 
-def render(vertices: Array, faces: NDArray[np.int32], k: Array, shape: tuple[int, int]) -> tuple[Array, Array]:
+def render(
+    vertices: Array, faces: NDArray[np.int32], k: Array, shape: tuple[int, int]
+) -> tuple[Array, Array]:
     """Depth image (inf where nothing) and index of the hit face."""
     import open3d as o3d
 
@@ -231,7 +235,9 @@ def person_mask(depth: Array, joints: dict[str, Array], k: Array) -> NDArray[np.
 
 def main() -> None:
     """Compare over a folder of clips and print the table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     here = Path(__file__).resolve()
     parser.add_argument("clips", nargs="?", type=Path, default=here.parents[2] / "shared" / "data" / "dev")
     parser.add_argument("--frames", type=int, default=6, help="frames per clip")

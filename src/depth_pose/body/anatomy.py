@@ -1,8 +1,13 @@
 """The embedded body's outer shape: cross-sections along the bones of a 1.75 m adult.
 
-All lengths are metres. Breadths, depths and girths are those of an adult between the means of
-the men and the women of the 2012 US Army survey, scaled to one stature (C. C. Gordon et al.,
-*2012 Anthropometric survey of U.S. Army personnel*, NATICK/TR-15/007, 2014), rounded.
+All lengths are metres. Statures, segment lengths, head, hand and foot are those of published
+anthropometry: R. Drillis and R. Contini, *Body segment parameters*, 1966 (lengths), and C. C.
+Gordon et al., *2012 anthropometric survey of U.S. Army personnel*, NATICK/TR-15/007, 2014 (head
+length and breadth, crotch height, hip breadth, foot length). Soldiers are thick-set; trunk and
+limbs here are slimmer (waist 0.81 m against their 0.93 m, thigh 0.55 m against 0.62 m): a person of
+body mass index 21. Where the joint centres lie in depth inside the body follows skinned human
+models, and was checked against people whose joints and surface are both known
+(``benchmarks/body_fit.py``).
 """
 
 from __future__ import annotations
@@ -46,15 +51,15 @@ _NECK = np.array(
 # Rows: fraction of the bone, half-axes towards the inside, the outside, front, back[, exponent].
 _UPPER_ARM = np.array(
     [
-        (-0.08, 0.050, 0.046, 0.054, 0.060),
-        (0.00, 0.050, 0.051, 0.058, 0.064),
-        (0.10, 0.050, 0.052, 0.057, 0.061),
-        (0.20, 0.050, 0.050, 0.053, 0.056),
-        (0.35, 0.047, 0.045, 0.049, 0.051),
-        (0.50, 0.043, 0.041, 0.047, 0.049),
-        (0.65, 0.042, 0.038, 0.047, 0.047),
-        (0.80, 0.042, 0.036, 0.046, 0.043),
-        (0.90, 0.042, 0.034, 0.045, 0.039),
+        (-0.08, 0.048, 0.044, 0.051, 0.057),
+        (0.00, 0.048, 0.048, 0.055, 0.061),
+        (0.10, 0.048, 0.049, 0.054, 0.058),
+        (0.20, 0.048, 0.048, 0.050, 0.053),
+        (0.35, 0.045, 0.043, 0.047, 0.048),
+        (0.50, 0.041, 0.039, 0.045, 0.047),
+        (0.65, 0.040, 0.036, 0.045, 0.045),
+        (0.80, 0.040, 0.034, 0.044, 0.041),
+        (0.90, 0.040, 0.032, 0.043, 0.037),
         (1.00, 0.041, 0.033, 0.044, 0.036),
     ]
 )
@@ -130,11 +135,11 @@ _FOOT = np.array(
         (0.00, 0.020, 0.022, 0.020, 0.020, 2.2),
         (0.08, 0.031, 0.032, 0.050, 0.029, 2.4),
         (0.20, 0.031, 0.033, 0.064, 0.031, 2.3),
-        (0.38, 0.030, 0.040, 0.066, 0.031, 2.2),
-        (0.48, 0.029, 0.044, 0.048, 0.031, 2.2),
-        (0.58, 0.032, 0.048, 0.034, 0.031, 2.3),
-        (0.70, 0.037, 0.052, 0.018, 0.030, 2.4),
-        (0.80, 0.037, 0.050, 0.008, 0.030, 2.4),
+        (0.38, 0.030, 0.040, 0.063, 0.031, 2.2),
+        (0.48, 0.029, 0.044, 0.045, 0.031, 2.2),
+        (0.58, 0.034, 0.050, 0.031, 0.031, 2.3),
+        (0.70, 0.040, 0.054, 0.016, 0.030, 2.4),
+        (0.80, 0.039, 0.053, 0.006, 0.030, 2.4),
         (0.92, 0.034, 0.040, 0.001, 0.029, 2.4),
         (0.99, 0.022, 0.026, 0.001, 0.026, 2.2),
     ]
@@ -159,8 +164,9 @@ def _trunk() -> Sweep:
 SOLE = 0.0260
 """Height of the sole of the foot below `depth_pose.skeleton.rest_nodes`' zero level, in statures.
 
-With it the ankle joint is .046 and the hip joint .531 of the stature above the sole, as in Drillis
-and Contini and in bodies whose joint centres and surface are both known.
+With it the ankle joint is .046 and the hip joint .531 of the stature above the sole (Drillis and
+Contini: .039 and .530) and the head's joint .089 below the crown, as in bodies whose joint centres
+and surface are both known.
 """
 
 
@@ -196,9 +202,14 @@ class BodyField:
         shoulder, elbow, wrist = (at[f"left_{n}"] for n in ("shoulder", "elbow", "wrist"))
         along = (wrist - elbow) / np.linalg.norm(wrist - elbow)
         palm = np.cross(along, _FORWARD)
-        self.deltoid = Ellipsoid(shoulder + [0.005, 0.0, -0.003], np.array([0.057, 0.054, 0.064]), np.eye(3))
+        self.deltoid = Ellipsoid(
+            shoulder + np.array([0.005, 0.0, -0.003]), np.array([0.057, 0.054, 0.064]), np.eye(3)
+        )
         self.trapezius = Sweep(
-            np.array([0.030, 1.475, -0.025]), shoulder + [-0.015, 0.010, -0.012], _FORWARD, _SHOULDER
+            np.array([0.030, 1.475, -0.025]),
+            shoulder + np.array([-0.015, 0.010, -0.012]),
+            _FORWARD,
+            _SHOULDER,
         )
         self.upper_arm = Sweep(shoulder, elbow, _FORWARD, _UPPER_ARM)
         self.forearm = Sweep(elbow, wrist, _FORWARD, _FOREARM)

@@ -127,7 +127,7 @@ def plot_families(poses: PoseSet, path: str | Path, columns: int = 12, seed: int
     matplotlib.use("Agg")
     from matplotlib import pyplot as plt
 
-    names = list(dict.fromkeys(poses.families))
+    names = sorted(set(poses.families))
     rng = np.random.default_rng(seed)
     figure, panels = plt.subplots(
         len(names), 1, figsize=(1.25 * columns, 1.75 * len(names)), squeeze=False, constrained_layout=True
@@ -138,12 +138,12 @@ def plot_families(poses: PoseSet, path: str | Path, columns: int = 12, seed: int
         rows = np.sort(rng.choice(rows, min(columns, len(rows)), replace=False))
         for k, joints in enumerate(joint_positions(poses.rotations[rows])):
             draw_sticks(panel, joints, offset=1.35 * k, azimuth_deg=(0, 40, -40, 80)[k % 4])
-        panel.set_title(name, fontsize=8, loc="left", pad=1)
+        panel.set_title(name, fontsize=12, loc="left", pad=1)
         panel.set_aspect("equal")
         panel.set_xlim(-0.9, 1.35 * columns - 0.4)
         panel.set_ylim(-1.05, 1.15)
         panel.axis("off")
-    figure.savefig(path, dpi=70)
+    figure.savefig(path, dpi=55)
     plt.close(figure)
 
 

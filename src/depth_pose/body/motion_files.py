@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from depth_pose.body.asf_amc import find_skeleton, parse_asf_amc
 from depth_pose.body.bvh import parse_bvh
 from depth_pose.body.motion import Clip, PoseSet, join_poses, remove_near_duplicates, without_heading
 from depth_pose.body.retarget import Retargeted, retarget
@@ -16,8 +17,8 @@ from depth_pose.errors import InputError
 
 Progress = Callable[[float], None]
 
-SUFFIXES = (".bvh",)
-"""Kinds of files that are read."""
+SUFFIXES = (".bvh", ".amc")
+"""Kinds of files that are read; an .amc needs its .asf beside it."""
 
 _TOO_FAR_DEG = 45.0
 
@@ -150,7 +151,7 @@ def load_motion_dir(
 
 
 def _load_file(file: Path, max_fps: float) -> tuple[Clip, FileReport]:
-    source = parse_bvh(file)
+    source = parse_asf_amc(find_skeleton(file), file) if file.suffix.lower() == ".amc" else parse_bvh(file)
     moved = retarget(source)
     first = _skip_calibration(moved)
     stride = max(int(np.ceil(moved.clip.fps / max_fps - 1e-3)), 1)

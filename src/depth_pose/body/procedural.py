@@ -1,4 +1,4 @@
-"""The embedded body: made from anthropometry alone, in any build.
+"""The embedded body: made from tables of proportions, in any build.
 
 The body of `BodyShape()` is meshed once from its implicit surface (`depth_pose.body.anatomy`).
 Other builds move that mesh, so all of them share faces and corresponding vertices.
@@ -117,7 +117,11 @@ def _edge_length(points: Array) -> Array:
     """Wished edge length: fine at hands, feet and head."""
     nodes = reference_nodes()
     size = np.full(len(points), 0.036)
-    for name, radius, fine in (("left_wrist", 0.20, 0.019), ("left_foot", 0.17, 0.025), ("head", 0.16, 0.027)):
+    for name, radius, fine in (
+        ("left_wrist", 0.20, 0.019),
+        ("left_foot", 0.17, 0.025),
+        ("head", 0.16, 0.027),
+    ):
         away = np.linalg.norm(points - nodes[NODE_INDEX[name]], axis=1)
         size = np.minimum(size, fine + 0.12 * np.maximum(away - radius, 0.0))
     return size

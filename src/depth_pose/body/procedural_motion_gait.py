@@ -33,6 +33,7 @@ WALK_KNEE = (
 )
 WALK_ANKLE = ((0, 0), (7, -6), (15, 0), (30, 6), (45, 11), (52, 6), (62, -18), (70, -9), (80, 1), (90, 2))
 WALK_ABDUCTION = ((0, 0), (15, -6), (30, -5), (50, -2), (62, 6), (75, 5), (90, 1))
+SWING = ((0, 0), (52, 0), (70, 0.8), (84, 1), (94, 0.6), (99, 0))
 RUN_HIP = ((0, 38), (15, 26), (30, 4), (40, -8), (50, -4), (65, 28), (80, 54), (90, 50))
 RUN_KNEE = (
     (0, 18),
@@ -65,6 +66,12 @@ def _leg(phase: Array, draw: Draw, size: Array, bounce: Array, run: bool) -> Arr
     swing = harmonic(phase, knee)
     out[..., 3] = np.maximum(swing * (0.35 + 0.65 * size) + 2.0 * bounce, 0.0)
     out[..., 4] = (0.4 + 0.6 * size) * harmonic(phase, ankle) + bounce
+    if not run:
+        # A short step swings less; the foot still has to clear the floor.
+        clear = np.maximum(harmonic(phase, SWING, 4), 0.0) * np.clip(1.35 - size, 0.0, 1.0)
+        out[..., 0] += 14.0 * clear
+        out[..., 3] += 26.0 * clear
+        out[..., 4] += 8.0 * clear
     out[..., 6] = draw.normal(2 if run else 5, 6)
     return out
 
@@ -103,9 +110,11 @@ def gait_legs(phase: Array, draw: Draw, size: Array, run: bool = False) -> tuple
     trunk[..., 4] = trunk[..., 7] = -0.5 * trunk[..., 1]
     trunk[..., 1] += draw.normal(0, 1.0) * draw.pick(1.0, 16.0 if run else 8.0, 2.5)
     # A runner who speeds up leans into it, one who brakes leans back.
-    lean = draw.normal(3, 6) if not run else draw.normal(6, 7) + draw.pick(0, 34, 2.2)
+    lean = draw.normal(3, 6) if not run else draw.normal(6, 7) + draw.pick(0, 34, 2.2) - draw.pick(0, 32, 4.0)
     if run:
-        trunk[..., 0] += draw.pick(0, 25, 2.5)
+        trunk[..., 0] += draw.pick(0, 25, 2.5) - draw.pick(0, 15, 3.5)
+        leg_reach = draw.pick(0, 14, 2.0) - 3.0
+        legs[..., [0, 7]] += np.asarray(leg_reach)[..., None]
     trunk[..., 3], trunk[..., 6] = 0.5 * lean, 0.5 * lean
     trunk[..., 9] = trunk[..., 12] = -0.3 * lean + draw.normal(3, 6)
     trunk[..., 11] = trunk[..., 14] = -0.5 * (1 - counter) * pelvis_turn

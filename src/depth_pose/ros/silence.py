@@ -1,4 +1,4 @@
-"""Say so when a sensor's topic has publishers but nothing comes, or has no publisher at all."""
+"""Say so when a topic has publishers but nothing comes, has no publisher, or has several."""
 
 from __future__ import annotations
 
@@ -21,6 +21,34 @@ PAUSED_AFTER_S = 5.0
 
 REPEAT_S = 10.0
 """The warning is repeated this often while the silence lasts."""
+
+
+CROWD_AFTER_S = 8.0
+"""Several publishers are worth a warning after this: one that was killed lingers for five seconds."""
+
+
+class CrowdWatch:
+    """Warns of topics with several publishers, whose frames mix; `check` is called once a second."""
+
+    def __init__(self, node: Node, inputs: Sequence[Input]) -> None:
+        self._node = node
+        self._since: dict[str, float | None] = {i.topic: None for i in inputs}
+
+    def check(self) -> None:
+        """Warn, and again after a while, if more than one has published for some time."""
+        now = time.monotonic()
+        for topic, since in self._since.items():
+            count = self._node.count_publishers(topic)
+            if count < 2:
+                self._since[topic] = None
+            elif since is None:
+                self._since[topic] = now
+            elif now - since >= CROWD_AFTER_S:
+                self._since[topic] = now
+                self._node.get_logger().warning(
+                    f"{topic} has {count} publishers, and their frames mix; does another suite run in "
+                    "this domain? Give it a namespace (-r __ns:=/other) or a ROS_DOMAIN_ID of its own"
+                )
 
 
 @dataclass
