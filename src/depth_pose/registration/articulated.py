@@ -27,11 +27,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from depth_pose.bank.bank import Bank
 from depth_pose.body.body import Body
+from depth_pose.geometry import quat_to_matrix
 from depth_pose.registration import _articulated_kernels as kernels
 from depth_pose.render import Observation
 from depth_pose.skeleton import NODE_INDEX, NODE_PARENTS, NODES
-from depth_pose.types import Camera
+from depth_pose.types import Camera, Candidate
 
 _STIFFNESS: dict[str, float] = {
     "pelvis": 0.0,
@@ -84,6 +86,12 @@ class BodyPose:
     rotations: NDArray[np.float64]
     root: NDArray[np.float64]
     scale: float
+
+
+def candidate_pose(bank: Bank, candidate: Candidate, scale: float) -> BodyPose:
+    """Give the pose of a candidate in the camera frame."""
+    rotation = quat_to_matrix(candidate.quat_xyzw)
+    return BodyPose(rotation @ bank.rotations(candidate.exemplar), candidate.translation, scale)
 
 
 @dataclass(frozen=True)

@@ -18,15 +18,15 @@ from numpy.typing import NDArray
 from depth_pose.bank.bank import Bank
 from depth_pose.config import MatchConfig, RefineConfig
 from depth_pose.errors import BankError
-from depth_pose.geometry import matrix_to_quat, quat_to_matrix
-from depth_pose.registration.articulated import ArticulatedFitter, BodyPose, FitTarget
+from depth_pose.geometry import matrix_to_quat
+from depth_pose.registration.articulated import ArticulatedFitter, BodyPose, FitTarget, candidate_pose
 from depth_pose.registration.limbs import LimbSearch
 from depth_pose.render import Comparison, DepthComparer
 from depth_pose.skeleton import JOINT_NODES, Source
 from depth_pose.steps.confidence import report_joints, skeleton_confidence
 from depth_pose.steps.stamps import StampGuard
 from depth_pose.steps.view import PersonView, thin, view_person
-from depth_pose.types import Candidate, PersonCloud, PoseMatch, Skeleton
+from depth_pose.types import PersonCloud, PoseMatch, Skeleton
 
 
 COARSE = (0.06, 0.05, 0.04, 0.034)
@@ -145,9 +145,3 @@ class Refiner:
 
 def _score(fitted: Fitted) -> float:
     return fitted.comparison.score
-
-
-def candidate_pose(bank: Bank, candidate: Candidate, scale: float) -> BodyPose:
-    """Give the pose of a candidate in the camera frame."""
-    rotation = quat_to_matrix(candidate.quat_xyzw)
-    return BodyPose(rotation @ bank.rotations(candidate.exemplar), candidate.translation, scale)
