@@ -79,9 +79,9 @@ def true_pose(body: Body, joints: dict[str, Array], scale: float) -> tuple[Array
     turn["head"] = turn["neck"]
     for s in ("left_", "right_"):
         turn[s + "clavicle"] = turn["chest"]
-        _limb(turn, rest, joints, (s + "shoulder", s + "elbow", s + "wrist"), turn["chest"], -1.0)
+        _limb(turn, rest, joints, (s + "shoulder", s + "elbow", s + "wrist"), turn["chest"], True)
         turn[s + "wrist"] = turn[s + "elbow"]
-        _limb(turn, rest, joints, (s + "hip", s + "knee", s + "ankle"), turn["pelvis"], 1.0)
+        _limb(turn, rest, joints, (s + "hip", s + "knee", s + "ankle"), turn["pelvis"], False)
         foot = s + "foot"
         turn[foot] = turn[s + "ankle"] = _aimed(
             rest[foot] - rest[s + "ankle"], joints[foot] - joints[s + "ankle"], turn[s + "knee"][:, 0]
@@ -111,24 +111,21 @@ def _limb(
     joints: dict[str, Array],
     names: tuple[str, str, str],
     base: Array,
-    sense: float,
+    bends_forward: bool,
 ) -> None:
     """Upper and lower limb: hinge axis from the bend where there is one, else carried along."""
     upper, lower, end = names
-    u, v = unit(joints[lower] - joints[upper]), unit(joints[end] - joints[lower])
-    hinge = sense * np.cross(u, v)
+    bones = [unit(rest[lower] - rest[upper]), unit(rest[end] - rest[lower])]
+    seen = [unit(joints[lower] - joints[upper]), unit(joints[end] - joints[lower])]
+    ahead = np.array([0.0, 0.0, 1.0 if bends_forward else -1.0])
+    hinge_rest = unit(np.cross(bones[0], ahead))
+    carried = _shortest(base @ bones[0], seen[0]) @ base @ hinge_rest
+    hinge = np.cross(seen[0], seen[1])
     bent = float(np.clip((np.linalg.norm(hinge) - 0.15) / 0.25, 0.0, 1.0))
-    a = unit(rest[lower] - rest[upper])
-    hinge_rest = np.cross(np.array([0.0, 0.0, 1.0]), a) * (1.0 if sense > 0 else -1.0)
-    c = np.cross(a, u)
-    k = np.array([[0, -c[2], c[1]], [c[2], 0, -c[0]], [-c[1], c[0], 0]])
-    del k
-    carried = _shortest(base @ a, u) @ base @ unit(hinge_rest)
-    side = bent * unit(hinge) + (1.0 - bent) * unit(carried) if bent > 0 else unit(carried)
-    for name, rest_bone, seen in ((upper, a, u), (lower, unit(rest[end] - rest[lower]), v)):
-        x = unit(hinge_rest)
-        frame_a = _frame(rest_bone, x - rest_bone * (x @ rest_bone))
-        turn[name] = _frame(seen, side - seen * (side @ seen)) @ frame_a.T
+    side = bent * unit(hinge) + (1.0 - bent) * carried
+    for name, bone, aim in zip((upper, lower), bones, seen, strict=True):
+        frame = _frame(bone, hinge_rest - bone * (hinge_rest @ bone))
+        turn[name] = _frame(aim, side - aim * (side @ aim)) @ frame.T
 
 
 def _shortest(a: Array, b: Array) -> Array:
@@ -153,7 +150,9 @@ def _stretched(turn: dict[str, Array], rest: Array, nodes: Array, scale: float) 
 def body_scale(body: Body, joints: dict[str, Array]) -> float:
     """Size of a person relative to the body: ratio of the bones' summed lengths."""
     pairs = [
-        (NODES[i], NODES[p]) for i, p in enumerate(NODE_PARENTS) if p >= 0 and "clavicle" not in NODES[i] + NODES[p]
+        (NODES[i], NODES[p])
+        for i, p in enumerate(NODE_PARENTS)
+        if p >= 0 and "clavicle" not in NODES[i] + NODES[p]
     ]
     seen = sum(np.linalg.norm(joints[a] - joints[b]) for a, b in pairs)
     rest = sum(np.linalg.norm(body.nodes[NODE_INDEX[a]] - body.nodes[NODE_INDEX[b]]) for a, b in pairs)
@@ -167,7 +166,9 @@ def posed_vertices(body: Body, joints: dict[str, Array]) -> Array:
     return np.einsum("vn,vni->vi", body.weights, moved)
 
 
-def render(vertices: Array, faces: NDArray[np.int32], k: Array, shape: tuple[int, int]) -> tuple[Array, Array]:
+def render(
+    vertices: Array, faces: NDArray[np.int32], k: Array, shape: tuple[int, int]
+) -> tuple[Array, Array]:
     """Depth image (inf where nothing) and index of the hit face."""
     import open3d as o3d
 
@@ -234,7 +235,9 @@ def person_mask(depth: Array, joints: dict[str, Array], k: Array) -> NDArray[np.
 
 def main() -> None:
     """Compare over a folder of clips and print the table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     here = Path(__file__).resolve()
     parser.add_argument("clips", nargs="?", type=Path, default=here.parents[2] / "shared" / "data" / "dev")
     parser.add_argument("--frames", type=int, default=6, help="frames per clip")

@@ -23,15 +23,6 @@ bash launch_scripts/setup.sh
 source launch_scripts/helpers/bank.sh
 ensure_bank
 
-if [ -z "$recording" ]; then
-    recording=bags/demo.mcap
-    if [ ! -f "$recording" ]; then
-        say "Simulating a time-of-flight sensor that watches a moving person"
-        .venv/bin/depth-pose simulate -o bags/demo.partial.mcap
-        mv bags/demo.partial.npz bags/demo.npz
-        mv bags/demo.partial.mcap "$recording"
-    fi
-fi
-say "Running the four nodes on $recording"
-.venv/bin/depth-pose demo "$recording"
+say "Running the main job: the recording in real time through the four nodes"
+.venv/bin/depth-pose demo ${recording:+"$recording"}
 say "done"

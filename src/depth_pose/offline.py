@@ -59,7 +59,8 @@ def process_recording(
 ) -> RunSummary:
     """Run the pipeline over a recording and write its skeletons.
 
-    The same recording, bank and settings give the same file, byte for byte.
+    The same recording and a new pipeline of the same bank and settings give the same file, byte
+    for byte.
 
     Parameters
     ----------

@@ -78,24 +78,38 @@ def test_answers_pairs_and_lives_through_errors(trial, peer):
 
 
 def test_newest_frame_wins_and_every_drop_is_counted(trial, peer):
-    _, answers, a, b = trial(bank="'0.1'")
+    _, answers, a, b = trial(bank="'0.2'")
     statuses = peer.listen(DiagnosticArray, "/diagnostics", RELIABLE)
     sent = 40
     for stamp in range(1, sent + 1):
         a.publish(image(stamp))
         b.publish(image(stamp))
         peer.spin(0.02)
-    peer.spin(0.4)
+    newest = lambda: answers and answers[-1].stamp.nanosec  # noqa: E731
+    peer.until(lambda: newest() == sent, what="the newest frame's answer")
     stamps = [m.stamp.nanosec for m in answers]
     assert stamps == sorted(stamps) and len(set(stamps)) == len(stamps)
-    assert stamps[-1] == sent, "the newest frame must be answered"
-    assert len(stamps) < sent // 2
+    assert len(stamps) < sent
+    peer.spin(0.2)
     statuses.clear()
     assert figure(peer, statuses, "answered") == str(len(stamps))
     reasons = ("overtaken", "missed", "unpaired")
     dropped = sum(int(figure(peer, statuses, f"dropped: {k}") or 0) for k in reasons)
     # a frame of which both halves were missed counts on both topics
     assert sent - len(stamps) <= dropped <= 2 * (sent - len(stamps))
+
+
+def test_late_halves_find_theirs(trial, peer):
+    """Behind a slow stage the second half of a frame comes many frames later."""
+    _, answers, a, b = trial()
+    behind = 20
+    for stamp in range(1, 61):
+        a.publish(image(stamp))
+        if stamp > behind:
+            b.publish(image(stamp - behind))
+        peer.spin(0.01)
+    peer.until(lambda: answers and answers[-1].stamp.nanosec == 60 - behind, what="the last answer")
+    assert len(answers) > 10
 
 
 def test_lossless_mode_answers_every_frame_in_order(trial, peer):

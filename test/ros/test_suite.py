@@ -1,18 +1,25 @@
 """The four nodes over real DDS give what the pipeline gives in one process."""
 
+import importlib.util
+import os
+import signal
+
 import pytest
 import scene
-from depth_pose.pipeline import PosePipeline
 from depth_pose_msgs.msg import PoseMatch, Skeleton
 from peer import SENSOR
+from sensor_msgs.msg import PointCloud2
 
 from depth_pose.bank import Bank
-from depth_pose.config import PipelineConfig
+from depth_pose.config import DenoiseConfig, PipelineConfig, SegmentConfig
 from depth_pose.io.mcap_read import read_frames
 from depth_pose.io.mcap_write import DepthWriter
+from depth_pose.pipeline import PosePipeline
 from depth_pose.ros.bag import play
-from depth_pose.ros.conversions import msg_to_match, msg_to_skeleton
+from depth_pose.ros.conversions import cloud_to_msg, match_to_msg, msg_to_match, msg_to_skeleton
 from depth_pose.ros.supervisor import Suite
+from depth_pose.steps.extract import PersonExtractor
+from depth_pose.types import PoseMatch as Match
 
 IMAGE, INFO = "/camera/depth/image_raw", "/camera/depth/camera_info"
 FRAMES = 20
@@ -58,9 +65,6 @@ def test_live_equals_offline(recording, bank_path, peer):
 
 def test_suite_survives_a_killed_node_and_a_loop(recording, bank_path, peer):
     """With the middle of the chain killed while a recording plays, skeletons come again."""
-    import os
-    import signal
-
     lines = []
     with Suite(bank=bank_path, sink=lines.append) as suite:
         skeletons = peer.listen(Skeleton, "/depth_pose/skeleton", SENSOR)
@@ -73,3 +77,31 @@ def test_suite_survives_a_killed_node_and_a_loop(recording, bank_path, peer):
         play(recording, wait_for_subscribers=[IMAGE, INFO])
         peer.until(lambda: skeletons, what="skeletons again:\n" + "\n".join(lines))
         assert suite.restarts == {"denoise": 0, "matcher": 0, "refine": 1, "recovery": 0}
+
+
+def test_frames_matched_with_another_bank_are_dropped(start, bank_path, peer):
+    process = start("-m", "depth_pose.ros.refine_node", "--ros-args", "-p", f"bank:={bank_path}")
+    process.wait_for("is ready", 120.0)
+    clouds = peer.publisher(PointCloud2, "/depth_pose/points")
+    matches = peer.publisher(PoseMatch, "/depth_pose/match")
+    cloud = PersonExtractor(SegmentConfig(), DenoiseConfig()).extract(next(scene.frames(1)))
+    clouds.publish(cloud_to_msg(cloud))
+    matches.publish(match_to_msg(Match(cloud.stamp_ns, cloud.frame_id, "foreign", 1.0, ())))
+    process.wait_for("dropped, other bank", 10.0)
+
+
+def test_tf_needs_its_messages(start, bank_path):
+    if importlib.util.find_spec("tf2_msgs") is not None:
+        pytest.skip("tf2_msgs is installed")
+    arguments = ("--ros-args", "-p", "tf:=true", "-p", f"bank:={bank_path}")
+    process = start("-m", "depth_pose.ros.recovery_node", *arguments)
+    assert process.process.wait(60.0) == 2
+    assert "ros-jazzy-tf2-msgs" in process.output
+
+
+def test_a_damaged_bank_is_refused(start, tmp_path):
+    bank = tmp_path / "bank.npz"
+    bank.write_bytes(b"nonsense" * 100)
+    process = start("-m", "depth_pose.ros.matcher_node", "--ros-args", "-p", f"bank:={bank}")
+    assert process.process.wait(60.0) == 2
+    assert str(bank) in process.output and "Traceback" not in process.output

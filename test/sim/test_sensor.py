@@ -66,8 +66,8 @@ def test_camera_pose(pitch: float, roll: float) -> None:
 def test_the_persons_left_is_at_the_images_right() -> None:
     T = camera_pose(Placement(), np.zeros(3))
     left, up = transform(T, np.array([[0.3, 1.0, 0.0], [0.0, 1.3, 0.0]]))
-    np.testing.assert_allclose(left, [0.3, 0.0, 3.3], atol=1e-12)
-    np.testing.assert_allclose(up, [0.0, -0.3, 3.3], atol=1e-12)
+    np.testing.assert_allclose(left, [0.3, -0.1, 3.8], atol=1e-12)
+    np.testing.assert_allclose(up, [0.0, -0.4, 3.8], atol=1e-12)
 
 
 def test_projector_shadow_falls_on_the_right_of_a_near_thing() -> None:

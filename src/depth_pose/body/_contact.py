@@ -35,8 +35,10 @@ def _positions(rotations: Array, rest: Array, at: Array) -> None:
 
 
 @njit(cache=True)
-def _lateral(rotations: Array, at: Array, node: int, y: float, z: float, half: float, a: Array, b: Array) -> None:
-    """Ends of a segment across the body, given in the node's own frame."""
+def _lateral(
+    rotations: Array, at: Array, node: int, y: float, z: float, half: float, a: Array, b: Array
+) -> None:
+    """Fill the ends of a segment across the body, given in the node's own frame."""
     for k in range(3):
         middle = at[node, k] + rotations[node, k, 1] * y + rotations[node, k, 2] * z
         a[k] = middle + rotations[node, k, 0] * half
@@ -55,14 +57,20 @@ def _obstacles(rotations: Array, at: Array, ends: Array, radii: Array) -> None:
     radii[0], radii[1], radii[2], radii[3], radii[4], radii[5] = 0.10, 0.095, 0.095, 0.10, 0.055, 0.085
     for side in range(2):
         hip, knee, ankle = _LEGS[side, 0], _LEGS[side, 1], _LEGS[side, 2]
-        ends[6 + 2 * side, 0], ends[6 + 2 * side, 1], radii[6 + 2 * side] = at[hip], at[knee], _THIGH
-        ends[7 + 2 * side, 0], ends[7 + 2 * side, 1], radii[7 + 2 * side] = at[knee], at[ankle], _SHANK
+        thigh, shank = 6 + 2 * side, 7 + 2 * side
+        _copy(at[hip], ends[thigh, 0])
+        _copy(at[knee], ends[thigh, 1])
+        _copy(at[knee], ends[shank, 0])
+        _copy(at[ankle], ends[shank, 1])
+        radii[thigh], radii[shank] = _THIGH, _SHANK
 
 
 @njit(cache=True)
 def _closest(a: Array, b: Array, c: Array, d: Array) -> tuple[float, float]:
-    """Parameters of the closest points of segments ab and cd (C. Ericson, Real-Time Collision
-    Detection, 2005, section 5.1.9)."""
+    """Give the closest points of segments ab and cd as their parameters.
+
+    C. Ericson, *Real-Time Collision Detection*, 2005, section 5.1.9.
+    """
     e1, e2, f12, g1, g2 = 0.0, 0.0, 0.0, 0.0, 0.0
     for k in range(3):
         u, v, r = b[k] - a[k], d[k] - c[k], a[k] - c[k]
@@ -97,27 +105,41 @@ def _depth(a: Array, b: Array, c: Array, d: Array, reach: float, point: Array, n
     size = np.sqrt(size)
     for k in range(3):
         normal[k] /= max(size, 1e-6)
-    return reach - size
+    return float(reach - size)
+
+
+@njit(cache=True)
+def _copy(source: Array, target: Array) -> None:
+    for k in range(3):
+        target[k] = source[k]
+
+
+@njit(cache=True)
+def _is_zero(direction: Array) -> bool:
+    return bool(abs(direction[0]) + abs(direction[1]) + abs(direction[2]) < 0.1)
 
 
 @njit(cache=True)
 def _turn(rotations: Array, nodes: Array, pivot: Array, point: Array, normal: Array, depth: float) -> None:
     """Turn segments about a pivot so that a point moves along a direction."""
-    r = point - pivot
-    w = np.empty(3)
-    w[0] = r[1] * normal[2] - r[2] * normal[1]
-    w[1] = r[2] * normal[0] - r[0] * normal[2]
-    w[2] = r[0] * normal[1] - r[1] * normal[0]
-    w *= depth / max(r[0] * r[0] + r[1] * r[1] + r[2] * r[2], 0.01)
-    angle = np.sqrt(w[0] * w[0] + w[1] * w[1] + w[2] * w[2])
+    rx, ry, rz = point[0] - pivot[0], point[1] - pivot[1], point[2] - pivot[2]
+    factor = depth / max(rx * rx + ry * ry + rz * rz, 0.01)
+    x = factor * (ry * normal[2] - rz * normal[1])
+    y = factor * (rz * normal[0] - rx * normal[2])
+    z = factor * (rx * normal[1] - ry * normal[0])
+    angle = np.sqrt(x * x + y * y + z * z)
     if angle < 1e-9:
         return
-    k = np.zeros((3, 3))
-    k[0, 1], k[0, 2], k[1, 2] = -w[2], w[1], -w[0]
-    k[1, 0], k[2, 0], k[2, 1] = w[2], -w[1], w[0]
-    q = np.eye(3) + np.sin(angle) / angle * k + (1.0 - np.cos(angle)) / (angle * angle) * (k @ k)
+    x, y, z = x / angle, y / angle, z / angle
+    c, s = np.cos(angle), np.sin(angle)
+    d = 1.0 - c
     for n in nodes:
-        rotations[n] = q @ np.ascontiguousarray(rotations[n])
+        for k in range(3):
+            p, q, r = rotations[n, 0, k], rotations[n, 1, k], rotations[n, 2, k]
+            along = d * (x * p + y * q + z * r)
+            rotations[n, 0, k] = c * p + s * (y * r - z * q) + along * x
+            rotations[n, 1, k] = c * q + s * (z * p - x * r) + along * y
+            rotations[n, 2, k] = c * r + s * (x * q - y * p) + along * z
 
 
 @njit(cache=True)
@@ -136,7 +158,14 @@ def _arm_segments(rotations: Array, rest: Array, at: Array, side: int, ends: Arr
 
 @njit(cache=True)
 def _push_arm(
-    rotations: Array, rest: Array, at: Array, side: int, blocks: Array, radii: Array, mine: Array, other: Array
+    rotations: Array,
+    rest: Array,
+    at: Array,
+    side: int,
+    blocks: Array,
+    radii: Array,
+    mine: Array,
+    other: Array,
 ) -> float:
     """One correction of one arm by its deepest contact; returns that depth."""
     point, normal = np.empty(3), np.empty(3)
@@ -147,17 +176,25 @@ def _push_arm(
     own = (_UPPER, _FORE, _HAND)
     for i in range(3):
         for j in range(_OBSTACLES):
-            depth = _depth(mine[i, 0], mine[i, 1], blocks[j, 0], blocks[j, 1], own[i] + radii[j], point, normal)
+            depth = _depth(
+                mine[i, 0], mine[i, 1], blocks[j, 0], blocks[j, 1], own[i] + radii[j], point, normal
+            )
             if depth > deepest:
                 deepest = depth
-                best_point[:], best_normal[:] = point, normal
+                _copy(point, best_point)
+                _copy(normal, best_normal)
         for j in range(2 if i == 2 else 3):
             # Hands may touch hands; forearms and upper arms of the two sides may not enter.
-            depth = _depth(mine[i, 0], mine[i, 1], other[j, 0], other[j, 1], own[i] + own[j] - 0.012, point, normal)
+            depth = _depth(
+                mine[i, 0], mine[i, 1], other[j, 0], other[j, 1], own[i] + own[j] - 0.012, point, normal
+            )
             if depth > deepest:
                 deepest = depth
-                best_point[:], best_normal[:] = point, normal
+                _copy(point, best_point)
+                _copy(normal, best_normal)
     if deepest > 1e-4:
+        if _is_zero(best_normal):
+            _copy(rotations[_CHEST, :, 2], best_normal)  # the bones cross: out to the front
         _turn(rotations, _ARMS[side], at[_ARMS[side, 0]], best_point, best_normal, deepest + 0.001)
     return deepest
 
@@ -168,23 +205,25 @@ def _push_legs(rotations: Array, at: Array) -> float:
     point, normal = np.empty(3), np.empty(3)
     best_point, best_normal = np.empty(3), np.empty(3)
     deepest = 0.0
+    a, c = np.empty(3), np.empty(3)
     radii = (_THIGH - 0.01, _SHANK, _FOOT)
     for i in range(3):
         for j in range(3):
-            a = at[_LEGS[0, i]].copy()
-            c = at[_LEGS[1, j]].copy()
-            if i == 0:
-                a = 0.5 * (a + at[_LEGS[0, 1]])
-            if j == 0:
-                c = 0.5 * (c + at[_LEGS[1, 1]])
+            # Of the thighs the lower halves count.
+            for k in range(3):
+                a[k] = 0.5 * (at[_LEGS[0, 0], k] + at[_LEGS[0, 1], k]) if i == 0 else at[_LEGS[0, i], k]
+                c[k] = 0.5 * (at[_LEGS[1, 0], k] + at[_LEGS[1, 1], k]) if j == 0 else at[_LEGS[1, j], k]
             depth = _depth(a, at[_LEGS[0, i + 1]], c, at[_LEGS[1, j + 1]], radii[i] + radii[j], point, normal)
             if depth > deepest:
                 deepest = depth
-                best_point[:], best_normal[:] = point, normal
+                _copy(point, best_point)
+                _copy(normal, best_normal)
     if deepest > 1e-4:
+        if _is_zero(best_normal):
+            _copy(rotations[_PELVIS, :, 0], best_normal)  # the bones cross: apart to the sides
         half = 0.5 * deepest + 0.0005
         _turn(rotations, _LEGS[0], at[_LEGS[0, 0]], best_point, best_normal, half)
-        _turn(rotations, _LEGS[1], at[_LEGS[1, 0]], best_point, -best_normal, half)
+        _turn(rotations, _LEGS[1], at[_LEGS[1, 0]], best_point, best_normal, -half)
     return deepest
 
 

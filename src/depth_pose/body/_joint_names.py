@@ -11,7 +11,7 @@ from depth_pose.errors import InputError
 
 _PARTS = {
     "elbow": ("forearm", "lowerarm", "lowarm", "elbow", "radius"),
-    "wrist": ("hand", "wrist"),
+    "wrist": ("wrist", "hand"),
     "knee": ("leg", "lowerleg", "lowleg", "calf", "shin", "knee", "tibia"),
     "ankle": ("foot", "ankle"),
     "toe": ("toebase", "toes", "toe", "ball", "toe0", "toeend"),

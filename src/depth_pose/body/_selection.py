@@ -41,7 +41,7 @@ def _lower(rows: NDArray[np.float32], point: NDArray[np.float32], nearest: NDArr
     for i in range(n):
         limit = nearest[i]
         total = np.float32(0.0)
-        for k in range(0, width):
+        for k in range(width):
             d = rows[i, k] - point[k]
             total += d * d
             if k & 3 == 3 and total >= limit:

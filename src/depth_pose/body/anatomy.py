@@ -1,8 +1,13 @@
 """The embedded body's outer shape: cross-sections along the bones of a 1.75 m adult.
 
-All lengths are metres. Breadths, depths and girths are those of an adult between the means of
-the men and the women of the 2012 US Army survey, scaled to one stature (C. C. Gordon et al.,
-*2012 Anthropometric survey of U.S. Army personnel*, NATICK/TR-15/007, 2014), rounded.
+All lengths are metres. Statures, segment lengths, head, hand and foot are those of published
+anthropometry: R. Drillis and R. Contini, *Body segment parameters*, 1966 (lengths), and C. C.
+Gordon et al., *2012 anthropometric survey of U.S. Army personnel*, NATICK/TR-15/007, 2014 (head
+length and breadth, crotch height, hip breadth, foot length). Soldiers are thick-set; trunk and
+limbs here are slimmer (waist 0.81 m against their 0.93 m, thigh 0.55 m against 0.62 m): a person of
+body mass index 21. Where the joint centres lie in depth inside the body follows skinned human
+models, and was checked against people whose joints and surface are both known
+(``benchmarks/body_fit.py``).
 """
 
 from __future__ import annotations
@@ -15,9 +20,9 @@ from depth_pose.skeleton import ADULT_STATURE_M, NODE_INDEX, rest_nodes
 # Rows: height, half-breadth, front, back (both measured from the pelvis's z = 0), exponent.
 _TRUNK = np.array(
     [
-        (0.836, 0.105, 0.050, 0.050, 2.0),
-        (0.860, 0.150, 0.085, 0.080, 2.1),
-        (0.890, 0.172, 0.106, 0.094, 2.2),
+        (0.842, 0.105, 0.052, 0.046, 2.0),
+        (0.866, 0.150, 0.088, 0.076, 2.1),
+        (0.892, 0.172, 0.108, 0.090, 2.2),
         (0.925, 0.174, 0.113, 0.098, 2.3),
         (0.962, 0.167, 0.119, 0.093, 2.3),
         (1.001, 0.159, 0.126, 0.081, 2.3),
@@ -27,34 +32,34 @@ _TRUNK = np.array(
         (1.154, 0.138, 0.134, 0.058, 2.4),
         (1.193, 0.140, 0.136, 0.063, 2.4),
         (1.231, 0.144, 0.134, 0.068, 2.3),
-        (1.270, 0.152, 0.129, 0.075, 2.3),
-        (1.308, 0.159, 0.124, 0.085, 2.3),
-        (1.347, 0.158, 0.112, 0.091, 2.2),
-        (1.385, 0.150, 0.093, 0.090, 2.1),
-        (1.424, 0.130, 0.072, 0.082, 2.0),
+        (1.270, 0.152, 0.131, 0.073, 2.3),
+        (1.308, 0.160, 0.127, 0.081, 2.3),
+        (1.347, 0.159, 0.115, 0.086, 2.2),
+        (1.385, 0.150, 0.095, 0.084, 2.1),
+        (1.424, 0.130, 0.073, 0.077, 2.0),
         (1.463, 0.092, 0.052, 0.060, 2.0),
         (1.500, 0.058, 0.052, 0.040, 2.0),
     ]
 )
 _NECK = np.array(
     [
-        (0.0, 0.060, 0.060, 0.048, 0.054),
-        (0.5, 0.052, 0.052, 0.049, 0.054),
+        (0.0, 0.058, 0.058, 0.046, 0.053),
+        (0.5, 0.051, 0.051, 0.047, 0.053),
         (1.0, 0.054, 0.054, 0.052, 0.060),
     ]
 )
 # Rows: fraction of the bone, half-axes towards the inside, the outside, front, back[, exponent].
 _UPPER_ARM = np.array(
     [
-        (-0.08, 0.050, 0.046, 0.054, 0.060),
-        (0.00, 0.050, 0.051, 0.058, 0.064),
-        (0.10, 0.050, 0.052, 0.057, 0.061),
-        (0.20, 0.050, 0.050, 0.053, 0.056),
-        (0.35, 0.047, 0.045, 0.049, 0.051),
-        (0.50, 0.043, 0.041, 0.047, 0.049),
-        (0.65, 0.042, 0.038, 0.047, 0.047),
-        (0.80, 0.042, 0.036, 0.046, 0.043),
-        (0.90, 0.042, 0.034, 0.045, 0.039),
+        (-0.08, 0.048, 0.044, 0.051, 0.057),
+        (0.00, 0.048, 0.048, 0.055, 0.061),
+        (0.10, 0.048, 0.049, 0.054, 0.058),
+        (0.20, 0.048, 0.048, 0.050, 0.053),
+        (0.35, 0.045, 0.043, 0.047, 0.048),
+        (0.50, 0.041, 0.039, 0.045, 0.047),
+        (0.65, 0.040, 0.036, 0.045, 0.045),
+        (0.80, 0.040, 0.034, 0.044, 0.041),
+        (0.90, 0.040, 0.032, 0.043, 0.037),
         (1.00, 0.041, 0.033, 0.044, 0.036),
     ]
 )
@@ -94,17 +99,17 @@ _THUMB = np.array(
         (1.0, 0.009, 0.009, 0.009, 0.009),
     ]
 )
-_SHOULDER = np.array([(0.0, 0.050, 0.026, 0.050, 0.040), (1.0, 0.050, 0.048, 0.062, 0.058)])
+_SHOULDER = np.array([(0.0, 0.050, 0.026, 0.050, 0.040), (1.0, 0.050, 0.046, 0.060, 0.052)])
 _THIGH = np.array(
     [
         (-0.16, 0.050, 0.040, 0.060, 0.060, 2.0),
         (-0.05, 0.075, 0.056, 0.090, 0.080, 2.0),
-        (0.05, 0.086, 0.065, 0.106, 0.084, 2.0),
-        (0.15, 0.088, 0.069, 0.111, 0.080, 2.1),
-        (0.30, 0.088, 0.071, 0.112, 0.066, 2.1),
-        (0.45, 0.086, 0.067, 0.109, 0.060, 2.2),
-        (0.60, 0.079, 0.062, 0.098, 0.058, 2.2),
-        (0.75, 0.069, 0.056, 0.082, 0.055, 2.2),
+        (0.05, 0.088, 0.065, 0.108, 0.081, 2.0),
+        (0.15, 0.091, 0.069, 0.114, 0.077, 2.1),
+        (0.30, 0.092, 0.071, 0.115, 0.063, 2.1),
+        (0.45, 0.089, 0.067, 0.112, 0.057, 2.2),
+        (0.60, 0.082, 0.062, 0.101, 0.055, 2.2),
+        (0.75, 0.071, 0.056, 0.084, 0.053, 2.2),
         (0.90, 0.060, 0.051, 0.066, 0.058, 2.2),
         (1.00, 0.054, 0.049, 0.057, 0.062, 2.2),
     ]
@@ -130,11 +135,11 @@ _FOOT = np.array(
         (0.00, 0.020, 0.022, 0.020, 0.020, 2.2),
         (0.08, 0.031, 0.032, 0.050, 0.029, 2.4),
         (0.20, 0.031, 0.033, 0.064, 0.031, 2.3),
-        (0.38, 0.030, 0.040, 0.066, 0.031, 2.2),
-        (0.48, 0.032, 0.044, 0.048, 0.031, 2.2),
-        (0.58, 0.036, 0.048, 0.034, 0.031, 2.3),
-        (0.70, 0.041, 0.052, 0.018, 0.030, 2.4),
-        (0.80, 0.040, 0.050, 0.008, 0.030, 2.4),
+        (0.38, 0.030, 0.040, 0.063, 0.031, 2.2),
+        (0.48, 0.029, 0.044, 0.045, 0.031, 2.2),
+        (0.58, 0.034, 0.050, 0.031, 0.031, 2.3),
+        (0.70, 0.040, 0.054, 0.016, 0.030, 2.4),
+        (0.80, 0.039, 0.053, 0.006, 0.030, 2.4),
         (0.92, 0.034, 0.040, 0.001, 0.029, 2.4),
         (0.99, 0.022, 0.026, 0.001, 0.026, 2.2),
     ]
@@ -156,11 +161,12 @@ def _trunk() -> Sweep:
     return Sweep(np.array([0.0, low, 0.0]), np.array([0.0, high, 0.0]), np.array([0.0, 0.0, 1.0]), stations)
 
 
-SOLE = 0.0245
+SOLE = 0.0260
 """Height of the sole of the foot below `depth_pose.skeleton.rest_nodes`' zero level, in statures.
 
-With it the ankle joint is .047 and the hip joint .532 of the stature above the sole, as in Drillis
-and Contini and in bodies whose joint centres and surface are both known.
+With it the ankle joint is .046 and the hip joint .531 of the stature above the sole (Drillis and
+Contini: .039 and .530) and the head's joint .089 below the crown, as in bodies whose joint centres
+and surface are both known.
 """
 
 
@@ -196,9 +202,14 @@ class BodyField:
         shoulder, elbow, wrist = (at[f"left_{n}"] for n in ("shoulder", "elbow", "wrist"))
         along = (wrist - elbow) / np.linalg.norm(wrist - elbow)
         palm = np.cross(along, _FORWARD)
-        self.deltoid = Ellipsoid(shoulder + [0.005, 0.0, -0.003], np.array([0.061, 0.057, 0.069]), np.eye(3))
+        self.deltoid = Ellipsoid(
+            shoulder + np.array([0.005, 0.0, -0.003]), np.array([0.057, 0.054, 0.064]), np.eye(3)
+        )
         self.trapezius = Sweep(
-            np.array([0.030, 1.475, -0.025]), shoulder + [-0.015, 0.010, -0.012], _FORWARD, _SHOULDER
+            np.array([0.030, 1.475, -0.025]),
+            shoulder + np.array([-0.015, 0.010, -0.012]),
+            _FORWARD,
+            _SHOULDER,
         )
         self.upper_arm = Sweep(shoulder, elbow, _FORWARD, _UPPER_ARM)
         self.forearm = Sweep(elbow, wrist, _FORWARD, _FOREARM)
@@ -218,7 +229,7 @@ class BodyField:
         hip, knee, ankle = (at[f"left_{n}"] for n in ("hip", "knee", "ankle"))
         self.thigh = Sweep(hip, knee, _FORWARD, _THIGH)
         self.shank = Sweep(knee, ankle, _FORWARD, _SHANK)
-        heel = np.array([ankle[0], 0.030, ankle[2] - 0.060])
+        heel = np.array([ankle[0], 0.030, ankle[2] - 0.052])
         toe = heel + _FORWARD * FOOT_LENGTH * ADULT_STATURE_M
         self.foot = Sweep(heel, toe, np.array([0.0, 1.0, 0.0]), _FOOT)
 

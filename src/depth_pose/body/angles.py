@@ -89,7 +89,7 @@ def rotation_z(angle: Array) -> Array:
 
 def _axis_rotation(angle: Array, i: int, j: int) -> Array:
     angle = np.asarray(angle, dtype=np.float64)
-    out = np.zeros(angle.shape + (3, 3))
+    out = np.zeros((*angle.shape, 3, 3))
     out[..., 3 - i - j, 3 - i - j] = 1.0
     cosine, sine = np.cos(angle), np.sin(angle)
     out[..., i, i] = out[..., j, j] = cosine
@@ -102,10 +102,18 @@ def rotation_between(source: Array, target: Array) -> Array:
     """Smallest rotations that turn unit vectors into others, (..., 3) to (..., 3, 3)."""
     cross = np.cross(source, target)
     cosine = np.sum(source * target, axis=-1)[..., None, None]
-    k = np.zeros(cross.shape + (3,))
+    k = np.zeros((*cross.shape, 3))
     k[..., 0, 1], k[..., 0, 2], k[..., 1, 2] = -cross[..., 2], cross[..., 1], -cross[..., 0]
     k -= np.swapaxes(k, -1, -2)
-    return np.eye(3) + k + (k @ k) / np.maximum(1.0 + cosine, 1e-9)
+    return np.asarray(np.eye(3) + k + (k @ k) / np.maximum(1.0 + cosine, 1e-9))
+
+
+def nearest_rotation(matrix: Array) -> Array:
+    """Rotations nearest to matrices (least squares), (..., 3, 3) to (..., 3, 3)."""
+    u, _, vt = np.linalg.svd(matrix)
+    u[..., :, 2] *= np.linalg.det(u @ vt)[..., None]
+    result: Array = u @ vt
+    return result
 
 
 def nearest_rotation(matrix: Array) -> Array:
@@ -153,7 +161,7 @@ SHANK_M = _length("left_knee", "left_ankle")
 
 
 def _mirror(rotation: Array) -> Array:
-    return _FLIP[:, None] * rotation * _FLIP
+    return np.asarray(_FLIP[:, None] * rotation * _FLIP)
 
 
 def trunk_rotation(flexion: Array, side: Array, twist: Array) -> Array:
@@ -171,7 +179,7 @@ def swing_twist_rotation(flexion: Array, abduction: Array, twist: Array) -> Arra
     zero = np.zeros_like(size)
     k = _stack_matrix(((zero, -a, zero), (a, zero, f), (zero, -f, zero)))
     swing = np.eye(3) + sinc[..., None, None] * k + half[..., None, None] * (k @ k)
-    return swing @ rotation_y(-np.radians(twist))
+    return np.asarray(swing @ rotation_y(-np.radians(twist)))
 
 
 def _stack_matrix(rows: tuple[tuple[Array, ...], ...]) -> Array:
@@ -192,8 +200,8 @@ def rotations_from_angles(angles: Array) -> Array:
         Rotation of each node's segment, rest pose to model frame.
     """
     angles = np.asarray(angles, dtype=np.float64)
-    out = np.empty(angles.shape[:-1] + (21, 3, 3))
-    parent = np.broadcast_to(np.eye(3), angles.shape[:-1] + (3, 3))
+    out = np.empty((*angles.shape[:-1], 21, 3, 3))
+    parent = np.broadcast_to(np.eye(3), (*angles.shape[:-1], 3, 3))
     for i in range(5):
         f, s, t = (angles[..., 3 * i + k] for k in range(3))
         parent = parent @ trunk_rotation(f, s, t)
@@ -246,10 +254,10 @@ def angles_from_rotations(rotations: Array) -> Array:
     (..., 47) float64
         Degrees, in the order of `ANGLES`.
     """
-    out = np.empty(rotations.shape[:-3] + (N_ANGLES,))
-    parent = np.broadcast_to(np.eye(3), rotations.shape[:-3] + (3, 3))
+    out = np.empty((*rotations.shape[:-3], N_ANGLES))
+    parent = np.broadcast_to(np.eye(3), (*rotations.shape[:-3], 3, 3))
     for i in range(5):
-        out[..., 3 * i : 3 * i + 3] = trunk_angles(_relative(parent, rotations[..., i, :, :]))
+        out[..., 3 * i : 3 * i + 3] = trunk_angles(relative(parent, rotations[..., i, :, :]))
         parent = rotations[..., i, :, :]
     for side, name in enumerate(SIDES):
         get = {
@@ -264,7 +272,8 @@ def angles_from_rotations(rotations: Array) -> Array:
     return out
 
 
-def _relative(parent: Array, child: Array) -> Array:
+def relative(parent: Array, child: Array) -> Array:
+    """Rotation of a child against its parent, (..., 3, 3) each."""
     return np.swapaxes(parent, -1, -2) @ child
 
 
@@ -274,7 +283,7 @@ def trunk_angles(rotation: Array) -> Array:
     flexion = np.arcsin(np.clip(-r[..., 1, 2], -1, 1))
     side = -np.arctan2(r[..., 1, 0], r[..., 1, 1])
     twist = np.arctan2(r[..., 0, 2], r[..., 2, 2])
-    return np.degrees(np.stack([flexion, side, twist], axis=-1))
+    return np.asarray(np.degrees(np.stack([flexion, side, twist], axis=-1)))
 
 
 def swing_twist_angles(rotation: Array) -> Array:
@@ -285,7 +294,7 @@ def swing_twist_angles(rotation: Array) -> Array:
     factor = np.where(sine > 1e-9, angle / np.maximum(sine, 1e-9), 1.0)
     flexion, abduction = np.degrees(factor * u[..., 2]), np.degrees(factor * u[..., 0])
     swing = swing_twist_rotation(flexion, abduction, np.zeros_like(flexion))
-    return np.stack([flexion, abduction, -_turn_about_y(_relative(swing, rotation))], axis=-1)
+    return np.stack([flexion, abduction, -_turn_about_y(relative(swing, rotation))], axis=-1)
 
 
 def _turn_about_y(rotation: Array) -> Array:
@@ -295,15 +304,15 @@ def _turn_about_y(rotation: Array) -> Array:
 
 
 def _arm_angles(get: dict[str, Array]) -> Array:
-    axis = _relative(get["chest"], get["clavicle"])[..., :, 0]
+    axis = relative(get["chest"], get["clavicle"])[..., :, 0]
     elevation = np.degrees(np.arcsin(np.clip(axis[..., 1], -1, 1)))
     protraction = np.degrees(np.arctan2(axis[..., 2], axis[..., 0]))
     upper, fore, hand = (get[n] @ HANG[n].T for n in ("shoulder", "elbow", "wrist"))
-    shoulder = swing_twist_angles(_relative(get["chest"], upper))
-    elbow = _relative(upper, fore)
+    shoulder = swing_twist_angles(relative(get["chest"], upper))
+    elbow = relative(upper, fore)
     flexion = np.arctan2(-elbow[..., 2, 1], elbow[..., 1, 1])
     pronation = -_turn_about_y(rotation_x(flexion) @ elbow)
-    u = -_relative(fore, hand)[..., :, 1]
+    u = -relative(fore, hand)[..., :, 1]
     wrist = np.degrees(np.arctan2(-u[..., 0], -u[..., 1])), np.degrees(np.arcsin(np.clip(u[..., 2], -1, 1)))
     parts = (elevation, protraction, *np.moveaxis(shoulder, -1, 0), np.degrees(flexion), pronation, *wrist)
     return np.stack(parts, axis=-1)
@@ -311,87 +320,9 @@ def _arm_angles(get: dict[str, Array]) -> Array:
 
 def _leg_angles(get: dict[str, Array]) -> Array:
     thigh, shank = get["hip"] @ HANG["hip"].T, get["knee"] @ HANG["knee"].T
-    hip = swing_twist_angles(_relative(get["pelvis"], thigh))
-    knee = _relative(thigh, shank)
+    hip = swing_twist_angles(relative(get["pelvis"], thigh))
+    knee = relative(thigh, shank)
     flexion = np.degrees(np.arctan2(knee[..., 2, 1], knee[..., 1, 1]))
-    ankle = trunk_angles(_relative(shank, get["ankle"]))
+    ankle = trunk_angles(relative(shank, get["ankle"]))
     parts = (*np.moveaxis(hip, -1, 0), flexion, -ankle[..., 0], ankle[..., 1], ankle[..., 2])
     return np.stack(parts, axis=-1)
-
-
-def arm_to_target(target: Array, pole: Array) -> Array:
-    """Shoulder and elbow angles that bring the left wrist to a place.
-
-    Parameters
-    ----------
-    target : (..., 3)
-        Wrist relative to the shoulder in the chest's frame (x left, y up, z forward), metres,
-        for a 1.75 m body. Places out of reach are approached with a straight arm.
-    pole : (..., 3)
-        Direction to which the elbow points.
-
-    Returns
-    -------
-    (..., 9) float64
-        Angles of `ARM_ANGLES`, degrees; clavicle and hand at zero.
-    """
-    x, u, flexion = _two_links(target, -np.asarray(pole), UPPER_ARM_M, FOREARM_M)
-    rotation = np.stack([x, -u, np.cross(x, -u)], axis=-1)
-    out = np.zeros(u.shape[:-1] + (9,))
-    out[..., 2:5] = swing_twist_angles(rotation)
-    out[..., 5] = flexion
-    return out
-
-
-def _two_links(target: Array, front: Array, first: float, second: float) -> tuple[Array, Array, Array]:
-    """Hinge axis x, direction of the first link and flexion (degrees) of a two-link limb.
-
-    ``front`` is the side to which the second link folds (the elbow points to ``-front``).
-    """
-    target, front = np.broadcast_arrays(target, front)
-    distance = np.linalg.norm(target, axis=-1, keepdims=True)
-    axis = target / np.maximum(distance, 1e-6)
-    d = np.clip(distance[..., 0], abs(first - second) + 0.02, (first + second) * 0.9995)
-    flexion = np.pi - np.arccos(np.clip((first**2 + second**2 - d**2) / (2 * first * second), -1, 1))
-    bend = np.arccos(np.clip((first**2 + d**2 - second**2) / (2 * first * d), -1, 1))
-    front = front - np.sum(front * axis, axis=-1, keepdims=True) * axis
-    front = front / np.maximum(np.linalg.norm(front, axis=-1, keepdims=True), 1e-6)
-    u = np.cos(bend)[..., None] * axis - np.sin(bend)[..., None] * front
-
-    x = np.cross(front, axis)
-    x = x / np.maximum(np.linalg.norm(x, axis=-1, keepdims=True), 1e-6)
-    return x, u, np.degrees(flexion)
-
-
-def leg_to_target(ankle: Array, toe_out: Array, pitch: Array, pelvis: Array) -> Array:
-    """Leg angles that bring the left ankle to a place with the foot at a given attitude.
-
-    Parameters
-    ----------
-    ankle : (..., 3)
-        Ankle relative to the hip, axes of the model frame, metres, for a 1.75 m body.
-    toe_out : (...)
-        Direction of the foot from straight ahead, outward positive, degrees; the knee follows it.
-    pitch : (...)
-        Foot attitude, degrees: positive with the heel raised.
-    pelvis : (..., 3, 3)
-        Rotation of the pelvis.
-
-    Returns
-    -------
-    (..., 7) float64
-        Angles of `LEG_ANGLES`, degrees.
-    """
-    turn = rotation_y(np.radians(np.asarray(toe_out, dtype=np.float64)))
-    knee_front = turn[..., :, 2]
-    x, u, flexion = _two_links(ankle, -knee_front, THIGH_M, SHANK_M)
-    x = -x
-    thigh = np.stack(np.broadcast_arrays(x, -u, np.cross(x, -u)), axis=-1)
-    shank = thigh @ rotation_x(np.radians(flexion))
-    foot = turn @ rotation_x(np.radians(pitch))
-    out = np.zeros(u.shape[:-1] + (7,))
-    out[..., :3] = swing_twist_angles(_relative(pelvis, thigh))
-    out[..., 3] = flexion
-    attitude = trunk_angles(_relative(shank, foot))
-    out[..., 4], out[..., 5], out[..., 6] = -attitude[..., 0], attitude[..., 1], attitude[..., 2]
-    return out

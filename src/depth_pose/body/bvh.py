@@ -84,7 +84,9 @@ def _parse_hierarchy(head: str, path: Path) -> _Hierarchy:
         try:
             pending = _parse_line(words, out, stack, pending)
         except (ValueError, IndexError) as error:
-            raise InputError(f"{path}: line {number}: {line.strip()!r} is not understood ({error})") from error
+            raise InputError(
+                f"{path}: line {number}: {line.strip()!r} is not understood ({error})"
+            ) from error
     if stack:
         raise InputError(f"{path}: HIERARCHY: {len(stack)} joints are not closed; the file is damaged")
     if not out.joints:
@@ -141,7 +143,9 @@ def _parse_motion(text: str, width: int, path: Path, line: int) -> tuple[float, 
         frames = int(lines[0].split(":")[1])
         frame_s = float(lines[1].split(":")[1])
     except (IndexError, ValueError) as error:
-        raise InputError(f"{path}: after line {line}: MOTION needs 'Frames: N' and 'Frame Time: S'") from error
+        raise InputError(
+            f"{path}: after line {line}: MOTION needs 'Frames: N' and 'Frame Time: S'"
+        ) from error
     if frames < 1 or not 0 < frame_s < 10:
         raise InputError(f"{path}: MOTION: {frames} frames of {frame_s} s make no motion")
     try:

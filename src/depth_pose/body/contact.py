@@ -91,7 +91,7 @@ def support_points(rotations: Array) -> Array:
 
 def pelvis_height(rotations: Array) -> Array:
     """Height of the pelvis with the body's lowest point on the floor, (..., 21, 3, 3) to (...)."""
-    return -support_points(rotations)[..., 1].min(axis=-1)
+    return np.asarray(-support_points(rotations)[..., 1].min(axis=-1))
 
 
 def walk_on_floor(rotations: Array, lift: Array, softness_m: float = 0.008) -> Array:

@@ -43,7 +43,8 @@ class Coverage:
             rows = self.distance_m[names == name] if name else self.distance_m
             figures = (np.median(rows), np.percentile(rows, 90), rows.max())
             lines.append(
-                f"{name or 'all':24s} {len(rows):7d} " + " ".join(f"{1000 * figure:7.0f}" for figure in figures)
+                f"{name or 'all':24s} {len(rows):7d} "
+                + " ".join(f"{1000 * figure:7.0f}" for figure in figures)
             )
         return "\n".join(lines)
 
@@ -81,7 +82,9 @@ def plot_coverage(sets: Sequence[tuple[str, PoseSet]], path: str | Path, limit: 
     from matplotlib import pyplot as plt
 
     thinned = [poses.take(np.unique(np.linspace(0, len(poses) - 1, limit).astype(int))) for _, poses in sets]
-    joints = [joint_positions(poses.rotations).reshape(len(poses), -1) / np.sqrt(len(JOINTS)) for poses in thinned]
+    joints = [
+        joint_positions(poses.rotations).reshape(len(poses), -1) / np.sqrt(len(JOINTS)) for poses in thinned
+    ]
     everything = np.concatenate(joints)
     mean = everything.mean(axis=0)
     values, axes = np.linalg.eigh(np.cov((everything - mean).T))
@@ -90,7 +93,9 @@ def plot_coverage(sets: Sequence[tuple[str, PoseSet]], path: str | Path, limit: 
     for panel, (a, b) in zip(panels, ((0, 1), (2, 3)), strict=True):
         for (label, _), rows in zip(sets, joints, strict=True):
             flat = (rows - mean) @ axes[:, ::-1]
-            panel.scatter(flat[:, a], flat[:, b], s=3, alpha=0.45, label=f"{label} ({len(rows)})", linewidths=0)
+            panel.scatter(
+                flat[:, a], flat[:, b], s=3, alpha=0.45, label=f"{label} ({len(rows)})", linewidths=0
+            )
         panel.set_xlabel(f"component {a + 1} (m RMS), {100 * share[a]:.0f} % of the variance")
         panel.set_ylabel(f"component {b + 1} (m RMS), {100 * share[b]:.0f} %")
         panel.set_aspect("equal")
@@ -122,7 +127,7 @@ def plot_families(poses: PoseSet, path: str | Path, columns: int = 12, seed: int
     matplotlib.use("Agg")
     from matplotlib import pyplot as plt
 
-    names = list(dict.fromkeys(poses.families))
+    names = sorted(set(poses.families))
     rng = np.random.default_rng(seed)
     figure, panels = plt.subplots(
         len(names), 1, figsize=(1.25 * columns, 1.75 * len(names)), squeeze=False, constrained_layout=True
@@ -133,12 +138,12 @@ def plot_families(poses: PoseSet, path: str | Path, columns: int = 12, seed: int
         rows = np.sort(rng.choice(rows, min(columns, len(rows)), replace=False))
         for k, joints in enumerate(joint_positions(poses.rotations[rows])):
             draw_sticks(panel, joints, offset=1.35 * k, azimuth_deg=(0, 40, -40, 80)[k % 4])
-        panel.set_title(name, fontsize=8, loc="left", pad=1)
+        panel.set_title(name, fontsize=12, loc="left", pad=1)
         panel.set_aspect("equal")
         panel.set_xlim(-0.9, 1.35 * columns - 0.4)
         panel.set_ylim(-1.05, 1.15)
         panel.axis("off")
-    figure.savefig(path, dpi=70)
+    figure.savefig(path, dpi=55)
     plt.close(figure)
 
 

@@ -64,7 +64,7 @@ def clamp_angles(angles: Array) -> Array:
 def _into_cone(swing: Array, low: Array, high: Array) -> Array:
     reach = np.where(swing >= 0, high, -low)
     size = np.linalg.norm(swing / reach, axis=-1, keepdims=True)
-    return swing / np.maximum(size, 1.0)
+    return np.asarray(swing / np.maximum(size, 1.0))
 
 
 def shoulder_twist_range(flexion: Array, abduction: Array) -> tuple[Array, Array]:

@@ -133,7 +133,7 @@ def joint_positions(rotations: Array) -> Array:
 
 def mirror_joints(joints: Array) -> Array:
     """Mirror (..., 19, 3) joint positions in the person's mid-plane."""
-    return joints[..., MIRROR_JOINTS, :] * np.array([-1.0, 1.0, 1.0])
+    return np.asarray(joints[..., MIRROR_JOINTS, :] * np.array([-1.0, 1.0, 1.0]))
 
 
 def _principal_rows(joints: Array) -> tuple[NDArray[np.float32], Array, Array]:

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from depth_pose.body.asf_amc import find_skeleton, parse_asf_amc
 from depth_pose.body.bvh import parse_bvh
 from depth_pose.body.motion import Clip, PoseSet, join_poses, remove_near_duplicates, without_heading
 from depth_pose.body.retarget import Retargeted, retarget
@@ -16,8 +17,8 @@ from depth_pose.errors import InputError
 
 Progress = Callable[[float], None]
 
-SUFFIXES = (".bvh",)
-"""Kinds of files that are read."""
+SUFFIXES = (".bvh", ".amc")
+"""Kinds of files that are read; an .amc needs its .asf beside it."""
 
 _TOO_FAR_DEG = 45.0
 
@@ -47,7 +48,9 @@ class FileReport:
     def __str__(self) -> str:
         if self.refused:
             return f"{self.path.name}: refused: {self.note}"
-        return f"{self.path.name}: {self.frames} frames, {self.seconds:.1f} s" + (f"; {self.note}" if self.note else "")
+        return f"{self.path.name}: {self.frames} frames, {self.seconds:.1f} s" + (
+            f"; {self.note}" if self.note else ""
+        )
 
 
 @dataclass(frozen=True)
@@ -75,7 +78,8 @@ class LoadedMotion:
             Whether mirror images are added.
         """
         parts = [
-            PoseSet(without_heading(clip.rotations), (family_of(clip.name),) * len(clip)) for clip in self.clips
+            PoseSet(without_heading(clip.rotations), (family_of(clip.name),) * len(clip))
+            for clip in self.clips
         ]
         poses = join_poses(*parts)
         if distance_m > 0:
@@ -101,7 +105,9 @@ def family_of(name: str) -> str:
     return name.rstrip("0123456789").rstrip("_- ") or name
 
 
-def load_motion_dir(path: str | Path, progress: Progress | None = None, max_fps: float = 30.0) -> LoadedMotion:
+def load_motion_dir(
+    path: str | Path, progress: Progress | None = None, max_fps: float = 30.0
+) -> LoadedMotion:
     """Read and retarget every motion file in a folder and the folders below it.
 
     Parameters
@@ -145,7 +151,7 @@ def load_motion_dir(path: str | Path, progress: Progress | None = None, max_fps:
 
 
 def _load_file(file: Path, max_fps: float) -> tuple[Clip, FileReport]:
-    source = parse_bvh(file)
+    source = parse_asf_amc(find_skeleton(file), file) if file.suffix.lower() == ".amc" else parse_bvh(file)
     moved = retarget(source)
     first = _skip_calibration(moved)
     stride = max(int(np.ceil(moved.clip.fps / max_fps - 1e-3)), 1)
@@ -157,9 +163,13 @@ def _load_file(file: Path, max_fps: float) -> tuple[Clip, FileReport]:
     if not possible.all():
         notes.append(f"{int((~possible).sum())} frames beyond what joints can do, left out")
     if not possible.any():
-        raise InputError(f"{file}: no frame within what joints can do (beyond by {_TOO_FAR_DEG:.0f} degrees or more)")
+        raise InputError(
+            f"{file}: no frame within what joints can do (beyond by {_TOO_FAR_DEG:.0f} degrees or more)"
+        )
     clip = _rows(moved.clip, kept[possible], moved.clip.fps / stride)
-    return clip, FileReport(file, len(clip), len(moved.clip) / moved.clip.fps, ", ".join(notes), refused=False)
+    return clip, FileReport(
+        file, len(clip), len(moved.clip) / moved.clip.fps, ", ".join(notes), refused=False
+    )
 
 
 def _rows(clip: Clip, rows: NDArray[np.int64], fps: float) -> Clip:

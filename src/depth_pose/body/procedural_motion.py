@@ -71,7 +71,7 @@ def make_clip(name: str, fps: float = 30.0, seconds: float = 10.0, seed: int = 0
     if fps <= 0 or seconds <= 0:
         raise ConfigError(f"a clip needs a positive rate and length, not {fps} frames/s and {seconds} s")
     rng = np.random.default_rng([seed, crc32(name.encode())])
-    t = np.arange(max(int(round(fps * seconds)), 2)) / fps
+    t = np.arange(max(round(fps * seconds), 2)) / fps
     motion = FAMILIES[name].motion(t, Draw(rng, ()))
     rotations = _through_gates(motion.angles).rotations
     # Pushed limbs and clamped joints start and stop suddenly; people do not. Smoothing moves
@@ -95,7 +95,7 @@ def _stay_near(roots: Array, fps: float) -> Array:
     far = float(np.linalg.norm(slow - middle, axis=1).max())
     out = roots.copy()
     out[:, [0, 2]] = level - slow + (slow - middle) * min(1.0, STAY_WITHIN_M / max(far, 1e-9))
-    return out
+    return np.asarray(out)
 
 
 def _through_gates(angles: Array) -> Separated:
@@ -115,7 +115,7 @@ def make_pool(count: int, seed: int, progress: Progress | None = None) -> PoseSe
     total = sum(entry.share for entry in FAMILIES.values())
     parts = []
     for i, (name, entry) in enumerate(FAMILIES.items()):
-        n = max(int(round(count * entry.share / total)), 1)
+        n = max(round(count * entry.share / total), 1)
         draw = Draw(np.random.default_rng([seed, crc32(name.encode())]), (n,))
         motion = entry.motion(draw.uniform(0.0, 20.0), draw)
         separated = _through_gates(motion.angles)
@@ -130,7 +130,7 @@ def make_pool(count: int, seed: int, progress: Progress | None = None) -> PoseSe
 def _choose(pool: PoseSet, count: int, rng: np.random.Generator) -> NDArray[np.int64]:
     """Choose rows: the far-apart ones first, then at random, so that common motions are dense."""
     weights = np.array([FAMILIES[family].weight for family in pool.families])
-    apart = choose_for_coverage(pool, int(round(count * APART_SHARE)), weights, mirrored=True)
+    apart = choose_for_coverage(pool, round(count * APART_SHARE), weights, mirrored=True)
     others = np.setdiff1d(np.arange(len(pool)), apart)
     common = rng.choice(others, count - len(apart), replace=False)
     return np.concatenate([apart, common])

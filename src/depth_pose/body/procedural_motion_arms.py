@@ -11,8 +11,9 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.body.angles import FOREARM_M, UPPER_ARM_M, arm_to_target
+from depth_pose.body.angles import FOREARM_M, UPPER_ARM_M
 from depth_pose.body.procedural_motion_draw import Draw
+from depth_pose.body.reach import arm_to_target
 
 Array = NDArray[np.float64]
 Sampler = Callable[[Draw], Array]
@@ -37,7 +38,7 @@ def place(
 
 def _angles(draw: Draw, *mean_and_spread: tuple[float, float]) -> Array:
     """Shoulder flexion, abduction, twist, elbow flexion as normal draws."""
-    out = np.zeros(draw.shape + (9,))
+    out = np.zeros((*draw.shape, 9))
     for i, (mean, spread) in enumerate(mean_and_spread):
         out[..., 2 + i] = draw.normal(mean, spread)
     out[..., 5] = np.maximum(out[..., 5], 2.0)

@@ -58,13 +58,11 @@ class Draw:
         m, s = np.asarray(mean, dtype=np.float64), np.asarray(spread, dtype=np.float64)
         return m + s * self.rng.uniform(-1, 1, self.shape + m.shape)
 
-    def mix(
-        self, options: Sequence[Callable[[Draw], Array]], weights: Sequence[float], width: int
-    ) -> Array:
+    def mix(self, options: Sequence[Callable[[Draw], Array]], weights: Sequence[float], width: int) -> Array:
         """Draw which of several samplers makes each value, (..., width)."""
         p = np.asarray(weights, dtype=np.float64)
         which = self.rng.choice(len(options), size=self.shape, p=p / p.sum())
-        out = np.zeros(self.shape + (width,))
+        out = np.zeros((*self.shape, width))
         for i, option in enumerate(options):
             rows = np.asarray(which) == i
             if rows.any():
@@ -187,10 +185,12 @@ def keyed(phase: Array, table: Sequence[tuple[float, dict[str, float]]]) -> Arra
 
 def blank(shape: tuple[int, ...]) -> Array:
     """Angles of the anatomical zero posture, (..., 47)."""
-    return np.zeros(shape + (N_ANGLES,))
+    return np.zeros((*shape, N_ANGLES))
 
 
-def assemble(t: Array, trunk: Array | None = None, arms: Array | None = None, legs: Array | None = None) -> Array:
+def assemble(
+    t: Array, trunk: Array | None = None, arms: Array | None = None, legs: Array | None = None
+) -> Array:
     """Put a trunk (..., 15), two arms (..., 18) and two legs (..., 14) together, (T, 47)."""
     out = blank(t.shape)
     if trunk is not None:

@@ -9,8 +9,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.body.angles import leg_to_target, trunk_rotation
+from depth_pose.body.angles import trunk_rotation
 from depth_pose.body.procedural_motion_draw import Draw
+from depth_pose.body.reach import leg_to_target
 from depth_pose.skeleton import ADULT_STATURE_M, NODE_INDEX, rest_nodes
 
 Array = NDArray[np.float64]
@@ -21,7 +22,7 @@ LOWER = 3 + 12 + 14
 _AT = rest_nodes() * ADULT_STATURE_M
 _HIP = _AT[NODE_INDEX["left_hip"]] - _AT[0]
 _ANKLE_M = float(_AT[NODE_INDEX["left_ankle"], 1])
-_STANDING_M = float(_AT[0, 1])
+STANDING_M = float(_AT[0, 1])
 _FLIP = np.array([-1.0, 1.0, 1.0])
 
 
@@ -49,7 +50,7 @@ def lower_body(
         Pelvis, spine, chest, neck, head (15 angles), left leg, right leg (14), degrees.
     """
     rotation = trunk_rotation(pelvis[..., 0], pelvis[..., 1], pelvis[..., 2])
-    out = np.zeros(height.shape + (LOWER,))
+    out = np.zeros((*height.shape, LOWER))
     out[..., 0:3] = pelvis
     for i, share in ((1, 0.55), (2, 0.45)):
         out[..., 3 * i] = share * lean
@@ -91,8 +92,8 @@ def stand(draw: Draw) -> Array:
     left, right = _feet(draw, np.abs(width), stagger)
     drop = draw.pick(0.005, 0.06, 1.5) + 0.25 * (np.abs(width) - 0.22) ** 2
     return lower_body(
-        _pelvis(draw, draw.normal(2, 4)), _STANDING_M - drop, left, right,
-        _pair(draw, -3, 26), np.zeros(draw.shape + (2,)), draw.normal(2, 5),
+        _pelvis(draw, draw.normal(2, 4)), STANDING_M - drop, left, right,
+        _pair(draw, -3, 26), np.zeros((*draw.shape, 2)), draw.normal(2, 5),
     )  # fmt: skip
 
 
@@ -106,7 +107,13 @@ def stand_wide(draw: Draw) -> Array:
     back = np.stack([np.where(stagger > 0, 0, 1), np.where(stagger > 0, 1, 0)], axis=-1)
     heel = back * (np.maximum(np.abs(stagger) - 0.25, 0) * draw.uniform(0, 110))[..., None]
     return lower_body(
-        _pelvis(draw, draw.normal(4, 6), 5, 5), height, left, right, _pair(draw, -5, 35), heel, draw.normal(4, 8)
+        _pelvis(draw, draw.normal(4, 6), 5, 5),
+        height,
+        left,
+        right,
+        _pair(draw, -5, 35),
+        heel,
+        draw.normal(4, 8),
     )
 
 
@@ -121,7 +128,13 @@ def crouch(draw: Draw) -> Array:
     heel = np.maximum(depth - 0.4, 0) * draw.uniform(0, 120)
     pelvis = _pelvis(draw, 0.6 * lean, 3, 4)
     return lower_body(
-        pelvis, _STANDING_M - depth, left, right, _pair(draw, 2, 35), np.stack([heel, heel], axis=-1), 0.6 * lean
+        pelvis,
+        STANDING_M - depth,
+        left,
+        right,
+        _pair(draw, 2, 35),
+        np.stack([heel, heel], axis=-1),
+        0.6 * lean,
     )
 
 
@@ -133,10 +146,16 @@ def lunge(draw: Draw) -> Array:
     zero = np.zeros(draw.shape)
     left = np.stack([0.10 + np.maximum(side, -0.1), zero, forward], axis=-1)
     right = np.stack([-0.12 + zero, zero, forward - step], axis=-1)
-    height = _STANDING_M - draw.uniform(0.10, 0.22) - 0.22 * step**2
+    height = STANDING_M - draw.uniform(0.10, 0.22) - 0.22 * step**2
     pitch = np.stack([zero, draw.uniform(20, 65)], axis=-1)
     return lower_body(
-        _pelvis(draw, draw.normal(8, 7), 3, 10), height, left, right, _pair(draw, -5, 20), pitch, draw.normal(6, 9)
+        _pelvis(draw, draw.normal(8, 7), 3, 10),
+        height,
+        left,
+        right,
+        _pair(draw, -5, 20),
+        pitch,
+        draw.normal(6, 9),
     )
 
 
@@ -149,8 +168,8 @@ def bend(draw: Draw) -> Array:
     left[..., 2] += back
     right[..., 2] += back
     out = lower_body(
-        _pelvis(draw, 0.55 * angle, 3, 4), _STANDING_M - 0.02 - depth, left, right,
-        _pair(draw, 0, 25), np.zeros(draw.shape + (2,)), 0.5 * angle,
+        _pelvis(draw, 0.55 * angle, 3, 4), STANDING_M - 0.02 - depth, left, right,
+        _pair(draw, 0, 25), np.zeros((*draw.shape, 2)), 0.5 * angle,
     )  # fmt: skip
     out[..., [9, 12]] += draw.uniform(-12, 22)[..., None]
     return out
@@ -166,7 +185,7 @@ def sit(draw: Draw) -> Array:
     right = np.stack([-spread + draw.normal(0, 0.04), zero, forward + draw.normal(0, 0.06)], axis=-1)
     return lower_body(
         _pelvis(draw, 0.5 * lean - 8, 2), height, left, right, _pair(draw, -3, 25),
-        np.zeros(draw.shape + (2,)), 0.5 * lean + 6,
+        np.zeros((*draw.shape, 2)), 0.5 * lean + 6,
     )  # fmt: skip
 
 
@@ -175,14 +194,16 @@ def one_leg(draw: Draw) -> Array:
     kind = draw.uniform(0, 1)[..., None]
     zero = np.zeros(draw.shape)
     knee_up = np.stack([draw.uniform(0.02, 0.2), draw.uniform(0.1, 0.55), draw.uniform(-0.25, 0.35)], axis=-1)
-    out_there = np.stack([draw.uniform(-0.1, 0.6), draw.uniform(0.02, 0.35), draw.uniform(-0.5, 0.7)], axis=-1)
+    out_there = np.stack(
+        [draw.uniform(-0.1, 0.6), draw.uniform(0.02, 0.35), draw.uniform(-0.5, 0.7)], axis=-1
+    )
     left = np.where(kind < 0.5, knee_up, out_there)
     right = np.stack([-0.05 + zero, zero, zero], axis=-1)
     away = left[..., 2]
     pitch = np.stack([np.where(away < 0, 45, -5) + draw.normal(0, 12), zero], axis=-1)
     pelvis = np.stack([-10 * away + draw.normal(2, 4), draw.normal(-4, 4), draw.normal(0, 6)], axis=-1)
     return lower_body(
-        pelvis, _STANDING_M - draw.pick(0.01, 0.1, 1.5), left, right, _pair(draw, -5, 25), pitch,
+        pelvis, STANDING_M - draw.pick(0.01, 0.1, 1.5), left, right, _pair(draw, -5, 25), pitch,
         -8 * away + draw.normal(3, 6),
     )  # fmt: skip
 
@@ -194,8 +215,8 @@ def kneel(draw: Draw) -> Array:
     right = np.stack([-0.12 + zero, zero + 0.03, draw.uniform(-0.5, -0.38)], axis=-1)
     pitch = np.stack([zero, draw.uniform(50, 80)], axis=-1)
     return lower_body(
-        _pelvis(draw, draw.normal(5, 8), 3, 4), draw.uniform(0.46, 0.56), left, right, _pair(draw, -5, 15), pitch,
-        draw.normal(8, 10),
+        _pelvis(draw, draw.normal(5, 8), 3, 4), draw.uniform(0.46, 0.56), left, right,
+        _pair(draw, -5, 15), pitch, draw.normal(8, 10),
     )  # fmt: skip
 
 
@@ -203,7 +224,7 @@ def tiptoe(draw: Draw) -> Array:
     """Stand on the balls of the feet."""
     left, right = _feet(draw, draw.uniform(0.15, 0.35), draw.normal(0, 0.05))
     rise = draw.uniform(10, 45)
-    height = _STANDING_M - 0.015 + 0.14 * np.sin(np.radians(rise))
+    height = STANDING_M - 0.015 + 0.14 * np.sin(np.radians(rise))
     return lower_body(
         _pelvis(draw, draw.normal(0, 4)), height, left, right, _pair(draw, 0, 20),
         np.stack([rise, rise], axis=-1), draw.normal(-2, 5),

@@ -48,7 +48,12 @@ def _trunk(flexion: float, twist: float, side: float = 0.0, pelvis: float = 0.0)
     }
 
 
-_STAND = _leg("left", 4, 6, 2) | _leg("right", 4, 6, 2) | _arm("left", 2, 12, 14, 22) | _arm("right", 2, 12, 14, 22)
+_STAND = (
+    _leg("left", 4, 6, 2)
+    | _leg("right", 4, 6, 2)
+    | _arm("left", 2, 12, 14, 22)
+    | _arm("right", 2, 12, 14, 22)
+)
 
 KICK: Table = (
     (0.0, _STAND | _trunk(4, 0)),

@@ -15,7 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.body._joint_names import find_joints, joints_between
-from depth_pose.body.angles import HANG, SHANK_M, THIGH_M, angles_from_rotations, nearest_rotation, rotation_between
+from depth_pose.body.angles import (
+    HANG,
+    SHANK_M,
+    THIGH_M,
+    angles_from_rotations,
+    nearest_rotation,
+    rotation_between,
+)
 from depth_pose.body.contact import pelvis_height
 from depth_pose.body.limits import violation
 from depth_pose.body.motion import Clip
@@ -28,6 +35,10 @@ Array = NDArray[np.float64]
 _FLIP = np.array([-1.0, 1.0, 1.0])
 _BENT_DEG = (12.0, 35.0)
 """Flexion from which the hinge's plane begins to count, and counts alone."""
+_SPINE_PART = (0.324, 0.824)
+"""Our spine segment's stretch of the way from the pelvis to the height of the shoulders."""
+_NECK_PART = (0.63, 1.0)
+"""Our neck segment's stretch of the way from the chest to the head."""
 _UNITS = {"metres": 1.0, "centimetres": 0.01, "inches": 0.0254, "millimetres": 0.001}
 
 
@@ -77,7 +88,9 @@ def retarget(source: SourceMotion) -> Retargeted:
     rotations = _segments(source, joint, rest @ to_model.T, place, turn)
     up = rotations[:, 2, 1, 1]
     if np.median(up) < 0.2:
-        raise InputError(f"{source.name}: the trunk is hardly ever upright; is another axis than the rest pose's up?")
+        raise InputError(
+            f"{source.name}: the trunk is hardly ever upright; is another axis than the rest pose's up?"
+        )
     roots = _roots(rotations, place, joint, (THIGH_M + SHANK_M) / leg)
     clip = Clip(source.name, source.fps, rotations, roots)
     return Retargeted(clip, unit, violation(angles_from_rotations(rotations)).max(axis=-1))
@@ -96,13 +109,15 @@ def _rest_axes(name: str, rest: Array, joint: dict[str, int]) -> Array:
 
 
 def _snap(direction: Array) -> Array:
-    """Unit vector, moved onto a coordinate axis that is within 35 degrees."""
+    """Give the unit vector, moved onto a coordinate axis that is within 35 degrees."""
     size = np.linalg.norm(direction)
     if size == 0:
         return np.zeros(3)
     unit = direction / size
     axis = int(np.argmax(np.abs(unit)))
-    return np.sign(unit[axis]) * np.eye(3)[axis] if abs(unit[axis]) > np.cos(np.radians(35)) else unit
+    if abs(unit[axis]) < np.cos(np.radians(35)):
+        return np.asarray(unit)
+    return np.asarray(np.sign(unit[axis]) * np.eye(3)[axis])
 
 
 def _leg_length(name: str, rest: Array, joint: dict[str, int]) -> float:
@@ -116,7 +131,9 @@ def _leg_length(name: str, rest: Array, joint: dict[str, int]) -> float:
     longest = max(lengths.values())
     for what, length in lengths.items():
         if not length > 0.2 * longest:
-            raise InputError(f"{name}: {what} is {length:.4g} long, the longest limb {longest:.4g}: not a person")
+            raise InputError(
+                f"{name}: {what} is {length:.4g} long, the longest limb {longest:.4g}: not a person"
+            )
     legs = [length for what, length in lengths.items() if "hip" in what or "ankle" in what]
     return sum(legs) / 2
 
@@ -124,11 +141,11 @@ def _leg_length(name: str, rest: Array, joint: dict[str, int]) -> float:
 def _segments(source: SourceMotion, joint: dict[str, int], rest: Array, place: Array, turn: Array) -> Array:
     out = np.empty((len(place), 21, 3, 3))
     pelvis, chest, head = (turn[:, joint[name]] for name in ("pelvis", "chest", "head"))
-    spine = [turn[:, j] for j in joints_between(source, joint["pelvis"], joint["chest"])]
-    neck = [turn[:, j] for j in joints_between(source, joint["chest"], joint["head"])]
     out[:, 0], out[:, 2], out[:, 4] = pelvis, chest, head
-    out[:, 1] = mean_rotation(spine or [pelvis, chest])
-    out[:, 3] = mean_rotation(neck or [chest, head])
+    shoulders = (rest[joint["left_shoulder"], 1] + rest[joint["right_shoulder"], 1]) / 2
+    out[:, 1] = _piece(source, rest[:, 1], turn, (joint["pelvis"], joint["chest"]), shoulders, _SPINE_PART)
+    ends = joint["chest"], joint["head"]
+    out[:, 3] = _piece(source, rest[:, 1], turn, ends, rest[joint["head"], 1], _NECK_PART)
     for side in ("left", "right"):
         mine = {n.removeprefix(f"{side}_"): j for n, j in joint.items() if n.startswith(side)}
         flip = side == "right"
@@ -149,13 +166,29 @@ def _mirrored_turn(rotations: Array, flip: bool) -> Array:
     return _FLIP[:, None] * rotations * _FLIP if flip else rotations
 
 
-def mean_rotation(rotations: list[Array]) -> Array:
-    """Mean of rotations, lists of (T, 3, 3) to (T, 3, 3)."""
-    return nearest_rotation(np.sum(rotations, axis=0))
+def _piece(
+    source: SourceMotion,
+    height: Array,
+    turn: Array,
+    ends: tuple[int, int],
+    top: float,
+    part: tuple[float, float],
+) -> Array:
+    """Rotation of a piece of the trunk: the mean of the recorded segments beside it, by length.
+
+    ``part`` is the piece's stretch of the way from the first of ``ends`` up to the height ``top``.
+    """
+    chain = [ends[0], *joints_between(source, *ends), ends[1]]
+    starts = (height[chain] - height[ends[0]]) / (top - height[ends[0]])
+    stops = np.append(starts[1:], max(1.0, starts[-1]))
+    share = np.maximum(np.minimum(stops, part[1]) - np.maximum(starts, part[0]), 0.0)
+    if not share.sum() > 1e-6:
+        share = np.ones(len(chain))
+    return nearest_rotation(np.einsum("j,tjab->tab", share, turn[:, chain]))
 
 
 def _unit(vector: Array) -> Array:
-    return vector / np.maximum(np.linalg.norm(vector, axis=-1, keepdims=True), 1e-9)
+    return np.asarray(vector / np.maximum(np.linalg.norm(vector, axis=-1, keepdims=True), 1e-9))
 
 
 def _aimed(hang: Array, rest_direction: Array, turn: Array, direction: Array) -> Array:
@@ -235,4 +268,4 @@ def _roots(rotations: Array, place: Array, joint: dict[str, int], scale: float) 
     middle = scale * (place[:, joint["left_hip"]] + place[:, joint["right_hip"]]) / 2
     roots = middle - middle[0]
     roots[:, 1] = pelvis_height(rotations) + lift
-    return roots
+    return np.asarray(roots)

@@ -47,7 +47,7 @@ class SourceMotion:
 
     def positions(self) -> Array:
         """Positions of the joints in every frame, (T, J, 3)."""
-        out = np.empty(self.rotations.shape[:2] + (3,))
+        out = np.empty((*self.rotations.shape[:2], 3))
         for j, parent in enumerate(self.parents):
             if parent < 0:
                 out[:, j] = self.root

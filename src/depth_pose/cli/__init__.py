@@ -10,8 +10,12 @@ import sys
 import typer
 
 from depth_pose import __version__
-from depth_pose.cli import banks, live, run, scoring, simulation
+from depth_pose.cli.banks import app as bank_app
 from depth_pose.cli.console import console, errors
+from depth_pose.cli.live import add_to as add_live
+from depth_pose.cli.run import add_to as add_run
+from depth_pose.cli.scoring import add_to as add_scoring
+from depth_pose.cli.simulation import add_to as add_simulation
 from depth_pose.errors import ConfigError, DepthPoseError
 
 app = typer.Typer(
@@ -48,11 +52,11 @@ def _main(
     """
 
 
-run.add_to(app)
-live.add_to(app)
-simulation.add_to(app)
-scoring.add_to(app)
-app.add_typer(banks.app, name="bank")
+add_run(app)
+add_live(app)
+add_simulation(app)
+add_scoring(app)
+app.add_typer(bank_app, name="bank")
 
 
 def main() -> None:

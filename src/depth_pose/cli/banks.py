@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from depth_pose.cli.console import console, print_facts, progress_bar
+from depth_pose.cli.console import print_facts, progress_bar
 from depth_pose.errors import ConfigError, InputError
 
 if TYPE_CHECKING:
@@ -122,4 +122,3 @@ def _print_bank(path: Path, bank: Bank) -> None:
     ]
     facts += [(f"source: {name}", str(value)) for name, value in bank.source.items()]
     print_facts(str(path), facts)
-    console.print()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import time
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
 
 console = Console()
 errors = Console(stderr=True)
+
+_LEAST_LINE_GAP_S = 2.0
 
 
 def setting(config: type, name: str, *flags: str) -> Any:
@@ -105,7 +108,13 @@ def _nested(flat: Mapping[str, Any]) -> dict[str, Any]:
 
 @contextmanager
 def progress_bar(what: str, total: int | None) -> Iterator[Callable[[int], None]]:
-    """Show a progress bar; gives a function that is told how many are done."""
+    """Show a progress bar; gives a function that is told how many are done.
+
+    Where the output is no terminal, each tenth is a line.
+    """
+    if not errors.is_terminal:
+        yield _line_printer(what, total)
+        return
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
     columns = (
@@ -124,6 +133,21 @@ def progress_bar(what: str, total: int | None) -> Iterator[Callable[[int], None]
             progress.update(task, completed=done, rate=rate)
 
         yield update
+
+
+def _line_printer(what: str, total: int | None) -> Callable[[int], None]:
+    start = last = time.monotonic()
+    told = 0
+
+    def update(done: int) -> None:
+        nonlocal last, told
+        now = time.monotonic()
+        tenth = 10 * done // total if total else 0
+        if tenth > told and now - last > _LEAST_LINE_GAP_S:
+            told, last = tenth, now
+            errors.print(f"{what}: {10 * tenth} %, {now - start:.0f} s", highlight=False, markup=False)
+
+    return update
 
 
 def print_facts(title: str, facts: Iterable[tuple[str, str]]) -> None:

@@ -12,7 +12,7 @@ from depth_pose.cli.console import console, given, print_facts, setting
 from depth_pose.config import RefineConfig, SegmentConfig
 from depth_pose.errors import DepthPoseError
 
-_ROS_PACKAGES = ("rclpy", "rosgraph_msgs", "sensor_msgs", "visualization_msgs", "diagnostic_msgs")
+_ROS_PACKAGES = ("rclpy", "builtin_interfaces", "rosidl_runtime_py", "rpyutils")
 
 
 def add_to(app: typer.Typer) -> None:
@@ -21,10 +21,11 @@ def add_to(app: typer.Typer) -> None:
         app.command()(command)
 
 
-def _ros(module: str) -> Any:
-    """Import one of our modules that need ROS."""
+def _ros(module: str, function: str, *arguments: Any, **options: Any) -> Any:
+    """Call a function of one of our modules that need ROS."""
     try:
-        return importlib.import_module(f"depth_pose.ros.{module}")
+        found = importlib.import_module(f"depth_pose.ros.{module}")
+        return getattr(found, function)(*arguments, **options)
     except ModuleNotFoundError as error:
         missing = (error.name or "").partition(".")[0]
         if missing == "depth_pose_msgs":
@@ -67,7 +68,7 @@ def up(
     parameters: dict[str, Any] = {names[name]: value for name, value in chosen.items()}
     if sim_time:
         parameters["use_sim_time"] = True
-    code = _ros("supervisor").up(params, sensor, bank, parameters=parameters)
+    code = _ros("supervisor", "up", params, sensor, bank, parameters=parameters)
     raise typer.Exit(code)
 
 
@@ -86,7 +87,7 @@ def play(
 
     depth-pose play in.mcap --rate 0.5 --loop
     """
-    played = _ros("bag").play(bag, rate=rate, loop=loop, clock=clock, topics=topic or None)
+    played = _ros("bag", "play", bag, rate=rate, loop=loop, clock=clock, topics=topic or None)
     rows = [(name, f"{count} messages") for name, count in sorted(played.messages.items())]
     rows += [(name, f"not played: {reason}") for name, reason in sorted(played.skipped.items())]
     print_facts(f"{bag}: {played.wall_s:.2f} s", rows)
@@ -108,7 +109,7 @@ def record(
     depth-pose record -o all.mcap --seconds 30
     """
     console.print("recording, Ctrl-C ends" if seconds is None else f"recording {seconds:g} s")
-    counts = _ros("bag").record(output, topics or None, seconds=seconds)
+    counts = _ros("bag", "record", output, topics or None, seconds=seconds)
     print_facts(str(output), [(name, f"{count} messages") for name, count in sorted(counts.items())])
 
 
@@ -126,5 +127,5 @@ def demo(
 
     depth-pose demo in.mcap
     """
-    code = _ros("demo").run_demo(recording, output)
+    code = _ros("demo", "run_demo", recording, output)
     raise typer.Exit(code or 0)

@@ -55,12 +55,14 @@ def run(
             values.setdefault(section, {}).update(chosen)
     config = PipelineConfig.from_mapping(values)
 
-    from depth_pose.bank import Bank, default_bank_path
     from depth_pose.io.mcap_read import DepthReader
+
+    reader = DepthReader(recording, depth_topic)
+
+    from depth_pose.bank import Bank, default_bank_path
     from depth_pose.offline import process_recording
     from depth_pose.pipeline import PosePipeline
 
-    reader = DepthReader(recording, depth_topic)
     with console.status("loading the bank and compiling the kernels"):
         pipeline = PosePipeline(Bank.load(bank or default_bank_path()), config)
         pipeline.warm_up()

@@ -21,7 +21,8 @@ from depth_pose.types import Camera, DepthFrame, Skeleton
 _PANEL_INCHES = (2.9, 3.6)
 _MOST_COLUMNS = 6
 _CROP_MARGIN = 0.22
-_TRUTH = "#ffffff"
+_TRUTH, _DARK = "#ffffff", "#15181d"
+_LEAST_COLUMNS_FOR_ONE_LINE = 4
 
 
 @dataclass(frozen=True)
@@ -119,16 +120,18 @@ def _draw_sheet(panels: list[Panel], path: Path, title: str) -> None:
     if len(panels) > _MOST_COLUMNS:
         columns = -(-len(panels) // -(-len(panels) // _MOST_COLUMNS))
     rows = -(-len(panels) // columns)
-    width, height = _PANEL_INCHES
-    figure = Figure(figsize=(columns * width, rows * height + 0.55), dpi=120, facecolor="#15181d")
+    larger = {1: 2.2, 2: 1.3}.get(columns, 1.0)
+    width, height = larger * _PANEL_INCHES[0], larger * _PANEL_INCHES[1]
+    footer = 0.42 if columns >= _LEAST_COLUMNS_FOR_ONE_LINE else 0.68
+    figure = Figure(figsize=(columns * width, rows * height + footer + 0.13), dpi=120, facecolor=_DARK)
     FigureCanvasAgg(figure)
-    bottom = 0.42 / figure.get_figheight()
+    bottom = footer / figure.get_figheight()
     grid = figure.add_gridspec(
         rows,
         columns,
         left=0.006,
         right=0.994,
-        top=1 - 0.13 * bottom,
+        top=1 - 0.05 / figure.get_figheight(),
         bottom=bottom,
         wspace=0.025,
         hspace=0.03,
@@ -143,10 +146,11 @@ def _draw_sheet(panels: list[Panel], path: Path, title: str) -> None:
 def _draw_panel(axes: Any, panel: Panel, aspect: float) -> None:
     frame = panel.frame
     skeleton = panel.skeleton if panel.skeleton is not None and not panel.skeleton.is_lost else None
-    positions = skeleton.positions if skeleton is not None else panel.truth
+    shown = [p for p in (skeleton.positions if skeleton is not None else None, panel.truth) if p is not None]
+    positions = np.concatenate(shown) if shown else None
     left, right, top, bottom = _crop(positions, frame.camera, aspect)
     axes.imshow(shade_depth(frame.depth, positions), interpolation="nearest")
-    axes.set(xlim=(left, right), ylim=(bottom, top), xticks=[], yticks=[], facecolor="#15181d")
+    axes.set(xlim=(left, right), ylim=(bottom, top), xticks=[], yticks=[], facecolor=_DARK)
     for spine in axes.spines.values():
         spine.set_visible(False)
     if panel.truth is not None:
@@ -212,7 +216,7 @@ def _label(axes: Any, panel: Panel, skeleton: Skeleton | None) -> None:
             text += f"  {error * 1e3:.0f} mm"
     else:
         text = f"{panel.seconds:.2f} s  " + ("no answer" if panel.skeleton is None else "nobody in view")
-    box = {"facecolor": "#15181d", "alpha": 0.75, "edgecolor": "none", "pad": 2.5}
+    box = {"facecolor": _DARK, "alpha": 0.75, "edgecolor": "none", "pad": 2.5}
     axes.text(
         0.03, 0.975, text, transform=axes.transAxes, va="top", color="white", fontsize=8.5, bbox=box, zorder=6
     )
@@ -235,10 +239,11 @@ def _draw_legend(figure: Any, title: str, with_truth: bool) -> None:
         loc="lower right",
         ncols=len(handles),
         frameon=False,
-        fontsize=8.5,
+        fontsize=8.5 if figure.get_figwidth() > 7.4 else 7.5,
         labelcolor="white",
         borderaxespad=0.3,
         handletextpad=0.5,
         columnspacing=1.3,
     )
-    figure.text(0.008, 0.16 / figure.get_figheight(), title, color="white", fontsize=10, va="center")
+    above = 0.16 if figure.get_figwidth() > _LEAST_COLUMNS_FOR_ONE_LINE * _PANEL_INCHES[0] - 0.1 else 0.47
+    figure.text(0.008, above / figure.get_figheight(), title, color="white", fontsize=10, va="center")

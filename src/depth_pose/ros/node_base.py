@@ -25,18 +25,22 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 from rclpy.subscription import Subscription
 
 from depth_pose.config import PipelineConfig
-from depth_pose.errors import ConfigError, DepthPoseError, InputError
+from depth_pose.errors import BankError, ConfigError, DepthPoseError, InputError
 from depth_pose.ros.conversions import stamp_to_ns
 from depth_pose.ros.figures import Figures
 from depth_pose.ros.pairing import Pairer
 from depth_pose.ros.parameters import COMMON, Setting, declare, read_config
-from depth_pose.ros.silence import SilenceWatch
+from depth_pose.ros.silence import CrowdWatch, SilenceWatch
 
 READY = "is ready"
 """A node logs this once it has warmed up and its connections stand; the supervisor waits for it."""
 
-PAIR_DEPTH = 4
-"""Messages held per topic by a node that pairs topics, where one frame may wait (see `StageNode`)."""
+PAIR_DEPTH = 64
+"""Stamps held by a node that pairs topics, until the later part of a frame comes.
+
+It must span the time that the stages between take, two seconds at 30 frames a second: with fewer,
+a node behind a slow stage would have let go of every frame's points when its match comes.
+"""
 
 SETTLE_S = 0.2
 """What a writer takes for joined, the reader may not yet: it is given this long to follow."""
@@ -91,8 +95,8 @@ class StageNode(Node):
     """A node around one stage; sub-classes say which, and convert.
 
     Queues hold one frame and the newest wins. A node with several inputs pairs them by exact
-    stamp. There, the topics' own queues hold `PAIR_DEPTH` messages, because the parts of one
-    frame come at different times; they are emptied before the newest whole frame is taken.
+    stamp: up to `PAIR_DEPTH` incomplete frames are held, because the parts of one frame come at
+    different times, and all that waits is taken in before the newest whole frame is begun.
     With the parameter ``reliable`` every frame is taken in turn, up to ``queue`` of them.
 
     Attributes
@@ -128,6 +132,7 @@ class StageNode(Node):
         self.add_on_set_parameters_callback(self._check_parameters)
         self.add_post_set_parameters_callback(self._take_parameters)
         self.create_timer(1.0, self._tell, clock=self._steady)
+        self.create_timer(0.5, self._silence.check, clock=self._steady)
         self._joined_ticks = 0
         self._ready_timer = self.create_timer(_READY_TICK_S, self._tell_ready, clock=self._steady)
 
@@ -150,7 +155,7 @@ class StageNode(Node):
 
         Raises
         ------
-        InputError, Drop
+        InputError, BankError, Drop
             Where there is no answer to this frame.
         Held
             Where it is kept; the sub-class calls `process` with it later.
@@ -221,9 +226,10 @@ class StageNode(Node):
         for index, i in enumerate(self._inputs):
             qos = self._qos(depth, self.lossless)
             self.create_subscription(i.kind, i.topic, self._callback(index), qos)
+        self._crowd = CrowdWatch(self, self._inputs)
         self._silence = SilenceWatch(self, [i for i in self._inputs if i.sensor])
 
-    def _callback(self, index: int) -> Callable[[Any, Any], None]:
+    def _callback(self, index: int) -> Callable[..., None]:
         def take(message: Any, info: Any) -> None:  # rclpy counts the arguments
             self._take(index, message, info)
 
@@ -299,6 +305,8 @@ class StageNode(Node):
             self.drop(e.reason, str(e))
         except InputError as e:
             self.drop("bad input", f"{self._inputs[0].topic}: {e}")
+        except BankError as e:
+            self.drop("other bank", str(e))
         except Exception as e:  # a node outlives every frame
             self.get_logger().error(traceback.format_exc(), throttle_duration_sec=LOG_EVERY_S)
             self.drop("error", f"{type(e).__name__}: {e}")
@@ -348,7 +356,7 @@ class StageNode(Node):
             self.get_logger().info(f"{self.get_name()} {READY}: listens to {topics}")
 
     def _tell(self) -> None:
-        self._silence.check()
+        self._crowd.check()
         new = self.figures.new_drops()
         status = DiagnosticStatus(name=f"{self.get_fully_qualified_name()}", hardware_id="depth_pose")
         status.level, status.message = DiagnosticStatus.OK, "answers" if self.figures.rate_hz() else "waits"

@@ -6,9 +6,9 @@ seen, some pixels return nothing, and what is left is quantised.
 
 The growth with range and angle follows C. V. Nguyen, S. Izadi and D. Lovell, *Modeling
 Kinect sensor noise for improved 3D reconstruction and tracking*, 3DIMPVT 2012, and for time
-of flight the shot-noise law (noise inverse to the square root of the light that returns,
-which falls with the square of the range and the cosine of the angle); the steps of
-structured light follow K. Khoshelham and S. O. Elberink, *Accuracy and resolution of Kinect
+of flight the law of a sensor in ambient light (noise inverse to the light that returns, which
+falls with the square of the range and the cosine of the angle); the steps of structured light
+follow K. Khoshelham and S. O. Elberink, *Accuracy and resolution of Kinect
 depth data*, Sensors 12, 2012, eq. 6.
 """
 

@@ -53,7 +53,7 @@ SENSORS: dict[str, SensorModel] = {
         near=0.3,
         far=7.5,
         projector_offset=0.0,
-        noise=NoiseConfig(constant=0.001, linear=0.0025, grazing_power=0.5, flying=0.5, dropout=0.002),
+        noise=NoiseConfig(constant=0.002, quadratic=0.0014, grazing_power=1.0, flying=0.5, dropout=0.002),
     ),
     "structured": SensorModel(
         name="structured",

@@ -20,6 +20,7 @@ from depth_pose.config import MatchConfig, RefineConfig
 from depth_pose.errors import BankError
 from depth_pose.geometry import matrix_to_quat, quat_to_matrix
 from depth_pose.registration.articulated import ArticulatedFitter, BodyPose, nearest_person_pixels
+from depth_pose.registration.limbs import LimbSearch
 from depth_pose.render import Comparison, DepthComparer
 from depth_pose.skeleton import JOINT_NODES, Source
 from depth_pose.steps.confidence import report_joints, skeleton_confidence
@@ -45,7 +46,9 @@ class Refiner:
         self.bank = bank
         self.config = config
         self._band = match.score_band
+        self._faces = bank.body.faces
         self._fitter = ArticulatedFitter(bank.body)
+        self._limbs = LimbSearch(bank)
         self._guard = StampGuard()
         self.reset()
 
@@ -92,21 +95,22 @@ class Refiner:
         return self._skeleton(cloud, view, best)
 
     def _fit_best(self, view: PersonView, match: PoseMatch) -> Fitted:
-        """Fit every start and keep the one that agrees best with the input."""
+        """Fit every start, then the best one's with other limbs; keep what agrees best with the input."""
         comparer = DepthComparer(view.coarse, self._band)
         points = thin(view.points, self._fitter.config.max_points)
         nearest = nearest_person_pixels(view.full)
-        starts = [candidate_pose(self.bank, c, match.scale) for c in match.candidates]
-        if self._previous is not None and self.config.track:
-            last = self._previous
-            starts.append(BodyPose(last.rotations, last.root, match.scale))
-        fits = []
-        for start in starts:
+
+        def fit(start: BodyPose) -> Fitted:
             pose = self._fitter.fit(points, view.full, view.coarse, nearest, start)
             posed = self.bank.body.pose(pose.rotations, pose.root, pose.scale)
-            comparison = comparer.compare(posed.vertices, self.bank.body.faces)
-            fits.append(Fitted(pose, posed.vertices, posed.nodes, comparison))
-        return min(fits, key=lambda f: f.comparison.score)
+            return Fitted(pose, posed.vertices, posed.nodes, comparer.compare(posed.vertices, self._faces))
+
+        starts = [candidate_pose(self.bank, c, match.scale) for c in match.candidates]
+        if self._previous is not None and self.config.track:
+            starts.append(BodyPose(self._previous.rotations, self._previous.root, match.scale))
+        best = min(map(fit, starts), key=_score)
+        proposals = self._limbs.propose(best.pose, best.vertices, comparer)
+        return min([best, *map(fit, proposals)], key=_score)
 
     def _skeleton(self, cloud: PersonCloud, view: PersonView, fitted: Fitted) -> Skeleton:
         """Put a fitted pose into words."""
@@ -126,6 +130,10 @@ class Refiner:
             joint_confidence=(confidence * report.certainty).astype(np.float32),
             joint_states=report.states,
         )
+
+
+def _score(fitted: Fitted) -> float:
+    return fitted.comparison.score
 
 
 def candidate_pose(bank: Bank, candidate: Candidate, scale: float) -> BodyPose:
