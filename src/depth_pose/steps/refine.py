@@ -19,13 +19,14 @@ from depth_pose.bank.bank import Bank
 from depth_pose.config import MatchConfig, RefineConfig
 from depth_pose.errors import BankError
 from depth_pose.geometry import matrix_to_quat, quat_to_matrix
-from depth_pose.registration.articulated import ArticulatedFitter, BodyPose, nearest_person_pixels
+from depth_pose.registration.articulated import BodyPose
 from depth_pose.registration.limbs import LimbSearch
 from depth_pose.render import Comparison, DepthComparer
 from depth_pose.skeleton import JOINT_NODES, Source
 from depth_pose.steps.confidence import report_joints, skeleton_confidence
+from depth_pose.steps.fitters import FITTERS
 from depth_pose.steps.stamps import StampGuard
-from depth_pose.steps.view import PersonView, thin, view_person
+from depth_pose.steps.view import PersonView, view_person
 from depth_pose.types import Candidate, PersonCloud, PoseMatch, Skeleton
 
 
@@ -47,7 +48,7 @@ class Refiner:
         self.config = config
         self._band = match.score_band
         self._faces = bank.body.faces
-        self._fitter = ArticulatedFitter(bank.body)
+        self._fitter = FITTERS[config.method](bank.body)
         self._limbs = LimbSearch(bank)
         self._guard = StampGuard()
         self.reset()
@@ -97,13 +98,11 @@ class Refiner:
     def _fit_best(self, view: PersonView, match: PoseMatch) -> Fitted:
         """Fit every start, then the best one's with other limbs; keep what agrees best with the input."""
         comparer = DepthComparer(view.coarse, self._band)
-        points = thin(view.points, self._fitter.config.max_points)
-        nearest = nearest_person_pixels(view.full)
+        fit_body = self._fitter.fit_to(view)
 
         def fit(start: BodyPose) -> Fitted:
-            pose = self._fitter.fit(points, view.full, view.coarse, nearest, start)
-            posed = self.bank.body.pose(pose.rotations, pose.root, pose.scale)
-            return Fitted(pose, posed.vertices, posed.nodes, comparer.compare(posed.vertices, self._faces))
+            body = fit_body(start)
+            return Fitted(body.pose, body.vertices, body.nodes, comparer.compare(body.vertices, self._faces))
 
         starts = [candidate_pose(self.bank, c, match.scale) for c in match.candidates]
         if self._previous is not None and self.config.track:
