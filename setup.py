@@ -3,6 +3,8 @@
 from setuptools import setup
 
 setup(
+    license="Apache-2.0",
+    python_requires=">=3.10,<3.13",
     entry_points={
         "console_scripts": [
             "depth-pose = depth_pose.cli:main",
@@ -15,5 +17,7 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/depth_pose"]),
         ("share/depth_pose", ["package.xml"]),
+        ("share/depth_pose/launch", ["launch_scripts/depth_pose.launch.py"]),
+        ("share/depth_pose/config", ["launch_scripts/params.yaml"]),
     ],
 )

@@ -8,23 +8,25 @@ set -euo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 cd "$root"
 source launch_scripts/helpers/console.sh
+source launch_scripts/helpers/environment.sh
 source launch_scripts/helpers/find_python.sh
 
-extras=ros,ros-build
+with_test=
 if [ "${1:-}" = --test ]; then
-    extras=$extras,test
+    with_test=test
 elif [ -n "${1:-}" ]; then
     fail "setup.sh knows no option $1; it has --test"
 fi
-
-# A sourced ROS or another environment must not leak into this one.
-unset PYTHONPATH PYTHONHOME VIRTUAL_ENV AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON_PREFIX_PATH
-unset LD_LIBRARY_PATH _ROS_WHEELS_BOOTSTRAP_COMPLETE
-export PIP_DISABLE_PIP_VERSION_CHECK=1 PIP_NO_COMPILE=1 PIP_PROGRESS_BAR=off
+if [ "$(uname -sm)" != "Linux x86_64" ]; then
+    fail "ROS 2 comes as Python packages for Linux on x86-64 only, and this is $(uname -sm)." \
+        "Install ROS 2 Jazzy with apt and build with colcon; README.md has the lines."
+fi
+export PIP_DISABLE_PIP_VERSION_CHECK=1 PIP_PROGRESS_BAR=off
 
 venv=$root/.venv
 logs=$venv/depth_pose_logs
 stamps=$venv/depth_pose_stamps
+wheels=$venv/depth_pose_wheels
 
 exec 9<"${BASH_SOURCE[0]}" # one set-up at a time
 flock 9
@@ -32,54 +34,75 @@ flock 9
 digest() { sha256sum | cut -c 1-16; }
 is_done() { [ "$(cat "$stamps/$1" 2>/dev/null)" = "$2" ]; }
 set_done() { echo "$2" >"$stamps/$1"; }
+pip() { "$venv/bin/python" -m pip "$@"; }
+requirements() { "$venv/bin/python" launch_scripts/helpers/requirements.py "$@"; }
 
-if [ "$(uname -sm)" != "Linux x86_64" ]; then
-    fail "ROS 2 comes as Python packages for Linux on x86-64 only, and this is $(uname -sm)." \
-        "Install ROS 2 Jazzy with apt and build with colcon; README.md has the lines."
+# start NAME COMMAND...: run it beside the others, into its log.
+start() {
+    local name=$1
+    shift
+    touch "$stamps/$name.unfinished" # stays behind only where it is killed
+    (
+        status=0
+        "$@" || status=$?
+        rm -f "$stamps/$name.unfinished"
+        exit "$status"
+    ) >"$logs/$name.log" 2>&1 &
+    job_pids[$name]=$!
+}
+trap 'kill "${job_pids[@]}" 2>/dev/null || true' EXIT
+
+install_ros() {
+    requirements numpy ros ros-build >"$logs/ros.txt" && pip install --no-compile -r "$logs/ros.txt"
+}
+fetch_packages() {
+    requirements dependencies $with_test >"$logs/packages.txt" \
+        && pip wheel --wheel-dir "$wheels" -r "$logs/packages.txt"
+}
+install_packages() {
+    local from=()
+    if [ -d "$wheels" ]; then from=(--no-index --find-links "$wheels"); fi
+    pip install --no-compile "${from[@]}" --no-build-isolation -e ".[ros,ros-build${with_test:+,test}]" \
+        && rm -rf "$wheels"
+}
+
+if [ -e "$venv" ] && [ ! -d "$stamps" ]; then
+    fail "$venv was not made by this script; move it away or remove it"
 fi
-
 # An environment is tied to its folder, and a copied or half-made one is of no use.
-venv_key=$root
-if ! is_done venv "$venv_key" || ! "$venv/bin/python" -c 'import pip' 2>/dev/null; then
+if ! is_done venv "$root" || ! "$venv/bin/python" -c 'import pip' 2>/dev/null \
+    || [ -n "$(find "$stamps" -name '*.unfinished')" ]; then
     find_python
-    say "Setting up .venv with $("$python" -V) (once; about a minute and 1.6 GB)"
+    say "Making .venv with $("$python" -V) (once; a minute or two, 1.6 GB)"
     rm -rf "$venv"
+    mkdir -p "$stamps" "$logs"
     "$python" -m venv "$venv"
-    mkdir -p "$stamps"
-    set_done venv "$venv_key"
+    set_done venv "$root"
 fi
-mkdir -p "$logs" "$stamps"
-version=$("$venv/bin/python" -V)
 
+version=$("$venv/bin/python" -V)
 ros_key=$( (echo "$version"; sed -n '/^ros = \[/,/^test = \[/p' pyproject.toml) | digest)
 messages_key=$( (
     echo "$ros_key"
     find ros_ws/src launch_scripts/helpers/build_messages.sh launch_scripts/helpers/drop_wheel_includes.cmake \
         -type f | LC_ALL=C sort | xargs sha256sum
 ) | digest)
-packages_key=$( (echo "$version"; cat pyproject.toml setup.py) | digest)
+packages_key=$( (echo "$version"; sed '/^\[tool\.pytest/,$d' pyproject.toml; cat setup.py) | digest)
 
-install() { "$venv/bin/python" -m pip install "$@"; }
-install_ros() {
-    "$venv/bin/python" launch_scripts/helpers/requirements.py numpy ros ros-build >"$logs/ros.txt"
-    install -r "$logs/ros.txt"
-}
+packages_done=
+if is_done packages "$packages_key"; then packages_done=1; fi
+if [ -n "$with_test" ] && ! is_done packages-test "$packages_key"; then packages_done=; fi
 
-if ! is_done ros "$ros_key"; then
-    install_ros >"$logs/ROS 2.log" 2>&1 &
-    job_pids["ROS 2"]=$!
-    run_jobs "$logs"
-    set_done ros "$ros_key"
-fi
-# The compiler and the downloads share the time.
+# Two things at a time: downloads, unpacking and the compiler share the cores.
+if ! is_done ros "$ros_key"; then start ros install_ros; fi
+if [ ! -f "$stamps/packages" ]; then start downloads fetch_packages; fi
+run_jobs "$logs"
+set_done ros "$ros_key"
 if ! is_done messages "$messages_key"; then
-    bash launch_scripts/helpers/build_messages.sh "$venv" >"$logs/messages.log" 2>&1 &
-    job_pids[messages]=$!
+    start messages bash launch_scripts/helpers/build_messages.sh "$venv"
 fi
-if ! is_done "packages-$extras" "$packages_key"; then
-    install --no-build-isolation -e ".[$extras]" >"$logs/packages.log" 2>&1 &
-    job_pids[packages]=$!
-fi
+if [ -z "$packages_done" ]; then start packages install_packages; fi
 run_jobs "$logs"
 set_done messages "$messages_key"
-set_done "packages-$extras" "$packages_key"
+set_done packages "$packages_key"
+if [ -n "$with_test" ]; then set_done packages-test "$packages_key"; fi

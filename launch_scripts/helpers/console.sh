@@ -1,11 +1,13 @@
-# Sourced by the launch scripts: short messages with the time since the script began.
+# Sourced by the launch scripts: short messages with the time since the first of them began.
 
 if [ -t 1 ]; then on_terminal=1; else on_terminal=; fi
+: "${DEPTH_POSE_BEGAN:=$(date +%s)}" # one clock for scripts that call each other
+export DEPTH_POSE_BEGAN
 
-# say TEXT: one line, with the seconds since the script began.
-say() {
-    printf '[%3d s] %s\n' "$SECONDS" "$*"
-}
+elapsed() { echo $(($(date +%s) - DEPTH_POSE_BEGAN)); }
+
+# say TEXT: one line, with the seconds since the beginning.
+say() { printf '[%3d s] %s\n' "$(elapsed)" "$*"; }
 
 # fail TEXT...: the lines, on stderr, and the end.
 fail() {
@@ -23,7 +25,7 @@ run_jobs() {
             if kill -0 "${job_pids[$name]}" 2>/dev/null; then
                 if [ -n "$on_terminal" ]; then
                     line=$(tail -n 1 "$logs/$name.log" 2>/dev/null | tr -d '\r' | cut -c 1-60)
-                    printf '\r\033[K[%3d s] %s: %s' "$SECONDS" "$name" "$line"
+                    printf '\r\033[K[%3d s] %s: %s' "$(elapsed)" "$name" "$line"
                 fi
                 continue
             fi

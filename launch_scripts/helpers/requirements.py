@@ -1,6 +1,6 @@
 """Print requirements of pyproject.toml, one a line: ``requirements.py NAME...``.
 
-A NAME is an extra, or a package among the project's dependencies.
+A NAME is an extra, a package among the project's dependencies, or ``dependencies`` for all of them.
 """
 
 import re
@@ -13,6 +13,8 @@ except ModuleNotFoundError:  # Python 3.10
     from pip._vendor import tomli as tomllib
 
 project = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text())["project"]
-by_package = {re.split(r"[^\w-]", line)[0]: [line] for line in project["dependencies"]}
+dependencies = project["dependencies"]
+known = {re.split(r"[^\w-]", line)[0]: [line] for line in dependencies}
+known |= {"dependencies": dependencies, **project["optional-dependencies"]}
 for name in sys.argv[1:]:
-    print("\n".join(project["optional-dependencies"].get(name) or by_package[name]))
+    print("\n".join(known[name]))

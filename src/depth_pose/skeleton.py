@@ -147,13 +147,13 @@ def rest_nodes() -> NDArray[np.float64]:
     slope = np.sqrt(0.5)
     at: dict[str, tuple[float, float, float]] = {
         "pelvis": (0.0, 0.564, 0.0),
-        "spine": (0.0, 0.647, -0.004),
-        "chest": (0.0, 0.775, -0.012),
-        "neck": (0.0, 0.877, -0.016),
-        "head": (0.0, 0.937, -0.004),
-        "left_clavicle": (0.014, 0.826, 0.012),
-        "left_shoulder": (0.100, 0.820, -0.016),
-        "left_hip": (0.063, 0.557, 0.0),
+        "spine": (0.0, 0.647, -0.014),
+        "chest": (0.0, 0.775, -0.019),
+        "neck": (0.0, 0.877, -0.005),
+        "head": (0.0, 0.937, 0.016),
+        "left_clavicle": (0.014, 0.826, 0.005),
+        "left_shoulder": (0.100, 0.820, 0.003),
+        "left_hip": (0.063, 0.557, -0.005),
     }
     x, y, z = at["left_shoulder"]
     for name, reach in (("left_elbow", 0.155), ("left_wrist", 0.155 + 0.140)):

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from depth_pose.body.body import INFLUENCES, Body
-from depth_pose.body.procedural import BodyShape, make_body
+from depth_pose.body.procedural import BodyShape, _template, make_body
 from depth_pose.errors import ConfigError
-from depth_pose.skeleton import MIRROR_NODES, NODE_INDEX, forward_kinematics, rest_nodes
+from depth_pose.skeleton import MIRROR_NODES, NODE_INDEX, NODE_PARENTS, forward_kinematics, rest_nodes
 
 
 @pytest.fixture(scope="module")
@@ -52,7 +52,8 @@ def test_volume_is_that_of_an_adult_and_faces_look_outwards(body: Body) -> None:
 def test_stands_on_the_floor_at_its_stature(body: Body) -> None:
     assert body.vertices[:, 1].min() == pytest.approx(0.0, abs=1e-6)
     assert body.vertices[:, 1].max() == pytest.approx(1.75, abs=1e-6)
-    np.testing.assert_allclose(body.nodes, rest_nodes() * 1.75, atol=1e-12)
+    offset = body.nodes - rest_nodes() * 1.75
+    np.testing.assert_allclose(offset, np.tile(offset[0], (21, 1)), atol=1e-12)
 
 
 def test_left_and_right_are_mirror_images(body: Body) -> None:
@@ -94,6 +95,23 @@ def test_weights_are_few_and_sum_to_one(body: Body) -> None:
     np.testing.assert_allclose(body.weights.sum(axis=1), 1.0, atol=1e-12)
     assert (body.weights >= 0).all()
     assert int((body.weights > 0).sum(axis=1).max()) <= INFLUENCES
+
+
+def test_each_part_moves_with_its_own_segment(body: Body) -> None:
+    for name, at, least in (
+        ("left_wrist", body.nodes[NODE_INDEX["left_wrist"]] + [0.07, -0.07, 0.0], 50),
+        (
+            "left_elbow",
+            0.5 * (body.nodes[NODE_INDEX["left_elbow"]] + body.nodes[NODE_INDEX["left_wrist"]]),
+            10,
+        ),
+        ("left_knee", 0.5 * (body.nodes[NODE_INDEX["left_knee"]] + body.nodes[NODE_INDEX["left_ankle"]]), 10),
+        ("left_ankle", body.nodes[NODE_INDEX["left_foot"]], 30),
+        ("head", np.array([0.0, 1.67, 0.03]), 60),
+    ):
+        near = np.linalg.norm(body.vertices - at, axis=1) < 0.10
+        assert near.sum() >= least
+        assert body.weights[near, NODE_INDEX[name]].mean() > 0.8
 
 
 def test_weights_never_cross_to_the_other_limb(body: Body) -> None:
@@ -159,6 +177,40 @@ def test_a_larger_person_is_the_same_person_scaled(body: Body) -> None:
     tall = make_body(BodyShape(stature_m=2.0))
     np.testing.assert_allclose(tall.vertices, body.vertices * (2.0 / 1.75), atol=1e-9)
     np.testing.assert_allclose(tall.nodes, body.nodes * (2.0 / 1.75), atol=1e-9)
+
+
+def test_making_it_again_gives_the_same_body(body: Body) -> None:
+    again = _template.__wrapped__()
+    assert again.content_hash() == body.content_hash()
+
+
+def test_girth_thickens_and_trunk_depth_only_deepens_the_trunk(body: Body) -> None:
+    thick = make_body(BodyShape(girth=1.1))
+    grown = signed_volume(thick.vertices, body.faces) / signed_volume(body.vertices, body.faces)
+    assert 1.12 < grown < 1.23
+    np.testing.assert_allclose(make_body(BodyShape(girth=1.1)).nodes[:, 1], body.nodes[:, 1], atol=0.01)
+    deep = make_body(BodyShape(trunk_depth=1.2))
+    moved = np.abs(deep.vertices - body.vertices)
+    arm = body.weights[:, NODE_INDEX["left_elbow"]] > 0.99
+    chest = (body.weights[:, NODE_INDEX["chest"]] > 0.7) & (body.vertices[:, 2] > 0.05)
+    assert moved[arm].max() < 0.005
+    assert deep.vertices[chest, 2].mean() > body.vertices[chest, 2].mean() + 0.015
+
+
+def test_bank_of_poses_never_tears_the_skin(body: Body) -> None:
+    rest = body.vertices[body.faces]
+    rest_sides = np.linalg.norm(rest - np.roll(rest, 1, axis=1), axis=2)
+    for name, angle in (("left_hip", -100.0), ("left_knee", 120.0), ("left_shoulder", 90.0), ("head", 40.0)):
+        rotations = np.tile(np.eye(3), (21, 1, 1))
+        c, s = np.cos(np.radians(angle)), np.sin(np.radians(angle))
+        about_x = np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
+        about_z = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+        chain = [i for i in range(21) if i == NODE_INDEX[name] or NODE_PARENTS[i] == NODE_INDEX[name]]
+        chain += [i for i in range(21) if NODE_PARENTS[i] in chain and i not in chain]
+        rotations[chain] = about_z if "shoulder" in name else about_x
+        posed = body.pose(rotations, body.nodes[0]).vertices[body.faces]
+        sides = np.linalg.norm(posed - np.roll(posed, 1, axis=1), axis=2)
+        assert (sides / rest_sides).max() < 3.5
 
 
 def test_impossible_shape_is_refused() -> None:

@@ -1,4 +1,4 @@
-"""The embedded body: made from anthropometry alone, in any build.
+"""The embedded body: made from tables of proportions, in any build.
 
 The body of `BodyShape()` is meshed once from its implicit surface (`depth_pose.body.anatomy`).
 Other builds move that mesh, so all of them share faces and corresponding vertices.
@@ -11,17 +11,17 @@ from functools import lru_cache
 
 import numpy as np
 
-from depth_pose.body.anatomy import BodyField
+from depth_pose.body.anatomy import BodyField, reference_nodes
 from depth_pose.body.body import Body
 from depth_pose.body.remesh import mirror, remesh_half
 from depth_pose.body.surface import Array, Mesh, sample_grid, surface_nets
 from depth_pose.body.weights import skin_weights
 from depth_pose.errors import ConfigError
-from depth_pose.skeleton import ADULT_STATURE_M, NODE_INDEX, NODE_PARENTS, NODES, rest_nodes
+from depth_pose.skeleton import ADULT_STATURE_M, NODE_INDEX, NODE_PARENTS, NODES
 
-_GRID = 0.008
-_LOW = np.array([-1.5 * _GRID, -0.0301, -0.20])
-_COUNTS = (100, 232, 58)
+_GRID = 0.011
+_LOW = np.array([-1.5 * _GRID, -0.0301, -0.18])
+_COUNTS = (68, 168, 40)
 
 
 @dataclass(frozen=True)
@@ -40,6 +40,8 @@ class BodyShape:
         Length of the segments.
     head_size : float
         Size of the head; about 1.25 for a child of 1.2 m.
+    trunk_depth : float
+        Thickness of the trunk from front to back, beside `girth`.
     """
 
     stature_m: float = ADULT_STATURE_M
@@ -50,6 +52,7 @@ class BodyShape:
     arm_length: float = 1.0
     trunk_length: float = 1.0
     head_size: float = 1.0
+    trunk_depth: float = 1.0
 
     def __post_init__(self) -> None:
         for f in fields(self):
@@ -91,7 +94,7 @@ def _template() -> Body:
     field = BodyField()
     mesh = mirror(remesh_half(_fine_half(field), field, _edge_length))
     height = float(mesh.vertices[:, 1].max())
-    nodes = rest_nodes() * ADULT_STATURE_M
+    nodes = reference_nodes()
     weights = skin_weights(mesh, nodes, field)
     vertices = mesh.vertices * [1.0, ADULT_STATURE_M / height, 1.0]
     for array in (vertices, mesh.faces, weights, nodes):
@@ -112,9 +115,13 @@ def _fine_half(field: BodyField) -> Mesh:
 
 def _edge_length(points: Array) -> Array:
     """Wished edge length: fine at hands, feet and head."""
-    nodes = rest_nodes() * ADULT_STATURE_M
+    nodes = reference_nodes()
     size = np.full(len(points), 0.036)
-    for name, radius, fine in (("left_wrist", 0.20, 0.019), ("left_foot", 0.17, 0.025), ("head", 0.16, 0.027)):
+    for name, radius, fine in (
+        ("left_wrist", 0.20, 0.019),
+        ("left_foot", 0.17, 0.025),
+        ("head", 0.16, 0.027),
+    ):
         away = np.linalg.norm(points - nodes[NODE_INDEX[name]], axis=1)
         size = np.minimum(size, fine + 0.12 * np.maximum(away - radius, 0.0))
     return size
@@ -170,4 +177,5 @@ def _stretch(name: str, nodes: Array, shape: BodyShape) -> Array:
         return length * along + shape.girth * (np.eye(3) - along)
     wide = {"pelvis": shape.hip_width, "spine": 0.5 * (shape.hip_width + shape.shoulder_width)}
     width = wide.get(bare, shape.shoulder_width if bare in ("chest", "clavicle") else 1.0)
-    return np.diag([shape.girth * width, shape.trunk_length, shape.girth])
+    depth = shape.girth * (shape.trunk_depth if bare in (*wide, "chest") else 1.0)
+    return np.diag([shape.girth * width, shape.trunk_length, depth])

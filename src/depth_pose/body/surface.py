@@ -118,7 +118,8 @@ class Sweep:
         radial = np.where(r > 1e-6, reach * (1.0 - 1.0 / np.maximum(r, 1e-6)), -small)
         beyond = np.maximum(self.low * self.length - along, along - self.high * self.length)
         outside = np.hypot(np.maximum(radial, 0.0), np.maximum(beyond, 0.0))
-        return outside + np.minimum(np.maximum(radial, beyond), 0.0)
+        distance: Array = outside + np.minimum(np.maximum(radial, beyond), 0.0)
+        return distance
 
 
 def surface_nets(values: Array, origin: Array, spacing: float) -> Mesh:
@@ -166,9 +167,7 @@ def surface_nets(values: Array, origin: Array, spacing: float) -> Mesh:
         edges = np.argwhere(a != b)
         leaves = a[tuple(edges.T)]
         e_u, e_v = np.eye(3, dtype=np.int64)[u], np.eye(3, dtype=np.int64)[v]
-        quad = np.stack(
-            [index[tuple((edges + d).T)] for d in (-e_u - e_v, -e_v, 0 * e_u, -e_u)], axis=1
-        )
+        quad = np.stack([index[tuple((edges + d).T)] for d in (-e_u - e_v, -e_v, 0 * e_u, -e_u)], axis=1)
         quad = np.where(leaves[:, None], quad, quad[:, ::-1])
         diag = np.linalg.norm(vertices[quad[:, 0]] - vertices[quad[:, 2]], axis=1) <= np.linalg.norm(
             vertices[quad[:, 1]] - vertices[quad[:, 3]], axis=1

@@ -17,7 +17,7 @@ from depth_pose.body.body import INFLUENCES
 from depth_pose.body.surface import Array, Mesh
 from depth_pose.skeleton import MIRROR_NODES, NODE_INDEX
 
-_DIFFUSION = 0.010**2
+_DIFFUSION = 0.016**2
 """Diffusion time t, square metres: the square of the width over which seams are smoothed."""
 
 
@@ -57,18 +57,18 @@ def _left_weights(points: Array, nodes: Array, field: BodyField) -> Array:
     at = {name: nodes[i] for name, i in NODE_INDEX.items()}
     w = _spine_weights(points, at)
     _move_clavicle(w, points, at)
-    to_arm = smooth_step((np.minimum(bare, torso + 0.02) - arm) / 0.05 + 0.5)
+    to_arm = smooth_step((np.minimum(bare, torso + 0.02) - arm) / 0.09 + 0.5)
     across = (points - at["left_shoulder"]) @ _unit(0.92, -0.39)
     _blend(w, _limb(points, at, ("shoulder", "elbow", "wrist")), to_arm * smooth_step(across / 0.10 + 0.4))
     off_midline = np.maximum(smooth_step(points[:, 0] / 0.06), smooth_step((0.80 - points[:, 1]) / 0.05))
-    to_leg = smooth_step((torso - leg) / 0.06 + 0.65) * off_midline
+    to_leg = smooth_step((torso - leg) / 0.09 + 0.6) * off_midline * smooth_step((arm - leg) / 0.06 + 0.5)
     across = (points - at["left_hip"]) @ _unit(0.60, -0.80)
-    _blend(w, _limb(points, at, ("hip", "knee", "ankle")), to_leg * smooth_step(across / 0.13 + 0.35))
+    _blend(w, _limb(points, at, ("hip", "knee", "ankle")), to_leg * smooth_step(across / 0.16 + 0.38))
     return w
 
 
 def _unit(x: float, y: float) -> Array:
-    return np.array([x, y, 0.0]) / np.hypot(x, y)
+    return np.array([x, y, 0.0]) / float(np.hypot(x, y))
 
 
 def _blend(weights: Array, other: Array, share: Array) -> None:
@@ -90,6 +90,8 @@ def _spine_weights(points: Array, at: dict[str, Array]) -> Array:
         ("head", skull - at["head"][1], 0.06),
     ):
         share = smooth_step(level / width + 0.5)
+        if name == "neck":
+            share *= 1.0 - smooth_step((points[:, 0] - 0.06) / 0.07)
         w *= (1.0 - share)[:, None]
         w[:, NODE_INDEX[name]] = share
     return w
@@ -157,7 +159,8 @@ def _truncate(weights: Array) -> Array:
     kept = weights.copy()
     np.put_along_axis(kept, order, 0.0, axis=1)
     kept[kept < 0.01] = 0.0
-    return kept / kept.sum(axis=1, keepdims=True)
+    kept /= kept.sum(axis=1, keepdims=True)
+    return kept
 
 
 def _symmetric(mesh: Mesh, weights: Array) -> Array:
@@ -167,6 +170,6 @@ def _symmetric(mesh: Mesh, weights: Array) -> Array:
     out = weights.copy()
     out[np.flatnonzero(x < 0.0)] = weights[left][:, MIRROR_NODES]
     both = 0.5 * (weights[middle] + weights[middle][:, MIRROR_NODES])
-    both[(both > 0).sum(axis=1) > INFLUENCES] *= MIRROR_NODES == np.arange(len(MIRROR_NODES))
+    both[(both > 0).sum(axis=1) > INFLUENCES] *= np.arange(len(MIRROR_NODES)) == MIRROR_NODES
     out[middle] = both / both.sum(axis=1, keepdims=True)
     return out

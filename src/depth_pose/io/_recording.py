@@ -19,7 +19,7 @@ _MAGIC = b"\x89MCAP0\r\n"
 
 def _damage_types() -> tuple[type[Exception], ...]:
     """Give what reading a damaged file may raise."""
-    types: list[type[Exception]] = [McapError, ValueError, struct.error, KeyError, OverflowError]
+    types: list[type[Exception]] = [McapError, ValueError, struct.error, KeyError, OverflowError, OSError]
     types += [RuntimeError, EOFError]  # lz4
     try:
         from zstandard import ZstdError
@@ -87,7 +87,7 @@ class Recording:
         with file.open("rb") as stream:
             try:
                 summary = SeekingReader(stream, record_size_limit=file.stat().st_size).get_summary()
-            except (*_DAMAGE, OSError):
+            except _DAMAGE:
                 return False
         if summary is None or summary.statistics is None or not summary.chunk_indexes:
             return False

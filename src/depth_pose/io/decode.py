@@ -92,10 +92,11 @@ def decode_depth(
     kind = np.dtype(("<", ">")[bool(is_bigendian)] + _DEPTH_TYPES[encoding])
     raw = np.frombuffer(data, np.uint8)
     _check_bytes("image", raw.nbytes, height, step, width * kind.itemsize, "step")
-    pixels = np.ndarray((height, width), kind, buffer=raw, strides=(step, kind.itemsize))
+    pixels: NDArray[np.generic] = np.ndarray((height, width), kind, buffer=raw, strides=(step, kind.itemsize))
     if kind.kind == "u":
-        return pixels.astype(np.float32) / np.float32(1000.0)
-    depth = pixels.astype(np.float32)
+        metres: NDArray[np.float32] = pixels.astype(np.float32) / np.float32(1000.0)
+        return metres
+    depth: NDArray[np.float32] = pixels.astype(np.float32)
     depth[~(np.isfinite(depth) & (depth > 0))] = 0.0
     return depth
 

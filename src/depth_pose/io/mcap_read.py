@@ -29,7 +29,7 @@ from depth_pose.io.decode import (
     frame_from_cloud,
     rectify_depth,
 )
-from depth_pose.io.mcap_write import SKELETON_TOPIC
+from depth_pose.io.schemas import SKELETON_TOPIC
 from depth_pose.types import DepthFrame, Skeleton
 
 _log = logging.getLogger(__name__)
@@ -139,7 +139,8 @@ def _with_info(recording: Recording, topic: DepthTopic) -> DepthTopic:
     if topic.kind == schemas.IMAGE and not topic.info_topic:
         beside = topic.name.rpartition("/")[0] + "/camera_info"
         raise InputError(
-            f"{recording.path}: {topic.name} has no CameraInfo; record {beside} with it ({_listing(recording)})"
+            f"{recording.path}: {topic.name} has no CameraInfo; record {beside} with it "
+            f"({_listing(recording)})"
         )
     return topic
 
@@ -213,7 +214,7 @@ class DepthReader:
             raise InputError("; ".join(self.warnings) or f"{self._recording.path} has no frames")
 
     def _first_info(self) -> RawMessage | None:
-        """The first calibration, which may be recorded after the first image."""
+        """Give the first calibration, which may be recorded after the first image."""
         return self._recording.first(self.topic.info_topic) if self.topic.info_topic else None
 
     def _frame(self, message: RawMessage, info: RawMessage | None) -> DepthFrame:

@@ -18,10 +18,8 @@ from numpy.typing import NDArray
 from depth_pose.errors import InputError
 from depth_pose.io import schemas
 from depth_pose.io._messages import write_camera_info, write_image, write_skeleton
+from depth_pose.io.schemas import DEPTH_TOPIC, SKELETON_TOPIC
 from depth_pose.types import Camera, DepthFrame, Skeleton
-
-SKELETON_TOPIC = "/depth_pose/skeleton"
-DEPTH_TOPIC = "/camera/depth/image_raw"
 
 _Writer = TypeVar("_Writer", bound="_RecordingWriter")
 

@@ -62,6 +62,12 @@ uint32 width
 bool do_rectify""",
 }
 
+SKELETON_TOPIC = "/depth_pose/skeleton"
+"""Where skeletons are, unless told otherwise."""
+
+DEPTH_TOPIC = "/camera/depth/image_raw"
+"""Where depth images are written, unless told otherwise."""
+
 SKELETON = "depth_pose_msgs/msg/Skeleton"
 IMAGE = "sensor_msgs/msg/Image"
 CAMERA_INFO = "sensor_msgs/msg/CameraInfo"

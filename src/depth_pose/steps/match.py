@@ -18,13 +18,12 @@ from depth_pose.bank.bank import Bank
 from depth_pose.bank.canonical import CanonicalAxes, canonical_axes, describe
 from depth_pose.config import MatchConfig
 from depth_pose.geometry import matrix_to_quat, quat_to_matrix
+from depth_pose.registration.articulated import ArticulatedFitter, BodyPose
 from depth_pose.render import DepthComparer
+from depth_pose.steps.scale import SCALES, ScaleFinder
 from depth_pose.steps.stamps import StampGuard
 from depth_pose.steps.view import PersonView, view_person
 from depth_pose.types import Candidate, PersonCloud, PoseMatch
-
-SCALES = tuple(0.62 * 1.065**k for k in range(11))
-"""Sizes that are tried at the start: 1.09 m to 2.04 m of stature for a 1.75 m bank body."""
 
 _SAME_POSE_M = 0.05
 """Candidates whose nodes are this close on average are the same pose."""
@@ -32,9 +31,11 @@ _SAME_POSE_M = 0.05
 
 @dataclass(frozen=True)
 class _Placed:
-    """An exemplar placed at the input, and its nodes in the camera frame."""
+    """An exemplar placed at the input: its segment rotations and nodes in the camera frame."""
 
     candidate: Candidate
+    scale: float
+    rotations: NDArray[np.float64]
     nodes: NDArray[np.float64]
 
 
@@ -48,12 +49,11 @@ class Matcher:
         self._entries = np.ascontiguousarray(entries)
         self._squares = np.einsum("ij,ij->i", entries, entries)
         self._guard = StampGuard()
-        self.reset()
+        self._finder = ScaleFinder(ArticulatedFitter(bank.body), config.score_band)
 
     def reset(self) -> None:
         """Forget the person's size."""
-        self._scale_scores = np.zeros(len(SCALES))
-        self._frames = 0
+        self._finder.reset()
 
     def warm_up(self) -> None:
         """Compile every kernel on a view of the bank's own body."""
@@ -78,27 +78,26 @@ class Matcher:
             self.reset()
         view = view_person(cloud)
         if view is None:
+            self.reset()
             return PoseMatch(cloud.stamp_ns, cloud.frame_id, self.bank.bank_id, 0.0, ())
         axes = canonical_axes(view.points)
-        scale, placed = self._match_scales(view, axes)
+        scale = self._find_scale(view, axes)
+        placed = self._match_at(view, axes, scale, self.config.shortlist)
         candidates = tuple(p.candidate for p in self._keep_different(placed))
         return PoseMatch(cloud.stamp_ns, cloud.frame_id, self.bank.bank_id, scale, candidates)
 
-    def _match_scales(
-        self, view: PersonView, axes: tuple[CanonicalAxes, ...]
-    ) -> tuple[float, list[_Placed]]:
-        """Match at the known size, or find the size over the first frames."""
-        config = self.config
+    def _find_scale(self, view: PersonView, axes: tuple[CanonicalAxes, ...]) -> float:
+        """Give the person's size: as configured, or found over the first frames."""
+        config, finder = self.config, self._finder
         if config.scale > 0.0:
-            return config.scale, self._match_at(view, axes, config.scale, config.shortlist)
-        if self._frames < config.scale_frames:
+            return config.scale
+        if finder.frames < config.scale_frames:
+            sizes = SCALES[::2] if finder.frames == 0 else [finder.scale]
             few = max(4, config.shortlist // 4)
-            for k, scale in enumerate(SCALES):
-                best = min(self._match_at(view, axes, scale, few), key=_score)
-                self._scale_scores[k] += best.candidate.score
-            self._frames += 1
-        scale = _lowest(np.array(SCALES), self._scale_scores)
-        return scale, self._match_at(view, axes, scale, config.shortlist)
+            tried = [self._match_at(view, axes, float(s), few)[:2] for s in sizes]
+            best = min(tried, key=lambda placed: _score(placed[0]))
+            finder.add(view, [BodyPose(p.rotations, p.candidate.translation, p.scale) for p in best])
+        return finder.scale
 
     def _match_at(
         self, view: PersonView, axes: tuple[CanonicalAxes, ...], scale: float, shortlist: int
@@ -133,7 +132,8 @@ class Matcher:
         translation = axes.origin - scale * (rotation @ centroid)
 
         body = self.bank.body
-        posed = body.pose(rotation @ self.bank.rotations(exemplar), translation, scale)
+        rotations = rotation @ self.bank.rotations(exemplar)
+        posed = body.pose(rotations, translation, scale)
         first = comparer.compare(posed.vertices, body.faces)
         moved = comparer.compare(posed.vertices + first.shift, body.faces)
         shift = first.shift if moved.score < first.score else np.zeros(3)
@@ -145,7 +145,7 @@ class Matcher:
             distance=distance,
             score=min(first.score, moved.score),
         )
-        return _Placed(candidate, posed.nodes + shift)
+        return _Placed(candidate, scale, rotations, posed.nodes + shift)
 
     def _keep_different(self, placed: list[_Placed]) -> list[_Placed]:
         """Keep the best few that are different poses."""
@@ -162,12 +162,3 @@ class Matcher:
 def _score(placed: _Placed) -> float:
     return placed.candidate.score
 
-
-def _lowest(x: NDArray[np.float64], y: NDArray[np.float64]) -> float:
-    """Place of the minimum of a sampled curve, by a parabola through its lowest sample."""
-    k = int(np.argmin(y))
-    if k in (0, len(x) - 1):
-        return float(x[k])
-    curve = y[k - 1] - 2 * y[k] + y[k + 1]
-    step = 0.5 * (y[k - 1] - y[k + 1]) / curve if curve > 0 else 0.0
-    return float(x[k] * (x[k + 1] / x[k]) ** step)

@@ -147,7 +147,7 @@ class PersonSegmenter:
             return np.zeros(depth.shape, np.bool_)
         rank = np.where(fits, area, 0.0)
         if self._last_box is not None:
-            rank = rank * (1.0 + 2.0 * _overlap(low, high, self._last_box))
+            rank = rank * (1.0 + 2.0 * _overlap(low[:, :2], high[:, :2], self._last_box[[0, 1, 3, 4]]))
         seed = int(np.argmax(rank))
 
         chosen = np.zeros(count + 1, np.bool_)
@@ -159,7 +159,10 @@ class PersonSegmenter:
             grown = False
             for k in np.flatnonzero(touching[1:]):
                 union = np.concatenate([np.minimum(box[:3], low[k]), np.maximum(box[3:], high[k])])
-                if area[k] <= 0.5 * area[seed] and (union[3:] - union[:3]).max() <= _PERSON_EXTENT_M:
+                # beside the person only something smaller is theirs, above or below also their half
+                beside = _overlap(low[k : k + 1, :1], high[k : k + 1, :1], box[[0, 3]])[0] < 0.5
+                most = area[seed] * (0.5 if beside else 1.2)
+                if area[k] <= most and (union[3:] - union[:3]).max() <= _PERSON_EXTENT_M:
                     chosen[k + 1] = True
                     box, grown = union, True
             if not grown:
@@ -225,8 +228,8 @@ def _least_area(plane: NDArray[np.float64]) -> float:
 def _overlap(
     low: NDArray[np.float64], high: NDArray[np.float64], box: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Share of ``box`` that each component's box covers, in the image plane."""
-    side = np.minimum(high[:, :2], box[3:5]) - np.maximum(low[:, :2], box[:2])
-    whole = np.maximum(box[3:5] - box[:2], 1e-3)
+    """Share of the smaller of two boxes that both cover: many (n, d) boxes and one (2 d,)."""
+    d = low.shape[1]
+    side = np.minimum(high, box[d:]) - np.maximum(low, box[:d])
+    whole = np.maximum(np.minimum(high - low, box[d:] - box[:d]), 1e-3)
     return np.asarray(np.prod(np.clip(side / whole, 0.0, 1.0), axis=1))
-

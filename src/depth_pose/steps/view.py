@@ -58,5 +58,6 @@ def view_person(cloud: PersonCloud) -> PersonView | None:
 
 def thin(points: NDArray[np.float64], most: int) -> NDArray[np.float64]:
     """Take at most ``most`` points, evenly over their order in the image."""
-    step = max(1.0, len(points) / most)
-    return points[np.arange(0, len(points), step).astype(np.int64)]
+    if len(points) <= most:
+        return points
+    return points[np.arange(most) * len(points) // most]

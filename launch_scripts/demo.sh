@@ -1,0 +1,28 @@
+#!/usr/bin/env bash
+# From a depth recording to skeletons, live through the four nodes: demo.sh [RECORDING.mcap]
+#
+# Without an argument a virtual time-of-flight sensor makes the recording. The skeletons and a picture
+# of them come into results/. Sets everything up the first time; again and again after that.
+set -euo pipefail
+
+recording=
+if [ $# -gt 1 ]; then
+    echo "demo.sh takes one recording, or none: demo.sh [RECORDING.mcap]" >&2
+    exit 1
+elif [ $# -eq 1 ]; then
+    recording=$(realpath -e -- "$1" 2>/dev/null) || {
+        echo "There is no recording $1; give an MCAP file, or nothing for a simulated one." >&2
+        exit 1
+    }
+fi
+
+cd "$(dirname "${BASH_SOURCE[0]}")/.."
+source launch_scripts/helpers/console.sh
+source launch_scripts/helpers/environment.sh
+bash launch_scripts/setup.sh
+source launch_scripts/helpers/bank.sh
+ensure_bank
+
+say "Running the main job: the recording in real time through the four nodes"
+.venv/bin/depth-pose demo ${recording:+"$recording"}
+say "done"

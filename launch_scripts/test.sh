@@ -1,0 +1,18 @@
+#!/usr/bin/env bash
+# Run all the checks and tests: test.sh [PYTEST ARGUMENT...], e.g. test.sh -k denoise
+#
+# Sets everything up the first time. The style and type checks are tests like the others
+# (test/test_style.py), so pytest's last line speaks for everything.
+set -euo pipefail
+
+cd "$(dirname "${BASH_SOURCE[0]}")/.."
+source launch_scripts/helpers/console.sh
+source launch_scripts/helpers/environment.sh
+bash launch_scripts/setup.sh --test
+source launch_scripts/helpers/bank.sh
+ensure_bank
+
+# Nodes of other programs, and of another run of this one, are not to be heard.
+export ROS_DOMAIN_ID=$((1 + RANDOM % 100)) ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST
+say "Running the tests"
+exec .venv/bin/python -m pytest -q "$@"

@@ -1,0 +1,76 @@
+"""The ``depth-pose`` command.
+
+Each command's module imports what it works with inside the command, so that help is quick.
+"""
+
+from __future__ import annotations
+
+import sys
+
+import typer
+
+from depth_pose import __version__
+from depth_pose.cli.banks import app as bank_app
+from depth_pose.cli.console import console, errors
+from depth_pose.cli.live import add_to as add_live
+from depth_pose.cli.run import add_to as add_run
+from depth_pose.cli.scoring import add_to as add_scoring
+from depth_pose.cli.simulation import add_to as add_simulation
+from depth_pose.errors import ConfigError, DepthPoseError
+
+app = typer.Typer(
+    name="depth-pose",
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode="rich",
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        console.print(__version__)
+        raise typer.Exit
+
+
+@app.callback()
+def _main(
+    version: bool = typer.Option(
+        False, "--version", is_eager=True, callback=_print_version, help="Print the version."
+    ),
+) -> None:
+    """3D human pose from a depth sensor's topic, or a recording of one, on a CPU.
+
+    [bold]Skeletons of a recording:[/bold]  depth-pose run in.mcap -o out.mcap
+
+    [bold]Look at them:[/bold]  depth-pose overlay in.mcap out.mcap -o picture.png
+
+    [bold]Live, on a sensor's topics:[/bold]  depth-pose up
+
+    [bold]Without a sensor:[/bold]  depth-pose simulate -o bags/sim.mcap
+    """
+
+
+add_run(app)
+add_live(app)
+add_simulation(app)
+add_scoring(app)
+app.add_typer(bank_app, name="bank")
+
+
+def main() -> None:
+    """Run the command; errors of ours are one line, exit code 1, or 2 for a wrong setting."""
+    try:
+        app(prog_name="depth-pose")
+    except DepthPoseError as error:
+        errors.print(f"[bold red]error:[/bold red] {_plain(error)}", highlight=False, soft_wrap=True)
+        sys.exit(2 if isinstance(error, ConfigError) else 1)
+    except BrokenPipeError:
+        sys.exit(1)
+
+
+def _plain(error: Exception) -> str:
+    from rich.markup import escape
+
+    return escape(str(error))

@@ -1,0 +1,168 @@
+"""What the commands share: consoles, progress bars, options made from the configuration."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import typer
+from rich.console import Console
+from rich.markup import escape
+
+from depth_pose.config import options
+from depth_pose.errors import ConfigError, InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+console = Console()
+errors = Console(stderr=True)
+
+_LEAST_LINE_GAP_S = 2.0
+
+
+def setting(config: type, name: str, *flags: str) -> Any:
+    """Make the command-line option of a setting, with its help, range and default.
+
+    An option that is not given is None, so that a file of settings may give it.
+    """
+    found = next(o for o in options(config) if o.name == name)
+    unit = f" {found.unit}" if found.unit else ""
+    text = found.help + (f" ({', '.join(found.choices)})" if found.choices else "")
+    kinds: dict[str, Any] = {}
+    if not isinstance(found.default, (str, bool)):
+        kinds = {"min": found.low, "max": found.high}
+    return typer.Option(
+        *(flags or (f"--{name.replace('_', '-')}",)),
+        help=escape(text),
+        show_default=f"{found.default}{unit}",
+        **kinds,
+    )
+
+
+def given(**values: Any) -> dict[str, Any]:
+    """Keep what was given on the command line."""
+    return {name: value for name, value in values.items() if value is not None}
+
+
+def read_settings(path: Path) -> dict[str, dict[str, Any]]:
+    """Read a file of settings: YAML or JSON, by step, or a ROS parameter file with those steps.
+
+    Raises
+    ------
+    InputError
+        Where it cannot be read.
+    ConfigError
+        Where it is no mapping of mappings.
+    """
+    from depth_pose.config import PipelineConfig
+
+    try:
+        text = path.read_text()
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror}") from error
+    values = _parse(path, text)
+    if values is None:
+        return {}
+    if isinstance(values, Mapping) and "/**" in values:
+        inside = values["/**"]
+        everything = inside.get("ros__parameters", {}) if isinstance(inside, Mapping) else {}
+        sections = PipelineConfig().as_mapping()
+        values = _nested({k: v for k, v in everything.items() if k.partition(".")[0] in sections})
+    if not isinstance(values, Mapping) or not all(isinstance(part, Mapping) for part in values.values()):
+        raise ConfigError(f"{path} is to hold settings by step, for instance 'segment: {{near: 0.5}}'")
+    return {str(name): dict(part) for name, part in values.items()}
+
+
+def _parse(path: Path, text: str) -> Any:
+    if path.suffix.lower() == ".json":
+        try:
+            return json.loads(text)
+        except ValueError as error:
+            raise ConfigError(f"{path} is not JSON: {error}") from error
+    import yaml
+
+    try:
+        return yaml.safe_load(text)
+    except yaml.YAMLError as error:
+        raise ConfigError(f"{path} is not YAML: {' '.join(str(error).split())}") from error
+
+
+def _nested(flat: Mapping[str, Any]) -> dict[str, Any]:
+    """Make ``{"a": {"b": 1}}`` of ``{"a.b": 1}``."""
+    nested: dict[str, Any] = {}
+    for name, value in flat.items():
+        section, dot, key = name.partition(".")
+        if dot:
+            nested.setdefault(section, {})[key] = value
+        elif isinstance(value, Mapping):
+            nested.setdefault(section, {}).update(value)
+        else:
+            nested[section] = value
+    return nested
+
+
+@contextmanager
+def progress_bar(what: str, total: int | None) -> Iterator[Callable[[int], None]]:
+    """Show a progress bar; gives a function that is told how many are done.
+
+    Where the output is no terminal, each tenth is a line.
+    """
+    if not errors.is_terminal:
+        yield _line_printer(what, total)
+        return
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(bar_width=None),
+        MofNCompleteColumn(),
+        TextColumn("{task.fields[rate]}"),
+        TimeRemainingColumn(compact=True),
+    )
+    with Progress(*columns, console=errors, transient=True, expand=True) as progress:
+        task = progress.add_task(what, total=total, rate="")
+
+        def update(done: int) -> None:
+            elapsed = progress.tasks[task].elapsed or 0.0
+            rate = f"{done / elapsed:.1f}/s" if elapsed > 0.5 else ""
+            progress.update(task, completed=done, rate=rate)
+
+        yield update
+
+
+def _line_printer(what: str, total: int | None) -> Callable[[int], None]:
+    start = last = time.monotonic()
+    told = 0
+
+    def update(done: int) -> None:
+        nonlocal last, told
+        now = time.monotonic()
+        tenth = 10 * done // total if total else 0
+        if tenth > told and now - last > _LEAST_LINE_GAP_S:
+            told, last = tenth, now
+            errors.print(f"{what}: {10 * tenth} %, {now - start:.0f} s", highlight=False, markup=False)
+
+    return update
+
+
+def print_facts(title: str, facts: Iterable[tuple[str, str]]) -> None:
+    """Print a small table of names and values."""
+    from rich.table import Table
+
+    table = Table(title=escape(title), title_justify="left", title_style="bold", show_header=False)
+    table.add_column(style="dim")
+    table.add_column()
+    for name, value in facts:
+        table.add_row(escape(name), escape(value))
+    console.print(table)
+
+
+def warn(lines: Iterable[str]) -> None:
+    """Print warnings, one line each."""
+    for line in lines:
+        errors.print(f"[yellow]warning:[/yellow] {escape(line)}", highlight=False, soft_wrap=True)

@@ -1,0 +1,131 @@
+"""``depth-pose up``, ``play``, ``record`` and ``demo``: the commands that need ROS 2."""
+
+from __future__ import annotations
+
+import importlib
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from depth_pose.cli.console import console, given, print_facts, setting
+from depth_pose.config import RefineConfig, SegmentConfig
+from depth_pose.errors import DepthPoseError
+
+_ROS_PACKAGES = ("rclpy", "builtin_interfaces", "rosidl_runtime_py", "rpyutils")
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add the commands."""
+    for command in (up, play, record, demo):
+        app.command()(command)
+
+
+def _ros(module: str, function: str, *arguments: Any, **options: Any) -> Any:
+    """Call a function of one of our modules that need ROS."""
+    try:
+        found = importlib.import_module(f"depth_pose.ros.{module}")
+        return getattr(found, function)(*arguments, **options)
+    except ModuleNotFoundError as error:
+        missing = (error.name or "").partition(".")[0]
+        if missing == "depth_pose_msgs":
+            raise DepthPoseError(
+                "the depth_pose_msgs messages are not built; run: bash launch_scripts/setup.sh"
+            ) from error
+        if missing in _ROS_PACKAGES or missing.endswith("_msgs"):
+            raise DepthPoseError(
+                f"ROS 2 is not installed in this Python ({missing} is missing); "
+                "run: bash launch_scripts/setup.sh, or source a ROS 2 Jazzy installation"
+            ) from error
+        raise
+
+
+def up(
+    sensor: Annotated[
+        str | None, typer.Option(help="Topics of a known driver (a wrong name lists them).")
+    ] = None,
+    params: Annotated[
+        Path | None, typer.Option(help="ROS parameter file (key /**:) for all nodes.", metavar="FILE")
+    ] = None,
+    bank: Annotated[Path | None, typer.Option(help="Exemplar bank.", show_default="the set-up's")] = None,
+    method: Annotated[str | None, setting(RefineConfig, "method")] = None,
+    near: Annotated[float | None, setting(SegmentConfig, "near")] = None,
+    far: Annotated[float | None, setting(SegmentConfig, "far")] = None,
+    sim_time: Annotated[bool, typer.Option("--sim-time", help="Take the time from /clock.")] = False,
+) -> None:
+    """Run the four nodes: a depth sensor's topics in, skeletons on /depth_pose/skeleton out.
+
+    [bold]Examples:[/bold]
+
+    depth-pose up
+
+    depth-pose up --sensor realsense --far 5
+
+    depth-pose up --params my.yaml --bank my_bank.npz
+    """
+    chosen = given(method=method, near=near, far=far)
+    names = {"method": "refine.method", "near": "segment.near", "far": "segment.far"}
+    parameters: dict[str, Any] = {names[name]: value for name, value in chosen.items()}
+    if sim_time:
+        parameters["use_sim_time"] = True
+    code = _ros("supervisor", "up", params, sensor, bank, parameters=parameters)
+    raise typer.Exit(code)
+
+
+def play(
+    bag: Annotated[Path, typer.Argument(help="MCAP recording.")],
+    rate: Annotated[float, typer.Option(min=0.01, max=100.0, help="Speed; 2 is twice as fast.")] = 1.0,
+    loop: Annotated[bool, typer.Option("--loop", help="Start again at the end.")] = False,
+    clock: Annotated[bool, typer.Option(help="Publish /clock.")] = True,
+    topic: Annotated[list[str] | None, typer.Option(help="Play this topic; may be repeated.")] = None,
+) -> None:
+    """Publish a recording in its own time.
+
+    [bold]Examples:[/bold]
+
+    depth-pose play in.mcap
+
+    depth-pose play in.mcap --rate 0.5 --loop
+    """
+    played = _ros("bag", "play", bag, rate=rate, loop=loop, clock=clock, topics=topic or None)
+    rows = [(name, f"{count} messages") for name, count in sorted(played.messages.items())]
+    rows += [(name, f"not played: {reason}") for name, reason in sorted(played.skipped.items())]
+    print_facts(f"{bag}: {played.wall_s:.2f} s", rows)
+
+
+def record(
+    output: Annotated[Path, typer.Option("--output", "-o", help="The MCAP file.")],
+    topics: Annotated[list[str] | None, typer.Argument(help="Topics.", show_default="all")] = None,
+    seconds: Annotated[
+        float | None, typer.Option(min=0.1, help="Stop after so long.", show_default="Ctrl-C")
+    ] = None,
+) -> None:
+    """Record topics.
+
+    [bold]Examples:[/bold]
+
+    depth-pose record -o out.mcap /depth_pose/skeleton
+
+    depth-pose record -o all.mcap --seconds 30
+    """
+    console.print("recording, Ctrl-C ends" if seconds is None else f"recording {seconds:g} s")
+    counts = _ros("bag", "record", output, topics or None, seconds=seconds)
+    print_facts(str(output), [(name, f"{count} messages") for name, count in sorted(counts.items())])
+
+
+def demo(
+    recording: Annotated[
+        Path | None, typer.Argument(help="A recording of yours.", show_default="a simulated one")
+    ] = None,
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder of the results.")] = Path("results"),
+) -> None:
+    """Replay a recording through the live nodes, record the skeletons, and show what came out.
+
+    [bold]Examples:[/bold]
+
+    depth-pose demo
+
+    depth-pose demo in.mcap
+    """
+    code = _ros("demo", "run_demo", recording, output)
+    raise typer.Exit(code or 0)

@@ -1,0 +1,85 @@
+"""``depth-pose run``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from depth_pose.cli.console import console, given, print_facts, progress_bar, read_settings, setting, warn
+from depth_pose.config import PipelineConfig, RefineConfig, SegmentConfig
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command()(run)
+
+
+def run(
+    recording: Annotated[Path, typer.Argument(help="MCAP recording of a depth camera, or a folder of them.")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="The skeletons' recording.")],
+    method: Annotated[str | None, setting(RefineConfig, "method")] = None,
+    bank: Annotated[Path | None, typer.Option(help="Exemplar bank.", show_default="the set-up's")] = None,
+    depth_topic: Annotated[
+        str | None, typer.Option(help="Depth images or point cloud.", show_default="the only one")
+    ] = None,
+    near: Annotated[float | None, setting(SegmentConfig, "near")] = None,
+    far: Annotated[float | None, setting(SegmentConfig, "far")] = None,
+    raw: Annotated[bool, typer.Option("--raw", help="Do not filter the joints over time.")] = False,
+    params: Annotated[
+        Path | None,
+        typer.Option(help="Settings by step, YAML or JSON, or a ROS parameter file.", metavar="FILE"),
+    ] = None,
+) -> None:
+    """Find the skeleton in every depth frame of a recording.
+
+    The same recording gives the same file, byte for byte. Frames that show nobody get a
+    skeleton without joints.
+
+    [bold]Examples:[/bold]
+
+    depth-pose run in.mcap -o out.mcap
+
+    depth-pose run in.mcap -o out.mcap --depth-topic /camera/aligned_depth_to_color/image_raw
+
+    depth-pose run in.mcap -o out.mcap --near 1 --far 4.5 --method cpd --raw
+    """
+    values = read_settings(params) if params else {}
+    for section, chosen in (
+        ("segment", given(near=near, far=far)),
+        ("refine", given(method=method)),
+        ("smooth", {"enabled": False} if raw else {}),
+    ):
+        if chosen:
+            values.setdefault(section, {}).update(chosen)
+    config = PipelineConfig.from_mapping(values)
+
+    from depth_pose.io.mcap_read import DepthReader
+
+    reader = DepthReader(recording, depth_topic)
+
+    from depth_pose.bank import Bank, default_bank_path
+    from depth_pose.offline import process_recording
+    from depth_pose.pipeline import PosePipeline
+
+    with console.status("loading the bank and compiling the kernels"):
+        pipeline = PosePipeline(Bank.load(bank or default_bank_path()), config)
+        pipeline.warm_up()
+    with progress_bar(recording.name, len(reader)) as update:
+        summary = process_recording(reader, output, pipeline, update)
+    warn(summary.warnings)
+    facts = [
+        ("topic", reader.topic.name),
+        ("frames", str(summary.frames)),
+        ("answered", str(summary.answered)),
+        ("nobody in view", str(summary.empty)),
+    ]
+    if summary.dropped:
+        facts.append(("dropped", str(summary.dropped)))
+    sources = ", ".join(f"{n} {name.lower()}" for name, n in summary.sources.items() if name != "LOST")
+    facts += [
+        ("skeletons", sources or "none"),
+        ("time per frame", f"{summary.median_ms:.1f} ms (95 % below {summary.p95_ms:.1f} ms)"),
+    ]
+    print_facts(f"{recording} → {output}", facts)

@@ -1,0 +1,158 @@
+"""``depth-pose eval`` and ``depth-pose overlay``."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from depth_pose.cli.console import console, print_facts
+from depth_pose.io.schemas import SKELETON_TOPIC
+
+if TYPE_CHECKING:
+    from depth_pose.evaluate.score import Score
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add the commands."""
+    app.command(name="eval")(evaluate)
+    app.command()(overlay)
+
+
+def evaluate(
+    truth: Annotated[
+        Path, typer.Argument(help="Truth file (.npz, or .json of pixels), or a folder of .npz.")
+    ],
+    predicted: Annotated[Path, typer.Argument(help="Recording of skeletons, or a folder with NAME.mcap.")],
+    topic: Annotated[str, typer.Option(help="The skeletons' topic.")] = SKELETON_TOPIC,
+    plot: Annotated[Path | None, typer.Option(help="Picture of the error per joint (PNG).")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print all numbers as JSON.")] = False,
+    recording: Annotated[
+        Path | None, typer.Option(help="The depth recording, needed with a .json of pixels.")
+    ] = None,
+) -> None:
+    """Score skeletons against known joints.
+
+    [bold]Examples:[/bold]
+
+    depth-pose eval truth/ skeletons/ --plot errors.png
+
+    depth-pose eval clip.npz out.mcap --json
+
+    depth-pose eval joints_2d.json out.mcap --recording in.mcap
+    """
+    if truth.suffix == ".json":
+        _evaluate_2d(truth, predicted, recording, topic, as_json)
+        return
+    from depth_pose.evaluate.score import score
+
+    result = score(truth, predicted, topic)
+    if as_json:
+        _print_json(result)
+    else:
+        _print_score(result)
+    if plot:
+        from depth_pose.evaluate.figures import save_joint_errors
+
+        save_joint_errors(result, plot, truth.stem)
+
+
+def _evaluate_2d(reference: Path, predicted: Path, recording: Path | None, topic: str, as_json: bool) -> None:
+    from depth_pose.evaluate.score2d import score_2d
+
+    if recording is None:
+        raise typer.BadParameter("a .json of pixels needs the depth recording too: --recording FILE")
+    result = score_2d(recording, predicted, reference, topic)
+    if as_json:
+        _print_json(result)
+        return
+    worst = min(result.per_joint.items(), key=lambda item: item[1])
+    print_facts(
+        f"{predicted} against {reference}",
+        [
+            ("frames answered", f"{result.answered} of {result.frames}"),
+            ("visible joints", str(result.joints)),
+            ("within 0.10 of the height", f"{result.within_10:.1%}"),
+            ("within 0.05 of the height", f"{result.within_05:.1%}"),
+            ("median distance", f"{result.median:.3f} of the height"),
+            ("worst joint", f"{worst[0]}, {worst[1]:.1%} within 0.10"),
+        ],
+    )
+
+
+def _print_json(result: Any) -> None:
+    from dataclasses import asdict
+
+    def finite(value: Any) -> Any:
+        if isinstance(value, dict):
+            return {str(k): finite(v) for k, v in value.items()}
+        if isinstance(value, (list, tuple)):
+            return [finite(v) for v in value]
+        return None if isinstance(value, float) and value != value else value
+
+    typer.echo(json.dumps(finite(asdict(result)), indent=2))
+
+
+def _print_score(score: Score) -> None:
+    from rich.table import Table
+
+    sequences = Table("sequence", title="sequences", title_justify="left", title_style="bold")
+    for name in ("frames", "coverage", "mean mm", "median mm", "95 % mm", "within 10 cm"):
+        sequences.add_column(name, justify="right")
+    for name, s in score.sequences.items():
+        values = (
+            f"{s.coverage:.3f}",
+            _mm(s.mean_error_mm),
+            _mm(s.median_mm),
+            _mm(s.p95_mm),
+            f"{s.mAP10:.3f}",
+        )
+        sequences.add_row(name, str(s.frames), *values)
+    joints = Table("joint", title="joints", title_justify="left", title_style="bold")
+    for name in ("mean mm", "offset-free mm", "within 10 cm"):
+        joints.add_column(name, justify="right")
+    for name, j in score.joints.items():
+        joints.add_row(name, _mm(j.mean_error_mm), _mm(j.offset_free_mm), f"{j.mAP10:.3f}")
+    shares = Table("within", title="share of joints", title_justify="left", title_style="bold")
+    for threshold in score.mAP:
+        shares.add_column(f"{threshold * 100:.0f} cm", justify="right")
+    shares.add_row("", *(f"{share:.3f}" for share in score.mAP.values()))
+    for table in (sequences, joints, shares):
+        console.print(table)
+    console.print(
+        f"frames {score.frames}  coverage {score.coverage:.3f}  mean error {_mm(score.mean_error_mm)} mm  "
+        f"per sequence {_mm(score.per_sequence_mean_mm)} mm  offset-free {_mm(score.offset_free_mm)} mm  "
+        f"seen {_mm(score.seen_mm)} mm  hidden {_mm(score.hidden_mm)} mm  within 10 cm {score.mAP10:.4f}",
+        soft_wrap=True,
+    )
+
+
+def _mm(value: float) -> str:
+    return "-" if value != value else f"{value:.1f}"
+
+
+def overlay(
+    recording: Annotated[Path, typer.Argument(help="MCAP recording of a depth camera.")],
+    skeletons: Annotated[Path, typer.Argument(help="Recording of its skeletons.")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="The picture (PNG).")],
+    frames: Annotated[int, typer.Option(min=1, max=60, help="How many frames to show.")] = 6,
+    truth: Annotated[Path | None, typer.Option(help="Truth file (.npz) to draw beside.")] = None,
+    depth_topic: Annotated[
+        str | None, typer.Option(help="Depth images or point cloud.", show_default="the only one")
+    ] = None,
+    topic: Annotated[str, typer.Option(help="The skeletons' topic.")] = SKELETON_TOPIC,
+) -> None:
+    """Draw skeletons over the depth of several frames.
+
+    [bold]Examples:[/bold]
+
+    depth-pose overlay in.mcap out.mcap -o picture.png
+
+    depth-pose overlay sim.mcap out.mcap -o picture.png --truth sim.npz --frames 12
+    """
+    from depth_pose.evaluate.overlay import save_overlay
+
+    save_overlay(recording, skeletons, output, frames, truth, depth_topic=depth_topic, skeleton_topic=topic)
+    console.print(f"wrote {output}", soft_wrap=True, highlight=False)

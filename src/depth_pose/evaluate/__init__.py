@@ -1,0 +1,1 @@
+"""Scores against known joints, and pictures of the results."""

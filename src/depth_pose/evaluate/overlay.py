@@ -1,0 +1,249 @@
+"""Contact sheets: skeletons drawn over the depth images that they were found in."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from depth_pose.errors import InputError
+from depth_pose.evaluate.figures import LEFT, MIDDLE, RIGHT
+from depth_pose.evaluate.score import STAMP_TOLERANCE_NS, load_truth
+from depth_pose.evaluate.shading import shade_depth
+from depth_pose.io.mcap_read import DepthReader, read_skeletons
+from depth_pose.io.schemas import SKELETON_TOPIC
+from depth_pose.skeleton import BONES, JOINTS, JointState
+from depth_pose.types import Camera, DepthFrame, Skeleton
+
+_PANEL_INCHES = (2.9, 3.6)
+_MOST_COLUMNS = 6
+_CROP_MARGIN = 0.22
+_TRUTH, _DARK = "#ffffff", "#15181d"
+_LEAST_COLUMNS_FOR_ONE_LINE = 4
+
+
+@dataclass(frozen=True)
+class Panel:
+    """One frame of a sheet: the depth, its skeleton or None, and the known joints or None."""
+
+    frame: DepthFrame
+    skeleton: Skeleton | None
+    truth: NDArray[np.float64] | None
+    seconds: float
+
+
+def project(points: NDArray[np.floating], camera: Camera) -> NDArray[np.float64]:
+    """Pixel coordinates (u, v) of points (..., 3) in the camera frame; NaN behind the camera."""
+    z = np.where(points[..., 2] > 1e-6, points[..., 2], np.nan)
+    return np.stack(
+        [camera.fx * points[..., 0] / z + camera.cx, camera.fy * points[..., 1] / z + camera.cy], axis=-1
+    )
+
+
+def save_overlay(
+    recording_path: Path | str,
+    skeleton_path: Path | str,
+    png_path: Path | str,
+    frames: int = 6,
+    truth_path: Path | str | None = None,
+    *,
+    depth_topic: str | None = None,
+    skeleton_topic: str = SKELETON_TOPIC,
+) -> None:
+    """Draw the skeletons over the depth of several frames, spread over the recording.
+
+    Bones are orange on the person's left and blue on the right; joints go from green to red
+    with falling confidence, and are hollow where the joint is hidden.
+
+    Parameters
+    ----------
+    recording_path : Path or str
+        The depth recording.
+    skeleton_path : Path or str
+        The recording of its skeletons; may be the same file.
+    png_path : Path or str
+        The picture; folders are made.
+    frames : int
+        How many frames to show.
+    truth_path : Path or str, optional
+        A truth file; its skeleton is drawn dashed, and each frame's error is given.
+    depth_topic, skeleton_topic : str, optional
+        The topics.
+
+    Raises
+    ------
+    InputError
+        Where a file cannot be used.
+    """
+    panels = _collect(recording_path, skeleton_path, frames, truth_path, depth_topic, skeleton_topic)
+    _draw_sheet(panels, Path(png_path), Path(recording_path).stem)
+
+
+def _collect(
+    recording_path: Path | str,
+    skeleton_path: Path | str,
+    frames: int,
+    truth_path: Path | str | None,
+    depth_topic: str | None,
+    skeleton_topic: str,
+) -> list[Panel]:
+    if frames < 1:
+        raise InputError(f"frames is {frames}; it must be at least 1")
+    skeletons = {s.stamp_ns: s for s in read_skeletons(skeleton_path, skeleton_topic)}
+    truth = load_truth(truth_path) if truth_path else None
+    reader = DepthReader(recording_path, depth_topic)
+    # the middles of equal parts: neither the first nor the last frame, which are rarely typical
+    wanted = set(((np.arange(frames) + 0.5) * len(reader) / frames).astype(int).tolist())
+    panels = []
+    start_ns = None
+    for i, frame in enumerate(reader):
+        start_ns = frame.stamp_ns if start_ns is None else start_ns
+        if i not in wanted:
+            continue
+        known = None
+        if truth is not None and truth.names == JOINTS:
+            nearest = int(np.argmin(np.abs(truth.stamps_ns - frame.stamp_ns)))
+            if abs(int(truth.stamps_ns[nearest]) - frame.stamp_ns) <= STAMP_TOLERANCE_NS:
+                known = truth.joints[nearest]
+        panels.append(Panel(frame, skeletons.get(frame.stamp_ns), known, (frame.stamp_ns - start_ns) * 1e-9))
+    return panels
+
+
+def _draw_sheet(panels: list[Panel], path: Path, title: str) -> None:
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    columns = min(len(panels), _MOST_COLUMNS)
+    if len(panels) > _MOST_COLUMNS:
+        columns = -(-len(panels) // -(-len(panels) // _MOST_COLUMNS))
+    rows = -(-len(panels) // columns)
+    larger = {1: 2.2, 2: 1.3}.get(columns, 1.0)
+    width, height = larger * _PANEL_INCHES[0], larger * _PANEL_INCHES[1]
+    footer = 0.42 if columns >= _LEAST_COLUMNS_FOR_ONE_LINE else 0.68
+    figure = Figure(figsize=(columns * width, rows * height + footer + 0.13), dpi=120, facecolor=_DARK)
+    FigureCanvasAgg(figure)
+    bottom = footer / figure.get_figheight()
+    grid = figure.add_gridspec(
+        rows,
+        columns,
+        left=0.006,
+        right=0.994,
+        top=1 - 0.05 / figure.get_figheight(),
+        bottom=bottom,
+        wspace=0.025,
+        hspace=0.03,
+    )
+    for i, panel in enumerate(panels):
+        _draw_panel(figure.add_subplot(grid[divmod(i, columns)]), panel, width / height)
+    _draw_legend(figure, title, any(p.truth is not None for p in panels))
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path, facecolor=figure.get_facecolor())
+
+
+def _draw_panel(axes: Any, panel: Panel, aspect: float) -> None:
+    frame = panel.frame
+    skeleton = panel.skeleton if panel.skeleton is not None and not panel.skeleton.is_lost else None
+    shown = [p for p in (skeleton.positions if skeleton is not None else None, panel.truth) if p is not None]
+    positions = np.concatenate(shown) if shown else None
+    left, right, top, bottom = _crop(positions, frame.camera, aspect)
+    axes.imshow(shade_depth(frame.depth, positions), interpolation="nearest")
+    axes.set(xlim=(left, right), ylim=(bottom, top), xticks=[], yticks=[], facecolor=_DARK)
+    for spine in axes.spines.values():
+        spine.set_visible(False)
+    if panel.truth is not None:
+        pixels = project(panel.truth, frame.camera)
+        for a, b in BONES:
+            axes.plot(*pixels[[a, b]].T, color=_TRUTH, lw=1.1, ls=(0, (3, 2)), zorder=3, alpha=0.85)
+    if skeleton is not None:
+        _draw_skeleton(axes, skeleton, frame.camera)
+    _label(axes, panel, skeleton)
+
+
+def _crop(
+    positions: NDArray[np.float64] | None, camera: Camera, aspect: float
+) -> tuple[float, float, float, float]:
+    """Left, right, top and bottom of the part to show, of the given width by height."""
+    low, high = np.array([-0.5, -0.5]), np.array([camera.width - 0.5, camera.height - 0.5])
+    image_low, image_high = low, high
+    if positions is not None:
+        pixels = project(positions, camera)
+        pixels = pixels[np.isfinite(pixels).all(axis=1)]
+        if len(pixels):
+            margin = _CROP_MARGIN * max(np.ptp(pixels, axis=0).max(), 16.0)
+            low, high = pixels.min(axis=0) - margin, pixels.max(axis=0) + 0.6 * margin
+    centre, size = (low + high) / 2, high - low
+    half = max(size[0], size[1] * aspect) / 2 * np.array([1.0, 1 / aspect])
+    # stay inside the image where it is large enough
+    room = np.maximum(image_high - image_low - 2 * half, 0.0)
+    middle = (image_low + image_high) / 2
+    centre = np.clip(centre, middle - room / 2, middle + room / 2)
+    return centre[0] - half[0], centre[0] + half[0], centre[1] - half[1], centre[1] + half[1]
+
+
+def bone_colour(child: int) -> str:
+    """Give the colour of the bone that ends at a joint."""
+    name = JOINTS[child]
+    return LEFT if name.startswith("left_") else RIGHT if name.startswith("right_") else MIDDLE
+
+
+def _draw_skeleton(axes: Any, skeleton: Skeleton, camera: Camera) -> None:
+    from matplotlib import colormaps
+    from matplotlib.patheffects import Normal, Stroke
+
+    pixels = project(skeleton.positions, camera)
+    dark = [Stroke(linewidth=5.2, foreground="#0b0d10"), Normal()]
+    order = sorted(BONES, key=lambda bone: -float(np.nansum(skeleton.positions[list(bone), 2])))
+    for a, b in order:
+        colour = bone_colour(b) if bone_colour(b) != MIDDLE else "#f4f4f4"
+        axes.plot(
+            *pixels[[a, b]].T, color=colour, lw=3.0, zorder=4, path_effects=dark, solid_capstyle="round"
+        )
+    colours = colormaps["RdYlGn"](np.clip(skeleton.joint_confidence.astype(float), 0, 1))
+    hidden = skeleton.joint_states != JointState.SEEN
+    colours_inside = np.where(hidden[:, None], np.array([0.04, 0.05, 0.06, 1.0]), colours)
+    edges = np.where(hidden[:, None], colours, np.array([0.04, 0.05, 0.06, 1.0]))
+    axes.scatter(*pixels.T, s=27, c=colours_inside, edgecolors=edges, linewidths=1.3, zorder=5)
+
+
+def _label(axes: Any, panel: Panel, skeleton: Skeleton | None) -> None:
+    if skeleton is not None:
+        text = f"{panel.seconds:.2f} s  {skeleton.source.name.lower()}  {skeleton.confidence:.2f}"
+        if panel.truth is not None:
+            error = np.nanmean(np.linalg.norm(skeleton.positions - panel.truth, axis=1))
+            text += f"  {error * 1e3:.0f} mm"
+    else:
+        text = f"{panel.seconds:.2f} s  " + ("no answer" if panel.skeleton is None else "nobody in view")
+    box = {"facecolor": _DARK, "alpha": 0.75, "edgecolor": "none", "pad": 2.5}
+    axes.text(
+        0.03, 0.975, text, transform=axes.transAxes, va="top", color="white", fontsize=8.5, bbox=box, zorder=6
+    )
+
+
+def _draw_legend(figure: Any, title: str, with_truth: bool) -> None:
+    from matplotlib.lines import Line2D
+
+    handles = [
+        Line2D([], [], color=LEFT, lw=3, label="person's left"),
+        Line2D([], [], color=RIGHT, lw=3, label="person's right"),
+        Line2D([], [], color="#1a9850", marker="o", lw=0, label="certain"),
+        Line2D([], [], color="#d73027", marker="o", lw=0, label="uncertain"),
+        Line2D([], [], color="#1a9850", marker="o", lw=0, mfc="none", mew=1.5, label="hidden"),
+    ]
+    if with_truth:
+        handles.append(Line2D([], [], color=_TRUTH, lw=1.1, ls=(0, (3, 2)), label="known pose"))
+    figure.legend(
+        handles=handles,
+        loc="lower right",
+        ncols=len(handles),
+        frameon=False,
+        fontsize=8.5 if figure.get_figwidth() > 7.4 else 7.5,
+        labelcolor="white",
+        borderaxespad=0.3,
+        handletextpad=0.5,
+        columnspacing=1.3,
+    )
+    above = 0.16 if figure.get_figwidth() > _LEAST_COLUMNS_FOR_ONE_LINE * _PANEL_INCHES[0] - 0.1 else 0.47
+    figure.text(0.008, above / figure.get_figheight(), title, color="white", fontsize=10, va="center")

@@ -1,0 +1,329 @@
+"""Skeletons against known joints.
+
+Errors are distances between a joint's known and its answered position. A frame is answered
+by the skeleton whose stamp is nearest to the truth's, within 2 ms. The mean errors are over
+answered joints; the shares (``mAP``) count a joint or a frame without an answer as a miss.
+
+Bodies differ in where exactly a joint is said to be. The offset-free error takes out each
+joint's constant offset in a frame that turns with the torso: x from the right shoulder and
+hip to the left ones, z from pelvis to neck, made orthogonal; the offset is the median over
+all frames of all sequences.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from depth_pose.errors import InputError
+from depth_pose.io.mcap_read import read_skeletons
+from depth_pose.io.schemas import SKELETON_TOPIC
+from depth_pose.skeleton import JOINTS
+
+THRESHOLDS_M = (0.02, 0.03, 0.05, 0.07, 0.10, 0.15, 0.20)
+"""Distances at which shares of joints are given, metres."""
+
+STAMP_TOLERANCE_NS = 2_000_000
+_TRUTH_FIELDS = ("joints", "names", "stamps_ns", "seen")
+
+
+@dataclass(frozen=True)
+class KnownJoints:
+    """A truth file.
+
+    Attributes
+    ----------
+    joints : (T, J, 3) float64
+        Optical frame, metres.
+    names : tuple of str
+        The J joints.
+    stamps_ns : (T,) int64
+    seen : (T, J) bool
+    """
+
+    joints: NDArray[np.float64]
+    names: tuple[str, ...]
+    stamps_ns: NDArray[np.int64]
+    seen: NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class SequenceErrors:
+    """One sequence's answers against its truth; NaN where there is no answer.
+
+    Attributes
+    ----------
+    name : str
+    names : tuple of str
+        The J joints.
+    errors : (T, J) float64
+        Distance between known and answered joint, metres.
+    offsets : (T, J, 3) float64
+        Answered minus known position in the torso's frame, metres.
+    seen : (T, J) bool
+    """
+
+    name: str
+    names: tuple[str, ...]
+    errors: NDArray[np.float64]
+    offsets: NDArray[np.float64]
+    seen: NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class JointScore:
+    """One joint over all sequences; millimetres, and the share within 10 cm."""
+
+    mean_error_mm: float
+    offset_free_mm: float
+    mAP10: float
+
+
+@dataclass(frozen=True)
+class SequenceScore:
+    """One sequence.
+
+    Attributes
+    ----------
+    frames : int
+        Frames of the truth.
+    coverage : float
+        Share of frames with an answer for every joint.
+    mean_error_mm, median_mm, p95_mm : float
+        Over answered joints; NaN if there are none.
+    mAP10 : float
+        Share of joints within 10 cm.
+    """
+
+    frames: int
+    coverage: float
+    mean_error_mm: float
+    median_mm: float
+    p95_mm: float
+    mAP10: float
+
+
+@dataclass(frozen=True)
+class Score:
+    """All sequences together.
+
+    Attributes
+    ----------
+    frames : int
+        Frames of the truth.
+    coverage : float
+        Share of frames with an answer for every joint.
+    mean_error_mm, offset_free_mm, seen_mm, hidden_mm : float
+        Mean error over answered joints; without the joints' constant offsets; of joints on the
+        side that the sensor sees; of the others. NaN where there are none.
+    per_sequence_mean_mm : float
+        Mean of the sequences' mean errors.
+    mAP : mapping of float to float
+        Share of joints within each of `THRESHOLDS_M`.
+    joints : mapping of str to JointScore
+    sequences : mapping of str to SequenceScore
+    """
+
+    frames: int
+    coverage: float
+    mean_error_mm: float
+    per_sequence_mean_mm: float
+    offset_free_mm: float
+    seen_mm: float
+    hidden_mm: float
+    mAP: Mapping[float, float]
+    joints: Mapping[str, JointScore]
+    sequences: Mapping[str, SequenceScore]
+
+    @property
+    def mAP10(self) -> float:
+        """Share of joints within 10 cm."""
+        return self.mAP[0.10]
+
+
+def load_truth(path: Path | str) -> KnownJoints:
+    """Read a truth file (``NAME.npz``).
+
+    Raises
+    ------
+    InputError
+        Where it is missing or lacks a field.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            missing = [name for name in _TRUTH_FIELDS if name not in file.files]
+            if missing:
+                raise InputError(f"{path} is no truth file: it has no {', '.join(missing)}")
+            joints = file["joints"].astype(np.float64)
+            names = tuple(str(name) for name in file["names"])
+            stamps, seen = file["stamps_ns"].astype(np.int64), file["seen"].astype(bool)
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror or error}") from error
+    except ValueError as error:
+        raise InputError(f"{path} is no truth file: {error}") from error
+    shape = (len(stamps), len(names))
+    if joints.shape != (*shape, 3) or seen.shape != shape:
+        raise InputError(
+            f"{path}: joints {joints.shape} and seen {seen.shape} do not fit "
+            f"{len(stamps)} stamps and {len(names)} names"
+        )
+    return KnownJoints(joints, names, stamps, seen)
+
+
+def match_sequence(
+    name: str, truth: KnownJoints, answers: Mapping[int, Mapping[str, NDArray[np.float64]]]
+) -> SequenceErrors:
+    """Compare one sequence's answers with its truth.
+
+    Parameters
+    ----------
+    name : str
+        The sequence's name.
+    truth : KnownJoints
+        What is known.
+    answers : mapping of int to mapping of str to (3,) float64
+        Joint positions by name, by stamp in nanoseconds; metres, optical frame.
+    """
+    answered = np.full(truth.joints.shape, np.nan)
+    stamps = np.array(sorted(answers), np.int64)
+    for i, stamp in enumerate(truth.stamps_ns if len(stamps) else ()):
+        nearest = int(stamps[np.argmin(np.abs(stamps - stamp))])
+        if abs(nearest - int(stamp)) > STAMP_TOLERANCE_NS:
+            continue
+        for j, joint in enumerate(truth.names):
+            if joint in answers[nearest]:
+                answered[i, j] = answers[nearest][joint]
+    difference = answered - truth.joints
+    torso = np.stack([_torso_axes(joints, truth.names) for joints in truth.joints])
+    return SequenceErrors(
+        name=name,
+        names=truth.names,
+        errors=np.linalg.norm(difference, axis=-1),
+        offsets=np.einsum("tji,tkj->tki", torso, difference),
+        seen=truth.seen,
+    )
+
+
+def _torso_axes(joints: NDArray[np.float64], names: tuple[str, ...]) -> NDArray[np.float64]:
+    """Axes of the torso in the camera frame, as columns, (3, 3)."""
+    at = {name: joints[names.index(name)] for name in names}
+    x = at["left_shoulder"] + at["left_hip"] - at["right_shoulder"] - at["right_hip"]
+    x = x / np.linalg.norm(x)
+    y = np.cross(at["neck"] - at["pelvis"], x)
+    y = y / np.linalg.norm(y)
+    return np.stack([x, y, np.cross(x, y)], axis=1)
+
+
+def score_sequences(sequences: list[SequenceErrors]) -> Score:
+    """Put sequences together.
+
+    Raises
+    ------
+    InputError
+        Where there are none, or they do not have the same joints.
+    """
+    if not sequences:
+        raise InputError("there is nothing to score")
+    names = sequences[0].names
+    for sequence in sequences:
+        if sequence.names != names:
+            raise InputError(f"{sequence.name} has other joints than {sequences[0].name}")
+    errors = np.concatenate([s.errors for s in sequences])
+    offsets = np.concatenate([s.offsets for s in sequences])
+    seen = np.concatenate([s.seen for s in sequences])
+    constant = np.stack([[_median(offsets[:, j, c]) for c in range(3)] for j in range(len(names))])
+    offset_free = np.linalg.norm(offsets - constant, axis=-1)
+    return Score(
+        frames=len(errors),
+        coverage=_coverage(errors),
+        mean_error_mm=_mean_mm(errors),
+        per_sequence_mean_mm=_mean([_mean_mm(s.errors) for s in sequences]),
+        offset_free_mm=_mean_mm(offset_free),
+        seen_mm=_mean_mm(errors[seen]),
+        hidden_mm=_mean_mm(errors[~seen]),
+        mAP={t: float((errors < t).mean()) for t in THRESHOLDS_M},
+        joints={
+            name: JointScore(
+                _mean_mm(errors[:, j]), _mean_mm(offset_free[:, j]), float((errors[:, j] < 0.10).mean())
+            )
+            for j, name in enumerate(names)
+        },
+        sequences={s.name: _score_sequence(s.errors) for s in sequences},
+    )
+
+
+def _score_sequence(errors: NDArray[np.float64]) -> SequenceScore:
+    known = errors[np.isfinite(errors)] * 1e3
+    return SequenceScore(
+        frames=len(errors),
+        coverage=_coverage(errors),
+        mean_error_mm=_mean_mm(errors),
+        median_mm=_median(known),
+        p95_mm=float(np.percentile(known, 95)) if known.size else float("nan"),
+        mAP10=float((errors < 0.10).mean()),
+    )
+
+
+def _coverage(errors: NDArray[np.float64]) -> float:
+    return float(np.isfinite(errors).all(axis=1).mean())
+
+
+def _median(values: NDArray[np.float64]) -> float:
+    known = values[np.isfinite(values)]
+    return float(np.median(known)) if known.size else float("nan")
+
+
+def _mean(values: list[float]) -> float:
+    known = [value for value in values if np.isfinite(value)]
+    return float(np.mean(known)) if known else float("nan")
+
+
+def _mean_mm(errors: NDArray[np.float64]) -> float:
+    known = errors[np.isfinite(errors)]
+    return float(known.mean() * 1e3) if known.size else float("nan")
+
+
+def score(truth: Path | str, predicted: Path | str, topic: str = SKELETON_TOPIC) -> Score:
+    """Score recordings of skeletons against truth files.
+
+    Parameters
+    ----------
+    truth : Path or str
+        A truth file, or a folder of them.
+    predicted : Path or str
+        A recording, or a folder with ``NAME.mcap`` for every ``NAME.npz``; where one is missing
+        its frames count as not answered.
+    topic : str
+        The skeletons' topic.
+
+    Raises
+    ------
+    InputError
+        Where there is no truth, or no recording at all.
+    """
+    pairs = _pairs(Path(truth), Path(predicted))
+    if not any(recording.exists() for _, recording in pairs):
+        raise InputError(f"{predicted} has no recording for {', '.join(t.stem for t, _ in pairs)}")
+    return score_sequences([match_sequence(t.stem, load_truth(t), read_answers(p, topic)) for t, p in pairs])
+
+
+def _pairs(truth: Path, predicted: Path) -> list[tuple[Path, Path]]:
+    if truth.is_dir():
+        files = sorted(truth.glob("*.npz"))
+        if not files:
+            raise InputError(f"{truth} has no truth files (*.npz)")
+        if predicted.is_file():
+            raise InputError(f"{truth} is a folder, so {predicted} must be one too")
+        return [(file, predicted / f"{file.stem}.mcap") for file in files]
+    return [(truth, predicted / f"{truth.stem}.mcap" if predicted.is_dir() else predicted)]
+
+
+def read_answers(path: Path, topic: str = SKELETON_TOPIC) -> dict[int, dict[str, NDArray[np.float64]]]:
+    """Read the joints of a recording by stamp and name; none where there is no recording."""
+    if not path.exists():
+        return {}
+    return {s.stamp_ns: dict(zip(JOINTS, s.positions, strict=False)) for s in read_skeletons(path, topic)}

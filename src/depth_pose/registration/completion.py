@@ -1,0 +1,122 @@
+"""The paper's refinement of one exemplar (Sec. 6): register, complete, carry the joints over.
+
+The exemplar's visible vertices are registered to the input by coherent point drift
+(`depth_pose.registration.cpd`); their correspondences deform the complete mesh
+(`depth_pose.registration.laplacian`, eq. 7); the joints follow their control vertices
+(`depth_pose.registration.rigid`, eq. 8). What is hidden comes from the exemplar.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from depth_pose import _raster_kernels
+from depth_pose.body.body import Body, PosedBody
+from depth_pose.registration import _articulated_kernels as visibility
+from depth_pose.registration.articulated import BodyPose, vertex_normals
+from depth_pose.registration.coherence import geodesic_basis
+from depth_pose.registration.cpd import CpdConfig, register
+from depth_pose.registration.laplacian import LaplacianCompleter
+from depth_pose.registration.rigid import JointTransfer
+from depth_pose.render import Observation
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class CompletionConfig:
+    """Settings of registration and completion; lengths in metres."""
+
+    cpd: CpdConfig = field(default_factory=CpdConfig)
+    weight: float = 0.1
+    max_vertices: int = 600
+    max_points: int = 600
+    visible_tolerance: float = 0.05
+    min_probability: float = 0.1
+    geodesic: bool = True
+    use_mean: bool = False
+
+
+@dataclass(frozen=True)
+class CompletedBody:
+    """A completed mesh (V, 3), its pose, and its nodes (21, 3), camera frame, metres."""
+
+    pose: BodyPose
+    vertices: Array
+    nodes: Array
+
+
+class MeshCompleter:
+    """Completes meshes of one body; everything that does not change between frames is here."""
+
+    def __init__(self, body: Body, config: CompletionConfig | None = None) -> None:
+        self.body = body
+        self.config = config or CompletionConfig()
+        cpd = self.config.cpd
+        self._basis = geodesic_basis(body.vertices, body.faces, cpd.basis_points, cpd.beta)
+        self._laplacian = LaplacianCompleter(body.vertices, body.faces)
+        self._transfer = JointTransfer(body)
+        self._normals_rest = vertex_normals(body)
+
+    def fit(self, points: Array, coarse: Observation, start: BodyPose) -> CompletedBody:
+        """Deform the body, posed at a candidate, to a cloud.
+
+        Parameters
+        ----------
+        points : (N, 3) float64
+            The person's points in the camera frame, metres.
+        coarse : Observation
+            The frame at low resolution, whose camera decides which vertices are seen.
+        start : BodyPose
+
+        Returns
+        -------
+        CompletedBody
+        """
+        c = self.config
+        posed = self.body.pose(start.rotations, start.root, start.scale)
+        visible = np.flatnonzero(self.visible(posed, start.rotations, coarse))
+        if len(visible) == 0:
+            return CompletedBody(start, posed.vertices, posed.nodes)
+        if len(visible) > c.max_vertices:
+            visible = visible[np.arange(c.max_vertices) * len(visible) // c.max_vertices]
+        found = register(posed.vertices[visible], points, c.cpd, self._basis[visible] if c.geodesic else None)
+        targets, weights = posed.vertices.copy(), np.zeros(len(posed.vertices))
+        targets[visible] = found.target_mean if c.use_mean else found.moved
+        weights[visible] = c.weight * (found.probability > c.min_probability)
+        return self.complete(start, posed, targets, weights)
+
+    def complete(self, pose: BodyPose, posed: PosedBody, targets: Array, weights: Array) -> CompletedBody:
+        """Deform a posed body to correspondences (eq. 7) and carry its joints over (eq. 8).
+
+        Parameters
+        ----------
+        pose : BodyPose
+            The pose of ``posed``.
+        posed : PosedBody
+        targets : (V, 3) float64
+        weights : (V,) float64
+
+        Returns
+        -------
+        CompletedBody
+        """
+        vertices = self._laplacian.complete(posed.vertices, targets, weights)
+        nodes, rotations = self._transfer.transfer(posed.vertices, posed.nodes, pose.rotations, vertices)
+        return CompletedBody(BodyPose(rotations, nodes[0], pose.scale), vertices, nodes)
+
+    def visible(self, posed: PosedBody, rotations: Array, coarse: Observation) -> NDArray[np.bool_]:
+        """Which vertices of a posed body the camera sees, shape (V,)."""
+        camera = coarse.camera
+        zbuffer = np.empty(coarse.depth.shape)
+        normals = np.empty_like(posed.vertices)
+        seen = np.empty(len(posed.vertices), np.bool_)
+        influence = self.body.sparse_weights.nodes
+        view = (camera.fx, camera.fy, camera.cx, camera.cy)
+        _raster_kernels.rasterize(posed.vertices, self.body.faces, *view, zbuffer)
+        visibility.turn_normals(self._normals_rest, influence, rotations, normals)
+        visibility.mark_visible(posed.vertices, normals, zbuffer, *view, self.config.visible_tolerance, seen)
+        return seen

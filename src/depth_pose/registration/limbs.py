@@ -1,0 +1,228 @@
+"""Limb search: try the bank's arm and leg poses on what the fitted body leaves unexplained.
+
+A whole-body exemplar seldom has both arms right, and a fit that starts with a limb far from its
+place does not find it. But the limbs' poses of all exemplars, mirrored and thinned to a few
+hundred, cover what limbs can do. After a fit, the points that the rest of the body does not
+explain are put against every configuration of the left and of the right limb: balls along the
+limb that stand in free space or before the seen surface cost their area, points off every ball
+cost theirs, and the pair with the least sum is one more start for the fit. The idea of
+re-assembling partial matches is that of C. Plagemann et al., *Real-time identification and
+localization of body parts from depth images* (ICRA 2010), in spirit; the scoring here is our own.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from depth_pose.bank.bank import Bank
+from depth_pose.body.body import Body
+from depth_pose.geometry import quat_to_matrix
+from depth_pose.registration import _limb_kernels as kernels
+from depth_pose.registration.articulated import BodyPose
+from depth_pose.render import DepthComparer
+from depth_pose.skeleton import NODE_INDEX, forward_kinematics, mirror_rotations
+from depth_pose.types import PERSON
+
+_LIMBS: tuple[tuple[str, tuple[str, ...], tuple[str, ...]], ...] = (
+    ("chest", ("clavicle", "shoulder", "elbow", "wrist"), ("shoulder", "elbow", "wrist")),
+    ("pelvis", ("hip", "knee", "ankle", "foot"), ("hip", "knee", "ankle")),
+)
+"""For arms and legs: the segment they hang on, the nodes that they turn, the bones that are sampled."""
+
+_CONFIGURATIONS = 400
+_POSES = 6000
+_EXPLAINED_M = 0.06
+_MOST_POINTS = 80
+_BEST = 24
+
+
+@dataclass(frozen=True)
+class _LimbPair:
+    """Configurations of a left and a right limb; index 0 is left.
+
+    Attributes
+    ----------
+    anchor : int
+        Node of the segment that both hang on.
+    nodes : (2, n) int
+    rotations : (2, L, n, 3, 3)
+        ``R_anchor_segment`` of each node's segment.
+    samples : (2, L, S, 3)
+        Ball centres in the anchor's frame, from the anchor node, scale 1, metres.
+    radii, areas : (S,)
+        Of the balls, metres and square metres of limb seen from the side.
+    faces : (F, 3)
+        Faces of the body without both limbs.
+    """
+
+    anchor: int
+    nodes: NDArray[np.int64]
+    rotations: NDArray[np.float64]
+    samples: NDArray[np.float64]
+    radii: NDArray[np.float64]
+    areas: NDArray[np.float64]
+    faces: NDArray[np.int32]
+
+
+class LimbSearch:
+    """Proposes poses with one pair of limbs exchanged."""
+
+    def __init__(self, bank: Bank) -> None:
+        step = max(1, bank.poses // _POSES)
+        rotations = quat_to_matrix(bank.pose_quats[::step].astype(np.float64))
+        self._rest_nodes = bank.body.nodes
+        self._pairs = tuple(_make_pair(bank.body, rotations, *limb) for limb in _LIMBS)
+
+    def propose(
+        self, pose: BodyPose, vertices: NDArray[np.float64], comparer: DepthComparer
+    ) -> list[BodyPose]:
+        """Exchange the arms, and the legs, where others explain more.
+
+        Parameters
+        ----------
+        pose : BodyPose
+            A fitted pose.
+        vertices : (V, 3) float64
+            The body in that pose, camera frame.
+        comparer : DepthComparer
+            For the same input.
+
+        Returns
+        -------
+        list of BodyPose
+            At most one for the arms and one for the legs.
+        """
+        nodes = forward_kinematics(pose.rotations, pose.root, self._rest_nodes, pose.scale)
+        proposals = []
+        for pair in self._pairs:
+            changed = _exchange(pair, pose, nodes, vertices, comparer)
+            if changed is not None:
+                proposals.append(changed)
+        return proposals
+
+
+def _exchange(
+    pair: _LimbPair,
+    pose: BodyPose,
+    nodes: NDArray[np.float64],
+    vertices: NDArray[np.float64],
+    comparer: DepthComparer,
+) -> BodyPose | None:
+    """Put the best pair of configurations on a pose; None where the input shows nothing of them."""
+    points = _unexplained(vertices, pair.faces, comparer)
+    if len(points) < 5:
+        return None
+    o = comparer.observation
+    weight = max(1.0, len(points) / _MOST_POINTS)
+    points = points[:: int(np.ceil(weight))]
+    rotation, origin = pose.rotations[pair.anchor], nodes[pair.anchor]
+    count = pair.rotations.shape[1]
+    cost, cover = np.empty((2, count)), np.empty((2, count, len(points)))
+    for side in range(2):
+        kernels.score_limbs(
+            pair.samples[side], pair.radii, pair.areas, rotation, origin, pose.scale,
+            o.depth, o.labels, o.camera.fx, o.camera.fy, o.camera.cx, o.camera.cy,
+            points, cost[side], cover[side],
+        )  # fmt: skip
+    cover *= np.ceil(weight)
+    order = [np.argsort(cost[side] + cover[side].sum(axis=1), kind="stable")[:_BEST] for side in range(2)]
+    left, right, _ = kernels.best_pair(cost[0], cover[0], order[0], cost[1], cover[1], order[1])
+    rotations = pose.rotations.copy()
+    rotations[pair.nodes[0]] = rotation @ pair.rotations[0, left]
+    rotations[pair.nodes[1]] = rotation @ pair.rotations[1, right]
+    return BodyPose(rotations, pose.root, pose.scale)
+
+
+def _unexplained(
+    vertices: NDArray[np.float64], faces: NDArray[np.int32], comparer: DepthComparer
+) -> NDArray[np.float64]:
+    """Observed points, shape (P, 3), that a part of the body does not explain."""
+    drawn = comparer.render(vertices, faces)
+    o = comparer.observation
+    rows, cols = np.nonzero((o.labels == PERSON) & ~(np.abs(drawn - o.depth) < _EXPLAINED_M))
+    z = o.depth[rows, cols].astype(np.float64)
+    c = o.camera
+    return np.stack([(cols - c.cx) / c.fx * z, (rows - c.cy) / c.fy * z, z], axis=1)
+
+
+def _make_pair(
+    body: Body,
+    rotations: NDArray[np.float64],
+    anchor_name: str,
+    turned: tuple[str, ...],
+    sampled: tuple[str, ...],
+) -> _LimbPair:
+    """Collect a limb's configurations from poses and their mirror images, and thin them."""
+    anchor = NODE_INDEX[anchor_name]
+    both = np.concatenate([rotations, mirror_rotations(rotations)])
+    nodes = forward_kinematics(both, np.zeros((len(both), 3)), body.nodes)
+    side = [np.array([NODE_INDEX[f"{s}_{n}"] for n in turned]) for s in ("left", "right")]
+    to_anchor = both[:, anchor].transpose(0, 2, 1)
+
+    bones = [NODE_INDEX[f"left_{n}"] for n in sampled]
+    joints = (nodes[:, bones] - nodes[:, anchor, None]) @ both[:, anchor]
+    keep = _farthest(joints.reshape(len(both), -1), _CONFIGURATIONS)
+    local = to_anchor[keep, None] @ both[np.ix_(keep, side[0])]
+    samples, radii, areas = _balls(body, both[keep], nodes[keep], anchor, bones)
+
+    # the right limb's configurations are the left one's, mirrored
+    flip = np.array([-1.0, 1.0, 1.0])
+    return _LimbPair(
+        anchor=anchor,
+        nodes=np.stack(side),
+        rotations=np.stack([local, flip[:, None] * local * flip]),
+        samples=np.stack([samples, samples * flip]),
+        radii=radii,
+        areas=areas,
+        faces=_without(body, np.concatenate(side)),
+    )
+
+
+def _balls(
+    body: Body,
+    rotations: NDArray[np.float64],
+    nodes: NDArray[np.float64],
+    anchor: int,
+    bones: list[int],
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Balls along a limb: centres (L, S, 3) in the anchor's frame, radii (S,) and areas (S,)."""
+    centres, radii, areas = [], [], []
+    for bone in bones:
+        mine = body.vertices[np.argmax(body.weights, axis=1) == bone] - body.nodes[bone]
+        far = mine[np.argmax(np.linalg.norm(mine, axis=1))]
+        end = body.nodes[bone + 1] - body.nodes[bone] if bone + 1 not in _ENDS else far
+        length = float(np.linalg.norm(end))
+        axis = end / length
+        along = mine @ axis
+        off = np.linalg.norm(mine - along[:, None] * axis, axis=1)
+        for share in (0.25, 0.5, 0.75, 1.0):
+            near = np.abs(along - share * length) < 0.2 * length
+            radius = float(np.median(off[near])) if near.sum() > 3 else 0.03
+            place = nodes[:, bone] + (rotations[:, bone] @ (share * end)) - nodes[:, anchor]
+            centres.append(np.einsum("lji,lj->li", rotations[:, anchor], place))
+            radii.append(radius)
+            areas.append(2 * radius * 0.25 * length)
+    return np.stack(centres, axis=1), np.array(radii), np.array(areas)
+
+
+_ENDS = frozenset(NODE_INDEX[n] for n in ("right_clavicle", "left_hip"))
+"""Nodes that follow a hand in the order of nodes: they are not its far end."""
+
+
+def _without(body: Body, nodes: NDArray[np.int64]) -> NDArray[np.int32]:
+    """Faces of the body that none of some nodes moves most."""
+    moved = np.isin(np.argmax(body.weights, axis=1), nodes)
+    return body.faces[~moved[body.faces].any(axis=1)]
+
+
+def _farthest(rows: NDArray[np.float64], count: int) -> NDArray[np.int64]:
+    """Choose rows that lie far from each other, one after the other, from the first on."""
+    chosen = [0]
+    nearest = np.full(len(rows), np.inf)
+    for _ in range(min(count, len(rows)) - 1):
+        nearest = np.minimum(nearest, np.square(rows - rows[chosen[-1]]).sum(axis=1))
+        chosen.append(int(np.argmax(nearest)))
+    return np.array(chosen)

@@ -1,0 +1,28 @@
+"""What the nodes share that need the exemplar bank."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from depth_pose.bank import Bank, default_bank_path
+from depth_pose.ros.node_base import StageNode
+
+
+class BankNode(StageNode):
+    """A stage that needs the bank of the parameter ``bank``; it is loaded once."""
+
+    _bank: Bank | None = None
+
+    @property
+    def bank(self) -> Bank:
+        """The exemplar bank.
+
+        Raises
+        ------
+        BankError
+            If the file is missing, damaged or foreign.
+        """
+        if self._bank is None:
+            path = self.value("bank")
+            self._bank = Bank.load(Path(path) if path else default_bank_path())
+        return self._bank

@@ -1,0 +1,1 @@
+"""A virtual depth sensor that watches a moving body: recordings with known joints."""

@@ -1,0 +1,69 @@
+"""Settings of the simulation: the person (not the default bank's body), the camera's place, the room."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from depth_pose.config import _Checked, option
+
+if TYPE_CHECKING:
+    from depth_pose.body.body import Body
+
+
+@dataclass(frozen=True)
+class Person(_Checked):
+    """Build of the simulated person; its proportions differ from those of the bank's body."""
+
+    stature: float = option(1.68, "Height standing upright", unit="m", low=0.3, high=2.5)
+    girth: float = option(1.1, "Thickness of limbs and trunk, 1 for average", low=0.5, high=2.0)
+    shoulder_width: float = option(0.96, "Width of the shoulders, 1 for average", low=0.5, high=2.0)
+    hip_width: float = option(1.06, "Width of the hips, 1 for average", low=0.5, high=2.0)
+    leg_length: float = option(0.97, "Length of the legs, 1 for average", low=0.5, high=2.0)
+    arm_length: float = option(1.03, "Length of the arms, 1 for average", low=0.5, high=2.0)
+    trunk_length: float = option(1.02, "Length of the trunk, 1 for average", low=0.5, high=2.0)
+    head_size: float = option(1.0, "Size of the head, 1 for average, 1.25 for a child", low=0.5, high=2.0)
+
+    def body(self) -> Body:
+        """Make the person's body."""
+        from depth_pose.body.procedural import BodyShape, make_body
+
+        return make_body(
+            BodyShape(
+                stature_m=self.stature,
+                girth=self.girth,
+                shoulder_width=self.shoulder_width,
+                hip_width=self.hip_width,
+                leg_length=self.leg_length,
+                arm_length=self.arm_length,
+                trunk_length=self.trunk_length,
+                head_size=self.head_size,
+            )
+        )
+
+
+@dataclass(frozen=True)
+class Placement(_Checked):
+    """The camera's place, told from the spot on the floor that it looks toward."""
+
+    distance: float = option(3.8, "Distance on the floor from camera to person", unit="m", low=0.5, high=20.0)
+    height: float = option(0.9, "The camera's height above the floor", unit="m", low=0.05, high=10.0)
+    azimuth: float = option(
+        0.0,
+        "Side that the camera sees: 0 the front, 90 the person's left, 180 the back",
+        unit="deg",
+        low=-360.0,
+        high=360.0,
+    )
+    pitch: float = option(0.0, "How far the camera looks down", unit="deg", low=-89.0, high=89.0)
+    roll: float = option(0.0, "Turn about the optical axis, clockwise", unit="deg", low=-180.0, high=180.0)
+
+
+@dataclass(frozen=True)
+class Room(_Checked):
+    """What stands around the person."""
+
+    floor: bool = option(True, "Put a floor under the person")
+    wall: float = option(
+        1.6, "Distance of the wall behind the person; 0 for none", unit="m", low=0.0, high=20.0
+    )

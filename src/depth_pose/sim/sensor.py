@@ -1,0 +1,189 @@
+"""A virtual depth sensor: Open3D ray casting of triangle meshes, then the noise of a real one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from depth_pose.sim.noise import NoiseConfig, add_noise
+from depth_pose.types import Camera
+
+Mesh = tuple[NDArray[np.floating], NDArray[np.integer]]
+"""Vertices (V, 3), camera frame, metres; and faces (F, 3)."""
+
+_OCCLUSION_SLACK_M = 0.02
+
+
+@dataclass(frozen=True)
+class SensorModel:
+    """A kind of depth sensor.
+
+    Attributes
+    ----------
+    name : str
+    camera : Camera
+    fps : float
+        Frames per second.
+    near, far : float
+        Range that it measures, metres.
+    projector_offset : float
+        Structured light: how far to the left of the camera the projector sits, metres; what it
+        cannot reach is in shadow. 0 for none.
+    noise : NoiseConfig
+    """
+
+    name: str
+    camera: Camera
+    fps: float
+    near: float
+    far: float
+    projector_offset: float
+    noise: NoiseConfig
+
+
+SENSORS: dict[str, SensorModel] = {
+    "tof": SensorModel(
+        name="tof",
+        camera=Camera(176, 144, 225.0, 225.0, 87.5, 71.5),
+        fps=25.0,
+        near=0.3,
+        far=7.5,
+        projector_offset=0.0,
+        noise=NoiseConfig(constant=0.002, quadratic=0.0014, grazing_power=1.0, flying=0.5, dropout=0.002),
+    ),
+    "structured": SensorModel(
+        name="structured",
+        camera=Camera(640, 480, 575.0, 575.0, 319.5, 239.5),
+        fps=30.0,
+        near=0.5,
+        far=6.0,
+        projector_offset=0.075,
+        noise=NoiseConfig(
+            constant=0.0008,
+            quadratic=0.0014,
+            grazing_power=1.0,
+            flying=0.15,
+            edge_loss=0.35,
+            dropout=0.004,
+            grazing_limit=78.0,
+            disparity_step=0.00285,
+        ),
+    ),
+}
+"""The sensors by name: a small time-of-flight camera, and structured light as in the first Kinect."""
+
+
+class VirtualSensor:
+    """Renders meshes to depth as a real sensor would measure them.
+
+    Parameters
+    ----------
+    model : SensorModel
+        The kind of sensor.
+    seed : int
+        Of the noise; same seed, same images.
+    """
+
+    def __init__(self, model: SensorModel, seed: int = 0) -> None:
+        self.model = model
+        self._rng = np.random.default_rng(seed)
+        camera = model.camera
+        v, u = np.mgrid[: camera.height, : camera.width].astype(np.float32)
+        self._directions = np.stack(
+            [(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, np.ones_like(u)], axis=-1
+        ).astype(np.float32)
+        self._lengths = np.linalg.norm(self._directions, axis=-1)
+
+    def render(self, meshes: Sequence[Mesh]) -> NDArray[np.float32]:
+        """Measure a scene.
+
+        Parameters
+        ----------
+        meshes : sequence of (vertices, faces)
+            Camera frame, metres.
+
+        Returns
+        -------
+        (H, W) float32
+            Metres; 0 where nothing returns.
+        """
+        depth, incidence_cos = self._cast(_scene(meshes))
+        return add_noise(depth, incidence_cos, self.model.noise, self._rng)
+
+    def render_ideal(self, meshes: Sequence[Mesh]) -> NDArray[np.float32]:
+        """Measure a scene without noise, but with the sensor's range and shadow, (H, W), metres."""
+        return self._cast(_scene(meshes))[0]
+
+    def _cast(self, scene: Any) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Depth and cosine of the incidence angle, both (H, W)."""
+        from open3d import core
+
+        rays = np.concatenate([np.zeros_like(self._directions), self._directions], axis=-1)
+        hit = scene.cast_rays(core.Tensor(rays))
+        depth = hit["t_hit"].numpy()
+        depth = np.where((depth >= self.model.near) & (depth <= self.model.far), depth, 0).astype(np.float32)
+        along = np.abs(np.einsum("hwc,hwc->hw", self._directions, hit["primitive_normals"].numpy()))
+        if self.model.projector_offset:
+            depth[self._in_shadow(scene, depth)] = 0.0
+        return depth, (along / self._lengths).astype(np.float32)
+
+    def _in_shadow(self, scene: Any, depth: NDArray[np.float32]) -> NDArray[np.bool_]:
+        from open3d import core
+
+        projector = np.array([-self.model.projector_offset, 0.0, 0.0], np.float32)
+        toward = self._directions * depth[..., None] - projector
+        rays = np.concatenate([np.broadcast_to(projector, toward.shape), toward], axis=-1)
+        # t = 1 is the surface itself
+        reach = 1.0 - _OCCLUSION_SLACK_M / np.maximum(float(depth.max()), 1.0)
+        shadow = scene.test_occlusions(core.Tensor(np.ascontiguousarray(rays)), 0.0, reach).numpy()
+        return np.asarray(shadow & (depth > 0))
+
+    def sees(
+        self, points: NDArray[np.floating], meshes: Sequence[Mesh], depth_inside: float
+    ) -> NDArray[np.bool_]:
+        """Tell which points inside a body the camera sees the near side of.
+
+        Parameters
+        ----------
+        points : (N, 3) float
+            Camera frame, metres; joints, which lie below the skin.
+        meshes : sequence of (vertices, faces)
+            The scene, camera frame, metres.
+        depth_inside : float
+            How far behind the first surface on its ray a seen point may lie, metres.
+
+        Returns
+        -------
+        (N,) bool
+            False too for points outside the image.
+        """
+        from open3d import core
+
+        camera = self.model.camera
+        z = np.maximum(points[:, 2], 1e-6)
+        u = camera.fx * points[:, 0] / z + camera.cx
+        v = camera.fy * points[:, 1] / z + camera.cy
+        inside = (u > -0.5) & (u < camera.width - 0.5) & (v > -0.5) & (v < camera.height - 0.5)
+        inside &= points[:, 2] > 0
+        directions = points / np.linalg.norm(points, axis=1, keepdims=True)
+        rays = np.concatenate([np.zeros_like(directions), directions], axis=1).astype(np.float32)
+        first = _scene(meshes).cast_rays(core.Tensor(rays))["t_hit"].numpy()
+        return np.asarray(inside & (first > np.linalg.norm(points, axis=1) - depth_inside))
+
+
+def _scene(meshes: Sequence[Mesh]) -> Any:
+    """Put meshes into an Open3D ray-casting scene."""
+    import open3d
+
+    scene = open3d.t.geometry.RaycastingScene()
+    for vertices, faces in meshes:
+        if len(faces):
+            scene.add_triangles(
+                open3d.core.Tensor(np.ascontiguousarray(vertices, np.float32)),
+                open3d.core.Tensor(np.ascontiguousarray(faces, np.uint32)),
+            )
+    return scene

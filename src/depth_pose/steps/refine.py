@@ -1,0 +1,142 @@
+"""Fit the body to the cloud, starting from the matched exemplars (Sec. 6).
+
+Two methods, one interface: ``articulated`` fits joint angles of the skinned body
+(`depth_pose.registration.articulated`); ``cpd`` is the paper's, non-rigid registration of the
+exemplar's visible vertices, Laplacian completion of the mesh and joints from control vertices
+(`depth_pose.registration.completion`). Several starts are fitted, the matcher's candidates and
+the previous frame's pose, and the one whose rendered depth agrees best is kept. A fresh detection
+is always among them: tracking alone loses arms and does not find them again.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from depth_pose.bank.bank import Bank
+from depth_pose.config import MatchConfig, RefineConfig
+from depth_pose.errors import BankError
+from depth_pose.geometry import matrix_to_quat, quat_to_matrix
+from depth_pose.registration.articulated import ArticulatedFitter, BodyPose, nearest_person_pixels
+from depth_pose.registration.limbs import LimbSearch
+from depth_pose.render import Comparison, DepthComparer
+from depth_pose.skeleton import JOINT_NODES, Source
+from depth_pose.steps.confidence import report_joints, skeleton_confidence
+from depth_pose.steps.stamps import StampGuard
+from depth_pose.steps.view import PersonView, thin, view_person
+from depth_pose.types import Candidate, PersonCloud, PoseMatch, Skeleton
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A fitted pose with its mesh in the camera frame, and how it compares with the input."""
+
+    pose: BodyPose
+    vertices: NDArray[np.float64]
+    nodes: NDArray[np.float64]
+    comparison: Comparison
+
+
+class Refiner:
+    """The third stage: what `refine_node` runs."""
+
+    def __init__(self, bank: Bank, config: RefineConfig, match: MatchConfig) -> None:
+        self.bank = bank
+        self.config = config
+        self._band = match.score_band
+        self._faces = bank.body.faces
+        self._fitter = ArticulatedFitter(bank.body)
+        self._limbs = LimbSearch(bank)
+        self._guard = StampGuard()
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the previous pose."""
+        self._previous: BodyPose | None = None
+        self.mesh: NDArray[np.float64] | None = None
+
+    def warm_up(self) -> None:
+        """Compile every kernel."""
+
+    def refine(self, cloud: PersonCloud, match: PoseMatch) -> Skeleton:
+        """Fit the body to one frame.
+
+        Parameters
+        ----------
+        cloud : PersonCloud
+        match : PoseMatch
+            The matcher's answer to the same cloud.
+
+        Returns
+        -------
+        Skeleton
+            Source REFINED, or LOST where there is nobody or no candidate.
+
+        Raises
+        ------
+        BankError
+            Where the match speaks of another bank.
+        """
+        if self._guard.is_break(cloud.stamp_ns):
+            self.reset()
+        if match.bank_id != self.bank.bank_id:
+            raise BankError(
+                f"the match refers to bank {match.bank_id}, but {self.bank.bank_id} is loaded here; "
+                "give the matcher and the refiner the same bank file"
+            )
+        view = view_person(cloud)
+        if view is None or not match.candidates:
+            self.reset()
+            return Skeleton.lost(cloud.stamp_ns, cloud.frame_id)
+        best = self._fit_best(view, match)
+        self._previous, self.mesh = best.pose, best.vertices
+        return self._skeleton(cloud, view, best)
+
+    def _fit_best(self, view: PersonView, match: PoseMatch) -> Fitted:
+        """Fit every start, then the best one's with other limbs; keep what agrees best with the input."""
+        comparer = DepthComparer(view.coarse, self._band)
+        points = thin(view.points, self._fitter.config.max_points)
+        nearest = nearest_person_pixels(view.full)
+
+        def fit(start: BodyPose) -> Fitted:
+            pose = self._fitter.fit(points, view.full, view.coarse, nearest, start)
+            posed = self.bank.body.pose(pose.rotations, pose.root, pose.scale)
+            return Fitted(pose, posed.vertices, posed.nodes, comparer.compare(posed.vertices, self._faces))
+
+        starts = [candidate_pose(self.bank, c, match.scale) for c in match.candidates]
+        if self._previous is not None and self.config.track:
+            starts.append(BodyPose(self._previous.rotations, self._previous.root, match.scale))
+        best = min(map(fit, starts), key=_score)
+        proposals = self._limbs.propose(best.pose, best.vertices, comparer)
+        return min([best, *map(fit, proposals)], key=_score)
+
+    def _skeleton(self, cloud: PersonCloud, view: PersonView, fitted: Fitted) -> Skeleton:
+        """Put a fitted pose into words."""
+        confidence = skeleton_confidence(fitted.comparison.score)
+        positions = fitted.nodes[JOINT_NODES]
+        report = report_joints(positions, fitted.pose.scale, view)
+        return Skeleton(
+            stamp_ns=cloud.stamp_ns,
+            frame_id=cloud.frame_id,
+            body_id="",
+            source=Source.REFINED,
+            confidence=float(np.float32(confidence)),
+            residual=float(np.float32(fitted.comparison.gap)),
+            scale=float(np.float32(fitted.pose.scale)),
+            positions=positions,
+            quats_xyzw=matrix_to_quat(fitted.pose.rotations[JOINT_NODES]),
+            joint_confidence=(confidence * report.certainty).astype(np.float32),
+            joint_states=report.states,
+        )
+
+
+def _score(fitted: Fitted) -> float:
+    return fitted.comparison.score
+
+
+def candidate_pose(bank: Bank, candidate: Candidate, scale: float) -> BodyPose:
+    """Give the pose of a candidate in the camera frame."""
+    rotation = quat_to_matrix(candidate.quat_xyzw)
+    return BodyPose(rotation @ bank.rotations(candidate.exemplar), candidate.translation, scale)

@@ -1,0 +1,82 @@
+"""Real DDS, on a domain of its own and on this machine only, with hard time limits."""
+
+import os
+import random
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("rclpy", reason="ROS 2 is not installed: its tests need it")
+pytest.importorskip("depth_pose_msgs", reason="depth_pose_msgs is not built: the set-up builds it")
+
+HERE = Path(__file__).parent
+SOURCE = HERE.parents[1] / "src"
+
+
+@pytest.fixture(autouse=True)
+def domain(monkeypatch):
+    """A domain that nobody else is on, for this process and its children."""
+    number = random.SystemRandom().randrange(1, 101)
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(number))
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    monkeypatch.setenv("PYTHONUNBUFFERED", "1")
+    path = os.pathsep.join(filter(None, [str(SOURCE), str(HERE), os.environ.get("PYTHONPATH")]))
+    monkeypatch.setenv("PYTHONPATH", path)
+    return number
+
+
+class Running:
+    """A process, its output in a file; killed at the end of the test whatever happens."""
+
+    def __init__(self, arguments, log_path):
+        self._log_path = log_path
+        with log_path.open("wb") as log:
+            self.process = subprocess.Popen(
+                [sys.executable, *arguments], stdout=log, stderr=subprocess.STDOUT, stdin=subprocess.DEVNULL
+            )
+
+    @property
+    def output(self):
+        return self._log_path.read_text(errors="replace")
+
+    def wait_for(self, text, timeout_s=20.0):
+        deadline = time.monotonic() + timeout_s
+        while text not in self.output:
+            assert self.process.poll() is None, f"ended with {self.process.returncode}:\n{self.output}"
+            assert time.monotonic() < deadline, f"no {text!r} in {timeout_s} s:\n{self.output}"
+            time.sleep(0.02)
+
+    def end(self, number, timeout_s=5.0):
+        """Send a signal; give exit code and seconds it took."""
+        started = time.monotonic()
+        self.process.send_signal(number)
+        code = self.process.wait(timeout_s)
+        return code, time.monotonic() - started
+
+
+@pytest.fixture
+def start(domain, tmp_path):
+    """Start ``python ARGUMENTS`` and have it ended with the test."""
+    running = []
+
+    def make(*arguments):
+        running.append(Running([str(a) for a in arguments], tmp_path / f"process{len(running)}.log"))
+        return running[-1]
+
+    yield make
+    for r in running:
+        if r.process.poll() is None:
+            r.process.kill()
+            r.process.wait(5.0)
+
+
+@pytest.fixture
+def peer(domain):
+    """A node of the test's own."""
+    from peer import Peer
+
+    with Peer() as made:
+        yield made

@@ -1,0 +1,55 @@
+"""A node of the tests' own: publishes, and keeps what it hears; spun by hand."""
+
+import time
+
+import rclpy
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+
+RELIABLE = QoSProfile(depth=1000)
+SENSOR = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
+
+
+class Peer:
+    def __enter__(self):
+        self.context = Context()
+        rclpy.init(context=self.context, args=[])
+        self.node = rclpy.create_node("peer", context=self.context)
+        self.executor = SingleThreadedExecutor(context=self.context)
+        self.executor.add_node(self.node)
+        self.heard = {}
+        return self
+
+    def __exit__(self, *_):
+        self.executor.shutdown()
+        rclpy.try_shutdown(context=self.context)
+
+    def listen(self, kind, topic, qos=SENSOR):
+        self.heard[topic] = []
+        self.node.create_subscription(kind, topic, self.heard[topic].append, qos)
+        return self.heard[topic]
+
+    def publisher(self, kind, topic, qos=SENSOR, subscribers=1):
+        made = self.node.create_publisher(kind, topic, qos)
+        self.until(lambda: made.get_subscription_count() >= subscribers, what=f"subscribers of {topic}")
+        self.spin(0.2)  # what the writer takes for joined, the reader may not yet
+        return made
+
+    def until(self, condition, timeout_s=10.0, what="it"):
+        deadline = time.monotonic() + timeout_s
+        while not condition():
+            assert time.monotonic() < deadline, f"{what} did not come in {timeout_s} s"
+            self.executor.spin_once(timeout_sec=0.02)
+
+    def spin(self, seconds):
+        deadline = time.monotonic() + seconds
+        while time.monotonic() < deadline:
+            self.executor.spin_once(timeout_sec=0.02)
+
+    def call(self, kind, name, request, timeout_s=10.0):
+        client = self.node.create_client(kind, name)
+        self.until(client.service_is_ready, timeout_s, name)
+        future = client.call_async(request)
+        self.until(future.done, timeout_s, name)
+        return future.result()

@@ -1,0 +1,37 @@
+"""A person waving before a wall, as depth frames of a small camera; rendered, nothing random."""
+
+import numpy as np
+
+from depth_pose.body.procedural import make_body
+from depth_pose.render import DepthComparer, Observation
+from depth_pose.skeleton import NODE_INDEX
+from depth_pose.types import Camera, DepthFrame
+
+CAMERA = Camera(176, 144, 170.0, 170.0, 87.5, 71.5)
+START_NS = 1_700_000_000_000_000_000
+STEP_NS = 40_000_000
+FACING = np.diag([1.0, -1.0, -1.0])
+"""``R_camera_model`` of somebody who faces the camera."""
+
+
+def turn_z(angle):
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+def frames(count, start_ns=START_NS):
+    """Give `count` frames at 25 a second, whole millimetres."""
+    body = make_body()
+    blank = np.zeros((CAMERA.height, CAMERA.width), np.float32)
+    renderer = DepthComparer(Observation(blank, blank.astype(np.uint8), CAMERA), 0.12)
+    for i in range(count):
+        rotations = np.tile(FACING, (21, 1, 1))
+        lift = 0.6 + 0.5 * np.sin(0.25 * i)
+        for side, sign in (("left", 1.0), ("right", -1.0)):
+            for node in ("shoulder", "elbow", "wrist"):
+                rotations[NODE_INDEX[f"{side}_{node}"]] = FACING @ turn_z(sign * lift)
+        posed = body.pose(rotations, np.array([0.05 * np.sin(0.1 * i), 0.0, 3.2]))
+        depth = renderer.render(posed.vertices, body.faces)
+        depth = np.where(np.isfinite(depth), depth, 4.8)
+        depth = np.round(depth * 1000.0).astype(np.float32) / np.float32(1000.0)
+        yield DepthFrame(start_ns + i * STEP_NS, "optical", depth, CAMERA)

@@ -1,0 +1,157 @@
+"""Playing and recording over real DDS; recordings of the tests' own."""
+
+import signal
+import threading
+import time
+from collections import defaultdict
+
+import pytest
+import scene
+from mcap.reader import make_reader
+from mcap_ros2.reader import read_ros2_messages
+from peer import RELIABLE
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import CameraInfo, Image
+from std_msgs.msg import Header
+
+from depth_pose.errors import InputError
+from depth_pose.io.mcap_read import read_frames
+from depth_pose.io.mcap_write import DepthWriter
+from depth_pose.ros.bag import Player, Recorder, header_stamp_ns, play
+from depth_pose.ros.conversions import make_header, stamp_to_ns
+from depth_pose.ros.message_text import message_text
+
+IMAGE, INFO = "/camera/depth/image_raw", "/camera/depth/camera_info"
+FRAMES = 30
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory):
+    path = tmp_path_factory.mktemp("bag") / "small.mcap"
+    with DepthWriter(path, scene.CAMERA, "optical") as writer:
+        for frame in scene.frames(FRAMES):
+            writer.write_frame(frame)
+    return path
+
+
+def recorded_bytes(path):
+    out = defaultdict(list)
+    with path.open("rb") as stream:
+        for _, channel, message in make_reader(stream).iter_messages():
+            out[channel.topic].append(message.data)
+    return out
+
+
+def test_what_is_played_and_recorded_again_is_the_same(recording, tmp_path, domain):
+    again = tmp_path / "again.mcap"
+    with Recorder(again, [IMAGE, INFO]) as recorder:
+        played = play(recording, rate=4.0, wait_for_subscribers=[IMAGE, INFO])
+        assert recorder.wait_for(IMAGE, FRAMES) and recorder.wait_for(INFO, FRAMES)
+    assert played.messages == {IMAGE: FRAMES, INFO: FRAMES} and not played.truncated
+    assert recorded_bytes(again) == recorded_bytes(recording)
+    names = {m.channel.topic: m.schema.name for m in read_ros2_messages(again)}
+    assert names == {IMAGE: "sensor_msgs/msg/Image", INFO: "sensor_msgs/msg/CameraInfo"}
+    for a, b in zip(read_frames(again), scene.frames(FRAMES), strict=True):
+        assert a.stamp_ns == b.stamp_ns and (a.depth == b.depth).all()
+
+
+def test_timing_and_clock(recording, peer):
+    arrivals, clock = [], peer.listen(Clock, "/clock", RELIABLE)
+    peer.node.create_subscription(Image, IMAGE, lambda m: arrivals.append(time.monotonic()), RELIABLE)
+    player = Player(recording, rate=1.0, wait_for_subscribers=[IMAGE], topics=[IMAGE])
+    thread = threading.Thread(target=lambda: setattr(player, "result", player.run()))
+    thread.start()
+    peer.until(lambda: len(arrivals) == FRAMES, what="all images")
+    thread.join(5.0)
+    length = (FRAMES - 1) * scene.STEP_NS / 1e9
+    assert arrivals[-1] - arrivals[0] == pytest.approx(length, abs=0.05)
+    assert player.result.wall_s == pytest.approx(length, abs=0.05)
+    times = [stamp_to_ns(c.clock) for c in clock]
+    assert times == sorted(times) and len(times) > FRAMES
+    assert times[0] <= scene.START_NS + scene.STEP_NS
+    assert times[-1] == scene.START_NS + (FRAMES - 1) * scene.STEP_NS
+
+
+def test_loop_starts_again(recording, peer):
+    images = peer.listen(Image, IMAGE, RELIABLE)
+    player = Player(recording, rate=20.0, loop=True, clock=False, wait_for_subscribers=[IMAGE])
+    thread = threading.Thread(target=player.run)
+    thread.start()
+    peer.until(lambda: len(images) > 2 * FRAMES, what="a third round")
+    player.stop()
+    thread.join(5.0)
+    assert not thread.is_alive()
+    stamps = [stamp_to_ns(m.header.stamp) for m in images]
+    assert stamps[FRAMES] == stamps[0] < stamps[FRAMES - 1]
+
+
+def test_truncated_recording_plays_to_its_last_whole_chunk(tmp_path, domain, peer):
+    path, cut = tmp_path / "whole.mcap", tmp_path / "cut.mcap"
+    with Recorder(path, ["/numbers"]) as recorder:
+        numbers = peer.node.create_publisher(Header, "/numbers", RELIABLE)
+        peer.until(numbers.get_subscription_count, what="the recorder")
+        for i in range(3000):  # more than one chunk
+            numbers.publish(Header(stamp=make_header(i, "").stamp, frame_id=f"{i:06d}" * 100))
+            if i % 200 == 199:
+                assert recorder.wait_for("/numbers", i + 1)
+    whole = path.read_bytes()
+    cut.write_bytes(whole[: int(len(whole) * 0.8)])
+    peer.listen(Header, "/numbers", RELIABLE)
+    sent = []
+    result = Player(
+        cut,
+        rate=1e3,
+        clock=False,
+        wait_for_subscribers=["/numbers"],
+        on_message=lambda message, wall_ns: sent.append(message.data),
+    ).run()
+    assert result.truncated
+    assert 100 < len(sent) == result.messages["/numbers"] < 3000
+    assert sent == recorded_bytes(path)["/numbers"][: len(sent)]
+
+
+def test_what_cannot_be_played_is_said(recording, tmp_path, domain):
+    with pytest.raises(InputError, match="cannot open"):
+        play(tmp_path / "none.mcap")
+    text = tmp_path / "text.mcap"
+    text.write_text("this is no recording" * 10)
+    with pytest.raises(InputError, match="not an MCAP"):
+        play(text)
+    with pytest.raises(InputError, match="/camera/depth/image_raw"):
+        play(recording, topics=["/nothing"])
+    with pytest.raises(InputError, match="nobody subscribed"):
+        play(recording, wait_for_subscribers=[IMAGE], wait_s=0.2)
+    with pytest.raises(InputError, match="rate"):
+        play(recording, rate=0.0)
+
+
+def test_schema_text_is_whole():
+    text = message_text("sensor_msgs/msg/CameraInfo")
+    parts = text.split("=" * 80 + "\n")
+    assert [p.splitlines()[0] for p in parts[1:]] == [
+        "MSG: std_msgs/Header",
+        "MSG: sensor_msgs/RegionOfInterest",
+        "MSG: builtin_interfaces/Time",
+    ]
+    assert "float64[9]" in parts[0]
+    with pytest.raises(InputError):
+        message_text("nonsense")
+
+
+def test_stamp_of_serialised_messages(recording):
+    expected = [frame.stamp_ns for frame in scene.frames(FRAMES)]
+    assert [header_stamp_ns(data) for data in recorded_bytes(recording)[IMAGE]] == expected
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_record_ends_with_a_whole_file(start, tmp_path, peer, number):
+    path = tmp_path / "out.mcap"
+    code = f"from depth_pose.ros.bag import record; print(record({str(path)!r}), flush=True)"
+    process = start("-c", code)
+    infos = peer.publisher(CameraInfo, INFO, RELIABLE)
+    for i in range(5):
+        infos.publish(CameraInfo(header=make_header(i, "optical")))
+    peer.spin(0.5)
+    exit_code, _ = process.end(number)
+    assert exit_code == 0, process.output
+    assert len(recorded_bytes(path)[INFO]) == 5

@@ -1,0 +1,193 @@
+"""The denoise node as users run it: real frames, and everything that may be wrong with them."""
+
+import threading
+
+import numpy as np
+import pytest
+import scene
+from diagnostic_msgs.msg import DiagnosticArray
+from peer import RELIABLE, SENSOR
+from sensor_msgs.msg import CameraInfo, Image, PointCloud2, PointField
+
+from depth_pose.config import DenoiseConfig, SegmentConfig
+from depth_pose.io.mcap_write import DepthWriter
+from depth_pose.ros.bag import play
+from depth_pose.ros.conversions import image_to_frame, make_header, msg_to_cloud, msg_to_frame
+from depth_pose.steps.extract import PersonExtractor
+from depth_pose.types import PERSON
+
+IMAGE, INFO, POINTS = "/camera/depth/image_raw", "/camera/depth/camera_info", "/depth_pose/points"
+
+
+def image_msg(frame, encoding="16UC1"):
+    height, width = frame.depth.shape
+    pixels = np.round(frame.depth * 1000).astype("<u2") if encoding == "16UC1" else frame.depth
+    return Image(
+        header=make_header(frame.stamp_ns, frame.frame_id),
+        height=height,
+        width=width,
+        encoding=encoding,
+        step=width * pixels.itemsize,
+        data=pixels.tobytes(),
+    )
+
+
+def info_msg(frame):
+    c = frame.camera
+    return CameraInfo(
+        header=make_header(frame.stamp_ns, frame.frame_id),
+        width=c.width,
+        height=c.height,
+        k=[c.fx, 0.0, c.cx, 0.0, c.fy, c.cy, 0.0, 0.0, 1.0],
+        distortion_model="plumb_bob",
+        d=[0.0] * 5,
+    )
+
+
+@pytest.fixture(scope="module")
+def frames():
+    return list(scene.frames(12))
+
+
+def assert_same_cloud(msg, cloud):
+    got = msg_to_cloud(msg)
+    assert (got.stamp_ns, got.frame_id) == (cloud.stamp_ns, cloud.frame_id)
+    assert got.points.tobytes() == cloud.points.tobytes()
+    assert got.labels.tobytes() == cloud.labels.tobytes()
+
+
+def test_bad_frames_are_counted_and_good_ones_answered(start, peer, frames):
+    process = start("-m", "depth_pose.ros.denoise_node")
+    process.wait_for("is ready", 60.0)
+    answers = peer.listen(PointCloud2, POINTS)
+    images = peer.publisher(Image, IMAGE)
+    peer.spin(0.2)
+    for i in range(2):
+        images.publish(image_msg(frames[i]))
+        peer.spin(0.1)
+    process.wait_for("dropped, no CameraInfo")  # the first of the two; the second waits for it
+    infos = peer.publisher(CameraInfo, INFO)
+    infos.publish(info_msg(frames[1]))
+    peer.until(lambda: answers, what="the frame that waited")
+
+    extractor = PersonExtractor(SegmentConfig(), DenoiseConfig())
+    expected = extractor.extract(image_to_frame(image_msg(frames[1]), info_msg(frames[1])))
+    assert np.count_nonzero(expected.labels == PERSON) > 300
+    assert_same_cloud(answers[0], expected)
+
+    def spoilt(i, **changes):
+        msg = image_msg(frames[i])
+        for name, value in changes.items():
+            setattr(msg, name, value)
+        return msg
+
+    short = image_msg(frames[2])
+    short.data = bytes(short.data)[:-10]
+    for i, bad in enumerate(
+        [
+            spoilt(2, encoding="bgr8"),
+            spoilt(3, width=0, height=0, data=b""),
+            short,
+            spoilt(4, step=1),
+            spoilt(5, height=7),
+        ]
+    ):
+        bad.header = make_header(frames[2].stamp_ns + i, "optical")
+        images.publish(bad)
+        peer.spin(0.1)
+    process.wait_for("dropped, bad input")
+    wrong = info_msg(frames[6])
+    wrong.k = [np.nan] * 9
+    infos.publish(wrong)
+    peer.spin(0.1)
+    images.publish(image_msg(frames[6]))
+    peer.spin(0.1)
+    infos.publish(info_msg(frames[7]))
+    peer.spin(0.1)
+    nothing = image_msg(frames[7], "32FC1")
+    nothing.data = np.full(frames[7].depth.shape, np.nan, "<f4").tobytes()
+    images.publish(nothing)
+    peer.until(lambda: len(answers) == 2, what="the empty frame's answer")
+    assert not (msg_to_cloud(answers[1]).labels == PERSON).any()
+    images.publish(image_msg(frames[8], "32FC1"))
+    peer.until(lambda: len(answers) == 3, what="an answer after all that")
+    images.publish(image_msg(frames[0]))  # back in time
+    peer.until(lambda: len(answers) == 4, what="an answer after the jump")
+    assert_same_cloud(
+        answers[3],
+        PersonExtractor(SegmentConfig(), DenoiseConfig()).extract(
+            image_to_frame(image_msg(frames[0]), info_msg(frames[0]))
+        ),
+    )
+    assert process.process.poll() is None
+
+
+@pytest.mark.parametrize("organised", [True, False])
+def test_clouds_are_taken(start, peer, frames, organised):
+    process = start("-m", "depth_pose.ros.denoise_node", "--ros-args", "-p", "cloud_topic:=/cloud")
+    process.wait_for("is ready", 60.0)
+    answers = peer.listen(PointCloud2, POINTS)
+    clouds = peer.publisher(PointCloud2, "/cloud", SENSOR)
+    peer.spin(0.2)
+    frame = frames[0]
+    c = frame.camera
+    v, u = np.mgrid[: c.height, : c.width]
+    z = frame.depth.astype(np.float64)
+    points = np.stack([(u - c.cx) / c.fx * z, (v - c.cy) / c.fy * z, z], axis=-1).astype("<f4")
+    if not organised:
+        points = points[z > 0][None]
+    height, width = points.shape[:2]
+    msg = PointCloud2(
+        header=make_header(frame.stamp_ns, "optical"),
+        height=height,
+        width=width,
+        point_step=12,
+        row_step=12 * width,
+        fields=[
+            PointField(name=n, offset=4 * i, datatype=PointField.FLOAT32, count=1)
+            for i, n in enumerate("xyz")
+        ],
+        data=points.tobytes(),
+    )
+    clouds.publish(msg)
+    peer.until(lambda: answers, what="the answer")
+    extractor = PersonExtractor(SegmentConfig(), DenoiseConfig())
+    assert_same_cloud(answers[0], extractor.extract(msg_to_frame(msg)))
+    person = msg_to_cloud(answers[0]).points
+    assert np.nanmedian(person[..., 2]) == pytest.approx(3.2, abs=0.3)
+
+
+def test_camera_info_that_is_sent_once(start, peer, frames):
+    from rclpy.qos import DurabilityPolicy, QoSProfile
+
+    kept = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    infos = peer.node.create_publisher(CameraInfo, INFO, kept)
+    infos.publish(info_msg(frames[0]))
+    process = start("-m", "depth_pose.ros.denoise_node")
+    process.wait_for("is ready", 60.0)
+    answers = peer.listen(PointCloud2, POINTS)
+    images = peer.publisher(Image, IMAGE, RELIABLE)
+    peer.spin(0.3)
+    images.publish(image_msg(frames[0]))
+    peer.until(lambda: answers, what="the answer")
+
+
+def test_latency_by_the_clock_of_a_recording(start, peer, frames, tmp_path):
+    """Stamps of years ago give no latency, but with ``use_sim_time`` and ``/clock`` they do."""
+    path = tmp_path / "small.mcap"
+    with DepthWriter(path, scene.CAMERA, "optical") as writer:
+        for frame in scene.frames(40):
+            writer.write_frame(frame)
+    process = start("-m", "depth_pose.ros.denoise_node", "--ros-args", "-p", "use_sim_time:=true")
+    process.wait_for("is ready", 60.0)
+    statuses = peer.listen(DiagnosticArray, "/diagnostics", RELIABLE)
+    thread = threading.Thread(target=play, args=(path,), kwargs={"wait_for_subscribers": [IMAGE, INFO]})
+    thread.start()
+
+    def known():
+        values = {v.key: v.value for s in statuses for v in s.status[0].values}
+        return values.get("latency_ms_p95", "unknown") != "unknown" and values
+
+    peer.until(known, what="a latency")
+    assert float(known()["latency_ms_p95"]) < 1000.0
+    thread.join(10.0)

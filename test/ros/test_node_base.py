@@ -1,0 +1,187 @@
+"""The base of the nodes, over real DDS, with a stage of the tests' own (`trial_node`)."""
+
+import signal
+import time
+from pathlib import Path
+
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray
+from peer import RELIABLE
+from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
+from rcl_interfaces.srv import DescribeParameters, SetParameters
+from sensor_msgs.msg import Image, PointCloud2
+from std_msgs.msg import Header
+
+from depth_pose.ros.conversions import make_header
+
+TRIAL = Path(__file__).with_name("trial_node.py")
+A, B, ANSWER = "/depth_pose/a", "/depth_pose/b", "/depth_pose/answer"
+
+
+def image(stamp_ns, width=2):
+    return Image(header=make_header(stamp_ns, "optical"), height=1, width=width)
+
+
+@pytest.fixture
+def trial(start, peer):
+    """Start the node with parameters; give process, answers and the two publishers."""
+
+    def make(qos=None, **parameters):
+        given = [x for k, v in parameters.items() for x in ("-p", f"{k}:={v}")]
+        process = start(TRIAL, *(["--ros-args", *given] if given else []))
+        process.wait_for("is ready")
+        more = {"qos": qos} if qos else {}
+        answers = peer.listen(Header, ANSWER, RELIABLE if qos else peer_sensor())
+        a, b = (peer.publisher(Image, topic, **more) for topic in (A, B))
+        peer.until(lambda: peer.node.count_publishers(ANSWER), what="the answer's publisher")
+        peer.spin(0.2)
+        return process, answers, a, b
+
+    return make
+
+
+def peer_sensor():
+    from peer import SENSOR
+
+    return SENSOR
+
+
+def figure(peer, statuses, name):
+    peer.until(lambda: statuses, what="diagnostics")
+    return {v.key: v.value for v in statuses[-1].status[0].values}.get(name)
+
+
+def test_answers_pairs_and_lives_through_errors(trial, peer):
+    process, answers, a, b = trial()
+    statuses = peer.listen(DiagnosticArray, "/diagnostics", RELIABLE)
+    for stamp in (5, 6):
+        a.publish(image(stamp))
+        b.publish(image(stamp))
+        peer.until(lambda stamp=stamp: answers and answers[-1].stamp.nanosec == stamp, what="the answer")
+    a.publish(image(7, width=13))
+    b.publish(image(7, width=13))
+    process.wait_for("RuntimeError: thirteen")
+    for stamp in (8, 8, 3):  # one stamp twice, then one from the past
+        a.publish(image(stamp))
+        b.publish(image(stamp))
+        peer.spin(0.15)
+    assert [m.stamp.nanosec for m in answers] == [5, 6, 8, 3]
+    assert answers[-1].frame_id.endswith(" 1")  # the stage was reset after the error
+    statuses.clear()
+    assert figure(peer, statuses, "answered") == "4"
+    assert figure(peer, statuses, "dropped: error") == "1"
+    assert figure(peer, statuses, "dropped: same stamp") == "1"
+    assert figure(peer, statuses, "stamps going back") == "1"
+    assert "Traceback" in process.output and "went back" in process.output
+    code, seconds = process.end(signal.SIGTERM)
+    assert code == 0 and seconds < 1.0
+
+
+def test_newest_frame_wins_and_every_drop_is_counted(trial, peer):
+    _, answers, a, b = trial(bank="'0.2'")
+    statuses = peer.listen(DiagnosticArray, "/diagnostics", RELIABLE)
+    sent = 40
+    for stamp in range(1, sent + 1):
+        a.publish(image(stamp))
+        b.publish(image(stamp))
+        peer.spin(0.02)
+    newest = lambda: answers and answers[-1].stamp.nanosec  # noqa: E731
+    peer.until(lambda: newest() == sent, what="the newest frame's answer")
+    stamps = [m.stamp.nanosec for m in answers]
+    assert stamps == sorted(stamps) and len(set(stamps)) == len(stamps)
+    assert len(stamps) < sent
+    peer.spin(0.2)
+    statuses.clear()
+    assert figure(peer, statuses, "answered") == str(len(stamps))
+    reasons = ("overtaken", "missed", "unpaired")
+    dropped = sum(int(figure(peer, statuses, f"dropped: {k}") or 0) for k in reasons)
+    # a frame of which both halves were missed counts on both topics
+    assert sent - len(stamps) <= dropped <= 2 * (sent - len(stamps))
+
+
+def test_late_halves_find_theirs(trial, peer):
+    """Behind a slow stage the second half of a frame comes many frames later."""
+    _, answers, a, b = trial()
+    behind = 20
+    for stamp in range(1, 61):
+        a.publish(image(stamp))
+        if stamp > behind:
+            b.publish(image(stamp - behind))
+        peer.spin(0.01)
+    peer.until(lambda: answers and answers[-1].stamp.nanosec == 60 - behind, what="the last answer")
+    assert len(answers) > 10
+
+
+def test_lossless_mode_answers_every_frame_in_order(trial, peer):
+    _, answers, a, b = trial(qos=RELIABLE, reliable="true", queue=100, bank="'0.02'")
+    for stamp in range(1, 51):
+        a.publish(image(stamp))
+        b.publish(image(stamp))
+    peer.until(lambda: len(answers) == 50, what="all 50 answers")
+    assert [m.stamp.nanosec for m in answers] == list(range(1, 51))
+
+
+def parameter(name, value):
+    if isinstance(value, int):
+        return Parameter(
+            name=name, value=ParameterValue(type=ParameterType.PARAMETER_INTEGER, integer_value=value)
+        )
+    return Parameter(name=name, value=ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=value))
+
+
+def test_parameters_have_ranges_and_can_be_set(trial, peer):
+    _, answers, a, b = trial(**{"segment.near": 1})  # a whole number is a number
+    request = DescribeParameters.Request(names=["segment.near", "queue"])
+    near, queue = peer.call(DescribeParameters, "/depth_pose/trial/describe_parameters", request).descriptors
+    assert near.floating_point_range[0].to_value == 20.0 and "[m]" in near.description
+    assert queue.read_only
+
+    def put(name, value):
+        request = SetParameters.Request(parameters=[parameter(name, value)])
+        return peer.call(SetParameters, "/depth_pose/trial/set_parameters", request).results[0]
+
+    assert put("segment.working_height", 100).successful
+    refused = put("segment.working_height", 5)
+    assert not refused.successful and refused.reason
+    assert not put("queue", 3).successful
+    a.publish(image(1))
+    b.publish(image(1))
+    peer.until(lambda: answers, what="the answer")
+    assert answers[0].frame_id == "100 0"
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ("segment.nearest:=1.0", "segment.nearest"),
+        ("segment.near:=-1.0", "segment.near"),
+        ("segment.near:=close", "segment.near"),
+        ("bogus:=1", "bogus"),
+    ],
+)
+def test_bad_parameters_end_the_start(start, given, said):
+    process = start(TRIAL, "--ros-args", "-p", given)
+    assert process.process.wait(20.0) == 2
+    assert said in process.output and "Traceback" not in process.output
+
+
+def test_silence_is_told_within_three_seconds(start, peer):
+    process = start(TRIAL)
+    process.wait_for("is ready")
+    peer.publisher(Image, A)
+    peer.node.create_publisher(PointCloud2, B, 1)
+    began = time.monotonic()
+    process.wait_for(f"{A} has 1 publisher(s) but nothing came", timeout_s=3.5)
+    process.wait_for("it carries sensor_msgs/msg/PointCloud2", timeout_s=3.5)
+    assert time.monotonic() - began < 3.2
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_signals_end_it_cleanly(start, number):
+    early, late = start(TRIAL), start(TRIAL)
+    time.sleep(0.3)  # while it starts
+    code, seconds = early.end(number)
+    assert code in (0, -number) and seconds < 1.0
+    late.wait_for("is ready")
+    code, seconds = late.end(number)
+    assert code == 0 and seconds < 1.0, late.output

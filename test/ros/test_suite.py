@@ -1,0 +1,107 @@
+"""The four nodes over real DDS give what the pipeline gives in one process."""
+
+import importlib.util
+import os
+import signal
+
+import pytest
+import scene
+from depth_pose_msgs.msg import PoseMatch, Skeleton
+from peer import SENSOR
+from sensor_msgs.msg import PointCloud2
+
+from depth_pose.bank import Bank
+from depth_pose.config import DenoiseConfig, PipelineConfig, SegmentConfig
+from depth_pose.io.mcap_read import read_frames
+from depth_pose.io.mcap_write import DepthWriter
+from depth_pose.pipeline import PosePipeline
+from depth_pose.ros.bag import play
+from depth_pose.ros.conversions import cloud_to_msg, match_to_msg, msg_to_match, msg_to_skeleton
+from depth_pose.ros.supervisor import Suite
+from depth_pose.steps.extract import PersonExtractor
+from depth_pose.types import PoseMatch as Match
+
+IMAGE, INFO = "/camera/depth/image_raw", "/camera/depth/camera_info"
+FRAMES = 20
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory):
+    path = tmp_path_factory.mktemp("suite") / "small.mcap"
+    with DepthWriter(path, scene.CAMERA, "optical") as writer:
+        for frame in scene.frames(FRAMES):
+            writer.write_frame(frame)
+    return path
+
+
+def assert_same(a, b):
+    for name in ("stamp_ns", "frame_id", "body_id", "source", "confidence", "residual", "scale"):
+        assert getattr(a, name) == getattr(b, name), name
+    for name in ("positions", "quats_xyzw", "joint_confidence", "joint_states"):
+        assert getattr(a, name).tobytes() == getattr(b, name).tobytes(), name
+
+
+def test_live_equals_offline(recording, bank_path, peer):
+    pipeline = PosePipeline(Bank.load(bank_path), PipelineConfig())
+    expected = [pipeline.process_frame(frame) for frame in read_frames(recording)]
+    assert sum(not r.skeleton.is_lost for r in expected) >= FRAMES - 2
+
+    lines = []
+    lossless = {"reliable": True, "queue": 200}
+    with Suite(bank=bank_path, parameters=lossless, sink=lines.append) as suite:
+        skeletons = peer.listen(Skeleton, "/depth_pose/skeleton", 200)
+        matches = peer.listen(PoseMatch, "/depth_pose/match", 200)
+        peer.until(lambda: peer.node.count_publishers("/depth_pose/skeleton"), what="the suite")
+        peer.spin(0.3)
+        play(recording, rate=2.0, wait_for_subscribers=[IMAGE, INFO])
+        peer.until(lambda: len(skeletons) >= FRAMES, 30.0, "all skeletons:\n" + "\n".join(lines))
+        assert suite.stop() == dict.fromkeys(("denoise", "matcher", "refine", "recovery"), 0)
+    for got, want in zip(map(msg_to_match, matches), expected, strict=True):
+        assert got.bank_id == want.match.bank_id and got.scale == want.match.scale
+        assert [c.exemplar for c in got.candidates] == [c.exemplar for c in want.match.candidates]
+    for got, want in zip(map(msg_to_skeleton, skeletons), expected, strict=True):
+        assert_same(got, want.skeleton)
+
+
+def test_suite_survives_a_killed_node_and_a_loop(recording, bank_path, peer):
+    """With the middle of the chain killed while a recording plays, skeletons come again."""
+    lines = []
+    with Suite(bank=bank_path, sink=lines.append) as suite:
+        skeletons = peer.listen(Skeleton, "/depth_pose/skeleton", SENSOR)
+        play(recording, wait_for_subscribers=[IMAGE, INFO])
+        peer.until(lambda: skeletons, what="skeletons:\n" + "\n".join(lines))
+        os.kill(suite.pid("refine"), signal.SIGKILL)
+        peer.until(lambda: suite.restarts["refine"] == 1, what="the restart")
+        suite.wait_ready(60.0)
+        skeletons.clear()
+        play(recording, wait_for_subscribers=[IMAGE, INFO])
+        peer.until(lambda: skeletons, what="skeletons again:\n" + "\n".join(lines))
+        assert suite.restarts == {"denoise": 0, "matcher": 0, "refine": 1, "recovery": 0}
+
+
+def test_frames_matched_with_another_bank_are_dropped(start, bank_path, peer):
+    process = start("-m", "depth_pose.ros.refine_node", "--ros-args", "-p", f"bank:={bank_path}")
+    process.wait_for("is ready", 120.0)
+    clouds = peer.publisher(PointCloud2, "/depth_pose/points")
+    matches = peer.publisher(PoseMatch, "/depth_pose/match")
+    cloud = PersonExtractor(SegmentConfig(), DenoiseConfig()).extract(next(scene.frames(1)))
+    clouds.publish(cloud_to_msg(cloud))
+    matches.publish(match_to_msg(Match(cloud.stamp_ns, cloud.frame_id, "foreign", 1.0, ())))
+    process.wait_for("dropped, other bank", 10.0)
+
+
+def test_tf_needs_its_messages(start, bank_path):
+    if importlib.util.find_spec("tf2_msgs") is not None:
+        pytest.skip("tf2_msgs is installed")
+    arguments = ("--ros-args", "-p", "tf:=true", "-p", f"bank:={bank_path}")
+    process = start("-m", "depth_pose.ros.recovery_node", *arguments)
+    assert process.process.wait(60.0) == 2
+    assert "ros-jazzy-tf2-msgs" in process.output
+
+
+def test_a_damaged_bank_is_refused(start, tmp_path):
+    bank = tmp_path / "bank.npz"
+    bank.write_bytes(b"nonsense" * 100)
+    process = start("-m", "depth_pose.ros.matcher_node", "--ros-args", "-p", f"bank:={bank}")
+    assert process.process.wait(60.0) == 2
+    assert str(bank) in process.output and "Traceback" not in process.output

@@ -1,0 +1,96 @@
+"""The supervisor with real nodes: readiness, restarts, clean ends, and its own death."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from depth_pose.errors import ConfigError
+from depth_pose.ros.supervisor import Suite, sensor_names
+
+
+def alive(pid):
+    try:
+        with open(f"/proc/{pid}/stat") as stat:
+            return stat.read().rsplit(")", 1)[1].split()[0] != "Z"
+    except FileNotFoundError:
+        return False
+
+
+def wait_until(condition, timeout_s, what):
+    deadline = time.monotonic() + timeout_s
+    while not condition():
+        assert time.monotonic() < deadline, f"{what} took longer than {timeout_s} s"
+        time.sleep(0.02)
+
+
+def test_a_killed_node_is_started_again(domain, peer):
+    lines = []
+    with Suite(nodes=["denoise"], sink=lines.append) as suite:
+        assert any(line.startswith("[denoise] ") and "is ready" in line for line in lines)
+        first = suite.pid("denoise")
+        os.kill(first, signal.SIGKILL)
+        wait_until(lambda: suite.restarts["denoise"] == 1, 5.0, "the restart")
+        suite.wait_ready(30.0)
+        second = suite.pid("denoise")
+        assert second not in (None, first)
+        peer.until(lambda: peer.node.count_publishers("/depth_pose/points"), what="the new node's topic")
+        assert suite.stop() == {"denoise": 0}
+    assert not alive(first) and not alive(second)
+    assert any("starting it again" in line for line in lines)
+
+
+def test_what_cannot_start_is_said(domain, tmp_path):
+    params = tmp_path / "params.yaml"
+    params.write_text("/**:\n  ros__parameters:\n    segment:\n      naer: 0.5\n")
+    with pytest.raises(ConfigError, match=r"segment\.naer"), Suite(params, nodes=["denoise"], sink=str):
+        pass
+    with pytest.raises(ConfigError, match="realsense"):
+        Suite(sensor="webcam")
+    with pytest.raises(ConfigError, match="no parameter file"):
+        Suite(tmp_path / "none.yaml")
+
+
+@pytest.mark.parametrize("sensor", sensor_names())
+def test_sensor_files_hold_topics(sensor):
+    from yaml import safe_load
+
+    from depth_pose.ros.supervisor import SENSORS_PATH
+
+    values = safe_load((SENSORS_PATH / f"{sensor}.yaml").read_text())["/**"]["ros__parameters"]
+    assert set(values) == {"image_topic", "info_topic"}
+
+
+def test_files_and_single_parameters_reach_the_node(domain, tmp_path):
+    params = tmp_path / "params.yaml"
+    params.write_text("/**:\n  ros__parameters:\n    segment:\n      near: 1\n    image_topic: /elsewhere\n")
+    lines = []
+    with Suite(params, "kinect2", parameters={"segment.far": 5.0}, nodes=["denoise"], sink=lines.append):
+        assert any("listens to /elsewhere" in line for line in lines)
+
+
+def test_nodes_end_when_the_supervisor_is_killed(domain):
+    code = (
+        "import time; from depth_pose.ros.supervisor import Suite\n"
+        "suite = Suite(nodes=['denoise'], sink=lambda line: None)\n"
+        "suite.start(); suite.wait_ready(60); print(suite.pid('denoise'), flush=True); time.sleep(60)"
+    )
+    supervisor = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
+    try:
+        pid = int(supervisor.stdout.readline())
+        assert alive(pid)
+    finally:
+        supervisor.kill()
+        supervisor.wait(5.0)
+    wait_until(lambda: not alive(pid), 2.0, "the end of the node")
+
+
+def test_up_ends_cleanly(start, bank_path):
+    code = f"import sys; from depth_pose.ros.supervisor import up; sys.exit(up(bank={str(bank_path)!r}))"
+    process = start("-c", code)
+    process.wait_for("all nodes are ready", 120.0)
+    code, seconds = process.end(signal.SIGINT)
+    assert code == 0 and seconds < 2.0, process.output

@@ -1,0 +1,56 @@
+"""A node on the real base whose stage is simple: for tests of queues, pairing and parameters.
+
+Images of one stamp on ``a`` and ``b`` give a Header on ``answer``: the stamp, and the reduced
+height that `segment.working_height` asks for. A width of 13 raises, as a bug would.
+"""
+
+import sys
+import time
+
+from sensor_msgs.msg import Image
+from std_msgs.msg import Header
+
+from depth_pose.ros.conversions import ns_to_stamp
+from depth_pose.ros.node_base import Input, StageNode
+from depth_pose.ros.parameters import Setting
+from depth_pose.ros.runner import run_node
+
+
+class Halver:
+    def __init__(self, config):
+        self.height = config.working_height
+        self.resets = 0
+
+    def warm_up(self):
+        time.sleep(0.2)
+
+    def reset(self):
+        self.resets += 1
+
+
+class TrialNode(StageNode):
+    SECTIONS = ("segment",)
+    SETTINGS = (Setting("bank", "", "seconds that a frame takes"),)
+
+    def __init__(self):
+        super().__init__("trial")
+
+    def make_stage(self, config):
+        return Halver(config.segment)
+
+    def open_outputs(self):
+        self.out = self.publisher(Header, "answer")
+
+    def inputs(self):
+        return [Input(Image, "a", sensor=True), Input(Image, "b", sensor=True)]
+
+    def answer(self, a, b):
+        if a.width == 13:
+            raise RuntimeError("thirteen")
+        time.sleep(float(self.value("bank") or 0))
+        stamp = ns_to_stamp(a.header.stamp.sec * 10**9 + a.header.stamp.nanosec)
+        self.out.publish(Header(stamp=stamp, frame_id=f"{self.stage.height} {self.stage.resets}"))
+
+
+if __name__ == "__main__":
+    sys.exit(run_node(TrialNode))

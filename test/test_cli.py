@@ -1,0 +1,236 @@
+"""The depth-pose command as a user runs it."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import depth_pose
+from depth_pose.cli import main
+from depth_pose.cli.console import read_settings
+from depth_pose.config import MatchConfig, PipelineConfig, SegmentConfig, options
+from depth_pose.errors import ConfigError, InputError
+from depth_pose.io.mcap_write import DepthWriter
+from depth_pose.types import Camera
+
+COMMANDS = (
+    "run",
+    "up",
+    "play",
+    "record",
+    "demo",
+    "simulate",
+    "eval",
+    "overlay",
+    "bank",
+    "bank build",
+    "bank info",
+)
+
+
+@dataclass(frozen=True)
+class Done:
+    """How a command ended."""
+
+    returncode: int
+    stdout: str
+    stderr: str
+
+
+@pytest.fixture
+def call(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Callable[..., Done]:
+    """Call `main` in this process."""
+    monkeypatch.setenv("COLUMNS", "200")
+    monkeypatch.setenv("NO_COLOR", "1")
+
+    def run(*arguments: str | Path) -> Done:
+        monkeypatch.setattr(sys, "argv", ["depth-pose", *map(str, arguments)])
+        capsys.readouterr()
+        try:
+            main()
+            code = 0
+        except SystemExit as end:
+            code = end.code
+        captured = capsys.readouterr()
+        return Done(code, captured.out, captured.err)
+
+    return run
+
+
+def call_process(*arguments: str | Path, first: Path | None = None) -> Done:
+    """Call the command in a process of its own, with a folder in front of the module path."""
+    source = str(Path(depth_pose.__file__).parents[1])
+    path = os.pathsep.join(filter(None, [str(first or ""), source, os.environ.get("PYTHONPATH", "")]))
+    environment = {**os.environ, "PYTHONPATH": path, "COLUMNS": "200", "NO_COLOR": "1"}
+    command = [sys.executable, *map(str, arguments)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, env=environment)
+    return Done(done.returncode, done.stdout, done.stderr)
+
+
+@pytest.fixture
+def recording(tmp_path: Path) -> Path:
+    with DepthWriter(tmp_path / "in.mcap", Camera(64, 48, 60.0, 60.0, 31.5, 23.5), "optical") as writer:
+        writer.write(1, np.ones((48, 64), np.float32))
+    return tmp_path / "in.mcap"
+
+
+def test_help_names_every_command() -> None:
+    done = call_process("-m", "depth_pose.cli", "--help")
+    assert done.returncode == 0
+    for name in COMMANDS:
+        assert name.split()[0] in done.stdout
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_command_has_examples(name: str, call: Callable[..., Done]) -> None:
+    done = call(*name.split(), "--help")
+    assert done.returncode == 0
+    if name != "bank":
+        assert f"depth-pose {name}" in done.stdout
+
+
+def test_start_up_loads_only_what_help_needs() -> None:
+    heavy = ["numba", "open3d", "scipy", "matplotlib", "mcap", "rclpy", "numpy"]
+    code = f"import sys, depth_pose.cli; print([m for m in {heavy} if m in sys.modules])"
+    done = call_process("-c", code)
+    assert done.stdout.strip() == "[]", done.stderr
+
+
+def test_version(call: Callable[..., Done]) -> None:
+    assert call("--version").stdout.strip() == depth_pose.__version__
+
+
+def test_defaults_are_those_of_the_configuration(call: Callable[..., Done]) -> None:
+    near = next(o for o in options(SegmentConfig) if o.name == "near")
+    done = call("run", "--help")
+    assert f"{near.default} m" in done.stdout
+    assert near.help in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "says"),
+    [
+        (["run", "none.mcap", "-o", "out.mcap"], 1, "none.mcap cannot be read"),
+        (["run", "{in}", "-o", "out.mcap", "--method", "magic"], 2, "RefineConfig.method is 'magic'"),
+        (["run", "{in}", "-o", "out.mcap", "--depth-topic", "/no"], 1, "no messages on /no"),
+        (["run", "{in}", "-o", "out.mcap", "--bank", "none.npz"], 1, "none.npz"),
+        (["run", "{in}", "-o", "out.mcap", "--near", "-1"], 2, "--near"),
+        (["run", "{in}"], 2, "--output"),
+        (["eval", "none.npz", "{in}"], 1, "none.npz"),
+        (["eval", "joints.json", "{in}"], 2, "--recording"),
+        (["overlay", "{in}", "{in}", "-o", "out.png"], 1, "no skeletons on /depth_pose/skeleton"),
+        (["simulate", "-o", "a.mcap", "--motion", "fly"], 2, "no motion 'fly'"),
+        (["simulate", "-o", "a.mcap", "--sensor", "sonar"], 2, "no sensor 'sonar'"),
+        (["bank", "info", "none.npz"], 1, "none.npz"),
+        (["bank", "build", "-o", "a.npz", "--body", "cube"], 2, "no body 'cube'"),
+        (["nonsense"], 2, "nonsense"),
+    ],
+)
+def test_errors_are_one_line(
+    tmp_path: Path,
+    recording: Path,
+    arguments: list[str],
+    code: int,
+    says: str,
+    monkeypatch: pytest.MonkeyPatch,
+    call: Callable[..., Done],
+) -> None:
+    if arguments[0] == "run" and "--bank" in arguments:
+        pytest.importorskip("depth_pose.pipeline", reason="the pipeline is not in this tree yet")
+    monkeypatch.chdir(tmp_path)
+    done = call(*(str(recording) if a == "{in}" else a for a in arguments))
+    assert done.returncode == code, done.stdout + done.stderr
+    assert says in done.stderr
+    assert "Traceback" not in done.stderr
+    if "Usage" not in done.stderr:
+        assert len(done.stderr.strip().splitlines()) == 1
+    assert not (tmp_path / "out.mcap").exists()
+
+
+def test_simulate_and_eval(tmp_path: Path, call: Callable[..., Done]) -> None:
+    done = call(
+        "simulate", "-o", tmp_path / "s.mcap", "--seconds", "0.08", "--motion", "wave", "--stature", "1.5"
+    )
+    assert done.returncode == 0, done.stderr
+    assert "2 at 25 per second" in done.stdout
+    from depth_pose.evaluate.score import load_truth
+    from depth_pose.io.mcap_write import SkeletonWriter
+    from depth_pose.skeleton import Source
+    from depth_pose.types import Skeleton
+
+    truth = load_truth(tmp_path / "s.npz")
+    with SkeletonWriter(tmp_path / "p.mcap") as writer:
+        for stamp, joints in zip(truth.stamps_ns, truth.joints + np.array([0.03, 0, 0]), strict=True):
+            writer.write(
+                Skeleton(
+                    int(stamp), "o", "b", Source.REFINED, 1.0, 0.0, 1.0, joints,
+                    np.tile([0.0, 0, 0, 1], (19, 1)), np.ones(19, np.float32), np.zeros(19, np.uint8),
+                )
+            )  # fmt: skip
+    done = call("eval", tmp_path / "s.npz", tmp_path / "p.mcap", "--json", "--plot", tmp_path / "e.png")
+    numbers = json.loads(done.stdout)
+    assert numbers["mean_error_mm"] == pytest.approx(30, abs=1e-3)
+    assert numbers["mAP"]["0.05"] == 1.0
+    assert (tmp_path / "e.png").exists()
+    table = call("eval", tmp_path / "s.npz", tmp_path / "p.mcap").stdout
+    assert "30.0" in table
+    assert "left_wrist" in table
+    done = call(
+        "overlay",
+        tmp_path / "s.mcap",
+        tmp_path / "p.mcap",
+        "-o",
+        tmp_path / "o.png",
+        "--truth",
+        tmp_path / "s.npz",
+    )
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "o.png").exists()
+
+
+def test_settings_files(tmp_path: Path) -> None:
+    path = tmp_path / "a.yaml"
+    path.write_text("segment: {near: 1.0}\nmatch:\n  keep: 2\n")
+    config = PipelineConfig.from_mapping(read_settings(path))
+    assert (config.segment.near, config.match.keep) == (1.0, 2)
+    (tmp_path / "a.json").write_text('{"match": {"keep": 3}}')
+    assert read_settings(tmp_path / "a.json") == {"match": {"keep": 3}}
+    path.write_text("/**:\n  ros__parameters:\n    bank: x.npz\n    match.keep: 5\n    segment: {far: 4.0}\n")
+    assert read_settings(path) == {"match": {"keep": 5}, "segment": {"far": 4.0}}
+    path.write_text("")
+    assert read_settings(path) == {}
+    assert MatchConfig().keep == PipelineConfig.from_mapping({}).match.keep
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "error", "says"),
+    [
+        ("a.yaml", "a: [", ConfigError, "not YAML"),
+        ("a.json", "{", ConfigError, "not JSON"),
+        ("a.yaml", "near: 1", ConfigError, "by step"),
+        ("b.yaml", None, InputError, "cannot be read"),
+    ],
+)
+def test_bad_settings_files(tmp_path: Path, name: str, text: str | None, error: type, says: str) -> None:
+    if text is not None:
+        (tmp_path / name).write_text(text)
+    with pytest.raises(error, match=says):
+        read_settings(tmp_path / name)
+
+
+def test_missing_ros_is_said_plainly(tmp_path: Path) -> None:
+    """A module path in front that has no ROS: the import fails as it does without it."""
+    pytest.importorskip("depth_pose.ros", reason="the nodes are not in this tree yet")
+    (tmp_path / "rclpy.py").write_text("raise ModuleNotFoundError('no rclpy', name='rclpy')\n")
+    done = call_process("-m", "depth_pose.cli", "play", "x.mcap", first=tmp_path)
+    assert done.returncode == 1
+    assert "ROS 2 is not installed" in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1

@@ -1,0 +1,60 @@
+"""Offline runs of the whole method over a small simulated recording."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from depth_pose.bank import Bank, build_bank
+from depth_pose.bank.build import BuildConfig
+from depth_pose.body.procedural import make_body
+from depth_pose.body.procedural_motion import make_poses
+from depth_pose.io.mcap_read import DepthReader, read_skeletons
+from depth_pose.io.mcap_write import DepthWriter
+from depth_pose.offline import process_recording
+from depth_pose.pipeline import PosePipeline
+from depth_pose.sim.config import Person
+from depth_pose.sim.motion import load_motion
+from depth_pose.sim.simulate import simulate
+
+FRAMES = 4
+
+
+@pytest.fixture(scope="module")
+def bank() -> Bank:
+    poses = make_poses(60, seed=1)
+    return build_bank(make_body(), poses.rotations, BuildConfig(dimensions=16), {}, workers=0)
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A few frames of a person, then two in which there is nothing at all."""
+    folder = tmp_path_factory.mktemp("offline")
+    simulate(folder / "person.mcap", Person().body(), load_motion("stand_casual", 25.0, FRAMES / 25.0))
+    reader = list(DepthReader(folder / "person.mcap"))
+    with DepthWriter(folder / "in.mcap", reader[0].camera, "optical") as writer:
+        for frame in reader:
+            writer.write_frame(frame)
+        for late in (1, 2):
+            empty = np.zeros_like(reader[0].depth)
+            writer.write(reader[-1].stamp_ns + late * 40_000_000, empty)
+    return folder / "in.mcap"
+
+
+@pytest.mark.slow
+def test_every_frame_is_answered_the_same_each_time(tmp_path: Path, bank: Bank, recording: Path) -> None:
+    pipeline = PosePipeline(bank)
+    told: list[int] = []
+    summary = process_recording(DepthReader(recording), tmp_path / "a.mcap", pipeline, told.append)
+    assert (summary.frames, summary.dropped, summary.warnings) == (FRAMES + 2, 0, ())
+    assert summary.answered + summary.empty == FRAMES + 2
+    assert summary.answered >= FRAMES
+    assert summary.median_ms > 0
+    assert told == list(range(1, FRAMES + 3))
+    skeletons = list(read_skeletons(tmp_path / "a.mcap"))
+    assert [s.stamp_ns for s in skeletons] == [f.stamp_ns for f in DepthReader(recording)]
+    assert all(s.positions.shape == (19, 3) for s in skeletons[:FRAMES])
+    process_recording(DepthReader(recording), tmp_path / "b.mcap", PosePipeline(bank))
+    assert (tmp_path / "a.mcap").read_bytes() == (tmp_path / "b.mcap").read_bytes()

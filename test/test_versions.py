@@ -1,0 +1,77 @@
+"""One version, wherever it stands."""
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+
+import depth_pose
+
+ROOT = Path(__file__).parents[1]
+MESSAGES = ROOT / "ros_ws" / "src" / "depth_pose_msgs"
+
+
+def _of_pyproject() -> str:
+    return re.search(r'^version = "(.+)"$', (ROOT / "pyproject.toml").read_text(), re.MULTILINE).group(1)
+
+
+def _of_package_xml(path: Path) -> str:
+    return ElementTree.parse(path).findtext("version")
+
+
+def _of_setup_py() -> str:
+    """What setuptools, and so colcon, makes of setup.py and pyproject.toml."""
+    done = subprocess.run(
+        [sys.executable, "setup.py", "--quiet", "--version"],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    return done.stdout.split()[-1]
+
+
+def _of_changelog() -> str:
+    return re.search(r"^## (\S+)", (ROOT / "CHANGELOG.md").read_text(), re.MULTILINE).group(1)
+
+
+@pytest.mark.parametrize(
+    "found",
+    [
+        pytest.param(_of_pyproject, id="pyproject.toml"),
+        pytest.param(lambda: _of_package_xml(ROOT / "package.xml"), id="package.xml"),
+        pytest.param(lambda: _of_package_xml(MESSAGES / "package.xml"), id="depth_pose_msgs"),
+        pytest.param(_of_changelog, id="CHANGELOG.md"),
+        pytest.param(_of_setup_py, id="setup.py"),
+    ],
+)
+def test_version_is_the_package_s(found):
+    assert found() == depth_pose.__version__
+
+
+def test_maintainers_agree():
+    # colcon silently takes a package with an invalid address for another kind of package
+    emails = {ElementTree.parse(p / "package.xml").find("maintainer").get("email") for p in (ROOT, MESSAGES)}
+    assert len(emails) == 1
+    assert re.fullmatch(r"[^@\s]+@[^@\s]+\.[a-z]+", emails.pop())
+
+
+def test_ros_dependencies_are_declared():
+    """Every ROS package that a node imports stands in package.xml."""
+    declared = {e.text for e in ElementTree.parse(ROOT / "package.xml").iter("exec_depend")}
+    text = "\n".join(p.read_text() for p in (ROOT / "src" / "depth_pose" / "ros").glob("*.py"))
+    imported = set(re.findall(r"^\s*(?:from|import) (rclpy|\w+_(?:msgs|interfaces))\b", text, re.MULTILINE))
+    optional = {"tf2_msgs"}  # used only where it is there
+    assert imported - optional <= declared
+
+
+def test_message_constants_are_the_core_s():
+    from depth_pose.skeleton import JointState, Source
+
+    for name, kind in (("Joint", JointState), ("Skeleton", Source)):
+        text = (MESSAGES / "msg" / f"{name}.msg").read_text()
+        constants = dict(re.findall(r"^uint8 ([A-Z_]+)=(\d+)", text, re.MULTILINE))
+        assert {k: int(v) for k, v in constants.items()} == {m.name: m.value for m in kind}
