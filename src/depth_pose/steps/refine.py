@@ -18,15 +18,23 @@ from numpy.typing import NDArray
 from depth_pose.bank.bank import Bank
 from depth_pose.config import MatchConfig, RefineConfig
 from depth_pose.errors import BankError
-from depth_pose.geometry import matrix_to_quat, quat_to_matrix
-from depth_pose.registration.articulated import ArticulatedFitter, BodyPose, nearest_person_pixels
+from depth_pose.geometry import matrix_to_quat
+from depth_pose.registration.articulated import ArticulatedFitter, BodyPose, FitTarget, candidate_pose
 from depth_pose.registration.limbs import LimbSearch
 from depth_pose.render import Comparison, DepthComparer
 from depth_pose.skeleton import JOINT_NODES, Source
 from depth_pose.steps.confidence import report_joints, skeleton_confidence
 from depth_pose.steps.stamps import StampGuard
 from depth_pose.steps.view import PersonView, thin, view_person
-from depth_pose.types import Candidate, PersonCloud, PoseMatch, Skeleton
+from depth_pose.types import PersonCloud, PoseMatch, Skeleton
+
+
+COARSE = (0.06, 0.05, 0.04, 0.034)
+FINE = (0.028, 0.024, 0.02, 0.02)
+"""Standard deviations of the rough and of the fine fit's iterations, metres."""
+
+FINISHERS = 2
+"""Rough fits that are finished."""
 
 
 @dataclass(frozen=True)
@@ -95,22 +103,25 @@ class Refiner:
         return self._skeleton(cloud, view, best)
 
     def _fit_best(self, view: PersonView, match: PoseMatch) -> Fitted:
-        """Fit every start, then the best one's with other limbs; keep what agrees best with the input."""
+        """Fit every start roughly, the best one with other limbs too, and the best of all finely."""
         comparer = DepthComparer(view.coarse, self._band)
         points = thin(view.points, self._fitter.config.max_points)
-        nearest = nearest_person_pixels(view.full)
+        target = FitTarget.prepare(points, view.full, view.coarse)
 
-        def fit(start: BodyPose) -> Fitted:
-            pose = self._fitter.fit(points, view.full, view.coarse, nearest, start)
+        def fit(start: BodyPose, sigmas: tuple[float, ...]) -> Fitted:
+            pose = self._fitter.fit(target, start, sigmas)
             posed = self.bank.body.pose(pose.rotations, pose.root, pose.scale)
             return Fitted(pose, posed.vertices, posed.nodes, comparer.compare(posed.vertices, self._faces))
 
         starts = [candidate_pose(self.bank, c, match.scale) for c in match.candidates]
         if self._previous is not None and self.config.track:
             starts.append(BodyPose(self._previous.rotations, self._previous.root, match.scale))
-        best = min(map(fit, starts), key=_score)
+        rough = [fit(start, COARSE) for start in starts]
+        best = min(rough, key=_score)
         proposals = self._limbs.propose(best.pose, best.vertices, comparer)
-        return min([best, *map(fit, proposals)], key=_score)
+        rough += [fit(start, COARSE) for start in proposals]
+        rough.sort(key=_score)
+        return min((fit(r.pose, FINE) for r in rough[:FINISHERS]), key=_score)
 
     def _skeleton(self, cloud: PersonCloud, view: PersonView, fitted: Fitted) -> Skeleton:
         """Put a fitted pose into words."""
@@ -134,9 +145,3 @@ class Refiner:
 
 def _score(fitted: Fitted) -> float:
     return fitted.comparison.score
-
-
-def candidate_pose(bank: Bank, candidate: Candidate, scale: float) -> BodyPose:
-    """Give the pose of a candidate in the camera frame."""
-    rotation = quat_to_matrix(candidate.quat_xyzw)
-    return BodyPose(rotation @ bank.rotations(candidate.exemplar), candidate.translation, scale)
