@@ -29,7 +29,6 @@ from depth_pose.steps.stamps import StampGuard
 from depth_pose.steps.view import PersonView, view_person
 from depth_pose.types import PersonCloud, PoseMatch, Skeleton
 
-
 _FINISHERS = 2
 """Rough fits that are finished."""
 
