@@ -174,6 +174,9 @@ class RecoverConfig(_Checked):
     bone_change: float = option(
         0.25, "Relative change of a bone's length between frames that counts as a failure", low=0.01, high=2.0
     )
+    angle_excess: float = option(
+        40.0, "Degrees beyond a joint's limit that count as a failure", unit="deg", low=0.0, high=360.0
+    )
     min_confidence: float = option(
         0.25, "Skeletons less certain than this count as failures", low=0.0, high=1.0
     )
