@@ -71,7 +71,8 @@ class TemporalCarrier:
         c, body = self.config, self._completer.body
         found = register(before, now, c.cpd)
         posed = body.pose(pose.rotations, pose.root, pose.scale)
-        visible = np.flatnonzero(self._completer.visible(posed, pose.rotations, coarse_before))
+        facing = self._completer.visible(posed, pose.rotations, coarse_before)
+        visible = np.flatnonzero(facing > self._completer.config.min_facing)
         targets, weights = posed.vertices.copy(), np.zeros(len(posed.vertices))
         gaps = before[None] - posed.vertices[visible][:, None]
         closeness = np.exp(-4.5 * (gaps**2).sum(axis=2) / c.reach**2)
