@@ -48,7 +48,7 @@ class Option:
 def options(config: type | object) -> Iterator[Option]:
     """Give every setting of a configuration class, or of an instance with its values."""
     for f in fields(config):  # type: ignore[arg-type]
-        default = f.default if isinstance(config, type) else getattr(config, f.name)
+        default: Any = f.default if isinstance(config, type) else getattr(config, f.name)
         yield Option(name=f.name, default=default, **f.metadata)
 
 
@@ -208,7 +208,7 @@ class PipelineConfig:
     @classmethod
     def from_mapping(cls, values: Mapping[str, Mapping[str, Any]]) -> PipelineConfig:
         """Make it from nested mappings, ``{"segment": {"near": 0.5}}``; unknown keys are errors."""
-        sections = {f.name: type(f.default) for f in fields(cls)}
+        sections: dict[str, Any] = {f.name: type(f.default) for f in fields(cls)}
         unknown = sorted(set(values) - set(sections))
         if unknown:
             raise ConfigError(

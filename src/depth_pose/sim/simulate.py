@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 FRAME_ID = "camera_depth_optical_frame"
 START_NS = 1_700_000_000_000_000_000
-_JOINT_DEPTH_M = 0.18
+_JOINT_DEPTH_M = 0.2
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.body.body import Body
-from depth_pose.registration.articulated import ArticulatedFitter, BodyPose, nearest_person_pixels
+from depth_pose.registration.articulated import ArticulatedFitter, BodyPose, FitTarget
 from depth_pose.registration.completion import MeshCompleter
 from depth_pose.steps.view import PersonView, thin
 
@@ -24,15 +24,43 @@ class FittedBody:
     nodes: NDArray[np.float64]
 
 
-Fit = Callable[[BodyPose], FittedBody]
-"""Fits one body to one frame from a given start."""
+class FrameFitter(Protocol):
+    """Fits one body to one frame."""
+
+    def rough(self, start: BodyPose) -> FittedBody:
+        """Fit well enough to compare starts."""
+
+    def finish(self, fitted: FittedBody) -> FittedBody:
+        """Fit as well as possible, from a rough fit."""
 
 
 class Fitter(Protocol):
     """What the refiner needs of a method."""
 
-    def fit_to(self, view: PersonView) -> Fit:
-        """Prepare one frame, and give the function that fits to it."""
+    def fit_to(self, view: PersonView) -> FrameFitter:
+        """Prepare one frame."""
+
+
+COARSE_SIGMAS = (0.06, 0.05, 0.04, 0.034)
+FINE_SIGMAS = (0.028, 0.024, 0.02, 0.02)
+"""Standard deviations of the rough and of the fine iterations of the articulated fit, metres."""
+
+
+@dataclass(frozen=True)
+class _SkinnedFrame:
+    fitter: ArticulatedFitter
+    target: FitTarget
+
+    def rough(self, start: BodyPose) -> FittedBody:
+        return self._fit(start, COARSE_SIGMAS)
+
+    def finish(self, fitted: FittedBody) -> FittedBody:
+        return self._fit(fitted.pose, FINE_SIGMAS)
+
+    def _fit(self, start: BodyPose, sigmas: tuple[float, ...]) -> FittedBody:
+        pose = self.fitter.fit(self.target, start, sigmas)
+        posed = self.fitter.body.pose(pose.rotations, pose.root, pose.scale)
+        return FittedBody(pose, posed.vertices, posed.nodes)
 
 
 class SkinnedFitter:
@@ -41,17 +69,24 @@ class SkinnedFitter:
     def __init__(self, body: Body) -> None:
         self._fitter = ArticulatedFitter(body)
 
-    def fit_to(self, view: PersonView) -> Fit:
-        """Prepare one frame, and give the function that fits to it."""
+    def fit_to(self, view: PersonView) -> FrameFitter:
+        """Prepare one frame."""
         points = thin(view.points, self._fitter.config.max_points)
-        nearest = nearest_person_pixels(view.full)
+        return _SkinnedFrame(self._fitter, FitTarget.prepare(points, view.full, view.coarse))
 
-        def fit(start: BodyPose) -> FittedBody:
-            pose = self._fitter.fit(points, view.full, view.coarse, nearest, start)
-            posed = self._fitter.body.pose(pose.rotations, pose.root, pose.scale)
-            return FittedBody(pose, posed.vertices, posed.nodes)
 
-        return fit
+@dataclass(frozen=True)
+class _CompletionFrame:
+    completer: MeshCompleter
+    points: NDArray[np.float64]
+    view: PersonView
+
+    def rough(self, start: BodyPose) -> FittedBody:
+        found = self.completer.fit(self.points, self.view.coarse, start)
+        return FittedBody(found.pose, found.vertices, found.nodes)
+
+    def finish(self, fitted: FittedBody) -> FittedBody:
+        return fitted
 
 
 class CompletionFitter:
@@ -60,15 +95,10 @@ class CompletionFitter:
     def __init__(self, body: Body) -> None:
         self._completer = MeshCompleter(body)
 
-    def fit_to(self, view: PersonView) -> Fit:
-        """Prepare one frame, and give the function that fits to it."""
+    def fit_to(self, view: PersonView) -> FrameFitter:
+        """Prepare one frame."""
         points = thin(view.points, self._completer.config.max_points)
-
-        def fit(start: BodyPose) -> FittedBody:
-            found = self._completer.fit(points, view.coarse, start)
-            return FittedBody(found.pose, found.vertices, found.nodes)
-
-        return fit
+        return _CompletionFrame(self._completer, points, view)
 
 
 FITTERS: dict[str, Callable[[Body], Fitter]] = {"articulated": SkinnedFitter, "cpd": CompletionFitter}
