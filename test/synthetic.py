@@ -58,10 +58,11 @@ def arms_down():
 def varied(seed, degrees):
     """The rest pose with every limb, the trunk and the head turned at random."""
     rng = np.random.default_rng(seed)
-    names = "spine neck left_shoulder left_elbow right_shoulder right_elbow left_hip left_knee right_hip right_knee"
-    return upright(
-        **{name: rotvec_to_matrix(np.radians(rng.uniform(-degrees, degrees, 3))) for name in names.split()}
-    )
+    names = ["spine", "neck"]
+    names += [
+        f"{side}_{joint}" for side in ("left", "right") for joint in ("shoulder", "elbow", "hip", "knee")
+    ]
+    return upright(**{n: rotvec_to_matrix(np.radians(rng.uniform(-degrees, degrees, 3))) for n in names})
 
 
 def posed(rotations, distance=3.0, aside=0.0, height=0.9, turn=0.0, scale=1.0, body=None):

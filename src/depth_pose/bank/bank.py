@@ -10,8 +10,6 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-import zipfile
-import zlib
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -26,18 +24,6 @@ from depth_pose.geometry import quat_to_matrix
 
 FORMAT = "depth_pose exemplar bank"
 FORMAT_VERSION = 1
-
-_UNREADABLE = (
-    ValueError,
-    OSError,
-    EOFError,
-    KeyError,
-    TypeError,  # a file of one array
-    NotImplementedError,  # damaged flags
-    zipfile.BadZipFile,
-    zlib.error,
-)
-"""What reading a damaged or foreign file may raise."""
 
 _SHAPES: dict[str, tuple[str, tuple[int | str, ...]]] = {
     "body_vertices": ("float64", ("V", 3)),
@@ -165,7 +151,7 @@ def _read(path: Path) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
     try:
         with np.load(path, allow_pickle=False) as file:
             arrays = {name: file[name] for name in file.files}
-    except _UNREADABLE as error:
+    except Exception as error:  # damaged archives and headers raise a dozen kinds
         raise BankError(f"{path}: not a readable bank file ({error}); build the bank again") from error
     try:
         header = json.loads(bytes(arrays.pop("header")))
