@@ -21,7 +21,9 @@ from depth_pose.body.procedural_motion import make_poses
 
 def main() -> None:
     """Measure and draw."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("motion", type=Path, help="folder of recorded motion (BVH, ASF/AMC)")
     parser.add_argument("pictures", type=Path, help="folder for the pictures")
     parser.add_argument("--counts", type=int, nargs="+", default=[500, 2000, 8000])

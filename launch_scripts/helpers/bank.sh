@@ -1,12 +1,19 @@
 # Sourced by the launch scripts after the set-up: ensure_bank builds the default exemplar bank
-# where it is missing, or was built by other sources than these.
+# where it is missing, or where these scripts built it from other sources than today's. A bank that
+# somebody else put there is left alone.
 
 ensure_bank() {
-    local bank building key
+    local bank building sources
+    if [ -n "${DEPTH_POSE_BANK:-}" ]; then return; fi
     bank=$(.venv/bin/python -c 'from depth_pose.bank import default_bank_path; print(default_bank_path())')
-    key=$(find src/depth_pose/bank src/depth_pose/body src/depth_pose/*.py -name '*.py' ! -name cli.py \
+    sources=$(find src/depth_pose/bank src/depth_pose/body src/depth_pose/{skeleton,geometry}.py -name '*.py' \
         | LC_ALL=C sort | xargs sha256sum | sha256sum | cut -c 1-16)
-    if [ -f "$bank" ] && [ "$(cat "$bank.sources" 2>/dev/null)" = "$key" ]; then return; fi
+    if [ -f "$bank" ]; then
+        # beside a bank of ours: its checksum and its sources
+        read -r built_bank built_sources 2>/dev/null <"$bank.built" || return 0
+        if [ "$built_sources" = "$sources" ]; then return; fi
+        if [ "$built_bank" != "$(sha256sum <"$bank" | cut -c 1-16)" ]; then return; fi
+    fi
     say "Building the default exemplar bank (once) into $bank"
     mkdir -p "$(dirname "$bank")"
     building=${bank%.npz}.$$.npz # whoever reads the bank meanwhile sees the old one, or the whole new one
@@ -15,6 +22,6 @@ ensure_bank() {
         fail "The bank could not be built; the reason stands above."
     fi
     mv "$building" "$bank"
-    echo "$key" >"$bank.sources"
+    echo "$(sha256sum <"$bank" | cut -c 1-16) $sources" >"$bank.built"
     say "bank: done"
 }

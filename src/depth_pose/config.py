@@ -48,7 +48,7 @@ class Option:
 def options(config: type | object) -> Iterator[Option]:
     """Give every setting of a configuration class, or of an instance with its values."""
     for f in fields(config):  # type: ignore[arg-type]
-        default = f.default if isinstance(config, type) else getattr(config, f.name)
+        default: Any = f.default if isinstance(config, type) else getattr(config, f.name)
         yield Option(name=f.name, default=default, **f.metadata)
 
 
@@ -174,6 +174,9 @@ class RecoverConfig(_Checked):
     bone_change: float = option(
         0.25, "Relative change of a bone's length between frames that counts as a failure", low=0.01, high=2.0
     )
+    angle_excess: float = option(
+        40.0, "Degrees beyond a joint's limit that count as a failure", unit="deg", low=0.0, high=360.0
+    )
     min_confidence: float = option(
         0.25, "Skeletons less certain than this count as failures", low=0.0, high=1.0
     )
@@ -205,7 +208,7 @@ class PipelineConfig:
     @classmethod
     def from_mapping(cls, values: Mapping[str, Mapping[str, Any]]) -> PipelineConfig:
         """Make it from nested mappings, ``{"segment": {"near": 0.5}}``; unknown keys are errors."""
-        sections = {f.name: type(f.default) for f in fields(cls)}
+        sections: dict[str, Any] = {f.name: type(f.default) for f in fields(cls)}
         unknown = sorted(set(values) - set(sections))
         if unknown:
             raise ConfigError(

@@ -71,7 +71,7 @@ def test_walking_steps_alternate_and_swing_the_knee() -> None:
     assert 0.66 < phase[np.argmax(harmonic(phase, WALK_KNEE)[:100])] < 0.78
 
 
-@pytest.mark.parametrize(("name", "low", "high"), [("walk", 0.35, 2.2), ("run", 1.2, 6.0)])
+@pytest.mark.parametrize(("name", "low", "high"), [("walk", 0.35, 2.2), ("run", 1.0, 6.0)])
 def test_steps_carry_the_body_forward(name: str, low: float, high: float) -> None:
     for seed in range(4):
         draw = Draw(np.random.default_rng(seed), ())
@@ -82,6 +82,7 @@ def test_steps_carry_the_body_forward(name: str, low: float, high: float) -> Non
         facing = heading(rotations[1:])
         forward = velocity[:, 0] * np.sin(facing) + velocity[:, 2] * np.cos(facing)
         assert low < forward.mean() < high
+        assert np.mean(forward < -0.5) < 0.05, "the swinging foot drags the body back"
 
 
 def test_series_and_keys_go_through_their_points() -> None:

@@ -168,3 +168,47 @@ def test_a_failed_job_shows_its_last_words(tmp_path):
     assert "job failed" in done.stderr
     assert "the reason" in done.stderr
     assert "went on" not in done.stdout
+
+
+@pytest.fixture
+def project(tmp_path):
+    """The scripts and the bank's sources, with a depth-pose that notes that it was called."""
+    copy = tmp_path / "project"
+    shutil.copytree(SCRIPTS, copy / "launch_scripts")
+    shutil.copytree(ROOT / "src", copy / "src", ignore=shutil.ignore_patterns("__pycache__", "*.egg-info"))
+    (copy / ".venv" / "bin").mkdir(parents=True)
+    program(copy / ".venv" / "bin", "python", f"echo {tmp_path}/cache/bank.npz")
+    program(copy / ".venv" / "bin", "depth-pose", 'echo built >>calls; echo a bank >"$4"')
+    return copy
+
+
+def ensure_bank(project):
+    """Call it; gives how many banks have been built in this project so far."""
+    script = "set -euo pipefail; source launch_scripts/helpers/console.sh; "
+    script += "source launch_scripts/helpers/bank.sh; ensure_bank"
+    environment = {k: v for k, v in os.environ.items() if k != "DEPTH_POSE_BANK"}
+    subprocess.run(["/bin/bash", "-c", script], cwd=project, env=environment, check=True)
+    return (project / "calls").read_text().count("built") if (project / "calls").exists() else 0
+
+
+def test_the_bank_is_built_once_and_again_when_its_sources_change(project):
+    assert ensure_bank(project) == 1
+    assert ensure_bank(project) == 1
+    with (project / "src" / "depth_pose" / "body" / "body.py").open("a") as file:
+        file.write("# changed\n")
+    assert ensure_bank(project) == 2
+    assert ensure_bank(project) == 2
+
+
+def test_a_bank_of_the_user_s_is_left_alone(project, tmp_path):
+    bank = tmp_path / "cache" / "bank.npz"
+    bank.parent.mkdir()
+    bank.write_text("mine")
+    assert ensure_bank(project) == 0
+    bank.unlink()
+    assert ensure_bank(project) == 1
+    bank.write_text("mine")
+    with (project / "src" / "depth_pose" / "body" / "body.py").open("a") as file:
+        file.write("# changed\n")
+    assert ensure_bank(project) == 1
+    assert bank.read_text() == "mine"

@@ -16,7 +16,7 @@ VIEWS = 8
 DISTANCE_M = 3.0
 """From the virtual camera to the middle of the body."""
 
-_RAY_SPACING = 0.022 / DISTANCE_M
+_RAY_SPACING = 0.028 / DISTANCE_M
 """Tangent of the angle between neighbouring rays."""
 
 _ELEVATIONS = np.radians([0.0, 8.0, 20.0, -8.0, 12.0, 4.0, 32.0, 50.0])

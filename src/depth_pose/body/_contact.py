@@ -193,8 +193,14 @@ def _push_arm(
                 _copy(point, best_point)
                 _copy(normal, best_normal)
     if deepest > 1e-4:
-        if _is_zero(best_normal):
-            _copy(rotations[_CHEST, :, 2], best_normal)  # the bones cross: out to the front
+        # The deeper an arm is inside, the less the nearest way out says about where it came from, and
+        # the more it goes out to its own side: else a swinging hand jumps from front to back.
+        outward = min(deepest / 0.08, 1.0) * (0.8 if side == 0 else -0.8)
+        for k in range(3):
+            best_normal[k] += outward * rotations[_CHEST, k, 0]
+        size = np.sqrt(best_normal[0] ** 2 + best_normal[1] ** 2 + best_normal[2] ** 2)
+        for k in range(3):
+            best_normal[k] /= max(size, 1e-6)
         _turn(rotations, _ARMS[side], at[_ARMS[side, 0]], best_point, best_normal, deepest + 0.001)
     return deepest
 

@@ -116,14 +116,6 @@ def nearest_rotation(matrix: Array) -> Array:
     return result
 
 
-def nearest_rotation(matrix: Array) -> Array:
-    """Rotations nearest to matrices (least squares), (..., 3, 3) to (..., 3, 3)."""
-    u, _, vt = np.linalg.svd(matrix)
-    u[..., :, 2] *= np.linalg.det(u @ vt)[..., None]
-    result: Array = u @ vt
-    return result
-
-
 _DOWN = np.array([0.0, -1.0, 0.0])
 
 

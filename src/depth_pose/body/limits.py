@@ -38,6 +38,14 @@ RHYTHM_SETTING_DEG = 30.0
 """Elevation of the arm below which the shoulder girdle need not take part (Inman's setting phase)."""
 
 
+OVERHEAD_DEG = 155.0
+"""Elevation from which an arm points up whatever its plane is.
+
+Forward, sideward and backward meet there, and so do very different pairs of (flexion, abduction)
+and twist; limits on these would forbid an arm that leans a little behind the ear.
+"""
+
+
 def clamp_angles(angles: Array) -> Array:
     """Bring anatomical angles into the joint limits.
 
@@ -52,12 +60,19 @@ def clamp_angles(angles: Array) -> Array:
         The nearest allowed angles, taken joint by joint; allowed ones are returned unchanged.
     """
     out = np.clip(angles, LOW, HIGH)
-    for first in (ARM[0].start + 2, ARM[1].start + 2, LEG[0].start, LEG[1].start):
-        pair = slice(first, first + 2)
+    for leg in LEG:
+        pair = slice(leg.start, leg.start + 2)
         out[..., pair] = _into_cone(out[..., pair], LOW[pair], HIGH[pair])
     for arm in ARM:
-        low, high = shoulder_twist_range(out[..., arm.start + 2], out[..., arm.start + 3])
-        out[..., arm.start + 4] = np.clip(out[..., arm.start + 4], low, high)
+        pair, twist = slice(arm.start + 2, arm.start + 4), arm.start + 4
+        swing = angles[..., pair]
+        elevation = np.linalg.norm(swing, axis=-1, keepdims=True)
+        cone = _into_cone(out[..., pair], LOW[pair], HIGH[pair])
+        overhead = elevation > OVERHEAD_DEG
+        swing = np.where(overhead, swing * np.minimum(1.0, 180.0 / np.maximum(elevation, 1.0)), cone)
+        out[..., pair] = swing
+        low, high = shoulder_twist_range(swing[..., 0], swing[..., 1])
+        out[..., twist] = np.where(overhead[..., 0], angles[..., twist], np.clip(out[..., twist], low, high))
     return out
 
 

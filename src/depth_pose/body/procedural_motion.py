@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
-from depth_pose.body.angles import nearest_rotation, rotations_from_angles
+from depth_pose.body.angles import angles_from_rotations, nearest_rotation, rotations_from_angles
 from depth_pose.body.contact import Separated, separate_limbs, walk_on_floor
-from depth_pose.body.limits import clamp_angles, with_shoulder_rhythm
+from depth_pose.body.limits import clamp_angles, clamp_rotations, violation, with_shoulder_rhythm
 from depth_pose.body.motion import Clip, PoseSet, choose_for_coverage, join_poses, without_heading
 from depth_pose.body.procedural_motion_draw import Draw
 from depth_pose.body.procedural_motion_families import FAMILIES
@@ -39,6 +39,7 @@ STAY_WITHIN_M = 1.0
 """How far a clip's path goes from its middle; a runner needs a treadmill to stay in view."""
 
 _TOO_DEEP_M = 0.03
+_TOO_STRAINED_DEG = 15.0
 _SMOOTH_S = (0.06, 0.04, 0.025)
 
 
@@ -77,7 +78,7 @@ def make_clip(name: str, fps: float = 30.0, seconds: float = 10.0, seed: int = 0
     # Pushed limbs and clamped joints start and stop suddenly; people do not. Smoothing moves
     # limbs into the body again, less each time.
     for sigma_s in _SMOOTH_S:
-        rotations = separate_limbs(smooth_rotations(rotations, sigma_s * fps)).rotations
+        rotations = separate_limbs(clamp_rotations(smooth_rotations(rotations, sigma_s * fps))).rotations
     rotations = smooth_rotations(rotations, _SMOOTH_S[-1] * fps)
     return Clip(name, float(fps), rotations, _stay_near(walk_on_floor(rotations, motion.lift), fps))
 
@@ -99,7 +100,9 @@ def _stay_near(roots: Array, fps: float) -> Array:
 
 
 def _through_gates(angles: Array) -> Separated:
-    return separate_limbs(rotations_from_angles(clamp_angles(with_shoulder_rhythm(clamp_angles(angles)))))
+    """Joint limits and rhythm, then limbs out of the body; what that strains is clamped and tried again."""
+    first = separate_limbs(rotations_from_angles(clamp_angles(with_shoulder_rhythm(clamp_angles(angles)))))
+    return separate_limbs(clamp_rotations(first.rotations))
 
 
 CLIPS: dict[str, Callable[..., Clip]] = {name: partial(make_clip, name) for name in FAMILIES}
@@ -109,8 +112,8 @@ CLIPS: dict[str, Callable[..., Clip]] = {name: partial(make_clip, name) for name
 def make_pool(count: int, seed: int, progress: Progress | None = None) -> PoseSet:
     """Make random poses of all families by their shares, without choosing among them.
 
-    Poses whose limbs cannot be brought out of the body are left out, so a few fewer than
-    ``count`` come back.
+    Poses whose limbs cannot be brought out of the body within the joint limits are left out,
+    so a few fewer than ``count`` come back.
     """
     total = sum(entry.share for entry in FAMILIES.values())
     parts = []
@@ -119,7 +122,8 @@ def make_pool(count: int, seed: int, progress: Progress | None = None) -> PoseSe
         draw = Draw(np.random.default_rng([seed, crc32(name.encode())]), (n,))
         motion = entry.motion(draw.uniform(0.0, 20.0), draw)
         separated = _through_gates(motion.angles)
-        fine = separated.depth < _TOO_DEEP_M
+        strain = violation(angles_from_rotations(separated.rotations)).max(axis=-1)
+        fine = (separated.depth < _TOO_DEEP_M) & (strain < _TOO_STRAINED_DEG)
         rotations = without_heading(separated.rotations[fine])
         parts.append(PoseSet(rotations, (name,) * len(rotations)))
         if progress is not None:

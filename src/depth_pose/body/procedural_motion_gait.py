@@ -13,7 +13,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.body.procedural_motion_draw import Draw, harmonic, sway
+from depth_pose.body.angles import rotations_from_angles
+from depth_pose.body.contact import support_points
+from depth_pose.body.procedural_motion_draw import Draw, assemble, harmonic, sway
 
 Array = NDArray[np.float64]
 
@@ -118,7 +120,24 @@ def gait_legs(phase: Array, draw: Draw, size: Array, run: bool = False) -> tuple
     trunk[..., 3], trunk[..., 6] = 0.5 * lean, 0.5 * lean
     trunk[..., 9] = trunk[..., 12] = -0.3 * lean + draw.normal(3, 6)
     trunk[..., 11] = trunk[..., 14] = -0.5 * (1 - counter) * pelvis_turn
-    return trunk, legs
+    return trunk, legs if run else _clear_the_floor(phase, trunk, legs)
+
+
+def _clear_the_floor(phase: Array, trunk: Array, legs: Array) -> Array:
+    """Bend a walker's swinging leg until its foot is above the standing one, (T, 14)."""
+    out = legs.copy()
+    windows = [np.maximum(harmonic(phase + 0.5 * side, SWING, 4), 0.0) for side in (0, 1)]
+    for _ in range(3):
+        points = support_points(rotations_from_angles(assemble(phase, trunk, None, out)))[..., 1]
+        lowest = [points[..., :3].min(axis=-1), points[..., 4:7].min(axis=-1)]
+        for side, window in enumerate(windows):
+            missing = np.clip(lowest[1 - side] + 0.015 * window - lowest[side], 0.0, 0.1)
+            # A knee bent by a radian more shortens a leg that swings by about 0.25 m.
+            bend = np.degrees(missing / 0.25) * np.minimum(3.0 * window, 1.0)
+            out[..., 7 * side] += 0.5 * bend
+            out[..., 7 * side + 3] += bend
+            out[..., 7 * side + 4] += 0.3 * bend
+    return out
 
 
 def gait_arms(phase: Array, draw: Draw, size: Array, run: bool = False) -> Array:

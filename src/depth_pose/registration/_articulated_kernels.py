@@ -5,6 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from depth_pose._raster_kernels import rasterize
+from depth_pose.body._skin_kernels import skin
+
 
 @njit(cache=True)
 def rotation_of(w, out):
@@ -49,8 +52,8 @@ def mark_visible(vertices, normals, zbuffer, fx, fy, cx, cy, tolerance, visible)
 
 
 @njit(cache=True, fastmath=True)
-def assign(points, vertices, visible, sigma, outlier, mass, target):
-    """E-step: responsibilities of visible vertices for points, summed up per vertex.
+def assign(points, stride, vertices, visible, sigma, outlier, mass, target):
+    """E-step: responsibilities of visible vertices for every ``stride``-th point, summed per vertex.
 
     ``mass[m] = sum_n p(m | x_n)``, ``target[m] = sum_n p(m | x_n) x_n / mass[m]``. Only vertices
     within 2.5 sigma of a point count; they are found through a grid of that cell size.
@@ -64,7 +67,7 @@ def assign(points, vertices, visible, sigma, outlier, mass, target):
     mass[:] = 0.0
     target[:] = 0.0
     if high_x < low_x:
-        return 0.0
+        return
     cols, rows = int((high_x - low_x) / reach) + 1, int((high_y - low_y) / reach) + 1
     start = np.zeros(rows * cols + 1, np.int32)
     cell = np.full(vertices.shape[0], -1, np.int32)
@@ -83,8 +86,7 @@ def assign(points, vertices, visible, sigma, outlier, mass, target):
     p = np.empty(order.shape[0])
     index = np.empty(order.shape[0], np.int32)
     steep = -0.5 / (sigma * sigma)
-    explained = 0.0
-    for j in range(points.shape[0]):
+    for j in range(0, points.shape[0], stride):
         x, y, z = points[j, 0], points[j, 1], points[j, 2]
         a0, b0 = int(np.floor((y - low_y) / reach)), int(np.floor((x - low_x) / reach))
         total = outlier
@@ -108,12 +110,10 @@ def assign(points, vertices, visible, sigma, outlier, mass, target):
             target[i, 0] += w * x
             target[i, 1] += w * y
             target[i, 2] += w * z
-            explained += w
     for i in range(vertices.shape[0]):
         if mass[i] > 0.0:
             for a in range(3):
                 target[i, a] /= mass[i]
-    return explained
 
 
 @njit(cache=True, fastmath=True)
@@ -226,7 +226,7 @@ def add_free_space(
     rows, cols = depth.shape
     metric = np.zeros((3, 3))
     r = np.zeros(3)
-    for i in range(vertices.shape[0]):
+    for i in range(0, vertices.shape[0], 2):  # every second one will do
         x, y, z = vertices[i, 0], vertices[i, 1], vertices[i, 2]
         if z < 0.05:
             continue
@@ -250,3 +250,53 @@ def add_free_space(
         else:
             continue
         add_vertex(chain[i], share[i], length[i], vertices[i], nodes, metric, r, matrix, gradient)
+
+
+@njit(cache=True)
+def fit(
+    points, strides, sigmas, depth, labels, nearest, intrinsics, zbuffer, coarse_intrinsics,
+    rest, rest_normals, faces, influence, weight, rest_nodes, parents, chain, share, length,
+    free, stiffness, scale, settings, rotations, root,
+):
+    """Run all iterations; ``rotations`` and ``root`` go in as the start and come out as the fit."""
+    outlier, plane_weight, point_weight, free_weight, slack, limit, prior, damping, max_step = settings
+    fx, fy, cx, cy = intrinsics
+    gx, gy, hx, hy = coarse_intrinsics
+    count = rest.shape[0]
+    vertices, normals, target = np.empty((count, 3)), np.empty((count, 3)), np.empty((count, 3))
+    nodes, mass, visible = np.empty((parents.shape[0], 3)), np.empty(count), np.empty(count, np.bool_)
+    size = 3 + 3 * stiffness.shape[0]
+    matrix, gradient, moved = np.empty((size, size)), np.empty(size), np.zeros(size)
+    for k in range(sigmas.shape[0]):
+        skin(rest, rest_nodes, parents, influence, weight, rotations, root, scale, vertices, nodes)
+        turn_normals(rest_normals, influence, rotations, normals)
+        rasterize(vertices, faces, gx, gy, hx, hy, zbuffer)
+        mark_visible(vertices, normals, zbuffer, gx, gy, hx, hy, 0.05, visible)
+        assign(points, strides[k], vertices, visible, sigmas[k], outlier, mass, target)
+        matrix[:] = 0.0
+        gradient[:] = 0.0
+        add_points(
+            vertices, normals, mass, target, chain, share, length, nodes,
+            plane_weight, point_weight, matrix, gradient,
+        )
+        # all other terms are in proportion to the number of points
+        amount = points.shape[0] / strides[k] / 800.0
+        add_free_space(
+            vertices, depth, labels, nearest, fx, fy, cx, cy, chain, share, length, nodes,
+            2.0 * free_weight * amount, slack, limit, matrix, gradient,
+        )
+        for i in range(size):
+            for j in range(i):
+                matrix[j, i] = matrix[i, j]
+            matrix[i, i] += 1e-6 + damping * amount
+            if i >= 3:
+                hold = prior * amount * stiffness[(i - 3) // 3]
+                matrix[i, i] += hold
+                gradient[i] -= hold * moved[i]
+        step = np.linalg.solve(matrix, gradient)
+        most = np.abs(step[3:]).max()
+        if most > max_step:
+            step *= max_step / most
+        update(step, free, parents, rotations)
+        root += step[:3]
+        moved += step

@@ -27,12 +27,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose import _raster_kernels
-from depth_pose.body._skin_kernels import skin
+from depth_pose.bank.bank import Bank
 from depth_pose.body.body import Body
+from depth_pose.geometry import quat_to_matrix
 from depth_pose.registration import _articulated_kernels as kernels
 from depth_pose.render import Observation
 from depth_pose.skeleton import NODE_INDEX, NODE_PARENTS, NODES
+from depth_pose.types import Camera, Candidate
 
 _STIFFNESS: dict[str, float] = {
     "pelvis": 0.0,
@@ -55,6 +56,8 @@ class FitConfig:
     """Settings of the fit; lengths in metres."""
 
     sigmas: tuple[float, ...] = (0.06, 0.05, 0.04, 0.034, 0.028, 0.024, 0.02, 0.02)
+    coarse_sigma: float = 0.03
+    """Above this a third of the points will do."""
     outlier: float = 0.3
     plane_weight: float = 1.0
     point_weight: float = 0.3
@@ -85,6 +88,40 @@ class BodyPose:
     scale: float
 
 
+def candidate_pose(bank: Bank, candidate: Candidate, scale: float) -> BodyPose:
+    """Give the pose of a candidate in the camera frame."""
+    rotation = quat_to_matrix(candidate.quat_xyzw)
+    return BodyPose(rotation @ bank.rotations(candidate.exemplar), candidate.translation, scale)
+
+
+@dataclass(frozen=True)
+class FitTarget:
+    """What a body is fitted to, prepared once for all fits of a frame.
+
+    Attributes
+    ----------
+    points : (N, 3) float64
+        The person's points in the camera frame, metres, in an order in which every third one
+        still shows all of the person.
+    full, coarse : Observation
+        The same frame on the full grid, for free space, and on a coarse one, for visibility.
+    nearest : (h, w, 2) int32
+        Row and column of the nearest person pixel to every pixel of ``full``.
+    """
+
+    points: NDArray[np.float64]
+    full: Observation
+    coarse: Observation
+    nearest: NDArray[np.int32]
+
+    @classmethod
+    def prepare(cls, points: NDArray[np.float64], full: Observation, coarse: Observation) -> FitTarget:
+        """Find the nearest person pixels."""
+        nearest = np.empty((*full.labels.shape, 2), np.int32)
+        kernels.nearest_person(full.labels, nearest)
+        return cls(points, full, coarse, nearest)
+
+
 class ArticulatedFitter:
     """Fits one body; everything that does not change between frames is prepared here."""
 
@@ -96,96 +133,44 @@ class ArticulatedFitter:
         self._normals_rest = vertex_normals(body)
         self._free, self._stiffness = _free_nodes()
         self._chain, self._share, self._length = _chains(body.weights, self._free)
-        self._vertices = np.empty_like(body.vertices)
-        self._normals = np.empty_like(body.vertices)
-        self._nodes = np.empty_like(body.nodes)
-        self._visible = np.empty(len(body.vertices), np.bool_)
-        self._mass = np.empty(len(body.vertices))
-        self._target = np.empty_like(body.vertices)
+        c = self.config
+        self._settings = (
+            c.outlier, c.plane_weight, c.point_weight, c.free_space_weight, c.free_space_slack,
+            c.free_space_limit, c.prior, c.damping, c.max_step,
+        )  # fmt: skip
 
     def fit(
-        self,
-        points: NDArray[np.float64],
-        full: Observation,
-        coarse: Observation,
-        nearest: NDArray[np.int32],
-        start: BodyPose,
-        iterations: int | None = None,
+        self, target: FitTarget, start: BodyPose, sigmas: tuple[float, ...] | None = None
     ) -> BodyPose:
         """Fit the body's pose to a cloud.
 
         Parameters
         ----------
-        points : (N, 3) float64
-            The person's points in the camera frame, metres.
-        full, coarse : Observation
-            The same frame on the full grid, for free space, and on a coarse one, for visibility.
-        nearest : (h, w, 2) int32
-            Nearest person pixel of every pixel of ``full`` (`nearest_person_pixels`).
+        target : FitTarget
         start : BodyPose
-        iterations : int, optional
-            Fewer than the configured number: the last, fine ones are left out.
+        sigmas : tuple of float, optional
+            Standard deviation of each iteration, metres, instead of the configured ones.
 
         Returns
         -------
         BodyPose
         """
-        c, camera, far = self.config, full.camera, coarse.camera
+        c, body = self.config, self.body
+        levels = np.array(c.sigmas if sigmas is None else sigmas)
         rotations, root = start.rotations.copy(), start.root.copy()
-        size = 3 + 3 * int((self._free >= 0).sum())
-        moved = np.zeros(size)
-        stiffness = np.concatenate([np.zeros(3), np.repeat(self._stiffness, 3)])
-        zbuffer = np.empty(coarse.depth.shape)
-        count = len(points)
-        for sigma in c.sigmas[:iterations]:
-            self._place(rotations, root, start.scale)
-            _raster_kernels.rasterize(
-                self._vertices, self.body.faces, far.fx, far.fy, far.cx, far.cy, zbuffer
-            )
-            kernels.mark_visible(
-                self._vertices, self._normals, zbuffer, far.fx, far.fy, far.cx, far.cy, 0.05, self._visible
-            )
-            kernels.assign(
-                points, self._vertices, self._visible, sigma, c.outlier, self._mass, self._target
-            )
-            matrix, gradient = np.zeros((size, size)), np.zeros(size)
-            chains = (self._chain, self._share, self._length, self._nodes)
-            kernels.add_points(
-                self._vertices, self._normals, self._mass, self._target, *chains,
-                c.plane_weight, c.point_weight, matrix, gradient,
-            )  # fmt: skip
-            kernels.add_free_space(
-                self._vertices, full.depth, full.labels, nearest, camera.fx, camera.fy, camera.cx, camera.cy,
-                *chains, c.free_space_weight * count / 800, c.free_space_slack, c.free_space_limit,
-                matrix, gradient,
-            )  # fmt: skip
-            matrix += np.tril(matrix, -1).T
-            prior = c.prior * count / 800 * stiffness
-            matrix[np.diag_indices(size)] += prior + c.damping * count / 800
-            matrix[np.diag_indices(3)] += 1e-6
-            step = np.linalg.solve(matrix, gradient - prior * moved)
-            most = np.abs(step[3:]).max()
-            if most > c.max_step:
-                step *= c.max_step / most
-            kernels.update(step, self._free, NODE_PARENTS, rotations)
-            root += step[:3]
-            moved += step
+        kernels.fit(
+            target.points, np.where(levels > c.coarse_sigma, 3, 1), levels,
+            target.full.depth, target.full.labels, target.nearest, _intrinsics(target.full.camera),
+            np.empty(target.coarse.depth.shape), _intrinsics(target.coarse.camera),
+            body.vertices, self._normals_rest, body.faces, self._influence, self._weight,
+            body.nodes, NODE_PARENTS, self._chain, self._share, self._length,
+            self._free, self._stiffness, start.scale, self._settings, rotations, root,
+        )  # fmt: skip
         return BodyPose(rotations, root, start.scale)
 
-    def _place(self, rotations: NDArray[np.float64], root: NDArray[np.float64], scale: float) -> None:
-        body = self.body
-        skin(
-            body.vertices, body.nodes, NODE_PARENTS, self._influence, self._weight,
-            rotations, root, scale, self._vertices, self._nodes,
-        )  # fmt: skip
-        kernels.turn_normals(self._normals_rest, self._influence, rotations, self._normals)
 
-
-def nearest_person_pixels(observation: Observation) -> NDArray[np.int32]:
-    """Row and column of the nearest person pixel for every pixel, shape (h, w, 2)."""
-    nearest = np.empty((*observation.labels.shape, 2), np.int32)
-    kernels.nearest_person(observation.labels, nearest)
-    return nearest
+def _intrinsics(camera: Camera) -> tuple[float, float, float, float]:
+    return camera.fx, camera.fy, camera.cx, camera.cy
 
 
 def vertex_normals(body: Body) -> NDArray[np.float64]:

@@ -22,6 +22,8 @@ from depth_pose.registration.cpd import CpdConfig, register
 from depth_pose.registration.laplacian import LaplacianCompleter
 from depth_pose.registration.rigid import JointTransfer
 from depth_pose.render import Observation
+from depth_pose.skeleton import NODES
+from depth_pose.types import Camera
 
 Array = NDArray[np.float64]
 
@@ -107,6 +109,18 @@ class MeshCompleter:
         vertices = self._laplacian.complete(posed.vertices, targets, weights)
         nodes, rotations = self._transfer.transfer(posed.vertices, posed.nodes, pose.rotations, vertices)
         return CompletedBody(BodyPose(rotations, nodes[0], pose.scale), vertices, nodes)
+
+    def warm_up(self) -> None:
+        """Compile every kernel, by fitting the rest pose to itself."""
+        turned = np.diag([1.0, -1.0, -1.0])
+        still = BodyPose(np.tile(turned, (len(NODES), 1, 1)), np.array([0.0, 0.0, 3.0]), 1.0)
+        view = Observation(
+            np.zeros((48, 48), np.float32),
+            np.zeros((48, 48), np.uint8),
+            Camera(48, 48, 60.0, 60.0, 24.0, 24.0),
+        )
+        points = self.body.pose(still.rotations, still.root).vertices[::4]
+        self.fit(points, view, still)
 
     def visible(self, posed: PosedBody, rotations: Array, coarse: Observation) -> NDArray[np.bool_]:
         """Which vertices of a posed body the camera sees, shape (V,)."""

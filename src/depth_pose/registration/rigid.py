@@ -74,7 +74,7 @@ class JointTransfer:
         count = len(NODES)
         near = np.empty((count, len(body.vertices)))
         for n, name in enumerate(NODES):
-            joins = [n] + ([int(NODE_PARENTS[n])] if n else []) + np.flatnonzero(NODE_PARENTS == n).tolist()
+            joins = [n] + ([int(NODE_PARENTS[n])] if n else []) + np.flatnonzero(n == NODE_PARENTS).tolist()
             reach = _REACH[name.split("_")[-1]] * size
             squared = ((body.vertices - body.nodes[n]) ** 2).sum(axis=1)
             near[n] = np.exp(-0.5 * squared / reach**2) * body.weights[:, joins].sum(axis=1)

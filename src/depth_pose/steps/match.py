@@ -17,9 +17,11 @@ from numpy.typing import NDArray
 from depth_pose.bank.bank import Bank
 from depth_pose.bank.canonical import CanonicalAxes, canonical_axes, describe
 from depth_pose.config import MatchConfig
-from depth_pose.geometry import matrix_to_quat, quat_to_matrix
-from depth_pose.registration.articulated import ArticulatedFitter, BodyPose
-from depth_pose.render import DepthComparer
+from depth_pose.geometry import matrix_to_quat
+from depth_pose.registration.articulated import ArticulatedFitter, candidate_pose
+from depth_pose.render import Observation
+from depth_pose.skeleton import NODE_PARENTS
+from depth_pose.steps import _match_kernels as kernels
 from depth_pose.steps.scale import SCALES, ScaleFinder
 from depth_pose.steps.stamps import StampGuard
 from depth_pose.steps.view import PersonView, view_person
@@ -31,12 +33,18 @@ _SAME_POSE_M = 0.05
 
 @dataclass(frozen=True)
 class _Placed:
-    """An exemplar placed at the input: its segment rotations and nodes in the camera frame."""
+    """An exemplar placed at the input, and its nodes in the camera frame."""
 
     candidate: Candidate
-    scale: float
-    rotations: NDArray[np.float64]
     nodes: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class _Nearest:
+    """Entries of the bank (exemplar * views + view), nearest first, and their distances."""
+
+    entries: NDArray[np.int64]
+    distances: NDArray[np.float32]
 
 
 class Matcher:
@@ -92,60 +100,64 @@ class Matcher:
         if config.scale > 0.0:
             return config.scale
         if finder.frames < config.scale_frames:
-            sizes = SCALES[::2] if finder.frames == 0 else [finder.scale]
+            sizes = SCALES[::2].tolist() if finder.frames == 0 else [finder.scale]
             few = max(4, config.shortlist // 4)
-            tried = [self._match_at(view, axes, float(s), few)[:2] for s in sizes]
-            best = min(tried, key=lambda placed: _score(placed[0]))
-            finder.add(view, [BodyPose(p.rotations, p.candidate.translation, p.scale) for p in best])
+            tried = [(s, self._match_at(view, axes, s, few)[:2]) for s in sizes]
+            scale, best = min(tried, key=lambda t: _score(t[1][0]))
+            finder.add(view, [candidate_pose(self.bank, p.candidate, scale) for p in best])
         return finder.scale
 
     def _match_at(
         self, view: PersonView, axes: tuple[CanonicalAxes, ...], scale: float, shortlist: int
     ) -> list[_Placed]:
         """Search with each of the input's axes at one size, and compare the best by rendering."""
-        comparer = DepthComparer(view.coarse, self.config.score_band)
         placed = []
         for a in axes:
             descriptor = describe(view.points, a, scale).astype(np.float32)
-            for entry, distance in self._search(descriptor, max(1, shortlist // len(axes))):
-                placed.append(self._place(entry, distance, a, scale, comparer))
+            nearest = self._search(descriptor, max(1, shortlist // len(axes)))
+            placed += self._place(nearest, a, scale, view.coarse)
         return sorted(placed, key=_score)
 
-    def _search(self, descriptor: NDArray[np.float32], count: int) -> list[tuple[int, float]]:
+    def _search(self, descriptor: NDArray[np.float32], count: int) -> _Nearest:
         """Exact nearest neighbours in the subspace (eq. 6)."""
         gamma = self.bank.components @ (descriptor - self.bank.mean)
-        distances = self._squares - 2.0 * (self._entries @ gamma)
-        count = min(count, len(distances) - 1)
-        nearest = np.argpartition(distances, count)[:count]
-        nearest = nearest[np.argsort(distances[nearest], kind="stable")]
-        own = float(gamma @ gamma)
-        return [(int(i), float(np.sqrt(max(0.0, distances[i] + own)))) for i in nearest]
+        squares = self._squares - 2.0 * (self._entries @ gamma)
+        count = min(count, len(squares) - 1)
+        nearest = np.argpartition(squares, count)[:count]
+        nearest = nearest[np.argsort(squares[nearest], kind="stable")]
+        return _Nearest(nearest, np.sqrt(np.maximum(0.0, squares[nearest] + gamma @ gamma)))
 
     def _place(
-        self, entry: int, distance: float, axes: CanonicalAxes, scale: float, comparer: DepthComparer
-    ) -> _Placed:
-        """Place one exemplar at the input, correct its translation by its rendering, and score it."""
-        exemplar, view = divmod(entry, self.bank.views)
-        r_canonical_model = quat_to_matrix(self.bank.view_quats[exemplar, view].astype(np.float64))
-        rotation = axes.rotation.T @ r_canonical_model
-        centroid = self.bank.view_origins[exemplar, view].astype(np.float64)
-        translation = axes.origin - scale * (rotation @ centroid)
-
-        body = self.bank.body
-        rotations = rotation @ self.bank.rotations(exemplar)
-        posed = body.pose(rotations, translation, scale)
-        first = comparer.compare(posed.vertices, body.faces)
-        moved = comparer.compare(posed.vertices + first.shift, body.faces)
-        shift = first.shift if moved.score < first.score else np.zeros(3)
-        candidate = Candidate(
-            exemplar=exemplar,
-            view=view,
-            quat_xyzw=matrix_to_quat(rotation),
-            translation=translation + shift,
-            distance=distance,
-            score=min(first.score, moved.score),
-        )
-        return _Placed(candidate, scale, rotations, posed.nodes + shift)
+        self, nearest: _Nearest, axes: CanonicalAxes, scale: float, observed: Observation
+    ) -> list[_Placed]:
+        """Place exemplars at the input, correct their translations by their rendering, score them."""
+        bank, body, camera = self.bank, self.bank.body, observed.camera
+        count = len(nearest.entries)
+        scores, rotations = np.empty(count), np.empty((count, 3, 3))
+        translations, nodes = np.empty((count, 3)), np.empty((count, len(body.nodes), 3))
+        skin = body.sparse_weights
+        kernels.score_exemplars(
+            nearest.entries, bank.pose_quats, bank.view_quats, bank.view_origins,
+            axes.rotation, axes.origin, scale,
+            body.vertices, body.nodes, NODE_PARENTS, skin.nodes, skin.weights, body.faces,
+            observed.depth, observed.labels, camera.fx, camera.fy, camera.cx, camera.cy,
+            self.config.score_band, scores, rotations, translations, nodes,
+        )  # fmt: skip
+        quats = matrix_to_quat(rotations)
+        return [
+            _Placed(
+                Candidate(
+                    exemplar=int(entry) // bank.views,
+                    view=int(entry) % bank.views,
+                    quat_xyzw=quats[k],
+                    translation=translations[k],
+                    distance=float(nearest.distances[k]),
+                    score=float(scores[k]),
+                ),
+                nodes[k],
+            )
+            for k, entry in enumerate(nearest.entries)
+        ]
 
     def _keep_different(self, placed: list[_Placed]) -> list[_Placed]:
         """Keep the best few that are different poses."""

@@ -18,24 +18,26 @@ from numpy.typing import NDArray
 from depth_pose.bank.bank import Bank
 from depth_pose.config import MatchConfig, RefineConfig
 from depth_pose.errors import BankError
-from depth_pose.geometry import matrix_to_quat, quat_to_matrix
-from depth_pose.registration.articulated import ArticulatedFitter, BodyPose, nearest_person_pixels
+from depth_pose.geometry import matrix_to_quat
+from depth_pose.registration.articulated import BodyPose, candidate_pose
 from depth_pose.registration.limbs import LimbSearch
 from depth_pose.render import Comparison, DepthComparer
 from depth_pose.skeleton import JOINT_NODES, Source
 from depth_pose.steps.confidence import report_joints, skeleton_confidence
+from depth_pose.steps.fitters import FITTERS, FittedBody
 from depth_pose.steps.stamps import StampGuard
-from depth_pose.steps.view import PersonView, thin, view_person
-from depth_pose.types import Candidate, PersonCloud, PoseMatch, Skeleton
+from depth_pose.steps.view import PersonView, view_person
+from depth_pose.types import PersonCloud, PoseMatch, Skeleton
+
+_FINISHERS = 2
+"""Rough fits that are finished."""
 
 
 @dataclass(frozen=True)
-class Fitted:
-    """A fitted pose with its mesh in the camera frame, and how it compares with the input."""
+class _Compared:
+    """A fitted body, and how it compares with the input."""
 
-    pose: BodyPose
-    vertices: NDArray[np.float64]
-    nodes: NDArray[np.float64]
+    body: FittedBody
     comparison: Comparison
 
 
@@ -47,7 +49,7 @@ class Refiner:
         self.config = config
         self._band = match.score_band
         self._faces = bank.body.faces
-        self._fitter = ArticulatedFitter(bank.body)
+        self._fitter = FITTERS[config.method](bank.body)
         self._limbs = LimbSearch(bank)
         self._guard = StampGuard()
         self.reset()
@@ -91,32 +93,32 @@ class Refiner:
             self.reset()
             return Skeleton.lost(cloud.stamp_ns, cloud.frame_id)
         best = self._fit_best(view, match)
-        self._previous, self.mesh = best.pose, best.vertices
+        self._previous, self.mesh = best.body.pose, best.body.vertices
         return self._skeleton(cloud, view, best)
 
-    def _fit_best(self, view: PersonView, match: PoseMatch) -> Fitted:
-        """Fit every start, then the best one's with other limbs; keep what agrees best with the input."""
+    def _fit_best(self, view: PersonView, match: PoseMatch) -> _Compared:
+        """Fit every start roughly, the best one with other limbs too, and the best of all finely."""
         comparer = DepthComparer(view.coarse, self._band)
-        points = thin(view.points, self._fitter.config.max_points)
-        nearest = nearest_person_pixels(view.full)
+        fitter = self._fitter.fit_to(view)
 
-        def fit(start: BodyPose) -> Fitted:
-            pose = self._fitter.fit(points, view.full, view.coarse, nearest, start)
-            posed = self.bank.body.pose(pose.rotations, pose.root, pose.scale)
-            return Fitted(pose, posed.vertices, posed.nodes, comparer.compare(posed.vertices, self._faces))
+        def compared(body: FittedBody) -> _Compared:
+            return _Compared(body, comparer.compare(body.vertices, self._faces))
 
         starts = [candidate_pose(self.bank, c, match.scale) for c in match.candidates]
         if self._previous is not None and self.config.track:
             starts.append(BodyPose(self._previous.rotations, self._previous.root, match.scale))
-        best = min(map(fit, starts), key=_score)
+        rough = [compared(fitter.rough(start)) for start in starts]
+        best = min(rough, key=_score).body
         proposals = self._limbs.propose(best.pose, best.vertices, comparer)
-        return min([best, *map(fit, proposals)], key=_score)
+        rough += [compared(fitter.rough(start)) for start in proposals]
+        rough.sort(key=_score)
+        return min((compared(fitter.finish(r.body)) for r in rough[:_FINISHERS]), key=_score)
 
-    def _skeleton(self, cloud: PersonCloud, view: PersonView, fitted: Fitted) -> Skeleton:
+    def _skeleton(self, cloud: PersonCloud, view: PersonView, fitted: _Compared) -> Skeleton:
         """Put a fitted pose into words."""
         confidence = skeleton_confidence(fitted.comparison.score)
-        positions = fitted.nodes[JOINT_NODES]
-        report = report_joints(positions, fitted.pose.scale, view)
+        positions = fitted.body.nodes[JOINT_NODES]
+        report = report_joints(positions, fitted.body.pose.scale, view)
         return Skeleton(
             stamp_ns=cloud.stamp_ns,
             frame_id=cloud.frame_id,
@@ -124,19 +126,13 @@ class Refiner:
             source=Source.REFINED,
             confidence=float(np.float32(confidence)),
             residual=float(np.float32(fitted.comparison.gap)),
-            scale=float(np.float32(fitted.pose.scale)),
+            scale=float(np.float32(fitted.body.pose.scale)),
             positions=positions,
-            quats_xyzw=matrix_to_quat(fitted.pose.rotations[JOINT_NODES]),
+            quats_xyzw=matrix_to_quat(fitted.body.pose.rotations[JOINT_NODES]),
             joint_confidence=(confidence * report.certainty).astype(np.float32),
             joint_states=report.states,
         )
 
 
-def _score(fitted: Fitted) -> float:
+def _score(fitted: _Compared) -> float:
     return fitted.comparison.score
-
-
-def candidate_pose(bank: Bank, candidate: Candidate, scale: float) -> BodyPose:
-    """Give the pose of a candidate in the camera frame."""
-    rotation = quat_to_matrix(candidate.quat_xyzw)
-    return BodyPose(rotation @ bank.rotations(candidate.exemplar), candidate.translation, scale)

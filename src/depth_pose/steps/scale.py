@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.registration.articulated import ArticulatedFitter, BodyPose, nearest_person_pixels
+from depth_pose.registration.articulated import ArticulatedFitter, BodyPose, FitTarget
 from depth_pose.render import DepthComparer
 from depth_pose.steps.view import PersonView, thin
 
@@ -18,7 +18,7 @@ SCALES = 0.6 * 1.04 ** np.arange(18)
 """Sizes that are tried: statures from 1.05 m to 2.05 m for a body of 1.75 m."""
 
 _POINTS = 400
-_ITERATIONS = 6
+_SIGMAS = (0.06, 0.05, 0.04, 0.034, 0.028, 0.024)
 _MOST_STEPS = 5
 
 
@@ -82,11 +82,11 @@ class ScaleFinder:
 
     def _score(self, view: PersonView, starts: list[BodyPose], scale: float) -> float:
         comparer = DepthComparer(view.coarse, self._band)
-        points, nearest = thin(view.points, _POINTS), nearest_person_pixels(view.full)
+        target = FitTarget.prepare(thin(view.points, _POINTS), view.full, view.coarse)
         best = np.inf
         for start in starts:
             at_scale = BodyPose(start.rotations, start.root, scale)
-            pose = self._fitter.fit(points, view.full, view.coarse, nearest, at_scale, _ITERATIONS)
+            pose = self._fitter.fit(target, at_scale, _SIGMAS)
             posed = self._fitter.body.pose(pose.rotations, pose.root, scale)
             best = min(best, comparer.compare(posed.vertices, self._fitter.body.faces).score)
         return float(best)

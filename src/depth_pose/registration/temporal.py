@@ -1,0 +1,84 @@
+"""Carry a body from one frame to the next by the clouds alone (Sec. 6, failure recovery).
+
+The cloud of frame t-1 is registered to that of frame t by coherent point drift; each vertex of the
+last mesh that was seen takes the motion of the points of frame t-1 around it; the rest of the mesh
+follows by Laplacian completion (eq. 7), and the joints by their control vertices (eq. 8).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from depth_pose.registration.articulated import BodyPose
+from depth_pose.registration.completion import CompletedBody, MeshCompleter
+from depth_pose.registration.cpd import CpdConfig, register
+from depth_pose.render import Observation
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class TemporalConfig:
+    """Settings of the registration of clouds; lengths in metres.
+
+    Attributes
+    ----------
+    cpd : CpdConfig
+        The field is less stiff than from exemplar to input: both clouds show the same person.
+    reach : float
+        A vertex corresponds to the points of its own frame within this distance.
+    pull : float
+        How far a vertex also goes to the surface that it was beside in its own frame, 0 to 1.
+    weight : float
+        Weight of a correspondence in eq. 7.
+    """
+
+    cpd: CpdConfig = field(
+        default_factory=lambda: CpdConfig(beta=0.3, stiffness=4.0, basis_points=80, max_iterations=30)
+    )
+    reach: float = 0.05
+    pull: float = 0.5
+    weight: float = 0.1
+
+
+class TemporalCarrier:
+    """Carries a completer's body from frame to frame."""
+
+    def __init__(self, completer: MeshCompleter, config: TemporalConfig | None = None) -> None:
+        self._completer = completer
+        self.config = config or TemporalConfig()
+
+    def carry(self, before: Array, now: Array, coarse_before: Observation, pose: BodyPose) -> CompletedBody:
+        """Carry a body over.
+
+        Parameters
+        ----------
+        before, now : (M, 3), (N, 3) float64
+            The person's points at t-1 and t, metres, camera frame; a few hundred suffice.
+        coarse_before : Observation
+            Frame t-1 at low resolution, whose camera decides which vertices were seen.
+        pose : BodyPose
+            The body at t-1.
+
+        Returns
+        -------
+        CompletedBody
+            The body at t; unchanged where nothing was seen of it.
+        """
+        c, body = self.config, self._completer.body
+        found = register(before, now, c.cpd)
+        posed = body.pose(pose.rotations, pose.root, pose.scale)
+        visible = np.flatnonzero(self._completer.visible(posed, pose.rotations, coarse_before))
+        targets, weights = posed.vertices.copy(), np.zeros(len(posed.vertices))
+        gaps = before[None] - posed.vertices[visible][:, None]
+        closeness = np.exp(-4.5 * (gaps**2).sum(axis=2) / c.reach**2)
+        mass = closeness @ np.minimum(found.probability, 1.0)
+        share = closeness * np.minimum(found.probability, 1.0) / np.maximum(mass, 1e-12)[:, None]
+        motion = share @ (found.moved - before)
+        aside = np.einsum("vn,vnk->vk", share, gaps)
+        targets[visible] += motion + c.pull * aside
+        weights[visible] = c.weight * np.minimum(mass, 1.0)
+        return self._completer.complete(pose, posed, targets, weights)

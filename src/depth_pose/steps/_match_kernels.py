@@ -1,0 +1,75 @@
+"""Compiled loop that places, renders and scores exemplars; `depth_pose.steps.match` uses it."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from depth_pose._raster_kernels import compare, rasterize
+from depth_pose.body._skin_kernels import skin
+
+
+@njit(cache=True)
+def matrix_of(quat, out):
+    """Rotation matrix of a quaternion x, y, z, w, normalised first."""
+    x, y, z, w = float(quat[0]), float(quat[1]), float(quat[2]), float(quat[3])
+    s = 2.0 / (x * x + y * y + z * z + w * w)
+    out[0, 0], out[0, 1], out[0, 2] = 1 - s * (y * y + z * z), s * (x * y - z * w), s * (x * z + y * w)
+    out[1, 0], out[1, 1], out[1, 2] = s * (x * y + z * w), 1 - s * (x * x + z * z), s * (y * z - x * w)
+    out[2, 0], out[2, 1], out[2, 2] = s * (x * z - y * w), s * (y * z + x * w), 1 - s * (x * x + y * y)
+
+
+@njit(cache=True, fastmath=True)
+def multiply(a, b, out):
+    """Product of two 3x3 matrices."""
+    for i in range(3):
+        for j in range(3):
+            out[i, j] = a[i, 0] * b[0, j] + a[i, 1] * b[1, j] + a[i, 2] * b[2, j]
+
+
+@njit(cache=True)
+def score_exemplars(
+    entries, pose_quats, view_quats, view_origins, axes, origin, scale,
+    rest, rest_nodes, parents, influence, weight, faces,
+    depth, labels, fx, fy, cx, cy, band, scores, rotations, translations, nodes,
+):
+    """Place exemplars at the input, correct their translation by their rendering, and score them.
+
+    For entry k: ``scores[k]``, ``rotations[k]`` and ``translations[k]`` (``T_camera_model``), and
+    ``nodes[k]`` in the camera frame.
+    """
+    views = view_quats.shape[1]
+    view_matrix, local, turned = np.empty((3, 3)), np.empty((3, 3)), np.empty((parents.shape[0], 3, 3))
+    vertices, zbuffer, sums = np.empty(rest.shape), np.empty(depth.shape), np.empty(5)
+    for k in range(entries.shape[0]):
+        exemplar, view = entries[k] // views, entries[k] % views
+        matrix_of(view_quats[exemplar, view], view_matrix)
+        multiply(axes.T, view_matrix, rotations[k])
+        for a in range(3):
+            translations[k, a] = origin[a]
+            for b in range(3):
+                translations[k, a] -= scale * rotations[k, a, b] * view_origins[exemplar, view, b]
+        for n in range(parents.shape[0]):
+            matrix_of(pose_quats[exemplar, n], local)
+            multiply(rotations[k], local, turned[n])
+        skin(rest, rest_nodes, parents, influence, weight, turned, translations[k], scale, vertices, nodes[k])
+        rasterize(vertices, faces, fx, fy, cx, cy, zbuffer)
+        compare(zbuffer, depth, labels, band, sums)
+        scores[k] = sums[0]
+        z = vertices[:, 2].mean()
+        x_shift, y_shift, z_shift = sums[3] * z / fx, sums[4] * z / fy, sums[2]
+        for i in range(vertices.shape[0]):
+            vertices[i, 0] += x_shift
+            vertices[i, 1] += y_shift
+            vertices[i, 2] += z_shift
+        rasterize(vertices, faces, fx, fy, cx, cy, zbuffer)
+        compare(zbuffer, depth, labels, band, sums)
+        if sums[0] < scores[k]:
+            scores[k] = sums[0]
+            translations[k, 0] += x_shift
+            translations[k, 1] += y_shift
+            translations[k, 2] += z_shift
+            for n in range(parents.shape[0]):
+                nodes[k, n, 0] += x_shift
+                nodes[k, n, 1] += y_shift
+                nodes[k, n, 2] += z_shift

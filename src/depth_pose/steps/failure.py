@@ -1,0 +1,113 @@
+"""Telling failed skeletons (Sec. 6): bones that change, joints beyond their limits, poor agreement."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from depth_pose.body.angles import ANGLES, angles_from_rotations
+from depth_pose.body.body import Body
+from depth_pose.body.limits import violation
+from depth_pose.config import RecoverConfig
+from depth_pose.registration.skeleton_pose import pose_from_skeleton
+from depth_pose.skeleton import BONES, JOINT_NODES, JOINTS
+from depth_pose.types import Skeleton
+
+KINDS: tuple[str, ...] = ("no_pose", "bone_length", "joint_angle", "low_confidence")
+"""Kinds of failure, the keys of the counters."""
+
+_UNKNOWN_PERSON = 2.0
+"""How many times as far a bone may be from the body's own, before the person's are known."""
+
+_CHECKED = np.array(
+    [
+        any(part in name for part in ("spine", "chest", "shoulder_", "elbow", "hip_", "knee"))
+        for name in ANGLES
+    ]
+)
+"""Angles that show a failure; hands, feet, head and forearm twist are seen too poorly to tell."""
+
+
+@dataclass(frozen=True)
+class Failure:
+    """A kind, one of `KINDS`, and what was found, for people."""
+
+    kind: str
+    reason: str
+
+
+class FailureCheck:
+    """Checks one body's skeletons."""
+
+    def __init__(self, body: Body, config: RecoverConfig) -> None:
+        self.body = body
+        self.config = config
+        self._own_bones = bone_lengths(body.nodes[JOINT_NODES])
+
+    def find(self, skeleton: Skeleton, good: Skeleton | None) -> Failure | None:
+        """Look for a failure.
+
+        Parameters
+        ----------
+        skeleton : Skeleton
+        good : Skeleton, optional
+            The last one in which none was found; the body's own proportions stand in for it.
+
+        Returns
+        -------
+        Failure or None
+        """
+        if skeleton.is_lost:
+            return Failure("no_pose", "no pose was found, though somebody is in view")
+        return self._changed_bone(skeleton, good) or self._bent_too_far(skeleton) or self._unsure(skeleton)
+
+    def _changed_bone(self, skeleton: Skeleton, good: Skeleton | None) -> Failure | None:
+        if good is None:
+            before, allowed = self._own_bones, _UNKNOWN_PERSON * self.config.bone_change
+        else:
+            before, allowed = bone_lengths(good.positions) / good.scale, self.config.bone_change
+        now = bone_lengths(skeleton.positions) / skeleton.scale
+        change = np.abs(now / before - 1.0)
+        b = int(np.argmax(change))
+        if change[b] <= allowed:
+            return None
+        start, end = (JOINTS[j] for j in BONES[b])
+        return Failure(
+            "bone_length",
+            f"{start} to {end} went from {before[b] * skeleton.scale:.2f} to "
+            f"{now[b] * skeleton.scale:.2f} m, by {change[b]:.0%} (bone_change allows {allowed:.0%})",
+        )
+
+    def _bent_too_far(self, skeleton: Skeleton) -> Failure | None:
+        excess = limit_excess(self.body, skeleton)
+        a = int(np.argmax(excess))
+        if excess[a] <= self.config.angle_excess:
+            return None
+        return Failure(
+            "joint_angle",
+            f"{ANGLES[a]} is {excess[a]:.0f} degrees beyond its limit "
+            f"(angle_excess allows {self.config.angle_excess:.0f})",
+        )
+
+    def _unsure(self, skeleton: Skeleton) -> Failure | None:
+        if skeleton.confidence >= self.config.min_confidence:
+            return None
+        return Failure(
+            "low_confidence",
+            f"confidence {skeleton.confidence:.2f} is below min_confidence {self.config.min_confidence:.2f}",
+        )
+
+
+def bone_lengths(positions: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Lengths of the 18 bones, metres, of joints (19, 3)."""
+    start, end = np.array(BONES).T
+    return np.asarray(np.linalg.norm(positions[end] - positions[start], axis=1))
+
+
+def limit_excess(body: Body, skeleton: Skeleton) -> NDArray[np.float64]:
+    """How far each anatomical angle lies beyond its limit, degrees, (47,); 0 for those not judged."""
+    rotations = pose_from_skeleton(body, skeleton).rotations
+    upright = rotations[0].T @ rotations  # against the pelvis: the camera may be mounted at any tilt
+    return np.where(_CHECKED, violation(angles_from_rotations(upright)), 0.0)

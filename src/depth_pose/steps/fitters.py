@@ -1,0 +1,105 @@
+"""The ways to fit a body to a person's points, under one interface, by the name of the method."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from depth_pose.body.body import Body
+from depth_pose.registration.articulated import ArticulatedFitter, BodyPose, FitTarget
+from depth_pose.registration.completion import MeshCompleter
+from depth_pose.steps.view import PersonView, thin
+
+
+@dataclass(frozen=True)
+class FittedBody:
+    """A pose, and the mesh (V, 3) and nodes (21, 3) found for it, camera frame, metres."""
+
+    pose: BodyPose
+    vertices: NDArray[np.float64]
+    nodes: NDArray[np.float64]
+
+
+class FrameFitter(Protocol):
+    """Fits one body to one frame."""
+
+    def rough(self, start: BodyPose) -> FittedBody:
+        """Fit well enough to compare starts."""
+
+    def finish(self, fitted: FittedBody) -> FittedBody:
+        """Fit as well as possible, from a rough fit."""
+
+
+class Fitter(Protocol):
+    """What the refiner needs of a method."""
+
+    def fit_to(self, view: PersonView) -> FrameFitter:
+        """Prepare one frame."""
+
+
+COARSE_SIGMAS = (0.06, 0.05, 0.04, 0.034)
+FINE_SIGMAS = (0.028, 0.024, 0.02, 0.02)
+"""Standard deviations of the rough and of the fine iterations of the articulated fit, metres."""
+
+
+@dataclass(frozen=True)
+class _SkinnedFrame:
+    fitter: ArticulatedFitter
+    target: FitTarget
+
+    def rough(self, start: BodyPose) -> FittedBody:
+        return self._fit(start, COARSE_SIGMAS)
+
+    def finish(self, fitted: FittedBody) -> FittedBody:
+        return self._fit(fitted.pose, FINE_SIGMAS)
+
+    def _fit(self, start: BodyPose, sigmas: tuple[float, ...]) -> FittedBody:
+        pose = self.fitter.fit(self.target, start, sigmas)
+        posed = self.fitter.body.pose(pose.rotations, pose.root, pose.scale)
+        return FittedBody(pose, posed.vertices, posed.nodes)
+
+
+class SkinnedFitter:
+    """Joint angles of the skinned body (`depth_pose.registration.articulated`)."""
+
+    def __init__(self, body: Body) -> None:
+        self._fitter = ArticulatedFitter(body)
+
+    def fit_to(self, view: PersonView) -> FrameFitter:
+        """Prepare one frame."""
+        points = thin(view.points, self._fitter.config.max_points)
+        return _SkinnedFrame(self._fitter, FitTarget.prepare(points, view.full, view.coarse))
+
+
+@dataclass(frozen=True)
+class _CompletionFrame:
+    completer: MeshCompleter
+    points: NDArray[np.float64]
+    view: PersonView
+
+    def rough(self, start: BodyPose) -> FittedBody:
+        found = self.completer.fit(self.points, self.view.coarse, start)
+        return FittedBody(found.pose, found.vertices, found.nodes)
+
+    def finish(self, fitted: FittedBody) -> FittedBody:
+        return fitted
+
+
+class CompletionFitter:
+    """The paper's registration and completion (`depth_pose.registration.completion`)."""
+
+    def __init__(self, body: Body) -> None:
+        self._completer = MeshCompleter(body)
+
+    def fit_to(self, view: PersonView) -> FrameFitter:
+        """Prepare one frame."""
+        points = thin(view.points, self._completer.config.max_points)
+        return _CompletionFrame(self._completer, points, view)
+
+
+FITTERS: dict[str, Callable[[Body], Fitter]] = {"articulated": SkinnedFitter, "cpd": CompletionFitter}
+"""Makers of fitters, by `depth_pose.config.RefineConfig.method`."""
