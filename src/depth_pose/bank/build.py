@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse.linalg import eigsh
 
 from depth_pose.bank.bank import Bank
 from depth_pose.bank.views import PoseViews, render_views
@@ -88,9 +89,7 @@ def build_bank(
     )
 
 
-def _render_all(
-    body: Body, poses: NDArray[np.float64], workers: int | None
-) -> Iterator[PoseViews]:
+def _render_all(body: Body, poses: NDArray[np.float64], workers: int | None) -> Iterator[PoseViews]:
     starts = range(0, len(poses), _CHUNK)
     count = (os.cpu_count() or 1) if workers is None else workers
     if count == 0:
@@ -117,9 +116,12 @@ def learn_subspace(descriptors: NDArray[np.float16], dimensions: int) -> Subspac
     mean = sample.mean(axis=0, dtype=np.float64).astype(np.float32)
     sample -= mean
     covariance = (sample.T @ sample).astype(np.float64)
-    vectors = np.linalg.eigh(covariance)[1][:, ::-1]
     keep = min(dimensions, len(sample), len(mean))
-    return Subspace(mean, np.ascontiguousarray(vectors[:, :keep].T.astype(np.float32)))
+    if 4 * keep < min(sample.shape):  # much faster than all vectors
+        vectors = eigsh(covariance, k=keep, v0=np.ones(len(mean)))[1]
+    else:
+        vectors = np.linalg.eigh(covariance)[1][:, -keep:]
+    return Subspace(mean, np.ascontiguousarray(vectors[:, ::-1].T.astype(np.float32)))
 
 
 def project(descriptors: NDArray[np.float16], subspace: Subspace) -> NDArray[np.float32]:

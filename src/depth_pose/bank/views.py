@@ -66,9 +66,7 @@ def view_directions(pose: int) -> NDArray[np.float64]:
     return np.stack([azimuths, _ELEVATIONS[order]], axis=1)
 
 
-def render_views(
-    body: Body, rotations: NDArray[np.float64], first: int
-) -> PoseViews:
+def render_views(body: Body, rotations: NDArray[np.float64], first: int) -> PoseViews:
     """Render and describe all views of consecutive poses.
 
     Parameters
