@@ -32,10 +32,10 @@ _LIMBS: tuple[tuple[str, tuple[str, ...], tuple[str, ...]], ...] = (
 )
 """For arms and legs: the segment they hang on, the nodes that they turn, the bones that are sampled."""
 
-_CONFIGURATIONS = 400
-_POSES = 6000
+_CONFIGURATIONS = 250
+_POSES = 3000
 _EXPLAINED_M = 0.06
-_MOST_POINTS = 80
+_MOST_POINTS = 40
 _BEST = 24
 
 
@@ -198,13 +198,13 @@ def _balls(
         axis = end / length
         along = mine @ axis
         off = np.linalg.norm(mine - along[:, None] * axis, axis=1)
-        for share in (0.25, 0.5, 0.75, 1.0):
-            near = np.abs(along - share * length) < 0.2 * length
+        for share in (1 / 3, 2 / 3, 1.0):
+            near = np.abs(along - share * length) < 0.25 * length
             radius = float(np.median(off[near])) if near.sum() > 3 else 0.03
             place = nodes[:, bone] + (rotations[:, bone] @ (share * end)) - nodes[:, anchor]
             centres.append(np.einsum("lji,lj->li", rotations[:, anchor], place))
             radii.append(radius)
-            areas.append(2 * radius * 0.25 * length)
+            areas.append(2 * radius * length / 3)
     return np.stack(centres, axis=1), np.array(radii), np.array(areas)
 
 

@@ -180,8 +180,11 @@ def label_components(depth, mask, jump):
 
 @njit(cache=True)
 def component_boxes(points, labels, count, focal):
-    """Area (m^2), bounding box (6) and pixel count of each component, from label 1."""
-    stats = np.zeros((count, 8))
+    """Area (m^2), bounding box (6), pixel count, and filled share of the image box, from label 1."""
+    stats = np.zeros((count, 9))
+    box = np.empty((count, 4), np.int64)
+    box[:, :2] = 1_000_000
+    box[:, 2:] = -1
     stats[:, 1:4] = np.inf
     stats[:, 4:7] = -np.inf
     for i in range(labels.shape[0]):
@@ -191,9 +194,13 @@ def component_boxes(points, labels, count, focal):
                 continue
             stats[k, 0] += (points[i, j, 2] / focal) ** 2
             stats[k, 7] += 1
+            box[k, 0], box[k, 1] = min(box[k, 0], i), min(box[k, 1], j)
+            box[k, 2], box[k, 3] = max(box[k, 2], i), max(box[k, 3], j)
             for a in range(3):
                 stats[k, 1 + a] = min(stats[k, 1 + a], points[i, j, a])
                 stats[k, 4 + a] = max(stats[k, 4 + a], points[i, j, a])
+    for k in range(count):
+        stats[k, 8] = stats[k, 7] / ((box[k, 2] - box[k, 0] + 1) * (box[k, 3] - box[k, 1] + 1))
     return stats
 
 

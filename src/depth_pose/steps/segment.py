@@ -19,6 +19,9 @@ from depth_pose.steps import _segment_kernels as kernels
 from depth_pose.steps.planes import PlaneFinder
 from depth_pose.types import BACKGROUND, PERSON, UNKNOWN, Camera, DepthFrame
 
+_BOX_FILL = 0.95
+"""A person leaves more of their bounding box empty than this; a curtain or a cupboard fills it."""
+
 _SMALL_PIXELS = 6
 """Surfaces with fewer pixels are flying pixels; none of the person's limbs."""
 
@@ -140,7 +143,7 @@ class PersonSegmenter:
         if not fits.any():
             self._last_box = None
             return np.zeros(depth.shape, np.bool_)
-        rank = np.where(fits, area, 0.0)
+        rank = np.where(fits, area, 0.0) * np.clip((_BOX_FILL - stats[:, 8]) / 0.3, 0.05, 1.0)
         if self._last_box is not None:
             rank = rank * (1.0 + 2.0 * _overlap(low[:, :2], high[:, :2], self._last_box[[0, 1, 3, 4]]))
         seed = int(np.argmax(rank))
