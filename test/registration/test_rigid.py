@@ -61,10 +61,8 @@ def test_joints_follow_a_rigid_motion_exactly() -> None:
 
 def test_joints_follow_a_change_of_pose() -> None:
     body = the_body()
-    start, end = (
-        pose_of({}),
-        pose_of({"left_shoulder": (0, 0, 0.5), "left_elbow": (0, 0.3, 0.4), "right_hip": (0.4, 0, 0)}),
-    )
+    start = pose_of({})
+    end = pose_of({"left_shoulder": (0, 0, 0.5), "left_elbow": (0, 0.3, 0.4), "right_hip": (0.4, 0, 0)})
     before, after = body.pose(start.rotations, start.root), body.pose(end.rotations, end.root)
     nodes, rotations = JointTransfer(body).transfer(
         before.vertices, before.nodes, start.rotations, after.vertices
@@ -81,9 +79,10 @@ def test_pose_from_its_own_skeleton() -> None:
         {"pelvis": (0.1, 0.4, 0), "left_clavicle": (0, 0.1, 0.1), "left_shoulder": (0, 0.5, 0.6)}, scale=0.9
     )
     posed = body.pose(pose.rotations, pose.root, pose.scale)
+    quats, count = matrix_to_quat(pose.rotations[JOINT_NODES]), len(JOINTS)
     skeleton = Skeleton(
-        0, "camera", "", Source.REFINED, 1.0, 0.0, 0.9, posed.nodes[JOINT_NODES],
-        matrix_to_quat(pose.rotations[JOINT_NODES]), np.ones(len(JOINTS), np.float32), np.zeros(len(JOINTS), np.uint8),
+        0, "camera", "", Source.REFINED, 1.0, 0.0, 0.9, posed.nodes[JOINT_NODES], quats,
+        np.ones(count, np.float32), np.zeros(count, np.uint8),
     )  # fmt: skip
     again = pose_from_skeleton(body, skeleton)
     rebuilt = body.pose(again.rotations, again.root, again.scale)
