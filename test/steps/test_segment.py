@@ -8,7 +8,7 @@ import pytest
 import synthetic as syn
 from depth_pose.config import SegmentConfig
 from depth_pose.steps import _segment_kernels as kernels
-from depth_pose.steps.segment import PersonSegmenter, mark_large_planes, reduce_camera
+from depth_pose.steps.segment import PersonSegmenter, reduce_camera
 from depth_pose.types import BACKGROUND, PERSON, UNKNOWN, Camera
 
 
@@ -206,17 +206,6 @@ def test_reduced_camera_sees_the_same_rays():
     np.testing.assert_allclose(after, before, rtol=1e-12)
 
 
-def test_planes_are_marked_and_people_are_not(person):
-    depth = np.minimum(person, syn.room()).astype(np.float32)
-    c = syn.CAMERA
-    points = kernels.back_project(depth, c.fx, c.fy, c.cx, c.cy)
-    marked = mark_large_planes(points, c)
-    background = ~np.isfinite(person)
-    assert marked[background].mean() > 0.97
-    assert marked[~background].mean() < 0.05
-    np.testing.assert_array_equal(marked, mark_large_planes(points, c))
-
-
 # --- plain twins of the kernels
 
 
@@ -300,62 +289,22 @@ def test_filter_support_twin():
 
 def test_touching_components_twin():
     rng = np.random.default_rng(6)
-    labels = rng.integers(0, 6, (12, 14)).astype(np.int32)
+    labels = rng.integers(0, 7, (12, 14)).astype(np.int32)
     labels[:, 6:9] = 0
     depth = rng.uniform(1, 2, labels.shape).astype(np.float32)
-    chosen = np.array([False, True, False, False, True, False])
-    touching = kernels.touching_components(depth, labels, 5, chosen, 2, 0.3)
+    chosen = np.array([False, True, False, False, True, False, False])
+    small = np.array([True, False, False, False, False, False, True])
+    touching = kernels.touching_components(depth, labels, chosen, small, 2, 0.3)
     expected = set()
     for i, j in np.argwhere(labels > 0):
         window = (slice(max(0, i - 2), i + 3), slice(max(0, j - 2), j + 3))
         near = chosen[labels[window]] & (np.abs(depth[window] - depth[i, j]) < 0.3)
-        if not chosen[labels[i, j]] and near.any():
+        if not chosen[labels[i, j]] and not small[labels[i, j]] and near.any():
             expected.add(int(labels[i, j]))
     assert set(np.flatnonzero(touching).tolist()) == expected
 
 
-def test_plane_kernels_twins():
-    """A slanted plane among scattered points is found, with its inliers and its area."""
-    rng = np.random.default_rng(7)
-    normal = np.array([0.3, -0.8, 0.5]) / np.linalg.norm([0.3, -0.8, 0.5])
-    spot = np.array([0.1, 0.4, 3.0])
-    samples = rng.uniform([-1, -1, 2], [1, 1, 4], (400, 3))
-    samples[:250] -= ((samples[:250] - spot) @ normal)[:, None] * normal
-    normals = np.tile(normal, (400, 1))
-    normals[250:] = rng.standard_normal((150, 3))
-    normals[250:] /= np.linalg.norm(normals[250:], axis=1, keepdims=True)
-    areas = rng.uniform(0.5, 1.5, 400)
-    plane = np.append(normal, normal @ spot)
-    on, area = kernels.plane_inliers(samples, normals, areas, plane, 0.012)
-    expected = (np.abs(samples @ normal - plane[3]) < 0.012 * samples[:, 2]) & (
-        np.abs(normals @ normal) > 0.8
-    )
-    np.testing.assert_array_equal(on, expected)
-    slant = np.maximum(np.abs(plane[3]) / np.linalg.norm(samples, axis=1), 0.25)
-    assert area == pytest.approx((areas / slant)[expected].sum())
-    found = kernels.best_plane(samples, normals, areas, rng.integers(0, 400, 40), 0.012)
-    np.testing.assert_allclose(found, plane, atol=1e-9)
-
-
-def test_normals_of_a_plane_are_the_planes():
-    c = syn.CAMERA
-    normal = np.array([0.2, -0.3, 0.9]) / np.linalg.norm([0.2, -0.3, 0.9])
-    depth = syn.draw_plane(normal, 2.0)
-    points = kernels.back_project(depth.astype(np.float32), c.fx, c.fy, c.cx, c.cy)
-    rows, cols = np.array([0, 40, 70, 143]), np.array([5, 60, 90, 100])
-    normals = kernels.sample_normals(points, rows, cols, 4)
-    assert not normals[[0, 3]].any()  # too near the border
-    np.testing.assert_allclose(np.abs(normals[1:3] @ normal), 1.0, atol=1e-5)
-
-
-def test_marked_plane_pixels():
-    """A pixel counts with half of its window on the plane; a lone one does not."""
-    points = np.full((20, 20, 3), np.nan, np.float32)
-    points[..., :2] = 0.0
-    points[:, :10, 2] = 2.0
-    points[:, 10:, 2] = 3.0
-    points[5, 15, 2] = 2.0
-    marked = np.zeros((20, 20), bool)
-    kernels.mark_plane(points, np.array([0.0, 0.0, 1.0, 2.0]), 0.01, 3, marked)
-    assert marked[:, :10].all()
-    assert not marked[:, 10:].any()
+def test_clip_depth_twin():
+    depth = np.array([[0.0, 0.4, 0.39], [8.0, 8.01, np.nan], [np.inf, -1.0, 2.5]], np.float32)
+    expected = np.array([[0.0, 0.4, 0.0], [8.0, 0.0, 0.0], [0.0, 0.0, 2.5]], np.float32)
+    np.testing.assert_array_equal(kernels.clip_depth(depth, np.float32(0.4), 8.0), expected)
