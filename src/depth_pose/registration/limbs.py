@@ -34,10 +34,10 @@ _LIMBS: tuple[tuple[str, tuple[str, ...], tuple[str, ...]], ...] = (
 
 _CONFIGURATIONS = 250
 _POSES = 3000
-_EXPLAINED_M = 0.06
+_EXPLAINED_M = 0.045
 _MOST_POINTS = 40
 _BEST = 24
-_KEEP_PIXELS = 4.0
+_KEEP_PIXELS = 8.0
 """Misfit, in pixels of the coarse grid, that an exchange must save for each limb."""
 
 
