@@ -34,10 +34,10 @@ _LIMBS: tuple[tuple[str, tuple[str, ...], tuple[str, ...]], ...] = (
 
 _CONFIGURATIONS = 250
 _POSES = 3000
-_EXPLAINED_M = 0.06
+_EXPLAINED_M = 0.045
 _MOST_POINTS = 40
 _BEST = 24
-_KEEP_PIXELS = 4.0
+_KEEP_PIXELS = 8.0
 """Misfit, in pixels of the coarse grid, that an exchange must save for each limb."""
 
 
@@ -201,7 +201,7 @@ def _make_pair(
 def _balls(
     body: Body, bones: list[int]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Ends (n, 3) of a limb's bones in the rest pose, and radii and areas (3 n,) of balls along them."""
+    """Find the ends (n, 3) of a limb's rest bones, and radii and areas (3 n,) of balls along them."""
     ends, radii, areas = [], [], []
     for bone in bones:
         mine = body.vertices[np.argmax(body.weights, axis=1) == bone] - body.nodes[bone]

@@ -173,4 +173,3 @@ class Matcher:
 
 def _score(placed: _Placed) -> float:
     return placed.candidate.score
-
