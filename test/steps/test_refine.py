@@ -1,0 +1,141 @@
+"""Refinement: candidates become a skeleton near the truth, with its mesh, states and confidence."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import synthetic as syn
+from depth_pose.config import MatchConfig, RefineConfig
+from depth_pose.errors import BankError
+from depth_pose.geometry import matrix_to_quat, quat_to_matrix
+from depth_pose.skeleton import JOINT_NODES, JointState, Source
+from depth_pose.steps.match import Matcher
+from depth_pose.steps.refine import Refiner
+from depth_pose.types import Candidate, PersonCloud, PoseMatch
+
+
+def refiner_of(bank, **settings):
+    return Refiner(bank, RefineConfig(**settings), MatchConfig())
+
+
+def scene(bank, exemplar, turn=20.0, stamp_ns=syn.START_NS, distance=3.0):
+    """A posed exemplar, and its cloud."""
+    rotation = syn.FACING @ syn.rotation("y", turn)
+    posed = bank.body.pose(rotation @ bank.rotations(exemplar), np.array([0.0, 0.0, distance]))
+    return posed, syn.to_cloud(syn.draw((posed.vertices, bank.body.faces)), stamp_ns)
+
+
+def match_of(bank, cloud, *candidates):
+    return PoseMatch(cloud.stamp_ns, cloud.frame_id, bank.bank_id, 1.0, candidates)
+
+
+def candidate(exemplar, turn=20.0, root=(0.0, 0.0, 3.0)):
+    quat = matrix_to_quat(syn.FACING @ syn.rotation("y", turn))
+    return Candidate(exemplar, 0, quat, np.array(root), 0.0, 0.0)
+
+
+@pytest.mark.parametrize("method", ["articulated", "cpd"])
+@pytest.mark.parametrize("exemplar", [31, 120, 251])
+def test_from_a_candidate_a_little_off(bank, method, exemplar):
+    posed, cloud = scene(bank, exemplar)
+    refiner = refiner_of(bank, method=method)
+    skeleton = refiner.refine(cloud, match_of(bank, cloud, candidate(exemplar, 28.0, (0.03, 0.02, 3.05))))
+    joints = posed.nodes[JOINT_NODES]
+    assert syn.joint_error(skeleton.positions, joints) < (0.015 if method == "articulated" else 0.035)
+    assert skeleton.source == Source.REFINED
+    assert (skeleton.stamp_ns, skeleton.frame_id) == (cloud.stamp_ns, cloud.frame_id)
+    assert skeleton.confidence > 0.8
+    assert skeleton.residual < 0.02
+    assert refiner.mesh.shape == bank.body.vertices.shape
+    assert np.linalg.norm(refiner.mesh - posed.vertices, axis=1).mean() < 0.04
+
+
+def test_the_better_of_two_candidates_is_kept(bank):
+    posed, cloud = scene(bank, 31)
+    wrong, right = candidate(208), candidate(31, 25.0)
+    for order in ((wrong, right), (right, wrong)):
+        skeleton = refiner_of(bank).refine(cloud, match_of(bank, cloud, *order))
+        assert syn.joint_error(skeleton.positions, posed.nodes[JOINT_NODES]) < 0.02
+
+
+def test_a_skeletons_fields(bank):
+    _, cloud = scene(bank, 120)
+    skeleton = refiner_of(bank).refine(cloud, match_of(bank, cloud, candidate(120)))
+    assert skeleton.positions.shape == (19, 3)
+    assert skeleton.quats_xyzw.shape == (19, 4)
+    np.testing.assert_allclose(np.linalg.norm(skeleton.quats_xyzw, axis=1), 1.0)
+    assert np.linalg.det(quat_to_matrix(skeleton.quats_xyzw)) == pytest.approx(np.ones(19))
+    assert skeleton.joint_confidence.dtype == np.float32
+    assert ((skeleton.joint_confidence >= 0) & (skeleton.joint_confidence <= 1)).all()
+    assert skeleton.joint_states.dtype == np.uint8
+    assert set(skeleton.joint_states.tolist()) <= {s.value for s in JointState}
+    for value in (skeleton.confidence, skeleton.residual, skeleton.scale):
+        assert float(np.float32(value)) == value  # survives the message's float32
+
+
+def test_the_previous_pose_helps_out_unless_turned_off(bank):
+    """Only a wrong candidate in the second frame: tracking keeps the pose."""
+    posed, cloud = scene(bank, 31)
+    later = replace(cloud, stamp_ns=cloud.stamp_ns + syn.STEP_NS)
+    errors = {}
+    for track in (True, False):
+        refiner = refiner_of(bank, track=track)
+        refiner.refine(cloud, match_of(bank, cloud, candidate(31)))
+        skeleton = refiner.refine(later, match_of(bank, later, candidate(208, 200.0)))
+        errors[track] = syn.joint_error(skeleton.positions, posed.nodes[JOINT_NODES])
+    assert errors[True] < 0.02 < errors[False]
+
+
+@pytest.mark.parametrize("step_ns", [-1, 600_000_000])
+def test_the_previous_pose_is_forgotten_where_stamps_jump(bank, step_ns):
+    _, cloud = scene(bank, 31)
+    later = replace(cloud, stamp_ns=cloud.stamp_ns + step_ns)
+    refiner = refiner_of(bank)
+    refiner.refine(cloud, match_of(bank, cloud, candidate(31)))
+    jumped = refiner.refine(later, match_of(bank, later, candidate(208, 200.0)))
+    fresh = refiner_of(bank).refine(later, match_of(bank, later, candidate(208, 200.0)))
+    np.testing.assert_array_equal(jumped.positions, fresh.positions)
+
+
+def test_another_banks_match_is_refused(bank):
+    _, cloud = scene(bank, 31)
+    match = replace(match_of(bank, cloud, candidate(31)), bank_id="0123456789abcdef")
+    with pytest.raises(BankError, match=f"bank 0123456789abcdef, but {bank.bank_id} is loaded"):
+        refiner_of(bank).refine(cloud, match)
+
+
+def test_nobody_or_no_candidate_is_lost(bank):
+    _, cloud = scene(bank, 31)
+    refiner = refiner_of(bank)
+    refiner.refine(cloud, match_of(bank, cloud, candidate(31)))
+    assert refiner.mesh is not None
+    lost = refiner.refine(cloud, match_of(bank, cloud))
+    assert lost.is_lost
+    assert len(lost.positions) == 0
+    assert refiner.mesh is None
+    nothing = np.full((144, 176, 3), np.nan, np.float32)
+    empty = PersonCloud(5, "optical", nothing, np.zeros((144, 176), np.uint8))
+    lost = refiner.refine(empty, PoseMatch(5, "optical", bank.bank_id, 0.0, ()))
+    assert lost.is_lost
+    assert (lost.stamp_ns, lost.frame_id, lost.source) == (5, "optical", Source.LOST)
+
+
+def test_warm_up_leaves_no_trace(bank):
+    _, cloud = scene(bank, 120)
+    match = match_of(bank, cloud, candidate(120, 30.0))
+    plain, warmed = refiner_of(bank), refiner_of(bank)
+    warmed.warm_up()
+    assert warmed.mesh is None
+    np.testing.assert_array_equal(warmed.refine(cloud, match).positions, plain.refine(cloud, match).positions)
+
+
+def test_from_matching_to_refinement(bank):
+    """A pose between exemplars: what the matcher gives is enough to start from."""
+    mixed = syn.posed(syn.arms_down(), turn=-15.0)
+    cloud = syn.to_cloud(syn.draw(syn.mesh(mixed)))
+    match = Matcher(bank, MatchConfig(scale=1.0)).match(cloud)
+    skeleton = refiner_of(bank).refine(cloud, match)
+    assert syn.joint_error(skeleton.positions, mixed.nodes[JOINT_NODES]) < 0.04
