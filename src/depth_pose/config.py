@@ -191,7 +191,7 @@ class SmoothConfig(_Checked):
 
     enabled: bool = option(True, "Filter the joint positions over time")
     min_cutoff: float = option(2.5, "Cut-off frequency at rest", unit="Hz", low=0.01, high=100.0)
-    beta: float = option(4.0, "Cut-off frequency gained per speed", unit="Hz s/m", low=0.0, high=100.0)
+    beta: float = option(16.0, "Cut-off frequency gained per speed", unit="Hz s/m", low=0.0, high=100.0)
 
 
 @dataclass(frozen=True)

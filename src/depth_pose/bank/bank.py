@@ -10,7 +10,6 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-import zipfile
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -142,14 +141,7 @@ class Bank:
             Where the file is missing, damaged, foreign, or of another version.
         """
         header, arrays = _read(Path(path))
-        body = Body(
-            name=header["body"]["name"],
-            vertices=arrays["body_vertices"],
-            faces=arrays["body_faces"],
-            weights=arrays["body_weights"],
-            nodes=arrays["body_nodes"],
-            stature=float(header["body"]["stature"]),
-        )
+        body = _read_body(path, header["body"], arrays)
         views = {k: v for k, v in arrays.items() if not k.startswith("body_")}
         bank = cls(body=body, source=header["source"], **views)
         if bank.bank_id != header["bank_id"]:
@@ -164,7 +156,7 @@ def _read(path: Path) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
     try:
         with np.load(path, allow_pickle=False) as file:
             arrays = {name: file[name] for name in file.files}
-    except (ValueError, OSError, EOFError, KeyError, zipfile.BadZipFile, zipfile.zlib.error) as error:  # type: ignore[attr-defined]
+    except Exception as error:  # damaged archives and headers raise a dozen kinds
         raise BankError(f"{path}: not a readable bank file ({error}); build the bank again") from error
     try:
         header = json.loads(bytes(arrays.pop("header")))
@@ -180,6 +172,23 @@ def _read(path: Path) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
         )
     _check_arrays(path, arrays)
     return header, arrays
+
+
+def _read_body(path: str | Path, header: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> Body:
+    faces, count = arrays["body_faces"], len(arrays["body_vertices"])
+    if faces.size and not 0 <= faces.min() <= faces.max() < count:
+        raise BankError(f"{path}: body_faces speaks of vertices that are not there; build the bank again")
+    try:
+        return Body(
+            name=header["name"],
+            vertices=arrays["body_vertices"],
+            faces=faces,
+            weights=arrays["body_weights"],
+            nodes=arrays["body_nodes"],
+            stature=float(header["stature"]),
+        )
+    except ValueError as error:
+        raise BankError(f"{path}: its body is not one ({error}); build the bank again") from error
 
 
 def _check_arrays(path: Path, arrays: dict[str, NDArray[Any]]) -> None:

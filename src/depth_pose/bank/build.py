@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse.linalg import eigsh
 
 from depth_pose.bank.bank import Bank
 from depth_pose.bank.views import BANK_SCHEMES, render_views
@@ -46,7 +47,7 @@ class Subspace:
 
     mean: NDArray[np.float32]
     components: NDArray[np.float32]
-    explained: float
+    explained: float = 1.0
 
 
 def build_bank(
@@ -115,10 +116,14 @@ def learn_subspace(descriptors: NDArray[np.float16], dimensions: int) -> Subspac
     mean = sample.mean(axis=0, dtype=np.float64).astype(np.float32)
     sample -= mean
     covariance = (sample.T @ sample).astype(np.float64)
-    values, vectors = np.linalg.eigh(covariance)
     keep = min(dimensions, len(sample), len(mean))
-    explained = float(values[::-1][:keep].sum() / max(float(np.trace(covariance)), 1e-12))
-    return Subspace(mean, np.ascontiguousarray(vectors[:, ::-1][:, :keep].T.astype(np.float32)), explained)
+    if 4 * keep < min(sample.shape):  # much faster than all vectors
+        values, vectors = eigsh(covariance, k=keep, v0=np.ones(len(mean)))
+    else:
+        values, vectors = np.linalg.eigh(covariance)
+    largest = np.argsort(-values, kind="stable")[:keep]
+    explained = float(values[largest].sum() / max(float(np.trace(covariance)), 1e-12))
+    return Subspace(mean, np.ascontiguousarray(vectors[:, largest].T.astype(np.float32)), explained)
 
 
 def project(descriptors: NDArray[np.float16], subspace: Subspace) -> NDArray[np.float32]:

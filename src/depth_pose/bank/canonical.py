@@ -77,9 +77,7 @@ def _axes(up: NDArray[np.float64], origin: NDArray[np.float64]) -> NDArray[np.fl
     return np.stack([np.cross(up, toward), up, toward])
 
 
-def describe(
-    points: NDArray[np.float64], axes: CanonicalAxes, scale: float = 1.0
-) -> NDArray[np.float64]:
+def describe(points: NDArray[np.float64], axes: CanonicalAxes, scale: float = 1.0) -> NDArray[np.float64]:
     """Draw a cloud as a depth image in its canonical axes.
 
     Parameters

@@ -178,6 +178,4 @@ def _draw_frame(panels: list[Any], frame: MatchedFrame, bank: Bank) -> None:
 
 def _caption(panel: Any, text: str) -> None:
     box = {"facecolor": _DARK, "alpha": 0.75, "edgecolor": "none", "pad": 1.5}
-    panel.text(
-        0.03, 0.98, text, transform=panel.transAxes, va="top", color="white", fontsize=7, bbox=box
-    )
+    panel.text(0.03, 0.98, text, transform=panel.transAxes, va="top", color="white", fontsize=7, bbox=box)

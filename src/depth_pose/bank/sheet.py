@@ -100,9 +100,7 @@ def draw_depth(
         pixels = project(joints, camera)
         for a, b in sorted(BONES, key=lambda bone: -float(joints[list(bone), 2].sum())):
             axes.plot(*pixels[[a, b]].T, color=bone_colour(b), lw=1.4, solid_capstyle="round")
-    axes.set(
-        xlim=(-0.5, depth.shape[1] - 0.5), ylim=(depth.shape[0] - 0.5, -0.5), xticks=[], yticks=[]
-    )
+    axes.set(xlim=(-0.5, depth.shape[1] - 0.5), ylim=(depth.shape[0] - 0.5, -0.5), xticks=[], yticks=[])
     axes.set_facecolor(_DARK)
     for spine in axes.spines.values():
         spine.set_visible(False)

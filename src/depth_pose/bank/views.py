@@ -121,9 +121,7 @@ def paper_views(vertices: Array, pose: int, mirrored: bool = False) -> list[View
     up, second = principal_directions(vertices - middle, np.array([0.0, 1.0, 0.0]))
     third = np.cross(second, up)
     signs = ((1, 1), (-1, -1), (1, -1), (-1, 1)) if mirrored else ((1, 1), (-1, -1))
-    return [
-        View(_CAMERA_AXES @ np.stack([a * second, up, b * third]), middle, False) for a, b in signs
-    ]
+    return [View(_CAMERA_AXES @ np.stack([a * second, up, b * third]), middle, False) for a, b in signs]
 
 
 def paper_mirrored_views(vertices: Array, pose: int) -> list[View]:

@@ -142,9 +142,7 @@ def info(
 def check(
     recording: Annotated[Path, typer.Argument(help="A depth recording.", metavar="BAG")],
     output: Annotated[Path, typer.Option("--output", "-o", help="The picture.", metavar="PNG")],
-    bank: Annotated[
-        Path | None, typer.Option(help="The bank file.", show_default="the default bank")
-    ] = None,
+    bank: Annotated[Path | None, typer.Option(help="The bank file.", show_default="the default bank")] = None,
     frames: Annotated[int, typer.Option(min=1, max=50, help="Frames, spread over the recording.")] = 6,
     candidates: Annotated[int, typer.Option(min=1, max=10, help="Matches shown beside each.")] = 3,
     depth_topic: Annotated[
@@ -174,9 +172,7 @@ def check(
 def _print_files(reports: tuple[FileReport, ...]) -> None:
     """Say what each file of motion gave; refused ones stand out."""
     for report in reports:
-        errors.print(
-            str(report), style="yellow" if report.refused else "dim", highlight=False, markup=False
-        )
+        errors.print(str(report), style="yellow" if report.refused else "dim", highlight=False, markup=False)
 
 
 def _print_bank(path: Path, bank: Bank) -> None:

@@ -272,6 +272,8 @@ def fit(
         turn_normals(rest_normals, influence, rotations, normals)
         rasterize(vertices, faces, gx, gy, hx, hy, zbuffer)
         mark_visible(vertices, normals, zbuffer, gx, gy, hx, hy, 0.05, visible)
+        if strides[k] > 1:  # half of the vertices will do for a part of the points
+            visible[k % 2 :: 2] = False
         assign(points, strides[k], vertices, visible, sigmas[k], outlier, mass, target)
         matrix[:] = 0.0
         gradient[:] = 0.0

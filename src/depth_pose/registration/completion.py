@@ -21,6 +21,7 @@ from depth_pose.registration.coherence import geodesic_basis
 from depth_pose.registration.cpd import CpdConfig, register
 from depth_pose.registration.laplacian import LaplacianCompleter
 from depth_pose.registration.rigid import JointTransfer
+from depth_pose.registration.skeleton_pose import pose_from_nodes
 from depth_pose.render import Observation
 from depth_pose.skeleton import NODES
 from depth_pose.types import Camera
@@ -30,16 +31,38 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class CompletionConfig:
-    """Settings of registration and completion; lengths in metres."""
+    """Settings of registration and completion; lengths in metres.
+
+    Attributes
+    ----------
+    cpd : CpdConfig
+    passes : int
+        How many times the whole is done; each pass after the first starts from the body posed at
+        the joints of the one before, whose limbs are whole again.
+    weight : float
+        Weight w of a correspondence in eq. 7.
+    max_vertices, max_points : int
+        How many of the visible vertices and of the input points are registered.
+    visible_tolerance : float
+        A vertex is seen if it lies at most this far behind the rendered depth.
+    min_probability : float
+        Least ``P1`` of a vertex that counts as a correspondence.
+    min_facing : float
+        Least cosine between a vertex's normal and the ray to it for the same. Vertices near the
+        silhouette slide along the surface, and would bend the hidden side the wrong way.
+    geodesic : bool
+        Whether distances of the coherence kernel run along the surface.
+    """
 
     cpd: CpdConfig = field(default_factory=CpdConfig)
+    passes: int = 2
     weight: float = 0.1
     max_vertices: int = 600
     max_points: int = 600
     visible_tolerance: float = 0.05
     min_probability: float = 0.1
+    min_facing: float = 0.55
     geodesic: bool = True
-    use_mean: bool = False
 
 
 @dataclass(frozen=True)
@@ -78,17 +101,28 @@ class MeshCompleter:
         -------
         CompletedBody
         """
+        found = self._deform(points, coarse, start)
+        for _ in range(1, self.config.passes):
+            pose = pose_from_nodes(self.body, found.pose.rotations, found.nodes, start.scale)
+            found = self._deform(points, coarse, pose)
+        return found
+
+    def _deform(self, points: Array, coarse: Observation, start: BodyPose) -> CompletedBody:
+        """Register, complete and carry the joints over, once."""
         c = self.config
         posed = self.body.pose(start.rotations, start.root, start.scale)
-        visible = np.flatnonzero(self.visible(posed, start.rotations, coarse))
+        facing = self.visible(posed, start.rotations, coarse)
+        visible = np.flatnonzero(facing > 0.0)
         if len(visible) == 0:
             return CompletedBody(start, posed.vertices, posed.nodes)
         if len(visible) > c.max_vertices:
             visible = visible[np.arange(c.max_vertices) * len(visible) // c.max_vertices]
-        found = register(posed.vertices[visible], points, c.cpd, self._basis[visible] if c.geodesic else None)
+        basis = self._basis[visible] if c.geodesic else None
+        found = register(posed.vertices[visible], points, c.cpd, basis)
         targets, weights = posed.vertices.copy(), np.zeros(len(posed.vertices))
-        targets[visible] = found.target_mean if c.use_mean else found.moved
-        weights[visible] = c.weight * (found.probability > c.min_probability)
+        targets[visible] = found.moved
+        sure = (found.probability > c.min_probability) & (facing[visible] > c.min_facing)
+        weights[visible] = c.weight * sure
         return self.complete(start, posed, targets, weights)
 
     def complete(self, pose: BodyPose, posed: PosedBody, targets: Array, weights: Array) -> CompletedBody:
@@ -122,8 +156,14 @@ class MeshCompleter:
         points = self.body.pose(still.rotations, still.root).vertices[::4]
         self.fit(points, view, still)
 
-    def visible(self, posed: PosedBody, rotations: Array, coarse: Observation) -> NDArray[np.bool_]:
-        """Which vertices of a posed body the camera sees, shape (V,)."""
+    def visible(self, posed: PosedBody, rotations: Array, coarse: Observation) -> Array:
+        """Tell which vertices of a posed body the camera sees, and how squarely.
+
+        Returns
+        -------
+        (V,) float64
+            Cosine between the vertex's normal and the ray to it; 0 where it is not seen.
+        """
         camera = coarse.camera
         zbuffer = np.empty(coarse.depth.shape)
         normals = np.empty_like(posed.vertices)
@@ -133,4 +173,5 @@ class MeshCompleter:
         _raster_kernels.rasterize(posed.vertices, self.body.faces, *view, zbuffer)
         visibility.turn_normals(self._normals_rest, influence, rotations, normals)
         visibility.mark_visible(posed.vertices, normals, zbuffer, *view, self.config.visible_tolerance, seen)
-        return seen
+        cosine = -np.einsum("ij,ij->i", normals, posed.vertices) / np.linalg.norm(posed.vertices, axis=1)
+        return np.where(seen, cosine, 0.0)

@@ -10,11 +10,11 @@ it.
 *E-step*
 
 .. math:: p_{mn} = \frac{e^{-\|x_n - t_m\|^2 / 2\sigma^2}}{c + \sum_k e^{-\|x_n - t_k\|^2 / 2\sigma^2}},
-   \qquad c = (2\pi\sigma^2)^{3/2}\, \frac{w}{1 - w}\, \frac{M}{V}
+   \qquad c = (2\pi\sigma^2)^{3/2}\, \frac{w}{1 - w}\, \frac{M}{N}
 
-with the outlier weight w and the volume V over which outliers are spread (the original writes N
-for V, which in metres makes outliers all but impossible). Gaussians are cut at 4.9 sigma, and the
-targets within reach of a source are found through a grid.
+with the outlier weight w. In metres c is small, and what keeps far points out is the cut: Gaussians
+end at 4.9 sigma, and a target beyond the reach of all sources belongs to none. The targets within
+reach of a source are found through a grid.
 
 *M-step*  The field is :math:`v = B a`, with a basis for which :math:`B B^T` approximates the
 coherence kernel :math:`G_{ij} = e^{-d_{ij}^2 / 2\beta^2}` (Nystroem's method: a few vertices far
@@ -55,8 +55,6 @@ class CpdConfig:
         Weight lambda of the coherence.
     outlier_weight : float
         Share w of the targets that are expected to be outliers, 0 to below 1.
-    outlier_volume : float
-        Volume V in which they lie, cubic metres.
     sigma_start, sigma_floor : float
         Standard deviation at the start, and the least, metres.
     cooling : float
@@ -72,16 +70,15 @@ class CpdConfig:
     beta: float = 0.7
     stiffness: float = 20.0
     outlier_weight: float = 0.1
-    outlier_volume: float = 1.0
     sigma_start: float = 0.06
     sigma_floor: float = 0.012
     cooling: float = 1.0
     basis_points: int = 60
     tolerance: float = 5e-4
-    max_iterations: int = 40
+    max_iterations: int = 20
 
     def __post_init__(self) -> None:
-        positive = ("beta", "stiffness", "outlier_volume", "sigma_start", "sigma_floor", "basis_points")
+        positive = ("beta", "stiffness", "sigma_start", "sigma_floor", "basis_points")
         for name in positive:
             if not getattr(self, name) > 0:
                 raise ConfigError(f"cpd.{name} = {getattr(self, name)}: must be above 0")
@@ -161,7 +158,7 @@ def register(
         config.sigma_start**2,
         config.sigma_floor**2,
         config.cooling,
-        w / (1 - w) * len(source) / config.outlier_volume,
+        w / (1 - w) * len(source) / len(target),
         config.tolerance,
         config.max_iterations,
         moved,

@@ -23,7 +23,7 @@ from depth_pose.geometry import quat_to_matrix
 from depth_pose.registration import _limb_kernels as kernels
 from depth_pose.registration.articulated import BodyPose
 from depth_pose.render import DepthComparer
-from depth_pose.skeleton import NODE_INDEX, forward_kinematics, mirror_rotations
+from depth_pose.skeleton import MIRROR_NODES, NODE_INDEX, forward_kinematics, mirror_rotations
 from depth_pose.types import PERSON
 
 _LIMBS: tuple[tuple[str, tuple[str, ...], tuple[str, ...]], ...] = (
@@ -32,11 +32,13 @@ _LIMBS: tuple[tuple[str, tuple[str, ...], tuple[str, ...]], ...] = (
 )
 """For arms and legs: the segment they hang on, the nodes that they turn, the bones that are sampled."""
 
-_CONFIGURATIONS = 400
-_POSES = 6000
+_CONFIGURATIONS = 250
+_POSES = 3000
 _EXPLAINED_M = 0.06
-_MOST_POINTS = 80
+_MOST_POINTS = 40
 _BEST = 24
+_KEEP_PIXELS = 4.0
+"""Misfit, in pixels of the coarse grid, that an exchange must save for each limb."""
 
 
 @dataclass(frozen=True)
@@ -48,6 +50,9 @@ class _LimbPair:
     anchor : int
         Node of the segment that both hang on.
     nodes : (2, n) int
+        Nodes that the limb turns.
+    bones, ends : (2, m) int, (2, m, 3)
+        Nodes at the beginning of its bones, and the bones in the rest pose, metres.
     rotations : (2, L, n, 3, 3)
         ``R_anchor_segment`` of each node's segment.
     samples : (2, L, S, 3)
@@ -60,6 +65,8 @@ class _LimbPair:
 
     anchor: int
     nodes: NDArray[np.int64]
+    bones: NDArray[np.int64]
+    ends: NDArray[np.float64]
     rotations: NDArray[np.float64]
     samples: NDArray[np.float64]
     radii: NDArray[np.float64]
@@ -119,20 +126,27 @@ def _exchange(
     weight = max(1.0, len(points) / _MOST_POINTS)
     points = points[:: int(np.ceil(weight))]
     rotation, origin = pose.rotations[pair.anchor], nodes[pair.anchor]
-    count = pair.rotations.shape[1]
-    cost, cover = np.empty((2, count)), np.empty((2, count, len(points)))
+    count = pair.rotations.shape[1]  # the limb as it is comes last
+    cost, cover = np.empty((2, count + 1)), np.empty((2, count + 1, len(points)))
     for side in range(2):
+        now = _ball_centres(pose.rotations[None], nodes[None], pair.anchor, pair.bones[side], pair.ends[side])
         kernels.score_limbs(
-            pair.samples[side], pair.radii, pair.areas, rotation, origin, pose.scale,
+            np.concatenate([pair.samples[side], now / pose.scale]), pair.radii, pair.areas,
+            rotation, origin, pose.scale,
             o.depth, o.labels, o.camera.fx, o.camera.fy, o.camera.cx, o.camera.cy,
             points, cost[side], cover[side],
         )  # fmt: skip
     cover *= np.ceil(weight)
+    cost[:, count] -= _KEEP_PIXELS
     order = [np.argsort(cost[side] + cover[side].sum(axis=1), kind="stable")[:_BEST] for side in range(2)]
-    left, right, _ = kernels.best_pair(cost[0], cover[0], order[0], cost[1], cover[1], order[1])
+    order = [o if count in o else np.append(o, count) for o in order]
+    best = kernels.best_pair(cost[0], cover[0], order[0], cost[1], cover[1], order[1])[:2]
+    if best == (count, count):
+        return None
     rotations = pose.rotations.copy()
-    rotations[pair.nodes[0]] = rotation @ pair.rotations[0, left]
-    rotations[pair.nodes[1]] = rotation @ pair.rotations[1, right]
+    for side in range(2):
+        if best[side] < count:
+            rotations[pair.nodes[side]] = rotation @ pair.rotations[side, best[side]]
     return BodyPose(rotations, pose.root, pose.scale)
 
 
@@ -166,13 +180,16 @@ def _make_pair(
     joints = (nodes[:, bones] - nodes[:, anchor, None]) @ both[:, anchor]
     keep = _farthest(joints.reshape(len(both), -1), _CONFIGURATIONS)
     local = to_anchor[keep, None] @ both[np.ix_(keep, side[0])]
-    samples, radii, areas = _balls(body, both[keep], nodes[keep], anchor, bones)
+    ends, radii, areas = _balls(body, bones)
+    samples = _ball_centres(both[keep], nodes[keep], anchor, np.array(bones), ends)
 
     # the right limb's configurations are the left one's, mirrored
     flip = np.array([-1.0, 1.0, 1.0])
     return _LimbPair(
         anchor=anchor,
         nodes=np.stack(side),
+        bones=np.stack([bones, MIRROR_NODES[bones]]),
+        ends=np.stack([ends, ends * flip]),
         rotations=np.stack([local, flip[:, None] * local * flip]),
         samples=np.stack([samples, samples * flip]),
         radii=radii,
@@ -182,31 +199,41 @@ def _make_pair(
 
 
 def _balls(
-    body: Body,
-    rotations: NDArray[np.float64],
-    nodes: NDArray[np.float64],
-    anchor: int,
-    bones: list[int],
+    body: Body, bones: list[int]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Balls along a limb: centres (L, S, 3) in the anchor's frame, radii (S,) and areas (S,)."""
-    centres, radii, areas = [], [], []
+    """Ends (n, 3) of a limb's bones in the rest pose, and radii and areas (3 n,) of balls along them."""
+    ends, radii, areas = [], [], []
     for bone in bones:
         mine = body.vertices[np.argmax(body.weights, axis=1) == bone] - body.nodes[bone]
         far = mine[np.argmax(np.linalg.norm(mine, axis=1))]
         end = body.nodes[bone + 1] - body.nodes[bone] if bone + 1 not in _ENDS else far
         length = float(np.linalg.norm(end))
-        axis = end / length
-        along = mine @ axis
-        off = np.linalg.norm(mine - along[:, None] * axis, axis=1)
-        for share in (0.25, 0.5, 0.75, 1.0):
-            near = np.abs(along - share * length) < 0.2 * length
-            radius = float(np.median(off[near])) if near.sum() > 3 else 0.03
-            place = nodes[:, bone] + (rotations[:, bone] @ (share * end)) - nodes[:, anchor]
-            centres.append(np.einsum("lji,lj->li", rotations[:, anchor], place))
-            radii.append(radius)
-            areas.append(2 * radius * 0.25 * length)
-    return np.stack(centres, axis=1), np.array(radii), np.array(areas)
+        along = mine @ (end / length)
+        off = np.linalg.norm(mine - along[:, None] * (end / length), axis=1)
+        for share in _SHARES:
+            near = np.abs(along - share * length) < 0.25 * length
+            radii.append(float(np.median(off[near])) if near.sum() > 3 else 0.03)
+            areas.append(2 * radii[-1] * length / len(_SHARES))
+        ends.append(end)
+    return np.array(ends), np.array(radii), np.array(areas)
 
+
+def _ball_centres(
+    rotations: NDArray[np.float64],
+    nodes: NDArray[np.float64],
+    anchor: int,
+    bones: NDArray[np.int64],
+    ends: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Centres (L, S, 3) of the balls along limbs, from the anchor node, in the anchor's frame."""
+    reach = np.einsum("lnij,nj->lni", rotations[:, bones], ends)
+    places = nodes[:, bones, None] + np.array(_SHARES)[:, None] * reach[:, :, None]
+    places = places.reshape(len(nodes), -1, 3) - nodes[:, anchor, None]
+    return np.einsum("lji,lsj->lsi", rotations[:, anchor], places)
+
+
+_SHARES = (1 / 3, 2 / 3, 1.0)
+"""Where along a bone its balls lie."""
 
 _ENDS = frozenset(NODE_INDEX[n] for n in ("right_clavicle", "left_hip"))
 """Nodes that follow a hand in the order of nodes: they are not its far end."""

@@ -9,57 +9,75 @@ from depth_pose.body.angles import rotation_between
 from depth_pose.body.body import Body
 from depth_pose.geometry import quat_to_matrix
 from depth_pose.registration.articulated import BodyPose
-from depth_pose.skeleton import JOINT_INDEX, JOINT_NODES, NODE_INDEX, NODES
+from depth_pose.skeleton import JOINT_NODES, NODE_INDEX, NODES, forward_kinematics
 from depth_pose.types import Skeleton
 
-_AIMED = (
-    ("left_shoulder", "left_elbow"),
-    ("left_elbow", "left_wrist"),
-    ("right_shoulder", "right_elbow"),
-    ("right_elbow", "right_wrist"),
-    ("left_hip", "left_knee"),
-    ("left_knee", "left_ankle"),
-    ("right_hip", "right_knee"),
-    ("right_knee", "right_ankle"),
+_AIMED: tuple[tuple[int, int], ...] = tuple(
+    (NODE_INDEX[f"{side}_{start}"], NODE_INDEX[f"{side}_{end}"])
+    for side in ("left", "right")
+    for start, end in (
+        ("clavicle", "shoulder"),
+        ("shoulder", "elbow"),
+        ("elbow", "wrist"),
+        ("hip", "knee"),
+        ("knee", "ankle"),
+    )
 )
-"""Segments that are turned to point to the joint at their end."""
+"""Segments that are turned to point to the node at their end."""
 
 
 def pose_from_skeleton(body: Body, skeleton: Skeleton) -> BodyPose:
     """Find the pose of a body that a skeleton describes.
 
-    Segments take the rotations of their joints, corrected by the smallest turn that makes the limbs
-    point to their next joint. A clavicle takes the chest's rotation and the smallest turn that
-    points it to the shoulder.
-
     Parameters
     ----------
     body : Body
     skeleton : Skeleton
-        With its 19 joints.
+        With its 19 joints. The clavicles, which it does not name, take the chest's rotation.
 
     Returns
     -------
     BodyPose
-        In the skeleton's frame; its forward kinematics reaches the skeleton's joints where the
-        skeleton has the body's proportions.
+        In the skeleton's frame (`pose_from_nodes`).
     """
     rotations = np.empty((len(NODES), 3, 3))
-    rotations[JOINT_NODES] = quat_to_matrix(skeleton.quats_xyzw)
-    at, scale = skeleton.positions, skeleton.scale
-    for start, end in _AIMED:
-        bone = body.nodes[NODE_INDEX[end]] - body.nodes[NODE_INDEX[start]]
-        seen = at[JOINT_INDEX[end]] - at[JOINT_INDEX[start]]
-        rotations[NODE_INDEX[start]] = _aim(rotations[NODE_INDEX[start]], bone, seen)
-    chest = rotations[NODE_INDEX["chest"]]
+    nodes = np.empty((len(NODES), 3))
+    rotations[JOINT_NODES], nodes[JOINT_NODES] = quat_to_matrix(skeleton.quats_xyzw), skeleton.positions
+    chest = NODE_INDEX["chest"]
     for side in ("left", "right"):
-        clavicle, shoulder = NODE_INDEX[f"{side}_clavicle"], NODE_INDEX[f"{side}_shoulder"]
-        root = at[JOINT_INDEX["chest"]] + scale * chest @ (
-            body.nodes[clavicle] - body.nodes[NODE_INDEX["chest"]]
-        )
-        bone = body.nodes[shoulder] - body.nodes[clavicle]
-        rotations[clavicle] = _aim(chest, bone, at[JOINT_INDEX[f"{side}_shoulder"]] - root)
-    return BodyPose(rotations, at[JOINT_INDEX["pelvis"]].copy(), scale)
+        clavicle = NODE_INDEX[f"{side}_clavicle"]
+        rotations[clavicle] = rotations[chest]
+        reach = skeleton.scale * (body.nodes[clavicle] - body.nodes[chest])
+        nodes[clavicle] = nodes[chest] + rotations[chest] @ reach
+    return pose_from_nodes(body, rotations, nodes, skeleton.scale)
+
+
+def pose_from_nodes(
+    body: Body, rotations: NDArray[np.float64], nodes: NDArray[np.float64], scale: float
+) -> BodyPose:
+    """Find the pose of a body whose segments' rotations and nodes are roughly known.
+
+    Parameters
+    ----------
+    body : Body
+    rotations : (21, 3, 3) float64
+    nodes : (21, 3) float64
+        Metres; need not have the body's proportions.
+    scale : float
+
+    Returns
+    -------
+    BodyPose
+        Limbs are turned by the smallest rotations that make them point to their next node, and the
+        pelvis is placed so that the nodes of the pose lie around the given ones. Where these have
+        the body's proportions, they are reached.
+    """
+    rotations = rotations.copy()
+    for start, end in _AIMED:
+        bone = body.nodes[end] - body.nodes[start]
+        rotations[start] = _aim(rotations[start], bone, nodes[end] - nodes[start])
+    reached = forward_kinematics(rotations, nodes[0], body.nodes, scale)
+    return BodyPose(rotations, nodes[0] + (nodes - reached).mean(axis=0), scale)
 
 
 def _aim(

@@ -1,8 +1,8 @@
 """Carry a body from one frame to the next by the clouds alone (Sec. 6, failure recovery).
 
 The cloud of frame t-1 is registered to that of frame t by coherent point drift; each vertex of the
-last mesh that was seen takes the motion of the points of frame t-1 around it; the rest of the mesh
-follows by Laplacian completion (eq. 7), and the joints by their control vertices (eq. 8).
+last mesh that was seen corresponds to the points of frame t-1 around it and goes where they went;
+the rest of the mesh follows by Laplacian completion (eq. 7), and the joints by their control vertices (eq. 8).
 """
 
 from __future__ import annotations
@@ -29,18 +29,15 @@ class TemporalConfig:
     cpd : CpdConfig
         The field is less stiff than from exemplar to input: both clouds show the same person.
     reach : float
-        A vertex corresponds to the points of its own frame within this distance.
-    pull : float
-        How far a vertex also goes to the surface that it was beside in its own frame, 0 to 1.
+        A vertex corresponds to the points of its own frame within this distance, near ones more.
     weight : float
         Weight of a correspondence in eq. 7.
     """
 
     cpd: CpdConfig = field(
-        default_factory=lambda: CpdConfig(beta=0.3, stiffness=4.0, basis_points=80, max_iterations=30)
+        default_factory=lambda: CpdConfig(beta=0.5, stiffness=4.0, basis_points=60)
     )
     reach: float = 0.05
-    pull: float = 0.5
     weight: float = 0.1
 
 
@@ -71,14 +68,12 @@ class TemporalCarrier:
         c, body = self.config, self._completer.body
         found = register(before, now, c.cpd)
         posed = body.pose(pose.rotations, pose.root, pose.scale)
-        visible = np.flatnonzero(self._completer.visible(posed, pose.rotations, coarse_before))
+        facing = self._completer.visible(posed, pose.rotations, coarse_before)
+        visible = np.flatnonzero(facing > self._completer.config.min_facing)
         targets, weights = posed.vertices.copy(), np.zeros(len(posed.vertices))
-        gaps = before[None] - posed.vertices[visible][:, None]
-        closeness = np.exp(-4.5 * (gaps**2).sum(axis=2) / c.reach**2)
-        mass = closeness @ np.minimum(found.probability, 1.0)
-        share = closeness * np.minimum(found.probability, 1.0) / np.maximum(mass, 1e-12)[:, None]
-        motion = share @ (found.moved - before)
-        aside = np.einsum("vn,vnk->vk", share, gaps)
-        targets[visible] += motion + c.pull * aside
+        squared = ((before[None] - posed.vertices[visible][:, None]) ** 2).sum(axis=2)
+        closeness = np.exp(-4.5 * squared / c.reach**2) * np.minimum(found.probability, 1.0)
+        mass = closeness.sum(axis=1)
+        targets[visible] = closeness @ found.moved / np.maximum(mass, 1e-12)[:, None]
         weights[visible] = c.weight * np.minimum(mass, 1.0)
         return self._completer.complete(pose, posed, targets, weights)

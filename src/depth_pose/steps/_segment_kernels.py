@@ -7,6 +7,17 @@ from numba import njit
 
 
 @njit(cache=True)
+def clip_depth(depth, near, far):
+    """Copy a depth image without what lies outside the limits, or is not finite."""
+    out = np.zeros(depth.shape, np.float32)
+    for i in range(depth.shape[0]):
+        for j in range(depth.shape[1]):
+            if depth[i, j] >= near and depth[i, j] <= far:
+                out[i, j] = depth[i, j]
+    return out
+
+
+@njit(cache=True)
 def reduce_depth(depth, stride, jump, near, far):
     """Average blocks of ``stride`` x ``stride`` pixels over the surface of their median depth."""
     rows, cols = depth.shape[0] // stride, depth.shape[1] // stride
@@ -15,15 +26,19 @@ def reduce_depth(depth, stride, jump, near, far):
     for i in range(rows):
         for j in range(cols):
             n = 0
-            for a in range(stride):
-                for b in range(stride):
-                    z = depth[i * stride + a, j * stride + b]
+            for a in range(i * stride, (i + 1) * stride):
+                for b in range(j * stride, (j + 1) * stride):
+                    z = depth[a, b]
                     if z >= near and z <= far:
-                        block[n] = z
+                        k = n  # insert it in order
+                        while k > 0 and block[k - 1] > z:
+                            block[k] = block[k - 1]
+                            k -= 1
+                        block[k] = z
                         n += 1
             if 2 * n < stride * stride or n == 0:
                 continue
-            middle = np.sort(block[:n])[n // 2]
+            middle = block[n // 2]
             total, count = 0.0, 0
             for k in range(n):
                 if abs(block[k] - middle) <= jump:
@@ -52,7 +67,7 @@ def back_project(depth, fx, fy, cx, cy):
 
 @njit(cache=True)
 def sample_normals(points, rows, cols, reach):
-    """Unit normals of the surface at some pixels from neighbours ``reach`` away; 0 at edges."""
+    """Find unit normals of the surface at some pixels from neighbours ``reach`` away; 0 at edges."""
     normals = np.zeros((rows.shape[0], 3))
     for k in range(rows.shape[0]):
         i, j = rows[k], cols[k]
@@ -165,8 +180,11 @@ def label_components(depth, mask, jump):
 
 @njit(cache=True)
 def component_boxes(points, labels, count, focal):
-    """Area (m^2), bounding box (6) and pixel count of each component, from label 1."""
-    stats = np.zeros((count, 8))
+    """Area (m^2), bounding box (6), pixel count, and filled share of the image box, from label 1."""
+    stats = np.zeros((count, 9))
+    box = np.empty((count, 4), np.int64)
+    box[:, :2] = 1_000_000
+    box[:, 2:] = -1
     stats[:, 1:4] = np.inf
     stats[:, 4:7] = -np.inf
     for i in range(labels.shape[0]):
@@ -176,21 +194,25 @@ def component_boxes(points, labels, count, focal):
                 continue
             stats[k, 0] += (points[i, j, 2] / focal) ** 2
             stats[k, 7] += 1
+            box[k, 0], box[k, 1] = min(box[k, 0], i), min(box[k, 1], j)
+            box[k, 2], box[k, 3] = max(box[k, 2], i), max(box[k, 3], j)
             for a in range(3):
                 stats[k, 1 + a] = min(stats[k, 1 + a], points[i, j, a])
                 stats[k, 4 + a] = max(stats[k, 4 + a], points[i, j, a])
+    for k in range(count):
+        stats[k, 8] = stats[k, 7] / ((box[k, 2] - box[k, 0] + 1) * (box[k, 3] - box[k, 1] + 1))
     return stats
 
 
 @njit(cache=True)
-def touching_components(depth, labels, count, chosen, reach, gap):
-    """Which components have a pixel within ``reach`` pixels and ``gap`` metres of a chosen one."""
+def touching_components(depth, labels, chosen, small, reach, gap):
+    """Mark components, other than the small ones, within ``reach`` pixels and ``gap`` m of a chosen one."""
     rows, cols = labels.shape
-    touching = np.zeros(count + 1, np.bool_)
+    touching = np.zeros(chosen.shape[0], np.bool_)
     for i in range(rows):
         for j in range(cols):
             k = labels[i, j]
-            if k == 0 or chosen[k] or touching[k]:
+            if k == 0 or chosen[k] or small[k] or touching[k]:
                 continue
             for a in range(max(0, i - reach), min(rows, i + reach + 1)):
                 for b in range(max(0, j - reach), min(cols, j + reach + 1)):

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.body.angles import ANGLES, angles_from_rotations
+from depth_pose.body.angles import ANGLES, HANG, angles_from_rotations, rotation_y
 from depth_pose.body.body import Body
 from depth_pose.body.limits import violation
 from depth_pose.config import RecoverConfig
 from depth_pose.registration.skeleton_pose import pose_from_skeleton
-from depth_pose.skeleton import BONES, JOINT_NODES, JOINTS
+from depth_pose.skeleton import BONES, JOINT_NODES, JOINTS, NODE_INDEX
 from depth_pose.types import Skeleton
 
 KINDS: tuple[str, ...] = ("no_pose", "bone_length", "joint_angle", "low_confidence")
@@ -21,13 +21,31 @@ KINDS: tuple[str, ...] = ("no_pose", "bone_length", "joint_angle", "low_confiden
 _UNKNOWN_PERSON = 2.0
 """How many times as far a bone may be from the body's own, before the person's are known."""
 
-_CHECKED = np.array(
+_JUDGED = np.array(
     [
         any(part in name for part in ("spine", "chest", "shoulder_", "elbow", "hip_", "knee"))
         for name in ANGLES
     ]
 )
 """Angles that show a failure; hands, feet, head and forearm twist are seen too poorly to tell."""
+
+
+_BENT = 0.5
+"""Sine of the bend from which on elbow and knee tell the twist of the segment above."""
+
+
+def _hinges() -> list[tuple[int, int, int, NDArray[np.float64], float]]:
+    """Upper and lower segment, end, rotation from rest to hanging, and 1 where it folds forward."""
+    out = []
+    for side, mirror in (("left", 1.0), ("right", -1.0)):
+        flip = np.array([mirror, 1.0, 1.0])
+        for names, forward in ((("shoulder", "elbow", "wrist"), 1.0), (("hip", "knee", "ankle"), -1.0)):
+            upper, lower, end = (NODE_INDEX[f"{side}_{name}"] for name in names)
+            out.append((upper, lower, end, flip[:, None] * HANG[names[0]] * flip, forward))
+    return out
+
+
+_HINGES = _hinges()
 
 
 @dataclass(frozen=True)
@@ -107,7 +125,18 @@ def bone_lengths(positions: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def limit_excess(body: Body, skeleton: Skeleton) -> NDArray[np.float64]:
-    """How far each anatomical angle lies beyond its limit, degrees, (47,); 0 for those not judged."""
+    """How far each anatomical angle lies beyond its limit, degrees, (47,); 0 for those not judged.
+
+    What a fit says of the twist of upper arm and thigh comes from the limb's skin alone and is often
+    wrong while all joints are right. Where elbow or knee are bent their plane tells the twist, so it
+    is taken from there: a knee that bends forward shows as a thigh that is twisted too far.
+    """
     rotations = pose_from_skeleton(body, skeleton).rotations
-    upright = rotations[0].T @ rotations  # against the pelvis: the camera may be mounted at any tilt
-    return np.where(_CHECKED, violation(angles_from_rotations(upright)), 0.0)
+    rotations = rotations[0].T @ rotations  # against the pelvis: the camera may be mounted at any tilt
+    for upper, lower, end, rest_to_hanging, forward in _HINGES:
+        frame = rotations[upper] @ rest_to_hanging.T
+        bone = body.nodes[end] - body.nodes[lower]
+        x, _, z = frame.T @ rotations[lower] @ (bone / np.linalg.norm(bone)) * forward
+        if np.hypot(x, z) > _BENT:
+            rotations[upper] = frame @ rotation_y(np.arctan2(x, z)) @ rest_to_hanging
+    return np.where(_JUDGED, violation(angles_from_rotations(rotations)), 0.0)

@@ -22,6 +22,7 @@ from depth_pose.registration.articulated import ArticulatedFitter, candidate_pos
 from depth_pose.render import Observation
 from depth_pose.skeleton import NODE_PARENTS
 from depth_pose.steps import _match_kernels as kernels
+from depth_pose.steps.sample import sample_cloud
 from depth_pose.steps.scale import SCALES, ScaleFinder
 from depth_pose.steps.stamps import StampGuard
 from depth_pose.steps.view import PersonView, view_person
@@ -64,11 +65,10 @@ class Matcher:
         self._finder.reset()
 
     def warm_up(self) -> None:
-        """Compile every kernel on a view of the bank's own body."""
-        body = self.bank.body
-        posed = body.pose(np.tile(np.diag([1.0, -1.0, -1.0]), (21, 1, 1)), np.array([0.0, 0.0, 3.0]))
-        axes = canonical_axes(posed.vertices)[0]
-        self._search(describe(posed.vertices, axes).astype(np.float32), 1)
+        """Compile every kernel."""
+        self.match(sample_cloud(self.bank))
+        self.reset()
+        self._guard = StampGuard()
 
     def match(self, cloud: PersonCloud) -> PoseMatch:
         """Find the exemplars nearest to a cloud.

@@ -25,9 +25,10 @@ from depth_pose.render import Comparison, DepthComparer
 from depth_pose.skeleton import JOINT_NODES, Source
 from depth_pose.steps.confidence import report_joints, skeleton_confidence
 from depth_pose.steps.fitters import FITTERS, FittedBody
+from depth_pose.steps.sample import sample_cloud
 from depth_pose.steps.stamps import StampGuard
 from depth_pose.steps.view import PersonView, view_person
-from depth_pose.types import PersonCloud, PoseMatch, Skeleton
+from depth_pose.types import Candidate, PersonCloud, PoseMatch, Skeleton
 
 _FINISHERS = 2
 """Rough fits that are finished."""
@@ -61,6 +62,10 @@ class Refiner:
 
     def warm_up(self) -> None:
         """Compile every kernel."""
+        start = Candidate(0, 0, np.array([1.0, 0.0, 0.0, 0.0]), np.array([0.0, 0.0, 3.2]), 0.0, 0.0)
+        self.refine(sample_cloud(self.bank), PoseMatch(0, "", self.bank.bank_id, 1.0, (start,)))
+        self.reset()
+        self._guard = StampGuard()
 
     def refine(self, cloud: PersonCloud, match: PoseMatch) -> Skeleton:
         """Fit the body to one frame.

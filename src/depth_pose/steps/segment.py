@@ -16,22 +16,15 @@ from numpy.typing import NDArray
 
 from depth_pose.config import SegmentConfig
 from depth_pose.steps import _segment_kernels as kernels
+from depth_pose.steps.planes import PlaneFinder
 from depth_pose.types import BACKGROUND, PERSON, UNKNOWN, Camera, DepthFrame
 
-MIN_PLANE_AREA_M2 = 1.5
-"""A plane with less visible area than this may be a person's back; it stays."""
+_BOX_FILL = 0.95
+"""A person leaves more of their bounding box empty than this; a curtain or a cupboard fills it."""
 
-MIN_PLANE_WIDTH_M = 0.2
-"""Standard deviation of a plane's points along its narrower side; a person's is less."""
+_SMALL_PIXELS = 6
+"""Surfaces with fewer pixels are flying pixels; none of the person's limbs."""
 
-MIN_FLOOR_AREA_M2 = 0.6
-"""The same for planes less than 40 degrees off the camera's horizontal: nobody's back is there."""
-
-_PLANE_TOLERANCE = 0.012
-"""Distance from a plane, as a share of the range, within which a point belongs to it."""
-
-_MAX_PLANES = 8
-_PLANE_SEEDS = 64
 _PERSON_AREA_M2 = (0.04, 2.5)
 _PERSON_EXTENT_M = 2.6
 
@@ -76,10 +69,12 @@ class PersonSegmenter:
 
     def __init__(self, config: SegmentConfig) -> None:
         self.config = config
+        self._planes = PlaneFinder()
         self._last_box: NDArray[np.float64] | None = None
 
     def reset(self) -> None:
-        """Forget the person."""
+        """Forget the person and the room."""
+        self._planes.reset()
         self._last_box = None
 
     def segment(self, frame: DepthFrame) -> Segmentation:
@@ -97,10 +92,13 @@ class PersonSegmenter:
         config = self.config
         stride = max(1, round(frame.camera.height / config.working_height))
         camera = reduce_camera(frame.camera, stride)
-        depth = kernels.reduce_depth(frame.depth, stride, config.depth_jump, config.near, config.far)
+        if stride == 1:
+            depth = kernels.clip_depth(frame.depth, config.near, config.far)
+        else:
+            depth = kernels.reduce_depth(frame.depth, stride, config.depth_jump, config.near, config.far)
         points = kernels.back_project(depth, camera.fx, camera.fy, camera.cx, camera.cy)
 
-        planes = mark_large_planes(points, camera)
+        planes = self._planes.mark(points, camera)
         foreground = (depth > 0) & ~planes
         person = self._find_person(depth, points, foreground, camera)
         person = kernels.filter_support(depth, person, config.depth_jump, config.min_support)
@@ -145,17 +143,18 @@ class PersonSegmenter:
         if not fits.any():
             self._last_box = None
             return np.zeros(depth.shape, np.bool_)
-        rank = np.where(fits, area, 0.0)
+        rank = np.where(fits, area, 0.0) * np.clip((_BOX_FILL - stats[:, 8]) / 0.3, 0.05, 1.0)
         if self._last_box is not None:
             rank = rank * (1.0 + 2.0 * _overlap(low[:, :2], high[:, :2], self._last_box[[0, 1, 3, 4]]))
         seed = int(np.argmax(rank))
 
+        small = np.append(True, stats[:, 7] < _SMALL_PIXELS)
         chosen = np.zeros(count + 1, np.bool_)
         chosen[seed + 1] = True
         box = np.concatenate([low[seed], high[seed]])
         reach = max(2, round(0.06 * camera.fx / float(np.median(depth[labels == seed + 1]))))
         for _ in range(3):
-            touching = kernels.touching_components(depth, labels, count, chosen, reach, 0.5)
+            touching = kernels.touching_components(depth, labels, chosen, small, reach, 0.5)
             grown = False
             for k in np.flatnonzero(touching[1:]):
                 union = np.concatenate([np.minimum(box[:3], low[k]), np.maximum(box[3:], high[k])])
@@ -169,60 +168,6 @@ class PersonSegmenter:
                 break
         self._last_box = box
         return chosen[labels]
-
-
-def mark_large_planes(points: NDArray[np.float32], camera: Camera) -> NDArray[np.bool_]:
-    """Mark the pixels of walls, floor and ceiling.
-
-    Parameters
-    ----------
-    points : (h, w, 3) float32
-        Organised points, metres, NaN where there is none.
-    camera : Camera
-        Camera of the grid.
-
-    Returns
-    -------
-    (h, w) bool
-    """
-    marked = np.zeros(points.shape[:2], np.bool_)
-    rows, cols = np.nonzero(np.isfinite(points[..., 2]))
-    step = max(1, len(rows) // 2000)
-    rows, cols = rows[::step], cols[::step]
-    samples = points[rows, cols].astype(np.float64)
-    areas = float(step) * (samples[:, 2] / camera.fx) ** 2
-    normals = kernels.sample_normals(points, rows, cols, max(2, points.shape[0] // 36))
-    free = normals.any(axis=1)  # samples that no plane has explained yet
-    rng = np.random.default_rng(0)  # the same frame always gives the same planes
-    for _ in range(_MAX_PLANES):
-        if areas[free].sum() < MIN_FLOOR_AREA_M2:
-            break
-        samples_left, normals_left, areas_left = samples[free], normals[free], areas[free]
-        seeds = rng.integers(0, len(samples_left), _PLANE_SEEDS)
-        plane = kernels.best_plane(samples_left, normals_left, areas_left, seeds, _PLANE_TOLERANCE)
-        width = 0.0
-        for _ in range(4):
-            inliers, area = kernels.plane_inliers(
-                samples_left, normals_left, areas_left, plane, _PLANE_TOLERANCE
-            )
-            if inliers.sum() < 10:
-                break
-            plane, width = _fit_plane(samples_left[inliers])
-        if width >= MIN_PLANE_WIDTH_M and area >= _least_area(plane):
-            kernels.mark_plane(points, plane, 1.5 * _PLANE_TOLERANCE, 3, marked)
-        free[np.flatnonzero(free)[inliers]] = False
-    return marked
-
-
-def _fit_plane(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
-    """Plane (n, d) through points, and the standard deviation of its narrower side, metres."""
-    middle = points.mean(axis=0)
-    variances, axes = np.linalg.eigh(np.cov((points - middle).T))
-    return np.append(axes[:, 0], axes[:, 0] @ middle), float(np.sqrt(variances[1]))
-
-
-def _least_area(plane: NDArray[np.float64]) -> float:
-    return MIN_FLOOR_AREA_M2 if abs(plane[1]) > np.cos(np.radians(40)) else MIN_PLANE_AREA_M2
 
 
 def _overlap(

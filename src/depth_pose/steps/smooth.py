@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from depth_pose.config import SmoothConfig
 
-_SPEED_CUTOFF_HZ = 1.5
+_SPEED_CUTOFF_HZ = 4.0
 
 
 class JointFilter:

@@ -1,0 +1,219 @@
+"""The bank file: what is written is read back, and everything else is refused with a reason."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from depth_pose.bank import Bank, default_bank_path
+from depth_pose.bank.bank import FORMAT, FORMAT_VERSION
+from depth_pose.errors import BankError
+
+ARRAYS = ("pose_quats", "view_quats", "view_origins", "coefficients", "mean", "components")
+
+
+@pytest.fixture
+def parts(bank_path):
+    """The arrays of a good file, to be spoiled."""
+    with np.load(bank_path) as file:
+        return {name: file[name] for name in file.files}
+
+
+def _write(path, parts, **header_changes):
+    header = json.loads(bytes(parts["header"]))
+    for key, value in header_changes.items():
+        if value is None:
+            del header[key]
+        else:
+            header[key] = value
+    np.savez(path, **(parts | {"header": np.frombuffer(json.dumps(header).encode(), np.uint8)}))
+    return path
+
+
+def test_round_trip(bank, tmp_path):
+    bank.save(tmp_path / "sub" / "copy.npz")
+    again = Bank.load(tmp_path / "sub" / "copy.npz")
+    for name in ARRAYS:
+        assert getattr(again, name).dtype == getattr(bank, name).dtype
+        np.testing.assert_array_equal(getattr(again, name), getattr(bank, name))
+    assert again.body.content_hash() == bank.body.content_hash()
+    assert (again.body.name, again.body.stature) == (bank.body.name, bank.body.stature)
+    assert again.bank_id == bank.bank_id
+    assert again.source == bank.source
+    assert bank.source.items() >= {"poses": "procedural", "count": bank.poses, "seed": 1}.items()
+    assert [p.name for p in (tmp_path / "sub").iterdir()] == ["copy.npz"]  # no half-written file is left
+
+
+def test_shapes(bank):
+    assert bank.coefficients.shape == (bank.poses, bank.views, len(bank.components))
+    r = bank.rotations(3)
+    assert r.shape == (21, 3, 3)
+    np.testing.assert_allclose(r @ r.transpose(0, 2, 1), np.broadcast_to(np.eye(3), (21, 3, 3)), atol=1e-6)
+
+
+def test_hash_depends_on_every_array(bank):
+    from dataclasses import replace
+
+    assert len(bank.bank_id) == 16
+    assert int(bank.bank_id, 16) >= 0
+    seen = {bank.bank_id}
+    for name in ARRAYS:
+        changed = getattr(bank, name).copy()
+        changed.flat[0] += np.float32(0.25)
+        seen.add(replace(bank, **{name: changed}).bank_id)
+    seen.add(replace(bank, body=replace(bank.body, nodes=bank.body.nodes + 0.001)).bank_id)
+    assert len(seen) == len(ARRAYS) + 2
+    assert replace(bank, source={"other": 1}).bank_id == bank.bank_id
+
+
+def test_a_write_that_fails_leaves_the_old_file(bank, tmp_path):
+    from dataclasses import replace
+
+    path = tmp_path / "bank.npz"
+    bank.save(path)
+    before = path.read_bytes()
+    with pytest.raises(TypeError):
+        replace(bank, source={"not": {1, 2}}).save(path)
+    assert path.read_bytes() == before
+    assert [p.name for p in tmp_path.iterdir()] == ["bank.npz"]
+
+
+def test_missing(tmp_path):
+    with pytest.raises(BankError, match="no such bank; make it with"):
+        Bank.load(tmp_path / "none.npz")
+    with pytest.raises(BankError, match="no such bank"):
+        Bank.load(tmp_path)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.001, 0.3, 0.9, 0.999])
+def test_truncated(bank_path, tmp_path, share):
+    whole = bank_path.read_bytes()
+    path = tmp_path / "cut.npz"
+    path.write_bytes(whole[: int(share * len(whole))])
+    with pytest.raises(BankError, match=r"cut\.npz: .*build the bank again"):
+        Bank.load(path)
+
+
+def test_flipped_bytes(bank_path, tmp_path):
+    """Wherever bits flip, the file is refused, or what was read is what was written.
+
+    Mostly in the headers and in the directory at the end, where the ways to fail are many.
+    """
+    whole, good = bank_path.read_bytes(), Bank.load(bank_path).bank_id
+    rng = np.random.default_rng(0)
+    places = [*rng.integers(0, len(whole), 20), *range(0, 700, 11), *range(len(whole) - 1500, len(whole), 13)]
+    path, refused = tmp_path / "flipped.npz", 0
+    for place in [515, *places]:
+        damaged = bytearray(whole)
+        damaged[place] ^= int(rng.integers(1, 256))
+        path.write_bytes(damaged)
+        try:
+            found = Bank.load(path)
+        except BankError as error:
+            assert "flipped.npz" in str(error)
+            refused += 1
+        else:
+            assert found.bank_id == good
+    assert refused > len(places) // 2
+
+
+def test_flipped_byte_of_the_arrays_is_refused(bank_path, tmp_path):
+    """Right in the middle of the coefficients, where no checksum of the file's own is relied on."""
+    damaged = bytearray(bank_path.read_bytes())
+    damaged[len(damaged) // 2] ^= 0x01
+    (tmp_path / "flipped.npz").write_bytes(damaged)
+    with pytest.raises(BankError, match="flipped"):
+        Bank.load(tmp_path / "flipped.npz")
+
+
+def test_changed_content_with_sound_checksums(parts, tmp_path):
+    parts["coefficients"] = parts["coefficients"] + np.float32(0.001)
+    with pytest.raises(BankError, match="does not match its hash"):
+        Bank.load(_write(tmp_path / "b.npz", parts))
+
+
+def test_foreign_files(tmp_path):
+    np.savez(tmp_path / "other.npz", a=np.arange(3))
+    with pytest.raises(BankError, match="not a bank of depth_pose"):
+        Bank.load(tmp_path / "other.npz")
+    np.save(tmp_path / "array.npy", np.arange(3))
+    (tmp_path / "text.npz").write_text("not a bank")
+    (tmp_path / "zeros.npz").write_bytes(bytes(1000))
+    for name in ("array.npy", "text.npz", "zeros.npz"):
+        with pytest.raises(BankError, match=name):
+            Bank.load(tmp_path / name)
+
+
+def test_foreign_header(parts, tmp_path):
+    with pytest.raises(BankError, match="but 'something else'"):
+        Bank.load(_write(tmp_path / "b.npz", parts, format="something else"))
+    for key in ("format", "version", "bank_id", "body", "source"):
+        with pytest.raises(BankError, match="header is missing"):
+            Bank.load(_write(tmp_path / "b.npz", parts, **{key: None}))
+    parts["header"] = np.frombuffer(b"\xff{not json", np.uint8)
+    np.savez(tmp_path / "c.npz", **parts)
+    with pytest.raises(BankError, match="header is missing"):
+        Bank.load(tmp_path / "c.npz")
+
+
+def test_other_version(parts, tmp_path):
+    with pytest.raises(BankError, match=f"format {FORMAT_VERSION + 1}; this version reads {FORMAT_VERSION}"):
+        Bank.load(_write(tmp_path / "b.npz", parts, version=FORMAT_VERSION + 1))
+    assert json.loads(bytes(parts["header"]))["format"] == FORMAT
+
+
+@pytest.mark.parametrize("name", [*ARRAYS, "body_vertices", "body_faces", "body_weights", "body_nodes"])
+def test_missing_and_misshapen_arrays(parts, tmp_path, name):
+    good = parts.pop(name)
+    with pytest.raises(BankError, match=f"the array {name} is missing"):
+        Bank.load(_write(tmp_path / "b.npz", parts))
+    for bad in (good[..., None], good.astype(np.float16), good[..., :-1] if good.ndim > 1 else good[:-1]):
+        with pytest.raises(BankError, match=r"the array \w+ is .* not "):
+            Bank.load(_write(tmp_path / "b.npz", parts | {name: bad}))
+
+
+def test_values_that_are_not_finite(parts, tmp_path):
+    parts["mean"] = parts["mean"].copy()
+    parts["mean"][3] = np.nan
+    with pytest.raises(BankError, match="mean has values that are not finite"):
+        Bank.load(_write(tmp_path / "b.npz", parts))
+
+
+class _Payload:
+    """Would leave a file behind if it were ever unpickled."""
+
+    def __init__(self, path):
+        self._path = path
+
+    def __reduce__(self):
+        return (open, (self._path, "w"))
+
+
+def test_pickled_objects_are_not_loaded(parts, tmp_path):
+    evil = np.empty(1, object)
+    evil[0] = _Payload(str(tmp_path / "ran"))
+    parts["mean"] = evil
+    with pytest.raises(BankError, match=r"not a readable bank file"):
+        Bank.load(_write(tmp_path / "b.npz", parts))
+    assert not (tmp_path / "ran").exists()
+
+
+def test_inconsistent_body(parts, tmp_path):
+    """Weights that do not sum to 1, or faces of vertices that are not there."""
+    weights = parts["body_weights"] * 0.5
+    with pytest.raises(BankError):
+        Bank.load(_write(tmp_path / "b.npz", parts | {"body_weights": weights}))
+    faces = parts["body_faces"] + 10**6
+    with pytest.raises(BankError):
+        Bank.load(_write(tmp_path / "b.npz", parts | {"body_faces": faces}))
+
+
+def test_default_path(monkeypatch, tmp_path):
+    monkeypatch.setenv("DEPTH_POSE_BANK", str(tmp_path / "mine.npz"))
+    assert default_bank_path() == tmp_path / "mine.npz"
+    monkeypatch.delenv("DEPTH_POSE_BANK")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    assert default_bank_path().parent == tmp_path / "depth_pose"
+    assert str(FORMAT_VERSION) in default_bank_path().name

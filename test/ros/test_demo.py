@@ -1,0 +1,65 @@
+"""The main job on small recordings: what is answered, how it is counted, what is written."""
+
+import numpy as np
+import pytest
+import scene
+
+from depth_pose.errors import InputError
+from depth_pose.io.mcap_read import read_skeletons
+from depth_pose.io.mcap_write import DepthWriter
+from depth_pose.ros.demo import replay_live, run_demo
+from depth_pose.skeleton import JOINTS
+
+FRAMES = 6
+PERIOD_NS = 1_500_000_000
+
+
+def write(path, frames=FRAMES):
+    """Frames so far apart that a slow machine answers each before the next comes."""
+    stamps = [1_000_000_000 + i * PERIOD_NS for i in range(frames)]
+    with DepthWriter(path, scene.CAMERA, "optical") as writer:
+        for stamp_ns, frame in zip(stamps, scene.frames(frames), strict=True):
+            writer.write(stamp_ns, frame.depth)
+    return stamps
+
+
+def test_every_slow_frame_is_answered(tmp_path, bank_path):
+    stamps = write(tmp_path / "slow.mcap")
+    ready, progress = [], []
+    result = replay_live(
+        tmp_path / "slow.mcap",
+        tmp_path / "out.mcap",
+        bank_path,
+        on_ready=lambda: ready.append(True),
+        progress=progress.append,
+    )
+    assert (result.frames, result.answered, result.restarts, result.damage) == (FRAMES, FRAMES, 0, ())
+    assert [s.stamp_ns for s in read_skeletons(tmp_path / "out.mcap")] == stamps
+    assert result.people == sum(not s.is_lost for s in read_skeletons(tmp_path / "out.mcap"))
+    assert result.input_hz == pytest.approx(1e9 / PERIOD_NS, rel=0.1)
+    assert result.latency_s.shape == (FRAMES,) and np.all(result.latency_s > 0.0)
+    assert ready == [True] and progress == list(range(1, FRAMES + 1))
+
+
+def test_one_frame_gives_a_table_and_a_picture(tmp_path, bank_path, monkeypatch, capsys):
+    stamps = write(tmp_path / "one.mcap", frames=1)
+    joints = np.zeros((1, len(JOINTS), 3), np.float32)
+    truth = {
+        "names": np.array(JOINTS),
+        "stamps_ns": np.array(stamps),
+        "seen": np.ones((1, len(JOINTS)), bool),
+    }
+    np.savez(tmp_path / "one.npz", joints=joints, K=np.eye(3), box=np.zeros(6), **truth)
+    monkeypatch.setenv("DEPTH_POSE_BANK", str(bank_path))
+    assert run_demo(tmp_path / "one.mcap", tmp_path / "results") == 0
+    assert (tmp_path / "results" / "one.png").read_bytes().startswith(b"\x89PNG")
+    assert len(list(read_skeletons(tmp_path / "results" / "one_skeleton.mcap"))) == 1
+    printed = " ".join(capsys.readouterr().out.split())
+    assert "1 (100.0%)" in printed
+    assert "error of the answered" in printed
+
+
+def test_no_recording_is_refused_before_anything_starts(tmp_path):
+    with pytest.raises(InputError, match=r"nothing\.mcap"):
+        run_demo(tmp_path / "nothing.mcap", tmp_path / "results")
+    assert not (tmp_path / "results").exists()
