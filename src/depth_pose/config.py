@@ -140,9 +140,9 @@ class MatchConfig(_Checked):
     """Matching with the exemplar bank (Sec. 5)."""
 
     shortlist: int = option(
-        64, "Nearest exemplars in the subspace that are compared by rendered depth", low=1, high=4096
+        40, "Nearest exemplars in the subspace that are compared by rendered depth", low=1, high=4096
     )
-    keep: int = option(4, "Candidates handed to the refinement", low=1, high=64)
+    keep: int = option(3, "Candidates handed to the refinement", low=1, high=64)
     score_band: float = option(
         0.12, "Depth difference that counts as a full mismatch", unit="m", low=0.01, high=1.0
     )

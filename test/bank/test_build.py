@@ -29,7 +29,9 @@ def test_same_bank_from_any_number_of_workers(body, few, monkeypatch):
     assert told == 3 * once
     b = banks[0]
     assert b.coefficients.shape == (count, 8, 12)
-    assert b.source == {"a": 1}
+    assert b.source["a"] == 1
+    assert b.source["views"] == b.view_scheme == "partial"
+    assert 0.4 < b.source["explained_variance"] < 1.0
     np.testing.assert_allclose(
         np.stack([b.rotations(i) for i in range(count)]), few, atol=1e-6
     )  # as they were given

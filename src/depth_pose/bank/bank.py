@@ -102,6 +102,11 @@ class Bank:
         """Number of views of each pose."""
         return self.coefficients.shape[1]
 
+    @property
+    def view_scheme(self) -> str:
+        """How its views were made, a name of `depth_pose.bank.views.SCHEMES`: inputs take the same axes."""
+        return str(self.source.get("views", "partial"))
+
     def rotations(self, exemplar: int) -> NDArray[np.float64]:
         """Segment rotations of one pose in the model frame, shape (21, 3, 3)."""
         return quat_to_matrix(self.pose_quats[exemplar].astype(np.float64))

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Iterator
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Callable
 from dataclasses import dataclass
-from multiprocessing import get_context
 from typing import Any
 
 import numpy as np
@@ -14,32 +11,43 @@ from numpy.typing import NDArray
 from scipy.sparse.linalg import eigsh
 
 from depth_pose.bank.bank import Bank
-from depth_pose.bank.views import PoseViews, render_views
+from depth_pose.bank.views import BANK_SCHEMES, render_views
+from depth_pose.bank.workers import run_parts
 from depth_pose.body.body import Body
-from depth_pose.config import option
+from depth_pose.config import _Checked, option
 from depth_pose.geometry import matrix_to_quat, quat_to_matrix
 
 Progress = Callable[[int, int], None]
 """Called with the number of poses done and their total."""
 
 _CHUNK = 50
+_SAMPLE = 24_000
 
 
 @dataclass(frozen=True)
-class BuildConfig:
+class BuildConfig(_Checked):
     """How a bank is built."""
 
-    poses: int = option(9000, "Number of poses of the embedded bank", low=10, high=1_000_000)
+    poses: int = option(9000, "Number of poses of the embedded source", low=10, high=1_000_000)
     dimensions: int = option(48, "Dimensions of the PCA subspace", low=2, high=512)
     seed: int = option(1, "Seed of the embedded pose source", low=0)
+    views: str = option(
+        "partial",
+        "partial: clouds seen from all around; paper: the whole mesh's principal axes",
+        choices=BANK_SCHEMES,
+    )
 
 
 @dataclass(frozen=True)
 class Subspace:
-    """PCA of descriptors: mean (P,), components (D, P), float32, largest variance first."""
+    """PCA of descriptors: mean (P,), components (D, P), float32, largest variance first.
+
+    ``explained`` is the share of the descriptors' variance that the components carry.
+    """
 
     mean: NDArray[np.float32]
     components: NDArray[np.float32]
+    explained: float = 1.0
 
 
 def build_bank(
@@ -49,8 +57,9 @@ def build_bank(
     source: dict[str, Any],
     progress: Progress | None = None,
     workers: int | None = None,
+    scheduler: str | None = None,
 ) -> Bank:
-    """Build a bank; the same input gives the same bank, whatever the number of workers.
+    """Build a bank; the same input gives the same bank, whoever does the work.
 
     Parameters
     ----------
@@ -58,19 +67,23 @@ def build_bank(
     rotations : (N, 21, 3, 3)
         Segment rotations of the poses, model frame.
     config : BuildConfig
+        Its number of poses and its seed are not used here.
     source : dict
         What the poses come from, for the file's header.
     progress : callable, optional
         Called with (poses done, poses in all).
     workers : int, optional
         Processes; all cores by default, 0 works in this process.
+    scheduler : str, optional
+        Address of a Dask scheduler, whose workers render instead of processes of this machine.
     """
     # as they will be read back from the file, so that views and poses belong together exactly
     quats = matrix_to_quat(rotations).astype(np.float32)
     poses = quat_to_matrix(quats.astype(np.float64))
+    tasks = [(body, poses[i : i + _CHUNK], i, config.views) for i in range(0, len(poses), _CHUNK)]
     parts = []
     done = 0
-    for part in _render_all(body, poses, workers):
+    for part in run_parts(render_views, tasks, workers, scheduler):
         parts.append(part)
         done += len(part.descriptors)
         if progress is not None:
@@ -85,25 +98,12 @@ def build_bank(
         coefficients=project(descriptors, subspace),
         mean=subspace.mean,
         components=subspace.components,
-        source=source,
+        source={**source, "views": config.views, "explained_variance": round(subspace.explained, 4)},
     )
 
 
-def _render_all(body: Body, poses: NDArray[np.float64], workers: int | None) -> Iterator[PoseViews]:
-    starts = range(0, len(poses), _CHUNK)
-    count = (os.cpu_count() or 1) if workers is None else workers
-    if count == 0:
-        for first in starts:
-            yield render_views(body, poses[first : first + _CHUNK], first)
-        return
-    with ProcessPoolExecutor(count, mp_context=get_context("spawn")) as pool:
-        tasks = [pool.submit(render_views, body, poses[i : i + _CHUNK], i) for i in starts]
-        for task in tasks:
-            yield task.result()
-
-
 def learn_subspace(descriptors: NDArray[np.float16], dimensions: int) -> Subspace:
-    """Principal components of descriptors, from the covariance of at most 24,000 of them.
+    """Principal components of descriptors, from the covariance of about 24,000 of them.
 
     Parameters
     ----------
@@ -111,17 +111,19 @@ def learn_subspace(descriptors: NDArray[np.float16], dimensions: int) -> Subspac
     dimensions : int
         Components to keep; fewer where there are fewer descriptors.
     """
-    step = max(1, len(descriptors) // 24_000)
+    step = max(1, len(descriptors) // _SAMPLE)
     sample = descriptors[::step].astype(np.float32)
     mean = sample.mean(axis=0, dtype=np.float64).astype(np.float32)
     sample -= mean
     covariance = (sample.T @ sample).astype(np.float64)
     keep = min(dimensions, len(sample), len(mean))
     if 4 * keep < min(sample.shape):  # much faster than all vectors
-        vectors = eigsh(covariance, k=keep, v0=np.ones(len(mean)))[1]
+        values, vectors = eigsh(covariance, k=keep, v0=np.ones(len(mean)))
     else:
-        vectors = np.linalg.eigh(covariance)[1][:, -keep:]
-    return Subspace(mean, np.ascontiguousarray(vectors[:, ::-1].T.astype(np.float32)))
+        values, vectors = np.linalg.eigh(covariance)
+    largest = np.argsort(-values, kind="stable")[:keep]
+    explained = float(values[largest].sum() / max(float(np.trace(covariance)), 1e-12))
+    return Subspace(mean, np.ascontiguousarray(vectors[:, largest].T.astype(np.float32)), explained)
 
 
 def project(descriptors: NDArray[np.float16], subspace: Subspace) -> NDArray[np.float32]:

@@ -1,27 +1,41 @@
-"""Partial views of posed bodies: Open3D ray casting from around and above (Sec. 5.1)."""
+"""Views of posed bodies in canonical axes: Open3D ray casting (Sec. 5.1).
+
+Two schemes. ``partial``: the body is seen from all around and from below to above, and each
+partial cloud is put into canonical axes exactly as an input is. ``paper``: the axes are the
+principal ones of the *whole* mesh, and a virtual camera looks along the third of them. The paper
+alternates the signs of the second and third axis, four frames; two of them are proper rotations,
+which are what a bank holds, and two are mirror images, which `render_views` gives for comparison.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.bank.canonical import canonical_axes, describe
+from depth_pose.bank import _ray_kernels as kernels
+from depth_pose.bank.canonical import DESCRIPTOR_SIZE, CanonicalAxes, canonical_axes, describe
 from depth_pose.body.body import Body
 
-VIEWS = 8
-"""Views of each pose, one for every eighth of a turn."""
+Array = NDArray[np.float64]
 
 DISTANCE_M = 3.0
 """From the virtual camera to the middle of the body."""
+
+VIEWS = 8
+"""Partial views of each pose, one for every eighth of a turn."""
 
 _RAY_SPACING = 0.028 / DISTANCE_M
 """Tangent of the angle between neighbouring rays."""
 
 _ELEVATIONS = np.radians([0.0, 8.0, 20.0, -8.0, 12.0, 4.0, 32.0, 50.0])
-_CLOSE_ELEVATIONS = 6
-"""The first ones, from -8 to 20 degrees, are what most sensors see; each pose gets one steep view."""
+"""Each pose is seen once from each; most sensors stand at chest height and look level."""
+
+_CAMERA_AXES = np.diag([1.0, -1.0, -1.0])
+"""Right, up and toward the camera, in the camera frame."""
 
 
 @dataclass(frozen=True)
@@ -30,11 +44,11 @@ class PoseViews:
 
     Attributes
     ----------
-    descriptors : (N, 8, 2304) float16
-    rotations : (N, 8, 3, 3) float32
-        ``R_canonical_model``.
-    origins : (N, 8, 3) float32
-        Centroid of each partial cloud in the model frame, pelvis at the origin, metres.
+    descriptors : (N, W, 2304) float16
+    rotations : (N, W, 3, 3) float32
+        ``R_canonical_model``; its determinant is -1 for a mirror image.
+    origins : (N, W, 3) float32
+        Origin of the canonical axes in the model frame, pelvis at the origin, metres.
     """
 
     descriptors: NDArray[np.float16]
@@ -42,7 +56,26 @@ class PoseViews:
     origins: NDArray[np.float32]
 
 
-def view_rotation(azimuth: float, elevation: float) -> NDArray[np.float64]:
+@dataclass(frozen=True)
+class View:
+    """A virtual camera, ``DISTANCE_M`` from a target in the model frame.
+
+    Attributes
+    ----------
+    rotation : (3, 3) float64
+        ``R_camera_model``; its determinant is -1 for a mirror image.
+    target : (3,) float64
+        Metres.
+    own_axes : bool
+        Whether the view's cloud has canonical axes of its own; otherwise they are the camera's.
+    """
+
+    rotation: Array
+    target: Array
+    own_axes: bool
+
+
+def view_rotation(azimuth: float, elevation: float) -> Array:
     """Rotation from the model frame to a camera that sees the body from a direction.
 
     Parameters
@@ -58,15 +91,77 @@ def view_rotation(azimuth: float, elevation: float) -> NDArray[np.float64]:
     return np.stack([right, np.cross(right, toward), -toward])
 
 
-def view_directions(pose: int) -> NDArray[np.float64]:
-    """Azimuth and elevation of every view of a pose, shape (8, 2), radians; fixed by its number."""
+def view_directions(pose: int) -> Array:
+    """Azimuth and elevation of every partial view of a pose, (8, 2), radians; fixed by its number."""
     turn = (pose * 0.6180339887) % 1.0  # golden ratio: neighbouring poses see other azimuths
     azimuths = (np.arange(VIEWS) + turn) * (2 * np.pi / VIEWS)
     order = np.random.default_rng(pose).permutation(VIEWS)
     return np.stack([azimuths, _ELEVATIONS[order]], axis=1)
 
 
-def render_views(body: Body, rotations: NDArray[np.float64], first: int) -> PoseViews:
+def partial_views(vertices: Array, pose: int) -> list[View]:
+    """Give the cameras all around a posed body."""
+    middle = vertices.mean(axis=0)
+    return [View(view_rotation(a, e), middle, True) for a, e in view_directions(pose)]
+
+
+def paper_views(vertices: Array, pose: int, mirrored: bool = False) -> list[View]:
+    """Give the cameras that look along the third principal axis of the whole mesh (Sec. 5.1).
+
+    Parameters
+    ----------
+    vertices : (V, 3)
+        Posed body, model frame, metres.
+    pose : int
+        Not used: the frames do not depend on the pose's number.
+    mirrored : bool
+        As printed: all four signs of the second and third axis, of which two are mirror images.
+    """
+    middle = vertices.mean(axis=0)
+    up, second = principal_directions(vertices - middle, np.array([0.0, 1.0, 0.0]))
+    third = np.cross(second, up)
+    signs = ((1, 1), (-1, -1), (1, -1), (-1, 1)) if mirrored else ((1, 1), (-1, -1))
+    return [View(_CAMERA_AXES @ np.stack([a * second, up, b * third]), middle, False) for a, b in signs]
+
+
+def paper_mirrored_views(vertices: Array, pose: int) -> list[View]:
+    """Give `paper_views` as printed, with the mirror images."""
+    return paper_views(vertices, pose, mirrored=True)
+
+
+def principal_directions(centred: Array, camera_up: Array) -> tuple[Array, Array]:
+    """Give the largest principal axis, turned up, and the second one, whose sign is arbitrary."""
+    vectors = np.linalg.eigh(centred.T @ centred)[1]
+    up = vectors[:, 2] if vectors[:, 2] @ camera_up >= 0 else -vectors[:, 2]
+    return up, vectors[:, 1]
+
+
+def paper_axes(points: Array) -> tuple[CanonicalAxes, ...]:
+    """Canonical axes of an input by the paper's rule: principal axes, the second's sign arbitrary.
+
+    Parameters
+    ----------
+    points : (N, 3) float64
+        Camera frame, metres.
+    """
+    origin = points.mean(axis=0)
+    up, second = principal_directions(points - origin, np.array([0.0, -1.0, 0.0]))
+    return (CanonicalAxes(np.stack([second, up, np.cross(second, up)]), origin),)
+
+
+SCHEMES = {"partial": partial_views, "paper": paper_views, "paper-mirrored": paper_mirrored_views}
+"""Cameras of a posed body by the scheme's name."""
+
+BANK_SCHEMES = ("partial", "paper")
+"""Schemes that a bank can be built with."""
+
+AXES = {"partial": canonical_axes, "paper": paper_axes, "paper-mirrored": paper_axes}
+"""Canonical axes of an input by the scheme of the bank that it is matched with."""
+
+
+def render_views(
+    body: Body, rotations: NDArray[np.float64], first: int, scheme: str = "partial"
+) -> PoseViews:
     """Render and describe all views of consecutive poses.
 
     Parameters
@@ -76,64 +171,70 @@ def render_views(body: Body, rotations: NDArray[np.float64], first: int) -> Pose
         Segment rotations, model frame.
     first : int
         Number of the first pose in the bank, which fixes its viewing directions.
+    scheme : str
+        One of `SCHEMES`.
 
     Returns
     -------
     PoseViews
     """
-    import open3d as o3d
-
-    n = len(rotations)
-    descriptors = np.empty((n, VIEWS, describe_size()), np.float16)
-    frames = np.empty((n, VIEWS, 3, 3), np.float32)
-    origins = np.empty((n, VIEWS, 3), np.float32)
-    faces = body.faces.astype(np.uint32)
-    for k in range(n):
+    descriptors, frames, origins = [], [], []
+    middle = np.array([0.0, 0.0, DISTANCE_M])
+    for k in range(len(rotations)):
         vertices = body.pose(rotations[k], np.zeros(3)).vertices
-        scene = o3d.t.geometry.RaycastingScene(nthreads=1)
-        scene.add_triangles(vertices.astype(np.float32), faces)
-        for v, (azimuth, elevation) in enumerate(view_directions(first + k)):
-            rotation, target = view_rotation(azimuth, elevation), vertices.mean(axis=0)
-            points = cast_view(scene, vertices, rotation, target)
-            axes = canonical_axes(points)[0]
-            descriptors[k, v] = describe(points, axes)
+        views = SCHEMES[scheme](vertices, first + k)
+        clouds = cast_views(make_scene(vertices, body.faces), vertices, views)
+        for view, points in zip(views, clouds, strict=True):
+            axes = canonical_axes(points)[0] if view.own_axes else CanonicalAxes(_CAMERA_AXES, middle)
+            descriptors.append(describe(points, axes).astype(np.float16))
             # x_camera = rotation (x_model - target) + (0, 0, DISTANCE)
-            frames[k, v] = axes.rotation @ rotation
-            origins[k, v] = rotation.T @ (axes.origin - [0.0, 0.0, DISTANCE_M]) + target
-    return PoseViews(descriptors, frames, origins)
-
-
-def describe_size() -> int:
-    """Length of a descriptor."""
-    from depth_pose.bank.canonical import DESCRIPTOR_SIZE
-
-    return DESCRIPTOR_SIZE * DESCRIPTOR_SIZE
-
-
-def cast_view(
-    scene: object,
-    vertices: NDArray[np.float64],
-    rotation: NDArray[np.float64],
-    target: NDArray[np.float64],
-) -> NDArray[np.float64]:
-    """Cast rays at a scene from one direction.
-
-    Returns
-    -------
-    (P, 3) float64
-        The points hit, in the camera frame, metres.
-    """
-    seen = (vertices - target) @ rotation.T
-    plane = seen[:, :2] / (seen[:, 2:] + DISTANCE_M)
-    low, high = plane.min(axis=0), plane.max(axis=0)
-    x, y = np.meshgrid(
-        np.arange(low[0], high[0] + _RAY_SPACING, _RAY_SPACING),
-        np.arange(low[1], high[1] + _RAY_SPACING, _RAY_SPACING),
+            frames.append((axes.rotation @ view.rotation).astype(np.float32))
+            origins.append((view.rotation.T @ (axes.origin - middle) + view.target).astype(np.float32))
+    n = len(rotations)
+    return PoseViews(
+        np.stack(descriptors).reshape(n, -1, DESCRIPTOR_SIZE * DESCRIPTOR_SIZE),
+        np.stack(frames).reshape(n, -1, 3, 3),
+        np.stack(origins).reshape(n, -1, 3),
     )
-    directions = np.stack([x.ravel(), y.ravel(), np.ones(x.size)], axis=1)
-    rays = np.empty((len(directions), 6), np.float32)
-    rays[:, :3] = target - DISTANCE_M * rotation[2]
-    rays[:, 3:] = directions @ rotation
-    hit = scene.cast_rays(rays, nthreads=1)["t_hit"].numpy()  # type: ignore[attr-defined]
-    found = np.isfinite(hit)
-    return directions[found] * hit[found, None].astype(np.float64)
+
+
+def make_scene(vertices: Array, faces: NDArray[np.int32]) -> Any:
+    """Put a mesh into an Open3D ray-casting scene of one thread."""
+    import open3d
+
+    scene = open3d.t.geometry.RaycastingScene(nthreads=1)
+    scene.add_triangles(vertices.astype(np.float32), faces.astype(np.uint32))
+    return scene
+
+
+def cast_view(scene: Any, vertices: Array, rotation: Array, target: Array) -> Array:
+    """Cast rays at a scene from one direction; `cast_views` says what comes back."""
+    return next(cast_views(scene, vertices, [View(rotation, target, True)]))
+
+
+def cast_views(scene: Any, vertices: Array, views: list[View]) -> Iterator[Array]:
+    """Cast rays at a mesh from every view, all of them at once.
+
+    Parameters
+    ----------
+    scene : open3d.t.geometry.RaycastingScene
+        Holds the mesh.
+    vertices : (V, 3) float64
+        The mesh's vertices, model frame, metres; the rays cover these.
+    views : list of View
+
+    Yields
+    ------
+    (P, 3) float64
+        The points hit, in the view's camera frame, metres.
+    """
+    grids = [kernels.grid_around(vertices, v.rotation, v.target, DISTANCE_M, _RAY_SPACING) for v in views]
+    ends = np.cumsum([columns * rows for _, _, columns, rows in grids]).tolist()
+    rays = np.empty((ends[-1], 6), np.float32)
+    for view, grid, end in zip(views, grids, ends, strict=True):
+        eye = view.target - DISTANCE_M * view.rotation[2]
+        part = rays[end - grid[2] * grid[3] : end]
+        kernels.aim_rays(*grid, _RAY_SPACING, view.rotation, eye, part)
+    depth = scene.cast_rays(rays, nthreads=1)["t_hit"].numpy()
+    for grid, end in zip(grids, ends, strict=True):
+        yield kernels.gather_hits(*grid, _RAY_SPACING, depth[end - grid[2] * grid[3] : end])

@@ -1,22 +1,25 @@
-"""``depth-pose bank build`` and ``depth-pose bank info``."""
+"""``depth-pose bank``: build exemplar banks, look into them, and see what they match."""
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from depth_pose.cli.console import print_facts, progress_bar
-from depth_pose.errors import ConfigError, InputError
+from depth_pose.cli.console import console, errors, print_facts, progress_bar
+from depth_pose.errors import ConfigError
 
 if TYPE_CHECKING:
     from depth_pose.bank import Bank
-    from depth_pose.body.motion import PoseSet
+    from depth_pose.bank.build import BuildConfig
+    from depth_pose.bank.sources import PoseSources
+    from depth_pose.body.motion_files import FileReport
 
 app = typer.Typer(help="Exemplar banks: the poses that inputs are matched with.", no_args_is_help=True)
 
-_NEAR_DUPLICATE_M = 0.05
+_MOST_FAMILIES = 12
 
 
 @app.command()
@@ -26,16 +29,38 @@ def build(
     ] = None,
     mocap: Annotated[
         Path | None,
-        typer.Option(help="Folder of BVH files whose poses are added to the embedded ones.", metavar="DIR"),
+        typer.Option(
+            help="Take the poses of this folder's BVH and ASF/AMC files, instead of the embedded ones.",
+            metavar="DIR",
+        ),
     ] = None,
-    body: Annotated[str, typer.Option(help="The body: procedural.")] = "procedural",
+    with_embedded: Annotated[
+        bool, typer.Option("--with-embedded", help="With --mocap: the embedded poses too.")
+    ] = False,
+    body: Annotated[str, typer.Option(help="The body: embedded, anny, or a .npz file.")] = "embedded",
     poses: Annotated[
         int | None,
-        typer.Option(min=10, max=1_000_000, help="Poses of the embedded source.", show_default="9000"),
+        typer.Option(
+            min=10,
+            max=1_000_000,
+            help="How many embedded poses; of motion capture at most so many, chosen for coverage.",
+            show_default="9000; all",
+        ),
     ] = None,
-    seed: Annotated[int | None, typer.Option(min=0, help="Of the embedded source.", show_default="1")] = None,
+    seed: Annotated[int | None, typer.Option(min=0, help="Of the embedded poses.", show_default="1")] = None,
+    views: Annotated[
+        str | None,
+        typer.Option(
+            help="partial: clouds seen from all around; paper: the whole body's principal axes.",
+            show_default="partial",
+        ),
+    ] = None,
     workers: Annotated[
         int | None, typer.Option(min=0, help="Processes; 0 for none but this.", show_default="all cores")
+    ] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(help="Render on the cluster of this Dask scheduler.", metavar="ADDRESS"),
     ] = None,
 ) -> None:
     """Build an exemplar bank.
@@ -44,51 +69,43 @@ def build(
 
     depth-pose bank build
 
-    depth-pose bank build --mocap captures/ -o my_bank.npz
+    depth-pose bank build --mocap captures/ --with-embedded -o my_bank.npz
+
+    depth-pose bank build --mocap captures/ --scheduler tcp://cluster:8786 -o my_bank.npz
 
     depth-pose run in.mcap -o out.mcap --bank my_bank.npz
     """
     from depth_pose.bank import build_bank, default_bank_path
     from depth_pose.bank.build import BuildConfig
-    from depth_pose.body.motion import join_poses
-    from depth_pose.body.procedural import make_body
-    from depth_pose.body.procedural_motion import make_poses
+    from depth_pose.body.bodies import find_body
 
-    if body != "procedural":
-        raise ConfigError(f"there is no body {body!r}; there is: procedural")
-    chosen = {name: value for name, value in (("poses", poses), ("seed", seed)) if value is not None}
-    config = BuildConfig(**chosen)
-    path = output or default_bank_path()
-    with progress_bar("making poses", 100) as update:
-        pose_set = make_poses(config.poses, config.seed, lambda share: update(int(100 * share)))
-    source = {"poses": f"procedural, {config.poses}, seed {config.seed}", "body": body}
-    if mocap is not None:
-        captured = _captured_poses(mocap)
-        source["mocap"] = f"{len(captured)} poses, {len(set(captured.families))} clips"
-        pose_set = join_poses(pose_set, captured)
-    with progress_bar("rendering views", len(pose_set)) as update:
+    if with_embedded and mocap is None:
+        raise ConfigError("--with-embedded says what to add to --mocap, which is not given")
+    chosen = {"poses": poses, "seed": seed, "views": views}
+    config = BuildConfig(**{name: value for name, value in chosen.items() if value is not None})
+    start = time.monotonic()
+    made = find_body(body)
+    sources = _gather(config, poses, mocap, with_embedded or mocap is None)
+    source = {**sources.header, "body": body if body in ("embedded", "anny") else made.name}
+    with progress_bar("rendering views", len(sources.poses)) as update:
         bank = build_bank(
-            make_body(), pose_set.rotations, config, source, lambda done, _: update(done), workers
+            made, sources.poses.rotations, config, source, lambda done, _: update(done), workers, scheduler
         )
+    path = output or default_bank_path()
     bank.save(path)
+    _print_files(sources.reports)
     _print_bank(path, bank)
+    console.print(f"built in {time.monotonic() - start:.0f} s", style="dim", highlight=False)
 
 
-def _captured_poses(folder: Path) -> PoseSet:
-    """Poses of a folder's BVH files, mirrored, near-duplicates removed."""
-    from depth_pose.body.bvh import read_bvh
-    from depth_pose.body.motion import join_poses, poses_of_clip, remove_near_duplicates
+def _gather(config: BuildConfig, poses: int | None, mocap: Path | None, embedded: bool) -> PoseSources:
+    """Gather the poses, with a progress bar for each thing that takes time."""
+    from depth_pose.bank.sources import gather_poses
 
-    files = sorted(folder.glob("**/*.bvh"))
-    if not files:
-        raise InputError(f"{folder} has no .bvh files")
-    with progress_bar("reading motion capture", len(files)) as update:
-        sets = []
-        for done, file in enumerate(files, 1):
-            sets.append(remove_near_duplicates(poses_of_clip(read_bvh(file)), _NEAR_DUPLICATE_M))
-            update(done)
-    kept = remove_near_duplicates(join_poses(*sets), _NEAR_DUPLICATE_M)
-    return join_poses(kept, kept.mirrored())
+    with progress_bar("gathering poses", 100) as update:
+        return gather_poses(
+            poses, config.seed, mocap, embedded, config.poses, lambda share: update(int(100 * share))
+        )
 
 
 @app.command()
@@ -96,6 +113,10 @@ def info(
     file: Annotated[
         Path | None, typer.Argument(help="The bank file.", show_default="the default bank")
     ] = None,
+    sheet: Annotated[
+        Path | None, typer.Option(help="Draw a contact sheet of its exemplars.", metavar="PNG")
+    ] = None,
+    count: Annotated[int, typer.Option(min=1, max=400, help="Exemplars on the sheet.")] = 48,
 ) -> None:
     """Check a bank file and say what is in it.
 
@@ -103,22 +124,81 @@ def info(
 
     depth-pose bank info
 
-    depth-pose bank info my_bank.npz
+    depth-pose bank info my_bank.npz --sheet exemplars.png
     """
     from depth_pose.bank import Bank, default_bank_path
 
     path = file or default_bank_path()
-    _print_bank(path, Bank.load(path))
+    bank = Bank.load(path)
+    _print_bank(path, bank)
+    if sheet is not None:
+        from depth_pose.bank.sheet import save_contact_sheet
+
+        save_contact_sheet(bank, sheet, count)
+        console.print(f"wrote {sheet}", highlight=False)
+
+
+@app.command()
+def check(
+    recording: Annotated[Path, typer.Argument(help="A depth recording.", metavar="BAG")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="The picture.", metavar="PNG")],
+    bank: Annotated[Path | None, typer.Option(help="The bank file.", show_default="the default bank")] = None,
+    frames: Annotated[int, typer.Option(min=1, max=50, help="Frames, spread over the recording.")] = 6,
+    candidates: Annotated[int, typer.Option(min=1, max=10, help="Matches shown beside each.")] = 3,
+    depth_topic: Annotated[
+        str | None, typer.Option(help="The depth images or clouds.", show_default="found")
+    ] = None,
+) -> None:
+    """Draw inputs beside their best matches in a bank.
+
+    [bold]Examples:[/bold]
+
+    depth-pose bank check in.mcap -o matches.png
+
+    depth-pose bank check in.mcap -o matches.png --bank my_bank.npz --frames 10
+    """
+    from depth_pose.bank import Bank, default_bank_path
+    from depth_pose.bank.check import match_frames, save_check
+
+    loaded = Bank.load(bank or default_bank_path())
+    with progress_bar("matching", frames) as update:
+        matched = match_frames(loaded, recording, frames, candidates, depth_topic, update)
+    save_check(matched, loaded, output, recording.stem)
+    for line in matched.lines():
+        console.print(line, highlight=False)
+    console.print(f"wrote {output}", highlight=False)
+
+
+def _print_files(reports: tuple[FileReport, ...]) -> None:
+    """Say what each file of motion gave; refused ones stand out."""
+    for report in reports:
+        errors.print(str(report), style="yellow" if report.refused else "dim", highlight=False, markup=False)
 
 
 def _print_bank(path: Path, bank: Bank) -> None:
+    source: dict[str, Any] = dict(bank.source)
+    dimensions = str(len(bank.components))
+    explained = source.pop("explained_variance", None)
+    if explained is not None:
+        dimensions += f", {100 * explained:.1f} % of the variance"
+    families = source.pop("families", None)
     facts = [
         ("id", bank.bank_id),
         ("poses", str(bank.poses)),
-        ("views of each", str(bank.views)),
-        ("dimensions", str(len(bank.components))),
+        ("views", f"{bank.views} of each, {source.pop('views', 'partial')}"),
+        ("dimensions", dimensions),
         ("body", f"{bank.body.name}, {bank.body.stature:.2f} m, {len(bank.body.vertices)} vertices"),
         ("size", f"{path.stat().st_size / 1e6:.1f} MB"),
     ]
-    facts += [(f"source: {name}", str(value)) for name, value in bank.source.items()]
+    facts += [(f"source: {name}", str(value)) for name, value in source.items()]
+    if isinstance(families, dict):
+        facts.append(("families", _list_families(families)))
     print_facts(str(path), facts)
+
+
+def _list_families(families: dict[str, int]) -> str:
+    """Largest families first."""
+    largest = sorted(families.items(), key=lambda item: -item[1])
+    text = ", ".join(f"{name} {count}" for name, count in largest[:_MOST_FAMILIES])
+    rest = sum(count for _, count in largest[_MOST_FAMILIES:])
+    return text + (f", {len(largest) - _MOST_FAMILIES} others {rest}" if rest else "")

@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.bank.bank import Bank
-from depth_pose.bank.canonical import CanonicalAxes, canonical_axes, describe
+from depth_pose.bank.canonical import CanonicalAxes, describe
+from depth_pose.bank.views import AXES
 from depth_pose.config import MatchConfig
 from depth_pose.geometry import matrix_to_quat
 from depth_pose.registration.articulated import ArticulatedFitter, candidate_pose
@@ -88,7 +89,7 @@ class Matcher:
         if view is None:
             self.reset()
             return PoseMatch(cloud.stamp_ns, cloud.frame_id, self.bank.bank_id, 0.0, ())
-        axes = canonical_axes(view.points)
+        axes = AXES[self.bank.view_scheme](view.points)
         scale = self._find_scale(view, axes)
         placed = self._match_at(view, axes, scale, self.config.shortlist)
         candidates = tuple(p.candidate for p in self._keep_different(placed))
