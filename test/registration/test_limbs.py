@@ -119,7 +119,22 @@ def test_score_twin():
     points = rng.uniform([-0.4, -0.4, 1.7], [0.4, 0.4, 2.3], (25, 3))
     cost, cover = np.empty(limbs), np.empty((limbs, 25))
     kernels.score_limbs(
-        samples, radii, areas, rotation, origin, scale, depth, labels, fx, fy, cx, cy, points, cost, cover
+        samples,
+        radii,
+        areas,
+        rotation,
+        origin,
+        scale,
+        depth,
+        labels,
+        fx,
+        fy,
+        cx,
+        cy,
+        points,
+        0.08,
+        cost,
+        cover,
     )
     centres = origin + scale * samples @ rotation.T
     off = np.abs(np.linalg.norm(points - centres[:, :, None], axis=-1) - scale * radii[:, None]) / 0.08

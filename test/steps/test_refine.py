@@ -37,20 +37,25 @@ def candidate(exemplar, turn=20.0, root=(0.0, 0.0, 3.0)):
     return Candidate(exemplar, 0, quat, np.array(root), 0.0, 0.0)
 
 
-@pytest.mark.parametrize("method", ["articulated", "cpd"])
-@pytest.mark.parametrize("exemplar", [31, 120, 251])
-def test_from_a_candidate_a_little_off(bank, method, exemplar):
-    posed, cloud = scene(bank, exemplar)
+@pytest.mark.parametrize(("method", "typical", "most"), [("articulated", 0.018, 0.05), ("cpd", 0.04, 0.09)])
+def test_from_candidates_a_little_off(bank, method, typical, most):
+    """Poses of all families; a few have limbs hidden behind the body."""
     refiner = refiner_of(bank, method=method)
-    skeleton = refiner.refine(cloud, match_of(bank, cloud, candidate(exemplar, 28.0, (0.03, 0.02, 3.05))))
-    joints = posed.nodes[JOINT_NODES]
-    assert syn.joint_error(skeleton.positions, joints) < (0.015 if method == "articulated" else 0.035)
-    assert skeleton.source == Source.REFINED
-    assert (skeleton.stamp_ns, skeleton.frame_id) == (cloud.stamp_ns, cloud.frame_id)
-    assert skeleton.confidence > 0.8
-    assert skeleton.residual < 0.02
-    assert refiner.mesh.shape == bank.body.vertices.shape
-    assert np.linalg.norm(refiner.mesh - posed.vertices, axis=1).mean() < 0.04
+    errors, gaps = [], []
+    for exemplar in range(5, bank.poses, bank.poses // 8):
+        posed, cloud = scene(bank, exemplar)
+        refiner.reset()
+        skeleton = refiner.refine(cloud, match_of(bank, cloud, candidate(exemplar, 28.0, (0.03, 0.02, 3.05))))
+        assert skeleton.source == Source.REFINED
+        assert (skeleton.stamp_ns, skeleton.frame_id) == (cloud.stamp_ns, cloud.frame_id)
+        assert skeleton.confidence > 0.6
+        assert skeleton.residual < 0.03
+        assert refiner.mesh.shape == bank.body.vertices.shape
+        errors.append(syn.joint_error(skeleton.positions, posed.nodes[JOINT_NODES]))
+        gaps.append(np.linalg.norm(refiner.mesh - posed.vertices, axis=1).mean())
+    assert np.median(errors) < typical, errors
+    assert max(errors) < most, errors
+    assert np.median(gaps) < 1.5 * typical
 
 
 def test_the_better_of_two_candidates_is_kept(bank):
