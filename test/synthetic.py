@@ -37,12 +37,12 @@ def upright(**turned):
     """
     rotations = np.tile(np.eye(3), (21, 1, 1))
     for name, turn in turned.items():
-        below = _subtree(NODE_INDEX[name])
+        below = subtree(NODE_INDEX[name])
         rotations[below] = turn @ rotations[below]
     return rotations
 
 
-def _subtree(node):
+def subtree(node):
     inside = np.zeros(21, bool)
     inside[node] = True
     for n in range(node + 1, 21):

@@ -92,9 +92,7 @@ def from_mapping(config: type[T], values: Mapping[str, Any]) -> T:
         if kind is float and isinstance(value, int) and not isinstance(value, bool):
             value = float(value)
         if type(value) is not kind:
-            raise ConfigError(
-                f"{config.__name__}.{name} is {value!r}; it must be of type {kind.__name__}"
-            )
+            raise ConfigError(f"{config.__name__}.{name} is {value!r}; it must be of type {kind.__name__}")
         made[name] = value
     return config(**made)
 
@@ -109,14 +107,16 @@ class SegmentConfig(_Checked):
         144, "Images with more rows than this are reduced to about it", unit="px", low=48, high=1080
     )
     depth_jump: float = option(
-        0.08, "Neighbouring pixels this far apart in depth are different surfaces", unit="m", low=0.01, high=1.0
+        0.08,
+        "Neighbouring pixels this far apart in depth are different surfaces",
+        unit="m",
+        low=0.01,
+        high=1.0,
     )
     min_support: int = option(
         7, "Keep a pixel if this many of its 24 neighbours are on its surface", low=0, high=24
     )
-    min_height: float = option(
-        0.4, "The least visible extent of a person", unit="m", low=0.1, high=2.0
-    )
+    min_height: float = option(0.4, "The least visible extent of a person", unit="m", low=0.1, high=2.0)
 
 
 @dataclass(frozen=True)
@@ -140,18 +140,16 @@ class MatchConfig(_Checked):
     """Matching with the exemplar bank (Sec. 5)."""
 
     shortlist: int = option(
-        64, "Nearest exemplars in the subspace that are compared by rendered depth", low=1, high=4096
+        40, "Nearest exemplars in the subspace that are compared by rendered depth", low=1, high=4096
     )
-    keep: int = option(4, "Candidates handed to the refinement", low=1, high=64)
+    keep: int = option(3, "Candidates handed to the refinement", low=1, high=64)
     score_band: float = option(
         0.12, "Depth difference that counts as a full mismatch", unit="m", low=0.01, high=1.0
     )
     scale_frames: int = option(
         10, "Frames over which the person's size is estimated before it is held", low=1, high=1000
     )
-    scale: float = option(
-        0.0, "The person's size relative to a 1.75 m adult; 0 finds it", low=0.0, high=2.0
-    )
+    scale: float = option(0.0, "The person's size relative to a 1.75 m adult; 0 finds it", low=0.0, high=2.0)
 
 
 @dataclass(frozen=True)
@@ -211,9 +209,7 @@ class PipelineConfig:
         sections: dict[str, Any] = {f.name: type(f.default) for f in fields(cls)}
         unknown = sorted(set(values) - set(sections))
         if unknown:
-            raise ConfigError(
-                f"no such section: {', '.join(unknown)}; there are {', '.join(sections)}"
-            )
+            raise ConfigError(f"no such section: {', '.join(unknown)}; there are {', '.join(sections)}")
         return cls(**{name: from_mapping(sections[name], part) for name, part in values.items()})
 
     def as_mapping(self) -> dict[str, dict[str, Any]]:

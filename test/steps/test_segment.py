@@ -72,6 +72,15 @@ def test_furniture_beside_the_person_is_left_out(person):
     assert precision(found, truth) > 0.99
 
 
+def test_a_cupboard_larger_than_the_person(person):
+    """It fills its bounding box; a person does not."""
+    cupboard = syn.draw(syn.box([-1.45, -0.3, 3.2], [-0.75, 0.9, 3.8]))
+    found = segment(np.minimum(np.minimum(person, cupboard), syn.room()))
+    truth = person < cupboard
+    assert recall(found, truth) > 0.95
+    assert precision(found, truth) > 0.99
+
+
 def test_the_larger_of_two_people(person):
     child = syn.draw(syn.mesh(syn.posed(syn.arms_down(), distance=2.8, aside=-0.95, scale=0.65)))
     found = segment(np.minimum(np.minimum(person, child), syn.room()))

@@ -19,7 +19,11 @@ def rotation_of(w, out):
     else:
         a, b = np.sin(angle) / angle, (1.0 - np.cos(angle)) / angle2
     x, y, z = w[0], w[1], w[2]
-    out[0, 0], out[1, 1], out[2, 2] = 1 - b * (y * y + z * z), 1 - b * (x * x + z * z), 1 - b * (x * x + y * y)
+    out[0, 0], out[1, 1], out[2, 2] = (
+        1 - b * (y * y + z * z),
+        1 - b * (x * x + z * z),
+        1 - b * (x * x + y * y),
+    )
     out[0, 1], out[1, 0] = b * x * y - a * z, b * x * y + a * z
     out[0, 2], out[2, 0] = b * x * z + a * y, b * x * z - a * y
     out[1, 2], out[2, 1] = b * y * z - a * x, b * y * z + a * x
@@ -219,8 +223,23 @@ def add_points(
 
 @njit(cache=True, fastmath=True)
 def add_free_space(
-    vertices, depth, labels, nearest, fx, fy, cx, cy, chain, share, length, nodes,
-    weight, slack, limit, matrix, gradient,
+    vertices,
+    depth,
+    labels,
+    nearest,
+    fx,
+    fy,
+    cx,
+    cy,
+    chain,
+    share,
+    length,
+    nodes,
+    weight,
+    slack,
+    limit,
+    matrix,
+    gradient,
 ):
     """Pull vertices that lie beside the silhouette into it, and those before the surface behind it."""
     rows, cols = depth.shape
@@ -254,9 +273,31 @@ def add_free_space(
 
 @njit(cache=True)
 def fit(
-    points, strides, sigmas, depth, labels, nearest, intrinsics, zbuffer, coarse_intrinsics,
-    rest, rest_normals, faces, influence, weight, rest_nodes, parents, chain, share, length,
-    free, stiffness, scale, settings, rotations, root,
+    points,
+    strides,
+    sigmas,
+    depth,
+    labels,
+    nearest,
+    intrinsics,
+    zbuffer,
+    coarse_intrinsics,
+    rest,
+    rest_normals,
+    faces,
+    influence,
+    weight,
+    rest_nodes,
+    parents,
+    chain,
+    share,
+    length,
+    free,
+    stiffness,
+    scale,
+    settings,
+    rotations,
+    root,
 ):
     """Run all iterations; ``rotations`` and ``root`` go in as the start and come out as the fit."""
     outlier, plane_weight, point_weight, free_weight, slack, limit, prior, damping, max_step = settings
@@ -278,14 +319,39 @@ def fit(
         matrix[:] = 0.0
         gradient[:] = 0.0
         add_points(
-            vertices, normals, mass, target, chain, share, length, nodes,
-            plane_weight, point_weight, matrix, gradient,
+            vertices,
+            normals,
+            mass,
+            target,
+            chain,
+            share,
+            length,
+            nodes,
+            plane_weight,
+            point_weight,
+            matrix,
+            gradient,
         )
         # all other terms are in proportion to the number of points
         amount = points.shape[0] / strides[k] / 800.0
         add_free_space(
-            vertices, depth, labels, nearest, fx, fy, cx, cy, chain, share, length, nodes,
-            2.0 * free_weight * amount, slack, limit, matrix, gradient,
+            vertices,
+            depth,
+            labels,
+            nearest,
+            fx,
+            fy,
+            cx,
+            cy,
+            chain,
+            share,
+            length,
+            nodes,
+            2.0 * free_weight * amount,
+            slack,
+            limit,
+            matrix,
+            gradient,
         )
         for i in range(size):
             for j in range(i):

@@ -8,7 +8,7 @@ from numba import njit
 
 @njit(cache=True, fastmath=True)
 def score_limbs(
-    samples, radii, areas, rotation, origin, scale, depth, labels, fx, fy, cx, cy, points, cost, cover
+    samples, radii, areas, rotation, origin, scale, depth, labels, fx, fy, cx, cy, points, tolerance, cost, cover
 ):
     """Misfit of many limb configurations, in pixels, and what each leaves uncovered.
 
@@ -29,7 +29,7 @@ def score_limbs(
             r = scale * radii[s]
             for p in range(points.shape[0]):
                 dx, dy, dz = points[p, 0] - x, points[p, 1] - y, points[p, 2] - z
-                off = abs(np.sqrt(dx * dx + dy * dy + dz * dz) - r) / 0.08
+                off = abs(np.sqrt(dx * dx + dy * dy + dz * dz) - r) / tolerance
                 if off < cover[k, p]:
                     cover[k, p] = off
             if z < 0.1:

@@ -139,9 +139,7 @@ class ArticulatedFitter:
             c.free_space_limit, c.prior, c.damping, c.max_step,
         )  # fmt: skip
 
-    def fit(
-        self, target: FitTarget, start: BodyPose, sigmas: tuple[float, ...] | None = None
-    ) -> BodyPose:
+    def fit(self, target: FitTarget, start: BodyPose, sigmas: tuple[float, ...] | None = None) -> BodyPose:
         """Fit the body's pose to a cloud.
 
         Parameters
@@ -184,9 +182,9 @@ def vertex_normals(body: Body) -> NDArray[np.float64]:
 
 
 def _free_nodes() -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Number of each node's parameter triple, -1 for none; and the triples' stiffness."""
+    """Give each node's parameter triple a number, -1 for none, and each triple its stiffness."""
     free = np.full(len(NODES), -1)
-    stiffness = []
+    stiffness: list[float] = []
     for name, node in NODE_INDEX.items():
         kind = name.split("_")[-1]
         if kind in _STIFFNESS:

@@ -32,12 +32,14 @@ _LIMBS: tuple[tuple[str, tuple[str, ...], tuple[str, ...]], ...] = (
 )
 """For arms and legs: the segment they hang on, the nodes that they turn, the bones that are sampled."""
 
-_CONFIGURATIONS = 250
-_POSES = 3000
-_EXPLAINED_M = 0.06
-_MOST_POINTS = 40
+_CONFIGURATIONS = 800
+_POSES = 6000
+_EXPLAINED_M = 0.045
+_MOST_POINTS = 24
 _BEST = 24
-_KEEP_PIXELS = 4.0
+_COVER_M = 0.08
+"""Distance from a limb's surface at which a point is not covered by it at all."""
+_KEEP_PIXELS = 8.0
 """Misfit, in pixels of the coarse grid, that an exchange must save for each limb."""
 
 
@@ -134,7 +136,7 @@ def _exchange(
             np.concatenate([pair.samples[side], now / pose.scale]), pair.radii, pair.areas,
             rotation, origin, pose.scale,
             o.depth, o.labels, o.camera.fx, o.camera.fy, o.camera.cx, o.camera.cy,
-            points, cost[side], cover[side],
+            points, _COVER_M, cost[side], cover[side],
         )  # fmt: skip
     cover *= np.ceil(weight)
     cost[:, count] -= _KEEP_PIXELS
@@ -201,7 +203,7 @@ def _make_pair(
 def _balls(
     body: Body, bones: list[int]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Ends (n, 3) of a limb's bones in the rest pose, and radii and areas (3 n,) of balls along them."""
+    """Find the ends (n, 3) of a limb's rest bones, and radii and areas (3 n,) of balls along them."""
     ends, radii, areas = [], [], []
     for bone in bones:
         mine = body.vertices[np.argmax(body.weights, axis=1) == bone] - body.nodes[bone]

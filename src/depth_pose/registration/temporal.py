@@ -2,7 +2,8 @@
 
 The cloud of frame t-1 is registered to that of frame t by coherent point drift; each vertex of the
 last mesh that was seen corresponds to the points of frame t-1 around it and goes where they went;
-the rest of the mesh follows by Laplacian completion (eq. 7), and the joints by their control vertices (eq. 8).
+the rest of the mesh follows by Laplacian completion (eq. 7), and the joints by their control
+vertices (eq. 8).
 """
 
 from __future__ import annotations
@@ -34,9 +35,7 @@ class TemporalConfig:
         Weight of a correspondence in eq. 7.
     """
 
-    cpd: CpdConfig = field(
-        default_factory=lambda: CpdConfig(beta=0.5, stiffness=4.0, basis_points=60)
-    )
+    cpd: CpdConfig = field(default_factory=lambda: CpdConfig(beta=0.5, stiffness=4.0, basis_points=60))
     reach: float = 0.05
     weight: float = 0.1
 

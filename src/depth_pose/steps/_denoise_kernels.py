@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-
 STEPS = 1024
 _TABLE = np.exp(-16.0 * np.linspace(0.0, 0.65**2 * 3.0, STEPS + 1))
 """theta as a function of r^2 / h^2, up to the corner of the support's cube."""

@@ -29,9 +29,30 @@ def multiply(a, b, out):
 
 @njit(cache=True)
 def score_exemplars(
-    entries, pose_quats, view_quats, view_origins, axes, origin, scale,
-    rest, rest_nodes, parents, influence, weight, faces,
-    depth, labels, fx, fy, cx, cy, band, scores, rotations, translations, nodes,
+    entries,
+    pose_quats,
+    view_quats,
+    view_origins,
+    axes,
+    origin,
+    scale,
+    rest,
+    rest_nodes,
+    parents,
+    influence,
+    weight,
+    faces,
+    depth,
+    labels,
+    fx,
+    fy,
+    cx,
+    cy,
+    band,
+    scores,
+    rotations,
+    translations,
+    nodes,
 ):
     """Place exemplars at the input, correct their translation by their rendering, and score them.
 

@@ -150,7 +150,7 @@ def mark_plane(points, plane, tolerance, window, out):
 
 @njit(cache=True)
 def label_components(depth, mask, jump):
-    """Number the 4-connected surfaces of ``mask`` from 1; 0 elsewhere."""
+    """Give numbers to the 4-connected surfaces of ``mask`` from 1; 0 elsewhere."""
     rows, cols = depth.shape
     labels = np.zeros((rows, cols), np.int32)
     stack = np.empty((rows * cols, 2), np.int32)

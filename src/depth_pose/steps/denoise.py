@@ -30,9 +30,7 @@ from depth_pose.steps import _denoise_kernels as kernels
 from depth_pose.types import Camera
 
 
-def denoise_depth(
-    depth: NDArray[np.float32], camera: Camera, config: DenoiseConfig
-) -> NDArray[np.float32]:
+def denoise_depth(depth: NDArray[np.float32], camera: Camera, config: DenoiseConfig) -> NDArray[np.float32]:
     """Smooth the person's depth and drop isolated points.
 
     Parameters

@@ -21,6 +21,9 @@ KINDS: tuple[str, ...] = ("no_pose", "bone_length", "joint_angle", "low_confiden
 _UNKNOWN_PERSON = 2.0
 """How many times as far a bone may be from the body's own, before the person's are known."""
 
+_LEAST_CHANGE_M = 0.06
+"""A bone that changes by less is no failure, however short it is."""
+
 _JUDGED = np.array(
     [
         any(part in name for part in ("spine", "chest", "shoulder_", "elbow", "hip_", "knee"))
@@ -88,6 +91,7 @@ class FailureCheck:
             before, allowed = bone_lengths(good.positions) / good.scale, self.config.bone_change
         now = bone_lengths(skeleton.positions) / skeleton.scale
         change = np.abs(now / before - 1.0)
+        change[np.abs(now - before) * skeleton.scale < _LEAST_CHANGE_M] = 0.0
         b = int(np.argmax(change))
         if change[b] <= allowed:
             return None

@@ -174,4 +174,3 @@ class Matcher:
 
 def _score(placed: _Placed) -> float:
     return placed.candidate.score
-

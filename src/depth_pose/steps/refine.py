@@ -30,10 +30,6 @@ from depth_pose.steps.stamps import StampGuard
 from depth_pose.steps.view import PersonView, view_person
 from depth_pose.types import Candidate, PersonCloud, PoseMatch, Skeleton
 
-_FINISHERS = 2
-"""Rough fits that are finished."""
-
-
 @dataclass(frozen=True)
 class _Compared:
     """A fitted body, and how it compares with the input."""
@@ -116,8 +112,7 @@ class Refiner:
         best = min(rough, key=_score).body
         proposals = self._limbs.propose(best.pose, best.vertices, comparer)
         rough += [compared(fitter.rough(start)) for start in proposals]
-        rough.sort(key=_score)
-        return min((compared(fitter.finish(r.body)) for r in rough[:_FINISHERS]), key=_score)
+        return compared(fitter.finish(min(rough, key=_score).body))
 
     def _skeleton(self, cloud: PersonCloud, view: PersonView, fitted: _Compared) -> Skeleton:
         """Put a fitted pose into words."""

@@ -1,0 +1,138 @@
+"""The limb search: limbs that are plainly wrong are replaced, right ones are kept."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import synthetic as syn
+from depth_pose.registration import _limb_kernels as kernels
+from depth_pose.registration.articulated import ArticulatedFitter, BodyPose, FitTarget
+from depth_pose.registration.limbs import LimbSearch
+from depth_pose.render import DepthComparer
+from depth_pose.skeleton import NODE_INDEX
+from depth_pose.steps.view import thin, view_person
+
+DOWN = syn.rotation("z", -38.0), syn.rotation("z", 38.0)
+BAND = 0.12
+
+
+@pytest.fixture(scope="module")
+def search(bank):
+    return LimbSearch(bank)
+
+
+@pytest.mark.parametrize(
+    ("true", "moved"),
+    [
+        ({"left_shoulder": syn.rotation("z", 100.0), "right_shoulder": DOWN[1]}, ["left_wrist"]),
+        ({"left_shoulder": DOWN[0], "right_shoulder": syn.rotation("z", -100.0)}, ["right_wrist"]),
+        (
+            {"left_shoulder": syn.rotation("z", 40.0), "right_shoulder": syn.rotation("z", -50.0)},
+            ["left_wrist", "right_wrist"],
+        ),
+        (
+            {"left_shoulder": DOWN[0], "right_shoulder": DOWN[1], "left_hip": syn.rotation("z", 50.0)},
+            ["left_ankle"],
+        ),
+    ],
+    ids=["left arm", "right arm", "both arms", "left leg"],
+)
+def test_wrong_limbs_are_replaced(body, search, true, moved):
+    """The body stands with its limbs down where the input has them raised."""
+    posed = syn.posed(syn.upright(**true))
+    view = view_person(syn.to_cloud(syn.draw(syn.mesh(posed))))
+    comparer = DepthComparer(view.coarse, BAND)
+    wrong = BodyPose(syn.FACING @ syn.arms_down(), posed.nodes[0], 1.0)
+    standing = body.pose(wrong.rotations, wrong.root)
+    proposals = search.propose(wrong, standing.vertices, comparer)
+    assert 1 <= len(proposals) <= 2
+    target = FitTarget.prepare(thin(view.points, 800), view.full, view.coarse)
+    fitter = ArticulatedFitter(body)
+
+    def compared(start):
+        pose = fitter.fit(target, start)
+        found = body.pose(pose.rotations, pose.root)
+        return comparer.compare(found.vertices, body.faces).score, found.nodes
+
+    without = compared(wrong)
+    best = min(map(compared, proposals), key=lambda c: c[0])
+    assert best[0] < without[0]
+    ends = [NODE_INDEX[name] for name in moved]
+    assert np.linalg.norm((without[1] - posed.nodes)[ends], axis=1).min() > 0.3
+    assert np.linalg.norm((best[1] - posed.nodes)[ends], axis=1).max() < 0.08
+
+
+def test_right_limbs_are_kept(body, search):
+    """What agrees with the input is not exchanged, or only for what agrees as well."""
+    rotations = syn.upright(left_shoulder=syn.rotation("z", 60.0), right_shoulder=DOWN[1])
+    posed = syn.posed(rotations)
+    view = view_person(syn.to_cloud(syn.draw(syn.mesh(posed))))
+    comparer = DepthComparer(view.coarse, BAND)
+    pose = BodyPose(syn.FACING @ rotations, posed.nodes[0], 1.0)
+    before = pose.rotations.copy()
+    for proposal in search.propose(pose, posed.vertices, comparer):
+        nodes = body.pose(proposal.rotations, proposal.root).nodes
+        assert np.linalg.norm(nodes - posed.nodes, axis=1).max() < 0.15
+    np.testing.assert_array_equal(pose.rotations, before)
+
+
+def test_proposals_change_nothing_but_limbs(body, search):
+    posed = syn.posed(syn.upright(left_shoulder=syn.rotation("z", 100.0)))
+    view = view_person(syn.to_cloud(syn.draw(syn.mesh(posed))))
+    wrong = BodyPose(syn.FACING @ syn.arms_down(), posed.nodes[0], 0.98)
+    standing = body.pose(wrong.rotations, wrong.root, 0.98)
+    proposals = search.propose(wrong, standing.vertices, DepthComparer(view.coarse, BAND))
+    assert proposals
+    trunk = [NODE_INDEX[n] for n in ("pelvis", "spine", "chest", "neck", "head")]
+    for p in proposals:
+        np.testing.assert_array_equal(p.rotations[trunk], wrong.rotations[trunk])
+        np.testing.assert_array_equal(p.root, wrong.root)
+        assert p.scale == 0.98
+        r = p.rotations
+        np.testing.assert_allclose(r @ r.transpose(0, 2, 1), np.broadcast_to(np.eye(3), r.shape), atol=1e-5)
+
+
+def test_best_pair_twin():
+    """The least sum of costs and of what neither limb covers, over all pairs."""
+    rng = np.random.default_rng(0)
+    cost, cover = rng.uniform(0, 5, (2, 12)), rng.uniform(0, 1, (2, 12, 30))
+    order = [np.arange(12), np.array([3, 7, 1, 11])]
+    a, b, total = kernels.best_pair(cost[0], cover[0], order[0], cost[1], cover[1], order[1])
+    table = cost[0][:, None] + cost[1] + np.minimum(cover[0][:, None], cover[1]).sum(axis=2)
+    table = table[:, order[1]]
+    i, j = np.unravel_index(np.argmin(table), table.shape)
+    assert (a, b) == (i, order[1][j])
+    assert total == pytest.approx(table.min())
+
+
+def test_score_twin():
+    """A limb's misfit, ball by ball, and the share to which each point lies off its surface."""
+    rng = np.random.default_rng(1)
+    limbs, balls = 15, 6
+    samples = rng.uniform(-0.4, 0.4, (limbs, balls, 3))
+    radii, areas = rng.uniform(0.03, 0.08, balls), rng.uniform(0.002, 0.01, balls)
+    rotation, origin, scale = syn.rotation("y", 40.0) @ syn.FACING, np.array([0.05, 0.0, 2.0]), 0.9
+    labels = rng.integers(0, 3, (36, 48)).astype(np.uint8)
+    depth = np.where(labels == 1, rng.uniform(1.7, 2.3, labels.shape), 0.0).astype(np.float32)
+    fx, fy, cx, cy = 50.0, 52.0, 23.5, 17.5
+    points = rng.uniform([-0.4, -0.4, 1.7], [0.4, 0.4, 2.3], (25, 3))
+    cost, cover = np.empty(limbs), np.empty((limbs, 25))
+    kernels.score_limbs(
+        samples, radii, areas, rotation, origin, scale, depth, labels, fx, fy, cx, cy, points, cost, cover
+    )
+    centres = origin + scale * samples @ rotation.T
+    off = np.abs(np.linalg.norm(points - centres[:, :, None], axis=-1) - scale * radii[:, None]) / 0.08
+    np.testing.assert_allclose(cover, np.minimum(off.min(axis=1), 1.0), atol=1e-6)
+    for k in range(limbs):
+        expected = 0.0
+        for c, r, area in zip(centres[k], scale * radii, areas, strict=True):
+            pixels = area * scale**2 * fx * fy / c[2] ** 2
+            i, j = round(fy * c[1] / c[2] + cy), round(fx * c[0] / c[2] + cx)
+            if not (0 <= i < 36 and 0 <= j < 48):
+                expected += 0.3 * pixels
+                continue
+            before = depth[i, j] - (c[2] - r)
+            on_person = min(before / 0.1, 1.0) if before > 0 else min(-before / 0.1, 0.3)
+            expected += pixels * (1.0, on_person, 0.3)[labels[i, j]]
+        assert cost[k] == pytest.approx(expected, rel=1e-6)

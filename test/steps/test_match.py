@@ -1,0 +1,184 @@
+"""Matching: what the bank holds is found, at the right place and size."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import synthetic as syn
+from depth_pose.bank.views import DISTANCE_M, view_directions, view_rotation
+from depth_pose.config import MatchConfig
+from depth_pose.geometry import quat_to_matrix
+from depth_pose.registration.articulated import candidate_pose
+from depth_pose.steps import _match_kernels as kernels
+from depth_pose.steps.match import Matcher
+from depth_pose.steps.view import view_person
+from depth_pose.types import PersonCloud
+
+
+@pytest.fixture(scope="module")
+def matcher(bank):
+    return Matcher(bank, MatchConfig(scale=1.0))
+
+
+def seen_as_in_the_bank(bank, exemplar, view, roll=0.0):
+    """An exemplar's nodes and cloud in front of the camera that rendered one of its views."""
+    model = bank.body.pose(bank.rotations(exemplar), np.zeros(3))
+    turn = syn.rotation("z", roll) @ view_rotation(*view_directions(exemplar)[view])
+    target, ahead = model.vertices.mean(axis=0), np.array([0.0, 0.0, DISTANCE_M])
+    vertices = (model.vertices - target) @ turn.T + ahead
+    nodes = (model.nodes - target) @ turn.T + ahead
+    return nodes, syn.to_cloud(syn.draw((vertices, bank.body.faces)))
+
+
+def nodes_of(bank, candidate, scale=1.0):
+    pose = candidate_pose(bank, candidate, scale)
+    return bank.body.pose(pose.rotations, pose.root, scale).nodes
+
+
+@pytest.mark.parametrize("exemplar", [0, 31, 77, 120, 163, 208, 251, 299])
+def test_an_exemplar_is_found_first_from_its_own_views(bank, matcher, exemplar):
+    for view in (1, 4, 6):
+        nodes, cloud = seen_as_in_the_bank(bank, exemplar, view)
+        match = matcher.match(cloud)
+        first = match.candidates[0]
+        assert (first.exemplar, first.view) == (exemplar, view)
+        assert syn.joint_error(nodes_of(bank, first), nodes) < 0.02
+        assert first.score < 0.2
+
+
+@pytest.mark.parametrize("roll", [-25.0, 20.0])
+def test_a_rolled_camera_finds_the_same(bank, matcher, roll):
+    nodes, cloud = seen_as_in_the_bank(bank, 31, 4, roll)
+    first = matcher.match(cloud).candidates[0]
+    assert first.exemplar == 31
+    assert syn.joint_error(nodes_of(bank, first), nodes) < 0.04
+
+
+def test_an_answer(bank, matcher):
+    _, cloud = seen_as_in_the_bank(bank, 77, 2)
+    match = matcher.match(cloud)
+    assert (match.stamp_ns, match.frame_id) == (cloud.stamp_ns, "optical")
+    assert match.bank_id == bank.bank_id
+    assert match.scale == 1.0
+    assert 1 <= len(match.candidates) <= MatchConfig().keep
+    scores = [c.score for c in match.candidates]
+    assert scores == sorted(scores)
+    for c in match.candidates:
+        assert 0 <= c.exemplar < bank.poses
+        assert 0 <= c.view < bank.views
+        assert np.linalg.norm(c.quat_xyzw) == pytest.approx(1.0)
+        assert 0.0 <= c.score <= 1.0
+        assert c.distance >= 0.0
+
+
+def test_candidates_are_different_poses(bank, matcher):
+    match = matcher.match(seen_as_in_the_bank(bank, 77, 2)[1])
+    nodes = [nodes_of(bank, c) for c in match.candidates]
+    for i in range(len(nodes)):
+        for j in range(i):
+            assert np.linalg.norm(nodes[i] - nodes[j], axis=1).mean() > 0.049
+
+
+def test_search_is_exact(bank, matcher):
+    """Eq. 6 against all distances."""
+    rng = np.random.default_rng(0)
+    descriptor = (bank.mean + rng.standard_normal(len(bank.components)) @ bank.components * 3).astype(
+        np.float32
+    )
+    nearest = matcher._search(descriptor, 20)
+    gamma = bank.components.astype(float) @ (descriptor - bank.mean)
+    distances = np.linalg.norm(bank.coefficients.reshape(-1, len(gamma)) - gamma, axis=1)
+    expected = np.argsort(distances)[:20]
+    np.testing.assert_array_equal(nearest.entries, expected)
+    np.testing.assert_allclose(nearest.distances, distances[expected], rtol=1e-3)
+
+
+@pytest.mark.parametrize("scale", [0.68, 0.8, 1.12])
+def test_size_is_found(bank, scale):
+    """A child and a tall person, over three frames; the bank's body is 1.75 m."""
+    matcher = Matcher(bank, MatchConfig(scale_frames=3))
+    for i in range(4):
+        rotations = syn.FACING @ syn.rotation("y", 20.0 * i) @ bank.rotations(20 + i)
+        posed = bank.body.pose(rotations, np.array([0.0, 0.0, 3.2]), scale)
+        cloud = syn.to_cloud(syn.draw((posed.vertices, bank.body.faces)), syn.START_NS + i * syn.STEP_NS)
+        found = matcher.match(cloud).scale
+        assert found == pytest.approx(scale, rel=0.08)
+        if i == 2:
+            held = found
+    assert held == pytest.approx(scale, rel=0.04)
+    assert found == held
+
+
+@pytest.mark.parametrize("step_ns", [-syn.STEP_NS, 10**9])
+def test_size_is_forgotten_where_stamps_jump_or_nobody_is_there(bank, step_ns):
+    def cloud(scale, stamp_ns):
+        return syn.to_cloud(
+            syn.draw(syn.mesh(syn.posed(syn.arms_down(), distance=3.2, scale=scale))), stamp_ns
+        )
+
+    matcher = Matcher(bank, MatchConfig(scale_frames=1))
+    first = matcher.match(cloud(1.1, syn.START_NS)).scale
+    assert matcher.match(cloud(0.75, syn.START_NS + syn.STEP_NS)).scale == first  # held
+    after = syn.START_NS + syn.STEP_NS + step_ns
+    assert matcher.match(cloud(0.75, after)).scale == pytest.approx(0.75, rel=0.08)
+    matcher.match(empty(after + syn.STEP_NS))
+    again = matcher.match(cloud(1.1, after + 2 * syn.STEP_NS)).scale
+    assert again == pytest.approx(first, rel=0.05)
+
+
+def empty(stamp_ns=0):
+    nothing = np.full((144, 176, 3), np.nan, np.float32)
+    return PersonCloud(stamp_ns, "optical", nothing, np.zeros((144, 176), np.uint8))
+
+
+def test_nobody(bank, matcher):
+    match = matcher.match(empty(7))
+    assert match.candidates == ()
+    assert (match.stamp_ns, match.bank_id, match.scale) == (7, bank.bank_id, 0.0)
+
+
+def test_warm_up_leaves_no_trace(bank):
+    cloud = seen_as_in_the_bank(bank, 31, 3)[1]
+    plain, warmed = Matcher(bank, MatchConfig(scale_frames=2)), Matcher(bank, MatchConfig(scale_frames=2))
+    warmed.warm_up()
+    a, b = plain.match(cloud), warmed.match(cloud)
+    assert a.scale == b.scale
+    assert [(c.exemplar, c.view, c.score) for c in a.candidates] == [
+        (c.exemplar, c.view, c.score) for c in b.candidates
+    ]
+
+
+def test_placing_twin(bank):
+    """Every candidate's rotation, nodes and score against the public body and renderer."""
+    from depth_pose.bank.canonical import canonical_axes
+    from depth_pose.render import DepthComparer
+    from depth_pose.skeleton import NODE_PARENTS
+
+    _, cloud = seen_as_in_the_bank(bank, 120, 3)
+    view = view_person(cloud)
+    axes = canonical_axes(view.points)[0]
+    comparer = DepthComparer(view.coarse, 0.12)
+    o, body, scale = view.coarse, bank.body, 1.05
+    entries = np.array([120 * bank.views + 3, 40, 777])
+    scores, rotations = np.empty(3), np.empty((3, 3, 3))
+    translations, nodes = np.empty((3, 3)), np.empty((3, 21, 3))
+    skin = body.sparse_weights
+    kernels.score_exemplars(
+        entries, bank.pose_quats, bank.view_quats, bank.view_origins, axes.rotation, axes.origin, scale,
+        body.vertices, body.nodes, NODE_PARENTS, skin.nodes, skin.weights, body.faces,
+        o.depth, o.labels, o.camera.fx, o.camera.fy, o.camera.cx, o.camera.cy, 0.12,
+        scores, rotations, translations, nodes,
+    )  # fmt: skip
+    for k, entry in enumerate(entries):
+        exemplar, number = divmod(int(entry), bank.views)
+        rotation = axes.rotation.T @ quat_to_matrix(bank.view_quats[exemplar, number].astype(np.float64))
+        np.testing.assert_allclose(rotations[k], rotation, atol=1e-6)
+        start = axes.origin - scale * rotation @ bank.view_origins[exemplar, number]
+        posed = body.pose(rotation @ bank.rotations(exemplar), start, scale)
+        first = comparer.compare(posed.vertices, body.faces)
+        moved = comparer.compare(posed.vertices + first.shift, body.faces)
+        shift = first.shift if moved.score < first.score else np.zeros(3)
+        assert scores[k] == pytest.approx(min(first.score, moved.score), abs=2e-3)
+        np.testing.assert_allclose(translations[k], start + shift, atol=1e-4)
+        np.testing.assert_allclose(nodes[k], posed.nodes + shift, atol=1e-4)
