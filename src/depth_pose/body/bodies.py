@@ -64,12 +64,18 @@ def load_body(path: Path) -> Body:
     ------
     InputError
         Where the file is missing or its arrays do not fit together.
+    BankError
+        Where it is a damaged bank.
     """
     try:
         with np.load(path, allow_pickle=False) as file:
-            arrays = {name.removeprefix("body_"): file[name] for name in file.files}
+            arrays = {name: file[name] for name in file.files}
     except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
         raise InputError(f"{path} cannot be read as a body: {error}") from error
+    if "body_vertices" in arrays:
+        from depth_pose.bank.bank import Bank
+
+        return Bank.load(path).body
     missing = [name for name in _FIELDS if name not in arrays]
     if missing:
         raise InputError(f"{path} is no body: the array {missing[0]} is missing")
@@ -108,4 +114,6 @@ def keep_largest(weights: NDArray[np.float64]) -> NDArray[np.float64]:
     order = np.argsort(-weights, axis=1, kind="stable")
     kept = weights.copy()
     np.put_along_axis(kept, order[:, INFLUENCES:], 0.0, axis=1)
-    return np.ascontiguousarray(kept / kept.sum(axis=1, keepdims=True))
+    total = kept.sum(axis=1, keepdims=True)
+    # what sums to 1 already stays as it is, to the last bit
+    return np.ascontiguousarray(kept / np.where(np.abs(total - 1.0) < 1e-12, 1.0, total))
