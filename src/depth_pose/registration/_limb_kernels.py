@@ -8,7 +8,23 @@ from numba import njit
 
 @njit(cache=True, fastmath=True)
 def score_limbs(
-    samples, radii, areas, rotation, origin, scale, depth, labels, fx, fy, cx, cy, points, tolerance, cost, cover
+    samples,
+    radii,
+    areas,
+    rotation,
+    origin,
+    scale,
+    depth,
+    labels,
+    nearest,
+    fx,
+    fy,
+    cx,
+    cy,
+    points,
+    tolerance,
+    cost,
+    cover,
 ):
     """Misfit of many limb configurations, in pixels, and what each leaves uncovered.
 
@@ -40,15 +56,16 @@ def score_limbs(
             if i < 0 or j < 0 or i >= rows or j >= cols:
                 total += 0.3 * pixels
             elif labels[i, j] == 0:
-                total += pixels
+                di, dj = (nearest[i, j, 0] - i) * z / fy, (nearest[i, j, 1] - j) * z / fx
+                total += pixels * min(np.sqrt(di * di + dj * dj) / tolerance, 1.0)
             elif labels[i, j] == 2:
                 total += 0.3 * pixels
             else:
                 gap = depth[i, j] - (z - r)  # positive: the limb would stand before the surface
                 if gap > 0.0:
-                    total += pixels * min(gap / 0.10, 1.0)
+                    total += pixels * min(gap / tolerance, 1.0)
                 else:
-                    total += pixels * min(-gap / 0.10, 0.3)
+                    total += pixels * min(-gap / tolerance, 0.3)
         cost[k] = total
 
 

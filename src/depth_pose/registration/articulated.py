@@ -117,9 +117,7 @@ class FitTarget:
     @classmethod
     def prepare(cls, points: NDArray[np.float64], full: Observation, coarse: Observation) -> FitTarget:
         """Find the nearest person pixels."""
-        nearest = np.empty((*full.labels.shape, 2), np.int32)
-        kernels.nearest_person(full.labels, nearest)
-        return cls(points, full, coarse, nearest)
+        return cls(points, full, coarse, nearest_person_pixels(full))
 
 
 class ArticulatedFitter:
@@ -165,6 +163,13 @@ class ArticulatedFitter:
             self._free, self._stiffness, start.scale, self._settings, rotations, root,
         )  # fmt: skip
         return BodyPose(rotations, root, start.scale)
+
+
+def nearest_person_pixels(observation: Observation) -> NDArray[np.int32]:
+    """Find row and column of the nearest person pixel to every pixel, shape (h, w, 2)."""
+    nearest = np.empty((*observation.labels.shape, 2), np.int32)
+    kernels.nearest_person(observation.labels, nearest)
+    return nearest
 
 
 def _intrinsics(camera: Camera) -> tuple[float, float, float, float]:

@@ -21,7 +21,7 @@ from depth_pose.bank.bank import Bank
 from depth_pose.body.body import Body
 from depth_pose.geometry import quat_to_matrix
 from depth_pose.registration import _limb_kernels as kernels
-from depth_pose.registration.articulated import BodyPose
+from depth_pose.registration.articulated import BodyPose, nearest_person_pixels
 from depth_pose.render import DepthComparer
 from depth_pose.skeleton import MIRROR_NODES, NODE_INDEX, forward_kinematics, mirror_rotations
 from depth_pose.types import PERSON
@@ -37,9 +37,9 @@ _POSES = 6000
 _EXPLAINED_M = 0.045
 _MOST_POINTS = 24
 _BEST = 24
-_COVER_M = 0.08
-"""Distance from a limb's surface at which a point is not covered by it at all."""
-_KEEP_PIXELS = 8.0
+_TOLERANCE_M = 0.15
+"""Distance at which a point is not covered by a limb at all, and a ball is wholly out of place."""
+_KEEP_PIXELS = 4.0
 """Misfit, in pixels of the coarse grid, that an exchange must save for each limb."""
 
 
@@ -129,14 +129,15 @@ def _exchange(
     points = points[:: int(np.ceil(weight))]
     rotation, origin = pose.rotations[pair.anchor], nodes[pair.anchor]
     count = pair.rotations.shape[1]  # the limb as it is comes last
+    nearest = nearest_person_pixels(o)
     cost, cover = np.empty((2, count + 1)), np.empty((2, count + 1, len(points)))
     for side in range(2):
         now = _ball_centres(pose.rotations[None], nodes[None], pair.anchor, pair.bones[side], pair.ends[side])
         kernels.score_limbs(
             np.concatenate([pair.samples[side], now / pose.scale]), pair.radii, pair.areas,
             rotation, origin, pose.scale,
-            o.depth, o.labels, o.camera.fx, o.camera.fy, o.camera.cx, o.camera.cy,
-            points, _COVER_M, cost[side], cover[side],
+            o.depth, o.labels, nearest, o.camera.fx, o.camera.fy, o.camera.cx, o.camera.cy,
+            points, _TOLERANCE_M, cost[side], cover[side],
         )  # fmt: skip
     cover *= np.ceil(weight)
     cost[:, count] -= _KEEP_PIXELS
