@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 import time
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -75,7 +76,7 @@ def reliability(found: dict[str, np.ndarray]) -> None:
     edges = np.concatenate([[0.0], np.arange(0.3, 0.75, 0.05), [1.0]])
     print(f"{'score':>12s} {'frames':>7s} {'right %':>8s} {'flips %':>8s} {'error mm':>9s} {'fitted %':>9s}")
     chance = fit_chance(found["score"], found["error"] < _RIGHT_M)
-    for low, high in zip(edges[:-1], edges[1:], strict=True):
+    for low, high in pairwise(edges):
         mine = (found["score"] >= low) & (found["score"] < high)
         if mine.sum() < 5:
             continue

@@ -1,8 +1,8 @@
 import matplotlib.image
 import numpy as np
 import pytest
-import synthetic as syn
 
+import synthetic as syn
 from depth_pose.bank.check import match_frames, save_check
 from depth_pose.errors import InputError
 from depth_pose.io.mcap_write import DepthWriter

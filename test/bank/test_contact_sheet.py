@@ -10,8 +10,8 @@ def test_exemplars_stand_upright_in_the_middle(bank):
         depth, joints = exemplar_depth(bank, exemplar, exemplar % bank.views)
         rows, columns = np.nonzero(np.isfinite(depth))
         assert len(rows) > 800
-        assert 0 < rows.min() and rows.max() < depth.shape[0] - 1
-        assert 0 < columns.min() and columns.max() < depth.shape[1] - 1
+        assert rows.min() > 0 and rows.max() < depth.shape[0] - 1
+        assert columns.min() > 0 and columns.max() < depth.shape[1] - 1
         assert abs(columns.mean() - depth.shape[1] / 2) < 0.15 * depth.shape[1]
         assert abs(np.median(depth[rows, columns]) - DISTANCE_M) < 0.2
         assert joints[4, 1] < joints[0, 1]  # y points down: the head above the pelvis

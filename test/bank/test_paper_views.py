@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-import synthetic as syn
 
+import synthetic as syn
 from depth_pose.bank import Bank, build_bank
 from depth_pose.bank.build import BuildConfig
 from depth_pose.bank.canonical import describe

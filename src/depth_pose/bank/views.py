@@ -232,9 +232,12 @@ def cast_views(scene: Any, vertices: Array, views: list[View]) -> Iterator[Array
     ends = np.cumsum([columns * rows for _, _, columns, rows in grids]).tolist()
     rays = np.empty((ends[-1], 6), np.float32)
     for view, grid, end in zip(views, grids, ends, strict=True):
+        low_x, low_y, columns, rows = grid
         eye = view.target - DISTANCE_M * view.rotation[2]
-        part = rays[end - grid[2] * grid[3] : end]
-        kernels.aim_rays(*grid, _RAY_SPACING, view.rotation, eye, part)
+        part = rays[end - columns * rows : end]
+        kernels.aim_rays(low_x, low_y, columns, rows, _RAY_SPACING, view.rotation, eye, part)
     depth = scene.cast_rays(rays, nthreads=1)["t_hit"].numpy()
     for grid, end in zip(grids, ends, strict=True):
-        yield kernels.gather_hits(*grid, _RAY_SPACING, depth[end - grid[2] * grid[3] : end])
+        low_x, low_y, columns, rows = grid
+        part = depth[end - columns * rows : end]
+        yield kernels.gather_hits(low_x, low_y, columns, rows, _RAY_SPACING, part)

@@ -7,6 +7,7 @@ not depend on who did the work.
 from __future__ import annotations
 
 import os
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
@@ -64,11 +65,10 @@ def _cores() -> int:
 
 def _run_in_processes(function: Callable[..., T], tasks: Sequence[Task], count: int) -> Iterator[T]:
     with ProcessPoolExecutor(count, mp_context=get_context("spawn")) as pool:
-        futures = [pool.submit(function, *task) for task in tasks]
+        futures = deque(pool.submit(function, *task) for task in tasks)
         try:
-            for i, future in enumerate(futures):
-                yield future.result()
-                futures[i] = None  # type: ignore[call-overload]  # frees its result
+            while futures:
+                yield futures.popleft().result()
         except BrokenProcessPool as error:
             raise InputError(
                 "a worker process of the bank's build died, perhaps for want of memory; use fewer --workers"
@@ -93,10 +93,9 @@ def _run_on_cluster(function: Callable[..., T], tasks: Sequence[Task], scheduler
         if not client.scheduler_info()["workers"]:
             raise InputError(f"the Dask scheduler at {scheduler} has no workers; start some: dask worker")
         # pure=False: the arguments are not hashed; the same call twice is two tasks
-        futures = [client.submit(function, *task, pure=False) for task in tasks]
+        futures = deque(client.submit(function, *task, pure=False) for task in tasks)
         try:
-            for i, future in enumerate(futures):
-                yield future.result()
-                futures[i] = None  # frees its result on the cluster
+            while futures:
+                yield futures.popleft().result()
         except KilledWorker as error:
             raise InputError(f"the Dask workers at {scheduler} died at their work: {error}") from error

@@ -81,7 +81,7 @@ def build(
 
     if with_embedded and mocap is None:
         raise ConfigError("--with-embedded says what to add to --mocap, which is not given")
-    chosen = {"poses": poses, "seed": seed, "views": views}
+    chosen: dict[str, Any] = {"poses": poses, "seed": seed, "views": views}
     config = BuildConfig(**{name: value for name, value in chosen.items() if value is not None})
     start = time.monotonic()
     made = find_body(body)

@@ -1,0 +1,127 @@
+"""Error and time against the size of the bank (the paper's Fig. 14).
+
+    python benchmarks/bank_size.py DATA embedded=a.npz recorded=b.npz --pictures docs/images
+
+Every 1st, 4th, 16th and 64th pose of each bank. Each frame stands alone: matched with the size
+that the matcher found over the first frames, and refined without the previous pose.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from pathlib import Path
+
+import numpy as np
+from bank_common import (
+    Recording,
+    find_scale,
+    is_flipped,
+    joints_of,
+    load_recording,
+    mean_error,
+    recordings,
+    subsample,
+)
+
+from depth_pose.bank import Bank
+from depth_pose.config import MatchConfig, RefineConfig
+from depth_pose.steps.match import Matcher
+from depth_pose.steps.refine import Refiner
+
+SHARES = (1, 4, 16, 64)
+COLUMNS = ("poses", "match mm", "flips %", "refined mm", "flips %", "match ms", "search ms")
+
+
+def measure(bank: Bank, recorded: list[Recording], scales: list[float]) -> list[float]:
+    """Give a table's row: the figures of `COLUMNS`."""
+    refiner = Refiner(bank, RefineConfig(track=False), MatchConfig())
+    rows = []
+    for recording, scale in zip(recorded, scales, strict=True):
+        matcher = Matcher(bank, MatchConfig(scale=scale))
+        for cloud, known in zip(recording.clouds, recording.joints, strict=True):
+            start = time.thread_time()
+            match = matcher.match(cloud)
+            taken = time.thread_time() - start
+            if not match.candidates:
+                continue
+            found, refined = joints_of(bank, match), refiner.refine(cloud, match).positions
+            pair = [(mean_error(f, known), is_flipped(f, known)) for f in (found, refined)]
+            rows.append((*pair[0], *pair[1], taken))
+    table = np.array(rows, float)
+    mean = table.mean(axis=0)
+    searching = search_time(bank)
+    return [
+        bank.poses,
+        1e3 * mean[0],
+        1e2 * mean[1],
+        1e3 * mean[2],
+        1e2 * mean[3],
+        1e3 * float(np.median(table[:, 4])),
+        searching,
+    ]
+
+
+def search_time(bank: Bank, repeats: int = 30) -> float:
+    """Milliseconds of one exact search of the whole subspace (eq. 6), one thread."""
+    entries = np.ascontiguousarray(bank.coefficients.reshape(-1, bank.coefficients.shape[-1]))
+    squares = np.einsum("ij,ij->i", entries, entries)
+    gamma = entries[0] + 0.1
+    times = []
+    for _ in range(repeats):
+        start = time.perf_counter()
+        np.argpartition(squares - 2.0 * (entries @ gamma), min(64, len(entries) - 1))
+        times.append(time.perf_counter() - start)
+    return 1e3 * min(times)
+
+
+def draw(tables: dict[str, np.ndarray], path: Path) -> None:
+    """Draw error and time against the number of poses."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(10, 3.8), layout="constrained")
+    error, times = figure.subplots(1, 2)
+    for colour, (label, table) in zip(("tab:blue", "tab:orange", "tab:green"), tables.items(), strict=False):
+        error.plot(table[:, 0], table[:, 1], "o--", color=colour, label=f"{label}, best match")
+        error.plot(table[:, 0], table[:, 3], "o-", color=colour, label=f"{label}, refined")
+        times.plot(table[:, 0], table[:, 5], "o-", color=colour, label=f"{label}, matching")
+        times.plot(table[:, 0], table[:, 6], "o:", color=colour, label=f"{label}, search alone")
+    error.set(ylabel="mean joint error (mm)", ylim=(0, None))
+    times.set(ylabel="ms per frame, one thread", ylim=(0, None))
+    for axes in (error, times):
+        axes.set(xscale="log", xlabel="poses in the bank")
+        axes.grid(alpha=0.3)
+        axes.legend(fontsize=8)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path, dpi=110)
+
+
+def main() -> None:
+    """Measure every size of every bank."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("data", type=Path)
+    parser.add_argument("banks", nargs="+", metavar="LABEL=FILE")
+    parser.add_argument("--step", type=int, default=8, help="use every so many frames")
+    parser.add_argument("--pictures", type=Path)
+    arguments = parser.parse_args()
+    recorded = [load_recording(path, arguments.step) for path in recordings(arguments.data)]
+    print(f"{sum(len(r.clouds) for r in recorded)} frames of {len(recorded)} recordings")
+    print(f"{'bank':12s}" + " ".join(f"{name:>10s}" for name in COLUMNS))
+    tables = {}
+    for text in arguments.banks:
+        label, _, file = text.partition("=")
+        whole = Bank.load(file)
+        scales = [find_scale(whole, r.clouds) for r in recorded]
+        rows = []
+        for share in SHARES:
+            rows.append(measure(subsample(whole, share), recorded, scales))
+            print(f"{label:12s}" + " ".join(f"{figure:10.1f}" for figure in rows[-1]), flush=True)
+        tables[label] = np.array(rows)
+    if arguments.pictures:
+        draw(tables, arguments.pictures / "bank_size.png")
+
+
+if __name__ == "__main__":
+    main()
