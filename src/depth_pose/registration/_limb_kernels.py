@@ -8,7 +8,22 @@ from numba import njit
 
 @njit(cache=True, fastmath=True)
 def score_limbs(
-    samples, radii, areas, rotation, origin, scale, depth, labels, fx, fy, cx, cy, points, tolerance, cost, cover
+    samples,
+    radii,
+    areas,
+    rotation,
+    origin,
+    scale,
+    depth,
+    labels,
+    fx,
+    fy,
+    cx,
+    cy,
+    points,
+    tolerance,
+    cost,
+    cover,
 ):
     """Misfit of many limb configurations, in pixels, and what each leaves uncovered.
 

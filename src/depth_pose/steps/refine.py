@@ -30,6 +30,7 @@ from depth_pose.steps.stamps import StampGuard
 from depth_pose.steps.view import PersonView, view_person
 from depth_pose.types import Candidate, PersonCloud, PoseMatch, Skeleton
 
+
 @dataclass(frozen=True)
 class _Compared:
     """A fitted body, and how it compares with the input."""
