@@ -214,30 +214,46 @@ def test_assignment_without_visible_vertices():
 # --- M-step
 
 
+def _assembled(fitter, nodes, vertices, normals, mass, target, segment, plane_weight, point_weight):
+    """Normal equations (P, P) and gradient (P,) of the data term alone."""
+    size = 3 + 3 * len(fitter._stiffness)
+    inertia, force = np.zeros((len(nodes), 6, 6)), np.zeros((len(nodes), 6))
+    origin = np.array([0.2, -0.1, 2.5])  # anything will do
+    kernels.add_points(
+        vertices, normals, mass, target, segment, origin, plane_weight, point_weight, inertia, force
+    )
+    matrix, gradient = np.zeros((size, size)), np.zeros(size)
+    kernels.assemble(inertia, force, nodes, origin, NODE_PARENTS, fitter._free, matrix, gradient)
+    return matrix, gradient
+
+
 def _jacobian(fitter, vertices, nodes, i):
     """Analytic Jacobian (3, P) of one vertex: the gradient for a unit residual along each axis."""
     one = slice(i, i + 1)
-    size = 3 + 3 * len(fitter._stiffness)
+    segment = fitter._influence[one, 0]
     rows, squares = [], []
     for axis in np.eye(3):
-        matrix, gradient = np.zeros((size, size)), np.zeros(size)
-        kernels.add_points(
-            vertices[one], np.zeros((1, 3)), np.ones(1), vertices[one] + axis,
-            fitter._chain[one], fitter._share[one], fitter._length[one], nodes, 0.0, 1.0, matrix, gradient,
-        )  # fmt: skip
+        matrix, gradient = _assembled(
+            fitter,
+            nodes,
+            vertices[one],
+            np.zeros((1, 3)),
+            np.ones(1),
+            vertices[one] + axis,
+            segment,
+            0.0,
+            1.0,
+        )
         rows.append(gradient)
         squares.append(matrix)
     jacobian = np.array(rows)
-    np.testing.assert_allclose(squares[0], np.tril(jacobian.T @ jacobian), atol=1e-9)
+    np.testing.assert_allclose(squares[0], jacobian.T @ jacobian, atol=1e-9)
     return jacobian
 
 
 @pytest.mark.parametrize("rotations", [syn.upright(), syn.varied(0, 40.0)], ids=["rest", "posed"])
 def test_jacobian_against_finite_differences(body, fitter, rotations):
-    """Exact for vertices that one node moves, and for all of them in the rest pose.
-
-    Elsewhere a vertex's share moves with the blended vertex, not with each node's own image of it.
-    """
+    """Exact for vertices that one node moves; others count with the segment that moves them most."""
     rotations, root = syn.FACING @ rotations, np.array([0.1, 0.0, 3.0])
     posed = body.pose(rotations, root)
     size = 3 + 3 * len(fitter._stiffness)
@@ -250,14 +266,10 @@ def test_jacobian_against_finite_differences(body, fitter, rotations):
         kernels.update(delta, fitter._free, NODE_PARENTS, turned)
         moved[p] = (body.pose(turned, root + delta[:3]).vertices - posed.vertices) / step
     rigid = np.flatnonzero(body.weights.max(axis=1) > 0.995)
-    every = np.arange(0, len(posed.vertices), 23)
-    # a share of 2 percent and less is left out: up to 4 cm per radian at the end of a long lever
     for i in rigid[::11]:
         analytic = _jacobian(fitter, posed.vertices, posed.nodes, i)
-        np.testing.assert_allclose(analytic, moved[:, i].T, atol=0.008)
-    errors = [np.abs(_jacobian(fitter, posed.vertices, posed.nodes, i) - moved[:, i].T).max() for i in every]
-    assert np.median(errors) < 0.005
-    assert max(errors) < (0.05 if (rotations == syn.FACING).all() else 0.2)
+        # what moves the other half percent of a vertex counts up to 1 cm per radian on a long lever
+        np.testing.assert_allclose(analytic, moved[:, i].T, atol=0.01)
 
 
 def test_data_term_twin(body, fitter):
@@ -270,11 +282,10 @@ def test_data_term_twin(body, fitter):
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     mass, target = rng.uniform(0.1, 2.0, 20), posed.vertices[some] + 0.02 * rng.standard_normal((20, 3))
     mass[3] = 1e-4  # too little to count
-    matrix, gradient = np.zeros((size, size)), np.zeros(size)
-    kernels.add_points(
-        posed.vertices[some], normals, mass, target, fitter._chain[some], fitter._share[some],
-        fitter._length[some], posed.nodes, 1.0, 0.3, matrix, gradient,
-    )  # fmt: skip
+    segment = fitter._influence[some, 0]
+    matrix, gradient = _assembled(
+        fitter, posed.nodes, posed.vertices[some], normals, mass, target, segment, 1.0, 0.3
+    )
     expected, slope = np.zeros((size, size)), np.zeros(size)
     for k, i in enumerate(some):
         if k == 3:
@@ -283,11 +294,11 @@ def test_data_term_twin(body, fitter):
         metric = mass[k] * (np.outer(normals[k], normals[k]) + 0.3 * np.eye(3))
         expected += jacobian.T @ metric @ jacobian
         slope += jacobian.T @ metric @ (target[k] - posed.vertices[i])
-    np.testing.assert_allclose(matrix, np.tril(expected), atol=1e-9)
+    np.testing.assert_allclose(matrix, expected, atol=1e-9)
     np.testing.assert_allclose(gradient, slope, atol=1e-9)
 
 
-def test_free_space_pulls_into_the_silhouette_and_behind_the_surface(body, fitter):
+def test_free_space_pulls_into_the_silhouette_and_behind_the_surface():
     """One vertex at a time: beside the person, before the surface, behind it, where nothing is known."""
     labels = np.full((60, 80), BACKGROUND, np.uint8)
     labels[20:40, 30:50] = PERSON
@@ -295,18 +306,16 @@ def test_free_space_pulls_into_the_silhouette_and_behind_the_surface(body, fitte
     depth = np.where(labels == PERSON, np.float32(2.0), np.float32(0.0))
     nearest = np.empty((60, 80, 2), np.int32)
     kernels.nearest_person(labels, nearest)
-    size = 3 + 3 * len(fitter._stiffness)
     c = syn.CAMERA
-    nodes = body.nodes
 
     def pull(row, col, z):
         vertex = np.array([[(col - 39.5) / c.fx * z, (row - 29.5) / c.fy * z, z]])
-        matrix, gradient = np.zeros((size, size)), np.zeros(size)
+        inertia, force = np.zeros((1, 6, 6)), np.zeros((1, 6))
         kernels.add_free_space(
-            vertex, depth, labels, nearest, c.fx, c.fy, 39.5, 29.5, fitter._chain[:1], fitter._share[:1],
-            fitter._length[:1], nodes, 1.0, 0.04, 0.10, matrix, gradient,
+            vertex, depth, labels, nearest, c.fx, c.fy, 39.5, 29.5, np.zeros(1, np.int32), np.zeros(3),
+            1.0, 0.04, 0.10, inertia, force,
         )  # fmt: skip
-        return gradient[:3]
+        return force[0, 3:]
 
     x, y, z = pull(30, 25, 2.0)  # 5 pixels to the left: pulled to the right
     assert x == pytest.approx(5 / c.fx * 2.0)

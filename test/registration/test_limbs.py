@@ -7,9 +7,9 @@ import pytest
 
 import synthetic as syn
 from depth_pose.registration import _limb_kernels as kernels
-from depth_pose.registration.articulated import ArticulatedFitter, BodyPose, FitTarget
+from depth_pose.registration.articulated import ArticulatedFitter, BodyPose, FitTarget, nearest_person_pixels
 from depth_pose.registration.limbs import LimbSearch
-from depth_pose.render import DepthComparer
+from depth_pose.render import DepthComparer, Observation
 from depth_pose.skeleton import NODE_INDEX
 from depth_pose.steps.view import thin, view_person
 
@@ -117,27 +117,14 @@ def test_score_twin():
     depth = np.where(labels == 1, rng.uniform(1.7, 2.3, labels.shape), 0.0).astype(np.float32)
     fx, fy, cx, cy = 50.0, 52.0, 23.5, 17.5
     points = rng.uniform([-0.4, -0.4, 1.7], [0.4, 0.4, 2.3], (25, 3))
-    cost, cover = np.empty(limbs), np.empty((limbs, 25))
+    nearest = nearest_person_pixels(Observation(depth, labels, syn.CAMERA))
+    cost, cover, reach = np.empty(limbs), np.empty((limbs, 25)), 0.08
     kernels.score_limbs(
-        samples,
-        radii,
-        areas,
-        rotation,
-        origin,
-        scale,
-        depth,
-        labels,
-        fx,
-        fy,
-        cx,
-        cy,
-        points,
-        0.08,
-        cost,
-        cover,
-    )
+        samples, radii, areas, rotation, origin, scale, depth, labels, nearest, fx, fy, cx, cy,
+        points, reach, cost, cover,
+    )  # fmt: skip
     centres = origin + scale * samples @ rotation.T
-    off = np.abs(np.linalg.norm(points - centres[:, :, None], axis=-1) - scale * radii[:, None]) / 0.08
+    off = np.abs(np.linalg.norm(points - centres[:, :, None], axis=-1) - scale * radii[:, None]) / reach
     np.testing.assert_allclose(cover, np.minimum(off.min(axis=1), 1.0), atol=1e-6)
     for k in range(limbs):
         expected = 0.0
@@ -148,6 +135,8 @@ def test_score_twin():
                 expected += 0.3 * pixels
                 continue
             before = depth[i, j] - (c[2] - r)
-            on_person = min(before / 0.1, 1.0) if before > 0 else min(-before / 0.1, 0.3)
-            expected += pixels * (1.0, on_person, 0.3)[labels[i, j]]
+            on_person = min(before / reach, 1.0) if before > 0 else min(-before / reach, 0.3)
+            di, dj = nearest[i, j] - [i, j]
+            beside = min(np.hypot(di * c[2] / fy, dj * c[2] / fx) / reach, 1.0)
+            expected += pixels * (beside, on_person, 0.3)[labels[i, j]]
         assert cost[k] == pytest.approx(expected, rel=1e-6)

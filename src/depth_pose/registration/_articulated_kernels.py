@@ -121,37 +121,82 @@ def assign(points, stride, vertices, visible, sigma, outlier, mass, target):
 
 
 @njit(cache=True, fastmath=True)
-def add_vertex(chain, share, length, v, nodes, m, r, normal_matrix, gradient):
-    """Add one vertex to the normal equations.
+def add_vertex(v, origin, m, r, inertia, force):
+    """Add one vertex to its segment's normal equations for a free motion ``w x (v - origin) + t``.
 
-    ``chain`` are its ``length`` free nodes (numbers of parameters' triples and nodes), ``share``
-    the weight with which each moves it, ``m`` a symmetric 3x3 metric, ``r`` the residual.
+    ``m`` is a symmetric 3x3 metric, ``r`` the residual; ``inertia`` (6, 6) and ``force`` (6,) take
+    ``J' m J`` and ``J' m r`` with the Jacobian ``J = [-[v - origin]_x, 1]``.
     """
-    # columns of the Jacobian: translation, then for each free node -[v - p]_x times its share
-    size = 3 * (length + 1)
-    jacobian = np.zeros((3, size))
-    where = np.empty(size, np.int32)
+    x, y, z = v[0] - origin[0], v[1] - origin[1], v[2] - origin[2]
     for a in range(3):
-        jacobian[a, a] = 1.0
-        where[a] = a
-    for k in range(length):
-        n, s = chain[k, 1], share[k]
-        x, y, z = s * (v[0] - nodes[n, 0]), s * (v[1] - nodes[n, 1]), s * (v[2] - nodes[n, 2])
-        c = 3 * (k + 1)
-        jacobian[1, c], jacobian[2, c] = -z, y
-        jacobian[0, c + 1], jacobian[2, c + 1] = z, -x
-        jacobian[0, c + 2], jacobian[1, c + 2] = -y, x
+        # row a of m J: its first three columns are (row a of m) . [-[v]_x]
+        m0, m1, m2 = m[a, 0], m[a, 1], m[a, 2]
+        inertia[3 + a, 0] += m2 * y - m1 * z
+        inertia[3 + a, 1] += m0 * z - m2 * x
+        inertia[3 + a, 2] += m1 * x - m0 * y
+        inertia[3 + a, 3] += m0
+        inertia[3 + a, 4] += m1
+        inertia[3 + a, 5] += m2
+        force[3 + a] += m0 * r[0] + m1 * r[1] + m2 * r[2]
+    for b in range(3):
+        q0 = m[0, 2] * y - m[0, 1] * z if b == 0 else m[0, 0] * z - m[0, 2] * x
+        q1 = m[1, 2] * y - m[1, 1] * z if b == 0 else m[1, 0] * z - m[1, 2] * x
+        q2 = m[2, 2] * y - m[2, 1] * z if b == 0 else m[2, 0] * z - m[2, 2] * x
+        if b == 2:
+            q0, q1, q2 = m[0, 1] * x - m[0, 0] * y, m[1, 1] * x - m[1, 0] * y, m[2, 1] * x - m[2, 0] * y
+        inertia[0, b] += q2 * y - q1 * z
+        inertia[1, b] += q0 * z - q2 * x
+        inertia[2, b] += q1 * x - q0 * y
+        force[b] += q0 * r[0] + q1 * r[1] + q2 * r[2]
+
+
+@njit(cache=True, fastmath=True)
+def assemble(inertia, force, nodes, origin, parents, free, matrix, gradient):
+    """Put the normal equations of the joint angles together from those of the free segments.
+
+    What moves node k moves all segments below it alike, so their inertias are summed up the tree;
+    the block of two nodes is that of the lower one's sum, if one lies above the other, else zero.
+    ``inertia`` and ``force`` are used up.
+    """
+    count = parents.shape[0]
+    for n in range(count):  # the kernel above fills the lower left block only
         for a in range(3):
-            where[c + a] = 3 + 3 * chain[k, 0] + a
-    for i in range(size):
-        q0 = m[0, 0] * jacobian[0, i] + m[0, 1] * jacobian[1, i] + m[0, 2] * jacobian[2, i]
-        q1 = m[1, 0] * jacobian[0, i] + m[1, 1] * jacobian[1, i] + m[1, 2] * jacobian[2, i]
-        q2 = m[2, 0] * jacobian[0, i] + m[2, 1] * jacobian[1, i] + m[2, 2] * jacobian[2, i]
-        gradient[where[i]] += q0 * r[0] + q1 * r[1] + q2 * r[2]
-        for j in range(i + 1):
-            normal_matrix[where[i], where[j]] += (
-                q0 * jacobian[0, j] + q1 * jacobian[1, j] + q2 * jacobian[2, j]
-            )
+            for b in range(3):
+                inertia[n, b, 3 + a] = inertia[n, 3 + a, b]
+    for n in range(count - 1, 0, -1):
+        inertia[parents[n]] += inertia[n]
+        force[parents[n]] += force[n]
+    matrix[:3, :3] = inertia[0, 3:, 3:]
+    gradient[:3] = force[0, 3:]
+    turned = np.empty((6, 3))
+    for k in range(count):
+        if free[k] < 0:
+            continue
+        c = 3 + 3 * free[k]
+        x, y, z = nodes[k, 0] - origin[0], nodes[k, 1] - origin[1], nodes[k, 2] - origin[2]
+        for i in range(6):  # inertia times [1; [p]_x], the motion of a turn about the node
+            t0, t1, t2 = inertia[k, i, 3], inertia[k, i, 4], inertia[k, i, 5]
+            turned[i, 0] = inertia[k, i, 0] + t1 * z - t2 * y
+            turned[i, 1] = inertia[k, i, 1] + t2 * x - t0 * z
+            turned[i, 2] = inertia[k, i, 2] + t0 * y - t1 * x
+        t0, t1, t2 = force[k, 3], force[k, 4], force[k, 5]
+        gradient[c] = force[k, 0] + t1 * z - t2 * y
+        gradient[c + 1] = force[k, 1] + t2 * x - t0 * z
+        gradient[c + 2] = force[k, 2] + t0 * y - t1 * x
+        for a in range(3):
+            for i in range(3):
+                matrix[c + a, i] = matrix[i, c + a] = turned[3 + i, a]
+        j = k
+        while j >= 0:
+            if free[j] >= 0:
+                d = 3 + 3 * free[j]
+                u, v, w = nodes[j, 0] - origin[0], nodes[j, 1] - origin[1], nodes[j, 2] - origin[2]
+                for a in range(3):
+                    t0, t1, t2 = turned[3, a], turned[4, a], turned[5, a]
+                    matrix[d, c + a] = matrix[c + a, d] = turned[0, a] + t1 * w - t2 * v
+                    matrix[d + 1, c + a] = matrix[c + a, d + 1] = turned[1, a] + t2 * u - t0 * w
+                    matrix[d + 2, c + a] = matrix[c + a, d + 2] = turned[2, a] + t0 * v - t1 * u
+            j = parents[j]
 
 
 @njit(cache=True)
@@ -204,9 +249,7 @@ def _relax(nearest, i, j, a, b):
 
 
 @njit(cache=True, fastmath=True)
-def add_points(
-    vertices, normals, mass, target, chain, share, length, nodes, plane_weight, point_weight, matrix, gradient
-):
+def add_points(vertices, normals, mass, target, segment, origin, plane_weight, point_weight, inertia, force):
     """M-step data term: pull every vertex to its mean point, along its normal and in all."""
     metric = np.empty((3, 3))
     r = np.empty(3)
@@ -218,28 +261,13 @@ def add_points(
             for b in range(3):
                 metric[a, b] = mass[i] * plane_weight * normals[i, a] * normals[i, b]
             metric[a, a] += mass[i] * point_weight
-        add_vertex(chain[i], share[i], length[i], vertices[i], nodes, metric, r, matrix, gradient)
+        n = segment[i]
+        add_vertex(vertices[i], origin, metric, r, inertia[n], force[n])
 
 
 @njit(cache=True, fastmath=True)
 def add_free_space(
-    vertices,
-    depth,
-    labels,
-    nearest,
-    fx,
-    fy,
-    cx,
-    cy,
-    chain,
-    share,
-    length,
-    nodes,
-    weight,
-    slack,
-    limit,
-    matrix,
-    gradient,
+    vertices, depth, labels, nearest, fx, fy, cx, cy, segment, origin, weight, slack, limit, inertia, force
 ):
     """Pull vertices that lie beside the silhouette into it, and those before the surface behind it."""
     rows, cols = depth.shape
@@ -268,7 +296,8 @@ def add_free_space(
             metric[0, 0], metric[1, 1], metric[2, 2] = weight, weight, 0.0
         else:
             continue
-        add_vertex(chain[i], share[i], length[i], vertices[i], nodes, metric, r, matrix, gradient)
+        n = segment[i]
+        add_vertex(vertices[i], origin, metric, r, inertia[n], force[n])
 
 
 @njit(cache=True)
@@ -289,9 +318,6 @@ def fit(
     weight,
     rest_nodes,
     parents,
-    chain,
-    share,
-    length,
     free,
     stiffness,
     scale,
@@ -307,6 +333,7 @@ def fit(
     vertices, normals, target = np.empty((count, 3)), np.empty((count, 3)), np.empty((count, 3))
     nodes, mass, visible = np.empty((parents.shape[0], 3)), np.empty(count), np.empty(count, np.bool_)
     size = 3 + 3 * stiffness.shape[0]
+    segment, inertia, force = influence[:, 0], np.empty((nodes.shape[0], 6, 6)), np.empty((nodes.shape[0], 6))
     matrix, gradient, moved = np.empty((size, size)), np.empty(size), np.zeros(size)
     for k in range(sigmas.shape[0]):
         skin(rest, rest_nodes, parents, influence, weight, rotations, root, scale, vertices, nodes)
@@ -316,22 +343,10 @@ def fit(
         if strides[k] > 1:  # half of the vertices will do for a part of the points
             visible[k % 2 :: 2] = False
         assign(points, strides[k], vertices, visible, sigmas[k], outlier, mass, target)
+        inertia[:] = 0.0
+        force[:] = 0.0
         matrix[:] = 0.0
-        gradient[:] = 0.0
-        add_points(
-            vertices,
-            normals,
-            mass,
-            target,
-            chain,
-            share,
-            length,
-            nodes,
-            plane_weight,
-            point_weight,
-            matrix,
-            gradient,
-        )
+        add_points(vertices, normals, mass, target, segment, root, plane_weight, point_weight, inertia, force)
         # all other terms are in proportion to the number of points
         amount = points.shape[0] / strides[k] / 800.0
         add_free_space(
@@ -343,19 +358,16 @@ def fit(
             fy,
             cx,
             cy,
-            chain,
-            share,
-            length,
-            nodes,
+            segment,
+            root,
             2.0 * free_weight * amount,
             slack,
             limit,
-            matrix,
-            gradient,
+            inertia,
+            force,
         )
+        assemble(inertia, force, nodes, root, parents, free, matrix, gradient)
         for i in range(size):
-            for j in range(i):
-                matrix[j, i] = matrix[i, j]
             matrix[i, i] += 1e-6 + damping * amount
             if i >= 3:
                 hold = prior * amount * stiffness[(i - 3) // 3]

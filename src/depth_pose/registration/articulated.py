@@ -15,9 +15,12 @@ points :math:`x_n` are samples of it. Each iteration does
 with the variance going down from coarse to fine. :math:`E_{free}` keeps vertices out of space
 that was seen to be free: beside the silhouette, and in front of the observed surface.
 :math:`E_{prior}` holds each joint near the start. The parameters are a translation and, for every
-free node, a rotation vector in the camera frame that turns the whole subtree, so that a vertex
-moves by :math:`\delta t + \sum_k s_{mk}\, \omega_k \times (v_m - p_k)` with the share
-:math:`s_{mk}` of its skin weight below node k: the analytic Jacobian.
+free node, a rotation vector in the camera frame that turns the whole subtree: a vertex moves by
+:math:`\delta t + \sum_k \omega_k \times (v_m - p_k)`, summed over the free nodes above the segment
+that moves it most. So all vertices of a segment share one 6 x 6 matrix of a free rigid motion,
+and the normal equations of the joint angles are put together from those 21 (the composite rigid
+body algorithm of M. Walker and D. Orin, *Efficient dynamic computer simulation of robotic
+mechanisms*, 1982).
 """
 
 from __future__ import annotations
@@ -130,7 +133,6 @@ class ArticulatedFitter:
         self._influence, self._weight = sparse.nodes, sparse.weights
         self._normals_rest = vertex_normals(body)
         self._free, self._stiffness = _free_nodes()
-        self._chain, self._share, self._length = _chains(body.weights, self._free)
         c = self.config
         self._settings = (
             c.outlier, c.plane_weight, c.point_weight, c.free_space_weight, c.free_space_slack,
@@ -159,8 +161,8 @@ class ArticulatedFitter:
             target.full.depth, target.full.labels, target.nearest, _intrinsics(target.full.camera),
             np.empty(target.coarse.depth.shape), _intrinsics(target.coarse.camera),
             body.vertices, self._normals_rest, body.faces, self._influence, self._weight,
-            body.nodes, NODE_PARENTS, self._chain, self._share, self._length,
-            self._free, self._stiffness, start.scale, self._settings, rotations, root,
+            body.nodes, NODE_PARENTS, self._free, self._stiffness, start.scale, self._settings,
+            rotations, root,
         )  # fmt: skip
         return BodyPose(rotations, root, start.scale)
 
@@ -196,23 +198,3 @@ def _free_nodes() -> tuple[NDArray[np.int64], NDArray[np.float64]]:
             free[node] = len(stiffness)
             stiffness.append(_STIFFNESS[kind])
     return free, np.array(stiffness)
-
-
-def _chains(
-    weights: NDArray[np.float64], free: NDArray[np.int64]
-) -> tuple[NDArray[np.int32], NDArray[np.float64], NDArray[np.int32]]:
-    """For each vertex, the free nodes that move it and with which share of its skin weight."""
-    below = weights.copy()  # weight of each node's whole subtree
-    for n in range(len(NODES) - 1, 0, -1):
-        below[:, NODE_PARENTS[n]] += below[:, n]
-    moves = (below > 0.02) & (free >= 0)
-    longest = int(moves.sum(axis=1).max())
-    chain = np.zeros((len(weights), longest, 2), np.int32)
-    share = np.zeros((len(weights), longest))
-    length = moves.sum(axis=1).astype(np.int32)
-    for i, row in enumerate(moves):
-        nodes = np.flatnonzero(row)
-        chain[i, : len(nodes), 0] = free[nodes]
-        chain[i, : len(nodes), 1] = nodes
-        share[i, : len(nodes)] = below[i, nodes]
-    return chain, share, length
