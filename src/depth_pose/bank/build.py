@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse.linalg import eigsh
+from threadpoolctl import threadpool_limits
 
 from depth_pose.bank.bank import Bank
 from depth_pose.bank.views import BANK_SCHEMES, render_views
@@ -89,13 +90,15 @@ def build_bank(
         if progress is not None:
             progress(done, len(poses))
     descriptors = np.concatenate([p.descriptors for p in parts])
-    subspace = learn_subspace(descriptors.reshape(-1, descriptors.shape[-1]), config.dimensions)
+    with threadpool_limits(1):  # sums in the same order on any number of cores
+        subspace = learn_subspace(descriptors.reshape(-1, descriptors.shape[-1]), config.dimensions)
+        coefficients = project(descriptors, subspace)
     return Bank(
         body=body,
         pose_quats=quats,
         view_quats=matrix_to_quat(np.concatenate([p.rotations for p in parts])).astype(np.float32),
         view_origins=np.concatenate([p.origins for p in parts]),
-        coefficients=project(descriptors, subspace),
+        coefficients=coefficients,
         mean=subspace.mean,
         components=subspace.components,
         source={**source, "views": config.views, "explained_variance": round(subspace.explained, 4)},
