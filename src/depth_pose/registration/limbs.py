@@ -22,7 +22,7 @@ from depth_pose.body.body import Body
 from depth_pose.geometry import quat_to_matrix
 from depth_pose.registration import _limb_kernels as kernels
 from depth_pose.registration.articulated import BodyPose, nearest_person_pixels
-from depth_pose.render import DepthComparer
+from depth_pose.render import DepthComparer, Observation
 from depth_pose.skeleton import MIRROR_NODES, NODE_INDEX, forward_kinematics, mirror_rotations
 from depth_pose.types import PERSON
 
@@ -121,6 +121,8 @@ def _exchange(
     comparer: DepthComparer,
 ) -> BodyPose | None:
     """Put the best pair of configurations on a pose; None where the input shows nothing of them."""
+    if not _in_view(nodes[pair.bones], comparer.observation):
+        return None
     points = _unexplained(vertices, pair.faces, comparer)
     if len(points) < 5:
         return None
@@ -151,6 +153,14 @@ def _exchange(
         if best[side] < count:
             rotations[pair.nodes[side]] = rotation @ pair.rotations[side, best[side]]
     return BodyPose(rotations, pose.root, pose.scale)
+
+
+def _in_view(joints: NDArray[np.float64], observed: Observation) -> bool:
+    """Tell whether at least half of a pair of limbs' joints (2, m, 3) lie inside the window."""
+    c, (rows, cols) = observed.camera, observed.depth.shape
+    x, y, z = np.moveaxis(joints, -1, 0)
+    u, v = c.fx * x / z + c.cx, c.fy * y / z + c.cy
+    return bool(((u > 0) & (v > 0) & (u < cols) & (v < rows)).mean() >= 0.5)
 
 
 def _unexplained(

@@ -30,6 +30,9 @@ from depth_pose.steps.stamps import StampGuard
 from depth_pose.steps.view import PersonView, view_person
 from depth_pose.types import Candidate, PersonCloud, PoseMatch, Skeleton
 
+_FIRST_ROUNDS = 4
+"""Rounds of the limb search while there is no previous pose to start from."""
+
 
 @dataclass(frozen=True)
 class _Compared:
@@ -107,13 +110,18 @@ class Refiner:
             return _Compared(body, comparer.compare(body.vertices, self._faces))
 
         starts = [candidate_pose(self.bank, c, match.scale) for c in match.candidates]
-        if self._previous is not None and self.config.track:
+        tracking = self._previous is not None and self.config.track
+        if self._previous is not None and tracking:
             starts.append(BodyPose(self._previous.rotations, self._previous.root, match.scale))
         rough = [compared(fitter.rough(start)) for start in starts]
-        best = min(rough, key=_score).body
-        proposals = self._limbs.propose(best.pose, best.vertices, comparer)
-        rough += [compared(fitter.rough(start)) for start in proposals]
-        return compared(fitter.finish(min(rough, key=_score).body))
+        best = min(rough, key=_score)
+        for _ in range(1 if tracking else _FIRST_ROUNDS):
+            proposals = self._limbs.propose(best.body.pose, best.body.vertices, comparer)
+            better = min([best, *(compared(fitter.rough(start)) for start in proposals)], key=_score)
+            if better is best:
+                break
+            best = better
+        return compared(fitter.finish(best.body))
 
     def _skeleton(self, cloud: PersonCloud, view: PersonView, fitted: _Compared) -> Skeleton:
         """Put a fitted pose into words."""
