@@ -62,6 +62,11 @@ def placement(azimuth: float = 0.0, elevation: float = 0.0, roll: float = 0.0) -
     )
 
 
+def on_the_spot(clip: Clip) -> Clip:
+    """Walk as on a treadmill, so that every view shows the whole person."""
+    return Clip(clip.name, clip.fps, clip.rotations, clip.roots * np.array([0.0, 1.0, 0.0]))
+
+
 def watch(body: Body, clip: Clip, place: Placement, folder: Path, step: int) -> Recording:
     """Simulate a view and extract its clouds."""
     path = folder / "view.mcap"
@@ -137,7 +142,7 @@ def main() -> None:
     bank = Bank.load(arguments.bank)
     body = Person().body()
     scale = body.stature / ADULT_STATURE_M
-    clip = load_motion(arguments.motion, 25.0, arguments.seconds, seed=5)
+    clip = on_the_spot(load_motion(arguments.motion, 25.0, arguments.seconds, seed=5))
     named = {"front": placement(), "roll of 30": placement(roll=30.0), "upper right": placement(-40.0, 35.0)}
     views = {
         "named": named,
