@@ -28,7 +28,7 @@ def test_same_bank_from_any_number_of_workers(body, few, monkeypatch):
     once = [(min(n, count), count) for n in range(4, count + 4, 4)]
     assert told == 3 * once
     b = banks[0]
-    assert b.coefficients.shape == (count, 8, 12)
+    assert b.coefficients.shape == (count, 16, 12)
     assert b.source["a"] == 1
     assert b.source["views"] == b.view_scheme == "partial"
     assert 0.4 < b.source["explained_variance"] < 1.0

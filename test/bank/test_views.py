@@ -42,7 +42,8 @@ def test_directions_go_all_round_and_differ_between_poses():
         assert directions.shape == (VIEWS, 2)
         steps = np.diff(np.sort(directions[:, 0]))
         np.testing.assert_allclose(steps, 2 * np.pi / VIEWS, atol=1e-9)
-        assert np.abs(directions[:, 1]).max() < np.radians(60.0)
+        assert np.radians(-15.1) < directions[:, 1].min() < 0.0
+        assert np.radians(45.0) < directions[:, 1].max() < np.radians(60.1)
         np.testing.assert_array_equal(directions, view_directions(pose))
     assert not np.allclose(view_directions(0)[:, 0], view_directions(1)[:, 0])
 

@@ -20,7 +20,7 @@ from depth_pose.body.procedural_motion import make_poses
 Progress = Callable[[float], None]
 """Called with the fraction done."""
 
-NEAR_DUPLICATE_M = 0.02
+NEAR_DUPLICATE_M = 0.025
 """RMS joint distance below which two recorded poses count as one."""
 
 
@@ -47,7 +47,7 @@ def gather_poses(
     seed: int,
     mocap: Path | None = None,
     embedded: bool = True,
-    embedded_count: int = 9000,
+    embedded_count: int = 5600,
     progress: Progress | None = None,
 ) -> PoseSources:
     """Make the embedded poses, read the recorded ones, and put them together.
