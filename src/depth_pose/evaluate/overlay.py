@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from depth_pose.errors import InputError
 from depth_pose.evaluate.figures import LEFT, MIDDLE, RIGHT
-from depth_pose.evaluate.score import STAMP_TOLERANCE_NS, load_truth
+from depth_pose.evaluate.score import STAMP_TOLERANCE_NS, KnownJoints, load_truth
 from depth_pose.evaluate.shading import shade_depth
 from depth_pose.io.mcap_read import DepthReader, read_skeletons
 from depth_pose.io.schemas import SKELETON_TOPIC
@@ -95,21 +95,27 @@ def _collect(
     skeletons = {s.stamp_ns: s for s in read_skeletons(skeleton_path, skeleton_topic)}
     truth = load_truth(truth_path) if truth_path else None
     reader = DepthReader(recording_path, depth_topic)
-    # the middles of equal parts: neither the first nor the last frame, which are rarely typical
-    wanted = set(((np.arange(frames) + 0.5) * len(reader) / frames).astype(int).tolist())
-    panels = []
+    # of each equal part the frame nearest to its middle, one with an answer where there is any
+    chosen: dict[int, tuple[tuple[bool, float], Panel]] = {}
     start_ns = None
     for i, frame in enumerate(reader):
         start_ns = frame.stamp_ns if start_ns is None else start_ns
-        if i not in wanted:
-            continue
-        known = None
-        if truth is not None and truth.names == JOINTS:
-            nearest = int(np.argmin(np.abs(truth.stamps_ns - frame.stamp_ns)))
-            if abs(int(truth.stamps_ns[nearest]) - frame.stamp_ns) <= STAMP_TOLERANCE_NS:
-                known = truth.joints[nearest]
-        panels.append(Panel(frame, skeletons.get(frame.stamp_ns), known, (frame.stamp_ns - start_ns) * 1e-9))
-    return panels
+        part = i * frames // max(len(reader), i + 1)
+        skeleton = skeletons.get(frame.stamp_ns)
+        rank = (skeleton is None, abs(i + 0.5 - (part + 0.5) * len(reader) / frames))
+        if part not in chosen or rank < chosen[part][0]:
+            known = _known(truth, frame.stamp_ns)
+            chosen[part] = (rank, Panel(frame, skeleton, known, (frame.stamp_ns - start_ns) * 1e-9))
+    return [chosen[part][1] for part in sorted(chosen)]
+
+
+def _known(truth: KnownJoints | None, stamp_ns: int) -> NDArray[np.float64] | None:
+    """Give the known joints (19, 3) of a frame, where there are any."""
+    if truth is None or truth.names != JOINTS:
+        return None
+    nearest = int(np.argmin(np.abs(truth.stamps_ns - stamp_ns)))
+    near = abs(int(truth.stamps_ns[nearest]) - stamp_ns) <= STAMP_TOLERANCE_NS
+    return truth.joints[nearest] if near else None
 
 
 def _draw_sheet(panels: list[Panel], path: Path, title: str) -> None:

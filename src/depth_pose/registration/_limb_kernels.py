@@ -43,11 +43,12 @@ def score_limbs(
             y = origin[1] + rotation[1, 0] * a0 + rotation[1, 1] * a1 + rotation[1, 2] * a2
             z = origin[2] + rotation[2, 0] * a0 + rotation[2, 1] * a1 + rotation[2, 2] * a2
             r = scale * radii[s]
+            far = (r + tolerance) * (r + tolerance)
             for p in range(points.shape[0]):
                 dx, dy, dz = points[p, 0] - x, points[p, 1] - y, points[p, 2] - z
-                off = abs(np.sqrt(dx * dx + dy * dy + dz * dz) - r) / tolerance
-                if off < cover[k, p]:
-                    cover[k, p] = off
+                square = dx * dx + dy * dy + dz * dz
+                if square < far:
+                    cover[k, p] = min(cover[k, p], abs(np.sqrt(square) - r) / tolerance)
             if z < 0.1:
                 total += areas[s]
                 continue

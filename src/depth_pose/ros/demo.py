@@ -333,10 +333,12 @@ def _table(result: DemoResult, errors: Score | None) -> object:
 
 
 def _rows(result: DemoResult, errors: Score | None) -> Iterator[tuple[str, str]]:
-    yield "frames played", f"{result.frames} at {result.input_hz:.1f} a second"
+    rate = f" at {result.input_hz:.1f} a second" if np.isfinite(result.input_hz) else ""
+    yield "frames played", f"{result.frames}{rate}"
     share = result.answered / result.frames if result.frames else 0.0
     yield "answered", f"{result.answered} ({share:.1%}), {result.people} with a person"
-    yield "skeletons", f"{result.output_hz:.1f} a second"
+    if np.isfinite(result.output_hz):
+        yield "skeletons", f"{result.output_hz:.1f} a second"
     if result.latency_s.size:
         median, p95 = np.percentile(result.latency_s * 1e3, [50, 95])
         yield "latency", f"median {median:.0f} ms, 95 % below {p95:.0f} ms"

@@ -60,6 +60,9 @@ class RecoveryNode(BankNode):
         self.figures.counts[f"source {skeleton.source.name}"] += 1
         self.figures.values["confidence"] = skeleton.confidence
         self.figures.values["residual_m"] = skeleton.residual
+        self.figures.values["recoveries"] = self.stage.recoveries
+        for kind, count in self.stage.failures.items():
+            self.figures.values[f"failures {kind}"] = count
 
 
 def _tf_message() -> Any:

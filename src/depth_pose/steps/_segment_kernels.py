@@ -128,24 +128,25 @@ def mark_plane(points, plane, tolerance, window, out):
     """Set ``out`` where a pixel and at least half of its window's pixels lie on the plane."""
     rows, cols = points.shape[:2]
     on = np.zeros((rows, cols), np.bool_)
+    # sums over all pixels above and to the left: of those on the plane less half of the valid ones
+    sums = np.zeros((rows + 1, cols + 1), np.int32)
     for i in range(rows):
+        row = 0
         for j in range(cols):
             z = points[i, j, 2]
             if z == z:
                 r = plane[0] * points[i, j, 0] + plane[1] * points[i, j, 1] + plane[2] * z - plane[3]
                 on[i, j] = abs(r) < tolerance * z
+                row += 1 if on[i, j] else -1
+            sums[i + 1, j + 1] = sums[i, j + 1] + row
     for i in range(rows):
+        top, bottom = max(0, i - window), min(rows, i + window + 1)
         for j in range(cols):
-            if not on[i, j]:
-                continue
-            hits, valid = 0, 0
-            for a in range(max(0, i - window), min(rows, i + window + 1)):
-                for b in range(max(0, j - window), min(cols, j + window + 1)):
-                    if points[a, b, 2] == points[a, b, 2]:
-                        valid += 1
-                        hits += on[a, b]
-            if 2 * hits >= valid:
-                out[i, j] = True
+            if on[i, j]:
+                left, right = max(0, j - window), min(cols, j + window + 1)
+                more = sums[bottom, right] - sums[top, right] - sums[bottom, left] + sums[top, left]
+                if more >= 0:
+                    out[i, j] = True
 
 
 @njit(cache=True)

@@ -25,6 +25,9 @@ from depth_pose.steps.stamps import StampGuard
 from depth_pose.steps.view import PersonView, view_person
 from depth_pose.types import PersonCloud, PoseMatch
 
+_NEW_PERSON = 3
+"""Longer shortlist of a person whose size is still being found: no earlier pose helps then."""
+
 _SAME_POSE_M = 0.05
 """Candidates whose nodes are this close on average are the same pose."""
 
@@ -74,16 +77,21 @@ class Matcher:
             self.reset()
             return PoseMatch(cloud.stamp_ns, cloud.frame_id, self.bank.bank_id, 0.0, ())
         scale = self._find_scale(cloud, view)
-        placed = self._match_at(cloud, view, scale, self.config.shortlist)
+        shortlist = self.config.shortlist * (1 if self._knows_scale() else _NEW_PERSON)
+        placed = self._match_at(cloud, view, scale, shortlist)
         candidates = tuple(p.candidate for p in self._keep_different(placed))
         return PoseMatch(cloud.stamp_ns, cloud.frame_id, self.bank.bank_id, scale, candidates)
+
+    def _knows_scale(self) -> bool:
+        """Tell whether the size is given, or was found and is held."""
+        return self.config.scale > 0.0 or self._finder.frames >= self.config.scale_frames
 
     def _find_scale(self, cloud: PersonCloud, view: PersonView) -> float:
         """Give the person's size: as configured, or found over the first frames."""
         config, finder = self.config, self._finder
         if config.scale > 0.0:
             return config.scale
-        if finder.frames < config.scale_frames:
+        if not self._knows_scale():
             sizes = SCALES[::2].tolist() if finder.frames == 0 else [finder.scale]
             few = max(4, config.shortlist // 4)
             tried = [(s, self._match_at(cloud, view, s, few)[:2]) for s in sizes]
