@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,10 +12,11 @@ from scipy.sparse.linalg import eigsh
 from threadpoolctl import threadpool_limits
 
 from depth_pose.bank.bank import Bank
-from depth_pose.bank.views import BANK_SCHEMES, render_views
+from depth_pose.bank.views import BANK_SCHEMES, PoseViews, render_views
 from depth_pose.bank.workers import run_parts
 from depth_pose.body.body import Body
 from depth_pose.config import _Checked, option
+from depth_pose.errors import ConfigError
 from depth_pose.geometry import matrix_to_quat, quat_to_matrix
 
 Progress = Callable[[int, int], None]
@@ -82,27 +83,44 @@ def build_bank(
     quats = matrix_to_quat(rotations).astype(np.float32)
     poses = quat_to_matrix(quats.astype(np.float64))
     tasks = [(body, poses[i : i + _CHUNK], i, config.views) for i in range(0, len(poses), _CHUNK)]
-    parts = []
-    done = 0
-    for part in run_parts(render_views, tasks, workers, scheduler):
-        parts.append(part)
-        done += len(part.descriptors)
-        if progress is not None:
-            progress(done, len(poses))
-    descriptors = np.concatenate([p.descriptors for p in parts])
+    views = _gather_views(run_parts(render_views, tasks, workers, scheduler), len(poses), progress)
+    descriptors = views.descriptors
     with threadpool_limits(1):  # sums in the same order on any number of cores
         subspace = learn_subspace(descriptors.reshape(-1, descriptors.shape[-1]), config.dimensions)
         coefficients = project(descriptors, subspace)
     return Bank(
         body=body,
         pose_quats=quats,
-        view_quats=matrix_to_quat(np.concatenate([p.rotations for p in parts])).astype(np.float32),
-        view_origins=np.concatenate([p.origins for p in parts]),
+        view_quats=matrix_to_quat(views.rotations.astype(np.float64)).astype(np.float32),
+        view_origins=views.origins,
         coefficients=coefficients,
         mean=subspace.mean,
         components=subspace.components,
         source={**source, "views": config.views, "explained_variance": round(subspace.explained, 4)},
     )
+
+
+def _gather_views(parts: Iterable[PoseViews], count: int, progress: Progress | None) -> PoseViews:
+    """Put the parts into one, each as it comes: all descriptors together are by far the largest."""
+    whole: PoseViews | None = None
+    done = 0
+    for part in parts:
+        if whole is None:
+            empty = [
+                np.empty((count, *a.shape[1:]), a.dtype)
+                for a in (part.descriptors, part.rotations, part.origins)
+            ]
+            whole = PoseViews(*empty)
+        rows = slice(done, done + len(part.descriptors))
+        whole.descriptors[rows] = part.descriptors
+        whole.rotations[rows] = part.rotations
+        whole.origins[rows] = part.origins
+        done = rows.stop
+        if progress is not None:
+            progress(done, count)
+    if whole is None:
+        raise ConfigError("a bank needs at least one pose")
+    return whole
 
 
 def learn_subspace(descriptors: NDArray[np.float16], dimensions: int) -> Subspace:
