@@ -51,8 +51,13 @@ def test_live_equals_offline(recording, bank_path, peer):
     with Suite(bank=bank_path, parameters=lossless, sink=lines.append) as suite:
         skeletons = peer.listen(Skeleton, "/depth_pose/skeleton", 200)
         matches = peer.listen(PoseMatch, "/depth_pose/match", 200)
+        links = {"points": 3, "match": 2, "skeleton_refined": 1}  # who must hear whom, to lose nothing
+        peer.until(
+            lambda: all(peer.node.count_subscribers(f"/depth_pose/{t}") >= n for t, n in links.items()),
+            what="the suite",
+        )
         peer.until(lambda: peer.node.count_publishers("/depth_pose/skeleton"), what="the suite")
-        peer.spin(0.3)
+        peer.spin(2.0)
         play(recording, rate=2.0, wait_for_subscribers=[IMAGE, INFO])
         peer.until(lambda: len(skeletons) >= FRAMES, 30.0, "all skeletons:\n" + "\n".join(lines))
         assert suite.stop() == dict.fromkeys(("denoise", "matcher", "refine", "recovery"), 0)
