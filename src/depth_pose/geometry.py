@@ -10,13 +10,16 @@ Array = NDArray[np.float64]
 
 def quat_to_matrix(quat_xyzw: Array) -> Array:
     """Rotation matrices, shape (..., 3, 3), of unit quaternions, shape (..., 4)."""
-    x, y, z, w = np.moveaxis(np.asarray(quat_xyzw, np.float64), -1, 0)
-    rows = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-    ]
-    return np.stack([np.stack(row, -1) for row in rows], -2)
+    q = np.asarray(quat_xyzw, np.float64)
+    x, y, z, w = q[..., 0], q[..., 1], q[..., 2], q[..., 3]
+    out = np.empty((*q.shape[:-1], 3, 3))
+    out[..., 0, 0] = 1 - 2 * (y * y + z * z)
+    out[..., 1, 1] = 1 - 2 * (x * x + z * z)
+    out[..., 2, 2] = 1 - 2 * (x * x + y * y)
+    out[..., 0, 1], out[..., 1, 0] = 2 * (x * y - z * w), 2 * (x * y + z * w)
+    out[..., 0, 2], out[..., 2, 0] = 2 * (x * z + y * w), 2 * (x * z - y * w)
+    out[..., 1, 2], out[..., 2, 1] = 2 * (y * z - x * w), 2 * (y * z + x * w)
+    return out
 
 
 def matrix_to_quat(matrix: Array) -> Array:
@@ -26,18 +29,18 @@ def matrix_to_quat(matrix: Array) -> Array:
     """
     m = np.asarray(matrix, np.float64)
     xx, yy, zz = m[..., 0, 0], m[..., 1, 1], m[..., 2, 2]
-    squares = np.stack([1 + xx - yy - zz, 1 - xx + yy - zz, 1 - xx - yy + zz, 1 + xx + yy + zz], -1)
     a, b, c = m[..., 2, 1], m[..., 0, 2], m[..., 1, 0]
     d, e, f = m[..., 1, 2], m[..., 2, 0], m[..., 0, 1]
-    rows = np.stack(
-        [
-            np.stack([squares[..., 0], c + f, b + e, a - d], -1),
-            np.stack([c + f, squares[..., 1], a + d, b - e], -1),
-            np.stack([b + e, a + d, squares[..., 2], c - f], -1),
-            np.stack([a - d, b - e, c - f, squares[..., 3]], -1),
-        ],
-        -2,
-    )
+    rows = np.empty((*m.shape[:-2], 4, 4))  # 4 q q', each row a multiple of the quaternion
+    rows[..., 0, 0], rows[..., 1, 1] = 1 + xx - yy - zz, 1 - xx + yy - zz
+    rows[..., 2, 2], rows[..., 3, 3] = 1 - xx - yy + zz, 1 + xx + yy + zz
+    rows[..., 0, 1] = rows[..., 1, 0] = c + f
+    rows[..., 0, 2] = rows[..., 2, 0] = b + e
+    rows[..., 1, 2] = rows[..., 2, 1] = a + d
+    rows[..., 0, 3] = rows[..., 3, 0] = a - d
+    rows[..., 1, 3] = rows[..., 3, 1] = b - e
+    rows[..., 2, 3] = rows[..., 3, 2] = c - f
+    squares = np.diagonal(rows, axis1=-2, axis2=-1)
     pick = np.argmax(squares, axis=-1)
     quat = np.take_along_axis(rows, pick[..., None, None], axis=-2)[..., 0, :]
     quat = quat / np.linalg.norm(quat, axis=-1, keepdims=True)

@@ -39,10 +39,11 @@ def observe(
     depth: NDArray[np.float32], labels: NDArray[np.uint8], camera: Camera, stride: int, margin_m: float
 ) -> Observation:
     """Take every ``stride``-th pixel of a window around the person, with a margin in metres."""
-    rows, cols = np.nonzero(labels == PERSON)
-    margin = round(margin_m * camera.fx / float(np.median(depth[rows, cols])))
-    top, left = max(0, int(rows.min()) - margin), max(0, int(cols.min()) - margin)
-    bottom, right = int(rows.max()) + margin + 1, int(cols.max()) + margin + 1
+    person = labels == PERSON
+    rows, cols = np.flatnonzero(person.any(axis=1)), np.flatnonzero(person.any(axis=0))
+    margin = round(margin_m * camera.fx / float(np.median(depth[person])))
+    top, left = max(0, int(rows[0]) - margin), max(0, int(cols[0]) - margin)
+    bottom, right = int(rows[-1]) + margin + 1, int(cols[-1]) + margin + 1
     window = (slice(top, bottom, stride), slice(left, right, stride))
     part = np.ascontiguousarray(depth[window])
     return Observation(

@@ -96,20 +96,18 @@ def test_proposals_change_nothing_but_limbs(body, search):
 def test_best_pair_twin():
     """The least sum of costs and of what neither limb covers, over all pairs."""
     rng = np.random.default_rng(0)
-    cost, cover = rng.uniform(0, 5, (2, 12)), rng.uniform(0, 1, (2, 12, 30))
-    order = [np.arange(12), np.array([3, 7, 1, 11])]
-    a, b, total = kernels.best_pair(cost[0], cover[0], order[0], cost[1], cover[1], order[1])
-    table = cost[0][:, None] + cost[1] + np.minimum(cover[0][:, None], cover[1]).sum(axis=2)
-    table = table[:, order[1]]
-    i, j = np.unravel_index(np.argmin(table), table.shape)
-    assert (a, b) == (i, order[1][j])
-    assert total == pytest.approx(table.min())
+    cost_a, cost_b = rng.uniform(0, 5, 12), rng.uniform(0, 5, 4)
+    cover_a, cover_b = rng.uniform(0, 1, (12, 30)), rng.uniform(0, 1, (4, 30))
+    weight = 3
+    pick = kernels.best_pair(cost_a, cover_a.astype(np.float32), cost_b, cover_b.astype(np.float32), weight)
+    table = cost_a[:, None] + cost_b + weight * np.minimum(cover_a[:, None], cover_b).sum(axis=2)
+    assert pick == np.unravel_index(np.argmin(table), table.shape)
 
 
 def test_score_twin():
     """A limb's misfit, ball by ball, and the share to which each point lies off its surface."""
     rng = np.random.default_rng(1)
-    limbs, balls = 15, 6
+    limbs, balls, weight, keep = 15, 6, 2, 1.5
     samples = rng.uniform(-0.4, 0.4, (limbs, balls, 3))
     radii, areas = rng.uniform(0.03, 0.08, balls), rng.uniform(0.002, 0.01, balls)
     rotation, origin, scale = syn.rotation("y", 40.0) @ syn.FACING, np.array([0.05, 0.0, 2.0]), 0.9
@@ -118,25 +116,43 @@ def test_score_twin():
     fx, fy, cx, cy = 50.0, 52.0, 23.5, 17.5
     points = rng.uniform([-0.4, -0.4, 1.7], [0.4, 0.4, 2.3], (25, 3))
     nearest = nearest_person_pixels(Observation(depth, labels, syn.CAMERA))
-    cost, cover, reach = np.empty(limbs), np.empty((limbs, 25)), 0.08
-    kernels.score_limbs(
-        samples, radii, areas, rotation, origin, scale, depth, labels, nearest, fx, fy, cx, cy,
-        points, reach, cost, cover,
-    )  # fmt: skip
-    centres = origin + scale * samples @ rotation.T
+    own, reach = origin + rng.uniform(-0.3, 0.3, (balls, 3)), 0.08
+
+    centres = np.concatenate([origin + scale * samples @ rotation.T, own[None]])
     off = np.abs(np.linalg.norm(points - centres[:, :, None], axis=-1) - scale * radii[:, None]) / reach
-    np.testing.assert_allclose(cover, np.minimum(off.min(axis=1), 1.0), atol=1e-6)
-    for k in range(limbs):
-        expected = 0.0
+    covers = np.minimum(off.min(axis=1), 1.0)
+    costs = np.zeros(limbs + 1)
+    for k in range(limbs + 1):
         for c, r, area in zip(centres[k], scale * radii, areas, strict=True):
             pixels = area * scale**2 * fx * fy / c[2] ** 2
             i, j = round(fy * c[1] / c[2] + cy), round(fx * c[0] / c[2] + cx)
             if not (0 <= i < 36 and 0 <= j < 48):
-                expected += 0.3 * pixels
+                costs[k] += 0.3 * pixels
                 continue
             before = depth[i, j] - (c[2] - r)
             on_person = min(before / reach, 1.0) if before > 0 else min(-before / reach, 0.3)
             di, dj = nearest[i, j] - [i, j]
             beside = min(np.hypot(di * c[2] / fy, dj * c[2] / fx) / reach, 1.0)
-            expected += pixels * (beside, on_person, 0.3)[labels[i, j]]
-        assert cost[k] == pytest.approx(expected, rel=1e-6)
+            costs[k] += pixels * (beside, on_person, 0.3)[labels[i, j]]
+    costs[limbs] -= keep
+
+    def scored(fitting, best):
+        return kernels.score_limbs(
+            samples, own, keep, radii, areas, rotation, origin, scale, depth, labels, nearest, fx, fy, cx, cy,
+            np.ascontiguousarray(points.T, np.float32), weight, reach, fitting, best,
+        )  # fmt: skip
+
+    chosen, cost, cover = scored(limbs + 1, limbs + 1)
+    assert sorted(chosen) == list(range(limbs + 1))
+    assert chosen[-1] == limbs
+    np.testing.assert_allclose(cost, costs[chosen], rtol=1e-6)
+    np.testing.assert_allclose(cover, covers[chosen], atol=1e-4)
+
+    few, best = 6, 3
+    chosen, _, _ = scored(few, best)
+    fitting = [k for k in np.argsort(costs)[:few] if k != limbs]
+    assert set(chosen[:-1]) <= set(fitting)
+    assert chosen[-1] == limbs
+    total = costs + weight * covers.sum(axis=1)
+    within = sorted([*fitting, limbs], key=lambda k: total[k])[:best]
+    assert set(chosen) == {*within, limbs}

@@ -28,7 +28,7 @@ MAX_PIXELS = 16_777_216
 _DEPTH_TYPES = {"16UC1": "u2", "mono16": "u2", "32FC1": "f4"}
 _POINT_TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
 _DISTORTION_LENGTHS = {"plumb_bob": (4, 5), "rational_polynomial": (8,), "equidistant": (4,)}
-_FIT_POINTS = 20_000
+_FIT_POINTS = 1000
 _FIT_TOLERANCE_PX = 0.5
 
 
@@ -335,19 +335,20 @@ def camera_from_points(points: NDArray[np.floating]) -> Camera:
     if points.ndim != 3 or points.shape[2] != 3:
         raise InputError(f"cloud has shape {points.shape}; an organised one has (height, width, 3)")
     height, width = points.shape[:2]
-    flat = points.reshape(-1, 3)
-    valid = np.flatnonzero(flat[:, 2] > 0)
+    valid = np.flatnonzero(points[..., 2] > 0)
     valid = valid[:: max(1, valid.size // _FIT_POINTS)]
-    x, y, z = flat[valid].astype(np.float64).T
+    x, y, z = points.reshape(-1, 3)[valid].astype(np.float64).T
     row, column = np.divmod(valid, width)
     lines = []
     for name, pixel, ratio in (("columns", column, x / z), ("rows", row, y / z)):
         if valid.size < 3 or np.ptp(pixel) < 2:
             raise InputError(f"cloud: {valid.size} points are too few to find the camera from its {name}")
-        centred = ratio - ratio.mean()
-        focal = float(centred @ (pixel - pixel.mean()) / max(centred @ centred, 1e-30))
-        centre = float(pixel.mean() - focal * ratio.mean())
-        error = float(np.sqrt(np.mean((focal * ratio + centre - pixel) ** 2)))
+        middle, mean = pixel.mean(), ratio.mean()
+        off, slope = pixel - middle, ratio - mean
+        focal = float(slope @ off / max(slope @ slope, 1e-30))
+        centre = float(middle - focal * mean)
+        residual = focal * slope - off
+        error = float(np.sqrt(residual @ residual / valid.size))
         if not focal > 0 or not error < _FIT_TOLERANCE_PX:
             raise InputError(
                 f"cloud: its {name} are not those of a pinhole camera looking along z "

@@ -7,80 +7,139 @@ from numba import njit
 
 
 @njit(cache=True, fastmath=True)
-def score_limbs(
-    samples,
-    radii,
-    areas,
-    rotation,
-    origin,
-    scale,
-    depth,
-    labels,
-    nearest,
-    fx,
-    fy,
-    cx,
-    cy,
-    points,
-    tolerance,
-    cost,
-    cover,
-):
-    """Misfit of many limb configurations, in pixels, and what each leaves uncovered.
+def place_balls(samples, rotation, origin, scale, balls):
+    """Put ball centres of the anchor's frame (S, 3) into the camera frame."""
+    for s in range(samples.shape[0]):
+        x, y, z = samples[s, 0], samples[s, 1], samples[s, 2]
+        for a in range(3):
+            balls[s, a] = origin[a] + scale * (rotation[a, 0] * x + rotation[a, 1] * y + rotation[a, 2] * z)
 
-    ``samples`` (L, S, 3) are the centres of balls along the limb in the frame of the segment that
-    it hangs on; ``cost`` (L,) gets the number of pixels that a limb puts into free space, behind
-    what was seen, or elsewhere than the surface; ``cover`` (L, P) the share, 0 to 1, to which
-    each point lies off the limb's surface.
-    """
-    rows, cols = depth.shape
-    for k in range(samples.shape[0]):
-        total = 0.0
-        cover[k] = 1.0
-        for s in range(samples.shape[1]):
-            a0, a1, a2 = scale * samples[k, s, 0], scale * samples[k, s, 1], scale * samples[k, s, 2]
-            x = origin[0] + rotation[0, 0] * a0 + rotation[0, 1] * a1 + rotation[0, 2] * a2
-            y = origin[1] + rotation[1, 0] * a0 + rotation[1, 1] * a1 + rotation[1, 2] * a2
-            z = origin[2] + rotation[2, 0] * a0 + rotation[2, 1] * a1 + rotation[2, 2] * a2
-            r = scale * radii[s]
-            far = (r + tolerance) * (r + tolerance)
-            for p in range(points.shape[0]):
-                dx, dy, dz = points[p, 0] - x, points[p, 1] - y, points[p, 2] - z
-                square = dx * dx + dy * dy + dz * dz
-                if square < far:
-                    cover[k, p] = min(cover[k, p], abs(np.sqrt(square) - r) / tolerance)
-            if z < 0.1:
-                total += areas[s]
-                continue
-            i, j = int(np.rint(fy * y / z + cy)), int(np.rint(fx * x / z + cx))
-            pixels = areas[s] * (scale * fx / z) * (scale * fy / z)
-            if i < 0 or j < 0 or i >= rows or j >= cols:
-                total += 0.3 * pixels
-            elif labels[i, j] == 0:
-                di, dj = (nearest[i, j, 0] - i) * z / fy, (nearest[i, j, 1] - j) * z / fx
-                total += pixels * min(np.sqrt(di * di + dj * dj) / tolerance, 1.0)
-            elif labels[i, j] == 2:
-                total += 0.3 * pixels
-            else:
-                gap = depth[i, j] - (z - r)  # positive: the limb would stand before the surface
-                if gap > 0.0:
-                    total += pixels * min(gap / tolerance, 1.0)
-                else:
-                    total += pixels * min(-gap / tolerance, 0.3)
-        cost[k] = total
+
+@njit(cache=True)
+def place_own_balls(rotations, nodes, bones, ends, shares, scale, balls):
+    """Balls (S, 3) of a limb as it is: at each share of each bone from its node to its end."""
+    s = 0
+    for n in range(bones.shape[0]):
+        r = rotations[bones[n]]
+        for share in shares:
+            for a in range(3):
+                along = r[a, 0] * ends[n, 0] + r[a, 1] * ends[n, 1] + r[a, 2] * ends[n, 2]
+                balls[s, a] = nodes[bones[n], a] + scale * share * along
+            s += 1
 
 
 @njit(cache=True, fastmath=True)
-def best_pair(cost_a, cover_a, order_a, cost_b, cover_b, order_b):
-    """Pair of configurations, one of each limb, with the least cost and uncovered points together."""
+def misfit(balls, radii, areas, scale, depth, labels, nearest, fx, fy, cx, cy, tolerance):
+    """Pixels that a limb's balls put into free space, behind what was seen, or off the surface."""
+    rows, cols = depth.shape
+    total = 0.0
+    for s in range(balls.shape[0]):
+        x, y, z = balls[s, 0], balls[s, 1], balls[s, 2]
+        r = scale * radii[s]
+        if z < 0.1:
+            total += areas[s]
+            continue
+        i, j = int(np.rint(fy * y / z + cy)), int(np.rint(fx * x / z + cx))
+        pixels = areas[s] * (scale * fx / z) * (scale * fy / z)
+        if i < 0 or j < 0 or i >= rows or j >= cols:
+            total += 0.3 * pixels
+        elif labels[i, j] == 0:
+            di, dj = (nearest[i, j, 0] - i) * z / fy, (nearest[i, j, 1] - j) * z / fx
+            total += pixels * min(np.sqrt(di * di + dj * dj) / tolerance, 1.0)
+        elif labels[i, j] == 2:
+            total += 0.3 * pixels
+        else:
+            gap = depth[i, j] - (z - r)  # positive: the limb would stand before the surface
+            if gap > 0.0:
+                total += pixels * min(gap / tolerance, 1.0)
+            else:
+                total += pixels * min(-gap / tolerance, 0.3)
+    return total
+
+
+@njit(cache=True, fastmath=True)
+def off_surface(balls, radii, scale, points, tolerance, cover):
+    """Share ``cover`` (P,), 0 to 1, to which each of the points (3, P) lies off the balls' surfaces."""
+    inverse = np.float32(1.0 / tolerance)
+    cover[:] = np.float32(1.0)
+    for s in range(balls.shape[0]):
+        x, y, z = np.float32(balls[s, 0]), np.float32(balls[s, 1]), np.float32(balls[s, 2])
+        r = np.float32(scale * radii[s])
+        for p in range(points.shape[1]):
+            dx, dy, dz = points[0, p] - x, points[1, p] - y, points[2, p] - z
+            off = abs(np.sqrt(dx * dx + dy * dy + dz * dz) - r) * inverse
+            cover[p] = min(cover[p], off)
+
+
+@njit(cache=True)
+def score_limbs(
+    samples, own, keep, radii, areas, rotation, origin, scale,
+    depth, labels, nearest, fx, fy, cx, cy, points, weight, tolerance, fitting, best,
+):  # fmt: skip
+    """Find a limb's configurations that suit the image and the points best.
+
+    Parameters
+    ----------
+    samples : (L, S, 3)
+        Centres of balls along the limb in the frame of the segment that it hangs on.
+    own, keep : (S, 3), float
+        Balls of the limb as it is, camera frame, which has number L; what it has ahead, pixels.
+    points, weight : (3, P) float32, int
+        Observed points that the rest of the body does not explain; each stands for ``weight`` pixels.
+    fitting, best : int
+        How many configurations that fit the image best are put against the points; how many of
+        those come back, with the limb as it is in any case.
+
+    Returns
+    -------
+    chosen (B,), cost (B,), cover (B, P)
+        Numbers, misfit in pixels, and the share to which each point lies off the limb's surface.
+    """
+    count = samples.shape[0]
+    balls = np.empty(own.shape)
+    cost = np.empty(count + 1)
+    for k in range(count):
+        place_balls(samples[k], rotation, origin, scale, balls)
+        cost[k] = misfit(balls, radii, areas, scale, depth, labels, nearest, fx, fy, cx, cy, tolerance)
+    cost[count] = misfit(own, radii, areas, scale, depth, labels, nearest, fx, fy, cx, cy, tolerance) - keep
+    first = _least(cost, fitting)
+    cover = np.empty((first.shape[0], points.shape[1]), np.float32)
+    total = np.empty(first.shape[0])
+    for n in range(first.shape[0]):
+        if first[n] == count:
+            off_surface(own, radii, scale, points, tolerance, cover[n])
+        else:
+            place_balls(samples[first[n]], rotation, origin, scale, balls)
+            off_surface(balls, radii, scale, points, tolerance, cover[n])
+        total[n] = cost[first[n]] + weight * cover[n].sum()
+    last = _least(total, best)
+    return first[last], cost[first[last]], cover[last]
+
+
+@njit(cache=True)
+def _least(values, count):
+    """Places of the ``count`` least values, ascending, and last that of the last value in any case."""
+    own = values.shape[0] - 1
+    order = np.argsort(values, kind="mergesort")[:count]
+    return np.append(order[order != own], own)
+
+
+@njit(cache=True, fastmath=True)
+def best_pair(cost_a, cover_a, cost_b, cover_b, weight):
+    """Pair of configurations, one of each limb, with the least cost and uncovered points together.
+
+    ``weight`` is the number of pixels that each point stands for.
+    """
     best, best_a, best_b = np.inf, 0, 0
-    for a in order_a:
-        for b in order_b:
+    for a in range(cost_a.shape[0]):
+        for b in range(cost_b.shape[0]):
             total = cost_a[a] + cost_b[b]
             if total >= best:
                 continue
+            uncovered = np.float32(0.0)
             for p in range(cover_a.shape[1]):
-                total += min(cover_a[a, p], cover_b[b, p])
+                uncovered += min(cover_a[a, p], cover_b[b, p])
+            total += weight * uncovered
             if total < best:
                 best, best_a, best_b = total, a, b
-    return best_a, best_b, best
+    return best_a, best_b

@@ -67,7 +67,7 @@ class FitConfig:
     free_space_weight: float = 0.15
     free_space_slack: float = 0.04
     free_space_limit: float = 0.10
-    prior: float = 0.3
+    prior: float = 0.2
     damping: float = 0.02
     max_step: float = 0.35
     max_points: int = 800
@@ -133,6 +133,7 @@ class ArticulatedFitter:
         self._influence, self._weight = sparse.nodes, sparse.weights
         self._normals_rest = vertex_normals(body)
         self._free, self._stiffness = _free_nodes()
+        self._above = _parameters_above(self._free)
         c = self.config
         self._settings = (
             c.outlier, c.plane_weight, c.point_weight, c.free_space_weight, c.free_space_slack,
@@ -161,7 +162,7 @@ class ArticulatedFitter:
             target.full.depth, target.full.labels, target.nearest, _intrinsics(target.full.camera),
             np.empty(target.coarse.depth.shape), _intrinsics(target.coarse.camera),
             body.vertices, self._normals_rest, body.faces, self._influence, self._weight,
-            body.nodes, NODE_PARENTS, self._free, self._stiffness, start.scale, self._settings,
+            body.nodes, NODE_PARENTS, self._free, self._above, self._stiffness, start.scale, self._settings,
             rotations, root,
         )  # fmt: skip
         return BodyPose(rotations, root, start.scale)
@@ -198,3 +199,17 @@ def _free_nodes() -> tuple[NDArray[np.int64], NDArray[np.float64]]:
             free[node] = len(stiffness)
             stiffness.append(_STIFFNESS[kind])
     return free, np.array(stiffness)
+
+
+def _parameters_above(free: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the number of each parameter's next one toward the root, -1 for none."""
+    above = [-1, 0, 1]
+    last = np.full(len(free), 2)  # the last parameter of each node, or of the nearest free one above
+    for node, parent in enumerate(NODE_PARENTS):
+        if parent >= 0:
+            last[node] = last[parent]
+        if free[node] >= 0:
+            first = 3 + 3 * int(free[node])
+            above += [int(last[node]), first, first + 1]
+            last[node] = first + 2
+    return np.array(above)

@@ -32,10 +32,15 @@ _LIMBS: tuple[tuple[str, tuple[str, ...], tuple[str, ...]], ...] = (
 )
 """For arms and legs: the segment they hang on, the nodes that they turn, the bones that are sampled."""
 
+_SHARES = (1 / 3, 2 / 3, 1.0)
+"""Where along a bone its balls lie."""
+
 _CONFIGURATIONS = 800
 _POSES = 6000
 _EXPLAINED_M = 0.045
 _MOST_POINTS = 24
+_FITTING = 200
+"""Configurations of a limb, those that fit the image best, that are put against the points."""
 _BEST = 24
 _TOLERANCE_M = 0.15
 """Distance at which a point is not covered by a limb at all, and a ball is wholly out of place."""
@@ -105,9 +110,10 @@ class LimbSearch:
             At most one for the arms and one for the legs.
         """
         nodes = forward_kinematics(pose.rotations, pose.root, self._rest_nodes, pose.scale)
+        nearest = nearest_person_pixels(comparer.observation)
         proposals = []
         for pair in self._pairs:
-            changed = _exchange(pair, pose, nodes, vertices, comparer)
+            changed = _exchange(pair, pose, nodes, vertices, comparer, nearest)
             if changed is not None:
                 proposals.append(changed)
         return proposals
@@ -119,6 +125,7 @@ def _exchange(
     nodes: NDArray[np.float64],
     vertices: NDArray[np.float64],
     comparer: DepthComparer,
+    nearest: NDArray[np.int32],
 ) -> BodyPose | None:
     """Put the best pair of configurations on a pose; None where the input shows nothing of them."""
     if not _in_view(nodes[pair.bones], comparer.observation):
@@ -126,32 +133,33 @@ def _exchange(
     points = _unexplained(vertices, pair.faces, comparer)
     if len(points) < 5:
         return None
-    o = comparer.observation
-    weight = max(1.0, len(points) / _MOST_POINTS)
-    points = points[:: int(np.ceil(weight))]
-    rotation, origin = pose.rotations[pair.anchor], nodes[pair.anchor]
-    count = pair.rotations.shape[1]  # the limb as it is comes last
-    nearest = nearest_person_pixels(o)
-    cost, cover = np.empty((2, count + 1)), np.empty((2, count + 1, len(points)))
+    weight = int(np.ceil(len(points) / _MOST_POINTS))  # of each point that is left
+    columns = np.ascontiguousarray(points[::weight].T, np.float32)
+    o, c = comparer.observation, comparer.observation.camera
+    now = pair.samples.shape[1]  # number of the limb as it is
+    chosen, costs, covers = [], [], []
     for side in range(2):
-        now = _ball_centres(pose.rotations[None], nodes[None], pair.anchor, pair.bones[side], pair.ends[side])
-        kernels.score_limbs(
-            np.concatenate([pair.samples[side], now / pose.scale]), pair.radii, pair.areas,
-            rotation, origin, pose.scale,
-            o.depth, o.labels, nearest, o.camera.fx, o.camera.fy, o.camera.cx, o.camera.cy,
-            points, _TOLERANCE_M, cost[side], cover[side],
+        own = np.empty(pair.samples.shape[2:])
+        kernels.place_own_balls(
+            pose.rotations, nodes, pair.bones[side], pair.ends[side], _SHARES, pose.scale, own
+        )
+        numbers, cost, cover = kernels.score_limbs(
+            pair.samples[side], own, _KEEP_PIXELS, pair.radii, pair.areas,
+            pose.rotations[pair.anchor], nodes[pair.anchor], pose.scale,
+            o.depth, o.labels, nearest, c.fx, c.fy, c.cx, c.cy,
+            columns, weight, _TOLERANCE_M, _FITTING, _BEST,
         )  # fmt: skip
-    cover *= np.ceil(weight)
-    cost[:, count] -= _KEEP_PIXELS
-    order = [np.argsort(cost[side] + cover[side].sum(axis=1), kind="stable")[:_BEST] for side in range(2)]
-    order = [o if count in o else np.append(o, count) for o in order]
-    best = kernels.best_pair(cost[0], cover[0], order[0], cost[1], cover[1], order[1])[:2]
-    if best == (count, count):
+        chosen.append(numbers)
+        costs.append(cost)
+        covers.append(cover)
+    pick = kernels.best_pair(costs[0], covers[0], costs[1], covers[1], weight)
+    exchanged = [int(chosen[side][pick[side]]) for side in range(2)]
+    if exchanged == [now, now]:
         return None
     rotations = pose.rotations.copy()
-    for side in range(2):
-        if best[side] < count:
-            rotations[pair.nodes[side]] = rotation @ pair.rotations[side, best[side]]
+    for side, number in enumerate(exchanged):
+        if number < now:
+            rotations[pair.nodes[side]] = pose.rotations[pair.anchor] @ pair.rotations[side, number]
     return BodyPose(rotations, pose.root, pose.scale)
 
 
@@ -244,9 +252,6 @@ def _ball_centres(
     places = places.reshape(len(nodes), -1, 3) - nodes[:, anchor, None]
     return np.einsum("lji,lsj->lsi", rotations[:, anchor], places)
 
-
-_SHARES = (1 / 3, 2 / 3, 1.0)
-"""Where along a bone its balls lie."""
 
 _ENDS = frozenset(NODE_INDEX[n] for n in ("right_clavicle", "left_hip"))
 """Nodes that follow a hand in the order of nodes: they are not its far end."""

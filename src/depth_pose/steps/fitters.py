@@ -27,8 +27,11 @@ class FittedBody:
 class FrameFitter(Protocol):
     """Fits one body to one frame."""
 
+    def glance(self, start: BodyPose) -> FittedBody:
+        """Fit just well enough to tell which starts are worth more."""
+
     def rough(self, start: BodyPose) -> FittedBody:
-        """Fit well enough to compare starts."""
+        """Fit well enough to choose one of a few starts."""
 
     def finish(self, fitted: FittedBody) -> FittedBody:
         """Fit as well as possible, from a rough fit."""
@@ -41,9 +44,10 @@ class Fitter(Protocol):
         """Prepare one frame."""
 
 
-COARSE_SIGMAS = (0.06, 0.05, 0.04, 0.034)
+GLANCE_SIGMAS = (0.06, 0.05)
+ROUGH_SIGMAS = (0.04, 0.034)
 FINE_SIGMAS = (0.028, 0.024, 0.02, 0.02)
-"""Standard deviations of the rough and of the fine iterations of the articulated fit, metres."""
+"""Standard deviations of the iterations of the articulated fit, metres: one set goes on from the other."""
 
 
 @dataclass(frozen=True)
@@ -51,8 +55,11 @@ class _SkinnedFrame:
     fitter: ArticulatedFitter
     target: FitTarget
 
+    def glance(self, start: BodyPose) -> FittedBody:
+        return self._fit(start, GLANCE_SIGMAS)
+
     def rough(self, start: BodyPose) -> FittedBody:
-        return self._fit(start, COARSE_SIGMAS)
+        return self._fit(start, ROUGH_SIGMAS)
 
     def finish(self, fitted: FittedBody) -> FittedBody:
         return self._fit(fitted.pose, FINE_SIGMAS)
@@ -80,6 +87,10 @@ class _CompletionFrame:
     completer: MeshCompleter
     points: NDArray[np.float64]
     view: PersonView
+
+    def glance(self, start: BodyPose) -> FittedBody:
+        posed = self.completer.body.pose(start.rotations, start.root, start.scale)
+        return FittedBody(start, posed.vertices, posed.nodes)
 
     def rough(self, start: BodyPose) -> FittedBody:
         found = self.completer.fit(self.points, self.view.coarse, start)

@@ -30,6 +30,9 @@ from depth_pose.steps.stamps import StampGuard
 from depth_pose.steps.view import PersonView, view_person
 from depth_pose.types import Candidate, PersonCloud, PoseMatch, Skeleton
 
+_ROUGH = 3
+"""Starts, the best after a glance, that are fitted roughly."""
+
 _FIRST_ROUNDS = 4
 """Rounds of the limb search while there is no previous pose to start from."""
 
@@ -102,7 +105,7 @@ class Refiner:
         return self._skeleton(cloud, view, best)
 
     def _fit_best(self, view: PersonView, match: PoseMatch) -> _Compared:
-        """Fit every start roughly, the best one with other limbs too, and the best of all finely."""
+        """Glance at all starts, fit the best few roughly, try other limbs, and fit the best of all finely."""
         comparer = DepthComparer(view.coarse, self._band)
         fitter = self._fitter.fit_to(view)
 
@@ -113,11 +116,12 @@ class Refiner:
         tracking = self._previous is not None and self.config.track
         if self._previous is not None and tracking:
             starts.append(BodyPose(self._previous.rotations, self._previous.root, match.scale))
-        rough = [compared(fitter.rough(start)) for start in starts]
-        best = min(rough, key=_score)
+        glances = sorted((compared(fitter.glance(start)) for start in starts), key=_score)
+        best = min((compared(fitter.rough(g.body.pose)) for g in glances[:_ROUGH]), key=_score)
         for _ in range(1 if tracking else _FIRST_ROUNDS):
             proposals = self._limbs.propose(best.body.pose, best.body.vertices, comparer)
-            better = min([best, *(compared(fitter.rough(start)) for start in proposals)], key=_score)
+            tried = (compared(fitter.rough(fitter.glance(start).pose)) for start in proposals)
+            better = min([best, *tried], key=_score)
             if better is best:
                 break
             best = better
