@@ -31,7 +31,7 @@ def rasterize(vertices, faces, fx, fy, cx, cy, zbuffer):
     front = np.empty(m + 1, np.int32)
     areas = np.empty(m + 1)
     boxes = np.empty((m + 1, 4), np.int32)
-    count = 0
+    count = np.int64(0)
     for k in range(m):
         a, b, c = np.uint32(faces[k, 0]), np.uint32(faces[k, 1]), np.uint32(faces[k, 2])
         ua, va = image[a, 0], image[a, 1]
@@ -47,8 +47,8 @@ def rasterize(vertices, faces, fx, fy, cx, cy, zbuffer):
         # y points down: outward faces that are seen turn clockwise
         count += np.int64(area < 0.0) & np.int64(low_j <= high_j) & np.int64(low_i <= high_i)
     for f in range(count):
-        k = np.uint32(front[f])
-        a, b, c = np.uint32(faces[k, 0]), np.uint32(faces[k, 1]), np.uint32(faces[k, 2])
+        face = faces[front[f]]
+        a, b, c = np.uint32(face[0]), np.uint32(face[1]), np.uint32(face[2])
         ua, va, wa = image[a, 0], image[a, 1], image[a, 2]
         ub, vb, wb = image[b, 0], image[b, 1], image[b, 2]
         uc, vc, wc = image[c, 0], image[c, 1], image[c, 2]
@@ -75,6 +75,21 @@ def rasterize(vertices, faces, fx, fy, cx, cy, zbuffer):
         for j in range(cols):
             w = zbuffer[i, j]
             zbuffer[i, j] = 1.0 / w if w > 0.0 else np.inf
+
+
+@njit(cache=True)
+def person_box(depth, labels, box):
+    """First and last row and column of the person, written to ``box``; returns their mean depth."""
+    total, count = 0.0, 0
+    box[0], box[1], box[2], box[3] = labels.shape[0], -1, labels.shape[1], -1
+    for i in range(labels.shape[0]):
+        for j in range(labels.shape[1]):
+            if labels[i, j] == 1:
+                box[0], box[1] = min(box[0], i), max(box[1], i)
+                box[2], box[3] = min(box[2], j), max(box[3], j)
+                total += depth[i, j]
+                count += 1
+    return total / max(count, 1)
 
 
 @njit(cache=True)

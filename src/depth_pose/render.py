@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose import _raster_kernels as kernels
-from depth_pose.types import PERSON, Camera
+from depth_pose.types import Camera
 
 
 @dataclass(frozen=True)
@@ -39,10 +39,12 @@ def observe(
     depth: NDArray[np.float32], labels: NDArray[np.uint8], camera: Camera, stride: int, margin_m: float
 ) -> Observation:
     """Take every ``stride``-th pixel of a window around the person, with a margin in metres."""
-    rows, cols = np.nonzero(labels == PERSON)
-    margin = round(margin_m * camera.fx / float(np.median(depth[rows, cols])))
-    top, left = max(0, int(rows.min()) - margin), max(0, int(cols.min()) - margin)
-    bottom, right = int(rows.max()) + margin + 1, int(cols.max()) + margin + 1
+    box = np.empty(4, np.int64)
+    distance = kernels.person_box(depth, labels, box)
+    first_row, last_row, first_column, last_column = box.tolist()
+    margin = round(margin_m * camera.fx / distance)
+    top, left = max(0, first_row - margin), max(0, first_column - margin)
+    bottom, right = last_row + margin + 1, last_column + margin + 1
     window = (slice(top, bottom, stride), slice(left, right, stride))
     part = np.ascontiguousarray(depth[window])
     return Observation(
