@@ -11,6 +11,7 @@ first frames.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -20,6 +21,7 @@ from depth_pose.bank.views import AXES
 from depth_pose.config import MatchConfig
 from depth_pose.geometry import matrix_to_quat
 from depth_pose.registration.articulated import ArticulatedFitter, BodyPose
+from depth_pose.render import Observation
 from depth_pose.steps.cut_off import UprightExemplars, head_axes, is_cut_off
 from depth_pose.steps.placing import ExemplarRenderer, ExemplarViews, Placed, join, place_exemplars
 from depth_pose.steps.sample import sample_cloud
@@ -38,6 +40,14 @@ _FINALISTS = 12
 
 _SAME_POSE_M = 0.05
 """Candidates whose nodes are this close on average are the same pose."""
+
+
+@dataclass(frozen=True)
+class _Rough:
+    """A shortlist as it was placed, and after the comparison in a small image."""
+
+    placed: Placed
+    corrected: Placed
 
 
 class Matcher:
@@ -81,8 +91,11 @@ class Matcher:
         if view is None:
             self.reset()
             return PoseMatch(cloud.stamp_ns, cloud.frame_id, self.bank.bank_id, 0.0, ())
-        scale = self._find_scale(cloud, view)
-        placed = self._match_at(cloud, view, scale, self.config.shortlist)
+        scale = self._scale(cloud, view)
+        rough = self._compare_roughly(cloud, view, scale, self.config.shortlist)
+        placed = self._compare_finely(view, scale, rough)
+        if not self._knows_scale():
+            self._finder.add(view, self._pose(placed, scale))
         candidates = tuple(self._keep_different(placed))
         return PoseMatch(cloud.stamp_ns, cloud.frame_id, self.bank.bank_id, scale, candidates)
 
@@ -90,25 +103,24 @@ class Matcher:
         """Tell whether the size is given, or was found and is held."""
         return self.config.scale > 0.0 or self._finder.frames >= self.config.scale_frames
 
-    def _find_scale(self, cloud: PersonCloud, view: PersonView) -> float:
-        """Give the person's size: as configured, or found over the first frames."""
-        config, finder = self.config, self._finder
-        if config.scale > 0.0:
-            return config.scale
-        if not self._knows_scale():
-            sizes = SCALES[::2].tolist() if finder.frames == 0 else [finder.scale]
-            few = max(4, config.shortlist // 4)
-            tried = [(s, self._match_at(cloud, view, s, few)) for s in sizes]
-            scale, best = min(tried, key=lambda t: t[1].scores[0])
-            finder.add(view, [self._pose(best, k, scale) for k in range(min(2, len(best.scores)))])
-        return finder.scale
+    def _scale(self, cloud: PersonCloud, view: PersonView) -> float:
+        """Give the person's size: as configured, or found over the frames so far."""
+        if self.config.scale > 0.0:
+            return self.config.scale
+        if self._finder.frames == 0:
+            few = max(4, self.config.shortlist // 4)
+            tried = [(s, self._compare_roughly(cloud, view, s, few)) for s in SCALES[1::3].tolist()]
+            scale, rough = min(tried, key=lambda t: float(t[1].corrected.scores.min()))
+            self._finder.add(view, self._pose(self._compare_finely(view, scale, rough), scale))
+        return self._finder.scale
 
-    def _pose(self, placed: Placed, k: int, scale: float) -> BodyPose:
-        rotations = placed.rotations[k] @ self.bank.rotations(int(placed.exemplars[k]))
-        return BodyPose(rotations, placed.translations[k], scale)
+    def _pose(self, placed: Placed, scale: float) -> BodyPose:
+        """Give the first one's pose in the camera frame."""
+        rotations = placed.rotations[0] @ self.bank.rotations(int(placed.exemplars[0]))
+        return BodyPose(rotations, placed.translations[0], scale)
 
-    def _match_at(self, cloud: PersonCloud, view: PersonView, scale: float, shortlist: int) -> Placed:
-        """Search with each of the input's axes at one size, and compare the best by rendering."""
+    def _compare_roughly(self, cloud: PersonCloud, view: PersonView, scale: float, shortlist: int) -> _Rough:
+        """Search with each of the input's axes at one size, and compare all that is found."""
         axes = AXES[self.bank.view_scheme](view.points)
         share = max(1, shortlist // len(axes))
         parts = []
@@ -119,14 +131,16 @@ class Matcher:
         if is_cut_off(cloud):
             hung, upright = head_axes(view.points, scale), self._upright
             parts.append(place_exemplars(upright.views, upright.all, hung, scale))
-        distance = float(view.points[:, 2].mean())
-        rough, fine = (thin_image(view.coarse, distance, spacing) for spacing in (_ROUGH_M, _FINE_M))
         placed = join(parts)
-        corrected = self._renderer.compare(placed, scale, rough, verify=False)
-        rows = corrected.ranking()[:_FINALISTS]
+        corrected = self._renderer.compare(placed, scale, _thinned(view, _ROUGH_M), verify=False)
+        return _Rough(placed, corrected)
+
+    def _compare_finely(self, view: PersonView, scale: float, rough: _Rough) -> Placed:
+        """Compare the best of the shortlist in a finer image; the best first."""
+        rows = rough.corrected.ranking()[:_FINALISTS]
         # a correction found in few pixels is worth a try, no more
-        finalists = join([placed.take(rows), corrected.take(rows)])
-        compared = self._renderer.compare(finalists, scale, fine, verify=True)
+        finalists = join([rough.placed.take(rows), rough.corrected.take(rows)])
+        compared = self._renderer.compare(finalists, scale, _thinned(view, _FINE_M), verify=True)
         return compared.take(compared.ranking())
 
     def _keep_different(self, placed: Placed) -> Iterator[Candidate]:
@@ -146,3 +160,8 @@ class Matcher:
                 )
             if len(kept) == self.config.keep:
                 break
+
+
+def _thinned(view: PersonView, spacing_m: float) -> Observation:
+    """Leave out pixels of the half-resolution image that are closer than need be."""
+    return thin_image(view.coarse, float(view.points[:, 2].mean()), spacing_m)
