@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -10,7 +12,14 @@ from depth_pose.bank.canonical import canonical_axes
 from depth_pose.body.coarsen import coarsen
 from depth_pose.geometry import quat_to_matrix
 from depth_pose.render import DepthComparer
-from depth_pose.steps.placing import _VERTICES, ExemplarRenderer, ExemplarViews, join, place_exemplars
+from depth_pose.steps.placing import (
+    _VERTICES,
+    ExemplarRenderer,
+    ExemplarViews,
+    better,
+    join,
+    place_exemplars,
+)
 from depth_pose.steps.search import Nearest
 from depth_pose.steps.view import view_person
 
@@ -40,25 +49,36 @@ def test_views_lie_over_the_inputs_axes(bank, view, placed):
     assert placed.exemplars.tolist() == [120, *(n // bank.views for n in (40, 777))]
 
 
-@pytest.mark.parametrize("verify", [True, False])
-def test_comparing_twin(bank, view, placed, verify):
-    found = ExemplarRenderer(bank, BAND).compare(placed, SCALE, view.coarse, verify)
+def test_comparing_twin(bank, view, placed):
+    found = ExemplarRenderer(bank, BAND).compare(placed, SCALE, view.coarse)
     body, comparer = coarsen(bank.body, _VERTICES), DepthComparer(view.coarse, BAND)
     for k, exemplar in enumerate(placed.exemplars):
         turned = placed.rotations[k] @ bank.rotations(exemplar)
         posed = body.pose(turned, placed.translations[k], SCALE)
-        first = comparer.compare(posed.vertices, body.faces)
-        moved = comparer.compare(posed.vertices + first.shift, body.faces)
-        keep = not verify or moved.score < first.score
-        shift = first.shift if keep else np.zeros(3)
-        score = min(first.score, moved.score) if verify else first.score
-        assert found.scores[k] == pytest.approx(score, abs=2e-3)
-        np.testing.assert_allclose(found.translations[k], placed.translations[k] + shift, atol=1e-4)
-        np.testing.assert_allclose(found.nodes[k], posed.nodes + shift, atol=1e-4)
+        expected = comparer.compare(posed.vertices, body.faces)
+        assert found.scores[k] == pytest.approx(expected.score, abs=2e-3)
+        np.testing.assert_allclose(found.shifts[k], expected.shift, atol=1e-4)
+        np.testing.assert_allclose(found.nodes[k], posed.nodes, atol=1e-4)
 
 
-def test_best_first_and_joined_in_order(bank, view, placed):
-    found = ExemplarRenderer(bank, BAND).compare(placed, SCALE, view.coarse, verify=True)
+def test_moved_ones_are_nearer_and_the_better_ones_are_kept(bank, view, placed):
+    renderer = ExemplarRenderer(bank, BAND)
+    off = np.array([0.1, -0.08, 0.06])
+    there = renderer.compare(placed, SCALE, view.coarse)
+    away = renderer.compare(replace(placed, translations=placed.translations + off), SCALE, view.coarse)
+    back = renderer.compare(away.moved(), SCALE, view.coarse)
+    np.testing.assert_allclose(back.translations - away.translations, away.shifts, atol=1e-12)
+    gaps = [np.linalg.norm(p.translations - there.translations - there.shifts, axis=1) for p in (away, back)]
+    assert (gaps[1] < gaps[0]).all()
+    best = better(away, there)
+    np.testing.assert_array_equal(best.scores, np.minimum(away.scores, there.scores))
+    for k, score in enumerate(best.scores):
+        source = there if score < away.scores[k] else away
+        np.testing.assert_array_equal(best.nodes[k], source.nodes[k])
+
+
+def test_ranked_and_joined_in_order(bank, view, placed):
+    found = ExemplarRenderer(bank, BAND).compare(placed, SCALE, view.coarse)
     both = join([found, found])
     best = both.take(both.ranking()[:4])
     order = np.argsort(found.scores)

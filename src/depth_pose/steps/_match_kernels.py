@@ -60,17 +60,16 @@ def score(
     cx,
     cy,
     band,
-    verify,
     rotations,
     translations,
     scores,
+    shifts,
     nodes,
 ):
-    """Render placed exemplars, score them, and correct their translations by what they miss.
+    """Render placed exemplars and compare them.
 
-    With ``verify`` the corrected body is rendered too: ``scores``, ``translations`` and ``nodes``
-    (camera frame) are then the better ones of the two. Otherwise the correction is taken unseen,
-    and the score is the one before it.
+    Writes ``scores``; ``shifts``, the translations that would bring silhouettes and mean depths
+    together; and ``nodes``, in the camera frame.
     """
     local, turned = np.empty((3, 3)), np.empty((parents.shape[0], 3, 3))
     vertices, zbuffer, sums = np.empty(rest.shape), np.empty(depth.shape), np.empty(5)
@@ -81,26 +80,9 @@ def score(
         skin(rest, rest_nodes, parents, influence, weight, turned, translations[k], scale, vertices, nodes[k])
         rasterize(vertices, faces, fx, fy, cx, cy, zbuffer)
         compare(zbuffer, depth, labels, band, sums)
-        scores[k] = sums[0]
         z = 0.0
         for i in range(vertices.shape[0]):
             z += vertices[i, 2]
         z /= vertices.shape[0]
-        x_shift, y_shift, z_shift = sums[3] * z / fx, sums[4] * z / fy, sums[2]
-        if verify:
-            for i in range(vertices.shape[0]):
-                vertices[i, 0] += x_shift
-                vertices[i, 1] += y_shift
-                vertices[i, 2] += z_shift
-            rasterize(vertices, faces, fx, fy, cx, cy, zbuffer)
-            compare(zbuffer, depth, labels, band, sums)
-            if sums[0] >= scores[k]:
-                continue
-            scores[k] = sums[0]
-        translations[k, 0] += x_shift
-        translations[k, 1] += y_shift
-        translations[k, 2] += z_shift
-        for n in range(parents.shape[0]):
-            nodes[k, n, 0] += x_shift
-            nodes[k, n, 1] += y_shift
-            nodes[k, n, 2] += z_shift
+        scores[k] = sums[0]
+        shifts[k, 0], shifts[k, 1], shifts[k, 2] = sums[3] * z / fx, sums[4] * z / fy, sums[2]

@@ -11,7 +11,6 @@ first frames.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -23,7 +22,14 @@ from depth_pose.geometry import matrix_to_quat
 from depth_pose.registration.articulated import ArticulatedFitter, BodyPose
 from depth_pose.render import Observation
 from depth_pose.steps.cut_off import UprightExemplars, head_axes, is_cut_off
-from depth_pose.steps.placing import ExemplarRenderer, ExemplarViews, Placed, join, place_exemplars
+from depth_pose.steps.placing import (
+    ExemplarRenderer,
+    ExemplarViews,
+    Placed,
+    better,
+    join,
+    place_exemplars,
+)
 from depth_pose.steps.sample import sample_cloud
 from depth_pose.steps.scale import SCALES, ScaleFinder
 from depth_pose.steps.search import SubspaceSearch
@@ -35,19 +41,14 @@ _ROUGH_M, _FINE_M = 0.08, 0.04
 """Widest pixels at the person, of the image that all of the shortlist is compared in, and of the
 image for the finalists."""
 
-_FINALISTS = 12
-"""Exemplars that are compared in the finer image."""
+_FINALISTS = 16
+"""Exemplars that are compared in the finer image, where they are and corrected."""
+
+_CORRECTED = 8
+"""The best of them, which are corrected once more."""
 
 _SAME_POSE_M = 0.05
 """Candidates whose nodes are this close on average are the same pose."""
-
-
-@dataclass(frozen=True)
-class _Rough:
-    """A shortlist as it was placed, and after the comparison in a small image."""
-
-    placed: Placed
-    corrected: Placed
 
 
 class Matcher:
@@ -110,7 +111,7 @@ class Matcher:
         if self._finder.frames == 0:
             few = max(4, self.config.shortlist // 4)
             tried = [(s, self._compare_roughly(cloud, view, s, few)) for s in SCALES[1::3].tolist()]
-            scale, rough = min(tried, key=lambda t: float(t[1].corrected.scores.min()))
+            scale, rough = min(tried, key=lambda t: float(t[1].scores.min()))
             self._finder.add(view, self._pose(self._compare_finely(view, scale, rough), scale))
         return self._finder.scale
 
@@ -119,7 +120,7 @@ class Matcher:
         rotations = placed.rotations[0] @ self.bank.rotations(int(placed.exemplars[0]))
         return BodyPose(rotations, placed.translations[0], scale)
 
-    def _compare_roughly(self, cloud: PersonCloud, view: PersonView, scale: float, shortlist: int) -> _Rough:
+    def _compare_roughly(self, cloud: PersonCloud, view: PersonView, scale: float, shortlist: int) -> Placed:
         """Search with each of the input's axes at one size, and compare all that is found."""
         axes = AXES[self.bank.view_scheme](view.points)
         share = max(1, shortlist // len(axes))
@@ -131,17 +132,18 @@ class Matcher:
         if is_cut_off(cloud):
             hung, upright = head_axes(view.points, scale), self._upright
             parts.append(place_exemplars(upright.views, upright.all, hung, scale))
-        placed = join(parts)
-        corrected = self._renderer.compare(placed, scale, _thinned(view, _ROUGH_M), verify=False)
-        return _Rough(placed, corrected)
+        return self._renderer.compare(join(parts), scale, _thinned(view, _ROUGH_M))
 
-    def _compare_finely(self, view: PersonView, scale: float, rough: _Rough) -> Placed:
+    def _compare_finely(self, view: PersonView, scale: float, rough: Placed) -> Placed:
         """Compare the best of the shortlist in a finer image; the best first."""
-        rows = rough.corrected.ranking()[:_FINALISTS]
+        image = _thinned(view, _FINE_M)
+        there = rough.take(rough.ranking()[:_FINALISTS])
         # a correction found in few pixels is worth a try, no more
-        finalists = join([rough.placed.take(rows), rough.corrected.take(rows)])
-        compared = self._renderer.compare(finalists, scale, _thinned(view, _FINE_M), verify=True)
-        return compared.take(compared.ranking())
+        pairs = (self._renderer.compare(p, scale, image) for p in (there, there.moved()))
+        compared = better(*pairs)
+        best = compared.take(compared.ranking()[:_CORRECTED])
+        best = better(best, self._renderer.compare(best.moved(), scale, image))
+        return best.take(best.ranking())
 
     def _keep_different(self, placed: Placed) -> Iterator[Candidate]:
         """Give the best few that are different poses."""

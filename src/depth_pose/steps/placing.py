@@ -52,9 +52,13 @@ class Placed:
     rotations, translations : (K, 3, 3), (K, 3) float64
         ``T_camera_model``, metres.
     scores : (K,) float64
-        Rendered-depth disagreement; infinite before any comparison.
+        Rendered-depth disagreement.
+    shifts : (K, 3) float64
+        Translations that would bring silhouettes and mean depths together, metres.
     nodes : (K, 21, 3) float64
-        Camera frame, metres; empty before any comparison.
+        Camera frame, metres.
+
+    The last three are what a comparison finds; there is nothing in them before it.
     """
 
     exemplars: NDArray[np.int64]
@@ -63,11 +67,16 @@ class Placed:
     rotations: NDArray[np.float64]
     translations: NDArray[np.float64]
     scores: NDArray[np.float64]
+    shifts: NDArray[np.float64]
     nodes: NDArray[np.float64]
 
     def take(self, rows: NDArray[np.int64]) -> Placed:
         """Give some of them, in the order of ``rows``."""
         return Placed(*(getattr(self, f.name)[rows] for f in fields(self)))
+
+    def moved(self) -> Placed:
+        """Give them translated by their shifts."""
+        return replace(self, translations=self.translations + self.shifts)
 
     def ranking(self) -> NDArray[np.int64]:
         """Rows by their scores, the best first."""
@@ -90,8 +99,15 @@ def place_exemplars(views: ExemplarViews, nearest: Nearest, axes: CanonicalAxes,
         rotations=rotations,
         translations=translations,
         scores=np.full(count, np.inf),
+        shifts=np.zeros((count, 3)),
         nodes=np.empty((count, len(NODE_PARENTS), 3)),
     )
+
+
+def better(a: Placed, b: Placed) -> Placed:
+    """Of each two in the same row the one with the lower score; the first where they are equal."""
+    rows = np.arange(len(a.scores))
+    return join([a, b]).take(np.where(b.scores < a.scores, rows + len(rows), rows))
 
 
 def join(parts: Sequence[Placed]) -> Placed:
@@ -111,28 +127,13 @@ class ExemplarRenderer:
         self._body = (body.vertices, body.nodes, NODE_PARENTS, skin.nodes, skin.weights, body.faces)
         self._band = band
 
-    def compare(self, placed: Placed, scale: float, observed: Observation, verify: bool) -> Placed:
-        """Score exemplars and correct their translations.
-
-        Parameters
-        ----------
-        placed : Placed
-        scale : float
-        observed : Observation
-        verify : bool
-            Render the corrected body again and keep the better one of both; the score is its.
-            Otherwise the correction is taken unseen.
-        """
-        camera, rotations = observed.camera, placed.rotations
-        found = replace(
-            placed,
-            translations=placed.translations.copy(),
-            scores=np.empty_like(placed.scores),
-            nodes=np.empty_like(placed.nodes),
-        )
+    def compare(self, placed: Placed, scale: float, observed: Observation) -> Placed:
+        """Score exemplars where they are placed, and find by how much they seem to be off."""
+        camera, count = observed.camera, len(placed.scores)
+        scores, shifts, nodes = np.empty(count), np.empty((count, 3)), np.empty_like(placed.nodes)
         kernels.score(
             placed.exemplars, self._quats, scale, *self._body,
             observed.depth, observed.labels, camera.fx, camera.fy, camera.cx, camera.cy,
-            self._band, verify, rotations, found.translations, found.scores, found.nodes,
+            self._band, placed.rotations, placed.translations, scores, shifts, nodes,
         )  # fmt: skip
-        return found
+        return replace(placed, scores=scores, shifts=shifts, nodes=nodes)
