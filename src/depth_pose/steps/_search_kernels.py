@@ -10,12 +10,11 @@ BLOCK = 512
 
 
 @njit(cache=True, fastmath=True)
-def bound_distances(head, rest_norms, gamma, gamma_rest, bounds, best):
-    """Lower bounds of squared distances: exact in the head's dimensions, and in the others by norms.
+def bound_distances(head, steps, rest_norms, gamma, gamma_rest, bounds, best):
+    """Squared distances of rounded entries in the first dimensions, and of lengths in the others.
 
-    ``head`` is (K, N), ``rest_norms`` (N,) the entries' lengths in all other dimensions. By the
-    triangle inequality the others add at least ``(rest_norms - gamma_rest)^2``. ``best`` gets each
-    block's entry with the lowest bound.
+    Entry i is ``steps[k] * head[k, i]`` in dimension k of an even number, and ``rest_norms[i]``
+    long in the others. ``best`` gets each block's entry with the lowest bound.
     """
     dimensions, count = head.shape
     for block in range(best.shape[0]):
@@ -24,11 +23,12 @@ def bound_distances(head, rest_norms, gamma, gamma_rest, bounds, best):
         for i in range(out.shape[0]):
             gap = norms[i] - gamma_rest
             out[i] = gap * gap
-        for k in range(dimensions):
-            g, row = gamma[k], head[k, start:end]
+        for k in range(0, dimensions, 2):  # by two: half as many passes over the sums
+            here, step, g = head[k, start:end], steps[k], gamma[k]
+            here2, step2, g2 = head[k + 1, start:end], steps[k + 1], gamma[k + 1]
             for i in range(out.shape[0]):
-                gap = row[i] - g
-                out[i] += gap * gap
+                gap, gap2 = np.float32(here[i]) * step - g, np.float32(here2[i]) * step2 - g2
+                out[i] += gap * gap + gap2 * gap2
         best[block] = start + np.argmin(out)
 
 
@@ -57,29 +57,31 @@ def insert(distance, entry, distances, entries, filled):
 
 
 @njit(cache=True)
-def search(table, bounds, best, gamma, distances, entries):
-    """Find the nearest entries exactly, nearest first; most of the table is ruled out by its bounds."""
+def limit_of(distance, slack):
+    """Bounds above this belong to entries that are farther; the rounding of both is in it."""
+    root = np.sqrt(distance) * np.float32(1.0001) + slack
+    return root * root
+
+
+@njit(cache=True)
+def search(table, bounds, slack, best, gamma, distances, entries):
+    """Find the nearest entries exactly, nearest first; most of the table is ruled out by its bounds.
+
+    ``slack`` is the most by which rounding may have put the root of a bound above the distance.
+    """
     count = distances.shape[0]
     distances[:] = np.inf
     entries[:] = -1
-    blocks = np.sort(best)
-    for b in range(blocks.shape[0]):
-        i = blocks[b]
+    for i in best:
         d = squared_distance(table[i], gamma)
         if d < distances[count - 1]:
             insert(d, i, distances, entries, count)
-    nth = distances[count - 1]
-    limit = nth * np.float32(1.0001)
-    skip = 0
+        bounds[i] = np.inf  # done
+    limit = limit_of(distances[count - 1], slack)
     for i in range(bounds.shape[0]):
-        if bounds[i] > limit:
-            continue
-        while skip < blocks.shape[0] and blocks[skip] < i:
-            skip += 1
-        if skip < blocks.shape[0] and blocks[skip] == i:
+        if bounds[i] > limit or bounds[i] == np.inf:
             continue
         d = squared_distance(table[i], gamma)
-        if d < nth:
+        if d < distances[count - 1] or (d == distances[count - 1] and i < entries[count - 1]):
             insert(d, i, distances, entries, count)
-            nth = distances[count - 1]
-            limit = nth * np.float32(1.0001)
+            limit = limit_of(distances[count - 1], slack)

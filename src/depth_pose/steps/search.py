@@ -5,8 +5,9 @@ into those and the rest, the triangle inequality gives
 
 .. math:: \|x - y\|^2 \ge \|x_1 - y_1\|^2 + (\|x_2\| - \|y_2\|)^2,
 
-so one pass over a quarter of the table bounds every distance from below. The entries with each
-block's lowest bound are looked at first; they give a distance that rules out nearly all others.
+so one pass over part of the table, kept as 16-bit integers, bounds every distance from below. The
+entries with each block's lowest bound are looked at first; they give a distance that rules out
+nearly all others.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from numpy.typing import NDArray
 
 from depth_pose.steps import _search_kernels as kernels
 
-_HEAD = 16
+_HEAD = 24
 """Dimensions in which every entry is compared."""
 
 
@@ -41,7 +42,11 @@ class SubspaceSearch:
 
     def __init__(self, table: NDArray[np.float32]) -> None:
         self.table = np.ascontiguousarray(table, np.float32)
-        self._head = np.ascontiguousarray(self.table[:, :_HEAD].T)
+        head = self.table[:, :_HEAD].T
+        head = np.pad(head, ((0, len(head) % 2), (0, 0)))  # to an even number
+        self._steps = (np.abs(head).max(axis=1, initial=1e-6) / np.float32(32767)).astype(np.float32)
+        self._head = np.ascontiguousarray(np.round(head / self._steps[:, None]).astype(np.int16))
+        self._slack = np.float32(0.51 * np.linalg.norm(self._steps))  # rounding is off by half a step
         self._rest_norms = np.linalg.norm(self.table[:, _HEAD:], axis=1).astype(np.float32)
         self._bounds = np.empty(len(self.table), np.float32)
         self._best = np.empty(-(-len(self.table) // kernels.BLOCK), np.int64)
@@ -57,7 +62,11 @@ class SubspaceSearch:
         """
         count = min(count, len(self.table))
         distances, entries = np.empty(count, np.float32), np.empty(count, np.int64)
+        point = np.ascontiguousarray(point, np.float32)
+        head = np.zeros(len(self._head), np.float32)
+        head[: len(point[:_HEAD])] = point[:_HEAD]
         rest_norm = np.float32(np.linalg.norm(point[_HEAD:]))
-        kernels.bound_distances(self._head, self._rest_norms, point, rest_norm, self._bounds, self._best)
-        kernels.search(self.table, self._bounds, self._best, point, distances, entries)
+        bounds, best = self._bounds, self._best
+        kernels.bound_distances(self._head, self._steps, self._rest_norms, head, rest_norm, bounds, best)
+        kernels.search(self.table, bounds, self._slack, best, point, distances, entries)
         return Nearest(entries, np.sqrt(distances))
