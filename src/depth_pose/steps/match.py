@@ -51,6 +51,19 @@ _SAME_POSE_M = 0.05
 """Candidates whose nodes are this close on average are the same pose."""
 
 
+_EVEN_SCORE, _SCORE_SPREAD = 0.56, 0.057
+"""Logistic curve fitted to simulated people by ``benchmarks/bank_score.py``."""
+
+
+def match_confidence(score: float) -> float:
+    """Chance that a best match with this score is right, 0 to 1.
+
+    Right means that its joints are within 100 mm on average, before any refinement, and that left
+    and right, front and back are not exchanged.
+    """
+    return float(1.0 / (1.0 + np.exp((score - _EVEN_SCORE) / _SCORE_SPREAD)))
+
+
 class Matcher:
     """The second stage: what `matcher_node` runs."""
 
