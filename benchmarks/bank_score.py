@@ -105,7 +105,8 @@ def report(label: str, rows: np.ndarray) -> np.ndarray:
             bins.append((confidence[mine].mean(), right[mine].mean(), mine.sum()))
             off += mine.mean() * abs(bins[-1][0] - bins[-1][1])
             print(
-                f"    confidence {low:.1f} to {high:.1f}: {mine.sum():4d} frames, {100 * bins[-1][1]:3.0f} % right"
+                f"    confidence {low:.1f} to {high:.1f}: {mine.sum():4d} frames, "
+                f"{100 * bins[-1][1]:3.0f} % right"
             )
     print(f"    expected calibration error {off:.3f}", flush=True)
     return np.array(bins)
