@@ -17,29 +17,28 @@ def rasterize(vertices, faces, fx, fy, cx, cy, zbuffer):
     rows, cols = zbuffer.shape
     zbuffer[:] = 0.0  # holds inverse depths, which are linear in the image, until the end
     n, m = vertices.shape[0], faces.shape[0]
-    image = np.empty((n, 3))
-    pixels = np.empty((n, 4), np.int32)
+    image = np.empty((n, 4), np.float32)
     for i in range(n):
         z = vertices[i, 2]
         w = 1.0 / z if z > 0.05 else -1.0
         u = min(max(fx * vertices[i, 0] * w + cx, -1e6), 1e6)
         v = min(max(fy * vertices[i, 1] * w + cy, -1e6), 1e6)
         image[i, 0], image[i, 1], image[i, 2] = u, v, w
-        pixels[i, 0], pixels[i, 1] = np.ceil(u), np.floor(u)
-        pixels[i, 2], pixels[i, 3] = np.ceil(v), np.floor(v)
     # of the faces, those that look here and have a pixel in their box
     front = np.empty(m + 1, np.int32)
     areas = np.empty(m + 1)
     boxes = np.empty((m + 1, 4), np.int32)
     count = np.int64(0)
+    right, bottom = np.float32(cols - 1), np.float32(rows - 1)
     for k in range(m):
         a, b, c = np.uint32(faces[k, 0]), np.uint32(faces[k, 1]), np.uint32(faces[k, 2])
-        ua, va = image[a, 0], image[a, 1]
-        area = (image[b, 0] - ua) * (image[c, 1] - va) - (image[c, 0] - ua) * (image[b, 1] - va)
-        low_j = max(0, min(pixels[a, 0], pixels[b, 0], pixels[c, 0]))
-        high_j = min(cols - 1, max(pixels[a, 1], pixels[b, 1], pixels[c, 1]))
-        low_i = max(0, min(pixels[a, 2], pixels[b, 2], pixels[c, 2]))
-        high_i = min(rows - 1, max(pixels[a, 3], pixels[b, 3], pixels[c, 3]))
+        ua, va, ub, vb = image[a, 0], image[a, 1], image[b, 0], image[b, 1]
+        uc, vc = image[c, 0], image[c, 1]
+        area = (ub - ua) * (vc - va) - (uc - ua) * (vb - va)
+        low_j = np.int32(np.ceil(max(np.float32(0.0), min(ua, ub, uc))))
+        high_j = np.int32(np.floor(min(right, max(ua, ub, uc))))
+        low_i = np.int32(np.ceil(max(np.float32(0.0), min(va, vb, vc))))
+        high_i = np.int32(np.floor(min(bottom, max(va, vb, vc))))
         at = np.uint32(count)
         front[at] = k
         areas[at] = area

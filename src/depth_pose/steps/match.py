@@ -105,10 +105,11 @@ class Matcher:
         if view is None:
             self.reset()
             return PoseMatch(cloud.stamp_ns, cloud.frame_id, self.bank.bank_id, 0.0, ())
+        is_new = self._finder.frames == 0
         scale = self._scale(cloud, view)
         rough = self._compare_roughly(cloud, view, scale, self.config.shortlist)
         placed = self._compare_finely(view, scale, rough)
-        if not self._knows_scale():
+        if not is_new and not self._knows_scale():
             self._finder.add(view, self._pose(placed, scale))
         candidates = tuple(self._keep_different(placed))
         return PoseMatch(cloud.stamp_ns, cloud.frame_id, self.bank.bank_id, scale, candidates)
