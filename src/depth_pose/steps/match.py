@@ -10,8 +10,6 @@ first frames.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 
 from depth_pose.bank.bank import Bank
@@ -111,7 +109,7 @@ class Matcher:
         placed = self._compare_finely(view, scale, rough)
         if not is_new and not self._knows_scale():
             self._finder.add(view, self._pose(placed, scale))
-        candidates = tuple(self._keep_different(placed))
+        candidates = self._keep_different(placed)
         return PoseMatch(cloud.stamp_ns, cloud.frame_id, self.bank.bank_id, scale, candidates)
 
     def _knows_scale(self) -> bool:
@@ -159,23 +157,27 @@ class Matcher:
         best = better(best, self._renderer.compare(best.moved(), scale, image))
         return best.take(best.ranking())
 
-    def _keep_different(self, placed: Placed) -> Iterator[Candidate]:
+    def _keep_different(self, placed: Placed) -> tuple[Candidate, ...]:
         """Give the best few that are different poses."""
         kept: list[int] = []
         for k in range(len(placed.scores)):
             gaps = np.linalg.norm(placed.nodes[k] - placed.nodes[kept], axis=2).mean(axis=1)
             if (gaps > _SAME_POSE_M).all():
                 kept.append(k)
-                yield Candidate(
-                    exemplar=int(placed.exemplars[k]),
-                    view=int(placed.views[k]),
-                    quat_xyzw=matrix_to_quat(placed.rotations[k]),
-                    translation=placed.translations[k],
-                    distance=float(placed.distances[k]),
-                    score=float(placed.scores[k]),
-                )
             if len(kept) == self.config.keep:
                 break
+        quats = matrix_to_quat(placed.rotations[kept])
+        return tuple(
+            Candidate(
+                exemplar=int(placed.exemplars[k]),
+                view=int(placed.views[k]),
+                quat_xyzw=quat,
+                translation=placed.translations[k],
+                distance=float(placed.distances[k]),
+                score=float(placed.scores[k]),
+            )
+            for k, quat in zip(kept, quats, strict=True)
+        )
 
 
 def _thinned(view: PersonView, spacing_m: float) -> Observation:
