@@ -9,7 +9,7 @@ import synthetic as syn
 from depth_pose.bank.views import DISTANCE_M, view_directions, view_rotation
 from depth_pose.config import MatchConfig
 from depth_pose.registration.articulated import candidate_pose
-from depth_pose.steps.match import Matcher
+from depth_pose.steps.match import Matcher, match_confidence
 from depth_pose.types import PersonCloud
 
 
@@ -67,6 +67,19 @@ def test_an_answer(bank, matcher):
         assert np.linalg.norm(c.quat_xyzw) == pytest.approx(1.0)
         assert 0.0 <= c.score <= 1.0
         assert c.distance >= 0.0
+
+
+def test_confidence_falls_with_the_score_and_tells_a_person_from_a_board(bank, matcher):
+    sure = [match_confidence(score) for score in np.linspace(0, 1, 21)]
+    assert (np.diff(sure) < 0).all()
+    assert 0.98 < sure[0] <= 1.0
+    assert 0.0 <= sure[-1] < 0.02
+    person = matcher.match(seen_as_in_the_bank(bank, 77, 2)[1]).candidates[0]
+    depth = np.full((144, 176), np.inf)
+    depth[20:130, 60:120] = 3.0
+    board = matcher.match(syn.to_cloud(depth)).candidates[0]
+    assert match_confidence(person.score) > 0.95
+    assert match_confidence(board.score) < 0.5
 
 
 def test_candidates_are_different_poses(bank, matcher):
