@@ -35,7 +35,7 @@ _LIMBS = ("clavicle", "shoulder", "elbow", "wrist", "hip", "knee", "ankle", "foo
 
 @dataclass(frozen=True)
 class _Skinned:
-    """Vertices (V, 3), faces (F, 3), bones and weights of each vertex (V, 4k), in one skin's bind pose."""
+    """Vertices (V, 3), faces (F, 3), bones and weights of each vertex (V, 8), in one skin's bind pose."""
 
     vertices: Array
     faces: NDArray[np.int64]
@@ -130,20 +130,13 @@ def _mesh(path: Path, document: dict[str, Any], buffers: list[bytes]) -> _Skinne
                 faces = _array(document, buffers, primitive["indices"]).reshape(-1, 3).astype(np.int64)
             else:
                 faces = np.arange(len(vertices)).reshape(-1, 3)
-            sets = range(sum(name.startswith("JOINTS_") for name in at))
-            bones = [_array(document, buffers, at[f"JOINTS_{k}"]) for k in sets]
-            weights = [_array(document, buffers, at[f"WEIGHTS_{k}"]) for k in sets]
-            bones, weights = bones[:2] * (2 // min(2, len(bones))), weights[:2]
-            if len(weights) == 1:  # everyone gets two sets
-                weights.append(np.zeros_like(weights[0]))
-            parts.append(
-                _Skinned(
-                    vertices,
-                    faces + first,
-                    np.concatenate(bones, axis=1).astype(np.int64),
-                    np.concatenate(weights, axis=1).astype(np.float64),
-                )
-            )
+            bones, weights = np.zeros((len(vertices), 8), np.int64), np.zeros((len(vertices), 8))
+            for k in range(2):  # more than eight bones a vertex are not read
+                if f"JOINTS_{k}" in at:
+                    columns = slice(4 * k, 4 * k + 4)
+                    bones[:, columns] = _array(document, buffers, at[f"JOINTS_{k}"])
+                    weights[:, columns] = _array(document, buffers, at[f"WEIGHTS_{k}"])
+            parts.append(_Skinned(vertices, faces + first, bones, weights))
             first += len(vertices)
     if not parts:
         raise InputError(f"{path} has no skinned triangles")
