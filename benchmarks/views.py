@@ -108,7 +108,8 @@ def draw(
     bars.bar(at + 0.2, [1e3 * r.refined for r in named.values()], 0.4, label="refined")
     bars.set_xticks(at, list(named), fontsize=8)
     bars.set_ylabel("mean joint error (mm)")
-    bars.legend()
+    bars.margins(y=0.3)
+    bars.legend(loc="upper left")
     for axes, rows, name in ((turn, around, "azimuth (degrees)"), (tilt, above, "elevation (degrees)")):
         axes.plot(list(rows), [1e3 * r.matched for r in rows.values()], "o-", label="best match")
         axes.plot(list(rows), [1e3 * r.refined for r in rows.values()], "o-", label="refined")

@@ -140,7 +140,7 @@ class MatchConfig(_Checked):
     """Matching with the exemplar bank (Sec. 5)."""
 
     shortlist: int = option(
-        28, "Nearest exemplars in the subspace that are compared by rendered depth", low=1, high=4096
+        128, "Nearest exemplars in the subspace that are compared by rendered depth", low=1, high=4096
     )
     keep: int = option(3, "Candidates handed to the refinement", low=1, high=64)
     score_band: float = option(

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose import _raster_kernels as kernels
-from depth_pose.types import PERSON, Camera
+from depth_pose.types import Camera
 
 
 @dataclass(frozen=True)
@@ -39,11 +39,12 @@ def observe(
     depth: NDArray[np.float32], labels: NDArray[np.uint8], camera: Camera, stride: int, margin_m: float
 ) -> Observation:
     """Take every ``stride``-th pixel of a window around the person, with a margin in metres."""
-    person = labels == PERSON
-    rows, cols = np.flatnonzero(person.any(axis=1)), np.flatnonzero(person.any(axis=0))
-    margin = round(margin_m * camera.fx / float(np.median(depth[person])))
-    top, left = max(0, int(rows[0]) - margin), max(0, int(cols[0]) - margin)
-    bottom, right = int(rows[-1]) + margin + 1, int(cols[-1]) + margin + 1
+    box = np.empty(4, np.int64)
+    distance = kernels.person_box(depth, labels, box)
+    first_row, last_row, first_column, last_column = box.tolist()
+    margin = round(margin_m * camera.fx / distance)
+    top, left = max(0, first_row - margin), max(0, first_column - margin)
+    bottom, right = last_row + margin + 1, last_column + margin + 1
     window = (slice(top, bottom, stride), slice(left, right, stride))
     part = np.ascontiguousarray(depth[window])
     return Observation(

@@ -19,7 +19,7 @@ from depth_pose.registration.articulated import candidate_pose
 from depth_pose.render import DepthComparer
 from depth_pose.skeleton import JOINT_NODES
 from depth_pose.steps.extract import PersonExtractor
-from depth_pose.steps.match import Matcher
+from depth_pose.steps.match import Matcher, match_confidence
 from depth_pose.steps.view import view_person
 from depth_pose.types import DepthFrame, PersonCloud, PoseMatch
 
@@ -165,13 +165,14 @@ def _draw_frame(panels: list[Any], frame: MatchedFrame, bank: Bank) -> None:
     draw_depth(panels[0], view.full.depth, None, camera)
     _caption(panels[0], f"frame {frame.number}, scale {frame.match.scale:.2f}")
     comparer = DepthComparer(view.full, MatchConfig().score_band)
-    for panel, candidate in zip(panels[1:], frame.match.candidates, strict=False):
+    for rank, (panel, candidate) in enumerate(zip(panels[1:], frame.match.candidates, strict=False)):
         pose = candidate_pose(bank, candidate, frame.match.scale)
         posed = bank.body.pose(pose.rotations, pose.root, pose.scale)
         drawn: NDArray[np.float64] = comparer.render(posed.vertices, bank.body.faces)
         depth = np.where(np.isfinite(drawn), drawn, 0.0).astype(np.float32)
         draw_depth(panel, depth, posed.nodes[JOINT_NODES], camera)
-        _caption(panel, f"{candidate.exemplar}, view {candidate.view}: score {candidate.score:.2f}")
+        sure = f", {match_confidence(candidate.score):.0%} sure" if rank == 0 else ""
+        _caption(panel, f"{candidate.exemplar}, view {candidate.view}: score {candidate.score:.2f}{sure}")
     for panel in panels[1 + len(frame.match.candidates) :]:
         panel.set_axis_off()
 

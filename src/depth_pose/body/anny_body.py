@@ -13,17 +13,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.body._skin_kernels import skin
-from depth_pose.body.bodies import keep_largest
 from depth_pose.body.body import Body
+from depth_pose.body.rigged import RiggedMesh, rigged_body
 from depth_pose.config import _Checked, option
 from depth_pose.errors import ConfigError
-from depth_pose.skeleton import ADULT_STATURE_M, NODE_INDEX, NODE_PARENTS, NODES, rest_nodes
+from depth_pose.skeleton import NODE_INDEX, NODES
 
 Array = NDArray[np.float64]
-
-MOST_VERTICES = 2500
-"""The mesh is decimated to about so many."""
 
 _NODE_OF_BONE = {
     "root": "pelvis",
@@ -43,8 +39,6 @@ _NODE_OF_BONE = {
 
 _TOES = tuple(f"toe{i}-1" for i in range(1, 6))
 
-_LIMB_CHILD = {"shoulder": "elbow", "elbow": "wrist", "hip": "knee", "knee": "ankle", "ankle": "foot"}
-
 
 @dataclass(frozen=True)
 class AnnyShape(_Checked):
@@ -56,26 +50,6 @@ class AnnyShape(_Checked):
     weight: float = option(0.5, "Weight", low=0.0, high=1.0)
     height: float = option(0.5, "Tallness, which changes proportions", low=0.0, high=1.0)
     proportions: float = option(0.5, "Uncommon to ideal proportions", low=0.0, high=1.0)
-
-
-@dataclass(frozen=True)
-class RiggedMesh:
-    """A mesh with its rig in the model frame.
-
-    Attributes
-    ----------
-    vertices : (V, 3) float64
-        Metres, x to the person's left, y up, z forward.
-    faces : (F, 3) int64
-    weights : (V, 21) float64
-        Merged into our nodes; rows sum to 1.
-    nodes : (21, 3) float64
-    """
-
-    vertices: Array
-    faces: NDArray[np.int64]
-    weights: Array
-    nodes: Array
 
 
 def make_anny_body(shape: AnnyShape | None = None) -> Body:
@@ -91,19 +65,7 @@ def make_anny_body(shape: AnnyShape | None = None) -> Body:
     ConfigError
         Where Anny is not installed.
     """
-    mesh = _load(shape or AnnyShape())
-    mesh = _decimate(_largest_part(_to_rest_pose(mesh)))
-    low, high = mesh.vertices[:, 1].min(), mesh.vertices[:, 1].max()
-    scale = ADULT_STATURE_M / (high - low)
-    middle = np.array([mesh.nodes[0, 0], low, mesh.nodes[0, 2]])
-    return Body(
-        name="anny",
-        vertices=np.ascontiguousarray((mesh.vertices - middle) * scale),
-        faces=np.ascontiguousarray(mesh.faces, np.int32),
-        weights=keep_largest(mesh.weights),
-        nodes=np.ascontiguousarray((mesh.nodes - middle) * scale),
-        stature=ADULT_STATURE_M,
-    )
+    return rigged_body("anny", _largest_part(_load(shape or AnnyShape())))
 
 
 def _load(shape: AnnyShape) -> RiggedMesh:
@@ -172,37 +134,6 @@ def _place_nodes(labels: list[str], heads: Array) -> Array:
     return nodes
 
 
-def _to_rest_pose(mesh: RiggedMesh) -> RiggedMesh:
-    """Turn the limbs so that every bone points as in our rest pose."""
-    wanted = rest_nodes()
-    rotations = np.tile(np.eye(3), (len(NODES), 1, 1))
-    for n in range(1, len(NODES)):
-        rotations[n] = rotations[NODE_PARENTS[n]]
-        side, _, bare = NODES[n].rpartition("_")
-        if bare in _LIMB_CHILD:
-            child = NODE_INDEX[f"{side}_{_LIMB_CHILD[bare]}"]
-            have = rotations[n] @ (mesh.nodes[child] - mesh.nodes[n])
-            rotations[n] = least_rotation(have, wanted[child] - wanted[n]) @ rotations[n]
-    vertices, nodes = np.empty_like(mesh.vertices), np.empty_like(mesh.nodes)
-    order = np.ascontiguousarray(np.argsort(-mesh.weights, axis=1, kind="stable").astype(np.int32))
-    weights = np.ascontiguousarray(np.take_along_axis(mesh.weights, order, axis=1))
-    rest = (np.ascontiguousarray(mesh.vertices), np.ascontiguousarray(mesh.nodes))
-    skin(*rest, NODE_PARENTS, order, weights, rotations, mesh.nodes[0].copy(), 1.0, vertices, nodes)
-    return RiggedMesh(vertices, mesh.faces, mesh.weights, nodes)
-
-
-def least_rotation(source: Array, target: Array) -> Array:
-    """Smallest rotation that turns one direction into another, (3, 3)."""
-    from depth_pose.geometry import rotvec_to_matrix
-
-    a, b = source / np.linalg.norm(source), target / np.linalg.norm(target)
-    axis = np.cross(a, b)
-    sine = float(np.linalg.norm(axis))
-    if sine < 1e-9:
-        return np.eye(3)
-    return rotvec_to_matrix(axis / sine * np.arctan2(sine, float(a @ b)))
-
-
 def _largest_part(mesh: RiggedMesh) -> RiggedMesh:
     """Keep the largest connected part: the skin, without eyes, teeth and tongue."""
     from scipy.sparse import coo_matrix
@@ -215,20 +146,3 @@ def _largest_part(mesh: RiggedMesh) -> RiggedMesh:
     kept = part == np.bincount(part).argmax()
     number = np.cumsum(kept) - 1
     return RiggedMesh(mesh.vertices[kept], number[f[kept[f[:, 0]]]], mesh.weights[kept], mesh.nodes)
-
-
-def _decimate(mesh: RiggedMesh) -> RiggedMesh:
-    """Collapse edges by the quadric error; weights are those of the nearest former vertex."""
-    import open3d
-    from scipy.spatial import cKDTree
-
-    fine = open3d.geometry.TriangleMesh(
-        open3d.utility.Vector3dVector(mesh.vertices),
-        open3d.utility.Vector3iVector(mesh.faces.astype(np.int32)),
-    )
-    coarse = fine.simplify_quadric_decimation(2 * MOST_VERTICES)
-    coarse.remove_unreferenced_vertices()
-    vertices = np.asarray(coarse.vertices).copy()
-    nearest = cKDTree(mesh.vertices).query(vertices)[1]
-    faces = np.asarray(coarse.triangles).astype(np.int64)
-    return RiggedMesh(vertices, faces, mesh.weights[nearest], mesh.nodes)

@@ -6,14 +6,13 @@ import zipfile
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from depth_pose.body.body import INFLUENCES, Body
+from depth_pose.body.body import Body, keep_largest
 from depth_pose.errors import ConfigError, InputError
 from depth_pose.skeleton import ADULT_STATURE_M, NODES
 
 BODIES = ("embedded", "anny")
-"""Names that `find_body` knows; anything that ends in .npz is a file."""
+"""Names that `find_body` knows; anything that ends in .npz, .glb or .gltf is a file."""
 
 _FIELDS = ("vertices", "faces", "weights", "nodes")
 
@@ -24,7 +23,8 @@ def find_body(name: str) -> Body:
     Parameters
     ----------
     name : str
-        One of `BODIES`, or the path of a body file (`load_body`) or of a bank, whose body is taken.
+        One of `BODIES`, or the path of a body file (`load_body`), of a bank, whose body is taken, or of a
+        rigged human (`depth_pose.body.gltf.load_gltf_body`).
 
     Raises
     ------
@@ -43,7 +43,13 @@ def find_body(name: str) -> Body:
         return make_anny_body()
     if name.lower().endswith(".npz"):
         return load_body(Path(name))
-    raise ConfigError(f"there is no body {name!r}; there are {', '.join(BODIES)}, or a .npz file")
+    if name.lower().endswith((".glb", ".gltf")):
+        from depth_pose.body.gltf import load_gltf_body
+
+        return load_gltf_body(Path(name))
+    raise ConfigError(
+        f"there is no body {name!r}; there are {', '.join(BODIES)}, or a .npz, .glb or .gltf file"
+    )
 
 
 def save_body(body: Body, path: Path) -> None:
@@ -107,13 +113,3 @@ def load_body(path: Path) -> Body:
         nodes=np.ascontiguousarray(nodes, np.float64) * scale,
         stature=ADULT_STATURE_M,
     )
-
-
-def keep_largest(weights: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Keep each vertex's `INFLUENCES` largest weights, (V, 21), and make them sum to 1."""
-    order = np.argsort(-weights, axis=1, kind="stable")
-    kept = weights.copy()
-    np.put_along_axis(kept, order[:, INFLUENCES:], 0.0, axis=1)
-    total = kept.sum(axis=1, keepdims=True)
-    # what sums to 1 already stays as it is, to the last bit
-    return np.ascontiguousarray(kept / np.where(np.abs(total - 1.0) < 1e-12, 1.0, total))

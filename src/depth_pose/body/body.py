@@ -138,3 +138,13 @@ class Body:
             digest.update(str(array.shape).encode())
             digest.update(np.ascontiguousarray(array).tobytes())
         return digest.hexdigest()
+
+
+def keep_largest(weights: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Keep each vertex's `INFLUENCES` largest weights, (V, 21), and make them sum to 1."""
+    order = np.argsort(-weights, axis=1, kind="stable")
+    kept = weights.copy()
+    np.put_along_axis(kept, order[:, INFLUENCES:], 0.0, axis=1)
+    total = kept.sum(axis=1, keepdims=True)
+    # what sums to 1 already stays as it is, to the last bit
+    return np.ascontiguousarray(kept / np.where(np.abs(total - 1.0) < 1e-12, 1.0, total))

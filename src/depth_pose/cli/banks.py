@@ -37,7 +37,9 @@ def build(
     with_embedded: Annotated[
         bool, typer.Option("--with-embedded", help="With --mocap: the embedded poses too.")
     ] = False,
-    body: Annotated[str, typer.Option(help="The body: embedded, anny, or a .npz file.")] = "embedded",
+    body: Annotated[
+        str, typer.Option(help="The body: embedded, anny, or a .npz, .glb or .gltf file.")
+    ] = "embedded",
     poses: Annotated[
         int | None,
         typer.Option(

@@ -28,7 +28,6 @@ MAX_PIXELS = 16_777_216
 _DEPTH_TYPES = {"16UC1": "u2", "mono16": "u2", "32FC1": "f4"}
 _POINT_TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
 _DISTORTION_LENGTHS = {"plumb_bob": (4, 5), "rational_polynomial": (8,), "equidistant": (4,)}
-_FIT_POINTS = 1000
 _FIT_TOLERANCE_PX = 0.5
 
 
@@ -334,27 +333,25 @@ def camera_from_points(points: NDArray[np.floating]) -> Camera:
     """
     if points.ndim != 3 or points.shape[2] != 3:
         raise InputError(f"cloud has shape {points.shape}; an organised one has (height, width, 3)")
+    from depth_pose.io import _cloud_kernels as kernels
+
     height, width = points.shape[:2]
-    valid = np.flatnonzero(points[..., 2] > 0)
-    valid = valid[:: max(1, valid.size // _FIT_POINTS)]
-    x, y, z = points.reshape(-1, 3)[valid].astype(np.float64).T
-    row, column = np.divmod(valid, width)
+    sums, ends = np.empty((2, 5)), np.empty((2, 2), np.int64)
+    count = kernels.pinhole_sums(points, sums, ends)
     lines = []
-    for name, pixel, ratio in (("columns", column, x / z), ("rows", row, y / z)):
-        if valid.size < 3 or np.ptp(pixel) < 2:
-            raise InputError(f"cloud: {valid.size} points are too few to find the camera from its {name}")
-        middle, mean = pixel.mean(), ratio.mean()
-        off, slope = pixel - middle, ratio - mean
-        focal = float(slope @ off / max(slope @ slope, 1e-30))
-        centre = float(middle - focal * mean)
-        residual = focal * slope - off
-        error = float(np.sqrt(residual @ residual / valid.size))
+    for name, size, (low, high), row in zip(("columns", "rows"), (width, height), ends, sums, strict=True):
+        if count < 3 or high - low < 2:
+            raise InputError(f"cloud: {count} points are too few to find the camera from its {name}")
+        ratio, pixel, ratio2, both, pixel2 = (row / count).tolist()
+        spread = max(ratio2 - ratio * ratio, 1e-30)
+        focal = (both - ratio * pixel) / spread
+        error = float(np.sqrt(max(0.0, pixel2 - pixel * pixel - focal * focal * spread)))
         if not focal > 0 or not error < _FIT_TOLERANCE_PX:
             raise InputError(
                 f"cloud: its {name} are not those of a pinhole camera looking along z "
                 f"(focal length {focal:.3g} px, error {error:.2g} px)"
             )
-        lines.append((focal, centre))
+        lines.append((focal, 0.5 * size + pixel - focal * ratio))
     (fx, cx), (fy, cy) = lines
     return Camera(width=width, height=height, fx=fx, fy=fy, cx=cx, cy=cy)
 

@@ -14,7 +14,7 @@ from depth_pose.ros.conversions import match_to_msg, msg_to_cloud
 from depth_pose.ros.node_base import Input
 from depth_pose.ros.parameters import BANK
 from depth_pose.ros.runner import run_node
-from depth_pose.steps.match import Matcher
+from depth_pose.steps.match import Matcher, match_confidence
 
 
 class MatcherNode(BankNode):
@@ -45,6 +45,7 @@ class MatcherNode(BankNode):
         self.figures.values["match_candidates"] = len(match.candidates)
         if match.candidates:
             self.figures.values["match_score"] = match.candidates[0].score
+            self.figures.values["match_confidence"] = match_confidence(match.candidates[0].score)
             self.figures.values["match_scale"] = match.scale
 
 

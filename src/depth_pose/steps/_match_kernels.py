@@ -1,4 +1,4 @@
-"""Compiled loop that places, renders and scores exemplars; `depth_pose.steps.match` uses it."""
+"""Compiled loops that place, render and score exemplars; `depth_pose.steps.placing` uses them."""
 
 from __future__ import annotations
 
@@ -28,13 +28,24 @@ def multiply(a, b, out):
 
 
 @njit(cache=True)
-def score_exemplars(
-    entries,
+def place(entries, view_quats, view_origins, axes, origin, scale, rotations, translations):
+    """Lay entries' views over the input's canonical axes: writes ``T_camera_model`` of each."""
+    views = view_quats.shape[1]
+    view_matrix = np.empty((3, 3))
+    for k in range(entries.shape[0]):
+        exemplar, view = entries[k] // views, entries[k] % views
+        matrix_of(view_quats[exemplar, view], view_matrix)
+        multiply(axes.T, view_matrix, rotations[k])
+        for a in range(3):
+            translations[k, a] = origin[a]
+            for b in range(3):
+                translations[k, a] -= scale * rotations[k, a, b] * view_origins[exemplar, view, b]
+
+
+@njit(cache=True)
+def score(
+    exemplars,
     pose_quats,
-    view_quats,
-    view_origins,
-    axes,
-    origin,
     scale,
     rest,
     rest_nodes,
@@ -49,48 +60,29 @@ def score_exemplars(
     cx,
     cy,
     band,
-    scores,
     rotations,
     translations,
+    scores,
+    shifts,
     nodes,
 ):
-    """Place exemplars at the input, correct their translation by their rendering, and score them.
+    """Render placed exemplars and compare them.
 
-    For entry k: ``scores[k]``, ``rotations[k]`` and ``translations[k]`` (``T_camera_model``), and
-    ``nodes[k]`` in the camera frame.
+    Writes ``scores``; ``shifts``, the translations that would bring silhouettes and mean depths
+    together; and ``nodes``, in the camera frame.
     """
-    views = view_quats.shape[1]
-    view_matrix, local, turned = np.empty((3, 3)), np.empty((3, 3)), np.empty((parents.shape[0], 3, 3))
+    local, turned = np.empty((3, 3)), np.empty((parents.shape[0], 3, 3))
     vertices, zbuffer, sums = np.empty(rest.shape), np.empty(depth.shape), np.empty(5)
-    for k in range(entries.shape[0]):
-        exemplar, view = entries[k] // views, entries[k] % views
-        matrix_of(view_quats[exemplar, view], view_matrix)
-        multiply(axes.T, view_matrix, rotations[k])
-        for a in range(3):
-            translations[k, a] = origin[a]
-            for b in range(3):
-                translations[k, a] -= scale * rotations[k, a, b] * view_origins[exemplar, view, b]
+    for k in range(exemplars.shape[0]):
         for n in range(parents.shape[0]):
-            matrix_of(pose_quats[exemplar, n], local)
+            matrix_of(pose_quats[exemplars[k], n], local)
             multiply(rotations[k], local, turned[n])
         skin(rest, rest_nodes, parents, influence, weight, turned, translations[k], scale, vertices, nodes[k])
         rasterize(vertices, faces, fx, fy, cx, cy, zbuffer)
         compare(zbuffer, depth, labels, band, sums)
-        scores[k] = sums[0]
-        z = vertices[:, 2].mean()
-        x_shift, y_shift, z_shift = sums[3] * z / fx, sums[4] * z / fy, sums[2]
+        z = 0.0
         for i in range(vertices.shape[0]):
-            vertices[i, 0] += x_shift
-            vertices[i, 1] += y_shift
-            vertices[i, 2] += z_shift
-        rasterize(vertices, faces, fx, fy, cx, cy, zbuffer)
-        compare(zbuffer, depth, labels, band, sums)
-        if sums[0] < scores[k]:
-            scores[k] = sums[0]
-            translations[k, 0] += x_shift
-            translations[k, 1] += y_shift
-            translations[k, 2] += z_shift
-            for n in range(parents.shape[0]):
-                nodes[k, n, 0] += x_shift
-                nodes[k, n, 1] += y_shift
-                nodes[k, n, 2] += z_shift
+            z += vertices[i, 2]
+        z /= vertices.shape[0]
+        scores[k] = sums[0]
+        shifts[k, 0], shifts[k, 1], shifts[k, 2] = sums[3] * z / fx, sums[4] * z / fy, sums[2]

@@ -16,7 +16,8 @@ from depth_pose.bank.canonical import CanonicalAxes
 from depth_pose.bank.views import view_rotation
 from depth_pose.geometry import matrix_to_quat, quat_to_matrix
 from depth_pose.skeleton import NODE_INDEX
-from depth_pose.steps.placing import ExemplarViews, Nearest
+from depth_pose.steps.placing import ExemplarViews
+from depth_pose.steps.search import Nearest
 from depth_pose.types import PERSON, PersonCloud
 
 _POSES = 12
@@ -63,7 +64,6 @@ class UprightExemplars:
                 origins[k, t] = skull[toward > np.median(toward)].mean(axis=0)  # the half that is seen
         self.views = ExemplarViews(
             numbers=numbers,
-            pose_quats=bank.pose_quats[numbers],
             view_quats=np.tile(matrix_to_quat(turns).astype(np.float32), (len(numbers), 1, 1)),
             view_origins=origins,
         )

@@ -2,34 +2,64 @@
 
 The cloud is put into canonical axes, drawn as a small depth image, projected into the bank's PCA
 subspace, and compared with every view of every exemplar there (eq. 6, exact search). The paper
-takes the nearest one. Here the nearest few dozen are posed, placed at the input and rendered;
-the disagreement of rendered and observed depth ranks them, and several go on to the refinement.
-The same score finds the person's size over the first frames.
+takes the nearest one. Here the nearest hundred are posed, placed at the input and rendered as
+small images, the best few of them as larger ones; the disagreement of rendered and observed depth
+ranks them, and several go on to the refinement. The same score finds the person's size over the
+first frames.
 """
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from depth_pose.bank.bank import Bank
 from depth_pose.bank.canonical import describe
 from depth_pose.bank.views import AXES
 from depth_pose.config import MatchConfig
-from depth_pose.registration.articulated import ArticulatedFitter, candidate_pose
+from depth_pose.geometry import matrix_to_quat
+from depth_pose.registration.articulated import ArticulatedFitter, BodyPose
+from depth_pose.render import Observation
 from depth_pose.steps.cut_off import UprightExemplars, head_axes, is_cut_off
-from depth_pose.steps.placing import ExemplarViews, Nearest, Placed, place_exemplars
+from depth_pose.steps.placing import (
+    ExemplarRenderer,
+    ExemplarViews,
+    Placed,
+    better,
+    join,
+    place_exemplars,
+)
 from depth_pose.steps.sample import sample_cloud
 from depth_pose.steps.scale import SCALES, ScaleFinder
+from depth_pose.steps.search import SubspaceSearch
 from depth_pose.steps.stamps import StampGuard
-from depth_pose.steps.view import PersonView, view_person
-from depth_pose.types import PersonCloud, PoseMatch
+from depth_pose.steps.view import PersonView, thin_image, view_person
+from depth_pose.types import Candidate, PersonCloud, PoseMatch
 
-_NEW_PERSON = 3
-"""Longer shortlist of a person whose size is still being found: no earlier pose helps then."""
+_ROUGH_M, _FINE_M = 0.08, 0.04
+"""Widest pixels at the person, of the image that all of the shortlist is compared in, and of the
+image for the finalists."""
+
+_FINALISTS = 16
+"""Exemplars that are compared in the finer image, where they are and corrected."""
+
+_CORRECTED = 8
+"""The best of them, which are corrected once more."""
 
 _SAME_POSE_M = 0.05
 """Candidates whose nodes are this close on average are the same pose."""
+
+
+_EVEN_SCORE, _SCORE_SPREAD = 0.56, 0.057
+"""Logistic curve fitted to simulated people by ``benchmarks/bank_score.py``."""
+
+
+def match_confidence(score: float) -> float:
+    """Chance that a best match with this score is right, 0 to 1.
+
+    Right means that its joints are within 100 mm on average, before any refinement, and that left
+    and right, front and back are not exchanged.
+    """
+    return float(1.0 / (1.0 + np.exp((score - _EVEN_SCORE) / _SCORE_SPREAD)))
 
 
 class Matcher:
@@ -38,12 +68,9 @@ class Matcher:
     def __init__(self, bank: Bank, config: MatchConfig) -> None:
         self.bank = bank
         self.config = config
-        entries = bank.coefficients.reshape(-1, bank.coefficients.shape[-1])
-        self._entries = np.ascontiguousarray(entries)
-        self._squares = np.einsum("ij,ij->i", entries, entries)
-        self._views = ExemplarViews(
-            np.arange(bank.poses), bank.pose_quats, bank.view_quats, bank.view_origins
-        )
+        self._search = SubspaceSearch(bank.coefficients.reshape(-1, bank.coefficients.shape[-1]))
+        self._views = ExemplarViews(np.arange(bank.poses), bank.view_quats, bank.view_origins)
+        self._renderer = ExemplarRenderer(bank, config.score_band)
         self._upright = UprightExemplars(bank)
         self._guard = StampGuard()
         self._finder = ScaleFinder(ArticulatedFitter(bank.body), config.score_band)
@@ -76,64 +103,83 @@ class Matcher:
         if view is None:
             self.reset()
             return PoseMatch(cloud.stamp_ns, cloud.frame_id, self.bank.bank_id, 0.0, ())
-        scale = self._find_scale(cloud, view)
-        shortlist = self.config.shortlist * (1 if self._knows_scale() else _NEW_PERSON)
-        placed = self._match_at(cloud, view, scale, shortlist)
-        candidates = tuple(p.candidate for p in self._keep_different(placed))
+        is_new = self._finder.frames == 0
+        scale = self._scale(cloud, view)
+        rough = self._compare_roughly(cloud, view, scale, self.config.shortlist)
+        placed = self._compare_finely(view, scale, rough)
+        if not is_new and not self._knows_scale():
+            self._finder.add(view, self._pose(placed, scale))
+        candidates = self._keep_different(placed)
         return PoseMatch(cloud.stamp_ns, cloud.frame_id, self.bank.bank_id, scale, candidates)
 
     def _knows_scale(self) -> bool:
         """Tell whether the size is given, or was found and is held."""
         return self.config.scale > 0.0 or self._finder.frames >= self.config.scale_frames
 
-    def _find_scale(self, cloud: PersonCloud, view: PersonView) -> float:
-        """Give the person's size: as configured, or found over the first frames."""
-        config, finder = self.config, self._finder
-        if config.scale > 0.0:
-            return config.scale
-        if not self._knows_scale():
-            sizes = SCALES[::2].tolist() if finder.frames == 0 else [finder.scale]
-            few = max(4, config.shortlist // 4)
-            tried = [(s, self._match_at(cloud, view, s, few)[:2]) for s in sizes]
-            scale, best = min(tried, key=lambda t: _score(t[1][0]))
-            finder.add(view, [candidate_pose(self.bank, p.candidate, scale) for p in best])
-        return finder.scale
+    def _scale(self, cloud: PersonCloud, view: PersonView) -> float:
+        """Give the person's size: as configured, or found over the frames so far."""
+        if self.config.scale > 0.0:
+            return self.config.scale
+        if self._finder.frames == 0:
+            few = max(4, self.config.shortlist // 4)
+            tried = [(s, self._compare_roughly(cloud, view, s, few)) for s in SCALES[1::3].tolist()]
+            scale, rough = min(tried, key=lambda t: float(t[1].scores.min()))
+            self._finder.add(view, self._pose(self._compare_finely(view, scale, rough), scale))
+        return self._finder.scale
 
-    def _match_at(self, cloud: PersonCloud, view: PersonView, scale: float, shortlist: int) -> list[Placed]:
-        """Search with each of the input's axes at one size, and compare the best by rendering."""
-        body, band = self.bank.body, self.config.score_band
+    def _pose(self, placed: Placed, scale: float) -> BodyPose:
+        """Give the first one's pose in the camera frame."""
+        rotations = placed.rotations[0] @ self.bank.rotations(int(placed.exemplars[0]))
+        return BodyPose(rotations, placed.translations[0], scale)
+
+    def _compare_roughly(self, cloud: PersonCloud, view: PersonView, scale: float, shortlist: int) -> Placed:
+        """Search with each of the input's axes at one size, and compare all that is found."""
         axes = AXES[self.bank.view_scheme](view.points)
-        placed = []
+        share = max(1, shortlist // len(axes))
+        parts = []
         for a in axes:
             descriptor = describe(view.points, a, scale).astype(np.float32)
-            nearest = self._search(descriptor, max(1, shortlist // len(axes)))
-            placed += place_exemplars(body, self._views, nearest, a, scale, view.coarse, band)
+            nearest = self._search.find(self.bank.components @ (descriptor - self.bank.mean), share)
+            parts.append(place_exemplars(self._views, nearest, a, scale))
         if is_cut_off(cloud):
-            hung = head_axes(view.points, scale)
-            upright = self._upright
-            placed += place_exemplars(body, upright.views, upright.all, hung, scale, view.coarse, band)
-        return sorted(placed, key=_score)
+            hung, upright = head_axes(view.points, scale), self._upright
+            parts.append(place_exemplars(upright.views, upright.all, hung, scale))
+        return self._renderer.compare(join(parts), scale, _thinned(view, _ROUGH_M))
 
-    def _search(self, descriptor: NDArray[np.float32], count: int) -> Nearest:
-        """Exact nearest neighbours in the subspace (eq. 6)."""
-        gamma = self.bank.components @ (descriptor - self.bank.mean)
-        squares = self._squares - 2.0 * (self._entries @ gamma)
-        count = min(count, len(squares) - 1)
-        nearest = np.argpartition(squares, count)[:count]
-        nearest = nearest[np.argsort(squares[nearest], kind="stable")]
-        return Nearest(nearest, np.sqrt(np.maximum(0.0, squares[nearest] + gamma @ gamma)))
+    def _compare_finely(self, view: PersonView, scale: float, rough: Placed) -> Placed:
+        """Compare the best of the shortlist in a finer image; the best first."""
+        image = _thinned(view, _FINE_M)
+        there = rough.take(rough.ranking()[:_FINALISTS])
+        # a correction found in few pixels is worth a try, no more
+        pairs = (self._renderer.compare(p, scale, image) for p in (there, there.moved()))
+        compared = better(*pairs)
+        best = compared.take(compared.ranking()[:_CORRECTED])
+        best = better(best, self._renderer.compare(best.moved(), scale, image))
+        return best.take(best.ranking())
 
-    def _keep_different(self, placed: list[Placed]) -> list[Placed]:
-        """Keep the best few that are different poses."""
-        kept: list[Placed] = []
-        for p in placed:
-            gaps = [np.linalg.norm(p.nodes - k.nodes, axis=1).mean() for k in kept]
-            if all(gap > _SAME_POSE_M for gap in gaps):
-                kept.append(p)
+    def _keep_different(self, placed: Placed) -> tuple[Candidate, ...]:
+        """Give the best few that are different poses."""
+        kept: list[int] = []
+        for k in range(len(placed.scores)):
+            gaps = np.linalg.norm(placed.nodes[k] - placed.nodes[kept], axis=2).mean(axis=1)
+            if (gaps > _SAME_POSE_M).all():
+                kept.append(k)
             if len(kept) == self.config.keep:
                 break
-        return kept
+        quats = matrix_to_quat(placed.rotations[kept])
+        return tuple(
+            Candidate(
+                exemplar=int(placed.exemplars[k]),
+                view=int(placed.views[k]),
+                quat_xyzw=quat,
+                translation=placed.translations[k],
+                distance=float(placed.distances[k]),
+                score=float(placed.scores[k]),
+            )
+            for k, quat in zip(kept, quats, strict=True)
+        )
 
 
-def _score(placed: Placed) -> float:
-    return placed.candidate.score
+def _thinned(view: PersonView, spacing_m: float) -> Observation:
+    """Leave out pixels of the half-resolution image that are closer than need be."""
+    return thin_image(view.coarse, float(view.points[:, 2].mean()), spacing_m)

@@ -2,30 +2,32 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from depth_pose.bank.bank import Bank
 from depth_pose.bank.canonical import CanonicalAxes
-from depth_pose.body.body import Body
-from depth_pose.geometry import matrix_to_quat
+from depth_pose.body.coarsen import coarsen
 from depth_pose.render import Observation
 from depth_pose.skeleton import NODE_PARENTS
 from depth_pose.steps import _match_kernels as kernels
-from depth_pose.types import Candidate
+from depth_pose.steps.search import Nearest
+
+_VERTICES = 500
+"""So many tell poses apart as well as all of them do, at a quarter of the time."""
 
 
 @dataclass(frozen=True)
 class ExemplarViews:
-    """Poses, and how each of their views lies in canonical axes.
+    """How the views of some poses lie in canonical axes.
 
     Attributes
     ----------
     numbers : (N,) int64
         Number of each pose in the bank.
-    pose_quats : (N, 21, 4) float32
-        Segment rotations, model frame, x y z w.
     view_quats : (N, W, 4) float32
         ``R_canonical_model``.
     view_origins : (N, W, 3) float32
@@ -33,60 +35,105 @@ class ExemplarViews:
     """
 
     numbers: NDArray[np.int64]
-    pose_quats: NDArray[np.float32]
     view_quats: NDArray[np.float32]
     view_origins: NDArray[np.float32]
 
 
 @dataclass(frozen=True)
-class Nearest:
-    """Entries of views (pose * views + view), and their distances in the subspace."""
-
-    entries: NDArray[np.int64]
-    distances: NDArray[np.float32]
-
-
-@dataclass(frozen=True)
 class Placed:
-    """An exemplar placed at the input, and its nodes (21, 3) in the camera frame, metres."""
+    """Exemplars placed at the input.
 
-    candidate: Candidate
+    Attributes
+    ----------
+    exemplars, views : (K,) int64
+        Pose in the bank, and its view.
+    distances : (K,) float32
+        In the subspace.
+    rotations, translations : (K, 3, 3), (K, 3) float64
+        ``T_camera_model``, metres.
+    scores : (K,) float64
+        Rendered-depth disagreement.
+    shifts : (K, 3) float64
+        Translations that would bring silhouettes and mean depths together, metres.
+    nodes : (K, 21, 3) float64
+        Camera frame, metres.
+
+    The last three are what a comparison finds; there is nothing in them before it.
+    """
+
+    exemplars: NDArray[np.int64]
+    views: NDArray[np.int64]
+    distances: NDArray[np.float32]
+    rotations: NDArray[np.float64]
+    translations: NDArray[np.float64]
+    scores: NDArray[np.float64]
+    shifts: NDArray[np.float64]
     nodes: NDArray[np.float64]
 
+    def take(self, rows: NDArray[np.int64]) -> Placed:
+        """Give some of them, in the order of ``rows``."""
+        return Placed(*(getattr(self, f.name)[rows] for f in fields(self)))
 
-def place_exemplars(
-    body: Body,
-    views: ExemplarViews,
-    nearest: Nearest,
-    axes: CanonicalAxes,
-    scale: float,
-    observed: Observation,
-    band: float,
-) -> list[Placed]:
-    """Place exemplars at the input, correct their translations by their rendering, score them."""
-    camera, skin = observed.camera, body.sparse_weights
-    count, width = len(nearest.entries), views.view_quats.shape[1]
-    scores, rotations = np.empty(count), np.empty((count, 3, 3))
-    translations, nodes = np.empty((count, 3)), np.empty((count, len(body.nodes), 3))
-    kernels.score_exemplars(
-        nearest.entries, views.pose_quats, views.view_quats, views.view_origins,
-        axes.rotation, axes.origin, scale,
-        body.vertices, body.nodes, NODE_PARENTS, skin.nodes, skin.weights, body.faces,
-        observed.depth, observed.labels, camera.fx, camera.fy, camera.cx, camera.cy,
-        band, scores, rotations, translations, nodes,
+    def moved(self) -> Placed:
+        """Give them translated by their shifts."""
+        return replace(self, translations=self.translations + self.shifts)
+
+    def ranking(self) -> NDArray[np.int64]:
+        """Rows by their scores, the best first."""
+        return np.argsort(self.scores, kind="stable")
+
+
+def place_exemplars(views: ExemplarViews, nearest: Nearest, axes: CanonicalAxes, scale: float) -> Placed:
+    """Lay views of exemplars, entries ``pose * W + view``, over an input's canonical axes."""
+    count = len(nearest.entries)
+    rotations, translations = np.empty((count, 3, 3)), np.empty((count, 3))
+    kernels.place(
+        nearest.entries, views.view_quats, views.view_origins, axes.rotation, axes.origin, scale,
+        rotations, translations,
     )  # fmt: skip
-    quats = matrix_to_quat(rotations)
-    return [
-        Placed(
-            Candidate(
-                exemplar=int(views.numbers[entry // width]),
-                view=int(entry % width),
-                quat_xyzw=quats[k],
-                translation=translations[k],
-                distance=float(nearest.distances[k]),
-                score=float(scores[k]),
-            ),
-            nodes[k],
-        )
-        for k, entry in enumerate(nearest.entries.tolist())
-    ]
+    poses, numbers = np.divmod(nearest.entries, views.view_quats.shape[1])
+    return Placed(
+        exemplars=views.numbers[poses],
+        views=numbers,
+        distances=nearest.distances,
+        rotations=rotations,
+        translations=translations,
+        scores=np.full(count, np.inf),
+        shifts=np.zeros((count, 3)),
+        nodes=np.empty((count, len(NODE_PARENTS), 3)),
+    )
+
+
+def better(a: Placed, b: Placed) -> Placed:
+    """Of each two in the same row the one with the lower score; the first where they are equal."""
+    rows = np.arange(len(a.scores))
+    return join([a, b]).take(np.where(b.scores < a.scores, rows + len(rows), rows))
+
+
+def join(parts: Sequence[Placed]) -> Placed:
+    """Put several into one, in their order."""
+    if len(parts) == 1:
+        return parts[0]
+    return Placed(*(np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(Placed)))
+
+
+class ExemplarRenderer:
+    """Renders a bank's exemplars with a coarse body, and scores them."""
+
+    def __init__(self, bank: Bank, band: float) -> None:
+        self._quats = bank.pose_quats
+        body = coarsen(bank.body, _VERTICES)
+        skin = body.sparse_weights
+        self._body = (body.vertices, body.nodes, NODE_PARENTS, skin.nodes, skin.weights, body.faces)
+        self._band = band
+
+    def compare(self, placed: Placed, scale: float, observed: Observation) -> Placed:
+        """Score exemplars where they are placed, and find by how much they seem to be off."""
+        camera, count = observed.camera, len(placed.scores)
+        scores, shifts, nodes = np.empty(count), np.empty((count, 3)), np.empty_like(placed.nodes)
+        kernels.score(
+            placed.exemplars, self._quats, scale, *self._body,
+            observed.depth, observed.labels, camera.fx, camera.fy, camera.cx, camera.cy,
+            self._band, placed.rotations, placed.translations, scores, shifts, nodes,
+        )  # fmt: skip
+        return replace(placed, scores=scores, shifts=shifts, nodes=nodes)

@@ -1,14 +1,17 @@
 """Find the person's size over the first frames, then hold it.
 
 Freeing the size in every fit shrinks the body, frame by frame. So sizes on a fixed grid are
-tried: at each, the matched exemplars are fitted and compared by rendered depth, and the scores
-are summed over the first frames. Only the neighbours of the best size so far are fitted.
+compared: the matched exemplar is fitted at each, and scored by rendered depth. The first frame
+walks downhill on the grid. Every further one compares just one pair of neighbouring sizes, above
+or below the best so far in turn, so that no frame takes long. Differences within a frame say more
+than scores of different frames; the size is where their means change sign.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
-from numpy.typing import NDArray
 
 from depth_pose.registration.articulated import ArticulatedFitter, BodyPose, FitTarget
 from depth_pose.render import DepthComparer
@@ -23,7 +26,7 @@ _MOST_STEPS = 5
 
 
 class ScaleFinder:
-    """Sums, over frames, the score of fits at each size."""
+    """Sums, over frames, how much worse a fit gets from each size to the next."""
 
     def __init__(self, fitter: ArticulatedFitter, band: float) -> None:
         self._fitter = fitter
@@ -33,60 +36,74 @@ class ScaleFinder:
     def reset(self) -> None:
         """Forget the person."""
         self.frames = 0
-        self._sums = np.zeros(len(SCALES))
-        self._counts = np.zeros(len(SCALES), np.int64)
+        self._at = 0
+        self._rises = np.zeros(len(SCALES) - 1)
+        self._counts = np.zeros(len(SCALES) - 1, np.int64)
 
     @property
     def scale(self) -> float:
-        """Size with the lowest mean score so far, by a parabola through its neighbours."""
-        means = self._means()
-        k = int(np.argmin(means))
-        if k in (0, len(SCALES) - 1) or not np.isfinite(means[k - 1 : k + 2]).all():
+        """Size at which the score, a parabola near its minimum, is lowest; once there was a frame."""
+        k = self._at
+        if k == 0 or k == len(SCALES) - 1 or min(self._counts[k - 1], self._counts[k]) == 0:
             return float(SCALES[k])
-        low, here, high = means[k - 1 : k + 2]
-        curve = low - 2 * here + high
-        step = 0.5 * (low - high) / curve if curve > 0 else 0.0
+        below, above = self._rises[k - 1 : k + 1] / self._counts[k - 1 : k + 1]
+        step = 0.5 * (-below - above) / (above - below) if above > 0.0 > below else 0.0
         return float(SCALES[k] * (SCALES[1] / SCALES[0]) ** step)
 
-    def add(self, view: PersonView, starts: list[BodyPose]) -> None:
+    def add(self, view: PersonView, start: BodyPose) -> None:
         """Take a frame into account.
 
         Parameters
         ----------
         view : PersonView
-        starts : list of BodyPose
-            Matched poses, at a size near the person's.
+        start : BodyPose
+            The matched pose, at a size near the person's.
         """
-        if self.frames == 0:
-            k = int(np.argmin(np.abs(np.log(SCALES / starts[0].scale))))
-        else:
-            k = int(np.argmin(self._means()))
-        scored: dict[int, float] = {}
-        for _ in range(_MOST_STEPS):
-            for i in range(max(0, k - 1), min(len(SCALES), k + 2)):
-                if i not in scored:
-                    scored[i] = self._score(view, starts, float(SCALES[i]))
-            best = min(scored, key=lambda i: scored[i])
-            if best == k:
-                break
-            k = best
-        for i, score in scored.items():
-            self._sums[i] += score
-            self._counts[i] += 1
-        self.frames += 1
-
-    def _means(self) -> NDArray[np.float64]:
-        """Mean score of each size; infinite where most frames did not try it."""
-        tried = 2 * self._counts > self.frames
-        return np.where(tried, self._sums / np.maximum(self._counts, 1), np.inf)
-
-    def _score(self, view: PersonView, starts: list[BodyPose], scale: float) -> float:
         comparer = DepthComparer(view.coarse, self._band)
         target = FitTarget.prepare(thin(view.points, _POINTS), view.full, view.coarse)
-        best = np.inf
-        for start in starts:
-            at_scale = BodyPose(start.rotations, start.root, scale)
-            pose = self._fitter.fit(target, at_scale, _SIGMAS)
-            posed = self._fitter.body.pose(pose.rotations, pose.root, scale)
-            best = min(best, comparer.compare(posed.vertices, self._fitter.body.faces).score)
-        return float(best)
+        scored: dict[int, float] = {}
+
+        def score(k: int) -> float:
+            if k not in scored:
+                scored[k] = self._score(comparer, target, start, float(SCALES[k]))
+            return scored[k]
+
+        if self.frames == 0:
+            self._at = _descend(score, int(np.argmin(np.abs(np.log(SCALES / start.scale)))))
+        else:
+            low = self._pair()
+            score(low), score(low + 1)
+        for k in scored:
+            if k + 1 in scored:
+                self._rises[k] += scored[k + 1] - scored[k]
+                self._counts[k] += 1
+        self.frames += 1
+        self._move()
+
+    def _pair(self) -> int:
+        """Lower size of the pair beside the best size that was compared less often."""
+        below, above = max(0, self._at - 1), min(len(SCALES) - 2, self._at)
+        return below if self._counts[below] < self._counts[above] else above
+
+    def _move(self) -> None:
+        """Go to the next size if the mean difference says that it is better."""
+        k = self._at
+        if k < len(SCALES) - 1 and self._rises[k] < 0.0:
+            self._at = k + 1
+        elif k > 0 and self._rises[k - 1] > 0.0:
+            self._at = k - 1
+
+    def _score(self, comparer: DepthComparer, target: FitTarget, start: BodyPose, scale: float) -> float:
+        pose = self._fitter.fit(target, BodyPose(start.rotations, start.root, scale), _SIGMAS)
+        posed = self._fitter.body.pose(pose.rotations, pose.root, scale)
+        return comparer.compare(posed.vertices, self._fitter.body.faces).score
+
+
+def _descend(score: Callable[[int], float], k: int) -> int:
+    """Walk to a size that is better than both its neighbours, a few steps at most."""
+    for _ in range(_MOST_STEPS):
+        best = min(range(max(0, k - 1), min(len(SCALES), k + 2)), key=score)
+        if best == k:
+            break
+        k = best
+    return k

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from depth_pose.errors import InputError
 from depth_pose.io.decode import camera_from_points
 from depth_pose.render import Observation, observe
+from depth_pose.steps import _view_kernels as kernels
 from depth_pose.types import PERSON, Camera, PersonCloud
 
 MIN_POINTS = 100
@@ -40,19 +41,44 @@ class PersonView:
 
 def view_person(cloud: PersonCloud) -> PersonView | None:
     """Prepare a cloud; None where it shows nobody."""
-    person = cloud.labels == PERSON
-    if int(person.sum()) < MIN_POINTS:
+    points = np.empty((cloud.labels.size, 3))
+    depth = np.empty(cloud.labels.shape, np.float32)
+    count = kernels.take_person(cloud.points, cloud.labels, PERSON, points, depth)
+    if count < MIN_POINTS:
         return None
     try:
         camera = camera_from_points(cloud.points)
     except InputError:  # all points on one row or column: no person
         return None
-    depth = np.where(person, cloud.points[..., 2], np.float32(0))
     return PersonView(
-        points=cloud.points[person].astype(np.float64),
+        points=points[:count].copy(),
         camera=camera,
         full=observe(depth, cloud.labels, camera, 1, _MARGIN_M),
         coarse=observe(depth, cloud.labels, camera, 2, _MARGIN_M),
+    )
+
+
+def thin_image(observed: Observation, distance: float, spacing_m: float) -> Observation:
+    """Leave out pixels of an image as long as the others lie at most so far apart at the person.
+
+    Parameters
+    ----------
+    observed : Observation
+    distance : float
+        Distance of the person, metres.
+    spacing_m : float
+        Metres at the person.
+    """
+    camera = observed.camera
+    step = int(spacing_m * camera.fx / distance)
+    if step < 2:
+        return observed
+    depth = np.ascontiguousarray(observed.depth[::step, ::step])
+    height, width = depth.shape
+    return Observation(
+        depth=depth,
+        labels=np.ascontiguousarray(observed.labels[::step, ::step]),
+        camera=Camera(width, height, camera.fx / step, camera.fy / step, camera.cx / step, camera.cy / step),
     )
 
 

@@ -1,0 +1,60 @@
+"""Coarse copies of a body, for rendering it small and often."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from depth_pose.body.body import Body
+from depth_pose.body.remesh import vertex_normals
+from depth_pose.body.surface import Mesh
+
+_WEIGHT_M = 0.25
+"""Distance in space that counts as much as belonging to another segment altogether."""
+
+
+def coarsen(body: Body, vertices: int) -> Body:
+    """Cluster a body's vertices and keep one of each cluster.
+
+    The kept ones lie far apart in space and skin weights (greedy farthest-point selection,
+    Gonzalez 1985), so that limbs which touch in the rest pose stay apart. Faces within a cluster
+    or between two vanish. The surface bends away from a kept vertex; it is moved out by the mean
+    depth of its cluster below it, so that the body does not shrink.
+
+    Parameters
+    ----------
+    body : Body
+    vertices : int
+        How many to keep; a body with no more is given back as it is.
+
+    Returns
+    -------
+    Body
+        It moves as the other does. Its surface may have folds and small gaps.
+    """
+    if len(body.vertices) <= vertices:
+        return body
+    place = np.concatenate([body.vertices, _WEIGHT_M * body.weights], axis=1)
+    kept = [int(np.argmax(body.vertices[:, 1]))]
+    gap = np.square(place - place[kept[0]]).sum(axis=1)
+    cluster = np.zeros(len(place), np.int32)
+    while len(kept) < vertices:
+        kept.append(int(np.argmax(gap)))
+        closer = np.square(place - place[kept[-1]]).sum(axis=1)
+        mine = closer < gap
+        gap[mine] = closer[mine]
+        cluster[mine] = len(kept) - 1
+    normals = vertex_normals(Mesh(body.vertices, body.faces))
+    below = ((body.vertices[kept][cluster] - body.vertices) * normals[kept][cluster]).sum(axis=1)
+    depth = np.bincount(cluster, below) / np.bincount(cluster)
+    faces = cluster[body.faces]
+    whole = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])
+    faces = faces[whole]
+    first = np.unique(np.sort(faces, axis=1), axis=0, return_index=True)[1]
+    return Body(
+        name=body.name,
+        vertices=body.vertices[kept] + depth[:, None] * normals[kept],
+        faces=np.ascontiguousarray(faces[np.sort(first)]),
+        weights=body.weights[kept],
+        nodes=body.nodes,
+        stature=body.stature,
+    )

@@ -1,0 +1,110 @@
+"""Bodies from rigged meshes: bent into our rest pose, decimated and scaled to the reference adult."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from depth_pose.body._skin_kernels import skin
+from depth_pose.body.body import Body, keep_largest
+from depth_pose.skeleton import ADULT_STATURE_M, NODE_INDEX, NODE_PARENTS, NODES, rest_nodes
+
+Array = NDArray[np.float64]
+
+MOST_VERTICES = 2500
+"""The mesh is decimated to about so many."""
+
+_LIMB_CHILD = {"shoulder": "elbow", "elbow": "wrist", "hip": "knee", "knee": "ankle", "ankle": "foot"}
+
+
+@dataclass(frozen=True)
+class RiggedMesh:
+    """A mesh with its rig in the model frame.
+
+    Attributes
+    ----------
+    vertices : (V, 3) float64
+        Metres, x to the person's left, y up, z forward.
+    faces : (F, 3) int64
+    weights : (V, 21) float64
+        Merged into our nodes; rows sum to 1.
+    nodes : (21, 3) float64
+    """
+
+    vertices: Array
+    faces: NDArray[np.int64]
+    weights: Array
+    nodes: Array
+
+
+def rigged_body(name: str, mesh: RiggedMesh) -> Body:
+    """Make a body of a rigged mesh: in the rest pose of `depth_pose.skeleton`, thinned and scaled.
+
+    Parameters
+    ----------
+    name : str
+    mesh : RiggedMesh
+        In any pose and of any size.
+    """
+    mesh = _decimate(_to_rest_pose(mesh))
+    low, high = mesh.vertices[:, 1].min(), mesh.vertices[:, 1].max()
+    scale = ADULT_STATURE_M / (high - low)
+    middle = np.array([mesh.nodes[0, 0], low, mesh.nodes[0, 2]])
+    return Body(
+        name=name,
+        vertices=np.ascontiguousarray((mesh.vertices - middle) * scale),
+        faces=np.ascontiguousarray(mesh.faces, np.int32),
+        weights=keep_largest(mesh.weights),
+        nodes=np.ascontiguousarray((mesh.nodes - middle) * scale),
+        stature=ADULT_STATURE_M,
+    )
+
+
+def _to_rest_pose(mesh: RiggedMesh) -> RiggedMesh:
+    """Turn the limbs so that every bone points as in our rest pose."""
+    wanted = rest_nodes()
+    rotations = np.tile(np.eye(3), (len(NODES), 1, 1))
+    for n in range(1, len(NODES)):
+        rotations[n] = rotations[NODE_PARENTS[n]]
+        side, _, bare = NODES[n].rpartition("_")
+        if bare in _LIMB_CHILD:
+            child = NODE_INDEX[f"{side}_{_LIMB_CHILD[bare]}"]
+            have = rotations[n] @ (mesh.nodes[child] - mesh.nodes[n])
+            rotations[n] = least_rotation(have, wanted[child] - wanted[n]) @ rotations[n]
+    vertices, nodes = np.empty_like(mesh.vertices), np.empty_like(mesh.nodes)
+    order = np.ascontiguousarray(np.argsort(-mesh.weights, axis=1, kind="stable").astype(np.int32))
+    weights = np.ascontiguousarray(np.take_along_axis(mesh.weights, order, axis=1))
+    rest = (np.ascontiguousarray(mesh.vertices), np.ascontiguousarray(mesh.nodes))
+    skin(*rest, NODE_PARENTS, order, weights, rotations, mesh.nodes[0].copy(), 1.0, vertices, nodes)
+    return RiggedMesh(vertices, mesh.faces, mesh.weights, nodes)
+
+
+def least_rotation(source: Array, target: Array) -> Array:
+    """Smallest rotation that turns one direction into another, (3, 3)."""
+    from depth_pose.geometry import rotvec_to_matrix
+
+    a, b = source / np.linalg.norm(source), target / np.linalg.norm(target)
+    axis = np.cross(a, b)
+    sine = float(np.linalg.norm(axis))
+    if sine < 1e-9:
+        return np.eye(3)
+    return rotvec_to_matrix(axis / sine * np.arctan2(sine, float(a @ b)))
+
+
+def _decimate(mesh: RiggedMesh) -> RiggedMesh:
+    """Collapse edges by the quadric error; weights are those of the nearest former vertex."""
+    import open3d
+    from scipy.spatial import cKDTree
+
+    fine = open3d.geometry.TriangleMesh(
+        open3d.utility.Vector3dVector(mesh.vertices),
+        open3d.utility.Vector3iVector(mesh.faces.astype(np.int32)),
+    )
+    coarse = fine.simplify_quadric_decimation(2 * MOST_VERTICES)
+    coarse.remove_unreferenced_vertices()
+    vertices = np.asarray(coarse.vertices).copy()
+    nearest = cKDTree(mesh.vertices).query(vertices)[1]
+    faces = np.asarray(coarse.triangles).astype(np.int64)
+    return RiggedMesh(vertices, faces, mesh.weights[nearest], mesh.nodes)

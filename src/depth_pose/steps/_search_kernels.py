@@ -1,0 +1,87 @@
+"""Compiled exact search for nearest neighbours; `depth_pose.steps.search` says how it works."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+BLOCK = 512
+"""Entries whose bounds are computed together; all of a block's sums stay in the fastest cache."""
+
+
+@njit(cache=True, fastmath=True)
+def bound_distances(head, steps, rest_norms, gamma, gamma_rest, bounds, best):
+    """Squared distances of rounded entries in the first dimensions, and of lengths in the others.
+
+    Entry i is ``steps[k] * head[k, i]`` in dimension k of an even number, and ``rest_norms[i]``
+    long in the others. ``best`` gets each block's entry with the lowest bound.
+    """
+    dimensions, count = head.shape
+    for block in range(best.shape[0]):
+        start, end = block * BLOCK, min((block + 1) * BLOCK, count)
+        out, norms = bounds[start:end], rest_norms[start:end]
+        for i in range(out.shape[0]):
+            gap = norms[i] - gamma_rest
+            out[i] = gap * gap
+        for k in range(0, dimensions, 2):  # by two: half as many passes over the sums
+            here, step, g = head[k, start:end], steps[k], gamma[k]
+            here2, step2, g2 = head[k + 1, start:end], steps[k + 1], gamma[k + 1]
+            for i in range(out.shape[0]):
+                gap, gap2 = np.float32(here[i]) * step - g, np.float32(here2[i]) * step2 - g2
+                out[i] += gap * gap + gap2 * gap2
+        best[block] = start + np.argmin(out)
+
+
+@njit(cache=True, fastmath=True)
+def squared_distance(entry, gamma):
+    """Squared distance in all dimensions."""
+    total = np.float32(0.0)
+    for k in range(gamma.shape[0]):
+        gap = entry[k] - gamma[k]
+        total += gap * gap
+    return total
+
+
+@njit(cache=True)
+def insert(distance, entry, distances, entries, filled):
+    """Insert into a list kept in ascending order, whose last element falls out where it is full."""
+    at = filled if filled < distances.shape[0] else filled - 1
+    while at > 0 and (
+        distances[at - 1] > distance or (distances[at - 1] == distance and entries[at - 1] > entry)
+    ):
+        distances[at] = distances[at - 1]
+        entries[at] = entries[at - 1]
+        at -= 1
+    distances[at] = distance
+    entries[at] = entry
+
+
+@njit(cache=True)
+def limit_of(distance, slack):
+    """Bounds above this belong to entries that are farther; the rounding of both is in it."""
+    root = np.sqrt(distance) * np.float32(1.0001) + slack
+    return root * root
+
+
+@njit(cache=True)
+def search(table, bounds, slack, best, gamma, distances, entries):
+    """Find the nearest entries exactly, nearest first; most of the table is ruled out by its bounds.
+
+    ``slack`` is the most by which rounding may have put the root of a bound above the distance.
+    """
+    count = distances.shape[0]
+    distances[:] = np.inf
+    entries[:] = -1
+    for i in best:
+        d = squared_distance(table[i], gamma)
+        if d < distances[count - 1]:
+            insert(d, i, distances, entries, count)
+        bounds[i] = np.inf  # done
+    limit = limit_of(distances[count - 1], slack)
+    for i in range(bounds.shape[0]):
+        if bounds[i] > limit or bounds[i] == np.inf:
+            continue
+        d = squared_distance(table[i], gamma)
+        if d < distances[count - 1] or (d == distances[count - 1] and i < entries[count - 1]):
+            insert(d, i, distances, entries, count)
+            limit = limit_of(distances[count - 1], slack)

@@ -1,0 +1,55 @@
+"""Coarse bodies look and move like the fine one."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from depth_pose.body.body import INFLUENCES
+from depth_pose.body.coarsen import coarsen
+from depth_pose.body.procedural import make_body
+from depth_pose.render import DepthComparer, Observation
+from depth_pose.types import Camera
+
+_CAMERA = Camera(60, 80, 110.0, 110.0, 29.5, 39.5)
+
+
+@pytest.fixture(scope="module")
+def body():
+    return make_body()
+
+
+def drawn(body):
+    labels = np.zeros((_CAMERA.height, _CAMERA.width), np.uint8)
+    comparer = DepthComparer(Observation(labels.astype(np.float32), labels, _CAMERA), 0.12)
+    turn = np.broadcast_to(np.diag([1.0, -1.0, -1.0]), (len(body.nodes), 3, 3))
+    posed = body.pose(turn, np.array([0.0, 0.1, 3.0]))
+    return comparer.render(posed.vertices, body.faces).copy()
+
+
+@pytest.mark.parametrize("vertices", [300, 500])
+def test_silhouette_and_depth_stay(body, vertices):
+    coarse = coarsen(body, vertices)
+    assert len(coarse.vertices) == vertices
+    fine, rough = drawn(body), drawn(coarse)
+    seen, kept = np.isfinite(fine), np.isfinite(rough)
+    assert (seen & kept).sum() / (seen | kept).sum() > 0.82
+    assert np.abs(np.median(rough[seen & kept] - fine[seen & kept])) < 0.006
+
+
+def test_every_segment_keeps_vertices_near_the_surface(body):
+    coarse = coarsen(body, 500)
+    np.testing.assert_array_equal(coarse.nodes, body.nodes)
+    nearest = np.linalg.norm(coarse.vertices[:, None] - body.vertices, axis=2).min(axis=1)
+    assert np.median(nearest) < 0.01
+    assert nearest.max() < 0.04
+    assert int((coarse.weights > 0).sum(axis=1).max()) <= INFLUENCES
+    strongest = np.unique(np.argmax(coarse.weights, axis=1))
+    np.testing.assert_array_equal(strongest, np.unique(np.argmax(body.weights, axis=1)))
+    faces = coarse.faces
+    assert faces.min() >= 0 and faces.max() < 500
+    assert (faces[:, 0] != faces[:, 1]).all() and (faces[:, 1] != faces[:, 2]).all()
+
+
+def test_a_coarse_body_stays(body):
+    assert coarsen(body, len(body.vertices)) is body
