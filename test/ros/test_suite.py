@@ -59,7 +59,8 @@ def test_live_equals_offline(recording, bank_path, peer):
         peer.until(lambda: peer.node.count_publishers("/depth_pose/skeleton"), what="the suite")
         peer.spin(2.0)
         play(recording, rate=2.0, wait_for_subscribers=[IMAGE, INFO])
-        peer.until(lambda: len(skeletons) >= FRAMES, 30.0, "all skeletons:\n" + "\n".join(lines))
+        said = lambda: f"{FRAMES} skeletons ({len(skeletons)} did):\n" + "\n".join(lines)  # noqa: E731
+        peer.until(lambda: len(skeletons) >= FRAMES, 30.0, said)
         assert suite.stop() == dict.fromkeys(("denoise", "matcher", "refine", "recovery"), 0)
     for got, want in zip(map(msg_to_match, matches), expected, strict=True):
         assert got.bank_id == want.match.bank_id and got.scale == want.match.scale

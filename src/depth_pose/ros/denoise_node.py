@@ -44,6 +44,10 @@ class DenoiseNode(StageNode):
         self.latch(CameraInfo, self.value("info_topic"), self._take_info)
         return [Input(Image, self.value("image_topic"), sensor=True)]
 
+    def forget(self) -> None:
+        """Drop the images that wait for a CameraInfo."""
+        self._held.clear()
+
     def answer(self, message: Any) -> None:
         """Find the person in one frame."""
         if isinstance(message, PointCloud2):

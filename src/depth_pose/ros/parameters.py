@@ -43,8 +43,12 @@ COMMON: tuple[Setting, ...] = (
     Setting(
         "reliable", False, "Reliable in and out, every frame in turn: for replays that wait, not for sensors"
     ),
+    Setting("autostart", True, "Configure and activate at once; false: wait for the lifecycle services"),
     Setting(
         "consumers", 0, "Subscribers that every output must have before the node calls itself ready", 0, 100
+    ),
+    Setting(
+        "producers", False, "Whether every input of the suite's own must have a publisher before that, too"
     ),
 )
 """Parameters of every node."""

@@ -200,10 +200,11 @@ class Suite:
             child.retry_s = None
             child.started_s = time.monotonic()
             consumers = _CONSUMERS[child.name] if self._whole else 0
+            producers = _yaml(self._whole)
             child.process = subprocess.Popen(
                 [
                     *(sys.executable, "-m", f"depth_pose.ros.{child.name}_node", "--ros-args"),
-                    *("-p", f"consumers:={consumers}", *self._arguments),
+                    *("-p", f"consumers:={consumers}", "-p", f"producers:={producers}", *self._arguments),
                 ],
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.PIPE,
