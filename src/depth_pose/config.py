@@ -173,13 +173,22 @@ class RecoverConfig(_Checked):
         0.25, "Relative change of a bone's length between frames that counts as a failure", low=0.01, high=2.0
     )
     angle_excess: float = option(
-        40.0, "Degrees beyond a joint's limit that count as a failure", unit="deg", low=0.0, high=360.0
+        60.0, "Degrees beyond a joint's limit that count as a failure", unit="deg", low=0.0, high=360.0
+    )
+    joint_speed: float = option(
+        6.0, "A joint that seems to move faster than this has jumped", unit="m/s", low=0.5, high=100.0
+    )
+    score_rise: float = option(
+        0.06,
+        "Sudden rise of the fit's rendered-depth disagreement (0 to 1) that counts as a failure",
+        low=0.005,
+        high=1.0,
     )
     min_confidence: float = option(
         0.25, "Skeletons less certain than this count as failures", low=0.0, high=1.0
     )
-    max_frames: int = option(
-        15, "Recovered frames in a row before the person counts as lost", low=0, high=1000
+    max_time: float = option(
+        2.0, "How long poses are carried over before the person counts as lost", unit="s", low=0.0, high=60.0
     )
 
 

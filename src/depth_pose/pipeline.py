@@ -57,6 +57,7 @@ class PosePipeline:
         refined = self.refiner.refine(cloud, match)
         # Sec. 6: failure check, temporal registration, low-pass filter
         skeleton = self.recoverer.recover(cloud, refined)
+        self.refiner.take_answer(skeleton)
         return FrameResult(cloud, match, refined, skeleton)
 
     def reset(self) -> None:

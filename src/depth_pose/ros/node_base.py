@@ -93,6 +93,7 @@ class StageNode(LifecycleNode):
         self._refused: Exception | None = None
         self._logged: dict[str, tuple[float, int]] = {}
         self._outputs: list[Publisher] = []
+        self._sources: list[Subscription] = []
         self._opened: list[Publisher | Subscription] = []
         self._watches: tuple[CrowdWatch, SilenceWatch] | None = None
         declare(self, (*COMMON, *self.SETTINGS), self.SECTIONS)
@@ -163,9 +164,10 @@ class StageNode(LifecycleNode):
         return made
 
     def listen(self, kind: type, topic: str, callback: Callable[[Any], None]) -> Subscription:
-        """Subscribe to something that is no part of a frame."""
+        """Subscribe to a topic of the suite's own that is no part of a frame."""
         made = self.create_subscription(kind, topic, callback, frame_qos(self.queue, self.lossless))
         self._opened.append(made)
+        self._sources.append(made)
         return made
 
     def latch(self, kind: type, topic: str, callback: Callable[[Any], None]) -> None:
@@ -263,7 +265,7 @@ class StageNode(LifecycleNode):
                 self.destroy_publisher(entity)
             else:
                 self.destroy_subscription(entity)
-        self._opened, self._outputs = [], []
+        self._opened, self._outputs, self._sources = [], [], []
         self._intake = self._watches = self.stage = None
 
     # Frames
@@ -347,7 +349,8 @@ class StageNode(LifecycleNode):
             return
         wanted = self.value("consumers")
         joined = all(p.get_subscription_count() >= wanted for p in self._outputs)
-        joined = joined and (self._intake.joined or not self.value("producers"))
+        if self.value("producers"):
+            joined = joined and self._intake.joined and all(s.get_publisher_count() for s in self._sources)
         self._joined_ticks = self._joined_ticks + 1 if joined else 0
         if self._joined_ticks > SETTLE_S / _READY_TICK_S:
             self._ready_timer.cancel()

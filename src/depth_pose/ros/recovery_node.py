@@ -36,7 +36,7 @@ class RecoveryNode(BankNode):
 
     def open_outputs(self) -> None:
         """Publish what other programs read: reliable, which suits every subscriber."""
-        self._skeletons = self.publisher(Skeleton, "skeleton", reliable=True, counted=False)
+        self._skeletons = self.publisher(Skeleton, "skeleton", reliable=True)
         self._markers = self.publisher(MarkerArray, "markers", reliable=True, counted=False)
         self._transforms = None
         if self.value("tf"):

@@ -36,7 +36,7 @@ NODES: tuple[str, ...] = ("denoise", "matcher", "refine", "recovery")
 SENSORS_PATH = Path(__file__).with_name("sensors")
 """Parameter files of known sensor drivers, NAME.yaml."""
 
-_CONSUMERS = {"denoise": 3, "matcher": 1, "refine": 1, "recovery": 0}
+_CONSUMERS = {"denoise": 3, "matcher": 1, "refine": 1, "recovery": 1}
 _READY = "is ready"
 _FIRST_DELAY_S, _MAX_DELAY_S, _HEALTHY_S = 0.5, 10.0, 30.0
 _STOP_PATIENCE_S = 3.0

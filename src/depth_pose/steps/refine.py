@@ -21,6 +21,7 @@ from depth_pose.errors import BankError
 from depth_pose.geometry import matrix_to_quat
 from depth_pose.registration.articulated import BodyPose, candidate_pose
 from depth_pose.registration.limbs import LimbSearch
+from depth_pose.registration.skeleton_pose import pose_from_skeleton
 from depth_pose.render import Comparison, DepthComparer
 from depth_pose.skeleton import JOINT_NODES, Source
 from depth_pose.steps.confidence import report_joints, skeleton_confidence
@@ -58,6 +59,7 @@ class Refiner:
     def reset(self) -> None:
         """Forget the previous pose."""
         self._previous: BodyPose | None = None
+        self._recovered: BodyPose | None = None
         self.mesh: NDArray[np.float64] | None = None
 
     def warm_up(self) -> None:
@@ -66,6 +68,16 @@ class Refiner:
         self.refine(sample_cloud(self.bank), PoseMatch(0, "", self.bank.bank_id, 1.0, (start,)))
         self.reset()
         self._guard = StampGuard()
+
+    def take_answer(self, skeleton: Skeleton) -> None:
+        """Learn what became of the frame before, after the failure check.
+
+        A recovered pose is one more start for the next frame; a lost one ends the tracking.
+        """
+        if skeleton.source == Source.RECOVERED:
+            self._recovered = pose_from_skeleton(self.bank.body, skeleton)
+        elif skeleton.is_lost:
+            self._previous = None
 
     def refine(self, cloud: PersonCloud, match: PoseMatch) -> Skeleton:
         """Fit the body to one frame.
@@ -113,6 +125,9 @@ class Refiner:
         tracking = self._previous is not None and self.config.track
         if self._previous is not None and tracking:
             starts.append(BodyPose(self._previous.rotations, self._previous.root, match.scale))
+        if self._recovered is not None:
+            starts.append(BodyPose(self._recovered.rotations, self._recovered.root, match.scale))
+            self._recovered = None
         rough = [compared(fitter.rough(start)) for start in starts]
         best = min(rough, key=_score)
         for _ in range(1 if tracking else _FIRST_ROUNDS):
