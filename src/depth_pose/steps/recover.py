@@ -28,6 +28,7 @@ from depth_pose.skeleton import JOINT_NODES, Source
 from depth_pose.steps.confidence import report_joints, score_of, skeleton_confidence
 from depth_pose.steps.failure import KINDS, Failure, FailureCheck
 from depth_pose.steps.fitters import FINE_SIGMAS
+from depth_pose.steps.identity import PersonGuard
 from depth_pose.steps.sample import sample_cloud
 from depth_pose.steps.smooth import JointFilter
 from depth_pose.steps.stamps import StampGuard
@@ -43,6 +44,10 @@ _SIGMAS = (0.05, 0.04, 0.034, *FINE_SIGMAS)
 
 _WORSE = {"no_pose": 1.0, "bone_length": 0.1, "joint_angle": 0.1}
 """How much higher a carried pose's score may be to replace one that failed so; not at all for other kinds."""
+
+
+_HOPELESS = 0.5
+"""Somebody new is not believed in with less than this share of `min_confidence`: it is furniture."""
 
 
 @dataclass(frozen=True)
@@ -75,13 +80,14 @@ class Recoverer:
         self._fitter = ArticulatedFitter(bank.body)
         self._filter = JointFilter(smooth)
         self._guard = StampGuard()
+        self._identity = PersonGuard()
         self._people = 0
         self.failures: Counter[str] = Counter(dict.fromkeys(KINDS, 0))
         self.recoveries = 0
         self.reset()
 
     def reset(self) -> None:
-        """Forget the person; the next one gets a new body id."""
+        """Forget the last pose; who comes soon at the same place keeps the body id."""
         self._filter.reset()
         self._past: _Past | None = None
         self._good: Skeleton | None = None
@@ -118,14 +124,17 @@ class Recoverer:
         if view is None:
             self.reset()
             return Skeleton.lost(cloud.stamp_ns, cloud.frame_id)
+        is_other = self._identity.is_other(view, cloud.stamp_ns)
+        if is_other:
+            self.reset()
         answer = self._checked(view, skeleton) if self.config.enabled else skeleton
         if answer.is_lost:
             reason = self.last_reason
             self.reset()
             self.last_reason, self._waiting = reason, True
             return Skeleton.lost(cloud.stamp_ns, cloud.frame_id)
-        if self._past is None:
-            self._people += 1
+        self._identity.note(view, cloud.stamp_ns)
+        self._people += is_other
         self._past = _Past(view, answer)
         positions = self._filter.filter(answer.positions, cloud.stamp_ns)
         return replace(answer, body_id=f"body_{self._people}", positions=positions)
@@ -139,6 +148,8 @@ class Recoverer:
             return self._trusted(refined)
         self.failures[failure.kind] += 1
         in_itself = failure.kind in ("no_pose", "bone_length", "joint_angle")
+        if self._good is None and refined.confidence < _HOPELESS * self.config.min_confidence:
+            return Skeleton.lost(refined.stamp_ns, refined.frame_id)
         if self._past is None and not self._waiting and not refined.is_lost:
             return replace(refined, confidence=float(np.float32(_TRUST * refined.confidence)))
         if self._past is None or self._is_over(refined.stamp_ns):

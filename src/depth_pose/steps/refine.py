@@ -26,6 +26,7 @@ from depth_pose.render import Comparison, DepthComparer
 from depth_pose.skeleton import JOINT_NODES, Source
 from depth_pose.steps.confidence import report_joints, skeleton_confidence
 from depth_pose.steps.fitters import FITTERS, FittedBody
+from depth_pose.steps.identity import PersonGuard
 from depth_pose.steps.sample import sample_cloud
 from depth_pose.steps.stamps import StampGuard
 from depth_pose.steps.view import PersonView, view_person
@@ -54,6 +55,7 @@ class Refiner:
         self._fitter = FITTERS[config.method](bank.body)
         self._limbs = LimbSearch(bank)
         self._guard = StampGuard()
+        self._identity = PersonGuard()
         self.reset()
 
     def reset(self) -> None:
@@ -67,7 +69,7 @@ class Refiner:
         start = Candidate(0, 0, np.array([1.0, 0.0, 0.0, 0.0]), np.array([0.0, 0.0, 3.2]), 0.0, 0.0)
         self.refine(sample_cloud(self.bank), PoseMatch(0, "", self.bank.bank_id, 1.0, (start,)))
         self.reset()
-        self._guard = StampGuard()
+        self._guard, self._identity = StampGuard(), PersonGuard()
 
     def take_answer(self, skeleton: Skeleton) -> None:
         """Learn what became of the frame before, after the failure check.
@@ -109,6 +111,9 @@ class Refiner:
         if view is None or not match.candidates:
             self.reset()
             return Skeleton.lost(cloud.stamp_ns, cloud.frame_id)
+        if self._identity.is_other(view, cloud.stamp_ns):
+            self.reset()
+        self._identity.note(view, cloud.stamp_ns)
         best = self._fit_best(view, match)
         self._previous, self.mesh = best.body.pose, best.body.vertices
         return self._skeleton(cloud, view, best)
