@@ -98,6 +98,19 @@ def from_mapping(config: type[T], values: Mapping[str, Any]) -> T:
 
 
 @dataclass(frozen=True)
+class MountConfig(_Checked):
+    """How the sensor is mounted."""
+
+    roll: float = option(
+        0.0,
+        "How far the sensor is turned about its optical axis, clockwise as it looks; 180: upside down",
+        unit="deg",
+        low=-360.0,
+        high=360.0,
+    )
+
+
+@dataclass(frozen=True)
 class SegmentConfig(_Checked):
     """Finding the person in the depth image (Sec. 4, first paragraph)."""
 
@@ -205,6 +218,7 @@ class SmoothConfig(_Checked):
 class PipelineConfig:
     """All steps' settings."""
 
+    mount: MountConfig = MountConfig()
     segment: SegmentConfig = SegmentConfig()
     denoise: DenoiseConfig = DenoiseConfig()
     match: MatchConfig = MatchConfig()

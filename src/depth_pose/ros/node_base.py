@@ -218,7 +218,7 @@ class StageNode(LifecycleNode):
             self.open_outputs()
             self._intake = Intake(self, self.inputs())
             inputs = self._intake.inputs
-            self._watches = CrowdWatch(self, inputs), SilenceWatch(self, [i for i in inputs if i.sensor])
+            self._watches = CrowdWatch(self, inputs), SilenceWatch(self, inputs, reliable=self.lossless)
         except Exception as e:
             self._refused = e
             if not isinstance(e, DepthPoseError):
@@ -246,7 +246,7 @@ class StageNode(LifecycleNode):
         return super().on_deactivate(state)
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Let go of the stage and of the topics; the next configuring reads the parameters anew."""
+        """Let go of the stage and of the topics."""
         self._close()
         return super().on_cleanup(state)
 
@@ -362,7 +362,7 @@ class StageNode(LifecycleNode):
             self._watches[1].check()
 
     def _tell(self) -> None:
-        status = DiagnosticStatus(name=f"{self.get_fully_qualified_name()}", hardware_id="depth_pose")
+        status = DiagnosticStatus(name=self.get_fully_qualified_name(), hardware_id="depth_pose")
         status.level, status.message = self._judge()
         status.values = [KeyValue(key=k, value=v) for k, v in self.figures.as_text().items()]
         message = DiagnosticArray(status=[status])
@@ -373,7 +373,7 @@ class StageNode(LifecycleNode):
         """Give the level and the words of this second's diagnostics."""
         new = self.figures.new_drops()
         if self._watches is None or not self.is_active:
-            return DiagnosticStatus.OK, "is paused" if self.stage is not None else "is not configured"
+            return DiagnosticStatus.OK, "is paused" if self._watches else "is not configured"
         crowd, silence = self._watches
         crowd.check()
         if new:

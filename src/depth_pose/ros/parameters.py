@@ -56,7 +56,11 @@ COMMON: tuple[Setting, ...] = (
 BANK = Setting("bank", "", "Exemplar bank file; empty: the one that the set-up built")
 
 DENOISE: tuple[Setting, ...] = (
-    Setting("image_topic", "/camera/depth/image_raw", "Depth image, 16UC1 millimetres or 32FC1 metres"),
+    Setting(
+        "image_topic",
+        "/camera/depth/image_raw",
+        "Depth image, 16UC1 millimetres or 32FC1 metres; or one that ends in /compressedDepth",
+    ),
     Setting("info_topic", "/camera/depth/camera_info", "CameraInfo of the depth image"),
     Setting("cloud_topic", "", "PointCloud2 in the optical frame; if set, it is used and no image"),
 )

@@ -25,6 +25,7 @@ from depth_pose.ros.drawing import mesh_to_marker
 from depth_pose.ros.node_base import Held, Input
 from depth_pose.ros.parameters import REFINE
 from depth_pose.ros.runner import run_node
+from depth_pose.steps.mount import turn_forth
 from depth_pose.steps.refine import Refiner
 
 PATIENCE_S = 2.0
@@ -39,7 +40,7 @@ class RefineNode(BankNode):
     when the one before is answered, so that a replay gives the same skeletons every time.
     """
 
-    SECTIONS = ("refine", "match")
+    SECTIONS = ("mount", "refine", "match")
     SETTINGS = REFINE
 
     def __init__(self) -> None:
@@ -88,7 +89,7 @@ class RefineNode(BankNode):
         if not self.is_active or stamp_to_ns(message.header.stamp) != self._awaited_ns:
             return
         self._awaited_ns = None
-        self.stage.take_answer(msg_to_skeleton(message))
+        self.stage.take_answer(turn_forth(msg_to_skeleton(message), self.config.mount))
         self._begin_held()
 
     def _go_on(self) -> None:
