@@ -8,7 +8,7 @@
 
 `up` is the same as a command that runs until SIGINT or SIGTERM. Each node is a process of its
 own (``python -m depth_pose.ros.NAME_node``) whose output appears with its name in front. One
-that dies is started again, after 0.5 s at first and up to 10 s when it goes on dying. Should the
+that dies is started again, after 0.1 s at first and up to 10 s when it goes on dying. Should the
 supervisor itself be killed, the kernel ends the nodes.
 """
 
@@ -38,7 +38,7 @@ SENSORS_PATH = Path(__file__).with_name("sensors")
 
 _CONSUMERS = {"denoise": 3, "matcher": 1, "refine": 1, "recovery": 1}
 _READY = "is ready"
-_FIRST_DELAY_S, _MAX_DELAY_S, _HEALTHY_S = 0.5, 10.0, 30.0
+_FIRST_DELAY_S, _MAX_DELAY_S, _HEALTHY_S = 0.1, 10.0, 10.0
 _STOP_PATIENCE_S = 3.0
 
 
