@@ -1,7 +1,7 @@
 """The table of faults in docs/faults.md: each is done here, to real nodes over real DDS.
 
-Each test writes a row (what was seen, time to recover, frames lost) to the file that the variable
-DEPTH_POSE_FAULTS names, where it is set; `benchmarks/faults.py` makes the table of it.
+Each test writes a row (fault, what was seen, seconds to recover, frames lost; tabs between) to the file
+that the variable DEPTH_POSE_FAULTS names, where it is set.
 """
 
 import itertools
@@ -117,6 +117,7 @@ def live(bank_path, peer):
 def test_a_killed_node(live, peer, name):
     """kill -9 of each node while the others go on: skeletons again, without anybody's help."""
     suite, sensor, heard, lines = live
+    peer.until(lambda: suite.has_spare, 4 * PATIENCE_S, "the spare process")
     pid, killed = suite.pid(name), time.monotonic()
     os.kill(pid, signal.SIGKILL)
     peer.spin(0.4)  # what was under way still comes
