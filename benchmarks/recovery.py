@@ -121,7 +121,9 @@ def detection(bank: Bank, paths: list[Path]) -> None:
         print("   ", ", ".join(f"{k} {rows[k][0]}/{rows[k][1]}" for k in KINDS))
 
 
-def held_out(names: list[str], without: list[str], poses: int, output: Path, folder: Path) -> None:
+def held_out(
+    names: list[str], methods: list[str], without: list[str], poses: int, output: Path, folder: Path
+) -> None:
     """Compare with and without recovery on clips whose families the bank lacks; draw the first clip."""
     bank_path = folder / f"without_{'_'.join(without)}_{poses}.npz"
     if not bank_path.is_file():
@@ -130,9 +132,8 @@ def held_out(names: list[str], without: list[str], poses: int, output: Path, fol
         kept = kept[:: max(1, len(kept) // poses)][:poses]
         build_bank(make_body(), made.rotations[kept], BuildConfig(), {"without": without}).save(bank_path)
     bank = Bank.load(bank_path)
-    settings = (("articulated", False), ("articulated", True), ("cpd", False), ("cpd", True))
     curves = []
-    for method, track in settings:
+    for method, track in [(m, t) for m in methods for t in (False, True)]:
         for path in simulated(names, folder):
             known = known_joints(path)
             plain = [r.skeleton for r in run(bank, path, method, track, False)[0]]
@@ -191,13 +192,15 @@ def main() -> None:
     parser.add_argument("--bank", type=Path, default=None)
     parser.add_argument("--without", nargs="+", default=list(LOW))
     parser.add_argument("--motions", nargs="+", default=["bends", "squats", "balance"])
+    parser.add_argument("--methods", nargs="+", default=["articulated", "cpd"])
     parser.add_argument("--poses", type=int, default=2000)
     parser.add_argument("--folder", type=Path, default=Path(tempfile.gettempdir()) / "depth_pose_recovery")
     parser.add_argument("-o", "--output", type=Path, default=Path("recovery.png"))
     arguments = parser.parse_args()
     arguments.folder.mkdir(parents=True, exist_ok=True)
     if arguments.what == "held-out":
-        held_out(arguments.motions, arguments.without, arguments.poses, arguments.output, arguments.folder)
+        a = arguments
+        held_out(a.motions, a.methods, a.without, a.poses, a.output, a.folder)
         return
     bank = Bank.load(arguments.bank or default_bank_path())
     clips = arguments.clips or simulated(
