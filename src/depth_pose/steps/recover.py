@@ -45,6 +45,10 @@ _SIGMAS = (0.05, 0.04, 0.034, *FINE_SIGMAS)
 _WORSE = {"no_pose": 1.0, "bone_length": 0.1, "joint_angle": 0.1}
 """How much higher a carried pose's score may be to replace one that failed so; not at all for other kinds."""
 
+_PART, _WORSE_OF_PART = 0.7, 0.08
+"""With less than this share of the points of the last good frame a part of the person is missing, and
+what fits the rest best is often something else: the carried pose's score may be higher by the second."""
+
 
 _HOPELESS = 0.5
 """Somebody new is not believed in with less than this share of `min_confidence`: it is furniture."""
@@ -91,6 +95,7 @@ class Recoverer:
         self._filter.reset()
         self._past: _Past | None = None
         self._good: Skeleton | None = None
+        self._good_points = 0
         self._waiting = False
         self.last_reason = ""
 
@@ -145,7 +150,7 @@ class Recoverer:
         failure = self._check.find(refined, self._good, before)
         self.last_reason = failure.reason if failure else ""
         if failure is None:
-            return self._trusted(refined)
+            return self._trusted(view, refined)
         self.failures[failure.kind] += 1
         in_itself = failure.kind in ("no_pose", "bone_length", "joint_angle")
         if self._good is None and refined.confidence < _HOPELESS * self.config.min_confidence:
@@ -153,16 +158,20 @@ class Recoverer:
         if self._past is None and not self._waiting and not refined.is_lost:
             return replace(refined, confidence=float(np.float32(_TRUST * refined.confidence)))
         if self._past is None or self._is_over(refined.stamp_ns):
-            return Skeleton.lost(refined.stamp_ns, refined.frame_id) if in_itself else self._trusted(refined)
+            return (
+                Skeleton.lost(refined.stamp_ns, refined.frame_id)
+                if in_itself
+                else self._trusted(view, refined)
+            )
         recovered = self._carry(self._past, view, refined)
-        if not _is_better(recovered, refined, failure):
-            return refined if in_itself or failure.kind == "low_confidence" else self._trusted(refined)
+        if not _is_better(recovered, refined, failure, len(view.points) < _PART * self._good_points):
+            return refined if in_itself or failure.kind == "low_confidence" else self._trusted(view, refined)
         self.recoveries += 1
         return replace(recovered, confidence=float(np.float32(_TRUST * recovered.confidence)))
 
-    def _trusted(self, refined: Skeleton) -> Skeleton:
+    def _trusted(self, view: PersonView, refined: Skeleton) -> Skeleton:
         """Take a skeleton for good: what comes is judged against it."""
-        self._good, self._waiting = refined, False
+        self._good, self._good_points, self._waiting = refined, len(view.points), False
         return refined
 
     def _is_over(self, stamp_ns: int) -> bool:
@@ -201,7 +210,7 @@ class Recoverer:
         return self._fitter.fit(FitTarget.prepare(points, view.full, view.coarse), start, _SIGMAS)
 
 
-def _is_better(recovered: Skeleton, refined: Skeleton, failure: Failure) -> bool:
+def _is_better(recovered: Skeleton, refined: Skeleton, failure: Failure, partial: bool) -> bool:
     """Choose between a carried pose and the one that failed."""
-    margin = _WORSE.get(failure.kind, 0.0)
+    margin = max(_WORSE.get(failure.kind, 0.0), _WORSE_OF_PART if partial else 0.0)
     return score_of(recovered.confidence) < score_of(refined.confidence) + margin
