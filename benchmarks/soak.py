@@ -64,6 +64,7 @@ class Soak:
 
     def __init__(self) -> None:
         self.sent: dict[int, int] = {}
+        self.frames = 0
         self.latency: list[tuple[float, float]] = []
         self.memory: list[tuple[float, ...]] = []
         self.started = time.monotonic()
@@ -76,6 +77,7 @@ class Soak:
         def sent(message: object, now_ns: int) -> None:
             if message.topic.endswith("image_raw"):  # type: ignore[attr-defined]
                 self.sent[header_stamp_ns(message.data)] = now_ns  # type: ignore[attr-defined]
+                self.frames += 1
 
         def received(topic: str, data: bytes, now_ns: int) -> None:
             went = self.sent.pop(header_stamp_ns(data), None)
@@ -129,8 +131,7 @@ def report(soak: Soak, restarts: dict[str, int], output: Path) -> None:
     bottom.set(xlabel="minutes", ylabel="latency, ms", ylim=(0, 3 * max(p95)))
     bottom.legend(loc="upper right")
     figure.savefig(output.with_suffix(".png"), dpi=110)
-    answered = len(latency) / (len(latency) + len(soak.sent))
-    print(f"skeletons {len(latency)}, {answered:.1%} of the frames sent")
+    print(f"skeletons {len(latency)}, {len(latency) / max(soak.frames, 1):.1%} of the frames sent")
     print(f"latency, 95 %: {p95[0]:.1f} ms in the first tenth, {p95[1]:.1f} ms in the last")
 
 
