@@ -21,13 +21,14 @@ ARGUMENTS = {
     "bank": ("", "exemplar bank; empty: the one that the set-up built"),
     "namespace": ("depth_pose", "where the topics lie"),
     "use_sim_time": ("false", "take the time from /clock, for recordings"),
+    "autostart": ("true", "false: the nodes wait to be configured and activated (lifecycle)"),
 }
 
 
 def make_nodes(context: LaunchContext) -> list[Node]:
     """Make the nodes once the arguments are known."""
     value = {name: LaunchConfiguration(name).perform(context) for name in ARGUMENTS}
-    parameters = [{"use_sim_time": value["use_sim_time"].lower() == "true"}]
+    parameters = [{name: value[name].lower() == "true" for name in ("use_sim_time", "autostart")}]
     if value["sensor"]:
         parameters.append(str(SENSORS_PATH / f"{value['sensor']}.yaml"))
     if value["params_file"]:

@@ -99,5 +99,5 @@ def test_pipeline_round_trip():
 
 
 def test_unknown_section():
-    with pytest.raises(ConfigError, match="no such section: segmnt; there are segment"):
+    with pytest.raises(ConfigError, match="no such section: segmnt; there are mount, segment"):
         PipelineConfig.from_mapping({"segmnt": {}})

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -106,7 +108,9 @@ def test_somebody_leaves_and_comes_back(bank, clip):
     back = pipeline.process_frame(frames[4]).skeleton
     assert not back.is_lost
     assert syn.joint_error(back.positions, clip[1][4]) < 0.09  # from a single frame
-    assert back.body_id not in ids
+    assert {back.body_id} == set(ids)  # so soon at the same place it is the same person
+    late = replace(frames[5], stamp_ns=frames[5].stamp_ns + 3_000_000_000)
+    assert pipeline.process_frame(late).skeleton.body_id not in ids
 
 
 def test_frames_without_anything_do_no_harm(bank):

@@ -98,6 +98,19 @@ def from_mapping(config: type[T], values: Mapping[str, Any]) -> T:
 
 
 @dataclass(frozen=True)
+class MountConfig(_Checked):
+    """How the sensor is mounted."""
+
+    roll: float = option(
+        0.0,
+        "How far the sensor is turned about its optical axis, clockwise as it looks; 180: upside down",
+        unit="deg",
+        low=-360.0,
+        high=360.0,
+    )
+
+
+@dataclass(frozen=True)
 class SegmentConfig(_Checked):
     """Finding the person in the depth image (Sec. 4, first paragraph)."""
 
@@ -173,13 +186,22 @@ class RecoverConfig(_Checked):
         0.25, "Relative change of a bone's length between frames that counts as a failure", low=0.01, high=2.0
     )
     angle_excess: float = option(
-        40.0, "Degrees beyond a joint's limit that count as a failure", unit="deg", low=0.0, high=360.0
+        60.0, "Degrees beyond a joint's limit that count as a failure", unit="deg", low=0.0, high=360.0
+    )
+    joint_speed: float = option(
+        6.0, "A joint that seems to move faster than this has jumped", unit="m/s", low=0.5, high=100.0
+    )
+    score_rise: float = option(
+        0.06,
+        "Sudden rise of the fit's rendered-depth disagreement (0 to 1) that counts as a failure",
+        low=0.005,
+        high=1.0,
     )
     min_confidence: float = option(
         0.25, "Skeletons less certain than this count as failures", low=0.0, high=1.0
     )
-    max_frames: int = option(
-        15, "Recovered frames in a row before the person counts as lost", low=0, high=1000
+    max_time: float = option(
+        2.0, "How long poses are carried over before the person counts as lost", unit="s", low=0.0, high=60.0
     )
 
 
@@ -196,6 +218,7 @@ class SmoothConfig(_Checked):
 class PipelineConfig:
     """All steps' settings."""
 
+    mount: MountConfig = MountConfig()
     segment: SegmentConfig = SegmentConfig()
     denoise: DenoiseConfig = DenoiseConfig()
     match: MatchConfig = MatchConfig()

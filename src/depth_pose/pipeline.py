@@ -11,6 +11,7 @@ from depth_pose.bank.bank import Bank
 from depth_pose.config import PipelineConfig
 from depth_pose.steps.extract import PersonExtractor
 from depth_pose.steps.match import Matcher
+from depth_pose.steps.mount import turn_back, turn_forth, turn_upright
 from depth_pose.steps.recover import Recoverer
 from depth_pose.steps.refine import Refiner
 from depth_pose.types import DepthFrame, PersonCloud, PoseMatch, Skeleton
@@ -41,6 +42,7 @@ class PosePipeline:
     """
 
     def __init__(self, bank: Bank, config: PipelineConfig = PipelineConfig()) -> None:  # noqa: B008
+        self._mount = config.mount
         self.extractor = PersonExtractor(config.segment, config.denoise)
         self.matcher = Matcher(bank, config.match)
         self.refiner = Refiner(bank, config.refine, config.match)
@@ -50,14 +52,16 @@ class PosePipeline:
     def process_frame(self, frame: DepthFrame) -> FrameResult:
         """Estimate the pose in one frame; frames of a sequence are given in their order."""
         # Sec. 4: cut the person out, modified LOP, outliers
-        cloud = self.extractor.extract(frame)
+        cloud = self.extractor.extract(turn_upright(frame, self._mount))
         # Sec. 5: canonical axes, PCA subspace, nearest exemplars (eq. 6)
         match = self.matcher.match(cloud)
         # Sec. 6: fit the body to the cloud, complete what is hidden (eqs. 7, 8)
         refined = self.refiner.refine(cloud, match)
         # Sec. 6: failure check, temporal registration, low-pass filter
         skeleton = self.recoverer.recover(cloud, refined)
-        return FrameResult(cloud, match, refined, skeleton)
+        answer = turn_back(skeleton, self._mount)
+        self.refiner.take_answer(turn_forth(answer, self._mount))
+        return FrameResult(cloud, match, refined, answer)
 
     def reset(self) -> None:
         """Forget all earlier frames."""

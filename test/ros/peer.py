@@ -39,7 +39,9 @@ class Peer:
     def until(self, condition, timeout_s=10.0, what="it"):
         deadline = time.monotonic() + timeout_s
         while not condition():
-            assert time.monotonic() < deadline, f"{what} did not come in {timeout_s} s"
+            assert time.monotonic() < deadline, (
+                f"{what() if callable(what) else what} did not come in {timeout_s} s"
+            )
             self.executor.spin_once(timeout_sec=0.02)
 
     def spin(self, seconds):

@@ -1,5 +1,7 @@
 """The denoise node as users run it: real frames, and everything that may be wrong with them."""
 
+import io
+import struct
 import threading
 
 import numpy as np
@@ -7,7 +9,8 @@ import pytest
 import scene
 from diagnostic_msgs.msg import DiagnosticArray
 from peer import RELIABLE, SENSOR
-from sensor_msgs.msg import CameraInfo, Image, PointCloud2, PointField
+from PIL import Image as PngImage
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image, PointCloud2, PointField
 
 from depth_pose.config import DenoiseConfig, SegmentConfig
 from depth_pose.io.mcap_write import DepthWriter
@@ -191,3 +194,21 @@ def test_latency_by_the_clock_of_a_recording(start, peer, frames, tmp_path):
     peer.until(known, what="a latency")
     assert float(known()["latency_ms_p95"]) < 1000.0
     thread.join(10.0)
+
+
+def test_compressed_depth_gives_the_same_cloud(start, peer, frames):
+    topic = f"{IMAGE}/compressedDepth"
+    process = start("-m", "depth_pose.ros.denoise_node", "--ros-args", "-p", f"image_topic:={topic}")
+    process.wait_for("is ready", 60.0)
+    clouds = peer.listen(PointCloud2, POINTS, SENSOR)
+    infos, images = peer.publisher(CameraInfo, INFO), peer.publisher(CompressedImage, topic)
+    peer.until(lambda: peer.node.count_publishers(POINTS), what="the node's output")
+    packed = io.BytesIO()
+    PngImage.fromarray(np.round(frames[0].depth * 1000).astype(np.uint16)).save(packed, "PNG")
+    header = make_header(frames[0].stamp_ns, frames[0].frame_id)
+    data = struct.pack("<iff", 0, 0.0, 0.0) + packed.getvalue()
+    infos.publish(info_msg(frames[0]))
+    peer.spin(0.3)
+    images.publish(CompressedImage(header=header, format="16UC1; compressedDepth png", data=data))
+    peer.until(lambda: clouds, what="the cloud")
+    assert_same_cloud(clouds[0], PersonExtractor(SegmentConfig(), DenoiseConfig()).extract(frames[0]))

@@ -1,8 +1,10 @@
 """What lies in launch_scripts for ROS users agrees with the code."""
 
 import ast
+import importlib.util
 from pathlib import Path
 
+import pytest
 from yaml import safe_load
 
 from depth_pose.config import PipelineConfig
@@ -23,3 +25,29 @@ def test_launch_file_parses():
     tree = ast.parse((SCRIPTS / "depth_pose.launch.py").read_text())
     functions = {n.name for n in tree.body if isinstance(n, ast.FunctionDef)}
     assert "generate_launch_description" in functions
+
+
+def test_launch_file_runs_where_launch_is_there():
+    """With `launch_ros` the description is made for real: four nodes with the sensor's parameters."""
+    pytest.importorskip("launch_ros", reason="launch comes with ROS 2 from apt")
+    from launch import LaunchContext
+
+    spec = importlib.util.spec_from_file_location("depth_pose_launch", SCRIPTS / "depth_pose.launch.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    context = LaunchContext()
+    values = {name: default for name, (default, _) in module.ARGUMENTS.items()}
+    context.launch_configurations.update(values | {"sensor": "realsense"})
+    assert len(module.make_nodes(context)) == 4
+    assert module.generate_launch_description().entities
+
+
+def test_launch_file_sets_parameters_that_the_nodes_have():
+    tree = ast.parse((SCRIPTS / "depth_pose.launch.py").read_text())
+    (arguments,) = (
+        n.value
+        for n in tree.body
+        if isinstance(n, ast.Assign) and getattr(n.targets[0], "id", "") == "ARGUMENTS"
+    )
+    names = {ast.literal_eval(key) for key in arguments.keys}
+    assert names - {"sensor", "params_file", "namespace"} <= EVERYWHERE

@@ -176,6 +176,19 @@ def test_silence_is_told_within_three_seconds(start, peer):
     assert time.monotonic() - began < 3.2
 
 
+def test_incompatible_qos_is_told_within_three_seconds(start, peer):
+    """A best-effort publisher never reaches a reliable subscriber; DDS itself says nothing."""
+    process = start(TRIAL, "--ros-args", "-p", "reliable:=true")
+    process.wait_for("is ready")
+    out = peer.node.create_publisher(Image, A, peer_sensor())
+    began = time.monotonic()
+    while f"{A} has 1 publisher(s) but nothing came" not in process.output:
+        out.publish(image(time.monotonic_ns() % 10**9))
+        peer.spin(0.05)
+        assert time.monotonic() - began < 3.2, process.output
+    assert "asks for reliable" in process.output
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_signals_end_it_cleanly(start, number):
     early, late = start(TRIAL), start(TRIAL)

@@ -8,6 +8,7 @@ import time
 
 import pytest
 
+from depth_pose.config import PipelineConfig
 from depth_pose.errors import ConfigError
 from depth_pose.ros.supervisor import Suite, sensor_names
 
@@ -61,7 +62,8 @@ def test_sensor_files_hold_topics(sensor):
     from depth_pose.ros.supervisor import SENSORS_PATH
 
     values = safe_load((SENSORS_PATH / f"{sensor}.yaml").read_text())["/**"]["ros__parameters"]
-    assert set(values) == {"image_topic", "info_topic"}
+    assert set(values) == {"image_topic", "info_topic", "segment"}
+    PipelineConfig.from_mapping({"segment": values["segment"]})
 
 
 def test_files_and_single_parameters_reach_the_node(domain, tmp_path):

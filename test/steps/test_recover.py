@@ -11,9 +11,11 @@ from acted import empty_frame, frame_of, posed, the_bank, the_body
 from depth_pose.config import MatchConfig, PipelineConfig, RecoverConfig, SmoothConfig
 from depth_pose.geometry import matrix_to_quat, quat_to_matrix, rotvec_to_matrix
 from depth_pose.pipeline import FrameResult, PosePipeline
+from depth_pose.sim.failures import KINDS, fail
 from depth_pose.skeleton import JOINT_INDEX, JOINT_NODES, Source
 from depth_pose.steps.failure import FailureCheck, bone_lengths, limit_excess
 from depth_pose.steps.recover import Recoverer
+from depth_pose.steps.view import view_person
 from depth_pose.types import Skeleton
 
 FRAMES = 12
@@ -102,7 +104,7 @@ def test_recovers_from_injected_failures(run, spoil, kind, words) -> None:
             assert answer.source == Source.RECOVERED
             assert re.search(words, stage.last_reason)
             assert error(answer, k) < 0.06
-            assert answer.confidence < run[k].refined.confidence
+            assert 0.5 < answer.confidence < run[k].refined.confidence
             assert answer.stamp_ns == result.cloud.stamp_ns
         else:
             assert answer.source == Source.REFINED
@@ -114,18 +116,67 @@ def test_recovers_from_injected_failures(run, spoil, kind, words) -> None:
 def test_recovered_bones_keep_their_lengths(run) -> None:
     for answer in replay(recoverer(), run, scattered):
         np.testing.assert_allclose(
-            bone_lengths(answer.positions), bone_lengths(run[0].refined.positions), rtol=0.02
+            bone_lengths(answer.positions), bone_lengths(run[0].refined.positions), rtol=0.03
         )
 
 
-def test_gives_up_after_some_frames_and_finds_the_person_again(run) -> None:
-    stage = recoverer(max_frames=2)
+def test_gives_up_after_some_time_and_finds_the_person_again(run) -> None:
+    """Frames come every 40 ms: two are bridged, then the person is lost until a good detection."""
+    stage = recoverer(max_time=0.1)
     sources = [s.source for s in replay(stage, run, scattered)]
     expected = [Source.REFINED] * 4 + [Source.RECOVERED] * 2 + [Source.LOST] * 2 + [Source.REFINED] * 4
     assert sources == expected
-    stage.reset()
-    answers = replay(recoverer(max_frames=2), run, scattered)
-    assert [a.body_id for a in answers[3:9]] == ["body_1", "body_1", "body_1", "", "", "body_2"]
+    answers = replay(recoverer(max_time=0.1), run, scattered)
+    assert [a.body_id for a in answers[3:9]] == ["body_1", "body_1", "body_1", "", "", "body_1"]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_finds_simulated_failures_and_recovers(run, kind) -> None:
+    """What trackers from depth are known to do wrong, in the middle of a good run."""
+    rng, stage, found = np.random.default_rng(2), recoverer(), 0
+    for k, result in enumerate(run):
+        refined = result.refined
+        if k in BAD:
+            refined = fail(kind, refined, view_person(result.cloud), the_bank(), rng)
+            if np.linalg.norm(refined.positions - result.refined.positions, axis=1).max() < 0.2:
+                continue  # an arm taken from the bank may lie where it was
+            found += 1
+        answer = stage.recover(result.cloud, refined)
+        assert (stage.last_reason != "") == (k in BAD)
+        assert error(answer, k) < 0.06
+        assert answer.body_id == "body_1"
+    assert found >= 1
+
+
+def test_a_right_detection_wins_over_a_wrong_past(run) -> None:
+    """A pose that comes suddenly, but agrees better than the one carried over, is taken."""
+    stage = recoverer()
+    for k in range(3):
+        stage.recover(run[k].cloud, run[k].refined)
+    wrong = fail("flip", run[2].refined, view_person(run[2].cloud), the_bank(), np.random.default_rng(0))
+    stage._past = replace(stage._past, skeleton=wrong)
+    answer = stage.recover(run[3].cloud, run[3].refined)
+    assert "joint_speed" in stage.last_reason
+    assert answer.source == Source.REFINED
+    assert error(answer, 3) < 0.04
+    stage.recover(run[4].cloud, run[4].refined)
+    assert stage.last_reason == ""
+
+
+def test_the_refiner_starts_from_a_recovered_pose_too(run) -> None:
+    """Without candidates near the pose and without tracking, the recovered pose is what helps."""
+    from depth_pose.config import RefineConfig
+    from depth_pose.steps.refine import Refiner
+
+    refiner = Refiner(the_bank(), RefineConfig(track=False), MatchConfig())
+    aside = [replace(c, translation=c.translation + (0.7, 0, 0)) for c in run[5].match.candidates]
+    match = replace(run[5].match, candidates=tuple(aside))
+    assert error(refiner.refine(run[5].cloud, match), 5) > 0.1
+    refiner.reset()
+    recovered = replace(run[4].refined, source=Source.RECOVERED)
+    refiner.take_answer(recovered)
+    assert error(refiner.refine(run[5].cloud, match), 5) < 0.05
+    assert error(refiner.refine(run[5].cloud, match), 5) > 0.1  # it is a start for one frame
 
 
 def test_disabled_passes_failures_on(run) -> None:
@@ -171,12 +222,13 @@ def test_nobody_in_view_is_lost_and_a_jump_in_time_starts_anew(run) -> None:
     pipeline = PosePipeline(the_bank(), PipelineConfig(match=MatchConfig(scale=1.0)))
     nobody = pipeline.extractor.extract(empty_frame(1))
     assert stage.recover(nobody, Skeleton.lost(nobody.stamp_ns, "camera")).is_lost
-    assert stage.recover(run[2].cloud, run[2].refined).body_id == "body_2"
+    again = stage.recover(run[2].cloud, run[2].refined)
+    assert again.body_id == "body_1"  # so soon at the same place it is the same person
     late = 5_000_000_000
     answer = stage.recover(
         replace(run[3].cloud, stamp_ns=late), scattered(replace(run[3].refined, stamp_ns=late))
     )
-    assert answer.body_id == "body_3"
+    assert answer.body_id == "body_2"
     assert answer.source == Source.REFINED  # nothing before it to recover from
 
 
@@ -195,9 +247,9 @@ def test_limits_allow_every_fit_and_name_the_joint(run) -> None:
     for result in run:
         assert limit_excess(the_body(), result.refined).max() < 20
     check = FailureCheck(the_body(), RecoverConfig())
-    assert check.find(run[0].refined, None) is None
+    assert check.find(run[0].refined, None, None) is None
     longer = run[0].refined.positions.copy()
     longer[JOINT_INDEX["right_wrist"]] += 0.3
-    found = check.find(replace(run[0].refined, positions=longer), run[0].refined)
+    found = check.find(replace(run[0].refined, positions=longer), run[0].refined, None)
     assert found.kind == "bone_length"
     assert "right_elbow to right_wrist" in found.reason

@@ -1,4 +1,4 @@
-"""``depth-pose up``, ``play``, ``record`` and ``demo``: the commands that need ROS 2."""
+"""The commands that need ROS 2: ``depth-pose up``, ``pause``, ``resume``, ``play``, ``record``, ``demo``."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _ROS_PACKAGES = ("rclpy", "builtin_interfaces", "rosidl_runtime_py", "rpyutils")
 
 def add_to(app: typer.Typer) -> None:
     """Add the commands."""
-    for command in (up, play, record, demo):
+    for command in (up, pause, resume, play, record, demo):
         app.command()(command)
 
 
@@ -70,6 +70,36 @@ def up(
         parameters["use_sim_time"] = True
     code = _ros("supervisor", "up", params, sensor, bank, parameters=parameters)
     raise typer.Exit(code)
+
+
+def pause(
+    namespace: Annotated[str, typer.Option(help="Where the nodes lie.")] = "depth_pose",
+) -> None:
+    """Pause the running nodes: they answer no frames and take no time, but keep all that they loaded.
+
+    They are lifecycle nodes; `ros2 lifecycle set /depth_pose/denoise deactivate` does it for one.
+
+    [bold]Examples:[/bold]
+
+    depth-pose pause
+    """
+    _tell_states(_ros("lifecycle", "set_active", False, namespace=namespace))
+
+
+def resume(
+    namespace: Annotated[str, typer.Option(help="Where the nodes lie.")] = "depth_pose",
+) -> None:
+    """Resume nodes that were paused, or that were started with the parameter autostart false.
+
+    [bold]Examples:[/bold]
+
+    depth-pose resume
+    """
+    _tell_states(_ros("lifecycle", "set_active", True, namespace=namespace))
+
+
+def _tell_states(states: dict[str, str]) -> None:
+    print_facts("nodes", sorted(states.items()))
 
 
 def play(

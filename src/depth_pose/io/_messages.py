@@ -30,6 +30,16 @@ class ImageMessage:
 
 
 @dataclass(frozen=True)
+class CompressedMessage:
+    """``sensor_msgs/msg/CompressedImage``."""
+
+    stamp_ns: int
+    frame_id: str
+    format: str
+    data: memoryview
+
+
+@dataclass(frozen=True)
 class CameraInfoMessage:
     """``sensor_msgs/msg/CameraInfo``, as far as it is used."""
 
@@ -71,6 +81,13 @@ def read_image(data: bytes) -> ImageMessage:
     height, width = cdr.number("I"), cdr.number("I")
     encoding, is_bigendian, step = cdr.text(), cdr.number("B"), cdr.number("I")
     return ImageMessage(stamp_ns, frame_id, height, width, encoding, is_bigendian, step, cdr.octets())
+
+
+def read_compressed(data: bytes) -> CompressedMessage:
+    """Decode a CompressedImage."""
+    cdr = CdrReader(data, "CompressedImage")
+    stamp_ns, frame_id = cdr.header()
+    return CompressedMessage(stamp_ns, frame_id, cdr.text(), cdr.octets())
 
 
 def read_camera_info(data: bytes) -> CameraInfoMessage:

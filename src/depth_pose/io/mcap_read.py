@@ -18,10 +18,12 @@ from depth_pose.io._messages import (
     CameraInfoMessage,
     read_camera_info,
     read_cloud,
+    read_compressed,
     read_image,
     read_skeleton,
 )
 from depth_pose.io._recording import RawMessage, Recording
+from depth_pose.io.compressed import TOPIC_ENDING, decode_compressed_depth
 from depth_pose.io.decode import (
     camera_from_info,
     decode_depth,
@@ -45,7 +47,7 @@ class DepthTopic:
     ----------
     name : str
     kind : str
-        ``sensor_msgs/msg/Image`` or ``sensor_msgs/msg/PointCloud2``.
+        ``sensor_msgs/msg/Image``, ``CompressedImage`` or ``PointCloud2``.
     info_topic : str
         The CameraInfo topic that belongs to it; empty for a cloud.
     frames : int
@@ -74,7 +76,9 @@ def _depth_topics(recording: Recording) -> tuple[DepthTopic, ...]:
     for topic in recording.topics.values():
         if topic.count == 0:
             continue
-        if topic.kind == schemas.IMAGE and _is_depth_image(recording, topic.name):
+        is_image = topic.kind == schemas.IMAGE and _is_depth_image(recording, topic.name)
+        is_compressed = topic.kind == schemas.COMPRESSED and topic.name.endswith(TOPIC_ENDING)
+        if is_image or is_compressed:
             info = _info_topic(recording, topic.name)
             found.append(DepthTopic(topic.name, topic.kind, info, topic.count))
         elif topic.kind == schemas.POINT_CLOUD and not topic.name.startswith(_OWN_TOPICS):
@@ -112,6 +116,7 @@ def _choose(recording: Recording, wanted: str | None) -> DepthTopic:
         return _named_topic(recording, wanted)
     topics = _depth_topics(recording)
     images = [t for t in topics if t.kind == schemas.IMAGE]
+    images = images or [t for t in topics if t.kind == schemas.COMPRESSED]
     named = [t for t in images if "depth" in t.name.lower()]
     for choice in (images, named, list(topics) if not images else []):
         if len(choice) == 1:
@@ -129,14 +134,14 @@ def _named_topic(recording: Recording, name: str) -> DepthTopic:
         raise InputError(f"{recording.path} has no messages on {name}; its depth topics are: {choices}")
     if topic.kind == schemas.POINT_CLOUD:
         return DepthTopic(topic.name, topic.kind, "", topic.count)
-    if topic.kind != schemas.IMAGE:
+    if topic.kind not in (schemas.IMAGE, schemas.COMPRESSED):
         raise InputError(f"{recording.path}: {name} is a {topic.kind}; depth is an Image or PointCloud2")
     info = _info_topic(recording, topic.name)
     return _with_info(recording, DepthTopic(topic.name, topic.kind, info, topic.count))
 
 
 def _with_info(recording: Recording, topic: DepthTopic) -> DepthTopic:
-    if topic.kind == schemas.IMAGE and not topic.info_topic:
+    if topic.kind != schemas.POINT_CLOUD and not topic.info_topic:
         beside = topic.name.rpartition("/")[0] + "/camera_info"
         raise InputError(
             f"{recording.path}: {topic.name} has no CameraInfo; record {beside} with it "
@@ -222,7 +227,10 @@ class DepthReader:
             return frame_of_cloud(message.data)
         if info is None:
             raise InputError(f"no CameraInfo on {self.topic.info_topic}")
-        return frame_of_image(message.data, read_camera_info(info.data))
+        calibration = read_camera_info(info.data)
+        if self.topic.kind == schemas.COMPRESSED:
+            return frame_of_compressed(message.data, calibration)
+        return frame_of_image(message.data, calibration)
 
 
 def frame_of_image(data: bytes, info: CameraInfoMessage) -> DepthFrame:
@@ -231,6 +239,15 @@ def frame_of_image(data: bytes, info: CameraInfoMessage) -> DepthFrame:
     depth = decode_depth(
         image.data, image.height, image.width, image.step, image.encoding, image.is_bigendian
     )
+    camera = camera_from_info(info.k, info.d, info.width, info.height, info.distortion_model)
+    depth = rectify_depth(depth, camera, info.d, info.distortion_model)
+    return DepthFrame(image.stamp_ns, image.frame_id, depth, camera)
+
+
+def frame_of_compressed(data: bytes, info: CameraInfoMessage) -> DepthFrame:
+    """Make a frame of a CompressedImage's CDR bytes and its camera's calibration."""
+    image = read_compressed(data)
+    depth = decode_compressed_depth(image.format, image.data)
     camera = camera_from_info(info.k, info.d, info.width, info.height, info.distortion_model)
     depth = rectify_depth(depth, camera, info.d, info.distortion_model)
     return DepthFrame(image.stamp_ns, image.frame_id, depth, camera)

@@ -70,6 +70,7 @@ DEPTH_TOPIC = "/camera/depth/image_raw"
 
 SKELETON = "depth_pose_msgs/msg/Skeleton"
 IMAGE = "sensor_msgs/msg/Image"
+COMPRESSED = "sensor_msgs/msg/CompressedImage"
 CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
 POINT_CLOUD = "sensor_msgs/msg/PointCloud2"
 

@@ -199,7 +199,7 @@ def _make_pair(
 
     bones = [NODE_INDEX[f"left_{n}"] for n in sampled]
     joints = (nodes[:, bones] - nodes[:, anchor, None]) @ both[:, anchor]
-    keep = _farthest(joints.reshape(len(both), -1), _CONFIGURATIONS)
+    keep = kernels.farthest_rows(joints.reshape(len(both), -1), min(_CONFIGURATIONS, len(both)))
     local = to_anchor[keep, None] @ both[np.ix_(keep, side[0])]
     ends, radii, areas = _balls(body, bones)
     samples = _ball_centres(both[keep], nodes[keep], anchor, np.array(bones), ends)
@@ -261,13 +261,3 @@ def _without(body: Body, nodes: NDArray[np.int64]) -> NDArray[np.int32]:
     """Faces of the body that none of some nodes moves most."""
     moved = np.isin(np.argmax(body.weights, axis=1), nodes)
     return body.faces[~moved[body.faces].any(axis=1)]
-
-
-def _farthest(rows: NDArray[np.float64], count: int) -> NDArray[np.int64]:
-    """Choose rows that lie far from each other, one after the other, from the first on."""
-    chosen = [0]
-    nearest = np.full(len(rows), np.inf)
-    for _ in range(min(count, len(rows)) - 1):
-        nearest = np.minimum(nearest, np.square(rows - rows[chosen[-1]]).sum(axis=1))
-        chosen.append(int(np.argmax(nearest)))
-    return np.array(chosen)

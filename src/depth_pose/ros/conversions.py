@@ -14,10 +14,11 @@ from depth_pose_msgs.msg import Joint as JointMsg
 from depth_pose_msgs.msg import PoseMatch as PoseMatchMsg
 from depth_pose_msgs.msg import Skeleton as SkeletonMsg
 from geometry_msgs.msg import Point, Quaternion, Transform, Vector3
-from sensor_msgs.msg import CameraInfo, Image, PointCloud2, PointField
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image, PointCloud2, PointField
 from std_msgs.msg import Header
 
 from depth_pose.errors import InputError
+from depth_pose.io.compressed import decode_compressed_depth
 from depth_pose.io.decode import (
     camera_from_info,
     decode_depth,
@@ -121,17 +122,20 @@ def msg_to_cloud(msg: PointCloud2) -> PersonCloud:
 # --- what sensors publish ------------------------------------------------------------------
 
 
-def image_to_frame(msg: Image, info: CameraInfo) -> DepthFrame:
-    """Depth frame of an ``Image`` and its ``CameraInfo``, without the lens' distortion.
+def image_to_frame(msg: Image | CompressedImage, info: CameraInfo) -> DepthFrame:
+    """Depth frame of an image, compressed or not, and its ``CameraInfo``, without the lens' distortion.
 
     Raises
     ------
     InputError
         If the encoding, the size or the camera cannot be used.
     """
-    depth = decode_depth(
-        memoryview(msg.data), msg.height, msg.width, msg.step, msg.encoding, bool(msg.is_bigendian)
-    )
+    if isinstance(msg, CompressedImage):
+        depth = decode_compressed_depth(msg.format, memoryview(msg.data))
+    else:
+        depth = decode_depth(
+            memoryview(msg.data), msg.height, msg.width, msg.step, msg.encoding, bool(msg.is_bigendian)
+        )
     camera = camera_from_info(info.k, info.d, info.width, info.height, info.distortion_model)
     return DepthFrame(
         stamp_ns=stamp_to_ns(msg.header.stamp),

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from depth_pose.io.mcap_read import DepthReader, DepthTopic, read_skeletons
-from depth_pose.io.schemas import IMAGE, SKELETON_TOPIC
+from depth_pose.io.schemas import POINT_CLOUD, SKELETON_TOPIC
 from depth_pose.ros.bag import Player, Recorder, header_stamp_ns
 from depth_pose.ros.player import Played, Recorded
 from depth_pose.ros.supervisor import Suite
@@ -183,9 +183,9 @@ def _running(suite: Suite) -> Iterator[None]:
 
 def _topic_parameters(topic: DepthTopic) -> dict[str, str | bool]:
     names = (
-        {"image_topic": topic.name, "info_topic": topic.info_topic}
-        if topic.kind == IMAGE
-        else {"cloud_topic": topic.name}
+        {"cloud_topic": topic.name}
+        if topic.kind == POINT_CLOUD
+        else {"image_topic": topic.name, "info_topic": topic.info_topic}
     )
     return {**names, "use_sim_time": True}
 

@@ -7,25 +7,27 @@ from collections import deque
 from collections.abc import Sequence
 from typing import Any
 
-from sensor_msgs.msg import CameraInfo, Image, PointCloud2
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image, PointCloud2
 
 from depth_pose.config import PipelineConfig
+from depth_pose.io.compressed import TOPIC_ENDING
 from depth_pose.ros.conversions import cloud_to_msg, image_to_frame, msg_to_frame
 from depth_pose.ros.node_base import Held, Input, StageNode
 from depth_pose.ros.parameters import DENOISE
 from depth_pose.ros.runner import run_node
 from depth_pose.steps.extract import PersonExtractor
+from depth_pose.steps.mount import turn_upright
 
 
 class DenoiseNode(StageNode):
     """Segments the person and denoises the points (Sec. 4)."""
 
-    SECTIONS = ("segment", "denoise")
+    SECTIONS = ("mount", "segment", "denoise")
     SETTINGS = DENOISE
 
     def __init__(self) -> None:
         self._info: CameraInfo | None = None
-        self._held: deque[Image] = deque()
+        self._held: deque[Image | CompressedImage] = deque()
         super().__init__("denoise")
 
     def make_stage(self, config: PipelineConfig) -> PersonExtractor:
@@ -42,7 +44,13 @@ class DenoiseNode(StageNode):
         if cloud_topic:
             return [Input(PointCloud2, cloud_topic, sensor=True)]
         self.latch(CameraInfo, self.value("info_topic"), self._take_info)
-        return [Input(Image, self.value("image_topic"), sensor=True)]
+        topic = self.value("image_topic")
+        kind = CompressedImage if topic.endswith(TOPIC_ENDING) else Image
+        return [Input(kind, topic, sensor=True)]
+
+    def forget(self) -> None:
+        """Drop the images that wait for a CameraInfo."""
+        self._held.clear()
 
     def answer(self, message: Any) -> None:
         """Find the person in one frame."""
@@ -53,9 +61,10 @@ class DenoiseNode(StageNode):
             raise Held
         else:
             frame = image_to_frame(message, self._info)
-        self._points.publish(cloud_to_msg(self.stage.extract(frame)))
+        upright = turn_upright(frame, self.config.mount)
+        self._points.publish(cloud_to_msg(self.stage.extract(upright)))
 
-    def _hold(self, image: Image) -> None:
+    def _hold(self, image: Image | CompressedImage) -> None:
         """Keep an image until the first CameraInfo says what it shows."""
         if len(self._held) >= self.queue:
             self._held.popleft()

@@ -1,9 +1,10 @@
-"""What the four nodes share: parameters, queues, pairing, diagnostics, and staying alive.
+"""What the nodes share: life cycle, parameters, diagnostics, and staying alive.
 
-A node of this package is a thin skin over one stage of the core. `StageNode` makes the stage
-from the parameters and warms it up *before* it subscribes, so that the first frame is not the
-one that waits for a compiler; it then hands over messages, newest first, and counts whatever
-gets no answer. Nothing that arrives on a topic ends a node.
+A node of this package is a thin skin over one stage of the core, and a managed node. Configuring
+makes the stage from the parameters and warms it up *before* anything is subscribed, so that the
+first frame is not the one that waits for a compiler; once active it hands over frames
+(`depth_pose.ros.intake`) and counts whatever gets no answer. Nothing that arrives on a topic ends
+a node. Unless the parameter ``autostart`` is false, a node configures and activates itself.
 """
 
 from __future__ import annotations
@@ -11,14 +12,13 @@ from __future__ import annotations
 import time
 import traceback
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Protocol
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
 from rclpy.event_handler import SubscriptionEventCallbacks
-from rclpy.node import Node
+from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
@@ -28,27 +28,19 @@ from depth_pose.config import PipelineConfig
 from depth_pose.errors import BankError, ConfigError, DepthPoseError, InputError
 from depth_pose.ros.conversions import stamp_to_ns
 from depth_pose.ros.figures import Figures
-from depth_pose.ros.pairing import Pairer
+from depth_pose.ros.intake import LOG_EVERY_S, Input, Intake, frame_qos
 from depth_pose.ros.parameters import COMMON, Setting, declare, read_config
 from depth_pose.ros.silence import CrowdWatch, SilenceWatch
 
+__all__ = ["READY", "Drop", "Held", "Input", "Stage", "StageNode"]
+
 READY = "is ready"
-"""A node logs this once it has warmed up and its connections stand; the supervisor waits for it."""
-
-PAIR_DEPTH = 64
-"""Stamps held by a node that pairs topics, until the later part of a frame comes.
-
-It must span the time that the stages between take, two seconds at 30 frames a second: with fewer,
-a node behind a slow stage would have let go of every frame's points when its match comes.
-"""
+"""A node logs this once it is active and its connections stand; the supervisor waits for it."""
 
 SETTLE_S = 0.2
 """What a writer takes for joined, the reader may not yet: it is given this long to follow."""
 
 _READY_TICK_S = 0.05
-
-LOG_EVERY_S = 5.0
-"""A drop of the same reason is logged at most this often, with the number since."""
 
 
 class Stage(Protocol):
@@ -59,24 +51,6 @@ class Stage(Protocol):
 
     def reset(self) -> None:
         """Forget everything that was kept between frames."""
-
-
-@dataclass(frozen=True)
-class Input:
-    """One topic of a node.
-
-    Attributes
-    ----------
-    kind : type
-        Message class, with a header.
-    topic : str
-    sensor : bool
-        Whether it comes from outside the suite: then its silence is worth a warning.
-    """
-
-    kind: type
-    topic: str
-    sensor: bool = False
 
 
 class Drop(DepthPoseError):
@@ -91,18 +65,18 @@ class Held(Exception):
     """Raised by `StageNode.answer` where a frame is kept and answered later."""
 
 
-class StageNode(Node):
+class StageNode(LifecycleNode):
     """A node around one stage; sub-classes say which, and convert.
 
-    Queues hold one frame and the newest wins. A node with several inputs pairs them by exact
-    stamp: up to `PAIR_DEPTH` incomplete frames are held, because the parts of one frame come at
-    different times, and all that waits is taken in before the newest whole frame is begun.
-    With the parameter ``reliable`` every frame is taken in turn, up to ``queue`` of them.
+    Queues hold one frame and the newest wins. With the parameter ``reliable`` every frame is taken
+    in turn, up to ``queue`` of them.
 
     Attributes
     ----------
     stage
-        What `make_stage` made.
+        What `make_stage` made; None until the node is configured.
+    is_active : bool
+        Whether frames are answered.
     figures : Figures
         Counts and times that go to ``/diagnostics``.
     """
@@ -113,28 +87,28 @@ class StageNode(Node):
     def __init__(self, name: str) -> None:
         super().__init__(name, namespace="depth_pose")
         self.figures = Figures()
-        self.arrivals = 0
-        self._pending: tuple[Any, ...] | None = None
-        self._last_stamp_ns: int | None = None
-        self._sequences: dict[int, int] = {}
+        self.stage: Any = None
+        self.is_active = False
+        self._intake: Intake | None = None
+        self._refused: Exception | None = None
         self._logged: dict[str, tuple[float, int]] = {}
         self._outputs: list[Publisher] = []
+        self._sources: list[Subscription] = []
+        self._opened: list[Publisher | Subscription] = []
+        self._watches: tuple[CrowdWatch, SilenceWatch] | None = None
         declare(self, (*COMMON, *self.SETTINGS), self.SECTIONS)
         self.lossless: bool = self.value("reliable")
         self.queue: int = self.value("queue")
-        self.config = read_config(self, self.SECTIONS)
-        self.stage: Any = self.make_stage(self.config)
-        self.stage.warm_up()
-        self.open_outputs()
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
-        self._open_inputs(self.inputs())
         self.add_on_set_parameters_callback(self._check_parameters)
         self.add_post_set_parameters_callback(self._take_parameters)
         self.create_timer(1.0, self._tell, clock=self._steady)
-        self.create_timer(0.5, self._silence.check, clock=self._steady)
+        self.create_timer(0.5, self._watch, clock=self._steady)
         self._joined_ticks = 0
         self._ready_timer = self.create_timer(_READY_TICK_S, self._tell_ready, clock=self._steady)
+        if self.value("autostart"):
+            self.start()
 
     # What a sub-class says
 
@@ -162,6 +136,9 @@ class StageNode(Node):
         """
         raise NotImplementedError
 
+    def forget(self) -> None:
+        """Drop messages that a sub-class keeps; called when the node is paused or cleaned up."""
+
     # What a sub-class may call
 
     def value(self, name: str) -> Any:
@@ -180,12 +157,20 @@ class StageNode(Node):
         counted : bool
             Whether its subscribers count for the parameter ``consumers``.
         """
-        made = self.create_publisher(kind, topic, self._qos(self.queue, reliable or self.lossless))
+        made = self.create_publisher(kind, topic, frame_qos(self.queue, reliable or self.lossless))
+        self._opened.append(made)
         if counted:
             self._outputs.append(made)
         return made
 
-    def latch(self, kind: type, topic: str, callback: Callable[[Any], None]) -> list[Subscription]:
+    def listen(self, kind: type, topic: str, callback: Callable[[Any], None]) -> Subscription:
+        """Subscribe to a topic of the suite's own that is no part of a frame."""
+        made = self.create_subscription(kind, topic, callback, frame_qos(self.queue, self.lossless))
+        self._opened.append(made)
+        self._sources.append(made)
+        return made
+
+    def latch(self, kind: type, topic: str, callback: Callable[[Any], None]) -> None:
         """Subscribe to what may be sent with every frame, or once and for all."""
         once = QoSProfile(
             depth=1,
@@ -194,8 +179,8 @@ class StageNode(Node):
             durability=DurabilityPolicy.TRANSIENT_LOCAL,
         )
         quiet = SubscriptionEventCallbacks(use_default_callbacks=False)
-        return [
-            self.create_subscription(kind, topic, callback, self._qos(1, self.lossless)),
+        self._opened += [
+            self.create_subscription(kind, topic, callback, frame_qos(1, self.lossless)),
             self.create_subscription(kind, topic, callback, once, event_callbacks=quiet),
         ]
 
@@ -210,89 +195,101 @@ class StageNode(Node):
         more = f" ({total - before} of these since the last such line)" if total - before > 1 else ""
         self.get_logger().warning(f"dropped, {reason}: {detail}{more}")
 
-    # Messages
+    # Life cycle
 
-    def _qos(self, depth: int, reliable: bool) -> QoSProfile:
-        policy = ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT
-        return QoSProfile(depth=depth, history=HistoryPolicy.KEEP_LAST, reliability=policy)
+    def start(self) -> None:
+        """Configure and activate.
 
-    def _open_inputs(self, inputs: Sequence[Input]) -> None:
-        paired = len(inputs) > 1
-        depth = max(self.queue, PAIR_DEPTH) if paired else self.queue
-        self._inputs = tuple(replace(i, topic=self.resolve_topic_name(i.topic)) for i in inputs)
-        self._pairer = (
-            Pairer(len(inputs), depth, self._unpaired, ordered=not self.lossless) if paired else None
-        )
-        for index, i in enumerate(self._inputs):
-            qos = self._qos(depth, self.lossless)
-            self.create_subscription(i.kind, i.topic, self._callback(index), qos)
-        self._crowd = CrowdWatch(self, self._inputs)
-        self._silence = SilenceWatch(self, [i for i in self._inputs if i.sensor])
+        Raises
+        ------
+        ConfigError, BankError
+            If the settings or the bank cannot be used.
+        """
+        for trigger in (self.trigger_configure, self.trigger_activate):
+            if trigger() != TransitionCallbackReturn.SUCCESS:
+                raise self._refused or DepthPoseError(f"{self.get_name()} could not be started")
 
-    def _callback(self, index: int) -> Callable[..., None]:
-        def take(message: Any, info: Any) -> None:  # rclpy counts the arguments
-            self._take(index, message, info)
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Load the bank, make the stage, compile or load its kernels, open the topics."""
+        try:
+            self.config = read_config(self, self.SECTIONS)
+            self.stage = self.make_stage(self.config)
+            self.stage.warm_up()
+            self.open_outputs()
+            self._intake = Intake(self, self.inputs())
+            inputs = self._intake.inputs
+            self._watches = CrowdWatch(self, inputs), SilenceWatch(self, inputs, reliable=self.lossless)
+        except Exception as e:
+            self._refused = e
+            if not isinstance(e, DepthPoseError):
+                self.get_logger().error(traceback.format_exc())
+            elif not self.value("autostart"):  # else it ends the process, which says it
+                self.get_logger().error(str(e))
+            self._close()
+            return TransitionCallbackReturn.FAILURE
+        return super().on_configure(state)
 
-        return take
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Begin to answer frames."""
+        self.is_active, self._joined_ticks = True, 0
+        self._ready_timer.reset()
+        return super().on_activate(state)
 
-    def _take(self, index: int, message: Any, info: dict[str, Any]) -> None:
-        self.arrivals += 1
-        self._silence.heard(self._inputs[index].topic)
-        self._count_missed(index, info.get("publication_sequence_number"))
-        stamp_ns = stamp_to_ns(message.header.stamp)
-        if index == 0 and not self._is_new(stamp_ns):
-            return
-        whole = (message,) if self._pairer is None else self._pairer.add(index, stamp_ns, message)
-        if whole is None:
-            return
-        if self._pairer is None or self.lossless:
-            self.process(whole)
-            return
-        if self._pending is not None:
-            self.drop("overtaken", "a newer frame came before this one was begun")
-        self._pending = whole
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Pause: topics stay open, frames that come are ignored."""
+        self.is_active = False
+        self.forget()
+        self._reset_stage()
+        if self._intake is not None:
+            self._intake.forget()
+        self.get_logger().info(f"{self.get_name()} is paused")
+        return super().on_deactivate(state)
 
-    def _count_missed(self, index: int, sequence: int | None) -> None:
-        """Count what the publisher sent and this node never saw, by the publisher's own numbers."""
-        if not sequence:
-            return
-        last = self._sequences.get(index)
-        self._sequences[index] = sequence
-        topic = self._inputs[index].topic
-        # each publisher counts for itself: the numbers of several say nothing
-        if last is not None and sequence > last + 1 and self.count_publishers(topic) == 1:
-            self.drop("missed", f"{topic} brought newer ones while this node was busy", sequence - last - 1)
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Let go of the stage and of the topics."""
+        self._close()
+        return super().on_cleanup(state)
 
-    def _is_new(self, stamp_ns: int) -> bool:
-        last, self._last_stamp_ns = self._last_stamp_ns, stamp_ns
-        if last is None or stamp_ns > last:
-            return True
-        topic = self._inputs[0].topic
-        if stamp_ns == last:
-            self.drop("same stamp", f"{topic} repeats stamp {stamp_ns} ns; does the driver set header.stamp?")
-            return False
-        self.figures.counts["stamps going back"] += 1
-        back_s = (last - stamp_ns) / 1e9
-        self.get_logger().warning(
-            f"the stamps of {topic} went back by {back_s:.3f} s; what was kept of earlier frames is dropped",
-            throttle_duration_sec=LOG_EVERY_S,
-        )
-        return True
+    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Let go of everything, for good."""
+        self._close()
+        return super().on_shutdown(state)
 
-    def _unpaired(self, count: int) -> None:
-        topics = " and ".join(i.topic for i in self._inputs)
-        self.drop("unpaired", f"{topics} did not both bring this stamp", count)
+    def _close(self) -> None:
+        self.is_active = False
+        self.forget()
+        if self._intake is not None:
+            self._intake.close()
+        for entity in self._opened:
+            if isinstance(entity, Publisher):
+                self.destroy_publisher(entity)
+            else:
+                self.destroy_subscription(entity)
+        self._opened, self._outputs, self._sources = [], [], []
+        self._intake = self._watches = self.stage = None
+
+    # Frames
+
+    @property
+    def arrivals(self) -> int:
+        """Messages that came so far."""
+        return self._intake.arrivals if self._intake is not None else 0
 
     @property
     def has_pending(self) -> bool:
         """Whether a whole frame waits for `process_pending`."""
-        return self._pending is not None
+        return self._intake is not None and self._intake.has_pending
 
     def process_pending(self) -> None:
         """Answer the newest whole frame."""
-        whole, self._pending = self._pending, None
+        whole = self._intake.take_pending() if self._intake is not None else None
         if whole is not None:
             self.process(whole)
+
+    def heard(self, topic: str) -> None:
+        """Note that a message came."""
+        if self._watches is not None:
+            self._watches[1].heard(topic)
 
     def process(self, messages: tuple[Any, ...]) -> None:
         """Answer a whole frame, or count why not; whatever happens, the node lives."""
@@ -304,7 +301,8 @@ class StageNode(Node):
         except Drop as e:
             self.drop(e.reason, str(e))
         except InputError as e:
-            self.drop("bad input", f"{self._inputs[0].topic}: {e}")
+            topic = self._intake.inputs[0].topic if self._intake is not None else ""
+            self.drop("bad input", f"{topic}: {e}")
         except BankError as e:
             self.drop("other bank", str(e))
         except Exception as e:  # a node outlives every frame
@@ -332,7 +330,7 @@ class StageNode(Node):
         return SetParametersResult(successful=True)
 
     def _take_parameters(self, parameters: list[Parameter]) -> None:
-        if not any(p.name.split(".")[0] in self.SECTIONS for p in parameters):
+        if self.stage is None or not any(p.name.split(".")[0] in self.SECTIONS for p in parameters):
             return
         try:
             config = read_config(self, self.SECTIONS)
@@ -347,28 +345,40 @@ class StageNode(Node):
     # Telling
 
     def _tell_ready(self) -> None:
+        if self._intake is None or not self.is_active:
+            return
         wanted = self.value("consumers")
         joined = all(p.get_subscription_count() >= wanted for p in self._outputs)
+        if self.value("producers"):
+            joined = joined and self._intake.joined and all(s.get_publisher_count() for s in self._sources)
         self._joined_ticks = self._joined_ticks + 1 if joined else 0
         if self._joined_ticks > SETTLE_S / _READY_TICK_S:
-            self.destroy_timer(self._ready_timer)
-            topics = ", ".join(i.topic for i in self._inputs)
+            self._ready_timer.cancel()
+            topics = ", ".join(i.topic for i in self._intake.inputs)
             self.get_logger().info(f"{self.get_name()} {READY}: listens to {topics}")
 
+    def _watch(self) -> None:
+        if self._watches is not None and self.is_active:
+            self._watches[1].check()
+
     def _tell(self) -> None:
-        self._crowd.check()
-        new = self.figures.new_drops()
-        status = DiagnosticStatus(name=f"{self.get_fully_qualified_name()}", hardware_id="depth_pose")
-        status.level, status.message = DiagnosticStatus.OK, "answers" if self.figures.rate_hz() else "waits"
-        if self._silence.silent:
-            status.level, status.message = (
-                DiagnosticStatus.WARN,
-                "nothing from " + ", ".join(self._silence.silent),
-            )
-        if new:
-            status.level = DiagnosticStatus.ERROR if new["error"] else DiagnosticStatus.WARN
-            status.message = "dropped " + ", ".join(f"{n} {reason}" for reason, n in sorted(new.items()))
+        status = DiagnosticStatus(name=self.get_fully_qualified_name(), hardware_id="depth_pose")
+        status.level, status.message = self._judge()
         status.values = [KeyValue(key=k, value=v) for k, v in self.figures.as_text().items()]
         message = DiagnosticArray(status=[status])
         message.header.stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(message)
+
+    def _judge(self) -> tuple[bytes, str]:
+        """Give the level and the words of this second's diagnostics."""
+        new = self.figures.new_drops()
+        if self._watches is None or not self.is_active:
+            return DiagnosticStatus.OK, "is paused" if self._watches else "is not configured"
+        crowd, silence = self._watches
+        crowd.check()
+        if new:
+            level = DiagnosticStatus.ERROR if new["error"] else DiagnosticStatus.WARN
+            return level, "dropped " + ", ".join(f"{n} {reason}" for reason, n in sorted(new.items()))
+        if silence.silent:
+            return DiagnosticStatus.WARN, "nothing from " + ", ".join(silence.silent)
+        return DiagnosticStatus.OK, "answers" if self.figures.rate_hz() else "waits"

@@ -43,8 +43,12 @@ COMMON: tuple[Setting, ...] = (
     Setting(
         "reliable", False, "Reliable in and out, every frame in turn: for replays that wait, not for sensors"
     ),
+    Setting("autostart", True, "Configure and activate at once; false: wait for the lifecycle services"),
     Setting(
         "consumers", 0, "Subscribers that every output must have before the node calls itself ready", 0, 100
+    ),
+    Setting(
+        "producers", False, "Whether every input of the suite's own must have a publisher before that, too"
     ),
 )
 """Parameters of every node."""
@@ -52,7 +56,11 @@ COMMON: tuple[Setting, ...] = (
 BANK = Setting("bank", "", "Exemplar bank file; empty: the one that the set-up built")
 
 DENOISE: tuple[Setting, ...] = (
-    Setting("image_topic", "/camera/depth/image_raw", "Depth image, 16UC1 millimetres or 32FC1 metres"),
+    Setting(
+        "image_topic",
+        "/camera/depth/image_raw",
+        "Depth image, 16UC1 millimetres or 32FC1 metres; or one that ends in /compressedDepth",
+    ),
     Setting("info_topic", "/camera/depth/camera_info", "CameraInfo of the depth image"),
     Setting("cloud_topic", "", "PointCloud2 in the optical frame; if set, it is used and no image"),
 )

@@ -18,13 +18,14 @@ from depth_pose.ros.drawing import skeleton_to_markers, skeleton_to_transforms
 from depth_pose.ros.node_base import Input
 from depth_pose.ros.parameters import RECOVERY
 from depth_pose.ros.runner import run_node
+from depth_pose.steps.mount import turn_back
 from depth_pose.steps.recover import Recoverer
 
 
 class RecoveryNode(BankNode):
     """Finds failures, recovers from them over time, and smooths (Sec. 6, last part)."""
 
-    SECTIONS = ("recover", "smooth")
+    SECTIONS = ("mount", "recover", "smooth")
     SETTINGS = RECOVERY
 
     def __init__(self) -> None:
@@ -36,7 +37,7 @@ class RecoveryNode(BankNode):
 
     def open_outputs(self) -> None:
         """Publish what other programs read: reliable, which suits every subscriber."""
-        self._skeletons = self.publisher(Skeleton, "skeleton", reliable=True, counted=False)
+        self._skeletons = self.publisher(Skeleton, "skeleton", reliable=True)
         self._markers = self.publisher(MarkerArray, "markers", reliable=True, counted=False)
         self._transforms = None
         if self.value("tf"):
@@ -50,7 +51,8 @@ class RecoveryNode(BankNode):
 
     def answer(self, points: PointCloud2, refined: Skeleton) -> None:
         """Check, recover and smooth one frame."""
-        skeleton = self.stage.recover(msg_to_cloud(points), msg_to_skeleton(refined))
+        upright = self.stage.recover(msg_to_cloud(points), msg_to_skeleton(refined))
+        skeleton = turn_back(upright, self.config.mount)
         self._skeletons.publish(skeleton_to_msg(skeleton))
         if self._markers.get_subscription_count():
             self._markers.publish(skeleton_to_markers(skeleton))

@@ -35,7 +35,7 @@ def run_node(make: Callable[[], Any], args: Sequence[str] | None = None) -> int:
     int
         Exit code: 0 after SIGINT or SIGTERM, `EXIT_CONFIG` where the settings cannot be used.
     """
-    _end_with_parent()
+    end_with_parent()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, _stop)
     import rclpy  # after the handlers: a stop during these imports must be clean, too
@@ -103,7 +103,7 @@ def _stop(number: int, frame: object) -> None:
     raise KeyboardInterrupt
 
 
-def _end_with_parent() -> None:
+def end_with_parent() -> None:
     """Have the kernel send SIGTERM when the supervisor dies, however it dies."""
     parent = os.environ.get(PARENT_VARIABLE)
     if not parent or not sys.platform.startswith("linux"):

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy
+from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 
 if TYPE_CHECKING:
     from depth_pose.ros.node_base import Input
@@ -61,7 +61,7 @@ class _Watched:
 
 
 class SilenceWatch:
-    """Watches the topics that come from outside; `check` is called twice a second.
+    """Watches the inputs that come from outside; `check` is called twice a second.
 
     Attributes
     ----------
@@ -69,11 +69,11 @@ class SilenceWatch:
         Topics with publishers from which nothing comes.
     """
 
-    def __init__(self, node: Node, inputs: Sequence[Input]) -> None:
+    def __init__(self, node: Node, inputs: Sequence[Input], *, reliable: bool = False) -> None:
         self.silent: list[str] = []
-        self._node = node
+        self._node, self._reliable = node, reliable
         self._started = time.monotonic()
-        self._watched = {i.topic: _Watched(_type_name(i.kind)) for i in inputs}
+        self._watched = {i.topic: _Watched(_type_name(i.kind)) for i in inputs if i.sensor}
 
     def heard(self, topic: str) -> None:
         """Note a message."""
@@ -118,6 +118,8 @@ class SilenceWatch:
         if types != [wanted]:
             return start + f"it carries {', '.join(types)}, this node takes {wanted}"
         qos = [p.qos_profile for p in found]  # type: ignore[attr-defined]
+        if self._reliable and all(q.reliability == ReliabilityPolicy.BEST_EFFORT for q in qos):
+            return start + "it is sent best effort, this node asks for reliable: leave the parameter reliable"
         durable = any(q.durability == DurabilityPolicy.TRANSIENT_LOCAL for q in qos)
         return start + (
             "it is published once and kept; a depth topic must stream"

@@ -8,12 +8,15 @@
 
 `up` is the same as a command that runs until SIGINT or SIGTERM. Each node is a process of its
 own (``python -m depth_pose.ros.NAME_node``) whose output appears with its name in front. One
-that dies is started again, after 0.5 s at first and up to 10 s when it goes on dying. Should the
-supervisor itself be killed, the kernel ends the nodes.
+that dies is started again, after 0.1 s at first and up to 10 s when it goes on dying; a spare process
+that has everything loaded takes its place (`depth_pose.ros.spare`). Should the supervisor itself be
+killed, the kernel ends the nodes.
 """
 
 from __future__ import annotations
 
+import contextlib
+import json
 import os
 import signal
 import subprocess
@@ -25,10 +28,11 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
-from typing import IO, Any
+from typing import Any
 
 from depth_pose.errors import ConfigError, DepthPoseError
 from depth_pose.ros.runner import EXIT_CONFIG, PARENT_VARIABLE, on_stop
+from depth_pose.ros.spare import LOADED
 
 NODES: tuple[str, ...] = ("denoise", "matcher", "refine", "recovery")
 """The nodes, in the order that a frame passes them."""
@@ -36,9 +40,9 @@ NODES: tuple[str, ...] = ("denoise", "matcher", "refine", "recovery")
 SENSORS_PATH = Path(__file__).with_name("sensors")
 """Parameter files of known sensor drivers, NAME.yaml."""
 
-_CONSUMERS = {"denoise": 3, "matcher": 1, "refine": 1, "recovery": 0}
+_CONSUMERS = {"denoise": 3, "matcher": 1, "refine": 1, "recovery": 1}
 _READY = "is ready"
-_FIRST_DELAY_S, _MAX_DELAY_S, _HEALTHY_S = 0.5, 10.0, 30.0
+_FIRST_DELAY_S, _MAX_DELAY_S, _HEALTHY_S = 0.1, 10.0, 10.0
 _STOP_PATIENCE_S = 3.0
 
 
@@ -79,6 +83,8 @@ class Suite:
         the files.
     nodes : sequence of str
         Which of `NODES` to run.
+    spare : bool
+        Whether to keep a spare process, which costs the memory of one more node. All four only.
     sink : callable
         Gets every line of output, with ``[name] `` in front; prints it by default.
 
@@ -96,12 +102,17 @@ class Suite:
         *,
         parameters: Mapping[str, Any] | None = None,
         nodes: Sequence[str] = NODES,
+        spare: bool = True,
         sink: Callable[[str], None] | None = None,
     ) -> None:
         self._arguments = _ros_arguments(params_file, sensor, bank, parameters or {})
         self._sink = sink or _print
         self._children = {name: _Child(name) for name in nodes}
         self._whole = set(nodes) == set(NODES)
+        self._keeps_spare = spare and self._whole
+        self._spare = _Child("spare")
+        self._owners: dict[int, _Child] = {}
+        self._bank = str(Path(bank).absolute()) if bank is not None else ""
         self._stopping = threading.Event()
         self._failed: DepthPoseError | None = None
         self._thread: threading.Thread | None = None
@@ -151,6 +162,11 @@ class Suite:
         return self._children[name].ready.is_set()
 
     @property
+    def has_spare(self) -> bool:
+        """Whether a spare process is loaded and waits."""
+        return self._spare.ready.is_set()
+
+    @property
     def failure(self) -> DepthPoseError | None:
         """Why the suite cannot go on, if so."""
         return self._failed
@@ -160,11 +176,14 @@ class Suite:
         self._stopping.set()
         with self._lock:
             running = {n: c.process for n, c in self._children.items() if c.process is not None}
-        for process in running.values():
+            spare = self._spare.process
+        for process in (*running.values(), *([spare] if spare is not None else [])):
             if process.poll() is None:
                 process.send_signal(signal.SIGTERM)
         deadline = time.monotonic() + _STOP_PATIENCE_S
         codes = {name: _wait(process, deadline) for name, process in running.items()}
+        if spare is not None:
+            _wait(spare, deadline)
         if self._thread is not None:
             self._thread.join()
         return codes
@@ -191,6 +210,7 @@ class Suite:
         while not self._stopping.wait(0.1):
             for child in self._children.values():
                 self._look_after(child)
+            self._look_after_spare()
 
     def _spawn(self, child: _Child) -> None:
         with self._lock:
@@ -200,28 +220,68 @@ class Suite:
             child.retry_s = None
             child.started_s = time.monotonic()
             consumers = _CONSUMERS[child.name] if self._whole else 0
-            child.process = subprocess.Popen(
-                [
-                    *(sys.executable, "-m", f"depth_pose.ros.{child.name}_node", "--ros-args"),
-                    *("-p", f"consumers:={consumers}", *self._arguments),
-                ],
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.PIPE,
-                stderr=subprocess.STDOUT,
-                text=True,
-                errors="replace",
-                bufsize=1,
-                start_new_session=True,  # Ctrl-C reaches the supervisor only
-                env=_environment(),
-            )
-        threading.Thread(target=self._read, args=(child, child.process.stdout), daemon=True).start()
+            producers = _yaml(self._whole)
+            arguments = [
+                *("--ros-args", "-p", f"consumers:={consumers}", "-p", f"producers:={producers}"),
+                *self._arguments,
+            ]
+            if self._take_spare(child, arguments):
+                return
+            self._start(child, f"{child.name}_node", arguments)
 
-    def _read(self, child: _Child, stream: IO[str]) -> None:
-        for line in stream:
+    def _start(self, child: _Child, module: str, arguments: Sequence[str], waits: bool = False) -> None:
+        """Start a module as a process, and read what it prints."""
+        child.process = subprocess.Popen(
+            [sys.executable, "-m", f"depth_pose.ros.{module}", *arguments],
+            stdin=subprocess.PIPE if waits else subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            errors="replace",
+            bufsize=1,
+            start_new_session=True,  # Ctrl-C reaches the supervisor only
+            env=_environment(),
+        )
+        self._owners[child.process.pid] = child
+        reader = threading.Thread(target=self._read, args=(child.process,), daemon=True)
+        reader.start()
+
+    def _take_spare(self, child: _Child, arguments: list[str]) -> bool:
+        """Have the spare process become a node, if it is there and loaded."""
+        process = self._spare.process
+        if process is None or process.stdin is None or not self.has_spare or process.poll() is not None:
+            return False
+        self._owners[process.pid], child.process = child, process
+        self._spare = _Child("spare")
+        with contextlib.suppress(OSError):  # where it died just now, the next look finds it
+            process.stdin.write(json.dumps([child.name, arguments]) + "\n")
+            process.stdin.close()
+        return True
+
+    def _look_after_spare(self) -> None:
+        """Start a spare once all nodes are ready, so that it takes no time from their start."""
+        spare = self._spare
+        if not self._keeps_spare or self._failed is not None:
+            return
+        if spare.process is not None:
+            if spare.process.poll() is not None:
+                self._keeps_spare = self.has_spare  # one that cannot load is not tried again
+                self._spare = _Child("spare")
+            return
+        if all(c.ready.is_set() for c in self._children.values()):
+            with self._lock:
+                if not self._stopping.is_set():
+                    self._start(spare, "spare", [self._bank] if self._bank else [], waits=True)
+
+    def _read(self, process: subprocess.Popen[str]) -> None:
+        for line in process.stdout or ():
             line = line.rstrip("\n")
+            child = self._owners[process.pid]
             child.last_lines.append(line)
-            if _READY in line:
+            if (LOADED if child is self._spare else _READY) in line:
                 child.ready.set()
+                if child is self._spare:
+                    continue
             self._sink(f"[{child.name}] {line}")
 
     def _look_after(self, child: _Child) -> None:

@@ -36,6 +36,12 @@ def skeleton_confidence(score: float) -> float:
     return float(1.0 / (1.0 + np.exp((score - _HALF_SURE_SCORE) / _SCORE_SPREAD)))
 
 
+def score_of(confidence: float) -> float:
+    """Rendered-depth score that a confidence stands for, the inverse of `skeleton_confidence`."""
+    bounded = min(max(confidence, 1e-7), 1.0 - 1e-7)
+    return float(_HALF_SURE_SCORE + _SCORE_SPREAD * np.log(1.0 / bounded - 1.0))
+
+
 def report_joints(positions: NDArray[np.float64], scale: float, view: PersonView) -> JointReport:
     """Compare joints with the depth seen where they project.
 

@@ -1,4 +1,10 @@
-"""Telling failed skeletons (Sec. 6): bones that change, joints beyond their limits, poor agreement."""
+"""Telling failed skeletons (Sec. 6): sudden changes, joints beyond their limits, poor agreement.
+
+The paper looks for sudden changes of bone lengths and for joint angles beyond their limits. A fit
+of a body keeps its bones, and a person taken for their own back view bends no joint; so the joints'
+jumps and the fit's score (`depth_pose.render`) are looked at too, against the frame before.
+`benchmarks/recovery.py` measures how many of simulated failures are found.
+"""
 
 from __future__ import annotations
 
@@ -13,10 +19,21 @@ from depth_pose.body.limits import violation
 from depth_pose.config import RecoverConfig
 from depth_pose.registration.skeleton_pose import pose_from_skeleton
 from depth_pose.skeleton import BONES, JOINT_NODES, JOINTS, NODE_INDEX
+from depth_pose.steps.confidence import score_of
 from depth_pose.types import Skeleton
 
-KINDS: tuple[str, ...] = ("no_pose", "bone_length", "joint_angle", "low_confidence")
-"""Kinds of failure, the keys of the counters."""
+KINDS: tuple[str, ...] = (
+    "no_pose",
+    "bone_length",
+    "joint_angle",
+    "low_confidence",
+    "jump",
+    "worse_fit",
+)
+"""Kinds of failure, the keys of the counters, in the order they are looked for."""
+
+_JUMP_M = 0.1
+"""A joint may differ by this from frame to frame, beside what its speed allows."""
 
 _UNKNOWN_PERSON = 2.0
 """How many times as far a bone may be from the body's own, before the person's are known."""
@@ -27,10 +44,11 @@ _LEAST_CHANGE_M = 0.06
 _JUDGED = np.array(
     [
         any(part in name for part in ("spine", "chest", "shoulder_", "elbow", "hip_", "knee"))
+        and "shoulder_twist" not in name
         for name in ANGLES
     ]
 )
-"""Angles that show a failure; hands, feet, head and forearm twist are seen too poorly to tell."""
+"""Angles that show a failure; hands, feet, head and the arms' twist are seen too poorly to tell."""
 
 
 _BENT = 0.5
@@ -67,7 +85,7 @@ class FailureCheck:
         self.config = config
         self._own_bones = bone_lengths(body.nodes[JOINT_NODES])
 
-    def find(self, skeleton: Skeleton, good: Skeleton | None) -> Failure | None:
+    def find(self, skeleton: Skeleton, good: Skeleton | None, before: Skeleton | None) -> Failure | None:
         """Look for a failure.
 
         Parameters
@@ -75,6 +93,8 @@ class FailureCheck:
         skeleton : Skeleton
         good : Skeleton, optional
             The last one in which none was found; the body's own proportions stand in for it.
+        before : Skeleton, optional
+            What was answered to the frame before, without the filter.
 
         Returns
         -------
@@ -82,7 +102,13 @@ class FailureCheck:
         """
         if skeleton.is_lost:
             return Failure("no_pose", "no pose was found, though somebody is in view")
-        return self._changed_bone(skeleton, good) or self._bent_too_far(skeleton) or self._unsure(skeleton)
+        return (
+            self._changed_bone(skeleton, good)
+            or self._bent_too_far(skeleton)
+            or self._unsure(skeleton)
+            or self._jumped(skeleton, before)
+            or self._fits_worse(skeleton, good)
+        )
 
     def _changed_bone(self, skeleton: Skeleton, good: Skeleton | None) -> Failure | None:
         if good is None:
@@ -111,6 +137,32 @@ class FailureCheck:
             "joint_angle",
             f"{ANGLES[a]} is {excess[a]:.0f} degrees beyond its limit "
             f"(angle_excess allows {self.config.angle_excess:.0f})",
+        )
+
+    def _jumped(self, skeleton: Skeleton, before: Skeleton | None) -> Failure | None:
+        if before is None:
+            return None
+        seconds = (skeleton.stamp_ns - before.stamp_ns) * 1e-9
+        way = np.linalg.norm(skeleton.positions - before.positions, axis=1)
+        allowed = _JUMP_M + self.config.joint_speed * seconds
+        j = int(np.argmax(way))
+        if way[j] <= allowed:
+            return None
+        return Failure(
+            "jump",
+            f"{JOINTS[j]} went {way[j]:.2f} m in {seconds:.3f} s (joint_speed allows {allowed:.2f})",
+        )
+
+    def _fits_worse(self, skeleton: Skeleton, good: Skeleton | None) -> Failure | None:
+        if good is None:
+            return None
+        before, now = score_of(good.confidence), score_of(skeleton.confidence)
+        if now - before <= self.config.score_rise:
+            return None
+        return Failure(
+            "worse_fit",
+            f"the disagreement with the input went from {before:.2f} to {now:.2f} "
+            f"(score_rise allows {self.config.score_rise:.2f})",
         )
 
     def _unsure(self, skeleton: Skeleton) -> Failure | None:

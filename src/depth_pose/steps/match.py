@@ -19,7 +19,8 @@ from depth_pose.config import MatchConfig
 from depth_pose.geometry import matrix_to_quat
 from depth_pose.registration.articulated import ArticulatedFitter, BodyPose
 from depth_pose.render import Observation
-from depth_pose.steps.cut_off import UprightExemplars, head_axes, is_cut_off
+from depth_pose.steps.cut_off import UprightExemplars, head_axes, is_cut_off, touches_side
+from depth_pose.steps.identity import PersonGuard
 from depth_pose.steps.placing import (
     ExemplarRenderer,
     ExemplarViews,
@@ -44,6 +45,9 @@ _FINALISTS = 16
 
 _CORRECTED = 8
 """The best of them, which are corrected once more."""
+
+_MORE = 1.2
+"""How much more must be seen of a person who is cut off before their size is found again."""
 
 _SAME_POSE_M = 0.05
 """Candidates whose nodes are this close on average are the same pose."""
@@ -73,17 +77,20 @@ class Matcher:
         self._renderer = ExemplarRenderer(bank, config.score_band)
         self._upright = UprightExemplars(bank)
         self._guard = StampGuard()
+        self._identity = PersonGuard()
         self._finder = ScaleFinder(ArticulatedFitter(bank.body), config.score_band)
+        self.reset()
 
     def reset(self) -> None:
         """Forget the person's size."""
         self._finder.reset()
+        self._partial, self._shown = False, 0.0
 
     def warm_up(self) -> None:
         """Compile every kernel."""
         self.match(sample_cloud(self.bank))
         self.reset()
-        self._guard = StampGuard()
+        self._guard, self._identity = StampGuard(), PersonGuard()
 
     def match(self, cloud: PersonCloud) -> PoseMatch:
         """Find the exemplars nearest to a cloud.
@@ -103,6 +110,10 @@ class Matcher:
         if view is None:
             self.reset()
             return PoseMatch(cloud.stamp_ns, cloud.frame_id, self.bank.bank_id, 0.0, ())
+        if self._identity.is_other(view, cloud.stamp_ns):
+            self.reset()
+        self._identity.note(view, cloud.stamp_ns)
+        self._await_whole(cloud, view)
         is_new = self._finder.frames == 0
         scale = self._scale(cloud, view)
         rough = self._compare_roughly(cloud, view, scale, self.config.shortlist)
@@ -115,6 +126,17 @@ class Matcher:
     def _knows_scale(self) -> bool:
         """Tell whether the size is given, or was found and is held."""
         return self.config.scale > 0.0 or self._finder.frames >= self.config.scale_frames
+
+    def _await_whole(self, cloud: PersonCloud, view: PersonView) -> None:
+        """Find the size of a person who comes in from the side anew, as more is seen of them."""
+        if touches_side(cloud):
+            self._partial = self._partial or not self._knows_scale()
+            shown = len(view.points) * float(np.median(view.points[:, 2])) ** 2
+            if self._partial and shown > _MORE * self._shown:
+                self._finder.reset()
+                self._shown = shown
+        elif self._partial:
+            self.reset()
 
     def _scale(self, cloud: PersonCloud, view: PersonView) -> float:
         """Give the person's size: as configured, or found over the frames so far."""

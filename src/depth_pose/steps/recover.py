@@ -1,9 +1,12 @@
 """Failure check, recovery by temporal registration, and the filter on the output (Sec. 6).
 
-A refined skeleton in which a failure is found (`depth_pose.steps.failure`) is replaced by the body
-of the frame before, carried over by the clouds (`depth_pose.registration.temporal`). Recovered
-skeletons are judged against the last good one and never stand in for it, so that an error does not
-outlive `max_frames`; after that many in a row the person counts as lost until a good detection.
+Where a failure is found in a refined skeleton (`depth_pose.steps.failure`), the body of the frame
+before is carried over by the clouds (`depth_pose.registration.temporal`), as in the paper, and
+fitted to the input, which takes out the drift of repeated registration. Both poses are then
+compared with the input by rendering: one that is implausible in itself must agree much better to
+be kept, one that merely came suddenly only as well. So a good detection wins at once, and a
+recovered pose is never more than a stand-in; after `max_time` without a good one the person counts
+as lost.
 """
 
 from __future__ import annotations
@@ -16,13 +19,17 @@ import numpy as np
 from depth_pose.bank.bank import Bank
 from depth_pose.config import MatchConfig, RecoverConfig, SmoothConfig
 from depth_pose.geometry import matrix_to_quat
+from depth_pose.registration.articulated import ArticulatedFitter, BodyPose, FitTarget
 from depth_pose.registration.completion import MeshCompleter
 from depth_pose.registration.skeleton_pose import pose_from_skeleton
 from depth_pose.registration.temporal import TemporalCarrier
 from depth_pose.render import DepthComparer
 from depth_pose.skeleton import JOINT_NODES, Source
-from depth_pose.steps.confidence import report_joints, skeleton_confidence
-from depth_pose.steps.failure import KINDS, FailureCheck
+from depth_pose.steps.confidence import report_joints, score_of, skeleton_confidence
+from depth_pose.steps.failure import KINDS, Failure, FailureCheck
+from depth_pose.steps.fitters import FINE_SIGMAS
+from depth_pose.steps.identity import PersonGuard
+from depth_pose.steps.sample import sample_cloud
 from depth_pose.steps.smooth import JointFilter
 from depth_pose.steps.stamps import StampGuard
 from depth_pose.steps.view import PersonView, thin, view_person
@@ -30,7 +37,21 @@ from depth_pose.types import PersonCloud, Skeleton
 
 _MAX_POINTS = 600
 _TRUST = 0.8
-"""A recovered skeleton's confidence is its agreement with the input times this, once per frame."""
+"""A recovered skeleton's confidence is its agreement with the input times this."""
+
+_SIGMAS = (0.05, 0.04, 0.034, *FINE_SIGMAS)
+"""Standard deviations of the fit that follows the registration, metres."""
+
+_WORSE = {"no_pose": 1.0, "bone_length": 0.1, "joint_angle": 0.1}
+"""How much higher a carried pose's score may be to replace one that failed so; not at all for other kinds."""
+
+_PART, _WORSE_OF_PART = 0.7, 0.08
+"""With less than this share of the points of the last good frame a part of the person is missing, and
+what fits the rest best is often something else: the carried pose's score may be higher by the second."""
+
+
+_HOPELESS = 0.5
+"""Somebody new is not believed in with less than this share of `min_confidence`: it is furniture."""
 
 
 @dataclass(frozen=True)
@@ -60,25 +81,32 @@ class Recoverer:
         self._check = FailureCheck(bank.body, recover)
         self._completer = MeshCompleter(bank.body)
         self._carrier = TemporalCarrier(self._completer)
+        self._fitter = ArticulatedFitter(bank.body)
         self._filter = JointFilter(smooth)
         self._guard = StampGuard()
+        self._identity = PersonGuard()
         self._people = 0
         self.failures: Counter[str] = Counter(dict.fromkeys(KINDS, 0))
         self.recoveries = 0
         self.reset()
 
     def reset(self) -> None:
-        """Forget the person; the next one gets a new body id."""
+        """Forget the last pose; who comes soon at the same place keeps the body id."""
         self._filter.reset()
         self._past: _Past | None = None
         self._good: Skeleton | None = None
-        self._run = 0
+        self._good_points = 0
         self._waiting = False
         self.last_reason = ""
 
     def warm_up(self) -> None:
         """Compile every kernel."""
         self._completer.warm_up()
+        view = view_person(sample_cloud(self.bank))
+        if view is not None:
+            turned = np.diag([1.0, -1.0, -1.0])
+            start = BodyPose(turned @ self.bank.rotations(0), view.points.mean(axis=0), 1.0)
+            self._fit(view, start)
 
     def recover(self, cloud: PersonCloud, skeleton: Skeleton) -> Skeleton:
         """Check a refined skeleton, recover where it failed, and filter.
@@ -101,47 +129,66 @@ class Recoverer:
         if view is None:
             self.reset()
             return Skeleton.lost(cloud.stamp_ns, cloud.frame_id)
+        is_other = self._identity.is_other(view, cloud.stamp_ns)
+        if is_other:
+            self.reset()
         answer = self._checked(view, skeleton) if self.config.enabled else skeleton
         if answer.is_lost:
             reason = self.last_reason
             self.reset()
             self.last_reason, self._waiting = reason, True
             return Skeleton.lost(cloud.stamp_ns, cloud.frame_id)
-        if self._past is None:
-            self._people += 1
+        self._identity.note(view, cloud.stamp_ns)
+        self._people += is_other
         self._past = _Past(view, answer)
         positions = self._filter.filter(answer.positions, cloud.stamp_ns)
         return replace(answer, body_id=f"body_{self._people}", positions=positions)
 
     def _checked(self, view: PersonView, refined: Skeleton) -> Skeleton:
         """Give the refined skeleton, or a better one, or a lost one."""
-        failure = self._check.find(refined, self._good)
+        before = self._past.skeleton if self._past is not None else None
+        failure = self._check.find(refined, self._good, before)
         self.last_reason = failure.reason if failure else ""
         if failure is None:
-            self._good, self._run, self._waiting = refined, 0, False
-            return refined
+            return self._trusted(view, refined)
         self.failures[failure.kind] += 1
-        doubtful = failure.kind == "low_confidence"  # plausible in itself: the input may be poor
+        in_itself = failure.kind in ("no_pose", "bone_length", "joint_angle")
+        if self._good is None and refined.confidence < _HOPELESS * self.config.min_confidence:
+            return Skeleton.lost(refined.stamp_ns, refined.frame_id)
         if self._past is None and not self._waiting and not refined.is_lost:
             return replace(refined, confidence=float(np.float32(_TRUST * refined.confidence)))
-        if self._past is None or self._run >= self.config.max_frames:
-            return refined if doubtful else Skeleton.lost(refined.stamp_ns, refined.frame_id)
+        if self._past is None or self._is_over(refined.stamp_ns):
+            return (
+                Skeleton.lost(refined.stamp_ns, refined.frame_id)
+                if in_itself
+                else self._trusted(view, refined)
+            )
         recovered = self._carry(self._past, view, refined)
-        if doubtful and recovered.confidence <= refined.confidence:
-            return refined
-        self._run += 1
+        if not _is_better(recovered, refined, failure, len(view.points) < _PART * self._good_points):
+            return refined if in_itself or failure.kind == "low_confidence" else self._trusted(view, refined)
         self.recoveries += 1
-        return recovered
+        return replace(recovered, confidence=float(np.float32(_TRUST * recovered.confidence)))
+
+    def _trusted(self, view: PersonView, refined: Skeleton) -> Skeleton:
+        """Take a skeleton for good: what comes is judged against it."""
+        self._good, self._good_points, self._waiting = refined, len(view.points), False
+        return refined
+
+    def _is_over(self, stamp_ns: int) -> bool:
+        """Tell whether the last good skeleton is too long ago."""
+        return self._good is not None and stamp_ns - self._good.stamp_ns > self.config.max_time * 1e9
 
     def _carry(self, past: _Past, view: PersonView, refined: Skeleton) -> Skeleton:
-        """Carry the last skeleton's body over to this frame."""
-        body = self.bank.body
-        pose = pose_from_skeleton(body, past.skeleton)
+        """Carry the last skeleton's body over to this frame, and fit it."""
+        pose = pose_from_skeleton(self.bank.body, past.skeleton)
         before, now = thin(past.view.points, _MAX_POINTS), thin(view.points, _MAX_POINTS)
         carried = self._carrier.carry(before, now, past.view.coarse, pose)
-        mesh = body.pose(carried.pose.rotations, carried.pose.root, carried.pose.scale)
-        seen = DepthComparer(view.coarse, MatchConfig().score_band).compare(mesh.vertices, body.faces)
-        confidence = skeleton_confidence(seen.score) * _TRUST ** (self._run + 1)
+        pose = self._fit(view, carried.pose)
+        mesh = self.bank.body.pose(pose.rotations, pose.root, pose.scale)
+        seen = DepthComparer(view.coarse, MatchConfig().score_band).compare(
+            mesh.vertices, self.bank.body.faces
+        )
+        confidence = skeleton_confidence(seen.score)
         positions = mesh.nodes[JOINT_NODES]
         report = report_joints(positions, pose.scale, view)
         return Skeleton(
@@ -153,7 +200,17 @@ class Recoverer:
             residual=float(np.float32(seen.gap)),
             scale=past.skeleton.scale,
             positions=positions,
-            quats_xyzw=matrix_to_quat(carried.pose.rotations[JOINT_NODES]),
-            joint_confidence=(confidence * report.certainty).astype(np.float32),
+            quats_xyzw=matrix_to_quat(pose.rotations[JOINT_NODES]),
+            joint_confidence=(_TRUST * confidence * report.certainty).astype(np.float32),
             joint_states=report.states,
         )
+
+    def _fit(self, view: PersonView, start: BodyPose) -> BodyPose:
+        points = thin(view.points, self._fitter.config.max_points)
+        return self._fitter.fit(FitTarget.prepare(points, view.full, view.coarse), start, _SIGMAS)
+
+
+def _is_better(recovered: Skeleton, refined: Skeleton, failure: Failure, partial: bool) -> bool:
+    """Choose between a carried pose and the one that failed."""
+    margin = max(_WORSE.get(failure.kind, 0.0), _WORSE_OF_PART if partial else 0.0)
+    return score_of(recovered.confidence) < score_of(refined.confidence) + margin

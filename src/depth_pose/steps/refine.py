@@ -21,10 +21,12 @@ from depth_pose.errors import BankError
 from depth_pose.geometry import matrix_to_quat
 from depth_pose.registration.articulated import BodyPose, candidate_pose
 from depth_pose.registration.limbs import LimbSearch
+from depth_pose.registration.skeleton_pose import pose_from_skeleton
 from depth_pose.render import Comparison, DepthComparer
 from depth_pose.skeleton import JOINT_NODES, Source
 from depth_pose.steps.confidence import report_joints, skeleton_confidence
 from depth_pose.steps.fitters import FITTERS, FittedBody
+from depth_pose.steps.identity import PersonGuard
 from depth_pose.steps.sample import sample_cloud
 from depth_pose.steps.stamps import StampGuard
 from depth_pose.steps.view import PersonView, view_person
@@ -56,11 +58,13 @@ class Refiner:
         self._fitter = FITTERS[config.method](bank.body)
         self._limbs = LimbSearch(bank)
         self._guard = StampGuard()
+        self._identity = PersonGuard()
         self.reset()
 
     def reset(self) -> None:
         """Forget the previous pose."""
         self._previous: BodyPose | None = None
+        self._recovered: BodyPose | None = None
         self.mesh: NDArray[np.float64] | None = None
 
     def warm_up(self) -> None:
@@ -68,7 +72,17 @@ class Refiner:
         start = Candidate(0, 0, np.array([1.0, 0.0, 0.0, 0.0]), np.array([0.0, 0.0, 3.2]), 0.0, 0.0)
         self.refine(sample_cloud(self.bank), PoseMatch(0, "", self.bank.bank_id, 1.0, (start,)))
         self.reset()
-        self._guard = StampGuard()
+        self._guard, self._identity = StampGuard(), PersonGuard()
+
+    def take_answer(self, skeleton: Skeleton) -> None:
+        """Learn what became of the frame before, after the failure check.
+
+        A recovered pose is one more start for the next frame; a lost one ends the tracking.
+        """
+        if skeleton.source == Source.RECOVERED:
+            self._recovered = pose_from_skeleton(self.bank.body, skeleton)
+        elif skeleton.is_lost:
+            self._previous = None
 
     def refine(self, cloud: PersonCloud, match: PoseMatch) -> Skeleton:
         """Fit the body to one frame.
@@ -100,6 +114,9 @@ class Refiner:
         if view is None or not match.candidates:
             self.reset()
             return Skeleton.lost(cloud.stamp_ns, cloud.frame_id)
+        if self._identity.is_other(view, cloud.stamp_ns):
+            self.reset()
+        self._identity.note(view, cloud.stamp_ns)
         best = self._fit_best(view, match)
         self._previous, self.mesh = best.body.pose, best.body.vertices
         return self._skeleton(cloud, view, best)
@@ -116,6 +133,9 @@ class Refiner:
         tracking = self._previous is not None and self.config.track
         if self._previous is not None and tracking:
             starts.append(BodyPose(self._previous.rotations, self._previous.root, match.scale))
+        if self._recovered is not None:
+            starts.append(BodyPose(self._recovered.rotations, self._recovered.root, match.scale))
+            self._recovered = None
         glances = sorted((compared(fitter.glance(start)) for start in starts), key=_score)
         best = min((compared(fitter.rough(g.body.pose)) for g in glances[:_ROUGH]), key=_score)
         for _ in range(1 if tracking else _FIRST_ROUNDS):

@@ -64,6 +64,10 @@ def reduce_camera(camera: Camera, stride: int) -> Camera:
     )
 
 
+_FOLLOW, _FOLLOW_M = 5.0, 0.25
+"""How much more the surface counts that is where the person was; nothing this far off in depth."""
+
+
 class PersonSegmenter:
     """Finds the person; remembers where they were, to stay with them."""
 
@@ -145,7 +149,10 @@ class PersonSegmenter:
             return np.zeros(depth.shape, np.bool_)
         rank = np.where(fits, area, 0.0) * np.clip((_BOX_FILL - stats[:, 8]) / 0.3, 0.05, 1.0)
         if self._last_box is not None:
-            rank = rank * (1.0 + 2.0 * _overlap(low[:, :2], high[:, :2], self._last_box[[0, 1, 3, 4]]))
+            same = _overlap(low[:, :2], high[:, :2], self._last_box[[0, 1, 3, 4]])
+            gap = np.maximum(low[:, 2] - self._last_box[5], self._last_box[2] - high[:, 2])
+            same = same * np.clip(1.0 - gap / _FOLLOW_M, 0.0, 1.0)
+            rank = rank * (1.0 + _FOLLOW * same)
         seed = int(np.argmax(rank))
 
         small = np.append(True, stats[:, 7] < _SMALL_PIXELS)

@@ -1,0 +1,155 @@
+"""Play a recording over and over to the live nodes, and see whether memory or latency grow.
+
+    python benchmarks/soak.py --minutes 30 -o soak
+
+A recording of 15 frames a second loops; once a second the resident memory of every node is read from
+/proc, and every skeleton's latency is taken from the moment its frame was sent. Written are
+``soak.npz``, ``soak.png`` and a table: slope of each node's memory after the first tenth, and the
+95th percentile of the latency in the first and in the last tenth.
+"""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+import os
+import random
+import threading
+import time
+from pathlib import Path
+
+import matplotlib
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt
+import numpy as np
+
+os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+os.environ.setdefault("ROS_DOMAIN_ID", str(random.SystemRandom().randrange(1, 101)))
+
+FPS = 15.0
+SECONDS = 20.0
+_PAGE = os.sysconf("SC_PAGE_SIZE")
+
+
+def resident_bytes(pid: int) -> float:
+    """Resident memory of a process, NaN where it is gone."""
+    try:
+        return int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * _PAGE
+    except (FileNotFoundError, ProcessLookupError):
+        return float("nan")
+
+
+def slope_mb_per_hour(seconds: np.ndarray, resident: np.ndarray) -> float:
+    """Growth by least squares, without the first tenth, in which things are still loaded."""
+    kept = (seconds > seconds[-1] / 10) & np.isfinite(resident)
+    return float(np.polyfit(seconds[kept] / 3600, resident[kept] / 1e6, 1)[0])
+
+
+def make_recording(path: Path) -> None:
+    """Simulate a person in front of a time-of-flight sensor."""
+    from dataclasses import replace
+
+    from depth_pose.sim.config import Person
+    from depth_pose.sim.motion import load_motion
+    from depth_pose.sim.simulate import Stage, simulate
+
+    stage = Stage()
+    stage = replace(stage, sensor=replace(stage.sensor, fps=FPS))
+    simulate(path, Person().body(), load_motion("play", FPS, SECONDS), stage)
+
+
+class Soak:
+    """What was seen while it ran."""
+
+    def __init__(self) -> None:
+        self.sent: dict[int, int] = {}
+        self.frames = 0
+        self.latency: list[tuple[float, float]] = []
+        self.memory: list[tuple[float, ...]] = []
+        self.started = time.monotonic()
+
+    def run(self, recording: Path, bank: str | None, minutes: float) -> dict[str, int]:
+        """Play; gives the restarts."""
+        from depth_pose.ros.bag import Player, Recorder, header_stamp_ns
+        from depth_pose.ros.supervisor import NODES, Suite
+
+        def sent(message: object, now_ns: int) -> None:
+            if message.topic.endswith("image_raw"):  # type: ignore[attr-defined]
+                self.sent[header_stamp_ns(message.data)] = now_ns  # type: ignore[attr-defined]
+                self.frames += 1
+
+        def received(topic: str, data: bytes, now_ns: int) -> None:
+            went = self.sent.pop(header_stamp_ns(data), None)
+            if went is not None:
+                self.latency.append((time.monotonic() - self.started, (now_ns - went) / 1e9))
+
+        topics = ["/camera/depth/image_raw", "/camera/depth/camera_info"]
+        suite = Suite(bank=bank, parameters={"use_sim_time": True}, sink=lambda line: None)
+        written = recording.with_name("soak_skeletons.mcap")
+        with suite, Recorder(written, ["/depth_pose/skeleton"], on_message=received) as recorder:
+            recorder.wait_subscribed()
+            player = Player(recording, loop=True, topics=topics, wait_for_subscribers=topics, on_message=sent)
+            self.started = time.monotonic()
+            playing = threading.Thread(target=player.run, daemon=True)
+            playing.start()
+            while (now := time.monotonic() - self.started) < 60 * minutes:
+                pids = [suite.pid(name) or -1 for name in NODES]
+                self.memory.append((now, *map(resident_bytes, pids)))
+                print(f"\r{now / 60:.1f} min, {len(self.latency)} skeletons", end="", flush=True)
+                time.sleep(1.0)
+            player.stop()
+            playing.join(10.0)
+            restarts = suite.restarts
+        written.unlink()
+        return restarts
+
+
+def report(soak: Soak, restarts: dict[str, int], output: Path) -> None:
+    """Draw, and print the table."""
+    memory, latency = np.array(soak.memory), np.array(soak.latency)
+    np.savez_compressed(output.with_suffix(".npz"), memory=memory, latency=latency)
+    names = list(restarts)
+    end = memory[-1, 0]
+    parts = [latency[latency[:, 0] < end / 10, 1], latency[latency[:, 0] > end * 0.9, 1]]
+    p95 = [1e3 * float(np.percentile(part, 95)) for part in parts]
+    figure, (top, bottom) = plt.subplots(2, 1, figsize=(9, 6), sharex=True, layout="constrained")
+    print()
+    for k, name in enumerate(names, start=1):
+        slope = slope_mb_per_hour(memory[:, 0], memory[:, k])
+        top.plot(memory[:, 0] / 60, memory[:, k] / 1e6, label=f"{name}, {slope:+.1f} MB an hour")
+        print(f"{name:10s} {memory[-1, k] / 1e6:6.0f} MB, {slope:+.2f} MB an hour, {restarts[name]} restarts")
+    top.set(ylabel="resident memory, MB", ylim=(0, None))
+    top.legend(loc="lower right")
+    bottom.plot(latency[:, 0] / 60, 1e3 * latency[:, 1], ".", ms=1, alpha=0.4, color="tab:gray")
+    edges = np.linspace(0, end, 61)
+    rows = [latency[(latency[:, 0] >= a) & (latency[:, 0] < b), 1] for a, b in itertools.pairwise(edges)]
+    middle = (edges[1:] + edges[:-1]) / 120
+    for q, style in ((50, "-"), (95, "--")):
+        line = [1e3 * np.percentile(r, q) if len(r) else np.nan for r in rows]
+        bottom.plot(middle, line, style, color="tab:red", label=f"{q} %")
+    bottom.set(xlabel="minutes", ylabel="latency, ms", ylim=(0, 3 * max(p95)))
+    bottom.legend(loc="upper right")
+    figure.savefig(output.with_suffix(".png"), dpi=110)
+    print(f"skeletons {len(latency)}, {len(latency) / max(soak.frames, 1):.1%} of the frames sent")
+    print(f"latency, 95 %: {p95[0]:.1f} ms in the first tenth, {p95[1]:.1f} ms in the last")
+
+
+def main() -> None:
+    """Run."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("--minutes", type=float, default=30.0)
+    parser.add_argument("--bank", help="exemplar bank; the set-up's by default")
+    parser.add_argument("--recording", type=Path, help="MCAP file to loop; simulated by default")
+    parser.add_argument("-o", "--output", type=Path, default=Path("soak"))
+    arguments = parser.parse_args()
+    recording = arguments.recording or arguments.output.with_name("soak_input.mcap")
+    if not recording.is_file():
+        make_recording(recording)
+    soak = Soak()
+    restarts = soak.run(recording, arguments.bank, arguments.minutes)
+    report(soak, restarts, arguments.output)
+
+
+if __name__ == "__main__":
+    main()

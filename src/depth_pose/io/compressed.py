@@ -1,0 +1,105 @@
+"""Depth images as ``image_transport``'s ``compressedDepth`` sends them.
+
+A ``sensor_msgs/CompressedImage`` whose format is ``ENCODING; compressedDepth[ png| rvl]``. The data
+begin with twelve bytes, a number and the two parameters A, B of the quantisation; then comes a PNG
+of one 16-bit channel, or the width, the height and RVL. For ``16UC1`` the pixels are the image's;
+for ``32FC1`` they stand for ``A / (pixel - B)`` metres.
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+
+import numpy as np
+from numpy.typing import NDArray
+
+from depth_pose.errors import InputError
+from depth_pose.io import _rvl_kernels as kernels
+from depth_pose.io.decode import _check_size
+
+TOPIC_ENDING = "/compressedDepth"
+"""How topics of this transport end."""
+
+_HEADER = struct.Struct("<iff")
+_PNG = b"\x89PNG\r\n\x1a\n"
+
+
+def decode_compressed_depth(format: str, data: bytes | memoryview) -> NDArray[np.float32]:
+    """Read a compressed depth image.
+
+    Parameters
+    ----------
+    format : str
+        The message's format, which names the encoding.
+    data : bytes-like
+        The message's data.
+
+    Returns
+    -------
+    (H, W) float32
+        Metres, 0 where nothing returned.
+
+    Raises
+    ------
+    InputError
+        Where it is no depth image, or damaged.
+    """
+    encoding, _, transport = (part.strip() for part in format.partition(";"))
+    if encoding not in ("16UC1", "mono16", "32FC1") or "compressedDepth" not in transport:
+        raise InputError(
+            f"compressed image: format is {format!r}; a depth image has '16UC1; compressedDepth' or "
+            "'32FC1; compressedDepth': subscribe to the topic that ends in /compressedDepth"
+        )
+    data = bytes(data)
+    if len(data) < _HEADER.size + 8:
+        raise InputError(f"compressed image: data has {len(data)} bytes, which is too few")
+    _, a, b = _HEADER.unpack_from(data)
+    body = data[_HEADER.size :]
+    pixels = _decode_png(body) if body.startswith(_PNG) else _decode_rvl(body)
+    if encoding != "32FC1":
+        return pixels.astype(np.float32) / np.float32(1000.0)
+    coded = pixels.astype(np.float32)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        depth = np.float32(a) / (coded - np.float32(b))
+    return np.where((pixels > 0) & np.isfinite(depth) & (depth > 0), depth, np.float32(0.0))
+
+
+def _decode_rvl(body: bytes) -> NDArray[np.uint16]:
+    width, height = struct.unpack_from("<II", body)
+    _check_size("compressed image", height, width)
+    words = np.frombuffer(body, "<u4", (len(body) - 8) // 4, 8)
+    shifts = np.arange(28, -4, -4, dtype=np.uint32)
+    nibbles = ((words[:, None] >> shifts) & 15).astype(np.uint8).ravel()
+    out = np.empty(width * height, np.uint16)
+    if not kernels.decode(nibbles, out):
+        raise InputError(f"compressed image: the RVL data do not give {width} x {height} pixels")
+    return out.reshape(height, width)
+
+
+def _decode_png(body: bytes) -> NDArray[np.uint16]:
+    """Decode a PNG of one 16-bit channel (ISO/IEC 15948), not interlaced."""
+    at, packed, header = len(_PNG), [], None
+    while at + 8 <= len(body):
+        size, kind = struct.unpack_from(">I4s", body, at)
+        part = body[at + 8 : at + 8 + size]
+        if kind == b"IHDR" and size == 13:
+            header = struct.unpack(">IIBBBBB", part)
+        elif kind == b"IDAT":
+            packed.append(part)
+        at += 12 + size
+    if header is None or header[2:] != (16, 0, 0, 0, 0):
+        raise InputError(f"compressed image: the PNG is not one plain 16-bit channel ({header})")
+    width, height = header[:2]
+    _check_size("compressed image", height, width)
+    size = height * (1 + 2 * width)
+    try:
+        raw = zlib.decompressobj().decompress(b"".join(packed), size + 1)
+    except zlib.error as error:
+        raise InputError(f"compressed image: the PNG is damaged ({error})") from error
+    out = np.empty((height, 2 * width), np.uint8)
+    if len(raw) != size or not kernels.unfilter(
+        np.frombuffer(raw, np.uint8).reshape(height, 1 + 2 * width), 2, out
+    ):
+        raise InputError(f"compressed image: the PNG does not hold {width} x {height} pixels")
+    return out.view(">u2").astype(np.uint16)

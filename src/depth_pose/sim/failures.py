@@ -1,0 +1,101 @@
+"""Failures put into right skeletons, to see whether they are found: `KINDS` by name.
+
+``flip``: the person taken for their own back view. ``legs``: left and right leg exchanged.
+``arm``: one arm somewhere else. ``jump``: another pose altogether. They are what trackers from
+depth are known to do; bones keep their lengths, and the scores are those of the wrong poses.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from depth_pose.bank.bank import Bank
+from depth_pose.config import MatchConfig
+from depth_pose.geometry import matrix_to_quat
+from depth_pose.registration.articulated import BodyPose
+from depth_pose.registration.skeleton_pose import pose_from_nodes, pose_from_skeleton
+from depth_pose.render import DepthComparer
+from depth_pose.skeleton import JOINT_NODES, MIRROR_NODES, NODE_INDEX, forward_kinematics
+from depth_pose.steps.confidence import report_joints, skeleton_confidence
+from depth_pose.steps.view import PersonView
+from depth_pose.types import Skeleton
+
+_ARMS = [
+    [NODE_INDEX[f"{s}_{n}"] for n in ("clavicle", "shoulder", "elbow", "wrist")] for s in ("left", "right")
+]
+_LEGS = [[NODE_INDEX[f"{s}_{n}"] for n in ("hip", "knee", "ankle", "foot")] for s in ("left", "right")]
+_ABOUT_FACE = np.diag([-1.0, 1.0, -1.0])
+
+
+def _flip(bank: Bank, pose: BodyPose, rng: np.random.Generator) -> BodyPose:
+    return replace(pose, rotations=pose.rotations[MIRROR_NODES] @ _ABOUT_FACE)
+
+
+def _exchange_legs(bank: Bank, pose: BodyPose, rng: np.random.Generator) -> BodyPose:
+    nodes = forward_kinematics(pose.rotations, pose.root, bank.body.nodes, pose.scale)
+    wrong, rotations = nodes.copy(), pose.rotations.copy()
+    for mine, other in (_LEGS, _LEGS[::-1]):
+        wrong[mine[1:]], rotations[mine] = nodes[other[1:]], pose.rotations[other]
+    return replace(pose_from_nodes(bank.body, rotations, wrong, pose.scale), root=pose.root)
+
+
+def _move_arm(bank: Bank, pose: BodyPose, rng: np.random.Generator) -> BodyPose:
+    arm, chest = _ARMS[int(rng.integers(2))], NODE_INDEX["chest"]
+    taken = bank.rotations(int(rng.integers(bank.poses)))
+    rotations = pose.rotations.copy()
+    rotations[arm] = rotations[chest] @ taken[chest].T @ taken[arm]
+    return replace(pose, rotations=rotations)
+
+
+def _jump(bank: Bank, pose: BodyPose, rng: np.random.Generator) -> BodyPose:
+    taken = bank.rotations(int(rng.integers(bank.poses)))
+    return replace(pose, rotations=pose.rotations[0] @ taken[0].T @ taken)
+
+
+KINDS: dict[str, Callable[[Bank, BodyPose, np.random.Generator], BodyPose]] = {
+    "flip": _flip,
+    "legs": _exchange_legs,
+    "arm": _move_arm,
+    "jump": _jump,
+}
+"""Makers of wrong poses from right ones."""
+
+
+def fail(kind: str, skeleton: Skeleton, view: PersonView, bank: Bank, rng: np.random.Generator) -> Skeleton:
+    """Put a failure into a skeleton.
+
+    Parameters
+    ----------
+    kind : str
+        One of `KINDS`.
+    skeleton : Skeleton
+        A right one.
+    view : PersonView
+        The input that it answers, with which the wrong pose is compared as a fit would be.
+    bank : Bank
+        Whose poses a wrong arm, or a wrong pose, is taken from.
+    rng : Generator
+
+    Returns
+    -------
+    Skeleton
+        With the confidence, residual and joint states of the wrong pose.
+    """
+    body = bank.body
+    pose = KINDS[kind](bank, pose_from_skeleton(body, skeleton), rng)
+    posed = body.pose(pose.rotations, pose.root, pose.scale)
+    seen = DepthComparer(view.coarse, MatchConfig().score_band).compare(posed.vertices, body.faces)
+    confidence, positions = skeleton_confidence(seen.score), posed.nodes[JOINT_NODES]
+    report = report_joints(positions, pose.scale, view)
+    return replace(
+        skeleton,
+        confidence=float(np.float32(confidence)),
+        residual=float(np.float32(seen.gap)),
+        positions=positions,
+        quats_xyzw=matrix_to_quat(pose.rotations[JOINT_NODES]),
+        joint_confidence=(confidence * report.certainty).astype(np.float32),
+        joint_states=report.states,
+    )

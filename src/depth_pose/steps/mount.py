@@ -1,0 +1,84 @@
+"""Sensors that are mounted upside down, on their side or rolled.
+
+All steps take the image's upper border for up. So frames of a rolled sensor are turned upright about
+the optical axis, which changes no depth, and skeletons are turned back into the sensor's own frame.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from depth_pose.config import MountConfig
+from depth_pose.geometry import matrix_to_quat, quat_to_matrix
+from depth_pose.types import Camera, DepthFrame, Skeleton
+
+UPRIGHT = "_upright"
+"""Put behind the frame's name while it is turned, so that clouds and poses say what they are in."""
+
+
+def rotation_sensor_upright(roll_deg: float) -> NDArray[np.float64]:
+    """``R_sensor_upright``: exact for quarters of a turn."""
+    turn = np.radians(roll_deg)
+    c, s = np.cos(turn), np.sin(turn)
+    if roll_deg % 90.0 == 0.0:
+        c, s = np.round(c), np.round(s)
+    return np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+def turn_upright(frame: DepthFrame, config: MountConfig) -> DepthFrame:
+    """Turn a frame upright; each pixel takes the nearest of the sensor's."""
+    if config.roll % 360.0 == 0.0:
+        return frame
+    camera, source, inside = _lookup(frame.camera, config.roll)
+    depth = np.where(inside, frame.depth.ravel()[source], np.float32(0.0))
+    return DepthFrame(frame.stamp_ns, frame.frame_id + UPRIGHT, depth, camera)
+
+
+def turn_back(skeleton: Skeleton, config: MountConfig) -> Skeleton:
+    """Give a skeleton of an upright frame in the sensor's frame."""
+    if config.roll % 360.0 == 0.0:
+        return skeleton
+    frame_id = skeleton.frame_id.removesuffix(UPRIGHT)
+    return _turned(skeleton, rotation_sensor_upright(config.roll), frame_id)
+
+
+def turn_forth(skeleton: Skeleton, config: MountConfig) -> Skeleton:
+    """Give a skeleton in the sensor's frame in the upright one."""
+    if config.roll % 360.0 == 0.0:
+        return skeleton
+    return _turned(skeleton, rotation_sensor_upright(config.roll).T, skeleton.frame_id + UPRIGHT)
+
+
+def _turned(skeleton: Skeleton, rotation: NDArray[np.float64], frame_id: str) -> Skeleton:
+    quats = matrix_to_quat(rotation @ quat_to_matrix(skeleton.quats_xyzw))
+    return replace(
+        skeleton,
+        frame_id=frame_id,
+        positions=skeleton.positions @ rotation.T,
+        quats_xyzw=quats.reshape(-1, 4),
+    )
+
+
+@lru_cache(maxsize=8)
+def _lookup(camera: Camera, roll_deg: float) -> tuple[Camera, NDArray[np.int64], NDArray[np.bool_]]:
+    """Camera of the upright image, and for each of its pixels the sensor's, and whether there is one."""
+    rotation = rotation_sensor_upright(roll_deg)[:2, :2]
+    fx = float(np.hypot(camera.fx * rotation[0, 0], camera.fy * rotation[1, 0]))
+    fy = float(np.hypot(camera.fx * rotation[0, 1], camera.fy * rotation[1, 1]))
+    columns = np.array([-0.5, camera.width - 0.5, -0.5, camera.width - 0.5])
+    rows = np.array([-0.5, -0.5, camera.height - 0.5, camera.height - 0.5])
+    corners = np.stack([(columns - camera.cx) / camera.fx, (rows - camera.cy) / camera.fy])
+    x, y = rotation.T @ corners
+    width, height = round(fx * float(np.ptp(x))), round(fy * float(np.ptp(y)))
+    turned = Camera(width, height, fx, fy, -0.5 - fx * float(x.min()), -0.5 - fy * float(y.min()))
+    v, u = np.mgrid[:height, :width].astype(np.float64)
+    rays = np.stack([(u - turned.cx) / fx, (v - turned.cy) / fy]).reshape(2, -1)
+    a, b = rotation @ rays
+    column = np.rint(camera.fx * a + camera.cx).astype(np.int64).reshape(height, width)
+    row = np.rint(camera.fy * b + camera.cy).astype(np.int64).reshape(height, width)
+    inside = (column >= 0) & (column < camera.width) & (row >= 0) & (row < camera.height)
+    return turned, np.where(inside, row * camera.width + column, 0), inside

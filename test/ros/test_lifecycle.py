@@ -1,0 +1,104 @@
+"""Managed nodes over real DDS: configured and active by themselves, paused, resumed, cleaned up."""
+
+from pathlib import Path
+
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState, GetState
+from peer import RELIABLE, SENSOR
+from sensor_msgs.msg import Image
+from std_msgs.msg import Header
+
+from depth_pose.errors import DepthPoseError
+from depth_pose.ros.conversions import make_header
+from depth_pose.ros.lifecycle import set_active
+
+TRIAL = Path(__file__).with_name("trial_node.py")
+A, B, ANSWER = "/depth_pose/a", "/depth_pose/b", "/depth_pose/answer"
+
+
+def state(peer):
+    return peer.call(GetState, "/depth_pose/trial/get_state", GetState.Request()).current_state.label
+
+
+def change(peer, step):
+    request = ChangeState.Request(transition=Transition(id=step))
+    return peer.call(ChangeState, "/depth_pose/trial/change_state", request).success
+
+
+class Sender:
+    """Pairs of images, one after the other, until told otherwise."""
+
+    def __init__(self, peer):
+        self.peer, self.stamp = peer, 0
+        self.out = [peer.publisher(Image, topic) for topic in (A, B)]
+
+    def send(self, count=3):
+        for _ in range(count):
+            self.stamp += 1
+            for publisher in self.out:
+                publisher.publish(Image(header=make_header(self.stamp, "optical"), height=1, width=2))
+            self.peer.spin(0.05)
+
+
+def test_pauses_and_resumes(start, peer):
+    process = start(TRIAL)
+    process.wait_for("is ready")
+    assert state(peer) == "active"
+    answers = peer.listen(Header, ANSWER, SENSOR)
+    sender = Sender(peer)
+    peer.until(lambda: sender.send(1) or answers, what="an answer")
+
+    assert set_active(False, ["trial"]) == {"trial": "inactive"}
+    answers.clear()
+    statuses = peer.listen(DiagnosticArray, "/diagnostics", RELIABLE)
+    sender.send()
+    peer.until(lambda: statuses and statuses[-1].status[0].message == "is paused", what="the diagnostics")
+    assert not answers
+
+    assert set_active(True, ["trial"]) == {"trial": "active"}
+    peer.until(lambda: sender.send(1) or answers, what="an answer after the pause")
+    assert answers[0].stamp.nanosec > 3
+    assert answers[0].frame_id.endswith(" 1")  # the pause made it forget what came before, once
+    peer.until(lambda: process.output.count("is ready") == 2, what="its word that it is ready again")
+
+
+def test_waits_for_a_manager_and_lets_go_when_cleaned_up(start, peer):
+    process = start(TRIAL, "--ros-args", "-p", "autostart:=false")
+    peer.until(lambda: peer.node.count_publishers("/diagnostics"), what="the node")
+    assert state(peer) == "unconfigured"
+    assert not peer.node.count_subscribers(A)
+    assert change(peer, Transition.TRANSITION_CONFIGURE)
+    assert state(peer) == "inactive"
+    peer.until(lambda: peer.node.count_subscribers(A), what="its subscription")
+    assert "is ready" not in process.output
+    assert change(peer, Transition.TRANSITION_ACTIVATE)
+    process.wait_for("is ready")
+    assert change(peer, Transition.TRANSITION_DEACTIVATE)
+    assert change(peer, Transition.TRANSITION_CLEANUP)
+    peer.until(lambda: not peer.node.count_subscribers(A), what="the end of its subscription")
+    peer.until(lambda: not peer.node.count_publishers(ANSWER), what="the end of its publisher")
+    assert set_active(True, ["trial"]) == {"trial": "active"}  # configures it first
+    answers = peer.listen(Header, ANSWER, SENSOR)
+    sender = Sender(peer)
+    peer.until(lambda: sender.send(1) or answers, what="an answer")
+    assert change(peer, Transition.TRANSITION_ACTIVE_SHUTDOWN)
+    assert state(peer) == "finalized"
+
+
+def test_a_refused_configuration_leaves_the_node_there(start, peer, tmp_path):
+    """Without autostart a missing bank is no end: it can be put there, and configured again."""
+    bank = tmp_path / "bank.npz"
+    process = start(
+        "-m", "depth_pose.ros.matcher_node", "--ros-args", "-p", "autostart:=false", "-p", f"bank:={bank}"
+    )
+    peer.until(lambda: peer.node.count_publishers("/diagnostics"), 30.0, what="the node")
+    with pytest.raises(DepthPoseError, match="refused"):
+        set_active(True, ["matcher"])
+    assert str(bank) in process.output and process.process.poll() is None
+
+
+def test_says_so_where_nothing_runs(domain):
+    with pytest.raises(DepthPoseError, match="is the node running"):
+        set_active(False, ["nobody"], timeout_s=1.0)
