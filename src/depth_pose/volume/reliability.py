@@ -1,0 +1,35 @@
+"""Which parts of a body can be trusted to lie on the volume's surface, learned from training volumes.
+
+Under a skirt they cannot: the surface is the skirt's. What clothing hides is known from the training,
+where poses and volumes are both given.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from depth_pose.body.procedural import BodyShape, make_body
+from depth_pose.volume.performances import Performance
+
+Array = NDArray[np.float64]
+
+_SCALE_M = 0.03
+_EVERY = 10
+
+
+def learn_trust(performances: Sequence[Performance]) -> Array:
+    """Trust (V,) of each vertex of the reference body, 1 where it is always near the surface."""
+    template = make_body(BodyShape())
+    total, count = np.zeros(len(template.vertices)), 0
+    for p in performances:
+        scale = p.stature / template.stature
+        for i in range(0, len(p), _EVERY):
+            posed = template.pose(p.rotations[i], p.pelvis[i], scale)
+            away, _ = cKDTree(p.volumes[i].surface).query(posed.vertices)
+            total += 1.0 / (1.0 + (away / _SCALE_M) ** 2)
+            count += 1
+    return total / max(count, 1)

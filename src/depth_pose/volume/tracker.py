@@ -1,0 +1,164 @@
+r"""Tracking a volume through the latent space (Secs. 3 and 5).
+
+A particle filter: every particle is a latent point that moves by the learned dynamics. For each frame
+the descriptors of all headings near the expected one are compared with every particle, each particle
+taking the heading that suits it best. Two likelihoods:
+
+``descriptor``
+    :math:`\max_\theta \exp(-|v^\theta - f(x_i)|^2 / 2T)` in the descriptor space, with f the map from X
+    to V;
+``latent``
+    the paper's eq. 4, :math:`\max_\theta \exp(-|x^\theta - x_i|^2 / \nu) \exp(-\sigma_V^2(x^\theta) / w)`,
+    with :math:`x^\theta` regressed from :math:`v^\theta`.
+
+The weighted mean of the particles is the latent point, from which the pose is regressed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from depth_pose.volume.config import TrackConfig
+from depth_pose.volume.gp import square_distances
+from depth_pose.volume.model import VolumeModel
+
+Array = NDArray[np.float64]
+
+TEMPERATURE = 4.0
+"""T: what the descriptor's noise, correlated over the bins, counts for."""
+LATENT_NU, LATENT_W = 0.02, 0.5
+"""The paper's nu, and w as a share of the prior variance; found by trial."""
+_AZIMUTH_SIGMA = np.radians(20.0)
+_MOST_STEPS = 4.0
+UNLIKELY = 4.0
+"""Squared distance, in units of the training's, above which a frame counts as unlikely."""
+
+
+@dataclass(frozen=True)
+class Tracked:
+    """Where a volume is in the latent space.
+
+    Attributes
+    ----------
+    latent : (d,) float64
+    step : float
+        Heading in steps of the fine azimuth.
+    misfit : float
+        Squared distance of the descriptor from the model's, over what is usual in the training.
+    """
+
+    latent: Array
+    step: float
+    misfit: float
+
+
+class LatentTracker:
+    """The particle filter; frames are given in their order."""
+
+    def __init__(self, model: VolumeModel, config: TrackConfig | None = None) -> None:
+        self.model, self.config = model, config or TrackConfig()
+        self._fine = model.bins.fine
+        motion = model.to_next
+        residual = motion.predict(motion.inputs) - motion.outputs
+        self._noise = np.sqrt((residual**2).mean(axis=0) + motion.floor)
+        volumes = model.to_volume[0]
+        usual = ((volumes.predict(model.latent) - model.volumes[0]) ** 2).sum(axis=1) + model.spread[0]
+        self._usual = float(np.mean(usual))
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget all earlier frames."""
+        self._rng = np.random.default_rng(self.config.seed)
+        self._points: Array | None = None
+        self._step, self._speed, self._unlikely = 0.0, 0.0, 0
+
+    def track(self, descriptors: Array, seconds: float) -> Tracked:
+        """Take the next frame.
+
+        Parameters
+        ----------
+        descriptors : (fine, D)
+            Of all headings (`depth_pose.volume.descriptor.describe`).
+        seconds : float
+            Since the frame before.
+        """
+        if self._points is None or self._unlikely >= self.config.lost_after:
+            return self._search(descriptors)
+        steps = min(max(seconds * self.model.fps, 0.05), _MOST_STEPS)
+        points = self._move(self._points, steps)
+        expected = self._step + self._speed * steps
+        reach = round(self.config.azimuth_window / 360.0 * self._fine)
+        window = np.arange(-reach, reach + 1) + round(expected)
+        cost, best, rest = self._compare(points, descriptors, window, expected)
+        weights = np.exp(-0.5 * (cost - cost.min()))
+        weights /= weights.sum()
+        self._points, self._weights = points, weights
+        latent = weights @ points
+        step = float(weights @ best)
+        misfit = self._misfit(latent, descriptors, step)
+        self._speed += 0.5 * ((step - self._step) / steps - self._speed)
+        self._step = step
+        self._unlikely = self._unlikely + 1 if misfit > UNLIKELY else 0
+        return Tracked(latent, step, misfit)
+
+    def _move(self, points: Array, steps: float) -> Array:
+        """Resample and predict; some start anew at training points."""
+        n, rng = len(points), self._rng
+        at = (np.arange(n) + rng.uniform()) / n
+        rows = np.minimum(np.searchsorted(np.cumsum(self._weights), at), n - 1)
+        moved = points[rows]
+        moved = moved + steps * (self.model.to_next.predict(moved) - moved)
+        spread = self.config.diffusion * np.sqrt(steps) * self._noise
+        moved += spread * rng.normal(size=moved.shape)
+        fresh = round(self.config.restarts * n)
+        if fresh:
+            moved[:fresh] = self.model.latent[rng.integers(len(self.model.latent), size=fresh)]
+        return np.asarray(moved)
+
+    def _compare(
+        self, points: Array, descriptors: Array, window: NDArray[np.int64], expected: float
+    ) -> tuple[Array, Array, Array]:
+        """Cost (n,) of each particle at its best heading, that heading in steps, and all costs."""
+        components, rest = self.model.space.split(descriptors[window % self._fine])
+        away = (window - expected) * (2 * np.pi / self._fine) / _AZIMUTH_SIGMA
+        if self.config.likelihood == "descriptor":
+            seen = self.model.to_volume[0].predict(points)
+            costs = square_distances(seen, components) + rest
+            costs = costs / TEMPERATURE + away**2
+        else:
+            recalled = self.model.to_latent[0].predict(components)
+            variance = self.model.to_volume[0].variance(recalled)
+            prior = float(np.exp(self.model.volume_kernel[0]))
+            costs = 2.0 * square_distances(points, recalled) / LATENT_NU
+            costs = costs + 2.0 * variance / (LATENT_W * prior)
+        best = np.argmin(costs, axis=1)
+        cost = costs[np.arange(len(points)), best]
+        return cost, window[best].astype(np.float64), costs
+
+    def _misfit(self, latent: Array, descriptors: Array, step: float) -> float:
+        components, rest = self.model.space.split(descriptors[[round(step) % self._fine]])
+        seen = self.model.to_volume[0].predict(latent[None])
+        return float((((components - seen) ** 2).sum() + rest[0]) / self._usual)
+
+    def _search(self, descriptors: Array) -> Tracked:
+        """Compare all headings with all training points, and start the particles at the best."""
+        model = self.model
+        window = np.arange(self._fine)
+        components, rest = model.space.split(descriptors)
+        costs = square_distances(model.volumes[0], components) + rest
+        row, column = np.unravel_index(np.argmin(costs), costs.shape)
+        cost = costs.min(axis=1)
+        weights = np.exp(-0.5 * (cost - cost.min()) / TEMPERATURE)
+        rows = self._rng.choice(len(weights), self.config.particles, p=weights / weights.sum())
+        self._points = model.latent[rows] + self._noise * self._rng.normal(
+            size=(len(rows), model.latent.shape[1])
+        )
+        self._weights = np.full(len(rows), 1.0 / len(rows))
+        self._step, self._speed, self._unlikely = float(window[column]), 0.0, 0
+        latent = model.latent[row]
+        return Tracked(latent, self._step, self._misfit(latent, descriptors, self._step))
+
+
