@@ -29,13 +29,14 @@ def fit_volume(
     stiffness,
     scale,
     trust,
+    eye,
     settings,
     rotations,
     root,
 ):
     """Run all iterations; ``rotations`` and ``root`` go in as the start and come out as the fit.
 
-    Gives the root mean square distance of the trusted vertices from the points assigned to them.
+    Where ``eye`` is finite, only what faces it is on the surface. Gives the root mean square distance of the trusted vertices from the points assigned to them.
     """
     outlier, plane_weight, point_weight, prior, root_prior, damping, max_step = settings
     count = rest.shape[0]
@@ -51,6 +52,13 @@ def fit_volume(
         turn_normals(rest_normals, influence, rotations, normals)
         used[:] = True
         used[k % 2 :: 2] = False
+        if np.isfinite(eye[0]):
+            for i in range(count):
+                side = 0.0
+                for a in range(3):
+                    side += normals[i, a] * (vertices[i, a] - eye[a])
+                if side > 0.0:
+                    used[i] = False
         assign(points, 1, vertices, used, sigmas[k], outlier, mass, target)
         total, square = 0.0, 0.0
         for i in range(count):

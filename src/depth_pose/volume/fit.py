@@ -26,11 +26,11 @@ _STIFFNESS: dict[str, float] = {
     "spine": 1.0,
     "chest": 1.0,
     "clavicle": 3.0,
-    "shoulder": 0.1,
-    "elbow": 0.1,
-    "hip": 0.3,
-    "knee": 0.3,
-    "ankle": 0.5,
+    "shoulder": 0.03,
+    "elbow": 0.06,
+    "hip": 0.5,
+    "knee": 1.0,
+    "ankle": 1.0,
 }
 """Relative stiffness of each free node toward the start; nodes not named follow their parent."""
 
@@ -39,11 +39,11 @@ _STIFFNESS: dict[str, float] = {
 class VolumeFitConfig:
     """Settings of the fit; lengths in metres."""
 
-    sigmas: tuple[float, ...] = (0.06, 0.045, 0.035, 0.03, 0.03)
+    sigmas: tuple[float, ...] = (0.06, 0.05, 0.04, 0.035, 0.03, 0.03)
     outlier: float = 0.3
     plane_weight: float = 1.0
     point_weight: float = 0.3
-    prior: float = 2.0
+    prior: float = 1.0
     root_prior: float = 20.0
     damping: float = 0.02
     max_step: float = 0.35
@@ -96,8 +96,13 @@ class VolumeFitter:
                 stiffness.append(_STIFFNESS[kind])
         self._stiffness = np.array(stiffness)
 
-    def fit(self, surface: Array, rotations: Array, root: Array, stature: float) -> VolumeFit:
-        """Fit the pose to surface voxels (N, 3), from a start; world frame, metres."""
+    def fit(
+        self, surface: Array, rotations: Array, root: Array, stature: float, eye: Array | None = None
+    ) -> VolumeFit:
+        """Fit the pose to surface voxels (N, 3), from a start; world frame, metres.
+
+        ``eye`` is where the camera stands, (3,), if the surface is only the side that one camera sees.
+        """
         c = self.config
         every = max(1, -(-len(surface) // c.max_points))
         rotations, root = np.ascontiguousarray(rotations).copy(), np.array(root, np.float64)
@@ -105,6 +110,7 @@ class VolumeFitter:
             np.ascontiguousarray(surface[::every]), np.array(c.sigmas),
             self.body.vertices, self._normals, self._influence, self._weight, self.body.nodes,
             NODE_PARENTS, self._free, self._stiffness, stature / self.body.stature, self._trust,
+            np.full(3, np.nan) if eye is None else eye,
             (c.outlier, c.plane_weight, c.point_weight, c.prior, c.root_prior, c.damping, c.max_step),
             rotations, root,
         )  # fmt: skip

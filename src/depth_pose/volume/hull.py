@@ -40,12 +40,15 @@ class Volume:
         Number of voxels, surface and inside.
     views : int
         Cameras that had a say.
+    eye : (3,) float64 or None
+        Where one depth camera stands that saw only the near side, metres; None for whole volumes.
     """
 
     surface: NDArray[np.float64]
     centroid: NDArray[np.float64]
     voxels: int
     views: int
+    eye: NDArray[np.float64] | None = None
 
     @property
     def is_empty(self) -> bool:
@@ -168,8 +171,18 @@ class SurfaceVoxels:
         self._origin = np.array([self.space.centre_x - edge, 0.0, self.space.centre_z - edge])
         self._seen = np.zeros(int(np.prod(self._shape)), np.uint8)
 
-    def collect(self, points_world: Sequence[NDArray[np.float64]]) -> Volume:
-        """Give the surface voxels of the person's points, (N, 3) per camera, world frame, metres."""
+    def collect(
+        self, points_world: Sequence[NDArray[np.float64]], eye: NDArray[np.float64] | None = None
+    ) -> Volume:
+        """Give the surface voxels of the person's points.
+
+        Parameters
+        ----------
+        points_world : sequence of (N, 3) float64
+            Of each camera, metres.
+        eye : (3,) float64, optional
+            Where the camera stands, if there is only one.
+        """
         views = sum(len(p) > 0 for p in points_world)
         together = np.concatenate([np.zeros((0, 3)), *points_world])
         found = np.empty(len(together), np.int64)
@@ -178,4 +191,4 @@ class SurfaceVoxels:
         )
         if len(surface) == 0:
             return empty_volume(views)
-        return Volume(surface, surface.mean(axis=0), len(surface), views)
+        return Volume(surface, surface.mean(axis=0), len(surface), views, eye)

@@ -40,22 +40,18 @@ class VolumeModel:
     volumes : (views, N, q) float64
         Descriptor of each training frame in the descriptor space, mean of the wearers; one view for
         hulls, one for each direction that the camera may see the person from for a depth camera.
-    spread : (views, N) float64
-        Mean squared distance of the wearers' descriptors from that.
-    poses : (N, k) float64
+    spread : (N,) float64
+        Mean squared distance of the wearers' descriptors from that, what the space leaves out included.
+    poses : (views, N, k) float64
         Training poses in the pose space.
     space_mean, space_whiten, space_basis, pose_mean, pose_basis
         `DescriptorSpace` and `PoseSpace`.
     volume_kernel, motion_kernel, recall_kernel, pose_kernel : (3,) or (4,) float64
         Kernels of X to V, of X to the next X, of V to X, and of X to poses.
-    detail_inputs, detail_poses, detail_kernel
-        Of the last regression, from latent point and finer descriptor to poses.
-    detail_mean, detail_basis
-        Of the finer descriptor's components.
     trust : (V,) float64
         How far each vertex of the reference body can be trusted to lie on the volume's surface, 0 to 1.
     meta : dict
-        ``bins`` and ``detail_bins`` (heights, azimuths, radii, fine), ``fps``, ``noise_floor``,
+        ``bins`` (heights, azimuths, radii, fine), ``fps``, ``noise_floor``,
         ``input`` (``silhouettes`` or ``depth``), and what the model was trained on.
     """
 
@@ -73,11 +69,6 @@ class VolumeModel:
     motion_kernel: Array
     recall_kernel: Array
     pose_kernel: Array
-    detail_inputs: Array
-    detail_poses: Array
-    detail_kernel: Array
-    detail_mean: Array
-    detail_basis: Array
     trust: Array
     meta: dict[str, Any]
 
@@ -97,11 +88,6 @@ class VolumeModel:
         return Bins(*self.meta["bins"])
 
     @cached_property
-    def detail_bins(self) -> Bins:
-        """Bins of the finer descriptor."""
-        return Bins(*self.meta["detail_bins"])
-
-    @cached_property
     def space(self) -> DescriptorSpace:
         """The space of descriptors."""
         return DescriptorSpace(self.space_mean, self.space_whiten, self.space_basis)
@@ -115,7 +101,10 @@ class VolumeModel:
     def to_volume(self) -> tuple[Regression, ...]:
         """X to V, one for each view."""
         kernel = Kernel.from_array(self.volume_kernel)
-        return tuple(Regression(self.latent, v, kernel) for v in self.volumes)
+        made = tuple(Regression(self.latent, v, kernel) for v in self.volumes)
+        for other in made[1:]:  # they differ in their outputs only
+            other.__dict__["inverse"] = made[0].inverse
+        return made
 
     @cached_property
     def to_latent(self) -> tuple[Regression, ...]:
@@ -124,9 +113,10 @@ class VolumeModel:
         return tuple(Regression(v, self.latent, kernel) for v in self.volumes)
 
     @cached_property
-    def to_pose(self) -> Regression:
-        """X to the pose space."""
-        return Regression(self.latent, self.poses, Kernel.from_array(self.pose_kernel))
+    def to_pose(self) -> tuple[Regression, ...]:
+        """X to the pose space, one for each view."""
+        kernel = Kernel.from_array(self.pose_kernel)
+        return tuple(Regression(self.latent, p, kernel) for p in self.poses)
 
     @cached_property
     def to_next(self) -> Regression:
@@ -137,10 +127,12 @@ class VolumeModel:
         kernel = Kernel.from_array(self.motion_kernel)
         return Regression(self.latent[before], self.latent[after], kernel, float(self.meta["noise_floor"]))
 
-    @cached_property
-    def to_detail(self) -> Regression:
-        """Latent point and finer descriptor to the pose space."""
-        return Regression(self.detail_inputs, self.detail_poses, Kernel.from_array(self.detail_kernel))
+    def view_of(self, step: float, seen_from: float) -> int:
+        """View of a person with a heading (steps of the fine azimuth) from an azimuth (radians)."""
+        if self.views == 1:
+            return 0
+        turn = seen_from / (2 * np.pi) - step / self.bins.fine
+        return int(np.rint(turn * self.views)) % self.views
 
     def save(self, path: Path) -> None:
         """Write the file."""
@@ -184,14 +176,12 @@ class VolumeModel:
 
     def check(self, where: str) -> None:
         """Raise InputError where arrays do not fit together or are not finite."""
-        n, d = self.latent.shape
+        n = len(self.latent)
         q, size = self.space_basis.shape[1], self.bins.size
         wanted = {
-            "volumes": (self.views, n, q), "spread": (self.views, n), "poses": (n, self.pose_basis.shape[1]),
+            "volumes": (self.views, n, q), "spread": (n,), "poses": (self.views, n, self.pose_basis.shape[1]),
             "space_mean": (size,), "space_whiten": (size, size), "space_basis": (size, q),
             "pose_mean": (192,), "pose_basis": (192, self.pose_basis.shape[1]),
-            "detail_mean": (self.detail_bins.size,),
-            "detail_inputs": (len(self.detail_poses), d + self.detail_basis.shape[1]),
         }  # fmt: skip
         for name, shape in wanted.items():
             if getattr(self, name).shape != shape:

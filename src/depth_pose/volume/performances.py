@@ -7,13 +7,15 @@ several garments shares its frames.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
 
-from depth_pose.body.body import Body
+from depth_pose.body.angles import ANGLE_INDEX, N_ANGLES, angles_from_rotations, rotations_from_angles
+from depth_pose.body.body import PosedBody
 from depth_pose.body.motion import Clip
 from depth_pose.body.procedural import BodyShape, make_body
 from depth_pose.sim.clothing import Clothes, Garment
@@ -114,39 +116,63 @@ def depth_points(depth: NDArray[np.floating], rig: RigCamera) -> Array:
     return np.stack([(u - c.cx) / c.fx * z, (v - c.cy) / c.fy * z, z], axis=1)
 
 
-def scenes(wearer: Wearer, clip: Clip) -> Sequence[list[Mesh]]:
-    """Meshes of every frame of a motion on a wearer, world frame."""
+def dressed_frames(wearer: Wearer, clip: Clip) -> Iterator[tuple[list[Mesh], PosedBody]]:
+    """Meshes of every frame of a motion on a wearer, world frame, and the posed body."""
     body = make_body(wearer.shape)
-    return [meshes for meshes, _ in dressed_frames(wearer, body, clip)]
-
-
-def dressed_frames(wearer: Wearer, body: Body, clip: Clip) -> list[tuple[list[Mesh], Array]]:
-    """Meshes and pelvis (3,) of every frame."""
     clothes = Clothes(wearer.garment, body) if wearer.garment is not None else None
-    scale, out = root_scale(body), []
-    for rotations, root in zip(clip.rotations, clip.roots * scale, strict=True):
+    for rotations, root in zip(clip.rotations, clip.roots * root_scale(body), strict=True):
         posed = body.pose(rotations, root)
         meshes: list[Mesh] = [(posed.vertices, body.faces)]
         if clothes is not None:
             meshes.append((clothes.step(posed.nodes, rotations, 1.0 / clip.fps), clothes.faces))
-        out.append((meshes, posed.nodes[0]))
-    return out
+        yield meshes, posed
 
 
 def watch(
-    clip: Clip, wearer: Wearer, eyes: Eyes, progress: Callable[[int], None] | None = None
+    clip: Clip,
+    wearer: Wearer,
+    eyes: Eyes,
+    every: int = 1,
+    progress: Callable[[int], None] | None = None,
 ) -> Performance:
-    """Let somebody perform a motion before the eyes."""
-    body = make_body(wearer.shape)
+    """Let somebody perform a motion before the eyes, which see every so manyth frame."""
     volumes, pelvis = [], []
-    for i, (meshes, root) in enumerate(dressed_frames(wearer, body, clip)):
-        volumes.append(eyes(meshes))
-        pelvis.append(root)
+    for i, (meshes, posed) in enumerate(dressed_frames(wearer, clip)):
+        if i % every == 0:
+            volumes.append(eyes(meshes))
+            pelvis.append(posed.nodes[0])
         if progress is not None:
             progress(i + 1)
     return Performance(
-        clip.name, clip.fps, body.stature, tuple(volumes), clip.rotations, np.array(pelvis)
+        clip.name,
+        clip.fps / every,
+        wearer.shape.stature_m,
+        tuple(volumes),
+        clip.rotations[::every],
+        np.array(pelvis),
     )
+
+
+def vary(clip: Clip, seed: int, degrees: float = 6.0, seconds: float = 0.6) -> Clip:
+    """Give a motion in which every joint angle wanders about its own, as in no performance of it.
+
+    Parameters
+    ----------
+    clip : Clip
+    seed : int
+    degrees : float
+        Standard deviation.
+    seconds : float
+        Time over which a deviation changes.
+    """
+    rng = np.random.default_rng(seed)
+    sigma = max(seconds * clip.fps, 0.5)
+    margin = int(4 * sigma)
+    noise = gaussian_filter1d(rng.normal(size=(len(clip) + 2 * margin, N_ANGLES)), sigma, axis=0)
+    noise = noise[margin : margin + len(clip)] * np.sqrt(2.0 * sigma * np.sqrt(np.pi)) * degrees
+    noise[:, ANGLE_INDEX["pelvis_twist"]] = 0.0
+    angles = angles_from_rotations(clip.rotations) + noise
+    return Clip(f"{clip.name} varied {seed}", clip.fps, rotations_from_angles(angles), clip.roots)
 
 
 def headings_of(rotations: Array) -> Array:

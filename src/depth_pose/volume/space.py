@@ -44,16 +44,19 @@ class DescriptorSpace:
         return components, np.maximum(rest, 0.0)
 
 
-def learn_space(wearers: list[Array], components: int) -> DescriptorSpace:
-    """Make the space from descriptors of the same frames on several wearers, (N, D) each."""
-    poses = np.mean(wearers, axis=0)
-    mean = poses.mean(axis=0)
-    between = float(((poses - mean) ** 2).sum()) / len(poses)
-    dimensions = poses.shape[1]
+def learn_space(views: list[list[Array]], components: int) -> DescriptorSpace:
+    """Make the space from descriptors of the same frames: for each view, of each wearer, (N, D)."""
+    poses = [np.mean(wearers, axis=0) for wearers in views]
+    together = np.concatenate(poses)
+    mean = together.mean(axis=0)
+    between = float(((together - mean) ** 2).sum()) / len(together)
+    dimensions = together.shape[1]
     within = _ISOTROPIC * between / dimensions * np.eye(dimensions)
-    for v in wearers:
-        within += (v - poses).T @ (v - poses) / (len(poses) * max(len(wearers) - 1, 1))
+    for pose, wearers in zip(poses, views, strict=True):
+        degrees = len(pose) * max(len(wearers) - 1, 1) * len(views)
+        for v in wearers:
+            within += (v - pose).T @ (v - pose) / degrees
     values, vectors = np.linalg.eigh(within)
     whiten = vectors @ np.diag(1.0 / np.sqrt(values)) @ vectors.T
-    _, _, vt = np.linalg.svd((poses - mean) @ whiten, full_matrices=False)
+    _, _, vt = np.linalg.svd((together - mean) @ whiten, full_matrices=False)
     return DescriptorSpace(mean, whiten, np.ascontiguousarray(vt[:components].T))

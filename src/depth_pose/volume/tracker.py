@@ -46,12 +46,15 @@ class Tracked:
     latent : (d,) float64
     step : float
         Heading in steps of the fine azimuth.
+    view : int
+        The model's view that the heading is seen from.
     misfit : float
         Squared distance of the descriptor from the model's, over what is usual in the training.
     """
 
     latent: Array
     step: float
+    view: int
     misfit: float
 
 
@@ -64,9 +67,7 @@ class LatentTracker:
         motion = model.to_next
         residual = motion.predict(motion.inputs) - motion.outputs
         self._noise = np.sqrt((residual**2).mean(axis=0) + motion.floor)
-        volumes = model.to_volume[0]
-        usual = ((volumes.predict(model.latent) - model.volumes[0]) ** 2).sum(axis=1) + model.spread[0]
-        self._usual = float(np.mean(usual))
+        self._usual = float(model.spread.mean())
         self.reset()
 
     def reset(self) -> None:
@@ -75,7 +76,7 @@ class LatentTracker:
         self._points: Array | None = None
         self._step, self._speed, self._unlikely = 0.0, 0.0, 0
 
-    def track(self, descriptors: Array, seconds: float) -> Tracked:
+    def track(self, descriptors: Array, seconds: float, seen_from: float = 0.0) -> Tracked:
         """Take the next frame.
 
         Parameters
@@ -84,25 +85,27 @@ class LatentTracker:
             Of all headings (`depth_pose.volume.descriptor.describe`).
         seconds : float
             Since the frame before.
+        seen_from : float
+            Azimuth of the camera from the person, radians, where the model has several views.
         """
         if self._points is None or self._unlikely >= self.config.lost_after:
-            return self._search(descriptors)
+            return self._search(descriptors, seen_from)
         steps = min(max(seconds * self.model.fps, 0.05), _MOST_STEPS)
         points = self._move(self._points, steps)
         expected = self._step + self._speed * steps
         reach = round(self.config.azimuth_window / 360.0 * self._fine)
         window = np.arange(-reach, reach + 1) + round(expected)
-        cost, best, rest = self._compare(points, descriptors, window, expected)
+        cost, best = self._compare(points, descriptors, window, expected, seen_from)
         weights = np.exp(-0.5 * (cost - cost.min()))
         weights /= weights.sum()
         self._points, self._weights = points, weights
         latent = weights @ points
         step = float(weights @ best)
-        misfit = self._misfit(latent, descriptors, step)
+        found = self._tracked(latent, descriptors, step, seen_from)
         self._speed += 0.5 * ((step - self._step) / steps - self._speed)
         self._step = step
-        self._unlikely = self._unlikely + 1 if misfit > UNLIKELY else 0
-        return Tracked(latent, step, misfit)
+        self._unlikely = self._unlikely + 1 if found.misfit > UNLIKELY else 0
+        return found
 
     def _move(self, points: Array, steps: float) -> Array:
         """Resample and predict; some start anew at training points."""
@@ -119,36 +122,50 @@ class LatentTracker:
         return np.asarray(moved)
 
     def _compare(
-        self, points: Array, descriptors: Array, window: NDArray[np.int64], expected: float
-    ) -> tuple[Array, Array, Array]:
-        """Cost (n,) of each particle at its best heading, that heading in steps, and all costs."""
+        self,
+        points: Array,
+        descriptors: Array,
+        window: NDArray[np.int64],
+        expected: float,
+        seen_from: float,
+    ) -> tuple[Array, Array]:
+        """Cost (n,) of each particle at its best heading, and that heading in steps."""
         components, rest = self.model.space.split(descriptors[window % self._fine])
-        away = (window - expected) * (2 * np.pi / self._fine) / _AZIMUTH_SIGMA
-        if self.config.likelihood == "descriptor":
-            seen = self.model.to_volume[0].predict(points)
-            costs = square_distances(seen, components) + rest
-            costs = costs / TEMPERATURE + away**2
-        else:
-            recalled = self.model.to_latent[0].predict(components)
-            variance = self.model.to_volume[0].variance(recalled)
-            prior = float(np.exp(self.model.volume_kernel[0]))
-            costs = 2.0 * square_distances(points, recalled) / LATENT_NU
-            costs = costs + 2.0 * variance / (LATENT_W * prior)
+        costs = np.empty((len(points), len(window)))
+        views = np.array([self.model.view_of(float(s), seen_from) for s in window])
+        recall = self.config.likelihood == "latent"
+        for view in np.unique(views):
+            at = views == view
+            if recall:
+                costs[:, at] = self._latent_cost(points, components[at], view)
+            else:
+                seen = self.model.to_volume[view].predict(points)
+                costs[:, at] = (square_distances(seen, components[at]) + rest[at]) / TEMPERATURE
+        if not recall:
+            costs += ((window - expected) * (2 * np.pi / self._fine) / _AZIMUTH_SIGMA) ** 2
         best = np.argmin(costs, axis=1)
-        cost = costs[np.arange(len(points)), best]
-        return cost, window[best].astype(np.float64), costs
+        return costs[np.arange(len(points)), best], window[best].astype(np.float64)
 
-    def _misfit(self, latent: Array, descriptors: Array, step: float) -> float:
+    def _latent_cost(self, points: Array, components: Array, view: int) -> Array:
+        """Minus twice the logarithm of eq. 4, (n, K)."""
+        recalled = self.model.to_latent[view].predict(components)
+        variance = self.model.to_volume[0].variance(recalled)
+        prior = float(np.exp(self.model.volume_kernel[0]))
+        return np.asarray(
+            2.0 * square_distances(points, recalled) / LATENT_NU + 2.0 * variance / (LATENT_W * prior)
+        )
+
+    def _tracked(self, latent: Array, descriptors: Array, step: float, seen_from: float) -> Tracked:
+        view = self.model.view_of(step, seen_from)
         components, rest = self.model.space.split(descriptors[[round(step) % self._fine]])
-        seen = self.model.to_volume[0].predict(latent[None])
-        return float((((components - seen) ** 2).sum() + rest[0]) / self._usual)
+        seen = self.model.to_volume[view].predict(latent[None])
+        misfit = float((((components - seen) ** 2).sum() + rest[0]) / self._usual)
+        return Tracked(latent, step, view, misfit)
 
-    def _search(self, descriptors: Array) -> Tracked:
+    def _search(self, descriptors: Array, seen_from: float) -> Tracked:
         """Compare all headings with all training points, and start the particles at the best."""
-        model = self.model
-        window = np.arange(self._fine)
-        components, rest = model.space.split(descriptors)
-        costs = square_distances(model.volumes[0], components) + rest
+        model, window = self.model, np.arange(self._fine)
+        costs = search_costs(model, descriptors, window, seen_from)
         row, column = np.unravel_index(np.argmin(costs), costs.shape)
         cost = costs.min(axis=1)
         weights = np.exp(-0.5 * (cost - cost.min()) / TEMPERATURE)
@@ -158,7 +175,17 @@ class LatentTracker:
         )
         self._weights = np.full(len(rows), 1.0 / len(rows))
         self._step, self._speed, self._unlikely = float(window[column]), 0.0, 0
-        latent = model.latent[row]
-        return Tracked(latent, self._step, self._misfit(latent, descriptors, self._step))
+        return self._tracked(model.latent[row], descriptors, self._step, seen_from)
 
 
+def search_costs(
+    model: VolumeModel, descriptors: Array, window: NDArray[np.int64], seen_from: float
+) -> Array:
+    """Squared distance (N, K) of every training frame from the descriptors of some headings."""
+    components, rest = model.space.split(descriptors[window % model.bins.fine])
+    costs = np.empty((len(model.latent), len(window)))
+    views = np.array([model.view_of(float(s), seen_from) for s in window])
+    for view in np.unique(views):
+        at = views == view
+        costs[:, at] = square_distances(model.volumes[view], components[at]) + rest[at]
+    return costs
