@@ -36,7 +36,9 @@ def fit_volume(
 ):
     """Run all iterations; ``rotations`` and ``root`` go in as the start and come out as the fit.
 
-    Where ``eye`` is finite, only what faces it is on the surface. Gives the root mean square distance of the trusted vertices from the points assigned to them.
+    Where ``eye`` is finite, only what faces it is on the surface. Gives the root mean square distance
+    of the trusted vertices from the points assigned to them, along the normals, and the factor on the
+    body's size that would make it least.
     """
     outlier, plane_weight, point_weight, prior, root_prior, damping, max_step = settings
     count = rest.shape[0]
@@ -46,7 +48,7 @@ def fit_volume(
     segment, inertia, force = influence[:, 0], np.empty((nodes.shape[0], 6, 6)), np.empty((nodes.shape[0], 6))
     matrix, gradient, moved = np.empty((size, size)), np.empty(size), np.zeros(size)
     amount = points.shape[0] / 800.0
-    residual = 0.0
+    residual, factor = 0.0, 1.0
     for k in range(sigmas.shape[0]):
         skin(rest, rest_nodes, parents, influence, weight, rotations, root, scale, vertices, nodes)
         turn_normals(rest_normals, influence, rotations, normals)
@@ -60,16 +62,20 @@ def fit_volume(
                 if side > 0.0:
                     used[i] = False
         assign(points, 1, vertices, used, sigmas[k], outlier, mass, target)
-        total, square = 0.0, 0.0
+        total, square, reach, grow = 0.0, 0.0, 0.0, 0.0
         for i in range(count):
             mass[i] *= trust[i]
             if mass[i] > 0.0:
-                along = 0.0
+                along, arm = 0.0, 0.0
                 for a in range(3):
                     along += (target[i, a] - vertices[i, a]) * normals[i, a]
+                    arm += (vertices[i, a] - root[a]) * normals[i, a]
                 total += mass[i]
                 square += mass[i] * along * along
+                reach += mass[i] * arm * arm
+                grow += mass[i] * arm * along
         residual = np.sqrt(square / max(total, 1e-9))
+        factor = 1.0 + grow / max(reach, 1e-9)
         inertia[:] = 0.0
         force[:] = 0.0
         matrix[:] = 0.0
@@ -86,4 +92,4 @@ def fit_volume(
         update(step, free, parents, rotations)
         root += step[:3]
         moved += step
-    return residual
+    return residual, factor

@@ -36,7 +36,7 @@ class TrackConfig(_Checked):
     stature: float = option(
         0.0, "The person's height; 0 finds it over the first frames", unit="m", low=0.0, high=2.5
     )
-    stature_frames: int = option(20, "Frames over which the height is found", low=1, high=1000)
+    stature_frames: int = option(60, "Frames over which the height is found", low=1, high=1000)
     lost_after: int = option(5, "Unlikely frames in a row after which the search is global", low=1, high=1000)
     refine: bool = option(True, "Fit a body to the volume, from the regressed pose")
     seed: int = option(0, "Of the particles' random numbers", low=0, high=2**31 - 1)

@@ -39,7 +39,7 @@ _STIFFNESS: dict[str, float] = {
 class VolumeFitConfig:
     """Settings of the fit; lengths in metres."""
 
-    sigmas: tuple[float, ...] = (0.06, 0.05, 0.04, 0.035, 0.03, 0.03)
+    sigmas: tuple[float, ...] = (0.06, 0.05, 0.04, 0.03, 0.025, 0.025)
     outlier: float = 0.3
     plane_weight: float = 1.0
     point_weight: float = 0.3
@@ -63,11 +63,14 @@ class VolumeFit:
         Pelvis, metres.
     residual : float
         Root mean square distance of trusted skin from the surface, metres.
+    size : float
+        Factor on the body's size that would bring them nearer.
     """
 
     rotations: Array
     root: Array
     residual: float
+    size: float
 
 
 class VolumeFitter:
@@ -106,7 +109,7 @@ class VolumeFitter:
         c = self.config
         every = max(1, -(-len(surface) // c.max_points))
         rotations, root = np.ascontiguousarray(rotations).copy(), np.array(root, np.float64)
-        residual = kernels.fit_volume(
+        residual, size = kernels.fit_volume(
             np.ascontiguousarray(surface[::every]), np.array(c.sigmas),
             self.body.vertices, self._normals, self._influence, self._weight, self.body.nodes,
             NODE_PARENTS, self._free, self._stiffness, stature / self.body.stature, self._trust,
@@ -114,4 +117,4 @@ class VolumeFitter:
             (c.outlier, c.plane_weight, c.point_weight, c.prior, c.root_prior, c.damping, c.max_step),
             rotations, root,
         )  # fmt: skip
-        return VolumeFit(rotations, root, float(residual))
+        return VolumeFit(rotations, root, float(residual), float(size))

@@ -103,7 +103,7 @@ def depth_eyes(rig: Sequence[RigCamera], voxels: SurfaceVoxels) -> Eyes:
         clouds = [
             c.to_world(depth_points(d, c)) for c, d in zip(rig, renderer.depths(meshes), strict=True)
         ]
-        return voxels.collect(clouds)
+        return voxels.collect(clouds, rig[0].position if len(rig) == 1 else None)
 
     return see
 
