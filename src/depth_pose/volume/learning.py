@@ -77,7 +77,7 @@ def learn_model(
     tell("regressions", 1, 3)
     poses, pose_space, pose_kernel = _learn_poses(views, found.latent, rotations, config)
     tell("regressions", 2, 3)
-    trust = learn_trust([p for person in everybody for p in person])
+    trust = learn_trust([p for wearers in views[::4] for person in wearers for p in person])
     tell("regressions", 3, 3)
     return VolumeModel(
         latent=found.latent, lengths=np.array([len(p) for p in first]), volumes=volumes, spread=spread,
