@@ -53,5 +53,5 @@ class LearnConfig(_Checked):
     )
     noise_floor: float = option(2e-3, "Least noise variance of the dynamics", low=1e-8, high=1.0)
     pose_variance: float = option(
-        0.95, "Share of the poses' variance kept by their latent space", low=0.5, high=1.0
+        0.99, "Share of the poses' variance kept by their latent space", low=0.5, high=1.0
     )

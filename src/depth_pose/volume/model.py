@@ -44,6 +44,8 @@ class VolumeModel:
         Mean squared distance of the wearers' descriptors from that, what the space leaves out included.
     poses : (views, N, k) float64
         Training poses in the pose space.
+    rotations : (N, 21, 3, 3) float64
+        Training poses as they are, the pelvis facing +z; reports measure against them.
     space_mean, space_whiten, space_basis, pose_mean, pose_basis
         `DescriptorSpace` and `PoseSpace`.
     volume_kernel, motion_kernel, recall_kernel, pose_kernel : (3,) or (4,) float64
@@ -60,6 +62,7 @@ class VolumeModel:
     volumes: Array
     spread: Array
     poses: Array
+    rotations: Array
     space_mean: Array
     space_whiten: Array
     space_basis: Array
@@ -181,7 +184,7 @@ class VolumeModel:
         wanted = {
             "volumes": (self.views, n, q), "spread": (n,), "poses": (self.views, n, self.pose_basis.shape[1]),
             "space_mean": (size,), "space_whiten": (size, size), "space_basis": (size, q),
-            "pose_mean": (192,), "pose_basis": (192, self.pose_basis.shape[1]),
+            "rotations": (n, 21, 3, 3), "pose_mean": (192,), "pose_basis": (192, self.pose_basis.shape[1]),
         }  # fmt: skip
         for name, shape in wanted.items():
             if getattr(self, name).shape != shape:

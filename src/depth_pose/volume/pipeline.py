@@ -257,15 +257,16 @@ class SilhouettePipeline:
 
 
 class DepthPipeline:
-    """From the depth images of one or more cameras to poses.
+    """From the images of one depth camera to poses.
 
     The images show the person only: everything else in the space is 0.
 
     Parameters
     ----------
     model : VolumeModel
-        Learned from depth, for one camera, or for several.
+        Learned from depth.
     rig : sequence of RigCamera
+        The one camera.
     space : SpaceConfig
     config : TrackConfig
     frame_id : str
@@ -280,7 +281,7 @@ class DepthPipeline:
         frame_id: str = "world",
     ) -> None:
         _check_input(model, "depth")
-        if model.views == 1 or len(rig) != 1:
+        if len(rig) != 1:
             raise ConfigError(f"this model sees through one depth camera, not {len(rig)}")
         space = space or SpaceConfig()
         self.rig, self._voxels = tuple(rig), SurfaceVoxels(space)
@@ -309,6 +310,19 @@ class DepthPipeline:
         """Compile every kernel, so that the first frame is not late."""
         self._voxels.collect([np.ones((1, 3))])
         self.tracker.warm_up()
+
+
+def make_pipeline(
+    model: VolumeModel,
+    rig: Sequence[RigCamera],
+    space: SpaceConfig | None = None,
+    config: TrackConfig | None = None,
+    frame_id: str = "world",
+) -> SilhouettePipeline | DepthPipeline:
+    """Make the pipeline for what a model was learned from."""
+    if model.meta["input"] == "depth":
+        return DepthPipeline(model, rig, space, config, frame_id)
+    return SilhouettePipeline(model, rig, space, config, frame_id)
 
 
 def _check_input(model: VolumeModel, kind: str) -> None:

@@ -129,19 +129,9 @@ def _rotation_vectors(rotations: Array) -> Array:
     return Rotation.from_matrix(flat).as_rotvec().reshape(*rotations.shape[:-2], 3)
 
 
-def mean_pose_estimate(training: Array, truth: Array, headings: Array) -> Array:
-    """Give the training poses' mean, turned to each frame's true heading: (T, 21, 3, 3).
-
-    Parameters
-    ----------
-    training : (N, 21, 3, 3)
-        Training poses with heading 0.
-    truth : (T, 21, 3, 3)
-        World frame.
-    headings : (T, 3, 3)
-        Turn about the vertical of each true frame.
-    """
-    return np.asarray(headings[:, None] @ mean_rotations(training)[None] + 0.0 * truth)
+def mean_pose_estimate(training: Array, headings: Array) -> Array:
+    """Give the mean of training poses (N, 21, 3, 3), turned to true headings (T, 3, 3)."""
+    return np.asarray(headings[:, None] @ mean_rotations(training)[None])
 
 
 def best_training_estimate(training: Array, truth: Array, headings: Array) -> Array:

@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-_ISOTROPIC = 0.15
-"""Weight of uncorrelated noise, in units of the mean variance between poses, beside the wearers'."""
+_ISOTROPIC, _UNKNOWN = 0.15, 0.5
+"""Weight of uncorrelated noise beside the wearers', in units of the mean variance between poses; more of
+it where few wearers are known, by one over their number's square."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +52,8 @@ def learn_space(views: list[list[Array]], components: int) -> DescriptorSpace:
     mean = together.mean(axis=0)
     between = float(((together - mean) ** 2).sum()) / len(together)
     dimensions = together.shape[1]
-    within = _ISOTROPIC * between / dimensions * np.eye(dimensions)
+    isotropic = _ISOTROPIC + _UNKNOWN / len(views[0]) ** 2
+    within = isotropic * between / dimensions * np.eye(dimensions)
     for pose, wearers in zip(poses, views, strict=True):
         degrees = len(pose) * max(len(wearers) - 1, 1) * len(views)
         for v in wearers:

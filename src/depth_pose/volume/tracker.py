@@ -27,12 +27,15 @@ from depth_pose.volume.model import VolumeModel
 
 Array = NDArray[np.float64]
 
-TEMPERATURE = 4.0
+TEMPERATURE = 8.0
 """T: what the descriptor's noise, correlated over the bins, counts for."""
 LATENT_NU, LATENT_W = 0.02, 0.5
 """The paper's nu, and w as a share of the prior variance; found by trial."""
 _AZIMUTH_SIGMA = np.radians(20.0)
 _MOST_STEPS = 4.0
+_LEAST_USUAL = 50.0
+"""Few wearers differ less from their mean than others will; five differ by about this."""
+_CLEARLY_BETTER = 0.7
 UNLIKELY = 4.0
 """Squared distance, in units of the training's, above which a frame counts as unlikely."""
 
@@ -67,7 +70,7 @@ class LatentTracker:
         motion = model.to_next
         residual = motion.predict(motion.inputs) - motion.outputs
         self._noise = np.sqrt((residual**2).mean(axis=0) + motion.floor)
-        self._usual = float(model.spread.mean())
+        self._usual = max(float(model.spread.mean()), _LEAST_USUAL)
         self.reset()
 
     def reset(self) -> None:
@@ -88,7 +91,7 @@ class LatentTracker:
         seen_from : float
             Azimuth of the camera from the person, radians, where the model has several views.
         """
-        if self._points is None or self._unlikely >= self.config.lost_after:
+        if self._points is None:
             return self._search(descriptors, seen_from)
         steps = min(max(seconds * self.model.fps, 0.05), _MOST_STEPS)
         points = self._move(self._points, steps)
@@ -105,7 +108,15 @@ class LatentTracker:
         self._speed += 0.5 * ((step - self._step) / steps - self._speed)
         self._step = step
         self._unlikely = self._unlikely + 1 if found.misfit > UNLIKELY else 0
-        return found
+        if self._unlikely < self.config.lost_after:
+            return found
+        # lost, or merely dressed as nobody in the training: only a clearly better place is believed
+        self._unlikely = 0
+        elsewhere = self._anywhere(descriptors, seen_from)
+        if elsewhere[0].misfit > _CLEARLY_BETTER * found.misfit:
+            return found
+        self._start(*elsewhere)
+        return elsewhere[0]
 
     def _move(self, points: Array, steps: float) -> Array:
         """Resample and predict; some start anew at training points."""
@@ -163,19 +174,26 @@ class LatentTracker:
         return Tracked(latent, step, view, misfit)
 
     def _search(self, descriptors: Array, seen_from: float) -> Tracked:
-        """Compare all headings with all training points, and start the particles at the best."""
-        model, window = self.model, np.arange(self._fine)
-        costs = search_costs(model, descriptors, window, seen_from)
-        row, column = np.unravel_index(np.argmin(costs), costs.shape)
-        cost = costs.min(axis=1)
+        """Start anew at the best place anywhere."""
+        found, cost = self._anywhere(descriptors, seen_from)
+        self._start(found, cost)
+        return found
+
+    def _anywhere(self, descriptors: Array, seen_from: float) -> tuple[Tracked, Array]:
+        """Compare all headings with all training points; gives the best, and each point's cost."""
+        costs = search_costs(self.model, descriptors, np.arange(self._fine), seen_from)
+        row, step = np.unravel_index(np.argmin(costs), costs.shape)
+        found = self._tracked(self.model.latent[row], descriptors, float(step), seen_from)
+        return found, costs.min(axis=1)
+
+    def _start(self, found: Tracked, cost: Array) -> None:
+        """Put the particles on training points, by what they cost."""
         weights = np.exp(-0.5 * (cost - cost.min()) / TEMPERATURE)
         rows = self._rng.choice(len(weights), self.config.particles, p=weights / weights.sum())
-        self._points = model.latent[rows] + self._noise * self._rng.normal(
-            size=(len(rows), model.latent.shape[1])
-        )
+        spread = self._noise * self._rng.normal(size=(len(rows), self.model.latent.shape[1]))
+        self._points = self.model.latent[rows] + spread
         self._weights = np.full(len(rows), 1.0 / len(rows))
-        self._step, self._speed, self._unlikely = float(window[column]), 0.0, 0
-        return self._tracked(model.latent[row], descriptors, self._step, seen_from)
+        self._step, self._speed, self._unlikely = found.step, 0.0, 0
 
 
 def search_costs(

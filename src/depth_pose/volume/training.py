@@ -37,8 +37,8 @@ DEPTH_VIEWS = 16
 
 INPUTS = ("silhouettes", "depth")
 
-PERFORMANCES, EVERY = 5, 5
-"""Performances of a dance that are taught, and every how manyth frame at 30 a second."""
+PERFORMANCES, EVERY = 10, 10
+"""Performances of a dance that are taught, and every how manyth frame at 30 a second: some 350 frames in all."""
 
 _FPS = 30.0
 
