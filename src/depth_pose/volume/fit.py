@@ -39,7 +39,7 @@ _STIFFNESS: dict[str, float] = {
 class VolumeFitConfig:
     """Settings of the fit; lengths in metres."""
 
-    sigmas: tuple[float, ...] = (0.06, 0.05, 0.04, 0.03, 0.025, 0.025)
+    sigmas: tuple[float, ...] = (0.06, 0.045, 0.035, 0.028, 0.025)
     outlier: float = 0.3
     plane_weight: float = 1.0
     point_weight: float = 0.3
@@ -47,7 +47,7 @@ class VolumeFitConfig:
     root_prior: float = 20.0
     damping: float = 0.02
     max_step: float = 0.35
-    max_points: int = 800
+    max_points: int = 400
     trust_power: float = 2.0
 
 

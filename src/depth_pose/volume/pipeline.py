@@ -6,7 +6,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,7 +31,7 @@ from depth_pose.types import Skeleton
 from depth_pose.volume.config import SpaceConfig, TrackConfig
 from depth_pose.volume.descriptor import describe, heading_angle
 from depth_pose.volume.fit import VolumeFitter
-from depth_pose.volume.hull import HullCarver, SurfaceVoxels, Volume
+from depth_pose.volume.hull import LEAST_VIEWS, HullCarver, SurfaceVoxels, Volume
 from depth_pose.volume.model import VolumeModel
 from depth_pose.volume.performances import depth_points, turns
 from depth_pose.volume.rig import RigCamera
@@ -56,21 +57,26 @@ class VolumePose:
         Segment rotations that the latent point stands for, rest pose to world frame.
     rotations : (21, 3, 3) float64
         The same after the fit to the volume.
-    angles_deg : (47,) float64
-        Anatomical angles, in the order of `depth_pose.body.angles.ANGLES`.
     stature : float
         Metres.
     skeleton : Skeleton
         World frame; source VOLUME, or LOST for an empty space.
+    disregarded : tuple of int
+        Cameras whose silhouette was empty while most others saw somebody.
     """
 
     volume: Volume
     tracked: Tracked | None
     regressed: Array
     rotations: Array
-    angles_deg: Array
     stature: float
     skeleton: Skeleton
+    disregarded: tuple[int, ...] = ()
+
+    @cached_property
+    def angles_deg(self) -> Array:
+        """Anatomical angles, (47,), in the order of `depth_pose.body.angles.ANGLES`."""
+        return angles_from_rotations(self.rotations)
 
 
 class VolumePoseTracker:
@@ -138,9 +144,7 @@ class VolumePoseTracker:
             fitted, root, residual = found.rotations, found.root, found.residual
             self._size.follow(found.size)
         skeleton = self._skeleton(stamp_ns, fitted, root, stature, tracked.misfit, residual)
-        return VolumePose(
-            volume, tracked, regressed, fitted, angles_from_rotations(fitted), stature, skeleton
-        )
+        return VolumePose(volume, tracked, regressed, fitted, stature, skeleton)
 
     def _since(self, stamp_ns: int) -> float:
         last, self._stamp_ns = self._stamp_ns, stamp_ns
@@ -159,10 +163,7 @@ class VolumePoseTracker:
 
     def _nobody(self, volume: Volume, stamp_ns: int) -> VolumePose:
         unknown = np.tile(np.eye(3), (len(NODES), 1, 1))
-        return VolumePose(
-            volume, None, unknown, unknown, angles_from_rotations(unknown), 0.0,
-            Skeleton.lost(stamp_ns, self.frame_id),
-        )  # fmt: skip
+        return VolumePose(volume, None, unknown, unknown, 0.0, Skeleton.lost(stamp_ns, self.frame_id))
 
     def _skeleton(
         self, stamp_ns: int, rotations: Array, root: Array, stature: float, misfit: float, residual: float
@@ -242,8 +243,21 @@ class SilhouettePipeline:
     def process_frame(
         self, silhouettes: Sequence[NDArray[np.generic] | None], stamp_ns: int
     ) -> VolumePose:
-        """Find the pose in the silhouettes of one moment; None for a camera without one."""
-        return self.tracker.process(self.carver.carve(silhouettes), stamp_ns)
+        """Find the pose in the silhouettes of one moment.
+
+        Parameters
+        ----------
+        silhouettes : sequence of (H, W) arrays or None
+            One per camera; None where it brought none. An empty one would empty the whole space; where
+            most of the others show somebody, it is taken for a failure and has no say.
+        stamp_ns : int
+        """
+        empty = [i for i, s in enumerate(silhouettes) if s is not None and not s.any()]
+        showing = sum(s is not None for s in silhouettes) - len(empty)
+        wrong = empty if showing >= max(LEAST_VIEWS, 2 * len(empty)) else []
+        kept = [None if i in wrong else s for i, s in enumerate(silhouettes)]
+        found = self.tracker.process(self.carver.carve(kept), stamp_ns)
+        return replace(found, disregarded=tuple(wrong)) if wrong else found
 
     def reset(self) -> None:
         """Forget all earlier frames."""
@@ -289,18 +303,19 @@ class DepthPipeline:
 
     def process_frame(self, depths: Sequence[NDArray[np.floating] | None], stamp_ns: int) -> VolumePose:
         """Find the pose in the depth images of one moment, metres."""
-        clouds = []
-        for c, depth in zip(self.rig, depths, strict=True):
-            if depth is None:
-                clouds.append(np.zeros((0, 3)))
-                continue
-            if depth.shape != (c.camera.height, c.camera.width):
-                raise InputError(
-                    f"the depth image of {c.name} is {depth.shape[1]} x {depth.shape[0]}; "
-                    f"its camera's are {c.camera.width} x {c.camera.height}"
-                )
-            clouds.append(c.to_world(depth_points(depth, c)))
-        return self.tracker.process(self._voxels.collect(clouds, self.rig[0].position), stamp_ns)
+        (depth,), (c,) = depths, self.rig
+        if depth is None:
+            return self.process_points(np.zeros((0, 3)), stamp_ns)
+        if depth.shape != (c.camera.height, c.camera.width):
+            raise InputError(
+                f"the depth image of {c.name} is {depth.shape[1]} x {depth.shape[0]}; "
+                f"its camera's are {c.camera.width} x {c.camera.height}"
+            )
+        return self.process_points(c.to_world(depth_points(depth, c)), stamp_ns)
+
+    def process_points(self, points_world: Array, stamp_ns: int) -> VolumePose:
+        """Find the pose in the person's points, (N, 3), world frame, metres."""
+        return self.tracker.process(self._voxels.collect([points_world], self.rig[0].position), stamp_ns)
 
     def reset(self) -> None:
         """Forget all earlier frames."""
