@@ -75,7 +75,11 @@ class VolumeNode(Node):
         self._declare()
         if not self.value("model"):
             raise ConfigError("give the parameter model: a file that 'depth-pose volume train' made")
-        self._model = VolumeModel.load(Path(self.value("model")))
+        try:
+            self._model = VolumeModel.load(Path(self.value("model")))
+            self._source = RigSource(self)
+        except InputError as error:  # starting again will not help
+            raise ConfigError(str(error)) from error
         self._config = {name: self._section(name, kind) for name, kind in _SECTIONS.items()}
         self._frame = str(self.value("world_frame"))
         self._extractor: Any = None
@@ -84,7 +88,6 @@ class VolumeNode(Node):
         self._states = self.create_publisher(JointState, "joint_states", reliable)
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._source = RigSource(self)
         self.create_timer(1.0, self._tell, clock=self._steady)
         self._source.listen(self._begin)
 
