@@ -113,7 +113,9 @@ def accuracy(out: Path, models: Path) -> None:
         one = learn_model([views[0][:1]], LearnConfig())
         rows.append(summary("one wearer taught", [track_performance(one, p) for p in tests]))
         naked = learn_model([[views[0][3], views[0][4]]], LearnConfig())
-        rows.append(summary("no skirt taught, skirt in the test", [track_performance(naked, p) for p in tests]))
+        rows.append(
+            summary("no skirt taught, skirt in the test", [track_performance(naked, p) for p in tests])
+        )
         clothed = learn_model([views[0][:3]], LearnConfig())
         rows.append(summary("skirts taught, none in the test", [track_performance(clothed, p) for p in bare]))
         rows.append(summary("one performance, 350 frames", single_performance(dance, rig, tests)))
@@ -222,7 +224,9 @@ def draw_cost(points, path: Path) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("what", choices=("accuracy", "cost"))
     parser.add_argument("--out", type=Path, default=Path("volume_plots"), help="folder for the plots")
     parser.add_argument("--models", type=Path, default=Path("volume_models"), help="folder for the models")

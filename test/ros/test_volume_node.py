@@ -1,6 +1,5 @@
 """The volume node live: eight simulated cameras at 60 frames a second, and what cameras do."""
 
-
 import signal
 import time
 
@@ -61,6 +60,12 @@ def rig_path(rig, tmp_path):
     return path
 
 
+def start_node(start, **given):
+    given |= {"space.voxel": 0.03, "track.stature": 1.66}
+    arguments = [a for name, value in given.items() for a in ("-p", f"{name}:={value}")]
+    return start("-m", "depth_pose.ros.volume_node", "--ros-args", *arguments)
+
+
 class Rehearsal:
     """The node, its cameras' publishers, and what it says."""
 
@@ -112,8 +117,7 @@ class Rehearsal:
 
 def test_sixty_frames_a_second_and_what_cameras_do(start, peer, model_path, images, rig_path):
     silhouettes, rotations = images
-    process = start("-m", "depth_pose.ros.volume_node", "--ros-args", "-p", f"model:={model_path}",
-                    "-p", f"rig:={rig_path}", "-p", "space.voxel:=0.03", "-p", "track.stature:=1.66")  # fmt: skip
+    process = start_node(start, model=model_path, rig=rig_path)
     live = Rehearsal(peer, process)
 
     # all cameras: the right pose, in the world frame, z up
@@ -163,7 +167,9 @@ def test_sixty_frames_a_second_and_what_cameras_do(start, peer, model_path, imag
     # really nobody, a damaged image, and time that goes back
     live.play(silhouettes, 200, 10, change=lambda shown: [np.zeros_like(s) for s in shown])
     assert msg_to_skeleton(live.skeletons[-1]).is_lost and not live.skeletons[-1].joints
-    live.play(silhouettes, 210, 5, change=lambda shown: [s[:50] if c == 0 else s for c, s in enumerate(shown)])
+    live.play(
+        silhouettes, 210, 5, change=lambda shown: [s[:50] if c == 0 else s for c, s in enumerate(shown)]
+    )
     process.wait_for("dropped, bad image: /camera0/silhouette: the image is 160 x 50")
     assert not msg_to_skeleton(live.skeletons[-1]).is_lost
     live.play(silhouettes, 3, 5)
@@ -181,9 +187,7 @@ def test_cameras_from_camera_info_and_extrinsics(start, peer, model_path, images
         T = np.linalg.inv(c.T_camera_world @ upright_from("z"))
         poses += [*T[:3, 3], *matrix_to_quat(T[:3, :3])]
     listed = "[" + ", ".join(f"{float(p):.9f}" for p in poses) + "]"
-    process = start("-m", "depth_pose.ros.volume_node", "--ros-args", "-p", f"model:={model_path}",
-                    "-p", f"topics:={topics}", "-p", f"extrinsics:={listed}",
-                    "-p", "space.voxel:=0.03", "-p", "track.stature:=1.66")  # fmt: skip
+    process = start_node(start, model=model_path, topics=topics, extrinsics=listed)
     process.wait_for("waits for CameraInfo of /camera0/silhouette", 60.0)
     infos = [peer.publisher(CameraInfo, f"/camera{i}/camera_info") for i in range(CAMERAS)]
     c = SMALL

@@ -61,9 +61,7 @@ def test_a_turned_and_moved_room_turns_and_moves_the_answer(model, performance):
     turn, shift = turns(2 * np.pi * 24 / 128), np.array([0.3, 0.0, -0.2])
     a, b = (VolumePoseTracker(model, config, VOXEL) for _ in range(2))
     for i, v in enumerate(performance.volumes[:5]):
-        moved = dataclasses.replace(
-            v, surface=v.surface @ turn.T + shift, centroid=turn @ v.centroid + shift
-        )
+        moved = dataclasses.replace(v, surface=v.surface @ turn.T + shift, centroid=turn @ v.centroid + shift)
         here, there = a.process(v, 1 + i * 33_000_000), b.process(moved, 1 + i * 33_000_000)
         assert score(turn @ here.rotations[None], there.rotations[None]).angle_deg < 0.5
         apart = here.skeleton.positions @ turn.T + shift - there.skeleton.positions

@@ -24,9 +24,7 @@ Array = NDArray[np.float64]
 Key = dict[str, float]
 
 
-def _legs(
-    left: tuple[float, float, float], right: tuple[float, float, float], toe_out: float = 12.0
-) -> Key:
+def _legs(left: tuple[float, float, float], right: tuple[float, float, float], toe_out: float = 12.0) -> Key:
     """Hip flexion, hip abduction and knee flexion of both legs; the feet stay flat."""
     key: Key = {}
     for side, (hip, aside, knee) in (("left", left), ("right", right)):

@@ -184,9 +184,7 @@ def run(
     from depth_pose.volume.rigfile import load_rig
 
     cameras = load_rig(rig)
-    track = TrackConfig(
-        **given(particles=particles, likelihood=likelihood, stature=stature, refine=refine)
-    )
+    track = TrackConfig(**given(particles=particles, likelihood=likelihood, stature=stature, refine=refine))
     with console.status("loading the model and compiling the kernels"):
         pipeline = make_pipeline(
             VolumeModel.load(model), cameras.cameras, SpaceConfig(**given(voxel=voxel)), track

@@ -68,7 +68,7 @@ class RigSource:
             self._listen_to_transforms()
 
     def missing(self) -> list[str]:
-        """What is still unknown, for people."""
+        """Say what is still unknown."""
         if self.rig is not None:
             return []
         out = [f"CameraInfo of {t}" for i, t in enumerate(self.topics) if i not in self._infos]

@@ -211,7 +211,7 @@ class VolumeNode(Node):
             try:
                 images.append(None if message is None else _decode(message, depth))
                 self._check_size(i, images[-1])
-            except InputError as error:
+            except InputError as error:  # noqa: PERF203
                 images[i:] = [None]
                 self._drop("bad image", f"{self._rig.topics[i]}: {error}")
         if all(image is None for image in images):

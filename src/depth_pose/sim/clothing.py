@@ -39,7 +39,9 @@ class Garment(_Checked):
     flare: float = option(
         0.30, "How much wider the hem hangs than the waist, in radius", unit="m", low=0.0, high=0.6
     )
-    sleeve: float = option(0.0, "How far sleeves hang below the arms; 0 for none", unit="m", low=0.0, high=0.8)
+    sleeve: float = option(
+        0.0, "How far sleeves hang below the arms; 0 for none", unit="m", low=0.0, high=0.8
+    )
     drag: float = option(1.5, "Share of the speed lost to the air each second", low=0.0, high=20.0)
 
 

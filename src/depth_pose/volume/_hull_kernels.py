@@ -204,11 +204,21 @@ def find_surface(blocks, marks, counts, side, origin, voxel, points, centre):
                         continue
                     if (
                         _filled(blocks, marks, counts, side, i0 * side + i - 1, j0 * side + j, k0 * side + k)
-                        and _filled(blocks, marks, counts, side, i0 * side + i + 1, j0 * side + j, k0 * side + k)
-                        and _filled(blocks, marks, counts, side, i0 * side + i, j0 * side + j - 1, k0 * side + k)
-                        and _filled(blocks, marks, counts, side, i0 * side + i, j0 * side + j + 1, k0 * side + k)
-                        and _filled(blocks, marks, counts, side, i0 * side + i, j0 * side + j, k0 * side + k - 1)
-                        and _filled(blocks, marks, counts, side, i0 * side + i, j0 * side + j, k0 * side + k + 1)
+                        and _filled(
+                            blocks, marks, counts, side, i0 * side + i + 1, j0 * side + j, k0 * side + k
+                        )
+                        and _filled(
+                            blocks, marks, counts, side, i0 * side + i, j0 * side + j - 1, k0 * side + k
+                        )
+                        and _filled(
+                            blocks, marks, counts, side, i0 * side + i, j0 * side + j + 1, k0 * side + k
+                        )
+                        and _filled(
+                            blocks, marks, counts, side, i0 * side + i, j0 * side + j, k0 * side + k - 1
+                        )
+                        and _filled(
+                            blocks, marks, counts, side, i0 * side + i, j0 * side + j, k0 * side + k + 1
+                        )
                     ):
                         continue
                     if n < points.shape[0]:

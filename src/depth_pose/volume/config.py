@@ -48,9 +48,7 @@ class LearnConfig(_Checked):
 
     latent: int = option(6, "Dimensions of the latent space", low=2, high=20)
     iterations: int = option(150, "Most steps of the optimiser", low=1, high=10000)
-    dynamics_weight: float = option(
-        1.0, "Weight of the dynamics against the volumes", low=0.0, high=1000.0
-    )
+    dynamics_weight: float = option(1.0, "Weight of the dynamics against the volumes", low=0.0, high=1000.0)
     noise_floor: float = option(2e-3, "Least noise variance of the dynamics", low=1e-8, high=1.0)
     pose_variance: float = option(
         0.99, "Share of the poses' variance kept by their latent space", low=0.5, high=1.0

@@ -1,4 +1,4 @@
-"""Pictures of the volume tracker: its latent space (the paper's Figs. 1 and 4), and what it finds (Fig. 3)."""
+"""Pictures of the volume tracker: latent space (the paper's Figs. 1, 4) and poses (Fig. 3)."""
 
 from __future__ import annotations
 

@@ -91,7 +91,7 @@ class VolumeFitter:
         self._normals = vertex_normals(body)
         self._trust = np.ascontiguousarray(trust**self.config.trust_power)
         self._free = np.full(len(NODES), -1)
-        stiffness = []
+        stiffness: list[float] = []
         for name, node in NODE_INDEX.items():
             kind = name.split("_")[-1]
             if kind in _STIFFNESS:

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize
+from scipy.optimize import Bounds, minimize
 
 from depth_pose.volume.config import LearnConfig
 from depth_pose.volume.gp import _LOG_BOUNDS, Kernel, evidence
@@ -54,8 +54,8 @@ class Dynamics:
 
 def chain_rows(lengths: list[int]) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
     """Rows of frames with a next one, of those next ones, and of the first frames of sequences."""
-    ends = np.cumsum(lengths)
-    starts = ends - lengths
+    ends = np.cumsum(np.array(lengths, np.int64))
+    starts = ends - np.array(lengths, np.int64)
     before = np.concatenate([np.arange(s, e - 1) for s, e in zip(starts, ends, strict=True)])
     return before, before + 1, starts
 
@@ -110,10 +110,10 @@ def learn_dynamics(
             progress(done[0])
 
     start = np.concatenate([x0.ravel(), _START[0].as_array(), _START[1].as_array()])
-    bounds = [(None, None)] * x0.size + [_LOG_BOUNDS] * 7
+    reach = np.concatenate([np.full(x0.size, np.inf), np.full(7, _LOG_BOUNDS[1])])
     found = minimize(
-        cost, start, jac=True, method="L-BFGS-B", bounds=bounds, callback=tell,
-        options={"maxiter": config.iterations, "maxfun": 3 * config.iterations},
+        cost, start, jac=True, method="L-BFGS-B", bounds=Bounds(-reach, reach), callback=tell,
+        options={"maxiter": config.iterations},
     )  # fmt: skip
     return Dynamics(
         found.x[: split[0]].reshape(n, config.latent),

@@ -81,7 +81,8 @@ def learn_model(
     tell("regressions", 3, 3)
     return VolumeModel(
         latent=found.latent, lengths=np.array([len(p) for p in first]), volumes=volumes, spread=spread,
-        poses=poses, rotations=rotations, space_mean=space.mean, space_whiten=space.whiten, space_basis=space.basis,
+        poses=poses, rotations=rotations,
+        space_mean=space.mean, space_whiten=space.whiten, space_basis=space.basis,
         pose_mean=pose_space.mean, pose_basis=pose_space.basis,
         volume_kernel=to_volume.kernel.as_array(), motion_kernel=found.motion_kernel.as_array(),
         recall_kernel=to_latent.kernel.as_array(), pose_kernel=pose_kernel.as_array(),

@@ -166,8 +166,8 @@ class VolumeModel:
             raise InputError(f"{path} is no volume model: it does not say what it is") from error
         if kind != FORMAT or version != VERSION:
             raise InputError(
-                f"{path} holds {kind!r}, version {version}; this program reads {FORMAT!r}, version {VERSION}: "
-                "make it again with 'depth-pose volume train'"
+                f"{path} holds {kind!r}, version {version}; this program reads {FORMAT!r}, version "
+                f"{VERSION}: make it again with 'depth-pose volume train'"
             )
         names = {f.name for f in fields(cls)} - {"meta"}
         if set(arrays) != names:

@@ -63,9 +63,7 @@ class MomentGatherer:
 
     def gone(self, now: float) -> list[int]:
         """Cameras that bring nothing, or never did."""
-        return [
-            c for c, heard in enumerate(self._heard) if heard is None or now - heard > self._gone_after
-        ]
+        return [c for c, heard in enumerate(self._heard) if heard is None or now - heard > self._gone_after]
 
     def add(self, camera: int, stamp_ns: int, image: Any, now: float) -> None:
         """Take one image."""

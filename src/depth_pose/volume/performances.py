@@ -100,18 +100,16 @@ def depth_eyes(rig: Sequence[RigCamera], voxels: SurfaceVoxels) -> Eyes:
     renderer = RigRenderer(rig)
 
     def see(meshes: Sequence[Mesh]) -> Volume:
-        clouds = [
-            c.to_world(depth_points(d, c)) for c, d in zip(rig, renderer.depths(meshes), strict=True)
-        ]
+        clouds = [c.to_world(depth_points(d, c)) for c, d in zip(rig, renderer.depths(meshes), strict=True)]
         return voxels.collect(clouds, rig[0].position if len(rig) == 1 else None)
 
     return see
 
 
-def depth_points(depth: NDArray[np.floating], rig: RigCamera) -> Array:
+def depth_points(depth: NDArray[np.generic], rig: RigCamera) -> Array:
     """Points (N, 3) of a depth image's pixels with a return, optical frame, metres."""
     c = rig.camera
-    v, u = np.nonzero(np.nan_to_num(depth, posinf=0.0) > 0)
+    v, u = np.nonzero(np.nan_to_num(np.asarray(depth, np.float32), posinf=0.0) > 0)
     z = depth[v, u].astype(np.float64)
     return np.stack([(u - c.cx) / c.fx * z, (v - c.cy) / c.fy * z, z], axis=1)
 

@@ -240,9 +240,7 @@ class SilhouettePipeline:
         self.carver = HullCarver(rig, space)
         self.tracker = VolumePoseTracker(model, config, space.voxel, frame_id)
 
-    def process_frame(
-        self, silhouettes: Sequence[NDArray[np.generic] | None], stamp_ns: int
-    ) -> VolumePose:
+    def process_frame(self, silhouettes: Sequence[NDArray[np.generic] | None], stamp_ns: int) -> VolumePose:
         """Find the pose in the silhouettes of one moment.
 
         Parameters
@@ -301,7 +299,7 @@ class DepthPipeline:
         self.rig, self._voxels = tuple(rig), SurfaceVoxels(space)
         self.tracker = VolumePoseTracker(model, config, space.voxel, frame_id)
 
-    def process_frame(self, depths: Sequence[NDArray[np.floating] | None], stamp_ns: int) -> VolumePose:
+    def process_frame(self, depths: Sequence[NDArray[np.generic] | None], stamp_ns: int) -> VolumePose:
         """Find the pose in the depth images of one moment, metres."""
         (depth,), (c,) = depths, self.rig
         if depth is None:

@@ -169,7 +169,7 @@ def record_images(
             seen = renderer.silhouettes(meshes) if kind == "silhouettes" else renderer.depths(meshes)
             stamp_ns = START_NS + round(i * 1e9 / clip.fps)
             for camera, topic, image in zip(cameras, topics, seen, strict=True):
-                writer.write(topic, stamp_ns, camera.name, image)
+                writer.write(topic, stamp_ns, camera.name, np.asarray(image))
             if progress is not None:
                 progress(i + 1)
     save_rig(path.with_suffix(".yaml"), cameras, topics)

@@ -33,10 +33,11 @@ def learn_trust(performances: Sequence[Performance]) -> Array:
         for i in range(0, len(p), _EVERY):
             posed = template.pose(p.rotations[i], p.pelvis[i], scale)
             away, _ = cKDTree(p.volumes[i].surface).query(posed.vertices)
-            seen = np.ones(len(away))
-            if p.volumes[i].eye is not None:  # the far side is not on the surface, trusted or not
+            seen = np.ones(len(posed.vertices))
+            eye = p.volumes[i].eye
+            if eye is not None:  # the far side is not on the surface, trusted or not
                 outward = np.einsum("vij,vj->vi", p.rotations[i][strongest], normals)
-                seen = (np.einsum("vi,vi->v", outward, posed.vertices - p.volumes[i].eye) < 0).astype(float)
+                seen = (np.einsum("vi,vi->v", outward, posed.vertices - eye) < 0).astype(float)
             total = total + seen / (1.0 + (away / _SCALE_M) ** 2)
             count = count + seen
     return np.asarray(total / np.maximum(count, 1.0))

@@ -98,23 +98,14 @@ def report_rows(reports: Sequence[Report]) -> list[list[str]]:
         "performance", "mean pose", "best training pose", "regressed", "fitted", "fitted / best",
         "fitted, paper's RMS", "joints", "stature",
     ]  # fmt: skip
-    rows = [head]
-    for r in reports:
-        rows.append(
-            [
-                r.name, *(f"{s.angle_deg:.2f}°" for s in (r.mean_pose, r.best_training, r.regressed, r.fitted)),
-                f"{r.fitted.angle_deg / r.best_training.angle_deg:.2f}", f"{r.fitted.rms_deg:.2f}°",
-                f"{r.fitted.joint_cm:.1f} cm", f"{r.stature_m:.2f} m of {r.true_stature_m:.2f}",
-            ]
-        )  # fmt: skip
-    if len(reports) > 1:
-        mean = [np.mean([getattr(r, n).angle_deg for r in reports])
-                for n in ("mean_pose", "best_training", "regressed", "fitted")]  # fmt: skip
-        rows.append(
-            [
-                "mean", *(f"{m:.2f}°" for m in mean), f"{mean[3] / mean[1]:.2f}",
-                f"{np.mean([r.fitted.rms_deg for r in reports]):.2f}°",
-                f"{np.mean([r.fitted.joint_cm for r in reports]):.1f} cm", "",
-            ]
-        )  # fmt: skip
-    return rows
+    rows = [head, *(_row(r.name, [r], f"{r.stature_m:.2f} m of {r.true_stature_m:.2f}") for r in reports)]
+    return rows if len(reports) == 1 else [*rows, _row("mean", reports, "")]
+
+
+def _row(name: str, reports: Sequence[Report], stature: str) -> list[str]:
+    kinds = ("mean_pose", "best_training", "regressed", "fitted")
+    angles = [float(np.mean([getattr(r, kind).angle_deg for r in reports])) for kind in kinds]
+    rms = np.mean([r.fitted.rms_deg for r in reports])
+    joints = np.mean([r.fitted.joint_cm for r in reports])
+    ratio = f"{angles[3] / angles[1]:.2f}"
+    return [name, *(f"{a:.2f}°" for a in angles), ratio, f"{rms:.2f}°", f"{joints:.1f} cm", stature]

@@ -17,7 +17,7 @@ from depth_pose.errors import ConfigError
 from depth_pose.sim.clothing import GARMENTS, Garment
 from depth_pose.sim.roof_cameras import RigRenderer, front_camera, roof_rig
 from depth_pose.volume.config import LearnConfig, SpaceConfig
-from depth_pose.volume.hull import HullCarver, SurfaceVoxels
+from depth_pose.volume.hull import HullCarver, SurfaceVoxels, Volume
 from depth_pose.volume.learning import Progress, learn_model
 from depth_pose.volume.model import VolumeModel
 from depth_pose.volume.performances import (
@@ -38,7 +38,8 @@ DEPTH_VIEWS = 16
 INPUTS = ("silhouettes", "depth")
 
 PERFORMANCES, EVERY = 10, 10
-"""Performances of a dance that are taught, and every how manyth frame at 30 a second: some 350 frames in all."""
+"""Performances of a dance that are taught, and every how manyth of their frames at 30 a second: some
+350 frames in all."""
 
 _FPS = 30.0
 
@@ -56,7 +57,7 @@ def default_wearers(garments: Sequence[str] = ("skirt", "long-skirt", "wide-skir
 
 
 def dance_clips(dance: str, performances: int = PERFORMANCES, seed: int = 1) -> list[Clip]:
-    """Performances of a dance for training, each about once through it."""
+    """Give performances of a dance for training, each about once through it."""
     if dance not in DANCES:
         raise ConfigError(f"there is no dance {dance!r}; there are {', '.join(DANCES)}")
     seconds = round(DANCES[dance].seconds * _FPS + 5) / _FPS
@@ -140,7 +141,7 @@ def watch_around(
     x, height, z = camera.position
     distance = float(np.hypot(x, z))
     headings = headings_of(clip.rotations)
-    seen: list[list] = [[] for _ in range(views)]
+    seen: list[list[Volume]] = [[] for _ in range(views)]
     pelvis: list[NDArray[np.float64]] = []
     for i, (meshes, posed) in enumerate(dressed_frames(wearer, clip)):
         if progress is not None:
