@@ -30,7 +30,7 @@ from depth_pose.errors import ConfigError, InputError
 from depth_pose.io.decode import decode_depth
 from depth_pose.ros.conversions import make_header, skeleton_to_msg, stamp_to_ns
 from depth_pose.ros.figures import Figures
-from depth_pose.ros.node_base import LOG_EVERY_S, READY
+from depth_pose.ros.node_base import READY
 from depth_pose.ros.parameters import Setting, describe
 from depth_pose.ros.rig_source import RigSource
 from depth_pose.ros.runner import run_node
@@ -61,6 +61,7 @@ _LISTS: dict[str, tuple[list[Any], str]] = {
 }
 _SECTIONS: dict[str, type] = {"space": SpaceConfig, "track": TrackConfig}
 _TICK_S = 0.004
+_LOG_EVERY_S = 5.0
 
 
 class VolumeNode(Node):
@@ -158,7 +159,7 @@ class VolumeNode(Node):
             if self._gatherer.late[camera] > late:
                 self.get_logger().warning(
                     f"{self._rig.topics[camera]} is late: its moment was answered without it",
-                    throttle_duration_sec=LOG_EVERY_S,
+                    throttle_duration_sec=_LOG_EVERY_S,
                 )
             self._check()
 
@@ -191,7 +192,7 @@ class VolumeNode(Node):
             self._drop("bad input", str(error))
             return
         except Exception as error:  # a node outlives every frame
-            self.get_logger().error(traceback.format_exc(), throttle_duration_sec=LOG_EVERY_S)
+            self.get_logger().error(traceback.format_exc(), throttle_duration_sec=_LOG_EVERY_S)
             self._drop("error", f"{type(error).__name__}: {error}")
             self._pipeline.reset()
             return
@@ -201,7 +202,7 @@ class VolumeNode(Node):
 
     def _drop(self, reason: str, detail: str) -> None:
         self.figures.drop(reason)
-        self.get_logger().warning(f"dropped, {reason}: {detail}", throttle_duration_sec=LOG_EVERY_S)
+        self.get_logger().warning(f"dropped, {reason}: {detail}", throttle_duration_sec=_LOG_EVERY_S)
 
     def _estimate(self, moment: Moment) -> VolumePose:
         """Decode what there is and run the pipeline; an image that is damaged counts as missing."""
@@ -245,7 +246,7 @@ class VolumeNode(Node):
             self.figures.counts[f"empty silhouette: {self._rig.topics[camera]}"] += 1
             self.get_logger().warning(
                 f"{self._rig.topics[camera]} shows nobody while the others do: it has no say",
-                throttle_duration_sec=LOG_EVERY_S,
+                throttle_duration_sec=_LOG_EVERY_S,
             )
         if pose.skeleton.is_lost or pose.tracked is None:
             return
@@ -255,6 +256,8 @@ class VolumeNode(Node):
             "stature_m": pose.stature,
             "cameras": float(pose.volume.views),
         }
+        if not self._states.get_subscription_count():
+            return
         state = JointState(header=make_header(stamp_ns, self._frame), name=list(ANGLES))
         state.position = np.radians(pose.angles_deg).tolist()
         self._states.publish(state)
@@ -267,7 +270,7 @@ class VolumeNode(Node):
         if self._pipeline is None:
             missing = ", ".join(self._source.missing())
             status.level, status.message = DiagnosticStatus.WARN, f"waits for {missing}"
-            self.get_logger().warning(f"waits for {missing}", throttle_duration_sec=LOG_EVERY_S)
+            self.get_logger().warning(f"waits for {missing}", throttle_duration_sec=_LOG_EVERY_S)
         else:
             self._tell_cameras(status)
         status.values = [KeyValue(key=k, value=v) for k, v in self.figures.as_text().items()]

@@ -22,13 +22,15 @@ class SpaceConfig(_Checked):
 class TrackConfig(_Checked):
     """The particle filter and what follows it."""
 
-    particles: int = option(150, "Particles in the latent space", low=10, high=5000)
+    particles: int = option(100, "Particles in the latent space", low=10, high=5000)
     likelihood: str = option(
         "descriptor",
         "descriptor: distance of descriptors; latent: eq. 4 of the paper",
         choices=("descriptor", "latent"),
     )
-    restarts: float = option(0.05, "Share of particles put on training points", low=0.0, high=1.0)
+    restarts: float = option(
+        0.2, "Share of particles put on training points that look like the frame", low=0.0, high=1.0
+    )
     azimuth_window: float = option(
         50.0, "Azimuths tried to either side of the expected one", unit="deg", low=5.0, high=180.0
     )

@@ -104,7 +104,7 @@ def learn_dynamics(
 
     done = [0]
 
-    def tell(_: Array) -> None:
+    def tell(xk: Array) -> None:
         done[0] += 1
         if progress is not None:
             progress(done[0])

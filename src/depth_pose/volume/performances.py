@@ -12,9 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter1d
 
-from depth_pose.body.angles import ANGLE_INDEX, N_ANGLES, angles_from_rotations, rotations_from_angles
 from depth_pose.body.body import PosedBody
 from depth_pose.body.motion import Clip
 from depth_pose.body.procedural import BodyShape, make_body
@@ -149,28 +147,6 @@ def watch(
         clip.rotations[::every],
         np.array(pelvis),
     )
-
-
-def vary(clip: Clip, seed: int, degrees: float = 6.0, seconds: float = 0.6) -> Clip:
-    """Give a motion in which every joint angle wanders about its own, as in no performance of it.
-
-    Parameters
-    ----------
-    clip : Clip
-    seed : int
-    degrees : float
-        Standard deviation.
-    seconds : float
-        Time over which a deviation changes.
-    """
-    rng = np.random.default_rng(seed)
-    sigma = max(seconds * clip.fps, 0.5)
-    margin = int(4 * sigma)
-    noise = gaussian_filter1d(rng.normal(size=(len(clip) + 2 * margin, N_ANGLES)), sigma, axis=0)
-    noise = noise[margin : margin + len(clip)] * np.sqrt(2.0 * sigma * np.sqrt(np.pi)) * degrees
-    noise[:, ANGLE_INDEX["pelvis_twist"]] = 0.0
-    angles = angles_from_rotations(clip.rotations) + noise
-    return Clip(f"{clip.name} varied {seed}", clip.fps, rotations_from_angles(angles), clip.roots)
 
 
 def headings_of(rotations: Array) -> Array:

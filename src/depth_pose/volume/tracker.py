@@ -27,11 +27,11 @@ from depth_pose.volume.model import VolumeModel
 
 Array = NDArray[np.float64]
 
-TEMPERATURE = 8.0
+TEMPERATURE = 12.0
 """T: what the descriptor's noise, correlated over the bins, counts for."""
 LATENT_NU, LATENT_W = 0.02, 0.5
 """The paper's nu, and w as a share of the prior variance; found by trial."""
-_AZIMUTH_SIGMA = np.radians(20.0)
+_AZIMUTH_SIGMA = np.radians(40.0)
 _MOST_STEPS = 4.0
 _LEAST_USUAL = 50.0
 """Few wearers differ less from their mean than others will; five differ by about this."""
@@ -94,10 +94,15 @@ class LatentTracker:
         if self._points is None:
             return self._search(descriptors, seen_from)
         steps = min(max(seconds * self.model.fps, 0.05), _MOST_STEPS)
-        points = self._move(self._points, steps)
         expected = self._step + self._speed * steps
         reach = round(self.config.azimuth_window / 360.0 * self._fine)
         window = np.arange(-reach, reach + 1) + round(expected)
+        points = self._move(self._points, steps)
+        fresh = round(self.config.restarts * len(points))
+        if fresh:
+            # some start anew at training points, those that look like this frame first
+            cost = search_costs(self.model, descriptors, window, seen_from).min(axis=1)
+            points[:fresh] = self.model.latent[self._draw(cost, fresh)]
         cost, best = self._compare(points, descriptors, window, expected, seen_from)
         weights = np.exp(-0.5 * (cost - cost.min()))
         weights /= weights.sum()
@@ -119,7 +124,7 @@ class LatentTracker:
         return elsewhere[0]
 
     def _move(self, points: Array, steps: float) -> Array:
-        """Resample and predict; some start anew at training points."""
+        """Resample and predict."""
         n, rng = len(points), self._rng
         at = (np.arange(n) + rng.uniform()) / n
         rows = np.minimum(np.searchsorted(np.cumsum(self._weights), at), n - 1)
@@ -127,9 +132,6 @@ class LatentTracker:
         moved = moved + steps * (self.model.to_next.predict(moved) - moved)
         spread = self.config.diffusion * np.sqrt(steps) * self._noise
         moved += spread * rng.normal(size=moved.shape)
-        fresh = round(self.config.restarts * n)
-        if fresh:
-            moved[:fresh] = self.model.latent[rng.integers(len(self.model.latent), size=fresh)]
         return np.asarray(moved)
 
     def _compare(
@@ -188,12 +190,16 @@ class LatentTracker:
 
     def _start(self, found: Tracked, cost: Array) -> None:
         """Put the particles on training points, by what they cost."""
-        weights = np.exp(-0.5 * (cost - cost.min()) / TEMPERATURE)
-        rows = self._rng.choice(len(weights), self.config.particles, p=weights / weights.sum())
+        rows = self._draw(cost, self.config.particles)
         spread = self._noise * self._rng.normal(size=(len(rows), self.model.latent.shape[1]))
         self._points = self.model.latent[rows] + spread
         self._weights = np.full(len(rows), 1.0 / len(rows))
         self._step, self._speed, self._unlikely = found.step, 0.0, 0
+
+    def _draw(self, cost: Array, count: int) -> NDArray[np.int64]:
+        """Draw training points by their likelihood."""
+        weights = np.exp(-0.5 * (cost - cost.min()) / TEMPERATURE)
+        return self._rng.choice(len(weights), count, p=weights / weights.sum())
 
 
 def search_costs(
