@@ -16,7 +16,7 @@ from depth_pose.body.procedural_motion_dance import perform
 from depth_pose.geometry import matrix_to_quat
 from depth_pose.ros.conversions import make_header, msg_to_skeleton
 from depth_pose.sim.clothing import Garment
-from depth_pose.sim.roof_cameras import RigRenderer, roof_rig
+from depth_pose.sim.roof_cameras import RigRenderer, front_camera, roof_rig
 from depth_pose.types import Camera
 from depth_pose.volume.config import LearnConfig
 from depth_pose.volume.learning import learn_model
@@ -203,6 +203,44 @@ def test_cameras_from_camera_info_and_extrinsics(start, peer, model_path, images
     live = Rehearsal(peer, process)
     live.play(silhouettes, 0, 20)
     assert not msg_to_skeleton(live.skeletons[-1]).is_lost
+
+
+def test_one_depth_camera(start, peer, tmp_path):
+    """A person before a wall and on a floor is cut out of the depth image, and tracked."""
+    clips = [perform("swing", seed, 3.0) for seed in (1, 2)]
+    views = simulate_views(clips, [Wearer(BodyShape(stature_m=1.7))], "depth", 8)
+    learn_model(views, LearnConfig(iterations=30)).save(tmp_path / "model.npz")
+    camera = front_camera()
+    save_rig(tmp_path / "rig.yaml", [camera], ["/depth/image_raw"])
+    process = start_node(start, model=tmp_path / "model.npz", rig=tmp_path / "rig.yaml")
+    live = Rehearsal(peer, process, 0)
+    images = peer.publisher(Image, "/depth/image_raw")
+    renderer, room = RigRenderer([camera]), room_before(camera)
+    for i, (meshes, _) in enumerate(
+        dressed_frames(Wearer(BodyShape(stature_m=1.66)), perform("swing", 50, 0.5))
+    ):
+        (depth,) = renderer.depths([*meshes, room])
+        msg = Image(height=240, width=320, encoding="32FC1", step=1280, data=depth.tobytes())
+        msg.header = make_header(START_NS + i * 33_000_000, "depth")
+        before = len(live.skeletons)
+        images.publish(msg)
+        peer.until(lambda before=before: len(live.skeletons) > before, what="an answer")
+    last = msg_to_skeleton(live.skeletons[-1])
+    assert not last.is_lost and last.frame_id == "map"
+    assert 1.3 < last.positions[4, 2] < 1.8 and np.abs(last.positions[0, :2]).max() < 0.4
+    nothing = Image(height=240, width=320, encoding="32FC1", step=1280, data=bytes(240 * 1280))
+    nothing.header = make_header(START_NS + 10**9, "depth")
+    images.publish(nothing)
+    peer.until(lambda: msg_to_skeleton(live.skeletons[-1]).is_lost, what="a lost skeleton")
+
+
+def room_before(camera):
+    """A floor, and a wall behind the person, of two triangles each, both sides."""
+    corners = [[-4, 0, -2], [4, 0, -2], [4, 0, 3], [-4, 0, 3], [-4, 3, -2], [4, 3, -2]]
+    faces = [[0, 1, 2], [0, 2, 3], [0, 1, 5], [0, 5, 4]]
+    both = np.array(faces + [f[::-1] for f in faces], np.int32)
+    assert camera.position[2] > 3.0
+    return np.array(corners, float), both
 
 
 @pytest.mark.parametrize(
