@@ -215,8 +215,12 @@ class VolumeNode(Node):
             except InputError as error:  # noqa: PERF203
                 images[i:] = [None]
                 self._drop("bad image", f"{self._rig.topics[i]}: {error}")
-        if all(image is None for image in images):
-            raise InputError("no camera brought an image that can be used")
+        there, live = (
+            sum(i is not None for i in images),
+            len(images) - len(self._gatherer.gone(time.monotonic())),
+        )
+        if 2 * there < live or there == 0:
+            raise InputError(f"only {there} of {live} live cameras brought an image that can be used in time")
         if isinstance(self._pipeline, DepthPipeline):
             if self._extractor is None:
                 return self._pipeline.process_frame(images, moment.stamp_ns)
