@@ -144,6 +144,10 @@ def test_pipeline_from_silhouettes(model, rig, space, views):
     assert all(p.volume.views == 5 for p in found)
     got = score(np.array([p.rotations for p in found]), clip.rotations)
     assert got.angle_deg < 10.0
+    assert all(p.disregarded == () for p in found)
+    images[i % 6] = np.zeros((120, 160), np.uint8)  # this one sees nobody where the others do
+    odd = pipeline.process_frame(images, 600_000_000)
+    assert odd.disregarded == (i % 6,) and odd.volume.views == 5 and not odd.skeleton.is_lost
     nobody = pipeline.process_frame([np.zeros((120, 160), np.uint8)] * 6, 10**9)
     assert nobody.skeleton.is_lost
     with pytest.raises(ConfigError, match="learned from silhouettes"):
