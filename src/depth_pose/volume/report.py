@@ -84,7 +84,7 @@ def track_performance(
         best_training=score(best_training_estimate(model.rotations, truth, headings), truth),
         regressed=score(np.array([p.regressed for p in poses]), truth),
         fitted=score(np.array([p.rotations for p in poses]), truth),
-        stature_m=poses[-1].stature,
+        stature_m=found[-1].stature if found else float("nan"),
         true_stature_m=performance.stature,
         root_cm=float(100 * np.linalg.norm(roots - where, axis=1).mean()) if len(found) else float("nan"),
         ms=float(np.median(times[len(times) // 2 :])),
