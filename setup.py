@@ -12,6 +12,7 @@ setup(
             "matcher_node = depth_pose.ros.matcher_node:main",
             "refine_node = depth_pose.ros.refine_node:main",
             "recovery_node = depth_pose.ros.recovery_node:main",
+            "volume_node = depth_pose.ros.volume_node:main",
         ],
     },
     data_files=[

@@ -33,6 +33,11 @@ COMMANDS = (
     "bank",
     "bank build",
     "bank info",
+    "volume",
+    "volume train",
+    "volume info",
+    "volume run",
+    "volume demo",
 )
 
 

@@ -22,6 +22,7 @@ from depth_pose.body.limits import clamp_angles, clamp_rotations, violation, wit
 from depth_pose.body.motion import Clip, PoseSet, choose_for_coverage, join_poses, without_heading
 from depth_pose.body.procedural_motion_draw import Draw
 from depth_pose.body.procedural_motion_families import FAMILIES
+from depth_pose.body.procedural_motion_parts import Motion
 from depth_pose.errors import ConfigError
 
 Array = NDArray[np.float64]
@@ -73,7 +74,11 @@ def make_clip(name: str, fps: float = 30.0, seconds: float = 10.0, seed: int = 0
         raise ConfigError(f"a clip needs a positive rate and length, not {fps} frames/s and {seconds} s")
     rng = np.random.default_rng([seed, crc32(name.encode())])
     t = np.arange(max(round(fps * seconds), 2)) / fps
-    motion = FAMILIES[name].motion(t, Draw(rng, ()))
+    return clip_from_motion(name, FAMILIES[name].motion(t, Draw(rng, ())), fps)
+
+
+def clip_from_motion(name: str, motion: Motion, fps: float) -> Clip:
+    """Make a clip of postures in time: through the gates, smooth, feet on the floor."""
     rotations = _through_gates(motion.angles).rotations
     # Pushed limbs and clamped joints start and stop suddenly; people do not. Smoothing moves
     # limbs into the body again, less each time.

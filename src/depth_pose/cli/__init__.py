@@ -16,6 +16,7 @@ from depth_pose.cli.live import add_to as add_live
 from depth_pose.cli.run import add_to as add_run
 from depth_pose.cli.scoring import add_to as add_scoring
 from depth_pose.cli.simulation import add_to as add_simulation
+from depth_pose.cli.volume import app as volume_app
 from depth_pose.errors import ConfigError, DepthPoseError
 
 app = typer.Typer(
@@ -57,6 +58,7 @@ add_live(app)
 add_simulation(app)
 add_scoring(app)
 app.add_typer(bank_app, name="bank")
+app.add_typer(volume_app, name="volume")
 
 
 def main() -> None:

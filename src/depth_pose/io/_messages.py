@@ -164,9 +164,9 @@ def write_skeleton(skeleton: Skeleton) -> bytes:
     return cdr.bytes()
 
 
-def write_image(stamp_ns: int, frame_id: str, pixels: NDArray[np.uint16] | NDArray[np.float32]) -> bytes:
-    """Encode a depth Image: uint16 millimetres as 16UC1, float32 metres as 32FC1."""
-    encoding = {"u": "16UC1", "f": "32FC1"}[pixels.dtype.kind]
+def write_image(stamp_ns: int, frame_id: str, pixels: NDArray[np.generic]) -> bytes:
+    """Encode an Image: uint16 millimetres as 16UC1, float32 metres as 32FC1, uint8 as mono8."""
+    encoding = {"uint8": "mono8", "uint16": "16UC1", "float32": "32FC1"}[pixels.dtype.name]
     little = np.ascontiguousarray(pixels, pixels.dtype.newbyteorder("<"))
     cdr = CdrWriter()
     cdr.header(stamp_ns, frame_id)

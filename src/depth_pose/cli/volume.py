@@ -1,0 +1,281 @@
+"""``depth-pose volume``: pose from a person's volume, for loose clothing."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from depth_pose.cli.console import console, given, print_facts, progress_bar, setting, warn
+from depth_pose.errors import ConfigError
+from depth_pose.volume.config import LearnConfig, SpaceConfig, TrackConfig
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from depth_pose.body.motion import Clip
+    from depth_pose.volume.model import VolumeModel
+    from depth_pose.volume.performances import Performance
+    from depth_pose.volume.report import Report
+
+app = typer.Typer(
+    help="Pose from a person's volume: silhouettes of several cameras, or one depth camera.",
+    no_args_is_help=True,
+)
+
+_FPS = 30.0
+
+
+def _learn(
+    kind: str,
+    dance: str,
+    motions: Sequence[Path],
+    garments: Sequence[str],
+    performances: int | None,
+    every: int | None,
+    rig: Path | None,
+    config: LearnConfig,
+    space: SpaceConfig,
+) -> VolumeModel:
+    from depth_pose.volume.rigfile import load_rig
+    from depth_pose.volume.training import EVERY, PERFORMANCES, dance_clips, default_wearers, train
+
+    clips = (
+        [_captured(path) for path in motions] if motions else dance_clips(dance, performances or PERFORMANCES)
+    )
+    bars: dict[str, float] = {}
+    with console.status("") as status:
+
+        def tell(what: str, done: int, of: int) -> None:
+            bars.setdefault(what, time.monotonic())
+            status.update(f"{what}: {done} of {of}, {time.monotonic() - bars[what]:.0f} s")
+
+        return train(
+            clips,
+            default_wearers(garments) if garments else None,
+            kind,
+            every or EVERY,
+            config,
+            space,
+            load_rig(rig).cameras if rig else None,
+            tell,
+            f"dance {dance}" if not motions else "motions from files",
+        )
+
+
+def _captured(path: Path) -> Clip:
+    from depth_pose.sim.motion import load_motion
+
+    if path.suffix.lower() != ".bvh":
+        raise ConfigError(f"{path} is no .bvh file")
+    return load_motion(str(path), _FPS, 1e6)
+
+
+def _print_model(path: Path, model: VolumeModel) -> None:
+    meta = model.meta
+    print_facts(
+        str(path),
+        [
+            ("sees", str(meta["input"]) + (f", {model.views} views" if model.views > 1 else "")),
+            ("trained on", str(meta["about"])),
+            ("frames", f"{meta['frames']} of {len(meta['performances'])} performances"),
+            ("wearers", f"{meta['wearers']}, {', '.join(f'{s:g} m' for s in meta['statures'])}"),
+            ("latent dimensions", str(model.latent.shape[1])),
+            ("pose dimensions", str(model.pose_basis.shape[1])),
+        ],
+    )
+
+
+@app.command()
+def train(
+    output: Annotated[Path, typer.Option("--output", "-o", help="The model file.")],
+    dance: Annotated[str, typer.Option(help="A procedural dance: swing or sweep.")] = "swing",
+    motion: Annotated[
+        list[Path] | None, typer.Option(help="BVH files instead of a dance; give it again for more.")
+    ] = None,
+    kind: Annotated[
+        str, typer.Option("--input", help="silhouettes of cameras all around, or depth of one camera.")
+    ] = "silhouettes",
+    garment: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="What the wearers have on (none, skirt, long-skirt, wide-skirt, robe); again for more.",
+            show_default="skirt, long-skirt, wide-skirt, none",
+        ),
+    ] = None,
+    performances: Annotated[
+        int | None, typer.Option(min=1, max=100, help="Performances of the dance.", show_default="10")
+    ] = None,
+    every: Annotated[
+        int | None, typer.Option(min=1, max=100, help="Take every Nth frame.", show_default="10")
+    ] = None,
+    rig: Annotated[
+        Path | None, typer.Option(help="Cameras to train for (rig file).", show_default="8 under the roof")
+    ] = None,
+    iterations: Annotated[int | None, setting(LearnConfig, "iterations")] = None,
+    latent: Annotated[int | None, setting(LearnConfig, "latent")] = None,
+    voxel: Annotated[float | None, setting(SpaceConfig, "voxel")] = None,
+    plot: Annotated[
+        Path | None, typer.Option(help="Draw the latent space with its variance.", metavar="PNG")
+    ] = None,
+) -> None:
+    """Learn a motion by simulation: as volumes of several people in several garments, and poses.
+
+    [bold]Examples:[/bold]
+
+    depth-pose volume train -o swing.npz
+
+    depth-pose volume train --motion dance1.bvh --motion dance2.bvh --garment robe --every 3 -o robe.npz
+
+    depth-pose volume train --input depth -o one_camera.npz
+    """
+    start = time.monotonic()
+    config = LearnConfig(**given(iterations=iterations, latent=latent))
+    space = SpaceConfig(**given(voxel=voxel))
+    model = _learn(kind, dance, motion or [], garment or [], performances, every, rig, config, space)
+    model.save(output)
+    _print_model(output, model)
+    console.print(f"made in {time.monotonic() - start:.0f} s", style="dim", highlight=False)
+    if plot is not None:
+        from depth_pose.volume.figures import save_latent
+
+        save_latent(model, [], plot, ["latent space"])
+
+
+@app.command()
+def info(file: Annotated[Path, typer.Argument(help="The model file.")]) -> None:
+    """Say what a model was trained on.
+
+    [bold]Example:[/bold]
+
+    depth-pose volume info swing.npz
+    """
+    from depth_pose.volume.model import VolumeModel
+
+    _print_model(file, VolumeModel.load(file))
+
+
+@app.command()
+def run(
+    recording: Annotated[Path, typer.Argument(help="MCAP recording of silhouettes or depth images.")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="The skeletons' recording.")],
+    model: Annotated[Path, typer.Option("--model", "-m", help="The model file.")],
+    rig: Annotated[Path, typer.Option("--rig", help="Cameras, their calibration and topics.")],
+    voxel: Annotated[float | None, setting(SpaceConfig, "voxel")] = None,
+    particles: Annotated[int | None, setting(TrackConfig, "particles")] = None,
+    likelihood: Annotated[str | None, setting(TrackConfig, "likelihood")] = None,
+    stature: Annotated[float | None, setting(TrackConfig, "stature")] = None,
+    refine: Annotated[bool | None, setting(TrackConfig, "refine", "--refine/--no-refine")] = None,
+) -> None:
+    """Find the skeleton in every moment of a recording.
+
+    Images of one moment carry (nearly) the same stamp; a camera that misses one has no say in it. The
+    same recording gives the same file, byte for byte.
+
+    [bold]Example:[/bold]
+
+    depth-pose volume run dance.mcap --rig rig.yaml --model swing.npz -o skeletons.mcap
+    """
+    from depth_pose.volume.model import VolumeModel
+    from depth_pose.volume.pipeline import make_pipeline
+    from depth_pose.volume.recordings import process_silhouettes
+    from depth_pose.volume.rigfile import load_rig
+
+    cameras = load_rig(rig)
+    track = TrackConfig(**given(particles=particles, likelihood=likelihood, stature=stature, refine=refine))
+    with console.status("loading the model and compiling the kernels"):
+        pipeline = make_pipeline(
+            VolumeModel.load(model), cameras.cameras, SpaceConfig(**given(voxel=voxel)), track
+        )
+        pipeline.warm_up()
+    with progress_bar(recording.name, None) as update:
+        summary = process_silhouettes(recording, output, pipeline, cameras, update)
+    warn(f"{count} frames were dropped: {reason}" for reason, count in summary.refused.items())
+    print_facts(
+        f"{recording} → {output}",
+        [
+            ("frames", str(summary.frames)),
+            ("answered", str(summary.answered)),
+            ("without one of the cameras", str(summary.incomplete)),
+            ("time per frame", f"{summary.median_ms:.1f} ms (95 % below {summary.p95_ms:.1f} ms)"),
+        ],
+    )
+
+
+@app.command()
+def demo(
+    output: Annotated[Path, typer.Option("--output", "-o", help="The picture.")] = Path("volume_demo.png"),
+    model: Annotated[
+        Path | None, typer.Option("--model", "-m", help="A model of the dance.", show_default="trains one")
+    ] = None,
+    dance: Annotated[str, typer.Option(help="A procedural dance: swing or sweep.")] = "swing",
+    kind: Annotated[
+        str, typer.Option("--input", help="silhouettes of 8 roof cameras, or depth of one camera.")
+    ] = "silhouettes",
+    garment: Annotated[str, typer.Option(help="What the dancer has on.")] = "skirt",
+    seconds: Annotated[float, typer.Option(min=1.0, max=120.0, help="Length of the performance.")] = 10.0,
+    seed: Annotated[int, typer.Option(min=0, help="Of the performance; 1 to 10 are the training's.")] = 21,
+    record: Annotated[
+        Path | None,
+        typer.Option(help="Write the images too, and the cameras to a .yaml beside.", metavar="MCAP"),
+    ] = None,
+) -> None:
+    """Simulate a dancer before eight roof cameras, or one depth camera, and track them.
+
+    Prints the error beside that of the mean pose and of the best training pose.
+
+    [bold]Examples:[/bold]
+
+    depth-pose volume demo
+
+    depth-pose volume demo --model one_camera.npz --input depth --garment robe --record dance.mcap
+    """
+    from depth_pose.volume.model import VolumeModel
+    from depth_pose.volume.report import report_rows, track_performance
+
+    learned = (
+        VolumeModel.load(model)
+        if model
+        else _learn(kind, dance, [], [], None, None, None, LearnConfig(), SpaceConfig())
+    )
+    if learned.meta["input"] != kind:
+        raise ConfigError(f"{model} sees {learned.meta['input']}; say --input {learned.meta['input']}")
+    performance = _perform(kind, dance, garment, seconds, seed, record)
+    with progress_bar("tracking", len(performance)) as update:
+        report = track_performance(learned, performance, progress=update)
+    _draw_demo(report, performance, output)
+    head, row = report_rows([report])
+    print_facts(str(output), [*zip(head, row, strict=True), ("time per frame", f"{report.ms:.1f} ms")])
+
+
+def _perform(
+    kind: str, dance: str, garment: str, seconds: float, seed: int, record: Path | None
+) -> Performance:
+    from depth_pose.body.procedural_motion_dance import perform
+    from depth_pose.sim.clothing import find_garment
+    from depth_pose.sim.roof_cameras import front_camera, roof_rig
+    from depth_pose.volume.hull import HullCarver, SurfaceVoxels
+    from depth_pose.volume.performances import TEST_SHAPES, Wearer, depth_eyes, hull_eyes, watch
+    from depth_pose.volume.recordings import record_images
+
+    rig = roof_rig() if kind == "silhouettes" else (front_camera(),)
+    eyes = hull_eyes(rig, HullCarver(rig)) if kind == "silhouettes" else depth_eyes(rig, SurfaceVoxels())
+    clip = perform(dance, seed, seconds, _FPS)
+    wearer = Wearer(TEST_SHAPES[seed % len(TEST_SHAPES)], find_garment(garment))
+    if record is not None:
+        with progress_bar(record.name, len(clip)) as update:
+            record_images(record, clip, wearer, rig, kind, update)
+    with progress_bar("the dancer", len(clip)) as update:
+        return watch(clip, wearer, eyes, progress=update)
+
+
+def _draw_demo(report: Report, performance: Performance, output: Path) -> None:
+    from depth_pose.volume.figures import save_frames
+    from depth_pose.volume.scoring import joint_positions
+
+    shown = [round(i * (len(performance) - 1) / 6) for i in range(7)]
+    truth = joint_positions(performance.rotations, performance.stature) + performance.pelvis[:, None]
+    titles = [f"{i / performance.fps:.1f} s, {report.fitted.frames_deg[i]:.1f}°" for i in shown]
+    save_frames([report.poses[i] for i in shown], [truth[i] for i in shown], output, titles)

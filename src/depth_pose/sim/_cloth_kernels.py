@@ -1,0 +1,63 @@
+"""Compiled cloth; `depth_pose.sim.clothing` says what it is for."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+
+@njit(cache=True)
+def step_cloth(now, before, pins, links, lengths, capsules, radii, gravity_step, damping, rounds):
+    """One step of position-based dynamics; writes ``now`` and ``before``, (P, 3) each.
+
+    ``pins`` (K, 3) are the first K particles' places. ``links`` (L, 2) are pairs of particles held
+    at ``lengths``. ``capsules`` (C, 2, 3) with ``radii`` (C, 2) at their ends push particles out.
+    """
+    n, fixed = now.shape[0], pins.shape[0]
+    for i in range(fixed, n):
+        for k in range(3):
+            speed = (now[i, k] - before[i, k]) * damping
+            before[i, k] = now[i, k]
+            now[i, k] += speed
+        now[i, 1] -= gravity_step
+    for i in range(fixed):
+        for k in range(3):
+            before[i, k] = now[i, k]
+            now[i, k] = pins[i, k]
+    for _ in range(rounds):
+        for m in range(links.shape[0]):
+            a, b = links[m, 0], links[m, 1]
+            dx, dy, dz = now[b, 0] - now[a, 0], now[b, 1] - now[a, 1], now[b, 2] - now[a, 2]
+            far = np.sqrt(dx * dx + dy * dy + dz * dz)
+            wa, wb = 1.0 if a >= fixed else 0.0, 1.0 if b >= fixed else 0.0
+            if wa + wb == 0.0 or far < 1e-9:
+                continue
+            pull = (far - lengths[m]) / far / (wa + wb)
+            now[a, 0] += wa * pull * dx
+            now[a, 1] += wa * pull * dy
+            now[a, 2] += wa * pull * dz
+            now[b, 0] -= wb * pull * dx
+            now[b, 1] -= wb * pull * dy
+            now[b, 2] -= wb * pull * dz
+        _push_out(now, fixed, capsules, radii)
+
+
+@njit(cache=True)
+def _push_out(now, fixed, capsules, radii):
+    for c in range(capsules.shape[0]):
+        p, q = capsules[c, 0], capsules[c, 1]
+        ex, ey, ez = q[0] - p[0], q[1] - p[1], q[2] - p[2]
+        size = max(ex * ex + ey * ey + ez * ez, 1e-12)
+        for i in range(fixed, now.shape[0]):
+            dx, dy, dz = now[i, 0] - p[0], now[i, 1] - p[1], now[i, 2] - p[2]
+            s = min(max((dx * ex + dy * ey + dz * ez) / size, 0.0), 1.0)
+            dx, dy, dz = dx - s * ex, dy - s * ey, dz - s * ez
+            r = radii[c, 0] + s * (radii[c, 1] - radii[c, 0])
+            far = np.sqrt(dx * dx + dy * dy + dz * dz)
+            if 1e-9 < far < r:
+                grow = r / far - 1.0
+                now[i, 0] += grow * dx
+                now[i, 1] += grow * dy
+                now[i, 2] += grow * dz
+    for i in range(fixed, now.shape[0]):
+        now[i, 1] = max(now[i, 1], 0.01)

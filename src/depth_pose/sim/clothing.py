@@ -1,0 +1,250 @@
+"""Loose clothing: sheets of cloth that hang on a moving body and lag behind it.
+
+Cloth is particles held at their distances (position-based dynamics: M. Mueller, B. Heidelberger,
+M. Hennix, J. Ratcliff, *Position based dynamics*, J. Vis. Commun. Image R. 18, 2007), pinned to
+the body along one edge and pushed out of capsules around legs, trunk and arms. A skirt is a flared
+tube pinned around the waist; a sleeve hangs from the arm's length as a kimono's does.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from depth_pose.config import _Checked, option
+from depth_pose.errors import ConfigError
+from depth_pose.skeleton import NODE_INDEX
+
+if TYPE_CHECKING:
+    from depth_pose.body.body import Body
+
+Array = NDArray[np.float64]
+
+_SUBSTEP_S = 1.0 / 120.0
+_GRAVITY = 9.81
+_ROUNDS = 8
+_SETTLE_STEPS = 150
+_COLUMNS, _ROW_M = 32, 0.06
+_SLEEVE_COLUMNS = 8
+
+
+@dataclass(frozen=True)
+class Garment(_Checked):
+    """A piece of loose clothing; lengths are for a 1.75 m adult and go with the wearer's height."""
+
+    skirt: float = option(0.55, "Length of the skirt from the waist; 0 for none", unit="m", low=0.0, high=1.1)
+    flare: float = option(
+        0.30, "How much wider the hem hangs than the waist, in radius", unit="m", low=0.0, high=0.6
+    )
+    sleeve: float = option(
+        0.0, "How far sleeves hang below the arms; 0 for none", unit="m", low=0.0, high=0.8
+    )
+    drag: float = option(1.5, "Share of the speed lost to the air each second", low=0.0, high=20.0)
+
+
+GARMENTS: dict[str, Garment | None] = {
+    "none": None,
+    "skirt": Garment(),
+    "long-skirt": Garment(skirt=0.80, flare=0.22),
+    "wide-skirt": Garment(skirt=0.62, flare=0.42, drag=2.5),
+    "robe": Garment(skirt=0.85, flare=0.16, sleeve=0.22),
+}
+"""Garments by name."""
+
+
+def find_garment(name: str) -> Garment | None:
+    """Give a garment by its name; None for ``none``."""
+    if name not in GARMENTS:
+        raise ConfigError(f"there is no garment {name!r}; there are {', '.join(GARMENTS)}")
+    return GARMENTS[name]
+
+
+@dataclass(frozen=True)
+class _Sheet:
+    """A grid of particles, row by row; the first row is pinned."""
+
+    rest: Array
+    wraps: bool
+
+    def links(self, first: int) -> NDArray[np.int64]:
+        """Pairs along, across and both diagonals, numbered from `first`."""
+        rows, columns = self.rest.shape[:2]
+        at = first + np.arange(rows * columns).reshape(rows, columns)
+        right = np.roll(at, -1, axis=1) if self.wraps else at[:, 1:]
+        here = at if self.wraps else at[:, :-1]
+        pairs = [
+            (at[:-1], at[1:]), (here[1:], right[1:]), (here[:-1], right[1:]), (right[:-1], here[1:]),
+            (here[:1], right[:1]),
+        ]  # fmt: skip
+        return np.concatenate([np.stack([a.ravel(), b.ravel()], axis=1) for a, b in pairs])
+
+    def faces(self, first: int) -> NDArray[np.int32]:
+        """Triangles of both sides."""
+        rows, columns = self.rest.shape[:2]
+        at = first + np.arange(rows * columns).reshape(rows, columns)
+        right = np.roll(at, -1, axis=1) if self.wraps else at[:, 1:]
+        here = at if self.wraps else at[:, :-1]
+        a, b, c, d = (x.ravel() for x in (here[:-1], right[:-1], here[1:], right[1:]))
+        one = np.concatenate([np.stack([a, c, b], axis=1), np.stack([b, c, d], axis=1)])
+        return np.concatenate([one, one[:, ::-1]]).astype(np.int32)
+
+
+class Clothes:
+    """One person's loose clothing in motion.
+
+    Parameters
+    ----------
+    garment : Garment
+    body : Body
+        Who wears it.
+
+    Attributes
+    ----------
+    faces : (F, 3) int32
+        Triangles of the cloth, both sides.
+    """
+
+    def __init__(self, garment: Garment, body: Body) -> None:
+        self._garment, self._size = garment, body.stature / 1.75
+        self._wide = _waist(body)
+        sheets = [self._skirt()] if garment.skirt > 0 else []
+        if garment.sleeve > 0:
+            sheets += [self._sleeve(body, side) for side in ("left", "right")]
+        if not sheets:
+            raise ConfigError("a garment needs a skirt or sleeves")
+        # pinned rows first, as the kernel wants them
+        pinned = sum(s.rest.shape[1] for s in sheets)
+        order, position = [], 0
+        for s in sheets:
+            n, columns = s.rest.shape[0] * s.rest.shape[1], s.rest.shape[1]
+            order += [position + i for i in range(columns)]
+            position += n
+        free = np.setdiff1d(np.arange(position), order)
+        place = np.empty(position, np.int64)
+        place[np.concatenate([np.array(order), free])] = np.arange(position)
+        links, faces, rest, first = [], [], [], 0
+        for s in sheets:
+            links.append(place[s.links(first)])
+            faces.append(place[s.faces(first)])
+            rest.append(s.rest.reshape(-1, 3))
+            first += len(rest[-1])
+        flat = np.empty((position, 3))
+        flat[place] = np.concatenate(rest)
+        self._sheets, self._pinned = sheets, pinned
+        self._links = np.concatenate(links)
+        self._lengths = np.linalg.norm(flat[self._links[:, 0]] - flat[self._links[:, 1]], axis=1)
+        self._rest = flat
+        self.faces = np.concatenate(faces).astype(np.int32)
+        self._now: Array | None = None
+        self._before = flat.copy()
+
+    def _skirt(self) -> _Sheet:
+        """Flared tube below the waist, relative to the pelvis, hanging."""
+        length, flare = self._garment.skirt * self._size, self._garment.flare * self._size
+        rows = max(3, round(length / (_ROW_M * self._size)) + 1)
+        down = np.linspace(0.0, 1.0, rows)
+        angle = 2 * np.pi * np.arange(_COLUMNS) / _COLUMNS
+        ring = np.stack([self._wide[0] * np.sin(angle), 0 * angle, self._wide[1] * np.cos(angle)], axis=1)
+        out = np.stack([np.sin(angle), 0 * angle, np.cos(angle)], axis=1)
+        sheet = ring[None] + flare * down[:, None, None] * out
+        sheet[..., 1] = 0.05 * self._size - down[:, None] * np.sqrt(max(length**2 - flare**2, 0.01))
+        return _Sheet(sheet, wraps=True)
+
+    def _sleeve(self, body: Body, side: str) -> _Sheet:
+        """Sheet that hangs from the middle of the upper arm to the wrist."""
+        drop = self._garment.sleeve * self._size
+        rows = max(3, round(drop / (_ROW_M * self._size)) + 1)
+        line = self._arm_line(body.nodes, side)
+        hang = np.linspace(0.0, drop, rows)[:, None, None] * np.array([0.0, -1.0, 0.0])
+        return _Sheet(line[None] + hang, wraps=False)
+
+    @staticmethod
+    def _arm_line(nodes: Array, side: str) -> Array:
+        shoulder, elbow, wrist = (nodes[NODE_INDEX[f"{side}_{n}"]] for n in ("shoulder", "elbow", "wrist"))
+        s = np.linspace(0.0, 1.0, _SLEEVE_COLUMNS)[:, None]
+        start = 0.5 * (shoulder + elbow)
+        return np.where(s < 0.4, start + s / 0.4 * (elbow - start), elbow + (s - 0.4) / 0.6 * (wrist - elbow))
+
+    def _pins(self, nodes: Array, rotations: Array) -> Array:
+        pins = []
+        sheets = list(self._sheets)
+        if self._garment.skirt > 0:
+            ring = sheets.pop(0).rest[0]
+            pins.append(nodes[0] + ring @ rotations[0].T)
+        for side, _ in zip(("left", "right"), sheets, strict=False):
+            pins.append(self._arm_line(nodes, side))
+        return np.concatenate(pins)
+
+    def _capsules(self, nodes: Array, rotations: Array) -> tuple[Array, Array]:
+        size = self._size
+        ends, radii = [], []
+        aside = rotations[0] @ np.array([0.06 * size, -0.03 * size, 0.0])
+        ends.append((nodes[0] - aside, nodes[0] + aside))
+        radii.append((0.115, 0.115))
+        for side in ("left", "right"):
+            at = {n: nodes[NODE_INDEX[f"{side}_{n}"]] for n in ("hip", "knee", "ankle", "elbow", "wrist")}
+            ends += [(at["hip"], at["knee"]), (at["knee"], at["ankle"]), (at["elbow"], at["wrist"])]
+            radii += [(0.095, 0.065), (0.065, 0.050), (0.035, 0.025)]
+        return np.array(ends), size * np.array(radii)
+
+    def reset(self) -> None:
+        """Forget the motion; the next step lets the cloth come to rest first."""
+        self._now = None
+
+    def step(self, nodes: Array, rotations: Array, seconds: float) -> Array:
+        """Move the cloth on and give its vertices.
+
+        Parameters
+        ----------
+        nodes : (21, 3)
+            The wearer's nodes, y up, metres.
+        rotations : (21, 3, 3)
+            Segment rotations.
+        seconds : float
+            Since the step before.
+
+        Returns
+        -------
+        (P, 3) float64
+        """
+        from depth_pose.sim._cloth_kernels import step_cloth
+
+        pins = self._pins(nodes, rotations)
+        capsules, radii = self._capsules(nodes, rotations)
+        steps = max(1, round(seconds / _SUBSTEP_S))
+        if self._now is None:
+            turn = _heading(rotations[0])
+            self._now = np.ascontiguousarray(nodes[0] + self._rest @ turn.T)
+            self._now[: len(pins)] = pins
+            self._before = self._now.copy()
+            self._held = (pins, capsules)
+            steps = _SETTLE_STEPS
+        dt = seconds / steps if steps != _SETTLE_STEPS else _SUBSTEP_S
+        keep = float(np.exp(-self._garment.drag * dt))
+        for i in range(steps):
+            s = (i + 1) / steps
+            step_cloth(
+                self._now, self._before,
+                self._held[0] + s * (pins - self._held[0]), self._links, self._lengths,
+                self._held[1] + s * (capsules - self._held[1]), radii,
+                _GRAVITY * dt * dt, keep, _ROUNDS,
+            )  # fmt: skip
+        self._held = (pins, capsules)
+        return self._now.copy()
+
+
+def _waist(body: Body) -> Array:
+    """Half width and half depth of the body at the waist, with a centimetre of room."""
+    height = body.nodes[0, 1] + 0.05 * body.stature / 1.75
+    near = np.abs(body.vertices[:, 1] - height) < 0.03
+    trunk = body.vertices[near & (body.weights[:, :3].sum(axis=1) > 0.5)] - body.nodes[0]
+    return np.asarray(np.abs(trunk[:, [0, 2]]).max(axis=0) + 0.01)
+
+
+def _heading(rotation: Array) -> Array:
+    x, _, z = rotation[:, 2]
+    s, c = np.array([x, z]) / max(np.hypot(x, z), 1e-9)
+    return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])

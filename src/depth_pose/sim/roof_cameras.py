@@ -1,0 +1,95 @@
+"""Cameras under the roof around a space, and the silhouettes and depth images that they see."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from depth_pose.render import DepthComparer, Observation
+from depth_pose.sim.sensor import Mesh
+from depth_pose.types import Camera
+from depth_pose.volume.rig import RigCamera, look_at
+
+ROOF_CAMERA = Camera(256, 192, 190.0, 190.0, 127.5, 95.5)
+"""A quarter of the paper's 1024 x 768 along each side; 68 degrees wide."""
+
+
+def roof_rig(
+    count: int = 8, radius: float = 3.6, height: float = 2.8, camera: Camera = ROOF_CAMERA
+) -> tuple[RigCamera, ...]:
+    """Cameras on a circle that look at the middle, evenly spaced (the paper has 8)."""
+    out = []
+    for k in range(count):
+        a = 2 * np.pi * k / count
+        eye = [radius * np.sin(a), height, radius * np.cos(a)]
+        out.append(RigCamera(f"camera{k}", camera, look_at(eye, [0.0, 0.95, 0.0])))
+    return tuple(out)
+
+
+def front_camera(distance: float = 3.4, height: float = 1.3, azimuth: float = 0.0) -> RigCamera:
+    """One depth camera at the height of a table or shelf, 320 x 240, 70 degrees wide."""
+    eye = [distance * np.sin(azimuth), height, distance * np.cos(azimuth)]
+    camera = Camera(320, 240, 228.0, 228.0, 159.5, 119.5)
+    return RigCamera("depth", camera, look_at(eye, [0.0, 0.95, 0.0]))
+
+
+class RigRenderer:
+    """Renders what each camera of a rig sees of a scene."""
+
+    def __init__(self, rig: Sequence[RigCamera]) -> None:
+        self.rig = tuple(rig)
+        self._renderers = []
+        for c in self.rig:
+            blank = np.zeros((c.camera.height, c.camera.width), np.float32)
+            self._renderers.append(DepthComparer(Observation(blank, blank.astype(np.uint8), c.camera), 0.1))
+
+    def depths(self, meshes: Sequence[Mesh]) -> list[NDArray[np.float32]]:
+        """Depth images (H, W) of meshes in the world frame, metres, 0 where nothing is."""
+        vertices, faces = join_meshes(meshes)
+        out = []
+        for c, renderer in zip(self.rig, self._renderers, strict=True):
+            depth = renderer.render(c.to_camera(vertices), faces)
+            out.append(np.where(np.isfinite(depth), depth, 0.0).astype(np.float32))
+        return out
+
+    def silhouettes(self, meshes: Sequence[Mesh]) -> list[NDArray[np.uint8]]:
+        """Silhouettes (H, W) of meshes in the world frame, 255 where something is."""
+        vertices, faces = join_meshes(meshes)
+        return [
+            np.where(np.isfinite(renderer.render(c.to_camera(vertices), faces)), np.uint8(255), np.uint8(0))
+            for c, renderer in zip(self.rig, self._renderers, strict=True)
+        ]
+
+
+def join_meshes(meshes: Sequence[Mesh]) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+    """Put meshes into one."""
+    vertices = np.concatenate([np.asarray(v, np.float64) for v, _ in meshes])
+    first = np.cumsum([0] + [len(v) for v, _ in meshes[:-1]])
+    faces = np.concatenate([np.asarray(f) + n for (_, f), n in zip(meshes, first, strict=True)])
+    return vertices, faces.astype(np.int32)
+
+
+def roughen(
+    silhouette: NDArray[np.uint8], rng: np.random.Generator, edge: float, specks: float
+) -> NDArray[np.uint8]:
+    """Spoil a silhouette as background subtraction does.
+
+    Parameters
+    ----------
+    silhouette : (H, W) uint8
+    rng : numpy.random.Generator
+    edge : float
+        Chance that a pixel at the outline changes sides.
+    specks : float
+        Share of all pixels that change sides anywhere.
+    """
+    inside = silhouette > 0
+    around = np.zeros_like(inside)
+    around[1:] |= inside[1:] != inside[:-1]
+    around[:-1] |= inside[1:] != inside[:-1]
+    around[:, 1:] |= inside[:, 1:] != inside[:, :-1]
+    around[:, :-1] |= inside[:, 1:] != inside[:, :-1]
+    chance = np.where(around, edge, specks)
+    return np.where(inside ^ (rng.uniform(size=inside.shape) < chance), np.uint8(255), np.uint8(0))

@@ -1,0 +1,57 @@
+"""Settings of the volume tracker; the defaults stand here and nowhere else."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from depth_pose.config import _Checked, option
+
+
+@dataclass(frozen=True)
+class SpaceConfig(_Checked):
+    """The space that is watched, and its voxels; world frame, y up, floor at 0."""
+
+    voxel: float = option(0.02, "Edge of a voxel", unit="m", low=0.005, high=0.08)
+    centre_x: float = option(0.0, "Middle of the space along x", unit="m", low=-1000.0, high=1000.0)
+    centre_z: float = option(0.0, "Middle of the space along z", unit="m", low=-1000.0, high=1000.0)
+    half_width: float = option(1.4, "Half the width of the space", unit="m", low=0.4, high=10.0)
+    height: float = option(2.32, "Height of the space", unit="m", low=0.5, high=5.0)
+
+
+@dataclass(frozen=True)
+class TrackConfig(_Checked):
+    """The particle filter and what follows it."""
+
+    particles: int = option(100, "Particles in the latent space", low=10, high=5000)
+    likelihood: str = option(
+        "descriptor",
+        "descriptor: distance of descriptors; latent: eq. 4 of the paper",
+        choices=("descriptor", "latent"),
+    )
+    restarts: float = option(
+        0.2, "Share of particles put on training points that look like the frame", low=0.0, high=1.0
+    )
+    azimuth_window: float = option(
+        50.0, "Azimuths tried to either side of the expected one", unit="deg", low=5.0, high=180.0
+    )
+    diffusion: float = option(1.0, "Factor on the noise of the dynamics", low=0.0, high=10.0)
+    stature: float = option(
+        0.0, "The person's height; 0 finds it over the first frames", unit="m", low=0.0, high=2.5
+    )
+    stature_frames: int = option(60, "Frames over which the height is found", low=1, high=1000)
+    lost_after: int = option(5, "Unlikely frames in a row after which the search is global", low=1, high=1000)
+    refine: bool = option(True, "Fit a body to the volume, from the regressed pose")
+    seed: int = option(0, "Of the particles' random numbers", low=0, high=2**31 - 1)
+
+
+@dataclass(frozen=True)
+class LearnConfig(_Checked):
+    """Learning of the dynamical model and the regressions."""
+
+    latent: int = option(6, "Dimensions of the latent space", low=2, high=20)
+    iterations: int = option(150, "Most steps of the optimiser", low=1, high=10000)
+    dynamics_weight: float = option(1.0, "Weight of the dynamics against the volumes", low=0.0, high=1000.0)
+    noise_floor: float = option(2e-3, "Least noise variance of the dynamics", low=1e-8, high=1.0)
+    pose_variance: float = option(
+        0.99, "Share of the poses' variance kept by their latent space", low=0.5, high=1.0
+    )

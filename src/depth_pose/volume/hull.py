@@ -1,0 +1,194 @@
+"""Shape from silhouette: calibrated silhouettes to the surface voxels of the visual hull.
+
+Two levels: blocks of about 8 cm are kept or thrown away as wholes with integral images (a block
+that falls on background only in one camera is empty, one that falls on silhouette only in all of
+them is full), and only the rest is carved voxel by voxel. Where every voxel falls in every camera
+is worked out once per set of cameras.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from depth_pose.errors import ConfigError, InputError
+from depth_pose.volume import _hull_kernels as kernels
+from depth_pose.volume.config import SpaceConfig
+from depth_pose.volume.rig import RigCamera
+
+_BLOCK_M = 0.08
+_MOST_TABLE_BYTES = 3_000_000_000
+_FIRST_CAPACITY = 30_000
+LEAST_VIEWS = 2
+"""Voxels that fewer cameras see are not the person's: one silhouette alone is a cone, not a body."""
+
+
+@dataclass(frozen=True)
+class Volume:
+    """A person's volume in one frame.
+
+    Attributes
+    ----------
+    surface : (N, 3) float64
+        Centres of the surface voxels, world frame, metres.
+    centroid : (3,) float64
+        Mean of all voxels (of the surface ones where the inside is not known), metres.
+    voxels : int
+        Number of voxels, surface and inside.
+    views : int
+        Cameras that had a say.
+    eye : (3,) float64 or None
+        Where one depth camera stands that saw only the near side, metres; None for whole volumes.
+    """
+
+    surface: NDArray[np.float64]
+    centroid: NDArray[np.float64]
+    voxels: int
+    views: int
+    eye: NDArray[np.float64] | None = None
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether there is nobody."""
+        return len(self.surface) == 0
+
+
+def empty_volume(views: int) -> Volume:
+    """Give the volume of an empty space."""
+    return Volume(np.zeros((0, 3)), np.zeros(3), 0, views)
+
+
+class HullCarver:
+    """Carves one space with one set of cameras.
+
+    Parameters
+    ----------
+    cameras : sequence of RigCamera
+        At least `LEAST_VIEWS`.
+    space : SpaceConfig
+    """
+
+    def __init__(self, cameras: Sequence[RigCamera], space: SpaceConfig | None = None) -> None:
+        space = space or SpaceConfig()
+        if len(cameras) < LEAST_VIEWS:
+            raise ConfigError(f"a hull needs at least {LEAST_VIEWS} cameras, not {len(cameras)}")
+        self.cameras, self.space = tuple(cameras), space
+        self._side = max(2, round(_BLOCK_M / space.voxel))
+        block = self._side * space.voxel
+        across = max(1, int(np.ceil(2 * space.half_width / block - 1e-6)))
+        up = max(1, int(np.ceil(space.height / block - 1e-6)))
+        self._counts = (across, up, across)
+        edge = across * block / 2
+        self._origin = np.array([space.centre_x - edge, 0.0, space.centre_z - edge])
+        blocks, n = across * up * across, self._side**3
+        size = 4 * blocks * len(cameras) * n
+        if size > _MOST_TABLE_BYTES:
+            raise ConfigError(
+                f"voxels of {space.voxel * 100:g} cm in this space need tables of {size / 1e9:.1f} GB; "
+                "make voxel larger, or half_width or height smaller"
+            )
+        self._tables = np.empty((blocks, len(cameras), n), np.int32)
+        self._rects = np.empty((blocks, len(cameras), 4), np.int32)
+        sizes = np.array([(c.camera.height, c.camera.width) for c in cameras])
+        kernels.project_voxels(
+            self._origin, space.voxel, self._counts, self._side,
+            np.stack([c.T_camera_world[:3, :3] for c in cameras]),
+            np.stack([c.T_camera_world[:3, 3] for c in cameras]),
+            np.array([(c.camera.fx, c.camera.fy, c.camera.cx, c.camera.cy) for c in cameras]),
+            sizes, self._tables, self._rects,
+        )  # fmt: skip
+        height, width = sizes.max(axis=0)
+        self._flat = np.zeros((len(cameras), int((sizes[:, 0] * sizes[:, 1]).max())), np.uint8)
+        self._sums = np.zeros((len(cameras), height + 1, width + 1), np.int32)
+        self._blocks, self._marks = np.zeros(blocks, np.uint8), np.zeros((blocks, n), np.uint8)
+        self._stack, self._labels = np.empty(blocks, np.int64), np.zeros(blocks, np.int32)
+        self._points = np.empty((_FIRST_CAPACITY, 3))
+
+    def carve(self, silhouettes: Sequence[NDArray[np.generic] | None]) -> Volume:
+        """Find the person's volume; the largest connected one where there are several.
+
+        Parameters
+        ----------
+        silhouettes : sequence of (H, W) arrays or None
+            One per camera, in their order: not 0 where the person is. None where the camera brought
+            nothing; it then has no say. An empty silhouette says that there is nobody.
+
+        Raises
+        ------
+        InputError
+            Where an image is missing from the list or of another size than its camera's.
+        """
+        if len(silhouettes) != len(self.cameras):
+            raise InputError(f"{len(silhouettes)} silhouettes for {len(self.cameras)} cameras")
+        present = np.array([s is not None for s in silhouettes])
+        for c, (silhouette, rig) in enumerate(zip(silhouettes, self.cameras, strict=True)):
+            if silhouette is None:
+                continue
+            if silhouette.shape != (rig.camera.height, rig.camera.width):
+                raise InputError(
+                    f"the silhouette of {rig.name} is {silhouette.shape[1]} x {silhouette.shape[0]}; "
+                    f"its camera's images are {rig.camera.width} x {rig.camera.height}"
+                )
+            mask = np.ascontiguousarray(silhouette).reshape(-1) != 0
+            self._flat[c, : mask.size] = mask
+            kernels.integrate(
+                self._flat[c, : mask.size].reshape(silhouette.shape),
+                self._sums[c, : rig.camera.height + 1, : rig.camera.width + 1],
+            )
+        views = int(present.sum())
+        if views < LEAST_VIEWS:
+            return empty_volume(views)
+        kernels.carve(
+            self._tables, self._rects, self._flat, self._sums, present, LEAST_VIEWS, self._blocks, self._marks
+        )
+        kernels.keep_largest(self._blocks, self._marks, self._counts, self._stack, self._labels)
+        centroid = np.zeros(3)
+        count, total = self._surface(centroid)
+        if count > len(self._points):
+            self._points = np.empty((count * 5 // 4, 3))
+            self._surface(centroid)
+        return Volume(self._points[:count].copy(), centroid, total, views)
+
+    def _surface(self, centroid: NDArray[np.float64]) -> tuple[int, int]:
+        found: tuple[int, int] = kernels.find_surface(
+            self._blocks, self._marks, self._counts, self._side,
+            self._origin, self.space.voxel, self._points, centroid,
+        )  # fmt: skip
+        return found
+
+
+class SurfaceVoxels:
+    """Collects points of depth cameras in the voxels of the space."""
+
+    def __init__(self, space: SpaceConfig | None = None) -> None:
+        self.space = space or SpaceConfig()
+        across = int(np.ceil(2 * self.space.half_width / self.space.voxel))
+        self._shape = (across, int(np.ceil(self.space.height / self.space.voxel)), across)
+        edge = across * self.space.voxel / 2
+        self._origin = np.array([self.space.centre_x - edge, 0.0, self.space.centre_z - edge])
+        self._seen = np.zeros(int(np.prod(self._shape)), np.uint8)
+
+    def collect(
+        self, points_world: Sequence[NDArray[np.float64]], eye: NDArray[np.float64] | None = None
+    ) -> Volume:
+        """Give the surface voxels of the person's points.
+
+        Parameters
+        ----------
+        points_world : sequence of (N, 3) float64
+            Of each camera, metres.
+        eye : (3,) float64, optional
+            Where the camera stands, if there is only one.
+        """
+        views = sum(len(p) > 0 for p in points_world)
+        together = np.concatenate([np.zeros((0, 3)), *points_world])
+        found = np.empty(len(together), np.int64)
+        surface = kernels.mark_points(
+            together, self._origin, self.space.voxel, self._shape, self._seen, found
+        )
+        if len(surface) == 0:
+            return empty_volume(views)
+        return Volume(surface, surface.mean(axis=0), len(surface), views, eye)

@@ -1,0 +1,198 @@
+"""What is learned from performances, and its file.
+
+The file is a plain ``.npz`` of arrays and one JSON text; nothing in it is executed when it is read.
+"""
+
+from __future__ import annotations
+
+import json
+import zipfile
+from dataclasses import dataclass, fields
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from depth_pose.errors import InputError
+from depth_pose.volume.descriptor import Bins
+from depth_pose.volume.gp import Kernel, Regression
+from depth_pose.volume.posespace import PoseSpace
+from depth_pose.volume.space import DescriptorSpace
+
+Array = NDArray[np.float64]
+
+FORMAT = "depth_pose volume model"
+VERSION = 1
+
+
+@dataclass(frozen=True, eq=False)
+class VolumeModel:
+    """A person's motion as volumes and poses.
+
+    Attributes
+    ----------
+    latent : (N, d) float64
+        Latent point of each training frame (GPDM).
+    lengths : (P,) int64
+        Frames of each training performance.
+    volumes : (views, N, q) float64
+        Descriptor of each training frame in the descriptor space, mean of the wearers; one view for
+        hulls, one for each direction that the camera may see the person from for a depth camera.
+    spread : (N,) float64
+        Mean squared distance of the wearers' descriptors from that, what the space leaves out included.
+    poses : (views, N, k) float64
+        Training poses in the pose space.
+    rotations : (N, 21, 3, 3) float64
+        Training poses as they are, the pelvis facing +z; reports measure against them.
+    space_mean, space_whiten, space_basis, pose_mean, pose_basis
+        `DescriptorSpace` and `PoseSpace`.
+    volume_kernel, motion_kernel, recall_kernel, pose_kernel : (3,) or (4,) float64
+        Kernels of X to V, of X to the next X, of V to X, and of X to poses.
+    trust : (V,) float64
+        How far each vertex of the reference body can be trusted to lie on the volume's surface, 0 to 1.
+    meta : dict
+        ``bins`` (heights, azimuths, radii, fine), ``fps``, ``noise_floor``,
+        ``input`` (``silhouettes`` or ``depth``), and what the model was trained on.
+    """
+
+    latent: Array
+    lengths: NDArray[np.int64]
+    volumes: Array
+    spread: Array
+    poses: Array
+    rotations: Array
+    space_mean: Array
+    space_whiten: Array
+    space_basis: Array
+    pose_mean: Array
+    pose_basis: Array
+    volume_kernel: Array
+    motion_kernel: Array
+    recall_kernel: Array
+    pose_kernel: Array
+    trust: Array
+    meta: dict[str, Any]
+
+    @property
+    def views(self) -> int:
+        """Directions that the person is seen from."""
+        return len(self.volumes)
+
+    @property
+    def fps(self) -> float:
+        """Frames a second of the training."""
+        return float(self.meta["fps"])
+
+    @cached_property
+    def bins(self) -> Bins:
+        """Bins of the descriptor."""
+        return Bins(*self.meta["bins"])
+
+    @cached_property
+    def space(self) -> DescriptorSpace:
+        """The space of descriptors."""
+        return DescriptorSpace(self.space_mean, self.space_whiten, self.space_basis)
+
+    @cached_property
+    def pose_space(self) -> PoseSpace:
+        """The space of poses."""
+        return PoseSpace(self.pose_mean, self.pose_basis)
+
+    @cached_property
+    def to_volume(self) -> tuple[Regression, ...]:
+        """X to V, one for each view."""
+        kernel = Kernel.from_array(self.volume_kernel)
+        made = tuple(Regression(self.latent, v, kernel) for v in self.volumes)
+        for other in made[1:]:  # they differ in their outputs only
+            other.__dict__["inverse"] = made[0].inverse
+        return made
+
+    @cached_property
+    def to_latent(self) -> tuple[Regression, ...]:
+        """V to X, one for each view."""
+        kernel = Kernel.from_array(self.recall_kernel)
+        return tuple(Regression(v, self.latent, kernel) for v in self.volumes)
+
+    @cached_property
+    def to_pose(self) -> tuple[Regression, ...]:
+        """X to the pose space, one for each view."""
+        kernel = Kernel.from_array(self.pose_kernel)
+        return tuple(Regression(self.latent, p, kernel) for p in self.poses)
+
+    @cached_property
+    def to_next(self) -> Regression:
+        """X to the next X."""
+        from depth_pose.volume.gpdm import chain_rows
+
+        before, after, _ = chain_rows([int(n) for n in self.lengths])
+        kernel = Kernel.from_array(self.motion_kernel)
+        return Regression(self.latent[before], self.latent[after], kernel, float(self.meta["noise_floor"]))
+
+    def view_of(self, step: float, seen_from: float) -> int:
+        """View of a person with a heading (steps of the fine azimuth) from an azimuth (radians)."""
+        if self.views == 1:
+            return 0
+        turn = seen_from / (2 * np.pi) - step / self.bins.fine
+        return int(np.rint(turn * self.views)) % self.views
+
+    def save(self, path: Path) -> None:
+        """Write the file."""
+        arrays = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "meta"}
+        text = json.dumps({"format": FORMAT, "version": VERSION, **self.meta}, sort_keys=True)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with path.open("wb") as file:
+            np.savez_compressed(file, meta=np.frombuffer(text.encode(), np.uint8), **arrays)
+
+    @classmethod
+    def load(cls, path: Path) -> VolumeModel:
+        """Read a file.
+
+        Raises
+        ------
+        InputError
+            Where it is missing, damaged, of another kind or of another version.
+        """
+        try:
+            with np.load(path, allow_pickle=False) as file:
+                arrays = {name: file[name] for name in file.files}
+        except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
+            raise InputError(f"{path} cannot be read as a volume model: {error}") from error
+        try:
+            meta = json.loads(bytes(arrays.pop("meta")).decode())
+            kind, version = meta.pop("format"), meta.pop("version")
+        except (KeyError, ValueError, AttributeError) as error:
+            raise InputError(f"{path} is no volume model: it does not say what it is") from error
+        if kind != FORMAT or version != VERSION:
+            raise InputError(
+                f"{path} holds {kind!r}, version {version}; this program reads {FORMAT!r}, version "
+                f"{VERSION}: make it again with 'depth-pose volume train'"
+            )
+        names = {f.name for f in fields(cls)} - {"meta"}
+        if set(arrays) != names:
+            odd = ", ".join(sorted(set(arrays) ^ names))
+            raise InputError(f"{path}: arrays are missing or unknown: {odd}")
+        model = cls(**arrays, meta=meta)
+        model.check(str(path))
+        return model
+
+    def check(self, where: str) -> None:
+        """Raise InputError where arrays do not fit together or are not finite."""
+        n = len(self.latent)
+        q, size = self.space_basis.shape[1], self.bins.size
+        wanted = {
+            "volumes": (self.views, n, q), "spread": (n,), "poses": (self.views, n, self.pose_basis.shape[1]),
+            "space_mean": (size,), "space_whiten": (size, size), "space_basis": (size, q),
+            "rotations": (n, 21, 3, 3), "pose_mean": (192,), "pose_basis": (192, self.pose_basis.shape[1]),
+        }  # fmt: skip
+        for name, shape in wanted.items():
+            if getattr(self, name).shape != shape:
+                found = list(getattr(self, name).shape)
+                raise InputError(f"{where}: the array {name} is {found}; it must be {list(shape)}")
+        for f in fields(self):
+            array = getattr(self, f.name)
+            if f.name != "meta" and not np.isfinite(array).all():
+                raise InputError(f"{where}: the array {f.name} holds what is no number")
+        if int(self.lengths.sum()) != n:
+            raise InputError(f"{where}: the performances have {int(self.lengths.sum())} frames, not {n}")

@@ -1,0 +1,76 @@
+"""Calibrated cameras around one space.
+
+The *world* frame has y up and the floor at y = 0, as the model frame has; metres.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from depth_pose.errors import ConfigError
+from depth_pose.types import Camera
+
+
+@dataclass(frozen=True, eq=False)
+class RigCamera:
+    """One camera and where it is.
+
+    Attributes
+    ----------
+    name : str
+    camera : Camera
+    T_camera_world : (4, 4) float64
+        World to optical frame.
+    """
+
+    name: str
+    camera: Camera
+    T_camera_world: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        T = np.asarray(self.T_camera_world, np.float64)
+        if T.shape != (4, 4) or not np.isfinite(T).all():
+            raise ConfigError(f"camera {self.name}: T_camera_world must be a finite 4 x 4 matrix")
+        if not np.allclose(T[:3, :3] @ T[:3, :3].T, np.eye(3), atol=1e-4) or np.linalg.det(T[:3, :3]) < 0:
+            raise ConfigError(f"camera {self.name}: T_camera_world does not hold a rotation")
+        object.__setattr__(self, "T_camera_world", T)
+
+    @property
+    def position(self) -> NDArray[np.float64]:
+        """The pinhole in the world frame, shape (3,), metres."""
+        T = self.T_camera_world
+        return np.asarray(-T[:3, :3].T @ T[:3, 3])
+
+    def to_camera(self, points_world: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Points (..., 3) in the optical frame, metres."""
+        T = self.T_camera_world
+        return np.asarray(points_world @ T[:3, :3].T + T[:3, 3])
+
+    def to_world(self, points_camera: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Points (..., 3) in the world frame, metres."""
+        T = self.T_camera_world
+        return np.asarray((points_camera - T[:3, 3]) @ T[:3, :3])
+
+    def azimuth_seen(self, point_world: NDArray[np.float64]) -> float:
+        """Direction from a point to the camera about the vertical, atan2(x, z), radians."""
+        x, _, z = self.position - point_world
+        return float(np.arctan2(x, z))
+
+
+def look_at(
+    position: NDArray[np.float64] | Sequence[float], target: NDArray[np.float64] | Sequence[float]
+) -> NDArray[np.float64]:
+    """``T_camera_world`` of an upright camera at a position that looks toward a target."""
+    eye = np.asarray(position, np.float64)
+    forward = np.asarray(target, np.float64) - eye
+    forward = forward / np.linalg.norm(forward)
+    right = np.cross(forward, [0.0, 1.0, 0.0])
+    right /= np.linalg.norm(right)
+    T_camera_world = np.eye(4)
+    T_camera_world[:3, :3] = np.stack([right, np.cross(forward, right), forward])
+    T_camera_world[:3, 3] = -T_camera_world[:3, :3] @ eye
+    return T_camera_world

@@ -1,0 +1,142 @@
+"""Rig files: the cameras of a volume tracker, their calibration and their topics.
+
+::
+
+    up: z                     # of the world frame: z as in ROS (REP 103), or y
+    cameras:
+      - name: camera0
+        topic: /camera0/silhouette
+        size: [256, 192]
+        intrinsics: [190.0, 190.0, 127.5, 95.5]      # fx, fy, cx, cy in pixels
+        T_camera_world:                              # world to optical frame, metres
+          - [...]
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from depth_pose.errors import ConfigError, InputError
+from depth_pose.types import Camera
+from depth_pose.volume.rig import RigCamera
+
+_UPRIGHT: dict[str, NDArray[np.float64]] = {
+    "y": np.eye(4),
+    # x forward, y left, z up: the tracker's x is left, y up, z forward
+    "z": np.array([[0.0, 1, 0, 0], [0, 0, 1, 0], [1, 0, 0, 0], [0, 0, 0, 1]]),
+}
+
+
+def upright_from(up: str) -> NDArray[np.float64]:
+    """Transform (4, 4) from a world frame with the given axis up to the tracker's, whose y is up.
+
+    Raises
+    ------
+    ConfigError
+        For another axis than y and z.
+    """
+    if up not in _UPRIGHT:
+        raise ConfigError(f"the world's up axis is {up!r}; it is one of {', '.join(_UPRIGHT)}")
+    return _UPRIGHT[up]
+
+
+@dataclass(frozen=True, eq=False)
+class Rig:
+    """Cameras with their topics.
+
+    Attributes
+    ----------
+    cameras : tuple of RigCamera
+        In the tracker's world frame, y up.
+    topics : tuple of str
+    up : str
+        Axis that is up in the world frame of the file, and of what is published.
+    """
+
+    cameras: tuple[RigCamera, ...]
+    topics: tuple[str, ...]
+    up: str
+
+
+def load_rig(path: Path) -> Rig:
+    """Read a rig file.
+
+    Raises
+    ------
+    InputError
+        Where it cannot be read.
+    ConfigError
+        Where a field is missing, unknown or of the wrong form; the message names it.
+    """
+    import yaml
+
+    try:
+        values = yaml.safe_load(path.read_text())
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror}") from error
+    except yaml.YAMLError as error:
+        raise ConfigError(f"{path} is not YAML: {' '.join(str(error).split())}") from error
+    if not isinstance(values, dict) or not isinstance(values.get("cameras"), list) or not values["cameras"]:
+        raise ConfigError(f"{path}: it must hold a list 'cameras'")
+    up = str(values.get("up", "z"))
+    T_upright_world = upright_from(up)
+    cameras, topics = [], []
+    for i, entry in enumerate(values["cameras"]):
+        where = f"{path}: cameras[{i}]"
+        cameras.append(_camera(where, entry, T_upright_world))
+        topics.append(str(entry.get("topic", f"/{cameras[-1].name}/silhouette")))
+    names = [c.name for c in cameras]
+    if len(set(names)) < len(names):
+        raise ConfigError(f"{path}: two cameras have the same name")
+    return Rig(tuple(cameras), tuple(topics), up)
+
+
+def _camera(where: str, entry: Any, T_upright_world: NDArray[np.float64]) -> RigCamera:
+    if not isinstance(entry, dict):
+        raise ConfigError(f"{where} must be a mapping")
+    known = {"name", "topic", "size", "intrinsics", "T_camera_world"}
+    if set(entry) - known:
+        raise ConfigError(f"{where} has unknown fields: {', '.join(sorted(map(str, set(entry) - known)))}")
+    name = str(entry.get("name", where))
+    width, height = (int(n) for n in _numbers(where, entry, "size", 2).tolist())
+    fx, fy, cx, cy = _numbers(where, entry, "intrinsics", 4).tolist()
+    if min(width, height) < 1 or min(fx, fy) <= 0:
+        raise ConfigError(f"{where}: size and focal lengths must be positive")
+    T_camera_world = _numbers(where, entry, "T_camera_world", 16).reshape(4, 4)
+    T_camera_upright = T_camera_world @ np.linalg.inv(T_upright_world)
+    return RigCamera(name, Camera(width, height, fx, fy, cx, cy), T_camera_upright)
+
+
+def _numbers(where: str, entry: dict[str, Any], field: str, count: int) -> NDArray[np.float64]:
+    try:
+        values = np.asarray(entry[field], np.float64).ravel()
+    except (KeyError, TypeError, ValueError) as error:
+        raise ConfigError(f"{where}.{field} is missing or holds what is no number") from error
+    if values.size != count or not np.isfinite(values).all():
+        raise ConfigError(f"{where}.{field} has {values.size} numbers; it must have {count}, all finite")
+    return values
+
+
+def save_rig(path: Path, cameras: Sequence[RigCamera], topics: Sequence[str], up: str = "z") -> None:
+    """Write a rig file."""
+    import yaml
+
+    T_upright_world = upright_from(up)
+    entries = [
+        {
+            "name": c.name,
+            "topic": topic,
+            "size": [c.camera.width, c.camera.height],
+            "intrinsics": [float(v) for v in (c.camera.fx, c.camera.fy, c.camera.cx, c.camera.cy)],
+            "T_camera_world": (c.T_camera_world @ T_upright_world).tolist(),
+        }
+        for c, topic in zip(cameras, topics, strict=True)
+    ]
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(yaml.safe_dump({"up": up, "cameras": entries}, sort_keys=False, default_flow_style=None))

@@ -1,0 +1,75 @@
+"""How tall somebody is, from the first frames.
+
+First the height at which the descriptors suit the model best; then the fits of the body to the volumes
+say by what factor it should be larger or smaller, and the height follows them, less each time.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from depth_pose.volume.config import TrackConfig
+from depth_pose.volume.descriptor import describe
+from depth_pose.volume.hull import Volume
+from depth_pose.volume.model import VolumeModel
+from depth_pose.volume.tracker import search_costs
+
+_GRID_M = np.arange(1.05, 2.06, 0.025)
+_NEAR_M = 0.08
+_HEADING_STRIDE = 4
+_SEARCH_FRAMES = 8
+_GAIN = 12.0
+"""Frames' worth of steps toward the fits' factor: frame n counts for this over n."""
+_MOST_STEP = 0.5
+
+
+class StatureFinder:
+    """Estimates the stature over a number of frames and then holds it.
+
+    The first frame tries all heights, the next ones those near the best so far; a height's cost is
+    that of the training frame and heading that suit it best, averaged over the frames that tried it.
+    """
+
+    def __init__(self, model: VolumeModel, config: TrackConfig) -> None:
+        self._model, self._config = model, config
+        self.reset()
+
+    def reset(self) -> None:
+        """Start again."""
+        self._cost, self._count = np.zeros(len(_GRID_M)), np.zeros(len(_GRID_M))
+        self._frames = 0
+        self.stature = self._config.stature
+
+    @property
+    def is_held(self) -> bool:
+        """Whether the stature is settled."""
+        return self._config.stature > 0 or self._frames >= self._config.stature_frames
+
+    def update(self, volume: Volume, seen_from: float) -> float:
+        """Take one frame's volume, which is not empty; gives the stature in metres."""
+        if self.is_held:
+            return self.stature
+        if self._frames < min(_SEARCH_FRAMES, self._config.stature_frames):
+            self._search(volume, seen_from)
+        self._frames += 1
+        return self.stature
+
+    def follow(self, factor: float) -> None:
+        """Take the factor on the body's size that one frame's fit asks for."""
+        if not self.is_held and self._frames >= _SEARCH_FRAMES:
+            gain = min(_MOST_STEP, _GAIN / self._frames)
+            self.stature *= float(np.clip(factor, 0.9, 1.1)) ** gain
+
+    def _search(self, volume: Volume, seen_from: float) -> None:
+        tried = np.arange(len(_GRID_M))
+        if self._frames:
+            tried = tried[np.abs(_GRID_M - self.stature) < _NEAR_M]
+        window: NDArray[np.int64] = np.arange(0, self._model.bins.fine, _HEADING_STRIDE)
+        for i in tried:
+            descriptors = describe(volume, float(_GRID_M[i]), self._model.bins)
+            self._cost[i] += search_costs(self._model, descriptors, window, seen_from).min()
+            self._count[i] += 1
+        tries = self._frames + 1
+        mean = np.where(self._count > 0.5 * tries, self._cost / np.maximum(self._count, 1), np.inf)
+        self.stature = float(_GRID_M[np.argmin(mean)])

@@ -1,0 +1,215 @@
+r"""Tracking a volume through the latent space (Secs. 3 and 5).
+
+A particle filter: every particle is a latent point that moves by the learned dynamics. For each frame
+the descriptors of all headings near the expected one are compared with every particle, each particle
+taking the heading that suits it best. Two likelihoods:
+
+``descriptor``
+    :math:`\max_\theta \exp(-|v^\theta - f(x_i)|^2 / 2T)` in the descriptor space, with f the map from X
+    to V;
+``latent``
+    the paper's eq. 4, :math:`\max_\theta \exp(-|x^\theta - x_i|^2 / \nu) \exp(-\sigma_V^2(x^\theta) / w)`,
+    with :math:`x^\theta` regressed from :math:`v^\theta`.
+
+The weighted mean of the particles is the latent point, from which the pose is regressed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from depth_pose.volume.config import TrackConfig
+from depth_pose.volume.gp import square_distances
+from depth_pose.volume.model import VolumeModel
+
+Array = NDArray[np.float64]
+
+TEMPERATURE = 12.0
+"""T: what the descriptor's noise, correlated over the bins, counts for."""
+LATENT_NU, LATENT_W = 0.02, 0.5
+"""The paper's nu, and w as a share of the prior variance; found by trial."""
+_AZIMUTH_SIGMA = np.radians(40.0)
+_MOST_STEPS = 4.0
+_LEAST_USUAL = 50.0
+"""Few wearers differ less from their mean than others will; five differ by about this."""
+_CLEARLY_BETTER = 0.7
+UNLIKELY = 4.0
+"""Squared distance, in units of the training's, above which a frame counts as unlikely."""
+
+
+@dataclass(frozen=True)
+class Tracked:
+    """Where a volume is in the latent space.
+
+    Attributes
+    ----------
+    latent : (d,) float64
+    step : float
+        Heading in steps of the fine azimuth.
+    view : int
+        The model's view that the heading is seen from.
+    misfit : float
+        Squared distance of the descriptor from the model's, over what is usual in the training.
+    """
+
+    latent: Array
+    step: float
+    view: int
+    misfit: float
+
+
+class LatentTracker:
+    """The particle filter; frames are given in their order."""
+
+    def __init__(self, model: VolumeModel, config: TrackConfig | None = None) -> None:
+        self.model, self.config = model, config or TrackConfig()
+        self._fine = model.bins.fine
+        motion = model.to_next
+        residual = motion.predict(motion.inputs) - motion.outputs
+        self._noise = np.sqrt((residual**2).mean(axis=0) + motion.floor)
+        self._usual = max(float(model.spread.mean()), _LEAST_USUAL)
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget all earlier frames."""
+        self._rng = np.random.default_rng(self.config.seed)
+        self._points: Array | None = None
+        self._step, self._speed, self._unlikely = 0.0, 0.0, 0
+
+    def track(self, descriptors: Array, seconds: float, seen_from: float = 0.0) -> Tracked:
+        """Take the next frame.
+
+        Parameters
+        ----------
+        descriptors : (fine, D)
+            Of all headings (`depth_pose.volume.descriptor.describe`).
+        seconds : float
+            Since the frame before.
+        seen_from : float
+            Azimuth of the camera from the person, radians, where the model has several views.
+        """
+        if self._points is None:
+            return self._search(descriptors, seen_from)
+        steps = min(max(seconds * self.model.fps, 0.05), _MOST_STEPS)
+        expected = self._step + self._speed * steps
+        reach = round(self.config.azimuth_window / 360.0 * self._fine)
+        window = np.arange(-reach, reach + 1) + round(expected)
+        points = self._move(self._points, steps)
+        fresh = round(self.config.restarts * len(points))
+        if fresh:
+            # some start anew at training points, those that look like this frame first
+            cost = search_costs(self.model, descriptors, window, seen_from).min(axis=1)
+            points[:fresh] = self.model.latent[self._draw(cost, fresh)]
+        cost, best = self._compare(points, descriptors, window, expected, seen_from)
+        weights = np.exp(-0.5 * (cost - cost.min()))
+        weights /= weights.sum()
+        self._points, self._weights = points, weights
+        latent = weights @ points
+        step = float(weights @ best)
+        found = self._tracked(latent, descriptors, step, seen_from)
+        self._speed += 0.5 * ((step - self._step) / steps - self._speed)
+        self._step = step
+        self._unlikely = self._unlikely + 1 if found.misfit > UNLIKELY else 0
+        if self._unlikely < self.config.lost_after:
+            return found
+        # lost, or merely dressed as nobody in the training: only a clearly better place is believed
+        self._unlikely = 0
+        elsewhere = self._anywhere(descriptors, seen_from)
+        if elsewhere[0].misfit > _CLEARLY_BETTER * found.misfit:
+            return found
+        self._start(*elsewhere)
+        return elsewhere[0]
+
+    def _move(self, points: Array, steps: float) -> Array:
+        """Resample and predict."""
+        n, rng = len(points), self._rng
+        at = (np.arange(n) + rng.uniform()) / n
+        rows = np.minimum(np.searchsorted(np.cumsum(self._weights), at), n - 1)
+        moved = points[rows]
+        moved = moved + steps * (self.model.to_next.predict(moved) - moved)
+        spread = self.config.diffusion * np.sqrt(steps) * self._noise
+        moved += spread * rng.normal(size=moved.shape)
+        return np.asarray(moved)
+
+    def _compare(
+        self,
+        points: Array,
+        descriptors: Array,
+        window: NDArray[np.int64],
+        expected: float,
+        seen_from: float,
+    ) -> tuple[Array, Array]:
+        """Cost (n,) of each particle at its best heading, and that heading in steps."""
+        components, rest = self.model.space.split(descriptors[window % self._fine])
+        costs = np.empty((len(points), len(window)))
+        views = np.array([self.model.view_of(float(s), seen_from) for s in window])
+        recall = self.config.likelihood == "latent"
+        for view in np.unique(views):
+            at = views == view
+            if recall:
+                costs[:, at] = self._latent_cost(points, components[at], view)
+            else:
+                seen = self.model.to_volume[view].predict(points)
+                costs[:, at] = (square_distances(seen, components[at]) + rest[at]) / TEMPERATURE
+        if not recall:
+            costs += ((window - expected) * (2 * np.pi / self._fine) / _AZIMUTH_SIGMA) ** 2
+        best = np.argmin(costs, axis=1)
+        return costs[np.arange(len(points)), best], window[best].astype(np.float64)
+
+    def _latent_cost(self, points: Array, components: Array, view: int) -> Array:
+        """Minus twice the logarithm of eq. 4, (n, K)."""
+        recalled = self.model.to_latent[view].predict(components)
+        variance = self.model.to_volume[0].variance(recalled)
+        prior = float(np.exp(self.model.volume_kernel[0]))
+        return np.asarray(
+            2.0 * square_distances(points, recalled) / LATENT_NU + 2.0 * variance / (LATENT_W * prior)
+        )
+
+    def _tracked(self, latent: Array, descriptors: Array, step: float, seen_from: float) -> Tracked:
+        view = self.model.view_of(step, seen_from)
+        components, rest = self.model.space.split(descriptors[[round(step) % self._fine]])
+        seen = self.model.to_volume[view].predict(latent[None])
+        misfit = float((((components - seen) ** 2).sum() + rest[0]) / self._usual)
+        return Tracked(latent, step, view, misfit)
+
+    def _search(self, descriptors: Array, seen_from: float) -> Tracked:
+        """Start anew at the best place anywhere."""
+        found, cost = self._anywhere(descriptors, seen_from)
+        self._start(found, cost)
+        return found
+
+    def _anywhere(self, descriptors: Array, seen_from: float) -> tuple[Tracked, Array]:
+        """Compare all headings with all training points; gives the best, and each point's cost."""
+        costs = search_costs(self.model, descriptors, np.arange(self._fine), seen_from)
+        row, step = np.unravel_index(np.argmin(costs), costs.shape)
+        found = self._tracked(self.model.latent[row], descriptors, float(step), seen_from)
+        return found, costs.min(axis=1)
+
+    def _start(self, found: Tracked, cost: Array) -> None:
+        """Put the particles on training points, by what they cost."""
+        rows = self._draw(cost, self.config.particles)
+        spread = self._noise * self._rng.normal(size=(len(rows), self.model.latent.shape[1]))
+        self._points = self.model.latent[rows] + spread
+        self._weights = np.full(len(rows), 1.0 / len(rows))
+        self._step, self._speed, self._unlikely = found.step, 0.0, 0
+
+    def _draw(self, cost: Array, count: int) -> NDArray[np.int64]:
+        """Draw training points by their likelihood."""
+        weights = np.exp(-0.5 * (cost - cost.min()) / TEMPERATURE)
+        return self._rng.choice(len(weights), count, p=weights / weights.sum())
+
+
+def search_costs(
+    model: VolumeModel, descriptors: Array, window: NDArray[np.int64], seen_from: float
+) -> Array:
+    """Squared distance (N, K) of every training frame from the descriptors of some headings."""
+    components, rest = model.space.split(descriptors[window % model.bins.fine])
+    costs = np.empty((len(model.latent), len(window)))
+    views = np.array([model.view_of(float(s), seen_from) for s in window])
+    for view in np.unique(views):
+        at = views == view
+        costs[:, at] = square_distances(model.volumes[view], components[at]) + rest[at]
+    return costs
