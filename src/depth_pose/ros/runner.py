@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import contextlib
-import ctypes
 import os
+import select
 import signal
 import sys
 import threading
@@ -16,8 +16,6 @@ PARENT_VARIABLE = "DEPTH_POSE_PARENT"
 
 EXIT_CONFIG = 2
 """Exit code where the configuration or the bank cannot be used: starting again will not help."""
-
-_PR_SET_PDEATHSIG = 1
 
 
 def run_node(make: Callable[[], Any], args: Sequence[str] | None = None) -> int:
@@ -104,10 +102,17 @@ def _stop(number: int, frame: object) -> None:
 
 
 def end_with_parent() -> None:
-    """Have the kernel send SIGTERM when the supervisor dies, however it dies."""
-    parent = os.environ.get(PARENT_VARIABLE)
-    if not parent or not sys.platform.startswith("linux"):
+    """Have this process sent SIGTERM when its supervisor dies, however it dies; once is enough."""
+    parent = os.environ.pop(PARENT_VARIABLE, None)
+    if not parent:
         return
-    ctypes.CDLL(None, use_errno=True).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM, 0, 0, 0)
-    if os.getppid() != int(parent):  # it died before the line above
+    try:
+        handle = os.pidfd_open(int(parent))
+    except ProcessLookupError:  # it died before
         sys.exit(0)
+
+    def watch() -> None:
+        select.select([handle], [], [])
+        os.kill(os.getpid(), signal.SIGTERM)
+
+    threading.Thread(target=watch, name="supervisor's end", daemon=True).start()
