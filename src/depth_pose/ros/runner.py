@@ -55,6 +55,9 @@ def run_node(make: Callable[[], Any], args: Sequence[str] | None = None) -> int:
     except (ConfigError, BankError) as e:
         sys.stderr.write(f"depth_pose: {e}\n")
         return EXIT_CONFIG
+    except Exception:
+        if node is None or rclpy.ok():  # else it was told to stop, and what it called was shut down
+            raise
     finally:
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, signal.SIG_IGN)
@@ -66,7 +69,7 @@ def run_node(make: Callable[[], Any], args: Sequence[str] | None = None) -> int:
 
 
 def _spin(node: Any) -> None:
-    """Call back until shutdown; a whole frame is begun only when nothing more waits."""
+    """Call back until shutdown, and answer the whole frames that come of it."""
     import rclpy
     from rclpy.executors import SingleThreadedExecutor
 
@@ -74,9 +77,8 @@ def _spin(node: Any) -> None:
     executor.add_node(node)
     try:
         while rclpy.ok():
-            before = node.arrivals
-            executor.spin_once(timeout_sec=0.0 if node.has_pending else None)
-            if node.has_pending and node.arrivals == before:
+            executor.spin_once()
+            while node.has_pending:
                 node.process_pending()
     finally:
         executor.shutdown(timeout_sec=0.2)
