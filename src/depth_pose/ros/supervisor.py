@@ -136,7 +136,7 @@ class Suite:
         self._thread = threading.Thread(target=self._supervise, name="supervisor", daemon=True)
         self._thread.start()
 
-    def wait_ready(self, timeout_s: float = 120.0) -> None:
+    def wait_ready(self, timeout_s: float = 300.0) -> None:
         """Wait until every node has warmed up and is connected.
 
         The first start on a machine compiles the kernels, which takes a while.
@@ -154,7 +154,7 @@ class Suite:
                 if self._failed is not None:
                     raise self._failed
                 if time.monotonic() > deadline:
-                    words = "\n".join(child.last_lines) or "it said nothing"
+                    words = "\n".join(child.last_lines or self._loader.last_lines) or "it said nothing"
                     raise NodeDiedError(f"the {child.name} was not ready in {timeout_s:.0f} s:\n{words}")
 
     def is_ready(self, name: str) -> bool:
