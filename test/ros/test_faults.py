@@ -11,6 +11,7 @@ import subprocess
 import sys
 import threading
 import time
+from pathlib import Path
 
 import pytest
 import scene
@@ -113,6 +114,13 @@ def live(bank_path, peer):
         sensor.stop()
 
 
+def own_segments(pid):
+    """Shared memory of messages that a process holds the lock of."""
+    files = {os.readlink(f) for f in Path(f"/proc/{pid}/fd").iterdir() if f.exists()}
+    locks = [f for f in files if f.startswith("/dev/shm/fastrtps_") and f.endswith("_el") and "port" not in f]
+    return [Path(f.removesuffix("_el")) for f in locks]
+
+
 @pytest.mark.parametrize("name", NODES)
 def test_a_killed_node(live, peer, name):
     """kill -9 of each node while the others go on: skeletons again, without anybody's help."""
@@ -120,6 +128,7 @@ def test_a_killed_node(live, peer, name):
     peer.until(lambda: suite.spare_pid, 4 * PATIENCE_S, "the spare process")
     spare = suite.spare_pid
     pid, killed = suite.pid(name), time.monotonic()
+    left = own_segments(pid)
     os.kill(pid, signal.SIGKILL)
     peer.spin(0.4)  # what was under way still comes
     settled = time.monotonic()
@@ -133,6 +142,8 @@ def test_a_killed_node(live, peer, name):
     lost = sum(killed <= t <= again and s not in heard.came for s, t in sensor.sent.items())
     assert suite.pid(name) == spare
     assert suite.restarts == {n: int(n == name) for n in NODES}
+    peer.until(lambda: suite.spare_pid not in (None, spare), 4 * PATIENCE_S, "the next spare process")
+    assert left and not any(segment.exists() for segment in left)  # no memory is lost with it
     note(f"{name} node killed (-9)", "it is started again; the others go on", again - killed, lost)
 
 

@@ -33,6 +33,7 @@ from typing import Any
 from depth_pose.errors import ConfigError, DepthPoseError
 from depth_pose.ros.forked import ForkedProcess, ForkServer, ServerDiedError
 from depth_pose.ros.forkserver import LOADED, WAITS
+from depth_pose.ros.leftovers import remove_leftovers
 from depth_pose.ros.runner import EXIT_CONFIG, PARENT_VARIABLE, on_stop
 
 NODES: tuple[str, ...] = ("denoise", "matcher", "refine", "recovery")
@@ -68,6 +69,7 @@ class _Child:
     restarts: int = 0
     delay_s: float = 0.0
     retry_s: float | None = 0.0
+    killed: bool = False
     last_lines: deque[str] = field(default_factory=lambda: deque(maxlen=20))
 
 
@@ -275,6 +277,8 @@ class Suite:
             if spare.process.poll() is not None:
                 self._spare = _Child("spare", WAITS)
         elif self._server is not None and all(c.ready.is_set() for c in self._children.values()):
+            if any(c.killed for c in self._children.values()):
+                remove_leftovers()
             spare.process = self._server.fork()
             self._follow(spare.process, spare)
 
@@ -310,7 +314,7 @@ class Suite:
                 child.delay_s = 0.0
             after = f"in {child.delay_s:.1f} s" if child.delay_s else "at once"
             self._sink(f"[{child.name}] ended with code {code}; starting it again {after}")
-            child.retry_s = now + child.delay_s
+            child.retry_s, child.killed = now + child.delay_s, code < 0
             child.delay_s = min(max(_FIRST_DELAY_S, 2.0 * child.delay_s), _MAX_DELAY_S)
         if child.retry_s is not None and now >= child.retry_s:
             self._spawn(child)
