@@ -17,6 +17,7 @@ import gc
 import importlib
 import json
 import os
+import select
 import selectors
 import signal
 import socket
@@ -27,7 +28,7 @@ LOADED = "fork server is loaded"
 """It prints this when it forks at once."""
 
 WAITS = "waits to become a node"
-"""A forked process prints this when it has imported what a node needs."""
+"""A forked process prints this when it has imported what a node needs, and has joined the graph."""
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -99,19 +100,22 @@ def _serve(link: socket.socket) -> bool:
 
 def _become_node() -> int:
     """Import ROS, wait for a name and a command line, be that node; gives its exit code."""
-    from depth_pose.ros.runner import end_with_parent
+    from depth_pose.ros.runner import end_with_parent, join_early
     from depth_pose.ros.supervisor import NODES
 
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: os._exit(0))  # until the node has its own handlers
     end_with_parent()
     mains = {name: importlib.import_module(f"depth_pose.ros.{name}_node").main for name in NODES}
+    joined = None if select.select([0], [], [], 0.0)[0] else join_early()
     print(WAITS, flush=True)
     line = sys.stdin.readline()
     if not line:
         return 0
     name, arguments = json.loads(line)
-    return int(mains[name](arguments))
+    code = int(mains[name](arguments))
+    del joined
+    return code
 
 
 if __name__ == "__main__":

@@ -10,6 +10,7 @@ from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 
+from depth_pose.errors import DepthPoseError
 from depth_pose.ros.conversions import stamp_to_ns
 from depth_pose.ros.pairing import Pairer
 
@@ -46,6 +47,18 @@ class Input:
     kind: type
     topic: str
     sensor: bool = False
+
+
+class Drop(DepthPoseError):
+    """Raised by `StageNode.answer` where a frame gets no answer, with the reason to count it by."""
+
+    def __init__(self, reason: str, detail: str) -> None:
+        super().__init__(detail)
+        self.reason = reason
+
+
+class Held(Exception):
+    """Raised by `StageNode.answer` where a frame is kept and answered later."""
 
 
 def frame_qos(depth: int, reliable: bool) -> QoSProfile:

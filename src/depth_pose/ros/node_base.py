@@ -28,8 +28,9 @@ from depth_pose.config import PipelineConfig
 from depth_pose.errors import BankError, ConfigError, DepthPoseError, InputError
 from depth_pose.ros.conversions import stamp_to_ns
 from depth_pose.ros.figures import Figures
-from depth_pose.ros.intake import LOG_EVERY_S, NO_EVENTS, Input, Intake, frame_qos
+from depth_pose.ros.intake import LOG_EVERY_S, NO_EVENTS, Drop, Held, Input, Intake, frame_qos
 from depth_pose.ros.parameters import COMMON, Setting, declare, read_config
+from depth_pose.ros.shared import is_warm
 from depth_pose.ros.silence import CrowdWatch, SilenceWatch
 
 __all__ = ["READY", "Drop", "Held", "Input", "Stage", "StageNode"]
@@ -53,18 +54,6 @@ class Stage(Protocol):
         """Forget everything that was kept between frames."""
 
 
-class Drop(DepthPoseError):
-    """Raised by `StageNode.answer` where a frame gets no answer, with the reason to count it by."""
-
-    def __init__(self, reason: str, detail: str) -> None:
-        super().__init__(detail)
-        self.reason = reason
-
-
-class Held(Exception):
-    """Raised by `StageNode.answer` where a frame is kept and answered later."""
-
-
 class StageNode(LifecycleNode):
     """A node around one stage; sub-classes say which, and convert.
 
@@ -83,9 +72,10 @@ class StageNode(LifecycleNode):
 
     SECTIONS: ClassVar[tuple[str, ...]] = ()
     SETTINGS: ClassVar[tuple[Setting, ...]] = ()
+    arguments: ClassVar[Sequence[str] | None] = None  # of a process that joined before it had any
 
     def __init__(self, name: str) -> None:
-        super().__init__(name, namespace="depth_pose")
+        super().__init__(name, namespace="depth_pose", cli_args=self.arguments)
         self.figures = Figures()
         self.stage: Any = None
         self.is_active = False
@@ -216,7 +206,8 @@ class StageNode(LifecycleNode):
         try:
             self.config = read_config(self, self.SECTIONS)
             self.stage = self.make_stage(self.config)
-            self.stage.warm_up()
+            if not is_warm(self.stage):
+                self.stage.warm_up()
             self.open_outputs()
             self._intake = Intake(self, self.inputs())
             inputs = self._intake.inputs

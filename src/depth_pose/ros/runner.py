@@ -44,9 +44,11 @@ def run_node(make: Callable[[], Any], args: Sequence[str] | None = None) -> int:
 
     node = None
     try:
-        rclpy.init(
-            args=list(args) if args is not None else None, signal_handler_options=SignalHandlerOptions.NO
-        )
+        if rclpy.ok():  # it joined early
+            make.arguments = args  # type: ignore[attr-defined]
+        else:
+            known = list(args) if args is not None else None
+            rclpy.init(args=known, signal_handler_options=SignalHandlerOptions.NO)
         node = make()
         install_signal_handlers(SignalHandlerOptions.ALL)
         _spin(node)
@@ -66,6 +68,20 @@ def run_node(make: Callable[[], Any], args: Sequence[str] | None = None) -> int:
                 node.destroy_node()
         rclpy.try_shutdown()
     return 0
+
+
+def join_early() -> Any:
+    """Join the ROS graph before it is known as which node; gives what must be kept until `run_node`.
+
+    Being found by others takes longer than all that a node does after it.
+    """
+    import rclpy
+    from rclpy.signals import SignalHandlerOptions
+
+    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+    return rclpy.create_node(
+        f"spare_{os.getpid()}", namespace="depth_pose", enable_rosout=False, start_parameter_services=False
+    )
 
 
 def _spin(node: Any) -> None:

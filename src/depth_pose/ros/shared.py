@@ -8,13 +8,14 @@ from __future__ import annotations
 
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 from depth_pose.bank import Bank, default_bank_path
 
 T = TypeVar("T")
 
 _made: dict[type, tuple[tuple[Any, ...], Any]] = {}
+_given: list[Any] = []
 
 
 def load_bank(path: str | Path = "") -> Bank:
@@ -50,4 +51,12 @@ def make_ahead(kind: type[Any], *arguments: Any) -> None:
 def make(kind: type[T], *arguments: Any) -> T:
     """Make a stage, or take the one that was made ahead with equal arguments, which is given once."""
     known, stage = _made.pop(kind, ((), None))
-    return stage if stage is not None and known == arguments else kind(*arguments)
+    if stage is None or known != arguments:
+        return kind(*arguments)
+    _given.append(stage)
+    return cast(T, stage)
+
+
+def is_warm(stage: Any) -> bool:
+    """Whether a stage was made ahead."""
+    return any(stage is given for given in _given)

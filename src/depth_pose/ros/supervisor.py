@@ -45,7 +45,7 @@ SENSORS_PATH = Path(__file__).with_name("sensors")
 _CONSUMERS = {"denoise": 3, "matcher": 1, "refine": 1, "recovery": 1}
 _READY = "is ready"
 _FIRST_DELAY_S, _MAX_DELAY_S, _HEALTHY_S = 0.1, 10.0, 10.0
-_LOOK_EVERY_S, _STOP_PATIENCE_S = 0.1, 3.0
+_LOOK_EVERY_S, _STOP_PATIENCE_S = 0.1, 5.0
 
 
 class NodeDiedError(DepthPoseError):
