@@ -3,9 +3,9 @@
     python benchmarks/soak.py --minutes 30 -o soak
     python benchmarks/soak.py --minutes 10 --stall 20
 
-A recording of 15 frames a second loops; once in two seconds the memory of every process is read (its
-proportional set size: what several share counts in parts), and every skeleton's latency is taken from
-the moment its frame was sent. With ``--stall`` one node after another is stopped for two seconds, so
+A recording of 15 frames a second loops; once in two seconds the memory of every process is read, and
+every skeleton's latency is taken from the moment its frame was sent. Growth is that of the resident set:
+a page that is no longer shared with the fork server moves the proportional set size, but is no new one. With ``--stall`` one node after another is stopped for two seconds, so
 that the queues before it fill, as they do where the processor is taken away. Written are ``soak.npz``,
 ``soak.png`` and a table: slope of each process' memory after the first tenth, and the 95th percentile of
 the latency in the first and in the last tenth.
@@ -36,13 +36,13 @@ SECONDS = 20.0
 EVERY_S, STALL_S = 2.0, 2.0
 
 
-def pss_bytes(pid: int | None) -> float:
-    """Proportional set size of a process, NaN where it is gone."""
+def memory_bytes(pid: int | None, kind: str = "Rss:") -> float:
+    """Resident memory of a process, or its part of it (``"Pss:"``); NaN where it is gone."""
     try:
         lines = Path(f"/proc/{pid}/smaps_rollup").read_text().splitlines()
     except (FileNotFoundError, ProcessLookupError):
         return float("nan")
-    return next((1024.0 * int(line.split()[1]) for line in lines if line.startswith("Pss:")), float("nan"))
+    return next((1024.0 * int(line.split()[1]) for line in lines if line.startswith(kind)), float("nan"))
 
 
 def slope_mb_per_hour(seconds: np.ndarray, memory: np.ndarray) -> float:
@@ -72,6 +72,7 @@ class Soak:
         self.frames = 0
         self.latency: list[tuple[float, float]] = []
         self.memory: list[tuple[float, ...]] = []
+        self.shared_mb = float("nan")
         self.started = time.monotonic()
 
     def run(self, recording: Path, bank: str | None, minutes: float, stall_s: float) -> dict[str, int]:
@@ -101,7 +102,7 @@ class Soak:
             stalled, next_stall = itertools.cycle(NODES), stall_s or float("inf")
             while (now := time.monotonic() - self.started) < 60 * minutes:
                 pids = [*map(suite.pid, NODES), suite.spare_pid, suite.server_pid]
-                self.memory.append((now, *map(pss_bytes, pids)))
+                self.memory.append((now, *map(memory_bytes, pids)))
                 print(f"\r{now / 60:.1f} min, {len(self.latency)} skeletons", end="", flush=True)
                 if now > next_stall and (pid := suite.pid(next(stalled))) is not None:
                     next_stall += stall_s
@@ -109,6 +110,7 @@ class Soak:
                     time.sleep(STALL_S)
                     os.kill(pid, signal.SIGCONT)
                 time.sleep(EVERY_S)
+            self.shared_mb = sum(memory_bytes(pid, "Pss:") for pid in pids) / 1e6
             player.stop()
             playing.join(10.0)
             restarts = suite.restarts
@@ -130,10 +132,8 @@ def report(soak: Soak, restarts: dict[str, int], output: Path) -> None:
         slope = slope_mb_per_hour(memory[:, 0], memory[:, k])
         top.plot(memory[:, 0] / 60, memory[:, k] / 1e6, label=f"{name}, {slope:+.1f} MB an hour")
         print(f"{name:12s} {memory[-1, k] / 1e6:6.0f} MB, {slope:+.2f} MB an hour")
-    total = memory[:, 1:].sum(axis=1)
-    print(f"{'all':12s} {total[-1] / 1e6:6.0f} MB, {slope_mb_per_hour(memory[:, 0], total):+.2f} MB an hour")
-    print(f"restarts: {restarts}")
-    top.set(ylabel="memory (PSS), MB", ylim=(0, None))
+    print(f"all, what they share counted once: {soak.shared_mb:.0f} MB; restarts: {restarts}")
+    top.set(ylabel="resident memory, MB", ylim=(0, None))
     top.legend(loc="lower right")
     bottom.plot(latency[:, 0] / 60, 1e3 * latency[:, 1], ".", ms=1, alpha=0.4, color="tab:gray")
     edges = np.linspace(0, end, 61)
