@@ -5,10 +5,11 @@
 
 A recording of 15 frames a second loops; once in two seconds the memory of every process is read, and
 every skeleton's latency is taken from the moment its frame was sent. Growth is that of the resident set:
-a page that is no longer shared with the fork server moves the proportional set size, but is no new one. With ``--stall`` one node after another is stopped for two seconds, so
-that the queues before it fill, as they do where the processor is taken away. Written are ``soak.npz``,
-``soak.png`` and a table: slope of each process' memory after the first tenth, and the 95th percentile of
-the latency in the first and in the last tenth.
+a page that is no longer shared with the fork server moves the proportional set size, but is no new one.
+With ``--stall`` one node after another is stopped for two seconds, so that the queues before it fill, as
+they do where the processor is taken away. Written are ``soak.npz``, ``soak.png`` and a table: slope of
+each process' memory after the first tenth, and the 95th percentile of the latency in the first and in the
+last tenth.
 """
 
 from __future__ import annotations
