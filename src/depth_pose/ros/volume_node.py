@@ -30,6 +30,7 @@ from depth_pose.errors import ConfigError, InputError
 from depth_pose.io.decode import decode_depth
 from depth_pose.ros.conversions import make_header, skeleton_to_msg, stamp_to_ns
 from depth_pose.ros.figures import Figures
+from depth_pose.ros.intake import waiting
 from depth_pose.ros.node_base import READY
 from depth_pose.ros.parameters import Setting, describe
 from depth_pose.ros.rig_source import RigSource
@@ -69,7 +70,7 @@ class VolumeNode(Node):
 
     def __init__(self) -> None:
         super().__init__("volume", namespace="depth_pose")
-        self.figures, self.arrivals = Figures(), 0
+        self.figures = Figures()
         self._pending: Moment | None = None
         self._pipeline: SilhouettePipeline | DepthPipeline | None = None
         self._told_gone: list[int] = []
@@ -145,14 +146,16 @@ class VolumeNode(Node):
             len(rig.topics), self.value("tolerance"), self.value("patience"), self.value("gone_after")
         )
         sensor = QoSProfile(depth=2, reliability=ReliabilityPolicy.BEST_EFFORT)
-        for i, topic in enumerate(rig.topics):
-            self.create_subscription(Image, topic, self._callback(i), sensor)
+        self._images = [
+            (self.create_subscription(Image, topic, callback, sensor), callback)
+            for i, topic in enumerate(rig.topics)
+            for callback in (self._callback(i),)
+        ]
         self.create_timer(_TICK_S, self._check, clock=self._steady)
         self.get_logger().info(f"{self.get_name()} {READY}: listens to {', '.join(rig.topics)}")
 
     def _callback(self, camera: int) -> Callable[[Image], None]:
         def take(message: Image) -> None:
-            self.arrivals += 1
             late = self._gatherer.late[camera]
             stamp_ns = stamp_to_ns(message.header.stamp)
             self._gatherer.add(camera, stamp_ns, message, time.monotonic())
@@ -181,7 +184,10 @@ class VolumeNode(Node):
         return self._pending is not None
 
     def process_pending(self) -> None:
-        """Answer the newest moment; whatever happens, the node lives."""
+        """Answer the newest moment, once all that waits is taken in; whatever happens, the node lives."""
+        for subscription, callback in self._images:
+            for message, _ in waiting(subscription):
+                callback(message)
         moment, self._pending = self._pending, None
         if moment is None or self._pipeline is None:
             return
