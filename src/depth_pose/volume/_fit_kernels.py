@@ -42,7 +42,7 @@ def fit_volume(
     """
     outlier, plane_weight, point_weight, prior, root_prior, damping, max_step = settings
     count = rest.shape[0]
-    vertices, normals, target = np.empty((count, 3)), np.empty((count, 3)), np.empty((count, 3))
+    vertices, normals, pull = np.empty((count, 3)), np.empty((count, 3)), np.empty((count, 3))
     nodes, mass, used = np.empty((parents.shape[0], 3)), np.empty(count), np.empty(count, np.bool_)
     size = 3 + 3 * stiffness.shape[0]
     segment, inertia, force = influence[:, 0], np.empty((nodes.shape[0], 6, 6)), np.empty((nodes.shape[0], 6))
@@ -61,25 +61,26 @@ def fit_volume(
                     side += normals[i, a] * (vertices[i, a] - eye[a])
                 if side > 0.0:
                     used[i] = False
-        assign(points, 1, vertices, used, sigmas[k], outlier, mass, target)
+        assign(points, 1, vertices, used, sigmas[k], outlier, mass, pull)
         total, square, reach, grow = 0.0, 0.0, 0.0, 0.0
         for i in range(count):
             mass[i] *= trust[i]
             if mass[i] > 0.0:
                 along, arm = 0.0, 0.0
                 for a in range(3):
-                    along += (target[i, a] - vertices[i, a]) * normals[i, a]
+                    pull[i, a] *= trust[i]
+                    along += pull[i, a] * normals[i, a]
                     arm += (vertices[i, a] - root[a]) * normals[i, a]
                 total += mass[i]
-                square += mass[i] * along * along
+                square += along * along / mass[i]
                 reach += mass[i] * arm * arm
-                grow += mass[i] * arm * along
+                grow += arm * along
         residual = np.sqrt(square / max(total, 1e-9))
         factor = 1.0 + grow / max(reach, 1e-9)
         inertia[:] = 0.0
         force[:] = 0.0
         matrix[:] = 0.0
-        add_points(vertices, normals, mass, target, segment, root, plane_weight, point_weight, inertia, force)
+        add_points(vertices, normals, mass, pull, segment, root, plane_weight, point_weight, inertia, force)
         assemble(inertia, force, nodes, root, parents, free, matrix, gradient)
         for i in range(size):
             hold = amount * (prior * stiffness[(i - 3) // 3] if i >= 3 else root_prior)
