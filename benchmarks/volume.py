@@ -1,6 +1,7 @@
 """The volume tracker's accuracy on dances it was never shown, and its cost.
 
     python benchmarks/volume.py accuracy --out docs/images   # tables and plots, about ten minutes
+    python benchmarks/volume.py depth --out docs/images      # 1, 2 and 4 depth cameras, ten minutes
     python benchmarks/volume.py cost                         # milliseconds by voxel, particles, cameras
 
 Training is ten performances of each dance, 350 frames in all, on wearers of three builds; test are 300
@@ -121,20 +122,35 @@ def accuracy(out: Path, models: Path, dances: list[str]) -> None:
         rows.append(summary("one performance, 350 frames", single_performance(dance, rig, tests)))
         rows.append(summary("rough silhouettes", rough(dance, model, rig)))
         table(rows)
-        print("one depth camera\n")
-        depth = learn_model(simulate_views(dance_clips(dance), default_wearers(), "depth"), LearnConfig())
-        depth.save(models / f"{dance}_depth.npz")
-        rows = [HEAD]
-        for degrees in (0, 90, 200):
-            camera = front_camera(azimuth=np.radians(degrees))
-            seen = watch_all(dance, depth_eyes([camera], SurfaceVoxels()))
-            found = [track_performance(depth, p) for p in seen]
-            rows.append(summary(f"from {degrees}°", found))
-            if degrees == 0:
-                draw_frames(found[1], seen[1], out / f"volume_{dance}_depth.png")
-        table(rows)
     for (model, report), dance in zip(shown, dances, strict=True):
         save_latent(model, [report], out / f"volume_latent_{dance}.png", [dance])
+
+
+DEPTH_RIGS = {
+    "1, in front of where the dance begins": (0,), "1, to the left (90°)": (90,), "1, behind (200°)": (200,),
+    "2, to the front left and right (±45°)": (-45, 45), "2, in front and behind": (0, 180),
+    "4, all around": (0, 90, 180, 270),
+}  # fmt: skip
+"""Azimuths of depth cameras."""
+
+
+def depth_accuracy(out: Path, models: Path, dances: list[str]) -> None:
+    """One model for any number of depth cameras, wherever they stand."""
+    for dance in dances:
+        views = simulate_views(dance_clips(dance), default_wearers(), "depth")
+        model = learn_model(views, LearnConfig(), about=f"dance {dance}")
+        model.save(models / f"{dance}_depth.npz")
+        print(f"## {dance}, depth cameras\n")
+        rows = [[*HEAD, "volume to pose"]]
+        for name, degrees in DEPTH_RIGS.items():
+            rig = [front_camera(azimuth=np.radians(d)) for d in degrees]
+            seen = watch_all(dance, depth_eyes(rig, SurfaceVoxels()))
+            found = [track_performance(model, p) for p in seen]
+            rows.append([*summary(name, found), f"{np.median([r.ms for r in found]):.1f} ms"])
+            if degrees in ((0,), (-45, 45)):
+                tail = "" if len(rig) == 1 else f"_{len(rig)}"
+                draw_frames(found[1], seen[1], out / f"volume_{dance}_depth{tail}.png")
+        table(rows)
 
 
 def single_performance(dance, rig, tests):
@@ -227,13 +243,15 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("what", choices=("accuracy", "cost"))
+    parser.add_argument("what", choices=("accuracy", "depth", "cost"))
     parser.add_argument("--out", type=Path, default=Path("volume_plots"), help="folder for the plots")
     parser.add_argument("--models", type=Path, default=Path("volume_models"), help="folder for the models")
     parser.add_argument("--dance", action="append", choices=list(DANCES), help="only this one")
     given = parser.parse_args()
     if given.what == "accuracy":
         accuracy(given.out, given.models, given.dance or list(DANCES))
+    elif given.what == "depth":
+        depth_accuracy(given.out, given.models, given.dance or list(DANCES))
     else:
         cost(given.models, given.out)
 
