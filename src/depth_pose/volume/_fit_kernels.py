@@ -10,6 +10,7 @@ from depth_pose.registration._articulated_kernels import (
     add_points,
     assemble,
     assign,
+    solve_tree,
     turn_normals,
     update,
 )
@@ -26,6 +27,7 @@ def fit_volume(
     rest_nodes,
     parents,
     free,
+    above,
     stiffness,
     scale,
     trust,
@@ -88,11 +90,11 @@ def fit_volume(
             hold = amount * (prior * stiffness[(i - 3) // 3] if i >= 3 else root_prior)
             matrix[i, i] += 1e-6 + damping * amount + hold
             gradient[i] -= hold * moved[i]
-        step = np.linalg.solve(matrix, gradient)
-        most = np.abs(step[3:]).max()
+        solve_tree(matrix, above, gradient)
+        most = np.abs(gradient[3:]).max()
         if most > max_step:
-            step *= max_step / most
-        update(step, free, parents, rotations)
-        root += step[:3]
-        moved += step
+            gradient *= max_step / most
+        update(gradient, free, parents, rotations)
+        root += gradient[:3]
+        moved += gradient
     return residual, factor
