@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
@@ -42,6 +42,30 @@ class Input:
     kind: type
     topic: str
     sensor: bool = False
+
+
+class FrameSource(Protocol):
+    """Where a node's frames come from, as the node knows it: `Intake`, or one of the node's own."""
+
+    inputs: tuple[Input, ...]
+    arrivals: int
+
+    @property
+    def joined(self) -> bool:
+        """Whether every topic of the suite's own has a publisher, as this side sees it."""
+
+    @property
+    def has_pending(self) -> bool:
+        """Whether a whole frame waits."""
+
+    def take_pending(self) -> tuple[Any, ...] | None:
+        """Give the newest whole frame, once."""
+
+    def forget(self) -> None:
+        """Drop what waits and what is known of earlier messages."""
+
+    def close(self) -> None:
+        """Unsubscribe."""
 
 
 def frame_qos(depth: int, reliable: bool) -> QoSProfile:

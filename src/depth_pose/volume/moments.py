@@ -61,6 +61,11 @@ class MomentGatherer:
         self._since: dict[int, float] = {}
         self._done_ns: int | None = None
 
+    @property
+    def is_waiting(self) -> bool:
+        """Whether images are held that no moment has been made of."""
+        return bool(self._held)
+
     def gone(self, now: float) -> list[int]:
         """Cameras that bring nothing, or never did."""
         return [c for c, heard in enumerate(self._heard) if heard is None or now - heard > self._gone_after]

@@ -167,6 +167,7 @@ class LatentTracker:
         """Cost (n,) of each particle at its best heading, and that heading in steps."""
         costs = np.zeros((len(points), len(window)))
         recall = self.config.likelihood == "latent"
+        covariance = self.model.to_volume[0].kernel.between(points, self.model.latent)  # of all views
         seen: dict[int, Array] = {}
         for sight in sights:
             components, rest = self.model.space.split(sight.descriptors[window % self._fine])
@@ -177,7 +178,7 @@ class LatentTracker:
                     costs[:, at] += self._latent_cost(points, components[at], view)
                     continue
                 if view not in seen:
-                    seen[view] = self.model.to_volume[view].predict(points)
+                    seen[view] = self.model.to_volume[view].predict_from(covariance)
                 costs[:, at] += (square_distances(seen[view], components[at]) + rest[at]) / TEMPERATURE
         if not recall:
             costs += ((window - expected) * (2 * np.pi / self._fine) / _AZIMUTH_SIGMA) ** 2

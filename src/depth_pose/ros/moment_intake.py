@@ -1,0 +1,130 @@
+"""From the images of several cameras to moments: brought together by stamp, newest first."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
+
+from rclpy.clock import Clock, ClockType
+from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.subscription import Subscription
+from sensor_msgs.msg import Image
+
+from depth_pose.errors import InputError
+from depth_pose.io._messages import read_image
+from depth_pose.ros.intake import LOG_EVERY_S, Input
+from depth_pose.volume.moments import Moment, MomentGatherer
+
+if TYPE_CHECKING:
+    from depth_pose.ros.node_base import StageNode
+
+_QUEUE = 2
+"""Images of each camera that may wait while a moment is answered: its next, and one more."""
+
+
+class MomentIntake:
+    """The subscriptions of a node that sees through several cameras.
+
+    With eight cameras at 60 images a second, taking them in is a good part of the work. So messages are
+    taken as the bytes that came and only what is needed is read from them, one wake-up takes whatever has
+    come from all cameras, and the clock that ends the wait for a late camera runs only while one is
+    waited for.
+
+    Parameters
+    ----------
+    node : StageNode
+    topics : sequence of str
+    gatherer : MomentGatherer
+    patience_s : float
+        How long the gatherer lets a moment wait.
+    """
+
+    def __init__(
+        self, node: StageNode, topics: Sequence[str], gatherer: MomentGatherer, patience_s: float
+    ) -> None:
+        self.inputs = tuple(Input(Image, node.resolve_topic_name(t), sensor=True) for t in topics)
+        self.arrivals = 0
+        self.gatherer = gatherer
+        self._node = node
+        self._pending: Moment | None = None
+        policy = ReliabilityPolicy.RELIABLE if node.lossless else ReliabilityPolicy.BEST_EFFORT
+        qos = QoSProfile(depth=max(_QUEUE, node.queue), reliability=policy)
+        quiet = SubscriptionEventCallbacks(use_default_callbacks=False)  # each would be waited for, too
+        self._subscriptions: list[Subscription] = [
+            node.create_subscription(Image, i.topic, self._callback(c), qos, raw=True, event_callbacks=quiet)
+            for c, i in enumerate(self.inputs)
+        ]
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._timer = node.create_timer(max(patience_s / 2, 0.001), self._check, clock=steady)
+        self._timer.cancel()
+
+    @property
+    def joined(self) -> bool:
+        """Whether every topic of the suite's own has a publisher: cameras are none of them."""
+        return True
+
+    @property
+    def has_pending(self) -> bool:
+        """Whether a moment waits to be answered."""
+        return self._pending is not None
+
+    def take_pending(self) -> tuple[Any, ...] | None:
+        """Give the newest moment, once."""
+        moment, self._pending = self._pending, None
+        return None if moment is None else (moment,)
+
+    def forget(self) -> None:
+        """Drop what waits."""
+        self._pending = None
+        self.gatherer.clear()
+
+    def close(self) -> None:
+        """Unsubscribe."""
+        self._node.destroy_timer(self._timer)
+        for subscription in self._subscriptions:
+            self._node.destroy_subscription(subscription)
+        self._subscriptions = []
+
+    def _callback(self, camera: int) -> Callable[[bytes], None]:
+        def take(data: bytes) -> None:
+            self._add(camera, data)
+            self._check()
+
+        return take
+
+    def _add(self, camera: int, data: bytes) -> None:
+        self.arrivals += 1
+        topic = self.inputs[camera].topic
+        self._node.heard(topic)
+        if not self._node.is_active:
+            self._node.figures.counts["ignored while paused"] += 1
+            return
+        try:
+            image = read_image(data)
+        except InputError as error:
+            self._node.drop("bad image", f"{topic}: {error}")
+            return
+        late = self.gatherer.late[camera]
+        self.gatherer.add(camera, image.stamp_ns, image, time.monotonic())
+        if self.gatherer.late[camera] > late:
+            self._node.get_logger().warning(
+                f"{topic} is late: its moment was answered without it",
+                throttle_duration_sec=LOG_EVERY_S,
+            )
+
+    def _check(self) -> None:
+        moment = self.gatherer.take(time.monotonic())
+        if not self.gatherer.is_waiting:
+            self._timer.cancel()
+        elif self._timer.is_canceled():
+            self._timer.reset()
+        if moment is None:
+            return
+        if self._node.lossless:
+            self._node.process((moment,))
+            return
+        if self._pending is not None:
+            self._node.drop("overtaken", "a newer moment came before this one was begun")
+        self._pending = moment
