@@ -192,7 +192,6 @@ class VolumeNode(StageNode):
         for kind, counts in (("late", gatherer.late), ("answered without", gatherer.missing)):
             for camera, count in counts.items():
                 self.figures.counts[f"{kind}: {topics[camera]}"] = count
-        self.figures.counts["moments overtaken"] = gatherer.overtaken
         level, words = super()._judge()
         if not self.is_active:
             return level, words

@@ -66,6 +66,16 @@ class MomentGatherer:
         """Whether images are held that no moment has been made of."""
         return bool(self._held)
 
+    def is_fresh(self, now: float, seconds: float) -> bool:
+        """Whether the newest moment began less than so long ago and lacks a camera that is there."""
+        if not self._held:
+            return False
+        stamp = max(self._held)
+        if now - self._since[stamp] >= seconds:
+            return False
+        gone = self.gone(now)
+        return any(image is None and c not in gone for c, image in enumerate(self._held[stamp]))
+
     def gone(self, now: float) -> list[int]:
         """Cameras that bring nothing, or never did."""
         return [c for c, heard in enumerate(self._heard) if heard is None or now - heard > self._gone_after]
