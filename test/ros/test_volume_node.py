@@ -258,17 +258,20 @@ def test_depth_cameras(start, peer, tmp_path):
     peer.until(lambda: live.value("answered without: /depth1/image_raw") == "1", what="the count")
     assert not live.show_scene(14, change=lambda c, depth: depth[:100] if c else depth).is_lost
     process.wait_for("dropped, bad image: /depth1/image_raw: the image is 320 x 100")
-    for i in range(15, 40):
+    for i in range(15, 28):
         live.show_scene(i, cameras=[0])
     process.wait_for("nothing from /depth1/image_raw; goes on without")
-    lost = live.show_scene(40, change=lambda c, depth: blind[c])
+    lost = live.show_scene(28, change=lambda c, depth: blind[c])
     assert lost.is_lost
 
 
 def test_paused_and_resumed(start, peer, model_path, images, rig_path):
-    """A managed node like the others: it waits for a manager where it is told to."""
+    """Started with `depth-pose volume live`; managed like the others, it waits for a manager if told to."""
     silhouettes, _ = images
-    process = start_node(start, model=model_path, rig=rig_path, autostart=False)
+    params = rig_path.with_name("params.yaml")
+    params.write_text("/**:\n  ros__parameters:\n    autostart: false\n    track.stature: 1.66\n")
+    command = ["-m", "depth_pose.cli", "volume", "live", "--model", model_path, "--rig", rig_path]
+    process = start(*command, "--params", params, "--voxel", 0.03)
     assert set_active(True, ["volume"]) == {"volume": "active"}
     live = Rehearsal(peer, process)
     live.play(silhouettes, 0, 10)

@@ -203,6 +203,23 @@ def test_a_depth_camera_that_fails(depth_model, space):
         make_pipeline(depth_model, [])
 
 
+def test_a_recording_of_two_depth_cameras(depth_model, space, tmp_path):
+    from depth_pose.body.procedural import BodyShape
+    from depth_pose.body.procedural_motion_dance import perform
+    from depth_pose.sim.roof_cameras import depth_ring
+    from depth_pose.volume.performances import Wearer
+
+    path = tmp_path / "dance.mcap"
+    record_images(path, perform("swing", 50, 0.4), Wearer(BodyShape(stature_m=1.66)), depth_ring(2), "depth")
+    rig = load_rig(path.with_suffix(".yaml"))
+    assert rig.topics == ("/depth0/depth", "/depth1/depth")
+    pipeline = make_pipeline(depth_model, rig.cameras, space, TrackConfig(stature=1.66))
+    summary = process_silhouettes(path, tmp_path / "out.mcap", pipeline, rig)
+    assert (summary.frames, summary.answered, summary.incomplete) == (12, 12, 0)
+    heads = [s.positions[4, 2] for s in read_skeletons(tmp_path / "out.mcap")]
+    assert np.ptp(heads) < 0.2 and 1.35 < np.mean(heads) < 1.75
+
+
 def sliver(depth):
     """Give the topmost rows of a person only."""
     seen = depth.copy()
@@ -249,6 +266,8 @@ def test_commands(monkeypatch, capsys, tmp_path):
     code, said = call(monkeypatch, capsys, "run", dance, "-o", found, "-m", model, "--rig", rig)
     assert code == 0, said.err
     assert len(list(read_skeletons(found))) == 30
+    code, said = call(monkeypatch, capsys, "demo", "-m", model, "--seconds", 1, "-o", picture, "--cameras", 4)
+    assert code == 0, said.err
     code, said = call(monkeypatch, capsys, "demo", "-m", model, "--input", "depth")
     assert code == 2 and "--input silhouettes" in said.err
     code, said = call(monkeypatch, capsys, "train", "-o", model, "--motion", rig)
