@@ -73,3 +73,20 @@ def test_a_clock_that_goes_back_starts_anew():
     assert g.take(10.0) is not None
     feed(g, 0, now=10.1)
     assert g.take(10.1).stamp_ns == 0 and not g.late
+
+
+def test_what_is_worth_a_short_wait():
+    """A moment that has just begun and lacks a camera that is there."""
+    gatherer = MomentGatherer(2, 0.004, 0.012, 0.5)
+    assert not gatherer.is_waiting and not gatherer.is_fresh(0.0, 0.001)
+    gatherer.add(0, 10**9, "a", 1.0)
+    assert not gatherer.is_fresh(1.0, 0.001)  # camera 1 was never heard: it is gone
+    gatherer.add(1, 10**9, "b", 1.0)
+    assert gatherer.is_waiting and not gatherer.is_fresh(1.0, 0.001)  # whole
+    assert gatherer.take(1.0).images == ("a", "b")
+    assert not gatherer.is_waiting
+    gatherer.add(0, 10**9 + 16_000_000, "c", 1.016)
+    assert gatherer.is_fresh(1.0165, 0.001)
+    assert not gatherer.is_fresh(1.0175, 0.001)  # no longer
+    gatherer.add(1, 10**9 + 16_500_000, "d", 1.0176)
+    assert gatherer.take(1.0176).images == ("c", "d")
