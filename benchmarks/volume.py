@@ -23,15 +23,30 @@ import numpy as np
 
 from depth_pose.body.procedural_motion_dance import DANCES, perform
 from depth_pose.sim.clothing import Garment
-from depth_pose.sim.roof_cameras import ROOF_CAMERA, RigRenderer, front_camera, roof_rig, roughen
+from depth_pose.sim.roof_cameras import (
+    ROOF_CAMERA,
+    RigRenderer,
+    depth_ring,
+    front_camera,
+    roof_rig,
+    roughen,
+)
 from depth_pose.types import Camera
 from depth_pose.volume.config import LearnConfig, SpaceConfig, TrackConfig
 from depth_pose.volume.figures import save_frames, save_latent
 from depth_pose.volume.hull import HullCarver, SurfaceVoxels
 from depth_pose.volume.learning import learn_model
 from depth_pose.volume.model import VolumeModel
-from depth_pose.volume.performances import TEST_SHAPES, Wearer, depth_eyes, dressed_frames, hull_eyes, watch
-from depth_pose.volume.pipeline import SilhouettePipeline
+from depth_pose.volume.performances import (
+    TEST_SHAPES,
+    Wearer,
+    depth_eyes,
+    depth_points,
+    dressed_frames,
+    hull_eyes,
+    watch,
+)
+from depth_pose.volume.pipeline import SilhouettePipeline, VolumePoseTracker
 from depth_pose.volume.report import Report, report_rows, track_performance
 from depth_pose.volume.scoring import joint_positions
 from depth_pose.volume.training import dance_clips, default_wearers, simulate_views
@@ -177,12 +192,12 @@ def draw_frames(report: Report, performance, path: Path) -> None:
 
 
 def cost(models: Path, out: Path) -> None:
-    """Processor time from silhouettes to pose, single thread, medians."""
+    """Processor time from images to pose, single thread, medians."""
     model = VolumeModel.load(models / "swing.npz")
     clip = perform("swing", 21, 4.0)
     wearer = Wearer(TEST_SHAPES[1], TEST_GARMENTS[1])
     scenes = [meshes for meshes, _ in dressed_frames(wearer, clip)]
-    rows = [["", "hull", "descriptor to pose", "in all", "frames a second", "95 % below"]]
+    rows = [["", "images to volume", "volume to pose", "in all", "frames a second", "95 % below"]]
     points = {}
     fine = Camera(512, 384, 380.0, 380.0, 255.5, 191.5)
     cases = [
@@ -207,14 +222,40 @@ def cost(models: Path, out: Path) -> None:
             between = time.thread_time()
             pipeline.tracker.process(volume, 1 + round(i * 1e9 / 30))
             times.append((between - started, time.thread_time() - between))
-        settled = 1e3 * np.array(times)[60:]
-        total = settled.sum(axis=1)
-        middle = np.median(settled, axis=0)
-        points[name] = middle
-        rows.append([name, *(f"{m:.1f} ms" for m in middle), f"{np.median(total):.1f} ms",
-                     f"{1e3 / np.median(total):.0f}", f"{np.percentile(total, 95):.1f} ms"])  # fmt: skip
+        points[name] = add_cost(rows, name, times)
+    for name, times in depth_costs(models, scenes):
+        points[name] = add_cost(rows, name, times)
     table(rows)
     draw_cost(points, out / "volume_cost.png")
+
+
+def add_cost(rows: list[list[str]], name: str, times: list[tuple[float, float]]):
+    """Add a row of medians, once the height is settled; gives them."""
+    settled = 1e3 * np.array(times)[60:]
+    total, middle = settled.sum(axis=1), np.median(settled, axis=0)
+    rows.append([name, *(f"{m:.1f} ms" for m in middle), f"{np.median(total):.1f} ms",
+                 f"{1e3 / np.median(total):.0f}", f"{np.percentile(total, 95):.1f} ms"])  # fmt: skip
+    return middle
+
+
+def depth_costs(models: Path, scenes):
+    """From depth images that show the person only to poses, for 1, 2 and 4 cameras."""
+    model = VolumeModel.load(models / "swing_depth.npz")
+    voxels = SurfaceVoxels()
+    for count in (1, 2, 4):
+        rig = depth_ring(count)
+        renderer, tracker, times = RigRenderer(rig), VolumePoseTracker(model), []
+        tracker.warm_up()
+        for i, meshes in enumerate(scenes):
+            images = renderer.depths(meshes)
+            started = time.thread_time()
+            clouds = [c.to_world(depth_points(d, c)) for c, d in zip(rig, images, strict=True)]
+            parts = [voxels.see(p, c.position) for c, p in zip(rig, clouds, strict=True)]
+            volume = voxels.join(parts)
+            between = time.thread_time()
+            tracker.process(volume, 1 + round(i * 1e9 / 30))
+            times.append((between - started, time.thread_time() - between))
+        yield f"{count} depth camera{'s' if count > 1 else ''}", times
 
 
 def draw_cost(points, path: Path) -> None:
@@ -226,8 +267,8 @@ def draw_cost(points, path: Path) -> None:
     axes = figure.add_subplot()
     names, values = list(points), np.array(list(points.values()))
     rows = np.arange(len(names))
-    axes.barh(rows, values[:, 0], color="#1f9bcf", label="silhouettes to hull")
-    axes.barh(rows, values[:, 1], left=values[:, 0], color="#f08a24", label="hull to pose")
+    axes.barh(rows, values[:, 0], color="#1f9bcf", label="images to volume")
+    axes.barh(rows, values[:, 1], left=values[:, 0], color="#f08a24", label="volume to pose")
     axes.axvline(1e3 / 60, color="black", lw=1, ls="--")
     axes.text(1e3 / 60 + 0.1, len(names) - 0.6, "60 a second", fontsize=8, va="top")
     axes.set_yticks(rows, names, fontsize=8)

@@ -94,7 +94,7 @@ def declare(
     """
     # rclpy has no public way to ask what the command line or file set
     given: dict[str, Parameter] = getattr(node, "_parameter_overrides", {})
-    _refuse_unknown(given, {s.name for s in settings} | set(_names(sections, config)))
+    _refuse_unknown(given, settings, sections, config)
     for s in settings:
         _declare(node, given, s.name, s.default, describe(s.help, s.default, s.low, s.high, s.read_only))
     for section in sections:
@@ -144,13 +144,17 @@ def _declare(
         raise ConfigError(f"parameter {name} is declared twice by this node") from None
 
 
-def _refuse_unknown(given: Iterable[str], own: set[str]) -> None:
-    known = EVERYWHERE | own | set(_names(SECTIONS, PipelineConfig))
+def _refuse_unknown(
+    given: Iterable[str], settings: Sequence[Setting], sections: Sequence[str], config: type[Sections]
+) -> None:
+    known = EVERYWHERE | {s.name for s in settings}
+    known |= {*_names(sections, config), *_names(SECTIONS, PipelineConfig)}
     unknown = sorted(n for n in given if n not in known and not n.startswith("qos_overrides."))
     if unknown:
         raise ConfigError(
             f"no node of depth_pose has the parameter {', '.join(unknown)}; settings are named "
-            f"SECTION.NAME with the sections {', '.join(SECTIONS)}, e.g. segment.near"
+            f"SECTION.NAME with the sections {', '.join(dict.fromkeys([*SECTIONS, *sections]))}, "
+            "e.g. segment.near"
         )
 
 
