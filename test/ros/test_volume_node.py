@@ -272,6 +272,7 @@ def test_paused_and_resumed(start, peer, model_path, images, rig_path):
     params.write_text("/**:\n  ros__parameters:\n    autostart: false\n    track.stature: 1.66\n")
     command = ["-m", "depth_pose.cli", "volume", "live", "--model", model_path, "--rig", rig_path]
     process = start(*command, "--params", params, "--voxel", 0.03)
+    peer.until(lambda: peer.node.count_publishers("/diagnostics"), 60.0, "the node")
     assert set_active(True, ["volume"]) == {"volume": "active"}
     live = Rehearsal(peer, process)
     live.play(silhouettes, 0, 10)

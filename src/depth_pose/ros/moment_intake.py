@@ -20,8 +20,8 @@ from depth_pose.volume.moments import Moment, MomentGatherer
 if TYPE_CHECKING:
     from depth_pose.ros.node_base import StageNode
 
-_QUEUE = 2
-"""Images of each camera that may wait while a moment is answered: its next, and one more."""
+_QUEUE = 8
+"""Images of each camera that may wait: all are taken, so that moments that are let go are counted."""
 
 
 _TOGETHER_S, _DOZE_S = 0.001, 0.0002
@@ -54,6 +54,7 @@ class MomentIntake:
         self._node = node
         self._pending: Moment | None = None
         self._told_late = -LOG_EVERY_S
+        self._numbers = [0] * len(topics)
         policy = ReliabilityPolicy.RELIABLE if node.lossless else ReliabilityPolicy.BEST_EFFORT
         qos = QoSProfile(depth=max(_QUEUE, node.queue), reliability=policy)
         quiet = SubscriptionEventCallbacks(use_default_callbacks=False)  # each would be waited for, too
@@ -92,9 +93,9 @@ class MomentIntake:
             self._node.destroy_subscription(subscription)
         self._subscriptions = []
 
-    def _callback(self, camera: int) -> Callable[[bytes], None]:
-        def take(data: bytes) -> None:
-            self._add(camera, data)
+    def _callback(self, camera: int) -> Callable[..., None]:
+        def take(data: bytes, info: dict[str, Any]) -> None:  # rclpy counts the arguments
+            self._add(camera, data, info)
             self._take_others()
             self._check()
 
@@ -104,16 +105,20 @@ class MomentIntake:
         """Take what has come from all cameras, and what comes presently."""
         while True:
             for camera, subscription in enumerate(self._subscriptions):
-                while (data := _take(subscription)) is not None:
-                    self._add(camera, data)
+                while (found := _take(subscription)) is not None:
+                    self._add(camera, *found)
             if not self.gatherer.is_fresh(time.monotonic(), _TOGETHER_S):
                 return
             time.sleep(_DOZE_S)
 
-    def _add(self, camera: int, data: bytes) -> None:
+    def _add(self, camera: int, data: bytes, info: dict[str, Any]) -> None:
         self.arrivals += 1
         topic = self.inputs[camera].topic
         self._node.heard(topic)
+        number, last = info.get("publication_sequence_number") or 0, self._numbers[camera]
+        self._numbers[camera] = number
+        if last and number > last + 1:
+            self._node.figures.counts[f"missed: {topic}"] += number - last - 1
         if not self._node.is_active:
             self._node.figures.counts["ignored while paused"] += 1
             return
@@ -150,8 +155,10 @@ class MomentIntake:
         self._node.drop("overtaken", "a newer moment came before this one was begun", count)
 
 
-def _take(subscription: Subscription) -> bytes | None:
-    """Take a message as the executor does; None where none has come."""
+def _take(subscription: Subscription) -> tuple[bytes, dict[str, Any]] | None:
+    """Take a message with its numbers, as the executor does; None where none has come."""
     with subscription.handle:
-        found = subscription.handle.take_message(subscription.msg_type, subscription.raw)
-    return None if found is None else found[0]
+        found: tuple[bytes, dict[str, Any]] | None = subscription.handle.take_message(
+            subscription.msg_type, subscription.raw
+        )
+    return found
