@@ -1,6 +1,7 @@
 """The volume tracker's accuracy on dances it was never shown, and its cost.
 
     python benchmarks/volume.py accuracy --out docs/images   # tables and plots, about ten minutes
+    python benchmarks/volume.py depth --out docs/images      # 1, 2 and 4 depth cameras, ten minutes
     python benchmarks/volume.py cost                         # milliseconds by voxel, particles, cameras
 
 Training is ten performances of each dance, 350 frames in all, on wearers of three builds; test are 300
@@ -22,15 +23,30 @@ import numpy as np
 
 from depth_pose.body.procedural_motion_dance import DANCES, perform
 from depth_pose.sim.clothing import Garment
-from depth_pose.sim.roof_cameras import ROOF_CAMERA, RigRenderer, front_camera, roof_rig, roughen
+from depth_pose.sim.roof_cameras import (
+    ROOF_CAMERA,
+    RigRenderer,
+    depth_ring,
+    front_camera,
+    roof_rig,
+    roughen,
+)
 from depth_pose.types import Camera
 from depth_pose.volume.config import LearnConfig, SpaceConfig, TrackConfig
 from depth_pose.volume.figures import save_frames, save_latent
 from depth_pose.volume.hull import HullCarver, SurfaceVoxels
 from depth_pose.volume.learning import learn_model
 from depth_pose.volume.model import VolumeModel
-from depth_pose.volume.performances import TEST_SHAPES, Wearer, depth_eyes, dressed_frames, hull_eyes, watch
-from depth_pose.volume.pipeline import SilhouettePipeline
+from depth_pose.volume.performances import (
+    TEST_SHAPES,
+    Wearer,
+    depth_eyes,
+    depth_points,
+    dressed_frames,
+    hull_eyes,
+    watch,
+)
+from depth_pose.volume.pipeline import SilhouettePipeline, VolumePoseTracker
 from depth_pose.volume.report import Report, report_rows, track_performance
 from depth_pose.volume.scoring import joint_positions
 from depth_pose.volume.training import dance_clips, default_wearers, simulate_views
@@ -121,20 +137,35 @@ def accuracy(out: Path, models: Path, dances: list[str]) -> None:
         rows.append(summary("one performance, 350 frames", single_performance(dance, rig, tests)))
         rows.append(summary("rough silhouettes", rough(dance, model, rig)))
         table(rows)
-        print("one depth camera\n")
-        depth = learn_model(simulate_views(dance_clips(dance), default_wearers(), "depth"), LearnConfig())
-        depth.save(models / f"{dance}_depth.npz")
-        rows = [HEAD]
-        for degrees in (0, 90, 200):
-            camera = front_camera(azimuth=np.radians(degrees))
-            seen = watch_all(dance, depth_eyes([camera], SurfaceVoxels()))
-            found = [track_performance(depth, p) for p in seen]
-            rows.append(summary(f"from {degrees}°", found))
-            if degrees == 0:
-                draw_frames(found[1], seen[1], out / f"volume_{dance}_depth.png")
-        table(rows)
     for (model, report), dance in zip(shown, dances, strict=True):
         save_latent(model, [report], out / f"volume_latent_{dance}.png", [dance])
+
+
+DEPTH_RIGS = {
+    "1, in front of where the dance begins": (0,), "1, to the left (90°)": (90,), "1, behind (200°)": (200,),
+    "2, to the front left and right (±45°)": (-45, 45), "2, in front and behind": (0, 180),
+    "4, all around": (0, 90, 180, 270),
+}  # fmt: skip
+"""Azimuths of depth cameras."""
+
+
+def depth_accuracy(out: Path, models: Path, dances: list[str]) -> None:
+    """One model for any number of depth cameras, wherever they stand."""
+    for dance in dances:
+        views = simulate_views(dance_clips(dance), default_wearers(), "depth")
+        model = learn_model(views, LearnConfig(), about=f"dance {dance}")
+        model.save(models / f"{dance}_depth.npz")
+        print(f"## {dance}, depth cameras\n")
+        rows = [[*HEAD, "volume to pose"]]
+        for name, degrees in DEPTH_RIGS.items():
+            rig = [front_camera(azimuth=np.radians(d)) for d in degrees]
+            seen = watch_all(dance, depth_eyes(rig, SurfaceVoxels()))
+            found = [track_performance(model, p) for p in seen]
+            rows.append([*summary(name, found), f"{np.median([r.ms for r in found]):.1f} ms"])
+            if degrees in ((0,), (-45, 45)):
+                tail = "" if len(rig) == 1 else f"_{len(rig)}"
+                draw_frames(found[1], seen[1], out / f"volume_{dance}_depth{tail}.png")
+        table(rows)
 
 
 def single_performance(dance, rig, tests):
@@ -161,12 +192,12 @@ def draw_frames(report: Report, performance, path: Path) -> None:
 
 
 def cost(models: Path, out: Path) -> None:
-    """Processor time from silhouettes to pose, single thread, medians."""
+    """Processor time from images to pose, single thread, medians."""
     model = VolumeModel.load(models / "swing.npz")
     clip = perform("swing", 21, 4.0)
     wearer = Wearer(TEST_SHAPES[1], TEST_GARMENTS[1])
     scenes = [meshes for meshes, _ in dressed_frames(wearer, clip)]
-    rows = [["", "hull", "descriptor to pose", "in all", "frames a second", "95 % below"]]
+    rows = [["", "images to volume", "volume to pose", "in all", "frames a second", "95 % below"]]
     points = {}
     fine = Camera(512, 384, 380.0, 380.0, 255.5, 191.5)
     cases = [
@@ -191,14 +222,40 @@ def cost(models: Path, out: Path) -> None:
             between = time.thread_time()
             pipeline.tracker.process(volume, 1 + round(i * 1e9 / 30))
             times.append((between - started, time.thread_time() - between))
-        settled = 1e3 * np.array(times)[60:]
-        total = settled.sum(axis=1)
-        middle = np.median(settled, axis=0)
-        points[name] = middle
-        rows.append([name, *(f"{m:.1f} ms" for m in middle), f"{np.median(total):.1f} ms",
-                     f"{1e3 / np.median(total):.0f}", f"{np.percentile(total, 95):.1f} ms"])  # fmt: skip
+        points[name] = add_cost(rows, name, times)
+    for name, times in depth_costs(models, scenes):
+        points[name] = add_cost(rows, name, times)
     table(rows)
     draw_cost(points, out / "volume_cost.png")
+
+
+def add_cost(rows: list[list[str]], name: str, times: list[tuple[float, float]]):
+    """Add a row of medians, once the height is settled; gives them."""
+    settled = 1e3 * np.array(times)[60:]
+    total, middle = settled.sum(axis=1), np.median(settled, axis=0)
+    rows.append([name, *(f"{m:.1f} ms" for m in middle), f"{np.median(total):.1f} ms",
+                 f"{1e3 / np.median(total):.0f}", f"{np.percentile(total, 95):.1f} ms"])  # fmt: skip
+    return middle
+
+
+def depth_costs(models: Path, scenes):
+    """From depth images that show the person only to poses, for 1, 2 and 4 cameras."""
+    model = VolumeModel.load(models / "swing_depth.npz")
+    voxels = SurfaceVoxels()
+    for count in (1, 2, 4):
+        rig = depth_ring(count)
+        renderer, tracker, times = RigRenderer(rig), VolumePoseTracker(model), []
+        tracker.warm_up()
+        for i, meshes in enumerate(scenes):
+            images = renderer.depths(meshes)
+            started = time.thread_time()
+            clouds = [c.to_world(depth_points(d, c)) for c, d in zip(rig, images, strict=True)]
+            parts = [voxels.see(p, c.position) for c, p in zip(rig, clouds, strict=True)]
+            volume = voxels.join(parts)
+            between = time.thread_time()
+            tracker.process(volume, 1 + round(i * 1e9 / 30))
+            times.append((between - started, time.thread_time() - between))
+        yield f"{count} depth camera{'s' if count > 1 else ''}", times
 
 
 def draw_cost(points, path: Path) -> None:
@@ -210,14 +267,14 @@ def draw_cost(points, path: Path) -> None:
     axes = figure.add_subplot()
     names, values = list(points), np.array(list(points.values()))
     rows = np.arange(len(names))
-    axes.barh(rows, values[:, 0], color="#1f9bcf", label="silhouettes to hull")
-    axes.barh(rows, values[:, 1], left=values[:, 0], color="#f08a24", label="hull to pose")
+    axes.barh(rows, values[:, 0], color="#1f9bcf", label="images to volume")
+    axes.barh(rows, values[:, 1], left=values[:, 0], color="#f08a24", label="volume to pose")
     axes.axvline(1e3 / 60, color="black", lw=1, ls="--")
     axes.text(1e3 / 60 + 0.1, len(names) - 0.6, "60 a second", fontsize=8, va="top")
     axes.set_yticks(rows, names, fontsize=8)
     axes.invert_yaxis()
     axes.set_xlabel("milliseconds of one core per frame (median)")
-    axes.legend(fontsize=8)
+    axes.legend(fontsize=8, loc="upper left", bbox_to_anchor=(0.7, 0.6))
     axes.spines[["top", "right"]].set_visible(False)
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, bbox_inches="tight")
@@ -227,13 +284,15 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("what", choices=("accuracy", "cost"))
+    parser.add_argument("what", choices=("accuracy", "depth", "cost"))
     parser.add_argument("--out", type=Path, default=Path("volume_plots"), help="folder for the plots")
     parser.add_argument("--models", type=Path, default=Path("volume_models"), help="folder for the models")
     parser.add_argument("--dance", action="append", choices=list(DANCES), help="only this one")
     given = parser.parse_args()
     if given.what == "accuracy":
         accuracy(given.out, given.models, given.dance or list(DANCES))
+    elif given.what == "depth":
+        depth_accuracy(given.out, given.models, given.dance or list(DANCES))
     else:
         cost(given.models, given.out)
 

@@ -214,8 +214,25 @@ class SmoothConfig(_Checked):
     beta: float = option(16.0, "Cut-off frequency gained per speed", unit="Hz s/m", low=0.0, high=100.0)
 
 
+class Sections:
+    """Base of configurations that are made of others, one field for each."""
+
+    @classmethod
+    def from_mapping(cls: type[T], values: Mapping[str, Mapping[str, Any]]) -> T:
+        """Make it from nested mappings, ``{"segment": {"near": 0.5}}``; unknown keys are errors."""
+        sections: dict[str, Any] = {f.name: type(f.default) for f in fields(cls)}  # type: ignore[arg-type]
+        unknown = sorted(set(values) - set(sections))
+        if unknown:
+            raise ConfigError(f"no such section: {', '.join(unknown)}; there are {', '.join(sections)}")
+        return cls(**{name: from_mapping(sections[name], part) for name, part in values.items()})
+
+    def as_mapping(self) -> dict[str, dict[str, Any]]:
+        """Give every setting, nested by step."""
+        return dataclasses.asdict(self)  # type: ignore[call-overload, no-any-return]
+
+
 @dataclass(frozen=True)
-class PipelineConfig:
+class PipelineConfig(Sections):
     """All steps' settings."""
 
     mount: MountConfig = MountConfig()
@@ -225,19 +242,6 @@ class PipelineConfig:
     refine: RefineConfig = RefineConfig()
     recover: RecoverConfig = RecoverConfig()
     smooth: SmoothConfig = SmoothConfig()
-
-    @classmethod
-    def from_mapping(cls, values: Mapping[str, Mapping[str, Any]]) -> PipelineConfig:
-        """Make it from nested mappings, ``{"segment": {"near": 0.5}}``; unknown keys are errors."""
-        sections: dict[str, Any] = {f.name: type(f.default) for f in fields(cls)}
-        unknown = sorted(set(values) - set(sections))
-        if unknown:
-            raise ConfigError(f"no such section: {', '.join(unknown)}; there are {', '.join(sections)}")
-        return cls(**{name: from_mapping(sections[name], part) for name, part in values.items()})
-
-    def as_mapping(self) -> dict[str, dict[str, Any]]:
-        """Give every setting, nested by step."""
-        return dataclasses.asdict(self)
 
 
 MAX_STAMP_GAP_NS = 500_000_000

@@ -15,8 +15,9 @@ from depth_pose.body.procedural import BodyShape
 from depth_pose.body.procedural_motion_dance import perform
 from depth_pose.geometry import matrix_to_quat
 from depth_pose.ros.conversions import make_header, msg_to_skeleton
+from depth_pose.ros.lifecycle import set_active
 from depth_pose.sim.clothing import Garment
-from depth_pose.sim.roof_cameras import RigRenderer, front_camera, roof_rig
+from depth_pose.sim.roof_cameras import RigRenderer, depth_ring, roof_rig
 from depth_pose.types import Camera
 from depth_pose.volume.config import LearnConfig
 from depth_pose.volume.learning import learn_model
@@ -162,7 +163,7 @@ def test_sixty_frames_a_second_and_what_cameras_do(start, peer, model_path, imag
 
     live.play(silhouettes, 170, 30, change=blind)
     assert not msg_to_skeleton(live.skeletons[-1]).is_lost
-    process.wait_for("/camera2/silhouette shows nobody while the others do")
+    process.wait_for("/camera2/silhouette shows nobody while others do")
 
     # really nobody, a damaged image, and time that goes back
     live.play(silhouettes, 200, 10, change=lambda shown: [np.zeros_like(s) for s in shown])
@@ -205,42 +206,95 @@ def test_cameras_from_camera_info_and_extrinsics(start, peer, model_path, images
     assert not msg_to_skeleton(live.skeletons[-1]).is_lost
 
 
-def test_one_depth_camera(start, peer, tmp_path):
-    """A person before a wall and on a floor is cut out of the depth image, and tracked."""
+class DepthRehearsal(Rehearsal):
+    """Depth cameras around a person in a room."""
+
+    def __init__(self, peer, process, rig):
+        super().__init__(peer, process, 0)
+        self.cameras = [peer.publisher(Image, f"/{c.name}/image_raw") for c in rig]
+        self.rig, self.renderer, self.room = rig, RigRenderer(rig), room_around()
+        clip = perform("swing", 50, 0.7)
+        scenes = list(dressed_frames(Wearer(BodyShape(stature_m=1.66)), clip))
+        self.scenes = [meshes for meshes, _ in scenes]
+        self.hips = [posed.nodes[0] for _, posed in scenes]
+
+    def show_scene(self, index, cameras=None, change=None):
+        """Show one scene and wait for its answer."""
+        depths = self.renderer.depths([*self.scenes[index % len(self.scenes)], self.room])
+        before = len(self.skeletons)
+        for c in range(len(self.rig)) if cameras is None else cameras:
+            shown = change(c, depths[c]) if change else depths[c]
+            message = Image(
+                height=shown.shape[0], width=shown.shape[1], encoding="32FC1", step=4 * shown.shape[1],
+                data=shown.tobytes(),
+            )  # fmt: skip
+            message.header = make_header(START_NS + index * 33_000_000, self.rig[c].name)
+            self.cameras[c].publish(message)
+        self.peer.until(lambda: len(self.skeletons) > before, what="an answer")
+        return msg_to_skeleton(self.skeletons[-1])
+
+
+def test_depth_cameras(start, peer, tmp_path):
+    """A person between walls and on a floor is cut out of two cameras' images; one fails, and is lost."""
     clips = [perform("swing", seed, 3.0) for seed in (1, 2)]
     views = simulate_views(clips, [Wearer(BodyShape(stature_m=1.7))], "depth", 8)
     learn_model(views, LearnConfig(iterations=30)).save(tmp_path / "model.npz")
-    camera = front_camera()
-    save_rig(tmp_path / "rig.yaml", [camera], ["/depth/image_raw"])
-    process = start_node(start, model=tmp_path / "model.npz", rig=tmp_path / "rig.yaml")
-    live = Rehearsal(peer, process, 0)
-    images = peer.publisher(Image, "/depth/image_raw")
-    renderer, room = RigRenderer([camera]), room_before(camera)
-    for i, (meshes, _) in enumerate(
-        dressed_frames(Wearer(BodyShape(stature_m=1.66)), perform("swing", 50, 0.5))
-    ):
-        (depth,) = renderer.depths([*meshes, room])
-        msg = Image(height=240, width=320, encoding="32FC1", step=1280, data=depth.tobytes())
-        msg.header = make_header(START_NS + i * 33_000_000, "depth")
-        before = len(live.skeletons)
-        images.publish(msg)
-        peer.until(lambda before=before: len(live.skeletons) > before, what="an answer")
-    last = msg_to_skeleton(live.skeletons[-1])
-    assert not last.is_lost and last.frame_id == "map"
-    assert 1.3 < last.positions[4, 2] < 1.8 and np.abs(last.positions[0, :2]).max() < 0.4
-    nothing = Image(height=240, width=320, encoding="32FC1", step=1280, data=bytes(240 * 1280))
-    nothing.header = make_header(START_NS + 10**9, "depth")
-    images.publish(nothing)
-    peer.until(lambda: msg_to_skeleton(live.skeletons[-1]).is_lost, what="a lost skeleton")
+    rig = depth_ring(2)
+    save_rig(tmp_path / "rig.yaml", rig, [f"/{c.name}/image_raw" for c in rig])
+    process = start_node(start, model=tmp_path / "model.npz", rig=tmp_path / "rig.yaml", patience=0.3)
+    live = DepthRehearsal(peer, process, rig)
+    for i in range(12):
+        found = live.show_scene(i)
+    assert not found.is_lost and found.frame_id == "map"
+    assert 1.3 < found.positions[4, 2] < 1.8
+    assert np.linalg.norm(found.positions[0] - upright_from("z")[:3, :3].T @ live.hips[11]) < 0.12
+    peer.until(lambda: live.value("cameras") == "2", what="the number of cameras")
+
+    # one shows an empty room, then only the other is there, then nobody is
+    blind = live.renderer.depths([live.room])
+    assert not live.show_scene(12, change=lambda c, depth: blind[c] if c else depth).is_lost
+    process.wait_for("/depth1/image_raw shows nobody while others do: it has no say")
+    assert not live.show_scene(13, cameras=[0]).is_lost  # answered after `patience`
+    peer.until(lambda: live.value("answered without: /depth1/image_raw") == "1", what="the count")
+    # back first, for by now it is not waited for
+    cut = live.show_scene(14, cameras=[1, 0], change=lambda c, depth: depth[:100] if c else depth)
+    assert not cut.is_lost
+    process.wait_for("dropped, bad image: /depth1/image_raw: the image is 320 x 100")
+    for i in range(15, 28):
+        live.show_scene(i, cameras=[0])
+    process.wait_for("nothing from /depth1/image_raw; goes on without")
+    lost = live.show_scene(28, change=lambda c, depth: blind[c])
+    assert lost.is_lost
 
 
-def room_before(camera):
-    """A floor, and a wall behind the person, of two triangles each, both sides."""
-    corners = [[-4, 0, -2], [4, 0, -2], [4, 0, 3], [-4, 0, 3], [-4, 3, -2], [4, 3, -2]]
-    faces = [[0, 1, 2], [0, 2, 3], [0, 1, 5], [0, 5, 4]]
-    both = np.array(faces + [f[::-1] for f in faces], np.int32)
-    assert camera.position[2] > 3.0
-    return np.array(corners, float), both
+def test_paused_and_resumed(start, peer, model_path, images, rig_path):
+    """Started with `depth-pose volume live`; managed like the others, it waits for a manager if told to."""
+    silhouettes, _ = images
+    params = rig_path.with_name("params.yaml")
+    params.write_text("/**:\n  ros__parameters:\n    autostart: false\n    track.stature: 1.66\n")
+    command = ["-m", "depth_pose.cli", "volume", "live", "--model", model_path, "--rig", rig_path]
+    process = start(*command, "--params", params, "--voxel", 0.03)
+    peer.until(lambda: peer.node.count_publishers("/diagnostics"), 60.0, "the node")
+    assert set_active(True, ["volume"]) == {"volume": "active"}
+    live = Rehearsal(peer, process)
+    live.play(silhouettes, 0, 10)
+    assert live.skeletons
+    assert set_active(False, ["volume"]) == {"volume": "inactive"}
+    live.skeletons.clear()
+    live.play(silhouettes, 10, 10)
+    assert not live.skeletons
+    peer.until(lambda: live.messages()[-1] == "is paused", what="its word")
+    assert set_active(True, ["volume"]) == {"volume": "active"}
+    live.play(silhouettes, 20, 10)
+    assert live.skeletons
+
+
+def room_around():
+    """A floor and two walls, before and behind, of two triangles each, both sides."""
+    corners = [[x, y, z] for z in (-4, 4) for y in (0, 3) for x in (-4, 4)]
+    quads = [(0, 1, 5, 4), (0, 1, 3, 2), (4, 5, 7, 6)]
+    faces = [f for a, b, c, d in quads for f in ([a, b, c], [a, c, d])]
+    return np.array(corners, float), np.array(faces + [f[::-1] for f in faces], np.int32)
 
 
 @pytest.mark.parametrize(
@@ -253,7 +307,7 @@ def room_before(camera):
         ({"model": "MODEL", "topics": "['/a']", "extrinsics": "[1.0,2.0,3.0,0.0,0.0,0.0,1.0,9.0]"}, "need 7"),
         ({"model": "MODEL", "rig": "/no/rig.yaml"}, "cannot be read"),
         ({"model": "MODEL", "track.particles": "-3"}, "track.particles"),
-        ({"model": "MODEL", "colour": "blue"}, "no parameter colour"),
+        ({"model": "MODEL", "colour": "blue"}, "has the parameter colour"),
     ],
 )
 def test_settings_that_cannot_be_used(start, model_path, given, says):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from depth_pose.errors import ConfigError, InputError
-from depth_pose.sim.roof_cameras import RigRenderer, front_camera, roof_rig, roughen
+from depth_pose.sim.roof_cameras import RigRenderer, depth_ring, front_camera, roof_rig, roughen
 from depth_pose.types import Camera
 from depth_pose.volume.config import SpaceConfig
 from depth_pose.volume.hull import LEAST_VIEWS, HullCarver, SurfaceVoxels
@@ -154,9 +154,39 @@ def test_a_depth_camera_gives_the_near_side():
     points = camera.to_world(depth_points(depth, camera))
     away = np.linalg.norm(points - [0.1, 1.0, 0.2], axis=1)
     assert np.abs(away - 0.3).max() < 0.01
-    volume = SurfaceVoxels().collect([points], camera.position)
+    volume = SurfaceVoxels().see(points, camera.position)
+    assert volume.views == 1 and np.array_equal(volume.eyes, camera.position[None])
+    assert volume.sights == (volume,)
+    assert volume.seen_from == pytest.approx(camera.azimuth_seen(volume.centroid))
     assert np.abs(np.linalg.norm(volume.surface - [0.1, 1.0, 0.2], axis=1) - 0.3).max() < 0.03
     assert (volume.surface[:, 2] > 0.2 - 0.05).all()
     keys = np.round(volume.surface / 0.02 - 0.5).astype(int)
     assert len(np.unique(keys, axis=0)) == len(keys)
     assert np.array_equal(np.unique(keys, axis=0), np.unique(np.floor(points / 0.02).astype(int), axis=0))
+
+
+def test_depth_cameras_all_around_give_the_whole_surface():
+    rig, centre = depth_ring(3), np.array([0.1, 1.0, 0.2])
+    voxels = SurfaceVoxels()
+    parts = [
+        voxels.see(c.to_world(depth_points(d, c)), c.position)
+        for c, d in zip(rig, RigRenderer(rig).depths([sphere(centre, 0.3)]), strict=True)
+    ]
+    whole = voxels.join(parts)
+    assert whole.views == 3 and whole.sights == tuple(parts) and whole.seen_from == 0.0
+    assert np.array_equal(whole.eyes, [c.position for c in rig])
+    keys = {tuple(k) for k in np.round(whole.surface / 0.02 - 0.5).astype(int)}
+    assert keys == {tuple(k) for p in parts for k in np.round(p.surface / 0.02 - 0.5).astype(int)}
+    assert len(keys) == len(whole.surface) == whole.voxels
+    # from all sides, as no single camera sees it
+    outward = (whole.surface - centre) / np.linalg.norm(whole.surface - centre, axis=1, keepdims=True)
+    corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) / np.sqrt(3)
+    nearest = lambda v: (corners @ ((v - centre) / 0.3).T).max(axis=1)  # noqa: E731
+    assert nearest(whole.surface).min() > 0.95
+    assert all(nearest(p.surface).min() < 0.9 for p in parts)
+    assert np.linalg.norm(outward.mean(axis=0)) < 0.15
+    # a camera that brings nothing has no say
+    blind = voxels.see(np.zeros((0, 3)), rig[1].position)
+    assert blind.is_empty and voxels.join([blind, blind]).is_empty
+    one = voxels.join([parts[0], blind])
+    assert one is parts[0]

@@ -49,7 +49,7 @@ def test_a_camera_that_is_gone_is_not_waited_for():
         feed(g, i, (0, 1))
         now = i * STEP / 1e9
         moment = g.take(now)
-        if now > 0.5:
+        if now > 0.52:  # half a second after the others went on without it
             assert moment is not None and moment.images[2] is None
             assert g.gone(now) == [2]
         elif moment is None:
@@ -73,3 +73,33 @@ def test_a_clock_that_goes_back_starts_anew():
     assert g.take(10.0) is not None
     feed(g, 0, now=10.1)
     assert g.take(10.1).stamp_ns == 0 and not g.late
+
+
+def test_what_is_worth_a_short_wait():
+    """A moment that has just begun and lacks a camera that is there."""
+    gatherer = MomentGatherer(2, 0.004, 0.012, 0.5)
+    assert not gatherer.is_waiting and not gatherer.is_fresh(0.0, 0.001)
+    gatherer.add(0, 10**9, "a", 1.0)
+    assert gatherer.is_fresh(1.0, 0.001) and not gatherer.is_fresh(1.002, 0.001)
+    gatherer.add(1, 10**9, "b", 1.0)
+    assert gatherer.is_waiting and not gatherer.is_fresh(1.0, 0.001)  # whole
+    assert gatherer.take(1.0).images == ("a", "b")
+    assert not gatherer.is_waiting
+    gatherer.add(0, 10**9 + 16_000_000, "c", 1.016)
+    assert gatherer.is_fresh(1.0165, 0.001)
+    assert not gatherer.is_fresh(1.0175, 0.001)  # no longer
+    gatherer.add(1, 10**9 + 16_500_000, "d", 1.0176)
+    assert gatherer.take(1.0176).images == ("c", "d")
+
+
+def test_after_a_pause_of_all_cameras_none_is_gone():
+    g = gatherer()
+    feed(g, 0)
+    g.take(0.0)
+    now = 5.0
+    assert g.gone(now) == [0, 1, 2]
+    g.add(0, 5 * 10**9, "a", now)
+    assert g.take(now) is None  # the others are on their way
+    g.add(1, 5 * 10**9, "b", now + 0.001)
+    g.add(2, 5 * 10**9, "c", now + 0.002)
+    assert g.take(now + 0.002).images == ("a", "b", "c")

@@ -12,7 +12,7 @@ from depth_pose.io._recording import Recording
 from depth_pose.io.mcap_read import read_skeletons
 from depth_pose.sim.roof_cameras import front_camera
 from depth_pose.types import Skeleton
-from depth_pose.volume.config import LearnConfig
+from depth_pose.volume.config import LearnConfig, TrackConfig
 from depth_pose.volume.learning import learn_model
 from depth_pose.volume.pipeline import make_pipeline
 from depth_pose.volume.recordings import (
@@ -140,30 +140,91 @@ def test_turning_a_skeleton_into_a_world_with_z_up(model, performance):
     assert in_world(lost, "z") is lost
 
 
-def test_one_depth_camera(clips, space, tmp_path):
-    """A small model of one performance, seen by one camera from an angle it was not made for."""
+@pytest.fixture(scope="module")
+def depth_model(clips, space):
+    """A small model of two performances, seen by one camera from all sides."""
+    from depth_pose.body.procedural import BodyShape
+    from depth_pose.volume.performances import Wearer
+
+    wearers = [Wearer(BodyShape(stature_m=1.7))]
+    return learn_model(simulate_views(clips[:2], wearers, "depth", 6, space), LearnConfig(iterations=40))
+
+
+def test_one_depth_camera_and_two(depth_model, space):
+    """The same model from angles it was not made for, and with one camera more."""
     from depth_pose.body.procedural import BodyShape
     from depth_pose.body.procedural_motion_dance import perform
     from depth_pose.volume.hull import SurfaceVoxels
     from depth_pose.volume.performances import Wearer, depth_eyes, watch
     from depth_pose.volume.report import track_performance
 
-    wearers = [Wearer(BodyShape(stature_m=1.7))]
-    depth = learn_model(simulate_views(clips[:2], wearers, "depth", 6, space), LearnConfig(iterations=40))
-    assert depth.views == 16 and depth.meta["input"] == "depth"
-    camera = front_camera(azimuth=0.6)
-    eyes = depth_eyes([camera], SurfaceVoxels(space))
-    performance = watch(perform("swing", 50, 1.5), Wearer(BodyShape(stature_m=1.66)), eyes)
-    report = track_performance(depth, performance, voxel=0.03)
-    assert report.fitted.angle_deg < 0.6 * report.mean_pose.angle_deg
-    assert report.stature_m == pytest.approx(1.66, rel=0.06)
-    pipeline = make_pipeline(depth, [camera], space)
-    assert pipeline.process_frame([np.zeros((240, 320), np.float32)], 1).skeleton.is_lost
-    assert pipeline.process_frame([None], 2).skeleton.is_lost
-    with pytest.raises(InputError, match="is 10 x 10"):
-        pipeline.process_frame([np.zeros((10, 10), np.float32)], 3)
-    with pytest.raises(ConfigError, match="one depth camera, not 2"):
-        make_pipeline(depth, [camera, camera])
+    assert depth_model.views == 16 and depth_model.meta["input"] == "depth"
+    reports = []
+    for azimuths in ((1.8,), (1.8, 0.2)):
+        eyes = depth_eyes([front_camera(azimuth=a) for a in azimuths], SurfaceVoxels(space))
+        performance = watch(perform("swing", 50, 1.5), Wearer(BodyShape(stature_m=1.66)), eyes)
+        reports.append(track_performance(depth_model, performance, voxel=0.03))
+    one, two = reports
+    assert one.fitted.angle_deg < 0.6 * one.mean_pose.angle_deg
+    assert two.fitted.angle_deg < 0.95 * one.fitted.angle_deg
+    assert len(one.poses[0].tracked.views) == 1 and len(two.poses[0].tracked.views) == 2
+    for report in reports:
+        assert report.stature_m == pytest.approx(1.66, rel=0.06)
+        assert report.root_cm < 10.0
+
+
+def test_a_depth_camera_that_fails(depth_model, space):
+    """Of three cameras one brings nothing, shows nobody, or sees only a hand: the others go on."""
+    from depth_pose.body.procedural import BodyShape
+    from depth_pose.body.procedural_motion_dance import perform
+    from depth_pose.sim.roof_cameras import RigRenderer, depth_ring
+    from depth_pose.volume.performances import Wearer, dressed_frames
+    from depth_pose.volume.scoring import score
+
+    rig = depth_ring(3)
+    pipeline = make_pipeline(depth_model, rig, space, TrackConfig(stature=1.66))
+    pipeline.warm_up()
+    clip, renderer, found = perform("swing", 50, 0.5), RigRenderer(rig), []
+    for i, (meshes, _) in enumerate(dressed_frames(Wearer(BodyShape(stature_m=1.66)), clip)):
+        images = renderer.depths(meshes)
+        images[1] = [images[1], None, np.zeros_like(images[1]), sliver(images[1])][i % 4]
+        found.append(pipeline.process_frame(images, 1 + i * 33_000_000))
+    assert [p.volume.views for p in found[:4]] == [3, 2, 2, 2]
+    assert [p.disregarded for p in found[:4]] == [(), (), (1,), (1,)]
+    assert score(np.array([p.rotations for p in found]), clip.rotations).angle_deg < 12.0
+    nothing = [np.zeros((240, 320), np.float32)] * 3
+    assert pipeline.process_frame(nothing, 10**9).skeleton.is_lost
+    assert pipeline.process_frame([None] * 3, 2 * 10**9).skeleton.is_lost
+    with pytest.raises(InputError, match="depth0 is 10 x 10"):
+        pipeline.process_frame([np.zeros((10, 10), np.float32), None, None], 3 * 10**9)
+    with pytest.raises(InputError, match="1 depth images for 3 cameras"):
+        pipeline.process_frame([None], 3 * 10**9)
+    with pytest.raises(ConfigError, match="at least one"):
+        make_pipeline(depth_model, [])
+
+
+def test_a_recording_of_two_depth_cameras(depth_model, space, tmp_path):
+    from depth_pose.body.procedural import BodyShape
+    from depth_pose.body.procedural_motion_dance import perform
+    from depth_pose.sim.roof_cameras import depth_ring
+    from depth_pose.volume.performances import Wearer
+
+    path = tmp_path / "dance.mcap"
+    record_images(path, perform("swing", 50, 0.4), Wearer(BodyShape(stature_m=1.66)), depth_ring(2), "depth")
+    rig = load_rig(path.with_suffix(".yaml"))
+    assert rig.topics == ("/depth0/depth", "/depth1/depth")
+    pipeline = make_pipeline(depth_model, rig.cameras, space, TrackConfig(stature=1.66))
+    summary = process_silhouettes(path, tmp_path / "out.mcap", pipeline, rig)
+    assert (summary.frames, summary.answered, summary.incomplete) == (12, 12, 0)
+    heads = [s.positions[4, 2] for s in read_skeletons(tmp_path / "out.mcap")]
+    assert np.ptp(heads) < 0.2 and 1.35 < np.mean(heads) < 1.75
+
+
+def sliver(depth):
+    """Give the topmost rows of a person only."""
+    seen = depth.copy()
+    seen[np.nonzero(depth.any(axis=1))[0][0] + 10 :] = 0.0
+    return seen
 
 
 def test_wearers():
@@ -205,6 +266,8 @@ def test_commands(monkeypatch, capsys, tmp_path):
     code, said = call(monkeypatch, capsys, "run", dance, "-o", found, "-m", model, "--rig", rig)
     assert code == 0, said.err
     assert len(list(read_skeletons(found))) == 30
+    code, said = call(monkeypatch, capsys, "demo", "-m", model, "--seconds", 1, "-o", picture, "--cameras", 4)
+    assert code == 0, said.err
     code, said = call(monkeypatch, capsys, "demo", "-m", model, "--input", "depth")
     assert code == 2 and "--input silhouettes" in said.err
     code, said = call(monkeypatch, capsys, "train", "-o", model, "--motion", rig)

@@ -19,7 +19,7 @@ from depth_pose.volume.performances import turns
 from depth_pose.volume.pipeline import DepthPipeline, SilhouettePipeline, VolumePoseTracker
 from depth_pose.volume.report import report_rows, track_performance
 from depth_pose.volume.scoring import joint_positions, score
-from depth_pose.volume.tracker import UNLIKELY, LatentTracker
+from depth_pose.volume.tracker import UNLIKELY, LatentTracker, Sight
 
 VOXEL = 0.03
 
@@ -100,9 +100,9 @@ def test_it_recovers_from_a_wrong_heading(model, performance):
     tracker = LatentTracker(model, TrackConfig(lost_after=3))
     rows = [describe(v, performance.stature, model.bins) for v in performance.volumes[:20]]
     for d in rows[:8]:
-        good = tracker.track(d, 1 / 30)
+        good = tracker.track([Sight(d)], 1 / 30)
     turned = [np.roll(d, 64, axis=0) for d in rows[8:]]
-    misfits = [tracker.track(d, 1 / 30).misfit for d in turned]
+    misfits = [tracker.track([Sight(d)], 1 / 30).misfit for d in turned]
     assert misfits[0] > 3 * good.misfit and misfits[0] > UNLIKELY
     assert min(misfits[4:]) < 2 * good.misfit
 

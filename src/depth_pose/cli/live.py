@@ -21,7 +21,7 @@ def add_to(app: typer.Typer) -> None:
         app.command()(command)
 
 
-def _ros(module: str, function: str, *arguments: Any, **options: Any) -> Any:
+def call_ros(module: str, function: str, *arguments: Any, **options: Any) -> Any:
     """Call a function of one of our modules that need ROS."""
     try:
         found = importlib.import_module(f"depth_pose.ros.{module}")
@@ -68,12 +68,13 @@ def up(
     parameters: dict[str, Any] = {names[name]: value for name, value in chosen.items()}
     if sim_time:
         parameters["use_sim_time"] = True
-    code = _ros("supervisor", "up", params, sensor, bank, parameters=parameters)
+    code = call_ros("supervisor", "up", params, sensor, bank, parameters=parameters)
     raise typer.Exit(code)
 
 
 def pause(
     namespace: Annotated[str, typer.Option(help="Where the nodes lie.")] = "depth_pose",
+    node: Annotated[list[str] | None, typer.Option(help="Only this one; again for more.")] = None,
 ) -> None:
     """Pause the running nodes: they answer no frames and take no time, but keep all that they loaded.
 
@@ -82,12 +83,15 @@ def pause(
     [bold]Examples:[/bold]
 
     depth-pose pause
+
+    depth-pose pause --node volume
     """
-    _tell_states(_ros("lifecycle", "set_active", False, namespace=namespace))
+    _tell_states(call_ros("lifecycle", "set_active", False, node or None, namespace=namespace))
 
 
 def resume(
     namespace: Annotated[str, typer.Option(help="Where the nodes lie.")] = "depth_pose",
+    node: Annotated[list[str] | None, typer.Option(help="Only this one; again for more.")] = None,
 ) -> None:
     """Resume nodes that were paused, or that were started with the parameter autostart false.
 
@@ -95,7 +99,7 @@ def resume(
 
     depth-pose resume
     """
-    _tell_states(_ros("lifecycle", "set_active", True, namespace=namespace))
+    _tell_states(call_ros("lifecycle", "set_active", True, node or None, namespace=namespace))
 
 
 def _tell_states(states: dict[str, str]) -> None:
@@ -117,7 +121,7 @@ def play(
 
     depth-pose play in.mcap --rate 0.5 --loop
     """
-    played = _ros("bag", "play", bag, rate=rate, loop=loop, clock=clock, topics=topic or None)
+    played = call_ros("bag", "play", bag, rate=rate, loop=loop, clock=clock, topics=topic or None)
     rows = [(name, f"{count} messages") for name, count in sorted(played.messages.items())]
     rows += [(name, f"not played: {reason}") for name, reason in sorted(played.skipped.items())]
     print_facts(f"{bag}: {played.wall_s:.2f} s", rows)
@@ -139,7 +143,7 @@ def record(
     depth-pose record -o all.mcap --seconds 30
     """
     console.print("recording, Ctrl-C ends" if seconds is None else f"recording {seconds:g} s")
-    counts = _ros("bag", "record", output, topics or None, seconds=seconds)
+    counts = call_ros("bag", "record", output, topics or None, seconds=seconds)
     print_facts(str(output), [(name, f"{count} messages") for name, count in sorted(counts.items())])
 
 
@@ -157,5 +161,5 @@ def demo(
 
     depth-pose demo in.mcap
     """
-    code = _ros("demo", "run_demo", recording, output)
+    code = call_ros("demo", "run_demo", recording, output)
     raise typer.Exit(code or 0)

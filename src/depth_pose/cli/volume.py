@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from depth_pose.volume.report import Report
 
 app = typer.Typer(
-    help="Pose from a person's volume: silhouettes of several cameras, or one depth camera.",
+    help="Pose from a person's volume: silhouettes of several cameras, or depth of one or more.",
     no_args_is_help=True,
 )
 
@@ -96,7 +96,8 @@ def train(
         list[Path] | None, typer.Option(help="BVH files instead of a dance; give it again for more.")
     ] = None,
     kind: Annotated[
-        str, typer.Option("--input", help="silhouettes of cameras all around, or depth of one camera.")
+        str,
+        typer.Option("--input", help="silhouettes of cameras all around, or depth of one or more cameras."),
     ] = "silhouettes",
     garment: Annotated[
         list[str] | None,
@@ -112,7 +113,12 @@ def train(
         int | None, typer.Option(min=1, max=100, help="Take every Nth frame.", show_default="10")
     ] = None,
     rig: Annotated[
-        Path | None, typer.Option(help="Cameras to train for (rig file).", show_default="8 under the roof")
+        Path | None,
+        typer.Option(
+            help="Cameras to train for (rig file). Of depth cameras only their mean height and distance "
+            "matter: the same model serves one or several, wherever they stand.",
+            show_default="8 under the roof, or a depth camera at 1.3 m",
+        ),
     ] = None,
     iterations: Annotated[int | None, setting(LearnConfig, "iterations")] = None,
     latent: Annotated[int | None, setting(LearnConfig, "latent")] = None,
@@ -205,6 +211,46 @@ def run(
 
 
 @app.command()
+def live(
+    model: Annotated[Path | None, typer.Option("--model", "-m", help="The model file.")] = None,
+    rig: Annotated[Path | None, typer.Option(help="Cameras, their calibration and topics.")] = None,
+    params: Annotated[
+        Path | None, typer.Option(help="ROS parameter file (key /**:).", metavar="FILE")
+    ] = None,
+    voxel: Annotated[float | None, setting(SpaceConfig, "voxel")] = None,
+    particles: Annotated[int | None, setting(TrackConfig, "particles")] = None,
+    stature: Annotated[float | None, setting(TrackConfig, "stature")] = None,
+    refine: Annotated[bool | None, setting(TrackConfig, "refine", "--refine/--no-refine")] = None,
+    sim_time: Annotated[bool, typer.Option("--sim-time", help="Take the time from /clock.")] = False,
+) -> None:
+    """Run the volume node: the cameras' topics in, skeletons on /depth_pose/skeleton out.
+
+    `depth-pose pause --node volume` pauses it.
+
+    [bold]Examples:[/bold]
+
+    depth-pose volume live --model swing.npz --rig rig.yaml
+
+    depth-pose volume live --params my_cameras.yaml
+    """
+    from depth_pose.cli.live import call_ros
+
+    chosen = given(voxel=voxel)
+    settings = {f"space.{name}": value for name, value in chosen.items()}
+    chosen = given(particles=particles, stature=stature, refine=refine)
+    settings |= {f"track.{name}": value for name, value in chosen.items()}
+    settings |= {name: path.absolute() for name, path in given(model=model, rig=rig).items()}
+    if sim_time:
+        settings["use_sim_time"] = True
+    arguments = ["--ros-args"]
+    if params is not None:
+        arguments += ["--params-file", str(params)]
+    for name, value in settings.items():
+        arguments += ["-p", f"{name}:={str(value).lower() if isinstance(value, bool) else value}"]
+    raise typer.Exit(call_ros("volume_node", "main", arguments))
+
+
+@app.command()
 def demo(
     output: Annotated[Path, typer.Option("--output", "-o", help="The picture.")] = Path("volume_demo.png"),
     model: Annotated[
@@ -212,8 +258,12 @@ def demo(
     ] = None,
     dance: Annotated[str, typer.Option(help="A procedural dance: swing or sweep.")] = "swing",
     kind: Annotated[
-        str, typer.Option("--input", help="silhouettes of 8 roof cameras, or depth of one camera.")
+        str, typer.Option("--input", help="silhouettes of roof cameras, or depth.")
     ] = "silhouettes",
+    cameras: Annotated[
+        int | None,
+        typer.Option(min=1, max=32, help="Cameras all around.", show_default="8 silhouettes, 1 of depth"),
+    ] = None,
     garment: Annotated[str, typer.Option(help="What the dancer has on.")] = "skirt",
     seconds: Annotated[float, typer.Option(min=1.0, max=120.0, help="Length of the performance.")] = 10.0,
     seed: Annotated[int, typer.Option(min=0, help="Of the performance; 1 to 10 are the training's.")] = 21,
@@ -222,7 +272,7 @@ def demo(
         typer.Option(help="Write the images too, and the cameras to a .yaml beside.", metavar="MCAP"),
     ] = None,
 ) -> None:
-    """Simulate a dancer before eight roof cameras, or one depth camera, and track them.
+    """Simulate a dancer before eight roof cameras, or one depth camera or more, and track them.
 
     Prints the error beside that of the mean pose and of the best training pose.
 
@@ -230,7 +280,7 @@ def demo(
 
     depth-pose volume demo
 
-    depth-pose volume demo --model one_camera.npz --input depth --garment robe --record dance.mcap
+    depth-pose volume demo --model depth.npz --input depth --cameras 2 --garment robe --record dance.mcap
     """
     from depth_pose.volume.model import VolumeModel
     from depth_pose.volume.report import report_rows, track_performance
@@ -242,7 +292,7 @@ def demo(
     )
     if learned.meta["input"] != kind:
         raise ConfigError(f"{model} sees {learned.meta['input']}; say --input {learned.meta['input']}")
-    performance = _perform(kind, dance, garment, seconds, seed, record)
+    performance = _perform(kind, cameras, dance, garment, seconds, seed, record)
     with progress_bar("tracking", len(performance)) as update:
         report = track_performance(learned, performance, progress=update)
     _draw_demo(report, performance, output)
@@ -251,16 +301,22 @@ def demo(
 
 
 def _perform(
-    kind: str, dance: str, garment: str, seconds: float, seed: int, record: Path | None
+    kind: str,
+    cameras: int | None,
+    dance: str,
+    garment: str,
+    seconds: float,
+    seed: int,
+    record: Path | None,
 ) -> Performance:
     from depth_pose.body.procedural_motion_dance import perform
     from depth_pose.sim.clothing import find_garment
-    from depth_pose.sim.roof_cameras import front_camera, roof_rig
+    from depth_pose.sim.roof_cameras import depth_ring, roof_rig
     from depth_pose.volume.hull import HullCarver, SurfaceVoxels
     from depth_pose.volume.performances import TEST_SHAPES, Wearer, depth_eyes, hull_eyes, watch
     from depth_pose.volume.recordings import record_images
 
-    rig = roof_rig() if kind == "silhouettes" else (front_camera(),)
+    rig = roof_rig(cameras or 8) if kind == "silhouettes" else depth_ring(cameras or 1)
     eyes = hull_eyes(rig, HullCarver(rig)) if kind == "silhouettes" else depth_eyes(rig, SurfaceVoxels())
     clip = perform(dance, seed, seconds, _FPS)
     wearer = Wearer(TEST_SHAPES[seed % len(TEST_SHAPES)], find_garment(garment))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
@@ -61,6 +61,33 @@ class Held(Exception):
     """Raised by `StageNode.answer` where a frame is kept and answered later."""
 
 
+class FrameSource(Protocol):
+    """Where a node's frames come from, as the node knows it: `Intake`, or one of the node's own."""
+
+    inputs: tuple[Input, ...]
+    arrivals: int
+
+    @property
+    def joined(self) -> bool:
+        """Whether every topic of the suite's own has a publisher, as this side sees it."""
+
+    @property
+    def has_pending(self) -> bool:
+        """Whether a whole frame waits."""
+
+    def take_waiting(self) -> bool:
+        """Take in what has come meanwhile; True if anything had."""
+
+    def take_pending(self) -> tuple[Any, ...] | None:
+        """Give the newest whole frame, once."""
+
+    def forget(self) -> None:
+        """Drop what waits and what is known of earlier messages."""
+
+    def close(self) -> None:
+        """Unsubscribe."""
+
+
 def frame_qos(depth: int, reliable: bool) -> QoSProfile:
     """Give the QoS of frames: the newest ``depth``, best effort as sensors send, or reliable."""
     policy = ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT
@@ -71,7 +98,7 @@ def waiting(subscription: Subscription) -> Iterator[tuple[Any, dict[str, Any]]]:
     """Give the messages that wait in a subscription's queue, and what is known of each."""
     handle = subscription.handle
     with handle:
-        while (taken := handle.take_message(subscription.msg_type, False)) is not None:
+        while (taken := handle.take_message(subscription.msg_type, subscription.raw)) is not None:
             yield taken
 
 

@@ -27,7 +27,7 @@ _STEPS = {
 
 def set_active(
     active: bool,
-    nodes: Sequence[str] = NODES,
+    nodes: Sequence[str] | None = None,
     namespace: str = "depth_pose",
     *,
     timeout_s: float = 60.0,
@@ -39,7 +39,7 @@ def set_active(
     active : bool
         True resumes, false pauses.
     nodes : sequence of str
-        Names of the nodes.
+        Names of the nodes; the four of `depth_pose.ros.supervisor` by default.
     namespace : str
     timeout_s : float
         For each node; loading a bank and compiling takes a while.
@@ -60,7 +60,8 @@ def set_active(
     try:
         caller = _Caller(node, context, timeout_s)
         # the first node stops first and starts last, so that the others have nothing to wait for
-        order = list(reversed(nodes)) if active else list(nodes)
+        order = list(nodes or NODES)
+        order = order[::-1] if active else order
         return {name: caller.bring(f"/{namespace.strip('/')}/{name}", active) for name in order}
     finally:
         node.destroy_node()

@@ -24,11 +24,11 @@ from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 
-from depth_pose.config import PipelineConfig
+from depth_pose.config import PipelineConfig, Sections
 from depth_pose.errors import BankError, ConfigError, DepthPoseError, InputError
 from depth_pose.ros.conversions import stamp_to_ns
 from depth_pose.ros.figures import Figures
-from depth_pose.ros.intake import LOG_EVERY_S, NO_EVENTS, Drop, Held, Input, Intake, frame_qos
+from depth_pose.ros.intake import LOG_EVERY_S, NO_EVENTS, Drop, FrameSource, Held, Input, Intake, frame_qos
 from depth_pose.ros.parameters import COMMON, Setting, declare, read_config
 from depth_pose.ros.shared import is_warm
 from depth_pose.ros.silence import CrowdWatch, SilenceWatch
@@ -70,6 +70,7 @@ class StageNode(LifecycleNode):
         Counts and times that go to ``/diagnostics``.
     """
 
+    CONFIG: ClassVar[type[Sections]] = PipelineConfig
     SECTIONS: ClassVar[tuple[str, ...]] = ()
     SETTINGS: ClassVar[tuple[Setting, ...]] = ()
     arguments: ClassVar[Sequence[str] | None] = None  # of a process that joined before it had any
@@ -79,14 +80,14 @@ class StageNode(LifecycleNode):
         self.figures = Figures()
         self.stage: Any = None
         self.is_active = False
-        self._intake: Intake | None = None
+        self._intake: FrameSource | None = None
         self._refused: Exception | None = None
         self._logged: dict[str, tuple[float, int]] = {}
         self._outputs: list[Publisher] = []
         self._sources: list[Subscription] = []
         self._opened: list[Publisher | Subscription] = []
         self._watches: tuple[CrowdWatch, SilenceWatch] | None = None
-        declare(self, (*COMMON, *self.SETTINGS), self.SECTIONS)
+        declare(self, (*COMMON, *self.SETTINGS), self.SECTIONS, self.CONFIG)
         self.lossless: bool = self.value("reliable")
         self.queue: int = self.value("queue")
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
@@ -102,7 +103,7 @@ class StageNode(LifecycleNode):
 
     # What a sub-class says
 
-    def make_stage(self, config: PipelineConfig) -> Stage:
+    def make_stage(self, config: Any) -> Stage:
         """Make the stage."""
         raise NotImplementedError
 
@@ -113,6 +114,10 @@ class StageNode(LifecycleNode):
     def inputs(self) -> Sequence[Input]:
         """Topics whose messages of one stamp make a frame."""
         raise NotImplementedError
+
+    def make_intake(self) -> FrameSource:
+        """Subscribe to the inputs."""
+        return Intake(self, self.inputs())
 
     def answer(self, *messages: Any) -> None:
         """Convert, call the stage, convert, publish.
@@ -125,6 +130,10 @@ class StageNode(LifecycleNode):
             Where it is kept; the sub-class calls `process` with it later.
         """
         raise NotImplementedError
+
+    def stamp_ns(self, *messages: Any) -> int:
+        """Give the stamp of a frame."""
+        return stamp_to_ns(messages[0].header.stamp)
 
     def forget(self) -> None:
         """Drop messages that a sub-class keeps; called when the node is paused or cleaned up."""
@@ -163,10 +172,10 @@ class StageNode(LifecycleNode):
         self._sources.append(made)
         return made
 
-    def latch(self, kind: type, topic: str, callback: Callable[[Any], None]) -> None:
-        """Subscribe to what may be sent with every frame, or once and for all."""
+    def latch(self, kind: type, topic: str, callback: Callable[[Any], None], depth: int = 1) -> None:
+        """Subscribe to what may be sent with every frame, or once and for all, by up to ``depth`` senders."""
         once = QoSProfile(
-            depth=1,
+            depth=depth,
             history=HistoryPolicy.KEEP_LAST,
             reliability=ReliabilityPolicy.RELIABLE,
             durability=DurabilityPolicy.TRANSIENT_LOCAL,
@@ -204,14 +213,7 @@ class StageNode(LifecycleNode):
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Load the bank, make the stage, compile or load its kernels, open the topics."""
         try:
-            self.config = read_config(self, self.SECTIONS)
-            self.stage = self.make_stage(self.config)
-            if not is_warm(self.stage):
-                self.stage.warm_up()
-            self.open_outputs()
-            self._intake = Intake(self, self.inputs())
-            inputs = self._intake.inputs
-            self._watches = CrowdWatch(self, inputs), SilenceWatch(self, inputs, reliable=self.lossless)
+            self.prepare()
         except Exception as e:
             self._refused = e
             if not isinstance(e, DepthPoseError):
@@ -221,6 +223,17 @@ class StageNode(LifecycleNode):
             self._close()
             return TransitionCallbackReturn.FAILURE
         return super().on_configure(state)
+
+    def prepare(self) -> None:
+        """Make all that is needed; a sub-class may put it off until it knows what it needs."""
+        self.config = read_config(self, self.SECTIONS, config=self.CONFIG)
+        self.stage = self.make_stage(self.config)
+        if not is_warm(self.stage):
+            self.stage.warm_up()
+        self.open_outputs()
+        self._intake = self.make_intake()
+        inputs = self._intake.inputs
+        self._watches = CrowdWatch(self, inputs), SilenceWatch(self, inputs, reliable=self.lossless)
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Begin to answer frames."""
@@ -232,7 +245,8 @@ class StageNode(LifecycleNode):
         """Pause: topics stay open, frames that come are ignored."""
         self.is_active = False
         self.forget()
-        self._reset_stage()
+        if self.stage is not None:
+            self._reset_stage()
         if self._intake is not None:
             self._intake.forget()
         self.get_logger().info(f"{self.get_name()} is paused")
@@ -303,7 +317,7 @@ class StageNode(LifecycleNode):
             self._reset_stage()
         else:
             now_ns = self.get_clock().now().nanoseconds
-            latency_s = (now_ns - stamp_to_ns(messages[0].header.stamp)) / 1e9
+            latency_s = (now_ns - self.stamp_ns(*messages)) / 1e9
             self.figures.answer(time.perf_counter() - started, latency_s)
 
     def _reset_stage(self) -> None:
@@ -316,7 +330,7 @@ class StageNode(LifecycleNode):
 
     def _check_parameters(self, parameters: list[Parameter]) -> SetParametersResult:
         try:
-            read_config(self, self.SECTIONS, {p.name: p.value for p in parameters})
+            read_config(self, self.SECTIONS, {p.name: p.value for p in parameters}, self.CONFIG)
         except ConfigError as e:
             return SetParametersResult(successful=False, reason=str(e))
         return SetParametersResult(successful=True)
@@ -325,7 +339,7 @@ class StageNode(LifecycleNode):
         if self.stage is None or not any(p.name.split(".")[0] in self.SECTIONS for p in parameters):
             return
         try:
-            config = read_config(self, self.SECTIONS)
+            config = read_config(self, self.SECTIONS, config=self.CONFIG)
             stage = self.make_stage(config)
         except Exception:
             self.get_logger().error("the stage stays as it was:\n" + traceback.format_exc())

@@ -6,7 +6,7 @@ default, range and help that `depth_pose.config` gives it.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -19,7 +19,7 @@ from rclpy.exceptions import (
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from depth_pose.config import PipelineConfig, options
+from depth_pose.config import PipelineConfig, Sections, options
 from depth_pose.errors import ConfigError
 
 SECTIONS: tuple[str, ...] = tuple(f.name for f in fields(PipelineConfig))
@@ -31,7 +31,7 @@ class Setting:
     """A parameter of a node that the core knows nothing of; fixed once the node runs."""
 
     name: str
-    default: bool | int | float | str
+    default: bool | int | float | str | list[str] | list[float]
     help: str
     low: float | None = None
     high: float | None = None
@@ -82,8 +82,10 @@ EVERYWHERE: frozenset[str] = frozenset(s.name for s in (*COMMON, *DENOISE, *REFI
 """Parameters that a file shared by all nodes may name, beside the sections."""
 
 
-def declare(node: Node, settings: Iterable[Setting], sections: Sequence[str]) -> None:
-    """Declare a node's own settings and those of its sections.
+def declare(
+    node: Node, settings: Sequence[Setting], sections: Sequence[str], config: type[Sections] = PipelineConfig
+) -> None:
+    """Declare a node's own settings and those of its sections of a configuration class.
 
     Raises
     ------
@@ -92,18 +94,18 @@ def declare(node: Node, settings: Iterable[Setting], sections: Sequence[str]) ->
     """
     # rclpy has no public way to ask what the command line or file set
     given: dict[str, Parameter] = getattr(node, "_parameter_overrides", {})
-    _refuse_unknown(given)
+    _refuse_unknown(given, settings, sections, config)
     for s in settings:
         _declare(node, given, s.name, s.default, describe(s.help, s.default, s.low, s.high, s.read_only))
     for section in sections:
-        for o in options(_section_class(section)):
+        for o in options(_section_class(section, config)):
             descriptor = describe(o.help, o.default, o.low, o.high, False, o.unit, o.choices)
             _declare(node, given, f"{section}.{o.name}", o.default, descriptor)
 
 
 def describe(
     help: str,
-    default: bool | int | float | str,
+    default: object,
     low: float | None,
     high: float | None,
     read_only: bool,
@@ -142,23 +144,35 @@ def _declare(
         raise ConfigError(f"parameter {name} is declared twice by this node") from None
 
 
-def _refuse_unknown(given: Iterable[str]) -> None:
-    known = EVERYWHERE | {f"{s}.{o.name}" for s in SECTIONS for o in options(_section_class(s))}
+def _refuse_unknown(
+    given: Iterable[str], settings: Sequence[Setting], sections: Sequence[str], config: type[Sections]
+) -> None:
+    known = EVERYWHERE | {s.name for s in settings}
+    known |= {*_names(sections, config), *_names(SECTIONS, PipelineConfig)}
     unknown = sorted(n for n in given if n not in known and not n.startswith("qos_overrides."))
     if unknown:
         raise ConfigError(
             f"no node of depth_pose has the parameter {', '.join(unknown)}; settings are named "
-            f"SECTION.NAME with the sections {', '.join(SECTIONS)}, e.g. segment.near"
+            f"SECTION.NAME with the sections {', '.join(dict.fromkeys([*SECTIONS, *sections]))}, "
+            "e.g. segment.near"
         )
 
 
-def _section_class(section: str) -> type:
-    return type(getattr(PipelineConfig(), section))
+def _names(sections: Sequence[str], config: type[Sections]) -> Iterator[str]:
+    for section in sections:
+        yield from (f"{section}.{o.name}" for o in options(_section_class(section, config)))
+
+
+def _section_class(section: str, config: type[Sections]) -> type:
+    return type(getattr(config(), section))
 
 
 def read_config(
-    node: Node, sections: Sequence[str], changes: Mapping[str, Any] | None = None
-) -> PipelineConfig:
+    node: Node,
+    sections: Sequence[str],
+    changes: Mapping[str, Any] | None = None,
+    config: type[Sections] = PipelineConfig,
+) -> Any:
     """Make the configuration from a node's parameters, with some of them changed.
 
     Raises
@@ -170,7 +184,7 @@ def read_config(
     for section in sections:
         values[section] = {
             o.name: (changes or {}).get(name, node.get_parameter(name).value)
-            for o in options(_section_class(section))
+            for o in options(_section_class(section, config))
             for name in (f"{section}.{o.name}",)
         }
-    return PipelineConfig.from_mapping(values)
+    return config.from_mapping(values)

@@ -35,6 +35,12 @@ def front_camera(distance: float = 3.4, height: float = 1.3, azimuth: float = 0.
     return RigCamera("depth", camera, look_at(eye, [0.0, 0.95, 0.0]))
 
 
+def depth_ring(count: int, distance: float = 3.4, height: float = 1.3) -> tuple[RigCamera, ...]:
+    """Depth cameras like `front_camera`, evenly spaced on a circle, the first one in front."""
+    ring = [front_camera(distance, height, 2 * np.pi * k / count) for k in range(count)]
+    return tuple(RigCamera(f"depth{k}", c.camera, c.T_camera_world) for k, c in enumerate(ring))
+
+
 class RigRenderer:
     """Renders what each camera of a rig sees of a scene."""
 

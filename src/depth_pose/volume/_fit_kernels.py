@@ -31,16 +31,16 @@ def fit_volume(
     stiffness,
     scale,
     trust,
-    eye,
+    eyes,
     settings,
     rotations,
     root,
 ):
     """Run all iterations; ``rotations`` and ``root`` go in as the start and come out as the fit.
 
-    Where ``eye`` is finite, only what faces it is on the surface. Gives the root mean square distance
-    of the trusted vertices from the points assigned to them, along the normals, and the factor on the
-    body's size that would make it least.
+    Where there are ``eyes`` (n, 3), only what faces one of them is on the surface. Gives the root mean
+    square distance of the trusted vertices from the points assigned to them, along the normals, and the
+    factor on the body's size that would make it least.
     """
     outlier, plane_weight, point_weight, prior, root_prior, damping, max_step = settings
     count = rest.shape[0]
@@ -56,13 +56,15 @@ def fit_volume(
         turn_normals(rest_normals, influence, rotations, normals)
         used[:] = True
         used[k % 2 :: 2] = False
-        if np.isfinite(eye[0]):
+        if eyes.shape[0]:
             for i in range(count):
-                side = 0.0
-                for a in range(3):
-                    side += normals[i, a] * (vertices[i, a] - eye[a])
-                if side > 0.0:
-                    used[i] = False
+                faces = False
+                for e in range(eyes.shape[0]):
+                    side = 0.0
+                    for a in range(3):
+                        side += normals[i, a] * (vertices[i, a] - eyes[e, a])
+                    faces = faces or side <= 0.0
+                used[i] = used[i] and faces
         assign(points, 1, vertices, used, sigmas[k], outlier, mass, pull)
         total, square, reach, grow = 0.0, 0.0, 0.0, 0.0
         for i in range(count):
@@ -71,12 +73,12 @@ def fit_volume(
                 along, arm = 0.0, 0.0
                 for a in range(3):
                     pull[i, a] *= trust[i]
-                    along += pull[i, a] / mass[i] * normals[i, a]
+                    along += pull[i, a] * normals[i, a]
                     arm += (vertices[i, a] - root[a]) * normals[i, a]
                 total += mass[i]
-                square += mass[i] * along * along
+                square += along * along / mass[i]
                 reach += mass[i] * arm * arm
-                grow += mass[i] * arm * along
+                grow += arm * along
         residual = np.sqrt(square / max(total, 1e-9))
         factor = 1.0 + grow / max(reach, 1e-9)
         inertia[:] = 0.0

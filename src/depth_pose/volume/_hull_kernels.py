@@ -168,14 +168,14 @@ def find_surface(blocks, marks, counts, side, origin, voxel, points, centre):
     Gives the number of surface voxels, and of all; ``points`` may be too small for them.
     """
     bx, by, bz = counts
-    n, total = 0, 0
+    n, total, row, last = 0, 0, side * side, side - 1
     centre[:] = 0.0
     for block in range(blocks.shape[0]):
         if blocks[block] == 0:
             continue
         i0, rest = block // (by * bz), block % (by * bz)
         j0, k0 = rest // bz, rest % bz
-        own = marks[block]
+        own, x0, y0, z0 = marks[block], i0 * side, j0 * side, k0 * side
         buried = blocks[block] == 2
         if buried and 0 < i0 < bx - 1 and 0 < j0 < by - 1 and 0 < k0 < bz - 1:
             buried = (
@@ -191,7 +191,8 @@ def find_surface(blocks, marks, counts, side, origin, voxel, points, centre):
         for i in range(side):
             for j in range(side):
                 for k in range(side):
-                    if own[(i * side + j) * side + k] == 0:
+                    q = (i * side + j) * side + k
+                    if own[q] == 0:
                         continue
                     x = origin[0] + (i0 * side + i + 0.5) * voxel
                     y = origin[1] + (j0 * side + j + 0.5) * voxel
@@ -203,21 +204,35 @@ def find_surface(blocks, marks, counts, side, origin, voxel, points, centre):
                     if buried:
                         continue
                     if (
-                        _filled(blocks, marks, counts, side, i0 * side + i - 1, j0 * side + j, k0 * side + k)
-                        and _filled(
-                            blocks, marks, counts, side, i0 * side + i + 1, j0 * side + j, k0 * side + k
+                        (
+                            own[q - row]
+                            if i > 0
+                            else _filled(blocks, marks, counts, side, x0 - 1, y0 + j, z0 + k)
                         )
-                        and _filled(
-                            blocks, marks, counts, side, i0 * side + i, j0 * side + j - 1, k0 * side + k
+                        and (
+                            own[q + row]
+                            if i < last
+                            else _filled(blocks, marks, counts, side, x0 + side, y0 + j, z0 + k)
                         )
-                        and _filled(
-                            blocks, marks, counts, side, i0 * side + i, j0 * side + j + 1, k0 * side + k
+                        and (
+                            own[q - side]
+                            if j > 0
+                            else _filled(blocks, marks, counts, side, x0 + i, y0 - 1, z0 + k)
                         )
-                        and _filled(
-                            blocks, marks, counts, side, i0 * side + i, j0 * side + j, k0 * side + k - 1
+                        and (
+                            own[q + side]
+                            if j < last
+                            else _filled(blocks, marks, counts, side, x0 + i, y0 + side, z0 + k)
                         )
-                        and _filled(
-                            blocks, marks, counts, side, i0 * side + i, j0 * side + j, k0 * side + k + 1
+                        and (
+                            own[q - 1]
+                            if k > 0
+                            else _filled(blocks, marks, counts, side, x0 + i, y0 + j, z0 - 1)
+                        )
+                        and (
+                            own[q + 1]
+                            if k < last
+                            else _filled(blocks, marks, counts, side, x0 + i, y0 + j, z0 + side)
                         )
                     ):
                         continue
@@ -229,17 +244,17 @@ def find_surface(blocks, marks, counts, side, origin, voxel, points, centre):
     return n, total
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True)
 def _filled(blocks, marks, counts, side, x, y, z):
     if x < 0 or y < 0 or z < 0:
-        return False
+        return np.uint8(0)
     i, j, k = x // side, y // side, z // side
     if i >= counts[0] or j >= counts[1] or k >= counts[2]:
-        return False
+        return np.uint8(0)
     block = (i * counts[1] + j) * counts[2] + k
     if blocks[block] == 0:
-        return False
-    return marks[block, ((x - i * side) * side + (y - j * side)) * side + (z - k * side)] != 0
+        return np.uint8(0)
+    return marks[block, ((x - i * side) * side + (y - j * side)) * side + (z - k * side)]
 
 
 @njit(cache=True)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
-from depth_pose.config import _Checked, option
+from depth_pose.config import DenoiseConfig, Sections, SegmentConfig, _Checked, option
 
 
 @dataclass(frozen=True)
@@ -55,3 +55,13 @@ class LearnConfig(_Checked):
     pose_variance: float = option(
         0.99, "Share of the poses' variance kept by their latent space", low=0.5, high=1.0
     )
+
+
+@dataclass(frozen=True)
+class VolumeConfig(Sections):
+    """Settings of the volume node: of space and tracker, and of finding the person in depth images."""
+
+    segment: SegmentConfig = field(default=SegmentConfig())
+    denoise: DenoiseConfig = field(default=DenoiseConfig())
+    space: SpaceConfig = SpaceConfig()
+    track: TrackConfig = TrackConfig()

@@ -45,15 +45,15 @@ def _plane(latent: Array) -> tuple[Array, Array]:
 
 def _seen_points(model: VolumeModel, poses: Sequence[VolumePose]) -> Array:
     """Latent points regressed from the volumes alone, each under the tracked heading."""
-    from depth_pose.volume.descriptor import describe
+    from depth_pose.volume.tracker import look
 
     rows = []
     for p in poses:
         if p.tracked is None:
             continue
-        descriptors = describe(p.volume, p.stature, model.bins)
+        descriptors = look(p.volume, p.stature, model.bins)[0].descriptors
         components, _ = model.space.split(descriptors[[round(p.tracked.step) % model.bins.fine]])
-        rows.append(model.to_latent[p.tracked.view].predict(components)[0])
+        rows.append(model.to_latent[p.tracked.views[0]].predict(components)[0])
     return np.array(rows)
 
 

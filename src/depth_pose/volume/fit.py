@@ -101,11 +101,11 @@ class VolumeFitter:
         self._above = parameters_above(self._free)
 
     def fit(
-        self, surface: Array, rotations: Array, root: Array, stature: float, eye: Array | None = None
+        self, surface: Array, rotations: Array, root: Array, stature: float, eyes: Array | None = None
     ) -> VolumeFit:
         """Fit the pose to surface voxels (N, 3), from a start; world frame, metres.
 
-        ``eye`` is where the camera stands, (3,), if the surface is only the side that one camera sees.
+        ``eyes`` is where the cameras stand, (n, 3), if the surface is only the sides that they see.
         """
         c = self.config
         every = max(1, -(-len(surface) // c.max_points))
@@ -114,7 +114,7 @@ class VolumeFitter:
             np.ascontiguousarray(surface[::every]), np.array(c.sigmas),
             self.body.vertices, self._normals, self._influence, self._weight, self.body.nodes,
             NODE_PARENTS, self._free, self._above, self._stiffness, stature / self.body.stature, self._trust,
-            np.full(3, np.nan) if eye is None else eye,
+            np.zeros((0, 3)) if eyes is None else eyes,
             (c.outlier, c.plane_weight, c.point_weight, c.prior, c.root_prior, c.damping, c.max_step),
             rotations, root,
         )  # fmt: skip

@@ -158,7 +158,11 @@ class Regression:
 
     def predict(self, x: Array) -> Array:
         """Mean outputs (M, D) at inputs (M, d)."""
-        return np.asarray(self.kernel.between(x, self.inputs) @ self.weights + self.mean)
+        return self.predict_from(self.kernel.between(x, self.inputs))
+
+    def predict_from(self, covariance: Array) -> Array:
+        """Mean outputs (M, D) where the covariance with the inputs, (M, N), is known already."""
+        return np.asarray(covariance @ self.weights + self.mean)
 
     def variance(self, x: Array) -> Array:
         """Variance (M,) of every output at inputs (M, d), without the noise."""

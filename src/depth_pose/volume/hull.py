@@ -9,7 +9,7 @@ is worked out once per set of cameras.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,15 +40,31 @@ class Volume:
         Number of voxels, surface and inside.
     views : int
         Cameras that had a say.
-    eye : (3,) float64 or None
-        Where one depth camera stands that saw only the near side, metres; None for whole volumes.
+    eyes : (n, 3) float64
+        Where the depth cameras stand that saw only the sides facing them, metres; none for whole volumes.
+    parts : tuple of Volume
+        What each of several depth cameras saw, in the order of `eyes`; empty otherwise.
     """
 
     surface: NDArray[np.float64]
     centroid: NDArray[np.float64]
     voxels: int
     views: int
-    eye: NDArray[np.float64] | None = None
+    eyes: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 3)))
+    parts: tuple[Volume, ...] = ()
+
+    @property
+    def sights(self) -> tuple[Volume, ...]:
+        """What is to be described by itself: what each depth camera saw, or the whole volume."""
+        return self.parts or (self,)
+
+    @property
+    def seen_from(self) -> float:
+        """Azimuth of the one depth camera from the person, atan2(x, z), radians; 0 for whole volumes."""
+        if len(self.eyes) != 1:
+            return 0.0
+        x, _, z = self.eyes[0] - self.centroid
+        return float(np.arctan2(x, z))
 
     @property
     def is_empty(self) -> bool:
@@ -171,24 +187,26 @@ class SurfaceVoxels:
         self._origin = np.array([self.space.centre_x - edge, 0.0, self.space.centre_z - edge])
         self._seen = np.zeros(int(np.prod(self._shape)), np.uint8)
 
-    def collect(
-        self, points_world: Sequence[NDArray[np.float64]], eye: NDArray[np.float64] | None = None
-    ) -> Volume:
-        """Give the surface voxels of the person's points.
-
-        Parameters
-        ----------
-        points_world : sequence of (N, 3) float64
-            Of each camera, metres.
-        eye : (3,) float64, optional
-            Where the camera stands, if there is only one.
-        """
-        views = sum(len(p) > 0 for p in points_world)
-        together = np.concatenate([np.zeros((0, 3)), *points_world])
-        found = np.empty(len(together), np.int64)
-        surface = kernels.mark_points(
-            together, self._origin, self.space.voxel, self._shape, self._seen, found
-        )
+    def see(self, points_world: NDArray[np.float64], eye: NDArray[np.float64]) -> Volume:
+        """Give the surface voxels of the points (N, 3) that one camera, which stands at (3,), saw; metres."""
+        surface = self._voxels_of(points_world)
         if len(surface) == 0:
-            return empty_volume(views)
-        return Volume(surface, surface.mean(axis=0), len(surface), views, eye)
+            return empty_volume(1)
+        return Volume(surface, surface.mean(axis=0), len(surface), 1, np.array(eye, np.float64)[None])
+
+    def join(self, parts: Sequence[Volume]) -> Volume:
+        """Put what several cameras saw at one moment into one surface."""
+        parts = [p for p in parts if not p.is_empty]
+        if len(parts) < 2:
+            return parts[0] if parts else empty_volume(0)
+        surface = self._voxels_of(np.concatenate([p.surface for p in parts]))
+        eyes = np.concatenate([p.eyes for p in parts])
+        return Volume(surface, surface.mean(axis=0), len(surface), len(parts), eyes, tuple(parts))
+
+    def _voxels_of(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Centres of the voxels that hold points, each once."""
+        found = np.empty(len(points), np.int64)
+        surface: NDArray[np.float64] = kernels.mark_points(
+            points, self._origin, self.space.voxel, self._shape, self._seen, found
+        )
+        return surface

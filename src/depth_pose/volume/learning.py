@@ -89,7 +89,7 @@ def learn_model(
         trust=trust,
         meta={
             "bins": list(asdict(bins).values()), "fps": first[0].fps, "noise_floor": config.noise_floor,
-            "input": "silhouettes" if first[0].volumes[0].eye is None else "depth",
+            "input": "depth" if len(first[0].volumes[0].eyes) else "silhouettes",
             "about": about, "performances": [p.name for p in first], "frames": len(rotations),
             "wearers": len(views[0]), "statures": [round(w[0].stature, 3) for w in views[0]],
             "learning": asdict(config),

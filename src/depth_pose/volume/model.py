@@ -130,12 +130,10 @@ class VolumeModel:
         kernel = Kernel.from_array(self.motion_kernel)
         return Regression(self.latent[before], self.latent[after], kernel, float(self.meta["noise_floor"]))
 
-    def view_of(self, step: float, seen_from: float) -> int:
-        """View of a person with a heading (steps of the fine azimuth) from an azimuth (radians)."""
-        if self.views == 1:
-            return 0
-        turn = seen_from / (2 * np.pi) - step / self.bins.fine
-        return int(np.rint(turn * self.views)) % self.views
+    def views_of(self, steps: Array | NDArray[np.int64], seen_from: float) -> NDArray[np.int64]:
+        """Give the views of a person with headings (steps of the fine azimuth) from an azimuth (radians)."""
+        turns = seen_from / (2 * np.pi) - steps / self.bins.fine
+        return np.asarray(np.rint(turns * self.views).astype(np.int64) % self.views)
 
     def save(self, path: Path) -> None:
         """Write the file."""

@@ -36,7 +36,7 @@ class MomentGatherer:
     patience_s : float
         How long a moment waits for its missing cameras, from its first image.
     gone_after_s : float
-        A camera that brought nothing for this long is gone: no moment waits for it.
+        A camera that brought nothing for this long, while others did, is gone: no moment waits for it.
 
     Attributes
     ----------
@@ -50,6 +50,7 @@ class MomentGatherer:
         self._cameras = cameras
         self._tolerance_ns, self._patience, self._gone_after = tolerance_s * 1e9, patience_s, gone_after_s
         self._heard: list[float | None] = [None] * cameras
+        self._behind: list[float | None] = [None] * cameras
         self.late: Counter[int] = Counter()
         self.missing: Counter[int] = Counter()
         self.overtaken = 0
@@ -61,6 +62,24 @@ class MomentGatherer:
         self._since: dict[int, float] = {}
         self._done_ns: int | None = None
 
+    @property
+    def is_waiting(self) -> bool:
+        """Whether images are held that no moment has been made of."""
+        return bool(self._held)
+
+    def is_fresh(self, now: float, seconds: float) -> bool:
+        """Whether the newest moment began less than so long ago and lacks a camera that is there."""
+        if not self._held:
+            return False
+        stamp = max(self._held)
+        if now - self._since[stamp] >= seconds:
+            return False
+        return any(self._held[stamp][c] is None for c in self._waited_for(now))
+
+    def _waited_for(self, now: float) -> list[int]:
+        """Cameras that have not been silent for long *while others were not*: a pause of all is none's."""
+        return [c for c, since in enumerate(self._behind) if since is None or now - since <= self._gone_after]
+
     def gone(self, now: float) -> list[int]:
         """Cameras that bring nothing, or never did."""
         return [c for c, heard in enumerate(self._heard) if heard is None or now - heard > self._gone_after]
@@ -68,6 +87,11 @@ class MomentGatherer:
     def add(self, camera: int, stamp_ns: int, image: Any, now: float) -> None:
         """Take one image."""
         self._heard[camera] = now
+        for c, since in enumerate(self._behind):
+            if c == camera:
+                self._behind[c] = None
+            elif since is None:
+                self._behind[c] = now
         if self._done_ns is not None and stamp_ns < self._done_ns - self._gone_after * 1e9:
             self.clear()  # the clock went back
         if self._done_ns is not None and stamp_ns <= self._done_ns + self._tolerance_ns:
@@ -82,7 +106,7 @@ class MomentGatherer:
 
     def take(self, now: float) -> Moment | None:
         """Give the newest moment that is whole or has waited long enough; older ones are let go."""
-        waited_for = set(range(self._cameras)) - set(self.gone(now))
+        waited_for = self._waited_for(now)
         ready = [
             stamp
             for stamp, images in self._held.items()

@@ -98,8 +98,10 @@ def depth_eyes(rig: Sequence[RigCamera], voxels: SurfaceVoxels) -> Eyes:
     renderer = RigRenderer(rig)
 
     def see(meshes: Sequence[Mesh]) -> Volume:
-        clouds = [c.to_world(depth_points(d, c)) for c, d in zip(rig, renderer.depths(meshes), strict=True)]
-        return voxels.collect(clouds, rig[0].position if len(rig) == 1 else None)
+        images = renderer.depths(meshes)
+        return voxels.join(
+            [voxels.see(c.to_world(depth_points(d, c)), c.position) for c, d in zip(rig, images, strict=True)]
+        )
 
     return see
 

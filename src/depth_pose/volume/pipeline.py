@@ -29,19 +29,23 @@ from depth_pose.skeleton import (
 )
 from depth_pose.types import Skeleton
 from depth_pose.volume.config import SpaceConfig, TrackConfig
-from depth_pose.volume.descriptor import describe, heading_angle
+from depth_pose.volume.descriptor import heading_angle
 from depth_pose.volume.fit import VolumeFitter
 from depth_pose.volume.hull import LEAST_VIEWS, HullCarver, SurfaceVoxels, Volume
 from depth_pose.volume.model import VolumeModel
 from depth_pose.volume.performances import depth_points, turns
 from depth_pose.volume.rig import RigCamera
 from depth_pose.volume.stature import StatureFinder
-from depth_pose.volume.tracker import UNLIKELY, LatentTracker, Tracked
+from depth_pose.volume.tracker import UNLIKELY, LatentTracker, Tracked, look
 
 Array = NDArray[np.float64]
 
 LEAST_SURFACE_VOXELS = 150
 """Volumes with a smaller surface, at voxels of 2 cm, are nobody: a person's has some 3,000."""
+
+
+_SLIVER = 0.3
+"""A depth camera whose surface is less than this share of the largest one's shows too little."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +66,7 @@ class VolumePose:
     skeleton : Skeleton
         World frame; source VOLUME, or LOST for an empty space.
     disregarded : tuple of int
-        Cameras whose silhouette was empty while most others saw somebody.
+        Cameras that showed nobody, or hardly anybody, while others saw somebody.
     """
 
     volume: Volume
@@ -125,22 +129,22 @@ class VolumePoseTracker:
                 self._forget()
             return self._nobody(volume, stamp_ns)
         self._absent = 0
-        seen_from = _azimuth_of(volume)
-        stature = self._size.update(volume, seen_from)
+        stature = self._size.update(volume)
         # Sec. 4: the descriptor for all headings
-        descriptors = describe(volume, stature, self.model.bins)
+        sights = look(volume, stature, self.model.bins)
         # Sec. 3: the particle filter in the latent space
-        tracked = self._tracker.track(descriptors, seconds, seen_from)
+        tracked = self._tracker.track(sights, seconds)
         # Sec. 5: from the latent point to the pose
         turn = turns(heading_angle(tracked.step, self.model.bins))
-        components = self.model.to_pose[tracked.view].predict(tracked.latent[None])
-        rotations, offset = self.model.pose_space.decode(components)
+        components = [self.model.to_pose[view].predict(tracked.latent[None]) for view in tracked.views]
+        rotations, offset = self.model.pose_space.decode(np.mean(components, axis=0))
         regressed = np.asarray(turn @ rotations[0])
-        root = volume.centroid * [1.0, 0.0, 1.0] + stature * (turn @ offset[0])
+        centre = np.mean([part.centroid for part in volume.sights], axis=0) * [1.0, 0.0, 1.0]
+        root = centre + stature * (turn @ offset[0])
         fitted, residual = regressed, 0.0
         if self.config.refine:
             # what only the volume tells: the fit of a body to it
-            found = self._fitter.fit(volume.surface, regressed, root, stature, volume.eye)
+            found = self._fitter.fit(volume.surface, regressed, root, stature, volume.eyes)
             fitted, root, residual = found.rotations, found.root, found.residual
             self._size.follow(found.size)
         skeleton = self._skeleton(stamp_ns, fitted, root, stature, tracked.misfit, residual)
@@ -193,13 +197,6 @@ class VolumePoseTracker:
         other = VolumePoseTracker(self.model, self.config, frame_id=self.frame_id)
         for stamp_ns in (1, 30_000_000):
             other.process(volume, stamp_ns)
-
-
-def _azimuth_of(volume: Volume) -> float:
-    if volume.eye is None:
-        return 0.0
-    x, _, z = volume.eye - volume.centroid
-    return float(np.arctan2(x, z))
 
 
 def _joint_trust(strongest: NDArray[np.int32], trust: Array) -> Array:
@@ -269,16 +266,16 @@ class SilhouettePipeline:
 
 
 class DepthPipeline:
-    """From the images of one depth camera to poses.
+    """From the images of one or more depth cameras to poses.
 
     The images show the person only: everything else in the space is 0.
 
     Parameters
     ----------
     model : VolumeModel
-        Learned from depth.
+        Learned from depth; it serves any number of cameras.
     rig : sequence of RigCamera
-        The one camera.
+        At least one.
     space : SpaceConfig
     config : TrackConfig
     frame_id : str
@@ -293,27 +290,46 @@ class DepthPipeline:
         frame_id: str = "world",
     ) -> None:
         _check_input(model, "depth")
-        if len(rig) != 1:
-            raise ConfigError(f"this model sees through one depth camera, not {len(rig)}")
+        if not rig:
+            raise ConfigError("a model of depth needs at least one camera")
         space = space or SpaceConfig()
         self.rig, self._voxels = tuple(rig), SurfaceVoxels(space)
         self.tracker = VolumePoseTracker(model, config, space.voxel, frame_id)
 
     def process_frame(self, depths: Sequence[NDArray[np.generic] | None], stamp_ns: int) -> VolumePose:
-        """Find the pose in the depth images of one moment, metres."""
-        (depth,), (c,) = depths, self.rig
-        if depth is None:
-            return self.process_points(np.zeros((0, 3)), stamp_ns)
-        if depth.shape != (c.camera.height, c.camera.width):
-            raise InputError(
-                f"the depth image of {c.name} is {depth.shape[1]} x {depth.shape[0]}; "
-                f"its camera's are {c.camera.width} x {c.camera.height}"
-            )
-        return self.process_points(c.to_world(depth_points(depth, c)), stamp_ns)
+        """Find the pose in the depth images of one moment, metres; None where a camera brought none."""
+        if len(depths) != len(self.rig):
+            raise InputError(f"{len(depths)} depth images for {len(self.rig)} cameras")
+        points: list[Array | None] = []
+        for depth, c in zip(depths, self.rig, strict=True):
+            if depth is not None and depth.shape != (c.camera.height, c.camera.width):
+                raise InputError(
+                    f"the depth image of {c.name} is {depth.shape[1]} x {depth.shape[0]}; "
+                    f"its camera's are {c.camera.width} x {c.camera.height}"
+                )
+            points.append(None if depth is None else c.to_world(depth_points(depth, c)))
+        return self.process_points(points, stamp_ns)
 
-    def process_points(self, points_world: Array, stamp_ns: int) -> VolumePose:
-        """Find the pose in the person's points, (N, 3), world frame, metres."""
-        return self.tracker.process(self._voxels.collect([points_world], self.rig[0].position), stamp_ns)
+    def process_points(self, points_world: Sequence[Array | None], stamp_ns: int) -> VolumePose:
+        """Find the pose in the person's points.
+
+        Parameters
+        ----------
+        points_world : sequence of (N, 3) arrays or None
+            Of each camera, world frame, metres; None where it brought nothing. A camera that sees much
+            less of the person than another does is hidden from them, or has failed, and has no say.
+        stamp_ns : int
+        """
+        seen = {
+            i: self._voxels.see(points, camera.position)
+            for i, (points, camera) in enumerate(zip(points_world, self.rig, strict=True))
+            if points is not None
+        }
+        most = max((v.voxels for v in seen.values()), default=0)
+        wrong = tuple(i for i, v in seen.items() if v.voxels < _SLIVER * most)
+        volume = self._voxels.join([v for i, v in seen.items() if i not in wrong])
+        found = self.tracker.process(volume, stamp_ns)
+        return replace(found, disregarded=wrong) if wrong else found
 
     def reset(self) -> None:
         """Forget all earlier frames."""
@@ -321,7 +337,7 @@ class DepthPipeline:
 
     def warm_up(self) -> None:
         """Compile every kernel, so that the first frame is not late."""
-        self._voxels.collect([np.ones((1, 3))])
+        self._voxels.see(np.ones((1, 3)), np.zeros(3))
         self.tracker.warm_up()
 
 

@@ -34,10 +34,11 @@ def learn_trust(performances: Sequence[Performance]) -> Array:
             posed = template.pose(p.rotations[i], p.pelvis[i], scale)
             away, _ = cKDTree(p.volumes[i].surface).query(posed.vertices)
             seen = np.ones(len(posed.vertices))
-            eye = p.volumes[i].eye
-            if eye is not None:  # the far side is not on the surface, trusted or not
+            eyes = p.volumes[i].eyes
+            if len(eyes):  # the far side is not on the surface, trusted or not
                 outward = np.einsum("vij,vj->vi", p.rotations[i][strongest], normals)
-                seen = (np.einsum("vi,vi->v", outward, posed.vertices - eye) < 0).astype(float)
+                side = np.einsum("vi,evi->ev", outward, posed.vertices - eyes[:, None])
+                seen = (side < 0).any(axis=0).astype(float)
             total = total + seen / (1.0 + (away / _SCALE_M) ** 2)
             count = count + seen
     return np.asarray(total / np.maximum(count, 1.0))

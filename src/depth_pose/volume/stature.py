@@ -10,10 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.volume.config import TrackConfig
-from depth_pose.volume.descriptor import describe
 from depth_pose.volume.hull import Volume
 from depth_pose.volume.model import VolumeModel
-from depth_pose.volume.tracker import search_costs
+from depth_pose.volume.tracker import look, search_costs
 
 _GRID_M = np.arange(1.05, 2.06, 0.025)
 _NEAR_M = 0.08
@@ -46,12 +45,12 @@ class StatureFinder:
         """Whether the stature is settled."""
         return self._config.stature > 0 or self._frames >= self._config.stature_frames
 
-    def update(self, volume: Volume, seen_from: float) -> float:
+    def update(self, volume: Volume) -> float:
         """Take one frame's volume, which is not empty; gives the stature in metres."""
         if self.is_held:
             return self.stature
         if self._frames < min(_SEARCH_FRAMES, self._config.stature_frames):
-            self._search(volume, seen_from)
+            self._search(volume)
         self._frames += 1
         return self.stature
 
@@ -61,14 +60,14 @@ class StatureFinder:
             gain = min(_MOST_STEP, _GAIN / self._frames)
             self.stature *= float(np.clip(factor, 0.9, 1.1)) ** gain
 
-    def _search(self, volume: Volume, seen_from: float) -> None:
+    def _search(self, volume: Volume) -> None:
         tried = np.arange(len(_GRID_M))
         if self._frames:
             tried = tried[np.abs(_GRID_M - self.stature) < _NEAR_M]
         window: NDArray[np.int64] = np.arange(0, self._model.bins.fine, _HEADING_STRIDE)
         for i in tried:
-            descriptors = describe(volume, float(_GRID_M[i]), self._model.bins)
-            self._cost[i] += search_costs(self._model, descriptors, window, seen_from).min()
+            sights = look(volume, float(_GRID_M[i]), self._model.bins)
+            self._cost[i] += search_costs(self._model, sights, window).min() / len(sights)
             self._count[i] += 1
         tries = self._frames + 1
         mean = np.where(self._count > 0.5 * tries, self._cost / np.maximum(self._count, 1), np.inf)

@@ -12,17 +12,24 @@ taking the heading that suits it best. Two likelihoods:
     with :math:`x^\theta` regressed from :math:`v^\theta`.
 
 The weighted mean of the particles is the latent point, from which the pose is regressed.
+
+Several depth cameras each have a view of the model of their own; what they see is compared camera by
+camera, under one heading, and the likelihoods are multiplied. So one model serves any number of cameras
+wherever they stand, and a camera that is lost has no say.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.volume.config import TrackConfig
+from depth_pose.volume.descriptor import Bins, describe
 from depth_pose.volume.gp import square_distances
+from depth_pose.volume.hull import Volume
 from depth_pose.volume.model import VolumeModel
 
 Array = NDArray[np.float64]
@@ -41,6 +48,27 @@ UNLIKELY = 4.0
 
 
 @dataclass(frozen=True)
+class Sight:
+    """What one camera saw, or all of them as one hull.
+
+    Attributes
+    ----------
+    descriptors : (fine, D) float64
+        Of all headings (`depth_pose.volume.descriptor.describe`).
+    seen_from : float
+        Azimuth of the camera from the person, radians, where the model has several views.
+    """
+
+    descriptors: Array
+    seen_from: float = 0.0
+
+
+def look(volume: Volume, stature: float, bins: Bins) -> list[Sight]:
+    """Describe what each camera saw, for a person of a stature (metres)."""
+    return [Sight(describe(part, stature, bins), part.seen_from) for part in volume.sights]
+
+
+@dataclass(frozen=True)
 class Tracked:
     """Where a volume is in the latent space.
 
@@ -49,15 +77,16 @@ class Tracked:
     latent : (d,) float64
     step : float
         Heading in steps of the fine azimuth.
-    view : int
-        The model's view that the heading is seen from.
+    views : tuple of int
+        The model's views that each of the sights is.
     misfit : float
-        Squared distance of the descriptor from the model's, over what is usual in the training.
+        Squared distance of the descriptors from the model's, over what is usual in the training; mean of
+        the sights.
     """
 
     latent: Array
     step: float
-    view: int
+    views: tuple[int, ...]
     misfit: float
 
 
@@ -79,20 +108,18 @@ class LatentTracker:
         self._points: Array | None = None
         self._step, self._speed, self._unlikely = 0.0, 0.0, 0
 
-    def track(self, descriptors: Array, seconds: float, seen_from: float = 0.0) -> Tracked:
+    def track(self, sights: Sequence[Sight], seconds: float) -> Tracked:
         """Take the next frame.
 
         Parameters
         ----------
-        descriptors : (fine, D)
-            Of all headings (`depth_pose.volume.descriptor.describe`).
+        sights : sequence of Sight
+            One for a hull, one for each depth camera that sees the person.
         seconds : float
             Since the frame before.
-        seen_from : float
-            Azimuth of the camera from the person, radians, where the model has several views.
         """
         if self._points is None:
-            return self._search(descriptors, seen_from)
+            return self._search(sights)
         steps = min(max(seconds * self.model.fps, 0.05), _MOST_STEPS)
         expected = self._step + self._speed * steps
         reach = round(self.config.azimuth_window / 360.0 * self._fine)
@@ -101,15 +128,15 @@ class LatentTracker:
         fresh = round(self.config.restarts * len(points))
         if fresh:
             # some start anew at training points, those that look like this frame first
-            cost = search_costs(self.model, descriptors, window, seen_from).min(axis=1)
+            cost = search_costs(self.model, sights, window).min(axis=1)
             points[:fresh] = self.model.latent[self._draw(cost, fresh)]
-        cost, best = self._compare(points, descriptors, window, expected, seen_from)
+        cost, best = self._compare(points, sights, window, expected)
         weights = np.exp(-0.5 * (cost - cost.min()))
         weights /= weights.sum()
         self._points, self._weights = points, weights
         latent = weights @ points
         step = float(weights @ best)
-        found = self._tracked(latent, descriptors, step, seen_from)
+        found = self._tracked(latent, sights, step)
         self._speed += 0.5 * ((step - self._step) / steps - self._speed)
         self._step = step
         self._unlikely = self._unlikely + 1 if found.misfit > UNLIKELY else 0
@@ -117,7 +144,7 @@ class LatentTracker:
             return found
         # lost, or merely dressed as nobody in the training: only a clearly better place is believed
         self._unlikely = 0
-        elsewhere = self._anywhere(descriptors, seen_from)
+        elsewhere = self._anywhere(sights)
         if elsewhere[0].misfit > _CLEARLY_BETTER * found.misfit:
             return found
         self._start(*elsewhere)
@@ -135,25 +162,24 @@ class LatentTracker:
         return np.asarray(moved)
 
     def _compare(
-        self,
-        points: Array,
-        descriptors: Array,
-        window: NDArray[np.int64],
-        expected: float,
-        seen_from: float,
+        self, points: Array, sights: Sequence[Sight], window: NDArray[np.int64], expected: float
     ) -> tuple[Array, Array]:
         """Cost (n,) of each particle at its best heading, and that heading in steps."""
-        components, rest = self.model.space.split(descriptors[window % self._fine])
-        costs = np.empty((len(points), len(window)))
-        views = np.array([self.model.view_of(float(s), seen_from) for s in window])
+        costs = np.zeros((len(points), len(window)))
         recall = self.config.likelihood == "latent"
-        for view in np.unique(views):
-            at = views == view
-            if recall:
-                costs[:, at] = self._latent_cost(points, components[at], view)
-            else:
-                seen = self.model.to_volume[view].predict(points)
-                costs[:, at] = (square_distances(seen, components[at]) + rest[at]) / TEMPERATURE
+        covariance = self.model.to_volume[0].kernel.between(points, self.model.latent)  # of all views
+        seen: dict[int, Array] = {}
+        for sight in sights:
+            components, rest = self.model.space.split(sight.descriptors[window % self._fine])
+            views = self.model.views_of(window, sight.seen_from)
+            for view in np.unique(views):
+                at = views == view
+                if recall:
+                    costs[:, at] += self._latent_cost(points, components[at], view)
+                    continue
+                if view not in seen:
+                    seen[view] = self.model.to_volume[view].predict_from(covariance)
+                costs[:, at] += (square_distances(seen[view], components[at]) + rest[at]) / TEMPERATURE
         if not recall:
             costs += ((window - expected) * (2 * np.pi / self._fine) / _AZIMUTH_SIGMA) ** 2
         best = np.argmin(costs, axis=1)
@@ -168,24 +194,26 @@ class LatentTracker:
             2.0 * square_distances(points, recalled) / LATENT_NU + 2.0 * variance / (LATENT_W * prior)
         )
 
-    def _tracked(self, latent: Array, descriptors: Array, step: float, seen_from: float) -> Tracked:
-        view = self.model.view_of(step, seen_from)
-        components, rest = self.model.space.split(descriptors[[round(step) % self._fine]])
-        seen = self.model.to_volume[view].predict(latent[None])
-        misfit = float((((components - seen) ** 2).sum() + rest[0]) / self._usual)
-        return Tracked(latent, step, view, misfit)
+    def _tracked(self, latent: Array, sights: Sequence[Sight], step: float) -> Tracked:
+        views, square = [], 0.0
+        for sight in sights:
+            views.append(int(self.model.views_of(np.array([step]), sight.seen_from)[0]))
+            components, rest = self.model.space.split(sight.descriptors[[round(step) % self._fine]])
+            seen = self.model.to_volume[views[-1]].predict(latent[None])
+            square += float(((components - seen) ** 2).sum() + rest[0])
+        return Tracked(latent, step, tuple(views), square / (len(sights) * self._usual))
 
-    def _search(self, descriptors: Array, seen_from: float) -> Tracked:
+    def _search(self, sights: Sequence[Sight]) -> Tracked:
         """Start anew at the best place anywhere."""
-        found, cost = self._anywhere(descriptors, seen_from)
+        found, cost = self._anywhere(sights)
         self._start(found, cost)
         return found
 
-    def _anywhere(self, descriptors: Array, seen_from: float) -> tuple[Tracked, Array]:
+    def _anywhere(self, sights: Sequence[Sight]) -> tuple[Tracked, Array]:
         """Compare all headings with all training points; gives the best, and each point's cost."""
-        costs = search_costs(self.model, descriptors, np.arange(self._fine), seen_from)
+        costs = search_costs(self.model, sights, np.arange(self._fine))
         row, step = np.unravel_index(np.argmin(costs), costs.shape)
-        found = self._tracked(self.model.latent[row], descriptors, float(step), seen_from)
+        found = self._tracked(self.model.latent[row], sights, float(step))
         return found, costs.min(axis=1)
 
     def _start(self, found: Tracked, cost: Array) -> None:
@@ -202,14 +230,13 @@ class LatentTracker:
         return self._rng.choice(len(weights), count, p=weights / weights.sum())
 
 
-def search_costs(
-    model: VolumeModel, descriptors: Array, window: NDArray[np.int64], seen_from: float
-) -> Array:
-    """Squared distance (N, K) of every training frame from the descriptors of some headings."""
-    components, rest = model.space.split(descriptors[window % model.bins.fine])
-    costs = np.empty((len(model.latent), len(window)))
-    views = np.array([model.view_of(float(s), seen_from) for s in window])
-    for view in np.unique(views):
-        at = views == view
-        costs[:, at] = square_distances(model.volumes[view], components[at]) + rest[at]
+def search_costs(model: VolumeModel, sights: Sequence[Sight], window: NDArray[np.int64]) -> Array:
+    """Squared distance (N, K) of every training frame from the descriptors of some headings, summed."""
+    costs = np.zeros((len(model.latent), len(window)))
+    for sight in sights:
+        components, rest = model.space.split(sight.descriptors[window % model.bins.fine])
+        views = model.views_of(window, sight.seen_from)
+        for view in np.unique(views):
+            at = views == view
+            costs[:, at] += square_distances(model.volumes[view], components[at]) + rest[at]
     return costs

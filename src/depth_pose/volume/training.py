@@ -86,8 +86,8 @@ def simulate_views(
         Frames of the motion to one of the training.
     space : SpaceConfig
     rig : sequence of RigCamera
-        Cameras of silhouettes, by default eight under the roof; of depth the one camera whose height
-        and distance are taken.
+        Cameras of silhouettes, by default eight under the roof; depth cameras, one or more, whose mean
+        height and distance from the middle are taken: each is tracked with by itself.
     progress : callable, optional
         Called with the number of frames done, and of all.
 
@@ -109,7 +109,7 @@ def simulate_views(
         rig = tuple(rig or roof_rig())
         eyes = hull_eyes(rig, HullCarver(rig, space))
     else:
-        camera = (rig or [front_camera()])[0]
+        camera = _typical(rig, space or SpaceConfig()) if rig else front_camera()
         voxels = SurfaceVoxels(space)
     for wearer in wearers:
         person = []
@@ -122,6 +122,13 @@ def simulate_views(
         people.append(person)
     views = len(people[0][0])
     return [[[clip[v] for clip in person] for person in people] for v in range(views)]
+
+
+def _typical(rig: Sequence[RigCamera], space: SpaceConfig) -> RigCamera:
+    """Give the first camera of a rig, at the mean height and distance of all of them."""
+    places = np.array([c.position for c in rig]) - [space.centre_x, 0.0, space.centre_z]
+    distance, height = float(np.hypot(places[:, 0], places[:, 2]).mean()), float(places[:, 1].mean())
+    return RigCamera(rig[0].name, rig[0].camera, look_at([0.0, height, distance], [0.0, 0.95, 0.0]))
 
 
 def watch_around(
@@ -155,7 +162,7 @@ def watch_around(
             eye = spot + [distance * np.sin(azimuth), height, distance * np.cos(azimuth)]
             placed = RigCamera("depth", camera.camera, look_at(eye, spot + [0.0, 0.95, 0.0]))
             depth = RigRenderer([placed]).depths(meshes)[0]
-            seen[v].append(voxels.collect([placed.to_world(depth_points(depth, placed))], eye))
+            seen[v].append(voxels.see(placed.to_world(depth_points(depth, placed)), eye))
     return [
         Performance(
             clip.name, clip.fps / every, wearer.shape.stature_m, tuple(volumes), clip.rotations[::every],

@@ -1,0 +1,58 @@
+"""Where cameras are, from the messages that say it; `/tf_static` itself needs tf2_msgs."""
+
+import importlib.util
+
+import numpy as np
+import pytest
+from geometry_msgs.msg import Quaternion, Transform, TransformStamped, Vector3
+from std_msgs.msg import Header
+
+from depth_pose.errors import ConfigError
+from depth_pose.geometry import matrix_to_quat, rotvec_to_matrix
+from depth_pose.ros.rig_source import add_transforms, given_extrinsics
+from depth_pose.volume.frames import FrameTree
+
+
+def stamped(parent, child, T):
+    x, y, z, w = (float(q) for q in matrix_to_quat(T[:3, :3]))
+    move = Vector3(x=float(T[0, 3]), y=float(T[1, 3]), z=float(T[2, 3]))
+    turn = Quaternion(x=x, y=y, z=z, w=w)
+    return TransformStamped(
+        header=Header(frame_id=parent),
+        child_frame_id=child,
+        transform=Transform(translation=move, rotation=turn),
+    )
+
+
+def transform(seed):
+    rng = np.random.default_rng(seed)
+    T = np.eye(4)
+    T[:3, :3], T[:3, 3] = rotvec_to_matrix(rng.normal(size=3)), rng.normal(size=3)
+    return T
+
+
+def test_transforms_of_messages():
+    frames = FrameTree()
+    add_transforms(frames, [stamped("link", "optical", transform(1)), stamped("map", "link", transform(2))])
+    assert np.allclose(frames.find("map", "optical"), transform(2) @ transform(1))
+    broken = stamped("map", "link", np.eye(4))
+    broken.transform.rotation.w = 0.0
+    with pytest.raises(ConfigError, match="no rotation"):
+        add_transforms(frames, [broken])
+
+
+def test_extrinsics_of_a_parameter():
+    T = transform(3)
+    pose = [*T[:3, 3], *matrix_to_quat(T[:3, :3])]
+    assert np.allclose(given_extrinsics(pose * 2, 2), [T, T])
+    assert given_extrinsics([0.0], 2) is None  # not given
+    with pytest.raises(ConfigError, match="2 cameras need 14"):
+        given_extrinsics(pose, 2)
+
+
+@pytest.mark.skipif(importlib.util.find_spec("tf2_msgs") is not None, reason="tf2_msgs is installed")
+def test_without_tf2_msgs_it_says_what_to_give_instead():
+    from depth_pose.ros.rig_source import _tf_message
+
+    with pytest.raises(ConfigError, match=r"ros-jazzy-tf2-msgs.*give the parameter rig or extrinsics"):
+        _tf_message()
