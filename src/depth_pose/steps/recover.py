@@ -106,7 +106,9 @@ class Recoverer:
         if view is not None:
             turned = np.diag([1.0, -1.0, -1.0])
             start = BodyPose(turned @ self.bank.rotations(0), view.points.mean(axis=0), 1.0)
-            self._fit(view, start)
+            pose = self._fit(view, start)
+            nodes = self.bank.body.pose(pose.rotations, pose.root, pose.scale).nodes
+            report_joints(nodes[JOINT_NODES], pose.scale, view, 0.0)
 
     def recover(self, cloud: PersonCloud, skeleton: Skeleton) -> Skeleton:
         """Check a refined skeleton, recover where it failed, and filter.
@@ -190,7 +192,7 @@ class Recoverer:
         )
         confidence = skeleton_confidence(seen.score)
         positions = mesh.nodes[JOINT_NODES]
-        report = report_joints(positions, pose.scale, view)
+        report = report_joints(positions, pose.scale, view, seen.score)
         return Skeleton(
             stamp_ns=refined.stamp_ns,
             frame_id=refined.frame_id,
@@ -201,7 +203,7 @@ class Recoverer:
             scale=past.skeleton.scale,
             positions=positions,
             quats_xyzw=matrix_to_quat(pose.rotations[JOINT_NODES]),
-            joint_confidence=(_TRUST * confidence * report.certainty).astype(np.float32),
+            joint_confidence=(_TRUST * report.confidence).astype(np.float32),
             joint_states=report.states,
         )
 
