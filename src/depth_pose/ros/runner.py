@@ -50,7 +50,6 @@ def run_node(make: Callable[[], Any], args: Sequence[str] | None = None) -> int:
             args=list(args) if args is not None else None, signal_handler_options=SignalHandlerOptions.NO
         )
         node = make()
-        return_memory()
         install_signal_handlers(SignalHandlerOptions.ALL)
         _spin(node)
     except (KeyboardInterrupt, ExternalShutdownException):
@@ -102,13 +101,6 @@ def on_stop(callback: Callable[[], None]) -> Iterator[None]:
 
 def _stop(number: int, frame: object) -> None:
     raise KeyboardInterrupt
-
-
-def return_memory() -> None:
-    """Give back to the system what loading and warming up took and freed; glibc keeps it otherwise."""
-    if sys.platform.startswith("linux"):
-        with contextlib.suppress(AttributeError):  # another C library
-            ctypes.CDLL(None).malloc_trim(0)
 
 
 def end_with_parent() -> None:

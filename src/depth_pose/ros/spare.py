@@ -12,7 +12,7 @@ import json
 import sys
 from pathlib import Path
 
-from depth_pose.ros.runner import end_with_parent, return_memory
+from depth_pose.ros.runner import end_with_parent
 
 LOADED = "spare is loaded"
 """It prints this when it can take over at once."""
@@ -28,7 +28,6 @@ def main() -> int:
     mains = {name: importlib.import_module(f"depth_pose.ros.{name}_node").main for name in NODES}
     bank = sys.argv[1] if len(sys.argv) > 1 else ""
     PosePipeline(Bank.load(Path(bank) if bank else default_bank_path())).warm_up()
-    return_memory()
     print(LOADED, flush=True)
     line = sys.stdin.readline()
     if not line:
