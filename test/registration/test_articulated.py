@@ -203,12 +203,6 @@ def test_assignment_twin():
         assert mass.sum() <= len(used)
 
 
-def test_falling_exp_twin():
-    x = np.linspace(0.0, 3.5, 500, dtype=np.float32)
-    found = np.array([kernels.falling_exp(v) for v in x])
-    np.testing.assert_allclose(found, np.exp(-x), rtol=2e-3)
-
-
 def test_assignment_without_visible_vertices():
     mass, pull = np.ones(5), np.ones((5, 3))
     vertices = np.ones((5, 3))

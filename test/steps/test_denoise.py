@@ -65,8 +65,8 @@ def _intrinsics(camera):
 
 def test_first_step_twin(rough):
     """What lies beyond the kernel's support weighs at most 0.1 percent."""
-    assert kernels.window(0.65 * H, SMALL.fx, SMALL.fy, 1.4)[2] == 1
-    found = kernels.project_first(rough, *_intrinsics(SMALL), H)
+    assert kernels.step_of(rough, H, SMALL.fx) == 1
+    found = kernels.project_first(rough, *_intrinsics(SMALL), H, 1)
     expected = _first(rough, SMALL)
     np.testing.assert_array_equal(found > 0, rough > 0)
     np.testing.assert_allclose(found, expected, atol=2e-4)
@@ -74,11 +74,11 @@ def test_first_step_twin(rough):
 
 
 def test_next_step_twin(rough):
-    once = kernels.project_first(rough, *_intrinsics(SMALL), H)
-    found = kernels.project_next(rough, once, *_intrinsics(SMALL), H, MU)
+    once = kernels.project_first(rough, *_intrinsics(SMALL), H, 1)
+    found = kernels.project_next(rough, once, *_intrinsics(SMALL), H, MU, 1)
     expected = _next(rough, once, SMALL, MU)
     np.testing.assert_allclose(found, expected, atol=4e-4)
-    plain = kernels.project_next(rough, once, *_intrinsics(SMALL), H, 0.0)
+    plain = kernels.project_next(rough, once, *_intrinsics(SMALL), H, 0.0, 1)
     assert np.abs(plain - found).max() > 1e-3, "the repulsion must do something"
 
 
@@ -93,10 +93,11 @@ def test_steps_follow_one_another(rough):
 def test_wide_supports_are_sampled():
     """With more pixels than needed in the support, those left out change next to nothing."""
     camera = Camera(120, 120, 600.0, 600.0, 59.5, 59.5)
-    assert kernels.window(0.65 * H, 600.0, 600.0, 1.0)[2] > 4
     v, u = np.mgrid[:120, :120]
     depth = (1.0 + 0.05 * np.sin(u / 25.0) * np.cos(v / 30.0)).astype(np.float32)
-    found = kernels.project_first(depth, *_intrinsics(camera), H)
+    step = kernels.step_of(depth, H, 600.0)
+    assert step > 4
+    found = kernels.project_first(depth, *_intrinsics(camera), H, step)
     p = _points(depth, camera)
     for i, j in ((60, 60), (45, 80), (75, 30)):
         x = p[i * 120 + j]

@@ -80,15 +80,35 @@ def test_plane_kernels_twins():
     np.testing.assert_allclose(found, plane, atol=1e-9)
 
 
-def test_normals_of_a_plane_are_the_planes():
+def test_samples_lie_all_over_a_plane_and_face_its_way():
     c = syn.CAMERA
     normal = np.array([0.2, -0.3, 0.9]) / np.linalg.norm([0.2, -0.3, 0.9])
-    depth = syn.draw_plane(normal, 2.0)
-    points = kernels.back_project(depth.astype(np.float32), c.fx, c.fy, c.cx, c.cy)
-    rows, cols = np.array([0, 40, 70, 143]), np.array([5, 60, 90, 100])
-    normals = kernels.sample_normals(points, rows, cols, 4)
-    assert not normals[[0, 3]].any()  # too near the border
-    np.testing.assert_allclose(np.abs(normals[1:3] @ normal), 1.0, atol=1e-5)
+    depth = syn.draw_plane(normal, 2.0).astype(np.float32)
+    depth[60:80, 60:80] = 0.0
+    points = kernels.back_project(depth, c.fx, c.fy, c.cx, c.cy)
+    reach = 4
+    for most in (100_000, 2500):
+        samples, normals, areas = kernels.draw_samples(points, most, reach, c.fx)
+        step = max(1, int((depth > 0).sum()) // most)
+        i, j = np.nonzero(depth > 0)
+        i, j = i[::step], j[::step]
+        h, w = depth.shape
+        inner = (i >= reach) & (j >= reach) & (i < h - reach) & (j < w - reach)
+        i, j = i[inner], j[inner]
+        whole = depth[i, j - reach] * depth[i, j + reach] * depth[i - reach, j] * depth[i + reach, j] > 0
+        np.testing.assert_allclose(samples, points[i[whole], j[whole]])
+        np.testing.assert_allclose(np.abs(normals @ normal), 1.0, atol=1e-4)
+        np.testing.assert_allclose(areas, step * (samples[:, 2] / c.fx) ** 2)
+
+
+def test_moments_twin():
+    rng = np.random.default_rng(3)
+    samples, on = rng.standard_normal((60, 3)) + 5.0, rng.random(60) < 0.5
+    count, mean, covariance = kernels.moments(samples, on)
+    assert count == on.sum()
+    np.testing.assert_allclose(mean, samples[on].mean(axis=0))
+    np.testing.assert_allclose(covariance, np.cov(samples[on].T))
+    assert kernels.moments(samples, np.zeros(60, bool))[0] == 0
 
 
 def test_marked_plane_pixels():

@@ -100,12 +100,19 @@ def _axis_rotation(angle: Array, i: int, j: int) -> Array:
 
 def rotation_between(source: Array, target: Array) -> Array:
     """Smallest rotations that turn unit vectors into others, (..., 3) to (..., 3, 3)."""
-    cross = np.cross(source, target)
-    cosine = np.sum(source * target, axis=-1)[..., None, None]
-    k = np.zeros((*cross.shape, 3))
-    k[..., 0, 1], k[..., 0, 2], k[..., 1, 2] = -cross[..., 2], cross[..., 1], -cross[..., 0]
-    k -= np.swapaxes(k, -1, -2)
+    x, y, z = (source[..., a] for a in range(3))
+    u, v, w = (target[..., a] for a in range(3))
+    k = _cross_matrix(y * w - z * v, z * u - x * w, x * v - y * u)
+    cosine = np.asarray(x * u + y * v + z * w)[..., None, None]
     return np.asarray(np.eye(3) + k + (k @ k) / np.maximum(1.0 + cosine, 1e-9))
+
+
+def _cross_matrix(x: Array, y: Array, z: Array) -> Array:
+    """Matrices (..., 3, 3) that take the cross product with (x, y, z)."""
+    k = np.zeros((*np.shape(x), 3, 3))
+    k[..., 0, 1], k[..., 0, 2], k[..., 1, 2] = -z, y, -x
+    k[..., 1, 0], k[..., 2, 0], k[..., 2, 1] = z, -y, x
+    return k
 
 
 def nearest_rotation(matrix: Array) -> Array:
@@ -168,14 +175,9 @@ def swing_twist_rotation(flexion: Array, abduction: Array, twist: Array) -> Arra
     size = np.sqrt(f * f + a * a)
     sinc = np.sinc(size / np.pi)
     half = np.sinc(size / (2 * np.pi)) ** 2 / 2
-    zero = np.zeros_like(size)
-    k = _stack_matrix(((zero, -a, zero), (a, zero, f), (zero, -f, zero)))
+    k = _cross_matrix(-f, np.zeros_like(size), a)
     swing = np.eye(3) + sinc[..., None, None] * k + half[..., None, None] * (k @ k)
     return np.asarray(swing @ rotation_y(-np.radians(twist)))
-
-
-def _stack_matrix(rows: tuple[tuple[Array, ...], ...]) -> Array:
-    return np.stack([np.stack(np.broadcast_arrays(*row), axis=-1) for row in rows], axis=-2)
 
 
 def rotations_from_angles(angles: Array) -> Array:
@@ -251,17 +253,20 @@ def angles_from_rotations(rotations: Array) -> Array:
     for i in range(5):
         out[..., 3 * i : 3 * i + 3] = trunk_angles(relative(parent, rotations[..., i, :, :]))
         parent = rotations[..., i, :, :]
-    for side, name in enumerate(SIDES):
-        get = {
-            node: rotations[..., NODE_INDEX[f"{name}_{node}"], :, :]
-            for node in ("clavicle", "shoulder", "elbow", "wrist", "hip", "knee", "ankle")
-        }
-        get |= {"pelvis": rotations[..., 0, :, :], "chest": rotations[..., 2, :, :]}
-        if side == 1:
-            get = {node: _mirror(rotation) for node, rotation in get.items()}
-        out[..., ARM[side]] = _arm_angles(get)
-        out[..., LEG[side]] = _leg_angles(get)
+    left, right = (rotations[..., [NODE_INDEX[n] for n in _names(side)], :, :] for side in SIDES)
+    both = np.stack([left, _mirror(right)])
+    get = {name: both[..., i, :, :] for i, name in enumerate(_LIMB_NODES)}
+    for limb, angles in ((ARM, _arm_angles(get)), (LEG, _leg_angles(get))):
+        out[..., limb[0]], out[..., limb[1]] = angles
     return out
+
+
+_LIMB_NODES = ("pelvis", "chest", "clavicle", "shoulder", "elbow", "wrist", "hip", "knee", "ankle")
+
+
+def _names(side: str) -> list[str]:
+    """Name one side's limb nodes, after the two that both sides hang on."""
+    return [n if n in ("pelvis", "chest") else f"{side}_{n}" for n in _LIMB_NODES]
 
 
 def relative(parent: Array, child: Array) -> Array:

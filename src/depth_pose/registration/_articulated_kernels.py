@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from depth_pose._fast_exp import falling_exp
 from depth_pose._raster_kernels import rasterize
 from depth_pose.body._skin_kernels import skin
 
@@ -62,18 +63,6 @@ _LANES = 16
 """Vertices around a cell are padded to a multiple of this many, with some that are `_FAR_AWAY`."""
 
 _FAR_AWAY = np.float32(1e6)
-
-_ONE, _EIGHTH, _HALF, _SIXTH, _24TH = (np.float32(x) for x in (1.0, 0.125, 0.5, 1 / 6, 1 / 24))
-
-
-@njit(cache=True, fastmath=True)
-def falling_exp(x):
-    """``exp(-x)`` for 0 <= x <= 3.5, to 0.2 %, in a form that a loop over many x is vectorised with."""
-    t = x * _EIGHTH
-    e = _ONE - t * (_ONE - t * (_HALF - t * (_SIXTH - t * _24TH)))
-    e *= e
-    e *= e
-    return e * e
 
 
 @njit(cache=True, fastmath=True)
@@ -162,7 +151,7 @@ def assign(points, stride, vertices, visible, sigma, outlier, mass, pull):
                     w = w if far < most else np.float32(0.0)
                     p[k] = w
                     total += w
-                share = _ONE / total
+                share = np.float32(1.0) / total
                 for k in range(lanes):
                     w = share * p[k]
                     m[k] += w

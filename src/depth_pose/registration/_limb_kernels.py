@@ -92,8 +92,9 @@ def score_limbs(
 
     Returns
     -------
-    chosen (B,), cost (B,), cover (B, P)
-        Numbers, misfit in pixels, and the share to which each point lies off the limb's surface.
+    chosen (B,), cost (B,), cover (B, P), centres (B, S, 3)
+        Numbers, misfit in pixels, the share to which each point lies off the limb's surface, and
+        where its balls are, camera frame.
     """
     count = samples.shape[0]
     balls = np.empty(own.shape)
@@ -104,16 +105,17 @@ def score_limbs(
     cost[count] = misfit(own, radii, areas, scale, depth, labels, nearest, fx, fy, cx, cy, tolerance) - keep
     first = _least(cost, fitting)
     cover = np.empty((first.shape[0], points.shape[1]), np.float32)
+    centres = np.empty((first.shape[0], own.shape[0], 3))
     total = np.empty(first.shape[0])
     for n in range(first.shape[0]):
         if first[n] == count:
-            off_surface(own, radii, scale, points, tolerance, cover[n])
+            centres[n] = own
         else:
-            place_balls(samples[first[n]], rotation, origin, scale, balls)
-            off_surface(balls, radii, scale, points, tolerance, cover[n])
+            place_balls(samples[first[n]], rotation, origin, scale, centres[n])
+        off_surface(centres[n], radii, scale, points, tolerance, cover[n])
         total[n] = cost[first[n]] + weight * cover[n].sum()
     last = _least(total, best)
-    return first[last], cost[first[last]], cover[last]
+    return first[last], cost[first[last]], cover[last], centres[last]
 
 
 @njit(cache=True)
@@ -125,24 +127,57 @@ def _least(values, count):
 
 
 @njit(cache=True, fastmath=True)
-def best_pair(cost_a, cover_a, cost_b, cover_b, weight):
-    """Pair of configurations, one of each limb, with the least cost and uncovered points together.
+def pair_costs(cost_a, cover_a, cost_b, cover_b, weight):
+    """Cost and uncovered points (A, B) of all pairs of configurations, one of each limb.
 
     ``weight`` is the number of pixels that each point stands for.
     """
-    best, best_a, best_b = np.inf, 0, 0
+    total = np.empty((cost_a.shape[0], cost_b.shape[0]))
     for a in range(cost_a.shape[0]):
         for b in range(cost_b.shape[0]):
-            total = cost_a[a] + cost_b[b]
-            if total >= best:
-                continue
             uncovered = np.float32(0.0)
             for p in range(cover_a.shape[1]):
                 uncovered += min(cover_a[a, p], cover_b[b, p])
-            total += weight * uncovered
-            if total < best:
-                best, best_a, best_b = total, a, b
-    return best_a, best_b
+            total[a, b] = cost_a[a] + cost_b[b] + weight * uncovered
+    return total
+
+
+@njit(cache=True)
+def best_pairs(total, centres_a, centres_b, count, apart):
+    """Best pairs (n, 2) but for the last one, the limbs as they are, each different from the others.
+
+    Pairs are different where a ball of one limb or the other is ``apart`` or more from its like.
+    """
+    taken = np.empty((count, 2), np.int64)
+    left = total.copy()
+    left[-1, -1] = np.inf
+    for n in range(count):
+        least, best_a, best_b = np.inf, 0, 0
+        for a in range(left.shape[0]):
+            for b in range(left.shape[1]):
+                if left[a, b] < least:
+                    least, best_a, best_b = left[a, b], a, b
+        if least == np.inf:
+            return taken[:n]
+        taken[n, 0], taken[n, 1] = best_a, best_b
+        for a in range(left.shape[0]):
+            if _gap(centres_a[a], centres_a[best_a]) < apart:
+                for b in range(left.shape[1]):
+                    if _gap(centres_b[b], centres_b[best_b]) < apart:
+                        left[a, b] = np.inf
+    return taken
+
+
+@njit(cache=True)
+def _gap(one, other):
+    """Greatest distance between balls of two limbs."""
+    most = 0.0
+    for s in range(one.shape[0]):
+        d = 0.0
+        for a in range(3):
+            d += (one[s, a] - other[s, a]) ** 2
+        most = max(most, d)
+    return np.sqrt(most)
 
 
 @njit(cache=True)

@@ -133,7 +133,7 @@ class ArticulatedFitter:
         self._influence, self._weight = sparse.nodes, sparse.weights
         self._normals_rest = vertex_normals(body)
         self._free, self._stiffness = _free_nodes()
-        self._above = _parameters_above(self._free)
+        self._above = parameters_above(self._free)
         c = self.config
         self._settings = (
             c.outlier, c.plane_weight, c.point_weight, c.free_space_weight, c.free_space_slack,
@@ -201,8 +201,20 @@ def _free_nodes() -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     return free, np.array(stiffness)
 
 
-def _parameters_above(free: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return the number of each parameter's next one toward the root, -1 for none."""
+def parameters_above(free: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Tell which parameters a fit's normal equations join, for `kernels.solve_tree`.
+
+    Parameters
+    ----------
+    free : (21,) int
+        Number of each node among those that turn, -1 for those that do not.
+
+    Returns
+    -------
+    (3 + 3 F,) int64
+        Number of each parameter's next one toward the root, -1 for none: three of the translation,
+        then three of each free node.
+    """
     above = [-1, 0, 1]
     last = np.full(len(free), 2)  # the last parameter of each node, or of the nearest free one above
     for node, parent in enumerate(NODE_PARENTS):

@@ -5,7 +5,8 @@ place does not find it. But the limbs' poses of all exemplars, mirrored and thin
 hundred, cover what limbs can do. After a fit, the points that the rest of the body does not
 explain are put against every configuration of the left and of the right limb: balls along the
 limb that stand in free space or before the seen surface cost their area, points off every ball
-cost theirs, and the pair with the least sum is one more start for the fit. The idea of
+cost theirs, and the pairs with the least sums are more starts for the fit, whether or not they
+cost less than the limbs as they are: these were fitted, the others not yet. The idea of
 re-assembling partial matches is that of C. Plagemann et al., *Real-time identification and
 localization of body parts from depth images* (ICRA 2010), in spirit; the scoring here is our own.
 """
@@ -26,11 +27,12 @@ from depth_pose.render import DepthComparer, Observation
 from depth_pose.skeleton import MIRROR_NODES, NODE_INDEX, forward_kinematics, mirror_rotations
 from depth_pose.types import PERSON
 
-_LIMBS: tuple[tuple[str, tuple[str, ...], tuple[str, ...]], ...] = (
-    ("chest", ("clavicle", "shoulder", "elbow", "wrist"), ("shoulder", "elbow", "wrist")),
-    ("pelvis", ("hip", "knee", "ankle", "foot"), ("hip", "knee", "ankle")),
+_LIMBS: tuple[tuple[int, str, tuple[str, ...], tuple[str, ...]], ...] = (
+    (3, "chest", ("clavicle", "shoulder", "elbow", "wrist"), ("shoulder", "elbow", "wrist")),
+    (1, "pelvis", ("hip", "knee", "ankle", "foot"), ("hip", "knee", "ankle")),
 )
-"""For arms and legs: the segment they hang on, the nodes that they turn, the bones that are sampled."""
+"""For arms and legs: how many pairs are proposed, the segment they hang on, the nodes that they turn,
+the bones that are sampled."""
 
 _SHARES = (1 / 3, 2 / 3, 1.0)
 """Where along a bone its balls lie."""
@@ -47,6 +49,9 @@ _TOLERANCE_M = 0.15
 _KEEP_PIXELS = 4.0
 """Misfit, in pixels of the coarse grid, that an exchange must save for each limb."""
 
+_APART_M = 0.08
+"""Limbs of which no ball is this far from its like are the same."""
+
 
 @dataclass(frozen=True)
 class _LimbPair:
@@ -54,6 +59,8 @@ class _LimbPair:
 
     Attributes
     ----------
+    proposals : int
+        How many pairs are proposed.
     anchor : int
         Node of the segment that both hang on.
     nodes : (2, n) int
@@ -70,6 +77,7 @@ class _LimbPair:
         Faces of the body without both limbs.
     """
 
+    proposals: int
     anchor: int
     nodes: NDArray[np.int64]
     bones: NDArray[np.int64]
@@ -107,15 +115,13 @@ class LimbSearch:
         Returns
         -------
         list of BodyPose
-            At most one for the arms and one for the legs.
+            With other arms, and with other legs, where the input shows anything of them.
         """
         nodes = forward_kinematics(pose.rotations, pose.root, self._rest_nodes, pose.scale)
         nearest = nearest_person_pixels(comparer.observation)
         proposals = []
         for pair in self._pairs:
-            changed = _exchange(pair, pose, nodes, vertices, comparer, nearest)
-            if changed is not None:
-                proposals.append(changed)
+            proposals += _exchange(pair, pose, nodes, vertices, comparer, nearest)
         return proposals
 
 
@@ -126,41 +132,39 @@ def _exchange(
     vertices: NDArray[np.float64],
     comparer: DepthComparer,
     nearest: NDArray[np.int32],
-) -> BodyPose | None:
-    """Put the best pair of configurations on a pose; None where the input shows nothing of them."""
+) -> list[BodyPose]:
+    """Put the best pairs of configurations on a pose; none where the input shows nothing of them."""
     if not _in_view(nodes[pair.bones], comparer.observation):
-        return None
+        return []
     points = _unexplained(vertices, pair.faces, comparer)
     if len(points) < 5:
-        return None
+        return []
     weight = int(np.ceil(len(points) / _MOST_POINTS))  # of each point that is left
     columns = np.ascontiguousarray(points[::weight].T, np.float32)
     o, c = comparer.observation, comparer.observation.camera
     now = pair.samples.shape[1]  # number of the limb as it is
-    chosen, costs, covers = [], [], []
+    scored = []
     for side in range(2):
         own = np.empty(pair.samples.shape[2:])
         kernels.place_own_balls(
             pose.rotations, nodes, pair.bones[side], pair.ends[side], _SHARES, pose.scale, own
         )
-        numbers, cost, cover = kernels.score_limbs(
+        scored.append(kernels.score_limbs(
             pair.samples[side], own, _KEEP_PIXELS, pair.radii, pair.areas,
             pose.rotations[pair.anchor], nodes[pair.anchor], pose.scale,
             o.depth, o.labels, nearest, c.fx, c.fy, c.cx, c.cy,
             columns, weight, _TOLERANCE_M, _FITTING, _BEST,
-        )  # fmt: skip
-        chosen.append(numbers)
-        costs.append(cost)
-        covers.append(cover)
-    pick = kernels.best_pair(costs[0], covers[0], costs[1], covers[1], weight)
-    exchanged = [int(chosen[side][pick[side]]) for side in range(2)]
-    if exchanged == [now, now]:
-        return None
-    rotations = pose.rotations.copy()
-    for side, number in enumerate(exchanged):
-        if number < now:
-            rotations[pair.nodes[side]] = pose.rotations[pair.anchor] @ pair.rotations[side, number]
-    return BodyPose(rotations, pose.root, pose.scale)
+        ))  # fmt: skip
+    (left, *costs_left, centres_left), (right, *costs_right, centres_right) = scored
+    total = kernels.pair_costs(*costs_left, *costs_right, weight)
+    proposals = []
+    for a, b in kernels.best_pairs(total, centres_left, centres_right, pair.proposals, _APART_M):
+        rotations = pose.rotations.copy()
+        for side, number in enumerate((int(left[a]), int(right[b]))):
+            if number < now:
+                rotations[pair.nodes[side]] = pose.rotations[pair.anchor] @ pair.rotations[side, number]
+        proposals.append(BodyPose(rotations, pose.root, pose.scale))
+    return proposals
 
 
 def _in_view(joints: NDArray[np.float64], observed: Observation) -> bool:
@@ -186,6 +190,7 @@ def _unexplained(
 def _make_pair(
     body: Body,
     rotations: NDArray[np.float64],
+    proposals: int,
     anchor_name: str,
     turned: tuple[str, ...],
     sampled: tuple[str, ...],
@@ -207,6 +212,7 @@ def _make_pair(
     # the right limb's configurations are the left one's, mirrored
     flip = np.array([-1.0, 1.0, 1.0])
     return _LimbPair(
+        proposals=proposals,
         anchor=anchor,
         nodes=np.stack(side),
         bones=np.stack([bones, MIRROR_NODES[bones]]),

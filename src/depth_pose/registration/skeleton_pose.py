@@ -12,18 +12,20 @@ from depth_pose.registration.articulated import BodyPose
 from depth_pose.skeleton import JOINT_NODES, NODE_INDEX, NODES, forward_kinematics
 from depth_pose.types import Skeleton
 
-_AIMED: tuple[tuple[int, int], ...] = tuple(
-    (NODE_INDEX[f"{side}_{start}"], NODE_INDEX[f"{side}_{end}"])
-    for side in ("left", "right")
-    for start, end in (
-        ("clavicle", "shoulder"),
-        ("shoulder", "elbow"),
-        ("elbow", "wrist"),
-        ("hip", "knee"),
-        ("knee", "ankle"),
-    )
-)
-"""Segments that are turned to point to the node at their end."""
+_AIMED = np.array(
+    [
+        (NODE_INDEX[f"{side}_{start}"], NODE_INDEX[f"{side}_{end}"])
+        for side in ("left", "right")
+        for start, end in (
+            ("clavicle", "shoulder"),
+            ("shoulder", "elbow"),
+            ("elbow", "wrist"),
+            ("hip", "knee"),
+            ("knee", "ankle"),
+        )
+    ]
+).T
+"""Segments that are turned to point to the node at their end; those nodes."""
 
 
 def pose_from_skeleton(body: Body, skeleton: Skeleton) -> BodyPose:
@@ -72,20 +74,13 @@ def pose_from_nodes(
         pelvis is placed so that the nodes of the pose lie around the given ones. Where these have
         the body's proportions, they are reached.
     """
+    start, end = _AIMED
+    bones = body.nodes[end] - body.nodes[start]
+    now, seen = (rotations[start] @ bones[:, :, None])[..., 0], nodes[end] - nodes[start]
+    sizes = np.linalg.norm([now, seen], axis=-1)
+    known = sizes.min(axis=0) >= 1e-6
+    now, seen = now[known] / sizes[0, known, None], seen[known] / sizes[1, known, None]
     rotations = rotations.copy()
-    for start, end in _AIMED:
-        bone = body.nodes[end] - body.nodes[start]
-        rotations[start] = _aim(rotations[start], bone, nodes[end] - nodes[start])
+    rotations[start[known]] = rotation_between(now, seen) @ rotations[start[known]]
     reached = forward_kinematics(rotations, nodes[0], body.nodes, scale)
     return BodyPose(rotations, nodes[0] + (nodes - reached).mean(axis=0), scale)
-
-
-def _aim(
-    rotation: NDArray[np.float64], bone: NDArray[np.float64], seen: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Turn a segment by the smallest rotation that brings its bone to a seen direction."""
-    now = rotation @ bone
-    sizes = float(np.linalg.norm(now)), float(np.linalg.norm(seen))
-    if min(sizes) < 1e-6:
-        return rotation
-    return np.asarray(rotation_between(now / sizes[0], seen / sizes[1]) @ rotation)

@@ -5,65 +5,106 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-STEPS = 1024
-_TABLE = np.exp(-16.0 * np.linspace(0.0, 0.65**2 * 3.0, STEPS + 1))
-"""theta as a function of r^2 / h^2, up to the corner of the support's cube."""
+from depth_pose._fast_exp import falling_exp
+
+CUT = 0.6
+"""Neighbours farther than this share of the support h do not count: theta(0.6 h) = exp(-5.8)."""
+
+_MOST = np.float32(16.0 * CUT * CUT)
+_LANES = 8
+"""A row of neighbours is padded to a multiple of this many, with some that are `_FAR_AWAY`."""
+
+_FAR_AWAY = np.float32(1e4)
 
 
 @njit(cache=True, fastmath=True)
-def theta(ratio):
-    """``exp(-16 r^2 / h^2)`` of ``r^2 / h^2``, from a table with linear interpolation."""
-    place = ratio * (STEPS / (0.65 * 0.65 * 3.0))
-    if place >= STEPS:
-        return 0.0
-    k = int(place)
-    return _TABLE[k] + (place - k) * (_TABLE[k + 1] - _TABLE[k])
+def theta(square):
+    """``exp(-16 r^2 / h^2)`` of ``16 r^2 / h^2``; nothing beyond `CUT`."""
+    w = falling_exp(min(square, _MOST))
+    return w if square < _MOST else np.float32(0.0)
 
 
 @njit(cache=True)
-def window(cut, fx, fy, z):
-    """Half-sizes of the support in pixels, and the step at which about 16 x 16 of them are read."""
-    step = max(1, int(cut * fx / z) // 8)
-    return (int(cut * fy / z) // step + 1) * step, (int(cut * fx / z) // step + 1) * step, step
+def window(h, fx, fy, z):
+    """Half-sizes of the support in pixels, rows and columns."""
+    return int(CUT * h * fy / z) + 1, int(CUT * h * fx / z) + 1
+
+
+@njit(cache=True)
+def step_of(depth, h, fx):
+    """Step at which about 16 x 16 neighbours of a pixel are read, at the mean depth."""
+    total, count = 0.0, 0
+    for i in range(depth.shape[0]):
+        for j in range(depth.shape[1]):
+            if depth[i, j] > 0.0:
+                total += depth[i, j]
+                count += 1
+    return max(1, int(CUT * h * fx * count / total) // 8) if count > 0 else 1
 
 
 @njit(cache=True, fastmath=True)
-def project_first(depth, fx, fy, cx, cy, h):
-    """Eq. 1: weighted mean depth of the neighbours within the support."""
+def project_first(depth, fx, fy, cx, cy, h, step):
+    """Eq. 1: weighted mean depth of the neighbours within the support, every ``step``-th of them.
+
+    The points, in units of h / 4, lie in flat arrays. Columns ``step`` apart lie side by side there
+    with room around them, so that the inner loop, all the time this takes, is vectorised.
+    """
     rows, cols = depth.shape
     out = np.zeros_like(depth)
-    cut = 0.65 * h  # theta(0.65 h) = exp(-6.8)
-    inverse = 1.0 / (h * h)
+    nearest = np.inf
     for i in range(rows):
         for j in range(cols):
-            z = depth[i, j]
-            if z <= 0.0:
+            if depth[i, j] > 0.0:
+                nearest = min(nearest, depth[i, j])
+    if nearest == np.inf:
+        return out
+    pad = window(h, fx, fy, nearest)[1] // step + 1 + _LANES
+    part = (cols - 1) // step + 1 + 2 * pad  # columns of one remainder
+    width = step * part
+    x, y, z = (
+        np.empty(rows * width, np.float32),
+        np.empty(rows * width, np.float32),
+        np.empty(rows * width, np.float32),
+    )
+    x[:] = y[:] = z[:] = _FAR_AWAY
+    first, last = np.full(rows, cols), np.full(rows, -1)
+    unit = 4.0 / h
+    for i in range(rows):
+        for j in range(cols):
+            if depth[i, j] > 0.0:
+                k = i * width + j % step * part + pad + j // step
+                away = unit * depth[i, j]
+                x[k], y[k], z[k] = (j - cx) / fx * away, (i - cy) / fy * away, away
+                first[i], last[i] = min(first[i], j), j
+    for i in range(rows):
+        for j in range(first[i], last[i] + 1):
+            if depth[i, j] <= 0.0:
                 continue
-            x, y = (j - cx) / fx * z, (i - cy) / fy * z
-            reach_y, reach_x, step = window(cut, fx, fy, z)
-            total, weight = 0.0, 0.0
-            for a in range(i - reach_y, i + reach_y + 1, step):
-                for b in range(j - reach_x, j + reach_x + 1, step):
-                    if a < 0 or b < 0 or a >= rows or b >= cols:
-                        continue
-                    zs = depth[a, b]
-                    if zs <= 0.0 or abs(zs - z) > cut:
-                        continue
-                    dx, dy, dz = (b - cx) / fx * zs - x, (a - cy) / fy * zs - y, zs - z
-                    w = theta(inverse * (dx * dx + dy * dy + dz * dz))
-                    total += w * zs
+            reach_y, reach_x = window(h, fx, fy, depth[i, j])
+            reach_y, reach_x = reach_y // step + 1, reach_x // step + 1
+            lanes = np.uint64((2 * reach_x + _LANES) // _LANES * _LANES)
+            own = i * width + j % step * part + pad + j // step
+            x0, y0, z0 = x[own], y[own], z[own]
+            total, weight = np.float32(0.0), np.float32(0.0)
+            for a in range(i - reach_y * step, i + reach_y * step + 1, step):
+                if a < 0 or a >= rows or last[a] < j - reach_x * step or first[a] > j + reach_x * step:
+                    continue
+                start = np.uint64(own + (a - i) * width - reach_x)
+                for k in range(lanes):
+                    dx, dy, dz = x[start + k] - x0, y[start + k] - y0, z[start + k] - z0
+                    w = theta(dx * dx + dy * dy + dz * dz)
+                    total += w * dz
                     weight += w
-            out[i, j] = total / weight
+            out[i, j] = depth[i, j] + total / (unit * weight)
     return out
 
 
 @njit(cache=True, fastmath=True)
-def project_next(original, depth, fx, fy, cx, cy, h, mu):
+def project_next(original, depth, fx, fy, cx, cy, h, mu, step):
     """Eqs. 3 and 5: attraction by the original points, repulsion by the projected ones."""
     rows, cols = depth.shape
     out = np.zeros_like(depth)
-    cut = 0.65 * h
-    inverse = 1.0 / (h * h)
+    inverse = 16.0 / (h * h)
     for i in range(rows):
         for j in range(cols):
             z = depth[i, j]
@@ -71,20 +112,21 @@ def project_next(original, depth, fx, fy, cx, cy, h, mu):
                 continue
             z0 = original[i, j]
             rx, ry = (j - cx) / fx, (i - cy) / fy
-            reach_y, reach_x, step = window(cut, fx, fy, z)
+            reach_y, reach_x = window(h, fx, fy, z)
+            reach_y, reach_x = (reach_y // step + 1) * step, (reach_x // step + 1) * step
             total, weight, push, push_weight = 0.0, 0.0, 0.0, 0.0
             for a in range(i - reach_y, i + reach_y + 1, step):
                 for b in range(j - reach_x, j + reach_x + 1, step):
                     if a < 0 or b < 0 or a >= rows or b >= cols:
                         continue
                     zs = depth[a, b]
-                    if zs <= 0.0 or abs(zs - z) > cut:
+                    if zs <= 0.0:
                         continue
                     sx, sy = (b - cx) / fx, (a - cy) / fy
                     # alpha: distance of the projected neighbour from the original point
                     dx, dy, dz = sx * zs - rx * z0, sy * zs - ry * z0, zs - z0
                     r2 = max(dx * dx + dy * dy + dz * dz, 1e-6)
-                    w = theta(inverse * r2) / np.sqrt(r2)
+                    w = theta(np.float32(inverse * r2)) / np.sqrt(r2)
                     total += w * original[a, b]
                     weight += w
                     if a == i and b == j:
@@ -92,7 +134,7 @@ def project_next(original, depth, fx, fy, cx, cy, h, mu):
                     # beta, with |d eta / d r| = r^2 for eta(r) = r^3 / 3
                     dx, dy, dz = sx * zs - rx * z, sy * zs - ry * z, zs - z
                     r2 = max(dx * dx + dy * dy + dz * dz, 1e-6)
-                    w = theta(inverse * r2) * np.sqrt(r2)
+                    w = theta(np.float32(inverse * r2)) * np.sqrt(r2)
                     push += w * (z - zs)
                     push_weight += w
             out[i, j] = total / weight

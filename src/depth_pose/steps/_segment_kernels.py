@@ -25,27 +25,37 @@ def reduce_depth(depth, stride, jump, near, far):
     block = np.empty(stride * stride, np.float32)
     for i in range(rows):
         for j in range(cols):
-            n = 0
+            n, total, least, most = 0, 0.0, np.float32(np.inf), np.float32(0.0)
             for a in range(i * stride, (i + 1) * stride):
                 for b in range(j * stride, (j + 1) * stride):
                     z = depth[a, b]
                     if z >= near and z <= far:
-                        k = n  # insert it in order
-                        while k > 0 and block[k - 1] > z:
-                            block[k] = block[k - 1]
-                            k -= 1
-                        block[k] = z
+                        block[n] = z
                         n += 1
+                        total += z
+                        least, most = min(least, z), max(most, z)
             if 2 * n < stride * stride or n == 0:
                 continue
-            middle = block[n // 2]
-            total, count = 0.0, 0
-            for k in range(n):
-                if abs(block[k] - middle) <= jump:
-                    total += block[k]
-                    count += 1
-            out[i, j] = total / count
+            out[i, j] = total / n if most - least <= jump else near_median(block[:n], jump)
     return out
+
+
+@njit(cache=True)
+def near_median(values, reach):
+    """Mean of the values within ``reach`` of the median; sorts them."""
+    for n in range(1, values.shape[0]):  # in place: sorting by insertion suits so few
+        value, k = values[n], n
+        while k > 0 and values[k - 1] > value:
+            values[k] = values[k - 1]
+            k -= 1
+        values[k] = value
+    middle = values[values.shape[0] // 2]
+    total, count = 0.0, 0
+    for value in values:
+        if abs(value - middle) <= reach:
+            total += value
+            count += 1
+    return total / count
 
 
 @njit(cache=True)
@@ -66,20 +76,49 @@ def back_project(depth, fx, fy, cx, cy):
 
 
 @njit(cache=True)
-def sample_normals(points, rows, cols, reach):
-    """Find unit normals of the surface at some pixels from neighbours ``reach`` away; 0 at edges."""
-    normals = np.zeros((rows.shape[0], 3))
-    for k in range(rows.shape[0]):
-        i, j = rows[k], cols[k]
-        if i < reach or j < reach or i + reach >= points.shape[0] or j + reach >= points.shape[1]:
-            continue
-        e = points[i, j + reach] - points[i, j - reach]
-        f = points[i + reach, j] - points[i - reach, j]
-        n0, n1, n2 = e[1] * f[2] - e[2] * f[1], e[2] * f[0] - e[0] * f[2], e[0] * f[1] - e[1] * f[0]
-        norm = np.sqrt(n0 * n0 + n1 * n1 + n2 * n2)
-        if norm > 0.0:  # false where a neighbour is NaN
-            normals[k, 0], normals[k, 1], normals[k, 2] = n0 / norm, n1 / norm, n2 / norm
-    return normals
+def draw_samples(points, most, reach, focal):
+    """Take about ``most`` points of smooth surfaces, evenly over the image.
+
+    Normals come from the neighbours ``reach`` pixels away; where one is missing there is no sample.
+    Returns points (n, 3), unit normals (n, 3) and the areas (n,) that the samples would cover if they
+    faced the camera, square metres.
+    """
+    rows, cols = points.shape[:2]
+    valid = 0
+    for i in range(rows):
+        for j in range(cols):
+            valid += points[i, j, 2] == points[i, j, 2]
+    step = max(1, valid // most)
+    room = valid // step + 1
+    samples, normals, areas = np.empty((room, 3)), np.empty((room, 3)), np.empty(room)
+    normal = np.empty(3)
+    count, seen = 0, 0
+    for i in range(rows):
+        for j in range(cols):
+            if points[i, j, 2] != points[i, j, 2]:
+                continue
+            seen += 1
+            if (seen - 1) % step == 0 and normal_at(points, i, j, reach, normal):
+                for a in range(3):
+                    samples[count, a], normals[count, a] = points[i, j, a], normal[a]
+                areas[count] = step * (samples[count, 2] / focal) ** 2
+                count += 1
+    return samples[:count], normals[:count], areas[:count]
+
+
+@njit(cache=True)
+def normal_at(points, i, j, reach, normal):
+    """Find the unit normal at a pixel from neighbours ``reach`` away; False where one is missing."""
+    if i < reach or j < reach or i + reach >= points.shape[0] or j + reach >= points.shape[1]:
+        return False
+    e0, e1, e2 = points[i, j + reach] - points[i, j - reach]
+    f0, f1, f2 = points[i + reach, j] - points[i - reach, j]
+    n0, n1, n2 = e1 * f2 - e2 * f1, e2 * f0 - e0 * f2, e0 * f1 - e1 * f0
+    norm = np.sqrt(n0 * n0 + n1 * n1 + n2 * n2)
+    if not norm > 0.0:  # a neighbour is NaN
+        return False
+    normal[0], normal[1], normal[2] = n0 / norm, n1 / norm, n2 / norm
+    return True
 
 
 @njit(cache=True)
@@ -105,6 +144,24 @@ def plane_inliers(samples, normals, areas, plane, tolerance):
             slant = abs(plane[3]) / np.sqrt(p[0] * p[0] + p[1] * p[1] + p[2] * p[2])
             total += areas[i] / max(slant, 0.25)
     return on, total
+
+
+@njit(cache=True)
+def moments(samples, on):
+    """Count, mean (3,) and covariance (3, 3) of some of the samples."""
+    count, mean, square = 0, np.zeros(3), np.zeros((3, 3))
+    for i in range(samples.shape[0]):
+        if on[i]:
+            count += 1
+            for a in range(3):
+                mean[a] += samples[i, a]
+    mean /= max(count, 1)
+    for i in range(samples.shape[0]):
+        if on[i]:
+            for a in range(3):
+                for b in range(3):
+                    square[a, b] += (samples[i, a] - mean[a]) * (samples[i, b] - mean[b])
+    return count, mean, square / max(count - 1, 1)
 
 
 @njit(cache=True)

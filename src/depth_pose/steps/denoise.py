@@ -47,12 +47,11 @@ def denoise_depth(depth: NDArray[np.float32], camera: Camera, config: DenoiseCon
         Projected depth, metres; 0 where there was none and where a point was an outlier.
     """
     intrinsics = (camera.fx, camera.fy, camera.cx, camera.cy)
+    h, step = config.support_radius, kernels.step_of(depth, config.support_radius, camera.fx)
     projected = depth
     for k in range(config.iterations):
         if k == 0:
-            projected = kernels.project_first(depth, *intrinsics, config.support_radius)
+            projected = kernels.project_first(depth, *intrinsics, h, step)
         else:
-            projected = kernels.project_next(
-                depth, projected, *intrinsics, config.support_radius, config.repulsion
-            )
+            projected = kernels.project_next(depth, projected, *intrinsics, h, config.repulsion, step)
     return kernels.drop_outliers(projected, *intrinsics, config.outlier_distance)

@@ -72,14 +72,7 @@ class _Samples:
 
     @classmethod
     def draw(cls, points: NDArray[np.float32], camera: Camera) -> _Samples:
-        rows, cols = np.nonzero(np.isfinite(points[..., 2]))
-        step = max(1, len(rows) // _SAMPLES)
-        rows, cols = rows[::step], cols[::step]
-        samples = points[rows, cols].astype(np.float64)
-        areas = float(step) * (samples[:, 2] / camera.fx) ** 2
-        normals = kernels.sample_normals(points, rows, cols, max(2, points.shape[0] // 36))
-        smooth = normals.any(axis=1)
-        return cls(samples[smooth], normals[smooth], areas[smooth])
+        return cls(*kernels.draw_samples(points, _SAMPLES, max(2, points.shape[0] // 36), camera.fx))
 
     def take(self, plane: Array) -> Array | None:
         """Fit a plane to the samples near it and take those out; None where it is none, or small."""
@@ -87,9 +80,12 @@ class _Samples:
         inliers = np.zeros(len(self.points), np.bool_)
         for _ in range(4):
             inliers, area = kernels.plane_inliers(self.points, self.normals, self.areas, plane, _TOLERANCE)
-            if inliers.sum() < 10:
+            count, middle, covariance = kernels.moments(self.points, inliers)
+            if count < 10:
                 break
-            plane, width = _fit_plane(self.points[inliers])
+            variances, axes = np.linalg.eigh(covariance)
+            plane = np.append(axes[:, 0], axes[:, 0] @ middle)
+            width = float(np.sqrt(max(variances[1], 0.0)))  # along its narrower side
         is_plane = _is_large(plane, area, width)
         if is_plane:  # its noisy points too must not make up another plane
             inliers |= np.abs(self.points @ plane[:3] - plane[3]) < 2.5 * _TOLERANCE * self.points[:, 2]
@@ -110,13 +106,6 @@ def _search(room: _Samples, most: int) -> list[Array]:
         if (plane := room.take(guess)) is not None:
             found.append(plane)
     return found
-
-
-def _fit_plane(points: Array) -> tuple[Array, float]:
-    """Fit a plane (n, d) to points; also the standard deviation of its narrower side, metres."""
-    middle = points.mean(axis=0)
-    variances, axes = np.linalg.eigh(np.cov((points - middle).T))
-    return np.append(axes[:, 0], axes[:, 0] @ middle), float(np.sqrt(max(variances[1], 0.0)))
 
 
 def _is_large(plane: Array, area: float, width: float) -> bool:

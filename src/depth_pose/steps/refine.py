@@ -140,11 +140,13 @@ class Refiner:
         best = min((compared(fitter.rough(g.body.pose)) for g in glances[:_ROUGH]), key=_score)
         for _ in range(1 if tracking else _FIRST_ROUNDS):
             proposals = self._limbs.propose(best.body.pose, best.body.vertices, comparer)
-            tried = (compared(fitter.rough(fitter.glance(start).pose)) for start in proposals)
-            better = min([best, *tried], key=_score)
-            if better is best:
+            if not proposals:
                 break
-            best = better
+            glanced = min((compared(fitter.glance(start)) for start in proposals), key=_score)
+            exchanged = compared(fitter.rough(glanced.body.pose))
+            if exchanged.comparison.score >= best.comparison.score:
+                break
+            best = exchanged
         return compared(fitter.finish(best.body))
 
     def _skeleton(self, cloud: PersonCloud, view: PersonView, fitted: _Compared) -> Skeleton:

@@ -10,6 +10,7 @@ from depth_pose.registration._articulated_kernels import (
     add_points,
     assemble,
     assign,
+    solve_tree,
     turn_normals,
     update,
 )
@@ -26,6 +27,7 @@ def fit_volume(
     rest_nodes,
     parents,
     free,
+    above,
     stiffness,
     scale,
     trust,
@@ -42,7 +44,7 @@ def fit_volume(
     """
     outlier, plane_weight, point_weight, prior, root_prior, damping, max_step = settings
     count = rest.shape[0]
-    vertices, normals, target = np.empty((count, 3)), np.empty((count, 3)), np.empty((count, 3))
+    vertices, normals, pull = np.empty((count, 3)), np.empty((count, 3)), np.empty((count, 3))
     nodes, mass, used = np.empty((parents.shape[0], 3)), np.empty(count), np.empty(count, np.bool_)
     size = 3 + 3 * stiffness.shape[0]
     segment, inertia, force = influence[:, 0], np.empty((nodes.shape[0], 6, 6)), np.empty((nodes.shape[0], 6))
@@ -61,14 +63,15 @@ def fit_volume(
                     side += normals[i, a] * (vertices[i, a] - eye[a])
                 if side > 0.0:
                     used[i] = False
-        assign(points, 1, vertices, used, sigmas[k], outlier, mass, target)
+        assign(points, 1, vertices, used, sigmas[k], outlier, mass, pull)
         total, square, reach, grow = 0.0, 0.0, 0.0, 0.0
         for i in range(count):
             mass[i] *= trust[i]
             if mass[i] > 0.0:
                 along, arm = 0.0, 0.0
                 for a in range(3):
-                    along += (target[i, a] - vertices[i, a]) * normals[i, a]
+                    pull[i, a] *= trust[i]
+                    along += pull[i, a] / mass[i] * normals[i, a]
                     arm += (vertices[i, a] - root[a]) * normals[i, a]
                 total += mass[i]
                 square += mass[i] * along * along
@@ -79,17 +82,17 @@ def fit_volume(
         inertia[:] = 0.0
         force[:] = 0.0
         matrix[:] = 0.0
-        add_points(vertices, normals, mass, target, segment, root, plane_weight, point_weight, inertia, force)
+        add_points(vertices, normals, mass, pull, segment, root, plane_weight, point_weight, inertia, force)
         assemble(inertia, force, nodes, root, parents, free, matrix, gradient)
         for i in range(size):
             hold = amount * (prior * stiffness[(i - 3) // 3] if i >= 3 else root_prior)
             matrix[i, i] += 1e-6 + damping * amount + hold
             gradient[i] -= hold * moved[i]
-        step = np.linalg.solve(matrix, gradient)
-        most = np.abs(step[3:]).max()
+        solve_tree(matrix, above, gradient)
+        most = np.abs(gradient[3:]).max()
         if most > max_step:
-            step *= max_step / most
-        update(step, free, parents, rotations)
-        root += step[:3]
-        moved += step
+            gradient *= max_step / most
+        update(gradient, free, parents, rotations)
+        root += gradient[:3]
+        moved += gradient
     return residual, factor

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.body.body import Body
-from depth_pose.registration.articulated import vertex_normals
+from depth_pose.registration.articulated import parameters_above, vertex_normals
 from depth_pose.skeleton import NODE_INDEX, NODE_PARENTS, NODES
 from depth_pose.volume import _fit_kernels as kernels
 
@@ -98,6 +98,7 @@ class VolumeFitter:
                 self._free[node] = len(stiffness)
                 stiffness.append(_STIFFNESS[kind])
         self._stiffness = np.array(stiffness)
+        self._above = parameters_above(self._free)
 
     def fit(
         self, surface: Array, rotations: Array, root: Array, stature: float, eye: Array | None = None
@@ -112,7 +113,7 @@ class VolumeFitter:
         residual, size = kernels.fit_volume(
             np.ascontiguousarray(surface[::every]), np.array(c.sigmas),
             self.body.vertices, self._normals, self._influence, self._weight, self.body.nodes,
-            NODE_PARENTS, self._free, self._stiffness, stature / self.body.stature, self._trust,
+            NODE_PARENTS, self._free, self._above, self._stiffness, stature / self.body.stature, self._trust,
             np.full(3, np.nan) if eye is None else eye,
             (c.outlier, c.plane_weight, c.point_weight, c.prior, c.root_prior, c.damping, c.max_step),
             rotations, root,
