@@ -2,7 +2,7 @@
 
     python benchmarks/memory.py
 
-Starts the four nodes and the spare process as ``depth-pose up`` does, plays a simulated recording for a
+Starts the four nodes, and what helps to start them, as ``depth-pose up`` does, plays a simulated recording for a
 while, and reads from /proc what each process holds. RSS counts pages that several processes share (libraries,
 the interpreter) once for each; PSS shares them out, so that its sum is what the machine really gives. Printed
 too is the time until all nodes are ready, from a warm cache of compiled kernels.
@@ -40,10 +40,11 @@ def held_mb(pid: int) -> dict[str, float]:
     return held
 
 
-def children(pid: int) -> list[int]:
-    """Processes that a process has started."""
+def descendants(pid: int) -> list[int]:
+    """Processes that a process has started, and theirs."""
     tasks = Path(f"/proc/{pid}/task").glob("*/children")
-    return [int(child) for task in tasks for child in task.read_text().split()]
+    found = [int(child) for task in tasks for child in task.read_text().split()]
+    return found + [further for child in found for further in descendants(child)]
 
 
 def main() -> None:
@@ -69,8 +70,8 @@ def main() -> None:
             playing.start()
             time.sleep(arguments.seconds)
             pids = {name: suite.pid(name) or -1 for name in NODES}
-            others = [pid for pid in children(os.getpid()) if pid not in pids.values()]
-            pids |= {"spare" if k == 0 else f"other {k}": pid for k, pid in enumerate(others)}
+            others = [pid for pid in descendants(os.getpid()) if pid not in pids.values()]
+            pids |= {f"helper {k}": pid for k, pid in enumerate(others, start=1)}
             held = {name: held_mb(pid) for name, pid in pids.items()}
             player.stop()
             playing.join(10.0)
@@ -78,7 +79,7 @@ def main() -> None:
     print("|---" * (len(_PARTS) + 1) + "|")
     rows = held | {
         "**four nodes**": {p: sum(held[n][p] for n in NODES) for p in _PARTS},
-        "**with the spare**": {p: sum(h[p] for h in held.values()) for p in _PARTS},
+        "**with the helpers**": {p: sum(h[p] for h in held.values()) for p in _PARTS},
     }
     for name, parts in rows.items():
         print(f"| {name} | " + " | ".join(f"{parts[p]:.0f}" for p in _PARTS) + " |")
