@@ -43,6 +43,9 @@ from depth_pose.steps.confidence import KINDS, SIGNS, look_at_joints, score_of
 from depth_pose.steps.view import view_person
 
 RIGHT_M = 0.1
+_TRUST = 0.9
+"""Recovered joints' confidence is what the figures say times this (`depth_pose.steps.recover`)."""
+
 _BINS = np.linspace(0, 1, 11)
 
 
@@ -185,7 +188,7 @@ def area(stated: np.ndarray, right: np.ndarray) -> float:
 
 def report(label: str, answers: Answers, weights: np.ndarray) -> None:
     """Print how good the stated and the newly fitted confidence are."""
-    trust = np.where(answers.recovered, 0.8, 1.0)[:, None]
+    trust = np.where(answers.recovered, _TRUST, 1.0)[:, None]
     fitted = trust / (1 + np.exp(-answers.design @ weights))
     print(f"{label}: {len(answers.right)} frames, {answers.right.mean():.3f} of the joints within 10 cm")
     for name, stated, right in (

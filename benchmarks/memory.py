@@ -2,10 +2,11 @@
 
     python benchmarks/memory.py
 
-Starts the four nodes, and what helps to start them, as ``depth-pose up`` does, plays a simulated recording for a
-while, and reads from /proc what each process holds. RSS counts pages that several processes share (libraries,
-the interpreter) once for each; PSS shares them out, so that its sum is what the machine really gives. Printed
-too is the time until all nodes are ready, from a warm cache of compiled kernels.
+Starts the four nodes, and what helps to start them, as ``depth-pose up`` does, plays a simulated
+recording for a while, and reads from /proc what each process holds. RSS counts pages that several
+processes share (libraries, the interpreter) once for each; PSS shares them out, so that its sum is what
+the machine really gives. Printed too is the time until all nodes are ready, from a warm cache of compiled
+kernels.
 """
 
 from __future__ import annotations

@@ -40,36 +40,36 @@ _TOWARD = {
 """The other end of the segment that is looked at for each kind of joint."""
 
 SIGNS = {
-    "hidden": 0.29,
-    "outside": 0.05,
-    "in free space": 0.87,
-    "before the surface": 0.21,
-    "behind the surface": 0.17,
-    "segment in free space": -2.99,
-    "segment hidden": -3.37,
-    "segment off the surface": -2.4,
+    "hidden": 0.20,
+    "outside": 0.16,
+    "in free space": 0.80,
+    "before the surface": 0.20,
+    "behind the surface": 0.13,
+    "segment in free space": -3.34,
+    "segment hidden": -3.62,
+    "segment off the surface": -2.70,
 }
 """Log-odds of what is seen. Hidden, outside the image, in free space: 0 or 1. Before or behind: how far
 the joint is from where it should lie under the surface seen, in units of 7 cm, at most 2. Of the segment:
 the shares of it in free space and hidden, and the mean distance of the rest in those units."""
 
 KINDS = {
-    "pelvis": 8.05,
-    "spine": 7.99,
-    "chest": 8.84,
-    "neck": 8.3,
+    "pelvis": 8.30,
+    "spine": 8.22,
+    "chest": 8.89,
+    "neck": 8.25,
     "head": 8.44,
-    "shoulder": 7.81,
-    "elbow": 5.52,
-    "wrist": 3.83,
-    "hip": 7.68,
-    "knee": 6.5,
+    "shoulder": 7.85,
+    "elbow": 5.45,
+    "wrist": 3.78,
+    "hip": 7.95,
+    "knee": 6.56,
     "ankle": 5.29,
-    "foot": 5.21,
+    "foot": 5.25,
 }
 """Log-odds of each kind of joint."""
 
-SCORE = -8.19
+SCORE = -6.95
 """Log-odds of the fit's rendered-depth score."""
 
 _KIND = [name.split("_")[-1] for name in JOINTS]

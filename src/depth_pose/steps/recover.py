@@ -39,6 +39,9 @@ _MAX_POINTS = 600
 _TRUST = 0.8
 """A recovered skeleton's confidence is its agreement with the input times this."""
 
+_JOINT_TRUST = 0.9
+"""The same for its joints."""
+
 _SIGMAS = (0.05, 0.04, 0.034, *FINE_SIGMAS)
 """Standard deviations of the fit that follows the registration, metres."""
 
@@ -203,7 +206,7 @@ class Recoverer:
             scale=past.skeleton.scale,
             positions=positions,
             quats_xyzw=matrix_to_quat(pose.rotations[JOINT_NODES]),
-            joint_confidence=(_TRUST * report.confidence).astype(np.float32),
+            joint_confidence=(_JOINT_TRUST * report.confidence).astype(np.float32),
             joint_states=report.states,
         )
 
