@@ -54,7 +54,9 @@ def look_at_joints(
         states[j] = _SEEN
         if not (-0.5 <= u < width - 0.5 and -0.5 <= v < height - 0.5):
             states[j] = _OUTSIDE
-            signs[j, 1] = 1.0
+            du = max(0.0, -0.5 - u, u - width + 0.5) * z / fx
+            dv = max(0.0, -0.5 - v, v - height + 0.5) * z / fy
+            signs[j, 1] = min(np.sqrt(du * du + dv * dv) / hidden_behind, 5.0)
         else:
             label, gap = _look(x, y, z, below[j], window, depth, labels)
             if label == BACKGROUND:

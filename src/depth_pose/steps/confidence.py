@@ -40,36 +40,37 @@ _TOWARD = {
 """The other end of the segment that is looked at for each kind of joint."""
 
 SIGNS = {
-    "hidden": 0.20,
-    "outside": 0.16,
-    "in free space": 0.80,
-    "before the surface": 0.20,
-    "behind the surface": 0.13,
-    "segment in free space": -3.34,
+    "hidden": 0.17,
+    "outside": -0.21,
+    "in free space": 0.57,
+    "before the surface": 0.09,
+    "behind the surface": 0.10,
+    "segment in free space": -2.83,
     "segment hidden": -3.62,
-    "segment off the surface": -2.70,
+    "segment off the surface": -2.71,
 }
-"""Log-odds of what is seen. Hidden, outside the image, in free space: 0 or 1. Before or behind: how far
-the joint is from where it should lie under the surface seen, in units of 7 cm, at most 2. Of the segment:
-the shares of it in free space and hidden, and the mean distance of the rest in those units."""
+"""Log-odds of what is seen. Hidden, in free space: 0 or 1. Outside: how far beyond the image's border,
+in units of 7 cm, at most 5. Before or behind: how far the joint is from where it should lie under the surface
+seen, in those units, at most 2. Of the segment: the shares of it in free space and hidden, and the mean
+distance of the rest."""
 
 KINDS = {
-    "pelvis": 8.30,
-    "spine": 8.22,
-    "chest": 8.89,
-    "neck": 8.25,
-    "head": 8.44,
-    "shoulder": 7.85,
-    "elbow": 5.45,
-    "wrist": 3.78,
-    "hip": 7.95,
-    "knee": 6.56,
-    "ankle": 5.29,
-    "foot": 5.25,
+    "pelvis": 8.29,
+    "spine": 8.55,
+    "chest": 9.16,
+    "neck": 8.48,
+    "head": 8.67,
+    "shoulder": 8.05,
+    "elbow": 5.44,
+    "wrist": 3.73,
+    "hip": 7.96,
+    "knee": 6.47,
+    "ankle": 5.25,
+    "foot": 5.19,
 }
 """Log-odds of each kind of joint."""
 
-SCORE = -6.95
+SCORE = -6.72
 """Log-odds of the fit's rendered-depth score."""
 
 _KIND = [name.split("_")[-1] for name in JOINTS]
