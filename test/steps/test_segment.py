@@ -317,3 +317,16 @@ def test_clip_depth_twin():
     depth = np.array([[0.0, 0.4, 0.39], [8.0, 8.01, np.nan], [np.inf, -1.0, 2.5]], np.float32)
     expected = np.array([[0.0, 0.4, 0.0], [8.0, 0.0, 0.0], [0.0, 0.0, 2.5]], np.float32)
     np.testing.assert_array_equal(kernels.clip_depth(depth, np.float32(0.4), 8.0), expected)
+
+
+def test_pixels_that_saw_both_are_unknown():
+    """Beside the person, and clearly nearer than the wall behind: neither person nor background."""
+    depth = np.full((9, 9), 5.0, np.float32)
+    labels = np.full((9, 9), BACKGROUND, np.uint8)
+    depth[3:6, 3:6], labels[3:6, 3:6] = 2.0, PERSON
+    depth[4, 2], depth[4, 6], depth[2, 4] = 3.5, 4.9, 2.1  # mixed, the noisy wall, a thin limb
+    depth[0, 0] = 3.0  # far from the person
+    depth[6, 3] = 0.0  # nothing seen there
+    kernels.mark_mixed(depth, labels, PERSON, UNKNOWN, 0.16)
+    assert sorted(map(tuple, np.argwhere(labels == UNKNOWN))) == [(2, 4), (4, 2)]
+    assert (labels == PERSON).sum() == 9

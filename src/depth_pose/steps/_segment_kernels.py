@@ -295,3 +295,23 @@ def filter_support(depth, mask, jump, least):
                         support += 1
             out[i, j] = support >= least
     return out
+
+
+@njit(cache=True)
+def mark_mixed(depth, labels, person, unknown, gap):
+    """Label as unknown what lies beside the person and nearer by ``gap`` than what is behind it.
+
+    Such pixels saw both, or a limb too thin to be kept: they say nothing about where the person ends.
+    """
+    rows, cols = depth.shape
+    for i in range(rows):
+        for j in range(cols):
+            if labels[i, j] == person or labels[i, j] == unknown or depth[i, j] <= 0.0:
+                continue
+            beside, far = False, depth[i, j]
+            for a in range(max(0, i - 1), min(rows, i + 2)):
+                for b in range(max(0, j - 1), min(cols, j + 2)):
+                    beside |= labels[a, b] == person
+                    far = max(far, depth[a, b])
+            if beside and depth[i, j] < far - gap:
+                labels[i, j] = unknown

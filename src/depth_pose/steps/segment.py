@@ -115,6 +115,7 @@ class PersonSegmenter:
             if missing.mean() < 0.5:  # else the recording's background was cut away
                 labels[missing] = UNKNOWN
             labels[person] = PERSON
+            kernels.mark_mixed(depth, labels, PERSON, UNKNOWN, 2.0 * config.depth_jump)
         return Segmentation(
             stamp_ns=frame.stamp_ns,
             frame_id=frame.frame_id,
