@@ -31,8 +31,8 @@ ROOT = Path(__file__).resolve().parents[1]
 
 TEXT = """# Speed
 
-Written by `python benchmarks/all.py` on {date}: {machine}. One thread; milliseconds of processor time, which
-other work on the machine changes little.
+Written by `python benchmarks/all.py` on {date}: {machine}. One thread;
+milliseconds of processor time.
 
 ![Milliseconds by stage, and beside other tools](docs/images/stages.png)
 
@@ -91,7 +91,7 @@ def draw(measured: list[stages.StageTimes], compared: list[peers.Peer], path: Pa
     left.set(xlabel="ms of processor time a frame, medians", title="the pipeline, one thread")
     left.set_xlim(0, 1.1 * start.max())
     left.invert_yaxis()
-    left.legend(fontsize=8, loc="lower right")
+    left.legend(fontsize=8, loc="upper right")
     labels = [f"{p.step.split(',')[0]}: {p.name}" for p in compared]
     colors = ["tab:green" if "ours" in p.name else "0.6" for p in compared]
     right.barh(labels, [p.ms for p in compared], color=colors)
