@@ -50,7 +50,7 @@ def test_half_out_of_the_image(run) -> None:
     last = skeletons[-1]
     outside = last.joint_states == JointState.OUTSIDE_IMAGE
     assert 2 <= outside.sum() <= 12
-    assert last.joint_confidence[outside].mean() < last.joint_confidence[~outside].mean() - 0.1
+    assert (last.joint_confidence[outside] < 0.5).all()
     apart = np.linalg.norm(last.positions - at[-1].nodes[JOINT_NODES], axis=1)
     assert np.median(apart[~outside]) < 0.12
     assert ids(skeletons) == {"body_1"}

@@ -73,6 +73,10 @@ KINDS = {
 SCORE = -6.72
 """Log-odds of the fit's rendered-depth score."""
 
+BESIDE = 0.45
+"""The most that is said of a joint beyond the left or right border of the image: of people cut off there
+by half too much is guessed, and nothing was fitted to them."""
+
 _KIND = [name.split("_")[-1] for name in JOINTS]
 _BELOW = np.array([_DEPTH_BEHIND_SURFACE.get(kind, 0.11) for kind in _KIND])
 _OTHER_END = np.array(
@@ -161,4 +165,8 @@ def report_joints(
     """
     seen = look_at_joints(positions, scale, view)
     odds = _KIND_ODDS + seen.signs @ _SIGN_ODDS + SCORE * score
-    return JointReport(seen.states, 1.0 / (1.0 + np.exp(-odds)))
+    confidence = 1.0 / (1.0 + np.exp(-odds))
+    column = view.camera.fx * positions[:, 0] / positions[:, 2] + view.camera.cx
+    beside = np.abs(column - 0.5 * (view.camera.width - 1)) > 0.5 * view.camera.width
+    confidence[beside] = np.minimum(confidence[beside], BESIDE)
+    return JointReport(seen.states, confidence)
