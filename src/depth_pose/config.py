@@ -210,8 +210,8 @@ class SmoothConfig(_Checked):
     """Low-pass filter on the published joints (Sec. 6): One-Euro filter, Casiez et al., CHI 2012."""
 
     enabled: bool = option(True, "Filter the joint positions over time")
-    min_cutoff: float = option(2.5, "Cut-off frequency at rest", unit="Hz", low=0.01, high=100.0)
-    beta: float = option(16.0, "Cut-off frequency gained per speed", unit="Hz s/m", low=0.0, high=100.0)
+    min_cutoff: float = option(0.5, "Cut-off frequency at rest", unit="Hz", low=0.01, high=100.0)
+    beta: float = option(24.0, "Cut-off frequency gained per speed", unit="Hz s/m", low=0.0, high=100.0)
 
 
 class Sections:

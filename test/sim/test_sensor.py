@@ -30,6 +30,19 @@ def test_wall_has_one_depth() -> None:
     np.testing.assert_allclose(depth, 2.5, atol=1e-5)
 
 
+def test_another_width_sees_the_same() -> None:
+    """A square is found at the same place, to a pixel, in images of two sizes."""
+    edges = []
+    for width in (640, 320):
+        model = replace(SENSORS["structured"], noise=NO_NOISE).with_width(width)
+        depth = VirtualSensor(model).render([_quad(2.0, half=0.5, x=0.2)])
+        assert depth.shape == (width * 3 // 4, width)
+        columns = np.flatnonzero((depth > 0).any(axis=0))[[0, -1]] + np.array([-0.5, 0.5])
+        edges.append((columns - model.camera.cx) / model.camera.fx * 2.0)
+    np.testing.assert_allclose(edges[0], edges[1], atol=2.0 / 287)
+    np.testing.assert_allclose(edges[0], [-0.3, 0.7], atol=2.0 / 575)
+
+
 def test_range_is_limited_and_nothing_is_zero() -> None:
     assert (VirtualSensor(IDEAL).render([_quad(9.0)]) == 0).all()
     assert (VirtualSensor(IDEAL).render([_quad(0.2)]) == 0).all()

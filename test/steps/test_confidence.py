@@ -7,9 +7,19 @@ import pytest
 
 import synthetic as syn
 from depth_pose.skeleton import JOINT_INDEX, JOINT_NODES, JOINTS, JointState
-from depth_pose.steps.confidence import report_joints, skeleton_confidence
+from depth_pose.steps.confidence import (
+    KINDS,
+    SIGNS,
+    look_at_joints,
+    report_joints,
+    score_of,
+    skeleton_confidence,
+)
 from depth_pose.steps.view import view_person
-from depth_pose.types import UNKNOWN, PersonCloud
+from depth_pose.types import PERSON, UNKNOWN, PersonCloud
+
+SCORE = 0.22
+"""Rendered-depth score of a usual good fit."""
 
 
 def test_confidence_falls_with_the_score():
@@ -23,15 +33,15 @@ def test_confidence_falls_with_the_score():
 def _report(rotations, **placed):
     body = syn.posed(rotations, **placed)
     cloud = syn.to_cloud(syn.draw(syn.mesh(body)))
-    return report_joints(body.nodes[JOINT_NODES], placed.get("scale", 1.0), view_person(cloud))
+    return report_joints(body.nodes[JOINT_NODES], placed.get("scale", 1.0), view_person(cloud), SCORE)
 
 
 @pytest.mark.parametrize("scale", [0.7, 1.0])
 def test_a_person_seen_from_the_front_is_all_seen(scale):
     report = _report(syn.arms_down(), distance=2.8, scale=scale)
     assert (report.states == JointState.SEEN).all()
-    assert report.certainty.min() > 0.4
-    assert np.mean(report.certainty) > 0.9
+    assert report.confidence.min() > 0.8
+    assert np.mean(report.confidence) > 0.95
 
 
 def test_the_far_arm_of_a_profile_is_hidden():
@@ -41,7 +51,7 @@ def test_the_far_arm_of_a_profile_is_hidden():
     assert f"{far}_elbow" in hidden
     assert f"{far}_shoulder" in hidden
     assert not {f"{near}_shoulder", f"{near}_elbow", f"{near}_wrist", "head"} & hidden
-    certain = report.certainty[[JOINT_INDEX[f"{near}_elbow"], JOINT_INDEX[f"{far}_elbow"]]]
+    certain = report.confidence[[JOINT_INDEX[f"{near}_elbow"], JOINT_INDEX[f"{far}_elbow"]]]
     assert certain[0] > certain[1]
 
 
@@ -50,7 +60,11 @@ def test_joints_beyond_the_border_are_outside():
     outside = {JOINTS[j] for j in np.flatnonzero(report.states == JointState.OUTSIDE_IMAGE)}
     assert {"left_ankle", "right_ankle", "left_foot", "right_foot"} <= outside
     assert "chest" not in outside
-    assert (report.certainty[[JOINT_INDEX[n] for n in outside]] < 0.5).all()
+    confidence = dict(zip(JOINTS, report.confidence, strict=True))
+    assert max(confidence["left_foot"], confidence["right_foot"]) < 0.7
+    assert max(confidence["left_foot"], confidence["right_foot"]) < min(
+        confidence[n] for n in JOINTS if n not in outside
+    )
 
 
 def test_joints_behind_something_are_hidden():
@@ -64,7 +78,7 @@ def test_joints_behind_something_are_hidden():
     labels[:, col - 3 : col + 4] = UNKNOWN
     points[:, col - 3 : col + 4] = np.nan
     view = view_person(PersonCloud(0, "", points, labels))
-    report = report_joints(joints, 1.0, view)
+    report = report_joints(joints, 1.0, view, SCORE)
     assert report.states[JOINT_INDEX["left_elbow"]] == JointState.OCCLUDED
     assert report.states[JOINT_INDEX["right_elbow"]] == JointState.SEEN
 
@@ -74,6 +88,63 @@ def test_a_joint_in_free_space_is_less_certain():
     view = view_person(syn.to_cloud(syn.draw(syn.mesh(body))))
     joints = body.nodes[JOINT_NODES].copy()
     j = JOINT_INDEX["left_wrist"]
-    good = report_joints(joints, 1.0, view).certainty[j]
+    good = report_joints(joints, 1.0, view, SCORE).confidence[j]
     joints[j, 0] += 0.25
-    assert report_joints(joints, 1.0, view).certainty[j] < good
+    assert report_joints(joints, 1.0, view, SCORE).confidence[j] < 0.5 < 0.85 < good
+
+
+def test_the_score_is_found_again_from_the_confidence():
+    scores = np.linspace(0.05, 0.95, 19)
+    np.testing.assert_allclose([score_of(skeleton_confidence(s)) for s in scores], scores, atol=1e-6)
+
+
+def test_a_poor_fit_makes_every_joint_less_certain():
+    body = syn.posed(syn.arms_down())
+    view = view_person(syn.to_cloud(syn.draw(syn.mesh(body))))
+    good, poor = (report_joints(body.nodes[JOINT_NODES], 1.0, view, s).confidence for s in (0.15, 0.5))
+    assert (poor < good).all()
+
+
+def test_signs_and_confidence_follow_the_formulas():
+    """The kernel against plain numpy: labels and gaps at the joint, and at six places of the segment."""
+    body = syn.posed(syn.arms_down(), turn=60.0)
+    view = view_person(syn.to_cloud(syn.draw(syn.mesh(body))))
+    joints = body.nodes[JOINT_NODES] + np.random.default_rng(2).normal(size=(19, 3)) * 0.06
+    found, camera = look_at_joints(joints, 1.0, view), view.full.camera
+    below = {"wrist": 0.03, "foot": 0.03, "ankle": 0.04, "elbow": 0.05, "knee": 0.06}
+    toward = {"wrist": "elbow", "elbow": "shoulder", "knee": "hip", "ankle": "knee", "foot": "ankle"}
+
+    def look(at, depth_below):
+        row = round(camera.fy * at[1] / at[2] + camera.cy)
+        column = round(camera.fx * at[0] / at[2] + camera.cx)
+        if not (0 <= row < view.full.depth.shape[0] and 0 <= column < view.full.depth.shape[1]):
+            return 0, 0.0
+        label = view.full.labels[row, column]
+        return label, at[2] - depth_below - float(view.full.depth[row, column]) if label == PERSON else 0.0
+
+    for name, kind in ((n, n.split("_")[-1]) for n in JOINTS if n.split("_")[-1] in toward):
+        j, end = JOINT_INDEX[name], JOINT_INDEX[name.replace(kind, toward[kind])]
+        here, there = below[kind], below.get(toward[kind], 0.11)
+        looked = [
+            look(joints[j] + t * (joints[end] - joints[j]), here + t * (there - here))
+            for t in np.arange(6) / 6
+        ]
+        free = [label == 0 for label, _ in looked]
+        hidden = [label == UNKNOWN or (label == PERSON and gap > 0.07) for label, gap in looked]
+        gaps = [
+            min(abs(g) / 0.07, 2.0) for (_, g), f, h in zip(looked, free, hidden, strict=True) if not (f or h)
+        ]
+        np.testing.assert_allclose(
+            found.signs[j, 5:], [np.mean(free), np.mean(hidden), sum(gaps) / 6], atol=1e-6, err_msg=name
+        )
+        gap = looked[0][1]
+        alone = [hidden[0], 0.0, free[0], 0.0, 0.0]
+        if not (free[0] or hidden[0]):
+            alone[3:] = [np.clip(-gap / 0.07, 0, 2), max(gap / 0.07, 0)]
+        np.testing.assert_allclose(found.signs[j, :5], np.array(alone, float), atol=1e-6, err_msg=name)
+    report = report_joints(joints, 1.0, view, SCORE)
+    j = JOINT_INDEX["left_wrist"]
+    zero = report_joints(joints, 1.0, view, 0.0).confidence[j]
+    odds = KINDS["wrist"] + found.signs[j] @ np.array(list(SIGNS.values()))
+    np.testing.assert_allclose(np.log(zero / (1 - zero)), odds, atol=1e-9)
+    assert report.confidence[j] < zero

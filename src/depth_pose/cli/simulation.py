@@ -24,6 +24,9 @@ def simulate(
         str, typer.Option(help="A motion's name (a wrong one lists them), or a BVH file.")
     ] = "play",
     sensor: Annotated[str, typer.Option(help="tof or structured.")] = "tof",
+    width: Annotated[
+        int | None, typer.Option(min=64, max=4096, help="Width of the images in pixels; the sensor's own.")
+    ] = None,
     seconds: Annotated[float, typer.Option(min=0.04, max=3600.0, help="Length.")] = 10.0,
     seed: Annotated[int, typer.Option(min=0, help="Of motion and noise.")] = 0,
     stature: Annotated[float | None, setting(Person, "stature")] = None,
@@ -52,6 +55,8 @@ def simulate(
 
     depth-pose simulate -o kick.mcap --motion kick --sensor structured --azimuth 40 --pitch 12 --height 1.6
 
+    depth-pose simulate -o kinect.mcap --sensor structured --width 320
+
     depth-pose simulate -o child.mcap --motion wave --stature 1.2 --head-size 1.25 --seed 3
     """
     from depth_pose.errors import ConfigError
@@ -75,7 +80,8 @@ def simulate(
         )
     )
     placement = Placement(**given(distance=distance, height=height, azimuth=azimuth, pitch=pitch, roll=roll))
-    stage = Stage(SENSORS[sensor], placement, Room(**given(floor=floor, wall=wall)))
+    model = SENSORS[sensor] if width is None else SENSORS[sensor].with_width(width)
+    stage = Stage(model, placement, Room(**given(floor=floor, wall=wall)))
     clip = load_motion(motion, stage.sensor.fps, seconds, seed)
     with progress_bar(f"{sensor} sensor, {motion}", len(clip)) as update:
         truth = record(output, person.body(), clip, stage, seed, lambda done, _: update(done))

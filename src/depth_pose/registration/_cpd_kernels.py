@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-CUT = 12.0
-"""Gaussians are cut where their exponent falls below -12, that is 4.9 sigma away (6e-6)."""
+CUT = 16.0
+"""Gaussians are cut where their exponent falls below -16, that is 5.7 sigma away (1e-7)."""
 
 _CELL_M = 0.04
 _MOST_CELLS = 128

@@ -13,7 +13,7 @@ it.
    \qquad c = (2\pi\sigma^2)^{3/2}\, \frac{w}{1 - w}\, \frac{M}{N}
 
 with the outlier weight w. In metres c is small, and what keeps far points out is the cut: Gaussians
-end at 4.9 sigma, and a target beyond the reach of all sources belongs to none. The targets within
+end at 5.7 sigma, and a target beyond the reach of all sources belongs to none. The targets within
 reach of a source are found through a grid.
 
 *M-step*  The field is :math:`v = B a`, with a basis for which :math:`B B^T` approximates the
@@ -41,6 +41,9 @@ from depth_pose.errors import ConfigError, InputError
 from depth_pose.registration import _cpd_kernels as kernels
 
 Array = NDArray[np.float64]
+
+LEAST_EIGENVALUE = 1e-6
+"""Share of the largest eigenvalue that a direction of the basis has, for the pipeline's stiff fields."""
 
 
 @dataclass(frozen=True)
@@ -185,7 +188,7 @@ def _points(points: Array, name: str) -> Array:
     return points
 
 
-def euclidean_basis(points: Array, count: int, beta: float) -> Array:
+def euclidean_basis(points: Array, count: int, beta: float, least: float = LEAST_EIGENVALUE) -> Array:
     """Basis of smooth displacement fields of a point set, from Euclidean distances.
 
     Parameters
@@ -196,6 +199,8 @@ def euclidean_basis(points: Array, count: int, beta: float) -> Array:
         Points from which the kernel is approximated.
     beta : float
         Width of the Gaussian kernel, metres.
+    least : float
+        As for `nystroem_basis`.
 
     Returns
     -------
@@ -205,7 +210,7 @@ def euclidean_basis(points: Array, count: int, beta: float) -> Array:
     points = np.ascontiguousarray(points, np.float64)
     chosen = farthest_points(points, count)
     distances = np.linalg.norm(points[:, None] - points[chosen], axis=2)
-    return nystroem_basis(distances, chosen, beta)
+    return nystroem_basis(distances, chosen, beta, least)
 
 
 def farthest_points(points: Array, count: int) -> NDArray[np.int64]:
@@ -215,7 +220,9 @@ def farthest_points(points: Array, count: int) -> NDArray[np.int64]:
     return chosen
 
 
-def nystroem_basis(distances: Array, chosen: NDArray[np.int64], beta: float) -> Array:
+def nystroem_basis(
+    distances: Array, chosen: NDArray[np.int64], beta: float, least: float = LEAST_EIGENVALUE
+) -> Array:
     """Low-rank factor of a Gaussian kernel matrix from some of its columns.
 
     Parameters
@@ -226,14 +233,16 @@ def nystroem_basis(distances: Array, chosen: NDArray[np.int64], beta: float) -> 
         Which points these are.
     beta : float
         Width of the kernel, metres.
+    least : float
+        Directions that carry less than this share of the largest eigenvalue are left out. A direction
+        counts as long as its eigenvalue is not small against ``lambda sigma^2``: soft fields need more.
 
     Returns
     -------
     (M, K) float64
-        Directions that carry less than 1e-6 of the largest eigenvalue are left out.
     """
     columns = np.exp(-0.5 * (distances / beta) ** 2)
     among = columns[chosen]
     values, vectors = np.linalg.eigh(0.5 * (among + among.T))
-    keep = values > 1e-6 * values[-1]
+    keep = values > least * values[-1]
     return np.asarray(columns @ (vectors[:, keep] / np.sqrt(values[keep])))

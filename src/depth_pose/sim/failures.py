@@ -89,13 +89,13 @@ def fail(kind: str, skeleton: Skeleton, view: PersonView, bank: Bank, rng: np.ra
     posed = body.pose(pose.rotations, pose.root, pose.scale)
     seen = DepthComparer(view.coarse, MatchConfig().score_band).compare(posed.vertices, body.faces)
     confidence, positions = skeleton_confidence(seen.score), posed.nodes[JOINT_NODES]
-    report = report_joints(positions, pose.scale, view)
+    report = report_joints(positions, pose.scale, view, seen.score)
     return replace(
         skeleton,
         confidence=float(np.float32(confidence)),
         residual=float(np.float32(seen.gap)),
         positions=positions,
         quats_xyzw=matrix_to_quat(pose.rotations[JOINT_NODES]),
-        joint_confidence=(confidence * report.certainty).astype(np.float32),
+        joint_confidence=report.confidence.astype(np.float32),
         joint_states=report.states,
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -43,6 +43,15 @@ class SensorModel:
     far: float
     projector_offset: float
     noise: NoiseConfig
+
+    def with_width(self, width: int) -> SensorModel:
+        """Give the same sensor with images so many pixels wide, and the same field of view."""
+        c = self.camera
+        factor = width / c.width
+        # pixel centres are whole numbers: the image begins half a pixel before the first
+        cx, cy = (c.cx + 0.5) * factor - 0.5, (c.cy + 0.5) * factor - 0.5
+        camera = Camera(width, round(c.height * factor), c.fx * factor, c.fy * factor, cx, cy)
+        return replace(self, camera=camera)
 
 
 SENSORS: dict[str, SensorModel] = {

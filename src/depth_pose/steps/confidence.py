@@ -1,4 +1,14 @@
-"""How sure a skeleton and each of its joints are, and how each joint was seen."""
+r"""How sure a skeleton and each of its joints are, and how each joint was seen.
+
+A joint's confidence is the chance that it lies within 10 cm of where it should. Its log-odds are
+a sum: a term for the kind of joint, terms for what is seen at the joint and along the segment of
+the limb that ends there (`SIGNS`), and one for the fit's rendered-depth score,
+
+.. math:: \log\frac{p_j}{1 - p_j} = k_j + \sum_i w_i\, s_{ij} + w\, \mathrm{score}
+
+whose figures ``benchmarks/confidence.py`` fits to simulated people and checks on recordings that
+nothing was fitted to (docs/accuracy.md).
+"""
 
 from __future__ import annotations
 
@@ -7,9 +17,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.skeleton import JOINTS, JointState
+from depth_pose.skeleton import JOINT_INDEX, JOINTS
+from depth_pose.steps import _confidence_kernels as kernels
 from depth_pose.steps.view import PersonView
-from depth_pose.types import BACKGROUND, PERSON
 
 _HALF_SURE_SCORE = 0.45
 """Rendered-depth score at which a fit is as likely right as wrong."""
@@ -22,13 +32,77 @@ _DEPTH_BEHIND_SURFACE = {"wrist": 0.03, "foot": 0.03, "ankle": 0.04, "elbow": 0.
 _HIDDEN_BEHIND = 0.07
 """A joint is hidden if the surface seen there lies this much nearer than its own should, metres."""
 
+_TOWARD = {
+    "pelvis": "spine", "spine": "pelvis", "chest": "spine", "neck": "chest", "head": "neck",
+    "shoulder": "neck", "elbow": "shoulder", "wrist": "elbow",
+    "hip": "pelvis", "knee": "hip", "ankle": "knee", "foot": "ankle",
+}  # fmt: skip
+"""The other end of the segment that is looked at for each kind of joint."""
+
+SIGNS = {
+    "hidden": 0.17,
+    "outside": -0.21,
+    "in free space": 0.57,
+    "before the surface": 0.09,
+    "behind the surface": 0.10,
+    "segment in free space": -2.83,
+    "segment hidden": -3.62,
+    "segment off the surface": -2.71,
+}
+"""Log-odds of what is seen. Hidden, in free space: 0 or 1. Outside: how far beyond the image's border,
+in units of 7 cm, at most 5. Before or behind: how far the joint is from where it should lie under the surface
+seen, in those units, at most 2. Of the segment: the shares of it in free space and hidden, and the mean
+distance of the rest."""
+
+KINDS = {
+    "pelvis": 8.29,
+    "spine": 8.55,
+    "chest": 9.16,
+    "neck": 8.48,
+    "head": 8.67,
+    "shoulder": 8.05,
+    "elbow": 5.44,
+    "wrist": 3.73,
+    "hip": 7.96,
+    "knee": 6.47,
+    "ankle": 5.25,
+    "foot": 5.19,
+}
+"""Log-odds of each kind of joint."""
+
+SCORE = -6.72
+"""Log-odds of the fit's rendered-depth score."""
+
+BESIDE = 0.45
+"""The most that is said of a joint beyond the left or right border of the image: of people cut off there
+by half too much is guessed, and nothing was fitted to them."""
+
+_KIND = [name.split("_")[-1] for name in JOINTS]
+_BELOW = np.array([_DEPTH_BEHIND_SURFACE.get(kind, 0.11) for kind in _KIND])
+_OTHER_END = np.array(
+    [
+        JOINT_INDEX.get(name.replace(kind, _TOWARD[kind]), JOINT_INDEX.get(_TOWARD[kind], 0))
+        for name, kind in zip(JOINTS, _KIND, strict=True)
+    ]
+)
+_KIND_ODDS = np.array([KINDS[kind] for kind in _KIND])
+_SIGN_ODDS = np.array(list(SIGNS.values()))
+
+
+@dataclass(frozen=True)
+class JointSigns:
+    """How each joint was seen: states (19,) uint8, and the figures of `SIGNS`, (19, 8)."""
+
+    states: NDArray[np.uint8]
+    signs: NDArray[np.float64]
+
 
 @dataclass(frozen=True)
 class JointReport:
-    """How each joint was seen: states (19,) uint8, and certainty (19,) from 0 to 1."""
+    """How each joint was seen: states (19,) uint8, and confidence (19,), the chance to be within 10 cm."""
 
     states: NDArray[np.uint8]
-    certainty: NDArray[np.float64]
+    confidence: NDArray[np.float64]
 
 
 def skeleton_confidence(score: float) -> float:
@@ -42,8 +116,8 @@ def score_of(confidence: float) -> float:
     return float(_HALF_SURE_SCORE + _SCORE_SPREAD * np.log(1.0 / bounded - 1.0))
 
 
-def report_joints(positions: NDArray[np.float64], scale: float, view: PersonView) -> JointReport:
-    """Compare joints with the depth seen where they project.
+def look_at_joints(positions: NDArray[np.float64], scale: float, view: PersonView) -> JointSigns:
+    """Compare joints with the depth seen where they and the limbs' segments project.
 
     Parameters
     ----------
@@ -54,31 +128,45 @@ def report_joints(positions: NDArray[np.float64], scale: float, view: PersonView
 
     Returns
     -------
-    JointReport
+    JointSigns
         SEEN where the surface lies as far in front of the joint as it should; OCCLUDED where it
         lies nearer, or where nothing is known; OUTSIDE_IMAGE beyond the image's border.
     """
-    states = np.full(len(JOINTS), JointState.SEEN, np.uint8)
-    certainty = np.ones(len(JOINTS))
-    camera, window = view.camera, view.full
-    for j, (x, y, z) in enumerate(positions):
-        u, v = camera.fx * x / z + camera.cx, camera.fy * y / z + camera.cy
-        if not (-0.5 <= u < camera.width - 0.5 and -0.5 <= v < camera.height - 0.5):
-            states[j], certainty[j] = JointState.OUTSIDE_IMAGE, 0.3
-            continue
-        a = round(window.camera.fy * y / z + window.camera.cy)
-        b = round(window.camera.fx * x / z + window.camera.cx)
-        inside = 0 <= a < window.depth.shape[0] and 0 <= b < window.depth.shape[1]
-        label = window.labels[a, b] if inside else BACKGROUND
-        if label == BACKGROUND:
-            certainty[j] = 0.5
-        elif label == PERSON:
-            below = scale * _DEPTH_BEHIND_SURFACE.get(JOINTS[j].split("_")[-1], 0.11)
-            gap = z - below - float(window.depth[a, b])
-            if gap > _HIDDEN_BEHIND:
-                states[j], certainty[j] = JointState.OCCLUDED, 0.6
-            elif gap < -_HIDDEN_BEHIND:
-                certainty[j] = 0.5
-        else:
-            states[j], certainty[j] = JointState.OCCLUDED, 0.6
-    return JointReport(states, certainty)
+    states, signs = np.empty(len(JOINTS), np.uint8), np.empty((len(JOINTS), len(SIGNS)))
+    whole, part = view.camera, view.full.camera
+    kernels.look_at_joints(
+        positions,
+        _OTHER_END,
+        scale * _BELOW,
+        _HIDDEN_BEHIND,
+        (whole.fx, whole.fy, whole.cx, whole.cy, float(whole.width), float(whole.height)),
+        (part.fx, part.fy, part.cx, part.cy),
+        view.full.depth,
+        view.full.labels,
+        states,
+        signs,
+    )
+    return JointSigns(states, signs)
+
+
+def report_joints(
+    positions: NDArray[np.float64], scale: float, view: PersonView, score: float
+) -> JointReport:
+    """Tell how each joint was seen, and how likely it is right.
+
+    Parameters
+    ----------
+    positions : (19, 3) float64
+        Camera frame, metres.
+    scale : float
+    view : PersonView
+    score : float
+        Rendered-depth score of the fit.
+    """
+    seen = look_at_joints(positions, scale, view)
+    odds = _KIND_ODDS + seen.signs @ _SIGN_ODDS + SCORE * score
+    confidence = 1.0 / (1.0 + np.exp(-odds))
+    column = view.camera.fx * positions[:, 0] / positions[:, 2] + view.camera.cx
+    beside = np.abs(column - 0.5 * (view.camera.width - 1)) > 0.5 * view.camera.width
+    confidence[beside] = np.minimum(confidence[beside], BESIDE)
+    return JointReport(seen.states, confidence)

@@ -39,6 +39,9 @@ _MAX_POINTS = 600
 _TRUST = 0.8
 """A recovered skeleton's confidence is its agreement with the input times this."""
 
+_JOINT_TRUST = 0.9
+"""The same for its joints."""
+
 _SIGMAS = (0.05, 0.04, 0.034, *FINE_SIGMAS)
 """Standard deviations of the fit that follows the registration, metres."""
 
@@ -106,7 +109,9 @@ class Recoverer:
         if view is not None:
             turned = np.diag([1.0, -1.0, -1.0])
             start = BodyPose(turned @ self.bank.rotations(0), view.points.mean(axis=0), 1.0)
-            self._fit(view, start)
+            pose = self._fit(view, start)
+            nodes = self.bank.body.pose(pose.rotations, pose.root, pose.scale).nodes
+            report_joints(nodes[JOINT_NODES], pose.scale, view, 0.0)
 
     def recover(self, cloud: PersonCloud, skeleton: Skeleton) -> Skeleton:
         """Check a refined skeleton, recover where it failed, and filter.
@@ -190,7 +195,7 @@ class Recoverer:
         )
         confidence = skeleton_confidence(seen.score)
         positions = mesh.nodes[JOINT_NODES]
-        report = report_joints(positions, pose.scale, view)
+        report = report_joints(positions, pose.scale, view, seen.score)
         return Skeleton(
             stamp_ns=refined.stamp_ns,
             frame_id=refined.frame_id,
@@ -201,7 +206,7 @@ class Recoverer:
             scale=past.skeleton.scale,
             positions=positions,
             quats_xyzw=matrix_to_quat(pose.rotations[JOINT_NODES]),
-            joint_confidence=(_TRUST * confidence * report.certainty).astype(np.float32),
+            joint_confidence=(_JOINT_TRUST * report.confidence).astype(np.float32),
             joint_states=report.states,
         )
 

@@ -153,7 +153,7 @@ class Refiner:
         """Put a fitted pose into words."""
         confidence = skeleton_confidence(fitted.comparison.score)
         positions = fitted.body.nodes[JOINT_NODES]
-        report = report_joints(positions, fitted.body.pose.scale, view)
+        report = report_joints(positions, fitted.body.pose.scale, view, fitted.comparison.score)
         return Skeleton(
             stamp_ns=cloud.stamp_ns,
             frame_id=cloud.frame_id,
@@ -164,7 +164,7 @@ class Refiner:
             scale=float(np.float32(fitted.body.pose.scale)),
             positions=positions,
             quats_xyzw=matrix_to_quat(fitted.body.pose.rotations[JOINT_NODES]),
-            joint_confidence=(confidence * report.certainty).astype(np.float32),
+            joint_confidence=report.confidence.astype(np.float32),
             joint_states=report.states,
         )
 

@@ -1,0 +1,147 @@
+"""Speed of everything, beside what else there is: writes BENCHMARK.md and its plot.
+
+    pip install pycpd==2.0.0 cycpd     # what is not installed is left out
+    python benchmarks/all.py
+
+A few minutes on one core. Nothing is read but the bank: the recordings are simulated.
+"""
+
+from __future__ import annotations
+
+import os
+
+for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ[variable] = "1"
+
+import argparse
+import datetime
+import platform
+import tempfile
+from importlib.metadata import version
+from pathlib import Path
+
+import cpd
+import numpy as np
+import peers
+import stages
+
+from depth_pose.bank import Bank, default_bank_path
+
+ROOT = Path(__file__).resolve().parents[1]
+
+TEXT = """# Speed
+
+Written by `python benchmarks/all.py` on {date}: {machine}. One thread;
+milliseconds of processor time.
+
+![Milliseconds by stage, and beside other tools](docs/images/stages.png)
+
+## The pipeline
+
+A simulated person, {seconds:g} s at the sensor's rate: time of flight (176x144), structured light (320x240,
+640x480), both in a room. Median, in brackets 10th and 90th percentile, once the person's size is known; the
+last column is the median of the first {first} frames, which find the size. Bank: {poses:,} poses from
+{views} views each.
+
+{stages}
+
+## Beside other tools
+
+The same inputs in the same run; `benchmarks/peers.py` says what each does.
+
+{peers}
+
+## Coherent point drift
+
+{source} vertices to {target} points, 27 iterations, the same settings for all but the last two rows;
+`benchmarks/cpd.py` says more. The residual is the mean distance to the nearest target point. The Laplacian
+completion of the body's mesh, factorised anew for each frame, takes {laplacian:.1f} ms.
+
+{cpd}
+
+How accurate the skeletons are: [docs/accuracy.md](docs/accuracy.md).
+"""
+
+
+def machine() -> str:
+    """Processor, cores and versions."""
+    model = platform.processor() or platform.machine()
+    info = Path("/proc/cpuinfo")
+    if info.exists():
+        names = [line.split(":", 1)[1].strip() for line in info.open() if line.startswith("model name")]
+        model = names[0] if names else model
+    packages = ", ".join(f"{name} {version(name)}" for name in ("numba", "numpy"))
+    return f"{model}, {os.cpu_count()} cores, Python {platform.python_version()}, {packages}"
+
+
+def draw(measured: list[stages.StageTimes], compared: list[peers.Peer], path: Path) -> None:
+    """Draw the stages as stacked bars, and the comparisons."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(11, 4.2), layout="constrained")
+    left, right = figure.subplots(1, 2)
+    names = [f"{m.images}\n{m.method}" for m in measured]
+    start = np.zeros(len(measured))
+    for k, stage in enumerate(stages.STAGES):
+        wide = np.array([np.median(m.known[:, k]) for m in measured])
+        left.barh(names, wide, left=start, label=stage)
+        start += wide
+    for y, total in enumerate(start):
+        left.text(total + 0.5, y, f"{total:.0f}", va="center", fontsize=8)
+    left.set(xlabel="ms of processor time a frame, medians", title="the pipeline, one thread")
+    left.set_xlim(0, 1.1 * start.max())
+    left.invert_yaxis()
+    left.legend(fontsize=8, loc="upper right")
+    labels = [f"{p.step.split(',')[0]}: {p.name}" for p in compared]
+    colors = ["tab:green" if "ours" in p.name else "0.6" for p in compared]
+    right.barh(labels, [p.ms for p in compared], color=colors)
+    for y, p in enumerate(compared):
+        right.text(p.ms * 1.1, y, f"{p.ms:.1f}", va="center", fontsize=8)
+    right.set(xscale="log", xlabel="ms, log scale", title="beside other tools, same input")
+    right.set_xlim(0.3, 4 * max(p.ms for p in compared))
+    right.tick_params(axis="y", labelsize=7)
+    right.invert_yaxis()
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path, dpi=110)
+
+
+def main() -> None:
+    """Measure everything and write it down."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--bank", type=Path, help="exemplar bank; the set-up's by default")
+    parser.add_argument("-o", "--output", type=Path, default=ROOT, help="folder of BENCHMARK.md and docs")
+    arguments = parser.parse_args()
+    bank = Bank.load(arguments.bank or default_bank_path())
+    with tempfile.TemporaryDirectory() as folder:
+        print("stages ...", flush=True)
+        measured = stages.measure_all(bank, stages.simulated(Path(folder)))
+    print("other tools ...", flush=True)
+    compared = peers.compare_all(bank)
+    print("coherent point drift ...", flush=True)
+    registered = cpd.compare()
+    text = TEXT.format(
+        date=datetime.date.today(),
+        machine=machine(),
+        seconds=stages.SECONDS,
+        first=stages.MatchConfig().scale_frames,
+        poses=bank.poses,
+        views=bank.coefficients.shape[1],
+        stages=stages.table(measured),
+        peers=peers.table(compared),
+        source=cpd.SOURCE,
+        target=cpd.TARGET,
+        laplacian=cpd.completion_time(),
+        cpd=cpd.table(registered),
+    )
+    (arguments.output / "BENCHMARK.md").write_text(text)
+    bars = [p for p in compared if p.ms] + [
+        peers.Peer("CPD", r.name, r.ms, "") for r in registered if "pipeline" not in r.name
+    ]
+    draw(measured, bars, arguments.output / "docs" / "images" / "stages.png")
+    print(text)
+
+
+if __name__ == "__main__":
+    main()

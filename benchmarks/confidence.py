@@ -1,0 +1,270 @@
+"""Fit the joints' confidence to simulated people, and check it on recordings.
+
+    python benchmarks/confidence.py --check DATA -o docs/images/reliability.png
+    python benchmarks/confidence.py --check DATA --mocap captures
+
+Sixty clips (``--clips``) of people of other builds than the bank's, before both kinds of sensor with half to
+twice their noise, from 2.2 to 4.2 m away, from all around and from -10 to 35 degrees of elevation, in a room
+or in none; they move as the embedded source does and, with ``--mocap``, half of them as BVH files do. The
+pipeline runs over them as it is, without the filter. Prints the figures of `depth_pose.steps.confidence`
+(the chance that a joint lies within 10 cm; logistic regression), what they are worth on the simulated clips
+and, with ``--check``, on recordings with known joints, which nothing is fitted to. The plot shows the
+stated confidence against the share that is right, as printed and as the package states it now; and the
+skeletons' own confidence against the share of frames whose mean error is below 10 cm.
+"""
+
+from __future__ import annotations
+
+import os
+
+for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ[variable] = "1"
+
+import argparse
+import tempfile
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from depth_pose.bank import Bank, default_bank_path
+from depth_pose.body.procedural_motion import CLIPS
+from depth_pose.config import PipelineConfig, SmoothConfig
+from depth_pose.evaluate.score import load_truth
+from depth_pose.io.mcap_read import DepthReader
+from depth_pose.pipeline import PosePipeline
+from depth_pose.sim.config import Person, Placement, Room
+from depth_pose.sim.motion import load_motion
+from depth_pose.sim.sensor import SENSORS
+from depth_pose.sim.simulate import Stage, simulate
+from depth_pose.skeleton import JOINTS, Source
+from depth_pose.steps.confidence import KINDS, SIGNS, look_at_joints, score_of
+from depth_pose.steps.view import view_person
+
+RIGHT_M = 0.1
+_TRUST = 0.9
+"""Recovered joints' confidence is what the figures say times this (`depth_pose.steps.recover`)."""
+
+_BINS = np.linspace(0, 1, 11)
+
+
+@dataclass(frozen=True)
+class Answers:
+    """Frames' answers, one row a frame.
+
+    Attributes
+    ----------
+    right : (F, 19) bool
+        Joint within 10 cm.
+    stated : (F, 19)
+        The joints' confidence.
+    design : (F, 19, 21)
+        What the confidence is made from: kind of joint, signs, score.
+    frame_right, frame_stated : (F,)
+        Mean error below 10 cm; the skeleton's confidence.
+    recovered : (F,) bool
+    """
+
+    right: np.ndarray
+    stated: np.ndarray
+    design: np.ndarray
+    frame_right: np.ndarray
+    frame_stated: np.ndarray
+    recovered: np.ndarray
+
+
+def simulated(folder: Path, clips: int, captures: list[Path]) -> Iterator[Path]:
+    """Simulate people, views, sensors and motions drawn at random."""
+    names = sorted(CLIPS)
+    for k in range(clips):
+        rng = np.random.default_rng([7, k])
+        build = rng.uniform(-1.0, 1.0, 8)
+        person = Person(
+            stature=1.65 + 0.27 * build[0],
+            girth=1.0 + 0.15 * build[1],
+            shoulder_width=1.0 + 0.06 * build[2],
+            hip_width=1.0 + 0.06 * build[3],
+            leg_length=1.0 + 0.05 * build[4],
+            arm_length=1.0 + 0.05 * build[5],
+        )
+        sensor = SENSORS["structured" if k % 4 == 3 else "tof"]
+        noise, much = sensor.noise, float(2.0 ** rng.uniform(-1.0, 1.0))
+        noise = replace(
+            noise,
+            constant=noise.constant * much,
+            quadratic=noise.quadratic * much,
+            flying=min(1.0, noise.flying * much),
+            dropout=noise.dropout * much,
+        )
+        elevation, distance = rng.uniform(-10, 35), rng.uniform(2.2, 4.2)
+        place = Placement(
+            distance=float(distance * np.cos(np.radians(elevation))),
+            height=float(max(0.1, 0.9 + distance * np.sin(np.radians(elevation)))),
+            azimuth=float(rng.uniform(-180, 180)),
+            pitch=float(elevation),
+        )
+        captured = captures and (k // 4) % 2
+        motion = str(captures[rng.integers(len(captures))]) if captured else names[rng.integers(len(names))]
+        room = Room() if rng.random() < 0.5 else Room(floor=False, wall=0.0)
+        seconds = 2.4 if sensor.name == "tof" else 1.2
+        clip = load_motion(motion, sensor.fps, seconds, seed=1000 + k)
+        path = folder / f"{k}.mcap"
+        simulate(path, person.body(), clip, Stage(replace(sensor, noise=noise), place, room), seed=k)
+        yield path
+        path.unlink()
+
+
+def measure(pipeline: PosePipeline, path: Path) -> Answers:
+    """Run over one recording with a truth file."""
+    truth = load_truth(path.with_suffix(".npz"))
+    kinds = np.array([[name.split("_")[-1] == kind for kind in KINDS] for name in JOINTS], float)
+    rows: list[tuple[np.ndarray | float | bool, ...]] = []
+    pipeline.reset()
+    for frame in DepthReader(path):
+        result = pipeline.process_frame(frame)
+        skeleton, view = result.skeleton, view_person(result.cloud)
+        if skeleton.is_lost or view is None:
+            continue
+        known = truth.joints[int(np.argmin(np.abs(truth.stamps_ns - frame.stamp_ns)))]
+        error = np.linalg.norm(skeleton.positions - known, axis=1)
+        signs = look_at_joints(skeleton.positions, skeleton.scale, view).signs
+        score = np.full((len(JOINTS), 1), score_of(result.refined.confidence))
+        design = np.concatenate([kinds, signs, score], axis=1)
+        rows.append(
+            (error < RIGHT_M, skeleton.joint_confidence, design, error.mean() < RIGHT_M,
+             skeleton.confidence, skeleton.source == Source.RECOVERED)
+        )  # fmt: skip
+    return Answers(*(np.array(column) for column in zip(*rows, strict=True))) if rows else _nothing()
+
+
+def _nothing() -> Answers:
+    joints, width = len(JOINTS), len(KINDS) + len(SIGNS) + 1
+    return Answers(
+        np.zeros((0, joints), bool), np.zeros((0, joints)), np.zeros((0, joints, width)),
+        np.zeros(0, bool), np.zeros(0), np.zeros(0, bool),
+    )  # fmt: skip
+
+
+def join(parts: list[Answers]) -> Answers:
+    """Put recordings together."""
+    return Answers(*(np.concatenate([getattr(p, f) for p in parts]) for f in Answers.__dataclass_fields__))
+
+
+def fit(answers: Answers) -> np.ndarray:
+    """Logistic regression by Newton's method, on frames that needed no recovery."""
+    design = answers.design[~answers.recovered].reshape(-1, answers.design.shape[-1])
+    right = answers.right[~answers.recovered].ravel()
+    weights = np.zeros(design.shape[1])
+    for _ in range(40):
+        p = 1 / (1 + np.exp(-design @ weights))
+        hessian = design.T @ (design * (p * (1 - p))[:, None]) + np.eye(len(weights))
+        weights += np.linalg.solve(hessian, design.T @ (right - p) - weights)
+    return weights
+
+
+def binned(stated: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """Mean stated confidence, share that is right, and count, in tenths of the confidence."""
+    stated, right = np.ravel(stated), np.ravel(right)
+    place = np.clip(np.digitize(stated, _BINS) - 1, 0, len(_BINS) - 2)
+    return np.array(
+        [(stated[m].mean(), right[m].mean(), m.sum()) for k in range(10) if (m := place == k).any()]
+    )
+
+
+def calibration_error(bins: np.ndarray) -> float:
+    """Expected calibration error: mean gap between stated and true, weighted by count."""
+    return float(np.average(np.abs(bins[:, 0] - bins[:, 1]), weights=bins[:, 2]))
+
+
+def area(stated: np.ndarray, right: np.ndarray) -> float:
+    """Chance that a right one is stated surer than a wrong one (area under the curve)."""
+    stated, right = np.ravel(stated), np.ravel(right)
+    ranks = np.argsort(np.argsort(stated))
+    count = int(right.sum())
+    wrong = max(len(right) - count, 1)
+    return float((ranks[right].sum() - count * (count - 1) / 2) / (max(count, 1) * wrong))
+
+
+def report(label: str, answers: Answers, weights: np.ndarray) -> None:
+    """Print how good the stated and the newly fitted confidence are."""
+    trust = np.where(answers.recovered, _TRUST, 1.0)[:, None]
+    fitted = trust / (1 + np.exp(-answers.design @ weights))
+    print(f"{label}: {len(answers.right)} frames, {answers.right.mean():.3f} of the joints within 10 cm")
+    for name, stated, right in (
+        ("joints, as stated", answers.stated, answers.right),
+        ("joints, fitted now", fitted, answers.right),
+        ("recovered joints, as stated", answers.stated[answers.recovered], answers.right[answers.recovered]),
+        ("skeletons, as stated", answers.frame_stated, answers.frame_right),
+    ):
+        if stated.size:
+            error = calibration_error(binned(stated, right))
+            print(
+                f"    {name:28s} says {stated.mean():.3f}, is {right.mean():.3f}, "
+                f"calibration error {error:.3f}, area under the curve {area(stated, right):.3f}"
+            )
+
+
+def draw(measured: dict[str, Answers], path: Path) -> None:
+    """Draw the reliability of joints and of skeletons, and how often each confidence is stated."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(9, 5.6), layout="constrained")
+    axes = figure.subplots(2, 2, height_ratios=[3, 1], sharex=True)
+    for column, (title, stated, right) in enumerate(
+        (
+            ("joints: within 10 cm", "stated", "right"),
+            ("skeletons: mean error below 10 cm", "frame_stated", "frame_right"),
+        )
+    ):
+        top, bottom = axes[:, column]
+        top.plot([0, 1], [0, 1], color="0.7", zorder=0)
+        for k, (label, answers) in enumerate(measured.items()):
+            bins = binned(getattr(answers, stated), getattr(answers, right))
+            known = bins[bins[:, 2] >= 15]
+            top.plot(known[:, 0], known[:, 1], "o-", label=f"{label}: error {calibration_error(bins):.3f}")
+            shares = np.histogram(np.ravel(getattr(answers, stated)), _BINS)[0]
+            bottom.bar(_BINS[:-1] + 0.03 + 0.04 * k, shares / shares.sum(), 0.04)
+        top.set(title=title, ylabel="share that is right", xlim=(0, 1), ylim=(0, 1.02))
+        top.legend(loc="upper left", fontsize=8)
+        bottom.set(xlabel="stated confidence", ylabel="share stated", ylim=(0, 1))
+        for axis in (top, bottom):
+            axis.grid(alpha=0.3)
+    figure.savefig(path, dpi=110)
+
+
+def main() -> None:
+    """Simulate, fit, report and draw."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--bank", type=Path, help="exemplar bank; the set-up's by default")
+    parser.add_argument("--clips", type=int, default=60)
+    parser.add_argument("--mocap", type=Path, help="BVH files; half of the clips move as one of them")
+    parser.add_argument("--check", type=Path, help="recordings with truth files")
+    parser.add_argument("-o", "--output", type=Path, default=Path("reliability.png"))
+    arguments = parser.parse_args()
+    bank = Bank.load(arguments.bank or default_bank_path())
+    pipeline = PosePipeline(bank, PipelineConfig(smooth=SmoothConfig(enabled=False)))
+    pipeline.warm_up()
+    captures = sorted(arguments.mocap.rglob("*.bvh")) if arguments.mocap else []
+    parts = []
+    with tempfile.TemporaryDirectory() as folder:
+        for path in simulated(Path(folder), arguments.clips, captures):
+            parts.append(measure(pipeline, path))
+            print(f"\r{len(parts)} of {arguments.clips} clips", end="", flush=True)
+    print()
+    measured = {"simulated": join(parts)}
+    if arguments.check:
+        paths = [p for p in sorted(arguments.check.glob("*.mcap")) if p.with_suffix(".npz").exists()]
+        measured["recordings"] = join([measure(pipeline, path) for path in paths])
+    weights = fit(measured["simulated"])
+    for name, value in zip([*KINDS, *SIGNS, "score"], weights, strict=True):
+        print(f'    "{name}": {value:.2f},')
+    for label, answers in measured.items():
+        report(label, answers, weights)
+    draw(measured, arguments.output)
+
+
+if __name__ == "__main__":
+    main()

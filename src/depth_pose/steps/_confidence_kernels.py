@@ -1,0 +1,87 @@
+"""Compiled comparison of joints with the depth seen around them; `depth_pose.steps.confidence` uses it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+from depth_pose.types import BACKGROUND, PERSON
+
+_SEEN, _OCCLUDED, _OUTSIDE = 0, 1, 2
+"""Values of `depth_pose.skeleton.JointState`."""
+
+_SAMPLES = 6
+"""Places looked at along a limb segment."""
+
+
+@njit(cache=True)
+def _look(x: Any, y: Any, z: Any, below: Any, window: Any, depth: Any, labels: Any) -> Any:
+    """Label of the pixel of a place in the body, and how far behind where it should lie it is."""
+    fx, fy, cx, cy = window
+    row, column = int(np.rint(fy * y / z + cy)), int(np.rint(fx * x / z + cx))
+    if not (0 <= row < depth.shape[0] and 0 <= column < depth.shape[1]):
+        return BACKGROUND, 0.0
+    if labels[row, column] != PERSON:
+        return labels[row, column], 0.0
+    return PERSON, z - below - depth[row, column]
+
+
+@njit(cache=True)
+def look_at_joints(
+    positions: Any,
+    parents: Any,
+    below: Any,
+    hidden_behind: Any,
+    image: Any,
+    window: Any,
+    depth: Any,
+    labels: Any,
+    states: Any,
+    signs: Any,
+) -> None:
+    """Write the states (19,) and the signs (19, 8) of joints, in the order of `confidence.SIGNS`.
+
+    ``image`` is fx, fy, cx, cy, width, height of the whole image, ``window`` fx, fy, cx, cy of the part
+    around the person of which ``depth`` and ``labels`` are known.
+    """
+    fx, fy, cx, cy, width, height = image
+    signs[:] = 0.0
+    for j in range(positions.shape[0]):
+        x, y, z = positions[j]
+        u, v = fx * x / z + cx, fy * y / z + cy
+        states[j] = _SEEN
+        if not (-0.5 <= u < width - 0.5 and -0.5 <= v < height - 0.5):
+            states[j] = _OUTSIDE
+            du = max(0.0, -0.5 - u, u - width + 0.5) * z / fx
+            dv = max(0.0, -0.5 - v, v - height + 0.5) * z / fy
+            signs[j, 1] = min(np.sqrt(du * du + dv * dv) / hidden_behind, 5.0)
+        else:
+            label, gap = _look(x, y, z, below[j], window, depth, labels)
+            if label == BACKGROUND:
+                signs[j, 2] = 1.0
+            elif label != PERSON or gap > hidden_behind:
+                states[j] = _OCCLUDED
+                signs[j, 0] = 1.0
+            else:
+                signs[j, 3] = min(max(-gap / hidden_behind, 0.0), 2.0)
+                signs[j, 4] = max(gap / hidden_behind, 0.0)
+        p = parents[j]
+        for s in range(_SAMPLES):
+            t = s / _SAMPLES
+            label, gap = _look(
+                x + t * (positions[p, 0] - x),
+                y + t * (positions[p, 1] - y),
+                z + t * (positions[p, 2] - z),
+                below[j] + t * (below[p] - below[j]),
+                window,
+                depth,
+                labels,
+            )
+            if label == BACKGROUND:
+                signs[j, 5] += 1.0 / _SAMPLES
+            elif label != PERSON or gap > hidden_behind:
+                signs[j, 6] += 1.0 / _SAMPLES
+            else:
+                signs[j, 7] += min(abs(gap) / hidden_behind, 2.0) / _SAMPLES
