@@ -1,11 +1,15 @@
 """Play a recording over and over to the live nodes, and see whether memory or latency grow.
 
     python benchmarks/soak.py --minutes 30 -o soak
+    python benchmarks/soak.py --minutes 10 --stall 20
 
-A recording of 15 frames a second loops; once a second the resident memory of every node is read from
-/proc, and every skeleton's latency is taken from the moment its frame was sent. Written are
-``soak.npz``, ``soak.png`` and a table: slope of each node's memory after the first tenth, and the
-95th percentile of the latency in the first and in the last tenth.
+A recording of 15 frames a second loops; once in two seconds the memory of every process is read, and
+every skeleton's latency is taken from the moment its frame was sent. Growth is that of the resident set:
+a page that is no longer shared with the fork server moves the proportional set size, but is no new one.
+With ``--stall`` one node after another is stopped for two seconds, so that the queues before it fill, as
+they do where the processor is taken away. Written are ``soak.npz``, ``soak.png`` and a table: slope of
+each process' memory after the first tenth, and the 95th percentile of the latency in the first and in the
+last tenth.
 """
 
 from __future__ import annotations
@@ -14,6 +18,7 @@ import argparse
 import itertools
 import os
 import random
+import signal
 import threading
 import time
 from pathlib import Path
@@ -29,21 +34,22 @@ os.environ.setdefault("ROS_DOMAIN_ID", str(random.SystemRandom().randrange(1, 10
 
 FPS = 15.0
 SECONDS = 20.0
-_PAGE = os.sysconf("SC_PAGE_SIZE")
+EVERY_S, STALL_S = 2.0, 2.0
 
 
-def resident_bytes(pid: int) -> float:
-    """Resident memory of a process, NaN where it is gone."""
+def memory_bytes(pid: int | None, kind: str = "Rss:") -> float:
+    """Resident memory of a process, or its part of it (``"Pss:"``); NaN where it is gone."""
     try:
-        return int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * _PAGE
+        lines = Path(f"/proc/{pid}/smaps_rollup").read_text().splitlines()
     except (FileNotFoundError, ProcessLookupError):
         return float("nan")
+    return next((1024.0 * int(line.split()[1]) for line in lines if line.startswith(kind)), float("nan"))
 
 
-def slope_mb_per_hour(seconds: np.ndarray, resident: np.ndarray) -> float:
+def slope_mb_per_hour(seconds: np.ndarray, memory: np.ndarray) -> float:
     """Growth by least squares, without the first tenth, in which things are still loaded."""
-    kept = (seconds > seconds[-1] / 10) & np.isfinite(resident)
-    return float(np.polyfit(seconds[kept] / 3600, resident[kept] / 1e6, 1)[0])
+    kept = (seconds > seconds[-1] / 10) & np.isfinite(memory)
+    return float(np.polyfit(seconds[kept] / 3600, memory[kept] / 1e6, 1)[0])
 
 
 def make_recording(path: Path) -> None:
@@ -67,9 +73,10 @@ class Soak:
         self.frames = 0
         self.latency: list[tuple[float, float]] = []
         self.memory: list[tuple[float, ...]] = []
+        self.shared_mb = float("nan")
         self.started = time.monotonic()
 
-    def run(self, recording: Path, bank: str | None, minutes: float) -> dict[str, int]:
+    def run(self, recording: Path, bank: str | None, minutes: float, stall_s: float) -> dict[str, int]:
         """Play; gives the restarts."""
         from depth_pose.ros.bag import Player, Recorder, header_stamp_ns
         from depth_pose.ros.supervisor import NODES, Suite
@@ -93,11 +100,18 @@ class Soak:
             self.started = time.monotonic()
             playing = threading.Thread(target=player.run, daemon=True)
             playing.start()
+            stalled, next_stall = itertools.cycle(NODES), stall_s or float("inf")
             while (now := time.monotonic() - self.started) < 60 * minutes:
-                pids = [suite.pid(name) or -1 for name in NODES]
-                self.memory.append((now, *map(resident_bytes, pids)))
+                pids = [*map(suite.pid, NODES), suite.spare_pid, suite.server_pid]
+                self.memory.append((now, *map(memory_bytes, pids)))
                 print(f"\r{now / 60:.1f} min, {len(self.latency)} skeletons", end="", flush=True)
-                time.sleep(1.0)
+                if now > next_stall and (pid := suite.pid(next(stalled))) is not None:
+                    next_stall += stall_s
+                    os.kill(pid, signal.SIGSTOP)
+                    time.sleep(STALL_S)
+                    os.kill(pid, signal.SIGCONT)
+                time.sleep(EVERY_S)
+            self.shared_mb = sum(memory_bytes(pid, "Pss:") for pid in pids) / 1e6
             player.stop()
             playing.join(10.0)
             restarts = suite.restarts
@@ -109,7 +123,7 @@ def report(soak: Soak, restarts: dict[str, int], output: Path) -> None:
     """Draw, and print the table."""
     memory, latency = np.array(soak.memory), np.array(soak.latency)
     np.savez_compressed(output.with_suffix(".npz"), memory=memory, latency=latency)
-    names = list(restarts)
+    names = [*restarts, "spare", "fork server"]
     end = memory[-1, 0]
     parts = [latency[latency[:, 0] < end / 10, 1], latency[latency[:, 0] > end * 0.9, 1]]
     p95 = [1e3 * float(np.percentile(part, 95)) for part in parts]
@@ -118,7 +132,8 @@ def report(soak: Soak, restarts: dict[str, int], output: Path) -> None:
     for k, name in enumerate(names, start=1):
         slope = slope_mb_per_hour(memory[:, 0], memory[:, k])
         top.plot(memory[:, 0] / 60, memory[:, k] / 1e6, label=f"{name}, {slope:+.1f} MB an hour")
-        print(f"{name:10s} {memory[-1, k] / 1e6:6.0f} MB, {slope:+.2f} MB an hour, {restarts[name]} restarts")
+        print(f"{name:12s} {memory[-1, k] / 1e6:6.0f} MB, {slope:+.2f} MB an hour")
+    print(f"all, what they share counted once: {soak.shared_mb:.0f} MB; restarts: {restarts}")
     top.set(ylabel="resident memory, MB", ylim=(0, None))
     top.legend(loc="lower right")
     bottom.plot(latency[:, 0] / 60, 1e3 * latency[:, 1], ".", ms=1, alpha=0.4, color="tab:gray")
@@ -139,6 +154,7 @@ def main() -> None:
     """Run."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--minutes", type=float, default=30.0)
+    parser.add_argument("--stall", type=float, default=0.0, help="seconds between stopped nodes; 0: none")
     parser.add_argument("--bank", help="exemplar bank; the set-up's by default")
     parser.add_argument("--recording", type=Path, help="MCAP file to loop; simulated by default")
     parser.add_argument("-o", "--output", type=Path, default=Path("soak"))
@@ -147,7 +163,7 @@ def main() -> None:
     if not recording.is_file():
         make_recording(recording)
     soak = Soak()
-    restarts = soak.run(recording, arguments.bank, arguments.minutes)
+    restarts = soak.run(recording, arguments.bank, arguments.minutes, arguments.stall)
     report(soak, restarts, arguments.output)
 
 

@@ -11,6 +11,7 @@ import subprocess
 import sys
 import threading
 import time
+from pathlib import Path
 
 import pytest
 import scene
@@ -113,13 +114,21 @@ def live(bank_path, peer):
         sensor.stop()
 
 
+def own_segments(pid):
+    """Shared memory of messages that a process holds the lock of."""
+    files = {os.readlink(f) for f in Path(f"/proc/{pid}/fd").iterdir() if f.exists()}
+    locks = [f for f in files if f.startswith("/dev/shm/fastrtps_") and f.endswith("_el") and "port" not in f]
+    return [Path(f.removesuffix("_el")) for f in locks]
+
+
 @pytest.mark.parametrize("name", NODES)
 def test_a_killed_node(live, peer, name):
     """kill -9 of each node while the others go on: skeletons again, without anybody's help."""
     suite, sensor, heard, lines = live
-    peer.until(lambda: suite.has_spare, 4 * PATIENCE_S, "the spare process")
-    spare = suite._spare.process.pid
+    peer.until(lambda: suite.spare_pid, 4 * PATIENCE_S, "the spare process")
+    spare = suite.spare_pid
     pid, killed = suite.pid(name), time.monotonic()
+    left = own_segments(pid)
     os.kill(pid, signal.SIGKILL)
     peer.spin(0.4)  # what was under way still comes
     settled = time.monotonic()
@@ -133,7 +142,33 @@ def test_a_killed_node(live, peer, name):
     lost = sum(killed <= t <= again and s not in heard.came for s, t in sensor.sent.items())
     assert suite.pid(name) == spare
     assert suite.restarts == {n: int(n == name) for n in NODES}
+    peer.until(lambda: suite.spare_pid not in (None, spare), 4 * PATIENCE_S, "the next spare process")
+    assert left and not any(segment.exists() for segment in left)  # no memory is lost with it
+    assert all(segment.exists() for n in NODES for segment in own_segments(suite.pid(n)))
     note(f"{name} node killed (-9)", "it is started again; the others go on", again - killed, lost)
+
+
+def test_the_fork_server_is_killed(live, peer):
+    """The nodes go on without the process that forked them; another one replaces nodes that die later."""
+    suite, _, heard, lines = live
+    peer.until(lambda: suite.spare_pid, 4 * PATIENCE_S, "the spare process")
+    server, nodes = suite.server_pid, [suite.pid(name) for name in NODES]
+    os.kill(server, signal.SIGKILL)
+    since = time.monotonic()
+    peer.until(lambda: suite.server_pid != server, PATIENCE_S, "another fork server")
+    peer.until(lambda: sum(t > since for t in heard.came.values()) > 8, PATIENCE_S, "skeletons meanwhile")
+    assert [suite.pid(name) for name in NODES] == nodes
+    for count in (1, 2):  # the spare is the old server's; the next one is the new server's
+        peer.until(lambda: suite.spare_pid, 4 * PATIENCE_S, lambda: "a spare:\n" + "\n".join(lines))
+        pid, killed = suite.pid("matcher"), time.monotonic()
+        os.kill(pid, signal.SIGKILL)
+        peer.until(lambda: suite.restarts["matcher"] == count, PATIENCE_S, "the restart")  # noqa: B023
+        peer.spin(0.4)
+        settled = time.monotonic()
+        peer.until(lambda: max(heard.came.values()) > settled, PATIENCE_S, "skeletons again")  # noqa: B023
+        assert suite.pid("matcher") not in (pid, None)
+    assert not any("Traceback" in line for line in lines), "\n".join(lines)
+    note("fork server killed (-9), then the matcher twice", "nodes go on", gap(heard, settled)[1] - killed)
 
 
 def test_a_looping_recording(bank_path, peer, tmp_path):

@@ -7,6 +7,7 @@ import signal
 import pytest
 import scene
 from depth_pose_msgs.msg import PoseMatch, Skeleton
+from diagnostic_msgs.msg import DiagnosticArray
 from peer import SENSOR
 from sensor_msgs.msg import PointCloud2
 
@@ -42,6 +43,15 @@ def assert_same(a, b):
         assert getattr(a, name).tobytes() == getattr(b, name).tobytes(), name
 
 
+def listeners(told):
+    """How many listen to each node's output, as it last said."""
+    return {
+        status.name.rpartition("/")[2]: int({v.key: v.value for v in status.values}["listeners"])
+        for message in told
+        for status in message.status
+    }
+
+
 def test_live_equals_offline(recording, bank_path, peer):
     # so narrow a limit that some frames are recovered: their poses go back to the refiner
     pipeline = PosePipeline(Bank.load(bank_path), PipelineConfig(recover=RecoverConfig(score_rise=0.005)))
@@ -52,10 +62,12 @@ def test_live_equals_offline(recording, bank_path, peer):
     lines = []
     lossless = {"reliable": True, "queue": 200, "recover.score_rise": 0.005}
     with Suite(bank=bank_path, parameters=lossless, sink=lines.append) as suite:
+        told = peer.listen(DiagnosticArray, "/diagnostics", 200)
         skeletons = peer.listen(Skeleton, "/depth_pose/skeleton", 200)
         matches = peer.listen(PoseMatch, "/depth_pose/match", 200)
-        peer.until(lambda: peer.node.count_publishers("/depth_pose/skeleton"), what="the suite")
-        peer.spin(2.0)
+        # what this side takes for joined, the nodes may not yet: they tell how many listen to them
+        wanted = {"matcher": 2, "recovery": 2}
+        peer.until(lambda: wanted.items() <= listeners(told).items(), 30.0, "this test as a listener")
         play(recording, rate=2.0, wait_for_subscribers=[IMAGE, INFO])
 
         def said():
@@ -63,7 +75,7 @@ def test_live_equals_offline(recording, bank_path, peer):
             missing = [k for k, r in enumerate(expected) if r.skeleton.stamp_ns not in came]
             return f"the skeletons of frames {missing}:\n" + "\n".join(lines)
 
-        peer.until(lambda: len(skeletons) >= FRAMES, 30.0, said)
+        peer.until(lambda: min(len(skeletons), len(matches)) >= FRAMES, 30.0, said)
         assert suite.stop() == dict.fromkeys(("denoise", "matcher", "refine", "recovery"), 0)
     for got, want in zip(map(msg_to_match, matches), expected, strict=True):
         assert got.bank_id == want.match.bank_id and got.scale == want.match.scale

@@ -93,6 +93,7 @@ def test_nodes_end_when_the_supervisor_is_killed(domain):
 def test_up_ends_cleanly(start, bank_path):
     code = f"import sys; from depth_pose.ros.supervisor import up; sys.exit(up(bank={str(bank_path)!r}))"
     process = start("-c", code)
-    process.wait_for("all nodes are ready", 120.0)
-    code, seconds = process.end(signal.SIGINT)
-    assert code == 0 and seconds < 2.0, process.output
+    process.wait_for("all nodes are ready", 300.0)
+    code, _ = process.end(signal.SIGINT, timeout_s=20.0)
+    assert code == 0, process.output  # a node that had to be killed would make it 1
+    assert "Traceback" not in process.output

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,7 +11,10 @@ import synthetic as syn
 from depth_pose.bank.views import DISTANCE_M, view_directions, view_rotation
 from depth_pose.config import MatchConfig
 from depth_pose.registration.articulated import candidate_pose
+from depth_pose.skeleton import MIRROR_NODES
 from depth_pose.steps.match import Matcher, match_confidence
+from depth_pose.steps.placing import join
+from depth_pose.steps.view import view_person
 from depth_pose.types import PersonCloud
 
 
@@ -143,3 +148,24 @@ def test_warm_up_leaves_no_trace(bank):
     assert [(c.exemplar, c.view, c.score) for c in a.candidates] == [
         (c.exemplar, c.view, c.score) for c in b.candidates
     ]
+
+
+def test_a_wrong_facing_that_agrees_nearly_as_well_gives_way(bank, matcher):
+    """The right exemplar, and one facing the other way whose score was a little better."""
+    _, cloud = seen_as_in_the_bank(bank, 31, 4)
+    view = view_person(cloud)
+    rough = matcher._compare_roughly(cloud, view, 1.0, 64)
+    right = rough.take(rough.ranking()[:1])
+    half = right.rotations @ syn.rotation("y", 180.0)
+    wrong = replace(
+        right,
+        rotations=half,
+        nodes=right.nodes[:, MIRROR_NODES],
+        scores=right.scores - 0.01,
+    )
+    settled = matcher._settle_facing(join([wrong, right]), view, 1.0)
+    np.testing.assert_array_equal(settled.rotations[0], right.rotations[0])
+    np.testing.assert_array_equal(settled.rotations[1], half[0])
+    far = replace(wrong, scores=right.scores - 0.2)
+    kept = matcher._settle_facing(join([far, right]), view, 1.0)
+    np.testing.assert_array_equal(kept.rotations[0], half[0])

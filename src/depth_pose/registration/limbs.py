@@ -155,12 +155,13 @@ def _exchange(
             o.depth, o.labels, nearest, c.fx, c.fy, c.cx, c.cy,
             columns, weight, _TOLERANCE_M, _FITTING, _BEST,
         ))  # fmt: skip
-    (left, *costs_left, centres_left), (right, *costs_right, centres_right) = scored
-    total = kernels.pair_costs(*costs_left, *costs_right, weight)
+    numbers, costs, covers, centres = zip(*scored, strict=True)
+    total = kernels.pair_costs(costs[0], covers[0], costs[1], covers[1], weight)
     proposals = []
-    for a, b in kernels.best_pairs(total, centres_left, centres_right, pair.proposals, _APART_M):
+    for rows in kernels.best_pairs(total, centres[0], centres[1], pair.proposals, _APART_M):
         rotations = pose.rotations.copy()
-        for side, number in enumerate((int(left[a]), int(right[b]))):
+        for side in range(2):
+            number = int(numbers[side][rows[side]])
             if number < now:
                 rotations[pair.nodes[side]] = pose.rotations[pair.anchor] @ pair.rotations[side, number]
         proposals.append(BodyPose(rotations, pose.root, pose.scale))

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
-from depth_pose.bank import Bank, default_bank_path
+from depth_pose.bank import Bank
 from depth_pose.ros.node_base import StageNode
+from depth_pose.ros.shared import load_bank
 
 
 class BankNode(StageNode):
@@ -23,6 +22,5 @@ class BankNode(StageNode):
             If the file is missing, damaged or foreign.
         """
         if self._bank is None:
-            path = self.value("bank")
-            self._bank = Bank.load(Path(path) if path else default_bank_path())
+            self._bank = load_bank(self.value("bank"))
         return self._bank

@@ -15,6 +15,7 @@ from depth_pose.ros.conversions import cloud_to_msg, image_to_frame, msg_to_fram
 from depth_pose.ros.node_base import Held, Input, StageNode
 from depth_pose.ros.parameters import DENOISE
 from depth_pose.ros.runner import run_node
+from depth_pose.ros.shared import make
 from depth_pose.steps.extract import PersonExtractor
 from depth_pose.steps.mount import turn_upright
 
@@ -32,7 +33,7 @@ class DenoiseNode(StageNode):
 
     def make_stage(self, config: PipelineConfig) -> PersonExtractor:
         """Make the extractor."""
-        return PersonExtractor(config.segment, config.denoise)
+        return make(PersonExtractor, config.segment, config.denoise)
 
     def open_outputs(self) -> None:
         """Publish the person's points."""

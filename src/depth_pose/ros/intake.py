@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Protocol
 
+from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 
+from depth_pose.errors import DepthPoseError
 from depth_pose.ros.conversions import stamp_to_ns
 from depth_pose.ros.pairing import Pairer
 
@@ -21,6 +23,9 @@ PAIR_DEPTH = 64
 It must span the time that the stages between take, two seconds at 30 frames a second: with fewer,
 a node behind a slow stage would have let go of every frame's points when its match comes.
 """
+
+NO_EVENTS = SubscriptionEventCallbacks(use_default_callbacks=False)
+"""Each event that is listened to makes every wait of the executor longer; `silence` tells what is wrong."""
 
 LOG_EVERY_S = 5.0
 """A message of the same kind is logged at most this often."""
@@ -58,6 +63,9 @@ class FrameSource(Protocol):
     def has_pending(self) -> bool:
         """Whether a whole frame waits."""
 
+    def take_waiting(self) -> bool:
+        """Take in all that waits; whether there was anything."""
+
     def take_pending(self) -> tuple[Any, ...] | None:
         """Give the newest whole frame, once."""
 
@@ -68,10 +76,30 @@ class FrameSource(Protocol):
         """Unsubscribe."""
 
 
+class Drop(DepthPoseError):
+    """Raised by `StageNode.answer` where a frame gets no answer, with the reason to count it by."""
+
+    def __init__(self, reason: str, detail: str) -> None:
+        super().__init__(detail)
+        self.reason = reason
+
+
+class Held(Exception):
+    """Raised by `StageNode.answer` where a frame is kept and answered later."""
+
+
 def frame_qos(depth: int, reliable: bool) -> QoSProfile:
     """Give the QoS of frames: the newest ``depth``, best effort as sensors send, or reliable."""
     policy = ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT
     return QoSProfile(depth=depth, history=HistoryPolicy.KEEP_LAST, reliability=policy)
+
+
+def waiting(subscription: Subscription) -> Iterator[tuple[Any, dict[str, Any]]]:
+    """Give the messages that wait in a subscription's queue, and what is known of each."""
+    handle = subscription.handle
+    with handle:
+        while (taken := handle.take_message(subscription.msg_type, subscription.raw)) is not None:
+            yield taken
 
 
 class Intake:
@@ -102,7 +130,7 @@ class Intake:
         self.forget()
         qos = frame_qos(depth, self._lossless)
         self._subscriptions: list[Subscription] = [
-            node.create_subscription(i.kind, i.topic, self._callback(index), qos)
+            node.create_subscription(i.kind, i.topic, self._callback(index), qos, event_callbacks=NO_EVENTS)
             for index, i in enumerate(self.inputs)
         ]
 
@@ -130,6 +158,14 @@ class Intake:
     def has_pending(self) -> bool:
         """Whether a whole frame waits."""
         return self._pending is not None
+
+    def take_waiting(self) -> bool:
+        """Take in what has come meanwhile, without the cost of a wait; True if anything had."""
+        before = self.arrivals
+        for index, subscription in enumerate(self._subscriptions):
+            for message, info in waiting(subscription):
+                self._take(index, message, info)
+        return self.arrivals > before
 
     def take_pending(self) -> tuple[Any, ...] | None:
         """Give the newest whole frame, once."""

@@ -14,6 +14,7 @@ from depth_pose.ros.conversions import match_to_msg, msg_to_cloud
 from depth_pose.ros.node_base import Input
 from depth_pose.ros.parameters import BANK
 from depth_pose.ros.runner import run_node
+from depth_pose.ros.shared import make
 from depth_pose.steps.match import Matcher, match_confidence
 
 
@@ -28,7 +29,7 @@ class MatcherNode(BankNode):
 
     def make_stage(self, config: PipelineConfig) -> Matcher:
         """Make the matcher."""
-        return Matcher(self.bank, config.match)
+        return make(Matcher, self.bank, config.match)
 
     def open_outputs(self) -> None:
         """Publish the match."""

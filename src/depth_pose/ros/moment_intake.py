@@ -7,14 +7,13 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from rclpy.clock import Clock, ClockType
-from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 from sensor_msgs.msg import Image
 
 from depth_pose.errors import InputError
 from depth_pose.io._messages import read_image
-from depth_pose.ros.intake import LOG_EVERY_S, Input
+from depth_pose.ros.intake import LOG_EVERY_S, NO_EVENTS, Input, waiting
 from depth_pose.volume.moments import Moment, MomentGatherer
 
 if TYPE_CHECKING:
@@ -57,9 +56,10 @@ class MomentIntake:
         self._numbers = [0] * len(topics)
         policy = ReliabilityPolicy.RELIABLE if node.lossless else ReliabilityPolicy.BEST_EFFORT
         qos = QoSProfile(depth=max(_QUEUE, node.queue), reliability=policy)
-        quiet = SubscriptionEventCallbacks(use_default_callbacks=False)  # each would be waited for, too
         self._subscriptions: list[Subscription] = [
-            node.create_subscription(Image, i.topic, self._callback(c), qos, raw=True, event_callbacks=quiet)
+            node.create_subscription(
+                Image, i.topic, self._callback(c), qos, raw=True, event_callbacks=NO_EVENTS
+            )
             for c, i in enumerate(self.inputs)
         ]
         steady = Clock(clock_type=ClockType.STEADY_TIME)
@@ -101,12 +101,22 @@ class MomentIntake:
 
         return take
 
+    def take_waiting(self) -> bool:
+        """Take in all that waits; whether there was anything."""
+        before = self.arrivals
+        self._take_all()
+        self._check()
+        return self.arrivals > before
+
+    def _take_all(self) -> None:
+        for camera, subscription in enumerate(self._subscriptions):
+            for data, info in waiting(subscription):
+                self._add(camera, data, info)
+
     def _take_others(self) -> None:
         """Take what has come from all cameras, and what comes presently."""
         while True:
-            for camera, subscription in enumerate(self._subscriptions):
-                while (found := _take(subscription)) is not None:
-                    self._add(camera, *found)
+            self._take_all()
             if not self.gatherer.is_fresh(time.monotonic(), _TOGETHER_S):
                 return
             time.sleep(_DOZE_S)
@@ -153,12 +163,3 @@ class MomentIntake:
 
     def _overtaken(self, count: int) -> None:
         self._node.drop("overtaken", "a newer moment came before this one was begun", count)
-
-
-def _take(subscription: Subscription) -> tuple[bytes, dict[str, Any]] | None:
-    """Take a message with its numbers, as the executor does; None where none has come."""
-    with subscription.handle:
-        found: tuple[bytes, dict[str, Any]] | None = subscription.handle.take_message(
-            subscription.msg_type, subscription.raw
-        )
-    return found

@@ -1,6 +1,6 @@
 """What the nodes share: life cycle, parameters, diagnostics, and staying alive.
 
-A node of this package is a thin skin over one stage of the core, and a managed node. Configuring
+A node of this package is a thin, managed skin over one stage of the core. Configuring
 makes the stage from the parameters and warms it up *before* anything is subscribed, so that the
 first frame is not the one that waits for a compiler; once active it hands over frames
 (`depth_pose.ros.intake`) and counts whatever gets no answer. Nothing that arrives on a topic ends
@@ -17,7 +17,7 @@ from typing import Any, ClassVar, Protocol
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
-from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
@@ -28,8 +28,18 @@ from depth_pose.config import PipelineConfig, Sections
 from depth_pose.errors import BankError, ConfigError, DepthPoseError, InputError
 from depth_pose.ros.conversions import stamp_to_ns
 from depth_pose.ros.figures import Figures
-from depth_pose.ros.intake import LOG_EVERY_S, FrameSource, Input, Intake, frame_qos
+from depth_pose.ros.intake import (
+    LOG_EVERY_S,
+    NO_EVENTS,
+    Drop,
+    FrameSource,
+    Held,
+    Input,
+    Intake,
+    frame_qos,
+)
 from depth_pose.ros.parameters import COMMON, Setting, declare, read_config
+from depth_pose.ros.shared import is_warm
 from depth_pose.ros.silence import CrowdWatch, SilenceWatch
 
 __all__ = ["READY", "Drop", "Held", "Input", "Stage", "StageNode"]
@@ -53,18 +63,6 @@ class Stage(Protocol):
         """Forget everything that was kept between frames."""
 
 
-class Drop(DepthPoseError):
-    """Raised by `StageNode.answer` where a frame gets no answer, with the reason to count it by."""
-
-    def __init__(self, reason: str, detail: str) -> None:
-        super().__init__(detail)
-        self.reason = reason
-
-
-class Held(Exception):
-    """Raised by `StageNode.answer` where a frame is kept and answered later."""
-
-
 class StageNode(LifecycleNode):
     """A node around one stage; sub-classes say which, and convert.
 
@@ -84,9 +82,10 @@ class StageNode(LifecycleNode):
     CONFIG: ClassVar[type[Sections]] = PipelineConfig
     SECTIONS: ClassVar[tuple[str, ...]] = ()
     SETTINGS: ClassVar[tuple[Setting, ...]] = ()
+    arguments: ClassVar[Sequence[str] | None] = None  # of a process that joined before it had any
 
     def __init__(self, name: str) -> None:
-        super().__init__(name, namespace="depth_pose")
+        super().__init__(name, namespace="depth_pose", cli_args=self.arguments)
         self.figures = Figures()
         self.stage: Any = None
         self.is_active = False
@@ -162,11 +161,13 @@ class StageNode(LifecycleNode):
         kind, topic
             Message class, and a name below the node's namespace.
         reliable : bool
-            For small messages that other programs read.
+            For small messages that others read.
         counted : bool
             Whether its subscribers count for the parameter ``consumers``.
         """
-        made = self.create_publisher(kind, topic, frame_qos(self.queue, reliable or self.lossless))
+        qos = frame_qos(self.queue, reliable or self.lossless)
+        quiet = PublisherEventCallbacks(use_default_callbacks=False)
+        made = self.create_publisher(kind, topic, qos, event_callbacks=quiet)
         self._opened.append(made)
         if counted:
             self._outputs.append(made)
@@ -174,7 +175,8 @@ class StageNode(LifecycleNode):
 
     def listen(self, kind: type, topic: str, callback: Callable[[Any], None]) -> Subscription:
         """Subscribe to a topic of the suite's own that is no part of a frame."""
-        made = self.create_subscription(kind, topic, callback, frame_qos(self.queue, self.lossless))
+        qos = frame_qos(self.queue, self.lossless)
+        made = self.create_subscription(kind, topic, callback, qos, event_callbacks=NO_EVENTS)
         self._opened.append(made)
         self._sources.append(made)
         return made
@@ -187,10 +189,9 @@ class StageNode(LifecycleNode):
             reliability=ReliabilityPolicy.RELIABLE,
             durability=DurabilityPolicy.TRANSIENT_LOCAL,
         )
-        quiet = SubscriptionEventCallbacks(use_default_callbacks=False)
         self._opened += [
-            self.create_subscription(kind, topic, callback, frame_qos(1, self.lossless)),
-            self.create_subscription(kind, topic, callback, once, event_callbacks=quiet),
+            self.create_subscription(kind, topic, callback, qos, event_callbacks=NO_EVENTS)
+            for qos in (frame_qos(1, self.lossless), once)
         ]
 
     def drop(self, reason: str, detail: str, count: int = 1) -> None:
@@ -236,7 +237,8 @@ class StageNode(LifecycleNode):
         """Make all that is needed; a sub-class may put it off until it knows what it needs."""
         self.config = read_config(self, self.SECTIONS, config=self.CONFIG)
         self.stage = self.make_stage(self.config)
-        self.stage.warm_up()
+        if not is_warm(self.stage):
+            self.stage.warm_up()
         self.open_outputs()
         self._intake = self.make_intake()
         inputs = self._intake.inputs
@@ -285,18 +287,15 @@ class StageNode(LifecycleNode):
     # Frames
 
     @property
-    def arrivals(self) -> int:
-        """Messages that came so far."""
-        return self._intake.arrivals if self._intake is not None else 0
-
-    @property
     def has_pending(self) -> bool:
         """Whether a whole frame waits for `process_pending`."""
         return self._intake is not None and self._intake.has_pending
 
     def process_pending(self) -> None:
-        """Answer the newest whole frame."""
-        whole = self._intake.take_pending() if self._intake is not None else None
+        """Answer the newest whole frame, once nothing more waits."""
+        if self._intake is None or self._intake.take_waiting():
+            return
+        whole = self._intake.take_pending()
         if whole is not None:
             self.process(whole)
 
@@ -320,6 +319,8 @@ class StageNode(LifecycleNode):
         except BankError as e:
             self.drop("other bank", str(e))
         except Exception as e:  # a node outlives every frame
+            if not self.context.ok():
+                return  # told to stop meanwhile
             self.get_logger().error(traceback.format_exc(), throttle_duration_sec=LOG_EVERY_S)
             self.drop("error", f"{type(e).__name__}: {e}")
             self._reset_stage()
@@ -378,6 +379,7 @@ class StageNode(LifecycleNode):
     def _tell(self) -> None:
         status = DiagnosticStatus(name=self.get_fully_qualified_name(), hardware_id="depth_pose")
         status.level, status.message = self._judge()
+        self.figures.counts["listeners"] = min((p.get_subscription_count() for p in self._outputs), default=0)
         status.values = [KeyValue(key=k, value=v) for k, v in self.figures.as_text().items()]
         message = DiagnosticArray(status=[status])
         message.header.stamp = self.get_clock().now().to_msg()

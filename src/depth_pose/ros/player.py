@@ -19,7 +19,7 @@ CLOCK_HZ = 40.0
 """``/clock`` messages a second of wall time, beside one before every recorded message."""
 
 _DEPTH = 100
-_SETTLE_S = 0.2
+_SETTLE_S, _ACKNOWLEDGED_S = 0.2, 5.0
 _AHEAD = 32
 """Messages read ahead of their time."""
 
@@ -188,6 +188,7 @@ class Player:
             self._make_publishers()
             self._await_subscribers()
             self._play_rounds()
+            self._await_acknowledgement()
         finally:
             rclpy.try_shutdown(context=context)
         return self._result
@@ -234,6 +235,14 @@ class Player:
             if time.monotonic() > deadline:
                 raise InputError(f"nobody subscribed to {', '.join(alone)} within {self._wait_s:g} s")
             time.sleep(0.02)
+
+    def _await_acknowledgement(self) -> None:
+        """Wait until reliable subscribers have all: what is on its way is lost with its publisher."""
+        from rclpy.duration import Duration
+
+        deadline = time.monotonic() + (0.0 if self._stop.is_set() else _ACKNOWLEDGED_S)
+        for publisher in self._publishers.values():
+            publisher.wait_for_all_acked(Duration(seconds=max(0.0, deadline - time.monotonic())))
 
     def _play_rounds(self) -> None:
         started = time.monotonic()

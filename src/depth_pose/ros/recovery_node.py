@@ -18,6 +18,7 @@ from depth_pose.ros.drawing import skeleton_to_markers, skeleton_to_transforms
 from depth_pose.ros.node_base import Input
 from depth_pose.ros.parameters import RECOVERY
 from depth_pose.ros.runner import run_node
+from depth_pose.ros.shared import make
 from depth_pose.steps.mount import turn_back
 from depth_pose.steps.recover import Recoverer
 
@@ -33,7 +34,7 @@ class RecoveryNode(BankNode):
 
     def make_stage(self, config: PipelineConfig) -> Recoverer:
         """Make the recoverer."""
-        return Recoverer(self.bank, config.recover, config.smooth)
+        return make(Recoverer, self.bank, config.recover, config.smooth)
 
     def open_outputs(self) -> None:
         """Publish what other programs read: reliable, which suits every subscriber."""

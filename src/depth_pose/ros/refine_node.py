@@ -25,6 +25,7 @@ from depth_pose.ros.drawing import mesh_to_marker
 from depth_pose.ros.node_base import Held, Input
 from depth_pose.ros.parameters import REFINE
 from depth_pose.ros.runner import run_node
+from depth_pose.ros.shared import make
 from depth_pose.steps.mount import turn_forth
 from depth_pose.steps.refine import Refiner
 
@@ -54,7 +55,7 @@ class RefineNode(BankNode):
 
     def make_stage(self, config: PipelineConfig) -> Refiner:
         """Make the refiner."""
-        return Refiner(self.bank, config.refine, config.match)
+        return make(Refiner, self.bank, config.refine, config.match)
 
     def open_outputs(self) -> None:
         """Publish the skeleton, and the mesh while somebody listens."""

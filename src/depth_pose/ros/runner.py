@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import contextlib
-import ctypes
 import os
+import select
 import signal
 import sys
 import threading
@@ -16,8 +16,6 @@ PARENT_VARIABLE = "DEPTH_POSE_PARENT"
 
 EXIT_CONFIG = 2
 """Exit code where the configuration or the bank cannot be used: starting again will not help."""
-
-_PR_SET_PDEATHSIG = 1
 
 
 def run_node(make: Callable[[], Any], args: Sequence[str] | None = None) -> int:
@@ -46,9 +44,11 @@ def run_node(make: Callable[[], Any], args: Sequence[str] | None = None) -> int:
 
     node = None
     try:
-        rclpy.init(
-            args=list(args) if args is not None else None, signal_handler_options=SignalHandlerOptions.NO
-        )
+        if rclpy.ok():  # it joined early
+            make.arguments = args  # type: ignore[attr-defined]
+        else:
+            known = list(args) if args is not None else None
+            rclpy.init(args=known, signal_handler_options=SignalHandlerOptions.NO)
         node = make()
         install_signal_handlers(SignalHandlerOptions.ALL)
         _spin(node)
@@ -57,6 +57,9 @@ def run_node(make: Callable[[], Any], args: Sequence[str] | None = None) -> int:
     except (ConfigError, BankError) as e:
         sys.stderr.write(f"depth_pose: {e}\n")
         return EXIT_CONFIG
+    except Exception:
+        if node is None or rclpy.ok():  # else it was told to stop, and what it called was shut down
+            raise
     finally:
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, signal.SIG_IGN)
@@ -67,8 +70,22 @@ def run_node(make: Callable[[], Any], args: Sequence[str] | None = None) -> int:
     return 0
 
 
+def join_early() -> Any:
+    """Join the ROS graph before it is known as which node; gives what must be kept until `run_node`.
+
+    Being found by others takes longer than all that a node does after it.
+    """
+    import rclpy
+    from rclpy.signals import SignalHandlerOptions
+
+    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+    return rclpy.create_node(
+        f"spare_{os.getpid()}", namespace="depth_pose", enable_rosout=False, start_parameter_services=False
+    )
+
+
 def _spin(node: Any) -> None:
-    """Call back until shutdown; a whole frame is begun only when nothing more waits."""
+    """Call back until shutdown, and answer the whole frames that come of it."""
     import rclpy
     from rclpy.executors import SingleThreadedExecutor
 
@@ -76,9 +93,8 @@ def _spin(node: Any) -> None:
     executor.add_node(node)
     try:
         while rclpy.ok():
-            before = node.arrivals
-            executor.spin_once(timeout_sec=0.0 if node.has_pending else None)
-            if node.has_pending and node.arrivals == before:
+            executor.spin_once()
+            while node.has_pending:
                 node.process_pending()
     finally:
         executor.shutdown(timeout_sec=0.2)
@@ -104,10 +120,17 @@ def _stop(number: int, frame: object) -> None:
 
 
 def end_with_parent() -> None:
-    """Have the kernel send SIGTERM when the supervisor dies, however it dies."""
-    parent = os.environ.get(PARENT_VARIABLE)
-    if not parent or not sys.platform.startswith("linux"):
+    """Have this process sent SIGTERM when its supervisor dies, however it dies; once is enough."""
+    parent = os.environ.pop(PARENT_VARIABLE, None)
+    if not parent:
         return
-    ctypes.CDLL(None, use_errno=True).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM, 0, 0, 0)
-    if os.getppid() != int(parent):  # it died before the line above
+    try:
+        handle = os.pidfd_open(int(parent))
+    except ProcessLookupError:  # it died before
         sys.exit(0)
+
+    def watch() -> None:
+        select.select([handle], [], [])
+        os.kill(os.getpid(), signal.SIGTERM)
+
+    threading.Thread(target=watch, name="supervisor's end", daemon=True).start()

@@ -7,10 +7,10 @@
                                             # all four have ended here
 
 `up` is the same as a command that runs until SIGINT or SIGTERM. Each node is a process of its
-own (``python -m depth_pose.ros.NAME_node``) whose output appears with its name in front. One
-that dies is started again, after 0.1 s at first and up to 10 s when it goes on dying; a spare process
-that has everything loaded takes its place (`depth_pose.ros.spare`). Should the supervisor itself be
-killed, the kernel ends the nodes.
+own, forked from one that has everything loaded (`depth_pose.ros.forkserver`); its output appears with
+its name in front. A spare that waits forked beside them takes the place of a node that dies: at once
+at first, and up to 10 s later when it goes on dying. Should the supervisor itself be killed, the nodes
+end, too; should the fork server be, they go on, and another is started.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ import json
 import os
 import signal
 import subprocess
-import sys
 import threading
 import time
+import traceback
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -31,8 +31,10 @@ from types import TracebackType
 from typing import Any
 
 from depth_pose.errors import ConfigError, DepthPoseError
+from depth_pose.ros.forked import ForkedProcess, ForkServer, ServerDiedError
+from depth_pose.ros.forkserver import LOADED, WAITS
+from depth_pose.ros.leftovers import remove_leftovers
 from depth_pose.ros.runner import EXIT_CONFIG, PARENT_VARIABLE, on_stop
-from depth_pose.ros.spare import LOADED
 
 NODES: tuple[str, ...] = ("denoise", "matcher", "refine", "recovery")
 """The nodes, in the order that a frame passes them."""
@@ -43,7 +45,7 @@ SENSORS_PATH = Path(__file__).with_name("sensors")
 _CONSUMERS = {"denoise": 3, "matcher": 1, "refine": 1, "recovery": 1}
 _READY = "is ready"
 _FIRST_DELAY_S, _MAX_DELAY_S, _HEALTHY_S = 0.1, 10.0, 10.0
-_STOP_PATIENCE_S = 3.0
+_LOOK_EVERY_S, _STOP_PATIENCE_S = 0.1, 5.0
 
 
 class NodeDiedError(DepthPoseError):
@@ -57,13 +59,17 @@ def sensor_names() -> list[str]:
 
 @dataclass
 class _Child:
+    """A process by what it is for, and the words by which it says that it is ready."""
+
     name: str
-    process: subprocess.Popen[str] | None = None
+    word: str = _READY
+    process: ForkedProcess | None = None
     started_s: float = 0.0
     ready: threading.Event = field(default_factory=threading.Event)
     restarts: int = 0
-    delay_s: float = _FIRST_DELAY_S
-    retry_s: float | None = None
+    delay_s: float = 0.0
+    retry_s: float | None = 0.0
+    killed: bool = False
     last_lines: deque[str] = field(default_factory=lambda: deque(maxlen=20))
 
 
@@ -83,8 +89,6 @@ class Suite:
         the files.
     nodes : sequence of str
         Which of `NODES` to run.
-    spare : bool
-        Whether to keep a spare process, which costs the memory of one more node. All four only.
     sink : callable
         Gets every line of output, with ``[name] `` in front; prints it by default.
 
@@ -102,21 +106,20 @@ class Suite:
         *,
         parameters: Mapping[str, Any] | None = None,
         nodes: Sequence[str] = NODES,
-        spare: bool = True,
         sink: Callable[[str], None] | None = None,
     ) -> None:
         self._arguments = _ros_arguments(params_file, sensor, bank, parameters or {})
         self._sink = sink or _print
         self._children = {name: _Child(name) for name in nodes}
         self._whole = set(nodes) == set(NODES)
-        self._keeps_spare = spare and self._whole
-        self._spare = _Child("spare")
+        self._spare = _Child("spare", WAITS)
+        self._loader = _Child("fork server", LOADED)
+        self._server: ForkServer | None = None
         self._owners: dict[int, _Child] = {}
         self._bank = str(Path(bank).absolute()) if bank is not None else ""
         self._stopping = threading.Event()
         self._failed: DepthPoseError | None = None
         self._thread: threading.Thread | None = None
-        self._lock = threading.Lock()
 
     @property
     def restarts(self) -> dict[str, int]:
@@ -126,17 +129,16 @@ class Suite:
     def pid(self, name: str) -> int | None:
         """Process id of a node, None while it is down."""
         process = self._children[name].process
-        return process.pid if process is not None and process.poll() is None else None
+        return process.pid if process is not None and process.is_running else None
 
     def start(self) -> None:
         """Start all nodes; returns at once, see `wait_ready`."""
         if self._thread is not None:
             raise DepthPoseError("this suite has been started; make a new one")
-        # the kernel ties a child to the *thread* that started it: this one lives as long as they do
         self._thread = threading.Thread(target=self._supervise, name="supervisor", daemon=True)
         self._thread.start()
 
-    def wait_ready(self, timeout_s: float = 120.0) -> None:
+    def wait_ready(self, timeout_s: float = 300.0) -> None:
         """Wait until every node has warmed up and is connected.
 
         The first start on a machine compiles the kernels, which takes a while.
@@ -154,17 +156,23 @@ class Suite:
                 if self._failed is not None:
                     raise self._failed
                 if time.monotonic() > deadline:
-                    words = "\n".join(child.last_lines) or "it said nothing"
-                    raise NodeDiedError(f"the {child.name} node was not ready in {timeout_s:.0f} s:\n{words}")
+                    words = "\n".join(child.last_lines or self._loader.last_lines) or "it said nothing"
+                    raise NodeDiedError(f"the {child.name} was not ready in {timeout_s:.0f} s:\n{words}")
 
     def is_ready(self, name: str) -> bool:
         """Whether a node has said so since it was last started."""
         return self._children[name].ready.is_set()
 
     @property
-    def has_spare(self) -> bool:
-        """Whether a spare process is loaded and waits."""
-        return self._spare.ready.is_set()
+    def spare_pid(self) -> int | None:
+        """Process id of the spare, None while there is none that could take over at once."""
+        process = self._spare.process
+        return process.pid if process is not None and self._spare.ready.is_set() else None
+
+    @property
+    def server_pid(self) -> int | None:
+        """Process id of the fork server, None before the start."""
+        return self._server.process.pid if self._server is not None else None
 
     @property
     def failure(self) -> DepthPoseError | None:
@@ -174,18 +182,18 @@ class Suite:
     def stop(self) -> dict[str, int]:
         """End all nodes; gives their exit codes, 0 where they ended cleanly."""
         self._stopping.set()
-        with self._lock:
-            running = {n: c.process for n, c in self._children.items() if c.process is not None}
-            spare = self._spare.process
-        for process in (*running.values(), *([spare] if spare is not None else [])):
-            if process.poll() is None:
-                process.send_signal(signal.SIGTERM)
-        deadline = time.monotonic() + _STOP_PATIENCE_S
-        codes = {name: _wait(process, deadline) for name, process in running.items()}
-        if spare is not None:
-            _wait(spare, deadline)
         if self._thread is not None:
             self._thread.join()
+        running = {n: c.process for n, c in self._children.items() if c.process is not None}
+        spare = [self._spare.process] if self._spare.process is not None else []
+        for process in (*running.values(), *spare):
+            process.send_signal(signal.SIGTERM)
+        deadline = time.monotonic() + _STOP_PATIENCE_S
+        codes = {name: process.wait(deadline) for name, process in running.items()}
+        for process in spare:
+            process.wait(deadline)
+        if self._server is not None:
+            self._server.close()
         return codes
 
     def __enter__(self) -> Suite:
@@ -205,110 +213,111 @@ class Suite:
     # The supervising thread
 
     def _supervise(self) -> None:
-        for child in self._children.values():
-            self._spawn(child)
-        while not self._stopping.wait(0.1):
+        try:
+            while not self._stopping.is_set() and self._failed is None:
+                with contextlib.suppress(ServerDiedError):  # another is started
+                    self._look_after_all()
+        except DepthPoseError as e:
+            self._failed = e
+        except Exception:
+            self._failed = DepthPoseError(f"the supervisor failed:\n{traceback.format_exc()}")
+
+    def _look_after_all(self) -> None:
+        if self._has_server():
             for child in self._children.values():
                 self._look_after(child)
             self._look_after_spare()
 
+    def _has_server(self) -> bool:
+        """Wait for news of the fork server, and start it where it is not; True if it is loaded."""
+        loader = self._loader
+        look_s = _LOOK_EVERY_S if loader.ready.is_set() else 0.2 * _LOOK_EVERY_S
+        if self._server is not None and self._server.listen(look_s):
+            return loader.ready.is_set()
+        if self._server is not None:
+            self._server.close()
+            code = self._server.process.returncode
+            if not loader.ready.is_set():
+                raise NodeDiedError(_last_words(loader, code))
+            self._sink(f"[{loader.name}] ended with code {code}; starting it again")
+            loader.ready.clear()
+        self._server = ForkServer(self._bank, _environment())
+        self._follow(self._server.process, loader)
+        return False
+
     def _spawn(self, child: _Child) -> None:
-        with self._lock:
-            if self._stopping.is_set():
-                return
-            child.ready.clear()
-            child.retry_s = None
-            child.started_s = time.monotonic()
-            consumers = _CONSUMERS[child.name] if self._whole else 0
-            producers = _yaml(self._whole)
-            arguments = [
-                *("--ros-args", "-p", f"consumers:={consumers}", "-p", f"producers:={producers}"),
-                *self._arguments,
-            ]
-            if self._take_spare(child, arguments):
-                return
-            self._start(child, f"{child.name}_node", arguments)
-
-    def _start(self, child: _Child, module: str, arguments: Sequence[str], waits: bool = False) -> None:
-        """Start a module as a process, and read what it prints."""
-        child.process = subprocess.Popen(
-            [sys.executable, "-m", f"depth_pose.ros.{module}", *arguments],
-            stdin=subprocess.PIPE if waits else subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-            errors="replace",
-            bufsize=1,
-            start_new_session=True,  # Ctrl-C reaches the supervisor only
-            env=_environment(),
-        )
-        self._owners[child.process.pid] = child
-        reader = threading.Thread(target=self._read, args=(child.process,), daemon=True)
-        reader.start()
-
-    def _take_spare(self, child: _Child, arguments: list[str]) -> bool:
-        """Have the spare process become a node, if it is there and loaded."""
-        process = self._spare.process
-        if process is None or process.stdin is None or not self.has_spare or process.poll() is not None:
-            return False
+        """Have the spare, or a new process, become a node."""
+        assert self._server is not None
+        spare = self._spare.process
+        ready = spare is not None and self._spare.ready.is_set() and spare.poll() is None
+        if ready:
+            self._spare = _Child("spare", WAITS)
+        process = spare if ready and spare is not None else self._server.fork()
+        child.restarts += child.process is not None
         self._owners[process.pid], child.process = child, process
-        self._spare = _Child("spare")
+        if not ready:
+            self._follow(process, child)
+        child.ready.clear()
+        child.retry_s = None
+        child.started_s = time.monotonic()
+        consumers = _CONSUMERS[child.name] if self._whole else 0
+        producers = _yaml(self._whole)
+        arguments = [
+            *("--ros-args", "-p", f"consumers:={consumers}", "-p", f"producers:={producers}"),
+            *self._arguments,
+        ]
         with contextlib.suppress(OSError):  # where it died just now, the next look finds it
             process.stdin.write(json.dumps([child.name, arguments]) + "\n")
             process.stdin.close()
-        return True
 
     def _look_after_spare(self) -> None:
-        """Start a spare once all nodes are ready, so that it takes no time from their start."""
+        """Fork a spare once all nodes are ready, so that it takes no time from their start."""
         spare = self._spare
-        if not self._keeps_spare or self._failed is not None:
-            return
         if spare.process is not None:
             if spare.process.poll() is not None:
-                self._keeps_spare = self.has_spare  # one that cannot load is not tried again
-                self._spare = _Child("spare")
-            return
-        if all(c.ready.is_set() for c in self._children.values()):
-            with self._lock:
-                if not self._stopping.is_set():
-                    self._start(spare, "spare", [self._bank] if self._bank else [], waits=True)
+                self._spare = _Child("spare", WAITS)
+        elif self._server is not None and all(c.ready.is_set() for c in self._children.values()):
+            if any(c.killed for c in self._children.values()):
+                remove_leftovers()
+            spare.process = self._server.fork()
+            self._follow(spare.process, spare)
 
-    def _read(self, process: subprocess.Popen[str]) -> None:
-        for line in process.stdout or ():
-            line = line.rstrip("\n")
-            child = self._owners[process.pid]
-            child.last_lines.append(line)
-            if (LOADED if child is self._spare else _READY) in line:
-                child.ready.set()
-                if child is self._spare:
-                    continue
-            self._sink(f"[{child.name}] {line}")
+    def _follow(self, process: subprocess.Popen[str] | ForkedProcess, owner: _Child) -> None:
+        """Read what a process prints, in a thread of its own."""
+        self._owners[process.pid] = owner
+        threading.Thread(target=self._read, args=(process,), daemon=True).start()
+
+    def _read(self, process: subprocess.Popen[str] | ForkedProcess) -> None:
+        assert process.stdout is not None
+        with process.stdout:
+            for line in process.stdout:
+                line = line.rstrip("\n")
+                child = self._owners[process.pid]
+                child.last_lines.append(line)
+                if child.word in line:
+                    child.ready.set()
+                if line not in (LOADED, WAITS):
+                    self._sink(f"[{child.name}] {line}")
+        self._owners.pop(process.pid, None)
 
     def _look_after(self, child: _Child) -> None:
         now = time.monotonic()
-        if child.process is None or self._failed is not None:
-            return
-        if child.retry_s is not None:
-            if now >= child.retry_s:
-                child.restarts += 1
-                self._spawn(child)
-            return
-        code = child.process.poll()
-        if code is None or self._stopping.is_set():
-            return
-        was_ready = child.ready.is_set()
-        child.ready.clear()
-        if code == EXIT_CONFIG or (not was_ready and child.restarts == 0):
-            time.sleep(0.1)  # let its last lines come
-            kind = ConfigError if code == EXIT_CONFIG else NodeDiedError
-            words = "\n".join(child.last_lines)
-            self._failed = kind(f"the {child.name} node ended with code {code} before it was ready:\n{words}")
-            return
-        if now - child.started_s > _HEALTHY_S:
-            child.delay_s = _FIRST_DELAY_S
-        self._sink(f"[{child.name}] ended with code {code}; starting it again in {child.delay_s:.1f} s")
-        child.retry_s = now + child.delay_s
-        child.delay_s = min(2.0 * child.delay_s, _MAX_DELAY_S)
+        code = child.process.poll() if child.process is not None and child.retry_s is None else None
+        if code is not None:
+            was_ready = child.ready.is_set()
+            child.ready.clear()
+            if code == EXIT_CONFIG or (not was_ready and child.restarts == 0):
+                time.sleep(0.1)  # let its last lines come
+                kind = ConfigError if code == EXIT_CONFIG else NodeDiedError
+                raise kind(_last_words(child, code))
+            if now - child.started_s > _HEALTHY_S:
+                child.delay_s = 0.0
+            after = f"in {child.delay_s:.1f} s" if child.delay_s else "at once"
+            self._sink(f"[{child.name}] ended with code {code}; starting it again {after}")
+            child.retry_s, child.killed = now + child.delay_s, code < 0
+            child.delay_s = min(max(_FIRST_DELAY_S, 2.0 * child.delay_s), _MAX_DELAY_S)
+        if child.retry_s is not None and now >= child.retry_s:
+            self._spawn(child)
 
 
 def up(
@@ -383,12 +392,9 @@ def _yaml(value: Any) -> str:
     return repr(value) if isinstance(value, int | float) else f"'{value}'"
 
 
-def _wait(process: subprocess.Popen[str], deadline: float) -> int:
-    try:
-        return process.wait(max(0.1, deadline - time.monotonic()))
-    except subprocess.TimeoutExpired:
-        process.kill()
-        return process.wait()
+def _last_words(child: _Child, code: int) -> str:
+    words = "\n".join(child.last_lines) or "it said nothing"
+    return f"the {child.name} ended with code {code} before it was ready:\n{words}"
 
 
 def _environment() -> dict[str, str]:

@@ -19,6 +19,7 @@ from depth_pose.config import MatchConfig
 from depth_pose.geometry import matrix_to_quat
 from depth_pose.registration.articulated import ArticulatedFitter, BodyPose
 from depth_pose.render import Observation
+from depth_pose.skeleton import NODE_INDEX
 from depth_pose.steps.cut_off import UprightExemplars, head_axes, is_cut_off, touches_side
 from depth_pose.steps.identity import PersonGuard
 from depth_pose.steps.placing import (
@@ -33,6 +34,7 @@ from depth_pose.steps.sample import sample_cloud
 from depth_pose.steps.scale import SCALES, ScaleFinder
 from depth_pose.steps.search import SubspaceSearch
 from depth_pose.steps.stamps import StampGuard
+from depth_pose.steps.trial import TrialFits
 from depth_pose.steps.view import PersonView, thin_image, view_person
 from depth_pose.types import Candidate, PersonCloud, PoseMatch
 
@@ -48,6 +50,11 @@ _CORRECTED = 8
 
 _MORE = 1.2
 """How much more must be seen of a person who is cut off before their size is found again."""
+
+_NEARLY = 0.04
+"""Best matches that face opposite ways and whose scores differ by less are told apart by fits."""
+
+_LEFT, _RIGHT = ([NODE_INDEX[f"{side}_{n}"] for n in ("shoulder", "hip")] for side in ("left", "right"))
 
 _SAME_POSE_M = 0.05
 """Candidates whose nodes are this close on average are the same pose."""
@@ -78,7 +85,8 @@ class Matcher:
         self._upright = UprightExemplars(bank)
         self._guard = StampGuard()
         self._identity = PersonGuard()
-        self._finder = ScaleFinder(ArticulatedFitter(bank.body), config.score_band)
+        self._fitter = ArticulatedFitter(bank.body)
+        self._finder = ScaleFinder(self._fitter, config.score_band)
         self.reset()
 
     def reset(self) -> None:
@@ -119,7 +127,7 @@ class Matcher:
         rough = self._compare_roughly(cloud, view, scale, self.config.shortlist)
         placed = self._compare_finely(view, scale, rough)
         if not is_new and not self._knows_scale():
-            self._finder.add(view, self._pose(placed, scale))
+            self._finder.add(view, self._pose(placed, 0, scale))
         candidates = self._keep_different(placed)
         return PoseMatch(cloud.stamp_ns, cloud.frame_id, self.bank.bank_id, scale, candidates)
 
@@ -146,13 +154,13 @@ class Matcher:
             few = max(4, self.config.shortlist // 4)
             tried = [(s, self._compare_roughly(cloud, view, s, few)) for s in SCALES[1::3].tolist()]
             scale, rough = min(tried, key=lambda t: float(t[1].scores.min()))
-            self._finder.add(view, self._pose(self._compare_finely(view, scale, rough), scale))
+            self._finder.add(view, self._pose(self._compare_finely(view, scale, rough), 0, scale))
         return self._finder.scale
 
-    def _pose(self, placed: Placed, scale: float) -> BodyPose:
-        """Give the first one's pose in the camera frame."""
-        rotations = placed.rotations[0] @ self.bank.rotations(int(placed.exemplars[0]))
-        return BodyPose(rotations, placed.translations[0], scale)
+    def _pose(self, placed: Placed, row: int, scale: float) -> BodyPose:
+        """Give one's pose in the camera frame."""
+        rotations = placed.rotations[row] @ self.bank.rotations(int(placed.exemplars[row]))
+        return BodyPose(rotations, placed.translations[row], scale)
 
     def _compare_roughly(self, cloud: PersonCloud, view: PersonView, scale: float, shortlist: int) -> Placed:
         """Search with each of the input's axes at one size, and compare all that is found."""
@@ -177,7 +185,24 @@ class Matcher:
         compared = better(*pairs)
         best = compared.take(compared.ranking()[:_CORRECTED])
         best = better(best, self._renderer.compare(best.moved(), scale, image))
-        return best.take(best.ranking())
+        return self._settle_facing(best.take(best.ranking()), view, scale)
+
+    def _settle_facing(self, placed: Placed, view: PersonView, scale: float) -> Placed:
+        """Put the best that faces the other way first, where it agrees better once both are fitted.
+
+        From behind people look much as from before, and where the bank has no pose that is near, one
+        that faces the wrong way may agree as well as one that does not.
+        """
+        across = placed.nodes[:, _LEFT].sum(axis=1) - placed.nodes[:, _RIGHT].sum(axis=1)
+        close = placed.scores < placed.scores[0] + _NEARLY
+        turned = np.flatnonzero(close & (across @ across[0] < 0.0))
+        if turned.size == 0:
+            return placed
+        trial, other = TrialFits(self._fitter, self.config.score_band, view), turned[0]
+        if trial.score(self._pose(placed, 0, scale)) <= trial.score(self._pose(placed, other, scale)):
+            return placed
+        rows = np.arange(len(placed.scores))
+        return placed.take(np.insert(rows[rows != other], 0, other))
 
     def _keep_different(self, placed: Placed) -> tuple[Candidate, ...]:
         """Give the best few that are different poses."""

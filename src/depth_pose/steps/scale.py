@@ -13,15 +13,13 @@ from collections.abc import Callable
 
 import numpy as np
 
-from depth_pose.registration.articulated import ArticulatedFitter, BodyPose, FitTarget
-from depth_pose.render import DepthComparer
-from depth_pose.steps.view import PersonView, thin
+from depth_pose.registration.articulated import ArticulatedFitter, BodyPose
+from depth_pose.steps.trial import TrialFits
+from depth_pose.steps.view import PersonView
 
 SCALES = 0.6 * 1.04 ** np.arange(18)
 """Sizes that are tried: statures from 1.05 m to 2.05 m for a body of 1.75 m."""
 
-_POINTS = 400
-_SIGMAS = (0.06, 0.05, 0.04, 0.034, 0.028, 0.024)
 _MOST_STEPS = 5
 
 
@@ -59,13 +57,12 @@ class ScaleFinder:
         start : BodyPose
             The matched pose, at a size near the person's.
         """
-        comparer = DepthComparer(view.coarse, self._band)
-        target = FitTarget.prepare(thin(view.points, _POINTS), view.full, view.coarse)
+        trial = TrialFits(self._fitter, self._band, view)
         scored: dict[int, float] = {}
 
         def score(k: int) -> float:
             if k not in scored:
-                scored[k] = self._score(comparer, target, start, float(SCALES[k]))
+                scored[k] = trial.score(BodyPose(start.rotations, start.root, float(SCALES[k])))
             return scored[k]
 
         if self.frames == 0:
@@ -92,11 +89,6 @@ class ScaleFinder:
             self._at = k + 1
         elif k > 0 and self._rises[k - 1] > 0.0:
             self._at = k - 1
-
-    def _score(self, comparer: DepthComparer, target: FitTarget, start: BodyPose, scale: float) -> float:
-        pose = self._fitter.fit(target, BodyPose(start.rotations, start.root, scale), _SIGMAS)
-        posed = self._fitter.body.pose(pose.rotations, pose.root, scale)
-        return comparer.compare(posed.vertices, self._fitter.body.faces).score
 
 
 def _descend(score: Callable[[int], float], k: int) -> int:
