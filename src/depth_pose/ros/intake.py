@@ -49,18 +49,6 @@ class Input:
     sensor: bool = False
 
 
-class Drop(DepthPoseError):
-    """Raised by `StageNode.answer` where a frame gets no answer, with the reason to count it by."""
-
-    def __init__(self, reason: str, detail: str) -> None:
-        super().__init__(detail)
-        self.reason = reason
-
-
-class Held(Exception):
-    """Raised by `StageNode.answer` where a frame is kept and answered later."""
-
-
 class FrameSource(Protocol):
     """Where a node's frames come from, as the node knows it: `Intake`, or one of the node's own."""
 
@@ -76,7 +64,7 @@ class FrameSource(Protocol):
         """Whether a whole frame waits."""
 
     def take_waiting(self) -> bool:
-        """Take in what has come meanwhile; True if anything had."""
+        """Take in all that waits; whether there was anything."""
 
     def take_pending(self) -> tuple[Any, ...] | None:
         """Give the newest whole frame, once."""
@@ -86,6 +74,18 @@ class FrameSource(Protocol):
 
     def close(self) -> None:
         """Unsubscribe."""
+
+
+class Drop(DepthPoseError):
+    """Raised by `StageNode.answer` where a frame gets no answer, with the reason to count it by."""
+
+    def __init__(self, reason: str, detail: str) -> None:
+        super().__init__(detail)
+        self.reason = reason
+
+
+class Held(Exception):
+    """Raised by `StageNode.answer` where a frame is kept and answered later."""
 
 
 def frame_qos(depth: int, reliable: bool) -> QoSProfile:

@@ -76,13 +76,6 @@ class MomentIntake:
         """Whether a moment waits to be answered."""
         return self._pending is not None
 
-    def take_waiting(self) -> bool:
-        """Take in what has come from all cameras meanwhile; True if anything had."""
-        before = self.arrivals
-        self._take_others()
-        self._check()
-        return self.arrivals > before
-
     def take_pending(self) -> tuple[Any, ...] | None:
         """Give the newest moment, once."""
         moment, self._pending = self._pending, None
@@ -108,12 +101,22 @@ class MomentIntake:
 
         return take
 
+    def take_waiting(self) -> bool:
+        """Take in all that waits; whether there was anything."""
+        before = self.arrivals
+        self._take_all()
+        self._check()
+        return self.arrivals > before
+
+    def _take_all(self) -> None:
+        for camera, subscription in enumerate(self._subscriptions):
+            for data, info in waiting(subscription):
+                self._add(camera, data, info)
+
     def _take_others(self) -> None:
         """Take what has come from all cameras, and what comes presently."""
         while True:
-            for camera, subscription in enumerate(self._subscriptions):
-                for data, info in waiting(subscription):
-                    self._add(camera, data, info)
+            self._take_all()
             if not self.gatherer.is_fresh(time.monotonic(), _TOGETHER_S):
                 return
             time.sleep(_DOZE_S)

@@ -28,7 +28,16 @@ from depth_pose.config import PipelineConfig, Sections
 from depth_pose.errors import BankError, ConfigError, DepthPoseError, InputError
 from depth_pose.ros.conversions import stamp_to_ns
 from depth_pose.ros.figures import Figures
-from depth_pose.ros.intake import LOG_EVERY_S, NO_EVENTS, Drop, FrameSource, Held, Input, Intake, frame_qos
+from depth_pose.ros.intake import (
+    LOG_EVERY_S,
+    NO_EVENTS,
+    Drop,
+    FrameSource,
+    Held,
+    Input,
+    Intake,
+    frame_qos,
+)
 from depth_pose.ros.parameters import COMMON, Setting, declare, read_config
 from depth_pose.ros.shared import is_warm
 from depth_pose.ros.silence import CrowdWatch, SilenceWatch
