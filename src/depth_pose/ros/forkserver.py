@@ -100,7 +100,7 @@ def _serve(link: socket.socket) -> bool:
 
 def _become_node() -> int:
     """Import ROS, wait for a name and a command line, be that node; gives its exit code."""
-    from depth_pose.ros.runner import end_with_parent, join_early
+    from depth_pose.ros.runner import end_with_parent, join_early, leave
     from depth_pose.ros.supervisor import NODES
 
     for number in (signal.SIGINT, signal.SIGTERM):
@@ -109,8 +109,10 @@ def _become_node() -> int:
     mains = {name: importlib.import_module(f"depth_pose.ros.{name}_node").main for name in NODES}
     joined = None if select.select([0], [], [], 0.0)[0] else join_early()
     print(WAITS, flush=True)
-    line = sys.stdin.readline()
+    line = _read_line()
     if not line:
+        if joined is not None:
+            leave(joined)
         return 0
     name, arguments = json.loads(line)
     code = int(mains[name](arguments))
@@ -118,8 +120,23 @@ def _become_node() -> int:
     return code
 
 
+def _read_line() -> str:
+    """Wait for a line; empty when the supervisor is gone or a signal comes."""
+
+    def stop(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    try:
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, stop)
+        return sys.stdin.readline()
+    except KeyboardInterrupt:
+        return ""
+
+
 if __name__ == "__main__":
     code = main(sys.argv[1:])
+    gc.collect()  # what is left of a node lets go of its shared memory
     sys.stdout.flush()
     sys.stderr.flush()
     os._exit(code)  # taking everything down one by one would first copy all that is shared

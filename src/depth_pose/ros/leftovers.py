@@ -14,7 +14,7 @@ from pathlib import Path
 
 FOLDER = Path("/dev/shm")
 _LOCK = "_el"
-_YOUNG_S = 2.0
+_YOUNG_S = 0.5
 """A file as young as this may belong to a process that has not locked it yet."""
 
 

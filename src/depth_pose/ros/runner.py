@@ -84,6 +84,14 @@ def join_early() -> Any:
     )
 
 
+def leave(joined: Any) -> None:
+    """Undo `join_early`; without it shared memory would be left behind."""
+    import rclpy
+
+    joined.destroy_node()
+    rclpy.try_shutdown()
+
+
 def _spin(node: Any) -> None:
     """Call back until shutdown, and answer the whole frames that come of it."""
     import rclpy

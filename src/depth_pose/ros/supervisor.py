@@ -194,6 +194,7 @@ class Suite:
             process.wait(deadline)
         if self._server is not None:
             self._server.close()
+        remove_leftovers()
         return codes
 
     def __enter__(self) -> Suite:
