@@ -151,3 +151,20 @@ def test_refuses_bad_points(bad) -> None:
 def test_refuses_bad_settings(settings) -> None:
     with pytest.raises(ConfigError, match=next(iter(settings))):
         CpdConfig(**settings)
+
+
+def test_follow_twin():
+    """Vertices go where the points around them went; those without any stay."""
+    rng = np.random.default_rng(5)
+    before = rng.uniform(0.0, 0.3, (80, 3))
+    moved, probability = before + 0.05 * rng.standard_normal((80, 3)), rng.uniform(0.2, 1.3, 80)
+    vertices = np.concatenate([rng.uniform(0.0, 0.3, (30, 3)), np.full((2, 3), 9.0)])
+    targets, mass, reach = vertices.copy(), np.empty(32), 0.05
+    kernels.follow(vertices, before, moved, probability, reach, targets, mass)
+    square = np.square(vertices[:, None] - before).sum(axis=-1)
+    weight = np.exp(-4.5 * square / reach**2) * np.minimum(probability, 1.0) * (square < (1.2 * reach) ** 2)
+    np.testing.assert_allclose(mass, weight.sum(axis=1), rtol=1e-9)
+    near = mass > 0
+    assert 20 < near.sum() < 32
+    np.testing.assert_allclose(targets[near], (weight @ moved)[near] / mass[near, None])
+    np.testing.assert_array_equal(targets[~near], vertices[~near])

@@ -303,3 +303,31 @@ def drift(
         if farthest < tolerance * tolerance and last - sigma2 < 1e-3 * last:
             break
     return sigma2, explained / target.shape[0], iterations
+
+
+@njit(cache=True)
+def follow(
+    vertices: Any, before: Any, moved: Any, probability: Any, reach: Any, targets: Any, mass: Any
+) -> Any:
+    """Move each vertex to where the points around it went: their mean, near ones weighing more.
+
+    The weight is ``exp(-4.5 d^2 / reach^2)`` times the point's probability, and nothing beyond 1.2 times
+    ``reach``. ``mass`` (V,) is the sum of weights; ``targets`` (V, 3) of vertices without any are left as
+    they are.
+    """
+    steep, most = 4.5 / (reach * reach), (1.2 * reach) ** 2
+    for v in range(vertices.shape[0]):
+        x, y, z = vertices[v, 0], vertices[v, 1], vertices[v, 2]
+        total, tx, ty, tz = 0.0, 0.0, 0.0, 0.0
+        for n in range(before.shape[0]):
+            dx, dy, dz = before[n, 0] - x, before[n, 1] - y, before[n, 2] - z
+            far = dx * dx + dy * dy + dz * dz
+            if far < most:
+                w = np.exp(-steep * far) * min(probability[n], 1.0)
+                total += w
+                tx += w * moved[n, 0]
+                ty += w * moved[n, 1]
+                tz += w * moved[n, 2]
+        mass[v] = total
+        if total > 0.0:
+            targets[v, 0], targets[v, 1], targets[v, 2] = tx / total, ty / total, tz / total

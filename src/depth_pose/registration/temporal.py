@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from depth_pose.registration import _cpd_kernels as kernels
 from depth_pose.registration.articulated import BodyPose
 from depth_pose.registration.completion import CompletedBody, MeshCompleter
 from depth_pose.registration.cpd import CpdConfig, register
@@ -70,9 +71,7 @@ class TemporalCarrier:
         facing = self._completer.visible(posed, pose.rotations, coarse_before)
         visible = np.flatnonzero(facing > self._completer.config.min_facing)
         targets, weights = posed.vertices.copy(), np.zeros(len(posed.vertices))
-        squared = ((before[None] - posed.vertices[visible][:, None]) ** 2).sum(axis=2)
-        closeness = np.exp(-4.5 * squared / c.reach**2) * np.minimum(found.probability, 1.0)
-        mass = closeness.sum(axis=1)
-        targets[visible] = closeness @ found.moved / np.maximum(mass, 1e-12)[:, None]
-        weights[visible] = c.weight * np.minimum(mass, 1.0)
+        seen, mass = posed.vertices[visible], np.empty(len(visible))
+        kernels.follow(seen, before, found.moved, found.probability, c.reach, seen, mass)
+        targets[visible], weights[visible] = seen, c.weight * np.minimum(mass, 1.0)
         return self._completer.complete(pose, posed, targets, weights)

@@ -35,7 +35,7 @@ from depth_pose.steps.stamps import StampGuard
 from depth_pose.steps.view import PersonView, thin, view_person
 from depth_pose.types import PersonCloud, Skeleton
 
-_MAX_POINTS = 600
+_MAX_POINTS = 450
 _TRUST = 0.8
 """A recovered skeleton's confidence is its agreement with the input times this."""
 
@@ -109,6 +109,8 @@ class Recoverer:
         if view is not None:
             turned = np.diag([1.0, -1.0, -1.0])
             start = BodyPose(turned @ self.bank.rotations(0), view.points.mean(axis=0), 1.0)
+            points = thin(view.points, _MAX_POINTS)
+            self._carrier.carry(points, points, view.coarse, start)
             pose = self._fit(view, start)
             nodes = self.bank.body.pose(pose.rotations, pose.root, pose.scale).nodes
             report_joints(nodes[JOINT_NODES], pose.scale, view, 0.0)
