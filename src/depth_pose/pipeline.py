@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from threadpoolctl import ThreadpoolController
+
 from depth_pose.bank.bank import Bank
 from depth_pose.config import PipelineConfig
 from depth_pose.steps.extract import PersonExtractor
@@ -15,6 +17,9 @@ from depth_pose.steps.mount import turn_back, turn_forth, turn_upright
 from depth_pose.steps.recover import Recoverer
 from depth_pose.steps.refine import Refiner
 from depth_pose.types import DepthFrame, PersonCloud, PoseMatch, Skeleton
+
+_one_thread = ThreadpoolController().wrap(limits=1)
+"""Small systems are no faster on more, and sums come in the same order on any number of cores."""
 
 
 @dataclass(frozen=True)
@@ -41,6 +46,7 @@ class PosePipeline:
     >>> skeleton = pipeline.process_frame(frame).skeleton  # doctest: +SKIP
     """
 
+    @_one_thread
     def __init__(self, bank: Bank, config: PipelineConfig = PipelineConfig()) -> None:  # noqa: B008
         self._mount = config.mount
         self.extractor = PersonExtractor(config.segment, config.denoise)
@@ -49,6 +55,7 @@ class PosePipeline:
         self.recoverer = Recoverer(bank, config.recover, config.smooth)
         self._stages = (self.extractor, self.matcher, self.refiner, self.recoverer)
 
+    @_one_thread
     def process_frame(self, frame: DepthFrame) -> FrameResult:
         """Estimate the pose in one frame; frames of a sequence are given in their order."""
         # Sec. 4: cut the person out, modified LOP, outliers

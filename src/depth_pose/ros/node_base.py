@@ -23,6 +23,7 @@ from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
+from threadpoolctl import threadpool_limits
 
 from depth_pose.config import PipelineConfig, Sections
 from depth_pose.errors import BankError, ConfigError, DepthPoseError, InputError
@@ -85,6 +86,7 @@ class StageNode(LifecycleNode):
     arguments: ClassVar[Sequence[str] | None] = None  # of a process that joined before it had any
 
     def __init__(self, name: str) -> None:
+        threadpool_limits(1)  # the processes share the cores; and sums as `PosePipeline` makes them
         super().__init__(name, namespace="depth_pose", cli_args=self.arguments)
         self.figures = Figures()
         self.stage: Any = None

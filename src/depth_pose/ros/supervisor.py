@@ -402,7 +402,7 @@ def _environment() -> dict[str, str]:
     environment = dict(os.environ)
     environment[PARENT_VARIABLE] = str(os.getpid())
     environment["PYTHONUNBUFFERED"] = "1"
-    environment.setdefault("OMP_NUM_THREADS", "1")  # four processes share the cores
+    environment.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1")  # a process with threads cannot fork
     return environment
 
 
