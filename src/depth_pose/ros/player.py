@@ -19,7 +19,7 @@ CLOCK_HZ = 40.0
 """``/clock`` messages a second of wall time, beside one before every recorded message."""
 
 _DEPTH = 100
-_SETTLE_S, _ACKNOWLEDGED_S = 0.2, 5.0
+_SETTLE_S, _MOST_SETTLE_S, _ACKNOWLEDGED_S = 0.2, 2.0, 5.0
 _AHEAD = 32
 """Messages read ahead of their time."""
 
@@ -221,18 +221,19 @@ class Player:
         missing = set(self._wait_for) - {p.topic_name for p in self._publishers.values()}
         if missing:
             raise InputError(f"{self._path} does not play {', '.join(sorted(missing))}")
-        deadline = time.monotonic() + self._wait_s
+        started = time.monotonic()
         while not self._stop.is_set():
             alone = [
                 p.topic_name
                 for p in self._publishers.values()
                 if p.topic_name in self._wait_for and not p.get_subscription_count()
             ]
+            took = time.monotonic() - started
             if not alone:
-                # what the writer takes for joined, the reader may not yet
-                self._stop.wait(_SETTLE_S if self._wait_for else 0.0)
+                # what the writer takes for joined, the reader may not yet, and the less so the busier it is
+                self._stop.wait(min(max(took, _SETTLE_S), _MOST_SETTLE_S) if self._wait_for else 0.0)
                 return
-            if time.monotonic() > deadline:
+            if took > self._wait_s:
                 raise InputError(f"nobody subscribed to {', '.join(alone)} within {self._wait_s:g} s")
             time.sleep(0.02)
 
