@@ -3,13 +3,15 @@
 Two methods, one interface: ``articulated`` fits joint angles of the skinned body
 (`depth_pose.registration.articulated`); ``cpd`` is the paper's, non-rigid registration of the
 exemplar's visible vertices, Laplacian completion of the mesh and joints from control vertices
-(`depth_pose.registration.completion`). Several starts are fitted, the matcher's candidates and
-the previous frame's pose, and the one whose rendered depth agrees best is kept. A fresh detection
-is always among them: tracking alone loses arms and does not find them again.
+(`depth_pose.registration.completion`). Two poses contend, and the one whose rendered depth agrees
+best wins: the matcher's candidates, and the pose of the frame before. Tracking alone loses arms and
+does not find them again; but a pose that has converged over many frames agrees better than any new
+one, however wrong it is, until that is fitted as well. So each side is fitted by itself.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -32,11 +34,14 @@ from depth_pose.steps.stamps import StampGuard
 from depth_pose.steps.view import PersonView, view_person
 from depth_pose.types import Candidate, PersonCloud, PoseMatch, Skeleton
 
-_ROUGH = 3
-"""Starts, the best after a glance, that are fitted roughly."""
+_ROUGH = 2
+"""Candidates, the best after a glance, that are fitted roughly."""
 
 _FIRST_ROUNDS = 4
 """Rounds of the limb search while there is no previous pose to start from."""
+
+_NEARLY = 0.04
+"""The side that agrees less well is fitted finely as well if its score is at most this much higher."""
 
 
 @dataclass(frozen=True)
@@ -65,6 +70,7 @@ class Refiner:
         """Forget the previous pose."""
         self._previous: BodyPose | None = None
         self._recovered: BodyPose | None = None
+        self._turn = 0
         self.mesh: NDArray[np.float64] | None = None
 
     def warm_up(self) -> None:
@@ -122,32 +128,43 @@ class Refiner:
         return self._skeleton(cloud, view, best)
 
     def _fit_best(self, view: PersonView, match: PoseMatch) -> _Compared:
-        """Glance at all starts, fit the best few roughly, try other limbs, and fit the best of all finely."""
+        """Fit fresh and kept starts roughly, try other limbs on one of both sides, finish, and choose."""
         comparer = DepthComparer(view.coarse, self._band)
         fitter = self._fitter.fit_to(view)
 
-        def compared(body: FittedBody) -> _Compared:
-            return _Compared(body, comparer.compare(body.vertices, self._faces))
+        def ranked(bodies: Iterable[FittedBody]) -> list[_Compared]:
+            compared = (_Compared(b, comparer.compare(b.vertices, self._faces)) for b in bodies)
+            return sorted(compared, key=_score)
 
-        starts = [candidate_pose(self.bank, c, match.scale) for c in match.candidates]
-        tracking = self._previous is not None and self.config.track
-        if self._previous is not None and tracking:
-            starts.append(BodyPose(self._previous.rotations, self._previous.root, match.scale))
-        if self._recovered is not None:
-            starts.append(BodyPose(self._recovered.rotations, self._recovered.root, match.scale))
-            self._recovered = None
-        glances = sorted((compared(fitter.glance(start)) for start in starts), key=_score)
-        best = min((compared(fitter.rough(g.body.pose)) for g in glances[:_ROUGH]), key=_score)
-        for _ in range(1 if tracking else _FIRST_ROUNDS):
-            proposals = self._limbs.propose(best.body.pose, best.body.vertices, comparer)
-            if not proposals:
-                break
-            glanced = min((compared(fitter.glance(start)) for start in proposals), key=_score)
-            exchanged = compared(fitter.rough(glanced.body.pose))
-            if exchanged.comparison.score >= best.comparison.score:
-                break
-            best = exchanged
-        return compared(fitter.finish(best.body))
+        def search_limbs(found: _Compared, rounds: int) -> _Compared:
+            for _ in range(rounds):
+                proposals = self._limbs.propose(found.body.pose, found.body.vertices, comparer)
+                if not proposals:
+                    break
+                glanced = ranked(fitter.glance(start) for start in proposals)[0]
+                exchanged = ranked([fitter.rough(glanced.body.pose)])[0]
+                if exchanged.comparison.score >= found.comparison.score:
+                    break
+                found = exchanged
+            return found
+
+        fresh = (candidate_pose(self.bank, c, match.scale) for c in match.candidates)
+        glances = ranked(fitter.glance(start) for start in fresh)
+        sides = [ranked(fitter.rough(g.body.pose) for g in glances[:_ROUGH])[0]]
+        if kept := self._kept(match.scale):
+            sides.append(ranked(fitter.rough(start) for start in kept)[0])
+            self._turn = (self._turn + 1) % 2
+            sides[self._turn] = search_limbs(sides[self._turn], 1)
+        else:
+            sides[0] = search_limbs(sides[0], _FIRST_ROUNDS)
+        enough = min(map(_score, sides)) + _NEARLY
+        return ranked(fitter.finish(s.body) for s in sides if _score(s) <= enough)[0]
+
+    def _kept(self, scale: float) -> list[BodyPose]:
+        """Give what is kept of the frame before: its pose, and the recovered one."""
+        kept = [self._previous if self.config.track else None, self._recovered]
+        self._recovered = None
+        return [BodyPose(pose.rotations, pose.root, scale) for pose in kept if pose is not None]
 
     def _skeleton(self, cloud: PersonCloud, view: PersonView, fitted: _Compared) -> Skeleton:
         """Put a fitted pose into words."""

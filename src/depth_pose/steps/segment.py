@@ -67,6 +67,9 @@ def reduce_camera(camera: Camera, stride: int) -> Camera:
 _FOLLOW, _FOLLOW_M = 5.0, 0.25
 """How much more the surface counts that is where the person was; nothing this far off in depth."""
 
+_KNOWN = 0.8
+"""Share of a surface's box that lies where the person was, for it to be a part of them."""
+
 
 class PersonSegmenter:
     """Finds the person; remembers where they were, to stay with them."""
@@ -166,9 +169,11 @@ class PersonSegmenter:
             grown = False
             for k in np.flatnonzero(touching[1:]):
                 union = np.concatenate([np.minimum(box[:3], low[k]), np.maximum(box[3:], high[k])])
-                # beside the person only something smaller is theirs, above or below also their half
+                # beside the person only something smaller is theirs, above or below, or where they
+                # were, also their half
                 beside = _overlap(low[k : k + 1, :1], high[k : k + 1, :1], box[[0, 3]])[0] < 0.5
-                most = area[seed] * (0.5 if beside else 1.2)
+                known = self._last_box is not None and _share_inside(low[k], high[k], self._last_box) > _KNOWN
+                most = area[seed] * (0.5 if beside and not known else 1.2)
                 if area[k] <= most and (union[3:] - union[:3]).max() <= _PERSON_EXTENT_M:
                     chosen[k + 1] = True
                     box, grown = union, True
@@ -176,6 +181,12 @@ class PersonSegmenter:
                 break
         self._last_box = box
         return chosen[labels]
+
+
+def _share_inside(low: NDArray[np.float64], high: NDArray[np.float64], box: NDArray[np.float64]) -> float:
+    """Share of one box (3,), (3,) that lies inside another (6,)."""
+    side = np.minimum(high, box[3:]) - np.maximum(low, box[:3])
+    return float(np.prod(np.clip(side / np.maximum(high - low, 1e-3), 0.0, 1.0)))
 
 
 def _overlap(
