@@ -145,6 +145,23 @@ def test_halves_split_by_an_arm_are_one_person(person):
     assert precision(found, np.isfinite(person)) > 0.99
 
 
+def test_a_half_that_splits_off_where_the_person_was_is_theirs(person):
+    """Half of a person *beside* another half might be somebody else, unless they stood there before."""
+    split = np.minimum(person, syn.room())
+    split[:, 86:89] = np.where(np.isfinite(person[:, 86:89]), 2.65, split[:, 86:89])
+    sides = np.isfinite(person), np.isfinite(person)
+    sides[0][:, 86:], sides[1][:, :89] = False, False
+    segmenter = PersonSegmenter(SegmentConfig())
+    alone = segmenter.segment(syn.to_frame(split))
+    assert sorted(recall(alone, side) > 0.5 for side in sides) == [False, True]
+    segmenter.reset()
+    segmenter.segment(syn.to_frame(np.minimum(person, syn.room())))
+    for _ in range(2):
+        found = segmenter.segment(syn.to_frame(split))
+        assert min(recall(found, side) for side in sides) > 0.9
+        assert precision(found, np.isfinite(person)) > 0.99
+
+
 def test_what_hides_the_person_is_unknown(person):
     """Things nearer than the person and pixels without return are not free space."""
     post = syn.draw(syn.box([0.35, -0.5, 1.5], [0.42, 0.9, 1.57]))
