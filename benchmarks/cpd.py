@@ -31,7 +31,7 @@ from scipy.spatial import cKDTree
 from depth_pose._raster_kernels import rasterize
 from depth_pose.body.procedural import make_body
 from depth_pose.geometry import rotvec_to_matrix
-from depth_pose.registration._articulated_kernels import mark_visible
+from depth_pose.registration._visibility_kernels import mark_visible
 from depth_pose.registration.articulated import vertex_normals
 from depth_pose.registration.coherence import geodesic_basis
 from depth_pose.registration.cpd import CpdConfig, euclidean_basis, register

@@ -8,6 +8,8 @@ import pytest
 import synthetic as syn
 from depth_pose.geometry import rotvec_to_matrix
 from depth_pose.registration import _articulated_kernels as kernels
+from depth_pose.registration import _tree_kernels as tree
+from depth_pose.registration import _visibility_kernels as visibility
 from depth_pose.registration.articulated import (
     ArticulatedFitter,
     BodyPose,
@@ -223,7 +225,7 @@ def _assembled(fitter, nodes, vertices, normals, mass, pull, segment, plane_weig
         vertices, normals, mass, pull, segment, origin, plane_weight, point_weight, inertia, force
     )
     matrix, gradient = np.zeros((size, size)), np.zeros(size)
-    kernels.assemble(inertia, force, nodes, origin, NODE_PARENTS, fitter._free, matrix, gradient)
+    tree.assemble(inertia, force, nodes, origin, NODE_PARENTS, fitter._free, matrix, gradient)
     return matrix, gradient
 
 
@@ -263,7 +265,7 @@ def test_jacobian_against_finite_differences(body, fitter, rotations):
         delta = np.zeros(size)
         delta[p] = step
         turned = rotations.copy()
-        kernels.update(delta, fitter._free, NODE_PARENTS, turned)
+        tree.update(delta, fitter._free, NODE_PARENTS, turned)
         moved[p] = (body.pose(turned, root + delta[:3]).vertices - posed.vertices) / step
     rigid = np.flatnonzero(body.weights.max(axis=1) > 0.995)
     for i in rigid[::11]:
@@ -309,7 +311,7 @@ def test_tree_solver_twin(body, fitter):
     )  # fmt: skip
     matrix += 0.1 * np.eye(len(matrix))
     expected = np.linalg.solve(matrix, gradient)
-    kernels.solve_tree(matrix, fitter._above, gradient)
+    tree.solve_tree(matrix, fitter._above, gradient)
     np.testing.assert_allclose(gradient, expected, rtol=1e-7, atol=1e-9)
 
 
@@ -320,7 +322,7 @@ def test_free_space_pulls_into_the_silhouette_and_behind_the_surface():
     labels[:, 70:] = UNKNOWN
     depth = np.where(labels == PERSON, np.float32(2.0), np.float32(0.0))
     nearest = np.empty((60, 80, 2), np.int32)
-    kernels.nearest_person(labels, nearest)
+    visibility.nearest_person(labels, nearest)
     c = syn.CAMERA
 
     def pull(row, col, z):
@@ -348,7 +350,7 @@ def test_nearest_person_pixels_twin():
     rng = np.random.default_rng(0)
     labels = (rng.random((40, 50)) < 0.02).astype(np.uint8)
     nearest = np.empty((40, 50, 2), np.int32)
-    kernels.nearest_person(labels, nearest)
+    visibility.nearest_person(labels, nearest)
     people = np.argwhere(labels == PERSON)
     for i, j in np.ndindex(40, 50):
         assert labels[tuple(nearest[i, j])] == PERSON
@@ -363,7 +365,7 @@ def test_update_turns_whole_subtrees(fitter):
     step = 0.3 * rng.standard_normal(size)
     rotations = syn.varied(0, 30.0)
     updated = rotations.copy()
-    kernels.update(step, fitter._free, NODE_PARENTS, updated)
+    tree.update(step, fitter._free, NODE_PARENTS, updated)
     for n in range(21):
         chain, turn = [], np.eye(3)
         k = n
@@ -385,7 +387,7 @@ def test_rodrigues_twin(size):
     out = np.empty((3, 3))
     for axis in np.random.default_rng(0).standard_normal((5, 3)):
         w = size * axis / np.linalg.norm(axis)
-        kernels.rotation_of(w, out)
+        tree.rotation_of(w, out)
         np.testing.assert_allclose(out, rotvec_to_matrix(w), atol=1e-12)
 
 
@@ -407,18 +409,18 @@ def test_turned_normals_and_visibility(body, fitter):
     posed = syn.posed(syn.arms_down())
     rotations = syn.FACING @ syn.arms_down()
     normals = np.empty_like(body.vertices)
-    kernels.turn_normals(fitter._normals_rest, fitter._influence, rotations, normals)
+    visibility.turn_normals(fitter._normals_rest, fitter._influence, rotations, normals)
     main = rotations[fitter._influence[:, 0]]
     np.testing.assert_allclose(normals, np.einsum("vij,vj->vi", main, fitter._normals_rest), atol=1e-9)
     drawn = syn.draw(syn.mesh(posed))
     visible = np.empty(len(normals), bool)
     c = syn.CAMERA
-    kernels.mark_visible(posed.vertices, normals, drawn, c.fx, c.fy, c.cx, c.cy, 0.05, visible)
+    visibility.mark_visible(posed.vertices, normals, drawn, c.fx, c.fy, c.cx, c.cy, 0.05, visible)
     facing = (normals * posed.vertices).sum(axis=1) <= 0
     assert not visible[~facing].any()
     assert visible[facing].mean() > 0.8  # little of somebody with arms down is hidden
     wall = np.full_like(drawn, 2.0)
-    kernels.mark_visible(posed.vertices, normals, wall, c.fx, c.fy, c.cx, c.cy, 0.05, visible)
+    visibility.mark_visible(posed.vertices, normals, wall, c.fx, c.fy, c.cx, c.cy, 0.05, visible)
     assert not visible.any()
 
 

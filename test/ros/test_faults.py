@@ -144,8 +144,11 @@ def test_a_killed_node(live, peer, name):
     assert suite.restarts == {n: int(n == name) for n in NODES}
     peer.until(lambda: suite.spare_pid not in (None, spare), 4 * PATIENCE_S, "the next spare process")
     assert left
-    gone = lambda: not any(segment.exists() for segment in left)  # noqa: E731
-    peer.until(gone, PATIENCE_S, "the end of the shared memory that it left")
+    peer.until(
+        lambda: not any(segment.exists() for segment in left),
+        PATIENCE_S,
+        "the end of the shared memory that it left",
+    )
     assert all(segment.exists() for n in NODES for segment in own_segments(suite.pid(n)))
     note(f"{name} node killed (-9)", "it is started again; the others go on", again - killed, lost)
 

@@ -312,8 +312,8 @@ def follow(
     """Move each vertex to where the points around it went: their mean, near ones weighing more.
 
     The weight is ``exp(-4.5 d^2 / reach^2)`` times the point's probability, and nothing beyond 1.2 times
-    ``reach``. ``mass`` (V,) is the sum of weights; ``targets`` (V, 3) of vertices without any are left as
-    they are.
+    ``reach``. ``mass`` (V,) is the sum of weights; ``targets`` (V, 3), which may be ``vertices``, of vertices
+    without any are left as they are.
     """
     steep, most = 4.5 / (reach * reach), (1.2 * reach) ** 2
     for v in range(vertices.shape[0]):

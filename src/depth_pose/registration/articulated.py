@@ -34,6 +34,7 @@ from depth_pose.bank.bank import Bank
 from depth_pose.body.body import Body
 from depth_pose.geometry import quat_to_matrix
 from depth_pose.registration import _articulated_kernels as kernels
+from depth_pose.registration import _visibility_kernels as visibility
 from depth_pose.render import Observation
 from depth_pose.skeleton import NODE_INDEX, NODE_PARENTS, NODES
 from depth_pose.types import Camera, Candidate
@@ -171,7 +172,7 @@ class ArticulatedFitter:
 def nearest_person_pixels(observation: Observation) -> NDArray[np.int32]:
     """Find row and column of the nearest person pixel to every pixel, shape (h, w, 2)."""
     nearest = np.empty((*observation.labels.shape, 2), np.int32)
-    kernels.nearest_person(observation.labels, nearest)
+    visibility.nearest_person(observation.labels, nearest)
     return nearest
 
 
@@ -202,7 +203,7 @@ def _free_nodes() -> tuple[NDArray[np.int64], NDArray[np.float64]]:
 
 
 def parameters_above(free: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Tell which parameters a fit's normal equations join, for `kernels.solve_tree`.
+    """Tell which parameters a fit's normal equations join, for `_tree_kernels.solve_tree`.
 
     Parameters
     ----------

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from depth_pose import _raster_kernels
 from depth_pose.body.body import Body, PosedBody
-from depth_pose.registration import _articulated_kernels as visibility
+from depth_pose.registration import _visibility_kernels as visibility
 from depth_pose.registration.articulated import BodyPose, vertex_normals
 from depth_pose.registration.coherence import geodesic_basis
 from depth_pose.registration.cpd import CpdConfig, register

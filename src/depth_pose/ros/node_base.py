@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import time
 import traceback
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from typing import Any, ClassVar, Protocol
 
@@ -64,7 +65,7 @@ class Stage(Protocol):
         """Forget everything that was kept between frames."""
 
 
-class StageNode(LifecycleNode):
+class StageNode(LifecycleNode, ABC):
     """A node around one stage; sub-classes say which, and convert.
 
     Queues hold one frame and the newest wins. With the parameter ``reliable`` every frame is taken
@@ -114,22 +115,23 @@ class StageNode(LifecycleNode):
 
     # What a sub-class says
 
+    @abstractmethod
     def make_stage(self, config: Any) -> Stage:
         """Make the stage."""
-        raise NotImplementedError
 
+    @abstractmethod
     def open_outputs(self) -> None:
         """Create the publishers with `publisher`."""
-        raise NotImplementedError
 
+    @abstractmethod
     def inputs(self) -> Sequence[Input]:
         """Topics whose messages of one stamp make a frame."""
-        raise NotImplementedError
 
     def make_intake(self) -> FrameSource:
         """Subscribe to the inputs."""
         return Intake(self, self.inputs())
 
+    @abstractmethod
     def answer(self, *messages: Any) -> None:
         """Convert, call the stage, convert, publish.
 
@@ -140,7 +142,6 @@ class StageNode(LifecycleNode):
         Held
             Where it is kept; the sub-class calls `process` with it later.
         """
-        raise NotImplementedError
 
     def stamp_ns(self, *messages: Any) -> int:
         """Give the stamp of a frame."""

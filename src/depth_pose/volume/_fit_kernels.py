@@ -6,14 +6,9 @@ import numpy as np
 from numba import njit
 
 from depth_pose.body._skin_kernels import skin
-from depth_pose.registration._articulated_kernels import (
-    add_points,
-    assemble,
-    assign,
-    solve_tree,
-    turn_normals,
-    update,
-)
+from depth_pose.registration._articulated_kernels import add_points, assign
+from depth_pose.registration._tree_kernels import assemble, solve_tree, update
+from depth_pose.registration._visibility_kernels import turn_normals
 
 
 @njit(cache=True)
