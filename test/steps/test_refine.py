@@ -94,6 +94,18 @@ def test_the_previous_pose_helps_out_unless_turned_off(bank):
     assert errors[True] < 0.02 < errors[False]
 
 
+def test_a_wrong_pose_that_converged_gives_way(bank):
+    """Fitted for long, it agrees better than a candidate does that is new and far off."""
+    posed, cloud = scene(bank, 153)
+    refiner = refiner_of(bank)
+    errors = []
+    for k, start in enumerate([candidate(160)] * 8 + [candidate(153, 45.0, (0.08, 0.05, 3.1))]):
+        now = replace(cloud, stamp_ns=cloud.stamp_ns + k * syn.STEP_NS)
+        skeleton = refiner.refine(now, match_of(bank, now, start))
+        errors.append(syn.joint_error(skeleton.positions, posed.nodes[JOINT_NODES]))
+    assert errors[-1] < 0.04 < 0.06 < errors[-2]
+
+
 @pytest.mark.parametrize("step_ns", [-1, 600_000_000])
 def test_the_previous_pose_is_forgotten_where_stamps_jump(bank, step_ns):
     _, cloud = scene(bank, 31)
