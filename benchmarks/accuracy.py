@@ -31,11 +31,11 @@ import numpy as np
 from bank_common import joints_of, recordings
 
 from depth_pose.bank import Bank, default_bank_path
-from depth_pose.config import DenoiseConfig, MatchConfig, PipelineConfig, RefineConfig
+from depth_pose.core.config import DenoiseConfig, MatchConfig, PipelineConfig, RefineConfig
+from depth_pose.core.skeleton import JOINTS
 from depth_pose.evaluate.score import THRESHOLDS_M, load_truth
 from depth_pose.io.mcap_read import DepthReader
 from depth_pose.pipeline import PosePipeline
-from depth_pose.skeleton import JOINTS
 from depth_pose.steps.match import Matcher
 
 PAPER = (0.36, 0.57, 0.79, 0.89, 0.95, 0.98, 0.99)

@@ -8,15 +8,15 @@ from pathlib import Path
 import numpy as np
 
 from depth_pose.bank import Bank
-from depth_pose.config import MatchConfig, PipelineConfig
-from depth_pose.errors import InputError
+from depth_pose.core.config import MatchConfig, PipelineConfig
+from depth_pose.core.errors import InputError
+from depth_pose.core.skeleton import JOINT_NODES, JOINTS
+from depth_pose.core.types import PersonCloud, PoseMatch
 from depth_pose.evaluate.score import load_truth
+from depth_pose.fit.articulated import candidate_pose
 from depth_pose.io.mcap_read import DepthReader
-from depth_pose.registration.articulated import candidate_pose
-from depth_pose.skeleton import JOINT_NODES, JOINTS
 from depth_pose.steps.extract import PersonExtractor
 from depth_pose.steps.match import Matcher
-from depth_pose.types import PersonCloud, PoseMatch
 
 LEFT = [j for j, name in enumerate(JOINTS) if name in ("left_shoulder", "left_hip")]
 RIGHT = [j for j, name in enumerate(JOINTS) if name in ("right_shoulder", "right_hip")]

@@ -25,7 +25,7 @@ from bank_common import (
 )
 
 from depth_pose.bank import Bank
-from depth_pose.config import MatchConfig
+from depth_pose.core.config import MatchConfig
 from depth_pose.steps.match import Matcher
 
 _RIGHT_M = 0.1

@@ -19,8 +19,8 @@ from depth_pose.bank import Bank
 from depth_pose.bank.build import learn_subspace, project
 from depth_pose.bank.canonical import describe
 from depth_pose.bank.views import AXES, PoseViews, render_views
-from depth_pose.skeleton import JOINT_NODES
-from depth_pose.steps.view import view_person
+from depth_pose.core.skeleton import JOINT_NODES
+from depth_pose.people.person import view_person
 
 
 def measure(

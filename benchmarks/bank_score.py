@@ -21,8 +21,8 @@ import numpy as np
 from bank_common import Recording, is_flipped, joints_of, load_recording, mean_error, recordings
 
 from depth_pose.bank import Bank
-from depth_pose.body.procedural_motion import CLIPS
-from depth_pose.config import MatchConfig
+from depth_pose.core.config import MatchConfig
+from depth_pose.motion.procedural.generator import CLIPS
 from depth_pose.sim.config import Person, Placement, Room
 from depth_pose.sim.motion import load_motion
 from depth_pose.sim.simulate import Stage, simulate

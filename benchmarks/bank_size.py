@@ -25,7 +25,7 @@ from bank_common import (
 )
 
 from depth_pose.bank import Bank
-from depth_pose.config import MatchConfig, RefineConfig
+from depth_pose.core.config import MatchConfig, RefineConfig
 from depth_pose.steps.match import Matcher
 from depth_pose.steps.refine import Refiner
 from depth_pose.steps.search import SubspaceSearch

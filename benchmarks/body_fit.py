@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from depth_pose.body.body import Body
 from depth_pose.body.procedural import make_body
-from depth_pose.skeleton import JOINTS, NODE_INDEX, NODE_PARENTS, NODES
+from depth_pose.core.skeleton import JOINTS, NODE_INDEX, NODE_PARENTS, NODES
 
 Array = NDArray[np.float64]
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from depth_pose.body.body import Body
 from depth_pose.body.procedural import BodyShape, make_body
-from depth_pose.skeleton import NODE_INDEX
+from depth_pose.core.skeleton import NODE_INDEX
 
 Array = NDArray[np.float64]
 PIXEL = 1.95 / 400

@@ -29,18 +29,18 @@ from pathlib import Path
 import numpy as np
 
 from depth_pose.bank import Bank, default_bank_path
-from depth_pose.body.procedural_motion import CLIPS
-from depth_pose.config import PipelineConfig, SmoothConfig
+from depth_pose.core.config import PipelineConfig, SmoothConfig
+from depth_pose.core.skeleton import JOINTS, Source
 from depth_pose.evaluate.score import load_truth
 from depth_pose.io.mcap_read import DepthReader
+from depth_pose.motion.procedural.generator import CLIPS
+from depth_pose.people.person import view_person
 from depth_pose.pipeline import PosePipeline
 from depth_pose.sim.config import Person, Placement, Room
 from depth_pose.sim.motion import load_motion
 from depth_pose.sim.sensor import SENSORS
 from depth_pose.sim.simulate import Stage, simulate
-from depth_pose.skeleton import JOINTS, Source
 from depth_pose.steps.confidence import KINDS, SIGNS, look_at_joints, score_of
-from depth_pose.steps.view import view_person
 
 RIGHT_M = 0.1
 _TRUST = 0.9

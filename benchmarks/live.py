@@ -35,8 +35,8 @@ os.environ.setdefault("ROS_DOMAIN_ID", str(random.SystemRandom().randrange(1, 10
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 if TYPE_CHECKING:
-    from depth_pose.ros.supervisor import Suite
-    from depth_pose.types import DepthFrame
+    from depth_pose.core.types import DepthFrame
+    from depth_pose.ros.process.supervisor import Suite
 
 IMAGE, INFO = "/camera/depth/image_raw", "/camera/depth/camera_info"
 _TICKS = os.sysconf("SC_CLK_TCK")
@@ -58,9 +58,9 @@ def pss_mb(pid: int) -> float:
 
 def stages_ms(frames: Sequence[DepthFrame], bank: str | None) -> dict[str, float]:
     """Processor time of each stage alone, median over the frames, milliseconds."""
+    from depth_pose.core.types import Skeleton
     from depth_pose.pipeline import PosePipeline
-    from depth_pose.ros.shared import load_bank
-    from depth_pose.types import Skeleton
+    from depth_pose.ros.nodes.warm_stages import load_bank
 
     pipeline = PosePipeline(load_bank(bank or ""))
     pipeline.warm_up()
@@ -141,8 +141,8 @@ class Bench:
 
     def play(self, fps: float, seconds: float, suite: Suite) -> Run:
         """Send frames at a rate."""
-        from depth_pose.ros.conversions import ns_to_stamp
-        from depth_pose.ros.supervisor import NODES
+        from depth_pose.ros.process.supervisor import NODES
+        from depth_pose.ros.transport.conversions import ns_to_stamp
 
         self._send(fps, 2.0, ns_to_stamp)  # until the tracking runs
         self._run = run = Run(fps)
@@ -219,7 +219,7 @@ def main() -> None:
     from soak import make_recording
 
     from depth_pose.io.mcap_read import read_frames
-    from depth_pose.ros.supervisor import NODES, Suite
+    from depth_pose.ros.process.supervisor import NODES, Suite
 
     recording = arguments.recording or arguments.output.with_name("live_input.mcap")
     if not recording.is_file():

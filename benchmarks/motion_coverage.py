@@ -13,10 +13,10 @@ from pathlib import Path
 
 import numpy as np
 
-from depth_pose.body.coverage import measure_coverage, plot_coverage, plot_families
-from depth_pose.body.motion import PoseSet
-from depth_pose.body.motion_files import load_motion_dir
-from depth_pose.body.procedural_motion import make_poses
+from depth_pose.motion.clip import PoseSet
+from depth_pose.motion.coverage import measure_coverage, plot_coverage, plot_families
+from depth_pose.motion.motion_files import load_motion_dir
+from depth_pose.motion.procedural.generator import make_poses
 
 
 def main() -> None:

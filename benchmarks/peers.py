@@ -37,23 +37,23 @@ from depth_pose.bank import Bank, default_bank_path
 from depth_pose.bank.canonical import describe
 from depth_pose.bank.views import AXES
 from depth_pose.body.body import Body
-from depth_pose.config import DenoiseConfig, MatchConfig, SegmentConfig
-from depth_pose.registration.articulated import candidate_pose, vertex_normals
+from depth_pose.core.camera import Camera
+from depth_pose.core.config import DenoiseConfig, MatchConfig, SegmentConfig
+from depth_pose.core.skeleton import JOINT_NODES
+from depth_pose.core.types import DepthFrame
+from depth_pose.fit.articulated import candidate_pose, vertex_normals
+from depth_pose.people.person import view_person
+from depth_pose.people.plane_segmenter import PersonSegmenter
 from depth_pose.sim.config import Person, Placement, Room
 from depth_pose.sim.motion import load_motion
 from depth_pose.sim.placement import camera_pose, room_mesh
 from depth_pose.sim.sensor import SENSORS, VirtualSensor
 from depth_pose.sim.simulate import root_scale, transform
-from depth_pose.skeleton import JOINT_NODES
-from depth_pose.steps import _segment_kernels
 from depth_pose.steps.denoise import denoise_depth
 from depth_pose.steps.extract import PersonExtractor
 from depth_pose.steps.fitters import SkinnedFitter
 from depth_pose.steps.match import Matcher
 from depth_pose.steps.search import SubspaceSearch
-from depth_pose.steps.segment import PersonSegmenter
-from depth_pose.steps.view import view_person
-from depth_pose.types import Camera, DepthFrame
 
 FRAMES, STRIDE = 25, 3
 _NEAREST = 128
@@ -116,7 +116,7 @@ def scenes() -> tuple[Body, list[Scene]]:
 
 
 def _points(depth: np.ndarray, camera: Camera) -> np.ndarray:
-    points = _segment_kernels.back_project(depth, camera.fx, camera.fy, camera.cx, camera.cy)
+    points = camera.back_project(depth)
     return np.asarray(points[depth > 0], np.float64)
 
 

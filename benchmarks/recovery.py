@@ -28,18 +28,18 @@ import numpy as np
 from depth_pose.bank import Bank, build_bank, default_bank_path
 from depth_pose.bank.build import BuildConfig
 from depth_pose.body.procedural import make_body
-from depth_pose.body.procedural_motion import make_poses
-from depth_pose.config import PipelineConfig, RecoverConfig, RefineConfig, SmoothConfig
+from depth_pose.core.config import PipelineConfig, RecoverConfig, RefineConfig, SmoothConfig
+from depth_pose.core.skeleton import Source
+from depth_pose.core.types import Skeleton
 from depth_pose.io.mcap_read import read_frames
+from depth_pose.motion.procedural.generator import make_poses
+from depth_pose.people.person import view_person
 from depth_pose.pipeline import FrameResult, PosePipeline
 from depth_pose.sim.config import Person
 from depth_pose.sim.failures import KINDS, fail
 from depth_pose.sim.motion import load_motion
 from depth_pose.sim.simulate import simulate
-from depth_pose.skeleton import Source
 from depth_pose.steps.failure import FailureCheck
-from depth_pose.steps.view import view_person
-from depth_pose.types import Skeleton
 
 LOW = ("squats", "bends", "sit_down", "lunges", "balance")
 """Families of low postures: standing ones say nothing of them."""

@@ -25,14 +25,14 @@ from pathlib import Path
 import numpy as np
 
 from depth_pose.bank import Bank, default_bank_path
-from depth_pose.config import MatchConfig, PipelineConfig, RefineConfig
+from depth_pose.core.config import MatchConfig, PipelineConfig, RefineConfig
+from depth_pose.core.types import DepthFrame
 from depth_pose.io.mcap_read import DepthReader
 from depth_pose.pipeline import PosePipeline
 from depth_pose.sim.config import Person
 from depth_pose.sim.motion import load_motion
 from depth_pose.sim.sensor import SENSORS
 from depth_pose.sim.simulate import Stage, simulate
-from depth_pose.types import DepthFrame
 
 STAGES = ("denoise", "matcher", "refine", "recovery")
 METHODS = ("articulated", "cpd")

@@ -20,12 +20,12 @@ from bank_common import Recording, is_flipped, joints_of, load_recording, mean_e
 
 from depth_pose.bank import Bank
 from depth_pose.body.body import Body
-from depth_pose.body.motion import Clip
-from depth_pose.config import MatchConfig, RefineConfig
+from depth_pose.core.config import MatchConfig, RefineConfig
+from depth_pose.core.skeleton import ADULT_STATURE_M
+from depth_pose.motion.clip import Clip
 from depth_pose.sim.config import Person, Placement, Room
 from depth_pose.sim.motion import load_motion
 from depth_pose.sim.simulate import Stage, simulate
-from depth_pose.skeleton import ADULT_STATURE_M
 from depth_pose.steps.match import Matcher
 from depth_pose.steps.refine import Refiner
 

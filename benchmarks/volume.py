@@ -21,7 +21,8 @@ from pathlib import Path
 
 import numpy as np
 
-from depth_pose.body.procedural_motion_dance import DANCES, perform
+from depth_pose.core.camera import Camera
+from depth_pose.motion.procedural.dance import DANCES, perform
 from depth_pose.sim.clothing import Garment
 from depth_pose.sim.roof_cameras import (
     ROOF_CAMERA,
@@ -31,13 +32,14 @@ from depth_pose.sim.roof_cameras import (
     roof_rig,
     roughen,
 )
-from depth_pose.types import Camera
 from depth_pose.volume.config import LearnConfig, SpaceConfig, TrackConfig
-from depth_pose.volume.figures import save_frames, save_latent
 from depth_pose.volume.hull import HullCarver, SurfaceVoxels
-from depth_pose.volume.learning import learn_model
 from depth_pose.volume.model import VolumeModel
-from depth_pose.volume.performances import (
+from depth_pose.volume.pipeline import SilhouettePipeline, VolumePoseTracker
+from depth_pose.volume.scoring import joint_positions
+from depth_pose.volume_learn.figures import save_frames, save_latent
+from depth_pose.volume_learn.learning import learn_model
+from depth_pose.volume_learn.performances import (
     TEST_SHAPES,
     Wearer,
     depth_eyes,
@@ -46,10 +48,8 @@ from depth_pose.volume.performances import (
     hull_eyes,
     watch,
 )
-from depth_pose.volume.pipeline import SilhouettePipeline, VolumePoseTracker
-from depth_pose.volume.report import Report, report_rows, track_performance
-from depth_pose.volume.scoring import joint_positions
-from depth_pose.volume.training import dance_clips, default_wearers, simulate_views
+from depth_pose.volume_learn.report import Report, report_rows, track_performance
+from depth_pose.volume_learn.training import dance_clips, default_wearers, simulate_views
 
 TEST_SEEDS = (11, 12, 13)
 """Performances of the three test dancers; the training's are 1 to 10, settings were chosen on 101, 102."""

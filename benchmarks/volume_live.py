@@ -32,13 +32,13 @@ from pathlib import Path
 
 import numpy as np
 
-from depth_pose.body.procedural_motion_dance import perform
 from depth_pose.io._messages import write_image
+from depth_pose.motion.procedural.dance import perform
 from depth_pose.ros import PROFILE_PATH  # noqa: F401  (names the transport's profile)
 from depth_pose.sim.clothing import Garment
 from depth_pose.sim.roof_cameras import RigRenderer, depth_ring, roof_rig
-from depth_pose.volume.performances import TEST_SHAPES, Wearer, dressed_frames
 from depth_pose.volume.rigfile import save_rig
+from depth_pose.volume_learn.performances import TEST_SHAPES, Wearer, dressed_frames
 
 SECONDS_OF_DANCE = 4.0
 TICKS = os.sysconf("SC_CLK_TCK")
@@ -123,7 +123,7 @@ def measure(given: argparse.Namespace) -> None:
     with tempfile.TemporaryDirectory() as folder:
         save_rig(Path(folder) / "rig.yaml", rig, topics)
         settings = [f"model:={given.model}", f"rig:={folder}/rig.yaml", *given.set]
-        command = [sys.executable, "-m", "depth_pose.ros.volume_node", "--ros-args"]
+        command = [sys.executable, "-m", "depth_pose.ros.nodes.volume_node", "--ros-args"]
         command += [a for s in settings for a in ("-p", s)]
         node = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
         try:

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from depth_pose.bank import Bank, default_bank_path
-from depth_pose.config import DenoiseConfig, SegmentConfig
+from depth_pose.core.config import DenoiseConfig, SegmentConfig
+from depth_pose.core.types import PERSON
 from depth_pose.io.mcap_read import DepthReader
 from depth_pose.pipeline import PosePipeline
 from depth_pose.steps.extract import PersonExtractor
-from depth_pose.types import PERSON
 
 _PLACES = [parent / "shared" / "data" for parent in Path(__file__).resolve().parents]
 DATA = next((place for place in _PLACES if place.is_dir()), _PLACES[0])

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 import synthetic as syn
-from depth_pose.body.procedural_motion import make_clip
-from depth_pose.config import MAX_STAMP_GAP_NS, PipelineConfig
+from depth_pose.core.config import MAX_STAMP_GAP_NS, PipelineConfig
+from depth_pose.core.skeleton import JOINT_NODES, Source
+from depth_pose.core.types import PERSON
+from depth_pose.motion.procedural.generator import make_clip
 from depth_pose.pipeline import PosePipeline
-from depth_pose.skeleton import JOINT_NODES, Source
-from depth_pose.types import PERSON
 
 FRAMES = 10
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from depth_pose.errors import InputError
+from depth_pose.core.errors import InputError
 from depth_pose.io.mcap_read import DepthReader
 from depth_pose.io.mcap_write import SkeletonWriter
 

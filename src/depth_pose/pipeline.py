@@ -10,13 +10,13 @@ from dataclasses import dataclass
 from threadpoolctl import ThreadpoolController
 
 from depth_pose.bank.bank import Bank
-from depth_pose.config import PipelineConfig
+from depth_pose.core.config import PipelineConfig
+from depth_pose.core.types import DepthFrame, PersonCloud, PoseMatch, Skeleton
 from depth_pose.steps.extract import PersonExtractor
 from depth_pose.steps.match import Matcher
 from depth_pose.steps.mount import turn_back, turn_forth, turn_upright
 from depth_pose.steps.recover import Recoverer
 from depth_pose.steps.refine import Refiner
-from depth_pose.types import DepthFrame, PersonCloud, PoseMatch, Skeleton
 
 _one_thread = ThreadpoolController().wrap(limits=1)
 """Small systems are no faster on more, and sums come in the same order on any number of cores."""

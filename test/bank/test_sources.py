@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from depth_pose.bank.sources import NEAR_DUPLICATE_M, gather_poses
-from depth_pose.body.motion import joint_positions, mirror_joints
-from depth_pose.body.procedural_motion import make_clip
-from depth_pose.errors import InputError
+from depth_pose.core.errors import InputError
+from depth_pose.motion.clip import joint_positions, mirror_joints
+from depth_pose.motion.procedural.generator import make_clip
 
 
 @pytest.fixture(scope="module")

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from depth_pose.body.bodies import find_body, keep_largest, load_body, save_body
-from depth_pose.errors import ConfigError, InputError
-from depth_pose.skeleton import NODES, rest_nodes
+from depth_pose.core.errors import ConfigError, InputError
+from depth_pose.core.skeleton import NODES, rest_nodes
 
 
 def test_body_file(body, tmp_path):

@@ -7,8 +7,8 @@ import pytest
 
 from depth_pose.body.body import INFLUENCES, Body
 from depth_pose.body.procedural import BodyShape, _template, make_body
-from depth_pose.errors import ConfigError
-from depth_pose.skeleton import MIRROR_NODES, NODE_INDEX, NODE_PARENTS, forward_kinematics, rest_nodes
+from depth_pose.core.errors import ConfigError
+from depth_pose.core.skeleton import MIRROR_NODES, NODE_INDEX, NODE_PARENTS, forward_kinematics, rest_nodes
 
 
 @pytest.fixture(scope="module")

@@ -8,8 +8,8 @@ import pytest
 from depth_pose.body.body import INFLUENCES
 from depth_pose.body.coarsen import coarsen
 from depth_pose.body.procedural import make_body
-from depth_pose.render import DepthComparer, Observation
-from depth_pose.types import Camera
+from depth_pose.core.camera import Camera
+from depth_pose.fit.rendered_depth import DepthComparer, Observation
 
 _CAMERA = Camera(60, 80, 110.0, 110.0, 29.5, 39.5)
 

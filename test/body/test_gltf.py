@@ -11,9 +11,9 @@ import pytest
 from scipy.spatial import cKDTree
 
 from depth_pose.body.bodies import find_body
-from depth_pose.errors import InputError
-from depth_pose.geometry import rotvec_to_matrix
-from depth_pose.skeleton import NODE_INDEX, NODE_PARENTS, NODES
+from depth_pose.core.errors import InputError
+from depth_pose.core.rotations import rotvec_to_matrix
+from depth_pose.core.skeleton import NODE_INDEX, NODE_PARENTS, NODES
 
 NAMES = {
     "pelvis": "Hips", "spine": "Spine", "chest": "Spine2", "neck": "Neck", "head": "Head",

@@ -10,7 +10,7 @@ import pytest
 from numpy.testing import assert_array_equal
 from PIL import Image
 
-from depth_pose.errors import InputError
+from depth_pose.core.errors import InputError
 from depth_pose.io.compressed import decode_compressed_depth
 from depth_pose.io.mcap_read import DepthReader
 
@@ -138,9 +138,9 @@ def test_recordings_of_it_are_read(tmp_path) -> None:
     """An MCAP file with compressed depth, written by a plain writer, gives the same frames."""
     from mcap.writer import Writer
 
+    from depth_pose.core.types import Camera, DepthFrame
     from depth_pose.io._cdr import CdrWriter
     from depth_pose.io.mcap_write import DepthWriter
-    from depth_pose.types import Camera, DepthFrame
 
     camera = Camera(64, 48, 60.0, 60.0, 31.5, 23.5)
     depth = depth_image(48, 64)

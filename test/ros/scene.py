@@ -3,9 +3,10 @@
 import numpy as np
 
 from depth_pose.body.procedural import make_body
-from depth_pose.render import DepthComparer, Observation
-from depth_pose.skeleton import NODE_INDEX
-from depth_pose.types import Camera, DepthFrame
+from depth_pose.core.camera import Camera
+from depth_pose.core.skeleton import NODE_INDEX
+from depth_pose.core.types import DepthFrame
+from depth_pose.fit.rendered_depth import DepthComparer, Observation
 
 CAMERA = Camera(176, 144, 170.0, 170.0, 87.5, 71.5)
 START_NS = 1_700_000_000_000_000_000

@@ -3,11 +3,11 @@ import pytest
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import CameraInfo, Image, PointCloud2, PointField
 
-from depth_pose.errors import InputError
-from depth_pose.ros import conversions as c
-from depth_pose.ros import drawing
-from depth_pose.skeleton import BONES, JOINTS, JointState, Source
-from depth_pose.types import Candidate, PersonCloud, PoseMatch, Skeleton
+from depth_pose.core.errors import InputError
+from depth_pose.core.skeleton import BONES, JOINTS, JointState, Source
+from depth_pose.core.types import Candidate, PersonCloud, PoseMatch, Skeleton
+from depth_pose.ros.transport import conversions as c
+from depth_pose.ros.transport import drawing
 
 
 def over_the_wire(message):

@@ -12,12 +12,12 @@ from peer import RELIABLE, SENSOR
 from PIL import Image as PngImage
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image, PointCloud2, PointField
 
-from depth_pose.config import DenoiseConfig, SegmentConfig
+from depth_pose.core.config import DenoiseConfig, SegmentConfig
+from depth_pose.core.types import PERSON
 from depth_pose.io.mcap_write import DepthWriter
-from depth_pose.ros.bag import play
-from depth_pose.ros.conversions import image_to_frame, make_header, msg_to_cloud, msg_to_frame
+from depth_pose.ros.transport.bag import play
+from depth_pose.ros.transport.conversions import image_to_frame, make_header, msg_to_cloud, msg_to_frame
 from depth_pose.steps.extract import PersonExtractor
-from depth_pose.types import PERSON
 
 IMAGE, INFO, POINTS = "/camera/depth/image_raw", "/camera/depth/camera_info", "/depth_pose/points"
 
@@ -60,7 +60,7 @@ def assert_same_cloud(msg, cloud):
 
 
 def test_bad_frames_are_counted_and_good_ones_answered(start, peer, frames):
-    process = start("-m", "depth_pose.ros.denoise_node")
+    process = start("-m", "depth_pose.ros.nodes.denoise_node")
     process.wait_for("is ready", 60.0)
     answers = peer.listen(PointCloud2, POINTS)
     images = peer.publisher(Image, IMAGE)
@@ -127,7 +127,7 @@ def test_bad_frames_are_counted_and_good_ones_answered(start, peer, frames):
 
 @pytest.mark.parametrize("organised", [True, False])
 def test_clouds_are_taken(start, peer, frames, organised):
-    process = start("-m", "depth_pose.ros.denoise_node", "--ros-args", "-p", "cloud_topic:=/cloud")
+    process = start("-m", "depth_pose.ros.nodes.denoise_node", "--ros-args", "-p", "cloud_topic:=/cloud")
     process.wait_for("is ready", 60.0)
     answers = peer.listen(PointCloud2, POINTS)
     clouds = peer.publisher(PointCloud2, "/cloud", SENSOR)
@@ -166,7 +166,7 @@ def test_camera_info_that_is_sent_once(start, peer, frames):
     kept = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     infos = peer.node.create_publisher(CameraInfo, INFO, kept)
     infos.publish(info_msg(frames[0]))
-    process = start("-m", "depth_pose.ros.denoise_node")
+    process = start("-m", "depth_pose.ros.nodes.denoise_node")
     process.wait_for("is ready", 60.0)
     answers = peer.listen(PointCloud2, POINTS)
     images = peer.publisher(Image, IMAGE, RELIABLE)
@@ -181,7 +181,7 @@ def test_latency_by_the_clock_of_a_recording(start, peer, frames, tmp_path):
     with DepthWriter(path, scene.CAMERA, "optical") as writer:
         for frame in scene.frames(40):
             writer.write_frame(frame)
-    process = start("-m", "depth_pose.ros.denoise_node", "--ros-args", "-p", "use_sim_time:=true")
+    process = start("-m", "depth_pose.ros.nodes.denoise_node", "--ros-args", "-p", "use_sim_time:=true")
     process.wait_for("is ready", 60.0)
     statuses = peer.listen(DiagnosticArray, "/diagnostics", RELIABLE)
     thread = threading.Thread(target=play, args=(path,), kwargs={"wait_for_subscribers": [IMAGE, INFO]})
@@ -198,7 +198,7 @@ def test_latency_by_the_clock_of_a_recording(start, peer, frames, tmp_path):
 
 def test_compressed_depth_gives_the_same_cloud(start, peer, frames):
     topic = f"{IMAGE}/compressedDepth"
-    process = start("-m", "depth_pose.ros.denoise_node", "--ros-args", "-p", f"image_topic:={topic}")
+    process = start("-m", "depth_pose.ros.nodes.denoise_node", "--ros-args", "-p", f"image_topic:={topic}")
     process.wait_for("is ready", 60.0)
     clouds = peer.listen(PointCloud2, POINTS, SENSOR)
     infos, images = peer.publisher(CameraInfo, INFO), peer.publisher(CompressedImage, topic)

@@ -21,9 +21,9 @@ from sensor_msgs.msg import CameraInfo, Image
 from test_denoise_node import image_msg, info_msg
 
 from depth_pose.io.mcap_write import DepthWriter
-from depth_pose.ros.bag import Player
-from depth_pose.ros.conversions import ns_to_stamp, stamp_to_ns
-from depth_pose.ros.supervisor import NODES, Suite
+from depth_pose.ros.process.supervisor import NODES, Suite
+from depth_pose.ros.transport.bag import Player
+from depth_pose.ros.transport.conversions import ns_to_stamp, stamp_to_ns
 
 IMAGE, INFO = "/camera/depth/image_raw", "/camera/depth/camera_info"
 FPS = 15.0

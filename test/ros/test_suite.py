@@ -12,16 +12,22 @@ from peer import SENSOR
 from sensor_msgs.msg import PointCloud2
 
 from depth_pose.bank import Bank
-from depth_pose.config import DenoiseConfig, PipelineConfig, RecoverConfig, SegmentConfig
+from depth_pose.core.config import DenoiseConfig, PipelineConfig, RecoverConfig, SegmentConfig
+from depth_pose.core.skeleton import Source
+from depth_pose.core.types import PoseMatch as Match
 from depth_pose.io.mcap_read import read_frames
 from depth_pose.io.mcap_write import DepthWriter
 from depth_pose.pipeline import PosePipeline
-from depth_pose.ros.bag import play
-from depth_pose.ros.conversions import cloud_to_msg, match_to_msg, msg_to_match, msg_to_skeleton, stamp_to_ns
-from depth_pose.ros.supervisor import Suite
-from depth_pose.skeleton import Source
+from depth_pose.ros.process.supervisor import Suite
+from depth_pose.ros.transport.bag import play
+from depth_pose.ros.transport.conversions import (
+    cloud_to_msg,
+    match_to_msg,
+    msg_to_match,
+    msg_to_skeleton,
+    stamp_to_ns,
+)
 from depth_pose.steps.extract import PersonExtractor
-from depth_pose.types import PoseMatch as Match
 
 IMAGE, INFO = "/camera/depth/image_raw", "/camera/depth/camera_info"
 FRAMES = 20
@@ -101,7 +107,7 @@ def test_suite_survives_a_killed_node_and_a_loop(recording, bank_path, peer):
 
 
 def test_frames_matched_with_another_bank_are_dropped(start, bank_path, peer):
-    process = start("-m", "depth_pose.ros.refine_node", "--ros-args", "-p", f"bank:={bank_path}")
+    process = start("-m", "depth_pose.ros.nodes.refine_node", "--ros-args", "-p", f"bank:={bank_path}")
     process.wait_for("is ready", 120.0)
     clouds = peer.publisher(PointCloud2, "/depth_pose/points")
     matches = peer.publisher(PoseMatch, "/depth_pose/match")
@@ -115,7 +121,7 @@ def test_tf_needs_its_messages(start, bank_path):
     if importlib.util.find_spec("tf2_msgs") is not None:
         pytest.skip("tf2_msgs is installed")
     arguments = ("--ros-args", "-p", "tf:=true", "-p", f"bank:={bank_path}")
-    process = start("-m", "depth_pose.ros.recovery_node", *arguments)
+    process = start("-m", "depth_pose.ros.nodes.recovery_node", *arguments)
     assert process.process.wait(60.0) == 2
     assert "ros-jazzy-tf2-msgs" in process.output
 
@@ -123,6 +129,6 @@ def test_tf_needs_its_messages(start, bank_path):
 def test_a_damaged_bank_is_refused(start, tmp_path):
     bank = tmp_path / "bank.npz"
     bank.write_bytes(b"nonsense" * 100)
-    process = start("-m", "depth_pose.ros.matcher_node", "--ros-args", "-p", f"bank:={bank}")
+    process = start("-m", "depth_pose.ros.nodes.matcher_node", "--ros-args", "-p", f"bank:={bank}")
     assert process.process.wait(60.0) == 2
     assert str(bank) in process.output and "Traceback" not in process.output

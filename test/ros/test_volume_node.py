@@ -12,18 +12,18 @@ from sensor_msgs.msg import CameraInfo, Image, JointState
 
 from depth_pose.body.angles import ANGLE_INDEX, ANGLES, angles_from_rotations
 from depth_pose.body.procedural import BodyShape
-from depth_pose.body.procedural_motion_dance import perform
-from depth_pose.geometry import matrix_to_quat
-from depth_pose.ros.conversions import make_header, msg_to_skeleton
-from depth_pose.ros.lifecycle import set_active
+from depth_pose.core.camera import Camera
+from depth_pose.core.rotations import matrix_to_quat
+from depth_pose.motion.procedural.dance import perform
+from depth_pose.ros.nodes.lifecycle import set_active
+from depth_pose.ros.transport.conversions import make_header, msg_to_skeleton
 from depth_pose.sim.clothing import Garment
 from depth_pose.sim.roof_cameras import RigRenderer, depth_ring, roof_rig
-from depth_pose.types import Camera
 from depth_pose.volume.config import LearnConfig
-from depth_pose.volume.learning import learn_model
-from depth_pose.volume.performances import Wearer, dressed_frames
 from depth_pose.volume.rigfile import save_rig, upright_from
-from depth_pose.volume.training import simulate_views
+from depth_pose.volume_learn.learning import learn_model
+from depth_pose.volume_learn.performances import Wearer, dressed_frames
+from depth_pose.volume_learn.training import simulate_views
 
 CAMERAS = 8
 FPS = 60.0
@@ -64,7 +64,7 @@ def rig_path(rig, tmp_path):
 def start_node(start, **given):
     given |= {"space.voxel": 0.03, "track.stature": 1.66}
     arguments = [a for name, value in given.items() for a in ("-p", f"{name}:={value}")]
-    return start("-m", "depth_pose.ros.volume_node", "--ros-args", *arguments)
+    return start("-m", "depth_pose.ros.nodes.volume_node", "--ros-args", *arguments)
 
 
 class Rehearsal:
@@ -311,7 +311,7 @@ def room_around():
     ],
 )
 def test_settings_that_cannot_be_used(start, model_path, given, says):
-    arguments = ["-m", "depth_pose.ros.volume_node", "--ros-args"]
+    arguments = ["-m", "depth_pose.ros.nodes.volume_node", "--ros-args"]
     for name, value in given.items():
         arguments += ["-p", f"{name}:={model_path if value == 'MODEL' else value}"]
     process = start(*arguments)

@@ -6,14 +6,15 @@ from functools import cache
 
 import numpy as np
 
-from depth_pose._raster_kernels import rasterize
 from depth_pose.bank import Bank, build_bank
 from depth_pose.bank.build import BuildConfig
 from depth_pose.body.body import Body, PosedBody
 from depth_pose.body.procedural import make_body
-from depth_pose.geometry import rotvec_to_matrix
-from depth_pose.skeleton import NODE_INDEX
-from depth_pose.types import Camera, DepthFrame
+from depth_pose.core._raster_kernels import rasterize
+from depth_pose.core.camera import Camera
+from depth_pose.core.rotations import rotvec_to_matrix
+from depth_pose.core.skeleton import NODE_INDEX
+from depth_pose.core.types import DepthFrame
 
 CAMERA = Camera(176, 144, 200.0, 200.0, 87.5, 71.5)
 STEP_NS = 40_000_000

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 import synthetic as syn
-from depth_pose.skeleton import JOINT_INDEX, JOINT_NODES, JOINTS, JointState
+from depth_pose.core.skeleton import JOINT_INDEX, JOINT_NODES, JOINTS, JointState
+from depth_pose.core.types import PERSON, UNKNOWN, PersonCloud
+from depth_pose.people.person import view_person
 from depth_pose.steps.confidence import (
     KINDS,
     SIGNS,
@@ -15,8 +17,6 @@ from depth_pose.steps.confidence import (
     score_of,
     skeleton_confidence,
 )
-from depth_pose.steps.view import view_person
-from depth_pose.types import PERSON, UNKNOWN, PersonCloud
 
 SCORE = 0.22
 """Rendered-depth score of a usual good fit."""

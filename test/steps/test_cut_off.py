@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 
 import synthetic as syn
-from depth_pose.config import MatchConfig
-from depth_pose.skeleton import JOINT_NODES, NODE_INDEX
+from depth_pose.core.config import MatchConfig
+from depth_pose.core.skeleton import JOINT_NODES, NODE_INDEX
+from depth_pose.people.person import view_person
 from depth_pose.steps.cut_off import UprightExemplars, head_axes, is_cut_off
 from depth_pose.steps.match import Matcher
-from depth_pose.steps.view import view_person
 
 
 def _cut(cloud, rows):
@@ -52,7 +52,7 @@ def test_half_a_body_is_matched_upright_and_in_its_place(bank):
     cloud = _cut_below(syn.to_cloud(syn.draw(syn.mesh(posed))), posed, "pelvis")
     match = Matcher(bank, MatchConfig(scale=1.0)).match(cloud)
     best = match.candidates[0]
-    from depth_pose.registration.articulated import candidate_pose
+    from depth_pose.fit.articulated import candidate_pose
 
     pose = candidate_pose(bank, best, 1.0)
     nodes = bank.body.pose(pose.rotations, pose.root, 1.0).nodes

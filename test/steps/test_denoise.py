@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import synthetic as syn
-from depth_pose.config import DenoiseConfig
+from depth_pose.core.camera import Camera
+from depth_pose.core.config import DenoiseConfig
 from depth_pose.steps import _denoise_kernels as kernels
 from depth_pose.steps.denoise import denoise_depth
-from depth_pose.types import Camera
 
 H = 0.2
 SMALL = Camera(17, 13, 60.0, 62.0, 8.3, 5.9)

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 import synthetic as syn
-from depth_pose.config import DenoiseConfig, SegmentConfig
+from depth_pose.core.config import DenoiseConfig, SegmentConfig
+from depth_pose.core.types import PERSON, UNKNOWN, PersonCloud
 from depth_pose.io.decode import camera_from_points
+from depth_pose.people.person import MIN_POINTS, thin, view_person
 from depth_pose.steps.extract import PersonExtractor
-from depth_pose.steps.view import MIN_POINTS, thin, view_person
-from depth_pose.types import PERSON, UNKNOWN, PersonCloud
 
 
 @pytest.fixture

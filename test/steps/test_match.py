@@ -9,13 +9,13 @@ import pytest
 
 import synthetic as syn
 from depth_pose.bank.views import DISTANCE_M, view_directions, view_rotation
-from depth_pose.config import MatchConfig
-from depth_pose.registration.articulated import candidate_pose
-from depth_pose.skeleton import MIRROR_NODES
+from depth_pose.core.config import MatchConfig
+from depth_pose.core.skeleton import MIRROR_NODES
+from depth_pose.core.types import PersonCloud
+from depth_pose.fit.articulated import candidate_pose
+from depth_pose.people.person import view_person
 from depth_pose.steps.match import Matcher, match_confidence
 from depth_pose.steps.placing import join
-from depth_pose.steps.view import view_person
-from depth_pose.types import PersonCloud
 
 
 @pytest.fixture(scope="module")

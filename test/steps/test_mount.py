@@ -6,12 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from crowd import person, seen
 
-from depth_pose.config import MatchConfig, MountConfig, PipelineConfig, SmoothConfig
+from crowd import person, seen
+from depth_pose.core.camera import Camera
+from depth_pose.core.config import MatchConfig, MountConfig, PipelineConfig, SmoothConfig
+from depth_pose.core.types import DepthFrame
 from depth_pose.pipeline import PosePipeline
 from depth_pose.steps.mount import rotation_sensor_upright, turn_back, turn_forth, turn_upright
-from depth_pose.types import Camera, DepthFrame
 
 
 def points_of(frame: DepthFrame) -> np.ndarray:

@@ -10,8 +10,9 @@ import pytest
 import synthetic as syn
 from depth_pose.bank.canonical import canonical_axes
 from depth_pose.body.coarsen import coarsen
-from depth_pose.geometry import quat_to_matrix
-from depth_pose.render import DepthComparer
+from depth_pose.core.rotations import quat_to_matrix
+from depth_pose.fit.rendered_depth import DepthComparer
+from depth_pose.people.person import view_person
 from depth_pose.steps.placing import (
     _VERTICES,
     ExemplarRenderer,
@@ -21,7 +22,6 @@ from depth_pose.steps.placing import (
     place_exemplars,
 )
 from depth_pose.steps.search import Nearest
-from depth_pose.steps.view import view_person
 
 SCALE, BAND = 1.05, 0.12
 

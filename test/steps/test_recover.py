@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 from acted import empty_frame, frame_of, posed, the_bank, the_body
 
-from depth_pose.config import MatchConfig, PipelineConfig, RecoverConfig, SmoothConfig
-from depth_pose.geometry import matrix_to_quat, quat_to_matrix, rotvec_to_matrix
+from depth_pose.core.config import MatchConfig, PipelineConfig, RecoverConfig, SmoothConfig
+from depth_pose.core.rotations import matrix_to_quat, quat_to_matrix, rotvec_to_matrix
+from depth_pose.core.skeleton import JOINT_INDEX, JOINT_NODES, Source
+from depth_pose.core.types import Skeleton
+from depth_pose.people.person import view_person
 from depth_pose.pipeline import FrameResult, PosePipeline
 from depth_pose.sim.failures import KINDS, fail
-from depth_pose.skeleton import JOINT_INDEX, JOINT_NODES, Source
 from depth_pose.steps.failure import FailureCheck, bone_lengths, limit_excess
 from depth_pose.steps.recover import Recoverer
-from depth_pose.steps.view import view_person
-from depth_pose.types import Skeleton
 
 FRAMES = 12
 BAD = range(4, 8)
@@ -165,7 +165,7 @@ def test_a_right_detection_wins_over_a_wrong_past(run) -> None:
 
 def test_the_refiner_starts_from_a_recovered_pose_too(run) -> None:
     """Without candidates near the pose and without tracking, the recovered pose is what helps."""
-    from depth_pose.config import RefineConfig
+    from depth_pose.core.config import RefineConfig
     from depth_pose.steps.refine import Refiner
 
     refiner = Refiner(the_bank(), RefineConfig(track=False), MatchConfig())
@@ -233,7 +233,7 @@ def test_nobody_in_view_is_lost_and_a_jump_in_time_starts_anew(run) -> None:
 
 
 def test_paper_s_method_fits_the_run(run) -> None:
-    from depth_pose.config import RefineConfig
+    from depth_pose.core.config import RefineConfig
     from depth_pose.steps.refine import Refiner
 
     refiner = Refiner(the_bank(), RefineConfig(method="cpd"), MatchConfig())

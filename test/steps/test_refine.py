@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 import synthetic as syn
-from depth_pose.config import MatchConfig, RefineConfig
-from depth_pose.errors import BankError
-from depth_pose.geometry import matrix_to_quat, quat_to_matrix
-from depth_pose.skeleton import JOINT_NODES, JointState, Source
+from depth_pose.core.config import MatchConfig, RefineConfig
+from depth_pose.core.errors import BankError
+from depth_pose.core.rotations import matrix_to_quat, quat_to_matrix
+from depth_pose.core.skeleton import JOINT_NODES, JointState, Source
+from depth_pose.core.types import Candidate, PersonCloud, PoseMatch
 from depth_pose.steps.match import Matcher
 from depth_pose.steps.refine import Refiner
-from depth_pose.types import Candidate, PersonCloud, PoseMatch
 
 
 def refiner_of(bank, **settings):

@@ -5,15 +5,14 @@ import pytest
 import yaml
 
 from depth_pose.cli import main
-from depth_pose.errors import ConfigError, InputError
-from depth_pose.geometry import quat_to_matrix
+from depth_pose.core.errors import ConfigError, InputError
+from depth_pose.core.rotations import quat_to_matrix
+from depth_pose.core.types import Skeleton
 from depth_pose.io._messages import read_image
 from depth_pose.io._recording import Recording
 from depth_pose.io.mcap_read import read_skeletons
 from depth_pose.sim.roof_cameras import front_camera
-from depth_pose.types import Skeleton
 from depth_pose.volume.config import LearnConfig, TrackConfig
-from depth_pose.volume.learning import learn_model
 from depth_pose.volume.pipeline import make_pipeline
 from depth_pose.volume.recordings import (
     MomentWriter,
@@ -24,14 +23,15 @@ from depth_pose.volume.recordings import (
     record_images,
 )
 from depth_pose.volume.rigfile import load_rig, save_rig, upright_from
-from depth_pose.volume.training import default_wearers, simulate_views
+from depth_pose.volume_learn.learning import learn_model
+from depth_pose.volume_learn.training import default_wearers, simulate_views
 
 
 @pytest.fixture(scope="module")
 def recorded(rig, tmp_path_factory):
     from depth_pose.body.procedural import BodyShape
-    from depth_pose.body.procedural_motion_dance import perform
-    from depth_pose.volume.performances import Wearer
+    from depth_pose.motion.procedural.dance import perform
+    from depth_pose.volume_learn.performances import Wearer
 
     path = tmp_path_factory.mktemp("recorded") / "dance.mcap"
     record_images(path, perform("swing", 50, 0.5), Wearer(BodyShape()), rig, "silhouettes")
@@ -144,7 +144,7 @@ def test_turning_a_skeleton_into_a_world_with_z_up(model, performance):
 def depth_model(clips, space):
     """A small model of two performances, seen by one camera from all sides."""
     from depth_pose.body.procedural import BodyShape
-    from depth_pose.volume.performances import Wearer
+    from depth_pose.volume_learn.performances import Wearer
 
     wearers = [Wearer(BodyShape(stature_m=1.7))]
     return learn_model(simulate_views(clips[:2], wearers, "depth", 6, space), LearnConfig(iterations=40))
@@ -153,10 +153,10 @@ def depth_model(clips, space):
 def test_one_depth_camera_and_two(depth_model, space):
     """The same model from angles it was not made for, and with one camera more."""
     from depth_pose.body.procedural import BodyShape
-    from depth_pose.body.procedural_motion_dance import perform
+    from depth_pose.motion.procedural.dance import perform
     from depth_pose.volume.hull import SurfaceVoxels
-    from depth_pose.volume.performances import Wearer, depth_eyes, watch
-    from depth_pose.volume.report import track_performance
+    from depth_pose.volume_learn.performances import Wearer, depth_eyes, watch
+    from depth_pose.volume_learn.report import track_performance
 
     assert depth_model.views == 16 and depth_model.meta["input"] == "depth"
     reports = []
@@ -176,10 +176,10 @@ def test_one_depth_camera_and_two(depth_model, space):
 def test_a_depth_camera_that_fails(depth_model, space):
     """Of three cameras one brings nothing, shows nobody, or sees only a hand: the others go on."""
     from depth_pose.body.procedural import BodyShape
-    from depth_pose.body.procedural_motion_dance import perform
+    from depth_pose.motion.procedural.dance import perform
     from depth_pose.sim.roof_cameras import RigRenderer, depth_ring
-    from depth_pose.volume.performances import Wearer, dressed_frames
     from depth_pose.volume.scoring import score
+    from depth_pose.volume_learn.performances import Wearer, dressed_frames
 
     rig = depth_ring(3)
     pipeline = make_pipeline(depth_model, rig, space, TrackConfig(stature=1.66))
@@ -205,9 +205,9 @@ def test_a_depth_camera_that_fails(depth_model, space):
 
 def test_a_recording_of_two_depth_cameras(depth_model, space, tmp_path):
     from depth_pose.body.procedural import BodyShape
-    from depth_pose.body.procedural_motion_dance import perform
+    from depth_pose.motion.procedural.dance import perform
     from depth_pose.sim.roof_cameras import depth_ring
-    from depth_pose.volume.performances import Wearer
+    from depth_pose.volume_learn.performances import Wearer
 
     path = tmp_path / "dance.mcap"
     record_images(path, perform("swing", 50, 0.4), Wearer(BodyShape(stature_m=1.66)), depth_ring(2), "depth")

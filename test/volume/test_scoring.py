@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from depth_pose.body.angles import ANGLE_INDEX, N_ANGLES, rotations_from_angles
-from depth_pose.volume.performances import headings_of, turns, without_headings
 from depth_pose.volume.scoring import (
     SCORED,
     angle_differences,
@@ -13,6 +12,7 @@ from depth_pose.volume.scoring import (
     mean_pose_estimate,
     score,
 )
+from depth_pose.volume_learn.performances import headings_of, turns, without_headings
 
 
 def poses(count, seed, spread=15.0):

@@ -6,20 +6,20 @@ import json
 import numpy as np
 import pytest
 
-from depth_pose.errors import ConfigError, InputError
-from depth_pose.geometry import quat_to_matrix, rotvec_to_matrix
-from depth_pose.skeleton import JOINT_NODES, Source
+from depth_pose.core.errors import ConfigError, InputError
+from depth_pose.core.rotations import quat_to_matrix, rotvec_to_matrix
+from depth_pose.core.skeleton import JOINT_NODES, Source
 from depth_pose.volume.config import SpaceConfig, TrackConfig
 from depth_pose.volume.descriptor import describe
 from depth_pose.volume.fit import VolumeFitter
 from depth_pose.volume.hull import empty_volume
-from depth_pose.volume.learning import learn_model
 from depth_pose.volume.model import VolumeModel
-from depth_pose.volume.performances import turns
 from depth_pose.volume.pipeline import DepthPipeline, SilhouettePipeline, VolumePoseTracker
-from depth_pose.volume.report import report_rows, track_performance
 from depth_pose.volume.scoring import joint_positions, score
 from depth_pose.volume.tracker import UNLIKELY, LatentTracker, Sight
+from depth_pose.volume_learn.learning import learn_model
+from depth_pose.volume_learn.performances import turns
+from depth_pose.volume_learn.report import report_rows, track_performance
 
 VOXEL = 0.03
 
@@ -129,9 +129,9 @@ def test_the_fit_finds_a_bent_arm(model, performance, body):
 
 def test_pipeline_from_silhouettes(model, rig, space, views):
     from depth_pose.body.procedural import BodyShape
-    from depth_pose.body.procedural_motion_dance import perform
+    from depth_pose.motion.procedural.dance import perform
     from depth_pose.sim.roof_cameras import RigRenderer
-    from depth_pose.volume.performances import Wearer, dressed_frames
+    from depth_pose.volume_learn.performances import Wearer, dressed_frames
 
     pipeline = SilhouettePipeline(model, rig, space, TrackConfig(stature=1.64))
     pipeline.warm_up()

@@ -14,7 +14,7 @@ from concurrent.futures.process import BrokenProcessPool
 from multiprocessing import get_context
 from typing import Any, TypeVar
 
-from depth_pose.errors import ConfigError, InputError
+from depth_pose.core.errors import ConfigError, InputError
 
 T = TypeVar("T")
 Task = tuple[Any, ...]

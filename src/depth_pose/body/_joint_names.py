@@ -7,7 +7,7 @@ import re
 import numpy as np
 
 from depth_pose.body.source_motion import SourceMotion
-from depth_pose.errors import InputError
+from depth_pose.core.errors import InputError
 
 _PARTS = {
     "elbow": ("forearm", "lowerarm", "lowarm", "elbow", "radius"),

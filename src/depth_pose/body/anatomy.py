@@ -15,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 
 from depth_pose.body.surface import Array, Ellipsoid, Sweep, smooth_min
-from depth_pose.skeleton import ADULT_STATURE_M, NODE_INDEX, rest_nodes
+from depth_pose.core.skeleton import ADULT_STATURE_M, NODE_INDEX, rest_nodes
 
 # Rows: height, half-breadth, front, back (both measured from the pelvis's z = 0), exponent.
 _TRUNK = np.array(
@@ -162,7 +162,7 @@ def _trunk() -> Sweep:
 
 
 SOLE = 0.0260
-"""Height of the sole of the foot below `depth_pose.skeleton.rest_nodes`' zero level, in statures.
+"""Height of the sole of the foot below `depth_pose.core.skeleton.rest_nodes`' zero level, in statures.
 
 With it the ankle joint is .046 and the hip joint .531 of the stature above the sole (Drillis and
 Contini: .039 and .530) and the head's joint .089 below the crown, as in bodies whose joint centres

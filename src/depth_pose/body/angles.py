@@ -26,7 +26,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.skeleton import ADULT_STATURE_M, NODE_INDEX, rest_nodes
+from depth_pose.core.skeleton import ADULT_STATURE_M, NODE_INDEX, rest_nodes
 
 Array = NDArray[np.float64]
 

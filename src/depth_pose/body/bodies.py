@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from depth_pose.body.body import Body, keep_largest
-from depth_pose.errors import ConfigError, InputError
-from depth_pose.skeleton import ADULT_STATURE_M, NODES
+from depth_pose.core.errors import ConfigError, InputError
+from depth_pose.core.skeleton import ADULT_STATURE_M, NODES
 
 BODIES = ("embedded", "anny")
 """Names that `find_body` knows; anything that ends in .npz, .glb or .gltf is a file."""
@@ -61,7 +61,7 @@ def save_body(body: Body, path: Path) -> None:
 def load_body(path: Path) -> Body:
     """Read a body from a ``.npz`` file, or take that of a bank.
 
-    The arrays are those of `Body`, in the model frame and the rest pose of `depth_pose.skeleton`:
+    The arrays are those of `Body`, in the model frame and the rest pose of `depth_pose.core.skeleton`:
     ``vertices`` (V, 3) metres, ``faces`` (F, 3), ``weights`` (V, 21), ``nodes`` (21, 3), and
     optionally ``stature``. Of each vertex's weights the largest four are kept. The body is scaled
     to the stature of the reference adult, which is a scale of 1.

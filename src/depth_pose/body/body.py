@@ -2,7 +2,7 @@
 
 Linear blend skinning with the project's node rotations (rest pose to posed, not relative to
 the parent): ``v' = sum_n w_n (s R_n (v - c_n) + p_n)``, with c_n a node's rest position, p_n its
-posed one from `depth_pose.skeleton.forward_kinematics`, and s the body's scale.
+posed one from `depth_pose.core.skeleton.forward_kinematics`, and s the body's scale.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.skeleton import NODE_PARENTS
+from depth_pose.core.skeleton import NODE_PARENTS
 
 INFLUENCES = 4
 """Greatest number of nodes that move one vertex."""
@@ -29,7 +29,7 @@ class PosedBody:
     vertices : (V, 3) float64
         Metres, in the frame that the rotations lead to.
     nodes : (21, 3) float64
-        Positions of `depth_pose.skeleton.NODES` in the same frame, metres.
+        Positions of `depth_pose.core.skeleton.NODES` in the same frame, metres.
     """
 
     vertices: NDArray[np.float64]
@@ -54,7 +54,7 @@ class SparseWeights:
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """A skinned body in the rest pose of `depth_pose.skeleton`.
+    """A skinned body in the rest pose of `depth_pose.core.skeleton`.
 
     Attributes
     ----------

@@ -22,8 +22,8 @@ from depth_pose.body._joint_names import find_joints
 from depth_pose.body.body import Body
 from depth_pose.body.rigged import RiggedMesh, rigged_body
 from depth_pose.body.source_motion import SourceMotion
-from depth_pose.errors import InputError
-from depth_pose.skeleton import NODE_INDEX, NODES, rest_nodes
+from depth_pose.core.errors import InputError
+from depth_pose.core.skeleton import NODE_INDEX, NODES, rest_nodes
 
 Array = NDArray[np.float64]
 

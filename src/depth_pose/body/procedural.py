@@ -16,8 +16,8 @@ from depth_pose.body.body import Body
 from depth_pose.body.remesh import mirror, remesh_half
 from depth_pose.body.surface import Array, Mesh, sample_grid, surface_nets
 from depth_pose.body.weights import skin_weights
-from depth_pose.errors import ConfigError
-from depth_pose.skeleton import ADULT_STATURE_M, NODE_INDEX, NODE_PARENTS, NODES
+from depth_pose.core.errors import ConfigError
+from depth_pose.core.skeleton import ADULT_STATURE_M, NODE_INDEX, NODE_PARENTS, NODES
 
 _GRID = 0.011
 _LOW = np.array([-1.5 * _GRID, -0.0301, -0.18])

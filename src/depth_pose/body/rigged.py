@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from depth_pose.body._skin_kernels import skin
 from depth_pose.body.body import Body, keep_largest
-from depth_pose.skeleton import ADULT_STATURE_M, NODE_INDEX, NODE_PARENTS, NODES, rest_nodes
+from depth_pose.core.skeleton import ADULT_STATURE_M, NODE_INDEX, NODE_PARENTS, NODES, rest_nodes
 
 Array = NDArray[np.float64]
 
@@ -40,7 +40,7 @@ class RiggedMesh:
 
 
 def rigged_body(name: str, mesh: RiggedMesh) -> Body:
-    """Make a body of a rigged mesh: in the rest pose of `depth_pose.skeleton`, thinned and scaled.
+    """Make a body of a rigged mesh: in the rest pose of `depth_pose.core.skeleton`, thinned and scaled.
 
     Parameters
     ----------
@@ -83,7 +83,7 @@ def _to_rest_pose(mesh: RiggedMesh) -> RiggedMesh:
 
 def least_rotation(source: Array, target: Array) -> Array:
     """Smallest rotation that turns one direction into another, (3, 3)."""
-    from depth_pose.geometry import rotvec_to_matrix
+    from depth_pose.core.rotations import rotvec_to_matrix
 
     a, b = source / np.linalg.norm(source), target / np.linalg.norm(target)
     axis = np.cross(a, b)

@@ -15,7 +15,7 @@ from scipy.sparse.linalg import splu
 from depth_pose.body.anatomy import BodyField
 from depth_pose.body.body import INFLUENCES
 from depth_pose.body.surface import Array, Mesh
-from depth_pose.skeleton import MIRROR_NODES, NODE_INDEX
+from depth_pose.core.skeleton import MIRROR_NODES, NODE_INDEX
 
 _DIFFUSION = 0.016**2
 """Diffusion time t, square metres: the square of the width over which seams are smoothed."""

@@ -13,8 +13,8 @@ import typer
 from rich.console import Console
 from rich.markup import escape
 
-from depth_pose.config import options
-from depth_pose.errors import ConfigError, InputError
+from depth_pose.core.config import options
+from depth_pose.core.errors import ConfigError, InputError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -59,7 +59,7 @@ def read_settings(path: Path) -> dict[str, dict[str, Any]]:
     ConfigError
         Where it is no mapping of mappings.
     """
-    from depth_pose.config import PipelineConfig
+    from depth_pose.core.config import PipelineConfig
 
     try:
         text = path.read_text()

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from depth_pose.cli.console import console, given, print_facts, progress_bar, read_settings, setting, warn
-from depth_pose.config import PipelineConfig, RefineConfig, SegmentConfig
+from depth_pose.core.config import PipelineConfig, RefineConfig, SegmentConfig
 
 
 def add_to(app: typer.Typer) -> None:

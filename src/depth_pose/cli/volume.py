@@ -9,16 +9,16 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from depth_pose.cli.console import console, given, print_facts, progress_bar, setting, warn
-from depth_pose.errors import ConfigError
+from depth_pose.core.errors import ConfigError
 from depth_pose.volume.config import LearnConfig, SpaceConfig, TrackConfig
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from depth_pose.body.motion import Clip
+    from depth_pose.motion.clip import Clip
     from depth_pose.volume.model import VolumeModel
-    from depth_pose.volume.performances import Performance
-    from depth_pose.volume.report import Report
+    from depth_pose.volume_learn.performances import Performance
+    from depth_pose.volume_learn.report import Report
 
 app = typer.Typer(
     help="Pose from a person's volume: silhouettes of several cameras, or depth of one or more.",
@@ -40,7 +40,7 @@ def _learn(
     space: SpaceConfig,
 ) -> VolumeModel:
     from depth_pose.volume.rigfile import load_rig
-    from depth_pose.volume.training import EVERY, PERFORMANCES, dance_clips, default_wearers, train
+    from depth_pose.volume_learn.training import EVERY, PERFORMANCES, dance_clips, default_wearers, train
 
     clips = (
         [_captured(path) for path in motions] if motions else dance_clips(dance, performances or PERFORMANCES)
@@ -145,7 +145,7 @@ def train(
     _print_model(output, model)
     console.print(f"made in {time.monotonic() - start:.0f} s", style="dim", highlight=False)
     if plot is not None:
-        from depth_pose.volume.figures import save_latent
+        from depth_pose.volume_learn.figures import save_latent
 
         save_latent(model, [], plot, ["latent space"])
 
@@ -247,7 +247,7 @@ def live(
         arguments += ["--params-file", str(params)]
     for name, value in settings.items():
         arguments += ["-p", f"{name}:={str(value).lower() if isinstance(value, bool) else value}"]
-    raise typer.Exit(call_ros("volume_node", "main", arguments))
+    raise typer.Exit(call_ros("nodes.volume_node", "main", arguments))
 
 
 @app.command()
@@ -283,7 +283,7 @@ def demo(
     depth-pose volume demo --model depth.npz --input depth --cameras 2 --garment robe --record dance.mcap
     """
     from depth_pose.volume.model import VolumeModel
-    from depth_pose.volume.report import report_rows, track_performance
+    from depth_pose.volume_learn.report import report_rows, track_performance
 
     learned = (
         VolumeModel.load(model)
@@ -309,12 +309,12 @@ def _perform(
     seed: int,
     record: Path | None,
 ) -> Performance:
-    from depth_pose.body.procedural_motion_dance import perform
+    from depth_pose.motion.procedural.dance import perform
     from depth_pose.sim.clothing import find_garment
     from depth_pose.sim.roof_cameras import depth_ring, roof_rig
     from depth_pose.volume.hull import HullCarver, SurfaceVoxels
-    from depth_pose.volume.performances import TEST_SHAPES, Wearer, depth_eyes, hull_eyes, watch
     from depth_pose.volume.recordings import record_images
+    from depth_pose.volume_learn.performances import TEST_SHAPES, Wearer, depth_eyes, hull_eyes, watch
 
     rig = roof_rig(cameras or 8) if kind == "silhouettes" else depth_ring(cameras or 1)
     eyes = hull_eyes(rig, HullCarver(rig)) if kind == "silhouettes" else depth_eyes(rig, SurfaceVoxels())
@@ -328,8 +328,8 @@ def _perform(
 
 
 def _draw_demo(report: Report, performance: Performance, output: Path) -> None:
-    from depth_pose.volume.figures import save_frames
     from depth_pose.volume.scoring import joint_positions
+    from depth_pose.volume_learn.figures import save_frames
 
     shown = [round(i * (len(performance) - 1) / 6) for i in range(7)]
     truth = joint_positions(performance.rotations, performance.stature) + performance.pelvis[:, None]

@@ -9,14 +9,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.errors import InputError
+from depth_pose.core.camera import Camera
+from depth_pose.core.errors import InputError
+from depth_pose.core.skeleton import BONES, JOINTS, JointState
+from depth_pose.core.types import DepthFrame, Skeleton
 from depth_pose.evaluate.figures import LEFT, MIDDLE, RIGHT
 from depth_pose.evaluate.score import STAMP_TOLERANCE_NS, KnownJoints, load_truth
 from depth_pose.evaluate.shading import shade_depth
 from depth_pose.io.mcap_read import DepthReader, read_skeletons
 from depth_pose.io.schemas import SKELETON_TOPIC
-from depth_pose.skeleton import BONES, JOINTS, JointState
-from depth_pose.types import Camera, DepthFrame, Skeleton
 
 _PANEL_INCHES = (2.9, 3.6)
 _MOST_COLUMNS = 6

@@ -7,10 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.errors import InputError
+from depth_pose.core.camera import Camera
+from depth_pose.core.errors import InputError
+from depth_pose.core.skeleton import JOINT_INDEX, JOINTS, JointState, Source
+from depth_pose.core.types import Skeleton
 from depth_pose.io._cdr import CdrReader, CdrWriter
-from depth_pose.skeleton import JOINT_INDEX, JOINTS, JointState, Source
-from depth_pose.types import Camera, Skeleton
 
 _MOST_ELEMENTS = 1_000_000
 

@@ -12,7 +12,7 @@ from typing import BinaryIO
 from mcap.exceptions import McapError
 from mcap.reader import NonSeekingReader, SeekingReader
 
-from depth_pose.errors import InputError
+from depth_pose.core.errors import InputError
 
 _MAGIC = b"\x89MCAP0\r\n"
 

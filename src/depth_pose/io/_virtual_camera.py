@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.types import Camera
+from depth_pose.core.camera import Camera
 
 _POINTS_PER_PIXEL = 1.6
 _MAX_TANGENT = 1.75

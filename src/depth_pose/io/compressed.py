@@ -14,7 +14,7 @@ import zlib
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.errors import InputError
+from depth_pose.core.errors import InputError
 from depth_pose.io import _rvl_kernels as kernels
 from depth_pose.io.decode import _check_size
 

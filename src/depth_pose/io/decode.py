@@ -15,9 +15,10 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.errors import InputError
+from depth_pose.core.camera import Camera
+from depth_pose.core.errors import InputError
+from depth_pose.core.types import DepthFrame
 from depth_pose.io._virtual_camera import project_cloud
-from depth_pose.types import Camera, DepthFrame
 
 MAX_SIDE = 8192
 """The most rows or columns an image or cloud may have."""

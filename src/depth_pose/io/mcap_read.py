@@ -12,7 +12,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from depth_pose.errors import InputError
+from depth_pose.core.errors import InputError
+from depth_pose.core.types import DepthFrame, Skeleton
 from depth_pose.io import schemas
 from depth_pose.io._messages import (
     CameraInfoMessage,
@@ -32,7 +33,6 @@ from depth_pose.io.decode import (
     rectify_depth,
 )
 from depth_pose.io.schemas import SKELETON_TOPIC
-from depth_pose.types import DepthFrame, Skeleton
 
 _log = logging.getLogger(__name__)
 _DEPTH_ENCODINGS = ("16UC1", "mono16", "32FC1")

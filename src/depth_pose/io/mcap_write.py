@@ -15,11 +15,12 @@ import numpy as np
 from mcap.writer import CompressionType, Writer
 from numpy.typing import NDArray
 
-from depth_pose.errors import InputError
+from depth_pose.core.camera import Camera
+from depth_pose.core.errors import InputError
+from depth_pose.core.types import DepthFrame, Skeleton
 from depth_pose.io import schemas
 from depth_pose.io._messages import write_camera_info, write_image, write_skeleton
 from depth_pose.io.schemas import DEPTH_TOPIC, SKELETON_TOPIC
-from depth_pose.types import Camera, DepthFrame, Skeleton
 
 _Writer = TypeVar("_Writer", bound="_RecordingWriter")
 

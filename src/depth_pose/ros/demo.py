@@ -19,9 +19,9 @@ import numpy as np
 
 from depth_pose.io.mcap_read import DepthReader, DepthTopic, read_skeletons
 from depth_pose.io.schemas import POINT_CLOUD, SKELETON_TOPIC
-from depth_pose.ros.bag import Player, Recorder, header_stamp_ns
-from depth_pose.ros.player import Played, Recorded
-from depth_pose.ros.supervisor import Suite
+from depth_pose.ros.process.supervisor import Suite
+from depth_pose.ros.transport.bag import Player, Recorder, header_stamp_ns
+from depth_pose.ros.transport.player import Played, Recorded
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

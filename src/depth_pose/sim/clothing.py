@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.config import _Checked, option
-from depth_pose.errors import ConfigError
-from depth_pose.skeleton import NODE_INDEX
+from depth_pose.core.config import _Checked, option
+from depth_pose.core.errors import ConfigError
+from depth_pose.core.skeleton import NODE_INDEX
 
 if TYPE_CHECKING:
     from depth_pose.body.body import Body

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from depth_pose.config import _Checked, option
+from depth_pose.core.config import _Checked, option
 
 if TYPE_CHECKING:
     from depth_pose.body.body import Body

@@ -13,15 +13,15 @@ from dataclasses import replace
 import numpy as np
 
 from depth_pose.bank.bank import Bank
-from depth_pose.config import MatchConfig
-from depth_pose.geometry import matrix_to_quat
-from depth_pose.registration.articulated import BodyPose
-from depth_pose.registration.skeleton_pose import pose_from_nodes, pose_from_skeleton
-from depth_pose.render import DepthComparer
-from depth_pose.skeleton import JOINT_NODES, MIRROR_NODES, NODE_INDEX, forward_kinematics
+from depth_pose.core.config import MatchConfig
+from depth_pose.core.rotations import matrix_to_quat
+from depth_pose.core.skeleton import JOINT_NODES, MIRROR_NODES, NODE_INDEX, forward_kinematics
+from depth_pose.core.types import Skeleton
+from depth_pose.fit.articulated import BodyPose
+from depth_pose.fit.rendered_depth import DepthComparer
+from depth_pose.fit.skeleton_pose import pose_from_nodes, pose_from_skeleton
+from depth_pose.people.person import PersonView
 from depth_pose.steps.confidence import report_joints, skeleton_confidence
-from depth_pose.steps.view import PersonView
-from depth_pose.types import Skeleton
 
 _ARMS = [
     [NODE_INDEX[f"{s}_{n}"] for n in ("clavicle", "shoulder", "elbow", "wrist")] for s in ("left", "right")

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.render import DepthComparer, Observation
+from depth_pose.core.camera import Camera
+from depth_pose.fit.rendered_depth import DepthComparer, Observation
 from depth_pose.sim.sensor import Mesh
-from depth_pose.types import Camera
 from depth_pose.volume.rig import RigCamera, look_at
 
 ROOF_CAMERA = Camera(256, 192, 190.0, 190.0, 127.5, 95.5)

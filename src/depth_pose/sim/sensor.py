@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from depth_pose.core.camera import Camera
 from depth_pose.sim.noise import NoiseConfig, add_noise
-from depth_pose.types import Camera
 
 Mesh = tuple[NDArray[np.floating], NDArray[np.integer]]
 """Vertices (V, 3), camera frame, metres; and faces (F, 3)."""

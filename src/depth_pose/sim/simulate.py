@@ -16,16 +16,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.errors import ConfigError
+from depth_pose.core.errors import ConfigError
+from depth_pose.core.skeleton import ADULT_STATURE_M, JOINT_NODES, JOINTS, NODE_INDEX, rest_nodes
 from depth_pose.io.mcap_write import DepthWriter
 from depth_pose.sim.config import Placement, Room
 from depth_pose.sim.placement import camera_pose, room_mesh
 from depth_pose.sim.sensor import SENSORS, Mesh, SensorModel, VirtualSensor
-from depth_pose.skeleton import ADULT_STATURE_M, JOINT_NODES, JOINTS, NODE_INDEX, rest_nodes
 
 if TYPE_CHECKING:
     from depth_pose.body.body import Body
-    from depth_pose.body.motion import Clip
+    from depth_pose.motion.clip import Clip
 
 FRAME_ID = "camera_depth_optical_frame"
 START_NS = 1_700_000_000_000_000_000

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from depth_pose._fast_exp import falling_exp
+from depth_pose.core._fast_exp import falling_exp
 
 CUT = 0.6
 """Neighbours farther than this share of the support h do not count: theta(0.6 h) = exp(-5.8)."""

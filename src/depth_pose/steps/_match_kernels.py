@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from depth_pose._raster_kernels import compare, rasterize
 from depth_pose.body._skin_kernels import skin
+from depth_pose.core._raster_kernels import compare, rasterize
 
 
 @njit(cache=True)

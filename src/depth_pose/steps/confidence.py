@@ -17,9 +17,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.skeleton import JOINT_INDEX, JOINTS
+from depth_pose.core.skeleton import JOINT_INDEX, JOINTS
+from depth_pose.people.person import PersonView
 from depth_pose.steps import _confidence_kernels as kernels
-from depth_pose.steps.view import PersonView
 
 _HALF_SURE_SCORE = 0.45
 """Rendered-depth score at which a fit is as likely right as wrong."""

@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 from depth_pose.bank.bank import Bank
 from depth_pose.bank.canonical import CanonicalAxes
 from depth_pose.bank.views import view_rotation
-from depth_pose.geometry import matrix_to_quat, quat_to_matrix
-from depth_pose.skeleton import NODE_INDEX
+from depth_pose.core.rotations import matrix_to_quat, quat_to_matrix
+from depth_pose.core.skeleton import NODE_INDEX
+from depth_pose.core.types import PERSON, PersonCloud
 from depth_pose.steps.placing import ExemplarViews
 from depth_pose.steps.search import Nearest
-from depth_pose.types import PERSON, PersonCloud
 
 _POSES = 12
 _TURNS = np.radians([0.0, -30.0, 30.0, -60.0, 60.0, 180.0])

@@ -25,9 +25,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.config import DenoiseConfig
+from depth_pose.core.camera import Camera
+from depth_pose.core.config import DenoiseConfig
 from depth_pose.steps import _denoise_kernels as kernels
-from depth_pose.types import Camera
 
 
 def denoise_depth(depth: NDArray[np.float32], camera: Camera, config: DenoiseConfig) -> NDArray[np.float32]:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from depth_pose.config import DenoiseConfig, SegmentConfig
-from depth_pose.steps import _segment_kernels as kernels
+from depth_pose.core.camera import Camera
+from depth_pose.core.config import DenoiseConfig, SegmentConfig
+from depth_pose.core.stamps import StampGuard
+from depth_pose.core.types import PERSON, UNKNOWN, DepthFrame, PersonCloud
+from depth_pose.people import _segment_kernels as kernels
+from depth_pose.people.plane_segmenter import PersonSegmenter
 from depth_pose.steps.denoise import denoise_depth
-from depth_pose.steps.segment import PersonSegmenter
-from depth_pose.steps.stamps import StampGuard
-from depth_pose.types import PERSON, UNKNOWN, Camera, DepthFrame, PersonCloud
 
 
 class PersonExtractor:
@@ -47,5 +48,5 @@ class PersonExtractor:
         labels = person.labels.copy()
         labels[(labels == PERSON) & (depth <= 0)] = UNKNOWN
         camera = person.camera
-        points = kernels.back_project(depth, camera.fx, camera.fy, camera.cx, camera.cy)
+        points = camera.back_project(depth)
         return PersonCloud(frame.stamp_ns, frame.frame_id, points, labels)

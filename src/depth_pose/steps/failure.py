@@ -2,7 +2,7 @@
 
 The paper looks for sudden changes of bone lengths and for joint angles beyond their limits. A fit
 of a body keeps its bones, and a person taken for their own back view bends no joint; so the joints'
-jumps and the fit's score (`depth_pose.render`) are looked at too, against the frame before.
+jumps and the fit's score (`depth_pose.fit.rendered_depth`) are looked at too, against the frame before.
 `benchmarks/recovery.py` measures how many of simulated failures are found.
 """
 
@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 from depth_pose.body.angles import ANGLES, HANG, angles_from_rotations, rotation_y
 from depth_pose.body.body import Body
 from depth_pose.body.limits import violation
-from depth_pose.config import RecoverConfig
-from depth_pose.registration.skeleton_pose import pose_from_skeleton
-from depth_pose.skeleton import BONES, JOINT_NODES, JOINTS, NODE_INDEX
+from depth_pose.core.config import RecoverConfig
+from depth_pose.core.skeleton import BONES, JOINT_NODES, JOINTS, NODE_INDEX
+from depth_pose.core.types import Skeleton
+from depth_pose.fit.skeleton_pose import pose_from_skeleton
 from depth_pose.steps.confidence import score_of
-from depth_pose.types import Skeleton
 
 KINDS: tuple[str, ...] = (
     "no_pose",

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.body.body import Body
-from depth_pose.registration.articulated import ArticulatedFitter, BodyPose, FitTarget
-from depth_pose.registration.completion import MeshCompleter
-from depth_pose.steps.view import PersonView, thin
+from depth_pose.fit.articulated import ArticulatedFitter, BodyPose, FitTarget
+from depth_pose.fit.completion import MeshCompleter
+from depth_pose.people.person import PersonView, thin
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ class _SkinnedFrame:
 
 
 class SkinnedFitter:
-    """Joint angles of the skinned body (`depth_pose.registration.articulated`)."""
+    """Joint angles of the skinned body (`depth_pose.fit.articulated`)."""
 
     def __init__(self, body: Body) -> None:
         self._fitter = ArticulatedFitter(body)
@@ -101,7 +101,7 @@ class _CompletionFrame:
 
 
 class CompletionFitter:
-    """The paper's registration and completion (`depth_pose.registration.completion`)."""
+    """The paper's registration and completion (`depth_pose.fit.completion`)."""
 
     def __init__(self, body: Body) -> None:
         self._completer = MeshCompleter(body)
@@ -113,4 +113,4 @@ class CompletionFitter:
 
 
 FITTERS: dict[str, Callable[[Body], Fitter]] = {"articulated": SkinnedFitter, "cpd": CompletionFitter}
-"""Makers of fitters, by `depth_pose.config.RefineConfig.method`."""
+"""Makers of fitters, by `depth_pose.core.config.RefineConfig.method`."""

@@ -15,13 +15,16 @@ import numpy as np
 from depth_pose.bank.bank import Bank
 from depth_pose.bank.canonical import describe
 from depth_pose.bank.views import AXES
-from depth_pose.config import MatchConfig
-from depth_pose.geometry import matrix_to_quat
-from depth_pose.registration.articulated import ArticulatedFitter, BodyPose
-from depth_pose.render import Observation
-from depth_pose.skeleton import NODE_INDEX
+from depth_pose.core.config import MatchConfig
+from depth_pose.core.rotations import matrix_to_quat
+from depth_pose.core.skeleton import NODE_INDEX
+from depth_pose.core.stamps import StampGuard
+from depth_pose.core.types import Candidate, PersonCloud, PoseMatch
+from depth_pose.fit.articulated import ArticulatedFitter, BodyPose
+from depth_pose.fit.rendered_depth import Observation
+from depth_pose.people.identity import PersonGuard
+from depth_pose.people.person import PersonView, thin_image, view_person
 from depth_pose.steps.cut_off import UprightExemplars, head_axes, is_cut_off, touches_side
-from depth_pose.steps.identity import PersonGuard
 from depth_pose.steps.placing import (
     ExemplarRenderer,
     ExemplarViews,
@@ -30,13 +33,10 @@ from depth_pose.steps.placing import (
     join,
     place_exemplars,
 )
-from depth_pose.steps.sample import sample_cloud
 from depth_pose.steps.scale import SCALES, ScaleFinder
 from depth_pose.steps.search import SubspaceSearch
-from depth_pose.steps.stamps import StampGuard
-from depth_pose.steps.trial import TrialFits
-from depth_pose.steps.view import PersonView, thin_image, view_person
-from depth_pose.types import Candidate, PersonCloud, PoseMatch
+from depth_pose.steps.short_fits import TrialFits
+from depth_pose.steps.warm_up import sample_cloud
 
 _ROUGH_M, _FINE_M = 0.08, 0.04
 """Widest pixels at the person, of the image that all of the shortlist is compared in, and of the

@@ -12,9 +12,10 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.config import MountConfig
-from depth_pose.geometry import matrix_to_quat, quat_to_matrix
-from depth_pose.types import Camera, DepthFrame, Skeleton
+from depth_pose.core.camera import Camera
+from depth_pose.core.config import MountConfig
+from depth_pose.core.rotations import matrix_to_quat, quat_to_matrix
+from depth_pose.core.types import DepthFrame, Skeleton
 
 UPRIGHT = "_upright"
 """Put behind the frame's name while it is turned, so that clouds and poses say what they are in."""

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from depth_pose.bank.bank import Bank
 from depth_pose.bank.canonical import CanonicalAxes
 from depth_pose.body.coarsen import coarsen
-from depth_pose.render import Observation
-from depth_pose.skeleton import NODE_PARENTS
+from depth_pose.core.skeleton import NODE_PARENTS
+from depth_pose.fit.rendered_depth import Observation
 from depth_pose.steps import _match_kernels as kernels
 from depth_pose.steps.search import Nearest
 

@@ -1,7 +1,7 @@
 """Failure check, recovery by temporal registration, and the filter on the output (Sec. 6).
 
 Where a failure is found in a refined skeleton (`depth_pose.steps.failure`), the body of the frame
-before is carried over by the clouds (`depth_pose.registration.temporal`), as in the paper, and
+before is carried over by the clouds (`depth_pose.fit.temporal`), as in the paper, and
 fitted to the input, which takes out the drift of repeated registration. Both poses are then
 compared with the input by rendering: one that is implausible in itself must agree much better to
 be kept, one that merely came suddenly only as well. So a good detection wins at once, and a
@@ -17,23 +17,23 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from depth_pose.bank.bank import Bank
-from depth_pose.config import MatchConfig, RecoverConfig, SmoothConfig
-from depth_pose.geometry import matrix_to_quat
-from depth_pose.registration.articulated import ArticulatedFitter, BodyPose, FitTarget
-from depth_pose.registration.completion import MeshCompleter
-from depth_pose.registration.skeleton_pose import pose_from_skeleton
-from depth_pose.registration.temporal import TemporalCarrier
-from depth_pose.render import DepthComparer
-from depth_pose.skeleton import JOINT_NODES, Source
+from depth_pose.core.config import MatchConfig, RecoverConfig, SmoothConfig
+from depth_pose.core.rotations import matrix_to_quat
+from depth_pose.core.skeleton import JOINT_NODES, Source
+from depth_pose.core.stamps import StampGuard
+from depth_pose.core.types import PersonCloud, Skeleton
+from depth_pose.fit.articulated import ArticulatedFitter, BodyPose, FitTarget
+from depth_pose.fit.completion import MeshCompleter
+from depth_pose.fit.rendered_depth import DepthComparer
+from depth_pose.fit.skeleton_pose import pose_from_skeleton
+from depth_pose.fit.temporal import TemporalCarrier
+from depth_pose.people.identity import PersonGuard
+from depth_pose.people.person import PersonView, thin, view_person
 from depth_pose.steps.confidence import report_joints, score_of, skeleton_confidence
 from depth_pose.steps.failure import KINDS, Failure, FailureCheck
 from depth_pose.steps.fitters import FINE_SIGMAS
-from depth_pose.steps.identity import PersonGuard
-from depth_pose.steps.sample import sample_cloud
 from depth_pose.steps.smooth import JointFilter
-from depth_pose.steps.stamps import StampGuard
-from depth_pose.steps.view import PersonView, thin, view_person
-from depth_pose.types import PersonCloud, Skeleton
+from depth_pose.steps.warm_up import sample_cloud
 
 _MAX_POINTS = 450
 _TRUST = 0.8

@@ -1,9 +1,9 @@
 """Fit the body to the cloud, starting from the matched exemplars (Sec. 6).
 
 Two methods, one interface: ``articulated`` fits joint angles of the skinned body
-(`depth_pose.registration.articulated`); ``cpd`` is the paper's, non-rigid registration of the
+(`depth_pose.fit.articulated`); ``cpd`` is the paper's, non-rigid registration of the
 exemplar's visible vertices, Laplacian completion of the mesh and joints from control vertices
-(`depth_pose.registration.completion`). Two poses contend, and the one whose rendered depth agrees
+(`depth_pose.fit.completion`). Two poses contend, and the one whose rendered depth agrees
 best wins: the matcher's candidates, and the pose of the frame before. Tracking alone loses arms and
 does not find them again; but a pose that has converged over many frames agrees better than any new
 one, however wrong it is, until that is fitted as well. So each side is fitted by itself.
@@ -18,21 +18,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.bank.bank import Bank
-from depth_pose.config import MatchConfig, RefineConfig
-from depth_pose.errors import BankError
-from depth_pose.geometry import matrix_to_quat
-from depth_pose.registration.articulated import BodyPose, candidate_pose
-from depth_pose.registration.limbs import LimbSearch
-from depth_pose.registration.skeleton_pose import pose_from_skeleton
-from depth_pose.render import Comparison, DepthComparer
-from depth_pose.skeleton import JOINT_NODES, Source
+from depth_pose.core.config import MatchConfig, RefineConfig
+from depth_pose.core.errors import BankError
+from depth_pose.core.rotations import matrix_to_quat
+from depth_pose.core.skeleton import JOINT_NODES, Source
+from depth_pose.core.stamps import StampGuard
+from depth_pose.core.types import Candidate, PersonCloud, PoseMatch, Skeleton
+from depth_pose.fit.articulated import BodyPose, candidate_pose
+from depth_pose.fit.limbs import LimbSearch
+from depth_pose.fit.rendered_depth import Comparison, DepthComparer
+from depth_pose.fit.skeleton_pose import pose_from_skeleton
+from depth_pose.people.identity import PersonGuard
+from depth_pose.people.person import PersonView, view_person
 from depth_pose.steps.confidence import report_joints, skeleton_confidence
 from depth_pose.steps.fitters import FITTERS, FittedBody
-from depth_pose.steps.identity import PersonGuard
-from depth_pose.steps.sample import sample_cloud
-from depth_pose.steps.stamps import StampGuard
-from depth_pose.steps.view import PersonView, view_person
-from depth_pose.types import Candidate, PersonCloud, PoseMatch, Skeleton
+from depth_pose.steps.warm_up import sample_cloud
 
 _ROUGH = 2
 """Candidates, the best after a glance, that are fitted roughly."""

@@ -13,9 +13,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from depth_pose.registration.articulated import ArticulatedFitter, BodyPose
-from depth_pose.steps.trial import TrialFits
-from depth_pose.steps.view import PersonView
+from depth_pose.fit.articulated import ArticulatedFitter, BodyPose
+from depth_pose.people.person import PersonView
+from depth_pose.steps.short_fits import TrialFits
 
 SCALES = 0.6 * 1.04 ** np.arange(18)
 """Sizes that are tried: statures from 1.05 m to 2.05 m for a body of 1.75 m."""

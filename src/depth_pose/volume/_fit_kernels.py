@@ -6,9 +6,9 @@ import numpy as np
 from numba import njit
 
 from depth_pose.body._skin_kernels import skin
-from depth_pose.registration._articulated_kernels import add_points, assign
-from depth_pose.registration._tree_kernels import assemble, solve_tree, update
-from depth_pose.registration._visibility_kernels import turn_normals
+from depth_pose.fit._articulated_kernels import add_points, assign
+from depth_pose.fit._tree_kernels import assemble, solve_tree, update
+from depth_pose.fit._visibility_kernels import turn_normals
 
 
 @njit(cache=True)

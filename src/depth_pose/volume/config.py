@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from depth_pose.config import DenoiseConfig, Sections, SegmentConfig, _Checked, option
+from depth_pose.core.config import DenoiseConfig, Sections, SegmentConfig, _Checked, option
 
 
 @dataclass(frozen=True)

@@ -18,8 +18,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.errors import ConfigError
-from depth_pose.skeleton import ADULT_STATURE_M
+from depth_pose.core.errors import ConfigError
+from depth_pose.core.skeleton import ADULT_STATURE_M
 from depth_pose.volume import _descriptor_kernels as kernels
 from depth_pose.volume.hull import Volume
 

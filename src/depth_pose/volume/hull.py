@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.errors import ConfigError, InputError
+from depth_pose.core.errors import ConfigError, InputError
 from depth_pose.volume import _hull_kernels as kernels
 from depth_pose.volume.config import SpaceConfig
 from depth_pose.volume.rig import RigCamera

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.errors import InputError
+from depth_pose.core.errors import InputError
 from depth_pose.volume.descriptor import Bins
 from depth_pose.volume.gp import Kernel, Regression
 from depth_pose.volume.posespace import PoseSpace

@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 
 from depth_pose.body.angles import angles_from_rotations
 from depth_pose.body.procedural import make_body
-from depth_pose.config import MAX_STAMP_GAP_NS
-from depth_pose.errors import ConfigError, InputError
-from depth_pose.geometry import matrix_to_quat
-from depth_pose.skeleton import (
+from depth_pose.core.config import MAX_STAMP_GAP_NS
+from depth_pose.core.errors import ConfigError, InputError
+from depth_pose.core.rotations import matrix_to_quat
+from depth_pose.core.skeleton import (
     ADULT_STATURE_M,
     JOINT_NODES,
     JOINTS,
@@ -27,16 +27,16 @@ from depth_pose.skeleton import (
     Source,
     forward_kinematics,
 )
-from depth_pose.types import Skeleton
+from depth_pose.core.types import Skeleton
 from depth_pose.volume.config import SpaceConfig, TrackConfig
 from depth_pose.volume.descriptor import heading_angle
 from depth_pose.volume.fit import VolumeFitter
 from depth_pose.volume.hull import LEAST_VIEWS, HullCarver, SurfaceVoxels, Volume
 from depth_pose.volume.model import VolumeModel
-from depth_pose.volume.performances import depth_points, turns
 from depth_pose.volume.rig import RigCamera
 from depth_pose.volume.stature import StatureFinder
 from depth_pose.volume.tracker import UNLIKELY, LatentTracker, Tracked, look
+from depth_pose.volume_learn.performances import depth_points, turns
 
 Array = NDArray[np.float64]
 

@@ -11,21 +11,21 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.body.motion import Clip
-from depth_pose.errors import InputError
-from depth_pose.geometry import matrix_to_quat, quat_to_matrix
+from depth_pose.core.errors import InputError
+from depth_pose.core.rotations import matrix_to_quat, quat_to_matrix
+from depth_pose.core.types import Skeleton
 from depth_pose.io._messages import read_image, write_image
 from depth_pose.io._recording import Recording
 from depth_pose.io.decode import decode_depth
 from depth_pose.io.mcap_write import SkeletonWriter, _RecordingWriter
 from depth_pose.io.schemas import IMAGE
+from depth_pose.motion.clip import Clip
 from depth_pose.sim.roof_cameras import RigRenderer
 from depth_pose.sim.simulate import START_NS
-from depth_pose.types import Skeleton
-from depth_pose.volume.performances import Wearer, dressed_frames
 from depth_pose.volume.pipeline import DepthPipeline, SilhouettePipeline
 from depth_pose.volume.rig import RigCamera
 from depth_pose.volume.rigfile import Rig, save_rig, upright_from
+from depth_pose.volume_learn.performances import Wearer, dressed_frames
 
 Image = NDArray[np.generic]
 

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.errors import ConfigError
-from depth_pose.types import Camera
+from depth_pose.core.camera import Camera
+from depth_pose.core.errors import ConfigError
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.body.angles import nearest_rotation
-from depth_pose.skeleton import (
+from depth_pose.core.skeleton import (
     ADULT_STATURE_M,
     JOINT_NODES,
     JOINTS,

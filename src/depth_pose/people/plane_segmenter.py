@@ -1,0 +1,200 @@
+"""Cut the person out of a depth image (Sec. 4, first paragraph).
+
+The paper cuts with two fixed distances. Here nothing is set per recording: after generous
+distance limits, large planes (walls, floor) are taken away, what is left is split into
+surfaces, and the largest one of a person's size is kept together with the smaller ones that
+touch it (a hand in front of the trunk is a surface of its own). Last, a pixel stays only if
+enough of its neighbours are on its surface, which removes the flying pixels at edges.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from depth_pose.core.camera import Camera
+from depth_pose.core.config import SegmentConfig
+from depth_pose.core.types import BACKGROUND, PERSON, UNKNOWN, DepthFrame
+from depth_pose.people import _segment_kernels as kernels
+from depth_pose.people.planes import PlaneFinder
+
+_BOX_FILL = 0.95
+"""A person leaves more of their bounding box empty than this; a curtain or a cupboard fills it."""
+
+_SMALL_PIXELS = 6
+"""Surfaces with fewer pixels are flying pixels; none of the person's limbs."""
+
+_PERSON_AREA_M2 = (0.04, 2.5)
+_PERSON_EXTENT_M = 2.6
+
+
+@dataclass(frozen=True)
+class Segmentation:
+    """The person on the working grid.
+
+    Attributes
+    ----------
+    stamp_ns : int
+    frame_id : str
+    depth : (h, w) float32
+        Depth of the person's pixels, metres; 0 elsewhere.
+    labels : (h, w) uint8
+        `depth_pose.core.types` labels of all pixels.
+    camera : Camera
+        Camera of the working grid.
+    """
+
+    stamp_ns: int
+    frame_id: str
+    depth: NDArray[np.float32]
+    labels: NDArray[np.uint8]
+    camera: Camera
+
+
+def reduce_camera(camera: Camera, stride: int) -> Camera:
+    """Give the camera whose pixels are blocks of ``stride`` x ``stride`` pixels."""
+    return Camera(
+        width=camera.width // stride,
+        height=camera.height // stride,
+        fx=camera.fx / stride,
+        fy=camera.fy / stride,
+        cx=(camera.cx - (stride - 1) / 2) / stride,
+        cy=(camera.cy - (stride - 1) / 2) / stride,
+    )
+
+
+_FOLLOW, _FOLLOW_M = 5.0, 0.25
+"""How much more the surface counts that is where the person was; nothing this far off in depth."""
+
+_KNOWN = 0.8
+"""Share of a surface's box that lies where the person was, for it to be a part of them."""
+
+
+class PersonSegmenter:
+    """Finds the person; remembers where they were, to stay with them."""
+
+    def __init__(self, config: SegmentConfig) -> None:
+        self.config = config
+        self._planes = PlaneFinder()
+        self._last_box: NDArray[np.float64] | None = None
+
+    def reset(self) -> None:
+        """Forget the person and the room."""
+        self._planes.reset()
+        self._last_box = None
+
+    def segment(self, frame: DepthFrame) -> Segmentation:
+        """Label every pixel of the working grid.
+
+        Parameters
+        ----------
+        frame : DepthFrame
+
+        Returns
+        -------
+        Segmentation
+            With no `PERSON` pixel where nobody of a person's size is in view.
+        """
+        config = self.config
+        stride = max(1, round(frame.camera.height / config.working_height))
+        camera = reduce_camera(frame.camera, stride)
+        if stride == 1:
+            depth = kernels.clip_depth(frame.depth, config.near, config.far)
+        else:
+            depth = kernels.reduce_depth(frame.depth, stride, config.depth_jump, config.near, config.far)
+        points = camera.back_project(depth)
+
+        planes = self._planes.mark(points, camera)
+        foreground = (depth > 0) & ~planes
+        person = self._find_person(depth, points, foreground, camera)
+        person = kernels.filter_support(depth, person, config.depth_jump, config.min_support)
+
+        labels = np.full(depth.shape, BACKGROUND, np.uint8)
+        if person.any():
+            nearer = foreground & (depth < np.median(depth[person]))
+            labels[nearer] = UNKNOWN
+            missing = depth == 0
+            if missing.mean() < 0.5:  # else the recording's background was cut away
+                labels[missing] = UNKNOWN
+            labels[person] = PERSON
+            kernels.mark_mixed(depth, labels, PERSON, UNKNOWN, 2.0 * config.depth_jump)
+        return Segmentation(
+            stamp_ns=frame.stamp_ns,
+            frame_id=frame.frame_id,
+            depth=np.where(person, depth, np.float32(0)),
+            labels=labels,
+            camera=camera,
+        )
+
+    def _find_person(
+        self,
+        depth: NDArray[np.float32],
+        points: NDArray[np.float32],
+        foreground: NDArray[np.bool_],
+        camera: Camera,
+    ) -> NDArray[np.bool_]:
+        """Choose the surfaces that are the person."""
+        labels, count = kernels.label_components(depth, foreground, self.config.depth_jump)
+        if count == 0:
+            self._last_box = None
+            return np.zeros(depth.shape, np.bool_)
+        stats = kernels.component_boxes(points, labels, count, camera.fx)
+        area, low, high = stats[:, 0], stats[:, 1:4], stats[:, 4:7]
+        extent = high - low
+        fits = (
+            (area >= _PERSON_AREA_M2[0])
+            & (area <= _PERSON_AREA_M2[1])
+            & (extent.max(axis=1) >= self.config.min_height)
+            & (extent.max(axis=1) <= _PERSON_EXTENT_M)
+        )
+        if not fits.any():
+            self._last_box = None
+            return np.zeros(depth.shape, np.bool_)
+        rank = np.where(fits, area, 0.0) * np.clip((_BOX_FILL - stats[:, 8]) / 0.3, 0.05, 1.0)
+        if self._last_box is not None:
+            same = _overlap(low[:, :2], high[:, :2], self._last_box[[0, 1, 3, 4]])
+            gap = np.maximum(low[:, 2] - self._last_box[5], self._last_box[2] - high[:, 2])
+            same = same * np.clip(1.0 - gap / _FOLLOW_M, 0.0, 1.0)
+            rank = rank * (1.0 + _FOLLOW * same)
+        seed = int(np.argmax(rank))
+
+        small = np.append(True, stats[:, 7] < _SMALL_PIXELS)
+        chosen = np.zeros(count + 1, np.bool_)
+        chosen[seed + 1] = True
+        box = np.concatenate([low[seed], high[seed]])
+        reach = max(2, round(0.06 * camera.fx / float(np.median(depth[labels == seed + 1]))))
+        for _ in range(3):
+            touching = kernels.touching_components(depth, labels, chosen, small, reach, 0.5)
+            grown = False
+            for k in np.flatnonzero(touching[1:]):
+                union = np.concatenate([np.minimum(box[:3], low[k]), np.maximum(box[3:], high[k])])
+                # beside the person only something smaller is theirs, above or below, or where they
+                # were, also their half
+                beside = _overlap(low[k : k + 1, :1], high[k : k + 1, :1], box[[0, 3]])[0] < 0.5
+                known = self._last_box is not None and _share_inside(low[k], high[k], self._last_box) > _KNOWN
+                most = area[seed] * (0.5 if beside and not known else 1.2)
+                if area[k] <= most and (union[3:] - union[:3]).max() <= _PERSON_EXTENT_M:
+                    chosen[k + 1] = True
+                    box, grown = union, True
+            if not grown:
+                break
+        self._last_box = box
+        return chosen[labels]
+
+
+def _share_inside(low: NDArray[np.float64], high: NDArray[np.float64], box: NDArray[np.float64]) -> float:
+    """Share of one box (3,), (3,) that lies inside another (6,)."""
+    side = np.minimum(high, box[3:]) - np.maximum(low, box[:3])
+    return float(np.prod(np.clip(side / np.maximum(high - low, 1e-3), 0.0, 1.0)))
+
+
+def _overlap(
+    low: NDArray[np.float64], high: NDArray[np.float64], box: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Share of the smaller of two boxes that both cover: many (n, d) boxes and one (2 d,)."""
+    d = low.shape[1]
+    side = np.minimum(high, box[d:]) - np.maximum(low, box[:d])
+    whole = np.maximum(np.minimum(high - low, box[d:] - box[:d]), 1e-3)
+    return np.asarray(np.prod(np.clip(side / whole, 0.0, 1.0), axis=1))

@@ -1,0 +1,144 @@
+"""Run a node, and end what runs, with exit code 0, when it is asked to stop."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import select
+import signal
+import sys
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
+
+PARENT_VARIABLE = "DEPTH_POSE_PARENT"
+"""Process id of the supervisor; a node ends with it."""
+
+EXIT_CONFIG = 2
+"""Exit code where the configuration or the bank cannot be used: starting again will not help."""
+
+
+def run_node(make: Callable[[], Any], args: Sequence[str] | None = None) -> int:
+    """Make a node and run it until it is asked to stop.
+
+    Parameters
+    ----------
+    make : callable
+        Gives the `depth_pose.ros.nodes.node_base.StageNode`; called once rclpy is initialised.
+    args : sequence of str, optional
+        Command line with ``--ros-args``; the process' own if None.
+
+    Returns
+    -------
+    int
+        Exit code: 0 after SIGINT or SIGTERM, `EXIT_CONFIG` where the settings cannot be used.
+    """
+    end_with_parent()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, _stop)
+    import rclpy  # after the handlers: a stop during these imports must be clean, too
+    from rclpy.executors import ExternalShutdownException
+    from rclpy.signals import SignalHandlerOptions, install_signal_handlers
+
+    from depth_pose.core.errors import BankError, ConfigError
+
+    node = None
+    try:
+        if rclpy.ok():  # it joined early
+            make.arguments = args  # type: ignore[attr-defined]
+        else:
+            known = list(args) if args is not None else None
+            rclpy.init(args=known, signal_handler_options=SignalHandlerOptions.NO)
+        node = make()
+        install_signal_handlers(SignalHandlerOptions.ALL)
+        _spin(node)
+    except (KeyboardInterrupt, ExternalShutdownException):
+        pass
+    except (ConfigError, BankError) as e:
+        sys.stderr.write(f"depth_pose: {e}\n")
+        return EXIT_CONFIG
+    except Exception:
+        if node is None or rclpy.ok():  # else it was told to stop, and what it called was shut down
+            raise
+    finally:
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, signal.SIG_IGN)
+        if node is not None:
+            with contextlib.suppress(Exception):
+                node.destroy_node()
+        rclpy.try_shutdown()
+    return 0
+
+
+def join_early() -> Any:
+    """Join the ROS graph before it is known as which node; gives what must be kept until `run_node`.
+
+    Being found by others takes longer than all that a node does after it.
+    """
+    import rclpy
+    from rclpy.signals import SignalHandlerOptions
+
+    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+    return rclpy.create_node(
+        f"spare_{os.getpid()}", namespace="depth_pose", enable_rosout=False, start_parameter_services=False
+    )
+
+
+def leave(joined: Any) -> None:
+    """Undo `join_early`; without it shared memory would be left behind."""
+    import rclpy
+
+    joined.destroy_node()
+    rclpy.try_shutdown()
+
+
+def _spin(node: Any) -> None:
+    """Call back until shutdown, and answer the whole frames that come of it."""
+    import rclpy
+    from rclpy.executors import SingleThreadedExecutor
+
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    try:
+        while rclpy.ok():
+            executor.spin_once()
+            while node.has_pending:
+                node.process_pending()
+    finally:
+        executor.shutdown(timeout_sec=0.2)
+
+
+@contextlib.contextmanager
+def on_stop(callback: Callable[[], None]) -> Iterator[None]:
+    """Call back on SIGINT and SIGTERM within the block, where it is the main thread's."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    numbers = (signal.SIGINT, signal.SIGTERM)
+    before = {n: signal.signal(n, lambda *_: callback()) for n in numbers}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _stop(number: int, frame: object) -> None:
+    raise KeyboardInterrupt
+
+
+def end_with_parent() -> None:
+    """Have this process sent SIGTERM when its supervisor dies, however it dies; once is enough."""
+    parent = os.environ.pop(PARENT_VARIABLE, None)
+    if not parent:
+        return
+    try:
+        handle = os.pidfd_open(int(parent))
+    except ProcessLookupError:  # it died before
+        sys.exit(0)
+
+    def watch() -> None:
+        select.select([handle], [], [])
+        os.kill(os.getpid(), signal.SIGTERM)
+
+    threading.Thread(target=watch, name="supervisor's end", daemon=True).start()
