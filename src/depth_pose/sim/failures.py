@@ -20,7 +20,7 @@ from depth_pose.core.types import Skeleton
 from depth_pose.fit.articulated import BodyPose
 from depth_pose.fit.rendered_depth import DepthComparer
 from depth_pose.fit.skeleton_pose import pose_from_nodes, pose_from_skeleton
-from depth_pose.people.person import PersonView
+from depth_pose.people.person import Person
 from depth_pose.steps.confidence import report_joints, skeleton_confidence
 
 _ARMS = [
@@ -64,7 +64,7 @@ KINDS: dict[str, Callable[[Bank, BodyPose, np.random.Generator], BodyPose]] = {
 """Makers of wrong poses from right ones."""
 
 
-def fail(kind: str, skeleton: Skeleton, view: PersonView, bank: Bank, rng: np.random.Generator) -> Skeleton:
+def fail(kind: str, skeleton: Skeleton, view: Person, bank: Bank, rng: np.random.Generator) -> Skeleton:
     """Put a failure into a skeleton.
 
     Parameters
@@ -73,7 +73,7 @@ def fail(kind: str, skeleton: Skeleton, view: PersonView, bank: Bank, rng: np.ra
         One of `KINDS`.
     skeleton : Skeleton
         A right one.
-    view : PersonView
+    view : Person
         The input that it answers, with which the wrong pose is compared as a fit would be.
     bank : Bank
         Whose poses a wrong arm, or a wrong pose, is taken from.
