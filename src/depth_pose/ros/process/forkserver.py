@@ -50,18 +50,18 @@ def _load(bank: str) -> None:
     from depth_pose.core.config import PipelineConfig
     from depth_pose.core.errors import BankError
     from depth_pose.ros.nodes.warm_stages import load_bank, make_ahead
-    from depth_pose.steps.extract import PersonExtractor
+    from depth_pose.steps.extract import PeopleExtractor
     from depth_pose.steps.match import Matcher
     from depth_pose.steps.recover import Recoverer
     from depth_pose.steps.refine import Refiner
 
     config = PipelineConfig()
-    make_ahead(PersonExtractor, config.segment, config.denoise)
+    make_ahead(PeopleExtractor, config.segment, config.denoise)
     with contextlib.suppress(BankError):  # the nodes that need it refuse it, and say why
         loaded = load_bank(bank)
         make_ahead(Matcher, loaded, config.match)
         make_ahead(Refiner, loaded, config.refine, config.match)
-        make_ahead(Recoverer, loaded, config.recover, config.smooth)
+        make_ahead(Recoverer, loaded, config.recover, config.smooth, config.match)
     gc.collect()
     gc.freeze()  # what is here stays; a collection that wrote to it would end the sharing
 
