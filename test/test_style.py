@@ -1,4 +1,4 @@
-"""The checks of style, types and the house's arrows, as tests, so that pytest's last line speaks for everything."""
+"""The checks of style, types and arrows, as tests, so that pytest's last line speaks for everything."""
 
 import subprocess
 import sys

@@ -97,7 +97,7 @@ def test_foreign_people_are_refused(people, spoil):
     points, who = map(over_the_wire, c.people_to_msgs(people))
     points.fields = list(points.fields)
     spoil(points, who)
-    with pytest.raises(InputError, match="points|joints"):
+    with pytest.raises(InputError, match=r"points|joints"):
         c.msgs_to_people(points, who)
 
 
