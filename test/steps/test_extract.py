@@ -8,7 +8,6 @@ import pytest
 import synthetic as syn
 from depth_pose.core.config import DenoiseConfig, SegmentConfig
 from depth_pose.core.types import HIDDEN, PERSON
-from depth_pose.people.person import thin
 from depth_pose.steps.extract import PeopleExtractor
 
 
@@ -95,10 +94,3 @@ def test_warm_up_and_reset_change_nothing(person):
     np.testing.assert_array_equal(a.points, b.points)
     warmed.reset()
     np.testing.assert_array_equal(warmed.extract(frame).labels, a.labels)
-
-
-def test_thin():
-    points = np.arange(30.0).reshape(10, 3)
-    np.testing.assert_array_equal(thin(points, 10), points)
-    np.testing.assert_array_equal(thin(points, 5), points[::2])
-    assert len(thin(points, 3)) == 3
