@@ -2,8 +2,8 @@
 
 The pelvis's height and the feet's places make the legs (`lower_body`); trunk and arms are drawn
 around them. Seats are 0.32 (a low sofa) to 0.75 m (a bar stool) high, a chair's 0.43 to 0.48 (H. Dreyfuss
-Associates, *The Measure of Man and Woman*, 1993); the hip joints of a seated adult lie about
-0.09 m above the seat.
+Associates, *The Measure of Man and Woman*, 1993); the pelvis of the dressed body lies about
+0.14 m above the seat.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from depth_pose.sim._postures_parts import Kind, Sampler, free_head, hands_at, l
 
 Array = NDArray[np.float64]
 
-HIP_ABOVE_SEAT_M = 0.10
+HIP_ABOVE_SEAT_M = 0.14
 
 
 def _lower(draw: Draw, low: tuple[float, float], trunk: tuple[Array, Array], far: Array) -> Array:
@@ -160,15 +160,15 @@ def _floor_legs(draw: Draw) -> Array:
         straight = np.stack(
             [
                 flexion + draw.normal(90, 2), draw.uniform(0, 22), draw.normal(-8, 8),
-                draw.pick(1, 12, 2), draw.normal(-15, 10), zero, draw.normal(8, 8),
+                draw.pick(1, 8, 2), draw.normal(-15, 10), zero, draw.normal(8, 8),
             ],
             axis=-1,
         )  # fmt: skip
-        thigh = draw.uniform(112, 138)
+        thigh = draw.uniform(120, 145)
         drawn_up = np.stack(
             [
-                flexion + thigh, draw.uniform(2, 20), draw.normal(-5, 6),
-                2 * (thigh - 90) + draw.normal(4, 4), draw.normal(-30, 6), zero, draw.normal(8, 6),
+                flexion + thigh, draw.uniform(2, 16), draw.normal(-5, 6),
+                2 * (thigh - 90) + draw.normal(2, 4), thigh - 180.0, zero, draw.normal(8, 6),
             ],
             axis=-1,
         )  # fmt: skip

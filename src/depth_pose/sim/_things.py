@@ -156,7 +156,7 @@ def _plate(rng: np.random.Generator, wearer: Wearer, hand: Array, doing: str) ->
     if doing == "telephone":
         half = np.array([0.036, 0.075, 0.006])
     else:
-        half = rng.choice([0.5, 1.0, 1.0, 1.6]) * np.array([0.08, 0.11, 0.006])
+        half = min(1.0, 1.1 * wearer.size) * rng.choice([0.5, 1.0, 1.0, 1.6]) * np.array([0.08, 0.11, 0.006])
     toward = wearer.node("head") - hand
     axes = frame(toward, _UP)
     if doing == "telephone":
