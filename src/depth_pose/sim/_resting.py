@@ -99,8 +99,10 @@ def _heights(
         bed = float(rng.uniform(0.35, 0.65)) if rng.uniform() < 0.55 else 0.0
         flat = float(np.quantile(skin[:, 1], TOUCHING))
         return bed, bed - min(flat, lowest + DEEPEST_SINK_M)
+    bottom = build.body.weights[:, 0] > 0.5
+    if posture == "sit" and not raised:
+        return 0.0, -min(float(skin[bottom, 1].min()), lowest + DEEPEST_SINK_M)
     if raised:
-        bottom = build.body.weights[:, 0] > 0.5
         seat = float(skin[bottom, 1].min())
         # Feet of small people hang when the chair is high.
         hanging = float(rng.uniform(0.0, 0.2)) if build.body.stature < 1.4 and rng.uniform() < 0.5 else 0.0

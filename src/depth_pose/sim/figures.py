@@ -183,5 +183,5 @@ def _draw_bags(rng: np.random.Generator, wearer: Wearer, posture: str) -> list[P
     if chance < 0.09:
         return [things.backpack(rng, wearer)]
     if chance > 0.94:
-        return things.shoulder_bag(rng, wearer)
+        return [things.shoulder_bag(rng, wearer)]
     return []
