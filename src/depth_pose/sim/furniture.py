@@ -9,7 +9,7 @@ sends back: black plastic and screens next to nothing, white paint nearly all.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from enum import IntEnum
 
@@ -83,11 +83,10 @@ def _round_template() -> tuple[Array, Array, NDArray[np.int64]]:
     n = _ROUND_COLUMNS
     around = 2 * np.pi * np.arange(n) / n
     ring = np.stack([np.cos(around), np.sin(around)], axis=1)
-    faces = [_grid_faces(2, n, wraps=True)]
     fan = np.arange(1, n - 1)
-    for first in (0, n):
-        faces.append(np.stack([0 * fan + first, first + fan, first + fan + 1], axis=1))
-    return np.concatenate([ring, ring]), np.repeat([0.0, 1.0], n), np.concatenate(faces)
+    lid = np.stack([0 * fan, fan, fan + 1], axis=1)
+    faces = np.concatenate([_grid_faces(2, n, wraps=True), lid, lid + n])
+    return np.concatenate([ring, ring]), np.repeat([0.0, 1.0], n), faces
 
 
 _ROUND, _ROUND_END, _ROUND_FACES = _round_template()
@@ -134,8 +133,8 @@ class Assembly:
 
     def box(
         self,
-        at: Sequence[float],
-        size: Sequence[float],
+        at: Iterable[float],
+        size: Iterable[float],
         turn: float = 0.0,
         tilt: float = 0.0,
         kind: Kind | None = None,
@@ -146,8 +145,8 @@ class Assembly:
 
     def bar(
         self,
-        start: Sequence[float],
-        end: Sequence[float],
+        start: Iterable[float],
+        end: Iterable[float],
         radius: float,
         end_radius: float | None = None,
         kind: Kind | None = None,
@@ -159,8 +158,8 @@ class Assembly:
 
     def lump(
         self,
-        at: Sequence[float],
-        radii: Sequence[float],
+        at: Iterable[float],
+        radii: Iterable[float],
         roughness: float = 0.1,
         turn: float = 0.0,
         kind: Kind | None = None,
@@ -219,8 +218,8 @@ def triangulate(assembly: Assembly, rng: np.random.Generator) -> Triangles:
         _lump_triangles(assembly.lumps, rng),
     ]
     for points, wraps, kind, albedo in assembly.sheets:
-        faces = _grid_faces(points.shape[0], points.shape[1], wraps)
-        parts.append((points.reshape(-1, 3), faces, np.array([[kind, albedo]]), len(faces)))
+        grid = _grid_faces(points.shape[0], points.shape[1], wraps)
+        parts.append((points.reshape(-1, 3), grid, np.array([[kind, albedo]]), len(grid)))
     vertices, faces, looks, first = [], [], [], 0
     for points, part_faces, look, repeats in parts:
         vertices.append(points)
@@ -240,7 +239,7 @@ _Part = tuple[Array, NDArray[np.int64], Array, int]
 
 
 def _shapes(points: Array, template: NDArray[np.int64], looks: Array) -> _Part:
-    """Number the faces of equal shapes whose corners are (N, V, 3)."""
+    """Join equal shapes whose corners are (N, V, 3)."""
     first = points.shape[1] * np.arange(len(points))[:, None, None]
     return points.reshape(-1, 3), (first + template).reshape(-1, 3), looks, len(template)
 
@@ -310,15 +309,11 @@ def make_table(rng: np.random.Generator, height: float | None = None, cluttered:
         legs = rng.uniform(0.03, 0.07)
         for x in (-1, 1):
             for z in (-1, 1):
-                thing.box(
-                    (x * (wide / 2 - legs), top / 2, z * (deep / 2 - legs)), (legs, top, legs)
-                )
+                thing.box((x * (wide / 2 - legs), top / 2, z * (deep / 2 - legs)), (legs, top, legs))
         if rng.random() < 0.3:
             thing.box((0, top * 0.6, -deep / 2 + 0.03), (wide, top * 0.7, 0.02))
         if rng.random() < 0.35:
-            thing.box(
-                (rng.choice([-1, 1]) * (wide / 2 - 0.22), top / 2, 0), (0.4, top, deep * 0.9)
-            )
+            thing.box((rng.choice([-1, 1]) * (wide / 2 - 0.22), top / 2, 0), (0.4, top, deep * 0.9))
     if cluttered:
         _put_things(thing, rng, top, wide, deep)
     return thing
@@ -354,7 +349,9 @@ def add_clutter(thing: Assembly, rng: np.random.Generator, x: float, y: float, z
     else:
         tall, lean = rng.uniform(0.25, 0.5), rng.uniform(-0.2, 0.2)
         thing.bar((x, y, z), (x + lean, y + tall, z), 0.012, None, Kind.LAMP, share)
-        thing.bar((x + lean, y + tall, z), (x + 1.5 * lean, y + tall - 0.1, z + 0.05), 0.03, 0.09, Kind.LAMP, share)
+        thing.bar(
+            (x + lean, y + tall, z), (x + 1.5 * lean, y + tall - 0.1, z + 0.05), 0.03, 0.09, Kind.LAMP, share
+        )
 
 
 def make_monitor(rng: np.random.Generator) -> Assembly:
@@ -477,7 +474,9 @@ def make_sofa(rng: np.random.Generator, seat: float | None = None, bare: bool = 
     for x in np.linspace(-0.35, 0.35, int(rng.integers(0, 3))) * wide:
         if not bare:
             radii = (0.22, 0.2, 0.09)
-            thing.lump((x, high + 0.18, -deep / 2 + 0.08), radii, 0.05, rng.normal(0, 0.2), None, random_albedo(rng))
+            thing.lump(
+                (x, high + 0.18, -deep / 2 + 0.08), radii, 0.05, rng.normal(0, 0.2), None, random_albedo(rng)
+            )
     return thing
 
 
@@ -623,7 +622,9 @@ def make_coats(rng: np.random.Generator) -> Assembly:
     return thing
 
 
-def _hang_coat(thing: Assembly, rng: np.random.Generator, x: float, top: float, z: float, angle: float) -> None:
+def _hang_coat(
+    thing: Assembly, rng: np.random.Generator, x: float, top: float, z: float, angle: float
+) -> None:
     """Hang one coat, a flattened tube with folds that widens below its hook."""
     long, wide, thick = rng.uniform(0.5, 1.15), rng.uniform(0.14, 0.26), rng.uniform(0.06, 0.13)
     down = np.linspace(0, 1, 12)[:, None]

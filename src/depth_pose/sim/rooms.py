@@ -159,10 +159,10 @@ def make_room(rng: np.random.Generator, eye_height: float) -> Room:
     return room
 
 
-def add_backdrop(room: Room, rng: np.random.Generator, farthest: float) -> None:
-    """Put a studio's wall behind everybody, at times; `farthest` is how far people reach."""
-    if rng.random() < 0.5:
-        z, turn = farthest + rng.uniform(0.3, 2.5), rng.normal(0, 0.15)
+def add_backdrop(room: Room, rng: np.random.Generator, reaches: Sequence[float]) -> None:
+    """Put a studio's wall behind everybody, half the time; `reaches` is how far each person reaches."""
+    if not reaches or rng.random() < 0.5:
+        z, turn = max(reaches, default=1.0) + rng.uniform(0.3, 2.5), rng.normal(0, 0.15)
         room.shapes.box((0.0, 0.0, z), (40.0, 40.0, 0.02), turn, 0.0, Kind.WALL, rng.uniform(0.4, 0.9))
 
 
@@ -171,9 +171,7 @@ def _put_shell(room: Room, rng: np.random.Generator) -> None:
     w, shell = room.walls, Assembly(Kind.WALL)
     wide, deep = w.left + w.right, w.back + w.behind
     middle_x, middle_z = (w.left - w.right) / 2, (w.back - w.behind) / 2
-    shell.box(
-        (middle_x, -0.01, middle_z), (wide, 0.02, deep), 0, 0, Kind.FLOOR, rng.uniform(0.1, 0.8)
-    )
+    shell.box((middle_x, -0.01, middle_z), (wide, 0.02, deep), 0, 0, Kind.FLOOR, rng.uniform(0.1, 0.8))
     if rng.random() < 0.9:
         at = (middle_x, w.height + 0.01, middle_z)
         shell.box(at, (wide, 0.02, deep), 0, 0, Kind.CEILING, rng.uniform(0.4, 0.9))
@@ -222,7 +220,9 @@ def _put_beams(shell: Assembly, rng: np.random.Generator, w: Walls) -> None:
             shell.box((x, w.height - 0.25, z), (0.25, 0.08, 1.2), 0, 0, Kind.LAMP)
 
 
-def furnish(room: Room, rng: np.random.Generator, avoid: Sequence[Array], spread: float, reach: float) -> None:
+def furnish(
+    room: Room, rng: np.random.Generator, avoid: Sequence[Array], spread: float, reach: float
+) -> None:
     """Fill a room with furniture that cuts none of the people.
 
     Parameters
@@ -249,6 +249,8 @@ def furnish(room: Room, rng: np.random.Generator, avoid: Sequence[Array], spread
         for _ in range(_TRIES):
             z = rng.uniform(0.5, 1.0) ** 0.7 * reach * rng.uniform(0.2, 1.0)
             x = z * spread * rng.uniform(-1.15, 1.15)
+            if _hides(thing, x, z, avoid) and rng.random() < 0.8:
+                continue
             if room.walls.inward(x, z) > 0.2 and room.put(thing, x, z, rng.uniform(0, 2 * np.pi), avoid):
                 break
 
@@ -266,8 +268,23 @@ def _put_at_wall(room: Room, rng: np.random.Generator, avoid: Sequence[Array]) -
             wz = rng.uniform(0.3, w.back)
             wx, turn = (w.left - off, -np.pi / 2) if side == 0 else (off - w.right, np.pi / 2)
         x, z = w.spot(wx, wz)
+        if _hides(thing, x, z, avoid) and rng.random() < 0.8:
+            continue
         if room.put(thing, x, z, turn + w.turn, avoid):
             return
+
+
+def _hides(thing: Assembly, x: float, z: float, avoid: Sequence[Array]) -> bool:
+    """Whether a thing at a spot stands between the camera and the middle of somebody."""
+    low, high = thing.bounds()
+    radius = 0.35 * float(np.hypot(high[0] - low[0], high[2] - low[2]))
+    for points in avoid:
+        px, _, pz = points.mean(axis=0)
+        away = max(float(np.hypot(px, pz)), 1e-6)
+        along, aside = (x * px + z * pz) / away, abs(x * pz - z * px) / away
+        if 0 < along < away and aside < radius + 0.15 and high[1] > 0.6:
+            return True
+    return False
 
 
 def _put_before(room: Room, rng: np.random.Generator, points: Array, avoid: Sequence[Array]) -> None:

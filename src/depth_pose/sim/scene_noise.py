@@ -120,7 +120,9 @@ def sample_sensor(rng: np.random.Generator, family: str | None = None) -> SceneS
     """Draw a sensor, of a family where one is named."""
     name = family or str(rng.choice(_FAMILIES, p=_FAMILY_SHARES))
     tof, stereo = name == "tof", name == "stereo"
-    least = np.exp(rng.uniform(np.log(0.0003), np.log(0.006)) if tof else rng.uniform(np.log(0.0015), np.log(0.012)))
+    least = np.exp(
+        rng.uniform(np.log(0.0003), np.log(0.006)) if tof else rng.uniform(np.log(0.0015), np.log(0.012))
+    )
     steps = rng.uniform(0.0022, 0.0034)
     noise = rng.uniform(0.001, 0.006) if tof else rng.uniform(0.15, 0.6) * steps
     return SceneSensor(
@@ -161,17 +163,21 @@ def measure(shown: Shown, sensor: SceneSensor, rng: np.random.Generator) -> Imag
         depth = np.where(flies, near + (far - near) * rng.random(shape, dtype=np.float32), depth)
     if sensor.family == "stereo":
         # windows without texture do not match; which materials have some is drawn anew for each image
-        light = light * np.exp(rng.normal(1.0, 1.2, 64).astype(np.float32))[(albedo * 255).astype(np.int64) % 64]
+        light = (
+            light * np.exp(rng.normal(1.0, 1.2, 64).astype(np.float32))[(albedo * 255).astype(np.int64) % 64]
+        )
         depth = _windowed(depth, edge)
     lost |= light < sensor.least_light * np.exp(sensor.patchiness * patches)
     lost |= edge & (patches > 1.0 - 2.5 * sensor.edge_loss) & ~((sensor.flying > 0) & (patches < 0))
-    lost |= light > _too_bright(rng, sensor)
+    lost |= albedo > _too_bright(rng, sensor) * np.maximum(depth, 0.01) ** 2
     noisy = _noisy(depth, light, sensor, rng)
     if sensor.ghosts:
         ghost = lost & (_field(rng, shape, 5.0) > 2.2 - 3.0 * sensor.ghosts)
         noisy = np.where(ghost, rng.uniform(3.5, 7.0) + 0.5 * _field(rng, shape, 20.0), noisy)
         lost &= ~ghost
-    gone = lost | (depth <= 0) | (noisy < sensor.near) | (noisy > sensor.far) | _outside(shape, sensor.vignette)
+    gone = (
+        lost | (depth <= 0) | (noisy < sensor.near) | (noisy > sensor.far) | _outside(shape, sensor.vignette)
+    )
     return np.where(gone, np.float32(0.0), np.rint(noisy * 1000.0) / np.float32(1000.0)).astype(np.float32)
 
 
@@ -181,16 +187,20 @@ def _noisy(depth: Image, light: Image, sensor: SceneSensor, rng: np.random.Gener
     if sensor.family == "tof":
         sigma = sensor.noise * np.minimum(0.3 / np.maximum(light, 1e-4), 60.0) ** 0.7
         grain = rng.standard_normal(shape, dtype=np.float32)
-        return biased + sigma * (0.8 * grain + 0.5 * _field(rng, shape, 2.0))
+        return np.asarray(biased + sigma * (0.8 * grain + 0.5 * _field(rng, shape, 2.0)), np.float32)
     inverse = 1.0 / np.maximum(biased, 0.1) + sensor.noise * _field(rng, shape, 1.7)
     if sensor.step:
         inverse = np.rint(inverse / sensor.step) * sensor.step
-    return 1.0 / np.maximum(inverse, 0.02)
+    return np.asarray(1.0 / np.maximum(inverse, 0.02), np.float32)
 
 
 def _too_bright(rng: np.random.Generator, sensor: SceneSensor) -> float:
     """Light above which structured light and time of flight are dazzled; at times the limit is low."""
-    return np.inf if sensor.family == "stereo" else float(rng.choice([np.inf, rng.uniform(1.0, 4.0)], p=[0.85, 0.15]))
+    return (
+        np.inf
+        if sensor.family == "stereo"
+        else float(rng.choice([np.inf, rng.uniform(1.0, 4.0)], p=[0.85, 0.15]))
+    )
 
 
 def _patches(rng: np.random.Generator, shape: tuple[int, ...]) -> Image:
@@ -214,7 +224,9 @@ def _windowed(depth: Image, edge: NDArray[np.bool_]) -> Image:
     """Mean of a window in 1/z, away from edges."""
     inverse = 1.0 / np.maximum(depth, 0.05)
     mean = 1.0 / uniform_filter(inverse, 5)
-    return np.where(edge | (depth <= 0) | (np.abs(mean - depth) > 0.1 * depth), depth, mean).astype(np.float32)
+    return np.where(edge | (depth <= 0) | (np.abs(mean - depth) > 0.1 * depth), depth, mean).astype(
+        np.float32
+    )
 
 
 def _around(depth: Image) -> tuple[Image, Image]:
@@ -224,7 +236,9 @@ def _around(depth: Image) -> tuple[Image, Image]:
     return np.minimum(low, high), high
 
 
-def _aside(rng: np.random.Generator, shape: tuple[int, ...], far: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _aside(
+    rng: np.random.Generator, shape: tuple[int, ...], far: float
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Rows and columns of the pixels looked at instead."""
     rows, columns = np.mgrid[: shape[0], : shape[1]]
     if far > 0:
@@ -238,7 +252,7 @@ def _outside(shape: tuple[int, ...], radius: float) -> NDArray[np.bool_]:
         return np.zeros(shape, bool)
     v = np.arange(shape[0])[:, None] - (shape[0] - 1) / 2
     u = np.arange(shape[1])[None] - (shape[1] - 1) / 2
-    return np.hypot(u, v) > radius * np.hypot(*shape) / 2
+    return np.hypot(u, v) > radius * np.hypot(shape[0], shape[1]) / 2
 
 
 def _field(rng: np.random.Generator, shape: tuple[int, ...], cell: float) -> Image:

@@ -109,6 +109,11 @@ def silhouette_area(vertices_optical: Array, faces: NDArray[np.int64], camera: C
     scale = _SILHOUETTE_PX / max(right - left, bottom - top, 1.0)
     wide, tall = int((right - left) * scale) + 3, int((bottom - top) * scale) + 3
     inverse, face = np.zeros((tall, wide)), np.full((tall, wide), -1, np.int32)
-    place = (camera.fx * scale, camera.fy * scale, (camera.cx - left) * scale + 1, (camera.cy - top) * scale + 1)
+    place = (
+        camera.fx * scale,
+        camera.fy * scale,
+        (camera.cx - left) * scale + 1,
+        (camera.cy - top) * scale + 1,
+    )
     kernels.raster(vertices_optical, faces, *place, _NEAR_M, inverse, face)
     return float((face >= 0).sum() / scale**2)

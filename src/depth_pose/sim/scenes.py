@@ -129,7 +129,7 @@ def sample_scene(rng: np.random.Generator, *, width: int = 320, people: int | No
     persons = _people(rng, people, view, room)
     points = [p.vertices[::_EVERY] for p in persons]
     if room.studio:
-        add_backdrop(room, rng, max((float(p[:, 2].max()) for p in points), default=1.5))
+        add_backdrop(room, rng, [float(p[:, 2].max()) for p in points])
     else:
         spread = view.camera.width / (2 * view.camera.fx)
         furnish(room, rng, points, spread, min(room.walls.back, 9.0))
@@ -205,7 +205,7 @@ def _inside_one_another(one: Placed, other: Placed) -> bool:
 
 
 def place(figure: Figure, x: float, z: float, turn: float, rng: np.random.Generator) -> Placed:
-    """Stand a figure on a spot of the floor, turned about the vertical, and draw how light its clothes are."""
+    """Stand a figure on a spot of the floor, turned about the vertical, in clothes of random albedo."""
     c, s = np.cos(turn), np.sin(turn)
     turned = np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
     joints = figure.joints.astype(np.float64)
@@ -256,7 +256,8 @@ def _add_seat(
         low, top = persons[-1].vertices.min(axis=0), persons[-1].vertices.max(axis=0)
         along = np.pi / 2 if top[0] - low[0] > top[2] - low[2] else 0.0
         along += np.pi * float(rng.integers(2))
-        room.put(make_bed(rng, high, bare=True), *(0.5 * (low + top))[[0, 2]], along, crowded=0.0)
+        x, _, z = 0.5 * (low + top)
+        room.put(make_bed(rng, high, bare=True), x, z, along, crowded=0.0)
         return
     what = rng.choice(4, p=[0.6, 0.1, 0.2, 0.1])
     if what == 0:
@@ -299,18 +300,19 @@ def render(
     """
     optical = [view.to_optical(p.vertices) for p in persons]
     parts = [(view.to_optical(room.vertices), room.faces)]
-    kinds, owners, albedos = [room.kind], [np.zeros(len(room.faces), np.uint8)], [room.albedo]
+    of_kind, owners, albedos = [room.kind], [np.zeros(len(room.faces), np.uint8)], [room.albedo]
     for i, person in enumerate(persons):
         bodies = (optical[i], person.faces), (view.to_optical(person.held_vertices), person.held_faces)
         parts += bodies
         for (_, faces), kind, owner in zip(bodies, (Kind.PERSON, Kind.HELD), (i + 1, 0), strict=True):
-            kinds.append(np.full(len(faces), kind, np.uint8))
+            of_kind.append(np.full(len(faces), kind, np.uint8))
             owners.append(np.full(len(faces), owner, np.uint8))
         albedos += [person.albedo, np.full(len(person.held_faces), person.held_albedo, np.float32)]
     drawn = draw(*_joined(parts), view.camera)
-    nothing = drawn.face < 0
-    own = np.where(nothing, 0, np.concatenate(owners)[drawn.face]).astype(np.uint8)
-    albedo = np.where(nothing, np.float32(0), np.concatenate(albedos)[drawn.face])
+    # the last of each list is what face -1, none, stands for
+    own = np.append(np.concatenate(owners), np.uint8(0))[drawn.face]
+    shows = np.append(np.concatenate(of_kind), np.uint8(Kind.NOTHING))[drawn.face]
+    albedo = np.append(np.concatenate(albedos), np.float32(0))[drawn.face]
     joints = np.array([view.to_optical(p.joints) for p in persons]).reshape(-1, 19, 3)
     areas = [silhouette_area(o, p.faces, view.camera) for o, p in zip(optical, persons, strict=True)]
     shown = np.bincount(own.ravel(), minlength=len(persons) + 1)[1:]
@@ -318,7 +320,7 @@ def render(
         depth=measure(Shown(drawn.depth, drawn.cosine, albedo, view.camera.fx), sensor, rng),
         clean=drawn.depth,
         person=own,
-        kind=np.where(nothing, 0, np.concatenate(kinds)[drawn.face]).astype(np.uint8),
+        kind=shows,
         camera=view.camera,
         joints=joints.astype(np.float32),
         visible=np.clip(shown / np.maximum(areas, 1.0), 0, 1).astype(np.float32),
