@@ -282,7 +282,7 @@ def _round_triangles(rows: list[tuple[float, ...]]) -> _Part:
 
 def _lump_triangles(rows: list[tuple[float, ...]], rng: np.random.Generator) -> _Part:
     table = _table(rows)
-    swell = rng.standard_normal((len(table), _LUMP_RINGS, _LUMP_COLUMNS))
+    swell = rng.standard_normal((len(table), _LUMP_RINGS, _LUMP_COLUMNS)).clip(-2, 2)
     swell[:, [0, -1]] = 0.0  # a pole is one point
     scale = 1.0 + table[:, 7, None] * swell.reshape(len(table), len(_LUMP))
     points = _LUMP * scale[..., None] * table[:, None, 3:6]
@@ -487,9 +487,11 @@ def make_bed(rng: np.random.Generator, high: float | None = None, bare: bool = F
     thing.box((0, top - 0.1, 0), (wide, 0.2, 2.0))
     thing.box((0, top / 2 - 0.1, 0), (wide * 0.96, max(top - 0.2, 0.05), 1.96))
     if rng.random() < 0.7:
-        thing.box((0, top * 0.9, -1.03), (wide + 0.05, top + rng.uniform(0.2, 0.8), 0.05))
+        tall = top + rng.uniform(0.0, 0.6)
+        thing.box((0, tall / 2, -1.03), (wide + 0.05, tall, 0.05))
     if rng.random() < 0.3:
-        thing.box((0, top * 0.7, 1.03), (wide + 0.05, top + rng.uniform(0.0, 0.4), 0.05))
+        tall = top + rng.uniform(-0.1, 0.3)
+        thing.box((0, tall / 2, 1.03), (wide + 0.05, tall, 0.05))
     for x in (-0.25, 0.25) if wide > 1.2 else (0.0,):
         thing.lump((x * wide, top + 0.03, -0.72), (0.32, 0.07, 0.2), 0.06)
     if not bare and rng.random() < 0.6:
@@ -674,7 +676,7 @@ def make_pipes(rng: np.random.Generator) -> Assembly:
         if rng.random() < 0.5:
             thing.bar((x, 0, 0.1), (x, 3.2, 0.1), r)
         else:
-            y = rng.uniform(0.1, 2.6)
+            y = rng.uniform(0.4, 2.6)
             thing.bar((-1.5, y, 0.1), (1.5, y + rng.normal(0, 0.1), 0.1), r)
     if rng.random() < 0.4:
         for x in np.arange(-0.5, 0.5, 0.08):
