@@ -153,7 +153,7 @@ def test_things_stand_on_the_floor(maker) -> None:
     for i in range(10):
         rng = np.random.default_rng(i)
         thing = triangulate(maker(rng), rng)
-        assert -0.08 < thing.vertices[:, 1].min() < 0.75
+        assert thing.vertices[:, 1].min() > -0.1
         assert thing.vertices[:, 1].max() < 3.5
         assert len(thing.faces) == len(thing.kind) == len(thing.albedo)
         assert thing.faces.max() < len(thing.vertices)
