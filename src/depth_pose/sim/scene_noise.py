@@ -33,7 +33,8 @@ Image = NDArray[np.float32]
 
 _FAMILIES = ("structured", "tof", "stereo")
 _FAMILY_SHARES = (0.5, 0.3, 0.2)
-_REFERENCE_FOCAL_PX = 290.0  # of the images in which the numbers below were set
+_MATERIALS = 64  # kinds of surface texture, told apart by their albedo
+_STEADY, _FLEETING = 0.8, 0.6  # of a video's patches, in deviations: what stays from frame to frame
 _EDGE_JUMP = 0.04  # of the depth; a step between neighbours that is an edge
 
 
@@ -96,6 +97,10 @@ class SceneSensor:
         Share of lost patches that return something far away that is not there.
     vignette : float
         Radius beyond which corners are lost, share of half the diagonal; 2 for none.
+    dazzle : float
+        Light (albedo / z^2) above which a pixel is lost, 1/m^2.
+    materials : int
+        Stereo: seed of which materials have texture enough to be matched.
     """
 
     family: str
@@ -114,6 +119,8 @@ class SceneSensor:
     fattening: int
     ghosts: float
     vignette: float
+    dazzle: float
+    materials: int
 
 
 def sample_sensor(rng: np.random.Generator, family: str | None = None) -> SceneSensor:
@@ -142,14 +149,36 @@ def sample_sensor(rng: np.random.Generator, family: str | None = None) -> SceneS
         fattening=int(rng.integers(1, 4)) if stereo else 0,
         ghosts=float(rng.choice([0.0, rng.uniform(0.02, 0.3)])),
         vignette=rng.uniform(0.75, 1.05) if tof and rng.random() < 0.4 else 2.0,
+        dazzle=np.inf if stereo or rng.random() < 0.85 else rng.uniform(1.0, 4.0),
+        materials=int(rng.integers(2**31)),
     )
 
 
-def measure(shown: Shown, sensor: SceneSensor, rng: np.random.Generator) -> Image:
-    """Give the depth image, metres, 0 where nothing returns; same state of `rng`, same noise."""
+def measure(
+    shown: Shown, sensor: SceneSensor, rng: np.random.Generator, steady_seed: int | None = None
+) -> Image:
+    """Measure what is shown.
+
+    Parameters
+    ----------
+    shown : Shown
+    sensor : SceneSensor
+    rng : numpy.random.Generator
+        Same state, same noise.
+    steady_seed : int, optional
+        Of the patches that stay where they are in the frames of one video.
+
+    Returns
+    -------
+    (H, W) float32
+        Metres, whole millimetres; 0 where nothing returns.
+    """
     shape = shown.depth.shape
     depth, cosine, albedo = shown.depth, shown.cosine, shown.albedo
     patches = _patches(rng, shape)
+    if steady_seed is not None:
+        steady = _patches(np.random.default_rng(steady_seed), shape)
+        patches = _STEADY * steady + _FLEETING * patches
     lost = _shadow(depth, sensor, shown.focal) if sensor.baseline else np.zeros(shape, bool)
     if sensor.fattening:
         depth = _fatten(depth, sensor.fattening)
@@ -162,14 +191,12 @@ def measure(shown: Shown, sensor: SceneSensor, rng: np.random.Generator) -> Imag
         flies = edge & (rng.random(shape, dtype=np.float32) < sensor.flying)
         depth = np.where(flies, near + (far - near) * rng.random(shape, dtype=np.float32), depth)
     if sensor.family == "stereo":
-        # windows without texture do not match; which materials have some is drawn anew for each image
-        light = (
-            light * np.exp(rng.normal(1.0, 1.2, 64).astype(np.float32))[(albedo * 255).astype(np.int64) % 64]
-        )
+        texture = np.random.default_rng(sensor.materials).normal(1.0, 1.2, _MATERIALS)
+        light = light * np.exp(texture).astype(np.float32)[(albedo * 255).astype(np.int64) % _MATERIALS]
         depth = _windowed(depth, edge)
     lost |= light < sensor.least_light * np.exp(sensor.patchiness * patches)
     lost |= edge & (patches > 1.0 - 2.5 * sensor.edge_loss) & ~((sensor.flying > 0) & (patches < 0))
-    lost |= albedo > _too_bright(rng, sensor) * np.maximum(depth, 0.01) ** 2
+    lost |= albedo > sensor.dazzle * np.maximum(depth, 0.01) ** 2
     noisy = _noisy(depth, light, sensor, rng)
     if sensor.ghosts:
         ghost = lost & (_field(rng, shape, 5.0) > 2.2 - 3.0 * sensor.ghosts)
@@ -192,15 +219,6 @@ def _noisy(depth: Image, light: Image, sensor: SceneSensor, rng: np.random.Gener
     if sensor.step:
         inverse = np.rint(inverse / sensor.step) * sensor.step
     return np.asarray(1.0 / np.maximum(inverse, 0.02), np.float32)
-
-
-def _too_bright(rng: np.random.Generator, sensor: SceneSensor) -> float:
-    """Light above which structured light and time of flight are dazzled; at times the limit is low."""
-    return (
-        np.inf
-        if sensor.family == "stereo"
-        else float(rng.choice([np.inf, rng.uniform(1.0, 4.0)], p=[0.85, 0.15]))
-    )
 
 
 def _patches(rng: np.random.Generator, shape: tuple[int, ...]) -> Image:

@@ -285,6 +285,7 @@ def render(
     persons: Sequence[Placed],
     sensor: SceneSensor,
     rng: np.random.Generator,
+    steady_seed: int | None = None,
 ) -> Scene:
     """Measure people in a room and label every pixel.
 
@@ -297,6 +298,8 @@ def render(
     sensor : SceneSensor
     rng : numpy.random.Generator
         Of the sensor's noise.
+    steady_seed : int, optional
+        As in `depth_pose.sim.scene_noise.measure`.
     """
     optical = [view.to_optical(p.vertices) for p in persons]
     parts = [(view.to_optical(room.vertices), room.faces)]
@@ -317,7 +320,7 @@ def render(
     areas = [silhouette_area(o, p.faces, view.camera) for o, p in zip(optical, persons, strict=True)]
     shown = np.bincount(own.ravel(), minlength=len(persons) + 1)[1:]
     return Scene(
-        depth=measure(Shown(drawn.depth, drawn.cosine, albedo, view.camera.fx), sensor, rng),
+        depth=measure(Shown(drawn.depth, drawn.cosine, albedo, view.camera.fx), sensor, rng, steady_seed),
         clean=drawn.depth,
         person=own,
         kind=shows,
