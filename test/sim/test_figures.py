@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from depth_pose.body.limits import violation
-from depth_pose.errors import ConfigError
+from depth_pose.core.errors import ConfigError
+from depth_pose.core.skeleton import JOINT_INDEX
 from depth_pose.sim._postures import KINDS, sample_postures
 from depth_pose.sim.figures import POSTURES, sample_figure
-from depth_pose.skeleton import JOINT_INDEX
 
 PER_POSTURE = 25
 

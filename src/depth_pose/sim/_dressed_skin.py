@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
 from depth_pose.body.procedural import make_body
+from depth_pose.core.skeleton import ADULT_STATURE_M, NODES
 from depth_pose.sim._builds import Build
 from depth_pose.sim._meshes import face_normals, smooth_noise
-from depth_pose.skeleton import ADULT_STATURE_M, NODES
 
 Array = NDArray[np.float64]
 

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter, uniform_filter
 
+from depth_pose.core.skeleton import ADULT_STATURE_M, NODE_INDEX
 from depth_pose.sim._meshes import Piece, loft
-from depth_pose.skeleton import ADULT_STATURE_M, NODE_INDEX
 
 Array = NDArray[np.float64]
 

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.body.angles import rotations_from_angles
-from depth_pose.body.procedural_motion_draw import Draw
-from depth_pose.errors import ConfigError
+from depth_pose.core.errors import ConfigError
+from depth_pose.motion.procedural.draw import Draw
 from depth_pose.sim import _postures_low as low
 from depth_pose.sim import _postures_upright as upright
 from depth_pose.sim._postures_parts import Kind, through_gates

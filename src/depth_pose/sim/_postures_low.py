@@ -14,11 +14,11 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.body import procedural_motion_arms as arms
-from depth_pose.body import procedural_motion_legs as legs
 from depth_pose.body.angles import ARM, LEG, rotation_x, rotation_z, rotations_from_angles
-from depth_pose.body.contact import pelvis_height
-from depth_pose.body.procedural_motion_draw import Draw, assemble, swap_sides
+from depth_pose.motion.contact import pelvis_height
+from depth_pose.motion.procedural import arms as arms
+from depth_pose.motion.procedural import legs as legs
+from depth_pose.motion.procedural.draw import Draw, assemble, swap_sides
 from depth_pose.sim._postures_parts import (
     Kind,
     bow,

@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.body.angles import ANGLE_INDEX, ARM, angles_from_rotations, rotations_from_angles
-from depth_pose.body.contact import separate_limbs
 from depth_pose.body.limits import clamp_angles, clamp_rotations, violation, with_shoulder_rhythm
-from depth_pose.body.procedural_motion_draw import Draw
-from depth_pose.body.reach import arm_to_target
-from depth_pose.skeleton import ADULT_STATURE_M, NODE_INDEX, forward_kinematics, rest_nodes
+from depth_pose.core.skeleton import ADULT_STATURE_M, NODE_INDEX, forward_kinematics, rest_nodes
+from depth_pose.motion.contact import separate_limbs
+from depth_pose.motion.procedural.draw import Draw
+from depth_pose.motion.reach import arm_to_target
 
 Array = NDArray[np.float64]
 Sampler = Callable[[Draw], Array]

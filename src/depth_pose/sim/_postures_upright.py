@@ -1,7 +1,7 @@
 """Postures on two feet: standing about, walking, bending, reaching, leaning on things.
 
 Free motion comes from the families of the embedded motion source
-(`depth_pose.body.procedural_motion_families`) at random moments; here are the everyday postures
+(`depth_pose.motion.procedural.families`) at random moments; here are the everyday postures
 that it does not know. Places are metres on the 1.75 m body. Heights of tables, counters and
 shelves are those of H. Dreyfuss Associates, *The Measure of Man and Woman*, 1993 (desk 0.71 to
 0.76, counter 0.91, bar 1.07).
@@ -12,14 +12,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.body import procedural_motion_arms as arms
-from depth_pose.body import procedural_motion_legs as legs
 from depth_pose.body.angles import ARM, rotations_from_angles
-from depth_pose.body.contact import pelvis_height
-from depth_pose.body.procedural_motion_draw import Draw, assemble
-from depth_pose.body.procedural_motion_families import FAMILIES
-from depth_pose.body.procedural_motion_parts import standing
-from depth_pose.body.reach import arm_to_target
+from depth_pose.motion.contact import pelvis_height
+from depth_pose.motion.procedural import arms as arms
+from depth_pose.motion.procedural import legs as legs
+from depth_pose.motion.procedural.draw import Draw, assemble
+from depth_pose.motion.procedural.families import FAMILIES
+from depth_pose.motion.procedural.parts import standing
+from depth_pose.motion.reach import arm_to_target
 from depth_pose.sim._postures_parts import (
     Kind,
     Sampler,

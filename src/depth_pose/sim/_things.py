@@ -8,9 +8,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from depth_pose.core.skeleton import NODE_INDEX
 from depth_pose.sim._garments import Wearer, head_box
 from depth_pose.sim._meshes import Piece, blob, box, frame, loft, moved
-from depth_pose.skeleton import NODE_INDEX
 
 Array = NDArray[np.float64]
 

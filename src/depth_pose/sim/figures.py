@@ -13,9 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.body.angles import LEG, TRUNK, rotations_from_angles
-from depth_pose.body.contact import separate_limbs
 from depth_pose.body.limits import clamp_angles
-from depth_pose.errors import ConfigError
+from depth_pose.core.errors import ConfigError
+from depth_pose.core.skeleton import JOINT_NODES
+from depth_pose.motion.contact import separate_limbs
 from depth_pose.sim import _garments as garments
 from depth_pose.sim import _things as things
 from depth_pose.sim._builds import draw_build
@@ -25,7 +26,6 @@ from depth_pose.sim._meshes import Piece, join
 from depth_pose.sim._postures import POSTURES, Postures, sample_postures
 from depth_pose.sim._postures_parts import Kind
 from depth_pose.sim._resting import put_down
-from depth_pose.skeleton import JOINT_NODES
 
 __all__ = ["POSTURES", "Figure", "sample_figure"]
 
@@ -57,7 +57,7 @@ class Figure:
     faces : (F, 3) int32
         Skin, clothes, hair, what is worn: all that counts as the person.
     joints : (19, 3) float32
-        In the order of `depth_pose.skeleton.JOINTS`, metres.
+        In the order of `depth_pose.core.skeleton.JOINTS`, metres.
     held_vertices : (H, 3) float32
     held_faces : (G, 3) int32
         Things in the hands, which do not count as the person; may be empty.

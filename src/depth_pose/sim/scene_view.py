@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from depth_pose.core.camera import Camera
 from depth_pose.sim import _scene_kernels as kernels
-from depth_pose.types import Camera
 
 Array = NDArray[np.float64]
 

@@ -15,6 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from depth_pose.core.camera import Camera
+from depth_pose.core.skeleton import JOINT_INDEX
 from depth_pose.sim.figures import Figure, sample_figure
 from depth_pose.sim.furniture import (
     Assembly,
@@ -31,8 +33,6 @@ from depth_pose.sim.furniture import (
 from depth_pose.sim.rooms import Room, add_backdrop, furnish, make_room
 from depth_pose.sim.scene_noise import SceneSensor, Shown, measure, sample_sensor
 from depth_pose.sim.scene_view import View, draw, look, silhouette_area
-from depth_pose.skeleton import JOINT_INDEX
-from depth_pose.types import Camera
 
 Array = NDArray[np.float64]
 
