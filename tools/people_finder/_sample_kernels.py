@@ -11,8 +11,12 @@ _NEAR, _FAR = np.float32(0.2), np.float32(12.0)
 
 
 @njit(cache=True)
-def reduce_scene(depth_mm, person, left, top, stride, rows, cols, mirrored, grid, labels):
-    """Sample a scene as `reduce_grid` does a frame, with the person that each pixel shows (0: nobody)."""
+def reduce_scene(depth_mm, person, reach, left, top, stride, rows, cols, mirrored, grid, labels):
+    """Sample a scene as `reduce_grid` does a frame, with the person that each pixel shows (0: nobody).
+
+    The sensor's edges are not those of the labels; what lies outside a person's ``reach`` (P, 2), their
+    least and greatest depth, is not theirs.
+    """
     grid[:] = 0.0
     labels[:] = 0
     height, width = depth_mm.shape
@@ -30,6 +34,9 @@ def reduce_scene(depth_mm, person, left, top, stride, rows, cols, mirrored, grid
                 for k in range(4):
                     if z[k] > 0.0 and abs(z[k] - grid[i, j]) < closest:
                         closest, labels[i, j] = abs(z[k] - grid[i, j]), who[k]
+                k = labels[i, j] - 1
+                if k >= 0 and not (reach[k, 0] < grid[i, j] < reach[k, 1]):
+                    labels[i, j] = 0
 
 
 @njit(cache=True)

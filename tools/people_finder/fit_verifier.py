@@ -30,15 +30,10 @@ app = typer.Typer(add_completion=False)
 
 @dataclass(frozen=True)
 class Examples:
-    """Clusters, whether each is a person, and the kind of its scene.
-
-    ``measures`` (N, MEASURES), ``person`` (N,), ``kind`` (N,), ``scene`` (N,).
-    """
+    """Clusters: ``measures`` (N, MEASURES), and whether each is a ``person`` (N,)."""
 
     measures: NDArray[np.float64]
     person: NDArray[np.bool_]
-    kind: NDArray[np.uint8]
-    scene: NDArray[np.int64]
 
 
 def frame_of(scenes: Scenes, k: int) -> DepthFrame:
@@ -57,7 +52,7 @@ def truth_on_grid(scenes: Scenes, k: int, stride: float, shape: tuple[int, int])
 
 def collect(finder: PeopleFinder, scenes: Scenes) -> Examples:
     """Run the net over scenes; a cluster is a person if half of its pixels are one's."""
-    measures, person, kind, scene = [], [], [], []
+    measures, person = [], []
     for k in track(range(len(scenes)), "clusters"):
         image = reduce_frame(frame_of(scenes, k))
         _, found = finder.cluster(image)
@@ -69,9 +64,7 @@ def collect(finder: PeopleFinder, scenes: Scenes) -> Examples:
             who = np.bincount(shown, minlength=7)[1:]
             measures.append(found.measures[p])
             person.append(who.sum() >= _LEAST_SHARE * len(shown))
-            kind.append(scenes.kind[k])
-            scene.append(k)
-    return Examples(np.array(measures), np.array(person), np.array(kind), np.array(scene))
+    return Examples(np.array(measures), np.array(person))
 
 
 def fit(examples: Examples, seed: int) -> dict[str, Any]:

@@ -15,6 +15,9 @@ from depth_pose.skeleton import JOINTS
 CELL = 4
 """Side of the cells that vote for joints, pixels of the net's image."""
 
+_FLESH_M = 0.35
+"""No part of a person or of what they wear is nearer or farther than their joints by more than this."""
+
 _INDEX = {name: n for n, name in enumerate(JOINTS)}
 _TORSO = [_INDEX[n] for n in ("left_shoulder", "right_shoulder", "left_hip", "right_hip")]
 _MIRROR = [
@@ -38,8 +41,8 @@ class Scenes:
         Columns and rows that the camera fills, from the top left.
     joints : (N, 6, 19, 3) float32
         Metres, optical frame; NaN where there is no such person.
-    kind : (N,) uint8
-        Kind of scene.
+    visible : (N, 6) float32
+        Share of each person that the image shows.
     """
 
     depth: NDArray[np.uint16]
@@ -47,7 +50,7 @@ class Scenes:
     camera: NDArray[np.float64]
     size: NDArray[np.int64]
     joints: NDArray[np.float32]
-    kind: NDArray[np.uint8]
+    visible: NDArray[np.float32]
 
     def __len__(self) -> int:
         return len(self.depth)
@@ -68,9 +71,9 @@ def load_scenes(shards: list[Path]) -> Scenes:
                     z["depth"],
                     z["person"],
                     z["K"].astype(float),
-                    z["valid_size"].astype(np.int64),
+                    z["valid_size"][:, ::-1].astype(np.int64),
                     z["joints"].astype(np.float32),
-                    z["kind"],
+                    z["visible"],
                 )
             )
     return join(parts)
@@ -146,13 +149,16 @@ class Sampler:
         if rng is not None and rng.random() < 0.15:  # a coarser sensor
             stride *= rng.uniform(1.0, 1.35)
         rows, cols = min(ROWS, int(view_h / stride + 1e-6)), min(COLS, int(view_w / stride + 1e-6))
+        joints = s.joints[scene]
+        reach = np.nan_to_num(
+            np.stack([joints[:, :, 2].min(axis=1) - _FLESH_M, joints[:, :, 2].max(axis=1) + _FLESH_M], axis=1)
+        )
         reduce_scene(
-            s.depth[scene], s.person[scene], left, top, stride, rows, cols, mirrored, grid, labels
+            s.depth[scene], s.person[scene], reach, left, top, stride, rows, cols, mirrored, grid, labels
         )
         fx, fy, cx, cy = s.camera[scene]
         cx, cy = (cx + 0.5 - left) / stride - 0.5, (cy + 0.5 - top) / stride - 0.5
         fx, fy = fx / stride, fy / stride
-        joints = s.joints[scene].copy()
         if mirrored:
             cx = cols - 1 - cx
             joints = joints[:, _MIRROR] * np.array([-1, 1, 1], np.float32)
