@@ -42,7 +42,7 @@ from depth_pose.core.config import DenoiseConfig, MatchConfig, SegmentConfig
 from depth_pose.core.skeleton import JOINT_NODES
 from depth_pose.core.types import DepthFrame
 from depth_pose.fit.articulated import candidate_pose, vertex_normals
-from depth_pose.people.plane_segmenter import PersonSegmenter
+from depth_pose.people.plane_segmenter import PlaneSegmenter
 from depth_pose.sim.config import Person, Placement, Room
 from depth_pose.sim.motion import load_motion
 from depth_pose.sim.placement import camera_pose, room_mesh
@@ -131,7 +131,7 @@ def _off_surface(points: np.ndarray, scene: Scene, body: Body) -> np.ndarray:
 
 def compare_denoising(body: Body, made: list[Scene]) -> list[Peer]:
     """Denoise the same points in three ways."""
-    segmenter, config = PersonSegmenter(SegmentConfig()), DenoiseConfig()
+    segmenter, config = PlaneSegmenter(SegmentConfig()), DenoiseConfig()
 
     def outliers(points: np.ndarray) -> o3d.geometry.PointCloud:
         cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points))

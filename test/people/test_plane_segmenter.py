@@ -10,11 +10,12 @@ from depth_pose.core.camera import Camera
 from depth_pose.core.config import SegmentConfig
 from depth_pose.core.types import BACKGROUND, HIDDEN, PERSON
 from depth_pose.people import _segment_kernels as kernels
-from depth_pose.people.plane_segmenter import PersonSegmenter, reduce_camera
+from depth_pose.people.plane_segmenter import PlaneSegmenter
+from depth_pose.people.working_grid import reduce_camera
 
 
 def segment(depth, camera=syn.CAMERA, **settings):
-    return PersonSegmenter(SegmentConfig(**settings)).segment(syn.to_frame(depth, camera=camera))
+    return PlaneSegmenter(SegmentConfig(**settings)).segment(syn.to_frame(depth, camera=camera))
 
 
 def recall(segmentation, truth):
@@ -93,7 +94,7 @@ def test_the_larger_of_two_people(person):
 def test_stays_with_the_person_it_began_with(person):
     """A larger one who comes in later is not taken instead."""
     child = syn.draw(syn.mesh(syn.posed(syn.arms_down(), distance=2.8, aside=-0.95, scale=0.75)))
-    segmenter = PersonSegmenter(SegmentConfig())
+    segmenter = PlaneSegmenter(SegmentConfig())
     first = segmenter.segment(syn.to_frame(np.minimum(child, syn.room())))
     assert recall(first, np.isfinite(child)) > 0.9
     both = syn.to_frame(np.minimum(np.minimum(person, child), syn.room()))
@@ -107,7 +108,7 @@ def test_stays_with_the_person_it_began_with(person):
 @pytest.mark.parametrize("nothing", [0.0, np.nan, np.inf, 30.0, 0.1, -1.0])
 def test_nothing_in_view(nothing):
     depth = np.full((144, 176), nothing)
-    found = PersonSegmenter(SegmentConfig()).segment(
+    found = PlaneSegmenter(SegmentConfig()).segment(
         syn.DepthFrame(0, "optical", depth.astype(np.float32), syn.CAMERA)
     )
     assert not (found.labels == PERSON).any()
@@ -152,7 +153,7 @@ def test_a_half_that_splits_off_where_the_person_was_is_theirs(person):
     split[:, 86:89] = np.where(np.isfinite(person[:, 86:89]), 2.65, split[:, 86:89])
     sides = np.isfinite(person), np.isfinite(person)
     sides[0][:, 86:], sides[1][:, :89] = False, False
-    segmenter = PersonSegmenter(SegmentConfig())
+    segmenter = PlaneSegmenter(SegmentConfig())
     alone = segmenter.segment(syn.to_frame(split))
     assert sorted(recall(alone, side) > 0.5 for side in sides) == [False, True]
     segmenter.reset()

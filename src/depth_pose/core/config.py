@@ -112,8 +112,15 @@ class MountConfig(_Checked):
 
 @dataclass(frozen=True)
 class SegmentConfig(_Checked):
-    """Finding the person in the depth image (Sec. 4, first paragraph)."""
+    """Finding the people in the depth image (Sec. 4, first paragraph)."""
 
+    method: str = option(
+        "learned",
+        "learned: everybody, by a small net; planes: one person, what stands free of large planes",
+        choices=("learned", "planes"),
+    )
+    start: float = option(0.6, "Least probability of a person who is followed from now on", low=0.0, high=1.0)
+    keep: float = option(0.3, "Least probability of a person who is followed already", low=0.0, high=1.0)
     near: float = option(0.4, "Ignore anything nearer than this", unit="m", low=0.0, high=20.0)
     far: float = option(8.0, "Ignore anything farther than this", unit="m", low=0.1, high=50.0)
     working_height: int = option(
@@ -129,7 +136,9 @@ class SegmentConfig(_Checked):
     min_support: int = option(
         7, "Keep a pixel if this many of its 24 neighbours are on its surface", low=0, high=24
     )
-    min_height: float = option(0.4, "The least visible extent of a person", unit="m", low=0.1, high=2.0)
+    min_height: float = option(
+        0.4, "Least visible extent of a person; planes only", unit="m", low=0.1, high=2.0
+    )
 
 
 @dataclass(frozen=True)

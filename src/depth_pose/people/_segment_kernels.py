@@ -5,6 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from depth_pose.core.types import BACKGROUND, HIDDEN
+
+_HIDES_M = 0.6
+"""How far beside a person's pixels something nearer may hide more of them: a limb's length, metres."""
+
 
 @njit(cache=True)
 def clip_depth(depth, near, far):
@@ -298,3 +303,35 @@ def mark_mixed(depth, labels, person, unknown, gap):
                     far = max(far, depth[a, b])
             if beside and depth[i, j] < far - gap:
                 labels[i, j] = unknown
+
+
+@njit(cache=True)
+def mark_nearer(depth, labels, camera, gap):
+    """Label as hidden what is nearer by ``gap`` than the person beside it, in its row or column.
+
+    Such pixels may hide a part of the person. The search goes `_HIDES_M` far, at the person's distance.
+    """
+    rows, cols = depth.shape
+    nearest = np.full((rows, cols), np.float32(0.0))  # depth of the farthest person whose pixel is near
+    for i in range(rows):
+        for j in range(cols):
+            k = labels[i, j]
+            if k in (BACKGROUND, HIDDEN):
+                continue
+            z = depth[i, j]
+            reach = int(_HIDES_M * camera.fx / z)
+            for step in range(4):
+                di = 1 if step == 0 else -1 if step == 1 else 0
+                dj = 1 if step == 2 else -1 if step == 3 else 0
+                for n in range(1, reach + 1):
+                    a, b = i + n * di, j + n * dj
+                    if a < 0 or b < 0 or a >= rows or b >= cols or nearest[a, b] >= z:
+                        break
+                    if labels[a, b] == BACKGROUND:
+                        nearest[a, b] = z
+                    elif labels[a, b] != HIDDEN:
+                        break
+    for i in range(rows):
+        for j in range(cols):
+            if labels[i, j] == BACKGROUND and depth[i, j] > 0.0 and depth[i, j] < nearest[i, j] - gap:
+                labels[i, j] = HIDDEN

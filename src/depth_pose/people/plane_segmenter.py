@@ -9,8 +9,6 @@ enough of its neighbours are on its surface, which removes the flying pixels at 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,7 +17,8 @@ from depth_pose.core.config import SegmentConfig
 from depth_pose.core.types import BACKGROUND, HIDDEN, PERSON, DepthFrame
 from depth_pose.people import _segment_kernels as kernels
 from depth_pose.people.planes import PlaneFinder
-from depth_pose.people.tracks import Sighting
+from depth_pose.people.segmentation import Segmentation, Sighting
+from depth_pose.people.working_grid import reduce_frame
 
 _BOX_FILL = 0.95
 """A person leaves more of their bounding box empty than this; a curtain or a cupboard fills it."""
@@ -31,44 +30,6 @@ _PERSON_AREA_M2 = (0.04, 2.5)
 _PERSON_EXTENT_M = 2.6
 
 
-@dataclass(frozen=True)
-class Segmentation:
-    """Who a frame shows, on the working grid.
-
-    Attributes
-    ----------
-    stamp_ns : int
-    frame_id : str
-    depth : (h, w) float32
-        Depth of people's pixels, metres; 0 elsewhere.
-    labels : (h, w) uint8
-        Number of each pixel's person from 1 in the order of ``sightings``, 0 for free space, or
-        `depth_pose.core.types.HIDDEN`.
-    camera : Camera
-        Camera of the working grid.
-    sightings : tuple of Sighting
-    """
-
-    stamp_ns: int
-    frame_id: str
-    depth: NDArray[np.float32]
-    labels: NDArray[np.uint8]
-    camera: Camera
-    sightings: tuple[Sighting, ...]
-
-
-def reduce_camera(camera: Camera, stride: int) -> Camera:
-    """Give the camera whose pixels are blocks of ``stride`` x ``stride`` pixels."""
-    return Camera(
-        width=camera.width // stride,
-        height=camera.height // stride,
-        fx=camera.fx / stride,
-        fy=camera.fy / stride,
-        cx=(camera.cx - (stride - 1) / 2) / stride,
-        cy=(camera.cy - (stride - 1) / 2) / stride,
-    )
-
-
 _FOLLOW, _FOLLOW_M = 5.0, 0.25
 """How much more the surface counts that is where the person was; nothing this far off in depth."""
 
@@ -76,7 +37,7 @@ _KNOWN = 0.8
 """Share of a surface's box that lies where the person was, for it to be a part of them."""
 
 
-class PersonSegmenter:
+class PlaneSegmenter:
     """Finds the person; remembers where they were, to stay with them."""
 
     def __init__(self, config: SegmentConfig) -> None:
@@ -88,6 +49,13 @@ class PersonSegmenter:
         """Forget the person and the room."""
         self._planes.reset()
         self._last_box = None
+
+    def warm_up(self) -> None:
+        """Compile every kernel."""
+        depth = np.full((48, 64), 3.0, np.float32)
+        depth[8:40, 20:44] = 2.0
+        PlaneSegmenter(self.config).segment(DepthFrame(0, "", depth, Camera(64, 48, 60.0, 60.0, 31.5, 23.5)))
+        kernels.reduce_depth(np.ones((4, 4), np.float32), 2, 0.1, 0.4, 8.0)
 
     def segment(self, frame: DepthFrame) -> Segmentation:
         """Label every pixel of the working grid.
@@ -102,12 +70,7 @@ class PersonSegmenter:
             With no `PERSON` pixel where nobody of a person's size is in view.
         """
         config = self.config
-        stride = max(1, round(frame.camera.height / config.working_height))
-        camera = reduce_camera(frame.camera, stride)
-        if stride == 1:
-            depth = kernels.clip_depth(frame.depth, config.near, config.far)
-        else:
-            depth = kernels.reduce_depth(frame.depth, stride, config.depth_jump, config.near, config.far)
+        depth, camera = reduce_frame(frame, config)
         points = camera.back_project(depth)
 
         planes = self._planes.mark(points, camera)
@@ -125,8 +88,6 @@ class PersonSegmenter:
             labels[person] = PERSON
             kernels.mark_mixed(depth, labels, PERSON, HIDDEN, 2.0 * config.depth_jump)
         return Segmentation(
-            stamp_ns=frame.stamp_ns,
-            frame_id=frame.frame_id,
             depth=np.where(person, depth, np.float32(0)),
             labels=labels,
             camera=camera,
@@ -193,7 +154,8 @@ def _sighting_of(points: NDArray[np.float32]) -> tuple[Sighting, ...]:
     """Give the one person whose points (N, 3) these are; nobody without points."""
     if len(points) == 0:
         return ()
-    return (Sighting(np.median(points.astype(np.float64), axis=0), 1.0),)
+    place = np.median(points.astype(np.float64), axis=0)
+    return (Sighting(PERSON, place, 1.0, np.zeros((0, 3), np.float32), np.zeros(0, np.float32)),)
 
 
 def _share_inside(low: NDArray[np.float64], high: NDArray[np.float64], box: NDArray[np.float64]) -> float:

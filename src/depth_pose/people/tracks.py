@@ -16,6 +16,7 @@ from scipy.optimize import linear_sum_assignment
 
 from depth_pose.core.stamps import StampGuard
 from depth_pose.people.memory import MEMORY_NS
+from depth_pose.people.segmentation import Sighting
 
 _STILL_M = 0.45
 """How far a person's middle may seem to move by what is hidden of them, or not."""
@@ -32,22 +33,6 @@ _VELOCITY_SHARE = 0.3
 _VELOCITY_S = 0.04
 _COASTING_S = 0.7
 """Time after which a hidden person is no longer expected to walk on, seconds."""
-
-
-@dataclass(frozen=True)
-class Sighting:
-    """Somebody in a frame who has no name yet.
-
-    Attributes
-    ----------
-    place : (3,) float64
-        Middle of the person, camera frame, metres.
-    probability : float
-        That it is a person.
-    """
-
-    place: NDArray[np.float64]
-    probability: float
 
 
 @dataclass

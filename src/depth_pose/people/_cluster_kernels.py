@@ -1,0 +1,391 @@
+"""Compiled loops from what the net says of every pixel to persons; `depth_pose.people.finder` says why.
+
+Flat indices count the pixels of the net's image, row by row, `COLS` to a row.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from depth_pose.people._finder_kernels import COLS
+
+_CELL_M = 0.1
+"""Cells in which votes are counted to find where they are dense."""
+
+CELLS = (128, 64, 128)
+"""Cells along x, y, z; votes beyond 6.4 m, 3.2 m and 12.8 m are counted at the edge."""
+
+_SHIFTS = 8
+"""Most moves of a mean; most come to rest in four."""
+
+_REST_M = 0.01
+
+_KEEN_M = 0.1
+"""A vote whose own error is wider than this counts less."""
+
+_SAME_M = 0.1
+"""Pixels of two grids that differ by less in depth show the same surface."""
+
+MEASURES = 24
+"""What `measure_clusters` gives of a cluster."""
+
+
+@njit(cache=True)
+def collect_votes(grid, mask, torso, rows, cols, fx, fy, cx, cy, least, flat, votes, weights, areas):
+    """List pixels whose mask logit is at least ``least``, where they see the torso, and their weight.
+
+    The weight is the area that the pixel shows (m^2), times the probability, less where the vote is
+    unsure. Returns how many there are.
+    """
+    count = 0
+    for i in range(rows):
+        for j in range(cols):
+            z = grid[i, j]
+            if z <= 0.0 or mask[i, j] < least:
+                continue
+            votes[count, 0] = (j - cx) / fx * z + torso[0, i, j]
+            votes[count, 1] = (i - cy) / fy * z + torso[1, i, j]
+            votes[count, 2] = z + torso[2, i, j]
+            width = np.exp(torso[3, i, j])
+            areas[count] = z * z / (fx * fy)
+            weights[count] = areas[count] / (1.0 + np.exp(-mask[i, j])) * min(1.0, _KEEN_M / width)
+            flat[count] = i * COLS + j
+            count += 1
+    return count
+
+
+@njit(cache=True)
+def cell_of(vote):
+    """Index of the cell that a vote lies in."""
+    index = 0
+    for a in range(3):
+        low = 0.0 if a == 2 else -0.5 * CELLS[a]
+        k = int(np.floor(vote[a] / _CELL_M - low))
+        index = index * CELLS[a] + max(0, min(CELLS[a] - 1, k))
+    return index
+
+
+@njit(cache=True)
+def find_modes(votes, weights, density, radius, least, most, modes):
+    """Where votes gather: means of all votes within ``radius``, each of at least ``least`` m^2.
+
+    ``density`` (all cells) is zero on entry and again on return. Returns how many modes there are.
+    """
+    n = votes.shape[0]
+    cells = np.empty(n, np.int64)
+    for k in range(n):
+        cells[k] = cell_of(votes[k])
+        density[cells[k]] += weights[k]
+    taken = np.zeros(n, np.bool_)
+    count = 0
+    for _ in range(4 * most):
+        best, seed = 0.0, -1
+        for k in range(n):
+            if not taken[k] and density[cells[k]] > best:
+                best, seed = density[cells[k]], k
+        if seed < 0 or count == most:
+            break
+        mean = votes[seed].copy()
+        total = shift_mean(votes, weights, mean, radius)
+        apart = True
+        for m in range(count):
+            apart &= distance2(modes[m], mean) > radius * radius
+        if apart and total >= least:
+            modes[count] = mean
+            count += 1
+        for k in range(n):
+            if distance2(votes[k], mean) < radius * radius or cells[k] == cells[seed]:
+                taken[k] = True
+    for k in range(n):
+        density[cells[k]] = 0.0
+    return count
+
+
+@njit(cache=True)
+def shift_mean(votes, weights, mean, radius):
+    """Move ``mean`` to the mean of the votes within ``radius`` until it rests; returns their weight."""
+    total = 0.0
+    for _ in range(_SHIFTS):
+        total, x, y, z = 0.0, 0.0, 0.0, 0.0
+        for k in range(votes.shape[0]):
+            if distance2(votes[k], mean) < radius * radius:
+                w = weights[k]
+                total += w
+                x += w * votes[k, 0]
+                y += w * votes[k, 1]
+                z += w * votes[k, 2]
+        if total <= 0.0:
+            break
+        x, y, z = x / total, y / total, z / total
+        moved = abs(x - mean[0]) + abs(y - mean[1]) + abs(z - mean[2])
+        mean[0], mean[1], mean[2] = x, y, z
+        if moved < _REST_M:
+            break
+    return total
+
+
+@njit(cache=True)
+def distance2(a, b):
+    """Squared distance of two points."""
+    return (a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2
+
+
+@njit(cache=True)
+def assign_votes(flat, votes, modes, reach, labels, owner):
+    """Give every listed pixel the nearest mode within ``reach`` (from 1), in the image and in the list."""
+    for k in range(votes.shape[0]):
+        best, owner[k] = reach * reach, 0
+        for m in range(modes.shape[0]):
+            d = distance2(votes[k], modes[m])
+            if d < best:
+                best, owner[k] = d, m + 1
+        labels[flat[k] // COLS, flat[k] % COLS] = owner[k]
+
+
+@njit(cache=True)
+def gather_joints(grid, labels, cells, votes, fx, fy, cx, cy, joints, width, spread):
+    """Where each cluster's cells see its joints.
+
+    ``votes`` (4 J, h, w): offsets, then logarithms of their errors. A joint is the mean of the votes
+    weighed by one over their squared error, taken again with those off the mean weighing less.
+    Gives ``joints`` (P, J, 3), their mean error ``width`` (P, J) and the ``spread`` (P, J) of the
+    votes, metres.
+    """
+    count, n = joints.shape[:2]
+    total = np.zeros((count, n))
+    first = np.zeros((count, n, 3))
+    for turn in range(2):
+        total[:] = 0.0
+        joints[:], width[:], spread[:] = 0.0, 0.0, 0.0
+        for i in range(cells.shape[0]):
+            for j in range(cells.shape[1]):
+                at = cells[i, j]
+                if at < 0:
+                    continue
+                a, b = at // COLS, at % COLS
+                p = labels[a, b] - 1
+                if p < 0:
+                    continue
+                z = grid[a, b]
+                x, y = (b - cx) / fx * z, (a - cy) / fy * z
+                for m in range(n):
+                    u = x + votes[3 * m, i, j]
+                    v = y + votes[3 * m + 1, i, j]
+                    w = z + votes[3 * m + 2, i, j]
+                    error = 0.02 + np.exp(min(2.0, max(-6.0, votes[3 * n + m, i, j])))
+                    weight = 1.0 / (error * error)
+                    if turn == 1:
+                        off = (
+                            (u - first[p, m, 0]) ** 2 + (v - first[p, m, 1]) ** 2 + (w - first[p, m, 2]) ** 2
+                        )
+                        weight /= 1.0 + off / (0.15 * 0.15)
+                        spread[p, m] += weight * off
+                    total[p, m] += weight
+                    joints[p, m, 0] += weight * u
+                    joints[p, m, 1] += weight * v
+                    joints[p, m, 2] += weight * w
+                    width[p, m] += weight * error
+        for p in range(count):
+            for m in range(n):
+                if total[p, m] > 0.0:
+                    for a in range(3):
+                        joints[p, m, a] /= total[p, m]
+                    width[p, m] /= total[p, m]
+                    spread[p, m] = np.sqrt(spread[p, m] / total[p, m])
+                else:
+                    width[p, m], spread[p, m] = 2.0, 2.0
+        first[:] = joints
+
+
+@njit(cache=True)
+def measure_clusters(
+    grid, mask, torso, flat, owner, votes, areas, modes, rows, cols, fx, fy, cx, cy, out, boxes
+):
+    """Measure what tells persons from things: see the lines below.
+
+    ``out`` (P, MEASURES), the last ones of which `measure_joints` fills; ``boxes`` (P, 4): the least and
+    greatest column and row.
+    """
+    count = modes.shape[0]
+    out[:] = 0.0
+    pixels = np.zeros(count)
+    area = np.zeros(count)
+    low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
+    moment, mean = np.zeros((count, 3, 3)), np.zeros((count, 3))
+    boxes[:, :2] = 1_000_000
+    boxes[:, 2:] = -1
+    edge, jump = np.zeros(count), np.zeros(count)
+    for k in range(flat.shape[0]):
+        p = owner[k] - 1
+        if p < 0:
+            continue
+        i, j = flat[k] // COLS, flat[k] % COLS
+        z = grid[i, j]
+        q = (np.float64((j - cx) / fx * z), np.float64((i - cy) / fy * z), np.float64(z))
+        prob = 1.0 / (1.0 + np.exp(-mask[i, j]))
+        pixels[p] += 1.0
+        area[p] += areas[k]
+        out[p, 0] += prob
+        out[p, 1] += prob > 0.8
+        out[p, 2] = max(out[p, 2], prob)
+        out[p, 3] += distance2(votes[k], modes[p])
+        out[p, 4] += torso[3, i, j]
+        out[p, 5] += i == 0 or j == 0 or i == rows - 1 or j == cols - 1
+        for a in range(3):
+            low[p, a], high[p, a] = min(low[p, a], q[a]), max(high[p, a], q[a])
+            mean[p, a] += q[a]
+            for b in range(3):
+                moment[p, a, b] += q[a] * q[b]
+        boxes[p, 0], boxes[p, 1] = min(boxes[p, 0], j), min(boxes[p, 1], i)
+        boxes[p, 2], boxes[p, 3] = max(boxes[p, 2], j), max(boxes[p, 3], i)
+        for d in range(4):  # at the cluster's edge: does the depth jump there, or does the surface go on?
+            a = i + (1 if d == 0 else -1 if d == 1 else 0)
+            b = j + (1 if d == 2 else -1 if d == 3 else 0)
+            if a < 0 or b < 0 or a >= rows or b >= cols or grid[a, b] <= 0.0 or mask[a, b] > 0.0:
+                continue
+            edge[p] += 1.0
+            jump[p] += abs(grid[a, b] - z) > 0.1
+    for p in range(count):
+        n = max(pixels[p], 1.0)
+        out[p, 0] /= n
+        out[p, 1] /= n
+        out[p, 3] = np.sqrt(out[p, 3] / n)
+        out[p, 4] /= n
+        out[p, 5] /= n
+        out[p, 6] = np.log(area[p] + 1e-4)
+        out[p, 7] = np.log(n)
+        out[p, 8] = modes[p, 2]
+        for a in range(3):
+            out[p, 9 + a] = high[p, a] - low[p, a] if pixels[p] > 0 else 0.0
+            mean[p, a] /= n
+        out[p, 12] = (jump[p] + 1.0) / (edge[p] + 2.0)
+        out[p, 13] = np.log1p(edge[p] / np.sqrt(n))
+        cover = moment[p] / n
+        for a in range(3):
+            for b in range(3):
+                cover[a, b] -= mean[p, a] * mean[p, b]
+        spread = np.sqrt(np.maximum(np.linalg.eigvalsh(cover), 0.0))
+        out[p, 14], out[p, 15] = spread[0], spread[1]
+
+
+@njit(cache=True)
+def measure_joints(joints, width, spread, modes, mask, rows, cols, fx, fy, cx, cy, parts, out):
+    """Fill the measures of the joints, from 16 on.
+
+    ``parts``: indices of pelvis, neck, head, both shoulders, both hips, and the number of joints.
+    """
+    pelvis, neck, head, left, right, hip_left, hip_right = parts
+    n = joints.shape[1]
+    for p in range(joints.shape[0]):
+        q = joints[p]
+        total, inside = 0.0, 0
+        for m in range(n):
+            total += width[p, m]
+            z = max(q[m, 2], 0.1)
+            i, j = int(q[m, 1] / z * fy + cy + 0.5), int(q[m, 0] / z * fx + cx + 0.5)
+            inside += i >= 0 and j >= 0 and i < rows and j < cols and mask[i, j] > -0.6
+        out[p, 16] = total / n
+        out[p, 17] = inside / n
+        out[p, 18] = width[p, head]
+        out[p, 19] = spread[p, head]
+        out[p, 20] = 0.5 * (spread[p, pelvis] + spread[p, neck])
+        trunk = 0.25 * (q[left] + q[right] + q[hip_left] + q[hip_right])
+        out[p, 21] = np.sqrt(distance2(trunk, modes[p]))
+        out[p, 22] = np.sqrt(distance2(q[pelvis], q[neck]))
+        out[p, 23] = np.sqrt(distance2(q[left], q[right]))
+
+
+@njit(cache=True)
+def mark_near(labels, mask, least, rows, cols, chance, near):
+    """Probabilities of a person (``chance``), and what lies within a pixel of a person or of ``least``."""
+    near[:] = False
+    for i in range(rows):
+        for j in range(cols):
+            chance[i, j] = 1.0 / (1.0 + np.exp(-mask[i, j]))
+            if labels[i, j] > 0 or chance[i, j] >= least:
+                near[max(0, i - 1) : i + 2, max(0, j - 1) : j + 2] = True
+
+
+@njit(cache=True)
+def carry_labels(
+    depth, net_depth, labels, net_chance, near, rows, cols, ratio, offset_x, offset_y, out, chance
+):
+    """Carry labels (0: nobody) from the net's image to another grid of the same camera.
+
+    A pixel takes, of the nine net pixels around it, what those near it in depth say, the nearer the
+    more. ``ratio`` and the offsets: position on the net's image per pixel. ``chance`` becomes the
+    probability of a person there, -1 where no net pixel has this depth.
+    """
+    votes = np.zeros(256)
+    seen = np.empty(9, np.int64)
+    for i in range(depth.shape[0]):
+        y = i * ratio + offset_y
+        a0 = min(rows - 1, max(0, int(np.floor(y + 0.5))))
+        for j in range(depth.shape[1]):
+            x = j * ratio + offset_x
+            b0 = min(cols - 1, max(0, int(np.floor(x + 0.5))))
+            out[i, j] = 0
+            chance[i, j] = 0.0
+            z = depth[i, j]
+            if z <= 0.0 or not near[a0, b0]:
+                continue
+            total, sure, count = 0.0, 0.0, 0
+            for a in range(max(0, a0 - 1), min(rows, a0 + 2)):
+                for b in range(max(0, b0 - 1), min(cols, b0 + 2)):
+                    off = abs(net_depth[a, b] - z)
+                    if net_depth[a, b] <= 0.0 or off > _SAME_M:
+                        continue
+                    weight = 1.0 / ((0.25 + (a - y) ** 2 + (b - x) ** 2) * (0.03 + off))
+                    total += weight
+                    sure += weight * net_chance[a, b]
+                    who = labels[a, b]
+                    if who > 0:
+                        if votes[who] == 0.0:
+                            seen[count] = who
+                            count += 1
+                        votes[who] += weight
+            best, chosen = 0.0, 0
+            for k in range(count):
+                if votes[seen[k]] > best:
+                    best, chosen = votes[seen[k]], seen[k]
+                votes[seen[k]] = 0.0
+            chance[i, j] = sure / total if total > 0.0 else -1.0
+            if chance[i, j] >= 0.5:
+                out[i, j] = chosen
+
+
+@njit(cache=True)
+def grow_labels(depth, labels, chance, least, jump, pixels, queue):
+    """Let persons grow along their surfaces into pixels that the net is not sure are background.
+
+    A step goes to one of four neighbours with ``chance`` of at least ``least`` (or unknown, -1) whose
+    depth differs by less than ``jump`` per metre of distance; at most ``pixels`` / distance steps.
+    """
+    rows, cols = depth.shape
+    count = 0
+    for i in range(rows):
+        for j in range(cols):
+            if labels[i, j] > 0:
+                queue[count] = i * cols + j
+                count += 1
+    begin = 0
+    for step in range(1_000):
+        end = count
+        if begin == end:
+            break
+        for k in range(begin, end):
+            i, j = queue[k] // cols, queue[k] % cols
+            z = depth[i, j]
+            if step * z > pixels:
+                continue
+            for d in range(4):
+                a = i + (1 if d == 0 else -1 if d == 1 else 0)
+                b = j + (1 if d == 2 else -1 if d == 3 else 0)
+                if a < 0 or b < 0 or a >= rows or b >= cols or labels[a, b] != 0 or depth[a, b] <= 0.0:
+                    continue
+                if abs(depth[a, b] - z) < jump * z and (chance[a, b] < 0.0 or chance[a, b] >= least):
+                    labels[a, b] = labels[i, j]
+                    queue[count] = a * cols + b
+                    count += 1
+        begin = end

@@ -1,0 +1,166 @@
+"""Compiled loops of the people finder; `depth_pose.people.finder` says what they are for.
+
+``grid`` is always the net's own image, `ROWS` x `COLS`; rows and columns that the camera does not
+fill, at the bottom or on the right, hold zeros.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+ROWS, COLS = 120, 160
+"""Size of the net's image, pixels."""
+
+CHANNELS = 10
+"""Features of a pixel; `fill_features` lists them."""
+
+_NARROW_M, _WIDE_M = 0.12, 0.5
+"""Half sides of the windows that a pixel's depth is compared with: a limb, and a body."""
+
+_RISE_M = 0.04
+"""Samples of a pixel that differ by less, per metre of distance, are one surface and are averaged."""
+
+
+@njit(cache=True)
+def reduce_grid(depth, left, top, stride, rows, cols, near, far, grid):
+    """Sample a depth image (metres) to the net's grid: of four samples a pixel, those near the second.
+
+    Pixel (i, j) of the grid covers ``stride`` x ``stride`` pixels from ``(top + i stride, left + j stride)``;
+    ``stride`` need not be whole. A pixel with fewer than two samples is a hole (0).
+    """
+    grid[:] = 0.0
+    height, width = depth.shape
+    left_of, right_of = np.empty(cols, np.int64), np.empty(cols, np.int64)
+    for j in range(cols):
+        left_of[j] = min(width - 1, int(left + (j + 0.25) * stride))
+        right_of[j] = min(width - 1, int(left + (j + 0.75) * stride))
+    for i in range(rows):
+        a = min(height - 1, int(top + (i + 0.25) * stride))
+        b = min(height - 1, int(top + (i + 0.75) * stride))
+        for j in range(cols):
+            grid[i, j] = near_second(
+                depth[a, left_of[j]],
+                depth[a, right_of[j]],
+                depth[b, left_of[j]],
+                depth[b, right_of[j]],
+                near,
+                far,
+            )
+
+
+@njit(cache=True)
+def near_second(a, b, c, d, near, far):
+    """Mean of those of four samples that lie near the second smallest valid one; 0 for fewer than two."""
+    count, total = 0, np.float32(0.0)
+    least, second, most = np.float32(np.inf), np.float32(np.inf), np.float32(0.0)
+    for z in (a, b, c, d):
+        if z >= near and z <= far:
+            count += 1
+            total += z
+            most = max(most, z)
+            if z < least:
+                least, second = z, least
+            elif z < second:
+                second = z
+    if count < 2:
+        return np.float32(0.0)
+    reach = np.float32(_RISE_M) * second
+    if most - least <= reach:
+        return total / np.float32(count)
+    count, total = 0, np.float32(0.0)
+    for z in (a, b, c, d):
+        if z >= near and abs(z - second) <= reach:
+            count += 1
+            total += z
+    return total / np.float32(count)
+
+
+@njit(cache=True)
+def fill_features(grid, rows, cols, fx, fy, cx, cy, sums, counts, out):
+    """Describe every pixel of the grid to the net.
+
+    0 inverse depth (1/m); 1, 2 depth less its mean in a window of a limb's and of a body's size, at
+    this distance; 3 whether there is a depth; 4 logarithm of what a pixel measures here; 5, 6 slopes
+    of the ray; 7, 8 slopes of the surface; 9 height below the camera's axis. All are 0 in holes, but
+    for 5 and 6. ``sums`` and ``counts`` (ROWS + 1, COLS + 1) are work space.
+    """
+    out[:] = 0.0
+    for i in range(rows):
+        row, seen = 0.0, 0
+        for j in range(cols):
+            z = grid[i, j]
+            if z > 0.0:
+                row += z
+                seen += 1
+            sums[i + 1, j + 1] = sums[i, j + 1] + row
+            counts[i + 1, j + 1] = counts[i, j + 1] + seen
+    for i in range(rows):
+        slope_y = np.float32((i - cy) / fy)
+        for j in range(cols):
+            out[5, i, j] = slope_y
+            out[6, i, j] = (j - cx) / fx
+            z = grid[i, j]
+            if z <= 0.0:
+                continue
+            out[0, i, j] = min(1.0 / z, 2.5)
+            scale = fx / z
+            for k in range(2):
+                size = np.float32(_NARROW_M) if k == 0 else np.float32(_WIDE_M)
+                r = max(1, int(size * scale + 0.5))
+                u, v = max(0, i - r), min(rows, i + r + 1)
+                p, q = max(0, j - r), min(cols, j + r + 1)
+                mean = (sums[v, q] - sums[u, q] - sums[v, p] + sums[u, p]) / (
+                    counts[v, q] - counts[u, q] - counts[v, p] + counts[u, p]
+                )
+                out[1 + k, i, j] = min(3.0, max(-3.0, (z - mean) / size))
+            out[3, i, j] = 1.0
+            out[4, i, j] = -np.log(scale) + 4.0
+            out[7, i, j] = slope(grid, i, j, 0, 1, rows, cols, scale)
+            out[8, i, j] = slope(grid, i, j, 1, 0, rows, cols, scale)
+            out[9, i, j] = min(3.0, max(-3.0, slope_y * z))
+
+
+@njit(cache=True)
+def slope(grid, i, j, down, right, rows, cols, scale):
+    """Rise of the depth per metre along the image, from the two neighbours or one, within -2 to 2."""
+    a, b, c, d = i - down, j - right, i + down, j + right
+    before = grid[a, b] if a >= 0 and b >= 0 else np.float32(0.0)
+    after = grid[c, d] if c < rows and d < cols else np.float32(0.0)
+    z = grid[i, j]
+    if before > 0.0 and after > 0.0:
+        rise = 0.5 * (after - before)
+    elif after > 0.0:
+        rise = after - z
+    elif before > 0.0:
+        rise = z - before
+    else:
+        return 0.0
+    return min(2.0, max(-2.0, rise * scale))
+
+
+@njit(cache=True)
+def choose_cells(grid, rows, cols, side, cells):
+    """For blocks of ``side`` x ``side`` pixels, the pixel that stands for each; -1 where all are holes.
+
+    It is the pixel at the lower quarter of the block's depths, so that what is in front is kept.
+    """
+    keep = side * side // 4 + 1
+    flat, least = np.empty(keep, np.int64), np.empty(keep, np.float32)
+    for i in range(cells.shape[0]):
+        for j in range(cells.shape[1]):
+            count = 0
+            for a in range(i * side, min(rows, (i + 1) * side)):
+                for b in range(j * side, min(cols, (j + 1) * side)):
+                    z = grid[a, b]
+                    if z <= 0.0:
+                        continue
+                    count += 1
+                    if count > keep and z >= least[keep - 1]:
+                        continue
+                    k = min(count, keep) - 1
+                    while k > 0 and least[k - 1] > z:
+                        least[k], flat[k] = least[k - 1], flat[k - 1]
+                        k -= 1
+                    least[k], flat[k] = z, a * COLS + b
+            cells[i, j] = flat[count // 4] if count > 0 else -1

@@ -1,0 +1,386 @@
+"""Find everybody in a depth image, with a small net that was trained on simulated rooms.
+
+Sec. 4 of the paper cuts one person out with two distances. Here a net says of every pixel of a
+reduced image whether it shows a person, where that person's torso is, and, of every fourth, where
+their joints are, all in metres from the point that it sees. Votes for one torso gather, so people
+are split by where they are, not by what touches (Hough voting as in Leibe et al. 2008; votes for
+joints from every pixel as in Shotton et al. 2013 and Girshick et al. 2011). What is measured of each
+cluster then tells people from things (`depth_pose.people.verifier`). Last, the people are carried
+to the grid that the later steps work on, along the edges of the depth, and grow there into hands
+and feet too small for the net.
+
+What a pixel measures at its distance is an input, so one net serves every sensor, field of view
+and mounting. ``tools/people_finder`` makes the weights.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from importlib import resources
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from depth_pose.core.config import SegmentConfig
+from depth_pose.core.skeleton import JOINTS
+from depth_pose.core.camera import Camera
+from depth_pose.core.types import DepthFrame
+from depth_pose.people import _cluster_kernels as clusters
+from depth_pose.people import _finder_kernels as kernels
+from depth_pose.people import working_grid
+from depth_pose.people.verifier import Verifier
+
+FINDER_JOINTS: tuple[str, ...] = JOINTS
+"""The joints that a found person has proposals of."""
+
+_PARTS = tuple(
+    FINDER_JOINTS.index(name)
+    for name in ("pelvis", "neck", "head", "left_shoulder", "right_shoulder", "left_hip", "right_hip")
+)
+
+_NEAR_M, _FAR_M = 0.2, 12.0
+"""What the net was trained to look at."""
+
+_CELL = 4
+"""Side of the cells that vote for joints, pixels of the net's image."""
+
+_LEAST_LOGIT = -0.62
+"""A pixel votes from a probability of .35 on (the trial's; .3 to .4 made no difference)."""
+
+_RADIUS_M = 0.3
+"""Votes within it are one torso's; two people side by side are .45 m apart or more."""
+
+_REACH_M = 0.5
+"""A vote farther than this from every torso is nobody's."""
+
+_MOST_VOTES = 1000
+"""As many votes, about, are looked at to find the torsos; all are then given to them."""
+
+_LEAST_AREA_M2 = 0.02
+_MOST_PEOPLE = 24
+
+_GROW_CHANCE = 0.2
+_GROW_JUMP = 0.012
+"""Step in depth per metre of distance that a surface may make from one working pixel to the next."""
+
+_GROW_PIXELS = 12
+"""How far a person grows on the working grid, pixels at one metre."""
+
+_TYPICAL_ERROR_M = 0.1
+"""Error of a joint's proposal at which its confidence is one half."""
+
+
+@dataclass(frozen=True)
+class FoundPerson:
+    """One person in one frame.
+
+    Attributes
+    ----------
+    label : int
+        Their number in `FoundPeople.labels`, from 1.
+    probability : float
+        That this is a person.
+    torso : (3,) float64
+        Middle of shoulders and hips, camera frame, metres.
+    joints : (19, 3) float64
+        Where the joints of `FINDER_JOINTS` seem to be, hidden ones too, camera frame, metres.
+    joint_confidence : (19,) float32
+        0 to 1; one half where the error is about 0.1 m.
+    box : (4,) int64
+        Least and greatest column and row (x0, y0, x1, y1) of their pixels on the working grid.
+    cut_off : bool
+        Whether their pixels reach the border of the image.
+    """
+
+    label: int
+    probability: float
+    torso: NDArray[np.float64]
+    joints: NDArray[np.float64]
+    joint_confidence: NDArray[np.float32]
+    box: NDArray[np.int64]
+    cut_off: bool
+
+
+@dataclass(frozen=True)
+class FoundPeople:
+    """Everybody in one frame, on the working grid.
+
+    Attributes
+    ----------
+    depth : (h, w) float32
+        The frame's depth on the working grid, metres; 0 where there is none.
+    labels : (h, w) uint8
+        The number of the person that a pixel shows; 0: nobody.
+    camera : Camera
+        Camera of the working grid.
+    people : tuple of FoundPerson
+        Nearest first.
+    """
+
+    depth: NDArray[np.float32]
+    labels: NDArray[np.uint8]
+    camera: Camera
+    people: tuple[FoundPerson, ...]
+
+
+@dataclass(frozen=True)
+class NetImage:
+    """A frame on the net's grid.
+
+    Attributes
+    ----------
+    depth : (ROWS, COLS) float32
+        Metres; 0 where there is none, and beyond ``rows`` and ``cols``.
+    rows, cols : int
+        The part that the camera fills.
+    stride : float
+        Pixels of the frame to a pixel of the grid.
+    camera : Camera
+    """
+
+    depth: NDArray[np.float32]
+    rows: int
+    cols: int
+    stride: float
+    camera: Camera
+
+
+def reduce_frame(frame: DepthFrame) -> NetImage:
+    """Bring a frame to the net's grid; its sides keep their proportion."""
+    camera = frame.camera
+    stride = max(camera.width / kernels.COLS, camera.height / kernels.ROWS)
+    rows = min(kernels.ROWS, int(camera.height / stride + 1e-6))
+    cols = min(kernels.COLS, int(camera.width / stride + 1e-6))
+    grid = np.empty((kernels.ROWS, kernels.COLS), np.float32)
+    depth = frame.depth if frame.depth.dtype == np.float32 else frame.depth.astype(np.float32)
+    near, far = np.float32(_NEAR_M), np.float32(_FAR_M)
+    kernels.reduce_grid(depth, 0.0, 0.0, stride, rows, cols, near, far, grid)
+    reduced = Camera(
+        width=cols,
+        height=rows,
+        fx=camera.fx / stride,
+        fy=camera.fy / stride,
+        cx=(camera.cx + 0.5) / stride - 0.5,
+        cy=(camera.cy + 0.5) / stride - 0.5,
+    )
+    return NetImage(grid, rows, cols, stride, reduced)
+
+
+@dataclass(frozen=True)
+class Clusters:
+    """What gathers around each torso, before anybody asked whether it is a person.
+
+    Attributes
+    ----------
+    labels : (ROWS, COLS) uint8
+        From 1; 0: nobody.
+    torsos : (P, 3) float64
+    joints : (P, 19, 3) float64
+    joint_error : (P, 19) float64
+        Metres, as the votes themselves say.
+    measures : (P, MEASURES) float64
+        What the verifier asks for.
+    boxes : (P, 4) int64
+    """
+
+    labels: NDArray[np.uint8]
+    torsos: NDArray[np.float64]
+    joints: NDArray[np.float64]
+    joint_error: NDArray[np.float64]
+    measures: NDArray[np.float64]
+    boxes: NDArray[np.int64]
+
+
+class PeopleFinder:
+    """Finds people; keeps nothing from one frame to the next.
+
+    Parameters
+    ----------
+    config : SegmentConfig, optional
+    model : bytes, optional
+        The net (ONNX) in place of the one that ships, with ``settings``.
+    settings : mapping, optional
+        What lies beside the net: its verifier.
+    """
+
+    def __init__(
+        self,
+        config: SegmentConfig | None = None,
+        model: bytes | None = None,
+        settings: dict[str, Any] | None = None,
+    ) -> None:
+        import onnxruntime
+
+        self.config = config or SegmentConfig()
+        if model is None or settings is None:
+            model, settings = load_weights()
+        self.settings = settings
+        self.verifier = Verifier.from_mapping(settings["verifier"]) if "verifier" in settings else None
+        options = onnxruntime.SessionOptions()
+        options.intra_op_num_threads = options.inter_op_num_threads = 1
+        options.use_deterministic_compute = True
+        options.log_severity_level = 3
+        self._session = onnxruntime.InferenceSession(model, options, providers=["CPUExecutionProvider"])
+        self._input = self._session.get_inputs()[0].name
+        shape = (kernels.ROWS, kernels.COLS)
+        self._features = np.zeros((1, kernels.CHANNELS, *shape), np.float32)
+        self._sums = np.zeros((shape[0] + 1, shape[1] + 1))
+        self._counts = np.zeros((shape[0] + 1, shape[1] + 1), np.int64)
+        self._density = np.zeros(int(np.prod(clusters.CELLS)))
+        self._cells = np.empty((shape[0] // _CELL, shape[1] // _CELL), np.int64)
+        size = shape[0] * shape[1]
+        self._flat, self._owner = np.zeros(size, np.int64), np.zeros(size, np.int64)
+        self._votes, self._weights, self._areas = np.zeros((size, 3)), np.zeros(size), np.zeros(size)
+
+    def warm_up(self) -> None:
+        """Compile and load everything, so that the first frame takes no longer than the next."""
+        rows, cols = np.mgrid[:120, :160]
+        depth = np.where(np.hypot(rows - 60, 3.0 * (cols - 80)) < 50, 2.0, 4.0).astype(np.float32)
+        self.find(DepthFrame(0, "", depth, Camera(160, 120, 140.0, 140.0, 79.5, 59.5)))
+
+    def find(self, frame: DepthFrame) -> FoundPeople:
+        """Find everybody.
+
+        Parameters
+        ----------
+        frame : DepthFrame
+
+        Returns
+        -------
+        FoundPeople
+            With nobody in it where nobody is in view.
+        """
+        image = reduce_frame(frame)
+        mask, found = self.cluster(image)
+        depth, camera = working_grid.reduce_frame(frame, self.config)
+        probability = (
+            np.ones(len(found.torsos)) if self.verifier is None else self.verifier.probability(found.measures)
+        )
+        distance = found.torsos[:, 2]
+        likely = (
+            (probability >= self.config.keep) & (distance >= self.config.near) & (distance <= self.config.far)
+        )
+        chosen = np.flatnonzero(likely)[np.argsort(distance[likely], kind="stable")]
+        number = np.zeros(len(distance) + 1, np.uint8)
+        number[chosen + 1] = np.arange(1, len(chosen) + 1)
+        labels = self._outline(image, number[found.labels], mask, depth, camera)
+        people = tuple(
+            _person(label, probability[k], found, k, labels) for label, k in enumerate(chosen, start=1)
+        )
+        return FoundPeople(depth, labels, camera, people)
+
+    def cluster(self, image: NetImage) -> tuple[NDArray[np.float32], Clusters]:
+        """Let the net vote, and gather the votes.
+
+        Returns
+        -------
+        mask : (ROWS, COLS) float32
+            Logit of the probability that a pixel shows a person.
+        clusters : Clusters
+        """
+        c = image.camera
+        intrinsics = (c.fx, c.fy, c.cx, c.cy)
+        kernels.fill_features(
+            image.depth, image.rows, image.cols, *intrinsics, self._sums, self._counts, self._features[0]
+        )
+        mask, torso, votes = (o[0] for o in self._session.run(None, {self._input: self._features}))
+        return mask[0], self._gather(image, intrinsics, mask[0], torso, votes)
+
+    def _gather(
+        self,
+        image: NetImage,
+        intrinsics: tuple[float, float, float, float],
+        mask: NDArray[np.float32],
+        torso: NDArray[np.float32],
+        joint_votes: NDArray[np.float32],
+    ) -> Clusters:
+        """Find where votes for torsos gather, and what those who cast them say of the joints."""
+        view = (image.rows, image.cols)
+        lists = (self._flat, self._votes, self._weights, self._areas)
+        n = clusters.collect_votes(image.depth, mask, torso, *view, *intrinsics, _LEAST_LOGIT, *lists)
+        flat, votes, weights, areas = (a[:n] for a in lists)
+        step = max(1, n // _MOST_VOTES)  # enough to find the middles
+        modes = np.empty((_MOST_PEOPLE, 3))
+        count = clusters.find_modes(
+            votes[::step].copy(),
+            step * weights[::step],
+            self._density,
+            _RADIUS_M,
+            _LEAST_AREA_M2,
+            _MOST_PEOPLE,
+            modes,
+        )
+        modes = modes[:count]
+        labels, owner = np.zeros(mask.shape, np.uint8), self._owner[:n]
+        clusters.assign_votes(flat, votes, modes, _REACH_M, labels, owner)
+        kernels.choose_cells(image.depth, *view, _CELL, self._cells)
+        joints = np.empty((count, len(FINDER_JOINTS), 3))
+        error, spread = np.empty(joints.shape[:2]), np.empty(joints.shape[:2])
+        clusters.gather_joints(
+            image.depth, labels, self._cells, joint_votes, *intrinsics, joints, error, spread
+        )
+        measures = np.empty((count, clusters.MEASURES))
+        boxes = np.empty((count, 4), np.int64)
+        clusters.measure_clusters(
+            image.depth, mask, torso, flat, owner, votes, areas, modes, *view, *intrinsics, measures, boxes
+        )
+        clusters.measure_joints(joints, error, spread, modes, mask, *view, *intrinsics, _PARTS, measures)
+        return Clusters(labels, modes, joints, error, measures, boxes)
+
+    def _outline(
+        self,
+        image: NetImage,
+        net_labels: NDArray[np.uint8],
+        mask: NDArray[np.float32],
+        depth: NDArray[np.float32],
+        camera: Camera,
+    ) -> NDArray[np.uint8]:
+        """Carry the people to the working grid, and let them grow along their surfaces."""
+        labels = np.zeros(depth.shape, np.uint8)
+        if not net_labels.any():
+            return labels
+        view = (image.rows, image.cols)
+        net_chance, near = np.empty(mask.shape, np.float32), np.empty(mask.shape, np.bool_)
+        clusters.mark_near(net_labels, mask, _GROW_CHANCE, *view, net_chance, near)
+        chance = np.empty(depth.shape, np.float32)
+        ratio = image.camera.fx / camera.fx
+        offsets = (image.camera.cx - ratio * camera.cx, image.camera.cy - ratio * camera.cy)
+        clusters.carry_labels(
+            depth, image.depth, net_labels, net_chance, near, *view, ratio, *offsets, labels, chance
+        )
+        queue = np.empty(depth.size, np.int64)
+        clusters.grow_labels(depth, labels, chance, _GROW_CHANCE, _GROW_JUMP, _GROW_PIXELS, queue)
+        return labels
+
+
+def _person(
+    label: int, probability: float, found: Clusters, k: int, labels: NDArray[np.uint8]
+) -> FoundPerson:
+    """Put together what is known of one person."""
+    rows, cols = np.nonzero(labels == label)
+    box = (
+        np.array([cols.min(), rows.min(), cols.max(), rows.max()], np.int64)
+        if len(rows)
+        else np.zeros(4, np.int64)
+    )
+    error = found.joint_error[k] / _TYPICAL_ERROR_M
+    return FoundPerson(
+        label=label,
+        probability=float(probability),
+        torso=found.torsos[k],
+        joints=found.joints[k],
+        joint_confidence=(1.0 / (1.0 + error * error)).astype(np.float32),
+        box=box,
+        cut_off=bool(
+            box[0] <= 0 or box[1] <= 0 or box[2] >= labels.shape[1] - 1 or box[3] >= labels.shape[0] - 1
+        ),
+    )
+
+
+def load_weights() -> tuple[bytes, dict[str, Any]]:
+    """Read the net that ships, and what lies beside it."""
+    folder = resources.files("depth_pose.people") / "weights"
+    settings = json.loads((folder / "people_finder.json").read_text())
+    return (folder / "people_finder.onnx").read_bytes(), settings

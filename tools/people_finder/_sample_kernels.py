@@ -1,0 +1,78 @@
+"""Compiled loops that turn a simulated scene into what the net sees and should say."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from depth_pose.people._finder_kernels import COLS, near_second
+
+_NEAR, _FAR = np.float32(0.2), np.float32(12.0)
+
+
+@njit(cache=True)
+def reduce_scene(depth_mm, person, reach, left, top, stride, rows, cols, mirrored, grid, labels):
+    """Sample a scene as `reduce_grid` does a frame, with the person that each pixel shows (0: nobody).
+
+    The sensor's edges are not those of the labels; what lies outside a person's ``reach`` (P, 2), their
+    least and greatest depth, is not theirs.
+    """
+    grid[:] = 0.0
+    labels[:] = 0
+    height, width = depth_mm.shape
+    z, who = np.empty(4, np.float32), np.empty(4, np.int64)
+    for i in range(rows):
+        for j in range(cols):
+            column = cols - 1 - j if mirrored else j
+            for k in range(4):
+                a = min(height - 1, int(top + (i + (0.25 if k < 2 else 0.75)) * stride))
+                b = min(width - 1, int(left + (column + (0.25 if k % 2 == 0 else 0.75)) * stride))
+                z[k], who[k] = np.float32(0.001) * depth_mm[a, b], person[a, b]
+            grid[i, j] = near_second(z[0], z[1], z[2], z[3], _NEAR, _FAR)
+            if grid[i, j] > 0.0:
+                closest = np.float32(np.inf)
+                for k in range(4):
+                    if z[k] > 0.0 and abs(z[k] - grid[i, j]) < closest:
+                        closest, labels[i, j] = abs(z[k] - grid[i, j]), who[k]
+                k = labels[i, j] - 1
+                if k >= 0 and not (reach[k, 0] < grid[i, j] < reach[k, 1]):
+                    labels[i, j] = 0
+
+
+@njit(cache=True)
+def cell_labels(labels, cells, out):
+    """Give the person that stands for each cell; 0 where there is none or nobody."""
+    for i in range(cells.shape[0]):
+        for j in range(cells.shape[1]):
+            at = cells[i, j]
+            out[i, j] = labels[at // COLS, at % COLS] if at >= 0 else 0
+
+
+@njit(cache=True)
+def fill_offsets(grid, labels, targets, fx, fy, cx, cy, out):
+    """Offsets (3, h, w) from every person pixel of the grid to its person's target (P, 3)."""
+    for i in range(labels.shape[0]):
+        for j in range(labels.shape[1]):
+            k = labels[i, j] - 1
+            if k >= 0:
+                z = grid[i, j]
+                out[0, i, j] = targets[k, 0] - (j - cx) / fx * z
+                out[1, i, j] = targets[k, 1] - (i - cy) / fy * z
+                out[2, i, j] = targets[k, 2] - z
+
+
+@njit(cache=True)
+def fill_joint_offsets(grid, cells, labels, joints, fx, fy, cx, cy, out):
+    """Offsets (3 J, h, w) from the pixel that stands for each person cell to their joints (P, J, 3)."""
+    for i in range(cells.shape[0]):
+        for j in range(cells.shape[1]):
+            k = labels[i, j] - 1
+            if k < 0:
+                continue
+            a, b = cells[i, j] // COLS, cells[i, j] % COLS
+            z = grid[a, b]
+            x, y = (b - cx) / fx * z, (a - cy) / fy * z
+            for n in range(joints.shape[1]):
+                out[3 * n, i, j] = joints[k, n, 0] - x
+                out[3 * n + 1, i, j] = joints[k, n, 1] - y
+                out[3 * n + 2, i, j] = joints[k, n, 2] - z

@@ -1,0 +1,82 @@
+"""What training asks of the net: who is where, and where their torso and joints are.
+
+Votes are scored by the likelihood of a Laplace distribution whose width the net gives as well
+(Kendall and Gal 2017, *What uncertainties do we need in Bayesian deep learning*, eq. 8 with the
+absolute error), so that a vote says how much it is worth. Every person weighs the square root of
+their pixels, so that those far away count.
+"""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+from torch.nn import functional
+
+from depth_pose.core.skeleton import JOINTS
+
+_HARD_MASK = 1.5
+"""Exponent by which well-known pixels lose weight (Lin et al. 2017, focal loss)."""
+
+_TORSO_WEIGHT, _JOINT_WEIGHT, _OVERLAP_WEIGHT = 0.25, 0.25, 0.5
+_LEAST_ERROR_M = 0.02
+"""Narrowest width that a vote may claim."""
+
+
+def mask_loss(logits: Tensor, labels: Tensor, valid: Tensor) -> Tensor:
+    """Focal cross entropy over pixels with a depth, and one less the soft overlap."""
+    truth = (labels > 0).float()
+    p = torch.sigmoid(logits)
+    entropy = functional.binary_cross_entropy_with_logits(logits, truth, reduction="none")
+    known = (truth * p + (1 - truth) * (1 - p)).clamp(1e-4, 1)
+    focal = (entropy * (1 - known) ** _HARD_MASK * valid).sum() / valid.sum() * 10
+    dims = (1, 2)
+    both, either = (p * truth * valid).sum(dims), ((p + truth) * valid).sum(dims)
+    overlap = 1 - (2 * both + 50) / (either + 50)
+    return focal + _OVERLAP_WEIGHT * overlap.mean()
+
+
+def person_weights(labels: Tensor, least: float) -> Tensor:
+    """Weigh every pixel so that a person's weights sum to the root of their pixels."""
+    flat = labels.flatten(1)
+    counts = torch.zeros(len(flat), 8).scatter_add_(1, flat, torch.ones_like(flat, dtype=torch.float32))
+    counts[:, 0] = torch.inf
+    return (1 / counts.clamp(min=least).sqrt()).gather(1, flat).view_as(labels)
+
+
+def vote_loss(offsets: Tensor, log_error: Tensor, truth: Tensor, weights: Tensor) -> Tensor:
+    """Negative log likelihood of votes; ``offsets``, ``truth`` (N, 3), ``log_error``, ``weights`` (N,)."""
+    known = torch.isfinite(truth).all(dim=-1)
+    distance = torch.linalg.vector_norm(offsets - torch.nan_to_num(truth), dim=-1)
+    width = _LEAST_ERROR_M + torch.exp(log_error.clamp(-6, 2))
+    loss = (distance / width + 3 * torch.log(width)) * weights * known
+    return loss.sum() / (weights * known).sum().clamp(min=1e-6)
+
+
+def finder_loss(
+    outputs: tuple[Tensor, Tensor, Tensor],
+    grid: Tensor,
+    labels: Tensor,
+    torso: Tensor,
+    cell_labels: Tensor,
+    joints: Tensor,
+) -> tuple[Tensor, dict[str, float]]:
+    """Sum the losses; shapes as `scenes.Batch` and `net.FinderNet`."""
+    mask, votes, joint_votes = (o.float() for o in outputs)
+    valid = (grid > 0).float()
+    loss_mask = mask_loss(mask[:, 0], labels, valid)
+
+    at = labels > 0
+    weights = person_weights(labels, 50)[at]
+    chosen = votes.permute(0, 2, 3, 1)[at]
+    loss_torso = vote_loss(chosen[:, :3], chosen[:, 3], torso.permute(0, 2, 3, 1)[at], weights)
+
+    at = cell_labels > 0
+    n = len(JOINTS)
+    weights = person_weights(cell_labels, 8)[at][:, None].expand(-1, n).reshape(-1)
+    chosen = joint_votes.permute(0, 2, 3, 1)[at]
+    truth = joints.permute(0, 2, 3, 1)[at].reshape(-1, 3)
+    loss_joints = vote_loss(chosen[:, : 3 * n].reshape(-1, 3), chosen[:, 3 * n :].reshape(-1), truth, weights)
+
+    total = loss_mask + _TORSO_WEIGHT * loss_torso + _JOINT_WEIGHT * loss_joints
+    parts = {"mask": float(loss_mask), "torso": float(loss_torso), "joints": float(loss_joints)}
+    return total, parts

@@ -1,0 +1,227 @@
+"""Simulated scenes as training samples: loading, and changing them so that no two looks are the same."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from _sample_kernels import cell_labels, fill_joint_offsets, fill_offsets, reduce_scene
+from numpy.typing import NDArray
+
+from depth_pose.people._finder_kernels import CHANNELS, COLS, ROWS, choose_cells, fill_features
+from depth_pose.core.skeleton import JOINTS
+
+CELL = 4
+"""Side of the cells that vote for joints, pixels of the net's image."""
+
+_FLESH_M = 0.35
+"""No part of a person or of what they wear is nearer or farther than their joints by more than this."""
+
+_INDEX = {name: n for n, name in enumerate(JOINTS)}
+_TORSO = [_INDEX[n] for n in ("left_shoulder", "right_shoulder", "left_hip", "right_hip")]
+_MIRROR = [
+    _INDEX[n.replace("left", "?").replace("right", "left").replace("?", "right")] for n in JOINTS
+]
+
+
+@dataclass(frozen=True)
+class Scenes:
+    """Simulated depth images with their people.
+
+    Attributes
+    ----------
+    depth : (N, 240, 320) uint16
+        Millimetres; 0 where nothing returned.
+    person : (N, 240, 320) uint8
+        0 nobody, else the person's number from 1.
+    camera : (N, 4) float64
+        fx, fy, cx, cy, pixels.
+    size : (N, 2) int64
+        Columns and rows that the camera fills, from the top left.
+    joints : (N, 6, 19, 3) float32
+        Metres, optical frame; NaN where there is no such person.
+    visible : (N, 6) float32
+        Share of each person that the image shows.
+    """
+
+    depth: NDArray[np.uint16]
+    person: NDArray[np.uint8]
+    camera: NDArray[np.float64]
+    size: NDArray[np.int64]
+    joints: NDArray[np.float32]
+    visible: NDArray[np.float32]
+
+    def __len__(self) -> int:
+        return len(self.depth)
+
+
+def list_shards(folder: Path) -> list[Path]:
+    """Give a folder's shards, in order."""
+    return sorted(p for p in folder.glob("*.npz") if not p.name.startswith("."))
+
+
+def load_scenes(shards: list[Path]) -> Scenes:
+    """Read shards that ``make_scenes.py`` wrote."""
+    parts = []
+    for path in shards:
+        with np.load(path) as z:
+            parts.append(
+                Scenes(
+                    z["depth"],
+                    z["person"],
+                    z["K"].astype(float),
+                    z["valid_size"][:, ::-1].astype(np.int64),
+                    z["joints"].astype(np.float32),
+                    z["visible"],
+                )
+            )
+    return join(parts)
+
+
+def join(parts: list[Scenes]) -> Scenes:
+    """Put scenes together."""
+    names = Scenes.__dataclass_fields__
+    return Scenes(*(np.concatenate([getattr(p, n) for p in parts]) for n in names))
+
+
+@dataclass(frozen=True)
+class Batch:
+    """What the net sees, and should say.
+
+    Attributes
+    ----------
+    features : (B, C, H, W) float32
+    grid : (B, H, W) float32
+        Depth, metres.
+    labels : (B, H, W) int64
+        Persons by number; 0 nobody.
+    torso : (B, 3, H, W) float32
+        Offsets to the torso of a pixel's person, metres.
+    cell_labels : (B, H/4, W/4) int64
+    joints : (B, 3 J, H/4, W/4) float32
+        Offsets to the joints of a cell's person, metres.
+    """
+
+    features: NDArray[np.float32]
+    grid: NDArray[np.float32]
+    labels: NDArray[np.int64]
+    torso: NDArray[np.float32]
+    cell_labels: NDArray[np.int64]
+    joints: NDArray[np.float32]
+
+
+class Sampler:
+    """Makes batches; with ``rng`` changed at random, without as they are."""
+
+    def __init__(self, scenes: Scenes) -> None:
+        self.scenes = scenes
+        self._sums = np.zeros((ROWS + 1, COLS + 1))
+        self._counts = np.zeros((ROWS + 1, COLS + 1), np.int64)
+        self._cells = np.empty((ROWS // CELL, COLS // CELL), np.int64)
+
+    def batch(self, which: NDArray[np.int64], rng: np.random.Generator | None) -> Batch:
+        """Make one batch of some scenes."""
+        n, h, w = len(which), ROWS // CELL, COLS // CELL
+        out = Batch(
+            np.empty((n, CHANNELS, ROWS, COLS), np.float32),
+            np.empty((n, ROWS, COLS), np.float32),
+            np.empty((n, ROWS, COLS), np.int64),
+            np.zeros((n, 3, ROWS, COLS), np.float32),
+            np.empty((n, h, w), np.int64),
+            np.zeros((n, 3 * len(JOINTS), h, w), np.float32),
+        )
+        for k, scene in enumerate(which):
+            self._fill(int(scene), rng, out, k)
+        return out
+
+    def _fill(self, scene: int, rng: np.random.Generator | None, out: Batch, k: int) -> None:
+        s, grid, labels = self.scenes, out.grid[k], out.labels[k]
+        width, height = s.size[scene]
+        left, top, view_w, view_h, mirrored = 0.0, 0.0, float(width), float(height), False
+        if rng is not None:
+            mirrored = bool(rng.random() < 0.5)
+            if rng.random() < 0.4:  # a camera with a narrower view
+                zoom = rng.uniform(0.6, 1.0)
+                view_w, view_h = view_w * zoom, view_h * zoom
+                left, top = rng.uniform(0, width - view_w), rng.uniform(0, height - view_h)
+        stride = max(view_w / COLS, view_h / ROWS)
+        if rng is not None and rng.random() < 0.15:  # a coarser sensor
+            stride *= rng.uniform(1.0, 1.35)
+        rows, cols = min(ROWS, int(view_h / stride + 1e-6)), min(COLS, int(view_w / stride + 1e-6))
+        joints = s.joints[scene]
+        reach = np.nan_to_num(
+            np.stack([joints[:, :, 2].min(axis=1) - _FLESH_M, joints[:, :, 2].max(axis=1) + _FLESH_M], axis=1)
+        )
+        reduce_scene(
+            s.depth[scene], s.person[scene], reach, left, top, stride, rows, cols, mirrored, grid, labels
+        )
+        fx, fy, cx, cy = s.camera[scene]
+        cx, cy = (cx + 0.5 - left) / stride - 0.5, (cy + 0.5 - top) / stride - 0.5
+        fx, fy = fx / stride, fy / stride
+        if mirrored:
+            cx = cols - 1 - cx
+            joints = joints[:, _MIRROR] * np.array([-1, 1, 1], np.float32)
+        if rng is not None:
+            spoil(grid, labels, rows, cols, rng)
+        fill_features(grid, rows, cols, fx, fy, cx, cy, self._sums, self._counts, out.features[k])
+        fill_offsets(grid, labels, joints[:, _TORSO].mean(axis=1), fx, fy, cx, cy, out.torso[k])
+        choose_cells(grid, rows, cols, CELL, self._cells)
+        cell_labels(labels, self._cells, out.cell_labels[k])
+        fill_joint_offsets(
+            grid, self._cells, out.cell_labels[k], joints, fx, fy, cx, cy, out.joints[k]
+        )
+
+
+def spoil(
+    grid: NDArray[np.float32],
+    labels: NDArray[np.int64],
+    rows: int,
+    cols: int,
+    rng: np.random.Generator,
+) -> None:
+    """Cut away the background, put things in front, make holes and noise: each now and then."""
+    view = grid[:rows, :cols]
+    if rng.random() < 0.08 and labels.any():  # recordings with nothing but people
+        view[labels[:rows, :cols] == 0] = 0
+    elif rng.random() < 0.06:  # a short-sighted sensor
+        view[view > rng.uniform(2.5, 6.0)] = 0
+    if rng.random() < 0.15:
+        _occlude(view, labels[:rows, :cols], rng)
+    if rng.random() < 0.3:
+        for _ in range(rng.integers(1, 8)):
+            h, w = rng.integers(1, rows // 3), rng.integers(1, cols // 3)
+            i, j = rng.integers(0, rows), rng.integers(0, cols)
+            patch = view[i : i + h, j : j + w]
+            far = np.median(patch) + rng.uniform(-0.5, 1.0)
+            patch[patch > far] = 0
+    if rng.random() < 0.25:
+        view[rng.random(view.shape, np.float32) < rng.uniform(0, 0.2)] = 0
+    if rng.random() < 0.3:
+        noise = rng.standard_normal(view.shape, np.float32) * np.float32(rng.uniform(0, 0.004))
+        view += noise * view * view
+    if rng.random() < 0.3:
+        view *= np.float32(rng.uniform(0.96, 1.04))
+    np.maximum(view, 0, out=view)
+    view[view < 0.2] = 0
+    labels[grid == 0] = 0
+
+
+def _occlude(
+    view: NDArray[np.float32], labels: NDArray[np.int64], rng: np.random.Generator
+) -> None:
+    """Put a flat thing in front of a part of the view."""
+    rows, cols = view.shape
+    h, w = rng.integers(rows // 12, rows // 2), rng.integers(cols // 16, cols // 2)
+    i, j = rng.integers(-h // 2, rows - h // 2), rng.integers(-w // 2, cols - w // 2)
+    if rng.random() < 0.4:  # from the lower border, as a desk before the sensor
+        i = rows - h
+    patch = (slice(max(i, 0), i + h), slice(max(j, 0), j + w))
+    seen = view[patch][view[patch] > 0]
+    if seen.size == 0:
+        return
+    tilt = rng.uniform(-0.004, 0.004, 2)
+    a, b = np.mgrid[: view[patch].shape[0], : view[patch].shape[1]]
+    plane = np.percentile(seen, 5) * rng.uniform(0.5, 0.95) + tilt[0] * a + tilt[1] * b
+    view[patch] = np.maximum(plane, 0.25)
+    labels[patch] = 0

@@ -1,0 +1,135 @@
+"""Train the people finder's net on simulated scenes.
+
+    python tools/people_finder/train.py scenes/train runs/a --images 400000
+"""
+
+from __future__ import annotations
+
+import copy
+import json
+import time
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import torch
+import typer
+from losses import finder_loss
+from net import FinderNet
+from rich.progress import Progress
+from scenes import Sampler, list_shards, load_scenes
+from torch import Tensor
+
+_EMA = 0.998
+_WEIGHT_DECAY = 1e-4
+_WARM_UP = 0.05
+_CLIP = 5.0
+
+app = typer.Typer(add_completion=False)
+
+
+@app.command()
+def train(
+    scenes: Annotated[Path, typer.Argument(help="Folder of shards from make_scenes.py")],
+    out: Annotated[Path, typer.Argument(help="Folder for checkpoints")],
+    images: Annotated[int, typer.Option(help="Images to train on, repeats counted")] = 400_000,
+    batch: Annotated[int, typer.Option(help="Images in a step")] = 32,
+    rate: Annotated[float, typer.Option(help="Highest learning rate")] = 2e-3,
+    seed: Annotated[int, typer.Option(help="Start of all random numbers")] = 0,
+    start: Annotated[Path | None, typer.Option(help="Checkpoint to go on from")] = None,
+    save_every: Annotated[int, typer.Option(help="Images between checkpoints")] = 40_000,
+    threads: Annotated[int, typer.Option(help="Threads of torch")] = 1,
+    exact: Annotated[bool, typer.Option(help="32 bits throughout, for processors without bfloat16")] = False,
+) -> None:
+    """Train; writes OUT/NNNNNNN.pt every so often, and OUT/last.pt.
+
+    New shards are looked for as training goes on, so that it may begin before all are there.
+    """
+    torch.manual_seed(seed)
+    torch.set_num_threads(threads)
+    out.mkdir(parents=True, exist_ok=True)
+    net = FinderNet()
+    if start is not None:
+        net.load_state_dict(torch.load(start, weights_only=True))
+    net = net.to(memory_format=torch.channels_last)
+    average = copy.deepcopy(net).eval()
+    optimiser = torch.optim.AdamW(net.parameters(), rate, weight_decay=_WEIGHT_DECAY, fused=True)
+    steps = images // batch
+    schedule = torch.optim.lr_scheduler.OneCycleLR(
+        optimiser, rate, total_steps=steps + 1, pct_start=_WARM_UP, div_factor=10, final_div_factor=100
+    )
+    feed = Feed(scenes, seed)
+    mean: dict[str, float] = {}
+    saved, began = 0, time.perf_counter()
+    log = (out / "log.jsonl").open("a")
+    with Progress() as progress:
+        task = progress.add_task("training", total=steps)
+        for step in range(steps):
+            inputs, truths = feed.next(batch)
+            with torch.autocast("cpu", torch.bfloat16, enabled=not exact):
+                outputs = net(inputs)
+            loss, parts = finder_loss(outputs, *truths)
+            optimiser.zero_grad()
+            loss.backward()
+            torch.nn.utils.clip_grad_norm_(net.parameters(), _CLIP)
+            optimiser.step()
+            schedule.step()
+            follow(average, net, min(_EMA, (1 + step) / (10 + step)))
+            mean = {k: 0.98 * mean.get(k, v) + 0.02 * v for k, v in parts.items()}
+            progress.update(task, advance=1, description=" ".join(f"{k} {v:.3f}" for k, v in mean.items()))
+            done = (step + 1) * batch
+            if done - saved >= save_every or step + 1 == steps:
+                saved = done
+                torch.save(average.state_dict(), out / f"{done:07d}.pt")
+                line = {"images": done, "scenes": feed.count, "seconds": time.perf_counter() - began, **mean}
+                print(json.dumps(line), file=log, flush=True)
+    torch.save(average.state_dict(), out / "last.pt")
+
+
+class Feed:
+    """Batches from a folder of shards, each scene once a round; new shards join between rounds."""
+
+    def __init__(self, folder: Path, seed: int) -> None:
+        self._folder = folder
+        self._rng = np.random.default_rng(seed)
+        self._known: list[Path] = []
+        self._samplers: list[Sampler] = []
+        self._order: list[tuple[int, int]] = []
+
+    @property
+    def count(self) -> int:
+        """How many scenes are known."""
+        return sum(len(s.scenes) for s in self._samplers)
+
+    def next(self, size: int) -> tuple[Tensor, tuple[Tensor, ...]]:
+        """Give the net's input, and what `finder_loss` compares with."""
+        if len(self._order) < size:
+            self._begin_round()
+        chosen, self._order = self._order[:size], self._order[size:]
+        parts = [self._samplers[k].batch(np.array([n]), self._rng) for k, n in chosen]
+        names = ("features", "grid", "labels", "torso", "cell_labels", "joints")
+        stacked = [torch.from_numpy(np.concatenate([getattr(p, n) for p in parts])) for n in names]
+        return stacked[0].contiguous(memory_format=torch.channels_last), tuple(stacked[1:])
+
+    def _begin_round(self) -> None:
+        fresh = [p for p in list_shards(self._folder) if p not in self._known]
+        self._samplers += [Sampler(load_scenes([p])) for p in fresh]
+        self._known += fresh
+        pairs = [(k, n) for k, s in enumerate(self._samplers) for n in range(len(s.scenes))]
+        if not pairs:
+            raise typer.BadParameter(f"{self._folder} has no shards; make_scenes.py writes them")
+        self._order = [pairs[i] for i in self._rng.permutation(len(pairs))]
+
+
+def follow(average: FinderNet, net: FinderNet, keep: float) -> None:
+    """Move the averaged weights towards the net's."""
+    with torch.no_grad():
+        for a, b in zip(average.state_dict().values(), net.state_dict().values(), strict=True):
+            if a.is_floating_point():
+                a.lerp_(b, 1 - keep)
+            else:
+                a.copy_(b)
+
+
+if __name__ == "__main__":
+    app()
