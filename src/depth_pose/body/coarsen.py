@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from depth_pose.body.body import Body
-from depth_pose.body.remesh import vertex_normals
-from depth_pose.body.surface import Mesh
+from depth_pose.body.normals import vertex_normals
 
 _WEIGHT_M = 0.25
 """Distance in space that counts as much as belonging to another segment altogether."""
@@ -43,7 +42,7 @@ def coarsen(body: Body, vertices: int) -> Body:
         mine = closer < gap
         gap[mine] = closer[mine]
         cluster[mine] = len(kept) - 1
-    normals = vertex_normals(Mesh(body.vertices, body.faces))
+    normals = vertex_normals(body)
     below = ((body.vertices[kept][cluster] - body.vertices) * normals[kept][cluster]).sum(axis=1)
     depth = np.bincount(cluster, below) / np.bincount(cluster)
     faces = cluster[body.faces]

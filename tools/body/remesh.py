@@ -14,7 +14,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.body.surface import Array, Field, Mesh
+from depth_pose.body.normals import vertex_normals
+from surface import Array, Field, Mesh
 
 _GRADIENT_STEP = 1e-4
 
@@ -106,17 +107,6 @@ def _relax(mesh: Mesh) -> Array:
     moved: Array = mesh.vertices + 0.5 * move
     moved[border, 0] = 0.0
     return moved
-
-
-def vertex_normals(mesh: Mesh) -> Array:
-    """Area-weighted unit normals, (V, 3)."""
-    p = mesh.vertices[mesh.faces]
-    face = np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0])
-    total = np.zeros_like(mesh.vertices)
-    for k in range(3):
-        np.add.at(total, mesh.faces[:, k], face)
-    normals: Array = total / np.maximum(np.linalg.norm(total, axis=1, keepdims=True), 1e-12)
-    return normals
 
 
 class _Topology:

@@ -12,10 +12,10 @@ import numpy as np
 from scipy.sparse import coo_matrix, csc_matrix, diags
 from scipy.sparse.linalg import splu
 
-from depth_pose.body.anatomy import BodyField
+from anatomy import BodyField
 from depth_pose.body.body import INFLUENCES
-from depth_pose.body.surface import Array, Mesh
 from depth_pose.core.skeleton import MIRROR_NODES, NODE_INDEX
+from surface import Array, Mesh
 
 _DIFFUSION = 0.016**2
 """Diffusion time t, square metres: the square of the width over which seams are smoothed."""
@@ -33,7 +33,7 @@ def skin_weights(mesh: Mesh, nodes: Array, field: BodyField) -> Array:
     Parameters
     ----------
     mesh : Mesh
-        Symmetric mesh as `depth_pose.body.remesh.mirror` gives it.
+        Symmetric mesh as `remesh.mirror` gives it.
     nodes : (21, 3)
         Rest positions of the nodes, metres.
     field : BodyField
