@@ -20,7 +20,6 @@ from depth_pose.body.angles import (
     trunk_rotation,
 )
 from depth_pose.body.limits import HIGH, LOW, clamp_angles, clamp_rotations, violation, with_shoulder_rhythm
-from depth_pose.core.farthest_points import farthest_rows, keep_apart, nearest_rows
 from depth_pose.core.skeleton import (
     ADULT_STATURE_M,
     NODE_INDEX,
@@ -267,41 +266,6 @@ def test_near_duplicates_go_and_the_first_of_them_stays() -> None:
     np.testing.assert_allclose(kept.rotations[0], poses.rotations[0])
     # Everything that went lies near something that stayed.
     assert rms_distances(poses, kept).min(axis=1).max() < 0.12
-
-
-def test_keeping_apart_against_its_slow_twin() -> None:
-    rows = np.random.default_rng(11).normal(size=(200, 5)).astype(np.float32)
-    kept: list[int] = []
-    for i in range(len(rows)):
-        if all(((rows[i] - rows[j]) ** 2).sum() >= 1.0 for j in kept):
-            kept.append(i)
-    assert np.flatnonzero(keep_apart(rows, np.float32(1.0))).tolist() == kept
-
-
-def test_farthest_choice_against_its_slow_twin() -> None:
-    rng = np.random.default_rng(12)
-    rows = rng.normal(size=(150, 9)).astype(np.float32)
-    images, weights = rows * np.float32(-1), rng.uniform(0.5, 2, 150).astype(np.float32)
-    nearest, chosen = np.full(150, np.inf), [3]
-    for _ in range(39):
-        for point in (rows[chosen[-1]], images[chosen[-1]]):
-            nearest = np.minimum(nearest, ((rows - point) ** 2).sum(1))
-        value = nearest * weights
-        value[chosen] = -1
-        chosen.append(int(np.argmax(value)))
-    assert farthest_rows(rows, images, weights, 40, 3).tolist() == chosen
-
-
-def test_nearest_pose_against_its_slow_twin() -> None:
-    rng = np.random.default_rng(13)
-    queries, rows = (
-        rng.normal(size=(20, 19, 3)).astype(np.float32),
-        rng.normal(size=(50, 19, 3)).astype(np.float32),
-    )
-    slow = np.linalg.norm(queries[:, None] - rows[None], axis=-1).mean(-1)
-    index, distance = nearest_rows(queries, rows)
-    assert index.tolist() == slow.argmin(1).tolist()
-    np.testing.assert_allclose(distance, slow.min(1), rtol=1e-5)
 
 
 def test_chosen_poses_cover_better_than_any_others() -> None:
