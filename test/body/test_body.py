@@ -9,6 +9,7 @@ from depth_pose.body.body import INFLUENCES, Body
 from depth_pose.body.normals import vertex_normals
 from depth_pose.body.procedural import BodyShape, make_body
 from depth_pose.core.errors import ConfigError
+from depth_pose.core.rotations import rotation_x, rotation_z
 from depth_pose.core.skeleton import MIRROR_NODES, NODE_INDEX, NODE_PARENTS, forward_kinematics, rest_nodes
 
 
@@ -148,8 +149,7 @@ def test_rigid_motion_moves_the_body_rigidly(body: Body) -> None:
 
 def test_bent_knee_keeps_its_volume(body: Body) -> None:
     rotations = np.tile(np.eye(3), (21, 1, 1))
-    c, s = np.cos(np.radians(120.0)), np.sin(np.radians(120.0))
-    bend = np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
+    bend = rotation_x(np.radians(120.0))
     for name in ("left_knee", "left_ankle", "left_foot"):
         rotations[NODE_INDEX[name]] = bend
     posed = body.pose(rotations, body.nodes[0])
@@ -198,12 +198,9 @@ def test_bank_of_poses_never_tears_the_skin(body: Body) -> None:
     rest_sides = np.linalg.norm(rest - np.roll(rest, 1, axis=1), axis=2)
     for name, angle in (("left_hip", -100.0), ("left_knee", 120.0), ("left_shoulder", 90.0), ("head", 40.0)):
         rotations = np.tile(np.eye(3), (21, 1, 1))
-        c, s = np.cos(np.radians(angle)), np.sin(np.radians(angle))
-        about_x = np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
-        about_z = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
         chain = [i for i in range(21) if i == NODE_INDEX[name] or NODE_PARENTS[i] == NODE_INDEX[name]]
         chain += [i for i in range(21) if NODE_PARENTS[i] in chain and i not in chain]
-        rotations[chain] = about_z if "shoulder" in name else about_x
+        rotations[chain] = (rotation_z if "shoulder" in name else rotation_x)(np.radians(angle))
         posed = body.pose(rotations, body.nodes[0]).vertices[body.faces]
         sides = np.linalg.norm(posed - np.roll(posed, 1, axis=1), axis=2)
         assert (sides / rest_sides).max() < 3.5

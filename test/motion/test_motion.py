@@ -14,8 +14,6 @@ from depth_pose.body.angles import (
     N_ANGLES,
     UPPER_ARM_M,
     angles_from_rotations,
-    nearest_rotation,
-    rotation_between,
     rotations_from_angles,
     trunk_rotation,
 )
@@ -144,11 +142,6 @@ def test_leg_reaches_its_target_with_the_foot_flat() -> None:
         at[:, NODE_INDEX["left_ankle"]] - at[:, NODE_INDEX["left_hip"]], ankle, atol=1e-6
     )
     np.testing.assert_allclose(rotations[:, NODE_INDEX["left_foot"], 1, 1], 1.0, atol=1e-9)
-
-
-def test_nearest_rotation_of_a_rotation_is_itself() -> None:
-    r = rotation_between(np.array([0.0, 1, 0]), np.array([0.6, 0, 0.8]))
-    np.testing.assert_allclose(nearest_rotation(1.7 * r), r, atol=1e-12)
 
 
 def test_clamping_brings_everything_inside_and_keeps_what_is_inside() -> None:

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.body.angles import rotation_y
 from depth_pose.core.farthest_points import farthest_rows, keep_apart
+from depth_pose.core.rotations import rotation_y
 from depth_pose.core.skeleton import (
     ADULT_STATURE_M,
     JOINT_NODES,

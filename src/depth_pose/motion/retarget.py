@@ -15,17 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.body._joint_names import find_joints, joints_between
-from depth_pose.body.angles import (
-    HANG,
-    SHANK_M,
-    THIGH_M,
-    angles_from_rotations,
-    nearest_rotation,
-    rotation_between,
-)
+from depth_pose.body.angles import HANG, SHANK_M, THIGH_M, angles_from_rotations
 from depth_pose.body.limits import violation
 from depth_pose.body.source_motion import SourceMotion
 from depth_pose.core.errors import InputError
+from depth_pose.core.rotations import mirror_rotation, nearest_rotation, rotation_between
 from depth_pose.core.skeleton import NODE_INDEX, rest_nodes
 from depth_pose.motion.clip import Clip
 from depth_pose.motion.contact import pelvis_height
@@ -163,7 +157,7 @@ def _mirrored(points: Array, flip: bool) -> Array:
 
 
 def _mirrored_turn(rotations: Array, flip: bool) -> Array:
-    return _FLIP[:, None] * rotations * _FLIP if flip else rotations
+    return mirror_rotation(rotations) if flip else rotations
 
 
 def _piece(

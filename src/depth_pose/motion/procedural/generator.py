@@ -16,9 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
-from depth_pose.body.angles import angles_from_rotations, nearest_rotation, rotations_from_angles
+from depth_pose.body.angles import angles_from_rotations, rotations_from_angles
 from depth_pose.body.limits import clamp_angles, clamp_rotations, violation, with_shoulder_rhythm
 from depth_pose.core.errors import ConfigError
+from depth_pose.core.rotations import nearest_rotation
 from depth_pose.motion.clip import Clip, PoseSet, choose_for_coverage, join_poses, without_heading
 from depth_pose.motion.contact import Separated, separate_limbs, walk_on_floor
 from depth_pose.motion.procedural.draw import Draw
