@@ -25,7 +25,7 @@ from depth_pose.core.skeleton import (
     mirror_rotations,
     rest_nodes,
 )
-from depth_pose.motion._contact import _closest
+from depth_pose.motion._contact_kernels import _closest
 from depth_pose.motion.clip import (
     PoseSet,
     choose_for_coverage,

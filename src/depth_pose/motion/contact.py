@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.skeleton import ADULT_STATURE_M, NODE_INDEX, forward_kinematics, rest_nodes
-from depth_pose.motion._contact import push_apart
+from depth_pose.motion._contact_kernels import push_apart
 
 Array = NDArray[np.float64]
 

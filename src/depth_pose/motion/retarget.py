@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.body._joint_names import find_joints, joints_between
 from depth_pose.body.angles import HANG, SHANK_M, THIGH_M, angles_from_rotations
+from depth_pose.body.joint_names import find_joints, joints_between
 from depth_pose.body.limits import violation
 from depth_pose.body.source_motion import SourceMotion
 from depth_pose.core.errors import InputError
