@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from depth_pose.core.farthest_points import farthest_rows, keep_apart, nearest_rows
+from depth_pose.core.farthest_points import farthest_rows, keep_apart
 
 
 def test_keeping_apart_against_its_slow_twin() -> None:
@@ -37,15 +37,3 @@ def test_farthest_rows_are_spread_from_the_middle_on() -> None:
     gaps = np.linalg.norm(points[chosen][:, None] - points[chosen], axis=2) + 9 * np.eye(20)
     assert gaps.min() > 0.3
     assert sorted(farthest_rows(points[:5], 20).tolist()) == [0, 1, 2, 3, 4]
-
-
-def test_nearest_pose_against_its_slow_twin() -> None:
-    rng = np.random.default_rng(13)
-    queries, rows = (
-        rng.normal(size=(20, 19, 3)).astype(np.float32),
-        rng.normal(size=(50, 19, 3)).astype(np.float32),
-    )
-    slow = np.linalg.norm(queries[:, None] - rows[None], axis=-1).mean(-1)
-    index, distance = nearest_rows(queries, rows)
-    assert index.tolist() == slow.argmin(1).tolist()
-    np.testing.assert_allclose(distance, slow.min(1), rtol=1e-5)

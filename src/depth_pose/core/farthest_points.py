@@ -110,30 +110,3 @@ def _choose(rows: Any, images: Any, weights: Any, count: int, start: int) -> Any
                 top = value
                 best = i
     return chosen
-
-
-@njit(cache=True)
-def nearest_rows(
-    queries: NDArray[np.float32], rows: NDArray[np.float32]
-) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
-    """Find for each (J, 3) query the row of least mean joint distance, and that distance."""
-    joints = rows.shape[1]
-    index = np.zeros(queries.shape[0], np.int64)
-    distance = np.full(queries.shape[0], np.float32(1e30))
-    for q in range(queries.shape[0]):
-        best = np.float32(1e30)
-        for i in range(rows.shape[0]):
-            total = np.float32(0.0)
-            # Hands and feet are last in each limb and differ most: going backwards stops early.
-            for j in range(joints - 1, -1, -1):
-                x = queries[q, j, 0] - rows[i, j, 0]
-                y = queries[q, j, 1] - rows[i, j, 1]
-                z = queries[q, j, 2] - rows[i, j, 2]
-                total += np.sqrt(x * x + y * y + z * z)
-                if total >= best:
-                    break
-            if total < best:
-                best = total
-                index[q] = i
-        distance[q] = best / joints
-    return index, distance

@@ -96,11 +96,6 @@ def join_poses(*sets: PoseSet) -> PoseSet:
     return PoseSet(np.concatenate([poses.rotations for poses in sets]), families)
 
 
-def poses_of_clip(clip: Clip) -> PoseSet:
-    """Give a clip's frames as poses, heading removed."""
-    return PoseSet(without_heading(clip.rotations), (clip.name,) * len(clip))
-
-
 def heading(rotations: Array) -> Array:
     """Direction in which the pelvis faces, radians about +y from +z, (..., 21, 3, 3) to (...).
 
