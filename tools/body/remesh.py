@@ -18,6 +18,11 @@ from depth_pose.body.normals import vertex_normals
 from surface import Array, Field, Mesh
 
 _GRADIENT_STEP = 1e-4
+"""Half-width of central differences of the field, metres."""
+_NEWTON_STEP_M = 0.01
+"""Longest step onto the surface, metres. Set by hand."""
+_LEAST_SLOPE2 = 0.05
+"""Least squared slope that a step divides by: where parts blend the field is no distance."""
 
 Point = tuple[float, float, float]
 
@@ -82,8 +87,8 @@ def project(points: Array, field: Field, mesh: Mesh) -> Array:
     for _ in range(2):
         slope = gradient(field, points)
         slope[border, 0] = 0.0
-        square = np.maximum((slope**2).sum(axis=1), 0.05)
-        step = np.clip(field(points) / square, -0.01, 0.01)
+        square = np.maximum((slope**2).sum(axis=1), _LEAST_SLOPE2)
+        step = np.clip(field(points) / square, -_NEWTON_STEP_M, _NEWTON_STEP_M)
         points = points - step[:, None] * slope
         points[border, 0] = 0.0
     return points
@@ -151,7 +156,10 @@ class _Topology:
         return sorted(found)
 
     def collapse(self, shortest: float = 0.8, longest: float = 1.35) -> None:
-        """Collapse edges shorter than `shortest` wished lengths, the shortest first."""
+        """Collapse edges shorter than `shortest` wished lengths, the shortest first.
+
+        None longer than `longest` may come of it; both are near Botsch and Kobbelt's 4/5 and 4/3.
+        """
         heap = [(self._length(a, b), a, b) for a, b in self._edges()]
         heap = [e for e in heap if e[0] < shortest]
         heapq.heapify(heap)

@@ -22,6 +22,7 @@ Array = NDArray[np.float64]
 Field = Callable[[Array], Array]
 
 _COARSE = 4
+"""Nodes along each axis that share one sample far from the surface."""
 
 
 @dataclass(frozen=True)
