@@ -32,6 +32,7 @@ from numpy.typing import NDArray
 
 from depth_pose.bank.bank import Bank
 from depth_pose.body.body import Body
+from depth_pose.body.normals import vertex_normals
 from depth_pose.core.camera import Camera
 from depth_pose.core.rotations import quat_to_matrix
 from depth_pose.core.skeleton import NODE_INDEX, NODE_PARENTS, NODES
@@ -179,16 +180,6 @@ def nearest_person_pixels(observation: Observation) -> NDArray[np.int32]:
 
 def _intrinsics(camera: Camera) -> tuple[float, float, float, float]:
     return camera.fx, camera.fy, camera.cx, camera.cy
-
-
-def vertex_normals(body: Body) -> NDArray[np.float64]:
-    """Outward unit normals of the rest vertices, weighted by the faces' areas, shape (V, 3)."""
-    corners = body.vertices[body.faces]
-    face = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normals = np.zeros_like(body.vertices)
-    for k in range(3):
-        np.add.at(normals, body.faces[:, k], face)
-    return np.asarray(normals / np.linalg.norm(normals, axis=1, keepdims=True))
 
 
 def _free_nodes() -> tuple[NDArray[np.int64], NDArray[np.float64]]:

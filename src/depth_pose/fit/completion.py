@@ -14,11 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.body.body import Body, PosedBody
+from depth_pose.body.normals import vertex_normals
 from depth_pose.core import _raster_kernels
 from depth_pose.core.camera import Camera
 from depth_pose.core.skeleton import NODES
 from depth_pose.fit import _visibility_kernels as visibility
-from depth_pose.fit.articulated import BodyPose, vertex_normals
+from depth_pose.fit.articulated import BodyPose
 from depth_pose.fit.coherence import geodesic_basis
 from depth_pose.fit.cpd import CpdConfig, register
 from depth_pose.fit.laplacian import LaplacianCompleter

@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.body.body import Body
+from depth_pose.body.normals import vertex_normals
 from depth_pose.core.skeleton import NODE_INDEX, NODE_PARENTS, NODES
-from depth_pose.fit.articulated import parameters_above, vertex_normals
+from depth_pose.fit.articulated import parameters_above
 from depth_pose.volume import _fit_kernels as kernels
 
 Array = NDArray[np.float64]

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from depth_pose.body.normals import vertex_normals
 from depth_pose.body.procedural import BodyShape, make_body
-from depth_pose.fit.articulated import vertex_normals
 from depth_pose.volume_learn.performances import Performance
 
 Array = NDArray[np.float64]

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from motion_writers import BANDAI, BIOVISION, MIXAMO, write_asf_amc, write_bvh
 
-from depth_pose.body._joint_names import find_joints, split_name
+from depth_pose.body.joint_names import find_joints, split_name
 from depth_pose.core.errors import InputError
 from depth_pose.core.skeleton import ADULT_STATURE_M, NODE_INDEX, forward_kinematics, rest_nodes
 from depth_pose.motion.asf_amc import parse_asf_amc, read_asf_amc
