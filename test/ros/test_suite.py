@@ -71,7 +71,7 @@ def test_live_equals_offline(recording, bank_path, peer):
         told = peer.listen(DiagnosticArray, "/diagnostics", 200)
         skeletons = peer.listen(Skeleton, "/depth_pose/skeleton", 200)
         matches = peer.listen(PoseMatch, "/depth_pose/match", 200)
-        # what this side takes for joined, the nodes may not yet: they tell how many listen to them
+        # a publisher finds its subscribers first: the nodes tell how many listen to them
         wanted = {"matcher": 2, "recovery": 2}
         peer.until(lambda: wanted.items() <= listeners(told).items(), 30.0, "this test as a listener")
         play(recording, rate=2.0, wait_for_subscribers=[IMAGE, INFO])
