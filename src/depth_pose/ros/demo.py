@@ -31,9 +31,6 @@ if TYPE_CHECKING:
 
     from depth_pose.evaluate.score import Score
 
-START_TIMEOUT_S = 300.0
-"""How long the nodes may take to start: the first time on a machine they compile their kernels."""
-
 _QUIET_S, _FIRST_S = 3.0, 15.0
 """Seconds without another skeleton, and without the first, after which the rest was dropped. Set by hand."""
 
@@ -147,7 +144,7 @@ def replay_live(
     recorder = Recorder(skeletons, [SKELETON_TOPIC], on_message=timing.received)
     topics = [name for name in (topic.name, topic.info_topic) if name]
     player = Player(recording, topics=topics, wait_for_subscribers=topics, on_message=timing.sent)
-    with _running(suite), recorder:
+    with suite, recorder:
         recorder.wait_subscribed()
         if on_ready is not None:
             on_ready()
@@ -169,17 +166,6 @@ def replay_live(
         restarts=restarts,
         damage=_damage(played),
     )
-
-
-@contextmanager
-def _running(suite: Suite) -> Iterator[None]:
-    """Keep the nodes running; the first start may take longer than `Suite` itself would wait."""
-    suite.start()
-    try:
-        suite.wait_ready(START_TIMEOUT_S)
-        yield
-    finally:
-        suite.stop()
 
 
 def _topic_parameters(topic: DepthTopic) -> dict[str, str | bool]:

@@ -70,10 +70,6 @@ class _Node:
     delay_s: float = 0.0
     retry_s: float | None = 0.0
 
-    @property
-    def is_ready(self) -> bool:
-        return self.process is not None and self.process.is_ready
-
 
 class Suite:
     """The four nodes as child processes.
@@ -122,28 +118,23 @@ class Suite:
         return {name: node.restarts for name, node in self._nodes.items()}
 
     @property
-    def spare_pid(self) -> int | None:
-        """Process id of the spare, None while there is none that could take over at once."""
-        return self._spare.pid if self._spare is not None and self._spare.is_ready else None
-
-    @property
-    def server_pid(self) -> int | None:
-        """Process id of the fork server, None before the start."""
-        return self._server.pid if self._server is not None else None
-
-    @property
     def failure(self) -> DepthPoseError | None:
         """Why the suite cannot go on, if so."""
         return self._failed
 
     def pid(self, name: str) -> int | None:
-        """Process id of a node, None while it is down."""
-        process = self._nodes[name].process
+        """Process id of a node, the "spare" or the "fork server"; None while it is down."""
+        process = self._process(name)
         return process.pid if process is not None and not process.ended.is_set() else None
 
     def is_ready(self, name: str) -> bool:
-        """Whether a node has said so since it was last started."""
-        return self._nodes[name].is_ready
+        """Whether it has said so since it was last started; the spare could then take over at once."""
+        process = self._process(name)
+        return process is not None and process.is_ready
+
+    def _process(self, name: str) -> Child | None:
+        others = {"spare": self._spare, "fork server": self._server}
+        return others[name] if name in others else self._nodes[name].process
 
     def start(self) -> None:
         """Start all nodes; returns at once, see `wait_ready`."""
@@ -164,13 +155,13 @@ class Suite:
             If a node ends before it is ready, or none of this happens in time.
         """
         deadline_s = time.monotonic() + timeout_s
-        for node in self._nodes.values():
-            while not node.is_ready:
+        for name, node in self._nodes.items():
+            while not self.is_ready(name):
                 if self._failed is not None:
                     raise self._failed
                 if time.monotonic() > deadline_s:
-                    words = _words(node.process or self._server)
-                    raise NodeDiedError(f"the {node.name} was not ready in {timeout_s:.0f} s:\n{words}")
+                    what = f"the {name} was not ready in {timeout_s:.0f} s"
+                    raise NodeDiedError(_with_last_words(what, node.process or self._server))
                 time.sleep(0.02)
 
     def stop(self) -> dict[str, int]:
@@ -228,7 +219,7 @@ class Suite:
         if server is not None and server.ended.is_set():
             server.close()
             if not server.ready.is_set():
-                raise NodeDiedError(_last_words(server))
+                raise NodeDiedError(_with_last_words(f"the {server.name} ended", server))
             self._sink(f"[{server.name}] ended with code {server.code}; starting it again")
         if server is None or server.ended.is_set():
             server = self._server = ForkServer(self._bank, _environment(), self._sink, self._news)
@@ -240,7 +231,8 @@ class Suite:
         if process is not None and process.ended.is_set() and node.retry_s is None:
             code = process.wait(now_s)
             if code == EXIT_CONFIG or (not process.ready.is_set() and node.restarts == 0):
-                raise (ConfigError if code == EXIT_CONFIG else NodeDiedError)(_last_words(process))
+                what = f"the {node.name} ended with code {code} before it was ready"
+                raise (ConfigError if code == EXIT_CONFIG else NodeDiedError)(_with_last_words(what, process))
             if now_s - node.started_s > _HEALTHY_S:
                 node.delay_s = 0.0
             after = f"in {node.delay_s:.1f} s" if node.delay_s else "at once"
@@ -268,7 +260,7 @@ class Suite:
         """Fork a spare once all nodes are ready, so that it takes no time from their start."""
         if self._spare is not None and self._spare.ended.is_set():
             self._spare = None
-        if self._spare is None and all(node.is_ready for node in self._nodes.values()):
+        if self._spare is None and all(map(self.is_ready, self._nodes)):
             remove_leftovers()
             self._spare = server.fork()
 
@@ -310,7 +302,7 @@ def _watch(suite: Suite, stop: threading.Event) -> None:
     while not stop.wait(0.1):
         if suite.failure is not None:
             raise suite.failure
-        if not told and all(suite.is_ready(name) for name in NODES):
+        if not told and all(map(suite.is_ready, NODES)):
             told = True
             _print("all nodes are ready; skeletons come on /depth_pose/skeleton, Ctrl-C ends")
 
@@ -342,12 +334,9 @@ def _yaml(value: Any) -> str:
     return repr(value) if isinstance(value, int | float) else f"'{value}'"
 
 
-def _words(process: Child | None) -> str:
-    return "\n".join(process.last_lines if process is not None else ()) or "it said nothing"
-
-
-def _last_words(process: Child) -> str:
-    return f"the {process.name} ended with code {process.code} before it was ready:\n{_words(process)}"
+def _with_last_words(what: str, process: Child | None) -> str:
+    said = "\n".join(process.last_lines) if process is not None else ""
+    return f"{what}:\n{said or 'it said nothing'}"
 
 
 def _environment() -> dict[str, str]:

@@ -98,7 +98,7 @@ class FrameSource(Protocol):
         """Whether a whole frame waits."""
 
     def take_waiting(self) -> bool:
-        """Take in all that waits; whether there was anything."""
+        """Take in all that waits; gives whether there was anything."""
 
     def take_pending(self) -> tuple[Any, ...] | None:
         """Give the newest whole frame, once."""
