@@ -86,6 +86,7 @@ class Child:
         with contextlib.suppress(OSError), self._socket.makefile(errors="replace") as lines:
             for line in lines:
                 self._take(line.rstrip("\n"))
+        self._socket.close()
         self.ended.set()
         self._news.set()
 

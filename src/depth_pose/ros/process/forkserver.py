@@ -120,6 +120,8 @@ def _become_node() -> int:
     name, arguments = json.loads(line)
     try:
         return int(mains[name](arguments))
+    except SystemExit:  # a signal before the node's own handlers
+        return 0
     except Exception:
         traceback.print_exc()
         return 1
