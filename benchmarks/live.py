@@ -58,9 +58,8 @@ def pss_mb(pid: int) -> float:
 
 def stages_ms(frames: Sequence[DepthFrame], bank: str | None) -> dict[str, float]:
     """Processor time of each stage alone, median over the frames, milliseconds."""
-    from depth_pose.core.types import Skeleton
     from depth_pose.pipeline import PosePipeline
-    from depth_pose.ros.nodes.warm_stages import load_bank
+    from depth_pose.ros.process.warm_stages import load_bank
 
     pipeline = PosePipeline(load_bank(bank or ""))
     pipeline.warm_up()
@@ -73,11 +72,11 @@ def stages_ms(frames: Sequence[DepthFrame], bank: str | None) -> dict[str, float
         return result
 
     for frame in frames:
-        cloud = timed("denoise", pipeline.extractor.extract, frame)
-        match = timed("matcher", pipeline.matcher.match, cloud)
-        refined = timed("refine", pipeline.refiner.refine, cloud, match)
-        answer: Skeleton = timed("recovery", pipeline.recoverer.recover, cloud, refined)
-        pipeline.refiner.take_answer(answer)
+        people = timed("denoise", pipeline.extractor.extract, frame)
+        matches = timed("matcher", pipeline.matcher.match, people)
+        refined = timed("refine", pipeline.refiner.refine, people, matches)
+        answers = timed("recovery", pipeline.recoverer.recover, people, refined)
+        pipeline.refiner.take_answer(answers)
     return {name: statistics.fmean(times) for name, times in spent.items()}
 
 

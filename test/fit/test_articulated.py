@@ -20,7 +20,7 @@ from depth_pose.fit.articulated import (
     candidate_pose,
     vertex_normals,
 )
-from depth_pose.people.person import thin, view_person
+from depth_pose.people.person import thin
 
 LIMBS = [f"{side}_{joint}" for side in ("left", "right") for joint in ("shoulder", "elbow", "hip", "knee")]
 
@@ -44,8 +44,8 @@ def disturbed(rotations, seed, degrees, names=("spine", *LIMBS)):
 def target_of(posed_body, noise=0.0):
     depth = syn.draw(syn.mesh(posed_body))
     depth = depth + noise * np.random.default_rng(0).standard_normal(depth.shape)
-    view = view_person(syn.to_cloud(depth))
-    return FitTarget.prepare(thin(view.points, 800), view.full, view.coarse)
+    person = syn.to_person(depth)
+    return FitTarget.prepare(thin(person.points, 800), person.full, person.coarse)
 
 
 def nodes_of(body, pose):
@@ -142,8 +142,8 @@ def test_half_a_turn_of_the_camera_turns_the_result(body, free_space, most):
     roll = np.diag([-1.0, -1.0, 1.0])
 
     def fitted(image, pose, order):
-        view = view_person(syn.to_cloud(image))
-        return fitter.fit(FitTarget.prepare(view.points[::order], view.full, view.full), pose)
+        person = syn.to_person(image)
+        return fitter.fit(FitTarget.prepare(person.points[::order], person.full, person.full), pose)
 
     plain = fitted(depth, start, 1)
     rolled = fitted(depth[::-1, ::-1], BodyPose(roll @ start.rotations, roll @ start.root, 1.0), -1)

@@ -5,7 +5,7 @@ import subprocess
 import sys
 
 from depth_pose.core.config import SmoothConfig
-from depth_pose.ros.nodes.warm_stages import is_warm, load_bank, make, make_ahead
+from depth_pose.ros.process.warm_stages import is_warm, load_bank, make, make_ahead
 
 
 class Counted:

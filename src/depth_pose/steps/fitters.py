@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from depth_pose.body.body import Body
 from depth_pose.fit.articulated import ArticulatedFitter, BodyPose, FitTarget
 from depth_pose.fit.completion import MeshCompleter
-from depth_pose.people.person import PersonView, thin
+from depth_pose.people.person import Person, thin
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class FrameFitter(Protocol):
 class Fitter(Protocol):
     """What the refiner needs of a method."""
 
-    def fit_to(self, view: PersonView) -> FrameFitter:
+    def fit_to(self, view: Person) -> FrameFitter:
         """Prepare one frame."""
 
 
@@ -76,7 +76,7 @@ class SkinnedFitter:
     def __init__(self, body: Body) -> None:
         self._fitter = ArticulatedFitter(body)
 
-    def fit_to(self, view: PersonView) -> FrameFitter:
+    def fit_to(self, view: Person) -> FrameFitter:
         """Prepare one frame."""
         points = thin(view.points, self._fitter.config.max_points)
         return _SkinnedFrame(self._fitter, FitTarget.prepare(points, view.full, view.coarse))
@@ -86,7 +86,7 @@ class SkinnedFitter:
 class _CompletionFrame:
     completer: MeshCompleter
     points: NDArray[np.float64]
-    view: PersonView
+    view: Person
 
     def glance(self, start: BodyPose) -> FittedBody:
         posed = self.completer.body.pose(start.rotations, start.root, start.scale)
@@ -106,7 +106,7 @@ class CompletionFitter:
     def __init__(self, body: Body) -> None:
         self._completer = MeshCompleter(body)
 
-    def fit_to(self, view: PersonView) -> FrameFitter:
+    def fit_to(self, view: Person) -> FrameFitter:
         """Prepare one frame."""
         points = thin(view.points, self._completer.config.max_points)
         return _CompletionFrame(self._completer, points, view)

@@ -14,8 +14,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 
-from depth_pose.ros.nodes import READY
-from depth_pose.ros.process.forkserver import EXIT_CODE, LOADED, PROCESS_ID, WAITS
+from depth_pose.ros.process.names import EXIT_CODE, LOADED, PROCESS_ID, READY, WAITS
 
 KILLED = -signal.SIGKILL
 """Exit code of a process that could not say its own."""

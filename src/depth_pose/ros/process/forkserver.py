@@ -32,17 +32,8 @@ import sys
 import threading
 import traceback
 
-from depth_pose.ros.nodes import NODES
+from depth_pose.ros.process.names import EXIT_CODE, LOADED, NODES, PROCESS_ID, WAITS
 from depth_pose.ros.process.runner import STOPS, join_early
-
-LOADED = "fork server is loaded"
-"""It prints this when it forks at once."""
-
-WAITS = "waits to become a node"
-"""A forked process prints this when it has imported what a node needs, and has joined the graph."""
-
-PROCESS_ID, EXIT_CODE = "process id: ", "exit code: "
-"""What the first and the last line of a forked process begin with."""
 
 
 def main(bank: str) -> int:
@@ -63,19 +54,19 @@ def _load(bank: str) -> None:
     """Import the core, read the bank, and use every kernel once."""
     from depth_pose.core.config import PipelineConfig
     from depth_pose.core.errors import BankError
-    from depth_pose.ros.nodes.warm_stages import load_bank, make_ahead
-    from depth_pose.steps.extract import PersonExtractor
+    from depth_pose.ros.process.warm_stages import load_bank, make_ahead
+    from depth_pose.steps.extract import PeopleExtractor
     from depth_pose.steps.match import Matcher
     from depth_pose.steps.recover import Recoverer
     from depth_pose.steps.refine import Refiner
 
     config = PipelineConfig()
-    make_ahead(PersonExtractor, config.segment, config.denoise)
+    make_ahead(PeopleExtractor, config.segment, config.denoise)
     with contextlib.suppress(BankError):  # the nodes that need it refuse it, and say why
         loaded = load_bank(bank)
         make_ahead(Matcher, loaded, config.match)
         make_ahead(Refiner, loaded, config.refine, config.match)
-        make_ahead(Recoverer, loaded, config.recover, config.smooth)
+        make_ahead(Recoverer, loaded, config.recover, config.smooth, config.match)
     gc.collect()
     gc.freeze()  # what is here stays; a collection that wrote to it would end the sharing
 

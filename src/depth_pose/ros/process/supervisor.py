@@ -27,9 +27,9 @@ from types import TracebackType
 from typing import Any
 
 from depth_pose.core.errors import ConfigError, DepthPoseError
-from depth_pose.ros.nodes import NODES
 from depth_pose.ros.process.child import Child, ForkServer
 from depth_pose.ros.process.leftovers import remove_leftovers
+from depth_pose.ros.process.names import NODES
 from depth_pose.ros.process.runner import EXIT_CONFIG, on_stop
 
 __all__ = ["NODES", "SENSORS_PATH", "NodeDiedError", "Suite", "sensor_names", "up"]
