@@ -29,10 +29,11 @@ from threadpoolctl import threadpool_limits
 from depth_pose.core.config import PipelineConfig, Sections
 from depth_pose.core.errors import BankError, ConfigError, DepthPoseError, InputError
 from depth_pose.ros.nodes.counts import Figures
-from depth_pose.ros.nodes.parameters import COMMON, Setting, declare, read_config
+from depth_pose.ros.nodes.parameters import COMMON, declare, read_config
 from depth_pose.ros.nodes.silence import CrowdWatch, SilenceWatch
 from depth_pose.ros.process.names import READY
 from depth_pose.ros.process.warm_stages import is_warm
+from depth_pose.ros.setting import Setting
 from depth_pose.ros.transport.conversions import stamp_to_ns
 from depth_pose.ros.transport.intake import (
     LOG_EVERY_S,
