@@ -16,8 +16,8 @@ from depth_pose.core.types import Skeleton as SkeletonData
 from depth_pose.ros.nodes.bank_node import BankNode
 from depth_pose.ros.nodes.node_base import Input
 from depth_pose.ros.nodes.parameters import RECOVERY
-from depth_pose.ros.nodes.warm_stages import make
 from depth_pose.ros.process.runner import run_node
+from depth_pose.ros.process.warm_stages import make
 from depth_pose.ros.transport.conversions import (
     msg_to_fitted,
     msgs_to_people,

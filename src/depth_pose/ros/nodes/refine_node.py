@@ -16,8 +16,8 @@ from depth_pose.core.config import PipelineConfig
 from depth_pose.ros.nodes.bank_node import BankNode
 from depth_pose.ros.nodes.node_base import Held, Input
 from depth_pose.ros.nodes.parameters import REFINE
-from depth_pose.ros.nodes.warm_stages import make
 from depth_pose.ros.process.runner import run_node
+from depth_pose.ros.process.warm_stages import make
 from depth_pose.ros.transport.conversions import (
     fitted_to_msg,
     msg_to_matches,

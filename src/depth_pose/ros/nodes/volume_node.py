@@ -25,8 +25,8 @@ from depth_pose.core.types import PERSON, DepthFrame
 from depth_pose.io._messages import ImageMessage
 from depth_pose.io.decode import decode_depth
 from depth_pose.ros.nodes.node_base import Drop, StageNode
-from depth_pose.ros.nodes.parameters import Setting
 from depth_pose.ros.process.runner import run_node
+from depth_pose.ros.setting import Setting
 from depth_pose.ros.transport.conversions import make_header, skeleton_to_msg
 from depth_pose.ros.transport.intake import LOG_EVERY_S, Input
 from depth_pose.ros.transport.rig_source import RIG_SETTINGS, RigSource

@@ -14,7 +14,7 @@ from sensor_msgs.msg import CameraInfo
 
 from depth_pose.core.errors import ConfigError, DepthPoseError
 from depth_pose.io.decode import camera_from_info
-from depth_pose.ros.nodes.parameters import Setting
+from depth_pose.ros.setting import Setting
 from depth_pose.ros.transport.intake import LOG_EVERY_S
 from depth_pose.volume.rig import RigCamera
 from depth_pose.volume.rigfile import Rig, load_rig, upright_from
