@@ -32,22 +32,16 @@ from depth_pose.sim.roof_cameras import (
     roof_rig,
     roughen,
 )
-from depth_pose.volume.config import LearnConfig, SpaceConfig, TrackConfig
+from depth_pose.sim.wearers import Wearer, dressed_frames
+from depth_pose.volume.config import LearnConfig, SpaceConfig, TrackConfig, VolumeConfig
 from depth_pose.volume.hull import HullCarver, SurfaceVoxels
 from depth_pose.volume.model import VolumeModel
-from depth_pose.volume.pipeline import SilhouettePipeline, VolumePoseTracker
+from depth_pose.volume.pipeline import VolumePipeline, VolumePoseTracker
+from depth_pose.volume.rigfile import Rig
 from depth_pose.volume.scoring import joint_positions
 from depth_pose.volume_learn.figures import save_frames, save_latent
 from depth_pose.volume_learn.learning import learn_model
-from depth_pose.volume_learn.performances import (
-    TEST_SHAPES,
-    Wearer,
-    depth_eyes,
-    depth_points,
-    dressed_frames,
-    hull_eyes,
-    watch,
-)
+from depth_pose.volume_learn.performances import TEST_SHAPES, depth_eyes, hull_eyes, watch
 from depth_pose.volume_learn.report import Report, report_rows, track_performance
 from depth_pose.volume_learn.training import dance_clips, default_wearers, simulate_views
 
@@ -116,11 +110,13 @@ def accuracy(out: Path, models: Path, dances: list[str]) -> None:
         draw_frames(reports[1], tests[1], out / f"volume_{dance}.png")
 
         rows = [HEAD, summary("default", reports), summary("regressed only, no fit", reports, "regressed")]
-        latent = TrackConfig(likelihood="latent")
+        latent = VolumeConfig(track=TrackConfig(likelihood="latent"))
         paper = [track_performance(model, p, latent) for p in tests]
         rows.append(summary("eq. 4 likelihood, no fit", paper, "regressed"))
         rows.append(summary("eq. 4 likelihood, fit", paper))
-        given = [track_performance(model, p, TrackConfig(stature=p.stature)) for p in tests]
+        given = [
+            track_performance(model, p, VolumeConfig(track=TrackConfig(stature=p.stature))) for p in tests
+        ]
         rows.append(summary("height given", given))
         pv = learn_model(views, LearnConfig(pose_variance=0.95))
         rows.append(summary("95 % of the poses' variance", [track_performance(pv, p) for p in tests]))
@@ -212,13 +208,14 @@ def cost(models: Path, out: Path) -> None:
         rig = roof_rig(cameras, camera=camera)
         renderer = RigRenderer(rig)
         track = TrackConfig(particles=particles, refine=name != "no fit")
-        pipeline = SilhouettePipeline(model, rig, SpaceConfig(voxel=voxel), track)
+        config = VolumeConfig(space=SpaceConfig(voxel=voxel), track=track)
+        pipeline = VolumePipeline(model, Rig(rig), config)
         pipeline.warm_up()
         times = []
         for i, meshes in enumerate(scenes):
             images = renderer.silhouettes(meshes)
             started = time.thread_time()
-            volume = pipeline.carver.carve(images)
+            volume = pipeline.eyes.carver.carve(images)
             between = time.thread_time()
             pipeline.tracker.process(volume, 1 + round(i * 1e9 / 30))
             times.append((between - started, time.thread_time() - between))
@@ -249,7 +246,7 @@ def depth_costs(models: Path, scenes):
         for i, meshes in enumerate(scenes):
             images = renderer.depths(meshes)
             started = time.thread_time()
-            clouds = [c.to_world(depth_points(d, c)) for c, d in zip(rig, images, strict=True)]
+            clouds = [c.points_world(d) for c, d in zip(rig, images, strict=True)]
             parts = [voxels.see(p, c.position) for c, p in zip(rig, clouds, strict=True)]
             volume = voxels.join(parts)
             between = time.thread_time()

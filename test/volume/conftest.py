@@ -7,10 +7,11 @@ from depth_pose.core.camera import Camera
 from depth_pose.motion.procedural.dance import perform
 from depth_pose.sim.clothing import Garment
 from depth_pose.sim.roof_cameras import roof_rig
+from depth_pose.sim.wearers import Wearer
 from depth_pose.volume.config import LearnConfig, SpaceConfig
 from depth_pose.volume.hull import HullCarver
 from depth_pose.volume_learn.learning import learn_model
-from depth_pose.volume_learn.performances import Wearer, hull_eyes, watch
+from depth_pose.volume_learn.performances import hull_eyes, watch
 from depth_pose.volume_learn.training import simulate_views
 
 SMALL = Camera(160, 120, 119.0, 119.0, 79.5, 59.5)

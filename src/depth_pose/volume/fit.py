@@ -18,6 +18,7 @@ from depth_pose.body.body import Body
 from depth_pose.core.skeleton import NODE_INDEX, NODE_PARENTS, NODES
 from depth_pose.fit.articulated import parameters_above, vertex_normals
 from depth_pose.volume import _fit_kernels as kernels
+from depth_pose.volume.config import VolumeFitConfig
 
 Array = NDArray[np.float64]
 
@@ -35,20 +36,8 @@ _STIFFNESS: dict[str, float] = {
 """Relative stiffness of each free node toward the start; nodes not named follow their parent."""
 
 
-@dataclass(frozen=True)
-class VolumeFitConfig:
-    """Settings of the fit; lengths in metres."""
-
-    sigmas: tuple[float, ...] = (0.06, 0.045, 0.035, 0.028, 0.025)
-    outlier: float = 0.3
-    plane_weight: float = 1.0
-    point_weight: float = 0.3
-    prior: float = 1.0
-    root_prior: float = 20.0
-    damping: float = 0.02
-    max_step: float = 0.35
-    max_points: int = 400
-    trust_power: float = 2.0
+SIGMAS_M = (0.06, 0.045, 0.035, 0.028, 0.025)
+"""Standard deviation of each iteration, metres, from coarse to fine; set by hand."""
 
 
 @dataclass(frozen=True)
@@ -111,7 +100,7 @@ class VolumeFitter:
         every = max(1, -(-len(surface) // c.max_points))
         rotations, root = np.ascontiguousarray(rotations).copy(), np.array(root, np.float64)
         residual, size = kernels.fit_volume(
-            np.ascontiguousarray(surface[::every]), np.array(c.sigmas),
+            np.ascontiguousarray(surface[::every]), np.array(SIGMAS_M),
             self.body.vertices, self._normals, self._influence, self._weight, self.body.nodes,
             NODE_PARENTS, self._free, self._above, self._stiffness, stature / self.body.stature, self._trust,
             np.zeros((0, 3)) if eyes is None else eyes,

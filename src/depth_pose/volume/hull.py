@@ -14,10 +14,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.core.errors import ConfigError, InputError
+from depth_pose.core.errors import ConfigError
 from depth_pose.volume import _hull_kernels as kernels
 from depth_pose.volume.config import SpaceConfig
-from depth_pose.volume.rig import RigCamera
+from depth_pose.volume.rig import RigCamera, check_images
 
 _BLOCK_M = 0.08
 _MOST_TABLE_BYTES = 3_000_000_000
@@ -137,17 +137,11 @@ class HullCarver:
         InputError
             Where an image is missing from the list or of another size than its camera's.
         """
-        if len(silhouettes) != len(self.cameras):
-            raise InputError(f"{len(silhouettes)} silhouettes for {len(self.cameras)} cameras")
+        check_images(silhouettes, self.cameras)
         present = np.array([s is not None for s in silhouettes])
         for c, (silhouette, rig) in enumerate(zip(silhouettes, self.cameras, strict=True)):
             if silhouette is None:
                 continue
-            if silhouette.shape != (rig.camera.height, rig.camera.width):
-                raise InputError(
-                    f"the silhouette of {rig.name} is {silhouette.shape[1]} x {silhouette.shape[0]}; "
-                    f"its camera's images are {rig.camera.width} x {rig.camera.height}"
-                )
             mask = np.ascontiguousarray(silhouette).reshape(-1) != 0
             self._flat[c, : mask.size] = mask
             kernels.integrate(
@@ -195,7 +189,7 @@ class SurfaceVoxels:
         return Volume(surface, surface.mean(axis=0), len(surface), 1, np.array(eye, np.float64)[None])
 
     def join(self, parts: Sequence[Volume]) -> Volume:
-        """Put what several cameras saw at one moment into one surface."""
+        """Put what several cameras saw at one time into one surface."""
         parts = [p for p in parts if not p.is_empty]
         if len(parts) < 2:
             return parts[0] if parts else empty_volume(0)

@@ -7,19 +7,17 @@ several garments shares its frames.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.body.body import PosedBody
-from depth_pose.body.procedural import BodyShape, make_body
+from depth_pose.body.procedural import BodyShape
 from depth_pose.motion.clip import Clip
-from depth_pose.sim.clothing import Clothes, Garment
 from depth_pose.sim.roof_cameras import RigRenderer
 from depth_pose.sim.sensor import Mesh
-from depth_pose.sim.simulate import root_scale
+from depth_pose.sim.wearers import Wearer, dressed_frames
 from depth_pose.volume.hull import HullCarver, SurfaceVoxels, Volume
 from depth_pose.volume.rig import RigCamera
 
@@ -27,20 +25,6 @@ Array = NDArray[np.float64]
 
 Eyes = Callable[[Sequence[Mesh]], Volume]
 """Gives the volume of a scene in the world frame."""
-
-
-@dataclass(frozen=True)
-class Wearer:
-    """Who performs.
-
-    Attributes
-    ----------
-    shape : BodyShape
-    garment : Garment or None
-    """
-
-    shape: BodyShape
-    garment: Garment | None = None
 
 
 TRAINING_SHAPES: tuple[BodyShape, ...] = (
@@ -100,30 +84,10 @@ def depth_eyes(rig: Sequence[RigCamera], voxels: SurfaceVoxels) -> Eyes:
     def see(meshes: Sequence[Mesh]) -> Volume:
         images = renderer.depths(meshes)
         return voxels.join(
-            [voxels.see(c.to_world(depth_points(d, c)), c.position) for c, d in zip(rig, images, strict=True)]
+            [voxels.see(c.points_world(d), c.position) for c, d in zip(rig, images, strict=True)]
         )
 
     return see
-
-
-def depth_points(depth: NDArray[np.generic], rig: RigCamera) -> Array:
-    """Points (N, 3) of a depth image's pixels with a return, optical frame, metres."""
-    c = rig.camera
-    v, u = np.nonzero(np.nan_to_num(np.asarray(depth, np.float32), posinf=0.0) > 0)
-    z = depth[v, u].astype(np.float64)
-    return np.stack([(u - c.cx) / c.fx * z, (v - c.cy) / c.fy * z, z], axis=1)
-
-
-def dressed_frames(wearer: Wearer, clip: Clip) -> Iterator[tuple[list[Mesh], PosedBody]]:
-    """Meshes of every frame of a motion on a wearer, world frame, and the posed body."""
-    body = make_body(wearer.shape)
-    clothes = Clothes(wearer.garment, body) if wearer.garment is not None else None
-    for rotations, root in zip(clip.rotations, clip.roots * root_scale(body), strict=True):
-        posed = body.pose(rotations, root)
-        meshes: list[Mesh] = [(posed.vertices, body.faces)]
-        if clothes is not None:
-            meshes.append((clothes.step(posed.nodes, rotations, 1.0 / clip.fps), clothes.faces))
-        yield meshes, posed
 
 
 def watch(
@@ -149,23 +113,3 @@ def watch(
         clip.rotations[::every],
         np.array(pelvis),
     )
-
-
-def headings_of(rotations: Array) -> Array:
-    """Direction that the pelvis faces, atan2(x, z) of its forward axis, (T, 21, 3, 3) to (T,)."""
-    forward = rotations[..., 0, :, 2]
-    return np.asarray(np.arctan2(forward[..., 0], forward[..., 2]))
-
-
-def turns(headings: Array | float) -> Array:
-    """Rotations about the vertical that lead from facing +z to given headings, (...) to (..., 3, 3)."""
-    a = np.asarray(headings, np.float64)
-    s, c, zero, one = np.sin(a), np.cos(a), np.zeros_like(a), np.ones_like(a)
-    rows = [[c, zero, s], [zero, one, zero], [-s, zero, c]]
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
-
-
-def without_headings(rotations: Array) -> Array:
-    """Poses (T, 21, 3, 3) turned so that the pelvis faces +z."""
-    turn = turns(headings_of(rotations))
-    return np.asarray(np.swapaxes(turn, -1, -2)[:, None] @ rotations)

@@ -16,21 +16,14 @@ from depth_pose.motion.clip import Clip
 from depth_pose.motion.procedural.dance import DANCES, perform
 from depth_pose.sim.clothing import GARMENTS, Garment
 from depth_pose.sim.roof_cameras import RigRenderer, front_camera, roof_rig
+from depth_pose.sim.wearers import Wearer, dressed_frames
 from depth_pose.volume.config import LearnConfig, SpaceConfig
+from depth_pose.volume.headings import headings_of
 from depth_pose.volume.hull import HullCarver, SurfaceVoxels, Volume
 from depth_pose.volume.model import VolumeModel
 from depth_pose.volume.rig import RigCamera, look_at
 from depth_pose.volume_learn.learning import Progress, learn_model
-from depth_pose.volume_learn.performances import (
-    TRAINING_SHAPES,
-    Performance,
-    Wearer,
-    depth_points,
-    dressed_frames,
-    headings_of,
-    hull_eyes,
-    watch,
-)
+from depth_pose.volume_learn.performances import TRAINING_SHAPES, Performance, hull_eyes, watch
 
 DEPTH_VIEWS = 16
 """Directions from which a depth camera may see the person."""
@@ -162,7 +155,7 @@ def watch_around(
             eye = spot + [distance * np.sin(azimuth), height, distance * np.cos(azimuth)]
             placed = RigCamera("depth", camera.camera, look_at(eye, spot + [0.0, 0.95, 0.0]))
             depth = RigRenderer([placed]).depths(meshes)[0]
-            seen[v].append(voxels.see(placed.to_world(depth_points(depth, placed)), eye))
+            seen[v].append(voxels.see(placed.points_world(depth), eye))
     return [
         Performance(
             clip.name, clip.fps / every, wearer.shape.stature_m, tuple(volumes), clip.rotations[::every],
