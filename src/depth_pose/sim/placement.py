@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from depth_pose.sim.config import Placement, Room
 
 _ROOM_HALF_WIDTH_M = 6.0
+"""Half the width of floor and wall, and the wall's height, metres: more than any sensor sees."""
 
 
 def camera_pose(placement: Placement, target: NDArray[np.float64]) -> NDArray[np.float64]:

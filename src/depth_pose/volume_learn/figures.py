@@ -20,6 +20,7 @@ Array = NDArray[np.float64]
 
 _MODEL, _SEEN, _TRACKED = "#2ca02c", "#1f77ff", "#e02020"
 _GRID = 120
+"""Points along each side of the map of variance."""
 
 
 def _figure(width: float, height: float) -> Any:

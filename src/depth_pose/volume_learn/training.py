@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from depth_pose.core.errors import ConfigError
 from depth_pose.motion.clip import Clip
 from depth_pose.motion.procedural.dance import DANCES, perform
-from depth_pose.sim.clothing import GARMENTS, Garment
+from depth_pose.sim.clothing import find_garment
 from depth_pose.sim.roof_cameras import RigRenderer, front_camera, roof_rig
 from depth_pose.sim.wearers import Wearer, dressed_frames
 from depth_pose.volume.config import LearnConfig, SpaceConfig
@@ -26,23 +26,21 @@ from depth_pose.volume_learn.learning import Progress, learn_model
 from depth_pose.volume_learn.performances import TRAINING_SHAPES, Performance, hull_eyes, watch
 
 DEPTH_VIEWS = 16
-"""Directions from which a depth camera may see the person."""
+"""Directions from which a depth camera may see the person: 22.5 degrees apart. Set by hand; not swept."""
 
 INPUTS = ("silhouettes", "depth")
 
 PERFORMANCES, EVERY = 10, 10
 """Performances of a dance that are taught, and every how manyth of their frames at 30 a second: some
-350 frames in all."""
+350 frames in all, as many as the paper's. One performance of 350 is worse (docs/volume.md)."""
 
 _FPS = 30.0
+"""Frames a second of the motions, as the paper's."""
 
 
 def default_wearers(garments: Sequence[str] = ("skirt", "long-skirt", "wide-skirt", "none")) -> list[Wearer]:
     """Three builds in garments by name, and once more in the first and the last where there are several."""
-    for name in garments:
-        if name not in GARMENTS:
-            raise ConfigError(f"there is no garment {name!r}; there are {', '.join(GARMENTS)}")
-    found: list[Garment | None] = [GARMENTS[name] for name in garments]
+    found = [find_garment(name) for name in garments]
     wearers = [Wearer(TRAINING_SHAPES[i % len(TRAINING_SHAPES)], g) for i, g in enumerate(found)]
     if len(found) > 1:
         wearers.append(Wearer(TRAINING_SHAPES[(len(found) + 1) % len(TRAINING_SHAPES)], found[-1]))
