@@ -50,7 +50,7 @@ def serialise(rig, kind: str, fps: float) -> list[list[bytearray]]:
     renderer, sets = RigRenderer(rig), []
     clip = perform("swing", 21, SECONDS_OF_DANCE, fps, start_beat=0.5)
     for meshes, _ in dressed_frames(Wearer(TEST_SHAPES[1], Garment(skirt=0.65, flare=0.27)), clip):
-        images = renderer.silhouettes(meshes) if kind == "silhouettes" else renderer.depths(meshes)
+        images = renderer.images(meshes, kind)
         if kind == "depth":  # as drivers send it
             images = [np.round(1e3 * i).astype(np.uint16) for i in images]
         sets.append([bytearray(write_image(0, c.name, i)) for c, i in zip(rig, images, strict=True)])

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import yaml
 
+from depth_pose.body.procedural import BodyShape
 from depth_pose.cli import main
 from depth_pose.core.errors import ConfigError, InputError
 from depth_pose.core.rotations import quat_to_matrix
@@ -13,25 +14,25 @@ from depth_pose.core.types import Skeleton
 from depth_pose.io._messages import read_image
 from depth_pose.io._recording import Recording
 from depth_pose.io.mcap_read import read_skeletons
+from depth_pose.motion.procedural.dance import perform
 from depth_pose.offline import process_recording
-from depth_pose.sim.roof_cameras import front_camera
-from depth_pose.sim.wearers import ViewWriter, record_views
+from depth_pose.sim.roof_cameras import RigRenderer, depth_ring, front_camera
+from depth_pose.sim.wearers import ViewWriter, Wearer, dressed_frames, record_views
 from depth_pose.volume.config import LearnConfig, SpaceConfig, TrackConfig, ViewsConfig, VolumeConfig
 from depth_pose.volume.decode import decode_silhouette
 from depth_pose.volume.pipeline import VolumePipeline, VolumePoseTracker, in_world
 from depth_pose.volume.recordings import ViewReader
 from depth_pose.volume.rigfile import Rig, load_rig, save_rig, upright_from
+from depth_pose.volume.scoring import score
 from depth_pose.volume.synchroniser import ViewSet
 from depth_pose.volume_learn.learning import learn_model
+from depth_pose.volume_learn.performances import rig_eyes, watch
+from depth_pose.volume_learn.report import track_performance
 from depth_pose.volume_learn.training import default_wearers, simulate_views
 
 
 @pytest.fixture(scope="module")
 def recorded(rig, tmp_path_factory):
-    from depth_pose.body.procedural import BodyShape
-    from depth_pose.motion.procedural.dance import perform
-    from depth_pose.sim.wearers import Wearer
-
     path = tmp_path_factory.mktemp("recorded") / "dance.mcap"
     record_views(path, perform("swing", 50, 0.5), Wearer(BodyShape()), rig, "silhouettes")
     return path
@@ -164,26 +165,16 @@ def of_depth(space, cut_out):
 @pytest.fixture(scope="module")
 def depth_model(clips, space):
     """A small model of two performances, seen by one camera from all sides."""
-    from depth_pose.body.procedural import BodyShape
-    from depth_pose.sim.wearers import Wearer
-
     wearers = [Wearer(BodyShape(stature_m=1.7))]
     return learn_model(simulate_views(clips[:2], wearers, "depth", 6, space), LearnConfig(iterations=40))
 
 
 def test_one_depth_camera_and_two(depth_model, space):
     """The same model from angles it was not made for, and with one camera more."""
-    from depth_pose.body.procedural import BodyShape
-    from depth_pose.motion.procedural.dance import perform
-    from depth_pose.sim.wearers import Wearer
-    from depth_pose.volume.hull import SurfaceVoxels
-    from depth_pose.volume_learn.performances import depth_eyes, watch
-    from depth_pose.volume_learn.report import track_performance
-
     assert depth_model.views == 16 and depth_model.meta["input"] == "depth"
     reports = []
     for azimuths in ((1.8,), (1.8, 0.2)):
-        eyes = depth_eyes([front_camera(azimuth=a) for a in azimuths], SurfaceVoxels(space))
+        eyes = rig_eyes("depth", [front_camera(azimuth=a) for a in azimuths], space)
         performance = watch(perform("swing", 50, 1.5), Wearer(BodyShape(stature_m=1.66)), eyes)
         reports.append(track_performance(depth_model, performance, VolumeConfig(space=space)))
     one, two = reports
@@ -197,12 +188,6 @@ def test_one_depth_camera_and_two(depth_model, space):
 
 def test_a_depth_camera_that_fails(depth_model, space):
     """Of three cameras one brings nothing, shows nobody, or sees only a hand: the others go on."""
-    from depth_pose.body.procedural import BodyShape
-    from depth_pose.motion.procedural.dance import perform
-    from depth_pose.sim.roof_cameras import RigRenderer, depth_ring
-    from depth_pose.sim.wearers import Wearer, dressed_frames
-    from depth_pose.volume.scoring import score
-
     rig = depth_ring(3)
     pipeline = VolumePipeline(depth_model, Rig(rig), of_depth(space, cut_out=False))
     pipeline.warm_up()
@@ -226,11 +211,6 @@ def test_a_depth_camera_that_fails(depth_model, space):
 
 
 def test_a_recording_of_two_depth_cameras(depth_model, space, tmp_path):
-    from depth_pose.body.procedural import BodyShape
-    from depth_pose.motion.procedural.dance import perform
-    from depth_pose.sim.roof_cameras import depth_ring
-    from depth_pose.sim.wearers import Wearer
-
     path = tmp_path / "dance.mcap"
     record_views(path, perform("swing", 50, 0.4), Wearer(BodyShape(stature_m=1.66)), depth_ring(2), "depth")
     rig = load_rig(path.with_suffix(".yaml"))

@@ -6,14 +6,18 @@ import json
 import numpy as np
 import pytest
 
+from depth_pose.body.procedural import BodyShape
 from depth_pose.core.errors import ConfigError, InputError
 from depth_pose.core.rotations import quat_to_matrix, rotvec_to_matrix
 from depth_pose.core.skeleton import JOINT_NODES, Source
+from depth_pose.motion.procedural.dance import perform
+from depth_pose.sim.roof_cameras import RigRenderer
+from depth_pose.sim.wearers import Wearer, dressed_frames
 from depth_pose.volume.config import SpaceConfig, TrackConfig, VolumeConfig
 from depth_pose.volume.descriptor import describe
 from depth_pose.volume.fit import VolumeFitter
 from depth_pose.volume.headings import turns
-from depth_pose.volume.hull import empty_volume
+from depth_pose.volume.hull import Volume, empty_volume
 from depth_pose.volume.model import VolumeModel
 from depth_pose.volume.pipeline import VolumePipeline, VolumePoseTracker
 from depth_pose.volume.rigfile import Rig
@@ -133,11 +137,6 @@ def test_the_fit_finds_a_bent_arm(model, performance, body):
 
 
 def test_pipeline_from_silhouettes(model, rig):
-    from depth_pose.body.procedural import BodyShape
-    from depth_pose.motion.procedural.dance import perform
-    from depth_pose.sim.roof_cameras import RigRenderer
-    from depth_pose.sim.wearers import Wearer, dressed_frames
-
     pipeline = VolumePipeline(model, Rig(rig), tracking(stature=1.64))
     pipeline.warm_up()
     renderer, clip = RigRenderer(rig), perform("swing", 50, 0.5)
@@ -204,8 +203,6 @@ def test_wearers_must_perform_the_same(views):
 
 
 def test_small_things_are_nobody(model):
-    from depth_pose.volume.hull import Volume
-
     ball = np.random.default_rng(0).normal(size=(100, 3)) * 0.1 + [0, 0.3, 0]
     tracker = VolumePoseTracker(model)
     assert tracker.process(Volume(ball, ball.mean(axis=0), 100, 6), 1).skeleton.is_lost

@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from depth_pose.motion.clip import Clip
     from depth_pose.volume.model import VolumeModel
     from depth_pose.volume_learn.performances import Performance
-    from depth_pose.volume_learn.report import Report
 
 app = typer.Typer(
     help="Pose from a person's volume: silhouettes of several cameras, or depth of one or more.",
@@ -42,21 +41,18 @@ def _settings(params: Path | None, **chosen: dict[str, Any]) -> VolumeConfig:
 
 
 def _learn(
+    clips: Sequence[Clip],
+    about: str,
     kind: str,
-    dance: str,
-    motions: Sequence[Path],
-    garments: Sequence[str],
-    performances: int | None,
-    every: int | None,
-    rig: Path | None,
     config: VolumeConfig,
+    garments: Sequence[str] = (),
+    every: int | None = None,
+    rig: Path | None = None,
 ) -> VolumeModel:
     from depth_pose.volume.rigfile import load_rig
-    from depth_pose.volume_learn.training import EVERY, PERFORMANCES, dance_clips, default_wearers, train
+    from depth_pose.volume_learn.learning import learn_model
+    from depth_pose.volume_learn.training import EVERY, default_wearers, simulate_views
 
-    clips = (
-        [_captured(path) for path in motions] if motions else dance_clips(dance, performances or PERFORMANCES)
-    )
     bars: dict[str, float] = {}
     with console.status("") as status:
 
@@ -64,17 +60,16 @@ def _learn(
             bars.setdefault(what, time.monotonic())
             status.update(f"{what}: {done} of {of}, {time.monotonic() - bars[what]:.0f} s")
 
-        return train(
+        views = simulate_views(
             clips,
-            default_wearers(garments) if garments else None,
+            default_wearers(*([garments] if garments else [])),
             kind,
             every or EVERY,
-            config.learn,
             config.space,
             load_rig(rig).cameras if rig else None,
-            tell,
-            f"dance {dance}" if not motions else "motions from files",
+            lambda done, of: tell("simulated frames", done, of),
         )
+        return learn_model(views, config.learn, tell, about)
 
 
 def _captured(path: Path) -> Clip:
@@ -150,9 +145,13 @@ def train(
 
     depth-pose volume train --input depth -o one_camera.npz
     """
+    from depth_pose.volume_learn.training import PERFORMANCES, dance_clips
+
     start = time.monotonic()
     config = _settings(params, learn=given(iterations=iterations, latent=latent), space=given(voxel=voxel))
-    model = _learn(kind, dance, motion or [], garment or [], performances, every, rig, config)
+    clips = [_captured(path) for path in motion or []] or dance_clips(dance, performances or PERFORMANCES)
+    about = "motions from files" if motion else f"dance {dance}"
+    model = _learn(clips, about, kind, config, garment or (), every, rig)
     model.save(output)
     _print_model(output, model)
     console.print(f"made in {time.monotonic() - start:.0f} s", style="dim", highlight=False)
@@ -299,17 +298,21 @@ def demo(
     depth-pose volume demo --model depth.npz --input depth --cameras 2 --garment robe --record dance.mcap
     """
     from depth_pose.volume.model import VolumeModel
+    from depth_pose.volume_learn.figures import save_report
     from depth_pose.volume_learn.report import report_rows, track_performance
+    from depth_pose.volume_learn.training import dance_clips
 
     learned = (
-        VolumeModel.load(model) if model else _learn(kind, dance, [], [], None, None, None, VolumeConfig())
+        VolumeModel.load(model)
+        if model
+        else _learn(dance_clips(dance), f"dance {dance}", kind, VolumeConfig())
     )
     if learned.meta["input"] != kind:
         raise ConfigError(f"{model} sees {learned.meta['input']}; say --input {learned.meta['input']}")
     performance = _perform(kind, cameras, dance, garment, seconds, seed, record)
     with progress_bar("tracking", len(performance)) as update:
         report = track_performance(learned, performance, progress=update)
-    _draw_demo(report, performance, output)
+    save_report(report, performance, output, [round(i * (len(performance) - 1) / 6) for i in range(7)])
     head, row = report_rows([report])
     print_facts(str(output), [*zip(head, row, strict=True), ("time per frame", f"{report.ms:.1f} ms")])
 
@@ -327,25 +330,13 @@ def _perform(
     from depth_pose.sim.clothing import find_garment
     from depth_pose.sim.roof_cameras import depth_ring, roof_rig
     from depth_pose.sim.wearers import Wearer, record_views
-    from depth_pose.volume.hull import HullCarver, SurfaceVoxels
-    from depth_pose.volume_learn.performances import TEST_SHAPES, depth_eyes, hull_eyes, watch
+    from depth_pose.volume_learn.performances import TEST_SHAPES, rig_eyes, watch
 
     rig = roof_rig(cameras or 8) if kind == "silhouettes" else depth_ring(cameras or 1)
-    eyes = hull_eyes(rig, HullCarver(rig)) if kind == "silhouettes" else depth_eyes(rig, SurfaceVoxels())
     clip = perform(dance, seed, seconds, _FPS)
     wearer = Wearer(TEST_SHAPES[seed % len(TEST_SHAPES)], find_garment(garment))
     if record is not None:
         with progress_bar(record.name, len(clip)) as update:
             record_views(record, clip, wearer, rig, kind, update)
     with progress_bar("the dancer", len(clip)) as update:
-        return watch(clip, wearer, eyes, progress=update)
-
-
-def _draw_demo(report: Report, performance: Performance, output: Path) -> None:
-    from depth_pose.volume.scoring import joint_positions
-    from depth_pose.volume_learn.figures import save_frames
-
-    shown = [round(i * (len(performance) - 1) / 6) for i in range(7)]
-    truth = joint_positions(performance.rotations, performance.stature) + performance.pelvis[:, None]
-    titles = [f"{i / performance.fps:.1f} s, {report.fitted.frames_deg[i]:.1f}°" for i in shown]
-    save_frames([report.poses[i] for i in shown], [truth[i] for i in shown], output, titles)
+        return watch(clip, wearer, rig_eyes(kind, rig), progress=update)

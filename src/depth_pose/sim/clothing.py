@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from depth_pose.core.config import _Checked, option
 from depth_pose.core.errors import ConfigError
 from depth_pose.core.skeleton import ADULT_STATURE_M, NODE_INDEX
+from depth_pose.volume.headings import headings_of, turns
 
 if TYPE_CHECKING:
     from depth_pose.body.body import Body
@@ -83,12 +84,15 @@ class _Sheet:
     rest: Array
     wraps: bool
 
-    def links(self, first: int) -> NDArray[np.int64]:
-        """Pairs along, across and both diagonals, numbered from `first`."""
+    def _numbers(self, first: int) -> tuple[NDArray[np.int64], ...]:
+        """All particles' numbers, those with one to the right, and these."""
         rows, columns = self.rest.shape[:2]
         at = first + np.arange(rows * columns).reshape(rows, columns)
-        right = np.roll(at, -1, axis=1) if self.wraps else at[:, 1:]
-        here = at if self.wraps else at[:, :-1]
+        return (at, at, np.roll(at, -1, axis=1)) if self.wraps else (at, at[:, :-1], at[:, 1:])
+
+    def links(self, first: int) -> NDArray[np.int64]:
+        """Pairs along, across and both diagonals, numbered from `first`."""
+        at, here, right = self._numbers(first)
         pairs = [
             (at[:-1], at[1:]), (here[1:], right[1:]), (here[:-1], right[1:]), (right[:-1], here[1:]),
             (here[:1], right[:1]),
@@ -97,10 +101,7 @@ class _Sheet:
 
     def faces(self, first: int) -> NDArray[np.int32]:
         """Triangles of both sides."""
-        rows, columns = self.rest.shape[:2]
-        at = first + np.arange(rows * columns).reshape(rows, columns)
-        right = np.roll(at, -1, axis=1) if self.wraps else at[:, 1:]
-        here = at if self.wraps else at[:, :-1]
+        _, here, right = self._numbers(first)
         a, b, c, d = (x.ravel() for x in (here[:-1], right[:-1], here[1:], right[1:]))
         one = np.concatenate([np.stack([a, c, b], axis=1), np.stack([b, c, d], axis=1)])
         return np.concatenate([one, one[:, ::-1]]).astype(np.int32)
@@ -130,30 +131,19 @@ class Clothes:
         if not sheets:
             raise ConfigError("a garment needs a skirt or sleeves")
         # pinned rows first, as the kernel wants them
-        pinned = sum(s.rest.shape[1] for s in sheets)
-        order, position = [], 0
-        for s in sheets:
-            n, columns = s.rest.shape[0] * s.rest.shape[1], s.rest.shape[1]
-            order += [position + i for i in range(columns)]
-            position += n
-        free = np.setdiff1d(np.arange(position), order)
-        place = np.empty(position, np.int64)
-        place[np.concatenate([np.array(order), free])] = np.arange(position)
-        links, faces, rest, first = [], [], [], 0
-        for s in sheets:
-            links.append(place[s.links(first)])
-            faces.append(place[s.faces(first)])
-            rest.append(s.rest.reshape(-1, 3))
-            first += len(rest[-1])
-        flat = np.empty((position, 3))
-        flat[place] = np.concatenate(rest)
-        self._sheets, self._pinned = sheets, pinned
-        self._links = np.concatenate(links)
-        self._lengths = np.linalg.norm(flat[self._links[:, 0]] - flat[self._links[:, 1]], axis=1)
-        self._rest = flat
-        self.faces = np.concatenate(faces).astype(np.int32)
+        rests = [s.rest.reshape(-1, 3) for s in sheets]
+        firsts = np.cumsum([0, *map(len, rests)])
+        at = list(zip(firsts[:-1], sheets, strict=True))
+        pinned = np.concatenate([a + np.arange(s.rest.shape[1]) for a, s in at])
+        order = np.concatenate([pinned, np.setdiff1d(np.arange(firsts[-1]), pinned)])
+        place = np.argsort(order)
+        self._sheets, self._rest = sheets, np.concatenate(rests)[order]
+        self._links = place[np.concatenate([s.links(a) for a, s in at])]
+        ends = self._rest[self._links]
+        self._lengths = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1)
+        self.faces = place[np.concatenate([s.faces(a) for a, s in at])].astype(np.int32)
         self._now: Array | None = None
-        self._before = flat.copy()
+        self._before = self._rest.copy()
 
     def _skirt(self) -> _Sheet:
         """Flared tube below the waist, relative to the pelvis, hanging."""
@@ -227,7 +217,7 @@ class Clothes:
         capsules, radii = self._capsules(nodes, rotations)
         steps = max(1, round(seconds / _SUBSTEP_S))
         if self._now is None:
-            turn = _heading(rotations[0])
+            turn = turns(headings_of(rotations))
             self._now = np.ascontiguousarray(nodes[0] + self._rest @ turn.T)
             self._now[: len(pins)] = pins
             self._before = self._now.copy()
@@ -251,9 +241,3 @@ def _waist(body: Body) -> Array:
     near = np.abs(body.vertices[:, 1] - height) < 0.03
     trunk = body.vertices[near & (body.weights[:, :3].sum(axis=1) > 0.5)] - body.nodes[0]
     return np.asarray(np.abs(trunk[:, [0, 2]]).max(axis=0) + 0.01)
-
-
-def _heading(rotation: Array) -> Array:
-    x, _, z = rotation[:, 2]
-    s, c = np.array([x, z]) / max(np.hypot(x, z), 1e-9)
-    return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])

@@ -73,10 +73,9 @@ def record_views(
     renderer = RigRenderer(cameras)
     with ViewWriter(path) as writer:
         for i, (meshes, _) in enumerate(dressed_frames(wearer, clip)):
-            seen = renderer.silhouettes(meshes) if kind == "silhouettes" else renderer.depths(meshes)
             stamp_ns = START_NS + round(i * 1e9 / clip.fps)
-            for camera, topic, image in zip(cameras, topics, seen, strict=True):
-                writer.write(topic, stamp_ns, camera.name, np.asarray(image))
+            for camera, topic, image in zip(cameras, topics, renderer.images(meshes, kind), strict=True):
+                writer.write(topic, stamp_ns, camera.name, image)
             if progress is not None:
                 progress(i + 1)
     save_rig(path.with_suffix(".yaml"), cameras, topics)

@@ -7,7 +7,6 @@ method does first (`depth_pose.steps.extract`), unless ``views.cut_out`` says th
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,24 +21,6 @@ from depth_pose.volume.synchroniser import ViewSet
 
 _SLIVER = 0.3
 """A depth camera whose surface is less than this share of the largest one's shows too little. Set by hand."""
-
-
-class Eyes(Protocol):
-    """From the views of one time to the person's volume."""
-
-    def see(self, views: ViewSet) -> tuple[Volume, tuple[int, ...]]:
-        """Give the volume, and the cameras that have no say because they show (hardly) anybody."""
-
-    def reset(self) -> None:
-        """Forget all earlier views."""
-
-    def warm_up(self) -> None:
-        """Compile every kernel."""
-
-
-def make_eyes(kind: str, cameras: Sequence[RigCamera], config: VolumeConfig) -> Eyes:
-    """Make the eyes for ``silhouettes`` or for ``depth``."""
-    return DepthEyes(cameras, config) if kind == "depth" else HullEyes(cameras, config.space)
 
 
 class HullEyes:
@@ -115,3 +96,8 @@ class DepthEyes:
             extractor.warm_up()
         blank = self.cameras[0].camera
         self._voxels.see(self.cameras[0].points_world(np.ones((blank.height, blank.width))), np.zeros(3))
+
+
+def make_eyes(kind: str, cameras: Sequence[RigCamera], config: VolumeConfig) -> HullEyes | DepthEyes:
+    """Make the eyes for ``silhouettes`` or for ``depth``."""
+    return DepthEyes(cameras, config) if kind == "depth" else HullEyes(cameras, config.space)
