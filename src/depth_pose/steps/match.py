@@ -15,7 +15,7 @@ import numpy as np
 from depth_pose.bank.bank import Bank
 from depth_pose.bank.canonical import describe
 from depth_pose.bank.views import AXES
-from depth_pose.core.config import MatchConfig
+from depth_pose.core.config import FitConfig, MatchConfig
 from depth_pose.core.rotations import matrix_to_quat
 from depth_pose.core.skeleton import NODE_INDEX
 from depth_pose.core.stamps import StampGuard
@@ -76,7 +76,7 @@ def match_confidence(score: float) -> float:
 class Matcher:
     """The second stage: what `matcher_node` runs."""
 
-    def __init__(self, bank: Bank, config: MatchConfig) -> None:
+    def __init__(self, bank: Bank, config: MatchConfig, fit: FitConfig | None = None) -> None:
         self.bank = bank
         self.config = config
         self._search = SubspaceSearch(bank.coefficients.reshape(-1, bank.coefficients.shape[-1]))
@@ -85,7 +85,7 @@ class Matcher:
         self._upright = UprightExemplars(bank)
         self._guard = StampGuard()
         self._identity = PersonGuard()
-        self._fitter = ArticulatedFitter(bank.body)
+        self._fitter = ArticulatedFitter(bank.body, fit)
         self._finder = ScaleFinder(self._fitter, config.score_band)
         self.reset()
 

@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from depth_pose.bank.bank import Bank
-from depth_pose.core.config import MatchConfig, RecoverConfig, SmoothConfig
+from depth_pose.core.config import FittingConfig, MatchConfig, RecoverConfig, SmoothConfig
 from depth_pose.core.rotations import matrix_to_quat
 from depth_pose.core.skeleton import JOINT_NODES, Source
 from depth_pose.core.stamps import StampGuard
@@ -31,7 +31,6 @@ from depth_pose.people.identity import PersonGuard
 from depth_pose.people.person import PersonView, thin, view_person
 from depth_pose.steps.confidence import report_joints, score_of, skeleton_confidence
 from depth_pose.steps.failure import KINDS, Failure, FailureCheck
-from depth_pose.steps.fitters import FINE_SIGMAS
 from depth_pose.steps.smooth import JointFilter
 from depth_pose.steps.warm_up import sample_cloud
 
@@ -41,9 +40,6 @@ _TRUST = 0.8
 
 _JOINT_TRUST = 0.9
 """The same for its joints."""
-
-_SIGMAS = (0.05, 0.04, 0.034, *FINE_SIGMAS)
-"""Standard deviations of the fit that follows the registration, metres."""
 
 _WORSE = {"no_pose": 1.0, "bone_length": 0.1, "joint_angle": 0.1}
 """How much higher a carried pose's score may be to replace one that failed so; not at all for other kinds."""
@@ -78,13 +74,16 @@ class Recoverer:
         Frames answered by recovery, since the start.
     """
 
-    def __init__(self, bank: Bank, recover: RecoverConfig, smooth: SmoothConfig) -> None:
+    def __init__(
+        self, bank: Bank, recover: RecoverConfig, smooth: SmoothConfig, fitting: FittingConfig | None = None
+    ) -> None:
         self.bank = bank
         self.config = recover
         self._check = FailureCheck(bank.body, recover)
-        self._completer = MeshCompleter(bank.body)
-        self._carrier = TemporalCarrier(self._completer)
-        self._fitter = ArticulatedFitter(bank.body)
+        fitting = fitting or FittingConfig()
+        self._completer = MeshCompleter(bank.body, fitting.completion, fitting.cpd)
+        self._carrier = TemporalCarrier(self._completer, fitting.temporal, fitting.cpd)
+        self._fitter = ArticulatedFitter(bank.body, fitting.fit)
         self._filter = JointFilter(smooth)
         self._guard = StampGuard()
         self._identity = PersonGuard()
@@ -214,7 +213,8 @@ class Recoverer:
 
     def _fit(self, view: PersonView, start: BodyPose) -> BodyPose:
         points = thin(view.points, self._fitter.config.max_points)
-        return self._fitter.fit(FitTarget.prepare(points, view.full, view.coarse), start, _SIGMAS)
+        target = FitTarget.prepare(points, view.full, view.coarse)
+        return self._fitter.fit(target, start, self._fitter.config.carried)
 
 
 def _is_better(recovered: Skeleton, refined: Skeleton, failure: Failure, partial: bool) -> bool:

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.bank.bank import Bank
-from depth_pose.core.config import MatchConfig, RefineConfig
+from depth_pose.core.config import FittingConfig, MatchConfig, RefineConfig
 from depth_pose.core.errors import BankError
 from depth_pose.core.rotations import matrix_to_quat
 from depth_pose.core.skeleton import JOINT_NODES, Source
@@ -55,12 +55,14 @@ class _Compared:
 class Refiner:
     """The third stage: what `refine_node` runs."""
 
-    def __init__(self, bank: Bank, config: RefineConfig, match: MatchConfig) -> None:
+    def __init__(
+        self, bank: Bank, config: RefineConfig, match: MatchConfig, fitting: FittingConfig | None = None
+    ) -> None:
         self.bank = bank
         self.config = config
         self._band = match.score_band
         self._faces = bank.body.faces
-        self._fitter = FITTERS[config.method](bank.body)
+        self._fitter = FITTERS[config.method](bank.body, fitting or FittingConfig())
         self._limbs = LimbSearch(bank)
         self._guard = StampGuard()
         self._identity = PersonGuard()

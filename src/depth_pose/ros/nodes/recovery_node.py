@@ -26,7 +26,7 @@ from depth_pose.steps.recover import Recoverer
 class RecoveryNode(BankNode):
     """Finds failures, recovers from them over time, and smooths (Sec. 6, last part)."""
 
-    SECTIONS = ("mount", "recover", "smooth")
+    SECTIONS = ("mount", "recover", "smooth", "fit", "cpd", "completion", "temporal")
     SETTINGS = RECOVERY
 
     def __init__(self) -> None:
@@ -34,7 +34,7 @@ class RecoveryNode(BankNode):
 
     def make_stage(self, config: PipelineConfig) -> Recoverer:
         """Make the recoverer."""
-        return make(Recoverer, self.bank, config.recover, config.smooth)
+        return make(Recoverer, self.bank, config.recover, config.smooth, config.fitting)
 
     def open_outputs(self) -> None:
         """Publish what other programs read: reliable, which suits every subscriber."""
