@@ -50,8 +50,15 @@ class TrackConfig(_Checked):
 
 @dataclass(frozen=True)
 class VolumeFitConfig(_Checked):
-    """The fit of a body to the volume, from the regressed pose."""
+    """The fit of a body to the volume; terms as in `depth_pose.core.config.FitConfig`."""
 
+    sigmas: tuple[float, ...] = option(
+        (0.06, 0.045, 0.035, 0.028, 0.025),
+        "Standard deviation of the points about the skin in each iteration, coarse to fine",
+        unit="m",
+        low=0.001,
+        high=1.0,
+    )
     outlier: float = option(
         0.3, "Weight u of the outlier class beside a vertex at no distance", low=0.0, high=10.0
     )

@@ -37,10 +37,6 @@ _STIFFNESS: dict[str, float] = {
 volume, what a skirt hides does not. Chosen like the defaults of `depth_pose.volume.config`."""
 
 
-SIGMAS_M = (0.06, 0.045, 0.035, 0.028, 0.025)
-"""Standard deviation of each iteration, metres, from coarse to fine; set by hand."""
-
-
 @dataclass(frozen=True)
 class VolumeFit:
     """What the fit found.
@@ -101,7 +97,7 @@ class VolumeFitter:
         every = max(1, -(-len(surface) // c.max_points))
         rotations, root = np.ascontiguousarray(rotations).copy(), np.array(root, np.float64)
         residual, size = kernels.fit_volume(
-            np.ascontiguousarray(surface[::every]), np.array(SIGMAS_M),
+            np.ascontiguousarray(surface[::every]), np.array(c.sigmas),
             self.body.vertices, self._normals, self._influence, self._weight, self.body.nodes,
             NODE_PARENTS, self._free, self._above, self._stiffness, stature / self.body.stature, self._trust,
             np.zeros((0, 3)) if eyes is None else eyes,
