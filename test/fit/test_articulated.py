@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import synthetic as syn
+from depth_pose.core.config import FitConfig
 from depth_pose.core.rotations import rotvec_to_matrix
 from depth_pose.core.skeleton import NODE_INDEX, NODE_PARENTS
 from depth_pose.core.types import BACKGROUND, PERSON, UNKNOWN, Candidate
@@ -15,7 +16,6 @@ from depth_pose.fit import _visibility_kernels as visibility
 from depth_pose.fit.articulated import (
     ArticulatedFitter,
     BodyPose,
-    FitConfig,
     FitTarget,
     candidate_pose,
 )

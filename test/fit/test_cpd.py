@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from depth_pose.core.config import CpdConfig
 from depth_pose.core.errors import ConfigError, InputError
 from depth_pose.core.rotations import rotvec_to_matrix
 from depth_pose.fit import _cpd_kernels as kernels
-from depth_pose.fit.cpd import CpdConfig, euclidean_basis, register
+from depth_pose.fit.cpd import euclidean_basis, register
 
 
 def drift_slowly(source, target, basis, config: CpdConfig):

@@ -34,6 +34,7 @@ from depth_pose.bank.bank import Bank
 from depth_pose.body.body import Body
 from depth_pose.body.normals import vertex_normals
 from depth_pose.core.camera import Camera
+from depth_pose.core.config import FitConfig
 from depth_pose.core.rotations import quat_to_matrix
 from depth_pose.core.skeleton import NODE_INDEX, NODE_PARENTS, NODES
 from depth_pose.core.types import Candidate
@@ -55,25 +56,6 @@ _STIFFNESS: dict[str, float] = {
     "ankle": 2.0,
 }
 """Relative stiffness of each free node toward the start; nodes not named follow their parent."""
-
-
-@dataclass(frozen=True)
-class FitConfig:
-    """Settings of the fit; lengths in metres."""
-
-    sigmas: tuple[float, ...] = (0.06, 0.05, 0.04, 0.034, 0.028, 0.024, 0.02, 0.02)
-    coarse_sigma: float = 0.03
-    """Above this a third of the points will do."""
-    outlier: float = 0.3
-    plane_weight: float = 1.0
-    point_weight: float = 0.3
-    free_space_weight: float = 0.15
-    free_space_slack: float = 0.04
-    free_space_limit: float = 0.10
-    prior: float = 0.2
-    damping: float = 0.02
-    max_step: float = 0.35
-    max_points: int = 800
 
 
 @dataclass(frozen=True)

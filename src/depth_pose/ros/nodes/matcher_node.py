@@ -21,7 +21,7 @@ from depth_pose.steps.match import Matcher, match_confidence
 class MatcherNode(BankNode):
     """Finds similar exemplars in the bank (Sec. 5)."""
 
-    SECTIONS = ("match",)
+    SECTIONS = ("match", "fit")
     SETTINGS = (BANK,)
 
     def __init__(self) -> None:
@@ -29,7 +29,7 @@ class MatcherNode(BankNode):
 
     def make_stage(self, config: PipelineConfig) -> Matcher:
         """Make the matcher."""
-        return make(Matcher, self.bank, config.match)
+        return make(Matcher, self.bank, config.match, config.fit)
 
     def open_outputs(self) -> None:
         """Publish the matches."""

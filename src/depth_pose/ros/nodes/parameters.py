@@ -122,6 +122,8 @@ def _declare(
     value = given.get(name)
     if isinstance(default, float) and value is not None and value.type_ == Parameter.Type.INTEGER:
         given[name] = Parameter(name, Parameter.Type.DOUBLE, float(value.value))  # "near: 1" means 1.0
+    if isinstance(default, tuple) and value is not None and value.type_ == Parameter.Type.INTEGER_ARRAY:
+        given[name] = Parameter(name, Parameter.Type.DOUBLE_ARRAY, [float(v) for v in value.value])
     try:
         node.declare_parameter(name, default, descriptor)
     except InvalidParameterTypeException as e:

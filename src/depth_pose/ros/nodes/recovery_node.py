@@ -33,7 +33,7 @@ from depth_pose.steps.recover import Recoverer
 class RecoveryNode(BankNode):
     """Finds failures, recovers from them over time, and smooths (Sec. 6, last part)."""
 
-    SECTIONS = ("mount", "recover", "smooth", "match", "follow")
+    SECTIONS = ("mount", "recover", "smooth", "match", "follow", "fit", "cpd", "completion", "temporal")
     SETTINGS = RECOVERY
 
     def __init__(self) -> None:
@@ -42,7 +42,7 @@ class RecoveryNode(BankNode):
     def make_stage(self, config: PipelineConfig) -> Recoverer:
         """Make the recoverer, and who chooses the one that is followed."""
         self._follower = Follower(config.follow)
-        return make(Recoverer, self.bank, config.recover, config.smooth, config.match)
+        return make(Recoverer, self.bank, config.recover, config.smooth, config.match, config.fitting)
 
     def open_outputs(self) -> None:
         """Publish what other programs read: reliable, which suits every subscriber."""

@@ -64,9 +64,9 @@ def _load(bank: str) -> None:
     make_ahead(PeopleExtractor, config.segment, config.denoise)
     with contextlib.suppress(BankError):  # the nodes that need it refuse it, and say why
         loaded = load_bank(bank)
-        make_ahead(Matcher, loaded, config.match)
-        make_ahead(Refiner, loaded, config.refine, config.match)
-        make_ahead(Recoverer, loaded, config.recover, config.smooth, config.match)
+        make_ahead(Matcher, loaded, config.match, config.fit)
+        make_ahead(Refiner, loaded, config.refine, config.match, config.fitting)
+        make_ahead(Recoverer, loaded, config.recover, config.smooth, config.match, config.fitting)
     gc.collect()
     gc.freeze()  # what is here stays; a collection that wrote to it would end the sharing
 
