@@ -37,7 +37,7 @@ class Method(Protocol):
         """Forget all earlier frames."""
 
     def process_frame(self, frame: Any, /) -> Any:
-        """Answer one frame; the result has a ``skeleton``."""
+        """Answer one frame; the result has everybody's ``skeletons``, and the one ``skeleton`` followed."""
 
 
 @dataclass(frozen=True)
@@ -52,6 +52,8 @@ class RunSummary:
         Frames with a skeleton that shows somebody.
     empty : int
         Frames that show nobody.
+    most_people : int
+        Most people in one frame.
     dropped : int
         Frames that could not be used; `warnings` say why.
     sources : mapping of str to int
@@ -65,6 +67,7 @@ class RunSummary:
     frames: int
     answered: int
     empty: int
+    most_people: int
     dropped: int
     sources: Mapping[str, int]
     median_ms: float
@@ -103,26 +106,31 @@ def process_recording(
     sources: Counter[str] = Counter()
     refused: Counter[str] = Counter()
     times_ms = []
+    empty = most = 0
     with SkeletonWriter(output) as writer:
         for frame in reader:
             start = time.perf_counter()
             try:
-                skeleton = pipeline.process_frame(frame).skeleton
+                result = pipeline.process_frame(frame)
             except InputError as error:
                 refused[str(error)] += 1
                 continue
             times_ms.append((time.perf_counter() - start) * 1e3)
-            writer.write(skeleton)
-            sources["LOST" if skeleton.is_lost else skeleton.source.name] += 1
+            followed, everybody = result.skeleton, result.skeletons
+            writer.write_people(everybody, followed.stamp_ns, followed.frame_id)
+            writer.write(followed)
+            sources.update(s.source.name for s in everybody)
+            empty += not everybody
+            most = max(most, len(everybody))
             if progress:
                 progress(len(times_ms) + refused.total() + reader.dropped)
-    answered = sources.total() - sources["LOST"]
     dropped = reader.dropped + refused.total()
     reasons = [f"{count} frames were dropped: {reason}" for reason, count in refused.items()]
     return RunSummary(
-        frames=sources.total() + dropped,
-        answered=answered,
-        empty=sources["LOST"],
+        frames=len(times_ms) + dropped,
+        answered=len(times_ms) - empty,
+        empty=empty,
+        most_people=most,
         dropped=dropped,
         sources=dict(sources),
         median_ms=float(np.median(times_ms)) if times_ms else float("nan"),

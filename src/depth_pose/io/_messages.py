@@ -7,6 +7,7 @@ mcap-ros2-support's decoder 0.06 ms.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -38,6 +39,15 @@ class ImageMessage:
     data: memoryview
 
 
+@dataclass(frozen=True)
+class SkeletonsMessage:
+    """``depth_pose_msgs/msg/SkeletonArray``: everybody in one frame."""
+
+    stamp_ns: int
+    frame_id: str
+    skeletons: tuple[Skeleton, ...]
+
+
 @cache
 def _store() -> Typestore:
     store = get_typestore(Stores.EMPTY)
@@ -62,15 +72,18 @@ def read_message(data: bytes | memoryview, kind: str) -> Any:
 
 def write_message(kind: str, stamp_ns: int, frame_id: str, **fields: Any) -> bytes:
     """Encode a message that begins with a header."""
-    seconds, nanoseconds = divmod(stamp_ns, 1_000_000_000)
-    header = make(schemas.HEADER, make(schemas.TIME, seconds, nanoseconds), frame_id)
-    message = make(kind, header, **fields)
+    message = make(kind, make_header(stamp_ns, frame_id), **fields)
     return bytes(_store().serialize_cdr(message, kind, little_endian=True))
 
 
 def make(kind: str, *values: Any, **fields: Any) -> Any:
     """Make a message of a type by its fields."""
     return _store().types[kind](*values, **fields)
+
+
+def make_header(stamp_ns: int, frame_id: str) -> Any:
+    """Make a header."""
+    return make(schemas.HEADER, make(schemas.TIME, *divmod(stamp_ns, 1_000_000_000)), frame_id)
 
 
 def stamp_of(message: Any) -> int:
@@ -89,7 +102,16 @@ def read_image(data: bytes | memoryview) -> ImageMessage:
 
 def read_skeleton(data: bytes) -> Skeleton:
     """Decode a Skeleton; its joints are put into the order of `JOINTS`."""
-    m = read_message(data, schemas.SKELETON)
+    return _skeleton_of(read_message(data, schemas.SKELETON))
+
+
+def read_people(data: bytes) -> SkeletonsMessage:
+    """Decode a SkeletonArray."""
+    m = read_message(data, schemas.SKELETON_ARRAY)
+    return SkeletonsMessage(stamp_of(m), m.header.frame_id, tuple(_skeleton_of(s) for s in m.skeletons))
+
+
+def _skeleton_of(m: Any) -> Skeleton:
     if m.source not in tuple(Source):
         raise InputError(f"Skeleton: source is {m.source}; it is one of 0 to {max(Source)}")
     size = len(JOINTS) if m.joints else 0
@@ -121,6 +143,19 @@ def read_skeleton(data: bytes) -> Skeleton:
 
 def write_skeleton(skeleton: Skeleton) -> bytes:
     """Encode a Skeleton."""
+    fields = _skeleton_fields(skeleton)
+    return write_message(schemas.SKELETON, skeleton.stamp_ns, skeleton.frame_id, **fields)
+
+
+def write_people(skeletons: Sequence[Skeleton], stamp_ns: int, frame_id: str) -> bytes:
+    """Encode a SkeletonArray."""
+    messages = [
+        make(schemas.SKELETON, make_header(s.stamp_ns, s.frame_id), **_skeleton_fields(s)) for s in skeletons
+    ]
+    return write_message(schemas.SKELETON_ARRAY, stamp_ns, frame_id, skeletons=messages)
+
+
+def _skeleton_fields(skeleton: Skeleton) -> dict[str, Any]:
     joints = [
         make(
             schemas.JOINT,
@@ -132,17 +167,14 @@ def write_skeleton(skeleton: Skeleton) -> bytes:
         )
         for joint in range(len(skeleton.positions))
     ]
-    return write_message(
-        schemas.SKELETON,
-        skeleton.stamp_ns,
-        skeleton.frame_id,
-        body_id=skeleton.body_id,
-        source=int(skeleton.source),
-        confidence=skeleton.confidence,
-        residual=skeleton.residual,
-        scale=skeleton.scale,
-        joints=joints,
-    )
+    return {
+        "body_id": skeleton.body_id,
+        "source": int(skeleton.source),
+        "confidence": skeleton.confidence,
+        "residual": skeleton.residual,
+        "scale": skeleton.scale,
+        "joints": joints,
+    }
 
 
 def write_image(stamp_ns: int, frame_id: str, pixels: NDArray[np.generic]) -> bytes:

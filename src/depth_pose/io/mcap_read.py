@@ -15,7 +15,8 @@ from pathlib import Path
 from depth_pose.core.errors import InputError
 from depth_pose.core.types import DepthFrame, Skeleton
 from depth_pose.io import schemas
-from depth_pose.io._messages import read_image, read_message, read_skeleton, stamp_of
+from depth_pose.io._messages import SkeletonsMessage, read_image, read_message, read_skeleton, stamp_of
+from depth_pose.io._messages import read_people as read_people_message
 from depth_pose.io._recording import RawMessage, Recording
 from depth_pose.io.compressed import TOPIC_ENDING, decode_compressed_depth
 from depth_pose.io.decode import (
@@ -25,7 +26,7 @@ from depth_pose.io.decode import (
     frame_from_cloud,
     rectify_depth,
 )
-from depth_pose.io.schemas import SKELETON_TOPIC
+from depth_pose.io.schemas import PEOPLE_TOPIC, SKELETON_TOPIC
 
 _log = logging.getLogger(__name__)
 _DEPTH_ENCODINGS = ("16UC1", "mono16", "32FC1")
@@ -285,18 +286,54 @@ def read_skeletons(path: Path | str, topic: str = SKELETON_TOPIC) -> Iterator[Sk
         Where the recording has no such topic.
     """
     recording = Recording(path)
+    _require(recording, topic, schemas.SKELETON)
+    return (read_skeleton(data) for data in _data_of(recording, topic))
+
+
+def read_people(path: Path | str, topic: str = PEOPLE_TOPIC) -> Iterator[SkeletonsMessage]:
+    """Give everybody's skeletons, frame by frame, in order.
+
+    A recording without such a topic that has `SKELETON_TOPIC` gives the one person there.
+
+    Parameters
+    ----------
+    path : Path or str
+        An MCAP file, or a folder of them.
+    topic : str
+        The topic's name.
+
+    Raises
+    ------
+    InputError
+        Where the recording has neither topic.
+    """
+    recording = Recording(path)
     found = recording.topics.get(topic)
-    if found is None or found.kind != schemas.SKELETON:
-        others = [t.name for t in recording.topics.values() if t.kind == schemas.SKELETON]
+    if found is not None and found.kind == schemas.SKELETON:
+        return (_alone(read_skeleton(data)) for data in _data_of(recording, topic))
+    if topic == PEOPLE_TOPIC and found is None and SKELETON_TOPIC in recording.topics:
+        return read_people(path, SKELETON_TOPIC)
+    _require(recording, topic, schemas.SKELETON_ARRAY)
+    return (read_people_message(data) for data in _data_of(recording, topic))
+
+
+def _alone(skeleton: Skeleton) -> SkeletonsMessage:
+    shown = () if skeleton.is_lost else (skeleton,)
+    return SkeletonsMessage(skeleton.stamp_ns, skeleton.frame_id, shown)
+
+
+def _require(recording: Recording, topic: str, kind: str) -> None:
+    found = recording.topics.get(topic)
+    if found is None or found.kind != kind:
+        others = [t.name for t in recording.topics.values() if t.kind == kind]
         raise InputError(
             f"{recording.path} has no skeletons on {topic}"
             + (f"; it has {', '.join(others)}" if others else f"; {_listing(recording)}")
         )
-    return _skeletons(recording, topic)
 
 
-def _skeletons(recording: Recording, topic: str) -> Iterator[Skeleton]:
+def _data_of(recording: Recording, topic: str) -> Iterator[bytes]:
     for message in recording.messages(topic):
-        yield read_skeleton(message.data)
+        yield message.data
     for line in recording.damage:
         _log.warning("%s", line)

@@ -20,6 +20,7 @@ float32 confidence
 float32 residual
 float32 scale
 Joint[] joints""",
+    "depth_pose_msgs/SkeletonArray": "std_msgs/Header header\nSkeleton[] skeletons",
     "depth_pose_msgs/Joint": """\
 uint8 SEEN=0
 uint8 OCCLUDED=1
@@ -75,12 +76,16 @@ bool do_rectify""",
 }
 
 SKELETON_TOPIC = "/depth_pose/skeleton"
-"""Where skeletons are, unless told otherwise."""
+"""Where the skeletons of the one who is followed are, unless told otherwise."""
+
+PEOPLE_TOPIC = "/depth_pose/skeletons"
+"""Where everybody's skeletons are, unless told otherwise."""
 
 DEPTH_TOPIC = "/camera/depth/image_raw"
 """Where depth images are written, unless told otherwise."""
 
 SKELETON = "depth_pose_msgs/msg/Skeleton"
+SKELETON_ARRAY = "depth_pose_msgs/msg/SkeletonArray"
 JOINT = "depth_pose_msgs/msg/Joint"
 POINT = "geometry_msgs/msg/Point"
 QUATERNION = "geometry_msgs/msg/Quaternion"

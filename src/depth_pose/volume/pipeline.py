@@ -77,6 +77,11 @@ class VolumePose:
     skeleton: Skeleton
     disregarded: tuple[int, ...] = ()
 
+    @property
+    def skeletons(self) -> tuple[Skeleton, ...]:
+        """Everybody: the one person, or nobody."""
+        return () if self.skeleton.is_lost else (self.skeleton,)
+
     @cached_property
     def angles_deg(self) -> Array:
         """Anatomical angles, (47,), in the order of `depth_pose.body.angles.ANGLES`."""
