@@ -59,7 +59,7 @@ def pss_mb(pid: int) -> float:
 def stages_ms(frames: Sequence[DepthFrame], bank: str | None) -> dict[str, float]:
     """Processor time of each stage alone, median over the frames, milliseconds."""
     from depth_pose.pipeline import PosePipeline
-    from depth_pose.ros.nodes.warm_stages import load_bank
+    from depth_pose.ros.process.warm_stages import load_bank
 
     pipeline = PosePipeline(load_bank(bank or ""))
     pipeline.warm_up()
@@ -235,7 +235,7 @@ def main() -> None:
             print(f"{fps:g} frames a second for {arguments.seconds:g} s ...", flush=True)
             runs.append(bench.play(fps, arguments.seconds, suite))
         pids = {name: suite.pid(name) for name in NODES}
-        pids |= {"spare": suite.spare_pid, "fork server": suite.server_pid}
+        pids |= {"spare": suite.pid("spare"), "fork server": suite.pid("fork server")}
         memory = {name: pss_mb(pid) for name, pid in pids.items() if pid is not None}
     print(f"\n{len(frames)} frames of {frames[0].camera.width} x {frames[0].camera.height}, {recording.name}")
     print(f"start, from nothing to all nodes ready: {start_s:.1f} s; load average {os.getloadavg()[0]:.1f}")

@@ -9,6 +9,7 @@ import numpy as np
 
 from depth_pose.body.procedural import make_body
 from depth_pose.core.camera import Camera
+from depth_pose.core.rotations import R_CAMERA_FACING_MODEL as FACING
 from depth_pose.core.rotations import rotvec_to_matrix
 from depth_pose.core.skeleton import MIRROR_NODES, NODE_INDEX, NODE_PARENTS
 from depth_pose.core.types import HIDDEN, DepthFrame, FoundPerson
@@ -16,8 +17,6 @@ from depth_pose.fit.rendered_depth import DepthComparer, Observation
 from depth_pose.people.person import see_people
 
 CAMERA = Camera(176, 144, 190.0, 190.0, 87.5, 71.5)
-FACING = np.diag([1.0, -1.0, -1.0])
-"""``R_camera_model`` of somebody upright who faces a level camera."""
 
 START_NS = 1_700_000_000_000_000_000
 STEP_NS = 40_000_000

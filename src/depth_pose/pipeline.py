@@ -53,9 +53,9 @@ class PosePipeline:
     def __init__(self, bank: Bank, config: PipelineConfig = PipelineConfig()) -> None:  # noqa: B008
         self._mount = config.mount
         self.extractor = PeopleExtractor(config.segment, config.denoise)
-        self.matcher = Matcher(bank, config.match)
-        self.refiner = Refiner(bank, config.refine, config.match)
-        self.recoverer = Recoverer(bank, config.recover, config.smooth, config.match)
+        self.matcher = Matcher(bank, config.match, config.fit)
+        self.refiner = Refiner(bank, config.refine, config.match, config.fitting)
+        self.recoverer = Recoverer(bank, config.recover, config.smooth, config.match, config.fitting)
         self.follower = Follower(config.follow)
         self._stages = (self.extractor, self.matcher, self.refiner, self.recoverer, self.follower)
 

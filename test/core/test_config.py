@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from array import array
 
 import pytest
 
@@ -22,25 +23,30 @@ def test_every_setting_says_what_it_is_and_its_range(section):
         assert o.help[0].isupper() or any(o.help.startswith(choice) for choice in o.choices)
         if isinstance(o.default, bool | str):
             assert isinstance(o.default, bool) or o.default in o.choices
-        else:
-            assert o.low is not None, f"{section.__name__}.{o.name} has no least value"
-            assert o.low <= o.default
-            assert o.high is None or o.default <= o.high
+            continue
+        assert o.low is not None, f"{section.__name__}.{o.name} has no least value"
+        for value in o.default if isinstance(o.default, tuple) else (o.default,):
+            assert o.low <= value
+            assert o.high is None or value <= o.high
 
 
 @pytest.mark.parametrize("section", [*SECTIONS.values(), BuildConfig], ids=[*SECTIONS, "build"])
 def test_values_beyond_the_range_are_refused_by_name(section):
     for o in options(section):
+
+        def like_default(value, default=o.default):
+            is_list = isinstance(default, tuple)
+            return (float(value),) * len(default) if is_list else type(default)(value)
+
         for value in (o.low, o.high):
             if value is not None:
-                kind = type(o.default)
-                section(**{o.name: kind(value)})
+                section(**{o.name: like_default(value)})
         if o.low is not None:
             with pytest.raises(ConfigError, match=rf"{section.__name__}\.{o.name} is .*least"):
-                section(**{o.name: type(o.default)(o.low - 1)})
+                section(**{o.name: like_default(o.low - 1)})
         if o.high is not None:
             with pytest.raises(ConfigError, match=rf"{section.__name__}\.{o.name} is .*most"):
-                section(**{o.name: type(o.default)(o.high + 1)})
+                section(**{o.name: like_default(o.high + 1)})
         if o.choices:
             with pytest.raises(ConfigError, match="it is one of"):
                 section(**{o.name: "nonsense"})
@@ -85,6 +91,30 @@ def test_from_mapping_refuses(values, message):
         from_mapping(SegmentConfig, values)
     with pytest.raises(DepthPoseError):
         PipelineConfig.from_mapping({"segment": values})
+
+
+def test_lists_of_numbers():
+    made = PipelineConfig.from_mapping({"fit": {"sigmas": [1, 0.5, 0.1, 0.05]}})
+    assert made.fit.sigmas == made.fitting.fit.sigmas == (1.0, 0.5, 0.1, 0.05)
+    assert (
+        from_mapping(cfg.FitConfig, {"sigmas": array("d", [0.1] * 4)}).sigmas == (0.1,) * 4
+    )  # as ROS gives it
+    for wrong in ([0.1, "0.1"], 0.1, "0.1", None):
+        with pytest.raises(ConfigError, match=r"FitConfig\.sigmas is .* must be"):
+            from_mapping(cfg.FitConfig, {"sigmas": wrong})
+    with pytest.raises(ConfigError, match=r"FitConfig\.sigmas is 0\.0; the least it may be is 0\.001 m"):
+        from_mapping(cfg.FitConfig, {"sigmas": [0.1, 0.1, 0.1, 0.0]})
+    with pytest.raises(ConfigError, match="has 3 values; give at least 4"):
+        from_mapping(cfg.FitConfig, {"sigmas": [0.1, 0.1, 0.1]})
+
+
+@pytest.mark.parametrize("count", [4, 7, 8, 11])
+def test_stages_share_one_schedule(count):
+    config = cfg.FitConfig(sigmas=tuple(0.01 * (20 - k) for k in range(count)))
+    assert config.glance + config.rough + config.fine == config.sigmas
+    assert all((config.glance, config.rough, config.fine))
+    assert config.trial == config.sigmas[: len(config.trial)]
+    assert config.carried == config.sigmas[-len(config.carried) :]
 
 
 def test_pipeline_round_trip():

@@ -10,6 +10,7 @@ from depth_pose.body.body import Body
 from depth_pose.body.procedural import make_body
 from depth_pose.core._raster_kernels import rasterize
 from depth_pose.core.camera import Camera
+from depth_pose.core.rotations import R_CAMERA_FACING_MODEL as FACING
 from depth_pose.core.rotations import rotvec_to_matrix
 from depth_pose.core.skeleton import NODE_INDEX, NODE_PARENTS, NODES
 from depth_pose.core.types import PERSON, FoundPerson
@@ -17,8 +18,6 @@ from depth_pose.fit.articulated import BodyPose
 from depth_pose.people.person import Person, see_people
 
 CAMERA = Camera(176, 144, 200.0, 200.0, 87.5, 71.5)
-FACING = np.diag([1.0, -1.0, -1.0])
-"""Model frame to camera frame of a person who stands before the camera and looks at it."""
 
 
 @cache

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import synthetic as syn
+from depth_pose.core.config import FitConfig
 from depth_pose.core.rotations import rotvec_to_matrix
 from depth_pose.core.skeleton import NODE_INDEX, NODE_PARENTS
 from depth_pose.core.types import BACKGROUND, PERSON, UNKNOWN, Candidate
@@ -15,10 +16,8 @@ from depth_pose.fit import _visibility_kernels as visibility
 from depth_pose.fit.articulated import (
     ArticulatedFitter,
     BodyPose,
-    FitConfig,
     FitTarget,
     candidate_pose,
-    vertex_normals,
 )
 from depth_pose.people.person import thin
 
@@ -392,16 +391,6 @@ def test_rodrigues_twin(size):
 
 
 # --- what is prepared once
-
-
-def test_vertex_normals_point_outward(body):
-    normals = vertex_normals(body)
-    np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1.0)
-    corners = body.vertices[body.faces]
-    volume = np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])).sum() / 6
-    grown = (body.vertices + 0.002 * normals)[body.faces]
-    larger = np.einsum("ij,ij->i", grown[:, 0], np.cross(grown[:, 1], grown[:, 2])).sum() / 6
-    assert 0.04 < volume < larger
 
 
 def test_turned_normals_and_visibility(body, fitter):

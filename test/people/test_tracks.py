@@ -44,6 +44,22 @@ def test_one_hides_the_other_while_they_pass(tracks) -> None:
             assert tracks.assign([near, far], k * STEP_NS) == ("body_1", "body_2")
 
 
+def test_both_are_hidden_while_they_pass(tracks) -> None:
+    """Each is expected where their own way leads, though the other was last seen nearer to it."""
+    for k in range(40):
+        x = -1.1 + 0.05 * k
+        hidden = abs(x) < 0.25
+        shown = [] if hidden else [at(x), at(-x, 3.1)]
+        assert tracks.assign(shown, k * STEP_NS) == (() if hidden else ("body_1", "body_2"))
+
+
+def test_who_runs_on_while_hidden_is_awaited_farther_on(tracks) -> None:
+    """More than a metre in 0.6 s, at 2 m/s."""
+    for k in range(50):
+        shown = [] if 20 <= k < 35 else [at(-2.0 + 0.08 * k)]
+        assert tracks.assign(shown, k * STEP_NS) == ("body_1",) * len(shown)
+
+
 @pytest.mark.parametrize("speed", [0.0, 0.6])
 def test_who_is_hidden_for_a_second_and_a_half_keeps_the_name(tracks, speed) -> None:
     """Standing, or walking slowly on; the other one, who stays, does not take it over."""

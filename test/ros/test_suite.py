@@ -72,7 +72,7 @@ def test_live_equals_offline(recording, bank_path, peer):
         skeletons = peer.listen(Skeleton, "/depth_pose/skeleton", 200)
         everybody = peer.listen(SkeletonArray, "/depth_pose/skeletons", 200)
         matches = peer.listen(PoseMatchArray, "/depth_pose/match", 200)
-        # what this side takes for joined, the nodes may not yet: they tell how many listen to them
+        # a publisher finds its subscribers first: the nodes tell how many listen to them
         wanted = {"matcher": 2, "recovery": 2}  # recovery: this test and the refine node
         peer.until(lambda: wanted.items() <= listeners(told).items(), 30.0, "this test as a listener")
         play(recording, rate=2.0, wait_for_subscribers=[IMAGE, INFO])

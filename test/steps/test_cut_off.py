@@ -6,6 +6,7 @@ import numpy as np
 
 import synthetic as syn
 from depth_pose.core.config import MatchConfig
+from depth_pose.core.rotations import R_CAMERA_FACING_MODEL
 from depth_pose.core.skeleton import JOINT_NODES, NODE_INDEX
 from depth_pose.fit.articulated import candidate_pose
 from depth_pose.steps.cut_off import UprightExemplars, head_axes
@@ -42,7 +43,7 @@ def test_axes_lie_at_the_head_and_are_level():
     posed = syn.posed(syn.arms_down())
     axes = head_axes(_cut_below(posed).persons[0].points, 1.0)
     assert np.linalg.norm(axes.origin - posed.nodes[NODE_INDEX["head"]]) < 0.15
-    np.testing.assert_array_equal(axes.rotation, np.diag([1.0, -1.0, -1.0]))
+    np.testing.assert_array_equal(axes.rotation, R_CAMERA_FACING_MODEL)
 
 
 def test_upright_exemplars_are_upright(bank):

@@ -235,7 +235,7 @@ def test_keeps_a_doubtful_pose_that_agrees_better(run) -> None:
 
 
 def test_carried_poses_are_compared_as_the_fits_were(run) -> None:
-    """With another band the scores of a whole run are others, and recovery is the better by them."""
+    """Whatever the band, right fits and right carried poses have about the same score."""
     for band in (0.06, 0.3):
         match = MatchConfig(scale=1.0, score_band=band)
         config = PipelineConfig(match=match, smooth=SmoothConfig(enabled=False))

@@ -1,13 +1,14 @@
 """Settings: one frozen dataclass per step, each field with its unit, range and one line of help.
 
-ROS parameters, command-line options and YAML files are made from these fields, so every
+A setting is a number, a switch, one of some words, or a list of numbers, of which the range holds for
+each. ROS parameters, command-line options and YAML files are made from these fields, so every
 default stands here and nowhere else.
 """
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from typing import Any, TypeVar
 
@@ -37,7 +38,7 @@ class Option:
     """One setting as ROS parameters and command lines need it."""
 
     name: str
-    default: bool | int | float | str
+    default: bool | int | float | str | tuple[float, ...]
     help: str
     unit: str
     low: float | None
@@ -62,12 +63,13 @@ class _Checked:
 
 def _check(owner: str, o: Option) -> None:
     where = f"{owner}.{o.name}"
-    if isinstance(o.default, float) and o.default != o.default:
-        raise ConfigError(f"{where} is NaN; give a number")
-    if o.low is not None and o.default < o.low:  # type: ignore[operator]
-        raise ConfigError(f"{where} is {o.default}; the least it may be is {o.low} {o.unit}".rstrip())
-    if o.high is not None and o.default > o.high:  # type: ignore[operator]
-        raise ConfigError(f"{where} is {o.default}; the most it may be is {o.high} {o.unit}".rstrip())
+    for value in o.default if isinstance(o.default, tuple) else (o.default,):
+        if isinstance(value, float) and value != value:
+            raise ConfigError(f"{where} is NaN; give a number")
+        if o.low is not None and value < o.low:  # type: ignore[operator]
+            raise ConfigError(f"{where} is {value}; the least it may be is {o.low} {o.unit}".rstrip())
+        if o.high is not None and value > o.high:  # type: ignore[operator]
+            raise ConfigError(f"{where} is {value}; the most it may be is {o.high} {o.unit}".rstrip())
     if o.choices and o.default not in o.choices:
         raise ConfigError(f"{where} is {o.default!r}; it is one of {', '.join(o.choices)}")
 
@@ -88,13 +90,20 @@ def from_mapping(config: type[T], values: Mapping[str, Any]) -> T:
         )
     made: dict[str, Any] = {}
     for name, value in values.items():
-        kind = type(known[name].default)
-        if kind is float and isinstance(value, int) and not isinstance(value, bool):
-            value = float(value)
-        if type(value) is not kind:
-            raise ConfigError(f"{config.__name__}.{name} is {value!r}; it must be of type {kind.__name__}")
-        made[name] = value
+        made[name] = _as(type(known[name].default), value, f"{config.__name__}.{name}")
     return config(**made)
+
+
+def _as(kind: type, value: Any, where: str) -> Any:
+    """Give a value as the type that a setting has: whole numbers and sequences will do."""
+    if kind is tuple and isinstance(value, Sequence) and not isinstance(value, str):
+        return tuple(_as(float, one, where) for one in value)
+    if kind is float and isinstance(value, int) and not isinstance(value, bool):
+        return float(value)
+    if type(value) is not kind:
+        wanted = "a list of numbers" if kind is tuple else f"of type {kind.__name__}"
+        raise ConfigError(f"{where} is {value!r}; it must be {wanted}")
+    return value
 
 
 @dataclass(frozen=True)
@@ -187,6 +196,164 @@ class RefineConfig(_Checked):
 
 
 @dataclass(frozen=True)
+class FitConfig(_Checked):
+    """The articulated fit (`depth_pose.fit.articulated`).
+
+    The stages share one annealing schedule, ``sigmas``, and take parts of it: a first look at many starts
+    (`glance`), a choice between a few (`rough`), the answer (`fine`), a trial of a size or a facing
+    (`trial`), and a pose that was carried over from the frame before (`carried`).
+    """
+
+    sigmas: tuple[float, ...] = option(
+        (0.06, 0.05, 0.04, 0.034, 0.028, 0.024, 0.02, 0.02),
+        "Standard deviation of the points about the skin in each iteration, coarse to fine",
+        unit="m",
+        low=0.001,
+        high=1.0,
+    )
+    coarse_sigma: float = option(
+        0.03,
+        "In iterations above this a third of the points and half of the skin do",
+        unit="m",
+        low=0.0,
+        high=1.0,
+    )
+    outlier: float = option(
+        0.3,
+        "What the E-step holds against every point: the density of the outlier class",
+        low=0.0,
+        high=100.0,
+    )
+    plane_weight: float = option(1.0, "Weight of the distance along the skin's normal", low=0.0, high=100.0)
+    point_weight: float = option(0.3, "Weight of the whole distance", low=1e-3, high=100.0)
+    free_space_weight: float = option(
+        0.15,
+        "Weight of skin that stands where free space was seen, and before the surface",
+        low=0.0,
+        high=100.0,
+    )
+    free_space_slack: float = option(
+        0.04, "Skin may stand before the seen surface by this", unit="m", low=0.0, high=1.0
+    )
+    free_space_limit: float = option(
+        0.10, "Out of free space skin is pulled by at most this a step", unit="m", low=0.0, high=1.0
+    )
+    prior: float = option(0.2, "Stiffness of the joints toward the start", low=0.0, high=100.0)
+    damping: float = option(0.02, "Added to the diagonal of every step", low=0.0, high=100.0)
+    max_step: float = option(0.35, "The most that a joint turns in a step", unit="rad", low=0.01, high=3.2)
+    max_points: int = option(800, "Points of the cloud that are fitted to", low=10, high=1_000_000)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if len(self.sigmas) < 4:
+            raise ConfigError(f"FitConfig.sigmas has {len(self.sigmas)} values; give at least 4")
+
+    @property
+    def glance(self) -> tuple[float, ...]:
+        """The first quarter of the schedule: enough to tell which starts are worth more."""
+        return self.sigmas[: len(self.sigmas) // 4]
+
+    @property
+    def rough(self) -> tuple[float, ...]:
+        """The second quarter, which goes on from `glance`."""
+        return self.sigmas[len(self.sigmas) // 4 : len(self.sigmas) // 2]
+
+    @property
+    def fine(self) -> tuple[float, ...]:
+        """The second half, which goes on from `rough`."""
+        return self.sigmas[len(self.sigmas) // 2 :]
+
+    @property
+    def trial(self) -> tuple[float, ...]:
+        """The first three quarters: enough to compare two sizes by their scores."""
+        return self.sigmas[: 3 * len(self.sigmas) // 4]
+
+    @property
+    def carried(self) -> tuple[float, ...]:
+        """All but the first eighth: a pose that was carried over is near."""
+        return self.sigmas[len(self.sigmas) // 8 :]
+
+
+@dataclass(frozen=True)
+class CpdConfig(_Checked):
+    """Coherent point drift from exemplar to input (Sec. 6), for the method ``cpd``."""
+
+    beta: float = option(0.7, "Width of the coherence kernel", unit="m", low=0.001, high=10.0)
+    stiffness: float = option(20.0, "Weight lambda of the coherence", low=1e-6, high=1e6)
+    outlier_weight: float = option(
+        0.1, "Share w of the input points that are expected to be outliers", low=0.0, high=0.999
+    )
+    sigma_start: float = option(0.06, "Standard deviation at the start", unit="m", low=1e-4, high=10.0)
+    sigma_floor: float = option(0.012, "The least standard deviation", unit="m", low=1e-5, high=1.0)
+    cooling: float = option(
+        1.0,
+        "Greatest ratio of an iteration's variance to the one before; below 1 it always falls",
+        low=0.01,
+        high=1.0,
+    )
+    basis_points: int = option(60, "Vertices from which the kernel is approximated", low=1, high=10_000)
+    tolerance: float = option(
+        5e-4,
+        "The registration ends when no point moves farther than this in a step",
+        unit="m",
+        low=0.0,
+        high=1.0,
+    )
+    max_iterations: int = option(20, "The most iterations", low=0, high=10_000)
+
+
+@dataclass(frozen=True)
+class CompletionConfig(_Checked):
+    """Registration and Laplacian completion of the mesh (Sec. 6, eq. 7), for the method ``cpd``."""
+
+    passes: int = option(
+        2,
+        "How many times the whole is done, each from the body posed at the joints of the one before",
+        low=1,
+        high=20,
+    )
+    weight: float = option(0.1, "Weight w of a correspondence in eq. 7", low=1e-6, high=1e3)
+    max_vertices: int = option(600, "Visible vertices that are registered", low=10, high=1_000_000)
+    max_points: int = option(600, "Input points that are registered", low=10, high=1_000_000)
+    visible_tolerance: float = option(
+        0.05,
+        "A vertex is seen if it lies at most this far behind the rendered depth",
+        unit="m",
+        low=0.0,
+        high=1.0,
+    )
+    min_probability: float = option(
+        0.1, "Least P1 of a vertex that counts as a correspondence", low=0.0, high=1e3
+    )
+    min_facing: float = option(
+        0.55,
+        "Least cosine of a vertex's normal and its ray for the same; beyond it skin slides sideways",
+        low=0.0,
+        high=1.0,
+    )
+    geodesic: bool = option(True, "Distances of the coherence kernel run along the surface")
+
+
+@dataclass(frozen=True)
+class TemporalConfig(_Checked):
+    """Registration of one frame's cloud to the next (Sec. 6); the rest is as in `CpdConfig`.
+
+    The field is less stiff than from exemplar to input: both clouds show the same person.
+    """
+
+    beta: float = option(0.5, "Width of the coherence kernel", unit="m", low=0.001, high=10.0)
+    stiffness: float = option(4.0, "Weight lambda of the coherence", low=1e-6, high=1e6)
+    reach: float = option(
+        0.05,
+        "A vertex goes with the points of its own frame within this, near ones more",
+        unit="m",
+        low=1e-4,
+        high=1.0,
+    )
+    weight: float = option(0.1, "Weight of a correspondence in eq. 7", low=1e-6, high=1e3)
+
+
+@dataclass(frozen=True)
 class RecoverConfig(_Checked):
     """Failure detection and temporal registration (Sec. 6, last part)."""
 
@@ -253,6 +420,16 @@ class Sections:
 
 
 @dataclass(frozen=True)
+class FittingConfig(Sections):
+    """Settings of the fits, which several steps run."""
+
+    fit: FitConfig = FitConfig()
+    cpd: CpdConfig = CpdConfig()
+    completion: CompletionConfig = CompletionConfig()
+    temporal: TemporalConfig = TemporalConfig()
+
+
+@dataclass(frozen=True)
 class PipelineConfig(Sections):
     """All steps' settings."""
 
@@ -261,9 +438,18 @@ class PipelineConfig(Sections):
     denoise: DenoiseConfig = DenoiseConfig()
     match: MatchConfig = MatchConfig()
     refine: RefineConfig = RefineConfig()
+    fit: FitConfig = FitConfig()
+    cpd: CpdConfig = CpdConfig()
+    completion: CompletionConfig = CompletionConfig()
+    temporal: TemporalConfig = TemporalConfig()
     recover: RecoverConfig = RecoverConfig()
     smooth: SmoothConfig = SmoothConfig()
     follow: FollowConfig = FollowConfig()
+
+    @property
+    def fitting(self) -> FittingConfig:
+        """The settings of the fits."""
+        return FittingConfig(self.fit, self.cpd, self.completion, self.temporal)
 
 
 MAX_STAMP_GAP_NS = 500_000_000

@@ -32,7 +32,9 @@ from numpy.typing import NDArray
 
 from depth_pose.bank.bank import Bank
 from depth_pose.body.body import Body
+from depth_pose.body.normals import vertex_normals
 from depth_pose.core.camera import Camera
+from depth_pose.core.config import FitConfig
 from depth_pose.core.rotations import quat_to_matrix
 from depth_pose.core.skeleton import NODE_INDEX, NODE_PARENTS, NODES
 from depth_pose.core.types import Candidate
@@ -54,25 +56,6 @@ _STIFFNESS: dict[str, float] = {
     "ankle": 2.0,
 }
 """Relative stiffness of each free node toward the start; nodes not named follow their parent."""
-
-
-@dataclass(frozen=True)
-class FitConfig:
-    """Settings of the fit; lengths in metres."""
-
-    sigmas: tuple[float, ...] = (0.06, 0.05, 0.04, 0.034, 0.028, 0.024, 0.02, 0.02)
-    coarse_sigma: float = 0.03
-    """Above this a third of the points will do."""
-    outlier: float = 0.3
-    plane_weight: float = 1.0
-    point_weight: float = 0.3
-    free_space_weight: float = 0.15
-    free_space_slack: float = 0.04
-    free_space_limit: float = 0.10
-    prior: float = 0.2
-    damping: float = 0.02
-    max_step: float = 0.35
-    max_points: int = 800
 
 
 @dataclass(frozen=True)
@@ -179,16 +162,6 @@ def nearest_person_pixels(observation: Observation) -> NDArray[np.int32]:
 
 def _intrinsics(camera: Camera) -> tuple[float, float, float, float]:
     return camera.fx, camera.fy, camera.cx, camera.cy
-
-
-def vertex_normals(body: Body) -> NDArray[np.float64]:
-    """Outward unit normals of the rest vertices, weighted by the faces' areas, shape (V, 3)."""
-    corners = body.vertices[body.faces]
-    face = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normals = np.zeros_like(body.vertices)
-    for k in range(3):
-        np.add.at(normals, body.faces[:, k], face)
-    return np.asarray(normals / np.linalg.norm(normals, axis=1, keepdims=True))
 
 
 def _free_nodes() -> tuple[NDArray[np.int64], NDArray[np.float64]]:

@@ -8,61 +8,27 @@ The exemplar's visible vertices are registered to the input by coherent point dr
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.body.body import Body, PosedBody
+from depth_pose.body.normals import vertex_normals
 from depth_pose.core import _raster_kernels
 from depth_pose.core.camera import Camera
+from depth_pose.core.config import CompletionConfig, CpdConfig
 from depth_pose.core.skeleton import NODES
 from depth_pose.fit import _visibility_kernels as visibility
-from depth_pose.fit.articulated import BodyPose, vertex_normals
+from depth_pose.fit.articulated import BodyPose
 from depth_pose.fit.coherence import geodesic_basis
-from depth_pose.fit.cpd import CpdConfig, register
+from depth_pose.fit.cpd import register
 from depth_pose.fit.laplacian import LaplacianCompleter
 from depth_pose.fit.rendered_depth import Observation
 from depth_pose.fit.rigid import JointTransfer
 from depth_pose.fit.skeleton_pose import pose_from_nodes
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class CompletionConfig:
-    """Settings of registration and completion; lengths in metres.
-
-    Attributes
-    ----------
-    cpd : CpdConfig
-    passes : int
-        How many times the whole is done; each pass after the first starts from the body posed at
-        the joints of the one before, whose limbs are whole again.
-    weight : float
-        Weight w of a correspondence in eq. 7.
-    max_vertices, max_points : int
-        How many of the visible vertices and of the input points are registered.
-    visible_tolerance : float
-        A vertex is seen if it lies at most this far behind the rendered depth.
-    min_probability : float
-        Least ``P1`` of a vertex that counts as a correspondence.
-    min_facing : float
-        Least cosine between a vertex's normal and the ray to it for the same. Vertices near the
-        silhouette slide along the surface, and would bend the hidden side the wrong way.
-    geodesic : bool
-        Whether distances of the coherence kernel run along the surface.
-    """
-
-    cpd: CpdConfig = field(default_factory=CpdConfig)
-    passes: int = 2
-    weight: float = 0.1
-    max_vertices: int = 600
-    max_points: int = 600
-    visible_tolerance: float = 0.05
-    min_probability: float = 0.1
-    min_facing: float = 0.55
-    geodesic: bool = True
 
 
 @dataclass(frozen=True)
@@ -77,11 +43,13 @@ class CompletedBody:
 class MeshCompleter:
     """Completes meshes of one body; everything that does not change between frames is here."""
 
-    def __init__(self, body: Body, config: CompletionConfig | None = None) -> None:
+    def __init__(
+        self, body: Body, config: CompletionConfig | None = None, cpd: CpdConfig | None = None
+    ) -> None:
         self.body = body
         self.config = config or CompletionConfig()
-        cpd = self.config.cpd
-        self._basis = geodesic_basis(body.vertices, body.faces, cpd.basis_points, cpd.beta)
+        self._cpd = cpd or CpdConfig()
+        self._basis = geodesic_basis(body.vertices, body.faces, self._cpd.basis_points, self._cpd.beta)
         self._laplacian = LaplacianCompleter(body.vertices, body.faces)
         self._transfer = JointTransfer(body)
         self._normals_rest = vertex_normals(body)
@@ -118,7 +86,7 @@ class MeshCompleter:
         if len(visible) > c.max_vertices:
             visible = visible[np.arange(c.max_vertices) * len(visible) // c.max_vertices]
         basis = self._basis[visible] if c.geodesic else None
-        found = register(posed.vertices[visible], points, c.cpd, basis)
+        found = register(posed.vertices[visible], points, self._cpd, basis)
         targets, weights = posed.vertices.copy(), np.zeros(len(posed.vertices))
         targets[visible] = found.moved
         sure = (found.probability > c.min_probability) & (facing[visible] > c.min_facing)

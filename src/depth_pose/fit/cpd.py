@@ -37,58 +37,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.core.errors import ConfigError, InputError
+from depth_pose.core.config import CpdConfig
+from depth_pose.core.errors import InputError
+from depth_pose.core.farthest_points import farthest_rows
 from depth_pose.fit import _cpd_kernels as kernels
 
 Array = NDArray[np.float64]
 
 LEAST_EIGENVALUE = 1e-6
 """Share of the largest eigenvalue that a direction of the basis has, for the pipeline's stiff fields."""
-
-
-@dataclass(frozen=True)
-class CpdConfig:
-    """Settings of the registration.
-
-    Attributes
-    ----------
-    beta : float
-        Width of the coherence kernel, metres.
-    stiffness : float
-        Weight lambda of the coherence.
-    outlier_weight : float
-        Share w of the targets that are expected to be outliers, 0 to below 1.
-    sigma_start, sigma_floor : float
-        Standard deviation at the start, and the least, metres.
-    cooling : float
-        Greatest ratio of the variances of one iteration and the one before, above 0, at most 1:
-        below 1 the variance falls even where the data would keep it up.
-    basis_points : int
-        Vertices from which the kernel is approximated.
-    tolerance : float
-        The registration ends when no point moves farther than this in one iteration, metres.
-    max_iterations : int
-    """
-
-    beta: float = 0.7
-    stiffness: float = 20.0
-    outlier_weight: float = 0.1
-    sigma_start: float = 0.06
-    sigma_floor: float = 0.012
-    cooling: float = 1.0
-    basis_points: int = 60
-    tolerance: float = 5e-4
-    max_iterations: int = 20
-
-    def __post_init__(self) -> None:
-        positive = ("beta", "stiffness", "sigma_start", "sigma_floor", "basis_points")
-        for name in positive:
-            if not getattr(self, name) > 0:
-                raise ConfigError(f"cpd.{name} = {getattr(self, name)}: must be above 0")
-        if not 0 <= self.outlier_weight < 1:
-            raise ConfigError(f"cpd.outlier_weight = {self.outlier_weight}: must be at least 0 and below 1")
-        if not 0 < self.cooling <= 1:
-            raise ConfigError(f"cpd.cooling = {self.cooling}: must be above 0 and at most 1")
 
 
 @dataclass(frozen=True)
@@ -208,16 +165,9 @@ def euclidean_basis(points: Array, count: int, beta: float, least: float = LEAST
         ``B`` with ``B B^T`` approximately the kernel matrix; K at most ``count``.
     """
     points = np.ascontiguousarray(points, np.float64)
-    chosen = farthest_points(points, count)
+    chosen = farthest_rows(points, count)
     distances = np.linalg.norm(points[:, None] - points[chosen], axis=2)
     return nystroem_basis(distances, chosen, beta, least)
-
-
-def farthest_points(points: Array, count: int) -> NDArray[np.int64]:
-    """Choose ``count`` points, at most all, far from each other, shape (count,)."""
-    chosen = np.empty(min(count, len(points)), np.int64)
-    kernels.farthest_points(np.ascontiguousarray(points, np.float64), len(chosen), chosen)
-    return chosen
 
 
 def nystroem_basis(

@@ -8,45 +8,30 @@ vertices (eq. 8).
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from depth_pose.core.config import CpdConfig, TemporalConfig
 from depth_pose.fit import _cpd_kernels as kernels
 from depth_pose.fit.articulated import BodyPose
 from depth_pose.fit.completion import CompletedBody, MeshCompleter
-from depth_pose.fit.cpd import CpdConfig, register
+from depth_pose.fit.cpd import register
 from depth_pose.fit.rendered_depth import Observation
 
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class TemporalConfig:
-    """Settings of the registration of clouds; lengths in metres.
-
-    Attributes
-    ----------
-    cpd : CpdConfig
-        The field is less stiff than from exemplar to input: both clouds show the same person.
-    reach : float
-        A vertex corresponds to the points of its own frame within this distance, near ones more.
-    weight : float
-        Weight of a correspondence in eq. 7.
-    """
-
-    cpd: CpdConfig = field(default_factory=lambda: CpdConfig(beta=0.5, stiffness=4.0, basis_points=60))
-    reach: float = 0.05
-    weight: float = 0.1
-
-
 class TemporalCarrier:
     """Carries a completer's body from frame to frame."""
 
-    def __init__(self, completer: MeshCompleter, config: TemporalConfig | None = None) -> None:
+    def __init__(
+        self, completer: MeshCompleter, config: TemporalConfig | None = None, cpd: CpdConfig | None = None
+    ) -> None:
         self._completer = completer
         self.config = config or TemporalConfig()
+        self._cpd = replace(cpd or CpdConfig(), beta=self.config.beta, stiffness=self.config.stiffness)
 
     def carry(self, before: Array, now: Array, coarse_before: Observation, pose: BodyPose) -> CompletedBody:
         """Carry a body over.
@@ -66,7 +51,7 @@ class TemporalCarrier:
             The body at t; unchanged where nothing was seen of it.
         """
         c, body = self.config, self._completer.body
-        found = register(before, now, c.cpd)
+        found = register(before, now, self._cpd)
         posed = body.pose(pose.rotations, pose.root, pose.scale)
         facing = self._completer.visible(posed, pose.rotations, coarse_before)
         visible = np.flatnonzero(facing > self._completer.config.min_facing)

@@ -14,7 +14,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.body.angles import ARM, LEG, rotation_x, rotation_z, rotations_from_angles
+from depth_pose.body.angles import ARM, LEG, rotations_from_angles
+from depth_pose.core.rotations import rotation_x, rotation_z
 from depth_pose.motion.contact import pelvis_height
 from depth_pose.motion.procedural import arms as arms
 from depth_pose.motion.procedural import legs as legs

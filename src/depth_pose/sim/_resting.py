@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
-from depth_pose.body.angles import rotation_x
+from depth_pose.core.rotations import rotation_x
 from depth_pose.sim._builds import Build
 
 Array = NDArray[np.float64]

@@ -13,10 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.body.angles import ANGLES, HANG, angles_from_rotations, rotation_y
+from depth_pose.body.angles import ANGLES, HANG, angles_from_rotations
 from depth_pose.body.body import Body
 from depth_pose.body.limits import violation
 from depth_pose.core.config import RecoverConfig
+from depth_pose.core.rotations import rotation_y
 from depth_pose.core.skeleton import BONES, JOINT_NODES, JOINTS, NODE_INDEX
 from depth_pose.core.types import Fitted, Skeleton
 from depth_pose.fit.skeleton_pose import pose_from_skeleton

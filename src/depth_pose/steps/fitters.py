@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.body.body import Body
+from depth_pose.core.config import FittingConfig
 from depth_pose.fit.articulated import ArticulatedFitter, BodyPose, FitTarget
 from depth_pose.fit.completion import MeshCompleter
 from depth_pose.people.person import Person, thin
@@ -44,25 +45,19 @@ class Fitter(Protocol):
         """Prepare one frame."""
 
 
-GLANCE_SIGMAS = (0.06, 0.05)
-ROUGH_SIGMAS = (0.04, 0.034)
-FINE_SIGMAS = (0.028, 0.024, 0.02, 0.02)
-"""Standard deviations of the iterations of the articulated fit, metres: one set goes on from the other."""
-
-
 @dataclass(frozen=True)
 class _SkinnedFrame:
     fitter: ArticulatedFitter
     target: FitTarget
 
     def glance(self, start: BodyPose) -> FittedBody:
-        return self._fit(start, GLANCE_SIGMAS)
+        return self._fit(start, self.fitter.config.glance)
 
     def rough(self, start: BodyPose) -> FittedBody:
-        return self._fit(start, ROUGH_SIGMAS)
+        return self._fit(start, self.fitter.config.rough)
 
     def finish(self, fitted: FittedBody) -> FittedBody:
-        return self._fit(fitted.pose, FINE_SIGMAS)
+        return self._fit(fitted.pose, self.fitter.config.fine)
 
     def _fit(self, start: BodyPose, sigmas: tuple[float, ...]) -> FittedBody:
         pose = self.fitter.fit(self.target, start, sigmas)
@@ -73,8 +68,8 @@ class _SkinnedFrame:
 class SkinnedFitter:
     """Joint angles of the skinned body (`depth_pose.fit.articulated`)."""
 
-    def __init__(self, body: Body) -> None:
-        self._fitter = ArticulatedFitter(body)
+    def __init__(self, body: Body, config: FittingConfig) -> None:
+        self._fitter = ArticulatedFitter(body, config.fit)
 
     def fit_to(self, view: Person) -> FrameFitter:
         """Prepare one frame."""
@@ -103,8 +98,8 @@ class _CompletionFrame:
 class CompletionFitter:
     """The paper's registration and completion (`depth_pose.fit.completion`)."""
 
-    def __init__(self, body: Body) -> None:
-        self._completer = MeshCompleter(body)
+    def __init__(self, body: Body, config: FittingConfig) -> None:
+        self._completer = MeshCompleter(body, config.completion, config.cpd)
 
     def fit_to(self, view: Person) -> FrameFitter:
         """Prepare one frame."""
@@ -112,5 +107,8 @@ class CompletionFitter:
         return _CompletionFrame(self._completer, points, view)
 
 
-FITTERS: dict[str, Callable[[Body], Fitter]] = {"articulated": SkinnedFitter, "cpd": CompletionFitter}
+FITTERS: dict[str, Callable[[Body, FittingConfig], Fitter]] = {
+    "articulated": SkinnedFitter,
+    "cpd": CompletionFitter,
+}
 """Makers of fitters, by `depth_pose.core.config.RefineConfig.method`."""

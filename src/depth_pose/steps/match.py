@@ -15,7 +15,7 @@ import numpy as np
 from depth_pose.bank.bank import Bank
 from depth_pose.bank.canonical import describe
 from depth_pose.bank.views import AXES
-from depth_pose.core.config import MatchConfig
+from depth_pose.core.config import FitConfig, MatchConfig
 from depth_pose.core.rotations import matrix_to_quat
 from depth_pose.core.skeleton import NODE_INDEX
 from depth_pose.core.types import Candidate, PoseMatch
@@ -95,14 +95,14 @@ class _Size:
 class Matcher:
     """The second stage: what `matcher_node` runs."""
 
-    def __init__(self, bank: Bank, config: MatchConfig) -> None:
+    def __init__(self, bank: Bank, config: MatchConfig, fit: FitConfig | None = None) -> None:
         self.bank = bank
         self.config = config
         self._search = SubspaceSearch(bank.coefficients.reshape(-1, bank.coefficients.shape[-1]))
         self._views = ExemplarViews(np.arange(bank.poses), bank.view_quats, bank.view_origins)
         self._renderer = ExemplarRenderer(bank, config.score_band)
         self._upright = UprightExemplars(bank)
-        self._fitter = ArticulatedFitter(bank.body)
+        self._fitter = ArticulatedFitter(bank.body, fit)
         self._sizes = PerPerson(lambda: _Size(ScaleFinder(self._fitter, config.score_band)))
 
     def reset(self) -> None:

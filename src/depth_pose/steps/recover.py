@@ -18,7 +18,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from depth_pose.bank.bank import Bank
-from depth_pose.core.config import MAX_STAMP_GAP_NS, MatchConfig, RecoverConfig, SmoothConfig
+from depth_pose.core.config import (
+    MAX_STAMP_GAP_NS,
+    FittingConfig,
+    MatchConfig,
+    RecoverConfig,
+    SmoothConfig,
+)
 from depth_pose.core.rotations import matrix_to_quat
 from depth_pose.core.skeleton import JOINT_NODES, Source
 from depth_pose.core.types import Fitted, Skeleton
@@ -31,7 +37,6 @@ from depth_pose.people.memory import PerPerson
 from depth_pose.people.person import People, Person, thin
 from depth_pose.steps.confidence import report_joints, skeleton_confidence
 from depth_pose.steps.failure import KINDS, Failure, FailureCheck
-from depth_pose.steps.fitters import FINE_SIGMAS
 from depth_pose.steps.smooth import JointFilter
 from depth_pose.steps.warm_up import sample_people
 
@@ -41,9 +46,6 @@ _TRUST = 0.8
 
 _JOINT_TRUST = 0.9
 """The same for its joints."""
-
-_SIGMAS = (0.05, 0.04, 0.034, *FINE_SIGMAS)
-"""Standard deviations of the fit that follows the registration, metres."""
 
 _WORSE = {"no_pose": 1.0, "bone_length": 0.1, "joint_angle": 0.1}
 """How much higher a carried pose's score may be to replace one that failed so; not at all for other kinds."""
@@ -110,14 +112,22 @@ class Recoverer:
         Skeletons that recovery gave, since the start.
     """
 
-    def __init__(self, bank: Bank, recover: RecoverConfig, smooth: SmoothConfig, match: MatchConfig) -> None:
+    def __init__(
+        self,
+        bank: Bank,
+        recover: RecoverConfig,
+        smooth: SmoothConfig,
+        match: MatchConfig,
+        fitting: FittingConfig | None = None,
+    ) -> None:
         self.bank = bank
         self.config = recover
         self._band = match.score_band
         self._check = FailureCheck(bank.body, recover)
-        self._completer = MeshCompleter(bank.body)
-        self._carrier = TemporalCarrier(self._completer)
-        self._fitter = ArticulatedFitter(bank.body)
+        fitting = fitting or FittingConfig()
+        self._completer = MeshCompleter(bank.body, fitting.completion, fitting.cpd)
+        self._carrier = TemporalCarrier(self._completer, fitting.temporal, fitting.cpd)
+        self._fitter = ArticulatedFitter(bank.body, fitting.fit)
         self._memory = PerPerson(lambda: _Person(smooth), MAX_STAMP_GAP_NS)
         self.failures: Counter[str] = Counter(dict.fromkeys(KINDS, 0))
         self.recoveries = 0
@@ -231,7 +241,8 @@ class Recoverer:
 
     def _fit(self, person: Person, start: BodyPose) -> BodyPose:
         points = thin(person.points, self._fitter.config.max_points)
-        return self._fitter.fit(FitTarget.prepare(points, person.full, person.coarse), start, _SIGMAS)
+        target = FitTarget.prepare(points, person.full, person.coarse)
+        return self._fitter.fit(target, start, self._fitter.config.carried)
 
 
 def _doubted(fitted: Fitted) -> Fitted:

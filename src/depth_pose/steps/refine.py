@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.bank.bank import Bank
-from depth_pose.core.config import MAX_STAMP_GAP_NS, MatchConfig, RefineConfig
+from depth_pose.core.config import MAX_STAMP_GAP_NS, FittingConfig, MatchConfig, RefineConfig
 from depth_pose.core.errors import BankError
 from depth_pose.core.rotations import matrix_to_quat
 from depth_pose.core.skeleton import JOINT_NODES, Source
@@ -69,12 +69,14 @@ class Refiner:
         The body as it was fitted to each person in the last frame, camera frame, metres.
     """
 
-    def __init__(self, bank: Bank, config: RefineConfig, match: MatchConfig) -> None:
+    def __init__(
+        self, bank: Bank, config: RefineConfig, match: MatchConfig, fitting: FittingConfig | None = None
+    ) -> None:
         self.bank = bank
         self.config = config
         self._match_config = match
         self._faces = bank.body.faces
-        self._fitter = FITTERS[config.method](bank.body)
+        self._fitter = FITTERS[config.method](bank.body, fitting or FittingConfig())
         self._limbs = LimbSearch(bank)
         self._kept = PerPerson(_Kept, MAX_STAMP_GAP_NS)
         self.reset()

@@ -7,7 +7,7 @@ from depth_pose.fit.rendered_depth import DepthComparer
 from depth_pose.people.person import Person, thin
 
 _POINTS = 400
-_SIGMAS = (0.06, 0.05, 0.04, 0.034, 0.028, 0.024)
+"""Half of the points of a fit (`FitConfig.max_points`) tell sizes apart; set by hand, not swept."""
 
 
 class TrialFits:
@@ -20,7 +20,7 @@ class TrialFits:
 
     def score(self, start: BodyPose) -> float:
         """Fit from a start, and give the rendered-depth score."""
-        pose = self._fitter.fit(self._target, start, _SIGMAS)
+        pose = self._fitter.fit(self._target, start, self._fitter.config.trial)
         body = self._fitter.body
         posed = body.pose(pose.rotations, pose.root, pose.scale)
         return self._comparer.compare(posed.vertices, body.faces).score

@@ -12,14 +12,16 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from depth_pose.body.normals import vertex_normals
 from depth_pose.body.procedural import BodyShape, make_body
-from depth_pose.fit.articulated import vertex_normals
 from depth_pose.volume_learn.performances import Performance
 
 Array = NDArray[np.float64]
 
 _SCALE_M = 0.03
+"""At this distance from the surface a vertex is trusted by half, metres. Set by hand; not swept."""
 _EVERY = 10
+"""Every how manyth training frame is looked at."""
 
 
 def learn_trust(performances: Sequence[Performance]) -> Array:

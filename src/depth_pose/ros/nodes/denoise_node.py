@@ -14,8 +14,8 @@ from depth_pose.core.config import PipelineConfig
 from depth_pose.io.compressed import TOPIC_ENDING
 from depth_pose.ros.nodes.node_base import Held, Input, StageNode
 from depth_pose.ros.nodes.parameters import DENOISE
-from depth_pose.ros.nodes.warm_stages import make
 from depth_pose.ros.process.runner import run_node
+from depth_pose.ros.process.warm_stages import make
 from depth_pose.ros.transport.conversions import image_to_frame, msg_to_frame, people_to_msgs
 from depth_pose.steps.extract import PeopleExtractor
 from depth_pose.steps.mount import turn_upright

@@ -12,8 +12,8 @@ from depth_pose.core.config import PipelineConfig
 from depth_pose.ros.nodes.bank_node import BankNode
 from depth_pose.ros.nodes.node_base import Input
 from depth_pose.ros.nodes.parameters import BANK
-from depth_pose.ros.nodes.warm_stages import make
 from depth_pose.ros.process.runner import run_node
+from depth_pose.ros.process.warm_stages import make
 from depth_pose.ros.transport.conversions import matches_to_msg, msgs_to_people
 from depth_pose.steps.match import Matcher, match_confidence
 
@@ -21,7 +21,7 @@ from depth_pose.steps.match import Matcher, match_confidence
 class MatcherNode(BankNode):
     """Finds similar exemplars in the bank (Sec. 5)."""
 
-    SECTIONS = ("match",)
+    SECTIONS = ("match", "fit")
     SETTINGS = (BANK,)
 
     def __init__(self) -> None:
@@ -29,7 +29,7 @@ class MatcherNode(BankNode):
 
     def make_stage(self, config: PipelineConfig) -> Matcher:
         """Make the matcher."""
-        return make(Matcher, self.bank, config.match)
+        return make(Matcher, self.bank, config.match, config.fit)
 
     def open_outputs(self) -> None:
         """Publish the matches."""

@@ -16,8 +16,8 @@ from depth_pose.core.types import Skeleton as SkeletonData
 from depth_pose.ros.nodes.bank_node import BankNode
 from depth_pose.ros.nodes.node_base import Input
 from depth_pose.ros.nodes.parameters import RECOVERY
-from depth_pose.ros.nodes.warm_stages import make
 from depth_pose.ros.process.runner import run_node
+from depth_pose.ros.process.warm_stages import make
 from depth_pose.ros.transport.conversions import (
     msg_to_fitted,
     msgs_to_people,
@@ -33,7 +33,7 @@ from depth_pose.steps.recover import Recoverer
 class RecoveryNode(BankNode):
     """Finds failures, recovers from them over time, and smooths (Sec. 6, last part)."""
 
-    SECTIONS = ("mount", "recover", "smooth", "match", "follow")
+    SECTIONS = ("mount", "recover", "smooth", "match", "follow", "fit", "cpd", "completion", "temporal")
     SETTINGS = RECOVERY
 
     def __init__(self) -> None:
@@ -42,7 +42,7 @@ class RecoveryNode(BankNode):
     def make_stage(self, config: PipelineConfig) -> Recoverer:
         """Make the recoverer, and who chooses the one that is followed."""
         self._follower = Follower(config.follow)
-        return make(Recoverer, self.bank, config.recover, config.smooth, config.match)
+        return make(Recoverer, self.bank, config.recover, config.smooth, config.match, config.fitting)
 
     def open_outputs(self) -> None:
         """Publish what other programs read: reliable, which suits every subscriber."""

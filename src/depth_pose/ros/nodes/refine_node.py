@@ -16,8 +16,8 @@ from depth_pose.core.config import PipelineConfig
 from depth_pose.ros.nodes.bank_node import BankNode
 from depth_pose.ros.nodes.node_base import Held, Input
 from depth_pose.ros.nodes.parameters import REFINE
-from depth_pose.ros.nodes.warm_stages import make
 from depth_pose.ros.process.runner import run_node
+from depth_pose.ros.process.warm_stages import make
 from depth_pose.ros.transport.conversions import (
     fitted_to_msg,
     msg_to_matches,
@@ -41,7 +41,7 @@ class RefineNode(BankNode):
     when the one before is answered, so that a replay gives the same skeletons every time.
     """
 
-    SECTIONS = ("mount", "refine", "match")
+    SECTIONS = ("mount", "refine", "match", "fit", "cpd", "completion")
     SETTINGS = REFINE
 
     def __init__(self) -> None:
@@ -55,7 +55,7 @@ class RefineNode(BankNode):
 
     def make_stage(self, config: PipelineConfig) -> Refiner:
         """Make the refiner."""
-        return make(Refiner, self.bank, config.refine, config.match)
+        return make(Refiner, self.bank, config.refine, config.match, config.fitting)
 
     def open_outputs(self) -> None:
         """Publish the fitted bodies, and their meshes while somebody listens."""
