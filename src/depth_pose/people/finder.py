@@ -61,6 +61,9 @@ _MOST_VOTES = 1000
 _LEAST_AREA_M2 = 0.02
 _MOST_PEOPLE = 24
 
+_CONTACT, _LEAST_CONTACT = 26, 0.3
+"""Measure of how much a cluster touches its neighbour, and how much makes it a part of them."""
+
 _GROW_CHANCE = 0.2
 _GROW_JUMP = 0.012
 """Step in depth per metre of distance that a surface may make from one working pixel to the next."""
@@ -203,7 +206,8 @@ class Clusters:
         Metres, as the votes themselves say.
     measures : (P, MEASURES) float64
         What the verifier asks for.
-    boxes : (P, 4) int64
+    neighbour : (P,) int64
+        The nearest cluster with more area, -1 for none near.
     """
 
     labels: NDArray[np.uint8]
@@ -211,7 +215,7 @@ class Clusters:
     joints: NDArray[np.float64]
     joint_error: NDArray[np.float64]
     measures: NDArray[np.float64]
-    boxes: NDArray[np.int64]
+    neighbour: NDArray[np.int64]
 
 
 class PeopleFinder:
@@ -276,7 +280,9 @@ class PeopleFinder:
         image = reduce_frame(frame)
         mask, found = self.cluster(image)
         depth, camera = self._working_grid(frame)
-        probability = np.ones(len(found.torsos)) if self.verifier is None else self.verifier.probability(found.measures)
+        probability = (
+            np.ones(len(found.torsos)) if self.verifier is None else self.verifier.probability(found.measures)
+        )
         distance = found.torsos[:, 2]
         likely = (
             (probability >= self.config.least_probability)
@@ -286,6 +292,7 @@ class PeopleFinder:
         chosen = np.flatnonzero(likely)[np.argsort(distance[likely], kind="stable")]
         number = np.zeros(len(distance) + 1, np.uint8)
         number[chosen + 1] = np.arange(1, len(chosen) + 1)
+        _join_parts(found, number)
         labels = self._outline(image, number[found.labels], mask, depth, camera)
         people = tuple(
             _person(label, probability[k], found, k, labels) for label, k in enumerate(chosen, start=1)
@@ -306,9 +313,7 @@ class PeopleFinder:
         kernels.fill_features(
             image.depth, image.rows, image.cols, *intrinsics, self._sums, self._counts, self._features[0]
         )
-        mask, torso, votes = (
-            o[0] for o in self._session.run(None, {self._input: self._features})
-        )
+        mask, torso, votes = (o[0] for o in self._session.run(None, {self._input: self._features}))
         return mask[0], self._gather(image, intrinsics, mask[0], torso, votes)
 
     def _gather(
@@ -327,7 +332,13 @@ class PeopleFinder:
         step = max(1, n // _MOST_VOTES)  # enough to find the middles
         modes = np.empty((_MOST_PEOPLE, 3))
         count = clusters.find_modes(
-            votes[::step].copy(), step * weights[::step], self._density, _RADIUS_M, _LEAST_AREA_M2, _MOST_PEOPLE, modes
+            votes[::step].copy(),
+            step * weights[::step],
+            self._density,
+            _RADIUS_M,
+            _LEAST_AREA_M2,
+            _MOST_PEOPLE,
+            modes,
         )
         modes = modes[:count]
         labels, owner = np.zeros(mask.shape, np.uint8), self._owner[:n]
@@ -339,12 +350,13 @@ class PeopleFinder:
             image.depth, labels, self._cells, joint_votes, *intrinsics, joints, error, spread
         )
         measures = np.empty((count, clusters.MEASURES))
-        boxes = np.empty((count, 4), np.int64)
         clusters.measure_clusters(
-            image.depth, mask, torso, flat, owner, votes, areas, modes, *view, *intrinsics, measures, boxes
+            image.depth, mask, torso, flat, owner, votes, areas, modes, *view, *intrinsics, measures
         )
         clusters.measure_joints(joints, error, spread, modes, mask, *view, *intrinsics, _PARTS, measures)
-        return Clusters(labels, modes, joints, error, measures, boxes)
+        neighbour = np.empty(count, np.int64)
+        clusters.measure_neighbours(image.depth, labels, modes, *view, measures, neighbour)
+        return Clusters(labels, modes, joints, error, measures, neighbour)
 
     def _working_grid(self, frame: DepthFrame) -> tuple[NDArray[np.float32], Camera]:
         """Bring a frame to the grid of the later steps."""
@@ -399,8 +411,17 @@ def _person(
         joints=found.joints[k],
         joint_confidence=(1.0 / (1.0 + error * error)).astype(np.float32),
         box=box,
-        cut_off=bool(box[0] <= 0 or box[1] <= 0 or box[2] >= labels.shape[1] - 1 or box[3] >= labels.shape[0] - 1),
+        cut_off=bool(
+            box[0] <= 0 or box[1] <= 0 or box[2] >= labels.shape[1] - 1 or box[3] >= labels.shape[0] - 1
+        ),
     )
+
+
+def _join_parts(found: Clusters, number: NDArray[np.uint8]) -> None:
+    """Give the pixels of clusters that are no persons to the person whom they touch."""
+    parts = found.measures[:, _CONTACT] >= _LEAST_CONTACT
+    for k in np.flatnonzero(parts & (number[1:] == 0) & (found.neighbour >= 0)):
+        number[k + 1] = number[found.neighbour[k] + 1]
 
 
 def load_weights() -> tuple[bytes, dict[str, Any]]:
