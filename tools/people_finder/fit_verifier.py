@@ -1,6 +1,6 @@
 """Fit the verifier to the clusters that a net finds in scenes it was not trained on, and write the weights.
 
-    python tools/people_finder/fit_verifier.py runs/a/last.pt scenes/val src/depth_pose/people/weights
+python tools/people_finder/fit_verifier.py runs/a/last.pt scenes/val src/depth_pose/people/weights
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 from rich.progress import track
 from scenes import Scenes, list_shards, load_scenes
 
-from depth_pose.people.finder import PeopleFinder, reduce_frame
 from depth_pose.core.types import Camera, DepthFrame
+from depth_pose.people.finder import PeopleFinder, reduce_frame
 
-_NEAR_TORSO_M = 0.3
 _LEAST_SHARE = 0.5
+_MOST_PEOPLE = 6
 _HIDDEN = 24
 _STEPS, _RATE, _DECAY = 1500, 1e-2, 3e-3
 
@@ -51,19 +51,24 @@ def truth_on_grid(scenes: Scenes, k: int, stride: float, shape: tuple[int, int])
 
 
 def collect(finder: PeopleFinder, scenes: Scenes) -> Examples:
-    """Run the net over scenes; a cluster is a person if half of its pixels are one's."""
+    """Run the net over scenes.
+
+    A cluster is a person if half of its pixels are one's, and none has more of theirs.
+    """
     measures, person = [], []
     for k in track(range(len(scenes)), "clusters"):
         image = reduce_frame(frame_of(scenes, k))
         _, found = finder.cluster(image)
         truth = truth_on_grid(scenes, k, image.stride, found.labels.shape)
-        for p in range(len(found.torsos)):
-            shown = truth[found.labels == p + 1]
-            if len(shown) == 0:
-                continue
-            who = np.bincount(shown, minlength=7)[1:]
+        shown = np.zeros((len(found.torsos) + 1, _MOST_PEOPLE + 1), np.int64)
+        np.add.at(shown, (found.labels, truth), 1)
+        shown = shown[1:]
+        owner = shown[:, 1:].argmax(axis=1)
+        for p in np.flatnonzero(shown.sum(axis=1)):
+            theirs = shown[p, 1 + owner[p]]
+            rival = shown[owner == owner[p], 1 + owner[p]].max()
             measures.append(found.measures[p])
-            person.append(who.sum() >= _LEAST_SHARE * len(shown))
+            person.append(theirs >= _LEAST_SHARE * shown[p].sum() and theirs == rival)
     return Examples(np.array(measures), np.array(person))
 
 
@@ -73,7 +78,9 @@ def fit(examples: Examples, seed: int) -> dict[str, Any]:
     mean, scale = examples.measures.mean(0), examples.measures.std(0) + 1e-3
     x = torch.tensor(np.clip((examples.measures - mean) / scale, -5, 5), dtype=torch.float32)
     y = torch.tensor(examples.person, dtype=torch.float32)
-    net = torch.nn.Sequential(torch.nn.Linear(x.shape[1], _HIDDEN), torch.nn.ReLU(), torch.nn.Linear(_HIDDEN, 1))
+    net = torch.nn.Sequential(
+        torch.nn.Linear(x.shape[1], _HIDDEN), torch.nn.ReLU(), torch.nn.Linear(_HIDDEN, 1)
+    )
     optimiser = torch.optim.AdamW(net.parameters(), _RATE, weight_decay=_DECAY)
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, _STEPS)
     for _ in range(_STEPS):

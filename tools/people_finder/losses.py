@@ -17,7 +17,7 @@ from depth_pose.core.skeleton import JOINTS
 _HARD_MASK = 1.5
 """Exponent by which well-known pixels lose weight (Lin et al. 2017, focal loss)."""
 
-_TORSO_WEIGHT, _JOINT_WEIGHT, _OVERLAP_WEIGHT = 0.25, 0.25, 0.5
+_TORSO_WEIGHT, _JOINT_WEIGHT, _OVERLAP_WEIGHT = 0.25, 0.5, 0.5
 _LEAST_ERROR_M = 0.02
 """Narrowest width that a vote may claim."""
 
@@ -78,5 +78,5 @@ def finder_loss(
     loss_joints = vote_loss(chosen[:, : 3 * n].reshape(-1, 3), chosen[:, 3 * n :].reshape(-1), truth, weights)
 
     total = loss_mask + _TORSO_WEIGHT * loss_torso + _JOINT_WEIGHT * loss_joints
-    parts = {"mask": float(loss_mask), "torso": float(loss_torso), "joints": float(loss_joints)}
+    parts = {"mask": loss_mask.item(), "torso": loss_torso.item(), "joints": loss_joints.item()}
     return total, parts

@@ -10,8 +10,8 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from depth_pose.people._finder_kernels import CHANNELS
 from depth_pose.core.skeleton import JOINTS
+from depth_pose.people._finder_kernels import CHANNELS
 
 
 class ConvUnit(nn.Sequential):
@@ -51,7 +51,9 @@ class FinderNet(nn.Module):
         Channels at 1/2, 1/4, 1/8 and 1/16 of the input's resolution.
     """
 
-    def __init__(self, channels_in: int = CHANNELS, widths: tuple[int, int, int, int] = (16, 32, 64, 128)) -> None:
+    def __init__(
+        self, channels_in: int = CHANNELS, widths: tuple[int, int, int, int] = (16, 32, 64, 128)
+    ) -> None:
         super().__init__()
         a, b, c, d = widths
         self.stem = nn.Sequential(ConvUnit(channels_in, a, 3, 2), ConvUnit(a, a))

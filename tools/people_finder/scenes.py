@@ -9,8 +9,8 @@ import numpy as np
 from _sample_kernels import cell_labels, fill_joint_offsets, fill_offsets, reduce_scene
 from numpy.typing import NDArray
 
-from depth_pose.people._finder_kernels import CHANNELS, COLS, ROWS, choose_cells, fill_features
 from depth_pose.core.skeleton import JOINTS
+from depth_pose.people._finder_kernels import CHANNELS, COLS, ROWS, choose_cells, fill_features
 
 CELL = 4
 """Side of the cells that vote for joints, pixels of the net's image."""
@@ -20,9 +20,7 @@ _FLESH_M = 0.35
 
 _INDEX = {name: n for n, name in enumerate(JOINTS)}
 _TORSO = [_INDEX[n] for n in ("left_shoulder", "right_shoulder", "left_hip", "right_hip")]
-_MIRROR = [
-    _INDEX[n.replace("left", "?").replace("right", "left").replace("?", "right")] for n in JOINTS
-]
+_MIRROR = [_INDEX[n.replace("left", "?").replace("right", "left").replace("?", "right")] for n in JOINTS]
 
 
 @dataclass(frozen=True)
@@ -142,7 +140,7 @@ class Sampler:
         if rng is not None:
             mirrored = bool(rng.random() < 0.5)
             if rng.random() < 0.4:  # a camera with a narrower view
-                zoom = rng.uniform(0.6, 1.0)
+                zoom = rng.uniform(0.4, 1.0)
                 view_w, view_h = view_w * zoom, view_h * zoom
                 left, top = rng.uniform(0, width - view_w), rng.uniform(0, height - view_h)
         stride = max(view_w / COLS, view_h / ROWS)
@@ -163,14 +161,14 @@ class Sampler:
             cx = cols - 1 - cx
             joints = joints[:, _MIRROR] * np.array([-1, 1, 1], np.float32)
         if rng is not None:
+            if not labels.any() and rng.random() < 0.6:  # a room of another size: clutter close by
+                grid *= np.float32(np.exp(rng.uniform(np.log(0.1), np.log(1.6))))
             spoil(grid, labels, rows, cols, rng)
         fill_features(grid, rows, cols, fx, fy, cx, cy, self._sums, self._counts, out.features[k])
         fill_offsets(grid, labels, joints[:, _TORSO].mean(axis=1), fx, fy, cx, cy, out.torso[k])
         choose_cells(grid, rows, cols, CELL, self._cells)
         cell_labels(labels, self._cells, out.cell_labels[k])
-        fill_joint_offsets(
-            grid, self._cells, out.cell_labels[k], joints, fx, fy, cx, cy, out.joints[k]
-        )
+        fill_joint_offsets(grid, self._cells, out.cell_labels[k], joints, fx, fy, cx, cy, out.joints[k])
 
 
 def spoil(
@@ -207,9 +205,7 @@ def spoil(
     labels[grid == 0] = 0
 
 
-def _occlude(
-    view: NDArray[np.float32], labels: NDArray[np.int64], rng: np.random.Generator
-) -> None:
+def _occlude(view: NDArray[np.float32], labels: NDArray[np.int64], rng: np.random.Generator) -> None:
     """Put a flat thing in front of a part of the view."""
     rows, cols = view.shape
     h, w = rng.integers(rows // 12, rows // 2), rng.integers(cols // 16, cols // 2)

@@ -18,9 +18,9 @@ import numpy as np
 import typer
 from numpy.typing import NDArray
 
+from depth_pose.core.types import DepthFrame
 from depth_pose.io.mcap_read import read_frames
 from depth_pose.people.finder import FinderConfig, FoundPeople, FoundPerson, PeopleFinder, load_weights
-from depth_pose.core.types import DepthFrame
 
 _SEQUENCES = ("real_office", "real_corridor", "real_empty", "dev_people", "dev_postures", "dev", "dev_bodies")
 _SINGLES = ("real_kinect2", "real_itop", "real_wave")
@@ -53,8 +53,14 @@ def look(found: FoundPeople, person: FoundPerson, frame: DepthFrame) -> Seen | N
     z = found.depth[rows, cols]
     rows, cols = (rows + 0.5) * ratio - 0.5, (cols + 0.5) * ratio - 0.5
     return Seen(
-        person.probability, float(np.median(cols)), float(np.median(rows)), float(np.median(z)),
-        cols, rows, person.torso, person.joints,
+        person.probability,
+        float(np.median(cols)),
+        float(np.median(rows)),
+        float(np.median(z)),
+        cols,
+        rows,
+        person.torso,
+        person.joints,
     )
 
 
@@ -63,8 +69,10 @@ def fits_box(seen: Seen, box: list[float], depth: float) -> bool:
     x0, y0, x1, y1 = box
     grow_x, grow_y = 0.1 * (x1 - x0), 0.1 * (y1 - y0)
     inside = (
-        (seen.columns >= x0 - grow_x) & (seen.columns <= x1 + grow_x)
-        & (seen.rows >= y0 - grow_y) & (seen.rows <= y1 + grow_y)
+        (seen.columns >= x0 - grow_x)
+        & (seen.columns <= x1 + grow_x)
+        & (seen.rows >= y0 - grow_y)
+        & (seen.rows <= y1 + grow_y)
     )
     middle = x0 - grow_x <= seen.column <= x1 + grow_x and y0 - grow_y <= seen.row <= y1 + grow_y
     return bool(middle and inside.mean() >= 0.5 and (depth <= 0 or abs(seen.depth - depth) < _DEPTH_M))
@@ -78,7 +86,9 @@ def score_boxes(seen: list[Seen], reference: dict) -> Counter:
     taken: set[int] = set()
     for p in asked:
         count["asked"] += 1
-        fitting = [k for k, s in enumerate(seen) if k not in taken and fits_box(s, p["box"], p["median_depth_m"])]
+        fitting = [
+            k for k, s in enumerate(seen) if k not in taken and fits_box(s, p["box"], p["median_depth_m"])
+        ]
         if fitting:
             taken.add(max(fitting, key=lambda k: len(seen[k].rows)))
             count["found"] += 1
@@ -116,7 +126,11 @@ def score_joints(seen: list[Seen], joints: NDArray[np.float64], visible: NDArray
     for n, s in enumerate(seen):
         if n in taken:
             continue
-        known = [k for k in range(len(joints)) if visible[k] >= _WEAK and np.linalg.norm(s.torso - torso[k]) < _TORSO_M]
+        known = [
+            k
+            for k in range(len(joints))
+            if visible[k] >= _WEAK and np.linalg.norm(s.torso - torso[k]) < _TORSO_M
+        ]
         if not known:
             count["false"] += 1
         elif all(visible[k] >= _ASKED for k in known):
@@ -127,7 +141,9 @@ def score_joints(seen: list[Seen], joints: NDArray[np.float64], visible: NDArray
 _TORSO_JOINTS = [5, 8, 11, 15]
 
 
-def score_recording(path: Path, finder: PeopleFinder, step: int, thresholds: list[float]) -> dict[float, Counter]:
+def score_recording(
+    path: Path, finder: PeopleFinder, step: int, thresholds: list[float]
+) -> dict[float, Counter]:
     """Score one recording at several thresholds."""
     boxes = path.with_suffix(".json")
     truth = path.with_suffix(".npz")
@@ -155,8 +171,11 @@ def score_recording(path: Path, finder: PeopleFinder, step: int, thresholds: lis
             else:
                 one = path.parent.name in _SINGLES
                 counts[t] += Counter(
-                    frames=1, asked=int(one), found=int(one and len(seen) > 0),
-                    false=max(0, len(seen) - int(one)), empty=int(not one),
+                    frames=1,
+                    asked=int(one),
+                    found=int(one and len(seen) > 0),
+                    false=max(0, len(seen) - int(one)),
+                    empty=int(not one),
                     empty_hit=int(not one and len(seen) > 0),
                 )
     return counts
@@ -166,7 +185,8 @@ def line(name: str, c: Counter) -> str:
     """One line of figures."""
     n = max(c["found"], 1)
     return (
-        f"{name:14s} frames {c['frames']:4d} asked {c['asked']:4d} recall {c['found'] / max(c['asked'], 1):.3f} "
+        f"{name:14s} frames {c['frames']:4d} asked {c['asked']:4d} "
+        f"recall {c['found'] / max(c['asked'], 1):.3f} "
         f"false {c['false']:3d} = {c['false'] / max(c['frames'], 1):.3f} double {c['double']:3d} "
         f"empty {c['empty_hit']}/{c['empty']} torso {c['torso_mm'] / n:.0f} joints {c['joint_mm'] / n:.0f} "
         f"wrists {c['wrist_mm'] / n:.0f} mm"
@@ -193,7 +213,9 @@ def main(
         total = {t: Counter() for t in thresholds}
         for path in sorted((data / name).glob("*.mcap")):
             dense = name.startswith("real") or name == "dev_people"
-            counts = score_recording(path, finder, max(1, step // 4) if name == "dev_people" else 1 if dense else step, thresholds)
+            counts = score_recording(
+                path, finder, max(1, step // 4) if name == "dev_people" else 1 if dense else step, thresholds
+            )
             for t in thresholds:
                 total[t] += counts[t]
                 if each:

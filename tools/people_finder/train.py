@@ -1,6 +1,6 @@
 """Train the people finder's net on simulated scenes.
 
-    python tools/people_finder/train.py scenes/train runs/a --images 400000
+python tools/people_finder/train.py scenes/train runs/a --images 400000
 """
 
 from __future__ import annotations

@@ -24,11 +24,17 @@ _REST_M = 0.01
 _KEEN_M = 0.1
 """A vote whose own error is wider than this counts less."""
 
+_ALONG = 0.5
+"""Weight of the squared distance of votes along the camera's axis."""
+
 _SAME_M = 0.1
 """Pixels of two grids that differ by less in depth show the same surface."""
 
-MEASURES = 24
-"""What `measure_clusters` gives of a cluster."""
+MEASURES = 28
+"""What `measure_clusters`, `measure_joints` and `measure_neighbours` tell of a cluster."""
+
+_ALONE_M = 2.0
+"""Distance that a cluster without a neighbour is said to be from one."""
 
 
 @njit(cache=True)
@@ -90,12 +96,12 @@ def find_modes(votes, weights, density, radius, least, most, modes):
         total = shift_mean(votes, weights, mean, radius)
         apart = True
         for m in range(count):
-            apart &= distance2(modes[m], mean) > radius * radius
+            apart &= apart2(modes[m], mean) > radius * radius
         if apart and total >= least:
             modes[count] = mean
             count += 1
         for k in range(n):
-            if distance2(votes[k], mean) < radius * radius or cells[k] == cells[seed]:
+            if apart2(votes[k], mean) < radius * radius or cells[k] == cells[seed]:
                 taken[k] = True
     for k in range(n):
         density[cells[k]] = 0.0
@@ -109,7 +115,7 @@ def shift_mean(votes, weights, mean, radius):
     for _ in range(_SHIFTS):
         total, x, y, z = 0.0, 0.0, 0.0, 0.0
         for k in range(votes.shape[0]):
-            if distance2(votes[k], mean) < radius * radius:
+            if apart2(votes[k], mean) < radius * radius:
                 w = weights[k]
                 total += w
                 x += w * votes[k, 0]
@@ -126,6 +132,12 @@ def shift_mean(votes, weights, mean, radius):
 
 
 @njit(cache=True)
+def apart2(a, b):
+    """Squared distance of two votes; they err more along the camera's axis, so that counts less."""
+    return (a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + _ALONG * (a[2] - b[2]) ** 2
+
+
+@njit(cache=True)
 def distance2(a, b):
     """Squared distance of two points."""
     return (a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2
@@ -137,7 +149,7 @@ def assign_votes(flat, votes, modes, reach, labels, owner):
     for k in range(votes.shape[0]):
         best, owner[k] = reach * reach, 0
         for m in range(modes.shape[0]):
-            d = distance2(votes[k], modes[m])
+            d = apart2(votes[k], modes[m])
             if d < best:
                 best, owner[k] = d, m + 1
         labels[flat[k] // COLS, flat[k] % COLS] = owner[k]
@@ -199,13 +211,10 @@ def gather_joints(grid, labels, cells, votes, fx, fy, cx, cy, joints, width, spr
 
 
 @njit(cache=True)
-def measure_clusters(
-    grid, mask, torso, flat, owner, votes, areas, modes, rows, cols, fx, fy, cx, cy, out, boxes
-):
+def measure_clusters(grid, mask, torso, flat, owner, votes, areas, modes, rows, cols, fx, fy, cx, cy, out):
     """Measure what tells persons from things: see the lines below.
 
-    ``out`` (P, MEASURES), the last ones of which `measure_joints` fills; ``boxes`` (P, 4): the least and
-    greatest column and row.
+    ``out`` (P, MEASURES), the last ones of which the other two fill.
     """
     count = modes.shape[0]
     out[:] = 0.0
@@ -213,8 +222,6 @@ def measure_clusters(
     area = np.zeros(count)
     low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
     moment, mean = np.zeros((count, 3, 3)), np.zeros((count, 3))
-    boxes[:, :2] = 1_000_000
-    boxes[:, 2:] = -1
     edge, jump = np.zeros(count), np.zeros(count)
     for k in range(flat.shape[0]):
         p = owner[k] - 1
@@ -237,8 +244,6 @@ def measure_clusters(
             mean[p, a] += q[a]
             for b in range(3):
                 moment[p, a, b] += q[a] * q[b]
-        boxes[p, 0], boxes[p, 1] = min(boxes[p, 0], j), min(boxes[p, 1], i)
-        boxes[p, 2], boxes[p, 3] = max(boxes[p, 2], j), max(boxes[p, 3], i)
         for d in range(4):  # at the cluster's edge: does the depth jump there, or does the surface go on?
             a = i + (1 if d == 0 else -1 if d == 1 else 0)
             b = j + (1 if d == 2 else -1 if d == 3 else 0)
@@ -294,6 +299,42 @@ def measure_joints(joints, width, spread, modes, mask, rows, cols, fx, fy, cx, c
         out[p, 21] = np.sqrt(distance2(trunk, modes[p]))
         out[p, 22] = np.sqrt(distance2(q[pelvis], q[neck]))
         out[p, 23] = np.sqrt(distance2(q[left], q[right]))
+
+
+@njit(cache=True)
+def measure_neighbours(grid, labels, modes, rows, cols, out, neighbour):
+    """Fill the measures, from 24 on, of each cluster beside the nearest one with more area.
+
+    A part of a person whose votes went astray touches the rest and is small. ``neighbour`` (P,) becomes
+    that other cluster, -1 for none within `_ALONE_M`.
+    """
+    count = modes.shape[0]
+    contact = np.zeros((count + 1, count + 1))
+    for i in range(rows):
+        for j in range(cols):
+            a = labels[i, j]
+            if a == 0:
+                continue
+            for d in range(2):
+                u, v = (i + 1, j) if d == 0 else (i, j + 1)
+                if u >= rows or v >= cols or labels[u, v] == a or labels[u, v] == 0:
+                    continue
+                if abs(grid[u, v] - grid[i, j]) < _SAME_M:
+                    contact[a, labels[u, v]] += 1.0
+                    contact[labels[u, v], a] += 1.0
+    for p in range(count):
+        best, neighbour[p] = _ALONE_M, -1
+        for q in range(count):
+            away = np.sqrt(distance2(modes[p], modes[q]))
+            if q != p and away < best and (out[q, 6] > out[p, 6] or (out[q, 6] == out[p, 6] and q < p)):
+                best, neighbour[p] = away, q
+        out[p, 24], out[p, 25], out[p, 26], out[p, 27] = _ALONE_M, _ALONE_M, 0.0, 0.0
+        q = neighbour[p]
+        if q >= 0:
+            out[p, 24] = best
+            out[p, 25] = np.hypot(modes[p, 0] - modes[q, 0], modes[p, 1] - modes[q, 1])
+            out[p, 26] = contact[p + 1, q + 1] / np.exp(0.5 * out[p, 7])
+            out[p, 27] = out[q, 6] - out[p, 6]
 
 
 @njit(cache=True)

@@ -23,9 +23,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from depth_pose.core.camera import Camera
 from depth_pose.core.config import SegmentConfig
 from depth_pose.core.skeleton import JOINTS
-from depth_pose.core.camera import Camera
 from depth_pose.core.types import DepthFrame
 from depth_pose.people import _cluster_kernels as clusters
 from depth_pose.people import _finder_kernels as kernels
@@ -60,6 +60,9 @@ _MOST_VOTES = 1000
 
 _LEAST_AREA_M2 = 0.02
 _MOST_PEOPLE = 24
+
+_CONTACT, _LEAST_CONTACT = 26, 0.3
+"""Measure of how much a cluster touches its neighbour, and how much makes it a part of them."""
 
 _GROW_CHANCE = 0.2
 _GROW_JUMP = 0.012
@@ -182,7 +185,8 @@ class Clusters:
         Metres, as the votes themselves say.
     measures : (P, MEASURES) float64
         What the verifier asks for.
-    boxes : (P, 4) int64
+    neighbour : (P,) int64
+        The nearest cluster with more area, -1 for none near.
     """
 
     labels: NDArray[np.uint8]
@@ -190,7 +194,7 @@ class Clusters:
     joints: NDArray[np.float64]
     joint_error: NDArray[np.float64]
     measures: NDArray[np.float64]
-    boxes: NDArray[np.int64]
+    neighbour: NDArray[np.int64]
 
 
 class PeopleFinder:
@@ -265,6 +269,7 @@ class PeopleFinder:
         chosen = np.flatnonzero(likely)[np.argsort(distance[likely], kind="stable")]
         number = np.zeros(len(distance) + 1, np.uint8)
         number[chosen + 1] = np.arange(1, len(chosen) + 1)
+        _join_parts(found, number)
         labels = self._outline(image, number[found.labels], mask, depth, camera)
         people = tuple(
             _person(label, probability[k], found, k, labels) for label, k in enumerate(chosen, start=1)
@@ -322,12 +327,13 @@ class PeopleFinder:
             image.depth, labels, self._cells, joint_votes, *intrinsics, joints, error, spread
         )
         measures = np.empty((count, clusters.MEASURES))
-        boxes = np.empty((count, 4), np.int64)
         clusters.measure_clusters(
-            image.depth, mask, torso, flat, owner, votes, areas, modes, *view, *intrinsics, measures, boxes
+            image.depth, mask, torso, flat, owner, votes, areas, modes, *view, *intrinsics, measures
         )
         clusters.measure_joints(joints, error, spread, modes, mask, *view, *intrinsics, _PARTS, measures)
-        return Clusters(labels, modes, joints, error, measures, boxes)
+        neighbour = np.empty(count, np.int64)
+        clusters.measure_neighbours(image.depth, labels, modes, *view, measures, neighbour)
+        return Clusters(labels, modes, joints, error, measures, neighbour)
 
     def _outline(
         self,
@@ -377,6 +383,13 @@ def _person(
             box[0] <= 0 or box[1] <= 0 or box[2] >= labels.shape[1] - 1 or box[3] >= labels.shape[0] - 1
         ),
     )
+
+
+def _join_parts(found: Clusters, number: NDArray[np.uint8]) -> None:
+    """Give the pixels of clusters that are no persons to the person whom they touch."""
+    parts = found.measures[:, _CONTACT] >= _LEAST_CONTACT
+    for k in np.flatnonzero(parts & (number[1:] == 0) & (found.neighbour >= 0)):
+        number[k + 1] = number[found.neighbour[k] + 1]
 
 
 def load_weights() -> tuple[bytes, dict[str, Any]]:
