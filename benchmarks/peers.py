@@ -37,11 +37,12 @@ from depth_pose.bank import Bank, default_bank_path
 from depth_pose.bank.canonical import describe
 from depth_pose.bank.views import AXES
 from depth_pose.body.body import Body
+from depth_pose.body.normals import vertex_normals
 from depth_pose.core.camera import Camera
 from depth_pose.core.config import DenoiseConfig, MatchConfig, SegmentConfig
 from depth_pose.core.skeleton import JOINT_NODES
 from depth_pose.core.types import DepthFrame
-from depth_pose.fit.articulated import candidate_pose, vertex_normals
+from depth_pose.fit.articulated import candidate_pose
 from depth_pose.people.person import view_person
 from depth_pose.people.plane_segmenter import PersonSegmenter
 from depth_pose.sim.config import Person, Placement, Room

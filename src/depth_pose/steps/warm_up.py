@@ -18,8 +18,7 @@ def sample_cloud(bank: Bank) -> PersonCloud:
     facing = np.diag([1.0, -1.0, -1.0])  # model frame to camera frame
     posed = bank.body.pose(facing @ bank.rotations(0), np.array([0.0, 0.0, _DISTANCE_M]))
     zbuffer = np.empty((_CAMERA.height, _CAMERA.width))
-    intrinsics = (_CAMERA.fx, _CAMERA.fy, _CAMERA.cx, _CAMERA.cy)
-    kernels.rasterize(posed.vertices, bank.body.faces, *intrinsics, zbuffer)
+    kernels.rasterize(posed.vertices, bank.body.faces, _CAMERA, zbuffer)
     depth = np.where(np.isfinite(zbuffer), zbuffer, 0.0).astype(np.float32)
     return PersonCloud(
         stamp_ns=0,

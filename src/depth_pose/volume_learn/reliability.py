@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from depth_pose.body.normals import vertex_normals
 from depth_pose.body.procedural import BodyShape, make_body
-from depth_pose.fit.articulated import vertex_normals
 from depth_pose.volume_learn.performances import Performance
 
 Array = NDArray[np.float64]
@@ -26,7 +26,7 @@ def learn_trust(performances: Sequence[Performance]) -> Array:
     """Trust (V,) of each vertex of the reference body, 1 where it is always near the surface."""
     template = make_body(BodyShape())
     normals = vertex_normals(template)
-    strongest = template.sparse_weights.nodes[:, 0]
+    strongest = template.skin.influence[:, 0]
     total = count = np.zeros(len(template.vertices))
     for p in performances:
         scale = p.stature / template.stature
