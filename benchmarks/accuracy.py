@@ -90,11 +90,13 @@ def run(bank: Bank, paths: list[Path], method: str, step: int) -> dict[str, Vari
                 lost = result.skeleton.is_lost
                 rows[name].append(_off(None if lost else result.skeleton.positions, known))
                 if k == 0 and method == METHODS[0]:
-                    for label, match in (
-                        ("no refinement", result.match),
-                        ("nearest, unrefined", nearest.match(result.cloud)),
+                    for label, matches in (
+                        ("no refinement", result.matches),
+                        ("nearest, unrefined", nearest.match(result.people)),
                     ):
-                        rows[label].append(_off(joints_of(bank, match) if match.candidates else None, known))
+                        mine = (m for m in matches if m.body_id == result.skeleton.body_id)
+                        match = next(mine, None)
+                        rows[label].append(_off(joints_of(bank, match) if match else None, known))
         for name, part in rows.items():
             if part:
                 found[name].append(Errors(path.stem, np.array(part)))

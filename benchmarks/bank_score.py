@@ -68,9 +68,8 @@ def measure(bank: Bank, recorded: list[Recording]) -> np.ndarray:
     rows = []
     for recording in recorded:
         matcher = Matcher(bank, MatchConfig())
-        for cloud, known in zip(recording.clouds, recording.joints, strict=True):
-            match = matcher.match(cloud)
-            if match.candidates:
+        for people, known in zip(recording.people, recording.joints, strict=True):
+            for match in matcher.match(people):
                 found = joints_of(bank, match)
                 right = mean_error(found, known) < _RIGHT_M and not is_flipped(found, known)
                 rows.append((match.candidates[0].score, right))

@@ -33,6 +33,7 @@ from depth_pose.body.procedural import make_body
 from depth_pose.core._raster_kernels import rasterize
 from depth_pose.core.camera import Camera
 from depth_pose.core.config import CpdConfig
+from depth_pose.core.rotations import R_CAMERA_FACING_MODEL as FACING
 from depth_pose.core.rotations import rotvec_to_matrix
 from depth_pose.core.skeleton import NODE_INDEX
 from depth_pose.fit._visibility_kernels import mark_visible
@@ -41,7 +42,6 @@ from depth_pose.fit.cpd import euclidean_basis, register
 from depth_pose.fit.laplacian import LaplacianCompleter
 
 SOURCE, TARGET = 632, 578
-FACING = np.diag([1.0, -1.0, -1.0])
 
 
 def scene(seed: int):

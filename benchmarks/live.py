@@ -58,9 +58,8 @@ def pss_mb(pid: int) -> float:
 
 def stages_ms(frames: Sequence[DepthFrame], bank: str | None) -> dict[str, float]:
     """Processor time of each stage alone, median over the frames, milliseconds."""
-    from depth_pose.core.types import Skeleton
     from depth_pose.pipeline import PosePipeline
-    from depth_pose.ros.nodes.warm_stages import load_bank
+    from depth_pose.ros.process.warm_stages import load_bank
 
     pipeline = PosePipeline(load_bank(bank or ""))
     pipeline.warm_up()
@@ -73,11 +72,11 @@ def stages_ms(frames: Sequence[DepthFrame], bank: str | None) -> dict[str, float
         return result
 
     for frame in frames:
-        cloud = timed("denoise", pipeline.extractor.extract, frame)
-        match = timed("matcher", pipeline.matcher.match, cloud)
-        refined = timed("refine", pipeline.refiner.refine, cloud, match)
-        answer: Skeleton = timed("recovery", pipeline.recoverer.recover, cloud, refined)
-        pipeline.refiner.take_answer(answer)
+        people = timed("denoise", pipeline.extractor.extract, frame)
+        matches = timed("matcher", pipeline.matcher.match, people)
+        refined = timed("refine", pipeline.refiner.refine, people, matches)
+        answers = timed("recovery", pipeline.recoverer.recover, people, refined)
+        pipeline.refiner.take_answer(answers)
     return {name: statistics.fmean(times) for name, times in spent.items()}
 
 
@@ -236,7 +235,7 @@ def main() -> None:
             print(f"{fps:g} frames a second for {arguments.seconds:g} s ...", flush=True)
             runs.append(bench.play(fps, arguments.seconds, suite))
         pids = {name: suite.pid(name) for name in NODES}
-        pids |= {"spare": suite.spare_pid, "fork server": suite.server_pid}
+        pids |= {"spare": suite.pid("spare"), "fork server": suite.pid("fork server")}
         memory = {name: pss_mb(pid) for name, pid in pids.items() if pid is not None}
     print(f"\n{len(frames)} frames of {frames[0].camera.width} x {frames[0].camera.height}, {recording.name}")
     print(f"start, from nothing to all nodes ready: {start_s:.1f} s; load average {os.getloadavg()[0]:.1f}")

@@ -102,7 +102,7 @@ class Soak:
             playing.start()
             stalled, next_stall = itertools.cycle(NODES), stall_s or float("inf")
             while (now := time.monotonic() - self.started) < 60 * minutes:
-                pids = [*map(suite.pid, NODES), suite.spare_pid, suite.server_pid]
+                pids = [*map(suite.pid, NODES), suite.pid("spare"), suite.pid("fork server")]
                 self.memory.append((now, *map(memory_bytes, pids)))
                 print(f"\r{now / 60:.1f} min, {len(self.latency)} skeletons", end="", flush=True)
                 if now > next_stall and (pid := suite.pid(next(stalled))) is not None:

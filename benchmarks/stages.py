@@ -71,15 +71,15 @@ def measure(pipeline: PosePipeline, frames: list[DepthFrame]) -> np.ndarray:
     times = np.empty((len(frames), len(STAGES)))
     for i, frame in enumerate(frames):
         marks = [time.thread_time()]
-        cloud = pipeline.extractor.extract(frame)
+        people = pipeline.extractor.extract(frame)
         marks.append(time.thread_time())
-        match = pipeline.matcher.match(cloud)
+        matches = pipeline.matcher.match(people)
         marks.append(time.thread_time())
-        refined = pipeline.refiner.refine(cloud, match)
+        refined = pipeline.refiner.refine(people, matches)
         marks.append(time.thread_time())
-        answer = pipeline.recoverer.recover(cloud, refined)
+        answers = pipeline.recoverer.recover(people, refined)
         marks.append(time.thread_time())
-        pipeline.refiner.take_answer(answer)
+        pipeline.refiner.take_answer(answers)
         times[i] = 1e3 * np.diff(marks)
     return times
 

@@ -9,7 +9,7 @@ import pytest
 
 from depth_pose.bank import Bank, build_bank
 from depth_pose.bank.build import BuildConfig
-from depth_pose.body.procedural import make_body
+from depth_pose.body.procedural import TEMPLATE, make_body
 from depth_pose.motion.procedural.generator import make_poses
 
 POSES = 300
@@ -29,6 +29,7 @@ def _sources_hash():
     files = [_PACKAGE / "core/skeleton.py", _PACKAGE / "core/rotations.py", Path(__file__)]
     for folder in ("body", "motion", "bank"):
         files += sorted(_PACKAGE.glob(f"{folder}/**/*.py"))
+    files.append(TEMPLATE)
     digest = hashlib.sha256()
     for file in files:
         digest.update(file.name.encode() + file.read_bytes())

@@ -9,6 +9,7 @@ import numpy as np
 from depth_pose.body.body import Body, PosedBody
 from depth_pose.body.procedural import make_body
 from depth_pose.core.camera import Camera
+from depth_pose.core.rotations import R_CAMERA_FACING_MODEL as _FACING
 from depth_pose.core.rotations import rotvec_to_matrix
 from depth_pose.core.skeleton import NODE_INDEX
 from depth_pose.core.types import DepthFrame
@@ -17,7 +18,6 @@ from depth_pose.fit.rendered_depth import DepthComparer, Observation
 CAMERA = Camera(176, 144, 170.0, 170.0, 87.5, 71.5)
 STEP_NS = 40_000_000
 WALL_M = 4.8
-_FACING = np.diag([1.0, -1.0, -1.0])
 _ARM = ("shoulder", "elbow", "wrist")
 
 

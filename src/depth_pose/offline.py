@@ -1,22 +1,43 @@
-"""Offline runs: every depth frame of a recording to a skeleton, in order, none dropped."""
+"""Offline runs: every frame of a recording to a skeleton, in order, none dropped."""
 
 from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any, Protocol
 
 import numpy as np
 
 from depth_pose.core.errors import InputError
-from depth_pose.io.mcap_read import DepthReader
 from depth_pose.io.mcap_write import SkeletonWriter
 
-if TYPE_CHECKING:
-    from depth_pose.pipeline import PosePipeline
+
+class Reader(Protocol):
+    """The frames of a recording, for instance `depth_pose.io.mcap_read.DepthReader`."""
+
+    def __iter__(self) -> Iterator[Any]:
+        """Give the frames in their order."""
+
+    @property
+    def dropped(self) -> int:
+        """Frames that could not be used."""
+
+    @property
+    def warnings(self) -> Sequence[str]:
+        """What went wrong, one line each."""
+
+
+class Method(Protocol):
+    """From frames to skeletons, for instance `depth_pose.pipeline.PosePipeline`."""
+
+    def reset(self) -> None:
+        """Forget all earlier frames."""
+
+    def process_frame(self, frame: Any, /) -> Any:
+        """Answer one frame; the result has a ``skeleton``."""
 
 
 @dataclass(frozen=True)
@@ -26,7 +47,7 @@ class RunSummary:
     Attributes
     ----------
     frames : int
-        Depth frames of the recording, those that could not be used included.
+        Frames of the recording, those that could not be used included.
     answered : int
         Frames with a skeleton that shows somebody.
     empty : int
@@ -52,9 +73,9 @@ class RunSummary:
 
 
 def process_recording(
-    reader: DepthReader,
+    reader: Reader,
     output: Path | str,
-    pipeline: PosePipeline,
+    pipeline: Method,
     progress: Callable[[int], None] | None = None,
 ) -> RunSummary:
     """Run the pipeline over a recording and write its skeletons.
@@ -64,11 +85,11 @@ def process_recording(
 
     Parameters
     ----------
-    reader : DepthReader
-        The recording's depth frames.
+    reader : Reader
+        The recording's frames.
     output : Path or str
         The recording of skeletons; it appears once it is whole.
-    pipeline : PosePipeline
+    pipeline : Method
         The method; its temporal state is reset first.
     progress : callable, optional
         Called with the number of frames done.

@@ -4,7 +4,18 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from depth_pose.core.rotations import matrix_to_quat, quat_to_matrix, rotvec_to_matrix
+from depth_pose.core.rotations import (
+    R_CAMERA_FACING_MODEL,
+    matrix_to_quat,
+    mirror_rotation,
+    nearest_rotation,
+    quat_to_matrix,
+    rotation_between,
+    rotation_x,
+    rotation_y,
+    rotation_z,
+    rotvec_to_matrix,
+)
 
 
 @pytest.fixture
@@ -64,3 +75,39 @@ def test_composition():
     a, b = Rotation.random(2, random_state=3).as_matrix()
     qa, qb = Rotation.from_matrix(a), Rotation.from_matrix(b)
     np.testing.assert_allclose(quat_to_matrix((qa * qb).as_quat()), a @ b, atol=1e-12)
+
+
+@pytest.mark.parametrize(("turn", "axis"), [(rotation_x, 0), (rotation_y, 1), (rotation_z, 2)])
+def test_turns_about_an_axis(turn, axis):
+    angles = np.linspace(-3.0, 3.0, 7)
+    np.testing.assert_allclose(turn(angles), rotvec_to_matrix(angles[:, None] * np.eye(3)[axis]), atol=1e-12)
+
+
+def test_smallest_rotation_between_directions():
+    a, b = np.random.default_rng(4).standard_normal((2, 50, 3))
+    a, b = (v / np.linalg.norm(v, axis=-1, keepdims=True) for v in (a, b))
+    turn = rotation_between(a, b)
+    np.testing.assert_allclose((turn @ a[..., None])[..., 0], b, atol=1e-12)
+    angle = Rotation.from_matrix(turn).magnitude()
+    np.testing.assert_allclose(np.cos(angle), (a * b).sum(axis=-1), atol=1e-12)
+
+
+def test_nearest_rotation(rotations):
+    np.testing.assert_allclose(nearest_rotation(1.7 * rotations), rotations, atol=1e-12)
+    noisy = rotations + 0.05 * np.random.default_rng(5).standard_normal(rotations.shape)
+    np.testing.assert_allclose(np.linalg.det(nearest_rotation(noisy)), 1.0, atol=1e-12)
+
+
+def test_mirror_image(rotations):
+    points = np.random.default_rng(6).standard_normal(3)
+    flip = np.array([-1.0, 1.0, 1.0])
+    np.testing.assert_allclose(
+        mirror_rotation(rotations) @ (flip * points), flip * (rotations @ points), atol=1e-12
+    )
+
+
+def test_who_faces_the_camera():
+    """The head is up in the image, the face toward the camera, the left hand to its right."""
+    assert (R_CAMERA_FACING_MODEL @ [0, 1, 0])[1] == -1
+    assert (R_CAMERA_FACING_MODEL @ [0, 0, 1])[2] == -1
+    assert (R_CAMERA_FACING_MODEL @ [1, 0, 0])[0] == 1

@@ -28,10 +28,11 @@ def test_inputs_beside_their_matches(bank, recording, tmp_path):
     assert told == [1, 2]
     first, last = matched.frames
     assert (first.number, last.number) == (2, 7)
-    assert 1 <= len(first.match.candidates) <= 3
-    assert first.match.scale == pytest.approx(1.0, abs=0.08)
-    assert first.match.candidates[0].score < 0.6
-    assert last.match.candidates == ()
+    (match,) = first.matches
+    assert 1 <= len(match.candidates) <= 3
+    assert match.scale == pytest.approx(1.0, abs=0.08)
+    assert match.candidates[0].score < 0.6
+    assert last.matches == ()
     lines = list(matched.lines())
     assert lines[0].startswith("frame 2: scale ")
     assert lines[1] == "frame 7: nobody in view"
@@ -39,7 +40,7 @@ def test_inputs_beside_their_matches(bank, recording, tmp_path):
     picture = matplotlib.image.imread(tmp_path / "new" / "check.png")[..., :3]
     height, width = picture.shape[:2]
     row = picture[height // 20 : height // 2]
-    for k in range(1 + len(first.match.candidates)):  # the input and each match show a body
+    for k in range(1 + len(match.candidates)):  # the input and each match show a body
         panel = row[:, k * width // 4 : (k + 1) * width // 4]
         assert (panel.max(axis=-1) > 0.35).mean() > 0.03
 

@@ -1,4 +1,4 @@
-"""A body in known poses before a camera, and the clouds that the camera would give."""
+"""A body in known poses before a camera, and the person as the camera would see them."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from depth_pose.body.body import Body
 from depth_pose.body.procedural import make_body
 from depth_pose.core._raster_kernels import rasterize
 from depth_pose.core.camera import Camera
+from depth_pose.core.rotations import R_CAMERA_FACING_MODEL as FACING
 from depth_pose.core.rotations import rotvec_to_matrix
 from depth_pose.core.skeleton import NODE_INDEX, NODE_PARENTS, NODES
-from depth_pose.core.types import PersonCloud
+from depth_pose.core.types import PERSON, FoundPerson
 from depth_pose.fit.articulated import BodyPose
+from depth_pose.people.person import Person, see_people
 
 CAMERA = Camera(176, 144, 200.0, 200.0, 87.5, 71.5)
-FACING = np.diag([1.0, -1.0, -1.0])
-"""Model frame to camera frame of a person who stands before the camera and looks at it."""
 
 
 @cache
@@ -48,9 +48,8 @@ def depth_of(vertices: np.ndarray, body: Body | None = None) -> np.ndarray:
     return np.where(np.isfinite(zbuffer), zbuffer, 0.0).astype(np.float32)
 
 
-def cloud_of(vertices: np.ndarray, stamp_ns: int = 0) -> PersonCloud:
+def person_of(vertices: np.ndarray) -> Person:
     depth = depth_of(vertices)
-    v, u = np.mgrid[: CAMERA.height, : CAMERA.width]
-    z = np.where(depth > 0, depth, np.nan)
-    points = np.stack([(u - CAMERA.cx) / CAMERA.fx * z, (v - CAMERA.cy) / CAMERA.fy * z, z], axis=-1)
-    return PersonCloud(stamp_ns, "camera", points.astype(np.float32), (depth > 0).astype(np.uint8))
+    found = FoundPerson(PERSON, "body_1", 1.0, np.zeros((0, 3), np.float32), np.zeros(0, np.float32))
+    points, labels = CAMERA.back_project(depth), (depth > 0).astype(np.uint8)
+    return see_people(0, "camera", CAMERA, points, labels, [found]).persons[0]

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import synthetic as syn
-from depth_pose.body.normals import vertex_normals
 from depth_pose.core._rotation_kernels import rotation_of
 from depth_pose.core.config import FitConfig
 from depth_pose.core.rotations import rotvec_to_matrix
@@ -22,7 +21,7 @@ from depth_pose.fit.articulated import (
     candidate_pose,
 )
 from depth_pose.fit.rendered_depth import Observation
-from depth_pose.people.person import thin, view_person
+from depth_pose.people.person import thin
 
 LIMBS = [f"{side}_{joint}" for side in ("left", "right") for joint in ("shoulder", "elbow", "hip", "knee")]
 
@@ -46,8 +45,8 @@ def disturbed(rotations, seed, degrees, names=("spine", *LIMBS)):
 def target_of(posed_body, noise=0.0):
     depth = syn.draw(syn.mesh(posed_body))
     depth = depth + noise * np.random.default_rng(0).standard_normal(depth.shape)
-    view = view_person(syn.to_cloud(depth))
-    return FitTarget.prepare(thin(view.points, 800), view.full, view.coarse)
+    person = syn.to_person(depth)
+    return FitTarget.prepare(thin(person.points, 800), person.full, person.coarse)
 
 
 def nodes_of(body, pose):
@@ -144,8 +143,8 @@ def test_half_a_turn_of_the_camera_turns_the_result(body, free_space, most):
     roll = np.diag([-1.0, -1.0, 1.0])
 
     def fitted(image, pose, order):
-        view = view_person(syn.to_cloud(image))
-        return fitter.fit(FitTarget.prepare(view.points[::order], view.full, view.full), pose)
+        person = syn.to_person(image)
+        return fitter.fit(FitTarget.prepare(person.points[::order], person.full, person.full), pose)
 
     plain = fitted(depth, start, 1)
     rolled = fitted(depth[::-1, ::-1], BodyPose(roll @ start.rotations, roll @ start.root, 1.0), -1)
@@ -385,16 +384,6 @@ def test_rodrigues_twin(size):
 
 
 # --- what is prepared once
-
-
-def test_vertex_normals_point_outward(body):
-    normals = vertex_normals(body)
-    np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1.0)
-    corners = body.vertices[body.faces]
-    volume = np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])).sum() / 6
-    grown = (body.vertices + 0.002 * normals)[body.faces]
-    larger = np.einsum("ij,ij->i", grown[:, 0], np.cross(grown[:, 1], grown[:, 2])).sum() / 6
-    assert 0.04 < volume < larger
 
 
 def test_turned_normals_and_visibility(body, fitter):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from staged import cloud_of, pose_of, the_body
+from staged import person_of, pose_of, the_body
 
 from depth_pose.core.camera import Camera
 from depth_pose.core.rotations import rotvec_to_matrix
@@ -13,7 +13,7 @@ from depth_pose.fit.coherence import geodesic_basis, surface_distances
 from depth_pose.fit.completion import MeshCompleter
 from depth_pose.fit.rendered_depth import Observation
 from depth_pose.fit.temporal import TemporalCarrier
-from depth_pose.people.person import thin, view_person
+from depth_pose.people.person import thin
 
 TRUTH = {"left_shoulder": (0, 0, -0.35), "left_elbow": (0, 0, -0.3), "right_hip": (0, 0, 0.15)}
 START = {"left_shoulder": (0, 0, -0.2), "left_elbow": (0, 0, -0.1)}
@@ -26,7 +26,7 @@ def completer() -> MeshCompleter:
 
 def view_of(pose):
     posed = the_body().pose(pose.rotations, pose.root, pose.scale)
-    return view_person(cloud_of(posed.vertices)), posed
+    return person_of(posed.vertices), posed
 
 
 def error(nodes, posed) -> float:

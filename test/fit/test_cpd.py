@@ -10,7 +10,7 @@ from depth_pose.core.config import CpdConfig
 from depth_pose.core.errors import ConfigError, InputError
 from depth_pose.core.rotations import rotvec_to_matrix
 from depth_pose.fit import _cpd_kernels as kernels
-from depth_pose.fit.cpd import euclidean_basis, farthest_points, register
+from depth_pose.fit.cpd import euclidean_basis, register
 
 
 def drift_slowly(source, target, basis, config: CpdConfig):
@@ -103,15 +103,6 @@ def test_same_input_gives_the_same_bits() -> None:
     rng = np.random.default_rng(6)
     source, target = sheet(rng, 100), bend(sheet(rng, 100))
     assert register(source, target).moved.tobytes() == register(source, target).moved.tobytes()
-
-
-def test_farthest_points_are_spread() -> None:
-    points = sheet(np.random.default_rng(7), 400)
-    chosen = farthest_points(points, 20)
-    assert len(set(chosen.tolist())) == 20
-    gaps = np.linalg.norm(points[chosen][:, None] - points[chosen], axis=2) + 9 * np.eye(20)
-    assert gaps.min() > 0.2
-    assert len(farthest_points(points[:5], 20)) == 5
 
 
 def test_basis_reproduces_the_kernel() -> None:

@@ -12,7 +12,7 @@ from depth_pose.fit import _limb_kernels as kernels
 from depth_pose.fit.articulated import ArticulatedFitter, BodyPose, FitTarget, nearest_person_pixels
 from depth_pose.fit.limbs import LimbSearch
 from depth_pose.fit.rendered_depth import DepthComparer, Observation
-from depth_pose.people.person import thin, view_person
+from depth_pose.people.person import thin
 
 DOWN = syn.rotation("z", -38.0), syn.rotation("z", 38.0)
 BAND = 0.12
@@ -42,13 +42,13 @@ def search(bank):
 def test_wrong_limbs_are_replaced(body, search, true, moved):
     """The body stands with its limbs down where the input has them raised."""
     posed = syn.posed(syn.upright(**true))
-    view = view_person(syn.to_cloud(syn.draw(syn.mesh(posed))))
-    comparer = DepthComparer(view.coarse, BAND)
+    person = syn.to_person(syn.draw(syn.mesh(posed)))
+    comparer = DepthComparer(person.coarse, BAND)
     wrong = BodyPose(syn.FACING @ syn.arms_down(), posed.nodes[0], 1.0)
     standing = body.pose(wrong.rotations, wrong.root)
     proposals = search.propose(wrong, standing.vertices, comparer)
     assert 1 <= len(proposals) <= 4
-    target = FitTarget.prepare(thin(view.points, 800), view.full, view.coarse)
+    target = FitTarget.prepare(thin(person.points, 800), person.full, person.coarse)
     fitter = ArticulatedFitter(body)
 
     def compared(start):
@@ -68,8 +68,8 @@ def test_right_limbs_agree_better_than_others(body, search):
     """Others are proposed all the same, since they are not fitted yet; none of them wins."""
     rotations = syn.upright(left_shoulder=syn.rotation("z", 60.0), right_shoulder=DOWN[1])
     posed = syn.posed(rotations)
-    view = view_person(syn.to_cloud(syn.draw(syn.mesh(posed))))
-    comparer = DepthComparer(view.coarse, BAND)
+    person = syn.to_person(syn.draw(syn.mesh(posed)))
+    comparer = DepthComparer(person.coarse, BAND)
     pose = BodyPose(syn.FACING @ rotations, posed.nodes[0], 1.0)
     before = pose.rotations.copy()
     right = comparer.compare(posed.vertices, body.faces).score
@@ -82,10 +82,10 @@ def test_right_limbs_agree_better_than_others(body, search):
 
 def test_proposals_change_nothing_but_limbs(body, search):
     posed = syn.posed(syn.upright(left_shoulder=syn.rotation("z", 100.0)))
-    view = view_person(syn.to_cloud(syn.draw(syn.mesh(posed))))
+    person = syn.to_person(syn.draw(syn.mesh(posed)))
     wrong = BodyPose(syn.FACING @ syn.arms_down(), posed.nodes[0], 0.98)
     standing = body.pose(wrong.rotations, wrong.root, 0.98)
-    proposals = search.propose(wrong, standing.vertices, DepthComparer(view.coarse, BAND))
+    proposals = search.propose(wrong, standing.vertices, DepthComparer(person.coarse, BAND))
     assert proposals
     trunk = [NODE_INDEX[n] for n in ("pelvis", "spine", "chest", "neck", "head")]
     for p in proposals:

@@ -111,9 +111,9 @@ def test_compare_twin():
 @pytest.fixture(scope="module")
 def scene():
     body = syn.posed(syn.arms_down())
-    cloud = syn.to_cloud(syn.draw(syn.mesh(body)))
-    depth = np.where(cloud.labels == PERSON, cloud.points[..., 2], np.float32(0))
-    return body, DepthComparer(observe(depth, cloud.labels, syn.CAMERA, 1, 0.35), BAND)
+    people = syn.to_people(syn.draw(syn.mesh(body)))
+    depth = np.where(people.labels == PERSON, people.points[..., 2], np.float32(0))
+    return body, DepthComparer(observe(depth, people.labels, syn.CAMERA, 1, 0.35), BAND)
 
 
 def test_the_true_pose_scores_zero_and_others_more(scene):

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from motion_writers import write_bvh
 
 from depth_pose.core.errors import InputError
 from depth_pose.motion.bvh import parse_bvh, read_bvh
 from depth_pose.motion.clip import Clip
 from depth_pose.motion.procedural.generator import make_clip
+from motion_writers import write_bvh
 
 TINY = """HIERARCHY
 ROOT Base

@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from crowd import person, seen
 
+from crowd import person, seen
 from depth_pose.bank import Bank
 from depth_pose.body.body import PosedBody
 from depth_pose.core.skeleton import JOINT_NODES, JointState

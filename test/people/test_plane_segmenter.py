@@ -8,7 +8,7 @@ import pytest
 import synthetic as syn
 from depth_pose.core.camera import Camera
 from depth_pose.core.config import SegmentConfig
-from depth_pose.core.types import BACKGROUND, PERSON, UNKNOWN
+from depth_pose.core.types import BACKGROUND, HIDDEN, PERSON
 from depth_pose.people import _segment_kernels as kernels
 from depth_pose.people.plane_segmenter import PersonSegmenter, reduce_camera
 
@@ -169,11 +169,11 @@ def test_what_hides_the_person_is_unknown(person):
     depth = np.minimum(np.minimum(person, post), syn.room())
     depth[10:20, 10:40] = 0.0
     found = segment(depth)
-    assert (found.labels[10:20, 10:40] == UNKNOWN).all()
+    assert (found.labels[10:20, 10:40] == HIDDEN).all()
     only_post = np.isfinite(post) & ~np.isfinite(person)
-    assert (found.labels[only_post] == UNKNOWN).mean() > 0.9
+    assert (found.labels[only_post] == HIDDEN).mean() > 0.9
     assert found.labels[5, 100] == BACKGROUND
-    assert set(np.unique(found.labels)) == {BACKGROUND, PERSON, UNKNOWN}
+    assert set(np.unique(found.labels)) == {BACKGROUND, PERSON, HIDDEN}
 
 
 def test_background_that_was_cut_away_is_free_space(person):
@@ -345,6 +345,6 @@ def test_pixels_that_saw_both_are_unknown():
     depth[4, 2], depth[4, 6], depth[2, 4] = 3.5, 4.9, 2.1  # mixed, the noisy wall, a thin limb
     depth[0, 0] = 3.0  # far from the person
     depth[6, 3] = 0.0  # nothing seen there
-    kernels.mark_mixed(depth, labels, PERSON, UNKNOWN, 0.16)
-    assert sorted(map(tuple, np.argwhere(labels == UNKNOWN))) == [(2, 4), (4, 2)]
+    kernels.mark_mixed(depth, labels, PERSON, HIDDEN, 0.16)
+    assert sorted(map(tuple, np.argwhere(labels == HIDDEN))) == [(2, 4), (4, 2)]
     assert (labels == PERSON).sum() == 9

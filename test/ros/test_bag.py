@@ -111,7 +111,7 @@ def test_truncated_recording_plays_to_its_last_whole_chunk(tmp_path, domain, pee
 
 
 def test_what_cannot_be_played_is_said(recording, tmp_path, domain):
-    with pytest.raises(InputError, match="cannot open"):
+    with pytest.raises(InputError, match="cannot be read"):
         play(tmp_path / "none.mcap")
     text = tmp_path / "text.mcap"
     text.write_text("this is no recording" * 10)

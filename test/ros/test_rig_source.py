@@ -10,7 +10,7 @@ from std_msgs.msg import Header
 from depth_pose.core.errors import ConfigError
 from depth_pose.core.rotations import matrix_to_quat, rotvec_to_matrix
 from depth_pose.ros.transport.rig_source import add_transforms, given_extrinsics
-from depth_pose.volume.transform_tree import FrameTree
+from depth_pose.volume.transform_tree import TransformTree
 
 
 def stamped(parent, child, T):
@@ -32,7 +32,7 @@ def transform(seed):
 
 
 def test_transforms_of_messages():
-    frames = FrameTree()
+    frames = TransformTree()
     add_transforms(frames, [stamped("link", "optical", transform(1)), stamped("map", "link", transform(2))])
     assert np.allclose(frames.find("map", "optical"), transform(2) @ transform(1))
     broken = stamped("map", "link", np.eye(4))

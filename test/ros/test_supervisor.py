@@ -44,6 +44,15 @@ def test_a_killed_node_is_started_again(domain, peer):
     assert any("starting it again" in line for line in lines)
 
 
+def test_it_ends_at_once_while_it_loads(domain):
+    suite = Suite(nodes=["denoise"], sink=str)
+    suite.start()
+    wait_until(lambda: suite.pid("fork server"), 5.0, "the fork server")
+    server, started = suite.pid("fork server"), time.monotonic()
+    assert suite.stop() == {}
+    assert time.monotonic() - started < 1.0 and not alive(server)
+
+
 def test_what_cannot_start_is_said(domain, tmp_path):
     params = tmp_path / "params.yaml"
     params.write_text("/**:\n  ros__parameters:\n    segment:\n      naer: 0.5\n")

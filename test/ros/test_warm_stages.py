@@ -5,7 +5,7 @@ import subprocess
 import sys
 
 from depth_pose.core.config import SmoothConfig
-from depth_pose.ros.nodes.warm_stages import is_warm, load_bank, make, make_ahead
+from depth_pose.ros.process.warm_stages import is_warm, load_bank, make, make_ahead
 
 
 class Counted:
@@ -42,7 +42,7 @@ def test_a_bank_is_read_once_until_its_file_changes(bank_path, tmp_path):
 def test_the_fork_server_has_one_thread_and_no_ros(bank_path):
     """A fork takes one thread along; loading Fast DDS starts others."""
     code = (
-        "import os, sys; from depth_pose.ros import forkserver\n"
+        "import os, sys; from depth_pose.ros.process import forkserver\n"
         f"forkserver._load({str(bank_path)!r})\n"
         "print(len(os.listdir('/proc/self/task')), 'rclpy' in sys.modules)"
     )

@@ -6,7 +6,7 @@ import pytest
 from depth_pose.core.errors import ConfigError
 from depth_pose.motion.procedural.dance import perform
 from depth_pose.sim.clothing import GARMENTS, Clothes, Garment, find_garment
-from depth_pose.volume_learn.performances import turns
+from depth_pose.volume.headings import turns
 
 
 @pytest.fixture(scope="module")

@@ -12,13 +12,13 @@ from depth_pose.body.body import Body, PosedBody
 from depth_pose.body.procedural import make_body
 from depth_pose.core._raster_kernels import rasterize
 from depth_pose.core.camera import Camera
+from depth_pose.core.rotations import R_CAMERA_FACING_MODEL as _FACING
 from depth_pose.core.rotations import rotvec_to_matrix
 from depth_pose.core.skeleton import NODE_INDEX
 from depth_pose.core.types import DepthFrame
 
 CAMERA = Camera(176, 144, 200.0, 200.0, 87.5, 71.5)
 STEP_NS = 40_000_000
-_FACING = np.diag([1.0, -1.0, -1.0])
 _LEFT_ARM = ("left_shoulder", "left_elbow", "left_wrist")
 _RIGHT_ARM = ("right_shoulder", "right_elbow", "right_wrist")
 

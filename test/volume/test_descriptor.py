@@ -5,8 +5,8 @@ import pytest
 
 from depth_pose.core.errors import ConfigError
 from depth_pose.volume.descriptor import OUTER_RADIUS_M, TOP_M, Bins, describe, heading_angle
+from depth_pose.volume.headings import turns
 from depth_pose.volume.hull import Volume, empty_volume
-from depth_pose.volume_learn.performances import turns
 
 
 @pytest.fixture

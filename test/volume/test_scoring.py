@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from depth_pose.body.angles import ANGLE_INDEX, N_ANGLES, rotations_from_angles
+from depth_pose.volume.headings import headings_of, turns, without_headings
 from depth_pose.volume.scoring import (
     SCORED,
     angle_differences,
@@ -12,7 +13,6 @@ from depth_pose.volume.scoring import (
     mean_pose_estimate,
     score,
 )
-from depth_pose.volume_learn.performances import headings_of, turns, without_headings
 
 
 def poses(count, seed, spread=15.0):

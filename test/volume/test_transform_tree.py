@@ -5,7 +5,7 @@ import pytest
 
 from depth_pose.core.errors import ConfigError
 from depth_pose.core.rotations import rotvec_to_matrix
-from depth_pose.volume.transform_tree import FrameTree, pose_matrix
+from depth_pose.volume.transform_tree import TransformTree, pose_matrix
 
 
 def transform(seed):
@@ -27,7 +27,7 @@ def test_a_pose_is_a_matrix():
 def test_chains_up_down_and_across():
     """map > rail > bracket > camera, and map > floor: from any to any."""
     a, b, c, d = (transform(i) for i in range(4))
-    tree = FrameTree()
+    tree = TransformTree()
     tree.add("bracket", "camera", c)  # told in any order, with or without a slash
     tree.add("/map", "/rail", a)
     tree.add("rail", "bracket", b)
@@ -42,7 +42,7 @@ def test_chains_up_down_and_across():
 
 
 def test_frames_that_nothing_joins():
-    tree = FrameTree()
+    tree = TransformTree()
     assert tree.find("map", "camera") is None
     tree.add("odom", "camera", transform(1))
     assert tree.find("map", "camera") is None

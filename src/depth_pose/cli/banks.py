@@ -78,15 +78,15 @@ def build(
     depth-pose run in.mcap -o out.mcap --bank my_bank.npz
     """
     from depth_pose.bank import build_bank, default_bank_path
+    from depth_pose.bank.bodies import find_body_or_bank
     from depth_pose.bank.build import BuildConfig
-    from depth_pose.body.bodies import find_body
 
     if with_embedded and mocap is None:
         raise ConfigError("--with-embedded says what to add to --mocap, which is not given")
     chosen: dict[str, Any] = {"poses": poses, "seed": seed, "views": views}
     config = BuildConfig(**{name: value for name, value in chosen.items() if value is not None})
     start = time.monotonic()
-    made = find_body(body)
+    made = find_body_or_bank(body)
     sources = _gather(config, poses, mocap, with_embedded or mocap is None)
     source = {**sources.header, "body": body if body in ("embedded", "anny") else made.name}
     with progress_bar("rendering views", len(sources.poses)) as update:

@@ -384,6 +384,18 @@ class SmoothConfig(_Checked):
     beta: float = option(24.0, "Cut-off frequency gained per speed", unit="Hz s/m", low=0.0, high=100.0)
 
 
+@dataclass(frozen=True)
+class FollowConfig(_Checked):
+    """Whom ``/depth_pose/skeleton`` shows; everybody is on ``/depth_pose/skeletons``."""
+
+    whom: str = option(
+        "first",
+        "first: who came first; nearest: to the camera; centre: of the image",
+        choices=("first", "nearest", "centre"),
+    )
+    patient: bool = option(False, "Wait for the one who is followed for 2 s before another is taken")
+
+
 class Sections:
     """Base of configurations that are made of others, one field for each."""
 
@@ -426,6 +438,7 @@ class PipelineConfig(Sections):
     temporal: TemporalConfig = TemporalConfig()
     recover: RecoverConfig = RecoverConfig()
     smooth: SmoothConfig = SmoothConfig()
+    follow: FollowConfig = FollowConfig()
 
     @property
     def fitting(self) -> FittingConfig:

@@ -1,6 +1,8 @@
-"""Kernels that thin and choose rows by distance; the first columns should vary most."""
+"""Thinning and choosing rows by their distances; fastest where the first columns vary most."""
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 from numba import njit
@@ -34,8 +36,45 @@ def keep_apart(rows: NDArray[np.float32], limit: np.float32) -> NDArray[np.bool_
     return mark
 
 
+def farthest_rows(
+    rows: NDArray[np.floating],
+    count: int,
+    start: int | None = None,
+    images: NDArray[np.floating] | None = None,
+    weights: NDArray[np.floating] | None = None,
+) -> NDArray[np.int64]:
+    """Choose rows far from each other, greedily: the next is the farthest from those chosen before.
+
+    T. F. Gonzalez, *Clustering to minimize the maximum intercluster distance*, Theor. Comput.
+    Sci. 38, 1985.
+
+    Parameters
+    ----------
+    rows : (N, K) float32 or float64
+    count : int
+        How many, at most all.
+    start : int, optional
+        The first; by default the row nearest to the mean.
+    images : (N, K), optional
+        A chosen row stands for its image too.
+    weights : (N,), optional
+        Factor on each row's squared distance.
+
+    Returns
+    -------
+    (count,) int64
+        In the order of choice.
+    """
+    rows = np.ascontiguousarray(rows)
+    if start is None:
+        start = int(np.argmin(np.square(rows - rows.mean(axis=0)).sum(axis=1)))
+    images = rows[:0] if images is None else images
+    weights = np.ones(len(rows), rows.dtype) if weights is None else weights
+    return np.asarray(_choose(rows, images, weights, min(count, len(rows)), start))
+
+
 @njit(cache=True, fastmath=True)
-def _lower(rows: NDArray[np.float32], point: NDArray[np.float32], nearest: NDArray[np.float32]) -> None:
+def _lower(rows: Any, point: Any, nearest: Any) -> None:
     """Lower every row's squared distance to the chosen ones by that to a new one."""
     n, width = rows.shape
     for i in range(n):
@@ -51,16 +90,10 @@ def _lower(rows: NDArray[np.float32], point: NDArray[np.float32], nearest: NDArr
 
 
 @njit(cache=True)
-def farthest_rows(
-    rows: NDArray[np.float32],
-    images: NDArray[np.float32],
-    weights: NDArray[np.float32],
-    count: int,
-    start: int,
-) -> NDArray[np.int64]:
-    """Choose rows greedily by weight times squared distance to the chosen rows and their images."""
+def _choose(rows: Any, images: Any, weights: Any, count: int, start: int) -> Any:
+    """Choose by weight times squared distance to the chosen rows and their images."""
     n = rows.shape[0]
-    nearest = np.full(n, np.float32(1e30))
+    nearest = np.full(n, 1e30, rows.dtype)
     chosen = np.empty(count, np.int64)
     chosen_mark = np.zeros(n, np.bool_)
     best = start
@@ -68,38 +101,12 @@ def farthest_rows(
         chosen[c] = best
         chosen_mark[best] = True
         _lower(rows, rows[best], nearest)
-        _lower(rows, images[best], nearest)
-        top = np.float32(-1.0)
+        if images.shape[0] > 0:
+            _lower(rows, images[best], nearest)
+        top = -1.0
         for i in range(n):
             value = nearest[i] * weights[i]
             if value > top and not chosen_mark[i]:
                 top = value
                 best = i
     return chosen
-
-
-@njit(cache=True)
-def nearest_rows(
-    queries: NDArray[np.float32], rows: NDArray[np.float32]
-) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
-    """Find for each (J, 3) query the row of least mean joint distance, and that distance."""
-    joints = rows.shape[1]
-    index = np.zeros(queries.shape[0], np.int64)
-    distance = np.full(queries.shape[0], np.float32(1e30))
-    for q in range(queries.shape[0]):
-        best = np.float32(1e30)
-        for i in range(rows.shape[0]):
-            total = np.float32(0.0)
-            # Hands and feet are last in each limb and differ most: going backwards stops early.
-            for j in range(joints - 1, -1, -1):
-                x = queries[q, j, 0] - rows[i, j, 0]
-                y = queries[q, j, 1] - rows[i, j, 1]
-                z = queries[q, j, 2] - rows[i, j, 2]
-                total += np.sqrt(x * x + y * y + z * z)
-                if total >= best:
-                    break
-            if total < best:
-                best = total
-                index[q] = i
-        distance[q] = best / joints
-    return index, distance

@@ -7,6 +7,13 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+R_CAMERA_FACING_MODEL: Array = np.diag([1.0, -1.0, -1.0])
+"""``R_camera_model`` of somebody upright who faces a level camera.
+
+The model's y is up and its z forward, out of the chest; the camera's y is down and its z away from it.
+"""
+R_CAMERA_FACING_MODEL.setflags(write=False)
+
 
 def quat_to_matrix(quat_xyzw: Array) -> Array:
     """Rotation matrices, shape (..., 3, 3), of unit quaternions, shape (..., 4)."""
@@ -54,3 +61,60 @@ def rotvec_to_matrix(rotvec: Array) -> Array:
     half = 0.5 * angle
     quat = np.concatenate([0.5 * np.sinc(half / np.pi) * v, np.cos(half)], -1)
     return quat_to_matrix(quat)
+
+
+def rotation_x(angle: Array) -> Array:
+    """Rotations about x by angles in radians, shape (...) to (..., 3, 3)."""
+    return _axis_rotation(angle, 1, 2)
+
+
+def rotation_y(angle: Array) -> Array:
+    """Rotations about y by angles in radians, shape (...) to (..., 3, 3)."""
+    return _axis_rotation(angle, 2, 0)
+
+
+def rotation_z(angle: Array) -> Array:
+    """Rotations about z by angles in radians, shape (...) to (..., 3, 3)."""
+    return _axis_rotation(angle, 0, 1)
+
+
+def _axis_rotation(angle: Array, i: int, j: int) -> Array:
+    angle = np.asarray(angle, dtype=np.float64)
+    out = np.zeros((*angle.shape, 3, 3))
+    out[..., 3 - i - j, 3 - i - j] = 1.0
+    cosine, sine = np.cos(angle), np.sin(angle)
+    out[..., i, i] = out[..., j, j] = cosine
+    out[..., j, i] = sine
+    out[..., i, j] = -sine
+    return out
+
+
+def rotation_between(source: Array, target: Array) -> Array:
+    """Smallest rotations that turn unit vectors into others, (..., 3) to (..., 3, 3)."""
+    x, y, z = (source[..., a] for a in range(3))
+    u, v, w = (target[..., a] for a in range(3))
+    k = cross_matrix(y * w - z * v, z * u - x * w, x * v - y * u)
+    cosine = np.asarray(x * u + y * v + z * w)[..., None, None]
+    return np.asarray(np.eye(3) + k + (k @ k) / np.maximum(1.0 + cosine, 1e-9))
+
+
+def cross_matrix(x: Array, y: Array, z: Array) -> Array:
+    """Matrices (..., 3, 3) that take the cross product with (x, y, z)."""
+    k = np.zeros((*np.shape(x), 3, 3))
+    k[..., 0, 1], k[..., 0, 2], k[..., 1, 2] = -z, y, -x
+    k[..., 1, 0], k[..., 2, 0], k[..., 2, 1] = z, -y, x
+    return k
+
+
+def mirror_rotation(rotation: Array) -> Array:
+    """``S R S`` with ``S = diag(-1, 1, 1)``: rotations seen in a mirror at x = 0, (..., 3, 3)."""
+    flip = np.array([-1.0, 1.0, 1.0])
+    return np.asarray(flip[:, None] * rotation * flip)
+
+
+def nearest_rotation(matrix: Array) -> Array:
+    """Rotations nearest to matrices (least squares), (..., 3, 3) to (..., 3, 3)."""
+    u, _, vt = np.linalg.svd(matrix)
+    u[..., :, 2] *= np.linalg.det(u @ vt)[..., None]
+    result: Array = u @ vt
+    return result

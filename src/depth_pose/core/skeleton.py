@@ -25,6 +25,8 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from depth_pose.core.rotations import mirror_rotation
+
 JOINTS: tuple[str, ...] = (
     "pelvis",
     "spine",
@@ -220,5 +222,4 @@ def mirror_rotations(rotations: NDArray[np.float64]) -> NDArray[np.float64]:
     (..., 21, 3, 3)
         ``S R S`` with ``S = diag(-1, 1, 1)``, with the two sides exchanged.
     """
-    flip = np.array([-1.0, 1.0, 1.0])
-    return flip[:, None] * rotations[..., MIRROR_NODES, :, :] * flip
+    return mirror_rotation(rotations[..., MIRROR_NODES, :, :])

@@ -1,4 +1,4 @@
-"""What the steps hand to each other: camera, depth frame, person cloud, match, skeleton.
+"""What the steps hand to each other: depth frame, found person, match, skeleton, fitted skeleton.
 
 All of them are frozen and in SI units. Rotations that travel in messages are kept as
 quaternions (x, y, z, w), so that a value read back from a message is the value that was
@@ -38,30 +38,38 @@ class DepthFrame:
 
 
 BACKGROUND, PERSON, UNKNOWN = 0, 1, 2
-"""Labels of a `PersonCloud`: free space; the person; hidden by something nearer, or no return."""
+"""What a pixel says of one person: free space; theirs; hidden by something nearer, or no return."""
+
+HIDDEN = 255
+"""Label in the cloud of everybody where something nearer than a person, or nothing, returned."""
+
+MOST_LABEL = 254
+"""Greatest number of a person in a cloud's labels; 0 is free space."""
 
 
 @dataclass(frozen=True)
-class PersonCloud:
-    """The person's points, on the pixel grid that the later steps work on.
-
-    This is all that the steps after denoising know of a frame. It is one organised
-    ``PointCloud2``; the camera is found from the points (`camera_from_points`).
+class FoundPerson:
+    """Somebody whom a frame shows.
 
     Attributes
     ----------
-    stamp_ns : int
-    frame_id : str
-    points : (h, w, 3) float32
-        Points in the camera frame, metres; NaN where the pixel is not the person's.
-    labels : (h, w) uint8
-        `BACKGROUND`, `PERSON` or `UNKNOWN` of every pixel.
+    label : int
+        Their number in the frame's labels, 1 to `MOST_LABEL`.
+    body_id : str
+        Stays the same while they are followed.
+    probability : float
+        That this is a person, 0 to 1.
+    proposals : (J, 3) float32
+        Where the finder sees their joints (`depth_pose.people.FINDER_JOINTS`), camera frame, metres;
+        no rows where it does not say.
+    proposal_confidence : (J,) float32
     """
 
-    stamp_ns: int
-    frame_id: str
-    points: NDArray[np.float32]
-    labels: NDArray[np.uint8]
+    label: int
+    body_id: str
+    probability: float
+    proposals: NDArray[np.float32]
+    proposal_confidence: NDArray[np.float32]
 
 
 @dataclass(frozen=True)
@@ -90,12 +98,11 @@ class Candidate:
 
 @dataclass(frozen=True)
 class PoseMatch:
-    """The matcher's answer for one frame, best candidate first; none where nobody is in view.
+    """The matcher's answer for one person, best candidate first.
 
     Attributes
     ----------
-    stamp_ns : int
-    frame_id : str
+    body_id : str
     bank_id : str
         Content hash of the bank that the exemplar numbers refer to.
     scale : float
@@ -103,8 +110,7 @@ class PoseMatch:
     candidates : tuple of Candidate
     """
 
-    stamp_ns: int
-    frame_id: str
+    body_id: str
     bank_id: str
     scale: float
     candidates: tuple[Candidate, ...]
@@ -170,3 +176,18 @@ class Skeleton:
             joint_confidence=np.zeros(0, np.float32),
             joint_states=np.zeros(0, np.uint8),
         )
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A skeleton from a fit, and how well the fitted body agrees with what was seen.
+
+    Attributes
+    ----------
+    skeleton : Skeleton
+    score : float
+        Rendered-depth disagreement (`depth_pose.fit.rendered_depth`), 0 to 1; 1 where it is lost.
+    """
+
+    skeleton: Skeleton
+    score: float

@@ -14,13 +14,13 @@ from depth_pose.bank.bank import Bank
 from depth_pose.core.config import MatchConfig, PipelineConfig
 from depth_pose.core.errors import InputError
 from depth_pose.core.skeleton import JOINT_NODES
-from depth_pose.core.types import DepthFrame, PersonCloud, PoseMatch
+from depth_pose.core.types import DepthFrame, PoseMatch
 from depth_pose.evaluate.bank_sheet import draw_depth
 from depth_pose.fit.articulated import candidate_pose
 from depth_pose.fit.rendered_depth import DepthComparer
 from depth_pose.io.mcap_read import DepthReader
-from depth_pose.people.person import view_person
-from depth_pose.steps.extract import PersonExtractor
+from depth_pose.people.person import People
+from depth_pose.steps.extract import PeopleExtractor
 from depth_pose.steps.match import Matcher, match_confidence
 
 _FRAMES_BEFORE = 2
@@ -32,11 +32,11 @@ _DARK = "#15181d"
 
 @dataclass(frozen=True)
 class MatchedFrame:
-    """One frame of the recording: its number, its cloud, and what it was matched with."""
+    """One frame of the recording: its number, its people, and what they were matched with."""
 
     number: int
-    cloud: PersonCloud
-    match: PoseMatch
+    people: People
+    matches: tuple[PoseMatch, ...]
 
 
 @dataclass(frozen=True)
@@ -56,11 +56,12 @@ class Matched:
     def lines(self) -> Iterator[str]:
         """Tell what each frame was matched with."""
         for f in self.frames:
-            if not f.match.candidates:
+            if not f.matches:
                 yield f"frame {f.number}: nobody in view"
-                continue
-            scores = ", ".join(f"{c.exemplar} ({c.score:.2f})" for c in f.match.candidates)
-            yield f"frame {f.number}: scale {f.match.scale:.2f}; exemplars (score) {scores}"
+            for match in f.matches:
+                scores = ", ".join(f"{c.exemplar} ({c.score:.2f})" for c in match.candidates)
+                who = f", {match.body_id}" if len(f.matches) > 1 else ""
+                yield f"frame {f.number}{who}: scale {match.scale:.2f}; exemplars (score) {scores}"
 
 
 def match_frames(
@@ -91,14 +92,14 @@ def match_frames(
         Where the recording cannot be used or is empty.
     """
     config = PipelineConfig()
-    extractor = PersonExtractor(config.segment, config.denoise)
+    extractor = PeopleExtractor(config.segment, config.denoise)
     matcher = Matcher(bank, MatchConfig(keep=candidates))
     found = []
     for number, frame, shown in _near_chosen(DepthReader(recording, depth_topic), frames):
-        cloud = extractor.extract(frame)
-        match = matcher.match(cloud)
+        people = extractor.extract(frame)
+        matches = matcher.match(people)
         if shown:
-            found.append(MatchedFrame(number, cloud, match))
+            found.append(MatchedFrame(number, people, matches))
             if progress is not None:
                 progress(len(found))
     if not found:
@@ -115,7 +116,7 @@ def _near_chosen(reader: DepthReader, count: int) -> Iterator[tuple[int, DepthFr
 
 
 def save_check(matched: Matched, bank: Bank, path: str | Path, title: str = "") -> None:
-    """Draw each input and, beside it, its best matches rendered where the matcher placed them.
+    """Draw each person of the input and, beside them, the best matches rendered where the matcher put them.
 
     Parameters
     ----------
@@ -129,7 +130,8 @@ def save_check(matched: Matched, bank: Bank, path: str | Path, title: str = "") 
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    columns, rows = 1 + matched.candidates, len(matched.frames)
+    shown = [(f, match) for f in matched.frames for match in f.matches or (None,)]
+    columns, rows = 1 + matched.candidates, len(shown)
     width, height = _PANEL_INCHES * columns, 1.35 * _PANEL_INCHES * rows + 0.3
     figure = Figure(figsize=(width, height), dpi=110, facecolor=_DARK)
     FigureCanvasAgg(figure)
@@ -137,9 +139,9 @@ def save_check(matched: Matched, bank: Bank, path: str | Path, title: str = "") 
     grid = figure.add_gridspec(
         rows, columns, left=0.004, right=0.996, bottom=0.004, top=top, wspace=0.02, hspace=0.02
     )
-    for row, frame in enumerate(matched.frames):
+    for row, (frame, match) in enumerate(shown):
         panels = [figure.add_subplot(grid[row, column]) for column in range(columns)]
-        _draw_frame(panels, frame, bank)
+        _draw_match(panels, frame, match, bank)
     figure.text(
         0.008,
         (1 + top) / 2,
@@ -152,28 +154,27 @@ def save_check(matched: Matched, bank: Bank, path: str | Path, title: str = "") 
     figure.savefig(path, facecolor=_DARK)
 
 
-def _draw_frame(panels: list[Any], frame: MatchedFrame, bank: Bank) -> None:
-    view = view_person(frame.cloud)
-    if view is None or not frame.match.candidates:
-        depth = np.nan_to_num(frame.cloud.points[..., 2], nan=0.0)
-        panels[0].imshow(depth, cmap="gray")
+def _draw_match(panels: list[Any], frame: MatchedFrame, match: PoseMatch | None, bank: Bank) -> None:
+    """Draw one person's row, or that of a frame without anybody."""
+    if match is None:
+        panels[0].imshow(np.zeros(frame.people.labels.shape), cmap="gray")
         _caption(panels[0], f"frame {frame.number}: nobody in view")
         for panel in panels:
             panel.set_axis_off()
         return
-    camera = view.full.camera
-    draw_depth(panels[0], view.full.depth, None, camera)
-    _caption(panels[0], f"frame {frame.number}, scale {frame.match.scale:.2f}")
-    comparer = DepthComparer(view.full, MatchConfig().score_band)
-    for rank, (panel, candidate) in enumerate(zip(panels[1:], frame.match.candidates, strict=False)):
-        pose = candidate_pose(bank, candidate, frame.match.scale)
+    seen = next(p for p in frame.people.persons if p.body_id == match.body_id).full
+    draw_depth(panels[0], seen.depth, None, seen.camera)
+    _caption(panels[0], f"frame {frame.number}, {match.body_id}, scale {match.scale:.2f}")
+    comparer = DepthComparer(seen, MatchConfig().score_band)
+    for rank, (panel, candidate) in enumerate(zip(panels[1:], match.candidates, strict=False)):
+        pose = candidate_pose(bank, candidate, match.scale)
         posed = bank.body.pose(pose.rotations, pose.root, pose.scale)
         drawn: NDArray[np.float64] = comparer.render(posed.vertices, bank.body.faces)
         depth = np.where(np.isfinite(drawn), drawn, 0.0).astype(np.float32)
-        draw_depth(panel, depth, posed.nodes[JOINT_NODES], camera)
+        draw_depth(panel, depth, posed.nodes[JOINT_NODES], seen.camera)
         sure = f", {match_confidence(candidate.score):.0%} sure" if rank == 0 else ""
         _caption(panel, f"{candidate.exemplar}, view {candidate.view}: score {candidate.score:.2f}{sure}")
-    for panel in panels[1 + len(frame.match.candidates) :]:
+    for panel in panels[1 + len(match.candidates) :]:
         panel.set_axis_off()
 
 

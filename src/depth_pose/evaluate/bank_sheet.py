@@ -12,7 +12,7 @@ from depth_pose.bank.bank import Bank
 from depth_pose.bank.views import DISTANCE_M
 from depth_pose.core import _raster_kernels as kernels
 from depth_pose.core.camera import Camera
-from depth_pose.core.rotations import quat_to_matrix
+from depth_pose.core.rotations import R_CAMERA_FACING_MODEL, quat_to_matrix
 from depth_pose.core.skeleton import BONES, JOINT_NODES
 from depth_pose.evaluate.overlay import bone_colour
 from depth_pose.evaluate.shading import shade_depth
@@ -75,7 +75,7 @@ def exemplar_depth(bank: Bank, exemplar: int, view: int) -> tuple[NDArray[np.flo
     joints : (19, 3) float64
         In the frame of the sheet's camera, metres.
     """
-    turn = np.diag([1.0, -1.0, -1.0]) @ quat_to_matrix(bank.view_quats[exemplar, view].astype(np.float64))
+    turn = R_CAMERA_FACING_MODEL @ quat_to_matrix(bank.view_quats[exemplar, view].astype(np.float64))
     root = np.array([0.0, 0.0, DISTANCE_M]) - turn @ bank.view_origins[exemplar, view].astype(np.float64)
     posed = bank.body.pose(turn @ bank.rotations(exemplar), root)
     depth = np.empty((_PIXELS, _PIXELS))

@@ -26,31 +26,6 @@ _STILL = 1e-3
 """The drift ends when the variance falls by less than this share in an iteration."""
 
 
-@njit(cache=True, fastmath=True)
-def farthest_points(points: Any, count: Any, chosen: Any) -> None:
-    """Choose points that are far from each other: the first nearest to the mean, then greedily."""
-    n = points.shape[0]
-    mean = np.zeros(3)
-    for i in range(n):
-        for a in range(3):
-            mean[a] += points[i, a] / n
-    nearest = np.full(n, np.inf)
-    best, pick = np.inf, 0
-    for i in range(n):
-        d = (points[i, 0] - mean[0]) ** 2 + (points[i, 1] - mean[1]) ** 2 + (points[i, 2] - mean[2]) ** 2
-        if d < best:
-            best, pick = d, i
-    for k in range(count):
-        chosen[k] = pick
-        x, y, z = points[pick, 0], points[pick, 1], points[pick, 2]
-        farthest = -1.0
-        for i in range(n):
-            d = (points[i, 0] - x) ** 2 + (points[i, 1] - y) ** 2 + (points[i, 2] - z) ** 2
-            nearest[i] = min(nearest[i], d)
-            if nearest[i] > farthest:
-                farthest, pick = nearest[i], i
-
-
 class DriftSettings(NamedTuple):
     """Settings of `drift`; ``depth_pose.fit.cpd`` says what they are. Variances in square metres."""
 

@@ -236,21 +236,3 @@ def _gap(one, other):
             d += (one[s, a] - other[s, a]) ** 2
         most = max(most, d)
     return np.sqrt(most)
-
-
-@njit(cache=True)
-def farthest_rows(rows, count):
-    """Choose rows far from each other, one after the other, from the first on (squared distances)."""
-    chosen = np.zeros(count, np.int64)
-    nearest = np.full(rows.shape[0], np.inf)
-    for c in range(1, count):
-        last, best = rows[chosen[c - 1]], -1.0
-        for i in range(rows.shape[0]):
-            total = 0.0
-            for k in range(rows.shape[1]):
-                d = rows[i, k] - last[k]
-                total += d * d
-            nearest[i] = min(nearest[i], total)
-            if nearest[i] > best:
-                best, chosen[c] = nearest[i], i
-    return chosen

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.csgraph import dijkstra
 
-from depth_pose.fit.cpd import farthest_points, nystroem_basis
+from depth_pose.core.farthest_points import farthest_rows
+from depth_pose.fit.cpd import nystroem_basis
 
 Array = NDArray[np.float64]
 
@@ -35,7 +36,7 @@ def geodesic_basis(vertices: Array, faces: NDArray[np.integer], count: int, beta
     (V, K) float64
         Rows of visible vertices are a basis for `depth_pose.fit.cpd.register`.
     """
-    chosen = farthest_points(vertices, count)
+    chosen = farthest_rows(vertices, count)
     return nystroem_basis(surface_distances(vertices, faces, chosen), chosen, beta)
 
 

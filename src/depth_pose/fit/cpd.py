@@ -39,6 +39,7 @@ from numpy.typing import NDArray
 
 from depth_pose.core.config import CpdConfig
 from depth_pose.core.errors import InputError
+from depth_pose.core.farthest_points import farthest_rows
 from depth_pose.fit import _cpd_kernels as kernels
 
 Array = NDArray[np.float64]
@@ -167,16 +168,9 @@ def euclidean_basis(points: Array, count: int, beta: float, least: float = LEAST
         ``B`` with ``B B^T`` approximately the kernel matrix; K at most ``count``.
     """
     points = np.ascontiguousarray(points, np.float64)
-    chosen = farthest_points(points, count)
+    chosen = farthest_rows(points, count)
     distances = np.linalg.norm(points[:, None] - points[chosen], axis=2)
     return nystroem_basis(distances, chosen, beta, least)
-
-
-def farthest_points(points: Array, count: int) -> NDArray[np.int64]:
-    """Choose ``count`` points, at most all, far from each other, shape (count,)."""
-    chosen = np.empty(min(count, len(points)), np.int64)
-    kernels.farthest_points(np.ascontiguousarray(points, np.float64), len(chosen), chosen)
-    return chosen
 
 
 def nystroem_basis(

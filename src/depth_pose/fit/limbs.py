@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from depth_pose.bank.bank import Bank
 from depth_pose.body.body import Body
+from depth_pose.core.farthest_points import farthest_rows
 from depth_pose.core.rotations import quat_to_matrix
 from depth_pose.core.skeleton import MIRROR_NODES, NODE_INDEX, forward_kinematics, mirror_rotations
 from depth_pose.core.types import PERSON
@@ -200,7 +201,7 @@ def _make_pair(
 
     bones = [NODE_INDEX[f"left_{n}"] for n in sampled]
     joints = (nodes[:, bones] - nodes[:, anchor, None]) @ both[:, anchor]
-    keep = kernels.farthest_rows(joints.reshape(len(both), -1), min(_CONFIGURATIONS, len(both)))
+    keep = farthest_rows(joints.reshape(len(both), -1), _CONFIGURATIONS, start=0)
     local = to_anchor[keep, None] @ both[np.ix_(keep, side[0])]
     ends, radii, areas = _balls(body, bones)
     samples = _ball_centres(both[keep], nodes[keep], anchor, np.array(bones), ends)

@@ -44,7 +44,8 @@ def observe(
     first_row, last_row, first_column, last_column = box.tolist()
     margin = round(margin_m * camera.fx / distance)
     top, left = max(0, first_row - margin), max(0, first_column - margin)
-    bottom, right = last_row + margin + 1, last_column + margin + 1
+    bottom = min(camera.height, last_row + margin + 1)
+    right = min(camera.width, last_column + margin + 1)
     window = (slice(top, bottom, stride), slice(left, right, stride))
     part = np.ascontiguousarray(depth[window])
     return Observation(

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.body.angles import rotation_between
 from depth_pose.body.body import Body
-from depth_pose.core.rotations import quat_to_matrix
+from depth_pose.core.rotations import quat_to_matrix, rotation_between
 from depth_pose.core.skeleton import JOINT_NODES, NODE_INDEX, NODES, forward_kinematics
 from depth_pose.core.types import Skeleton
 from depth_pose.fit.articulated import BodyPose

@@ -15,14 +15,7 @@ from pathlib import Path
 from depth_pose.core.errors import InputError
 from depth_pose.core.types import DepthFrame, Skeleton
 from depth_pose.io import schemas
-from depth_pose.io._messages import (
-    CameraInfoMessage,
-    read_camera_info,
-    read_cloud,
-    read_compressed,
-    read_image,
-    read_skeleton,
-)
+from depth_pose.io._messages import read_image, read_message, read_skeleton, stamp_of
 from depth_pose.io._recording import RawMessage, Recording
 from depth_pose.io.compressed import TOPIC_ENDING, decode_compressed_depth
 from depth_pose.io.decode import (
@@ -227,45 +220,29 @@ class DepthReader:
             return frame_of_cloud(message.data)
         if info is None:
             raise InputError(f"no CameraInfo on {self.topic.info_topic}")
-        calibration = read_camera_info(info.data)
-        if self.topic.kind == schemas.COMPRESSED:
-            return frame_of_compressed(message.data, calibration)
-        return frame_of_image(message.data, calibration)
+        return frame_of_image(message.data, self.topic.kind, info.data)
 
 
-def frame_of_image(data: bytes, info: CameraInfoMessage) -> DepthFrame:
-    """Make a frame of an Image's CDR bytes and its camera's calibration."""
-    image = read_image(data)
-    depth = decode_depth(
-        image.data, image.height, image.width, image.step, image.encoding, image.is_bigendian
-    )
+def frame_of_image(data: bytes, kind: str, info_data: bytes) -> DepthFrame:
+    """Make a frame of an Image's or CompressedImage's CDR bytes and its camera's calibration."""
+    image, info = read_message(data, kind), read_message(info_data, schemas.CAMERA_INFO)
+    if kind == schemas.COMPRESSED:
+        depth = decode_compressed_depth(image.format, image.data)
+    else:
+        size = (image.height, image.width, image.step, image.encoding)
+        depth = decode_depth(image.data, *size, image.is_bigendian)
     camera = camera_from_info(info.k, info.d, info.width, info.height, info.distortion_model)
     depth = rectify_depth(depth, camera, info.d, info.distortion_model)
-    return DepthFrame(image.stamp_ns, image.frame_id, depth, camera)
-
-
-def frame_of_compressed(data: bytes, info: CameraInfoMessage) -> DepthFrame:
-    """Make a frame of a CompressedImage's CDR bytes and its camera's calibration."""
-    image = read_compressed(data)
-    depth = decode_compressed_depth(image.format, image.data)
-    camera = camera_from_info(info.k, info.d, info.width, info.height, info.distortion_model)
-    depth = rectify_depth(depth, camera, info.d, info.distortion_model)
-    return DepthFrame(image.stamp_ns, image.frame_id, depth, camera)
+    return DepthFrame(stamp_of(image), image.header.frame_id, depth, camera)
 
 
 def frame_of_cloud(data: bytes) -> DepthFrame:
     """Make a frame of a PointCloud2's CDR bytes."""
-    cloud = read_cloud(data)
-    points = decode_points(
-        cloud.data,
-        cloud.height,
-        cloud.width,
-        cloud.point_step,
-        cloud.row_step,
-        cloud.fields,
-        cloud.is_bigendian,
-    )
-    return frame_from_cloud(points, cloud.stamp_ns, cloud.frame_id)
+    cloud = read_message(data, schemas.POINT_CLOUD)
+    fields = {field.name: (field.offset, field.datatype) for field in cloud.fields}
+    steps = (cloud.point_step, cloud.row_step)
+    points = decode_points(cloud.data, cloud.height, cloud.width, *steps, fields, cloud.is_bigendian)
+    return frame_from_cloud(points, stamp_of(cloud), cloud.header.frame_id)
 
 
 def read_frames(path: Path | str, depth_topic: str | None = None) -> Iterator[DepthFrame]:

@@ -14,9 +14,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.body.angles import rotation_x, rotation_y, rotation_z
 from depth_pose.body.source_motion import SourceMotion
 from depth_pose.core.errors import InputError
+from depth_pose.core.rotations import rotation_x, rotation_y, rotation_z
 from depth_pose.motion.clip import Clip
 
 Array = NDArray[np.float64]

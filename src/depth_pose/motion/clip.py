@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.body.angles import rotation_y
 from depth_pose.core.farthest_points import farthest_rows, keep_apart
+from depth_pose.core.rotations import rotation_y
 from depth_pose.core.skeleton import (
     ADULT_STATURE_M,
     JOINT_NODES,
@@ -96,11 +96,6 @@ def join_poses(*sets: PoseSet) -> PoseSet:
     return PoseSet(np.concatenate([poses.rotations for poses in sets]), families)
 
 
-def poses_of_clip(clip: Clip) -> PoseSet:
-    """Give a clip's frames as poses, heading removed."""
-    return PoseSet(without_heading(clip.rotations), (clip.name,) * len(clip))
-
-
 def heading(rotations: Array) -> Array:
     """Direction in which the pelvis faces, radians about +y from +z, (..., 21, 3, 3) to (...).
 
@@ -171,10 +166,9 @@ def remove_near_duplicates(poses: PoseSet, distance_m: float) -> PoseSet:
 def choose_for_coverage(
     poses: PoseSet, count: int, weights: Array | None = None, mirrored: bool = False
 ) -> NDArray[np.int64]:
-    """Choose poses that lie far apart (greedy farthest-point selection).
+    """Choose poses that lie far apart (`depth_pose.core.farthest_points.farthest_rows`).
 
-    T. F. Gonzalez, *Clustering to minimize the maximum intercluster distance*, Theor. Comput.
-    Sci. 38, 1985; with weights, the next pose is the one of greatest weight times distance.
+    With weights, the next pose is the one of greatest weight times distance.
 
     Parameters
     ----------
@@ -193,10 +187,10 @@ def choose_for_coverage(
     """
     joints = joint_positions(poses.rotations)
     rows, mean, axes = _principal_rows(joints)
-    images = rows
+    images = None
     if mirrored:
         flat = mirror_joints(joints).reshape(len(joints), -1) / np.sqrt(joints.shape[1])
         images = np.ascontiguousarray((flat - mean) @ axes, dtype=np.float32)
     w = np.ones(len(poses)) if weights is None else weights
     start = int(np.argmin(np.sum(rows**2, axis=1)))
-    return farthest_rows(rows, images, (w**2).astype(np.float32), min(count, len(poses)), start)
+    return farthest_rows(rows, count, start, images, (w**2).astype(np.float32))

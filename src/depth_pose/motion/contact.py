@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.skeleton import ADULT_STATURE_M, NODE_INDEX, forward_kinematics, rest_nodes
-from depth_pose.motion._contact import push_apart
+from depth_pose.motion._contact_kernels import push_apart
 
 Array = NDArray[np.float64]
 
@@ -49,20 +49,30 @@ def separate_limbs(rotations: Array, rounds: int = 16) -> Separated:
     return Separated(out, depth)
 
 
+_HEEL_M, _TIP_M = 0.045, 0.055
+"""Heel behind the ankle and tip of the toes before the toe joint, metres (as `tools/body/anatomy.py`)."""
+_KNEECAP_M = 0.06
+"""Front of the knee before its joint, metres."""
+_SEAT_M = (-0.10, -0.06)
+"""Seat below and behind the pelvis' joint, metres."""
+_IN_THE_AIR_M = 0.02
+"""Lift from which nothing holds the body on the floor, metres. Set by hand."""
+
+
 def _support_points() -> tuple[tuple[int, ...], Array]:
     """Node whose segment carries each supporting point, and the point relative to it at rest."""
     at = rest_nodes() * ADULT_STATURE_M
     nodes, offsets = [], []
     for side in ("left", "right"):
         ankle, toe = NODE_INDEX[f"{side}_ankle"], NODE_INDEX[f"{side}_foot"]
-        for z in (at[ankle, 2] - 0.045, at[toe, 2], at[toe, 2] + 0.055):
+        for z in (at[ankle, 2] - _HEEL_M, at[toe, 2], at[toe, 2] + _TIP_M):
             nodes.append(ankle)
             offsets.append(np.array([0.0, -at[ankle, 1], z - at[ankle, 2]]))
         knee = NODE_INDEX[f"{side}_knee"]
         nodes.append(knee)
-        offsets.append(np.array([0.0, 0.0, 0.06]))
+        offsets.append(np.array([0.0, 0.0, _KNEECAP_M]))
     nodes.append(0)
-    offsets.append(np.array([0.0, -0.10, -0.06]))
+    offsets.append(np.array([0.0, *_SEAT_M]))
     return tuple(nodes), np.array(offsets)
 
 
@@ -118,7 +128,7 @@ def walk_on_floor(rotations: Array, lift: Array, softness_m: float = 0.008) -> A
     hold = hold[:-1] * hold[1:]
     moved = -np.sum(hold[..., None] * step, axis=1) / np.sum(hold, axis=1)[..., None]
     # In the air nothing holds the body: it keeps what it had.
-    grounded = np.clip(1.0 - lift[1:] / 0.02, 0.0, 1.0)
+    grounded = np.clip(1.0 - lift[1:] / _IN_THE_AIR_M, 0.0, 1.0)
     velocity = moved[:, [0, 2]]
     for t in range(1, len(velocity)):
         velocity[t] = grounded[t] * velocity[t] + (1.0 - grounded[t]) * velocity[t - 1]

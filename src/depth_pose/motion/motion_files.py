@@ -21,6 +21,13 @@ SUFFIXES = (".bvh", ".amc")
 """Kinds of files that are read; an .amc needs its .asf beside it."""
 
 _TOO_FAR_DEG = 45.0
+"""Frames with a joint farther beyond its limit are left out, degrees. Set by hand; not swept."""
+
+_CALIBRATION_M = 0.08
+"""Mean step of the joints from a lone first pose to the next, metres, from which it is left out."""
+
+_CALIBRATION_RATIO = 5.0
+"""Such a step is also so many times as long as the one after it. Both set by hand; not swept."""
 
 
 @dataclass(frozen=True)
@@ -182,4 +189,4 @@ def _skip_calibration(moved: Retargeted) -> int:
         return 0
     nodes = moved.clip.nodes() - moved.clip.roots[:, None]
     step = np.linalg.norm(np.diff(nodes[:3], axis=0), axis=-1).mean(axis=-1)
-    return int(step[0] > 0.08 and step[0] > 5 * step[1])
+    return int(step[0] > _CALIBRATION_M and step[0] > _CALIBRATION_RATIO * step[1])

@@ -11,11 +11,10 @@ from depth_pose.body.angles import (
     THIGH_M,
     UPPER_ARM_M,
     relative,
-    rotation_x,
-    rotation_y,
     swing_twist_angles,
     trunk_angles,
 )
+from depth_pose.core.rotations import rotation_x, rotation_y
 
 Array = NDArray[np.float64]
 

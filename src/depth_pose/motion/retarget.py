@@ -14,18 +14,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.body._joint_names import find_joints, joints_between
-from depth_pose.body.angles import (
-    HANG,
-    SHANK_M,
-    THIGH_M,
-    angles_from_rotations,
-    nearest_rotation,
-    rotation_between,
-)
+from depth_pose.body.angles import HANG, SHANK_M, THIGH_M, angles_from_rotations
+from depth_pose.body.joint_names import find_joints, joints_between
 from depth_pose.body.limits import violation
 from depth_pose.body.source_motion import SourceMotion
 from depth_pose.core.errors import InputError
+from depth_pose.core.rotations import mirror_rotation, nearest_rotation, rotation_between
 from depth_pose.core.skeleton import NODE_INDEX, rest_nodes
 from depth_pose.motion.clip import Clip
 from depth_pose.motion.contact import pelvis_height
@@ -34,11 +28,27 @@ Array = NDArray[np.float64]
 
 _FLIP = np.array([-1.0, 1.0, 1.0])
 _BENT_DEG = (12.0, 35.0)
-"""Flexion from which the hinge's plane begins to count, and counts alone."""
+"""Flexion from which the hinge's plane begins to count, and counts alone, degrees. Set by hand; not swept."""
+_STRAIGHT_DEG = (170.0, 178.0)
+"""Flexion from which a folded limb's plane counts less, and no more, degrees. Set by hand."""
+_BACKWARD_DEG = 110.0
+"""A hinge turned farther than this is noise of a straight limb, or a loose marker, degrees. Set by hand."""
 _SPINE_PART = (0.324, 0.824)
-"""Our spine segment's stretch of the way from the pelvis to the height of the shoulders."""
+"""Our spine segment's stretch of the way from the pelvis to the height of the shoulders (`rest_nodes`)."""
 _NECK_PART = (0.63, 1.0)
-"""Our neck segment's stretch of the way from the chest to the head."""
+"""Our neck segment's stretch of the way from the chest to the head (`rest_nodes`)."""
+_LEG_M = 0.83
+"""Hip to ankle of an adult, metres: the file's unit is the one that comes nearest."""
+_SNAP_DEG = 35.0
+"""A rest pose's axis that lies so near to a coordinate axis is that one, degrees. Set by hand."""
+_SHORTEST_LIMB = 0.2
+"""Shortest piece of a limb relative to the longest; below it the file is no person's. Set by hand."""
+_LEAST_UPRIGHT = 0.2
+"""Least median height of the trunk's unit vector: a motion below it is never upright. Set by hand."""
+_FLAT_DEG = 30.0
+"""Feet of rest poses this close in direction both stand flat, degrees. Set by hand."""
+_NO_LIFT_M = 0.03
+"""Feet that rise less above the lowest 5 % stand on the floor, metres: markers' noise. Set by hand."""
 _UNITS = {"metres": 1.0, "centimetres": 0.01, "inches": 0.0254, "millimetres": 0.001}
 
 
@@ -82,12 +92,12 @@ def retarget(source: SourceMotion) -> Retargeted:
     rest = source.rest_positions()
     to_model = _rest_axes(source.name, rest, joint)
     leg = _leg_length(source.name, rest, joint)
-    unit = min(_UNITS, key=lambda name: abs(np.log(leg * _UNITS[name] / 0.83)))
+    unit = min(_UNITS, key=lambda name: abs(np.log(leg * _UNITS[name] / _LEG_M)))
     place = source.positions() @ to_model.T
     turn = to_model @ source.rotations @ to_model.T
     rotations = _segments(source, joint, rest @ to_model.T, place, turn)
     up = rotations[:, 2, 1, 1]
-    if np.median(up) < 0.2:
+    if np.median(up) < _LEAST_UPRIGHT:
         raise InputError(
             f"{source.name}: the trunk is hardly ever upright; is another axis than the rest pose's up?"
         )
@@ -109,13 +119,13 @@ def _rest_axes(name: str, rest: Array, joint: dict[str, int]) -> Array:
 
 
 def _snap(direction: Array) -> Array:
-    """Give the unit vector, moved onto a coordinate axis that is within 35 degrees."""
+    """Give the unit vector, moved onto a coordinate axis that is near."""
     size = np.linalg.norm(direction)
     if size == 0:
         return np.zeros(3)
     unit = direction / size
     axis = int(np.argmax(np.abs(unit)))
-    if abs(unit[axis]) < np.cos(np.radians(35)):
+    if abs(unit[axis]) < np.cos(np.radians(_SNAP_DEG)):
         return np.asarray(unit)
     return np.asarray(np.sign(unit[axis]) * np.eye(3)[axis])
 
@@ -130,7 +140,7 @@ def _leg_length(name: str, rest: Array, joint: dict[str, int]) -> float:
             )
     longest = max(lengths.values())
     for what, length in lengths.items():
-        if not length > 0.2 * longest:
+        if not length > _SHORTEST_LIMB * longest:
             raise InputError(
                 f"{name}: {what} is {length:.4g} long, the longest limb {longest:.4g}: not a person"
             )
@@ -163,7 +173,7 @@ def _mirrored(points: Array, flip: bool) -> Array:
 
 
 def _mirrored_turn(rotations: Array, flip: bool) -> Array:
-    return _FLIP[:, None] * rotations * _FLIP if flip else rotations
+    return mirror_rotation(rotations) if flip else rotations
 
 
 def _piece(
@@ -209,12 +219,13 @@ def _hinged(first: Array, second: Array, sign: float) -> Array:
     sine = np.linalg.norm(axis, axis=-1)
     flexion = np.degrees(np.arctan2(sine, np.sum(u * v, axis=-1)))
     low, high = _BENT_DEG
-    weight = np.clip((flexion - low) / (high - low), 0, 1) * np.clip((178 - flexion) / 8, 0, 1)
+    first_less, none = _STRAIGHT_DEG
+    weight = np.clip((flexion - low) / (high - low), 0, 1)
+    weight *= np.clip((none - flexion) / (none - first_less), 0, 1)
     axis = axis / np.maximum(sine, 1e-9)[..., None]
     x, z = first[..., :, 0], first[..., :, 2]
     angle = np.arctan2(-np.sum(axis * z, axis=-1), np.sum(axis * x, axis=-1))
-    # A hinge that seems to fold backward is a straight limb and noise, or a loose marker.
-    angle = np.where(np.abs(angle) > np.radians(110), 0.0, angle) * weight
+    angle = np.where(np.abs(angle) > np.radians(_BACKWARD_DEG), 0.0, angle) * weight
     c, s = np.cos(angle)[..., None], np.sin(angle)[..., None]
     return np.stack([c * x - s * z, first[..., :, 1], s * x + c * z], axis=-1)
 
@@ -249,7 +260,7 @@ def _foot(at: dict[str, Array], rest: dict[str, Array], turn: Array) -> Array:
     ours = rest_nodes()
     ours_direction = _unit(ours[NODE_INDEX["left_foot"]] - ours[NODE_INDEX["left_ankle"]])
     theirs = _unit(rest["toe"] - rest["ankle"])
-    if theirs @ ours_direction > np.cos(np.radians(30)):
+    if theirs @ ours_direction > np.cos(np.radians(_FLAT_DEG)):
         # Both rest poses have the feet flat on the floor; their slopes differ with the ankles' heights.
         yaw = rotation_between(_level(ours_direction), _level(theirs))
         return turn @ yaw
@@ -264,7 +275,7 @@ def _roots(rotations: Array, place: Array, joint: dict[str, int], scale: float) 
     """Pelvis: the recorded path by the ratio of leg lengths, feet on the floor or as far above it."""
     feet = [joint[n] for n in ("left_ankle", "right_ankle", "left_toe", "right_toe") if n in joint]
     lowest = scale * place[:, feet, 1].min(axis=1)
-    lift = np.maximum(lowest - np.percentile(lowest, 5) - 0.03, 0.0)
+    lift = np.maximum(lowest - np.percentile(lowest, 5) - _NO_LIFT_M, 0.0)
     middle = scale * (place[:, joint["left_hip"]] + place[:, joint["right_hip"]]) / 2
     roots = middle - middle[0]
     roots[:, 1] = pelvis_height(rotations) + lift

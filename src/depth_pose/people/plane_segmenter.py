@@ -16,9 +16,10 @@ from numpy.typing import NDArray
 
 from depth_pose.core.camera import Camera
 from depth_pose.core.config import SegmentConfig
-from depth_pose.core.types import BACKGROUND, PERSON, UNKNOWN, DepthFrame
+from depth_pose.core.types import BACKGROUND, HIDDEN, PERSON, DepthFrame
 from depth_pose.people import _segment_kernels as kernels
 from depth_pose.people.planes import PlaneFinder
+from depth_pose.people.tracks import Sighting
 
 _BOX_FILL = 0.95
 """A person leaves more of their bounding box empty than this; a curtain or a cupboard fills it."""
@@ -32,18 +33,20 @@ _PERSON_EXTENT_M = 2.6
 
 @dataclass(frozen=True)
 class Segmentation:
-    """The person on the working grid.
+    """Who a frame shows, on the working grid.
 
     Attributes
     ----------
     stamp_ns : int
     frame_id : str
     depth : (h, w) float32
-        Depth of the person's pixels, metres; 0 elsewhere.
+        Depth of people's pixels, metres; 0 elsewhere.
     labels : (h, w) uint8
-        `depth_pose.core.types` labels of all pixels.
+        Number of each pixel's person from 1 in the order of ``sightings``, 0 for free space, or
+        `depth_pose.core.types.HIDDEN`.
     camera : Camera
         Camera of the working grid.
+    sightings : tuple of Sighting
     """
 
     stamp_ns: int
@@ -51,6 +54,7 @@ class Segmentation:
     depth: NDArray[np.float32]
     labels: NDArray[np.uint8]
     camera: Camera
+    sightings: tuple[Sighting, ...]
 
 
 def reduce_camera(camera: Camera, stride: int) -> Camera:
@@ -114,18 +118,19 @@ class PersonSegmenter:
         labels = np.full(depth.shape, BACKGROUND, np.uint8)
         if person.any():
             nearer = foreground & (depth < np.median(depth[person]))
-            labels[nearer] = UNKNOWN
+            labels[nearer] = HIDDEN
             missing = depth == 0
             if missing.mean() < 0.5:  # else the recording's background was cut away
-                labels[missing] = UNKNOWN
+                labels[missing] = HIDDEN
             labels[person] = PERSON
-            kernels.mark_mixed(depth, labels, PERSON, UNKNOWN, 2.0 * config.depth_jump)
+            kernels.mark_mixed(depth, labels, PERSON, HIDDEN, 2.0 * config.depth_jump)
         return Segmentation(
             stamp_ns=frame.stamp_ns,
             frame_id=frame.frame_id,
             depth=np.where(person, depth, np.float32(0)),
             labels=labels,
             camera=camera,
+            sightings=_sighting_of(points[person]),
         )
 
     def _find_person(
@@ -182,6 +187,13 @@ class PersonSegmenter:
                 break
         self._last_box = box
         return chosen[labels]
+
+
+def _sighting_of(points: NDArray[np.float32]) -> tuple[Sighting, ...]:
+    """Give the one person whose points (N, 3) these are; nobody without points."""
+    if len(points) == 0:
+        return ()
+    return (Sighting(np.median(points.astype(np.float64), axis=0), 1.0),)
 
 
 def _share_inside(low: NDArray[np.float64], high: NDArray[np.float64], box: NDArray[np.float64]) -> float:

@@ -13,7 +13,7 @@ from depth_pose.body.body import Body
 from depth_pose.core.config import FittingConfig
 from depth_pose.fit.articulated import ArticulatedFitter, BodyPose, FitTarget, FittedBody
 from depth_pose.fit.completion import MeshCompleter
-from depth_pose.people.person import PersonView, thin
+from depth_pose.people.person import Person, thin
 
 
 class FrameFitter(Protocol):
@@ -32,7 +32,7 @@ class FrameFitter(Protocol):
 class Fitter(Protocol):
     """What the refiner needs of a method."""
 
-    def fit_to(self, view: PersonView) -> FrameFitter:
+    def fit_to(self, view: Person) -> FrameFitter:
         """Prepare one frame."""
 
 
@@ -62,7 +62,7 @@ class SkinnedFitter:
     def __init__(self, body: Body, config: FittingConfig) -> None:
         self._fitter = ArticulatedFitter(body, config.fit)
 
-    def fit_to(self, view: PersonView) -> FrameFitter:
+    def fit_to(self, view: Person) -> FrameFitter:
         """Prepare one frame."""
         points = thin(view.points, self._fitter.config.max_points)
         return _SkinnedFrame(self._fitter, FitTarget.prepare(points, view.full, view.coarse))
@@ -72,7 +72,7 @@ class SkinnedFitter:
 class _CompletionFrame:
     completer: MeshCompleter
     points: NDArray[np.float64]
-    view: PersonView
+    view: Person
 
     def glance(self, start: BodyPose) -> FittedBody:
         posed = self.completer.body.pose(start.rotations, start.root, start.scale)
@@ -91,7 +91,7 @@ class CompletionFitter:
     def __init__(self, body: Body, config: FittingConfig) -> None:
         self._completer = MeshCompleter(body, config.completion, config.cpd)
 
-    def fit_to(self, view: PersonView) -> FrameFitter:
+    def fit_to(self, view: Person) -> FrameFitter:
         """Prepare one frame."""
         points = thin(view.points, self._completer.config.max_points)
         return _CompletionFrame(self._completer, points, view)

@@ -39,12 +39,17 @@ def turn_upright(frame: DepthFrame, config: MountConfig) -> DepthFrame:
     return DepthFrame(frame.stamp_ns, frame.frame_id + UPRIGHT, depth, camera)
 
 
+def sensor_frame(frame_id: str, config: MountConfig) -> str:
+    """Give the name of the sensor's frame from that of the upright one."""
+    return frame_id if config.roll % 360.0 == 0.0 else frame_id.removesuffix(UPRIGHT)
+
+
 def turn_back(skeleton: Skeleton, config: MountConfig) -> Skeleton:
     """Give a skeleton of an upright frame in the sensor's frame."""
     if config.roll % 360.0 == 0.0:
         return skeleton
-    frame_id = skeleton.frame_id.removesuffix(UPRIGHT)
-    return _turned(skeleton, rotation_sensor_upright(config.roll), frame_id)
+    rotation = rotation_sensor_upright(config.roll)
+    return _turned(skeleton, rotation, sensor_frame(skeleton.frame_id, config))
 
 
 def turn_forth(skeleton: Skeleton, config: MountConfig) -> Skeleton:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from depth_pose.fit.articulated import ArticulatedFitter, BodyPose, FitTarget
 from depth_pose.fit.rendered_depth import DepthComparer
-from depth_pose.people.person import PersonView, thin
+from depth_pose.people.person import Person, thin
 
 _POINTS = 400
 """Half of the points of a fit (`FitConfig.max_points`) tell sizes apart; set by hand, not swept."""
@@ -13,7 +13,7 @@ _POINTS = 400
 class TrialFits:
     """Fits poses to one frame with fewer points than `depth_pose.steps.refine` does."""
 
-    def __init__(self, fitter: ArticulatedFitter, band: float, view: PersonView) -> None:
+    def __init__(self, fitter: ArticulatedFitter, band: float, view: Person) -> None:
         self._fitter = fitter
         self._comparer = DepthComparer(view.coarse, band)
         self._target = FitTarget.prepare(thin(view.points, _POINTS), view.full, view.coarse)

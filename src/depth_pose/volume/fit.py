@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from depth_pose.body.body import Body
 from depth_pose.fit.articulated import articulate
 from depth_pose.volume import _fit_kernels as kernels
+from depth_pose.volume.config import VolumeFitConfig
 
 Array = NDArray[np.float64]
 
@@ -31,23 +32,8 @@ _STIFFNESS: dict[str, float] = {
     "knee": 1.0,
     "ankle": 1.0,
 }
-"""Relative stiffness of each free node toward the start; nodes not named follow their parent."""
-
-
-@dataclass(frozen=True)
-class VolumeFitConfig:
-    """Settings of the fit; lengths in metres."""
-
-    sigmas: tuple[float, ...] = (0.06, 0.045, 0.035, 0.028, 0.025)
-    outlier: float = 0.3
-    plane_weight: float = 1.0
-    point_weight: float = 0.3
-    prior: float = 1.0
-    root_prior: float = 20.0
-    damping: float = 0.02
-    max_step: float = 0.35
-    max_points: int = 400
-    trust_power: float = 2.0
+"""Relative stiffness of each free node toward the start; nodes not named follow their parent. Arms show in a
+volume, what a skirt hides does not. Chosen like the defaults of `depth_pose.volume.config`."""
 
 
 @dataclass(frozen=True)

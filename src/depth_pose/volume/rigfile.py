@@ -60,8 +60,8 @@ class Rig:
     """
 
     cameras: tuple[RigCamera, ...]
-    topics: tuple[str, ...]
-    up: str
+    topics: tuple[str, ...] = ()
+    up: str = "y"
 
 
 def load_rig(path: Path) -> Rig:

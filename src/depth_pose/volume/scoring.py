@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.body.angles import nearest_rotation
+from depth_pose.core.rotations import nearest_rotation
 from depth_pose.core.skeleton import (
     ADULT_STATURE_M,
     JOINT_NODES,

@@ -1,54 +1,53 @@
-"""Bring together what several cameras saw at one moment, without waiting for those that are gone."""
+"""Bring together what several cameras saw at one time, without waiting for those that are gone."""
 
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
+from depth_pose.volume.config import ViewsConfig
+
 
 @dataclass(frozen=True)
-class Moment:
-    """Images of one moment.
+class ViewSet:
+    """Images of one time.
 
     Attributes
     ----------
     stamp_ns : int
         The earliest of their stamps.
     images : tuple
-        One per camera; None for one that brought nothing in time.
+        One per camera; None for one that brought nothing (in time).
     """
 
     stamp_ns: int
     images: tuple[Any, ...]
 
 
-class MomentGatherer:
-    """Holds images until their moment is whole, or has waited long enough; plain Python, no ROS.
+class Synchroniser:
+    """Holds images until their set of views is whole, or has waited long enough; plain Python, no ROS.
 
+    Live, `take` gives the newest set and lets older ones go; offline, `take_all` gives every set in turn.
     Times are seconds of any clock that does not go back.
 
     Parameters
     ----------
     cameras : int
-    tolerance_s : float
-        Stamps that differ by at most this are of one moment.
-    patience_s : float
-        How long a moment waits for its missing cameras, from its first image.
-    gone_after_s : float
-        A camera that brought nothing for this long, while others did, is gone: no moment waits for it.
+    config : ViewsConfig
+        May be exchanged for another one at any time.
 
     Attributes
     ----------
     late, missing : Counter of int
-        By camera: images that came after their moment was answered, and moments answered without it.
+        By camera: images that came after their set was given, and sets given without it.
     overtaken : int
-        Moments that a newer one overtook.
+        Sets that a newer one overtook.
     """
 
-    def __init__(self, cameras: int, tolerance_s: float, patience_s: float, gone_after_s: float) -> None:
-        self._cameras = cameras
-        self._tolerance_ns, self._patience, self._gone_after = tolerance_s * 1e9, patience_s, gone_after_s
+    def __init__(self, cameras: int, config: ViewsConfig | None = None) -> None:
+        self._cameras, self.config = cameras, config or ViewsConfig()
         self._heard: list[float | None] = [None] * cameras
         self._behind: list[float | None] = [None] * cameras
         self.late: Counter[int] = Counter()
@@ -64,11 +63,11 @@ class MomentGatherer:
 
     @property
     def is_waiting(self) -> bool:
-        """Whether images are held that no moment has been made of."""
+        """Whether images are held that no set has been made of."""
         return bool(self._held)
 
     def is_fresh(self, now: float, seconds: float) -> bool:
-        """Whether the newest moment began less than so long ago and lacks a camera that is there."""
+        """Whether the newest set began less than so long ago and lacks a camera that is there."""
         if not self._held:
             return False
         stamp = max(self._held)
@@ -78,11 +77,13 @@ class MomentGatherer:
 
     def _waited_for(self, now: float) -> list[int]:
         """Cameras that have not been silent for long *while others were not*: a pause of all is none's."""
-        return [c for c, since in enumerate(self._behind) if since is None or now - since <= self._gone_after]
+        after = self.config.gone_after
+        return [c for c, since in enumerate(self._behind) if since is None or now - since <= after]
 
     def gone(self, now: float) -> list[int]:
         """Cameras that bring nothing, or never did."""
-        return [c for c, heard in enumerate(self._heard) if heard is None or now - heard > self._gone_after]
+        after = self.config.gone_after
+        return [c for c, heard in enumerate(self._heard) if heard is None or now - heard > after]
 
     def add(self, camera: int, stamp_ns: int, image: Any, now: float) -> None:
         """Take one image."""
@@ -92,25 +93,30 @@ class MomentGatherer:
                 self._behind[c] = None
             elif since is None:
                 self._behind[c] = now
-        if self._done_ns is not None and stamp_ns < self._done_ns - self._gone_after * 1e9:
-            self.clear()  # the clock went back
-        if self._done_ns is not None and stamp_ns <= self._done_ns + self._tolerance_ns:
+        if self.is_back(stamp_ns):
+            self.clear()
+        tolerance_ns = self.config.tolerance * 1e9
+        if self._done_ns is not None and stamp_ns <= self._done_ns + tolerance_ns:
             self.late[camera] += 1
             return
-        near = [s for s in self._held if abs(s - stamp_ns) <= self._tolerance_ns]
+        near = [s for s in self._held if abs(s - stamp_ns) <= tolerance_ns]
         stamp = min(near, key=lambda s: abs(s - stamp_ns)) if near else stamp_ns
         if not near:
             self._held[stamp] = [None] * self._cameras
             self._since[stamp] = now
         self._held[stamp][camera] = image
 
-    def take(self, now: float) -> Moment | None:
-        """Give the newest moment that is whole or has waited long enough; older ones are let go."""
-        waited_for = self._waited_for(now)
+    def is_back(self, stamp_ns: int) -> bool:
+        """Whether a stamp lies so far back that the cameras' clock was set anew."""
+        return self._done_ns is not None and stamp_ns < self._done_ns - self.config.gone_after * 1e9
+
+    def take(self, now: float) -> ViewSet | None:
+        """Give the newest set that is whole or has waited long enough; older ones are let go."""
+        waited_for, patience = self._waited_for(now), self.config.patience
         ready = [
             stamp
             for stamp, images in self._held.items()
-            if all(images[c] is not None for c in waited_for) or now - self._since[stamp] >= self._patience
+            if all(images[c] is not None for c in waited_for) or now - self._since[stamp] >= patience
         ]
         if not ready:
             return None
@@ -118,10 +124,18 @@ class MomentGatherer:
         for old in [s for s in self._held if s < stamp]:
             del self._held[old], self._since[old]
             self.overtaken += 1
+        return self._give(stamp)
+
+    def take_all(self, until_ns: float = float("inf")) -> Iterator[ViewSet]:
+        """Give every set with a stamp below a bound, in the order of stamps, whole or not."""
+        for stamp in sorted(s for s in self._held if s < until_ns):
+            yield self._give(stamp)
+
+    def _give(self, stamp: int) -> ViewSet:
         images = self._held.pop(stamp)
         del self._since[stamp]
         self._done_ns = stamp
         for c in range(self._cameras):
             if images[c] is None:
                 self.missing[c] += 1
-        return Moment(stamp, tuple(images))
+        return ViewSet(stamp, tuple(images))

@@ -30,7 +30,7 @@ def pose_matrix(values: Sequence[float]) -> Array:
     return T
 
 
-class FrameTree:
+class TransformTree:
     """Frames with their parents, as ``/tf_static`` tells them: each has one parent at most."""
 
     def __init__(self) -> None:

@@ -14,12 +14,16 @@ from depth_pose.evaluate.figures import side_colour
 from depth_pose.volume.gp import Kernel, Regression
 from depth_pose.volume.model import VolumeModel
 from depth_pose.volume.pipeline import VolumePose
+from depth_pose.volume.scoring import joint_positions
+from depth_pose.volume.tracker import look
+from depth_pose.volume_learn.performances import Performance
 from depth_pose.volume_learn.report import Report
 
 Array = NDArray[np.float64]
 
 _MODEL, _SEEN, _TRACKED = "#2ca02c", "#1f77ff", "#e02020"
 _GRID = 120
+"""Points along each side of the map of variance."""
 
 
 def _figure(width: float, height: float) -> Any:
@@ -45,8 +49,6 @@ def _plane(latent: Array) -> tuple[Array, Array]:
 
 def _seen_points(model: VolumeModel, poses: Sequence[VolumePose]) -> Array:
     """Latent points regressed from the volumes alone, each under the tracked heading."""
-    from depth_pose.volume.tracker import look
-
     rows = []
     for p in poses:
         if p.tracked is None:
@@ -88,6 +90,13 @@ def save_latent(model: VolumeModel, reports: Sequence[Report], path: Path, title
         axes.set_title(titles[i] if i < len(titles) else "", fontsize=11)
         axes.legend(loc="lower right", fontsize=8)
     _save(figure, path)
+
+
+def save_report(report: Report, performance: Performance, path: Path, frames: Sequence[int]) -> None:
+    """Draw some frames of a tracked performance, each with its time and error."""
+    truth = joint_positions(performance.rotations, performance.stature) + performance.pelvis[:, None]
+    titles = [f"{i / performance.fps:.1f} s, {report.fitted.frames_deg[i]:.1f}°" for i in frames]
+    save_frames([report.poses[i] for i in frames], [truth[i] for i in frames], path, titles)
 
 
 def save_frames(

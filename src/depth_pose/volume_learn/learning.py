@@ -13,10 +13,11 @@ from depth_pose.volume.config import LearnConfig
 from depth_pose.volume.descriptor import Bins, describe
 from depth_pose.volume.gp import Kernel, learn_regression
 from depth_pose.volume.gpdm import learn_dynamics
+from depth_pose.volume.headings import headings_of, turns, without_headings
 from depth_pose.volume.model import VolumeModel
 from depth_pose.volume.posespace import PoseSpace, learn_pose_space
 from depth_pose.volume.space import learn_space
-from depth_pose.volume_learn.performances import Performance, headings_of, turns, without_headings
+from depth_pose.volume_learn.performances import Performance
 from depth_pose.volume_learn.reliability import learn_trust
 
 Array = NDArray[np.float64]
@@ -24,7 +25,7 @@ Progress = Callable[[str, int, int], None]
 """Called with what is being done, how far, and of how many."""
 
 COMPONENTS = 40
-"""Dimensions of the descriptor space."""
+"""Dimensions of the descriptor space; chosen like the defaults of `depth_pose.volume.config`."""
 
 
 def learn_model(

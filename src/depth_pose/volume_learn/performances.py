@@ -7,40 +7,28 @@ several garments shares its frames.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.body.body import PosedBody
-from depth_pose.body.procedural import BodyShape, make_body
+from depth_pose.body.procedural import BodyShape
 from depth_pose.motion.clip import Clip
-from depth_pose.sim.clothing import Clothes, Garment
-from depth_pose.sim.roof_cameras import RigRenderer
+from depth_pose.sim.roof_cameras import MIDDLE_M, RigRenderer
 from depth_pose.sim.sensor import Mesh
-from depth_pose.sim.simulate import root_scale
-from depth_pose.volume.hull import HullCarver, SurfaceVoxels, Volume
-from depth_pose.volume.rig import RigCamera
+from depth_pose.sim.wearers import Wearer, dressed_frames
+from depth_pose.volume.config import SpaceConfig, ViewsConfig, VolumeConfig
+from depth_pose.volume.eyes import make_eyes
+from depth_pose.volume.headings import headings_of
+from depth_pose.volume.hull import SurfaceVoxels, Volume
+from depth_pose.volume.rig import RigCamera, look_at
+from depth_pose.volume.synchroniser import ViewSet
 
 Array = NDArray[np.float64]
 
 Eyes = Callable[[Sequence[Mesh]], Volume]
 """Gives the volume of a scene in the world frame."""
-
-
-@dataclass(frozen=True)
-class Wearer:
-    """Who performs.
-
-    Attributes
-    ----------
-    shape : BodyShape
-    garment : Garment or None
-    """
-
-    shape: BodyShape
-    garment: Garment | None = None
 
 
 TRAINING_SHAPES: tuple[BodyShape, ...] = (
@@ -87,43 +75,11 @@ class Performance:
         return len(self.volumes)
 
 
-def hull_eyes(rig: Sequence[RigCamera], carver: HullCarver) -> Eyes:
-    """See through silhouettes."""
-    renderer = RigRenderer(rig)
-    return lambda meshes: carver.carve(renderer.silhouettes(meshes))
-
-
-def depth_eyes(rig: Sequence[RigCamera], voxels: SurfaceVoxels) -> Eyes:
-    """See through depth cameras."""
-    renderer = RigRenderer(rig)
-
-    def see(meshes: Sequence[Mesh]) -> Volume:
-        images = renderer.depths(meshes)
-        return voxels.join(
-            [voxels.see(c.to_world(depth_points(d, c)), c.position) for c, d in zip(rig, images, strict=True)]
-        )
-
-    return see
-
-
-def depth_points(depth: NDArray[np.generic], rig: RigCamera) -> Array:
-    """Points (N, 3) of a depth image's pixels with a return, optical frame, metres."""
-    c = rig.camera
-    v, u = np.nonzero(np.nan_to_num(np.asarray(depth, np.float32), posinf=0.0) > 0)
-    z = depth[v, u].astype(np.float64)
-    return np.stack([(u - c.cx) / c.fx * z, (v - c.cy) / c.fy * z, z], axis=1)
-
-
-def dressed_frames(wearer: Wearer, clip: Clip) -> Iterator[tuple[list[Mesh], PosedBody]]:
-    """Meshes of every frame of a motion on a wearer, world frame, and the posed body."""
-    body = make_body(wearer.shape)
-    clothes = Clothes(wearer.garment, body) if wearer.garment is not None else None
-    for rotations, root in zip(clip.rotations, clip.roots * root_scale(body), strict=True):
-        posed = body.pose(rotations, root)
-        meshes: list[Mesh] = [(posed.vertices, body.faces)]
-        if clothes is not None:
-            meshes.append((clothes.step(posed.nodes, rotations, 1.0 / clip.fps), clothes.faces))
-        yield meshes, posed
+def rig_eyes(kind: str, rig: Sequence[RigCamera], space: SpaceConfig | None = None) -> Eyes:
+    """See as the pipeline does, through ``silhouettes`` or ``depth`` of the person alone."""
+    config = VolumeConfig(space=space or SpaceConfig(), views=ViewsConfig(cut_out=False))
+    eyes, renderer = make_eyes(kind, rig, config), RigRenderer(rig)
+    return lambda meshes: eyes.see(ViewSet(0, renderer.images(meshes, kind)))[0]
 
 
 def watch(
@@ -134,38 +90,57 @@ def watch(
     progress: Callable[[int], None] | None = None,
 ) -> Performance:
     """Let somebody perform a motion before the eyes, which see every so manyth frame."""
-    volumes, pelvis = [], []
+    return watch_with(clip, wearer, lambda meshes, nodes, heading: [eyes(meshes)], every, progress)[0]
+
+
+def watch_around(
+    clip: Clip,
+    wearer: Wearer,
+    camera: RigCamera,
+    voxels: SurfaceVoxels,
+    views: int,
+    every: int = 1,
+    progress: Callable[[int], None] | None = None,
+) -> list[Performance]:
+    """Let somebody perform before a depth camera that stands, one after the other, all around them.
+
+    In view v the camera is ``2 pi v / views`` to the left of where the pelvis faces, as high and as far
+    as the one given.
+    """
+    x, height, z = camera.position
+    distance = float(np.hypot(x, z))
+
+    def see(meshes: Sequence[Mesh], nodes: Array, heading: float) -> list[Volume]:
+        spot, seen = nodes[0] * [1.0, 0.0, 1.0], []
+        for azimuth in heading + 2 * np.pi * np.arange(views) / views:
+            eye = spot + [distance * np.sin(azimuth), height, distance * np.cos(azimuth)]
+            placed = RigCamera("depth", camera.camera, look_at(eye, spot + MIDDLE_M))
+            depth = RigRenderer([placed]).depths(meshes)[0]
+            seen.append(voxels.see(placed.points_world(depth), eye))
+        return seen
+
+    return watch_with(clip, wearer, see, every, progress)
+
+
+def watch_with(
+    clip: Clip,
+    wearer: Wearer,
+    see: Callable[[Sequence[Mesh], Array, float], list[Volume]],
+    every: int,
+    progress: Callable[[int], None] | None,
+) -> list[Performance]:
+    """Give a performance for each view; ``see`` takes meshes, nodes and heading to the volume of each."""
+    frames: list[list[Volume]] = []
+    pelvis = []
+    headings = headings_of(clip.rotations)
     for i, (meshes, posed) in enumerate(dressed_frames(wearer, clip)):
         if i % every == 0:
-            volumes.append(eyes(meshes))
+            frames.append(see(meshes, posed.nodes, float(headings[i])))
             pelvis.append(posed.nodes[0])
         if progress is not None:
             progress(i + 1)
-    return Performance(
-        clip.name,
-        clip.fps / every,
-        wearer.shape.stature_m,
-        tuple(volumes),
-        clip.rotations[::every],
-        np.array(pelvis),
-    )
-
-
-def headings_of(rotations: Array) -> Array:
-    """Direction that the pelvis faces, atan2(x, z) of its forward axis, (T, 21, 3, 3) to (T,)."""
-    forward = rotations[..., 0, :, 2]
-    return np.asarray(np.arctan2(forward[..., 0], forward[..., 2]))
-
-
-def turns(headings: Array | float) -> Array:
-    """Rotations about the vertical that lead from facing +z to given headings, (...) to (..., 3, 3)."""
-    a = np.asarray(headings, np.float64)
-    s, c, zero, one = np.sin(a), np.cos(a), np.zeros_like(a), np.ones_like(a)
-    rows = [[c, zero, s], [zero, one, zero], [-s, zero, c]]
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
-
-
-def without_headings(rotations: Array) -> Array:
-    """Poses (T, 21, 3, 3) turned so that the pelvis faces +z."""
-    turn = turns(headings_of(rotations))
-    return np.asarray(np.swapaxes(turn, -1, -2)[:, None] @ rotations)
+    stature, rotations = wearer.shape.stature_m, clip.rotations[::every]
+    return [
+        Performance(clip.name, clip.fps / every, stature, volumes, rotations, np.array(pelvis))
+        for volumes in zip(*frames, strict=True)
+    ]

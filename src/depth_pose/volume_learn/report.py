@@ -9,11 +9,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.volume.config import SpaceConfig, TrackConfig
+from depth_pose.volume.config import VolumeConfig
+from depth_pose.volume.headings import headings_of, turns
 from depth_pose.volume.model import VolumeModel
 from depth_pose.volume.pipeline import VolumePose, VolumePoseTracker
 from depth_pose.volume.scoring import Score, best_training_estimate, mean_pose_estimate, score
-from depth_pose.volume_learn.performances import Performance, headings_of, turns
+from depth_pose.volume_learn.performances import Performance
 
 Array = NDArray[np.float64]
 
@@ -58,12 +59,11 @@ class Report:
 def track_performance(
     model: VolumeModel,
     performance: Performance,
-    config: TrackConfig | None = None,
-    voxel: float = SpaceConfig().voxel,
+    config: VolumeConfig | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> Report:
     """Track a performance whose poses are known."""
-    tracker = VolumePoseTracker(model, config, voxel)
+    tracker = VolumePoseTracker(model, config)
     tracker.warm_up()
     poses: list[VolumePose] = []
     times = []

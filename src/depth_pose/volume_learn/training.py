@@ -9,47 +9,34 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from depth_pose.core.errors import ConfigError
 from depth_pose.motion.clip import Clip
 from depth_pose.motion.procedural.dance import DANCES, perform
-from depth_pose.sim.clothing import GARMENTS, Garment
-from depth_pose.sim.roof_cameras import RigRenderer, front_camera, roof_rig
-from depth_pose.volume.config import LearnConfig, SpaceConfig
-from depth_pose.volume.hull import HullCarver, SurfaceVoxels, Volume
-from depth_pose.volume.model import VolumeModel
+from depth_pose.sim.clothing import find_garment
+from depth_pose.sim.roof_cameras import MIDDLE_M, front_camera, roof_rig
+from depth_pose.sim.wearers import Wearer
+from depth_pose.volume.config import SpaceConfig
+from depth_pose.volume.hull import SurfaceVoxels
 from depth_pose.volume.rig import RigCamera, look_at
-from depth_pose.volume_learn.learning import Progress, learn_model
-from depth_pose.volume_learn.performances import (
-    TRAINING_SHAPES,
-    Performance,
-    Wearer,
-    depth_points,
-    dressed_frames,
-    headings_of,
-    hull_eyes,
-    watch,
-)
+from depth_pose.volume_learn.performances import TRAINING_SHAPES, Performance, rig_eyes, watch, watch_around
 
 DEPTH_VIEWS = 16
-"""Directions from which a depth camera may see the person."""
+"""Directions from which a depth camera may see the person: 22.5 degrees apart. Set by hand; not swept."""
 
 INPUTS = ("silhouettes", "depth")
 
 PERFORMANCES, EVERY = 10, 10
 """Performances of a dance that are taught, and every how manyth of their frames at 30 a second: some
-350 frames in all."""
+350 frames in all, as many as the paper's. One performance of 350 is worse (docs/volume.md)."""
 
 _FPS = 30.0
+"""Frames a second of the motions, as the paper's."""
 
 
 def default_wearers(garments: Sequence[str] = ("skirt", "long-skirt", "wide-skirt", "none")) -> list[Wearer]:
     """Three builds in garments by name, and once more in the first and the last where there are several."""
-    for name in garments:
-        if name not in GARMENTS:
-            raise ConfigError(f"there is no garment {name!r}; there are {', '.join(GARMENTS)}")
-    found: list[Garment | None] = [GARMENTS[name] for name in garments]
+    found = [find_garment(name) for name in garments]
     wearers = [Wearer(TRAINING_SHAPES[i % len(TRAINING_SHAPES)], g) for i, g in enumerate(found)]
     if len(found) > 1:
         wearers.append(Wearer(TRAINING_SHAPES[(len(found) + 1) % len(TRAINING_SHAPES)], found[-1]))
@@ -104,22 +91,19 @@ def simulate_views(
         if progress is not None:
             progress(done + frames, total)
 
-    people: list[list[list[Performance]]] = []
+    space = space or SpaceConfig()
     if kind == "silhouettes":
-        rig = tuple(rig or roof_rig())
-        eyes = hull_eyes(rig, HullCarver(rig, space))
+        eyes = rig_eyes(kind, rig or roof_rig(), space)
+        see = lambda clip, wearer: [watch(clip, wearer, eyes, every, tell)]  # noqa: E731
     else:
-        camera = _typical(rig, space or SpaceConfig()) if rig else front_camera()
-        voxels = SurfaceVoxels(space)
+        camera, voxels = _typical(rig, space) if rig else front_camera(), SurfaceVoxels(space)
+        see = lambda clip, wearer: watch_around(clip, wearer, camera, voxels, DEPTH_VIEWS, every, tell)  # noqa: E731
+    people: list[list[list[Performance]]] = []
     for wearer in wearers:
-        person = []
+        people.append([])
         for clip in clips:
-            if kind == "silhouettes":
-                person.append([watch(clip, wearer, eyes, every, tell)])
-            else:
-                person.append(watch_around(clip, wearer, camera, voxels, DEPTH_VIEWS, every, tell))
+            people[-1].append(see(clip, wearer))
             done += len(clip)
-        people.append(person)
     views = len(people[0][0])
     return [[[clip[v] for clip in person] for person in people] for v in range(views)]
 
@@ -128,70 +112,4 @@ def _typical(rig: Sequence[RigCamera], space: SpaceConfig) -> RigCamera:
     """Give the first camera of a rig, at the mean height and distance of all of them."""
     places = np.array([c.position for c in rig]) - [space.centre_x, 0.0, space.centre_z]
     distance, height = float(np.hypot(places[:, 0], places[:, 2]).mean()), float(places[:, 1].mean())
-    return RigCamera(rig[0].name, rig[0].camera, look_at([0.0, height, distance], [0.0, 0.95, 0.0]))
-
-
-def watch_around(
-    clip: Clip,
-    wearer: Wearer,
-    camera: RigCamera,
-    voxels: SurfaceVoxels,
-    views: int,
-    every: int = 1,
-    progress: Callable[[int], None] | None = None,
-) -> list[Performance]:
-    """Let somebody perform before a depth camera that stands, one after the other, all around them.
-
-    In view v the camera is ``2 pi v / views`` to the left of where the pelvis faces, as high and as far
-    as the one given.
-    """
-    x, height, z = camera.position
-    distance = float(np.hypot(x, z))
-    headings = headings_of(clip.rotations)
-    seen: list[list[Volume]] = [[] for _ in range(views)]
-    pelvis: list[NDArray[np.float64]] = []
-    for i, (meshes, posed) in enumerate(dressed_frames(wearer, clip)):
-        if progress is not None:
-            progress(i + 1)
-        if i % every:
-            continue
-        spot = posed.nodes[0] * [1.0, 0.0, 1.0]
-        pelvis.append(posed.nodes[0])
-        for v in range(views):
-            azimuth = headings[i] + 2 * np.pi * v / views
-            eye = spot + [distance * np.sin(azimuth), height, distance * np.cos(azimuth)]
-            placed = RigCamera("depth", camera.camera, look_at(eye, spot + [0.0, 0.95, 0.0]))
-            depth = RigRenderer([placed]).depths(meshes)[0]
-            seen[v].append(voxels.see(placed.to_world(depth_points(depth, placed)), eye))
-    return [
-        Performance(
-            clip.name, clip.fps / every, wearer.shape.stature_m, tuple(volumes), clip.rotations[::every],
-            np.array(pelvis),
-        )
-        for volumes in seen
-    ]  # fmt: skip
-
-
-def train(
-    clips: Sequence[Clip],
-    wearers: Sequence[Wearer] | None = None,
-    kind: str = "silhouettes",
-    every: int = EVERY,
-    config: LearnConfig | None = None,
-    space: SpaceConfig | None = None,
-    rig: Sequence[RigCamera] | None = None,
-    progress: Progress | None = None,
-    about: str = "",
-) -> VolumeModel:
-    """Simulate and learn; the parameters are those of `simulate_views` and `learn_model`."""
-    tell = progress or (lambda what, done, of: None)
-    views = simulate_views(
-        clips,
-        wearers or default_wearers(),
-        kind,
-        every,
-        space,
-        rig,
-        lambda done, of: tell("simulated frames", done, of),
-    )
-    return learn_model(views, config, progress, about)
+    return RigCamera(rig[0].name, rig[0].camera, look_at([0.0, height, distance], MIDDLE_M))

@@ -131,10 +131,22 @@ _SPREAD_DEG: dict[str, tuple[float, float]] = {
     "knee": (2.0, 4.0),
     "ankle": (2.0, 2.0),
 }
-"""Standard deviations of habit and of irregular deviation by joint; others do not vary."""
+"""Standard deviations of habit and of irregular deviation by joint, degrees; others do not vary.
+
+Set by hand; docs/volume.md measures the tracker on them.
+"""
 
 _WANDER_S = 0.45
-_TIMING_BEATS = 0.12
+"""Correlation time of a joint's irregular deviation, seconds. Set by hand; not swept."""
+
+_TIMING_BEATS = (0.12, 1.2)
+"""Deviation of the timing from the beat: standard deviation in beats, correlation time in seconds."""
+
+_TEMPO = (0.93, 1.07)
+"""Slowest and fastest tempo of a performance relative to the dance's. Set by hand."""
+
+_RANGE = 0.06
+"""Standard deviation of the factor on each joint's range of movement. Set by hand."""
 
 
 def perform(dance: str, seed: int, seconds: float, fps: float = 30.0, start_beat: float = 0.0) -> Clip:
@@ -162,13 +174,15 @@ def perform(dance: str, seed: int, seconds: float, fps: float = 30.0, start_beat
         raise ConfigError(f"there is no dance {dance!r}; there are {', '.join(DANCES)}")
     found, rng = DANCES[dance], np.random.default_rng([seed, sorted(DANCES).index(dance)])
     t = np.arange(max(round(fps * seconds), 2)) / fps
-    rate = rng.uniform(0.93, 1.07)
-    beats = start_beat + rate * t / found.beat_s + _TIMING_BEATS * _wander(rng, t, 1.2, 1)[:, 0]
+    rate = rng.uniform(*_TEMPO)
+    beats = (
+        start_beat + rate * t / found.beat_s + _TIMING_BEATS[0] * _wander(rng, t, _TIMING_BEATS[1], 1)[:, 0]
+    )
     angles = found.posture(np.maximum.accumulate(beats))
     habit, amount = _spreads()
     rest = angles.mean(axis=0)
     rest[ANGLE_INDEX["pelvis_twist"]] = 0.0
-    gain = np.where(habit > 0, rng.normal(1.0, 0.06, N_ANGLES), 1.0)
+    gain = np.where(habit > 0, rng.normal(1.0, _RANGE, N_ANGLES), 1.0)
     gain[ANGLE_INDEX["pelvis_twist"]] = 1.0
     angles = rest + gain * (angles - rest) + habit * rng.normal(size=N_ANGLES)
     angles += amount * _wander(rng, t, _WANDER_S, N_ANGLES)

@@ -16,9 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
-from depth_pose.body.angles import angles_from_rotations, nearest_rotation, rotations_from_angles
+from depth_pose.body.angles import angles_from_rotations, rotations_from_angles
 from depth_pose.body.limits import clamp_angles, clamp_rotations, violation, with_shoulder_rhythm
 from depth_pose.core.errors import ConfigError
+from depth_pose.core.rotations import nearest_rotation
 from depth_pose.motion.clip import Clip, PoseSet, choose_for_coverage, join_poses, without_heading
 from depth_pose.motion.contact import Separated, separate_limbs, walk_on_floor
 from depth_pose.motion.procedural.draw import Draw
@@ -31,17 +32,28 @@ Progress = Callable[[float], None]
 """Called with the fraction done, 0 to 1."""
 
 POOL_PER_POSE = 5.0
-"""How many poses are made for each one that is chosen."""
+"""How many poses are made for each one that is chosen. Set by hand; docs/motion.md measures the result."""
 
 APART_SHARE = 0.5
-"""Part of a set chosen to lie far apart; the rest follows the families' shares."""
+"""Part of a set chosen to lie far apart; the rest follows the families' shares.
+
+Chosen with ``benchmarks/motion_coverage.py`` in view, as were the families' shares and weights.
+"""
 
 STAY_WITHIN_M = 1.0
 """How far a clip's path goes from its middle; a runner needs a treadmill to stay in view."""
 
 _TOO_DEEP_M = 0.03
+"""Poses whose limbs stay deeper inside the body are left out, metres. Set by hand; not swept."""
+
 _TOO_STRAINED_DEG = 15.0
+"""Poses with a joint farther beyond its limit are left out, degrees. Set by hand; not swept."""
+
 _SMOOTH_S = (0.06, 0.04, 0.025)
+"""Widths of the Gaussians that smooth a clip one after the other, seconds. Set by hand; not swept."""
+
+_SLOW_S = 0.8
+"""Width of the Gaussian that takes a path's slow part, seconds: longer than a stride. Set by hand."""
 
 
 def make_clip(name: str, fps: float = 30.0, seconds: float = 10.0, seed: int = 0) -> Clip:
@@ -96,7 +108,7 @@ def smooth_rotations(rotations: Array, sigma_frames: float) -> Array:
 def _stay_near(roots: Array, fps: float) -> Array:
     """Keep a path within `STAY_WITHIN_M` of its middle, as a treadmill does, by its slow part."""
     level = roots[:, [0, 2]]
-    slow = gaussian_filter1d(level, 0.8 * fps, axis=0, mode="nearest")
+    slow = gaussian_filter1d(level, _SLOW_S * fps, axis=0, mode="nearest")
     middle = (slow.max(axis=0) + slow.min(axis=0)) / 2
     far = float(np.linalg.norm(slow - middle, axis=1).max())
     out = roots.copy()

@@ -1,7 +1,8 @@
 """Where the legs are: standing in many ways, crouching, lunging, sitting, one-legged.
 
 A stance places the two feet and the pelvis, and the legs follow (`leg_to_target`). Trunk angles
-come with it, because a low pelvis needs a forward lean to stay in balance.
+come with it, because a low pelvis needs a forward lean to stay in balance. The ranges that a stance draws
+from (metres on a 1.75 m body, degrees) are designed by hand, with ``benchmarks/motion_coverage.py`` in view.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.body.angles import trunk_rotation
+from depth_pose.core.rotations import mirror_rotation
 from depth_pose.core.skeleton import ADULT_STATURE_M, NODE_INDEX, rest_nodes
 from depth_pose.motion.procedural.draw import Draw
 from depth_pose.motion.reach import leg_to_target
@@ -23,6 +25,9 @@ _AT = rest_nodes() * ADULT_STATURE_M
 _HIP = _AT[NODE_INDEX["left_hip"]] - _AT[0]
 _ANKLE_M = float(_AT[NODE_INDEX["left_ankle"], 1])
 STANDING_M = float(_AT[0, 1])
+"""Height of the pelvis at rest, metres."""
+_BALL_M = 0.14
+"""Ankle to the ball of the foot, on which a raised heel turns, metres."""
 _FLIP = np.array([-1.0, 1.0, 1.0])
 
 
@@ -61,9 +66,9 @@ def lower_body(
         hip = (rotation @ (_HIP if side == 0 else _HIP * _FLIP)[:, None])[..., 0]
         ankle = np.stack([foot[..., 0], foot[..., 1] + _ANKLE_M - height, foot[..., 2]], axis=-1) - hip
         flip = 1.0 if side == 0 else _FLIP
-        turned = rotation if side == 0 else _FLIP[:, None] * rotation * _FLIP
+        turned = rotation if side == 0 else mirror_rotation(rotation)
         raised = np.maximum(pitch[..., side], 0.0)
-        ankle[..., 1] += 0.14 * np.sin(np.radians(raised))
+        ankle[..., 1] += _BALL_M * np.sin(np.radians(raised))
         out[..., 15 + 7 * side : 22 + 7 * side] = leg_to_target(
             ankle * flip, toe_out[..., side], pitch[..., side], turned
         )
@@ -224,7 +229,7 @@ def tiptoe(draw: Draw) -> Array:
     """Stand on the balls of the feet."""
     left, right = _feet(draw, draw.uniform(0.15, 0.35), draw.normal(0, 0.05))
     rise = draw.uniform(10, 45)
-    height = STANDING_M - 0.015 + 0.14 * np.sin(np.radians(rise))
+    height = STANDING_M - 0.015 + _BALL_M * np.sin(np.radians(rise))
     return lower_body(
         _pelvis(draw, draw.normal(0, 4)), height, left, right, _pair(draw, 0, 20),
         np.stack([rise, rise], axis=-1), draw.normal(-2, 5),

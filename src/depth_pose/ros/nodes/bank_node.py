@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from depth_pose.bank import Bank
 from depth_pose.ros.nodes.node_base import StageNode
-from depth_pose.ros.nodes.warm_stages import load_bank
+from depth_pose.ros.process.warm_stages import load_bank
 
 
 class BankNode(StageNode):

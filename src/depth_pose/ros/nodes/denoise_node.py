@@ -1,4 +1,4 @@
-"""Node: depth image or cloud of a sensor -> the person's points, ``/depth_pose/points``."""
+"""Node: depth image or cloud of a sensor -> people's points, ``/depth_pose/points``, and who they are."""
 
 from __future__ import annotations
 
@@ -7,21 +7,22 @@ from collections import deque
 from collections.abc import Sequence
 from typing import Any
 
+from depth_pose_msgs.msg import People
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image, PointCloud2
 
 from depth_pose.core.config import PipelineConfig
 from depth_pose.io.compressed import TOPIC_ENDING
 from depth_pose.ros.nodes.node_base import Held, Input, StageNode
 from depth_pose.ros.nodes.parameters import DENOISE
-from depth_pose.ros.nodes.warm_stages import make
 from depth_pose.ros.process.runner import run_node
-from depth_pose.ros.transport.conversions import cloud_to_msg, image_to_frame, msg_to_frame
-from depth_pose.steps.extract import PersonExtractor
+from depth_pose.ros.process.warm_stages import make
+from depth_pose.ros.transport.conversions import image_to_frame, msg_to_frame, people_to_msgs
+from depth_pose.steps.extract import PeopleExtractor
 from depth_pose.steps.mount import turn_upright
 
 
 class DenoiseNode(StageNode):
-    """Segments the person and denoises the points (Sec. 4)."""
+    """Finds the people and denoises their points (Sec. 4)."""
 
     SECTIONS = ("mount", "segment", "denoise")
     SETTINGS = DENOISE
@@ -31,13 +32,14 @@ class DenoiseNode(StageNode):
         self._held: deque[Image | CompressedImage] = deque()
         super().__init__("denoise")
 
-    def make_stage(self, config: PipelineConfig) -> PersonExtractor:
+    def make_stage(self, config: PipelineConfig) -> PeopleExtractor:
         """Make the extractor."""
-        return make(PersonExtractor, config.segment, config.denoise)
+        return make(PeopleExtractor, config.segment, config.denoise)
 
     def open_outputs(self) -> None:
-        """Publish the person's points."""
+        """Publish people's points, and who they are."""
         self._points = self.publisher(PointCloud2, "points")
+        self._people = self.publisher(People, "people")
 
     def inputs(self) -> Sequence[Input]:
         """Listen to a cloud, or to an image and its CameraInfo."""
@@ -54,7 +56,7 @@ class DenoiseNode(StageNode):
         self._held.clear()
 
     def answer(self, message: Any) -> None:
-        """Find the person in one frame."""
+        """Find the people in one frame."""
         if isinstance(message, PointCloud2):
             frame = msg_to_frame(message)
         elif self._info is None:
@@ -63,7 +65,10 @@ class DenoiseNode(StageNode):
         else:
             frame = image_to_frame(message, self._info)
         upright = turn_upright(frame, self.config.mount)
-        self._points.publish(cloud_to_msg(self.stage.extract(upright)))
+        points, people = people_to_msgs(self.stage.extract(upright))
+        self._points.publish(points)
+        self._people.publish(people)
+        self.figures.values["people"] = len(people.people)
 
     def _hold(self, image: Image | CompressedImage) -> None:
         """Keep an image until the first CameraInfo says what it shows."""

@@ -1,20 +1,20 @@
-"""Node: the person's points -> the exemplars that may show the pose, ``/depth_pose/match``."""
+"""Node: people's points -> the exemplars that may show their poses, ``/depth_pose/match``."""
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
 
-from depth_pose_msgs.msg import PoseMatch
+from depth_pose_msgs.msg import People, PoseMatchArray
 from sensor_msgs.msg import PointCloud2
 
 from depth_pose.core.config import PipelineConfig
 from depth_pose.ros.nodes.bank_node import BankNode
 from depth_pose.ros.nodes.node_base import Input
 from depth_pose.ros.nodes.parameters import BANK
-from depth_pose.ros.nodes.warm_stages import make
 from depth_pose.ros.process.runner import run_node
-from depth_pose.ros.transport.conversions import match_to_msg, msg_to_cloud
+from depth_pose.ros.process.warm_stages import make
+from depth_pose.ros.transport.conversions import matches_to_msg, msgs_to_people
 from depth_pose.steps.match import Matcher, match_confidence
 
 
@@ -32,19 +32,21 @@ class MatcherNode(BankNode):
         return make(Matcher, self.bank, config.match, config.fit)
 
     def open_outputs(self) -> None:
-        """Publish the match."""
-        self._matches = self.publisher(PoseMatch, "match")
+        """Publish the matches."""
+        self._matches = self.publisher(PoseMatchArray, "match")
 
     def inputs(self) -> Sequence[Input]:
-        """Listen to the person's points."""
-        return [Input(PointCloud2, "points")]
+        """Pair the points with who they are."""
+        return [Input(PointCloud2, "points"), Input(People, "people")]
 
-    def answer(self, points: PointCloud2) -> None:
-        """Match one frame."""
-        match = self.stage.match(msg_to_cloud(points))
-        self._matches.publish(match_to_msg(match))
-        self.figures.values["match_candidates"] = len(match.candidates)
-        if match.candidates:
+    def answer(self, points: PointCloud2, found: People) -> None:
+        """Match the people of one frame."""
+        people = msgs_to_people(points, found)
+        matches = self.stage.match(people)
+        self._matches.publish(matches_to_msg(matches, people))
+        self.figures.values["people"] = len(matches)
+        best = [m for m in matches if m.candidates][:1]
+        for match in best:
             self.figures.values["match_score"] = match.candidates[0].score
             self.figures.values["match_confidence"] = match_confidence(match.candidates[0].score)
             self.figures.values["match_scale"] = match.scale

@@ -29,9 +29,11 @@ from threadpoolctl import threadpool_limits
 from depth_pose.core.config import PipelineConfig, Sections
 from depth_pose.core.errors import BankError, ConfigError, DepthPoseError, InputError
 from depth_pose.ros.nodes.counts import Figures
-from depth_pose.ros.nodes.parameters import COMMON, Setting, declare, read_config
+from depth_pose.ros.nodes.parameters import COMMON, declare, read_config
 from depth_pose.ros.nodes.silence import CrowdWatch, SilenceWatch
-from depth_pose.ros.nodes.warm_stages import is_warm
+from depth_pose.ros.process.names import READY
+from depth_pose.ros.process.warm_stages import is_warm
+from depth_pose.ros.setting import Setting
 from depth_pose.ros.transport.conversions import stamp_to_ns
 from depth_pose.ros.transport.intake import (
     LOG_EVERY_S,
@@ -44,15 +46,16 @@ from depth_pose.ros.transport.intake import (
     frame_qos,
 )
 
-__all__ = ["READY", "Drop", "Held", "Input", "Stage", "StageNode"]
-
-READY = "is ready"
-"""A node logs this once it is active and its connections stand; the supervisor waits for it."""
+__all__ = ["Drop", "Held", "Input", "Stage", "StageNode"]
 
 SETTLE_S = 0.2
-"""What a writer takes for joined, the reader may not yet: it is given this long to follow."""
+"""Seconds for which the connections must stand before a node calls itself ready.
+
+A publisher finds a subscriber before the subscriber finds the publisher. Set by hand.
+"""
 
 _READY_TICK_S = 0.05
+"""Seconds between two looks at the connections. Set by hand."""
 
 
 class Stage(Protocol):
@@ -207,6 +210,10 @@ class StageNode(LifecycleNode, ABC):
         self._logged[reason] = (now, total)
         more = f" ({total - before} of these since the last such line)" if total - before > 1 else ""
         self.get_logger().warning(f"dropped, {reason}: {detail}{more}")
+
+    def count(self, what: str) -> None:
+        """Count what diagnostics tell, but is no drop."""
+        self.figures.counts[what] += 1
 
     # Life cycle
 

@@ -7,7 +7,7 @@ default, range and help that `depth_pose.core.config` gives it.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from typing import Any
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
@@ -21,21 +21,10 @@ from rclpy.parameter import Parameter
 
 from depth_pose.core.config import PipelineConfig, Sections, options
 from depth_pose.core.errors import ConfigError
+from depth_pose.ros.setting import Setting
 
 SECTIONS: tuple[str, ...] = tuple(f.name for f in fields(PipelineConfig))
 """Sections of `PipelineConfig`."""
-
-
-@dataclass(frozen=True)
-class Setting:
-    """A parameter of a node that the core knows nothing of; fixed once the node runs."""
-
-    name: str
-    default: bool | int | float | str | list[str] | list[float]
-    help: str
-    low: float | None = None
-    high: float | None = None
-    read_only: bool = True
 
 
 COMMON: tuple[Setting, ...] = (

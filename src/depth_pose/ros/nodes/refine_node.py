@@ -1,4 +1,4 @@
-"""Node: points and match -> fitted skeleton, ``/depth_pose/skeleton_refined``, and its ``mesh``."""
+"""Node: people's points and matches -> fitted bodies, ``/depth_pose/skeletons_refined``, and ``mesh``."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections import deque
 from collections.abc import Sequence
 from typing import Any
 
-from depth_pose_msgs.msg import PoseMatch, Skeleton
+from depth_pose_msgs.msg import FittedArray, People, PoseMatchArray, SkeletonArray
 from sensor_msgs.msg import PointCloud2
 from visualization_msgs.msg import Marker
 
@@ -16,13 +16,13 @@ from depth_pose.core.config import PipelineConfig
 from depth_pose.ros.nodes.bank_node import BankNode
 from depth_pose.ros.nodes.node_base import Held, Input
 from depth_pose.ros.nodes.parameters import REFINE
-from depth_pose.ros.nodes.warm_stages import make
 from depth_pose.ros.process.runner import run_node
+from depth_pose.ros.process.warm_stages import make
 from depth_pose.ros.transport.conversions import (
-    msg_to_cloud,
-    msg_to_match,
+    fitted_to_msg,
+    msg_to_matches,
     msg_to_skeleton,
-    skeleton_to_msg,
+    msgs_to_people,
     stamp_to_ns,
 )
 from depth_pose.ros.transport.drawing import mesh_to_marker
@@ -58,39 +58,42 @@ class RefineNode(BankNode):
         return make(Refiner, self.bank, config.refine, config.match, config.fitting)
 
     def open_outputs(self) -> None:
-        """Publish the skeleton, and the mesh while somebody listens."""
-        self._skeletons = self.publisher(Skeleton, "skeleton_refined")
+        """Publish the fitted bodies, and their meshes while somebody listens."""
+        self._fitted = self.publisher(FittedArray, "skeletons_refined")
         self._meshes = self.publisher(Marker, "mesh", reliable=True, counted=False)
 
     def inputs(self) -> Sequence[Input]:
-        """Pair the points with their match; hear the answers of the recovery node."""
-        self._answers = self.listen(Skeleton, "skeleton", self._take_answer)
-        return [Input(PointCloud2, "points"), Input(PoseMatch, "match")]
+        """Pair the points with their matches; hear the answers of the recovery node."""
+        self._answers = self.listen(SkeletonArray, "skeletons", self._take_answer)
+        return [Input(PointCloud2, "points"), Input(People, "people"), Input(PoseMatchArray, "match")]
 
     def forget(self) -> None:
         """Drop the frames that wait for the answer to the one before."""
         self._held.clear()
         self._awaited_ns = None
 
-    def answer(self, points: PointCloud2, match: PoseMatch) -> None:
-        """Fit one frame."""
+    def answer(self, points: PointCloud2, found: People, matches: PoseMatchArray) -> None:
+        """Fit the people of one frame."""
         if self.lossless and self._awaited_ns is not None and self._answers.get_publisher_count():
-            self._held.append((points, match))
+            self._held.append((points, found, matches))
             raise Held
-        cloud = msg_to_cloud(points)
-        skeleton = self.stage.refine(cloud, msg_to_match(match))
-        self._awaited_ns, self._awaited_since_s = cloud.stamp_ns, time.monotonic()
-        self._skeletons.publish(skeleton_to_msg(skeleton))
-        self.figures.values["confidence"] = skeleton.confidence
-        self.figures.values["residual_m"] = skeleton.residual
-        self._publish_mesh(cloud.stamp_ns, cloud.frame_id)
+        people = msgs_to_people(points, found)
+        fitted = self.stage.refine(people, msg_to_matches(matches))
+        self._awaited_ns, self._awaited_since_s = people.stamp_ns, time.monotonic()
+        self._fitted.publish(fitted_to_msg(fitted, people))
+        self.figures.values["people"] = len(fitted)
+        for f in fitted[:1]:
+            self.figures.values["confidence"] = f.skeleton.confidence
+            self.figures.values["residual_m"] = f.skeleton.residual
+        self._publish_meshes(people.stamp_ns, people.frame_id)
 
-    def _take_answer(self, message: Skeleton) -> None:
+    def _take_answer(self, message: SkeletonArray) -> None:
         """Learn what became of the last frame; later frames' starts depend on it."""
         if not self.is_active or stamp_to_ns(message.header.stamp) != self._awaited_ns:
             return
         self._awaited_ns = None
-        self.stage.take_answer(turn_forth(msg_to_skeleton(message), self.config.mount))
+        answers = [turn_forth(msg_to_skeleton(s), self.config.mount) for s in message.skeletons]
+        self.stage.take_answer(answers)
         self._begin_held()
 
     def _go_on(self) -> None:
@@ -104,14 +107,15 @@ class RefineNode(BankNode):
         while self._held and self._awaited_ns is None:
             self.process(self._held.popleft())
 
-    def _publish_mesh(self, stamp_ns: int, frame_id: str) -> None:
+    def _publish_meshes(self, stamp_ns: int, frame_id: str) -> None:
         rate, now = self.value("mesh_rate"), time.monotonic()
         if rate <= 0.0 or now < self._next_mesh_s or not self._meshes.get_subscription_count():
             return
-        vertices = self.stage.mesh
-        if vertices is not None:
+        if self.stage.meshes:
             self._next_mesh_s = now + 1.0 / rate
-            self._meshes.publish(mesh_to_marker(vertices, self.bank.body.faces, stamp_ns, frame_id))
+        for number, vertices in enumerate(self.stage.meshes.values()):
+            marker = mesh_to_marker(vertices, self.bank.body.faces, stamp_ns, frame_id, number)
+            self._meshes.publish(marker)
 
 
 def main(args: Sequence[str] | None = None) -> int:

@@ -5,26 +5,32 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 
-if TYPE_CHECKING:
-    from depth_pose.ros.nodes.node_base import Input
+from depth_pose.ros.transport.intake import Input
 
 SILENT_AFTER_S = 1.9
-"""A topic is silent if it has had publishers for this long, and nothing ever came."""
+"""Seconds; a topic is silent if it has had publishers for this long, and nothing ever came.
+
+With a look every half second, the warning comes within three seconds.
+"""
 
 PAUSED_AFTER_S = 5.0
-"""A topic that has delivered is silent after this, or after three of its own periods if longer."""
+"""Seconds; a topic that has delivered is silent after this, or after three of its own periods if longer.
+
+Set by hand.
+"""
 
 REPEAT_S = 10.0
-"""The warning is repeated this often while the silence lasts."""
-
+"""Seconds after which the warning is repeated while the silence lasts. Set by hand."""
 
 CROWD_AFTER_S = 8.0
-"""Several publishers are worth a warning after this: one that was killed lingers for five seconds."""
+"""Seconds after which several publishers are worth a warning.
+
+More than the 5 s for which Fast DDS keeps one that was killed (`fastdds.xml`, leaseDuration).
+"""
 
 
 class CrowdWatch:

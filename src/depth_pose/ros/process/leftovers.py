@@ -1,21 +1,21 @@
 """Shared memory that processes left behind when they were killed.
 
-Fast DDS keeps messages in files of /dev/shm, 32 MiB for each process, beside a lock file that the owner
-holds as long as it lives. What is killed cannot remove its own, and the memory is gone until the machine
-starts again, or somebody cleans up (`fastdds shm clean` does the same).
+Fast DDS keeps 32 MiB of /dev/shm for each process, and beside it a lock file that the process holds as
+long as it lives. A killed process cannot remove them (``fastdds shm clean`` does what is done here).
 """
 
 from __future__ import annotations
 
+import contextlib
 import fcntl
-import os
 import time
 from pathlib import Path
 
 FOLDER = Path("/dev/shm")
 _LOCK = "_el"
+
 _YOUNG_S = 0.5
-"""A file as young as this may belong to a process that has not locked it yet."""
+"""Seconds; a younger file may belong to a process that has not locked it yet. Set by hand."""
 
 
 def remove_leftovers() -> int:
@@ -25,18 +25,10 @@ def remove_leftovers() -> int:
 
 
 def _remove_if_dead(lock: Path) -> bool:
-    try:
-        if time.time() - lock.stat().st_mtime < _YOUNG_S:
-            return False
-        handle = os.open(lock, os.O_RDWR | os.O_CLOEXEC)
-    except OSError:  # another user's, or gone
-        return False
-    try:
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        lock.with_name(lock.name.removesuffix(_LOCK)).unlink(missing_ok=True)
-        lock.unlink(missing_ok=True)
-    except OSError:  # its owner lives
-        return False
-    finally:
-        os.close(handle)
-    return True
+    with contextlib.suppress(OSError), lock.open("r+b") as handle:  # else another user's, or gone
+        if time.time() - lock.stat().st_mtime > _YOUNG_S:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)  # fails where the owner lives
+            lock.with_name(lock.name.removesuffix(_LOCK)).unlink(missing_ok=True)
+            lock.unlink(missing_ok=True)
+            return True
+    return False

@@ -4,18 +4,17 @@ from __future__ import annotations
 
 import contextlib
 import os
-import select
 import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
-PARENT_VARIABLE = "DEPTH_POSE_PARENT"
-"""Process id of the supervisor; a node ends with it."""
-
 EXIT_CONFIG = 2
 """Exit code where the configuration or the bank cannot be used: starting again will not help."""
+
+STOPS = (signal.SIGINT, signal.SIGTERM)
+"""Signals that ask a process to stop."""
 
 
 def run_node(make: Callable[[], Any], args: Sequence[str] | None = None) -> int:
@@ -33,8 +32,7 @@ def run_node(make: Callable[[], Any], args: Sequence[str] | None = None) -> int:
     int
         Exit code: 0 after SIGINT or SIGTERM, `EXIT_CONFIG` where the settings cannot be used.
     """
-    end_with_parent()
-    for number in (signal.SIGINT, signal.SIGTERM):
+    for number in STOPS:
         signal.signal(number, _stop)
     import rclpy  # after the handlers: a stop during these imports must be clean, too
     from rclpy.executors import ExternalShutdownException
@@ -61,7 +59,7 @@ def run_node(make: Callable[[], Any], args: Sequence[str] | None = None) -> int:
         if node is None or rclpy.ok():  # else it was told to stop, and what it called was shut down
             raise
     finally:
-        for number in (signal.SIGINT, signal.SIGTERM):
+        for number in STOPS:
             signal.signal(number, signal.SIG_IGN)
         if node is not None:
             with contextlib.suppress(Exception):
@@ -70,26 +68,26 @@ def run_node(make: Callable[[], Any], args: Sequence[str] | None = None) -> int:
     return 0
 
 
-def join_early() -> Any:
-    """Join the ROS graph before it is known as which node; gives what must be kept until `run_node`.
+def join_early() -> Callable[[], None]:
+    """Join the ROS graph before it is known as which node; gives what undoes it, to be kept.
 
-    Being found by others takes longer than all that a node does after it.
+    Being found by others takes longer than all that a node does after it. Where the process ends
+    without `run_node`, shared memory would be left behind if it were not undone.
     """
     import rclpy
     from rclpy.signals import SignalHandlerOptions
 
     rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
-    return rclpy.create_node(
-        f"spare_{os.getpid()}", namespace="depth_pose", enable_rosout=False, start_parameter_services=False
+    name = f"spare_{os.getpid()}"
+    joined = rclpy.create_node(
+        name, namespace="depth_pose", enable_rosout=False, start_parameter_services=False
     )
 
+    def leave() -> None:
+        joined.destroy_node()
+        rclpy.try_shutdown()
 
-def leave(joined: Any) -> None:
-    """Undo `join_early`; without it shared memory would be left behind."""
-    import rclpy
-
-    joined.destroy_node()
-    rclpy.try_shutdown()
+    return leave
 
 
 def _spin(node: Any) -> None:
@@ -114,8 +112,7 @@ def on_stop(callback: Callable[[], None]) -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    numbers = (signal.SIGINT, signal.SIGTERM)
-    before = {n: signal.signal(n, lambda *_: callback()) for n in numbers}
+    before = {n: signal.signal(n, lambda *_: callback()) for n in STOPS}
     try:
         yield
     finally:
@@ -125,20 +122,3 @@ def on_stop(callback: Callable[[], None]) -> Iterator[None]:
 
 def _stop(number: int, frame: object) -> None:
     raise KeyboardInterrupt
-
-
-def end_with_parent() -> None:
-    """Have this process sent SIGTERM when its supervisor dies, however it dies; once is enough."""
-    parent = os.environ.pop(PARENT_VARIABLE, None)
-    if not parent:
-        return
-    try:
-        handle = os.pidfd_open(int(parent))
-    except ProcessLookupError:  # it died before
-        sys.exit(0)
-
-    def watch() -> None:
-        select.select([handle], [], [])
-        os.kill(os.getpid(), signal.SIGTERM)
-
-    threading.Thread(target=watch, name="supervisor's end", daemon=True).start()

@@ -7,19 +7,25 @@ residual, scale and the joints' confidence) hold values that the core has alread
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from builtin_interfaces.msg import Time
 from depth_pose_msgs.msg import Candidate as CandidateMsg
+from depth_pose_msgs.msg import FittedArray, PoseMatchArray, SkeletonArray
+from depth_pose_msgs.msg import FoundPerson as FoundPersonMsg
 from depth_pose_msgs.msg import Joint as JointMsg
+from depth_pose_msgs.msg import People as PeopleMsg
 from depth_pose_msgs.msg import PoseMatch as PoseMatchMsg
 from depth_pose_msgs.msg import Skeleton as SkeletonMsg
 from geometry_msgs.msg import Point, Quaternion, Transform, Vector3
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image, PointCloud2, PointField
 from std_msgs.msg import Header
 
+from depth_pose.core.camera import Camera
 from depth_pose.core.errors import InputError
 from depth_pose.core.skeleton import JOINT_INDEX, JOINTS, Source
-from depth_pose.core.types import Candidate, DepthFrame, PersonCloud, PoseMatch, Skeleton
+from depth_pose.core.types import Candidate, DepthFrame, Fitted, FoundPerson, PoseMatch, Skeleton
 from depth_pose.io.compressed import decode_compressed_depth
 from depth_pose.io.decode import (
     camera_from_info,
@@ -28,6 +34,7 @@ from depth_pose.io.decode import (
     frame_from_cloud,
     rectify_depth,
 )
+from depth_pose.people.person import People, see_people
 
 POINT_DTYPE = np.dtype(
     {
@@ -63,20 +70,21 @@ def make_header(stamp_ns: int, frame_id: str) -> Header:
     return Header(stamp=ns_to_stamp(stamp_ns), frame_id=frame_id)
 
 
-# --- the person's points -------------------------------------------------------------------
+# --- people and their points ---------------------------------------------------------------
 
 
-def cloud_to_msg(cloud: PersonCloud) -> PointCloud2:
-    """Organised ``PointCloud2`` of 16 bytes a point (x, y, z float32, label uint8).
+def people_to_msgs(people: People) -> tuple[PointCloud2, PeopleMsg]:
+    """Organised ``PointCloud2`` of 16 bytes a point (x, y, z float32, label uint8), and who is in it.
 
     The data go in as ``bytes``: assigning a numpy array to the field costs 50 times as much.
     """
-    height, width = cloud.labels.shape
+    height, width = people.labels.shape
     packed = np.zeros((height, width, 4), "<f4")
-    packed[..., :3] = cloud.points
-    packed.view(np.uint8)[..., 12] = cloud.labels
-    return PointCloud2(
-        header=make_header(cloud.stamp_ns, cloud.frame_id),
+    packed[..., :3] = people.points
+    packed.view(np.uint8)[..., 12] = people.labels
+    header = make_header(people.stamp_ns, people.frame_id)
+    cloud = PointCloud2(
+        header=header,
         height=height,
         width=width,
         fields=_FIELDS,
@@ -86,37 +94,69 @@ def cloud_to_msg(cloud: PersonCloud) -> PointCloud2:
         data=packed.tobytes(),
         is_dense=False,
     )
+    return cloud, PeopleMsg(
+        header=header,
+        **people.camera._asdict(),
+        people=[_found_to_msg(person.found) for person in people.persons],
+    )
 
 
-def msg_to_cloud(msg: PointCloud2) -> PersonCloud:
-    """Person cloud of a message that `cloud_to_msg` made.
+def _found_to_msg(found: FoundPerson) -> FoundPersonMsg:
+    return FoundPersonMsg(
+        label=found.label,
+        body_id=found.body_id,
+        probability=float(found.probability),
+        proposals=found.proposals.ravel().tolist(),
+        proposal_confidence=found.proposal_confidence.tolist(),
+    )
+
+
+def msgs_to_people(points: PointCloud2, people: PeopleMsg) -> People:
+    """People of the messages that `people_to_msgs` made.
 
     Raises
     ------
     InputError
         If the layout is another one, or the data are shorter than they should be.
     """
-    layout = [(f.name, f.offset, f.datatype) for f in msg.fields]
-    if layout != [(f.name, f.offset, f.datatype) for f in _FIELDS] or msg.point_step != 16:
+    layout = [(f.name, f.offset, f.datatype) for f in points.fields]
+    if layout != [(f.name, f.offset, f.datatype) for f in _FIELDS] or points.point_step != 16:
         found = ", ".join(f"{name} at {offset}" for name, offset, _ in layout)
         raise InputError(
-            f"the cloud's fields are {found or 'none'} in {msg.point_step} bytes; a person cloud has "
+            f"the cloud's fields are {found or 'none'} in {points.point_step} bytes; people's points have "
             "x, y, z (float32) and label (uint8) in 16: subscribe to the denoise node's points"
         )
-    size = msg.height * msg.width * 16
-    if msg.is_bigendian or len(msg.data) != size or msg.row_step != 16 * msg.width:
+    size = points.height * points.width * 16
+    if points.is_bigendian or len(points.data) != size or points.row_step != 16 * points.width:
         raise InputError(
-            f"the person cloud has {len(msg.data)} bytes of data, not the {size} little-endian ones "
-            f"of its {msg.width} x {msg.height} points"
+            f"the people's points have {len(points.data)} bytes of data, not the {size} little-endian ones "
+            f"of their {points.width} x {points.height} points"
         )
-    packed = np.frombuffer(msg.data, np.uint8).reshape(msg.height, msg.width, 16)
-    points = np.ascontiguousarray(packed[..., :12]).view("<f4")
-    return PersonCloud(
-        stamp_ns=stamp_to_ns(msg.header.stamp),
-        frame_id=msg.header.frame_id,
-        points=points.astype(np.float32, copy=False),
-        labels=np.ascontiguousarray(packed[..., 12]),
+    if (people.width, people.height) != (points.width, points.height) or not people.fx > 0.0 < people.fy:
+        raise InputError(
+            f"the people message speaks of a grid of {people.width} x {people.height} with focal lengths "
+            f"{people.fx:g}, {people.fy:g}; the points have {points.width} x {points.height}"
+        )
+    packed = np.frombuffer(points.data, np.uint8).reshape(points.height, points.width, 16)
+    xyz = np.ascontiguousarray(packed[..., :12]).view("<f4")
+    return see_people(
+        stamp_to_ns(points.header.stamp),
+        points.header.frame_id,
+        Camera(people.width, people.height, people.fx, people.fy, people.cx, people.cy),
+        xyz.astype(np.float32, copy=False),
+        np.ascontiguousarray(packed[..., 12]),
+        [_msg_to_found(found) for found in people.people],
     )
+
+
+def _msg_to_found(msg: FoundPersonMsg) -> FoundPerson:
+    confidence = np.array(msg.proposal_confidence, np.float32)
+    proposals = np.array(msg.proposals, np.float32)
+    if len(proposals) != 3 * len(confidence):
+        raise InputError(
+            f"{msg.body_id} has {len(proposals)} numbers of proposed joints, not {3 * len(confidence)}"
+        )
+    return FoundPerson(msg.label, msg.body_id, msg.probability, proposals.reshape(-1, 3), confidence)
 
 
 # --- what sensors publish ------------------------------------------------------------------
@@ -168,13 +208,19 @@ def msg_to_frame(msg: PointCloud2) -> DepthFrame:
 # --- match and skeleton --------------------------------------------------------------------
 
 
-def match_to_msg(match: PoseMatch) -> PoseMatchMsg:
-    """Message of a match."""
-    return PoseMatchMsg(
-        header=make_header(match.stamp_ns, match.frame_id),
-        bank_id=match.bank_id,
-        scale=float(match.scale),
-        candidates=[_candidate_to_msg(c) for c in match.candidates],
+def matches_to_msg(matches: Sequence[PoseMatch], people: People) -> PoseMatchArray:
+    """Message of the matches of a frame's people."""
+    return PoseMatchArray(
+        header=make_header(people.stamp_ns, people.frame_id),
+        matches=[
+            PoseMatchMsg(
+                body_id=m.body_id,
+                bank_id=m.bank_id,
+                scale=float(m.scale),
+                candidates=[_candidate_to_msg(c) for c in m.candidates],
+            )
+            for m in matches
+        ],
     )
 
 
@@ -191,14 +237,16 @@ def _candidate_to_msg(candidate: Candidate) -> CandidateMsg:
     )
 
 
-def msg_to_match(msg: PoseMatchMsg) -> PoseMatch:
-    """Match of a message, equal to the one that was sent."""
-    return PoseMatch(
-        stamp_ns=stamp_to_ns(msg.header.stamp),
-        frame_id=msg.header.frame_id,
-        bank_id=msg.bank_id,
-        scale=msg.scale,
-        candidates=tuple(_msg_to_candidate(c) for c in msg.candidates),
+def msg_to_matches(msg: PoseMatchArray) -> tuple[PoseMatch, ...]:
+    """Give the matches of a message, equal to those that were sent."""
+    return tuple(
+        PoseMatch(
+            body_id=m.body_id,
+            bank_id=m.bank_id,
+            scale=m.scale,
+            candidates=tuple(_msg_to_candidate(c) for c in m.candidates),
+        )
+        for m in msg.matches
     )
 
 
@@ -264,7 +312,7 @@ def msg_to_skeleton(msg: SkeletonMsg) -> Skeleton:
         stamp_ns=stamp_to_ns(msg.header.stamp),
         frame_id=msg.header.frame_id,
         body_id=msg.body_id,
-        source=Source(msg.source),
+        source=_source_of(msg.source),
         confidence=msg.confidence,
         residual=msg.residual,
         scale=msg.scale,
@@ -275,6 +323,43 @@ def msg_to_skeleton(msg: SkeletonMsg) -> Skeleton:
         joint_confidence=np.array([j.confidence for j in joints], np.float32),
         joint_states=np.array([j.state for j in joints], np.uint8),
     )
+
+
+def skeletons_to_msg(skeletons: Sequence[Skeleton], stamp_ns: int, frame_id: str) -> SkeletonArray:
+    """Message of everybody in a frame."""
+    return SkeletonArray(
+        header=make_header(stamp_ns, frame_id), skeletons=[skeleton_to_msg(s) for s in skeletons]
+    )
+
+
+def fitted_to_msg(fitted: Sequence[Fitted], people: People) -> FittedArray:
+    """Message of the bodies fitted to a frame's people."""
+    return FittedArray(
+        header=make_header(people.stamp_ns, people.frame_id),
+        skeletons=[skeleton_to_msg(f.skeleton) for f in fitted],
+        scores=[float(f.score) for f in fitted],
+    )
+
+
+def msg_to_fitted(msg: FittedArray) -> tuple[Fitted, ...]:
+    """Give the fitted bodies of a message, equal to those that were sent.
+
+    Raises
+    ------
+    InputError
+        If there are not as many scores as skeletons, or a skeleton is damaged.
+    """
+    if len(msg.scores) != len(msg.skeletons):
+        raise InputError(f"there are {len(msg.scores)} scores of {len(msg.skeletons)} skeletons")
+    return tuple(
+        Fitted(msg_to_skeleton(s), score) for s, score in zip(msg.skeletons, msg.scores, strict=True)
+    )
+
+
+def _source_of(number: int) -> Source:
+    if number not in tuple(Source):
+        raise InputError(f"the skeleton's source is {number}; it is one of 0 to {max(Source)}")
+    return Source(number)
 
 
 def _quaternion(xyzw: list[float]) -> Quaternion:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
@@ -14,21 +14,18 @@ from depth_pose.core.errors import DepthPoseError
 from depth_pose.ros.transport.conversions import stamp_to_ns
 from depth_pose.ros.transport.pairing import Pairer
 
-if TYPE_CHECKING:
-    from depth_pose.ros.nodes.node_base import StageNode
-
 PAIR_DEPTH = 64
 """Stamps held by a node that pairs topics, until the later part of a frame comes.
 
-It must span the time that the stages between take, two seconds at 30 frames a second: with fewer,
-a node behind a slow stage would have let go of every frame's points when its match comes.
+It spans two seconds at 30 frames a second, which is more than the stages between take. With fewer, a node
+behind a slow stage would let go of a frame's points before its match comes.
 """
 
 NO_EVENTS = SubscriptionEventCallbacks(use_default_callbacks=False)
-"""Each event that is listened to makes every wait of the executor longer; `silence` tells what is wrong."""
+"""No events: each makes every wait of the executor longer, and a node tells itself what is wrong."""
 
 LOG_EVERY_S = 5.0
-"""A message of the same kind is logged at most this often."""
+"""A message of the same kind is logged at most this often, seconds. Set by hand."""
 
 
 @dataclass(frozen=True)
@@ -49,6 +46,43 @@ class Input:
     sensor: bool = False
 
 
+class Taker(Protocol):
+    """A node that takes frames, as their source knows it: `depth_pose.ros.nodes.node_base.StageNode`.
+
+    Attributes
+    ----------
+    lossless : bool
+        Whether it takes every frame in turn; else the newest wins.
+    queue : int
+        Frames that may wait.
+    is_active : bool
+        Whether frames are answered.
+    create_subscription, destroy_subscription, resolve_topic_name, count_publishers, get_logger
+        As every node of rclpy has them.
+    """
+
+    lossless: bool
+    queue: int
+    is_active: bool
+    create_subscription: Callable[..., Subscription]
+    destroy_subscription: Callable[[Subscription], bool]
+    resolve_topic_name: Callable[[str], str]
+    count_publishers: Callable[[str], int]
+    get_logger: Callable[[], Any]
+
+    def heard(self, topic: str) -> None:
+        """Note that a message came."""
+
+    def count(self, what: str) -> None:
+        """Count what is told, but is no drop."""
+
+    def drop(self, reason: str, detail: str, count: int = 1) -> None:
+        """Count frames without an answer."""
+
+    def process(self, messages: tuple[Any, ...]) -> None:
+        """Answer a whole frame."""
+
+
 class FrameSource(Protocol):
     """Where a node's frames come from, as the node knows it: `Intake`, or one of the node's own."""
 
@@ -64,7 +98,7 @@ class FrameSource(Protocol):
         """Whether a whole frame waits."""
 
     def take_waiting(self) -> bool:
-        """Take in all that waits; whether there was anything."""
+        """Take in all that waits; gives whether there was anything."""
 
     def take_pending(self) -> tuple[Any, ...] | None:
         """Give the newest whole frame, once."""
@@ -117,7 +151,7 @@ class Intake:
         Messages taken in.
     """
 
-    def __init__(self, node: StageNode, inputs: Sequence[Input]) -> None:
+    def __init__(self, node: Taker, inputs: Sequence[Input]) -> None:
         self._node = node
         self._lossless = node.lossless
         paired = len(inputs) > 1
@@ -182,7 +216,7 @@ class Intake:
         self.arrivals += 1
         self._node.heard(self.inputs[index].topic)
         if not self._node.is_active:
-            self._node.figures.counts["ignored while paused"] += 1
+            self._node.count("ignored while paused")
             return
         self._count_missed(index, info.get("publication_sequence_number"))
         stamp_ns = stamp_to_ns(message.header.stamp)
@@ -219,7 +253,7 @@ class Intake:
             what = f"{topic} repeats stamp {stamp_ns} ns; does the driver set header.stamp?"
             self._node.drop("same stamp", what)
             return False
-        self._node.figures.counts["stamps going back"] += 1
+        self._node.count("stamps going back")
         back_s = (last - stamp_ns) / 1e9
         self._node.get_logger().warning(
             f"the stamps of {topic} went back by {back_s:.3f} s; what was kept of earlier frames is dropped",

@@ -13,25 +13,8 @@ from typing import Any
 from depth_pose.core.errors import InputError
 
 _FIELD_TYPE = re.compile(r"^\s*([A-Za-z][A-Za-z0-9_]*(?:/[A-Za-z0-9_]+)*)(?:<=\d+)?(?:\[[^\]]*\])?\s+\w+")
-_PRIMITIVES = frozenset(
-    [
-        "bool",
-        "byte",
-        "char",
-        "float32",
-        "float64",
-        "int8",
-        "uint8",
-        "int16",
-        "uint16",
-        "int32",
-        "uint32",
-        "int64",
-        "uint64",
-        "string",
-        "wstring",
-    ]
-)
+_NUMBERS = [f"{kind}{bits}" for kind in ("int", "uint") for bits in (8, 16, 32, 64)]
+_PRIMITIVES = frozenset(["bool", "byte", "char", "float32", "float64", "string", "wstring", *_NUMBERS])
 
 
 def message_class(name: str) -> Any:

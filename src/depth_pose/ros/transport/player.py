@@ -13,34 +13,27 @@ from pathlib import Path
 from typing import Any
 
 from depth_pose.core.errors import InputError
+from depth_pose.io._recording import RawMessage, Recording
 from depth_pose.ros.process.runner import on_stop
 
 CLOCK_HZ = 40.0
 """``/clock`` messages a second of wall time, beside one before every recorded message."""
 
 _DEPTH = 100
-_SETTLE_S, _MOST_SETTLE_S, _ACKNOWLEDGED_S = 0.2, 2.0, 5.0
+"""Messages that wait for a reliable subscriber that is slow."""
+
+_SETTLE_S, _MOST_SETTLE_S = 0.2, 2.0
+"""Seconds, least and most, between the last subscriber's discovery and the first message.
+
+A publisher finds a subscriber before the subscriber finds the publisher, and what is sent between is
+lost. The busier the machine, the longer that takes: as long as the discovery took. Set by hand.
+"""
+
+_ACKNOWLEDGED_S = 5.0
+"""Seconds that reliable subscribers have to acknowledge the last messages. Set by hand."""
+
 _AHEAD = 32
-"""Messages read ahead of their time."""
-
-
-@dataclass(frozen=True)
-class Recorded:
-    """One message of a recording.
-
-    Attributes
-    ----------
-    topic, type_name : str
-    log_time_ns : int
-        When it was recorded.
-    data : bytes
-        The message, serialised (CDR).
-    """
-
-    topic: str
-    type_name: str
-    log_time_ns: int
-    data: bytes
+"""Messages read ahead of their time: about a second of images. Set by hand."""
 
 
 @dataclass
@@ -58,7 +51,7 @@ class Played:
     worst_delay_s : float
         Longest time by which a message came later than it should.
     truncated : bool
-        Whether the file ends early; then it was played up to its last whole chunk.
+        Whether a file is damaged; then it was played up to its last whole chunk.
     skipped : dict of str to str
         Topics that could not be played, and why.
     """
@@ -71,59 +64,13 @@ class Played:
     skipped: dict[str, str] = field(default_factory=dict)
 
 
-class TruncatedError(InputError):
-    """The recording ends early; everything before was read."""
-
-
-def read_recording(path: str | Path, topics: Sequence[str] | None = None) -> Iterator[Recorded]:
-    """Give the messages of a recording in the order of their log times.
-
-    A file without its summary (cut short, or still being written) is read in the order of
-    the file.
-
-    Raises
-    ------
-    InputError
-        If it is no MCAP file, or holds nothing in ROS 2's encoding.
-    TruncatedError
-        After the last whole chunk of a file cut short.
-    """
-    from mcap.exceptions import EndOfFile, InvalidMagic, McapError
-    from mcap.reader import NonSeekingReader, SeekingReader
-
-    path = Path(path)
-    try:
-        stream = path.open("rb")
-    except OSError as e:
-        raise InputError(f"cannot open {path}: {e.strerror}") from e
-    wanted = list(topics) if topics is not None else None
-    with stream:
-        try:
-            whole = SeekingReader(stream).get_summary() is not None
-        except (McapError, EndOfFile, ValueError):
-            whole = False
-        stream.seek(0)
-        reader = SeekingReader(stream) if whole else NonSeekingReader(stream)
-        try:
-            for schema, channel, message in reader.iter_messages(topics=wanted, log_time_order=whole):
-                if channel.message_encoding != "cdr" or schema is None:
-                    continue
-                yield Recorded(channel.topic, schema.name, message.log_time, message.data)
-        except InvalidMagic as e:
-            if whole:
-                raise TruncatedError(f"{path} is damaged at its end") from e
-            raise InputError(f"{path} is not an MCAP file") from e
-        except (McapError, EndOfFile) as e:
-            raise TruncatedError(f"{path} ends early; it was read up to its last whole chunk") from e
-
-
 class Player:
     """Publishes a recording; sets nothing but ``/clock``.
 
     Parameters
     ----------
     path : path
-        MCAP file with messages in CDR.
+        MCAP file with messages in CDR, or a folder of them.
     rate : float
         Speed; 2 is twice as fast.
     loop : bool
@@ -153,7 +100,7 @@ class Player:
         remap: dict[str, str] | None = None,
         wait_for_subscribers: Sequence[str] = (),
         wait_s: float = 10.0,
-        on_message: Callable[[Recorded, int], None] | None = None,
+        on_message: Callable[[RawMessage, int], None] | None = None,
     ) -> None:
         if not rate > 0.0:
             raise InputError(f"the rate is {rate}; it must be above 0")
@@ -181,6 +128,7 @@ class Player:
         import rclpy
         from rclpy.context import Context
 
+        self._recording = Recording(self._path)
         context = Context()
         rclpy.init(context=context, args=[])
         try:
@@ -201,7 +149,7 @@ class Player:
 
         if self._clock:
             self._clock_publisher = self._node.create_publisher(Clock, "/clock", 10)
-        for topic, type_name in topic_types(self._path, self._topics).items():
+        for topic, type_name in self._topic_types().items():
             if self._clock and topic == "/clock":
                 self._result.skipped[topic] = "the clock comes from the log times"
                 continue
@@ -217,6 +165,15 @@ class Player:
             why = "; ".join(f"{t}: {w}" for t, w in self._result.skipped.items())
             raise InputError(f"{self._path} has no topic that could be played; {why or 'none was found'}")
 
+    def _topic_types(self) -> dict[str, str]:
+        """Topics to play and their message types."""
+        found = {topic.name: topic.kind for topic in self._recording.topics.values()}
+        missing = [t for t in self._topics or () if t not in found]
+        if missing:
+            there = ", ".join(sorted(found)) or "none in ROS 2's encoding"
+            raise InputError(f"{self._path} has no topic {', '.join(missing)}; it has {there}")
+        return {t: k for t, k in found.items() if self._topics is None or t in self._topics}
+
     def _await_subscribers(self) -> None:
         missing = set(self._wait_for) - {p.topic_name for p in self._publishers.values()}
         if missing:
@@ -230,7 +187,6 @@ class Player:
             ]
             took = time.monotonic() - started
             if not alone:
-                # what the writer takes for joined, the reader may not yet, and the less so the busier it is
                 self._stop.wait(min(max(took, _SETTLE_S), _MOST_SETTLE_S) if self._wait_for else 0.0)
                 return
             if took > self._wait_s:
@@ -258,7 +214,7 @@ class Player:
     def _play_once(self) -> None:
         first_ns: int | None = None
         start_s = 0.0
-        with _ReadAhead(lambda: read_recording(self._path, list(self._publishers))) as messages:
+        with _ReadAhead(lambda: self._recording.messages(*self._publishers)) as messages:
             for message in messages:
                 if first_ns is None:
                     first_ns, start_s = message.log_time_ns, time.monotonic()
@@ -267,9 +223,9 @@ class Player:
                 if self._stop.is_set():
                     return
                 self._publish(message, due_s)
-            self._result.truncated = messages.truncated
+        self._result.truncated = bool(self._recording.damage)
 
-    def _publish(self, message: Recorded, due_s: float) -> None:
+    def _publish(self, message: RawMessage, due_s: float) -> None:
         self._tick(message.log_time_ns)
         self._publishers[message.topic].publish(message.data)
         self._result.messages[message.topic] += 1
@@ -300,12 +256,11 @@ class Player:
 class _ReadAhead:
     """Reads in a thread, so that unpacking a chunk delays no message."""
 
-    def __init__(self, source: Callable[[], Iterator[Recorded]]) -> None:
+    def __init__(self, source: Callable[[], Iterator[RawMessage]]) -> None:
         self._source = source
-        self._queue: queue.Queue[Recorded | BaseException | None] = queue.Queue(maxsize=_AHEAD)
+        self._queue: queue.Queue[RawMessage | BaseException | None] = queue.Queue(maxsize=_AHEAD)
         self._done = threading.Event()
         self._thread = threading.Thread(target=self._fill, daemon=True)
-        self.truncated = False
 
     def __enter__(self) -> _ReadAhead:
         self._thread.start()
@@ -315,14 +270,11 @@ class _ReadAhead:
         self._done.set()
         self._thread.join()
 
-    def __iter__(self) -> Iterator[Recorded]:
+    def __iter__(self) -> Iterator[RawMessage]:
         while (item := self._queue.get()) is not None:
-            if isinstance(item, TruncatedError):
-                self.truncated = True
-            elif isinstance(item, BaseException):
+            if isinstance(item, BaseException):
                 raise item
-            else:
-                yield item
+            yield item
 
     def _fill(self) -> None:
         try:
@@ -334,52 +286,11 @@ class _ReadAhead:
             self._put(e)
         self._put(None)
 
-    def _put(self, item: Recorded | BaseException | None) -> None:
+    def _put(self, item: RawMessage | BaseException | None) -> None:
         while not self._done.is_set():
             with contextlib.suppress(queue.Full):
                 self._queue.put(item, timeout=0.1)
                 return
-
-
-def topic_types(path: str | Path, topics: Sequence[str] | None = None) -> dict[str, str]:
-    """Topics of a recording and their message types.
-
-    Raises
-    ------
-    InputError
-        If a topic asked for is not there; the message lists those that are.
-    """
-    found: dict[str, str] = {}
-    summary = _summary(path)
-    if summary is not None:
-        for channel in summary.channels.values():
-            schema = summary.schemas.get(channel.schema_id)
-            if channel.message_encoding == "cdr" and schema is not None:
-                found[channel.topic] = schema.name
-    else:
-        try:
-            for message in read_recording(path):
-                found.setdefault(message.topic, message.type_name)
-        except TruncatedError:
-            pass
-    missing = [t for t in topics or () if t not in found]
-    if missing:
-        there = ", ".join(sorted(found)) or "none in ROS 2's encoding"
-        raise InputError(f"{path} has no topic {', '.join(missing)}; it has {there}")
-    return {t: k for t, k in found.items() if topics is None or t in topics}
-
-
-def _summary(path: str | Path) -> Any:
-    from mcap.exceptions import EndOfFile, McapError
-    from mcap.reader import SeekingReader
-
-    try:
-        with Path(path).open("rb") as stream:
-            return SeekingReader(stream).get_summary()
-    except OSError as e:
-        raise InputError(f"cannot open {path}: {e.strerror}") from e
-    except (McapError, EndOfFile, ValueError):
-        return None
 
 
 def play(path: str | Path, **options: Any) -> Played:

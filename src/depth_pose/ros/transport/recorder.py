@@ -15,7 +15,14 @@ from depth_pose.core.errors import InputError
 from depth_pose.ros.process.runner import on_stop
 
 _LOOK_EVERY_S = 0.05
+"""Seconds between two looks for new topics. Set by hand."""
+
+_SETTLE_S = 0.2
+"""Seconds after both sides should have found each other: a publisher may find the recorder last."""
+
 _QUEUE = 1000
+"""Messages of a topic that may wait to be written. Set by hand."""
+
 _INTERNAL = ("/parameter_events", "/rosout")
 
 
@@ -111,7 +118,7 @@ class Recorder:
         deadline = time.monotonic() + timeout_s
         while time.monotonic() < deadline:
             if all(t in self._subscriptions and self._subscriptions[t].get_publisher_count() for t in wanted):
-                time.sleep(0.2)  # what the reader takes for joined, the writer may not yet
+                time.sleep(_SETTLE_S)
                 return True
             time.sleep(0.02)
         return False

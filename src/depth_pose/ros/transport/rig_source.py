@@ -14,11 +14,11 @@ from sensor_msgs.msg import CameraInfo
 
 from depth_pose.core.errors import ConfigError, DepthPoseError
 from depth_pose.io.decode import camera_from_info
-from depth_pose.ros.nodes.parameters import Setting
+from depth_pose.ros.setting import Setting
 from depth_pose.ros.transport.intake import LOG_EVERY_S
 from depth_pose.volume.rig import RigCamera
 from depth_pose.volume.rigfile import Rig, load_rig, upright_from
-from depth_pose.volume.transform_tree import FrameTree, pose_matrix
+from depth_pose.volume.transform_tree import TransformTree, pose_matrix
 
 if TYPE_CHECKING:
     from depth_pose.ros.nodes.node_base import StageNode
@@ -62,7 +62,7 @@ class RigSource:
         self._up, self._world = str(node.value("up")), str(node.value("world_frame"))
         self._poses = given_extrinsics(node.value("extrinsics"), len(self.topics))
         self._infos: dict[int, CameraInfo] = {}
-        self._frames = FrameTree()
+        self._tree = TransformTree()
         upright_from(self._up)
 
     def listen(self, done: Callable[[Rig], None]) -> None:
@@ -99,7 +99,7 @@ class RigSource:
         if self.rig is not None:
             return
         try:
-            add_transforms(self._frames, message.transforms)
+            add_transforms(self._tree, message.transforms)
         except ConfigError as error:
             self._complain("/tf_static", error)
         self._try()
@@ -108,7 +108,7 @@ class RigSource:
         self._node.get_logger().error(f"{topic}: {error}", throttle_duration_sec=LOG_EVERY_S)
 
     def _place(self, frame: str) -> Array | None:
-        return self._frames.find(self._world, frame)
+        return self._tree.find(self._world, frame)
 
     def _try(self) -> None:
         """Make the rig once everything is known."""
@@ -132,12 +132,12 @@ class RigSource:
         self._done(self.rig)
 
 
-def add_transforms(frames: FrameTree, transforms: Sequence[TransformStamped]) -> None:
+def add_transforms(tree: TransformTree, transforms: Sequence[TransformStamped]) -> None:
     """Add the transforms of one message of ``/tf_static``."""
     for t in transforms:
         p, q = t.transform.translation, t.transform.rotation
         T_parent_child = pose_matrix([p.x, p.y, p.z, q.x, q.y, q.z, q.w])
-        frames.add(t.header.frame_id, t.child_frame_id, T_parent_child)
+        tree.add(t.header.frame_id, t.child_frame_id, T_parent_child)
 
 
 def given_extrinsics(values: Sequence[float], cameras: int) -> list[Array] | None:

@@ -1,4 +1,4 @@
-"""From the images of several cameras to moments: brought together by stamp, newest first."""
+"""From the images of several cameras to sets of views: brought together by stamp, newest first."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from sensor_msgs.msg import Image
 from depth_pose.core.errors import InputError
 from depth_pose.io._messages import read_image
 from depth_pose.ros.transport.intake import LOG_EVERY_S, NO_EVENTS, Input, waiting
-from depth_pose.volume.synchroniser import Moment, MomentGatherer
+from depth_pose.volume.synchroniser import Synchroniser, ViewSet
 
 if TYPE_CHECKING:
     from depth_pose.ros.nodes.node_base import StageNode
 
 _QUEUE = 8
-"""Images of each camera that may wait: all are taken, so that moments that are let go are counted."""
+"""Images of each camera that may wait: all are taken, so that sets that are let go are counted."""
 
 
 _TOGETHER_S, _DOZE_S = 0.001, 0.0002
 """Cameras that are triggered together bring their images within the first; how often to look."""
 
 
-class MomentIntake:
+class ViewSetIntake:
     """The subscriptions of a node that sees through several cameras.
 
     With eight cameras at 60 images a second, taking them in is a good part of the work: a wake-up of the
@@ -39,19 +39,15 @@ class MomentIntake:
     ----------
     node : StageNode
     topics : sequence of str
-    gatherer : MomentGatherer
-    patience_s : float
-        How long the gatherer lets a moment wait.
+    synchroniser : Synchroniser
     """
 
-    def __init__(
-        self, node: StageNode, topics: Sequence[str], gatherer: MomentGatherer, patience_s: float
-    ) -> None:
+    def __init__(self, node: StageNode, topics: Sequence[str], synchroniser: Synchroniser) -> None:
         self.inputs = tuple(Input(Image, node.resolve_topic_name(t), sensor=True) for t in topics)
         self.arrivals = 0
-        self.gatherer = gatherer
+        self.synchroniser = synchroniser
         self._node = node
-        self._pending: Moment | None = None
+        self._pending: ViewSet | None = None
         self._told_late = -LOG_EVERY_S
         self._numbers = [0] * len(topics)
         policy = ReliabilityPolicy.RELIABLE if node.lossless else ReliabilityPolicy.BEST_EFFORT
@@ -63,8 +59,12 @@ class MomentIntake:
             for c, i in enumerate(self.inputs)
         ]
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._timer = node.create_timer(max(patience_s / 2, 0.001), self._check, clock=steady)
+        self._timer = node.create_timer(self._period_s(), self._check, clock=steady)
         self._timer.cancel()
+
+    def _period_s(self) -> float:
+        """How often to look whether a late camera was waited for long enough."""
+        return max(self.synchroniser.config.patience / 2, _TOGETHER_S)
 
     @property
     def joined(self) -> bool:
@@ -73,18 +73,18 @@ class MomentIntake:
 
     @property
     def has_pending(self) -> bool:
-        """Whether a moment waits to be answered."""
+        """Whether a set of views waits to be answered."""
         return self._pending is not None
 
     def take_pending(self) -> tuple[Any, ...] | None:
-        """Give the newest moment, once."""
-        moment, self._pending = self._pending, None
-        return None if moment is None else (moment,)
+        """Give the newest set of views, once."""
+        views, self._pending = self._pending, None
+        return None if views is None else (views,)
 
     def forget(self) -> None:
         """Drop what waits."""
         self._pending = None
-        self.gatherer.clear()
+        self.synchroniser.clear()
 
     def close(self) -> None:
         """Unsubscribe."""
@@ -117,7 +117,7 @@ class MomentIntake:
         """Take what has come from all cameras, and what comes presently."""
         while True:
             self._take_all()
-            if not self.gatherer.is_fresh(time.monotonic(), _TOGETHER_S):
+            if not self.synchroniser.is_fresh(time.monotonic(), _TOGETHER_S):
                 return
             time.sleep(_DOZE_S)
 
@@ -137,29 +137,30 @@ class MomentIntake:
         except InputError as error:
             self._node.drop("bad image", f"{topic}: {error}")
             return
-        late = self.gatherer.late[camera]
-        self.gatherer.add(camera, image.stamp_ns, image, time.monotonic())
-        if self.gatherer.late[camera] > late and time.monotonic() > self._told_late + LOG_EVERY_S:
+        late = self.synchroniser.late[camera]
+        self.synchroniser.add(camera, image.stamp_ns, image, time.monotonic())
+        if self.synchroniser.late[camera] > late and time.monotonic() > self._told_late + LOG_EVERY_S:
             self._told_late = time.monotonic()
-            self._node.get_logger().warning(f"{topic} is late: its moment was answered without it")
+            self._node.get_logger().warning(f"{topic} is late: its time was answered without it")
 
     def _check(self) -> None:
-        before = self.gatherer.overtaken
-        moment = self.gatherer.take(time.monotonic())
-        if self.gatherer.overtaken > before:
-            self._overtaken(self.gatherer.overtaken - before)
-        if not self.gatherer.is_waiting:
+        before = self.synchroniser.overtaken
+        views = self.synchroniser.take(time.monotonic())
+        if self.synchroniser.overtaken > before:
+            self._overtaken(self.synchroniser.overtaken - before)
+        if not self.synchroniser.is_waiting:
             self._timer.cancel()
         elif self._timer.is_canceled():
+            self._timer.timer_period_ns = round(1e9 * self._period_s())
             self._timer.reset()
-        if moment is None:
+        if views is None:
             return
         if self._node.lossless:
-            self._node.process((moment,))
+            self._node.process((views,))
             return
         if self._pending is not None:
             self._overtaken(1)
-        self._pending = moment
+        self._pending = views
 
     def _overtaken(self, count: int) -> None:
-        self._node.drop("overtaken", "a newer moment came before this one was begun", count)
+        self._node.drop("overtaken", "newer views came before this one was begun", count)

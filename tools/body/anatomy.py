@@ -14,8 +14,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from depth_pose.body.surface import Array, Ellipsoid, Sweep, smooth_min
 from depth_pose.core.skeleton import ADULT_STATURE_M, NODE_INDEX, rest_nodes
+from surface import Array, Ellipsoid, Sweep, smooth_min
 
 # Rows: height, half-breadth, front, back (both measured from the pelvis's z = 0), exponent.
 _TRUNK = np.array(

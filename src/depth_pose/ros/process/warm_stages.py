@@ -1,7 +1,6 @@
-"""The bank and the stages that the nodes of one fork server share until they write to them.
+"""The bank and the stages that the fork server makes before the nodes are there.
 
-The fork server makes them before the nodes are there; a node finds them here, if it asks for the
-same. In a process that was started by itself there is nothing, and everything is made when asked for.
+A node finds them here if it asks for the same. A process that was started by itself makes its own.
 """
 
 from __future__ import annotations
@@ -19,12 +18,7 @@ _given: list[Any] = []
 
 
 def load_bank(path: str | Path = "") -> Bank:
-    """Read a bank, or give the one that was read from this file before.
-
-    Parameters
-    ----------
-    path : path
-        The set-up's bank if empty.
+    """Read a bank, empty for the set-up's, or give the one that was read from this file before.
 
     Raises
     ------
@@ -32,8 +26,7 @@ def load_bank(path: str | Path = "") -> Bank:
         If the file is missing, damaged or foreign.
     """
     file = Path(path) if path else default_bank_path()
-    stat = file.stat() if file.is_file() else None
-    return _load(file, stat.st_mtime_ns if stat is not None else 0)
+    return _load(file, file.stat().st_mtime_ns if file.is_file() else 0)
 
 
 @lru_cache(maxsize=1)

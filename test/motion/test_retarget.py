@@ -7,9 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from motion_writers import BANDAI, BIOVISION, MIXAMO, write_asf_amc, write_bvh
 
-from depth_pose.body._joint_names import find_joints, split_name
+from depth_pose.body.joint_names import find_joints, split_name
 from depth_pose.core.errors import InputError
 from depth_pose.core.skeleton import ADULT_STATURE_M, NODE_INDEX, forward_kinematics, rest_nodes
 from depth_pose.motion.asf_amc import parse_asf_amc, read_asf_amc
@@ -18,6 +17,7 @@ from depth_pose.motion.clip import Clip, joint_positions
 from depth_pose.motion.motion_files import family_of, load_motion_dir
 from depth_pose.motion.procedural.generator import make_clip
 from depth_pose.motion.retarget import retarget
+from motion_writers import BANDAI, BIOVISION, MIXAMO, write_asf_amc, write_bvh
 
 MOCAP = next(
     (p / "shared/data/mocap" for p in Path(__file__).resolve().parents if (p / "shared/data/mocap").is_dir()),

@@ -11,7 +11,6 @@ from depth_pose.core.errors import ConfigError
 from depth_pose.core.skeleton import NODE_INDEX
 from depth_pose.motion.clip import heading, joint_positions, mirror_joints
 from depth_pose.motion.contact import separate_limbs, support_points, walk_on_floor
-from depth_pose.motion.coverage import measure_coverage, plot_coverage, plot_families
 from depth_pose.motion.procedural.draw import Draw, harmonic, keyed
 from depth_pose.motion.procedural.families import FAMILIES
 from depth_pose.motion.procedural.gait import WALK_KNEE, gait_legs
@@ -131,15 +130,3 @@ def test_hands_reach_the_hips_and_the_head() -> None:
     wrists = at[:, [NODE_INDEX["left_wrist"], NODE_INDEX["right_wrist"]]]
     assert np.isfinite(wrists).all()
     assert np.linalg.norm(wrists[:, 0] - wrists[:, 1], axis=-1).min() < 0.45
-
-
-def test_coverage_is_zero_for_the_same_poses_and_drawn(poses, tmp_path) -> None:
-    some = poses.take(np.arange(0, 600, 7))
-    coverage = measure_coverage(poses, some)
-    np.testing.assert_allclose(coverage.distance_m, 0.0, atol=1e-5)
-    np.testing.assert_array_equal(coverage.nearest, np.arange(0, 600, 7))
-    assert "all" in coverage.table()
-    plot_coverage([("all", poses), ("some", some)], tmp_path / "coverage.png", limit=100)
-    plot_families(some.take(np.arange(3)), tmp_path / "families.png", columns=3)
-    assert (tmp_path / "coverage.png").stat().st_size > 10_000
-    assert (tmp_path / "families.png").stat().st_size > 3_000

@@ -1,7 +1,8 @@
 """Skin weights of the embedded body.
 
 Each vertex first gets weights from where it lies along the bones: across a joint they pass from
-one segment to the next over a band about as wide as the limb. A short diffusion over the mesh,
+one segment to the next over a band about as wide as the limb (in metres below; set by hand on the
+pictures that ``benchmarks/body_pictures.py`` draws of hard poses). A short diffusion over the mesh,
 ``(M + t L) w = M w0`` (one implicit step of the heat equation, as in I. Baran and J. Popovic,
 *Automatic rigging and animation of 3D characters*, SIGGRAPH 2007), then removes every seam.
 """
@@ -12,11 +13,13 @@ import numpy as np
 from scipy.sparse import coo_matrix, csc_matrix, diags
 from scipy.sparse.linalg import splu
 
-from depth_pose.body.anatomy import BodyField
+from anatomy import BodyField
 from depth_pose.body.body import INFLUENCES
-from depth_pose.body.surface import Array, Mesh
 from depth_pose.core.skeleton import MIRROR_NODES, NODE_INDEX
+from surface import Array, Mesh
 
+_LEAST_WEIGHT = 0.01
+"""Smaller weights are dropped."""
 _DIFFUSION = 0.016**2
 """Diffusion time t, square metres: the square of the width over which seams are smoothed."""
 
@@ -33,7 +36,7 @@ def skin_weights(mesh: Mesh, nodes: Array, field: BodyField) -> Array:
     Parameters
     ----------
     mesh : Mesh
-        Symmetric mesh as `depth_pose.body.remesh.mirror` gives it.
+        Symmetric mesh as `remesh.mirror` gives it.
     nodes : (21, 3)
         Rest positions of the nodes, metres.
     field : BodyField
@@ -134,7 +137,10 @@ def _diffuse(mesh: Mesh, weights: Array) -> Array:
 
 
 def cotangent_laplacian(mesh: Mesh) -> tuple[csc_matrix, Array]:
-    """Stiffness matrix (V, V), positive semi-definite, and lumped masses (V,) of a mesh."""
+    """Stiffness matrix (V, V), positive semi-definite, and lumped masses (V,) of a mesh.
+
+    Angles above 90 degrees count nothing: with negative entries the diffusion could overshoot.
+    """
     n = len(mesh.vertices)
     rows, cols, data = [], [], []
     p = mesh.vertices[mesh.faces]
@@ -158,7 +164,7 @@ def _truncate(weights: Array) -> Array:
     order = np.argsort(-weights, axis=1, kind="stable")[:, INFLUENCES:]
     kept = weights.copy()
     np.put_along_axis(kept, order, 0.0, axis=1)
-    kept[kept < 0.01] = 0.0
+    kept[kept < _LEAST_WEIGHT] = 0.0
     kept /= kept.sum(axis=1, keepdims=True)
     return kept
 

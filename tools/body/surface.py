@@ -16,11 +16,13 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import PchipInterpolator
 
 Array = NDArray[np.float64]
 Field = Callable[[Array], Array]
 
 _COARSE = 4
+"""Nodes along each axis that share one sample far from the surface."""
 
 
 @dataclass(frozen=True)
@@ -101,8 +103,6 @@ class Sweep:
         if stations.shape[1] == 5:
             stations = np.column_stack([stations, np.full(len(stations), 2.0)])
         self.low, self.high = float(stations[0, 0]), float(stations[-1, 0])
-        from scipy.interpolate import PchipInterpolator  # takes half a second: not for those who only pose
-
         self.spline = PchipInterpolator(stations[:, 0], stations[:, 1:], axis=0)
 
     def __call__(self, points: Array) -> Array:

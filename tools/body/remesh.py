@@ -14,9 +14,15 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.body.surface import Array, Field, Mesh
+from depth_pose.body.normals import vertex_normals
+from surface import Array, Field, Mesh
 
 _GRADIENT_STEP = 1e-4
+"""Half-width of central differences of the field, metres."""
+_NEWTON_STEP_M = 0.01
+"""Longest step onto the surface, metres. Set by hand."""
+_LEAST_SLOPE2 = 0.05
+"""Least squared slope that a step divides by: where parts blend the field is no distance."""
 
 Point = tuple[float, float, float]
 
@@ -81,8 +87,8 @@ def project(points: Array, field: Field, mesh: Mesh) -> Array:
     for _ in range(2):
         slope = gradient(field, points)
         slope[border, 0] = 0.0
-        square = np.maximum((slope**2).sum(axis=1), 0.05)
-        step = np.clip(field(points) / square, -0.01, 0.01)
+        square = np.maximum((slope**2).sum(axis=1), _LEAST_SLOPE2)
+        step = np.clip(field(points) / square, -_NEWTON_STEP_M, _NEWTON_STEP_M)
         points = points - step[:, None] * slope
         points[border, 0] = 0.0
     return points
@@ -106,17 +112,6 @@ def _relax(mesh: Mesh) -> Array:
     moved: Array = mesh.vertices + 0.5 * move
     moved[border, 0] = 0.0
     return moved
-
-
-def vertex_normals(mesh: Mesh) -> Array:
-    """Area-weighted unit normals, (V, 3)."""
-    p = mesh.vertices[mesh.faces]
-    face = np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0])
-    total = np.zeros_like(mesh.vertices)
-    for k in range(3):
-        np.add.at(total, mesh.faces[:, k], face)
-    normals: Array = total / np.maximum(np.linalg.norm(total, axis=1, keepdims=True), 1e-12)
-    return normals
 
 
 class _Topology:
@@ -161,7 +156,10 @@ class _Topology:
         return sorted(found)
 
     def collapse(self, shortest: float = 0.8, longest: float = 1.35) -> None:
-        """Collapse edges shorter than `shortest` wished lengths, the shortest first."""
+        """Collapse edges shorter than `shortest` wished lengths, the shortest first.
+
+        None longer than `longest` may come of it; both are near Botsch and Kobbelt's 4/5 and 4/3.
+        """
         heap = [(self._length(a, b), a, b) for a, b in self._edges()]
         heap = [e for e in heap if e[0] < shortest]
         heapq.heapify(heap)

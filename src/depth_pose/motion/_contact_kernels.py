@@ -14,12 +14,36 @@ _PARENTS = NODE_PARENTS.astype(np.int64)
 _N = {name: i for name, i in NODE_INDEX.items()}
 _ARMS = np.array([[_N[f"{s}_{n}"] for n in ("shoulder", "elbow", "wrist")] for s in ("left", "right")])
 _LEGS = np.array([[_N[f"{s}_{n}"] for n in ("hip", "knee", "ankle", "foot")] for s in ("left", "right")])
-_CHEST, _SPINE, _PELVIS, _HEAD, _NECK = _N["chest"], _N["spine"], 0, _N["head"], _N["neck"]
+_CHEST, _PELVIS = _N["chest"], 0
 
-# Radii in metres for a 1.75 m body, less about a centimetre that skin gives way.
 _UPPER, _FORE, _HAND = 0.040, 0.032, 0.030
+"""Radii of the arm's capsules, metres: those of a 1.75 m body less a centimetre that skin gives way."""
 _THIGH, _SHANK, _FOOT = 0.065, 0.045, 0.035
-_OBSTACLES = 10
+"""Radii of the leg's capsules, metres, as the arm's."""
+_TRUNK = np.array(
+    [
+        (_N["pelvis"], -0.03, -0.01, 0.062, 0.100),
+        (_N["spine"], -0.02, 0.0, 0.035, 0.095),
+        (_N["spine"], 0.13, 0.0, 0.040, 0.095),
+        (_N["chest"], 0.02, 0.012, 0.050, 0.100),
+        (_N["neck"], -0.02, 0.0, 0.005, 0.055),
+        (_N["head"], 0.055, 0.02, 0.005, 0.085),
+    ]
+)
+"""Capsules across trunk, neck and head: node; height, depth and half-length in its frame, radius, metres.
+
+Set by hand inside the embedded body's surface (`tools/body/anatomy.py`).
+"""
+_OBSTACLES = len(_TRUNK) + 4
+"""The trunk's capsules, two thighs and two shanks."""
+_TOUCH = 1e-4
+"""Depth from which a contact is pushed apart, metres."""
+_SLACK = 0.001
+"""Pushed limbs end so far apart, metres."""
+_OVERLAP = 0.012
+"""Arms of the two sides may enter each other so far, metres. Set by hand."""
+_FAR_INSIDE = 0.08
+"""Depth from which an arm goes out to its own side rather than the nearest way, metres. Set by hand."""
 
 
 @njit(cache=True)
@@ -35,26 +59,15 @@ def _positions(rotations: Array, rest: Array, at: Array) -> None:
 
 
 @njit(cache=True)
-def _lateral(
-    rotations: Array, at: Array, node: int, y: float, z: float, half: float, a: Array, b: Array
-) -> None:
-    """Fill the ends of a segment across the body, given in the node's own frame."""
-    for k in range(3):
-        middle = at[node, k] + rotations[node, k, 1] * y + rotations[node, k, 2] * z
-        a[k] = middle + rotations[node, k, 0] * half
-        b[k] = middle - rotations[node, k, 0] * half
-
-
-@njit(cache=True)
 def _obstacles(rotations: Array, at: Array, ends: Array, radii: Array) -> None:
-    """Fill the ten capsules that arms must not enter: trunk, neck, head, legs."""
-    _lateral(rotations, at, _PELVIS, -0.03, -0.01, 0.062, ends[0, 0], ends[0, 1])
-    _lateral(rotations, at, _SPINE, -0.02, 0.0, 0.035, ends[1, 0], ends[1, 1])
-    _lateral(rotations, at, _SPINE, 0.13, 0.0, 0.040, ends[2, 0], ends[2, 1])
-    _lateral(rotations, at, _CHEST, 0.02, 0.012, 0.050, ends[3, 0], ends[3, 1])
-    _lateral(rotations, at, _NECK, -0.02, 0.0, 0.005, ends[4, 0], ends[4, 1])
-    _lateral(rotations, at, _HEAD, 0.055, 0.02, 0.005, ends[5, 0], ends[5, 1])
-    radii[0], radii[1], radii[2], radii[3], radii[4], radii[5] = 0.10, 0.095, 0.095, 0.10, 0.055, 0.085
+    """Fill the capsules that arms must not enter: trunk, neck, head, legs."""
+    for i in range(len(_TRUNK)):
+        node, y, z, half = int(_TRUNK[i, 0]), _TRUNK[i, 1], _TRUNK[i, 2], _TRUNK[i, 3]
+        for k in range(3):
+            middle = at[node, k] + rotations[node, k, 1] * y + rotations[node, k, 2] * z
+            ends[i, 0, k] = middle + rotations[node, k, 0] * half
+            ends[i, 1, k] = middle - rotations[node, k, 0] * half
+        radii[i] = _TRUNK[i, 4]
     for side in range(2):
         hip, knee, ankle = _LEGS[side, 0], _LEGS[side, 1], _LEGS[side, 2]
         thigh, shank = 6 + 2 * side, 7 + 2 * side
@@ -186,22 +199,22 @@ def _push_arm(
         for j in range(2 if i == 2 else 3):
             # Hands may touch hands; forearms and upper arms of the two sides may not enter.
             depth = _depth(
-                mine[i, 0], mine[i, 1], other[j, 0], other[j, 1], own[i] + own[j] - 0.012, point, normal
+                mine[i, 0], mine[i, 1], other[j, 0], other[j, 1], own[i] + own[j] - _OVERLAP, point, normal
             )
             if depth > deepest:
                 deepest = depth
                 _copy(point, best_point)
                 _copy(normal, best_normal)
-    if deepest > 1e-4:
+    if deepest > _TOUCH:
         # The deeper an arm is inside, the less the nearest way out says about where it came from, and
         # the more it goes out to its own side: else a swinging hand jumps from front to back.
-        outward = min(deepest / 0.08, 1.0) * (0.8 if side == 0 else -0.8)
+        outward = min(deepest / _FAR_INSIDE, 1.0) * (0.8 if side == 0 else -0.8)
         for k in range(3):
             best_normal[k] += outward * rotations[_CHEST, k, 0]
         size = np.sqrt(best_normal[0] ** 2 + best_normal[1] ** 2 + best_normal[2] ** 2)
         for k in range(3):
             best_normal[k] /= max(size, 1e-6)
-        _turn(rotations, _ARMS[side], at[_ARMS[side, 0]], best_point, best_normal, deepest + 0.001)
+        _turn(rotations, _ARMS[side], at[_ARMS[side, 0]], best_point, best_normal, deepest + _SLACK)
     return deepest
 
 
@@ -224,10 +237,10 @@ def _push_legs(rotations: Array, at: Array) -> float:
                 deepest = depth
                 _copy(point, best_point)
                 _copy(normal, best_normal)
-    if deepest > 1e-4:
+    if deepest > _TOUCH:
         if _is_zero(best_normal):
             _copy(rotations[_PELVIS, :, 0], best_normal)  # the bones cross: apart to the sides
-        half = 0.5 * deepest + 0.0005
+        half = 0.5 * (deepest + _SLACK)
         _turn(rotations, _LEGS[0], at[_LEGS[0, 0]], best_point, best_normal, half)
         _turn(rotations, _LEGS[1], at[_LEGS[1, 0]], best_point, best_normal, -half)
     return deepest
@@ -244,7 +257,7 @@ def push_apart(rotations: Array, rest: Array, rounds: int) -> Array:
         for _ in range(rounds):
             _positions(rotations[n], rest, at)
             depth = _push_legs(rotations[n], at)
-            if depth > 1e-4:
+            if depth > _TOUCH:
                 _positions(rotations[n], rest, at)
             _obstacles(rotations[n], at, blocks, radii)
             for side in range(2):
