@@ -31,6 +31,7 @@ from scipy.spatial import cKDTree
 from depth_pose.body.normals import vertex_normals
 from depth_pose.body.procedural import make_body
 from depth_pose.core._raster_kernels import rasterize
+from depth_pose.core.camera import Camera
 from depth_pose.core.config import CpdConfig
 from depth_pose.core.rotations import R_CAMERA_FACING_MODEL as FACING
 from depth_pose.core.rotations import rotvec_to_matrix
@@ -61,9 +62,9 @@ def scene(seed: int):
     seen = []
     for vertices in (before, after):
         zbuffer, visible = np.empty((144, 176)), np.empty(len(vertices), np.bool_)
-        camera = (200.0, 200.0, 87.5, 71.5)
-        rasterize(vertices, body.faces, *camera, zbuffer)
-        mark_visible(vertices, vertex_normals(body) @ FACING.T, zbuffer, *camera, 0.05, visible)
+        camera = Camera(176, 144, 200.0, 200.0, 87.5, 71.5)
+        rasterize(vertices, body.faces, camera, zbuffer)
+        mark_visible(vertices, vertex_normals(body) @ FACING.T, zbuffer, camera, 0.05, visible)
         seen.append(np.flatnonzero(visible))
     chosen = np.sort(rng.choice(seen[0], SOURCE, replace=False))
     points = after[rng.choice(seen[1], TARGET, replace=False)] + rng.normal(size=(TARGET, 3)) * 0.005

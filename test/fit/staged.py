@@ -44,7 +44,7 @@ def depth_of(vertices: np.ndarray, body: Body | None = None) -> np.ndarray:
     """Depth image (H, W) float32, metres, 0 where nothing is."""
     zbuffer = np.empty((CAMERA.height, CAMERA.width))
     faces = (body or the_body()).faces
-    rasterize(vertices, faces, CAMERA.fx, CAMERA.fy, CAMERA.cx, CAMERA.cy, zbuffer)
+    rasterize(vertices, faces, CAMERA, zbuffer)
     return np.where(np.isfinite(zbuffer), zbuffer, 0.0).astype(np.float32)
 
 

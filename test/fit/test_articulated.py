@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import synthetic as syn
+from depth_pose.core._rotation_kernels import rotation_of
 from depth_pose.core.config import FitConfig
 from depth_pose.core.rotations import rotvec_to_matrix
 from depth_pose.core.skeleton import NODE_INDEX, NODE_PARENTS
@@ -19,6 +20,7 @@ from depth_pose.fit.articulated import (
     FitTarget,
     candidate_pose,
 )
+from depth_pose.fit.rendered_depth import Observation
 from depth_pose.people.person import thin
 
 LIMBS = [f"{side}_{joint}" for side in ("left", "right") for joint in ("shoulder", "elbow", "hip", "knee")]
@@ -215,36 +217,30 @@ def test_assignment_without_visible_vertices():
 # --- M-step
 
 
-def _assembled(fitter, nodes, vertices, normals, mass, pull, segment, plane_weight, point_weight):
+def segment_of(fitter):
+    """Node that moves each vertex most, (V,)."""
+    return fitter._articulation.skin.influence[:, 0]
+
+
+def _assembled(fitter, nodes, surface, mass, pull, plane_weight, point_weight):
     """Normal equations (P, P) and gradient (P,) of the data term alone."""
-    size = 3 + 3 * len(fitter._stiffness)
-    inertia, force = np.zeros((len(nodes), 6, 6)), np.zeros((len(nodes), 6))
+    size = len(fitter._articulation.above)
+    equations = tree.Equations(np.zeros((len(nodes), 6, 6)), np.zeros((len(nodes), 6)))
+    settings = fitter._settings._replace(plane_weight=plane_weight, point_weight=point_weight)
     origin = np.array([0.2, -0.1, 2.5])  # anything will do
-    kernels.add_points(
-        vertices, normals, mass, pull, segment, origin, plane_weight, point_weight, inertia, force
-    )
+    kernels.add_points(surface, mass, pull, origin, settings, equations)
     matrix, gradient = np.zeros((size, size)), np.zeros(size)
-    tree.assemble(inertia, force, nodes, origin, NODE_PARENTS, fitter._free, matrix, gradient)
+    tree.assemble(equations, fitter._articulation, nodes, origin, matrix, gradient)
     return matrix, gradient
 
 
 def _jacobian(fitter, vertices, nodes, i):
     """Analytic Jacobian (3, P) of one vertex: the gradient for a unit residual along each axis."""
     one = slice(i, i + 1)
-    segment = fitter._influence[one, 0]
+    surface = kernels.Surface(vertices[one], np.zeros((1, 3)), segment_of(fitter)[one])
     rows, squares = [], []
     for axis in np.eye(3):
-        matrix, gradient = _assembled(
-            fitter,
-            nodes,
-            vertices[one],
-            np.zeros((1, 3)),
-            np.ones(1),
-            axis[None],
-            segment,
-            0.0,
-            1.0,
-        )
+        matrix, gradient = _assembled(fitter, nodes, surface, np.ones(1), axis[None], 0.0, 1.0)
         rows.append(gradient)
         squares.append(matrix)
     jacobian = np.array(rows)
@@ -257,14 +253,14 @@ def test_jacobian_against_finite_differences(body, fitter, rotations):
     """Exact for vertices that one node moves; others count with the segment that moves them most."""
     rotations, root = syn.FACING @ rotations, np.array([0.1, 0.0, 3.0])
     posed = body.pose(rotations, root)
-    size = 3 + 3 * len(fitter._stiffness)
+    size = len(fitter._articulation.above)
     step = 1e-5
     moved = np.empty((size, *posed.vertices.shape))
     for p in range(size):
         delta = np.zeros(size)
         delta[p] = step
         turned = rotations.copy()
-        tree.update(delta, fitter._free, NODE_PARENTS, turned)
+        tree.update(delta, fitter._articulation, turned)
         moved[p] = (body.pose(turned, root + delta[:3]).vertices - posed.vertices) / step
     rigid = np.flatnonzero(body.weights.max(axis=1) > 0.995)
     for i in rigid[::11]:
@@ -278,15 +274,13 @@ def test_data_term_twin(body, fitter):
     rng = np.random.default_rng(0)
     posed = body.pose(syn.FACING @ syn.varied(1, 30.0), np.array([0.0, 0.0, 3.0]))
     some = rng.choice(len(posed.vertices), 20, replace=False)
-    size = 3 + 3 * len(fitter._stiffness)
+    size = len(fitter._articulation.above)
     normals = rng.standard_normal((20, 3))
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     mass, gap = rng.uniform(0.1, 2.0, 20), 0.02 * rng.standard_normal((20, 3))
     mass[3] = 1e-4  # too little to count
-    segment = fitter._influence[some, 0]
-    matrix, gradient = _assembled(
-        fitter, posed.nodes, posed.vertices[some], normals, mass, mass[:, None] * gap, segment, 1.0, 0.3
-    )
+    surface = kernels.Surface(posed.vertices[some], normals, segment_of(fitter)[some])
+    matrix, gradient = _assembled(fitter, posed.nodes, surface, mass, mass[:, None] * gap, 1.0, 0.3)
     expected, slope = np.zeros((size, size)), np.zeros(size)
     for k, i in enumerate(some):
         if k == 3:
@@ -304,17 +298,16 @@ def test_tree_solver_twin(body, fitter):
     posed = body.pose(syn.FACING @ syn.varied(2, 30.0), np.array([0.0, 0.0, 3.0]))
     rng = np.random.default_rng(0)
     count = len(posed.vertices)
-    matrix, gradient = _assembled(
-        fitter, posed.nodes, posed.vertices, np.zeros((count, 3)), rng.uniform(0.1, 1.0, count),
-        rng.standard_normal((count, 3)), fitter._influence[:, 0], 0.0, 1.0,
-    )  # fmt: skip
+    surface = kernels.Surface(posed.vertices, np.zeros((count, 3)), segment_of(fitter))
+    mass, pull = rng.uniform(0.1, 1.0, count), rng.standard_normal((count, 3))
+    matrix, gradient = _assembled(fitter, posed.nodes, surface, mass, pull, 0.0, 1.0)
     matrix += 0.1 * np.eye(len(matrix))
     expected = np.linalg.solve(matrix, gradient)
-    tree.solve_tree(matrix, fitter._above, gradient)
+    tree.solve_tree(matrix, fitter._articulation.above, gradient)
     np.testing.assert_allclose(gradient, expected, rtol=1e-7, atol=1e-9)
 
 
-def test_free_space_pulls_into_the_silhouette_and_behind_the_surface():
+def test_free_space_pulls_into_the_silhouette_and_behind_the_surface(fitter):
     """One vertex at a time: beside the person, before the surface, behind it, where nothing is known."""
     labels = np.full((60, 80), BACKGROUND, np.uint8)
     labels[20:40, 30:50] = PERSON
@@ -322,16 +315,16 @@ def test_free_space_pulls_into_the_silhouette_and_behind_the_surface():
     depth = np.where(labels == PERSON, np.float32(2.0), np.float32(0.0))
     nearest = np.empty((60, 80, 2), np.int32)
     visibility.nearest_person(labels, nearest)
-    c = syn.CAMERA
+    c = syn.CAMERA._replace(cx=39.5, cy=29.5)
+    settings = fitter._settings._replace(free_space_slack=0.04, free_space_limit=0.10)
 
     def pull(row, col, z):
         vertex = np.array([[(col - 39.5) / c.fx * z, (row - 29.5) / c.fy * z, z]])
-        inertia, force = np.zeros((1, 6, 6)), np.zeros((1, 6))
-        kernels.add_free_space(
-            vertex, depth, labels, nearest, c.fx, c.fy, 39.5, 29.5, np.zeros(1, np.int32), np.zeros(3),
-            1.0, 0.04, 0.10, inertia, force,
-        )  # fmt: skip
-        return force[0, 3:]
+        equations = tree.Equations(np.zeros((1, 6, 6)), np.zeros((1, 6)))
+        surface = kernels.Surface(vertex, np.zeros((1, 3)), np.zeros(1, np.int32))
+        observed = Observation(depth, labels, c)
+        kernels.add_free_space(surface, observed, nearest, np.zeros(3), 1.0, settings, equations)
+        return equations.force[0, 3:]
 
     x, y, z = pull(30, 25, 2.0)  # 5 pixels to the left: pulled to the right
     assert x == pytest.approx(5 / c.fx * 2.0)
@@ -360,11 +353,11 @@ def test_nearest_person_pixels_twin():
 def test_update_turns_whole_subtrees(fitter):
     """A node's segment turns by the product of its free ancestors' steps, the root's first."""
     rng = np.random.default_rng(0)
-    size = 3 + 3 * len(fitter._stiffness)
+    size = len(fitter._articulation.above)
     step = 0.3 * rng.standard_normal(size)
     rotations = syn.varied(0, 30.0)
     updated = rotations.copy()
-    tree.update(step, fitter._free, NODE_PARENTS, updated)
+    tree.update(step, fitter._articulation, updated)
     for n in range(21):
         chain, turn = [], np.eye(3)
         k = n
@@ -372,12 +365,12 @@ def test_update_turns_whole_subtrees(fitter):
             chain.append(k)
             k = NODE_PARENTS[k]
         for k in reversed(chain):
-            if fitter._free[k] >= 0:
-                first = 3 + 3 * fitter._free[k]
+            if fitter._articulation.free[k] >= 0:
+                first = 3 + 3 * fitter._articulation.free[k]
                 turn = turn @ rotvec_to_matrix(step[first : first + 3])
         np.testing.assert_allclose(updated[n], turn @ rotations[n], atol=1e-12)
-    below = fitter._free >= 0
-    assert below.sum() == len(fitter._stiffness)
+    below = fitter._articulation.free >= 0
+    assert below.sum() == len(fitter._articulation.stiffness)
     assert not below[NODE_INDEX["left_foot"]]  # follows the ankle
 
 
@@ -386,7 +379,7 @@ def test_rodrigues_twin(size):
     out = np.empty((3, 3))
     for axis in np.random.default_rng(0).standard_normal((5, 3)):
         w = size * axis / np.linalg.norm(axis)
-        tree.rotation_of(w, out)
+        rotation_of(w, out)
         np.testing.assert_allclose(out, rotvec_to_matrix(w), atol=1e-12)
 
 
@@ -398,18 +391,18 @@ def test_turned_normals_and_visibility(body, fitter):
     posed = syn.posed(syn.arms_down())
     rotations = syn.FACING @ syn.arms_down()
     normals = np.empty_like(body.vertices)
-    visibility.turn_normals(fitter._normals_rest, fitter._influence, rotations, normals)
-    main = rotations[fitter._influence[:, 0]]
-    np.testing.assert_allclose(normals, np.einsum("vij,vj->vi", main, fitter._normals_rest), atol=1e-9)
+    rest, influence = fitter._articulation.normals, body.skin.influence
+    visibility.turn_normals(rest, influence, rotations, normals)
+    main = rotations[influence[:, 0]]
+    np.testing.assert_allclose(normals, np.einsum("vij,vj->vi", main, rest), atol=1e-9)
     drawn = syn.draw(syn.mesh(posed))
     visible = np.empty(len(normals), bool)
-    c = syn.CAMERA
-    visibility.mark_visible(posed.vertices, normals, drawn, c.fx, c.fy, c.cx, c.cy, 0.05, visible)
+    visibility.mark_visible(posed.vertices, normals, drawn, syn.CAMERA, 0.05, visible)
     facing = (normals * posed.vertices).sum(axis=1) <= 0
     assert not visible[~facing].any()
     assert visible[facing].mean() > 0.8  # little of somebody with arms down is hidden
     wall = np.full_like(drawn, 2.0)
-    visibility.mark_visible(posed.vertices, normals, wall, c.fx, c.fy, c.cx, c.cy, 0.05, visible)
+    visibility.mark_visible(posed.vertices, normals, wall, syn.CAMERA, 0.05, visible)
     assert not visible.any()
 
 

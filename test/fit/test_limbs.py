@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import synthetic as syn
+from depth_pose.core.camera import Camera
 from depth_pose.core.skeleton import NODE_INDEX
 from depth_pose.fit import _limb_kernels as kernels
 from depth_pose.fit.articulated import ArticulatedFitter, BodyPose, FitTarget, nearest_person_pixels
@@ -138,9 +139,11 @@ def test_score_twin():
     rotation, origin, scale = syn.rotation("y", 40.0) @ syn.FACING, np.array([0.05, 0.0, 2.0]), 0.9
     labels = rng.integers(0, 3, (36, 48)).astype(np.uint8)
     depth = np.where(labels == 1, rng.uniform(1.7, 2.3, labels.shape), 0.0).astype(np.float32)
-    fx, fy, cx, cy = 50.0, 52.0, 23.5, 17.5
+    camera = Camera(48, 36, 50.0, 52.0, 23.5, 17.5)
+    _, _, fx, fy, cx, cy = camera
     points = rng.uniform([-0.4, -0.4, 1.7], [0.4, 0.4, 2.3], (25, 3))
-    nearest = nearest_person_pixels(Observation(depth, labels, syn.CAMERA))
+    observed = Observation(depth, labels, camera)
+    nearest = nearest_person_pixels(observed)
     own, reach = origin + rng.uniform(-0.3, 0.3, (balls, 3)), 0.08
 
     centres = np.concatenate([origin + scale * samples @ rotation.T, own[None]])
@@ -162,10 +165,10 @@ def test_score_twin():
     costs[limbs] -= keep
 
     def scored(fitting, best):
-        return kernels.score_limbs(
-            samples, own, keep, radii, areas, rotation, origin, scale, depth, labels, nearest, fx, fy, cx, cy,
-            np.ascontiguousarray(points.T, np.float32), weight, reach, fitting, best,
-        )  # fmt: skip
+        limb, anchor = kernels.Limb(samples, radii, areas), kernels.Anchor(rotation, origin, scale)
+        settings = kernels.LimbSettings(reach, keep, fitting, best)
+        columns = np.ascontiguousarray(points.T, np.float32)
+        return kernels.score_limbs(limb, own, anchor, observed, nearest, columns, weight, settings)
 
     chosen, cost, cover, found = scored(limbs + 1, limbs + 1)
     assert sorted(chosen) == list(range(limbs + 1))

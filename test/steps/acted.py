@@ -45,7 +45,7 @@ def posed(frame: int) -> PosedBody:
 def frame_of(frame: int, start_ns: int = 0) -> DepthFrame:
     """What the camera gives then: the person before a wall."""
     zbuffer = np.empty((CAMERA.height, CAMERA.width))
-    rasterize(posed(frame).vertices, the_body().faces, CAMERA.fx, CAMERA.fy, CAMERA.cx, CAMERA.cy, zbuffer)
+    rasterize(posed(frame).vertices, the_body().faces, CAMERA, zbuffer)
     depth = np.where(np.isfinite(zbuffer), zbuffer, 4.6).astype(np.float32)
     return DepthFrame(start_ns + frame * STEP_NS, "camera", depth, CAMERA)
 

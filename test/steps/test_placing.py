@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -64,7 +62,7 @@ def test_moved_ones_are_nearer_and_the_better_ones_are_kept(bank, person, placed
     renderer = ExemplarRenderer(bank, BAND)
     off = np.array([0.1, -0.08, 0.06])
     there = renderer.compare(placed, SCALE, person.coarse)
-    away = renderer.compare(replace(placed, translations=placed.translations + off), SCALE, person.coarse)
+    away = renderer.compare(placed._replace(translations=placed.translations + off), SCALE, person.coarse)
     back = renderer.compare(away.moved(), SCALE, person.coarse)
     np.testing.assert_allclose(back.translations - away.translations, away.shifts, atol=1e-12)
     gaps = [np.linalg.norm(p.translations - there.translations - there.shifts, axis=1) for p in (away, back)]

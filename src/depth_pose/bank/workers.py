@@ -20,6 +20,7 @@ T = TypeVar("T")
 Task = tuple[Any, ...]
 
 _CONNECT_S = "10s"
+"""How long a Dask scheduler may take to answer."""
 
 
 def run_parts(

@@ -10,11 +10,15 @@ from __future__ import annotations
 import hashlib
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.skeleton import NODE_PARENTS
+
+if TYPE_CHECKING:
+    from depth_pose.body._skin_kernels import Skin
 
 INFLUENCES = 4
 """Greatest number of nodes that move one vertex."""
@@ -34,22 +38,6 @@ class PosedBody:
 
     vertices: NDArray[np.float64]
     nodes: NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class SparseWeights:
-    """Skin weights, `INFLUENCES` per vertex, greatest first.
-
-    Attributes
-    ----------
-    nodes : (V, 4) int32
-        Index of the node.
-    weights : (V, 4) float64
-        Its weight; unused slots are 0.
-    """
-
-    nodes: NDArray[np.int32]
-    weights: NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,12 +78,18 @@ class Body:
             raise ValueError(f"Body.weights: at most {INFLUENCES} nodes may move a vertex")
 
     @cached_property
-    def sparse_weights(self) -> SparseWeights:
-        """The weights without their zeros."""
+    def skin(self) -> Skin:
+        """The body as kernels take it, with weights that are 0 left out."""
+        from depth_pose.body._skin_kernels import Skin
+
         order = np.argsort(-self.weights, axis=1, kind="stable")[:, :INFLUENCES]
-        return SparseWeights(
-            np.ascontiguousarray(order.astype(np.int32)),
-            np.ascontiguousarray(np.take_along_axis(self.weights, order, axis=1)),
+        return Skin(
+            vertices=self.vertices,
+            nodes=self.nodes,
+            parents=NODE_PARENTS,
+            influence=np.ascontiguousarray(order.astype(np.int32)),
+            weight=np.ascontiguousarray(np.take_along_axis(self.weights, order, axis=1)),
+            faces=self.faces,
         )
 
     def pose(
@@ -114,15 +108,10 @@ class Body:
         """
         from depth_pose.body._skin_kernels import skin
 
-        sparse = self.sparse_weights
         vertices = np.empty_like(self.vertices)
         nodes = np.empty_like(self.nodes)
         skin(
-            self.vertices,
-            self.nodes,
-            NODE_PARENTS,
-            sparse.nodes,
-            sparse.weights,
+            self.skin,
             np.ascontiguousarray(rotations, dtype=np.float64),
             np.ascontiguousarray(root, dtype=np.float64),
             float(scale),

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.body._skin_kernels import skin
+from depth_pose.body._skin_kernels import Skin, skin
 from depth_pose.body.body import Body, keep_largest
 from depth_pose.core.rotations import rotation_between
 from depth_pose.core.skeleton import ADULT_STATURE_M, NODE_INDEX, NODE_PARENTS, NODES, rest_nodes
@@ -80,7 +80,8 @@ def _to_rest_pose(mesh: RiggedMesh) -> RiggedMesh:
     order = np.ascontiguousarray(np.argsort(-mesh.weights, axis=1, kind="stable").astype(np.int32))
     weights = np.ascontiguousarray(np.take_along_axis(mesh.weights, order, axis=1))
     rest = (np.ascontiguousarray(mesh.vertices), np.ascontiguousarray(mesh.nodes))
-    skin(*rest, NODE_PARENTS, order, weights, rotations, mesh.nodes[0].copy(), 1.0, vertices, nodes)
+    body = Skin(*rest, NODE_PARENTS, order, weights, np.ascontiguousarray(mesh.faces, np.int32))
+    skin(body, rotations, mesh.nodes[0].copy(), 1.0, vertices, nodes)
     return RiggedMesh(vertices, mesh.faces, mesh.weights, nodes)
 
 

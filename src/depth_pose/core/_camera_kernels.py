@@ -10,6 +10,18 @@ def project(camera, x, y, z):
     return camera.fx * x / z + camera.cx, camera.fy * y / z + camera.cy
 
 
+@njit(cache=True, inline="always")
+def project_by_inverse(camera, x, y, inverse):
+    """Column and row of one point whose inverse depth is known, for kernels."""
+    return camera.fx * x * inverse + camera.cx, camera.fy * y * inverse + camera.cy
+
+
+@njit(cache=True, inline="always")
+def ray(camera, column, row):
+    """Give x and y of what a pixel sees at z = 1, for kernels."""
+    return (column - camera.cx) / camera.fx, (row - camera.cy) / camera.fy
+
+
 @njit(cache=True)
 def back_project(depth, camera):
     """Points of a depth image (H, W, 3) float32, NaN where there is none."""
@@ -19,9 +31,8 @@ def back_project(depth, camera):
         for j in range(cols):
             z = depth[i, j]
             if z > 0.0:
-                points[i, j, 0] = (j - camera.cx) / camera.fx * z
-                points[i, j, 1] = (i - camera.cy) / camera.fy * z
-                points[i, j, 2] = z
+                x, y = ray(camera, j, i)
+                points[i, j, 0], points[i, j, 1], points[i, j, 2] = x * z, y * z, z
             else:
                 points[i, j, :] = np.nan
     return points

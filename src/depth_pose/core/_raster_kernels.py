@@ -10,20 +10,27 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from depth_pose.core._camera_kernels import project_by_inverse
+
+NEAR_M = 0.05
+"""What is nearer to the camera than this is not drawn, metres: no sensor sees it."""
+
+_FAR_PX = 1e6
+"""Pixels off the image beyond which a coordinate is cut, so that it stays a number."""
+
 
 @njit(cache=True, fastmath=True)
-def rasterize(vertices, faces, fx, fy, cx, cy, zbuffer):
+def rasterize(vertices, faces, camera, zbuffer):
     """Draw a mesh in the camera frame into ``zbuffer``, which is cleared to infinity first."""
     rows, cols = zbuffer.shape
     zbuffer[:] = 0.0  # holds inverse depths, which are linear in the image, until the end
     n, m = vertices.shape[0], faces.shape[0]
     image = np.empty((n, 4), np.float32)
     for i in range(n):
-        z = vertices[i, 2]
-        w = 1.0 / z if z > 0.05 else -1.0
-        u = min(max(fx * vertices[i, 0] * w + cx, -1e6), 1e6)
-        v = min(max(fy * vertices[i, 1] * w + cy, -1e6), 1e6)
-        image[i, 0], image[i, 1], image[i, 2] = u, v, w
+        w = 1.0 / vertices[i, 2] if vertices[i, 2] > NEAR_M else -1.0
+        u, v = project_by_inverse(camera, vertices[i, 0], vertices[i, 1], w)
+        image[i, 0], image[i, 1] = min(max(u, -_FAR_PX), _FAR_PX), min(max(v, -_FAR_PX), _FAR_PX)
+        image[i, 2] = w
     # of the faces, those that look here and have a pixel in their box
     front = np.empty(m + 1, np.int32)
     areas = np.empty(m + 1)

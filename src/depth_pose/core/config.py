@@ -159,7 +159,10 @@ class DenoiseConfig(_Checked):
     )
     repulsion: float = option(0.35, "Repulsion weight mu of eq. 3", low=0.0, high=0.499)
     iterations: int = option(
-        1, "Number of steps in all; the first is eqs. 1 and 2, each further one eqs. 3 to 5", low=0, high=20
+        1,
+        "Number of steps in all; the first is eqs. 1 and 2, each further one eqs. 3 to 5, which 1 leaves out",
+        low=0,
+        high=20,
     )
     outlier_distance: float = option(
         0.06, "Drop points whose nearest neighbour is farther than this", unit="m", low=0.01, high=1.0

@@ -14,7 +14,7 @@ from depth_pose.core import _raster_kernels as kernels
 from depth_pose.core.camera import Camera
 from depth_pose.core.rotations import R_CAMERA_FACING_MODEL, quat_to_matrix
 from depth_pose.core.skeleton import BONES, JOINT_NODES
-from depth_pose.evaluate.overlay import bone_colour, project
+from depth_pose.evaluate.overlay import bone_colour
 from depth_pose.evaluate.shading import shade_depth
 
 _PIXELS = 150
@@ -79,8 +79,7 @@ def exemplar_depth(bank: Bank, exemplar: int, view: int) -> tuple[NDArray[np.flo
     root = np.array([0.0, 0.0, DISTANCE_M]) - turn @ bank.view_origins[exemplar, view].astype(np.float64)
     posed = bank.body.pose(turn @ bank.rotations(exemplar), root)
     depth = np.empty((_PIXELS, _PIXELS))
-    c = _CAMERA
-    kernels.rasterize(posed.vertices, bank.body.faces, c.fx, c.fy, c.cx, c.cy, depth)
+    kernels.rasterize(posed.vertices, bank.body.faces, _CAMERA, depth)
     return depth, posed.nodes[JOINT_NODES]
 
 
@@ -97,7 +96,7 @@ def draw_depth(
     """Draw a depth image, (h, w) metres with 0 for nothing, and over it a skeleton, (19, 3), or none."""
     axes.imshow(shade_depth(depth, joints), interpolation="nearest")
     if joints is not None:
-        pixels = project(joints, camera)
+        pixels = camera.project(joints)
         for a, b in sorted(BONES, key=lambda bone: -float(joints[list(bone), 2].sum())):
             axes.plot(*pixels[[a, b]].T, color=bone_colour(b), lw=1.4, solid_capstyle="round")
     axes.set(xlim=(-0.5, depth.shape[1] - 0.5), ylim=(depth.shape[0] - 0.5, -0.5), xticks=[], yticks=[])

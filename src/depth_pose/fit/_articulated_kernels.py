@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from typing import Any, NamedTuple
+
 import numpy as np
 from numba import njit
 
 from depth_pose.body._skin_kernels import skin
+from depth_pose.core._camera_kernels import project, ray
 from depth_pose.core._fast_exp import falling_exp
-from depth_pose.core._raster_kernels import rasterize
-from depth_pose.fit._tree_kernels import add_vertex, assemble, solve_tree, update
+from depth_pose.core._raster_kernels import NEAR_M, rasterize
+from depth_pose.fit._grid_kernels import Grid, bounds, sort_into_cells
+from depth_pose.fit._tree_kernels import Equations, add_vertex, take_step
 from depth_pose.fit._visibility_kernels import mark_visible, turn_normals
 
 _REACH = 2.5
@@ -19,31 +23,41 @@ _LANES = 16
 
 _FAR_AWAY = np.float32(1e6)
 
+_LEAST_MASS = 1e-3
+"""Vertices with fewer points than this pull nothing."""
 
-@njit(cache=True, fastmath=True)
-def sort_into_cells(positions, chosen, low_x, low_y, reach, rows, cols):
-    """Sort the chosen of some positions into square cells, ``reach`` wide, over x and y.
+_THIN = 3
+"""In coarse iterations every third point does: all of the person still shows; set by hand, not swept."""
 
-    Returns their numbers in the order of the cells, and where each cell starts (rows * cols + 1).
-    Those that lie off the grid are left out.
-    """
-    start = np.zeros(rows * cols + 1, np.int32)
-    cell = np.full(positions.shape[0], -1, np.int32)
-    for i in range(positions.shape[0]):
-        if chosen[i]:
-            row, col = (positions[i, 1] - low_y) / reach, (positions[i, 0] - low_x) / reach
-            if row >= 0.0 and col >= 0.0 and row < rows and col < cols:
-                cell[i] = int(row) * cols + int(col)
-                start[cell[i] + 1] += 1
-    for k in range(rows * cols):
-        start[k + 1] += start[k]
-    fill = start[:-1].copy()
-    order = np.empty(start[-1], np.int32)
-    for i in range(positions.shape[0]):
-        if cell[i] >= 0:
-            order[fill[cell[i]]] = i
-            fill[cell[i]] += 1
-    return order, start
+USUAL_POINTS = 800.0
+"""Number of points for which the weights are given (`FitConfig.max_points`); they go in proportion."""
+
+_BEHIND_M = 0.05
+"""A vertex is seen if it lies at most this far behind the rendered depth, metres; set by hand, not swept."""
+
+
+class Settings(NamedTuple):
+    """Numbers of `depth_pose.core.config.FitConfig` under their names; ``root_prior`` is 0."""
+
+    coarse_sigma: float
+    outlier: float
+    plane_weight: float
+    point_weight: float
+    free_space_weight: float
+    free_space_slack: float
+    free_space_limit: float
+    prior: float
+    root_prior: float
+    damping: float
+    max_step: float
+
+
+class Surface(NamedTuple):
+    """A posed skin: vertices and normals (V, 3), and the node that moves each vertex most, (V,)."""
+
+    vertices: Any
+    normals: Any
+    segment: Any
 
 
 @njit(cache=True, fastmath=True)
@@ -58,19 +72,16 @@ def assign(points, stride, vertices, visible, sigma, outlier, mass, pull):
     mass[:] = 0.0
     pull[:] = 0.0
     reach = _REACH * sigma
-    low_x, low_y, high_x, high_y = np.inf, np.inf, -np.inf, -np.inf
-    for i in range(vertices.shape[0]):
-        if visible[i]:
-            low_x, high_x = min(low_x, vertices[i, 0]), max(high_x, vertices[i, 0])
-            low_y, high_y = min(low_y, vertices[i, 1]), max(high_y, vertices[i, 1])
+    low_x, low_y, high_x, high_y = bounds(vertices, visible)
     if high_x < low_x:
         return
     low_x, low_y = low_x - reach, low_y - reach
     rows, cols = int((high_y - low_y) / reach) + 2, int((high_x - low_x) / reach) + 2
-    order, start = sort_into_cells(vertices, visible, low_x, low_y, reach, rows, cols)
+    grid = Grid(low_x, low_y, reach, rows, cols)
+    order, start = sort_into_cells(vertices, visible, grid)
     used = np.zeros(points.shape[0], np.bool_)
     used[::stride] = True
-    point_order, point_start = sort_into_cells(points, used, low_x, low_y, reach, rows, cols)
+    point_order, point_start = sort_into_cells(points, used, grid)
 
     room = order.shape[0] + _LANES
     vx, vy, vz, p = (np.empty(room, np.float32), np.empty(room, np.float32), np.empty(room, np.float32),
@@ -122,35 +133,36 @@ def assign(points, stride, vertices, visible, sigma, outlier, mass, pull):
 
 
 @njit(cache=True, fastmath=True)
-def add_points(vertices, normals, mass, pull, segment, origin, plane_weight, point_weight, inertia, force):
+def add_points(surface, mass, pull, origin, settings, equations):
     """M-step data term: pull every vertex to its mean point, along its normal and in all."""
+    vertices, normals = surface.vertices, surface.normals
     metric = np.empty((3, 3))
     r = np.empty(3)
     for i in range(vertices.shape[0]):
-        if mass[i] < 1e-3:
+        if mass[i] < _LEAST_MASS:
             continue
         for a in range(3):
             r[a] = pull[i, a] / mass[i]
             for b in range(3):
-                metric[a, b] = mass[i] * plane_weight * normals[i, a] * normals[i, b]
-            metric[a, a] += mass[i] * point_weight
-        n = segment[i]
-        add_vertex(vertices[i], origin, metric, r, inertia[n], force[n])
+                metric[a, b] = mass[i] * settings.plane_weight * normals[i, a] * normals[i, b]
+            metric[a, a] += mass[i] * settings.point_weight
+        add_vertex(vertices[i], origin, metric, r, equations, surface.segment[i])
 
 
 @njit(cache=True, fastmath=True)
-def add_free_space(
-    vertices, depth, labels, nearest, fx, fy, cx, cy, segment, origin, weight, slack, limit, inertia, force
-):
+def add_free_space(surface, observed, nearest, origin, weight, settings, equations):
     """Pull vertices that lie beside the silhouette into it, and those before the surface behind it."""
+    vertices, depth, labels, camera = surface.vertices, observed.depth, observed.labels, observed.camera
+    slack, limit = settings.free_space_slack, settings.free_space_limit
     rows, cols = depth.shape
     metric = np.zeros((3, 3))
     r = np.zeros(3)
     for i in range(0, vertices.shape[0], 2):  # every second one will do
         x, y, z = vertices[i, 0], vertices[i, 1], vertices[i, 2]
-        if z < 0.05:
+        if z < NEAR_M:
             continue
-        a, b = int(np.rint(fy * y / z + cy)), int(np.rint(fx * x / z + cx))
+        u, v = project(camera, x, y, z)
+        a, b = int(np.rint(v)), int(np.rint(u))
         if a < 0 or b < 0 or a >= rows or b >= cols:
             continue
         if labels[a, b] == 1:
@@ -160,97 +172,40 @@ def add_free_space(
             r[0], r[1], r[2] = 0.0, 0.0, min(gap, limit)
             metric[0, 0], metric[1, 1], metric[2, 2] = 0.0, 0.0, weight
         elif labels[a, b] == 0:
-            r[0] = (nearest[a, b, 1] - cx) / fx * z - x
-            r[1] = (nearest[a, b, 0] - cy) / fy * z - y
-            r[2] = 0.0
+            to_x, to_y = ray(camera, nearest[a, b, 1], nearest[a, b, 0])
+            r[0], r[1], r[2] = to_x * z - x, to_y * z - y, 0.0
             far = np.sqrt(r[0] * r[0] + r[1] * r[1])
             if far > limit:
                 r[0], r[1] = r[0] * limit / far, r[1] * limit / far
             metric[0, 0], metric[1, 1], metric[2, 2] = weight, weight, 0.0
         else:
             continue
-        n = segment[i]
-        add_vertex(vertices[i], origin, metric, r, inertia[n], force[n])
+        add_vertex(vertices[i], origin, metric, r, equations, surface.segment[i])
 
 
 @njit(cache=True)
-def fit(
-    points,
-    strides,
-    sigmas,
-    depth,
-    labels,
-    nearest,
-    intrinsics,
-    zbuffer,
-    coarse_intrinsics,
-    rest,
-    rest_normals,
-    faces,
-    influence,
-    weight,
-    rest_nodes,
-    parents,
-    free,
-    above,
-    stiffness,
-    scale,
-    settings,
-    rotations,
-    root,
-):
-    """Run all iterations; ``rotations`` and ``root`` go in as the start and come out as the fit."""
-    outlier, plane_weight, point_weight, free_weight, slack, limit, prior, damping, max_step = settings
-    fx, fy, cx, cy = intrinsics
-    gx, gy, hx, hy = coarse_intrinsics
-    count = rest.shape[0]
-    vertices, normals, pull = np.empty((count, 3)), np.empty((count, 3)), np.empty((count, 3))
-    nodes, mass, visible = np.empty((parents.shape[0], 3)), np.empty(count), np.empty(count, np.bool_)
-    size = 3 + 3 * stiffness.shape[0]
-    segment, inertia, force = influence[:, 0], np.empty((nodes.shape[0], 6, 6)), np.empty((nodes.shape[0], 6))
-    matrix, gradient, moved = np.empty((size, size)), np.empty(size), np.zeros(size)
+def fit(target, body, settings, sigmas, scale, rotations, root):
+    """Run an iteration a sigma; ``rotations`` and ``root`` go in as the start and come out as the fit."""
+    coarse, count = target.coarse, body.normals.shape[0]
+    surface = Surface(np.empty((count, 3)), np.empty((count, 3)), body.skin.influence[:, 0])
+    nodes, zbuffer = np.empty(body.skin.nodes.shape), np.empty(coarse.depth.shape)
+    mass, pull, visible = np.empty(count), np.empty((count, 3)), np.empty(count, np.bool_)
+    equations = Equations(np.empty((nodes.shape[0], 6, 6)), np.empty((nodes.shape[0], 6)))
+    moved = np.zeros(body.above.shape[0])
     for k in range(sigmas.shape[0]):
-        skin(rest, rest_nodes, parents, influence, weight, rotations, root, scale, vertices, nodes)
-        turn_normals(rest_normals, influence, rotations, normals)
-        rasterize(vertices, faces, gx, gy, hx, hy, zbuffer)
-        mark_visible(vertices, normals, zbuffer, gx, gy, hx, hy, 0.05, visible)
-        if strides[k] > 1:  # half of the vertices will do for a part of the points
+        stride = _THIN if sigmas[k] > settings.coarse_sigma else 1
+        skin(body.skin, rotations, root, scale, surface.vertices, nodes)
+        turn_normals(body.normals, body.skin.influence, rotations, surface.normals)
+        rasterize(surface.vertices, body.skin.faces, coarse.camera, zbuffer)
+        mark_visible(surface.vertices, surface.normals, zbuffer, coarse.camera, _BEHIND_M, visible)
+        if stride > 1:  # half of the vertices will do for a part of the points
             visible[k % 2 :: 2] = False
-        assign(points, strides[k], vertices, visible, sigmas[k], outlier, mass, pull)
-        inertia[:] = 0.0
-        force[:] = 0.0
-        matrix[:] = 0.0
-        add_points(vertices, normals, mass, pull, segment, root, plane_weight, point_weight, inertia, force)
+        assign(target.points, stride, surface.vertices, visible, sigmas[k], settings.outlier, mass, pull)
+        equations.inertia[:] = 0.0
+        equations.force[:] = 0.0
+        add_points(surface, mass, pull, root, settings, equations)
         # all other terms are in proportion to the number of points
-        amount = points.shape[0] / strides[k] / 800.0
-        add_free_space(
-            vertices,
-            depth,
-            labels,
-            nearest,
-            fx,
-            fy,
-            cx,
-            cy,
-            segment,
-            root,
-            2.0 * free_weight * amount,
-            slack,
-            limit,
-            inertia,
-            force,
-        )
-        assemble(inertia, force, nodes, root, parents, free, matrix, gradient)
-        for i in range(size):
-            matrix[i, i] += 1e-6 + damping * amount
-            if i >= 3:
-                hold = prior * amount * stiffness[(i - 3) // 3]
-                matrix[i, i] += hold
-                gradient[i] -= hold * moved[i]
-        solve_tree(matrix, above, gradient)
-        most = np.abs(gradient[3:]).max()
-        if most > max_step:
-            gradient *= max_step / most
-        update(gradient, free, parents, rotations)
-        root += gradient[:3]
-        moved += gradient
+        amount = target.points.shape[0] / stride / USUAL_POINTS
+        weight = 2.0 * settings.free_space_weight * amount
+        add_free_space(surface, target.full, target.nearest, root, weight, settings, equations)
+        take_step(equations, body, settings, amount, nodes, moved, rotations, root)

@@ -7,10 +7,35 @@ dense accumulator.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
+
+
+class Matrix(NamedTuple):
+    """A symmetric matrix in full, by columns: where each begins in ``rows`` (ascending) and ``values``."""
+
+    first: Any
+    rows: Any
+    values: Any
+
+
+class Pattern(NamedTuple):
+    """Where a factor has entries below the diagonal: by rows, by columns, and where a row's lie in these."""
+
+    row_first: Any
+    row_cols: Any
+    place: Any
+    col_first: Any
+    col_rows: Any
+
+
+class Factor(NamedTuple):
+    """A Cholesky factor: the entries below the diagonal, by columns, and the diagonal."""
+
+    lower: Any
+    diagonal: Any
 
 
 @njit(cache=True)
@@ -85,11 +110,12 @@ def columns_of_rows(row_first: Any, row_cols: Any) -> Any:
 
 
 @njit(cache=True, fastmath=True)
-def factorise(
-    first: Any, rows: Any, values: Any, extra: Any, row_first: Any, row_cols: Any, place: Any,
-    col_first: Any, col_rows: Any, lower: Any, diagonal: Any,
-) -> None:  # fmt: skip
-    """Factor ``A + diag(extra)``: ``lower`` the entries below the diagonal, by columns."""
+def factorise(matrix: Any, extra: Any, pattern: Any, factor: Any) -> None:
+    """Factor ``A + diag(extra)`` of a `Matrix` into a `Factor` of a known `Pattern`."""
+    first, rows, values = matrix.first, matrix.rows, matrix.values
+    row_first, row_cols, place = pattern.row_first, pattern.row_cols, pattern.place
+    col_first, col_rows = pattern.col_first, pattern.col_rows
+    lower, diagonal = factor.lower, factor.diagonal
     n = first.shape[0] - 1
     column = np.zeros(n)
     for k in range(n):
@@ -114,8 +140,10 @@ def factorise(
 
 
 @njit(cache=True, fastmath=True)
-def substitute(col_first: Any, col_rows: Any, lower: Any, diagonal: Any, right: Any) -> None:
+def substitute(pattern: Any, factor: Any, right: Any) -> None:
     """Solve for three right-hand sides, (n, 3), in place."""
+    col_first, col_rows = pattern.col_first, pattern.col_rows
+    lower, diagonal = factor.lower, factor.diagonal
     n = diagonal.shape[0]
     for k in range(n):
         a, b, c = right[k, 0] / diagonal[k], right[k, 1] / diagonal[k], right[k, 2] / diagonal[k]

@@ -2,108 +2,78 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
 
-CUT = 16.0
-"""Gaussians are cut where their exponent falls below -16, that is 5.7 sigma away (1e-7)."""
+from depth_pose.core._fast_exp import CUT, gauss
+from depth_pose.fit._grid_kernels import Grid, bounds, sort_into_cells
 
 _CELL_M = 0.04
+"""Least side of a grid's cells, metres; any gives the same result, this is fast."""
+
 _MOST_CELLS = 128
+"""Cells along the longer side of the grid, at most."""
+
+_LEAST_MASS = 1e-8
+"""Source points with fewer target points than this do not count in the M-step."""
+
+_LEAST_EXPLAINED = 1e-3
+"""With fewer target points explained in all, nothing is in reach, and the drift ends."""
+
+_STILL = 1e-3
+"""The drift ends when the variance falls by less than this share in an iteration."""
+
+
+class DriftSettings(NamedTuple):
+    """Settings of `drift`; ``depth_pose.fit.cpd`` says what they are. Variances in square metres."""
+
+    stiffness: float
+    sigma2: float
+    floor2: float
+    cooling: float
+    outlier_factor: float
+    tolerance: float
+    most: int
 
 
 @njit(cache=True, fastmath=True)
 def sort_into_grid(target: Any) -> Any:
     """Sort points by the cells of a grid over x and y, so that a row of cells is one run.
 
-    Returns the sorted points (3, N) float32, the first point of each cell, and the grid's
-    origin, cell size, rows and columns.
+    Returns the sorted points (3, N) float32, the first point of each cell, and the grid.
     """
-    n = target.shape[0]
-    low_x, low_y, high_x, high_y = np.inf, np.inf, -np.inf, -np.inf
-    for i in range(n):
-        low_x, high_x = min(low_x, target[i, 0]), max(high_x, target[i, 0])
-        low_y, high_y = min(low_y, target[i, 1]), max(high_y, target[i, 1])
+    every = np.ones(target.shape[0], np.bool_)
+    low_x, low_y, high_x, high_y = bounds(target, every)
     size = max(_CELL_M, max(high_x - low_x, high_y - low_y) / _MOST_CELLS)
     cols, rows = int((high_x - low_x) / size) + 1, int((high_y - low_y) / size) + 1
-    first = np.zeros(rows * cols + 1, np.int32)
-    cell = np.empty(n, np.int32)
-    for i in range(n):
-        cell[i] = int((target[i, 1] - low_y) / size) * cols + int((target[i, 0] - low_x) / size)
-        first[cell[i] + 1] += 1
-    for k in range(rows * cols):
-        first[k + 1] += first[k]
-    fill = first[:-1].copy()
-    out = np.empty((3, n), np.float32)
-    for i in range(n):
-        j = fill[cell[i]]
-        fill[cell[i]] += 1
+    grid = Grid(low_x, low_y, size, rows, cols)
+    order, first = sort_into_cells(target, every, grid)
+    out = np.empty((3, target.shape[0]), np.float32)
+    for j in range(order.shape[0]):
         for a in range(3):
-            out[a, j] = target[i, a]
-    return out, first, low_x, low_y, size, rows, cols
-
-
-@njit(cache=True, fastmath=True, inline="always")
-def _gauss(squared: Any, inverse: Any) -> Any:
-    """``exp(-squared * inverse)`` cut at `CUT`: a series for a 32nd part of it, squared five times.
-
-    Plain arithmetic, so that the compiler does eight at a time; relative error below 1e-5.
-    """
-    x = squared * inverse
-    t = min(x, np.float32(CUT)) * np.float32(-1.0 / 32.0)
-    one = np.float32(1.0)
-    e = one + t * (
-        one
-        + t
-        * (
-            np.float32(0.5)
-            + t
-            * (
-                np.float32(1.0 / 6.0)
-                + t * (np.float32(1.0 / 24.0) + t * (np.float32(1.0 / 120.0) + t * np.float32(1.0 / 720.0)))
-            )
-        )
-    )
-    e = e * e
-    e = e * e
-    e = e * e
-    e = e * e
-    e = e * e
-    return e if x < np.float32(CUT) else np.float32(0.0)
+            out[a, j] = target[order[j], a]
+    return out, first, grid
 
 
 @njit(cache=True, fastmath=True)
-def _weigh_run(
-    tx: Any,
-    ty: Any,
-    tz: Any,
-    begin: Any,
-    end: Any,
-    x: Any,
-    y: Any,
-    z: Any,
-    inverse: Any,
-    kernel: Any,
-    at: Any,
-    total: Any,
-) -> None:
-    for n in range(end - begin):
-        dx, dy, dz = tx[begin + n] - x, ty[begin + n] - y, tz[begin + n] - z
-        k = _gauss(dx * dx + dy * dy + dz * dz, inverse)
-        kernel[at + n] = k
-        total[begin + n] += k
+def _weigh_run(run: Any, centre: Any, inverse: Any, kernel: Any, total: Any) -> None:
+    (tx, ty, tz), (x, y, z) = run, centre
+    for n in range(tx.shape[0]):
+        dx, dy, dz = tx[n] - x, ty[n] - y, tz[n] - z
+        k = gauss((dx * dx + dy * dy + dz * dz) * inverse)
+        kernel[n] = k
+        total[n] += k
 
 
 @njit(cache=True, fastmath=True)
-def _sum_run(
-    tx: Any, ty: Any, tz: Any, begin: Any, end: Any, x: Any, y: Any, z: Any, kernel: Any, at: Any, share: Any
-) -> Any:
+def _sum_run(run: Any, centre: Any, kernel: Any, share: Any) -> Any:
+    (tx, ty, tz), (x, y, z) = run, centre
     p1 = px = py = pz = p2 = np.float32(0.0)
-    for n in range(end - begin):
-        p = kernel[at + n] * share[begin + n]
-        dx, dy, dz = tx[begin + n] - x, ty[begin + n] - y, tz[begin + n] - z
+    for n in range(tx.shape[0]):
+        p = kernel[n] * share[n]
+        dx, dy, dz = tx[n] - x, ty[n] - y, tz[n] - z
         p1 += p
         px += p * dx
         py += p * dy
@@ -116,12 +86,13 @@ def _sum_run(
 def expect(
     moved: Any, sigma2: Any, outlier: Any, grid: Any, kernel: Any, total: Any, p1: Any, residual: Any
 ) -> Any:
-    """E-step: ``p1[m] = sum_n p_mn``, ``residual[m] = sum_n p_mn (x_n - t_m)``.
+    """E-step of CPD: ``p1[m] = sum_n p_mn``, ``residual[m] = sum_n p_mn (x_n - t_m)``.
 
     Returns ``sum_mn p_mn |x_n - t_m|^2``. ``total`` holds ``sum_n`` of each target's posteriors
     (Pt1) afterwards, in the order of the grid.
     """
-    points, first, low_x, low_y, size, rows, cols = grid
+    points, first, cells = grid
+    low_x, low_y, size, rows, cols = cells
     tx, ty, tz = points[0], points[1], points[2]
     reach = np.sqrt(2.0 * CUT * sigma2)
     inverse = np.float32(0.5 / sigma2)
@@ -133,17 +104,18 @@ def expect(
             bottom = min(rows - 1, int(np.floor((moved[m, 1] + reach - low_y) / size)))
             left = max(0, int(np.floor((moved[m, 0] - reach - low_x) / size)))
             right = min(cols - 1, int(np.floor((moved[m, 0] + reach - low_x) / size)))
-            x, y, z = np.float32(moved[m, 0]), np.float32(moved[m, 1]), np.float32(moved[m, 2])
+            centre = (np.float32(moved[m, 0]), np.float32(moved[m, 1]), np.float32(moved[m, 2]))
             if sweep == 1:
                 p1[m] = residual[m, 0] = residual[m, 1] = residual[m, 2] = 0.0
             if left > right:
                 continue
             for row in range(top, bottom + 1):
                 begin, end = first[row * cols + left], first[row * cols + right + 1]
+                run, weights = (tx[begin:end], ty[begin:end], tz[begin:end]), kernel[at : at + end - begin]
                 if sweep == 0:
-                    _weigh_run(tx, ty, tz, begin, end, x, y, z, inverse, kernel, at, total)
+                    _weigh_run(run, centre, inverse, weights, total[begin:end])
                 else:
-                    s = _sum_run(tx, ty, tz, begin, end, x, y, z, kernel, at, total)
+                    s = _sum_run(run, centre, weights, total[begin:end])
                     p1[m] += s[0]
                     residual[m, 0] += s[1]
                     residual[m, 1] += s[2]
@@ -167,7 +139,7 @@ def _add_normal_equations(basis: Any, p1: Any, residual: Any, shift: Any, matrix
     used = np.empty(p1.shape[0] + 3, np.int64)
     n = 0
     for m in range(p1.shape[0]):
-        if p1[m] > 1e-8:
+        if p1[m] > _LEAST_MASS:
             used[n] = m
             n += 1
             for a in range(3):
@@ -218,21 +190,7 @@ def _solve(matrix: Any, right: Any) -> None:
 
 
 @njit(cache=True)
-def drift(
-    source: Any,
-    target: Any,
-    basis: Any,
-    stiffness: Any,
-    sigma2: Any,
-    floor2: Any,
-    cooling: Any,
-    outlier_factor: Any,
-    tolerance: Any,
-    most: Any,
-    moved: Any,
-    p1: Any,
-    residual: Any,
-) -> Any:
+def drift(source: Any, target: Any, basis: Any, settings: Any, moved: Any, p1: Any, residual: Any) -> Any:
     """Run the whole of coherent point drift.
 
     ``moved``, ``p1``, ``residual`` are written. Returns the last sigma squared, the share of the
@@ -247,16 +205,16 @@ def drift(
     shift = np.zeros(source.shape)
     step = np.empty(3)
     moved[:] = source
-    explained, iterations = 0.0, 0
+    explained, iterations, sigma2 = 0.0, 0, settings.sigma2
     while True:
-        outlier = np.float32(outlier_factor * (2.0 * np.pi * sigma2) ** 1.5)
+        outlier = np.float32(settings.outlier_factor * (2.0 * np.pi * sigma2) ** 1.5)
         squares = expect(moved, sigma2, outlier, grid, kernel, total, p1, residual)
         explained = p1.sum()
-        if iterations == most or explained < 1e-3:
+        if iterations == settings.most or explained < _LEAST_EXPLAINED:
             break
         _add_normal_equations(basis, p1, residual, shift, matrix, right)
         for i in range(count):
-            matrix[i, i] += stiffness * sigma2
+            matrix[i, i] += settings.stiffness * sigma2
         _solve(matrix, right)
         farthest = 0.0
         for m in range(source.shape[0]):
@@ -273,9 +231,9 @@ def drift(
             farthest = max(farthest, size)
         iterations += 1
         last = sigma2
-        sigma2 = min(sigma2 * cooling, max(floor2, squares / (3.0 * explained)))
-        sigma2 = max(sigma2, floor2)
-        if farthest < tolerance * tolerance and last - sigma2 < 1e-3 * last:
+        sigma2 = min(sigma2 * settings.cooling, max(settings.floor2, squares / (3.0 * explained)))
+        sigma2 = max(sigma2, settings.floor2)
+        if farthest < settings.tolerance * settings.tolerance and last - sigma2 < _STILL * last:
             break
     return sigma2, explained / target.shape[0], iterations
 

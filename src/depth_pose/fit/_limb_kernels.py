@@ -2,17 +2,75 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
+
+from depth_pose.core._camera_kernels import project
+
+_OUT = 0.3
+"""What a ball counts, of its area, where nothing tells whether the limb is there: off the image, in
+unknown space, or behind what was seen; set by hand, not swept."""
+
+_NEAR_M = 0.1
+"""A ball nearer to the camera than this counts its whole area."""
+
+
+class Limb(NamedTuple):
+    """A limb's configurations, as balls along it.
+
+    Attributes
+    ----------
+    samples : (L, S, 3) float64
+        Centres in the frame of the segment that it hangs on, metres from that node at scale 1.
+    radii, areas : (S,) float64
+        Metres; square metres of limb seen from the side.
+    """
+
+    samples: NDArray[np.float64]
+    radii: NDArray[np.float64]
+    areas: NDArray[np.float64]
+
+
+class Anchor(NamedTuple):
+    """The segment that a limb hangs on: rotation (3, 3), node (3,), camera frame; and the body's scale."""
+
+    rotation: NDArray[np.float64]
+    origin: NDArray[np.float64]
+    scale: float
+
+
+class LimbSettings(NamedTuple):
+    """Settings of `score_limbs`.
+
+    Attributes
+    ----------
+    tolerance : float
+        Distance at which a point is not covered by a limb at all, and a ball wholly out of place, metres.
+    keep : float
+        What the limb as it is has ahead, pixels.
+    fitting, best : int
+        How many configurations that fit the image best are put against the points; how many of
+        those come back, with the limb as it is in any case.
+    """
+
+    tolerance: float
+    keep: float
+    fitting: int
+    best: int
 
 
 @njit(cache=True, fastmath=True)
-def place_balls(samples, rotation, origin, scale, balls):
+def place_balls(samples, anchor, balls):
     """Put ball centres of the anchor's frame (S, 3) into the camera frame."""
+    rotation, origin = anchor.rotation, anchor.origin
     for s in range(samples.shape[0]):
         x, y, z = samples[s, 0], samples[s, 1], samples[s, 2]
         for a in range(3):
-            balls[s, a] = origin[a] + scale * (rotation[a, 0] * x + rotation[a, 1] * y + rotation[a, 2] * z)
+            along = rotation[a, 0] * x + rotation[a, 1] * y + rotation[a, 2] * z
+            balls[s, a] = origin[a] + anchor.scale * along
 
 
 @njit(cache=True)
@@ -29,31 +87,33 @@ def place_own_balls(rotations, nodes, bones, ends, shares, scale, balls):
 
 
 @njit(cache=True, fastmath=True)
-def misfit(balls, radii, areas, scale, depth, labels, nearest, fx, fy, cx, cy, tolerance):
+def misfit(balls, limb, scale, observed, nearest, tolerance):
     """Pixels that a limb's balls put into free space, behind what was seen, or off the surface."""
+    depth, labels, camera, areas = observed.depth, observed.labels, observed.camera, limb.areas
     rows, cols = depth.shape
     total = 0.0
     for s in range(balls.shape[0]):
         x, y, z = balls[s, 0], balls[s, 1], balls[s, 2]
-        r = scale * radii[s]
-        if z < 0.1:
+        r = scale * limb.radii[s]
+        if z < _NEAR_M:
             total += areas[s]
             continue
-        i, j = int(np.rint(fy * y / z + cy)), int(np.rint(fx * x / z + cx))
-        pixels = areas[s] * (scale * fx / z) * (scale * fy / z)
+        u, v = project(camera, x, y, z)
+        i, j = int(np.rint(v)), int(np.rint(u))
+        pixels = areas[s] * (scale * camera.fx / z) * (scale * camera.fy / z)
         if i < 0 or j < 0 or i >= rows or j >= cols:
-            total += 0.3 * pixels
+            total += _OUT * pixels
         elif labels[i, j] == 0:
-            di, dj = (nearest[i, j, 0] - i) * z / fy, (nearest[i, j, 1] - j) * z / fx
+            di, dj = (nearest[i, j, 0] - i) * z / camera.fy, (nearest[i, j, 1] - j) * z / camera.fx
             total += pixels * min(np.sqrt(di * di + dj * dj) / tolerance, 1.0)
         elif labels[i, j] == 2:
-            total += 0.3 * pixels
+            total += _OUT * pixels
         else:
             gap = depth[i, j] - (z - r)  # positive: the limb would stand before the surface
             if gap > 0.0:
                 total += pixels * min(gap / tolerance, 1.0)
             else:
-                total += pixels * min(-gap / tolerance, 0.3)
+                total += pixels * min(-gap / tolerance, _OUT)
     return total
 
 
@@ -72,23 +132,21 @@ def off_surface(balls, radii, scale, points, tolerance, cover):
 
 
 @njit(cache=True)
-def score_limbs(
-    samples, own, keep, radii, areas, rotation, origin, scale,
-    depth, labels, nearest, fx, fy, cx, cy, points, weight, tolerance, fitting, best,
-):  # fmt: skip
+def score_limbs(limb, own, anchor, observed, nearest, points, weight, settings):
     """Find a limb's configurations that suit the image and the points best.
 
     Parameters
     ----------
-    samples : (L, S, 3)
-        Centres of balls along the limb in the frame of the segment that it hangs on.
-    own, keep : (S, 3), float
-        Balls of the limb as it is, camera frame, which has number L; what it has ahead, pixels.
+    limb : Limb
+    own : (S, 3)
+        Balls of the limb as it is, camera frame, which has number L.
+    anchor : Anchor
+    observed : Observation
+    nearest : (h, w, 2) int32
+        Row and column of the nearest person pixel to every pixel.
     points, weight : (3, P) float32, int
         Observed points that the rest of the body does not explain; each stands for ``weight`` pixels.
-    fitting, best : int
-        How many configurations that fit the image best are put against the points; how many of
-        those come back, with the limb as it is in any case.
+    settings : LimbSettings
 
     Returns
     -------
@@ -96,14 +154,14 @@ def score_limbs(
         Numbers, misfit in pixels, the share to which each point lies off the limb's surface, and
         where its balls are, camera frame.
     """
-    count = samples.shape[0]
+    count, radii, scale, tolerance = limb.samples.shape[0], limb.radii, anchor.scale, settings.tolerance
     balls = np.empty(own.shape)
     cost = np.empty(count + 1)
     for k in range(count):
-        place_balls(samples[k], rotation, origin, scale, balls)
-        cost[k] = misfit(balls, radii, areas, scale, depth, labels, nearest, fx, fy, cx, cy, tolerance)
-    cost[count] = misfit(own, radii, areas, scale, depth, labels, nearest, fx, fy, cx, cy, tolerance) - keep
-    first = _least(cost, fitting)
+        place_balls(limb.samples[k], anchor, balls)
+        cost[k] = misfit(balls, limb, scale, observed, nearest, tolerance)
+    cost[count] = misfit(own, limb, scale, observed, nearest, tolerance) - settings.keep
+    first = _least(cost, settings.fitting)
     cover = np.empty((first.shape[0], points.shape[1]), np.float32)
     centres = np.empty((first.shape[0], own.shape[0], 3))
     total = np.empty(first.shape[0])
@@ -111,10 +169,10 @@ def score_limbs(
         if first[n] == count:
             centres[n] = own
         else:
-            place_balls(samples[first[n]], rotation, origin, scale, centres[n])
+            place_balls(limb.samples[first[n]], anchor, centres[n])
         off_surface(centres[n], radii, scale, points, tolerance, cover[n])
         total[n] = cost[first[n]] + weight * cover[n].sum()
-    last = _least(total, best)
+    last = _least(total, settings.best)
     return first[last], cost[first[last]], cover[last], centres[last]
 
 

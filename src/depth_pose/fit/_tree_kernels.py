@@ -1,41 +1,62 @@
 """Compiled loops for a body that is a tree of segments: its normal equations, their solution, its turns.
 
-`depth_pose.fit.articulated` derives them.
+`depth_pose.fit.articulated` derives them; the fit to a volume takes the same steps.
 """
 
 from __future__ import annotations
 
+from typing import Any, NamedTuple
+
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
+
+from depth_pose.body._skin_kernels import Skin
+from depth_pose.core._rotation_kernels import multiply, rotation_of
+
+_HOLD = 1e-6
+"""Added to the diagonal of the normal equations, so that what no point pulls at has a solution."""
 
 
-@njit(cache=True)
-def rotation_of(w, out):
-    """Rodrigues' formula."""
-    angle2 = w[0] * w[0] + w[1] * w[1] + w[2] * w[2]
-    angle = np.sqrt(angle2)
-    if angle < 1e-8:
-        a, b = 1.0, 0.5
-    else:
-        a, b = np.sin(angle) / angle, (1.0 - np.cos(angle)) / angle2
-    x, y, z = w[0], w[1], w[2]
-    out[0, 0], out[1, 1], out[2, 2] = (
-        1 - b * (y * y + z * z),
-        1 - b * (x * x + z * z),
-        1 - b * (x * x + y * y),
-    )
-    out[0, 1], out[1, 0] = b * x * y - a * z, b * x * y + a * z
-    out[0, 2], out[2, 0] = b * x * z + a * y, b * x * z - a * y
-    out[1, 2], out[2, 1] = b * y * z - a * x, b * y * z + a * x
+class Articulation(NamedTuple):
+    """A body whose pose is fitted (`depth_pose.fit.articulated.articulate` makes it).
+
+    Attributes
+    ----------
+    skin : Skin
+    normals : (V, 3) float64
+        Of the rest vertices, outward.
+    free : (21,) int64
+        Number of each node among those that turn, -1 for those that follow their parent.
+    above : (3 + 3 F,) int64
+        Number of each parameter's next one toward the root, -1 for none: three of the translation,
+        then three of each free node.
+    stiffness : (F,) float64
+        Of each free node toward the start.
+    """
+
+    skin: Skin
+    normals: NDArray[np.float64]
+    free: NDArray[np.int64]
+    above: NDArray[np.int64]
+    stiffness: NDArray[np.float64]
+
+
+class Equations(NamedTuple):
+    """Normal equations of each segment's free rigid motion: (21, 6, 6) and (21, 6) float64."""
+
+    inertia: Any
+    force: Any
 
 
 @njit(cache=True, fastmath=True)
-def add_vertex(v, origin, m, r, inertia, force):
+def add_vertex(v, origin, m, r, equations, segment):
     """Add one vertex to its segment's normal equations for a free motion ``w x (v - origin) + t``.
 
-    ``m`` is a symmetric 3x3 metric, ``r`` the residual; ``inertia`` (6, 6) and ``force`` (6,) take
-    ``J' m J`` and ``J' m r`` with the Jacobian ``J = [-[v - origin]_x, 1]``.
+    ``m`` is a symmetric 3x3 metric, ``r`` the residual; the equations take ``J' m J`` and ``J' m r``
+    with the Jacobian ``J = [-[v - origin]_x, 1]``.
     """
+    inertia, force = equations.inertia[segment], equations.force[segment]
     x, y, z = v[0] - origin[0], v[1] - origin[1], v[2] - origin[2]
     for a in range(3):
         # row a of m J: its first three columns are (row a of m) . [-[v]_x]
@@ -60,13 +81,15 @@ def add_vertex(v, origin, m, r, inertia, force):
 
 
 @njit(cache=True, fastmath=True)
-def assemble(inertia, force, nodes, origin, parents, free, matrix, gradient):
+def assemble(equations, body, nodes, origin, matrix, gradient):
     """Put the normal equations of the joint angles together from those of the free segments.
 
     What moves node k moves all segments below it alike, so their inertias are summed up the tree;
     the block of two nodes is that of the lower one's sum, if one lies above the other, else zero.
-    ``inertia`` and ``force`` are used up.
+    The equations are used up.
     """
+    inertia, force = equations.inertia, equations.force
+    parents, free = body.skin.parents, body.free
     count = parents.shape[0]
     for n in range(count):  # the kernel above fills the lower left block only
         for a in range(3):
@@ -109,16 +132,9 @@ def assemble(inertia, force, nodes, origin, parents, free, matrix, gradient):
 
 
 @njit(cache=True)
-def multiply(a, b, out):
-    """Product of two 3 x 3 matrices; ``out`` is neither of them."""
-    for i in range(3):
-        for j in range(3):
-            out[i, j] = a[i, 0] * b[0, j] + a[i, 1] * b[1, j] + a[i, 2] * b[2, j]
-
-
-@njit(cache=True)
-def update(step, free, parents, rotations):
+def update(step, body, rotations):
     """Turn every node's segment by the steps of its free ancestors, the root's first."""
+    parents, free = body.skin.parents, body.free
     count = rotations.shape[0]
     turn = np.zeros((count, 3, 3))
     own, product = np.empty((3, 3)), np.empty((3, 3))
@@ -166,3 +182,29 @@ def solve_tree(matrix, above, right):
         while i >= 0:
             right[k] -= matrix[k, i] * right[i]
             i = above[i]
+
+
+@njit(cache=True)
+def take_step(equations, body, settings, amount, nodes, moved, rotations, root):
+    """Take one damped Gauss-Newton step: ``rotations`` and ``root`` change, ``moved`` (P,) is their sum.
+
+    ``settings`` has damping, prior and root_prior, which are in proportion to the ``amount`` of data,
+    and max_step, radians.
+    """
+    size = moved.shape[0]
+    matrix, gradient = np.zeros((size, size)), np.empty(size)
+    assemble(equations, body, nodes, root, matrix, gradient)
+    for i in range(size):
+        matrix[i, i] += _HOLD + settings.damping * amount
+        hold = settings.root_prior * amount
+        if i >= 3:
+            hold = settings.prior * amount * body.stiffness[(i - 3) // 3]
+        matrix[i, i] += hold
+        gradient[i] -= hold * moved[i]
+    solve_tree(matrix, body.above, gradient)
+    most = np.abs(gradient[3:]).max()
+    if most > settings.max_step:
+        gradient *= settings.max_step / most
+    update(gradient, body, rotations)
+    root += gradient[:3]
+    moved += gradient

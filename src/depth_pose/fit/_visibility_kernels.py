@@ -5,6 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from depth_pose.core._camera_kernels import project
+from depth_pose.core._raster_kernels import NEAR_M
+
 
 @njit(cache=True, fastmath=True)
 def turn_normals(rest_normals, influence, rotations, normals):
@@ -18,15 +21,16 @@ def turn_normals(rest_normals, influence, rotations, normals):
 
 
 @njit(cache=True, fastmath=True)
-def mark_visible(vertices, normals, zbuffer, fx, fy, cx, cy, tolerance, visible):
+def mark_visible(vertices, normals, zbuffer, camera, tolerance, visible):
     """Which vertices face the camera and lie at most ``tolerance`` behind the rendered depth."""
     rows, cols = zbuffer.shape
     for i in range(vertices.shape[0]):
         x, y, z = vertices[i, 0], vertices[i, 1], vertices[i, 2]
         visible[i] = False
-        if z < 0.05 or normals[i, 0] * x + normals[i, 1] * y + normals[i, 2] * z > 0.0:
+        if z < NEAR_M or normals[i, 0] * x + normals[i, 1] * y + normals[i, 2] * z > 0.0:
             continue
-        a, b = int(np.rint(fy * y / z + cy)), int(np.rint(fx * x / z + cx))
+        u, v = project(camera, x, y, z)
+        a, b = int(np.rint(v)), int(np.rint(u))
         if a < 0 or b < 0 or a >= rows or b >= cols:
             continue
         visible[i] = z <= zbuffer[a, b] + tolerance

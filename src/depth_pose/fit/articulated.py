@@ -25,7 +25,9 @@ mechanisms*, 1982).
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,13 +35,13 @@ from numpy.typing import NDArray
 from depth_pose.bank.bank import Bank
 from depth_pose.body.body import Body
 from depth_pose.body.normals import vertex_normals
-from depth_pose.core.camera import Camera
 from depth_pose.core.config import FitConfig
 from depth_pose.core.rotations import quat_to_matrix
 from depth_pose.core.skeleton import NODE_INDEX, NODE_PARENTS, NODES
 from depth_pose.core.types import Candidate
 from depth_pose.fit import _articulated_kernels as kernels
 from depth_pose.fit import _visibility_kernels as visibility
+from depth_pose.fit._tree_kernels import Articulation
 from depth_pose.fit.rendered_depth import Observation
 
 _STIFFNESS: dict[str, float] = {
@@ -55,7 +57,8 @@ _STIFFNESS: dict[str, float] = {
     "knee": 0.1,
     "ankle": 2.0,
 }
-"""Relative stiffness of each free node toward the start; nodes not named follow their parent."""
+"""Relative stiffness of each free node toward the start; nodes not named follow their parent. Set by hand:
+what a depth image shows poorly (collar bones, hands, feet) is stiff; not swept."""
 
 
 @dataclass(frozen=True)
@@ -76,14 +79,22 @@ class BodyPose:
     scale: float
 
 
+@dataclass(frozen=True)
+class FittedBody:
+    """A pose, and the mesh (V, 3) and nodes (21, 3) found for it, camera frame, metres."""
+
+    pose: BodyPose
+    vertices: NDArray[np.float64]
+    nodes: NDArray[np.float64]
+
+
 def candidate_pose(bank: Bank, candidate: Candidate, scale: float) -> BodyPose:
     """Give the pose of a candidate in the camera frame."""
     rotation = quat_to_matrix(candidate.quat_xyzw)
     return BodyPose(rotation @ bank.rotations(candidate.exemplar), candidate.translation, scale)
 
 
-@dataclass(frozen=True)
-class FitTarget:
+class FitTarget(NamedTuple):
     """What a body is fitted to, prepared once for all fits of a frame.
 
     Attributes
@@ -114,16 +125,9 @@ class ArticulatedFitter:
     def __init__(self, body: Body, config: FitConfig | None = None) -> None:
         self.body = body
         self.config = config or FitConfig()
-        sparse = body.sparse_weights
-        self._influence, self._weight = sparse.nodes, sparse.weights
-        self._normals_rest = vertex_normals(body)
-        self._free, self._stiffness = _free_nodes()
-        self._above = parameters_above(self._free)
-        c = self.config
-        self._settings = (
-            c.outlier, c.plane_weight, c.point_weight, c.free_space_weight, c.free_space_slack,
-            c.free_space_limit, c.prior, c.damping, c.max_step,
-        )  # fmt: skip
+        self._articulation = articulate(body, _STIFFNESS)
+        numbers = {n: float(getattr(self.config, n)) for n in kernels.Settings._fields if n != "root_prior"}
+        self._settings = kernels.Settings(root_prior=0.0, **numbers)
 
     def fit(self, target: FitTarget, start: BodyPose, sigmas: tuple[float, ...] | None = None) -> BodyPose:
         """Fit the body's pose to a cloud.
@@ -139,17 +143,9 @@ class ArticulatedFitter:
         -------
         BodyPose
         """
-        c, body = self.config, self.body
-        levels = np.array(c.sigmas if sigmas is None else sigmas)
+        levels = np.array(self.config.sigmas if sigmas is None else sigmas)
         rotations, root = start.rotations.copy(), start.root.copy()
-        kernels.fit(
-            target.points, np.where(levels > c.coarse_sigma, 3, 1), levels,
-            target.full.depth, target.full.labels, target.nearest, _intrinsics(target.full.camera),
-            np.empty(target.coarse.depth.shape), _intrinsics(target.coarse.camera),
-            body.vertices, self._normals_rest, body.faces, self._influence, self._weight,
-            body.nodes, NODE_PARENTS, self._free, self._above, self._stiffness, start.scale, self._settings,
-            rotations, root,
-        )  # fmt: skip
+        kernels.fit(target, self._articulation, self._settings, levels, start.scale, rotations, root)
         return BodyPose(rotations, root, start.scale)
 
 
@@ -160,36 +156,27 @@ def nearest_person_pixels(observation: Observation) -> NDArray[np.int32]:
     return nearest
 
 
-def _intrinsics(camera: Camera) -> tuple[float, float, float, float]:
-    return camera.fx, camera.fy, camera.cx, camera.cy
-
-
-def _free_nodes() -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Give each node's parameter triple a number, -1 for none, and each triple its stiffness."""
-    free = np.full(len(NODES), -1)
-    stiffness: list[float] = []
-    for name, node in NODE_INDEX.items():
-        kind = name.split("_")[-1]
-        if kind in _STIFFNESS:
-            free[node] = len(stiffness)
-            stiffness.append(_STIFFNESS[kind])
-    return free, np.array(stiffness)
-
-
-def parameters_above(free: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Tell which parameters a fit's normal equations join, for `_tree_kernels.solve_tree`.
+def articulate(body: Body, stiffness: Mapping[str, float]) -> Articulation:
+    """Prepare a body for fits of its pose.
 
     Parameters
     ----------
-    free : (21,) int
-        Number of each node among those that turn, -1 for those that do not.
-
-    Returns
-    -------
-    (3 + 3 F,) int64
-        Number of each parameter's next one toward the root, -1 for none: three of the translation,
-        then three of each free node.
+    body : Body
+    stiffness : mapping
+        Relative stiffness toward the start of each node that turns, by its name without the side.
     """
+    free = np.full(len(NODES), -1)
+    values: list[float] = []
+    for name, node in NODE_INDEX.items():
+        kind = name.split("_")[-1]
+        if kind in stiffness:
+            free[node] = len(values)
+            values.append(stiffness[kind])
+    return Articulation(body.skin, vertex_normals(body), free, _parameters_above(free), np.array(values))
+
+
+def _parameters_above(free: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Find the number of each parameter's next one toward the root (`Articulation.above`)."""
     above = [-1, 0, 1]
     last = np.full(len(free), 2)  # the last parameter of each node, or of the nearest free one above
     for node, parent in enumerate(NODE_PARENTS):

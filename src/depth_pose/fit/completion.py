@@ -2,13 +2,11 @@
 
 The exemplar's visible vertices are registered to the input by coherent point drift
 (`depth_pose.fit.cpd`); their correspondences deform the complete mesh
-(`depth_pose.fit.laplacian`, eq. 7); the joints follow their control vertices
-(`depth_pose.fit.rigid`, eq. 8). What is hidden comes from the exemplar.
+(`depth_pose.fit.laplacian`, Ye et al. eq. 7); the joints follow their control vertices
+(`depth_pose.fit.rigid`, Ye et al. eq. 8). What is hidden comes from the exemplar.
 """
 
 from __future__ import annotations
-
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +18,7 @@ from depth_pose.core.camera import Camera
 from depth_pose.core.config import CompletionConfig, CpdConfig
 from depth_pose.core.skeleton import NODES
 from depth_pose.fit import _visibility_kernels as visibility
-from depth_pose.fit.articulated import BodyPose
+from depth_pose.fit.articulated import BodyPose, FittedBody
 from depth_pose.fit.coherence import geodesic_basis
 from depth_pose.fit.cpd import register
 from depth_pose.fit.laplacian import LaplacianCompleter
@@ -29,15 +27,6 @@ from depth_pose.fit.rigid import JointTransfer
 from depth_pose.fit.skeleton_pose import pose_from_nodes
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class CompletedBody:
-    """A completed mesh (V, 3), its pose, and its nodes (21, 3), camera frame, metres."""
-
-    pose: BodyPose
-    vertices: Array
-    nodes: Array
 
 
 class MeshCompleter:
@@ -54,7 +43,7 @@ class MeshCompleter:
         self._transfer = JointTransfer(body)
         self._normals_rest = vertex_normals(body)
 
-    def fit(self, points: Array, coarse: Observation, start: BodyPose) -> CompletedBody:
+    def fit(self, points: Array, coarse: Observation, start: BodyPose) -> FittedBody:
         """Deform the body, posed at a candidate, to a cloud.
 
         Parameters
@@ -67,7 +56,7 @@ class MeshCompleter:
 
         Returns
         -------
-        CompletedBody
+        FittedBody
         """
         found = self._deform(points, coarse, start)
         for _ in range(1, self.config.passes):
@@ -75,14 +64,14 @@ class MeshCompleter:
             found = self._deform(points, coarse, pose)
         return found
 
-    def _deform(self, points: Array, coarse: Observation, start: BodyPose) -> CompletedBody:
+    def _deform(self, points: Array, coarse: Observation, start: BodyPose) -> FittedBody:
         """Register, complete and carry the joints over, once."""
         c = self.config
         posed = self.body.pose(start.rotations, start.root, start.scale)
         facing = self.visible(posed, start.rotations, coarse)
         visible = np.flatnonzero(facing > 0.0)
         if len(visible) == 0:
-            return CompletedBody(start, posed.vertices, posed.nodes)
+            return FittedBody(start, posed.vertices, posed.nodes)
         if len(visible) > c.max_vertices:
             visible = visible[np.arange(c.max_vertices) * len(visible) // c.max_vertices]
         basis = self._basis[visible] if c.geodesic else None
@@ -93,8 +82,8 @@ class MeshCompleter:
         weights[visible] = c.weight * sure
         return self.complete(start, posed, targets, weights)
 
-    def complete(self, pose: BodyPose, posed: PosedBody, targets: Array, weights: Array) -> CompletedBody:
-        """Deform a posed body to correspondences (eq. 7) and carry its joints over (eq. 8).
+    def complete(self, pose: BodyPose, posed: PosedBody, targets: Array, weights: Array) -> FittedBody:
+        """Deform a posed body to correspondences and carry its joints over (Ye et al. eqs. 7, 8).
 
         Parameters
         ----------
@@ -106,11 +95,11 @@ class MeshCompleter:
 
         Returns
         -------
-        CompletedBody
+        FittedBody
         """
         vertices = self._laplacian.complete(posed.vertices, targets, weights)
         nodes, rotations = self._transfer.transfer(posed.vertices, posed.nodes, pose.rotations, vertices)
-        return CompletedBody(BodyPose(rotations, nodes[0], pose.scale), vertices, nodes)
+        return FittedBody(BodyPose(rotations, nodes[0], pose.scale), vertices, nodes)
 
     def warm_up(self) -> None:
         """Compile every kernel, by fitting the rest pose to itself."""
@@ -132,14 +121,12 @@ class MeshCompleter:
         (V,) float64
             Cosine between the vertex's normal and the ray to it; 0 where it is not seen.
         """
-        camera = coarse.camera
         zbuffer = np.empty(coarse.depth.shape)
         normals = np.empty_like(posed.vertices)
         seen = np.empty(len(posed.vertices), np.bool_)
-        influence = self.body.sparse_weights.nodes
-        view = (camera.fx, camera.fy, camera.cx, camera.cy)
-        _raster_kernels.rasterize(posed.vertices, self.body.faces, *view, zbuffer)
-        visibility.turn_normals(self._normals_rest, influence, rotations, normals)
-        visibility.mark_visible(posed.vertices, normals, zbuffer, *view, self.config.visible_tolerance, seen)
+        _raster_kernels.rasterize(posed.vertices, self.body.faces, coarse.camera, zbuffer)
+        visibility.turn_normals(self._normals_rest, self.body.skin.influence, rotations, normals)
+        tolerance = self.config.visible_tolerance
+        visibility.mark_visible(posed.vertices, normals, zbuffer, coarse.camera, tolerance, seen)
         cosine = -np.einsum("ij,ij->i", normals, posed.vertices) / np.linalg.norm(posed.vertices, axis=1)
         return np.where(seen, cosine, 0.0)

@@ -110,17 +110,20 @@ def register(
     moved, residual = np.empty_like(source), np.empty_like(source)
     p1 = np.empty(len(source))
     w = config.outlier_weight
+    settings = kernels.DriftSettings(
+        stiffness=float(config.stiffness),
+        sigma2=float(config.sigma_start) ** 2,
+        floor2=float(config.sigma_floor) ** 2,
+        cooling=float(config.cooling),
+        outlier_factor=float(w / (1 - w) * len(source) / len(target)),
+        tolerance=float(config.tolerance),
+        most=config.max_iterations,
+    )
     sigma2, explained, iterations = kernels.drift(
         source - origin,
         target - origin,
         np.ascontiguousarray(basis, np.float64),
-        config.stiffness,
-        config.sigma_start**2,
-        config.sigma_floor**2,
-        config.cooling,
-        w / (1 - w) * len(source) / len(target),
-        config.tolerance,
-        config.max_iterations,
+        settings,
         moved,
         p1,
         residual,

@@ -1,4 +1,4 @@
-r"""Laplacian completion: deform a whole mesh by the correspondences of its visible part (eq. 7).
+r"""Laplacian completion: deform a whole mesh by the correspondences of its visible part (Ye et al. eq. 7).
 
 .. math:: \hat M = \arg\min_M \|L M - L M_l\|^2 + \sum_{k \in I} w_k \|m_k - x_k\|^2
 
@@ -57,15 +57,15 @@ class LaplacianCompleter:
         self._order = np.argsort(guess.perm_c)
         ordered = matrix[self._order][:, self._order].tocsc()
         ordered.sort_indices()
-        self._matrix = (ordered.indptr.astype(np.int64), ordered.indices.astype(np.int32), ordered.data)
-        first, rows, _ = self._matrix
+        first, rows = ordered.indptr.astype(np.int64), ordered.indices.astype(np.int32)
+        self._matrix = kernels.Matrix(first, rows, ordered.data)
         row_first, row_cols = kernels.factor_pattern(first, rows, kernels.elimination_tree(first, rows))
         col_first, col_rows, place = kernels.columns_of_rows(row_first, row_cols)
-        self._pattern = (row_first, row_cols, place, col_first, col_rows)
-        self._lower, self._diagonal = np.empty(len(row_cols)), np.empty(n)
+        self._pattern = kernels.Pattern(row_first, row_cols, place, col_first, col_rows)
+        self._factor = kernels.Factor(np.empty(len(row_cols)), np.empty(n))
 
     def complete(self, vertices: Array, targets: Array, weights: Array) -> Array:
-        """Deform a posed mesh toward corresponding points.
+        """Deform a posed mesh toward corresponding points: Ye et al. eq. 7.
 
         Parameters
         ----------
@@ -89,8 +89,8 @@ class LaplacianCompleter:
             )
         w = weights[self._order]
         right = w[:, None] * (targets - vertices)[self._order]
-        kernels.factorise(*self._matrix, w + _HOLD, *self._pattern, self._lower, self._diagonal)
-        kernels.substitute(*self._pattern[3:], self._lower, self._diagonal, right)
+        kernels.factorise(self._matrix, w + _HOLD, self._pattern, self._factor)
+        kernels.substitute(self._pattern, self._factor, right)
         out = np.empty_like(right)
         out[self._order] = right
         return np.asarray(vertices + out)

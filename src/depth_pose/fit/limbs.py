@@ -36,22 +36,28 @@ _LIMBS: tuple[tuple[int, str, tuple[str, ...], tuple[str, ...]], ...] = (
 the bones that are sampled."""
 
 _SHARES = (1 / 3, 2 / 3, 1.0)
-"""Where along a bone its balls lie."""
+"""Where along a bone its balls lie, as shares of its length."""
 
 _CONFIGURATIONS = 800
+"""Configurations of a limb that are kept; set by hand, not swept."""
+
 _POSES = 6000
+"""Poses of the bank, evenly spread, from which they are chosen; set by hand, not swept."""
+
 _EXPLAINED_M = 0.045
+"""Depth difference, metres, below which the body explains a pixel; set by hand, not swept."""
+
 _MOST_POINTS = 24
-_FITTING = 200
-"""Configurations of a limb, those that fit the image best, that are put against the points."""
-_BEST = 24
-_TOLERANCE_M = 0.15
-"""Distance at which a point is not covered by a limb at all, and a ball is wholly out of place."""
-_KEEP_PIXELS = 4.0
-"""Misfit, in pixels of the coarse grid, that an exchange must save for each limb."""
+"""Unexplained points that configurations are put against, so that the time is bounded; not swept."""
+
+_FEWEST_POINTS = 5
+"""With fewer the input shows nothing of the limb."""
+
+_SETTINGS = kernels.LimbSettings(tolerance=0.15, keep=4.0, fitting=200, best=24)
+"""Set by hand, not swept; ``keep`` is in pixels of the coarse grid, for each limb."""
 
 _APART_M = 0.08
-"""Limbs of which no ball is this far from its like are the same."""
+"""Limbs of which no ball is this far from its like are the same, metres; set by hand, not swept."""
 
 
 @dataclass(frozen=True)
@@ -70,10 +76,8 @@ class _LimbPair:
         Nodes at the beginning of its bones, and the bones in the rest pose, metres.
     rotations : (2, L, n, 3, 3)
         ``R_anchor_segment`` of each node's segment.
-    samples : (2, L, S, 3)
-        Ball centres in the anchor's frame, from the anchor node, scale 1, metres.
-    radii, areas : (S,)
-        Of the balls, metres and square metres of limb seen from the side.
+    limbs : tuple of Limb
+        Balls of the left and of the right one.
     faces : (F, 3)
         Faces of the body without both limbs.
     """
@@ -84,9 +88,7 @@ class _LimbPair:
     bones: NDArray[np.int64]
     ends: NDArray[np.float64]
     rotations: NDArray[np.float64]
-    samples: NDArray[np.float64]
-    radii: NDArray[np.float64]
-    areas: NDArray[np.float64]
+    limbs: tuple[kernels.Limb, kernels.Limb]
     faces: NDArray[np.int32]
 
 
@@ -138,23 +140,19 @@ def _exchange(
     if not _in_view(nodes[pair.bones], comparer.observation):
         return []
     points = _unexplained(vertices, pair.faces, comparer)
-    if len(points) < 5:
+    if len(points) < _FEWEST_POINTS:
         return []
     weight = int(np.ceil(len(points) / _MOST_POINTS))  # of each point that is left
     columns = np.ascontiguousarray(points[::weight].T, np.float32)
-    o, c = comparer.observation, comparer.observation.camera
-    now = pair.samples.shape[1]  # number of the limb as it is
+    anchor = kernels.Anchor(pose.rotations[pair.anchor], nodes[pair.anchor], pose.scale)
     scored = []
     for side in range(2):
-        own = np.empty(pair.samples.shape[2:])
+        own = np.empty(pair.limbs[side].samples.shape[1:])
         kernels.place_own_balls(
             pose.rotations, nodes, pair.bones[side], pair.ends[side], _SHARES, pose.scale, own
         )
         scored.append(kernels.score_limbs(
-            pair.samples[side], own, _KEEP_PIXELS, pair.radii, pair.areas,
-            pose.rotations[pair.anchor], nodes[pair.anchor], pose.scale,
-            o.depth, o.labels, nearest, c.fx, c.fy, c.cx, c.cy,
-            columns, weight, _TOLERANCE_M, _FITTING, _BEST,
+            pair.limbs[side], own, anchor, comparer.observation, nearest, columns, weight, _SETTINGS,
         ))  # fmt: skip
     numbers, costs, covers, centres = zip(*scored, strict=True)
     total = kernels.pair_costs(costs[0], covers[0], costs[1], covers[1], weight)
@@ -163,7 +161,7 @@ def _exchange(
         rotations = pose.rotations.copy()
         for side in range(2):
             number = int(numbers[side][rows[side]])
-            if number < now:
+            if number < len(pair.rotations[side]):  # else the limb as it is
                 rotations[pair.nodes[side]] = pose.rotations[pair.anchor] @ pair.rotations[side, number]
         proposals.append(BodyPose(rotations, pose.root, pose.scale))
     return proposals
@@ -171,22 +169,19 @@ def _exchange(
 
 def _in_view(joints: NDArray[np.float64], observed: Observation) -> bool:
     """Tell whether at least half of a pair of limbs' joints (2, m, 3) lie inside the window."""
-    c, (rows, cols) = observed.camera, observed.depth.shape
-    x, y, z = np.moveaxis(joints, -1, 0)
-    u, v = c.fx * x / z + c.cx, c.fy * y / z + c.cy
+    rows, cols = observed.depth.shape
+    u, v = np.moveaxis(observed.camera.project(joints), -1, 0)
     return bool(((u > 0) & (v > 0) & (u < cols) & (v < rows)).mean() >= 0.5)
 
 
 def _unexplained(
     vertices: NDArray[np.float64], faces: NDArray[np.int32], comparer: DepthComparer
-) -> NDArray[np.float64]:
+) -> NDArray[np.float32]:
     """Observed points, shape (P, 3), that a part of the body does not explain."""
     drawn = comparer.render(vertices, faces)
     o = comparer.observation
-    rows, cols = np.nonzero((o.labels == PERSON) & ~(np.abs(drawn - o.depth) < _EXPLAINED_M))
-    z = o.depth[rows, cols].astype(np.float64)
-    c = o.camera
-    return np.stack([(cols - c.cx) / c.fx * z, (rows - c.cy) / c.fy * z, z], axis=1)
+    left = (o.labels == PERSON) & ~(np.abs(drawn - o.depth) < _EXPLAINED_M)
+    return o.camera.back_project(o.depth)[left]
 
 
 def _make_pair(
@@ -220,9 +215,7 @@ def _make_pair(
         bones=np.stack([bones, MIRROR_NODES[bones]]),
         ends=np.stack([ends, ends * flip]),
         rotations=np.stack([local, flip[:, None] * local * flip]),
-        samples=np.stack([samples, samples * flip]),
-        radii=radii,
-        areas=areas,
+        limbs=(kernels.Limb(samples, radii, areas), kernels.Limb(samples * flip, radii, areas)),
         faces=_without(body, np.concatenate(side)),
     )
 

@@ -9,6 +9,7 @@ failures.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,9 +18,8 @@ from depth_pose.core import _raster_kernels as kernels
 from depth_pose.core.camera import Camera
 
 
-@dataclass(frozen=True)
-class Observation:
-    """What is known of the person on a pixel grid, cut to a window around them.
+class Observation(NamedTuple):
+    """What is known of the person on a pixel grid, cut to a window around them, as kernels take it.
 
     Attributes
     ----------
@@ -85,8 +85,7 @@ class DepthComparer:
 
     def render(self, vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> NDArray[np.float64]:
         """Depth of a mesh in the camera frame, shape (h, w), infinite where there is none."""
-        c = self.observation.camera
-        kernels.rasterize(vertices, faces, c.fx, c.fy, c.cx, c.cy, self.zbuffer)
+        kernels.rasterize(vertices, faces, self.observation.camera, self.zbuffer)
         return self.zbuffer
 
     def compare(self, vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> Comparison:

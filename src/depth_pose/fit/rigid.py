@@ -1,4 +1,4 @@
-r"""Least-squares rigid transforms, and joints carried by control vertices (eq. 8).
+r"""Least-squares rigid transforms, and joints carried by control vertices (Ye et al. eq. 8).
 
 The transform that minimises :math:`\sum_i w_i \|R q_i + t - \hat q_i\|^2` is found from the singular
 value decomposition of the weighted covariance (W. Kabsch, Acta Cryst. A 32, 1976; S. Umeyama, IEEE
@@ -22,7 +22,11 @@ Array = NDArray[np.float64]
 _REACH = {"pelvis": 0.11, "spine": 0.10, "chest": 0.11, "neck": 0.07, "head": 0.08, "clavicle": 0.08,
           "shoulder": 0.07, "elbow": 0.05, "wrist": 0.045, "hip": 0.09, "knee": 0.065, "ankle": 0.05,
           "foot": 0.04}  # fmt: skip
-"""Width of the Gaussian that gathers a joint's control vertices, metres on a body of 1.75 m."""
+"""Width of the Gaussian that gathers a joint's control vertices, metres on a body of 1.75 m; set by hand
+to about the limb's half width, not swept."""
+
+_TAIL = 0.05
+"""Control vertices that weigh less than this share of the heaviest are left out, for speed."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +42,7 @@ class RigidTransform:
 
 
 def fit_rigid(source: Array, target: Array, weights: Array) -> RigidTransform:
-    """Find the rigid transforms that carry source points onto target points best.
+    """Find the rigid transforms that carry source points onto target points best: Ye et al. eq. 8.
 
     Parameters
     ----------
@@ -86,7 +90,7 @@ class JointTransfer:
         self._place, self._segment = _trim(near), _trim(segment.T)
 
     def transfer(self, posed: Array, nodes: Array, rotations: Array, deformed: Array) -> tuple[Array, Array]:
-        """Carry nodes and segment rotations over.
+        """Carry nodes and segment rotations over (Ye et al. eq. 8).
 
         Parameters
         ----------
@@ -108,5 +112,5 @@ class JointTransfer:
 
 
 def _trim(weights: Array) -> Array:
-    """Drop the tails: weights below a twentieth of the greatest become 0."""
-    return np.where(weights < 0.05 * weights.max(axis=1, keepdims=True), 0.0, weights)
+    """Drop the tails: weights below a share of the greatest become 0."""
+    return np.where(weights < _TAIL * weights.max(axis=1, keepdims=True), 0.0, weights)

@@ -2,8 +2,8 @@
 
 The cloud of frame t-1 is registered to that of frame t by coherent point drift; each vertex of the
 last mesh that was seen corresponds to the points of frame t-1 around it and goes where they went;
-the rest of the mesh follows by Laplacian completion (eq. 7), and the joints by their control
-vertices (eq. 8).
+the rest of the mesh follows by Laplacian completion (Ye et al. eq. 7), and the joints by their control
+vertices (Ye et al. eq. 8).
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from depth_pose.core.config import CpdConfig, TemporalConfig
 from depth_pose.fit import _cpd_kernels as kernels
-from depth_pose.fit.articulated import BodyPose
-from depth_pose.fit.completion import CompletedBody, MeshCompleter
+from depth_pose.fit.articulated import BodyPose, FittedBody
+from depth_pose.fit.completion import MeshCompleter
 from depth_pose.fit.cpd import register
 from depth_pose.fit.rendered_depth import Observation
 
@@ -33,7 +33,7 @@ class TemporalCarrier:
         self.config = config or TemporalConfig()
         self._cpd = replace(cpd or CpdConfig(), beta=self.config.beta, stiffness=self.config.stiffness)
 
-    def carry(self, before: Array, now: Array, coarse_before: Observation, pose: BodyPose) -> CompletedBody:
+    def carry(self, before: Array, now: Array, coarse_before: Observation, pose: BodyPose) -> FittedBody:
         """Carry a body over.
 
         Parameters
@@ -47,7 +47,7 @@ class TemporalCarrier:
 
         Returns
         -------
-        CompletedBody
+        FittedBody
             The body at t; unchanged where nothing was seen of it.
         """
         c, body = self.config, self._completer.body

@@ -11,18 +11,9 @@ from numpy.typing import NDArray
 
 from depth_pose.body.body import Body
 from depth_pose.core.config import FittingConfig
-from depth_pose.fit.articulated import ArticulatedFitter, BodyPose, FitTarget
+from depth_pose.fit.articulated import ArticulatedFitter, BodyPose, FitTarget, FittedBody
 from depth_pose.fit.completion import MeshCompleter
 from depth_pose.people.person import Person, thin
-
-
-@dataclass(frozen=True)
-class FittedBody:
-    """A pose, and the mesh (V, 3) and nodes (21, 3) found for it, camera frame, metres."""
-
-    pose: BodyPose
-    vertices: NDArray[np.float64]
-    nodes: NDArray[np.float64]
 
 
 class FrameFitter(Protocol):
@@ -88,8 +79,7 @@ class _CompletionFrame:
         return FittedBody(start, posed.vertices, posed.nodes)
 
     def rough(self, start: BodyPose) -> FittedBody:
-        found = self.completer.fit(self.points, self.view.coarse, start)
-        return FittedBody(found.pose, found.vertices, found.nodes)
+        return self.completer.fit(self.points, self.view.coarse, start)
 
     def finish(self, fitted: FittedBody) -> FittedBody:
         return fitted

@@ -23,14 +23,14 @@ from depth_pose.core.errors import BankError
 from depth_pose.core.rotations import matrix_to_quat
 from depth_pose.core.skeleton import JOINT_NODES, Source
 from depth_pose.core.types import Candidate, Fitted, PoseMatch, Skeleton
-from depth_pose.fit.articulated import BodyPose, candidate_pose
+from depth_pose.fit.articulated import BodyPose, FittedBody, candidate_pose
 from depth_pose.fit.limbs import LimbSearch
 from depth_pose.fit.rendered_depth import Comparison, DepthComparer
 from depth_pose.fit.skeleton_pose import pose_from_skeleton
 from depth_pose.people.memory import PerPerson
 from depth_pose.people.person import People, Person
 from depth_pose.steps.confidence import report_joints, skeleton_confidence
-from depth_pose.steps.fitters import FITTERS, FittedBody
+from depth_pose.steps.fitters import FITTERS
 from depth_pose.steps.warm_up import sample_people
 
 _ROUGH = 2

@@ -21,6 +21,7 @@ SCALES = 0.6 * 1.04 ** np.arange(18)
 """Sizes that are tried: statures from 1.05 m to 2.05 m for a body of 1.75 m."""
 
 _MOST_STEPS = 5
+"""Steps of 4 % from the first guess, at most: so that the first frame does not take long."""
 
 
 class ScaleFinder:

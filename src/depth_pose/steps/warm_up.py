@@ -19,8 +19,7 @@ def sample_people(bank: Bank) -> People:
     facing = np.diag([1.0, -1.0, -1.0])  # model frame to camera frame
     posed = bank.body.pose(facing @ bank.rotations(0), np.array([0.0, 0.0, _DISTANCE_M]))
     zbuffer = np.empty((_CAMERA.height, _CAMERA.width))
-    intrinsics = (_CAMERA.fx, _CAMERA.fy, _CAMERA.cx, _CAMERA.cy)
-    kernels.rasterize(posed.vertices, bank.body.faces, *intrinsics, zbuffer)
+    kernels.rasterize(posed.vertices, bank.body.faces, _CAMERA, zbuffer)
     depth = np.where(np.isfinite(zbuffer), zbuffer, 0.0).astype(np.float32)
     labels = np.where(depth > 0, PERSON, BACKGROUND).astype(np.uint8)
     found = FoundPerson(PERSON, "sample", 1.0, np.zeros((0, 3), np.float32), np.zeros(0, np.float32))

@@ -110,7 +110,7 @@ class VolumePoseTracker:
         self._size = StatureFinder(model, self.config)
         self._body = make_body()
         self._fitter = VolumeFitter(self._body, model.trust, self._config.fit)
-        self._joint_trust = _joint_trust(self._body.sparse_weights.nodes[:, 0], model.trust)
+        self._joint_trust = _joint_trust(self._body.skin.influence[:, 0], model.trust)
         self.reset()
 
     def reset(self) -> None:

@@ -28,7 +28,7 @@ def learn_trust(performances: Sequence[Performance]) -> Array:
     """Trust (V,) of each vertex of the reference body, 1 where it is always near the surface."""
     template = make_body(BodyShape())
     normals = vertex_normals(template)
-    strongest = template.sparse_weights.nodes[:, 0]
+    strongest = template.skin.influence[:, 0]
     total = count = np.zeros(len(template.vertices))
     for p in performances:
         scale = p.stature / template.stature
