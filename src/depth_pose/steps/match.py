@@ -144,8 +144,8 @@ class Matcher:
         return self.config.scale > 0.0 or finder.frames >= self.config.scale_frames
 
     def _await_whole(self, person: Person, size: _Size) -> None:
-        """Find the size of a person who comes in from the side anew, as more is seen of them."""
-        if person.is_cut_beside:
+        """Find the size of a person of whom a part is cut off or hidden anew, as more is seen of them."""
+        if person.is_cut_beside or person.is_cut_below:
             size.is_partial = size.is_partial or not self._is_known(size.finder)
             shown = len(person.points) * float(np.median(person.points[:, 2])) ** 2
             if size.is_partial and shown > _MORE * size.shown:
