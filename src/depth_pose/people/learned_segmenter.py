@@ -10,18 +10,25 @@ from depth_pose.core.config import SegmentConfig
 from depth_pose.core.types import BACKGROUND, HIDDEN, DepthFrame
 from depth_pose.people import _segment_kernels as kernels
 from depth_pose.people.finder import PeopleFinder
+from depth_pose.people.planes import PlaneFinder
 from depth_pose.people.segmentation import Segmentation, Sighting
 
 
 class LearnedSegmenter:
-    """Finds everybody by `depth_pose.people.finder`; keeps nothing from frame to frame."""
+    """Finds everybody by `depth_pose.people.finder`; remembers the room's large planes.
+
+    What the net says is completed along surfaces: hands and feet that it missed go on from somebody's
+    surface once floor and walls are taken out.
+    """
 
     def __init__(self, config: SegmentConfig) -> None:
         self.config = config
         self._finder = PeopleFinder(config)
+        self._planes = PlaneFinder()
 
     def reset(self) -> None:
-        """Forget nothing: nothing is kept."""
+        """Forget the room."""
+        self._planes.reset()
 
     def warm_up(self) -> None:
         """Compile every kernel, and load the net."""
@@ -56,6 +63,8 @@ class LearnedSegmenter:
         """Drop flying pixels, and mark what is nearer than the people beside it, or did not return."""
         jump = self.config.depth_jump
         labels = people.copy()
+        planes = self._planes.mark(camera.back_project(depth), camera)
+        kernels.attach_limbs(np.where(planes & (people == 0), np.float32(0), depth), labels, camera, jump, _LIMB_M2)
         for label in range(1, int(people.max()) + 1):
             own = people == label
             kept = kernels.filter_support(depth, own, jump, self.config.min_support)
@@ -66,6 +75,9 @@ class LearnedSegmenter:
         kernels.mark_nearer(depth, labels, camera, jump)
         return labels
 
+
+_LIMB_M2 = 0.15
+"""Most that the net misses of a person, square metres: an arm and a half, seen from the side."""
 
 _CUT_AWAY = 0.5
 """Where more of an image is missing than this share, the background was cut away: it is free space."""
