@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from _sample_kernels import cell_labels, fill_joint_offsets, fill_offsets, reduce_scene
+from _sample_kernels import cell_labels, drape, fill_joint_offsets, fill_offsets, reduce_scene
 from numpy.typing import NDArray
 
 from depth_pose.people._finder_kernels import CHANNELS, COLS, ROWS, choose_cells, fill_features
@@ -180,6 +180,11 @@ def spoil(
 ) -> None:
     """Cut away the background, put things in front, make holes and noise: each now and then."""
     view = grid[:rows, :cols]
+    if rng.random() < 0.15:  # a blanket or cloak over somebody
+        for person in np.unique(labels)[1:]:
+            if rng.random() < 0.6:
+                hang, smooth = int(rng.integers(1, 3)), int(rng.integers(1, 8))
+                drape(grid, labels, person, rng.uniform(0.35, 1.0), hang, smooth, rows, cols)
     if rng.random() < 0.08 and labels.any():  # recordings with nothing but people
         view[labels[:rows, :cols] == 0] = 0
     elif rng.random() < 0.06:  # a short-sighted sensor
