@@ -156,15 +156,17 @@ def assign_votes(flat, votes, modes, reach, labels, owner):
 
 
 @njit(cache=True)
-def gather_joints(grid, labels, cells, votes, fx, fy, cx, cy, joints, width, spread):
+def gather_joints(grid, labels, cells, votes, fx, fy, cx, cy, joints, width, spread, behind):
     """Where each cluster's cells see its joints.
 
-    ``votes`` (4 J, h, w): offsets, then logarithms of their errors. A joint is the mean of the votes
+    ``votes`` (4 J + 1, h, w): offsets, logarithms of their errors, logit of being seen from behind. A joint is the mean of the votes
     weighed by one over their squared error, taken again with those off the mean weighing less.
     Gives ``joints`` (P, J, 3), their mean error ``width`` (P, J) and the ``spread`` (P, J) of the
-    votes, metres.
+    votes, metres, and the probability (P,) that the person is seen from ``behind``.
     """
     count, n = joints.shape[:2]
+    cast = np.zeros(count)
+    behind[:] = 0.0
     total = np.zeros((count, n))
     first = np.zeros((count, n, 3))
     for turn in range(2):
@@ -181,6 +183,9 @@ def gather_joints(grid, labels, cells, votes, fx, fy, cx, cy, joints, width, spr
                     continue
                 z = grid[a, b]
                 x, y = (b - cx) / fx * z, (a - cy) / fy * z
+                if turn == 0:
+                    behind[p] += votes[4 * n, i, j]
+                    cast[p] += 1.0
                 for m in range(n):
                     u = x + votes[3 * m, i, j]
                     v = y + votes[3 * m + 1, i, j]
@@ -208,6 +213,8 @@ def gather_joints(grid, labels, cells, votes, fx, fy, cx, cy, joints, width, spr
                 else:
                     width[p, m], spread[p, m] = 2.0, 2.0
         first[:] = joints
+    for p in range(count):
+        behind[p] = 1.0 / (1.0 + np.exp(-behind[p] / max(cast[p], 1.0)))
 
 
 @njit(cache=True)

@@ -40,6 +40,11 @@ _PARTS = tuple(
     for name in ("pelvis", "neck", "head", "left_shoulder", "right_shoulder", "left_hip", "right_hip")
 )
 
+_MIRROR = [
+    FINDER_JOINTS.index(n.replace("left", "?").replace("right", "left").replace("?", "right"))
+    for n in FINDER_JOINTS
+]
+
 _NEAR_M, _FAR_M = 0.2, 12.0
 """What the net was trained to look at."""
 
@@ -111,7 +116,10 @@ class FoundPerson:
     joints : (19, 3) float64
         Where the joints of `FINDER_JOINTS` seem to be, hidden ones too, camera frame, metres.
     joint_confidence : (19,) float32
-        0 to 1; one half where the error is about 0.1 m.
+        0 to 1; one half where the error is about 0.1 m. It does not speak of left and right.
+    from_behind : float
+        Probability that they are seen from behind: that their left is on the image's left. Where it is
+        near one half, left and right of `joints` may be swapped.
     box : (4,) int64
         Least and greatest column and row (x0, y0, x1, y1) of their pixels on the working grid.
     cut_off : bool
@@ -123,6 +131,7 @@ class FoundPerson:
     torso: NDArray[np.float64]
     joints: NDArray[np.float64]
     joint_confidence: NDArray[np.float32]
+    from_behind: float
     box: NDArray[np.int64]
     cut_off: bool
 
@@ -204,6 +213,8 @@ class Clusters:
     joints : (P, 19, 3) float64
     joint_error : (P, 19) float64
         Metres, as the votes themselves say.
+    from_behind : (P,) float64
+        Probability.
     measures : (P, MEASURES) float64
         What the verifier asks for.
     neighbour : (P,) int64
@@ -214,6 +225,7 @@ class Clusters:
     torsos: NDArray[np.float64]
     joints: NDArray[np.float64]
     joint_error: NDArray[np.float64]
+    from_behind: NDArray[np.float64]
     measures: NDArray[np.float64]
     neighbour: NDArray[np.int64]
 
@@ -346,8 +358,9 @@ class PeopleFinder:
         kernels.choose_cells(image.depth, *view, _CELL, self._cells)
         joints = np.empty((count, len(FINDER_JOINTS), 3))
         error, spread = np.empty(joints.shape[:2]), np.empty(joints.shape[:2])
+        behind = np.empty(count)
         clusters.gather_joints(
-            image.depth, labels, self._cells, joint_votes, *intrinsics, joints, error, spread
+            image.depth, labels, self._cells, joint_votes, *intrinsics, joints, error, spread, behind
         )
         measures = np.empty((count, clusters.MEASURES))
         clusters.measure_clusters(
@@ -356,7 +369,9 @@ class PeopleFinder:
         clusters.measure_joints(joints, error, spread, modes, mask, *view, *intrinsics, _PARTS, measures)
         neighbour = np.empty(count, np.int64)
         clusters.measure_neighbours(image.depth, labels, modes, *view, measures, neighbour)
-        return Clusters(labels, modes, joints, error, measures, neighbour)
+        away = behind > 0.5
+        joints[away], error[away] = joints[away][:, _MIRROR], error[away][:, _MIRROR]
+        return Clusters(labels, modes, joints, error, behind, measures, neighbour)
 
     def _working_grid(self, frame: DepthFrame) -> tuple[NDArray[np.float32], Camera]:
         """Bring a frame to the grid of the later steps."""
@@ -410,6 +425,7 @@ def _person(
         torso=found.torsos[k],
         joints=found.joints[k],
         joint_confidence=(1.0 / (1.0 + error * error)).astype(np.float32),
+        from_behind=float(found.from_behind[k]),
         box=box,
         cut_off=bool(
             box[0] <= 0 or box[1] <= 0 or box[2] >= labels.shape[1] - 1 or box[3] >= labels.shape[0] - 1
