@@ -87,8 +87,17 @@ def finder_loss(
     loss_behind = behind_loss(chosen[:, -1], truth[:, -1], weights)
     weights = weights[:, None].expand(-1, n).reshape(-1)
     truth = truth[:, :-1].reshape(-1, 3)
-    loss_joints = vote_loss(chosen[:, : 3 * n].reshape(-1, 3), chosen[:, 3 * n : 4 * n].reshape(-1), truth, weights)
+    loss_joints = vote_loss(
+        chosen[:, : 3 * n].reshape(-1, 3), chosen[:, 3 * n : 4 * n].reshape(-1), truth, weights
+    )
 
-    total = loss_mask + _TORSO_WEIGHT * loss_torso + _JOINT_WEIGHT * loss_joints + _BEHIND_WEIGHT * loss_behind
-    parts = {"mask": loss_mask.item(), "torso": loss_torso.item(), "joints": loss_joints.item(), "behind": loss_behind.item()}
+    total = (
+        loss_mask + _TORSO_WEIGHT * loss_torso + _JOINT_WEIGHT * loss_joints + _BEHIND_WEIGHT * loss_behind
+    )
+    parts = {
+        "mask": loss_mask.item(),
+        "torso": loss_torso.item(),
+        "joints": loss_joints.item(),
+        "behind": loss_behind.item(),
+    }
     return total, parts

@@ -16,6 +16,9 @@ _CELL_M = 0.1
 CELLS = (128, 64, 128)
 """Cells along x, y, z; votes beyond 6.4 m, 3.2 m and 12.8 m are counted at the edge."""
 
+_LEAST_IN_CELL = 0.1
+"""Share of the least area of a person that the densest cell of their votes holds."""
+
 _SHIFTS = 8
 """Most moves of a mean; most come to rest in four."""
 
@@ -90,7 +93,7 @@ def find_modes(votes, weights, density, radius, least, most, modes):
         for k in range(n):
             if not taken[k] and density[cells[k]] > best:
                 best, seed = density[cells[k]], k
-        if seed < 0 or count == most:
+        if best < _LEAST_IN_CELL * least or count == most:
             break
         mean = votes[seed].copy()
         total = shift_mean(votes, weights, mean, radius)
@@ -346,13 +349,17 @@ def measure_neighbours(grid, labels, modes, rows, cols, out, neighbour):
 
 @njit(cache=True)
 def mark_near(labels, mask, least, rows, cols, chance, near):
-    """Probabilities of a person (``chance``), and what lies within a pixel of a person or of ``least``."""
+    """Mark what lies within a pixel of a person or of a probability (``chance``) of ``least``."""
     near[:] = False
+    chance[:] = 0.0
+    logit = np.log(least / (1.0 - least))
     for i in range(rows):
         for j in range(cols):
-            chance[i, j] = 1.0 / (1.0 + np.exp(-mask[i, j]))
-            if labels[i, j] > 0 or chance[i, j] >= least:
-                near[max(0, i - 1) : i + 2, max(0, j - 1) : j + 2] = True
+            if labels[i, j] > 0 or mask[i, j] >= logit:
+                chance[i, j] = 1.0 / (1.0 + np.exp(-mask[i, j]))
+                for a in range(max(0, i - 1), min(rows, i + 2)):
+                    for b in range(max(0, j - 1), min(cols, j + 2)):
+                        near[a, b] = True
 
 
 @njit(cache=True)
