@@ -8,11 +8,11 @@ setup(
     entry_points={
         "console_scripts": [
             "depth-pose = depth_pose.cli:main",
-            "denoise_node = depth_pose.ros.denoise_node:main",
-            "matcher_node = depth_pose.ros.matcher_node:main",
-            "refine_node = depth_pose.ros.refine_node:main",
-            "recovery_node = depth_pose.ros.recovery_node:main",
-            "volume_node = depth_pose.ros.volume_node:main",
+            "denoise_node = depth_pose.ros.nodes.denoise_node:main",
+            "matcher_node = depth_pose.ros.nodes.matcher_node:main",
+            "refine_node = depth_pose.ros.nodes.refine_node:main",
+            "recovery_node = depth_pose.ros.nodes.recovery_node:main",
+            "volume_node = depth_pose.ros.nodes.volume_node:main",
         ],
     },
     data_files=[

@@ -31,11 +31,11 @@ import numpy as np
 from bank_common import joints_of, recordings
 
 from depth_pose.bank import Bank, default_bank_path
-from depth_pose.config import DenoiseConfig, MatchConfig, PipelineConfig, RefineConfig
+from depth_pose.core.config import DenoiseConfig, MatchConfig, PipelineConfig, RefineConfig
+from depth_pose.core.skeleton import JOINTS
 from depth_pose.evaluate.score import THRESHOLDS_M, load_truth
 from depth_pose.io.mcap_read import DepthReader
 from depth_pose.pipeline import PosePipeline
-from depth_pose.skeleton import JOINTS
 from depth_pose.steps.match import Matcher
 
 PAPER = (0.36, 0.57, 0.79, 0.89, 0.95, 0.98, 0.99)
@@ -90,11 +90,13 @@ def run(bank: Bank, paths: list[Path], method: str, step: int) -> dict[str, Vari
                 lost = result.skeleton.is_lost
                 rows[name].append(_off(None if lost else result.skeleton.positions, known))
                 if k == 0 and method == METHODS[0]:
-                    for label, match in (
-                        ("no refinement", result.match),
-                        ("nearest, unrefined", nearest.match(result.cloud)),
+                    for label, matches in (
+                        ("no refinement", result.matches),
+                        ("nearest, unrefined", nearest.match(result.people)),
                     ):
-                        rows[label].append(_off(joints_of(bank, match) if match.candidates else None, known))
+                        mine = (m for m in matches if m.body_id == result.skeleton.body_id)
+                        match = next(mine, None)
+                        rows[label].append(_off(joints_of(bank, match) if match else None, known))
         for name, part in rows.items():
             if part:
                 found[name].append(Errors(path.stem, np.array(part)))

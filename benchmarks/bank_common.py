@@ -1,22 +1,23 @@
-"""What the bank's benchmarks share: clouds with known joints, matching them, and errors."""
+"""What the bank's benchmarks share: people with known joints, matching them, and errors."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from depth_pose.bank import Bank
-from depth_pose.config import MatchConfig, PipelineConfig
-from depth_pose.errors import InputError
+from depth_pose.core.config import MatchConfig, PipelineConfig
+from depth_pose.core.errors import InputError
+from depth_pose.core.skeleton import JOINT_NODES, JOINTS
+from depth_pose.core.types import PoseMatch
 from depth_pose.evaluate.score import load_truth
+from depth_pose.fit.articulated import candidate_pose
 from depth_pose.io.mcap_read import DepthReader
-from depth_pose.registration.articulated import candidate_pose
-from depth_pose.skeleton import JOINT_NODES, JOINTS
-from depth_pose.steps.extract import PersonExtractor
+from depth_pose.people.person import People
+from depth_pose.steps.extract import PeopleExtractor
 from depth_pose.steps.match import Matcher
-from depth_pose.types import PersonCloud, PoseMatch
 
 LEFT = [j for j, name in enumerate(JOINTS) if name in ("left_shoulder", "left_hip")]
 RIGHT = [j for j, name in enumerate(JOINTS) if name in ("right_shoulder", "right_hip")]
@@ -24,10 +25,10 @@ RIGHT = [j for j, name in enumerate(JOINTS) if name in ("right_shoulder", "right
 
 @dataclass(frozen=True)
 class Recording:
-    """A recording's clouds and known joints, (T, 19, 3) metres."""
+    """A recording's one person, if found, frame by frame, and known joints, (T, 19, 3) metres."""
 
     name: str
-    clouds: list[PersonCloud]
+    people: list[People]
     joints: np.ndarray
 
 
@@ -35,16 +36,24 @@ def load_recording(path: Path, step: int = 1, most: int | None = None) -> Record
     """Extract the person of every frame, and keep every ``step``-th."""
     truth = load_truth(path.with_suffix(".npz"))
     config = PipelineConfig()
-    extractor = PersonExtractor(config.segment, config.denoise)
-    clouds, joints = [], []
+    extractor = PeopleExtractor(config.segment, config.denoise)
+    found, joints = [], []
     for i, frame in enumerate(DepthReader(path)):
         if most is not None and i >= most:
             break
-        cloud = extractor.extract(frame)
+        people = extractor.extract(frame)
         if i % step == 0:
-            clouds.append(cloud)
-            joints.append(truth.joints[int(np.argmin(np.abs(truth.stamps_ns - frame.stamp_ns)))])
-    return Recording(path.stem, clouds, np.array(joints, np.float64))
+            known = truth.joints[int(np.argmin(np.abs(truth.stamps_ns - frame.stamp_ns)))]
+            found.append(_nearest(people, known))
+            joints.append(known)
+    return Recording(path.stem, found, np.array(joints, np.float64))
+
+
+def _nearest(people: People, known: np.ndarray) -> People:
+    """Keep whoever is nearest to the known joints."""
+    middle = known.mean(axis=0)
+    near = sorted(people.persons, key=lambda p: float(np.linalg.norm(np.median(p.points, axis=0) - middle)))
+    return replace(people, persons=tuple(near[:1]))
 
 
 def recordings(folder: Path, largest_width: int = 200) -> list[Path]:
@@ -60,12 +69,13 @@ def recordings(folder: Path, largest_width: int = 200) -> list[Path]:
     return found
 
 
-def find_scale(bank: Bank, clouds: list[PersonCloud]) -> float:
+def find_scale(bank: Bank, people: list[People]) -> float:
     """Size that the matcher finds over its first frames."""
     matcher = Matcher(bank, MatchConfig())
     scale = 1.0
-    for cloud in clouds[: MatchConfig().scale_frames]:
-        scale = matcher.match(cloud).scale or scale
+    for frame in people[: MatchConfig().scale_frames]:
+        for match in matcher.match(frame):
+            scale = match.scale
     return scale
 
 

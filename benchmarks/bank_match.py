@@ -25,7 +25,7 @@ from bank_common import (
 )
 
 from depth_pose.bank import Bank
-from depth_pose.config import MatchConfig
+from depth_pose.core.config import MatchConfig
 from depth_pose.steps.match import Matcher
 
 _RIGHT_M = 0.1
@@ -36,14 +36,15 @@ def measure(bank: Bank, recorded: list[Recording], shortlist: int) -> dict[str, 
     """Error (m), flip, score, best error of those kept (m), time (ms) and recording of every frame."""
     rows = []
     for number, recording in enumerate(recorded):
-        scale = find_scale(bank, recording.clouds)
+        scale = find_scale(bank, recording.people)
         matcher = Matcher(bank, MatchConfig(scale=scale, shortlist=shortlist))
-        for cloud, known in zip(recording.clouds, recording.joints, strict=True):
+        for people, known in zip(recording.people, recording.joints, strict=True):
             start = time.thread_time()
-            match = matcher.match(cloud)
+            matches = matcher.match(people)
             taken = time.thread_time() - start
-            if not match.candidates:
+            if not matches:
                 continue
+            (match,) = matches
             found = [joints_of(bank, match, k) for k in range(len(match.candidates))]
             errors = [mean_error(f, known) for f in found]
             score = match.candidates[0].score
@@ -80,7 +81,7 @@ def main() -> None:
     parser.add_argument("--shortlist", type=int, nargs="+", default=[1, 10, MatchConfig().shortlist])
     arguments = parser.parse_args()
     recorded = [load_recording(path, arguments.step) for path in recordings(arguments.data)]
-    print(f"{sum(len(r.clouds) for r in recorded)} frames of {len(recorded)} recordings")
+    print(f"{sum(len(r.people) for r in recorded)} frames of {len(recorded)} recordings")
     print(
         f"{'bank, compared':28s} {'mean':>6s} {'median':>6s} {'flip %':>6s} {'right%':>6s} best-of-kept  ms"
     )

@@ -19,8 +19,7 @@ from depth_pose.bank import Bank
 from depth_pose.bank.build import learn_subspace, project
 from depth_pose.bank.canonical import describe
 from depth_pose.bank.views import AXES, PoseViews, render_views
-from depth_pose.skeleton import JOINT_NODES
-from depth_pose.steps.view import view_person
+from depth_pose.core.skeleton import JOINT_NODES
 
 
 def measure(
@@ -32,13 +31,13 @@ def measure(
     entries = project(descriptors, subspace).reshape(-1, 48)
     rows = []
     for recording in recorded:
-        scale = find_scale(bank, recording.clouds)
-        for cloud, known in zip(recording.clouds, recording.joints, strict=True):
-            view = view_person(cloud)
-            if view is None:
+        scale = find_scale(bank, recording.people)
+        for people, known in zip(recording.people, recording.joints, strict=True):
+            if not people.persons:
                 continue
-            (axes,) = AXES["paper"](view.points)
-            gamma = subspace.components @ (describe(view.points, axes, scale) - subspace.mean)
+            points = people.persons[0].points
+            (axes,) = AXES["paper"](points)
+            gamma = subspace.components @ (describe(points, axes, scale) - subspace.mean)
             pose, frame = divmod(int(np.argmin(np.square(entries - gamma).sum(axis=1))), used)
             joints = bank.body.pose(bank.rotations(poses[pose]), np.zeros(3)).nodes[JOINT_NODES]
             canonical = (joints - views.origins[pose, frame]) @ views.rotations[pose, frame].T

@@ -21,8 +21,8 @@ import numpy as np
 from bank_common import Recording, is_flipped, joints_of, load_recording, mean_error, recordings
 
 from depth_pose.bank import Bank
-from depth_pose.body.procedural_motion import CLIPS
-from depth_pose.config import MatchConfig
+from depth_pose.core.config import MatchConfig
+from depth_pose.motion.procedural.generator import CLIPS
 from depth_pose.sim.config import Person, Placement, Room
 from depth_pose.sim.motion import load_motion
 from depth_pose.sim.simulate import Stage, simulate
@@ -68,9 +68,8 @@ def measure(bank: Bank, recorded: list[Recording]) -> np.ndarray:
     rows = []
     for recording in recorded:
         matcher = Matcher(bank, MatchConfig())
-        for cloud, known in zip(recording.clouds, recording.joints, strict=True):
-            match = matcher.match(cloud)
-            if match.candidates:
+        for people, known in zip(recording.people, recording.joints, strict=True):
+            for match in matcher.match(people):
                 found = joints_of(bank, match)
                 right = mean_error(found, known) < _RIGHT_M and not is_flipped(found, known)
                 rows.append((match.candidates[0].score, right))

@@ -25,7 +25,7 @@ from bank_common import (
 )
 
 from depth_pose.bank import Bank
-from depth_pose.config import MatchConfig, RefineConfig
+from depth_pose.core.config import MatchConfig, RefineConfig
 from depth_pose.steps.match import Matcher
 from depth_pose.steps.refine import Refiner
 from depth_pose.steps.search import SubspaceSearch
@@ -40,14 +40,15 @@ def measure(bank: Bank, recorded: list[Recording], scales: list[float]) -> list[
     rows = []
     for recording, scale in zip(recorded, scales, strict=True):
         matcher = Matcher(bank, MatchConfig(scale=scale))
-        for cloud, known in zip(recording.clouds, recording.joints, strict=True):
+        for people, known in zip(recording.people, recording.joints, strict=True):
             start = time.thread_time()
-            match = matcher.match(cloud)
+            matches = matcher.match(people)
             taken = time.thread_time() - start
-            if not match.candidates:
+            if not matches:
                 continue
-            found, refined = joints_of(bank, match), refiner.refine(cloud, match).positions
-            pair = [(mean_error(f, known), is_flipped(f, known)) for f in (found, refined)]
+            (match,) = matches
+            found, (refined,) = joints_of(bank, match), refiner.refine(people, matches)
+            pair = [(mean_error(f, known), is_flipped(f, known)) for f in (found, refined.skeleton.positions)]
             rows.append((*pair[0], *pair[1], taken))
     table = np.array(rows, float)
     mean = table.mean(axis=0)
@@ -108,13 +109,13 @@ def main() -> None:
     parser.add_argument("--pictures", type=Path)
     arguments = parser.parse_args()
     recorded = [load_recording(path, arguments.step) for path in recordings(arguments.data)]
-    print(f"{sum(len(r.clouds) for r in recorded)} frames of {len(recorded)} recordings")
+    print(f"{sum(len(r.people) for r in recorded)} frames of {len(recorded)} recordings")
     print(f"{'bank':12s}" + " ".join(f"{name:>10s}" for name in COLUMNS))
     tables = {}
     for text in arguments.banks:
         label, _, file = text.partition("=")
         whole = Bank.load(file)
-        scales = [find_scale(whole, r.clouds) for r in recorded]
+        scales = [find_scale(whole, r.people) for r in recorded]
         rows = []
         for share in SHARES:
             rows.append(measure(subsample(whole, share), recorded, scales))

@@ -21,7 +21,8 @@ from numpy.typing import NDArray
 
 from depth_pose.body.body import Body
 from depth_pose.body.procedural import make_body
-from depth_pose.skeleton import JOINTS, NODE_INDEX, NODE_PARENTS, NODES
+from depth_pose.core.rotations import nearest_rotation
+from depth_pose.core.skeleton import JOINTS, NODE_INDEX, NODE_PARENTS, NODES
 
 Array = NDArray[np.float64]
 
@@ -50,8 +51,7 @@ def unit(v: Array) -> Array:
 
 def align(rest: list[Array], seen: list[Array]) -> Array:
     """Rotation that turns rest directions into seen ones best, weighted by their lengths."""
-    u, _, vt = np.linalg.svd(sum(np.outer(s, r) for r, s in zip(rest, seen, strict=True)))
-    return u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
+    return nearest_rotation(np.sum([np.outer(s, r) for r, s in zip(rest, seen, strict=True)], axis=0))
 
 
 def true_nodes(joints: dict[str, Array]) -> Array:

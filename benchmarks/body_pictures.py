@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from depth_pose.body.body import Body
 from depth_pose.body.procedural import BodyShape, make_body
-from depth_pose.skeleton import NODE_INDEX
+from depth_pose.core.rotations import mirror_rotation, rotation_x, rotation_y, rotation_z
+from depth_pose.core.skeleton import NODE_INDEX
 
 Array = NDArray[np.float64]
 PIXEL = 1.95 / 400
@@ -22,12 +23,7 @@ PIXEL = 1.95 / 400
 
 def turn(axis: str, degrees: float) -> Array:
     """Rotation about one axis of the model frame."""
-    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
-    i, j = {"x": (1, 2), "y": (2, 0), "z": (0, 1)}[axis]
-    r = np.eye(3)
-    r[i, i] = r[j, j] = c
-    r[i, j], r[j, i] = -s, s
-    return r
+    return {"x": rotation_x, "y": rotation_y, "z": rotation_z}[axis](np.radians(degrees))
 
 
 def shade(vertices: Array, faces: NDArray[np.int32], azimuth: float, width: int = 300) -> NDArray[np.uint8]:
@@ -59,9 +55,8 @@ def posed(body: Body, turns: dict[str, Array]) -> Array:
 
 def both_sides(turns: dict[str, Array]) -> dict[str, Array]:
     """Turns of left and right segments from those of the left side."""
-    flip = np.diag([-1.0, 1.0, 1.0])
-    return {
-        f"{s}_{n}": r if s == "left" else flip @ r @ flip for n, r in turns.items() for s in ("left", "right")
+    return {f"left_{n}": r for n, r in turns.items()} | {
+        f"right_{n}": mirror_rotation(r) for n, r in turns.items()
     }
 
 

@@ -29,18 +29,17 @@ from pathlib import Path
 import numpy as np
 
 from depth_pose.bank import Bank, default_bank_path
-from depth_pose.body.procedural_motion import CLIPS
-from depth_pose.config import PipelineConfig, SmoothConfig
+from depth_pose.core.config import PipelineConfig, SmoothConfig
+from depth_pose.core.skeleton import JOINTS, Source
 from depth_pose.evaluate.score import load_truth
 from depth_pose.io.mcap_read import DepthReader
+from depth_pose.motion.procedural.generator import CLIPS
 from depth_pose.pipeline import PosePipeline
 from depth_pose.sim.config import Person, Placement, Room
 from depth_pose.sim.motion import load_motion
 from depth_pose.sim.sensor import SENSORS
 from depth_pose.sim.simulate import Stage, simulate
-from depth_pose.skeleton import JOINTS, Source
-from depth_pose.steps.confidence import KINDS, SIGNS, look_at_joints, score_of
-from depth_pose.steps.view import view_person
+from depth_pose.steps.confidence import KINDS, SIGNS, look_at_joints
 
 RIGHT_M = 0.1
 _TRUST = 0.9
@@ -123,13 +122,15 @@ def measure(pipeline: PosePipeline, path: Path) -> Answers:
     pipeline.reset()
     for frame in DepthReader(path):
         result = pipeline.process_frame(frame)
-        skeleton, view = result.skeleton, view_person(result.cloud)
-        if skeleton.is_lost or view is None:
+        skeleton = result.skeleton
+        if skeleton.is_lost:
             continue
+        (person,) = (p for p in result.people.persons if p.body_id == skeleton.body_id)
+        (fitted,) = (f for f in result.refined if f.skeleton.body_id == skeleton.body_id)
         known = truth.joints[int(np.argmin(np.abs(truth.stamps_ns - frame.stamp_ns)))]
         error = np.linalg.norm(skeleton.positions - known, axis=1)
-        signs = look_at_joints(skeleton.positions, skeleton.scale, view).signs
-        score = np.full((len(JOINTS), 1), score_of(result.refined.confidence))
+        signs = look_at_joints(skeleton.positions, skeleton.scale, person).signs
+        score = np.full((len(JOINTS), 1), fitted.score)
         design = np.concatenate([kinds, signs, score], axis=1)
         rows.append(
             (error < RIGHT_M, skeleton.joint_confidence, design, error.mean() < RIGHT_M,

@@ -28,18 +28,20 @@ from importlib.util import find_spec
 import numpy as np
 from scipy.spatial import cKDTree
 
-from depth_pose._raster_kernels import rasterize
+from depth_pose.body.normals import vertex_normals
 from depth_pose.body.procedural import make_body
-from depth_pose.geometry import rotvec_to_matrix
-from depth_pose.registration._visibility_kernels import mark_visible
-from depth_pose.registration.articulated import vertex_normals
-from depth_pose.registration.coherence import geodesic_basis
-from depth_pose.registration.cpd import CpdConfig, euclidean_basis, register
-from depth_pose.registration.laplacian import LaplacianCompleter
-from depth_pose.skeleton import NODE_INDEX
+from depth_pose.core._raster_kernels import rasterize
+from depth_pose.core.camera import Camera
+from depth_pose.core.config import CpdConfig
+from depth_pose.core.rotations import R_CAMERA_FACING_MODEL as FACING
+from depth_pose.core.rotations import rotvec_to_matrix
+from depth_pose.core.skeleton import NODE_INDEX
+from depth_pose.fit._visibility_kernels import mark_visible
+from depth_pose.fit.coherence import geodesic_basis
+from depth_pose.fit.cpd import euclidean_basis, register
+from depth_pose.fit.laplacian import LaplacianCompleter
 
 SOURCE, TARGET = 632, 578
-FACING = np.diag([1.0, -1.0, -1.0])
 
 
 def scene(seed: int):
@@ -60,9 +62,9 @@ def scene(seed: int):
     seen = []
     for vertices in (before, after):
         zbuffer, visible = np.empty((144, 176)), np.empty(len(vertices), np.bool_)
-        camera = (200.0, 200.0, 87.5, 71.5)
-        rasterize(vertices, body.faces, *camera, zbuffer)
-        mark_visible(vertices, vertex_normals(body) @ FACING.T, zbuffer, *camera, 0.05, visible)
+        camera = Camera(176, 144, 200.0, 200.0, 87.5, 71.5)
+        rasterize(vertices, body.faces, camera, zbuffer)
+        mark_visible(vertices, vertex_normals(body) @ FACING.T, zbuffer, camera, 0.05, visible)
         seen.append(np.flatnonzero(visible))
     chosen = np.sort(rng.choice(seen[0], SOURCE, replace=False))
     points = after[rng.choice(seen[1], TARGET, replace=False)] + rng.normal(size=(TARGET, 3)) * 0.005

@@ -35,8 +35,8 @@ os.environ.setdefault("ROS_DOMAIN_ID", str(random.SystemRandom().randrange(1, 10
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 if TYPE_CHECKING:
-    from depth_pose.ros.supervisor import Suite
-    from depth_pose.types import DepthFrame
+    from depth_pose.core.types import DepthFrame
+    from depth_pose.ros.process.supervisor import Suite
 
 IMAGE, INFO = "/camera/depth/image_raw", "/camera/depth/camera_info"
 _TICKS = os.sysconf("SC_CLK_TCK")
@@ -59,8 +59,7 @@ def pss_mb(pid: int) -> float:
 def stages_ms(frames: Sequence[DepthFrame], bank: str | None) -> dict[str, float]:
     """Processor time of each stage alone, median over the frames, milliseconds."""
     from depth_pose.pipeline import PosePipeline
-    from depth_pose.ros.shared import load_bank
-    from depth_pose.types import Skeleton
+    from depth_pose.ros.process.warm_stages import load_bank
 
     pipeline = PosePipeline(load_bank(bank or ""))
     pipeline.warm_up()
@@ -73,11 +72,11 @@ def stages_ms(frames: Sequence[DepthFrame], bank: str | None) -> dict[str, float
         return result
 
     for frame in frames:
-        cloud = timed("denoise", pipeline.extractor.extract, frame)
-        match = timed("matcher", pipeline.matcher.match, cloud)
-        refined = timed("refine", pipeline.refiner.refine, cloud, match)
-        answer: Skeleton = timed("recovery", pipeline.recoverer.recover, cloud, refined)
-        pipeline.refiner.take_answer(answer)
+        people = timed("denoise", pipeline.extractor.extract, frame)
+        matches = timed("matcher", pipeline.matcher.match, people)
+        refined = timed("refine", pipeline.refiner.refine, people, matches)
+        answers = timed("recovery", pipeline.recoverer.recover, people, refined)
+        pipeline.refiner.take_answer(answers)
     return {name: statistics.fmean(times) for name, times in spent.items()}
 
 
@@ -141,8 +140,8 @@ class Bench:
 
     def play(self, fps: float, seconds: float, suite: Suite) -> Run:
         """Send frames at a rate."""
-        from depth_pose.ros.conversions import ns_to_stamp
-        from depth_pose.ros.supervisor import NODES
+        from depth_pose.ros.process.supervisor import NODES
+        from depth_pose.ros.transport.conversions import ns_to_stamp
 
         self._send(fps, 2.0, ns_to_stamp)  # until the tracking runs
         self._run = run = Run(fps)
@@ -219,7 +218,7 @@ def main() -> None:
     from soak import make_recording
 
     from depth_pose.io.mcap_read import read_frames
-    from depth_pose.ros.supervisor import NODES, Suite
+    from depth_pose.ros.process.supervisor import NODES, Suite
 
     recording = arguments.recording or arguments.output.with_name("live_input.mcap")
     if not recording.is_file():
@@ -236,7 +235,7 @@ def main() -> None:
             print(f"{fps:g} frames a second for {arguments.seconds:g} s ...", flush=True)
             runs.append(bench.play(fps, arguments.seconds, suite))
         pids = {name: suite.pid(name) for name in NODES}
-        pids |= {"spare": suite.spare_pid, "fork server": suite.server_pid}
+        pids |= {"spare": suite.pid("spare"), "fork server": suite.pid("fork server")}
         memory = {name: pss_mb(pid) for name, pid in pids.items() if pid is not None}
     print(f"\n{len(frames)} frames of {frames[0].camera.width} x {frames[0].camera.height}, {recording.name}")
     print(f"start, from nothing to all nodes ready: {start_s:.1f} s; load average {os.getloadavg()[0]:.1f}")

@@ -37,23 +37,23 @@ from depth_pose.bank import Bank, default_bank_path
 from depth_pose.bank.canonical import describe
 from depth_pose.bank.views import AXES
 from depth_pose.body.body import Body
-from depth_pose.config import DenoiseConfig, MatchConfig, SegmentConfig
-from depth_pose.registration.articulated import candidate_pose, vertex_normals
+from depth_pose.body.normals import vertex_normals
+from depth_pose.core.camera import Camera
+from depth_pose.core.config import DenoiseConfig, MatchConfig, SegmentConfig
+from depth_pose.core.skeleton import JOINT_NODES
+from depth_pose.core.types import DepthFrame
+from depth_pose.fit.articulated import candidate_pose
+from depth_pose.people.plane_segmenter import PlaneSegmenter
 from depth_pose.sim.config import Person, Placement, Room
 from depth_pose.sim.motion import load_motion
 from depth_pose.sim.placement import camera_pose, room_mesh
 from depth_pose.sim.sensor import SENSORS, VirtualSensor
 from depth_pose.sim.simulate import root_scale, transform
-from depth_pose.skeleton import JOINT_NODES
-from depth_pose.steps import _segment_kernels
 from depth_pose.steps.denoise import denoise_depth
-from depth_pose.steps.extract import PersonExtractor
+from depth_pose.steps.extract import PeopleExtractor
 from depth_pose.steps.fitters import SkinnedFitter
 from depth_pose.steps.match import Matcher
 from depth_pose.steps.search import SubspaceSearch
-from depth_pose.steps.segment import PersonSegmenter
-from depth_pose.steps.view import view_person
-from depth_pose.types import Camera, DepthFrame
 
 FRAMES, STRIDE = 25, 3
 _NEAREST = 128
@@ -116,7 +116,7 @@ def scenes() -> tuple[Body, list[Scene]]:
 
 
 def _points(depth: np.ndarray, camera: Camera) -> np.ndarray:
-    points = _segment_kernels.back_project(depth, camera.fx, camera.fy, camera.cx, camera.cy)
+    points = camera.back_project(depth)
     return np.asarray(points[depth > 0], np.float64)
 
 
@@ -132,7 +132,7 @@ def _off_surface(points: np.ndarray, scene: Scene, body: Body) -> np.ndarray:
 
 def compare_denoising(body: Body, made: list[Scene]) -> list[Peer]:
     """Denoise the same points in three ways."""
-    segmenter, config = PersonSegmenter(SegmentConfig()), DenoiseConfig()
+    segmenter, config = PlaneSegmenter(SegmentConfig()), DenoiseConfig()
 
     def outliers(points: np.ndarray) -> o3d.geometry.PointCloud:
         cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points))
@@ -171,13 +171,12 @@ def compare_search(bank: Bank, made: list[Scene]) -> list[Peer]:
     def brute(point: np.ndarray) -> np.ndarray:
         return np.argpartition(squares - 2.0 * (table @ point), _NEAREST)[:_NEAREST]
 
-    extractor = PersonExtractor(SegmentConfig(), DenoiseConfig())
+    extractor = PeopleExtractor(SegmentConfig(), DenoiseConfig())
     watches, same = [_Stopwatch() for _ in range(3)], 0
     for scene in made:
-        view = view_person(extractor.extract(scene.frame))
-        assert view is not None
-        axes = AXES[bank.view_scheme](view.points)[0]
-        descriptor = describe(view.points, axes, 1.0).astype(np.float32)
+        (person,) = extractor.extract(scene.frame).persons
+        axes = AXES[bank.view_scheme](person.points)[0]
+        descriptor = describe(person.points, axes, 1.0).astype(np.float32)
         point = bank.components @ (descriptor - bank.mean)
         found = [
             watches[0](lambda p=point: ours.find(p, _NEAREST).entries),
@@ -196,24 +195,23 @@ def compare_search(bank: Bank, made: list[Scene]) -> list[Peer]:
 def compare_fits(bank: Bank, made: list[Scene]) -> list[Peer]:
     """Fit from the matcher's best exemplar, articulated and rigid."""
     body, normals = bank.body, vertex_normals(bank.body)
-    extractor, matcher = PersonExtractor(SegmentConfig(), DenoiseConfig()), Matcher(bank, MatchConfig())
+    extractor, matcher = PeopleExtractor(SegmentConfig(), DenoiseConfig()), Matcher(bank, MatchConfig())
     fitter, watches = SkinnedFitter(body), [_Stopwatch(), _Stopwatch()]
     errors: list[list[float]] = [[], [], []]
     estimate = o3d.pipelines.registration.TransformationEstimationPointToPlane()
     criteria = o3d.pipelines.registration.ICPConvergenceCriteria(max_iteration=_ICP_ITERATIONS)
     for scene in made:
-        cloud = extractor.extract(scene.frame)
-        match, view = matcher.match(cloud), view_person(cloud)
-        assert view is not None
+        people = extractor.extract(scene.frame)
+        (person,), (match,) = people.persons, matcher.match(people)
         start = candidate_pose(bank, match.candidates[0], match.scale)
         posed = body.pose(start.rotations, start.root, start.scale)
 
-        def articulated(view=view, start=start):
-            frame = fitter.fit_to(view)
+        def articulated(person=person, start=start):
+            frame = fitter.fit_to(person)
             return frame.finish(frame.rough(frame.glance(start).pose)).nodes
 
-        def rigid(view=view, start=start, posed=posed):
-            source = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(view.points))
+        def rigid(person=person, start=start, posed=posed):
+            source = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(person.points))
             target = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(posed.vertices))
             weights = body.weights @ start.rotations.reshape(21, 9)
             turned = np.einsum("vij,vj->vi", weights.reshape(-1, 3, 3), normals)

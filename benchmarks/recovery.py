@@ -28,18 +28,17 @@ import numpy as np
 from depth_pose.bank import Bank, build_bank, default_bank_path
 from depth_pose.bank.build import BuildConfig
 from depth_pose.body.procedural import make_body
-from depth_pose.body.procedural_motion import make_poses
-from depth_pose.config import PipelineConfig, RecoverConfig, RefineConfig, SmoothConfig
+from depth_pose.core.config import PipelineConfig, RecoverConfig, RefineConfig, SmoothConfig
+from depth_pose.core.skeleton import Source
+from depth_pose.core.types import Skeleton
 from depth_pose.io.mcap_read import read_frames
+from depth_pose.motion.procedural.generator import make_poses
 from depth_pose.pipeline import FrameResult, PosePipeline
 from depth_pose.sim.config import Person
 from depth_pose.sim.failures import KINDS, fail
 from depth_pose.sim.motion import load_motion
 from depth_pose.sim.simulate import simulate
-from depth_pose.skeleton import Source
 from depth_pose.steps.failure import FailureCheck
-from depth_pose.steps.view import view_person
-from depth_pose.types import Skeleton
 
 LOW = ("squats", "bends", "sit_down", "lunges", "balance")
 """Families of low postures: standing ones say nothing of them."""
@@ -76,7 +75,7 @@ def run(
     pipeline, results, reasons = PosePipeline(bank, config), [], []
     for frame in read_frames(path):
         results.append(pipeline.process_frame(frame))
-        reasons.append(pipeline.recoverer.last_reason)
+        reasons.append("; ".join(pipeline.recoverer.last_reasons.values()))
     return results, reasons
 
 
@@ -94,22 +93,24 @@ def detection(bank: Bank, paths: list[Path]) -> None:
     for number, path in enumerate(paths):
         known, (results, _) = known_joints(path), run(bank, path, "articulated", True, False)
         part = counts["tested on" if number % 2 else "chosen on"]
-        right = [error_mm(r.refined, k) < 1e3 * RIGHT_M for r, k in zip(results, known, strict=True)]
+        fits = [next(iter(r.refined), None) for r in results]
+        right = [
+            fit is not None and error_mm(fit.skeleton, k) < 1e3 * RIGHT_M
+            for fit, k in zip(fits, known, strict=True)
+        ]
         for t in range(1, len(results)):
             if not (right[t - 1] and right[t]):
                 continue
-            good, now = results[t - 1].refined, results[t].refined
-            part["right"][0] += check.find(now, good, good) is not None
+            good, now = fits[t - 1], fits[t]
+            part["right"][0] += check.find(now, good, good.skeleton) is not None
             part["right"][1] += 1
             if t % 5:
                 continue
-            view = view_person(results[t].cloud)
-            assert view is not None
             for kind in KINDS:
-                wrong = fail(kind, now, view, bank, rng)
-                if np.linalg.norm(wrong.positions - known[t], axis=1).max() < WRONG_M:
+                wrong = fail(kind, now, results[t].people.persons[0], bank, rng)
+                if np.linalg.norm(wrong.skeleton.positions - known[t], axis=1).max() < WRONG_M:
                     continue
-                part[kind][0] += check.find(wrong, good, good) is not None
+                part[kind][0] += check.find(wrong, good, good.skeleton) is not None
                 part[kind][1] += 1
     for part, rows in counts.items():
         found, all_ = (sum(rows[k][i] for k in KINDS) for i in (0, 1))

@@ -78,8 +78,8 @@ class Soak:
 
     def run(self, recording: Path, bank: str | None, minutes: float, stall_s: float) -> dict[str, int]:
         """Play; gives the restarts."""
-        from depth_pose.ros.bag import Player, Recorder, header_stamp_ns
-        from depth_pose.ros.supervisor import NODES, Suite
+        from depth_pose.ros.process.supervisor import NODES, Suite
+        from depth_pose.ros.transport.bag import Player, Recorder, header_stamp_ns
 
         def sent(message: object, now_ns: int) -> None:
             if message.topic.endswith("image_raw"):  # type: ignore[attr-defined]
@@ -102,7 +102,7 @@ class Soak:
             playing.start()
             stalled, next_stall = itertools.cycle(NODES), stall_s or float("inf")
             while (now := time.monotonic() - self.started) < 60 * minutes:
-                pids = [*map(suite.pid, NODES), suite.spare_pid, suite.server_pid]
+                pids = [*map(suite.pid, NODES), suite.pid("spare"), suite.pid("fork server")]
                 self.memory.append((now, *map(memory_bytes, pids)))
                 print(f"\r{now / 60:.1f} min, {len(self.latency)} skeletons", end="", flush=True)
                 if now > next_stall and (pid := suite.pid(next(stalled))) is not None:

@@ -25,14 +25,14 @@ from pathlib import Path
 import numpy as np
 
 from depth_pose.bank import Bank, default_bank_path
-from depth_pose.config import MatchConfig, PipelineConfig, RefineConfig
+from depth_pose.core.config import MatchConfig, PipelineConfig, RefineConfig
+from depth_pose.core.types import DepthFrame
 from depth_pose.io.mcap_read import DepthReader
 from depth_pose.pipeline import PosePipeline
 from depth_pose.sim.config import Person
 from depth_pose.sim.motion import load_motion
 from depth_pose.sim.sensor import SENSORS
 from depth_pose.sim.simulate import Stage, simulate
-from depth_pose.types import DepthFrame
 
 STAGES = ("denoise", "matcher", "refine", "recovery")
 METHODS = ("articulated", "cpd")
@@ -71,15 +71,15 @@ def measure(pipeline: PosePipeline, frames: list[DepthFrame]) -> np.ndarray:
     times = np.empty((len(frames), len(STAGES)))
     for i, frame in enumerate(frames):
         marks = [time.thread_time()]
-        cloud = pipeline.extractor.extract(frame)
+        people = pipeline.extractor.extract(frame)
         marks.append(time.thread_time())
-        match = pipeline.matcher.match(cloud)
+        matches = pipeline.matcher.match(people)
         marks.append(time.thread_time())
-        refined = pipeline.refiner.refine(cloud, match)
+        refined = pipeline.refiner.refine(people, matches)
         marks.append(time.thread_time())
-        answer = pipeline.recoverer.recover(cloud, refined)
+        answers = pipeline.recoverer.recover(people, refined)
         marks.append(time.thread_time())
-        pipeline.refiner.take_answer(answer)
+        pipeline.refiner.take_answer(answers)
         times[i] = 1e3 * np.diff(marks)
     return times
 

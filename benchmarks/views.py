@@ -20,12 +20,12 @@ from bank_common import Recording, is_flipped, joints_of, load_recording, mean_e
 
 from depth_pose.bank import Bank
 from depth_pose.body.body import Body
-from depth_pose.body.motion import Clip
-from depth_pose.config import MatchConfig, RefineConfig
+from depth_pose.core.config import MatchConfig, RefineConfig
+from depth_pose.core.skeleton import ADULT_STATURE_M
+from depth_pose.motion.clip import Clip
 from depth_pose.sim.config import Person, Placement, Room
 from depth_pose.sim.motion import load_motion
 from depth_pose.sim.simulate import Stage, simulate
-from depth_pose.skeleton import ADULT_STATURE_M
 from depth_pose.steps.match import Matcher
 from depth_pose.steps.refine import Refiner
 
@@ -68,7 +68,7 @@ def on_the_spot(clip: Clip) -> Clip:
 
 
 def watch(body: Body, clip: Clip, place: Placement, folder: Path, step: int) -> Recording:
-    """Simulate a view and extract its clouds."""
+    """Simulate a view and extract its people."""
     path = folder / "view.mcap"
     simulate(path, body, clip, Stage(placement=place, room=Room(floor=False, wall=0.0)))
     return load_recording(path, step)
@@ -79,17 +79,18 @@ def measure(bank: Bank, recording: Recording, scale: float) -> Result:
     matcher = Matcher(bank, MatchConfig(scale=scale))
     refiner = Refiner(bank, RefineConfig(track=False), MatchConfig())
     rows = []
-    for cloud, known in zip(recording.clouds, recording.joints, strict=True):
-        match = matcher.match(cloud)
-        if not match.candidates:
+    for people, known in zip(recording.people, recording.joints, strict=True):
+        matches = matcher.match(people)
+        if not matches:
             continue
-        found, refined = joints_of(bank, match), refiner.refine(cloud, match).positions
+        (match,) = matches
+        found, (refined,) = joints_of(bank, match), refiner.refine(people, matches)
         rows.append(
             (
                 mean_error(found, known),
                 is_flipped(found, known),
-                mean_error(refined, known),
-                is_flipped(refined, known),
+                mean_error(refined.skeleton.positions, known),
+                is_flipped(refined.skeleton.positions, known),
             )
         )
     return Result(*np.mean(np.array(rows, float), axis=0).tolist(), frames=len(rows))

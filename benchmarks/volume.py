@@ -21,7 +21,8 @@ from pathlib import Path
 
 import numpy as np
 
-from depth_pose.body.procedural_motion_dance import DANCES, perform
+from depth_pose.core.camera import Camera
+from depth_pose.motion.procedural.dance import DANCES, perform
 from depth_pose.sim.clothing import Garment
 from depth_pose.sim.roof_cameras import (
     ROOF_CAMERA,
@@ -31,25 +32,18 @@ from depth_pose.sim.roof_cameras import (
     roof_rig,
     roughen,
 )
-from depth_pose.types import Camera
-from depth_pose.volume.config import LearnConfig, SpaceConfig, TrackConfig
-from depth_pose.volume.figures import save_frames, save_latent
-from depth_pose.volume.hull import HullCarver, SurfaceVoxels
-from depth_pose.volume.learning import learn_model
+from depth_pose.sim.wearers import Wearer, dressed_frames
+from depth_pose.volume.config import LearnConfig, SpaceConfig, TrackConfig, ViewsConfig, VolumeConfig
+from depth_pose.volume.hull import HullCarver
 from depth_pose.volume.model import VolumeModel
-from depth_pose.volume.performances import (
-    TEST_SHAPES,
-    Wearer,
-    depth_eyes,
-    depth_points,
-    dressed_frames,
-    hull_eyes,
-    watch,
-)
-from depth_pose.volume.pipeline import SilhouettePipeline, VolumePoseTracker
-from depth_pose.volume.report import Report, report_rows, track_performance
-from depth_pose.volume.scoring import joint_positions
-from depth_pose.volume.training import dance_clips, default_wearers, simulate_views
+from depth_pose.volume.pipeline import VolumePipeline
+from depth_pose.volume.rigfile import Rig
+from depth_pose.volume.synchroniser import ViewSet
+from depth_pose.volume_learn.figures import save_latent, save_report
+from depth_pose.volume_learn.learning import learn_model
+from depth_pose.volume_learn.performances import TEST_SHAPES, rig_eyes, watch
+from depth_pose.volume_learn.report import Report, report_rows, track_performance
+from depth_pose.volume_learn.training import dance_clips, default_wearers, simulate_views
 
 TEST_SEEDS = (11, 12, 13)
 """Performances of the three test dancers; the training's are 1 to 10, settings were chosen on 101, 102."""
@@ -61,6 +55,10 @@ TEST_GARMENTS = (
     Garment(skirt=0.74, flare=0.24, drag=2.0),
 )
 """None of them is the training's."""
+
+
+SHOWN = range(20, 300, 40)
+"""Frames in the pictures."""
 
 
 def table(rows: list[list[str]]) -> None:
@@ -98,7 +96,7 @@ HEAD = ["", "mean pose", "best training pose", "error", "error / best", "RMS as 
 def accuracy(out: Path, models: Path, dances: list[str]) -> None:
     models.mkdir(parents=True, exist_ok=True)
     rig = roof_rig()
-    eyes = hull_eyes(rig, HullCarver(rig))
+    eyes = rig_eyes("silhouettes", rig)
     shown: list[tuple[VolumeModel, Report]] = []
     for dance in dances:
         began = time.monotonic()
@@ -113,14 +111,16 @@ def accuracy(out: Path, models: Path, dances: list[str]) -> None:
         reports = [track_performance(model, p) for p in tests]
         table(report_rows(reports))
         shown.append((model, reports[0]))
-        draw_frames(reports[1], tests[1], out / f"volume_{dance}.png")
+        save_report(reports[1], tests[1], out / f"volume_{dance}.png", SHOWN)
 
         rows = [HEAD, summary("default", reports), summary("regressed only, no fit", reports, "regressed")]
-        latent = TrackConfig(likelihood="latent")
+        latent = VolumeConfig(track=TrackConfig(likelihood="latent"))
         paper = [track_performance(model, p, latent) for p in tests]
         rows.append(summary("eq. 4 likelihood, no fit", paper, "regressed"))
         rows.append(summary("eq. 4 likelihood, fit", paper))
-        given = [track_performance(model, p, TrackConfig(stature=p.stature)) for p in tests]
+        given = [
+            track_performance(model, p, VolumeConfig(track=TrackConfig(stature=p.stature))) for p in tests
+        ]
         rows.append(summary("height given", given))
         pv = learn_model(views, LearnConfig(pose_variance=0.95))
         rows.append(summary("95 % of the poses' variance", [track_performance(pv, p) for p in tests]))
@@ -159,12 +159,12 @@ def depth_accuracy(out: Path, models: Path, dances: list[str]) -> None:
         rows = [[*HEAD, "volume to pose"]]
         for name, degrees in DEPTH_RIGS.items():
             rig = [front_camera(azimuth=np.radians(d)) for d in degrees]
-            seen = watch_all(dance, depth_eyes(rig, SurfaceVoxels()))
+            seen = watch_all(dance, rig_eyes("depth", rig))
             found = [track_performance(model, p) for p in seen]
             rows.append([*summary(name, found), f"{np.median([r.ms for r in found]):.1f} ms"])
             if degrees in ((0,), (-45, 45)):
                 tail = "" if len(rig) == 1 else f"_{len(rig)}"
-                draw_frames(found[1], seen[1], out / f"volume_{dance}_depth{tail}.png")
+                save_report(found[1], seen[1], out / f"volume_{dance}_depth{tail}.png", SHOWN)
         table(rows)
 
 
@@ -182,13 +182,6 @@ def rough(dance, model, rig):
         return carver.carve([roughen(s, rng, 0.15, 0.0005) for s in renderer.silhouettes(meshes)])
 
     return [track_performance(model, p) for p in watch_all(dance, eyes)]
-
-
-def draw_frames(report: Report, performance, path: Path) -> None:
-    shown = [20 + 40 * i for i in range(7)]
-    truth = joint_positions(performance.rotations, performance.stature) + performance.pelvis[:, None]
-    titles = [f"{i / performance.fps:.1f} s, {report.fitted.frames_deg[i]:.1f}°" for i in shown]
-    save_frames([report.poses[i] for i in shown], [truth[i] for i in shown], path, titles)
 
 
 def cost(models: Path, out: Path) -> None:
@@ -209,24 +202,31 @@ def cost(models: Path, out: Path) -> None:
         ("no fit", 0.02, 8, 100, ROOF_CAMERA),
     ]  # fmt: skip
     for name, voxel, cameras, particles, camera in cases:
-        rig = roof_rig(cameras, camera=camera)
-        renderer = RigRenderer(rig)
         track = TrackConfig(particles=particles, refine=name != "no fit")
-        pipeline = SilhouettePipeline(model, rig, SpaceConfig(voxel=voxel), track)
-        pipeline.warm_up()
-        times = []
-        for i, meshes in enumerate(scenes):
-            images = renderer.silhouettes(meshes)
-            started = time.thread_time()
-            volume = pipeline.carver.carve(images)
-            between = time.thread_time()
-            pipeline.tracker.process(volume, 1 + round(i * 1e9 / 30))
-            times.append((between - started, time.thread_time() - between))
+        config = VolumeConfig(space=SpaceConfig(voxel=voxel), track=track)
+        times = measure(model, roof_rig(cameras, camera=camera), config, scenes)
         points[name] = add_cost(rows, name, times)
-    for name, times in depth_costs(models, scenes):
+    model = VolumeModel.load(models / "swing_depth.npz")
+    for count in (1, 2, 4):  # of images that show the person only
+        name = f"{count} depth camera{'s' if count > 1 else ''}"
+        times = measure(model, depth_ring(count), VolumeConfig(views=ViewsConfig(cut_out=False)), scenes)
         points[name] = add_cost(rows, name, times)
     table(rows)
     draw_cost(points, out / "volume_cost.png")
+
+
+def measure(model: VolumeModel, rig, config: VolumeConfig, scenes) -> list[tuple[float, float]]:
+    """Seconds from images to volume, and from there to the pose."""
+    pipeline, renderer, times = VolumePipeline(model, Rig(rig), config), RigRenderer(rig), []
+    pipeline.warm_up()
+    for i, meshes in enumerate(scenes):
+        views = ViewSet(1 + round(i * 1e9 / 30), renderer.images(meshes, model.meta["input"]))
+        started = time.thread_time()
+        volume, _ = pipeline.eyes.see(views)
+        between = time.thread_time()
+        pipeline.tracker.process(volume, views.stamp_ns)
+        times.append((between - started, time.thread_time() - between))
+    return times
 
 
 def add_cost(rows: list[list[str]], name: str, times: list[tuple[float, float]]):
@@ -236,26 +236,6 @@ def add_cost(rows: list[list[str]], name: str, times: list[tuple[float, float]])
     rows.append([name, *(f"{m:.1f} ms" for m in middle), f"{np.median(total):.1f} ms",
                  f"{1e3 / np.median(total):.0f}", f"{np.percentile(total, 95):.1f} ms"])  # fmt: skip
     return middle
-
-
-def depth_costs(models: Path, scenes):
-    """From depth images that show the person only to poses, for 1, 2 and 4 cameras."""
-    model = VolumeModel.load(models / "swing_depth.npz")
-    voxels = SurfaceVoxels()
-    for count in (1, 2, 4):
-        rig = depth_ring(count)
-        renderer, tracker, times = RigRenderer(rig), VolumePoseTracker(model), []
-        tracker.warm_up()
-        for i, meshes in enumerate(scenes):
-            images = renderer.depths(meshes)
-            started = time.thread_time()
-            clouds = [c.to_world(depth_points(d, c)) for c, d in zip(rig, images, strict=True)]
-            parts = [voxels.see(p, c.position) for c, p in zip(rig, clouds, strict=True)]
-            volume = voxels.join(parts)
-            between = time.thread_time()
-            tracker.process(volume, 1 + round(i * 1e9 / 30))
-            times.append((between - started, time.thread_time() - between))
-        yield f"{count} depth camera{'s' if count > 1 else ''}", times
 
 
 def draw_cost(points, path: Path) -> None:

@@ -5,7 +5,7 @@
     python benchmarks/volume_live.py --kind depth --cameras 2 --fps 30 --model volume_models/swing_depth.npz
 
 The images are rendered and serialised beforehand and published as bytes, so that the cameras cost little.
-Stamps are those of the moment at which each is due; latency is from there to the arrival of the skeleton in
+Stamps are those of the time at which each is due; latency is from there to the arrival of the skeleton in
 another process. Prints a table in Markdown; the load of the machine is in it.
 """
 
@@ -32,28 +32,29 @@ from pathlib import Path
 
 import numpy as np
 
-from depth_pose.body.procedural_motion_dance import perform
 from depth_pose.io._messages import write_image
+from depth_pose.motion.procedural.dance import perform
 from depth_pose.ros import PROFILE_PATH  # noqa: F401  (names the transport's profile)
 from depth_pose.sim.clothing import Garment
 from depth_pose.sim.roof_cameras import RigRenderer, depth_ring, roof_rig
-from depth_pose.volume.performances import TEST_SHAPES, Wearer, dressed_frames
+from depth_pose.sim.wearers import Wearer, dressed_frames
 from depth_pose.volume.rigfile import save_rig
+from depth_pose.volume_learn.performances import TEST_SHAPES
 
 SECONDS_OF_DANCE = 4.0
 TICKS = os.sysconf("SC_CLK_TCK")
 
 
 def serialise(rig, kind: str, fps: float) -> list[list[bytearray]]:
-    """Images of every moment and camera as messages, there and back again."""
-    renderer, moments = RigRenderer(rig), []
+    """Images of every time and camera as messages, there and back again."""
+    renderer, sets = RigRenderer(rig), []
     clip = perform("swing", 21, SECONDS_OF_DANCE, fps, start_beat=0.5)
     for meshes, _ in dressed_frames(Wearer(TEST_SHAPES[1], Garment(skirt=0.65, flare=0.27)), clip):
-        images = renderer.silhouettes(meshes) if kind == "silhouettes" else renderer.depths(meshes)
+        images = renderer.images(meshes, kind)
         if kind == "depth":  # as drivers send it
             images = [np.round(1e3 * i).astype(np.uint16) for i in images]
-        moments.append([bytearray(write_image(0, c.name, i)) for c, i in zip(rig, images, strict=True)])
-    return moments + moments[-2:0:-1]
+        sets.append([bytearray(write_image(0, c.name, i)) for c, i in zip(rig, images, strict=True)])
+    return sets + sets[-2:0:-1]
 
 
 def seconds_of(pid: int) -> float:
@@ -101,11 +102,11 @@ class Stage:
         while self.reports < wanted:
             self.executor.spin_once(timeout_sec=0.1)
 
-    def play(self, moments: list[list[bytearray]], fps: float, seconds: float) -> None:
+    def play(self, sets: list[list[bytearray]], fps: float, seconds: float) -> None:
         began, began_ns, sent = time.monotonic(), time.time_ns(), 0
         while sent < round(seconds * fps):
             stamp = struct.pack("<iI", *divmod(began_ns + round(sent * 1e9 / fps), 10**9))
-            for publisher, message in zip(self.cameras, moments[sent % len(moments)], strict=True):
+            for publisher, message in zip(self.cameras, sets[sent % len(sets)], strict=True):
                 message[4:12] = stamp
                 publisher.publish(bytes(message))
             sent += 1
@@ -119,21 +120,21 @@ class Stage:
 def measure(given: argparse.Namespace) -> None:
     rig = roof_rig(given.cameras) if given.kind == "silhouettes" else depth_ring(given.cameras)
     topics = [f"/{c.name}/image" for c in rig]
-    moments = serialise(rig, given.kind, given.fps)
+    sets = serialise(rig, given.kind, given.fps)
     with tempfile.TemporaryDirectory() as folder:
         save_rig(Path(folder) / "rig.yaml", rig, topics)
         settings = [f"model:={given.model}", f"rig:={folder}/rig.yaml", *given.set]
-        command = [sys.executable, "-m", "depth_pose.ros.volume_node", "--ros-args"]
+        command = [sys.executable, "-m", "depth_pose.ros.nodes.volume_node", "--ros-args"]
         command += [a for s in settings for a in ("-p", s)]
         node = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
         try:
-            run(given, node, Stage(topics), moments)
+            run(given, node, Stage(topics), sets)
         finally:
             node.send_signal(signal.SIGINT)
             node.wait(10)
 
 
-def run(given: argparse.Namespace, node: subprocess.Popen[str], stage: Stage, moments) -> None:
+def run(given: argparse.Namespace, node: subprocess.Popen[str], stage: Stage, sets) -> None:
     for line in node.stdout:
         if "is ready" in line:
             break
@@ -141,20 +142,20 @@ def run(given: argparse.Namespace, node: subprocess.Popen[str], stage: Stage, mo
         raise SystemExit("the node ended before it was ready")
     while any(c.get_subscription_count() < 1 for c in stage.cameras):
         stage.executor.spin_once(timeout_sec=0.1)
-    stage.play(moments, given.fps, 3.0)  # the person's height is found in the first 60 frames
+    stage.play(sets, given.fps, 3.0)  # the person's height is found in the first 60 frames
     stage.listen_for(2)
     stage.counts = True
     cpu, own = seconds_of(node.pid), time.process_time()
     before = dict(stage.told)
     began = time.monotonic()
-    stage.play(moments, given.fps, given.seconds)
+    stage.play(sets, given.fps, given.seconds)
     took = time.monotonic() - began - 0.3
     cpu, own = seconds_of(node.pid) - cpu, time.process_time() - own
     stage.listen_for(2)
     found = 1e3 * np.array(stage.latencies)
     asked = round(given.seconds * given.fps)
     rows = {
-        "moments published": f"{asked} of {given.cameras} images, {asked / took:.1f} a second",
+        "sets published": f"{asked} of {given.cameras} images, {asked / took:.1f} a second",
         "answers": f"{len(found)}, {len(found) / took:.1f} a second",
         "latency": f"median {np.median(found):.1f} ms, 95 % below {np.percentile(found, 95):.1f} ms, "
         f"most {found.max():.1f} ms",

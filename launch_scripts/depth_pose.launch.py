@@ -13,7 +13,7 @@ from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
 # importing the package names the shared-memory transport for the nodes started here
-from depth_pose.ros.supervisor import NODES, SENSORS_PATH, sensor_names
+from depth_pose.ros.process.supervisor import NODES, SENSORS_PATH, sensor_names
 
 ARGUMENTS = {
     "sensor": ("", f"topics of a known driver: {', '.join(sensor_names())}"),

@@ -9,8 +9,8 @@ import pytest
 
 from depth_pose.bank import Bank, build_bank
 from depth_pose.bank.build import BuildConfig
-from depth_pose.body.procedural import make_body
-from depth_pose.body.procedural_motion import make_poses
+from depth_pose.body.procedural import TEMPLATE, make_body
+from depth_pose.motion.procedural.generator import make_poses
 
 POSES = 300
 SEED = 1
@@ -26,8 +26,10 @@ def body():
 
 def _sources_hash():
     """Hash of all source files that a bank depends on."""
-    files = [_PACKAGE / "skeleton.py", _PACKAGE / "geometry.py", Path(__file__)]
-    files += sorted(_PACKAGE.glob("body/*.py")) + sorted(_PACKAGE.glob("bank/*.py"))
+    files = [_PACKAGE / "core/skeleton.py", _PACKAGE / "core/rotations.py", Path(__file__)]
+    for folder in ("body", "motion", "bank"):
+        files += sorted(_PACKAGE.glob(f"{folder}/**/*.py"))
+    files.append(TEMPLATE)
     digest = hashlib.sha256()
     for file in files:
         digest.update(file.name.encode() + file.read_bytes())

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
 
 from depth_pose.body.procedural import make_body
-from depth_pose.geometry import rotvec_to_matrix
-from depth_pose.render import DepthComparer, Observation
-from depth_pose.skeleton import MIRROR_NODES, NODE_INDEX, NODE_PARENTS
-from depth_pose.types import BACKGROUND, PERSON, Camera, DepthFrame, PersonCloud
+from depth_pose.core.camera import Camera
+from depth_pose.core.rotations import R_CAMERA_FACING_MODEL as FACING
+from depth_pose.core.rotations import rotvec_to_matrix
+from depth_pose.core.skeleton import MIRROR_NODES, NODE_INDEX, NODE_PARENTS
+from depth_pose.core.types import HIDDEN, DepthFrame, FoundPerson
+from depth_pose.fit.rendered_depth import DepthComparer, Observation
+from depth_pose.people.person import see_people
 
 CAMERA = Camera(176, 144, 190.0, 190.0, 87.5, 71.5)
-FACING = np.diag([1.0, -1.0, -1.0])
-"""``R_camera_model`` of somebody upright who faces a level camera."""
 
 START_NS = 1_700_000_000_000_000_000
 STEP_NS = 40_000_000
@@ -118,14 +120,35 @@ def to_frame(depth, stamp_ns=START_NS, camera=CAMERA, noise=0.0, seed=0):
     )
 
 
-def to_cloud(depth, stamp_ns=START_NS, camera=CAMERA):
-    """A person cloud of a drawn person: every drawn pixel is the person, all else is free."""
-    person = np.isfinite(depth)
-    z = np.where(person, depth, np.nan)
+def to_people(*depths, stamp_ns=START_NS, camera=CAMERA, hidden=None):
+    """Drawn persons ``body_1``, ``body_2``, ...: every drawn pixel is somebody, all else is free.
+
+    Somebody nearer covers who is farther; ``hidden``, (h, w) bool, are pixels of which nothing is known.
+    """
+    z = np.min([np.full((camera.height, camera.width), np.inf), *depths], axis=0)
+    labels = np.zeros(z.shape, np.uint8)
+    for k, depth in enumerate(depths):
+        labels[np.isfinite(depth) & (depth == z)] = k + 1
+    if hidden is not None:
+        labels[hidden] = HIDDEN
+    z = np.where((labels > 0) & (labels != HIDDEN), z, np.nan)
     v, u = np.mgrid[: camera.height, : camera.width]
     points = np.stack([(u - camera.cx) / camera.fx * z, (v - camera.cy) / camera.fy * z, z], axis=-1)
-    labels = np.where(person, PERSON, BACKGROUND).astype(np.uint8)
-    return PersonCloud(stamp_ns, "optical", points.astype(np.float32), labels)
+    nowhere = np.zeros((0, 3), np.float32), np.zeros(0, np.float32)
+    found = [FoundPerson(k + 1, f"body_{k + 1}", 1.0, *nowhere) for k in range(len(depths))]
+    return see_people(stamp_ns, "optical", camera, points.astype(np.float32), labels, found)
+
+
+def to_person(depth, **seen):
+    """The one drawn person, prepared; `to_people` says how."""
+    (person,) = to_people(depth, **seen).persons
+    return person
+
+
+def restamped(people, stamp_ns):
+    """The same frame at another time."""
+    persons = tuple(replace(person, stamp_ns=stamp_ns) for person in people.persons)
+    return replace(people, stamp_ns=stamp_ns, persons=persons)
 
 
 def mirrored(points):

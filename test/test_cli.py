@@ -16,10 +16,10 @@ import pytest
 import depth_pose
 from depth_pose.cli import main
 from depth_pose.cli.console import read_settings
-from depth_pose.config import MatchConfig, PipelineConfig, SegmentConfig, options
-from depth_pose.errors import ConfigError, InputError
+from depth_pose.core.camera import Camera
+from depth_pose.core.config import MatchConfig, PipelineConfig, SegmentConfig, options
+from depth_pose.core.errors import ConfigError, InputError
 from depth_pose.io.mcap_write import DepthWriter
-from depth_pose.types import Camera
 
 COMMANDS = (
     "run",
@@ -166,10 +166,10 @@ def test_simulate_and_eval(tmp_path: Path, call: Callable[..., Done]) -> None:
     )
     assert done.returncode == 0, done.stderr
     assert "2 at 25 per second" in done.stdout
+    from depth_pose.core.skeleton import Source
+    from depth_pose.core.types import Skeleton
     from depth_pose.evaluate.score import load_truth
     from depth_pose.io.mcap_write import SkeletonWriter
-    from depth_pose.skeleton import Source
-    from depth_pose.types import Skeleton
 
     truth = load_truth(tmp_path / "s.npz")
     with SkeletonWriter(tmp_path / "p.mcap") as writer:

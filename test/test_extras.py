@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from depth_pose.bank import Bank, default_bank_path
-from depth_pose.config import DenoiseConfig, SegmentConfig
+from depth_pose.core.config import DenoiseConfig, SegmentConfig
+from depth_pose.core.types import PERSON
 from depth_pose.io.mcap_read import DepthReader
 from depth_pose.pipeline import PosePipeline
-from depth_pose.steps.extract import PersonExtractor
-from depth_pose.types import PERSON
+from depth_pose.steps.extract import PeopleExtractor
 
 _PLACES = [parent / "shared" / "data" for parent in Path(__file__).resolve().parents]
 DATA = next((place for place in _PLACES if place.is_dir()), _PLACES[0])
@@ -39,11 +39,11 @@ def frames_of(path, count=None, step=1):
 def test_the_person_is_cut_out(name):
     """Their points fill the known bounding box's part of the frame, and nothing else."""
     truth = np.load(DATA / "dev" / f"{name}.npz")
-    extractor = PersonExtractor(SegmentConfig(), DenoiseConfig())
+    extractor = PeopleExtractor(SegmentConfig(), DenoiseConfig())
     low, high = truth["box"][:3] - 0.1, truth["box"][3:] + 0.1
     for i, frame in enumerate(frames_of(DATA / "dev" / f"{name}.mcap", 3)):
-        cloud = extractor.extract(frame)
-        points = cloud.points[cloud.labels == PERSON]
+        people = extractor.extract(frame)
+        points = people.points[people.labels == PERSON]
         assert len(points) > 500
         assert ((points > low) & (points < high)).all(axis=1).mean() > 0.97
         joints = truth["joints"][i][truth["seen"][i]]
@@ -83,12 +83,12 @@ def test_real_people_are_all_answered():
     for frame in frames:
         result = PosePipeline(bank).process_frame(frame)
         assert not result.skeleton.is_lost
-        assert (result.cloud.labels == PERSON).sum() > 1000
+        assert (result.people.labels == PERSON).sum() > 1000
         assert result.skeleton.confidence > 0.3
 
 
 def test_real_rooms_have_a_person():
     for name in ("real_itop", "real_kinect1"):
         for frame in frames_of(DATA / name / f"{name}.mcap"):
-            cloud = PersonExtractor(SegmentConfig(), DenoiseConfig()).extract(frame)
-            assert (cloud.labels == PERSON).sum() > 500, (name, frame.stamp_ns)
+            people = PeopleExtractor(SegmentConfig(), DenoiseConfig()).extract(frame)
+            assert (people.labels == PERSON).sum() > 500, (name, frame.stamp_ns)

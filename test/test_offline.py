@@ -10,9 +10,9 @@ import pytest
 from depth_pose.bank import Bank, build_bank
 from depth_pose.bank.build import BuildConfig
 from depth_pose.body.procedural import make_body
-from depth_pose.body.procedural_motion import make_poses
 from depth_pose.io.mcap_read import DepthReader, read_skeletons
 from depth_pose.io.mcap_write import DepthWriter
+from depth_pose.motion.procedural.generator import make_poses
 from depth_pose.offline import process_recording
 from depth_pose.pipeline import PosePipeline
 from depth_pose.sim.config import Person

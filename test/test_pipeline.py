@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 import synthetic as syn
-from depth_pose.body.procedural_motion import make_clip
-from depth_pose.config import MAX_STAMP_GAP_NS, PipelineConfig
+from depth_pose.core.config import MAX_STAMP_GAP_NS, MatchConfig, PipelineConfig
+from depth_pose.core.skeleton import JOINT_NODES, Source
+from depth_pose.motion.procedural.generator import make_clip
 from depth_pose.pipeline import PosePipeline
-from depth_pose.skeleton import JOINT_NODES, Source
-from depth_pose.types import PERSON
+from depth_pose.steps.confidence import skeleton_confidence
 
 FRAMES = 10
 
@@ -48,19 +48,19 @@ def test_the_joints_are_found(clip, results):
     assert np.mean(errors < 0.1) > 0.95
 
 
-def test_every_stage_speaks_of_the_same_frame(clip, results, bank):
+def test_every_stage_speaks_of_the_same_frame_and_person(clip, results, bank):
     for frame, r in zip(clip[0], results, strict=True):
-        assert {r.cloud.stamp_ns, r.match.stamp_ns, r.refined.stamp_ns, r.skeleton.stamp_ns} == {
-            frame.stamp_ns
-        }
-        assert {r.cloud.frame_id, r.match.frame_id, r.refined.frame_id, r.skeleton.frame_id} == {"optical"}
-        assert r.match.bank_id == bank.bank_id
-        assert r.refined.source == Source.REFINED
-        assert (r.cloud.labels == PERSON).sum() > 1000
-        assert r.skeleton.confidence > 0.7
-        assert 0.9 < r.skeleton.scale < 1.1
-    assert len({r.skeleton.body_id for r in results}) == 1
-    assert results[0].skeleton.body_id
+        (person,), (match,), (refined,), (skeleton,) = r.people.persons, r.matches, r.refined, r.skeletons
+        assert skeleton is r.skeleton
+        for told in (r.people, person, refined.skeleton, skeleton):
+            assert (told.stamp_ns, told.frame_id) == (frame.stamp_ns, "optical")
+        assert {person.body_id, match.body_id, refined.skeleton.body_id, skeleton.body_id} == {"body_1"}
+        assert match.bank_id == bank.bank_id
+        assert refined.skeleton.source == Source.REFINED
+        assert refined.skeleton.confidence == np.float32(skeleton_confidence(refined.score))
+        assert len(person.points) > 1000
+        assert skeleton.confidence > 0.7
+        assert 0.9 < skeleton.scale < 1.1
 
 
 def test_twice_the_same(bank, clip, results):
@@ -102,8 +102,8 @@ def test_somebody_leaves_and_comes_back(bank, clip):
     for i in (2, 3):
         gone = pipeline.process_frame(empty_room(frames[i].stamp_ns))
         assert gone.skeleton.is_lost
-        assert gone.match.candidates == ()
-        assert not (gone.cloud.labels == PERSON).any()
+        assert (gone.people.persons, gone.matches, gone.refined, gone.skeletons) == ((), (), (), ())
+        assert not gone.people.labels.any()
         assert (gone.skeleton.stamp_ns, len(gone.skeleton.positions)) == (frames[i].stamp_ns, 0)
     back = pipeline.process_frame(frames[4]).skeleton
     assert not back.is_lost
@@ -127,6 +127,94 @@ def test_settings_reach_their_steps(bank, clip):
     )
     assert PosePipeline(bank, config).process_frame(clip[0][0]).skeleton.is_lost
     near = PipelineConfig.from_mapping({"match": {"scale": 0.8, "keep": 2}})
-    match = PosePipeline(bank, near).process_frame(clip[0][0]).match
+    (match,) = PosePipeline(bank, near).process_frame(clip[0][0]).matches
     assert match.scale == 0.8
     assert len(match.candidates) <= 2
+
+
+# --- two people, found by hand
+
+
+def two_people(k):
+    """Two who stand apart at frame ``k``, moving an arm each: posed bodies and their images."""
+    lifts = (-38.0 + 4.0 * k, 10.0)
+    places = ({"aside": -0.65, "distance": 3.0}, {"aside": 0.7, "distance": 3.6, "turn": 25.0})
+    bodies = [
+        syn.posed(
+            syn.upright(left_shoulder=syn.rotation("z", a), right_shoulder=syn.rotation("z", 38.0)), **p
+        )
+        for a, p in zip(lifts, places, strict=True)
+    ]
+    return bodies, [syn.draw(syn.mesh(b)) for b in bodies]
+
+
+def answer(pipeline, people):
+    """The stages after extraction, as `PosePipeline.process_frame` runs them."""
+    matches = pipeline.matcher.match(people)
+    skeletons = pipeline.recoverer.recover(people, pipeline.refiner.refine(people, matches))
+    pipeline.refiner.take_answer(skeletons)
+    return skeletons
+
+
+def test_two_people_each_as_if_alone(bank):
+    """Everybody's pose is right, has their own id, and is what it would be without the other."""
+    config = PipelineConfig(match=MatchConfig(scale=1.0))
+    together, alone = PosePipeline(bank, config), [PosePipeline(bank, config) for _ in range(2)]
+    for k in range(5):
+        bodies, depths = two_people(k)
+        stamp_ns = syn.START_NS + k * syn.STEP_NS
+        both = answer(together, syn.to_people(*depths, stamp_ns=stamp_ns))
+        assert [s.body_id for s in both] == ["body_1", "body_2"]
+        assert set(together.refiner.meshes) == {"body_1", "body_2"}
+        for i, (skeleton, body) in enumerate(zip(both, bodies, strict=True)):
+            joints = body.nodes[JOINT_NODES]
+            assert syn.joint_error(skeleton.positions, joints) < 0.04
+            mesh = together.refiner.meshes[skeleton.body_id]
+            assert np.linalg.norm(mesh - body.vertices, axis=1).mean() < 0.06
+            empty = np.full(depths[i].shape, np.inf)
+            only = [empty, empty]
+            only[i] = depths[i]
+            (own,) = answer(alone[i], syn.to_people(*only, stamp_ns=stamp_ns))
+            assert own.body_id == skeleton.body_id
+            np.testing.assert_allclose(skeleton.positions, own.positions, atol=0.01)
+
+
+def test_the_order_of_people_does_not_matter(bank):
+    config = PipelineConfig(match=MatchConfig(scale=1.0))
+    plain, turned = PosePipeline(bank, config), PosePipeline(bank, config)
+    for k in range(3):
+        people = syn.to_people(*two_people(k)[1], stamp_ns=syn.START_NS + k * syn.STEP_NS)
+        a = answer(plain, people)
+        b = answer(turned, replace(people, persons=people.persons[::-1]))
+        for one, same in zip(a, b[::-1], strict=True):
+            assert one.body_id == same.body_id
+            np.testing.assert_array_equal(one.positions, same.positions)
+
+
+def test_one_leaves_and_the_other_stays(bank):
+    """Whoever is not seen has no answer, and is picked up again under the same id; nobody is mixed up."""
+    pipeline = PosePipeline(bank, PipelineConfig(match=MatchConfig(scale=1.0)))
+    for k in range(8):
+        bodies, depths = two_people(k)
+        if 3 <= k < 6:
+            depths[0] = np.full(depths[0].shape, np.inf)
+        found = {
+            s.body_id: s
+            for s in answer(pipeline, syn.to_people(*depths, stamp_ns=syn.START_NS + k * syn.STEP_NS))
+        }
+        assert set(found) == ({"body_2"} if 3 <= k < 6 else {"body_1", "body_2"})
+        for body_id, skeleton in found.items():
+            joints = bodies[int(body_id[-1]) - 1].nodes[JOINT_NODES]
+            assert syn.joint_error(skeleton.positions, joints) < 0.05
+
+
+def test_sizes_are_each_person_s_own(bank):
+    """An adult and a child."""
+    pipeline = PosePipeline(bank)
+    for k in range(5):
+        depths = [
+            syn.draw(syn.mesh(syn.posed(syn.arms_down(), aside=x, distance=3.0, scale=scale, turn=5.0 * k)))
+            for x, scale in ((-0.6, 1.05), (0.6, 0.75))
+        ]
+        skeletons = answer(pipeline, syn.to_people(*depths, stamp_ns=syn.START_NS + k * syn.STEP_NS))
+    assert [s.scale for s in skeletons] == pytest.approx([1.05, 0.75], rel=0.06)

@@ -1,19 +1,13 @@
-"""The checks of style and types, as tests, so that pytest's last line speaks for everything."""
+"""The checks of style, types and arrows, as tests, so that pytest's last line speaks for everything."""
 
-import importlib.util
 import subprocess
 import sys
 from pathlib import Path
-
-import pytest
 
 ROOT = Path(__file__).parents[1]
 
 
 def _check(*command):
-    module = command[0]
-    if importlib.util.find_spec(module) is None:
-        pytest.skip(f"{module} is not installed; it comes with the extra `test`")
     done = subprocess.run([sys.executable, "-m", *command], cwd=ROOT, capture_output=True, text=True)
     assert done.returncode == 0, f"{done.stdout}\n{done.stderr}"
 
@@ -28,3 +22,14 @@ def test_format():
 
 def test_types():
     _check("mypy")
+
+
+def test_arrows_run_one_way():
+    """`pyproject.toml` has the house: who may import whom, and no circle of files."""
+    done = subprocess.run(
+        [Path(sys.executable).with_name("lint-imports"), "--no-cache"],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, f"{done.stdout}\n{done.stderr}"

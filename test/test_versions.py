@@ -69,7 +69,7 @@ def test_ros_dependencies_are_declared():
 
 
 def test_message_constants_are_the_core_s():
-    from depth_pose.skeleton import JointState, Source
+    from depth_pose.core.skeleton import JointState, Source
 
     for name, kind in (("Joint", JointState), ("Skeleton", Source)):
         text = (MESSAGES / "msg" / f"{name}.msg").read_text()

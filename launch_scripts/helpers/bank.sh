@@ -6,7 +6,7 @@ ensure_bank() {
     local bank building sources
     if [ -n "${DEPTH_POSE_BANK:-}" ]; then return; fi
     bank=$(.venv/bin/python -c 'from depth_pose.bank import default_bank_path; print(default_bank_path())')
-    sources=$(find src/depth_pose/bank src/depth_pose/body src/depth_pose/{skeleton,geometry}.py -name '*.py' \
+    sources=$(find src/depth_pose/{bank,body,motion} src/depth_pose/core/{skeleton,rotations}.py \( -name '*.py' -o -name '*.npz' \) \
         | LC_ALL=C sort | xargs sha256sum | sha256sum | cut -c 1-16)
     if [ -f "$bank" ]; then
         # beside a bank of ours: its checksum and its sources

@@ -1,22 +1,43 @@
-"""Offline runs: every depth frame of a recording to a skeleton, in order, none dropped."""
+"""Offline runs: every frame of a recording to a skeleton, in order, none dropped."""
 
 from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any, Protocol
 
 import numpy as np
 
-from depth_pose.errors import InputError
-from depth_pose.io.mcap_read import DepthReader
+from depth_pose.core.errors import InputError
 from depth_pose.io.mcap_write import SkeletonWriter
 
-if TYPE_CHECKING:
-    from depth_pose.pipeline import PosePipeline
+
+class Reader(Protocol):
+    """The frames of a recording, for instance `depth_pose.io.mcap_read.DepthReader`."""
+
+    def __iter__(self) -> Iterator[Any]:
+        """Give the frames in their order."""
+
+    @property
+    def dropped(self) -> int:
+        """Frames that could not be used."""
+
+    @property
+    def warnings(self) -> Sequence[str]:
+        """What went wrong, one line each."""
+
+
+class Method(Protocol):
+    """From frames to skeletons, for instance `depth_pose.pipeline.PosePipeline`."""
+
+    def reset(self) -> None:
+        """Forget all earlier frames."""
+
+    def process_frame(self, frame: Any, /) -> Any:
+        """Answer one frame; the result has everybody's ``skeletons``, and the one ``skeleton`` followed."""
 
 
 @dataclass(frozen=True)
@@ -26,11 +47,13 @@ class RunSummary:
     Attributes
     ----------
     frames : int
-        Depth frames of the recording, those that could not be used included.
+        Frames of the recording, those that could not be used included.
     answered : int
         Frames with a skeleton that shows somebody.
     empty : int
         Frames that show nobody.
+    most_people : int
+        Most people in one frame.
     dropped : int
         Frames that could not be used; `warnings` say why.
     sources : mapping of str to int
@@ -44,6 +67,7 @@ class RunSummary:
     frames: int
     answered: int
     empty: int
+    most_people: int
     dropped: int
     sources: Mapping[str, int]
     median_ms: float
@@ -52,9 +76,9 @@ class RunSummary:
 
 
 def process_recording(
-    reader: DepthReader,
+    reader: Reader,
     output: Path | str,
-    pipeline: PosePipeline,
+    pipeline: Method,
     progress: Callable[[int], None] | None = None,
 ) -> RunSummary:
     """Run the pipeline over a recording and write its skeletons.
@@ -64,11 +88,11 @@ def process_recording(
 
     Parameters
     ----------
-    reader : DepthReader
-        The recording's depth frames.
+    reader : Reader
+        The recording's frames.
     output : Path or str
         The recording of skeletons; it appears once it is whole.
-    pipeline : PosePipeline
+    pipeline : Method
         The method; its temporal state is reset first.
     progress : callable, optional
         Called with the number of frames done.
@@ -82,26 +106,31 @@ def process_recording(
     sources: Counter[str] = Counter()
     refused: Counter[str] = Counter()
     times_ms = []
+    empty = most = 0
     with SkeletonWriter(output) as writer:
         for frame in reader:
             start = time.perf_counter()
             try:
-                skeleton = pipeline.process_frame(frame).skeleton
+                result = pipeline.process_frame(frame)
             except InputError as error:
                 refused[str(error)] += 1
                 continue
             times_ms.append((time.perf_counter() - start) * 1e3)
-            writer.write(skeleton)
-            sources["LOST" if skeleton.is_lost else skeleton.source.name] += 1
+            followed, everybody = result.skeleton, result.skeletons
+            writer.write_people(everybody, followed.stamp_ns, followed.frame_id)
+            writer.write(followed)
+            sources.update(s.source.name for s in everybody)
+            empty += not everybody
+            most = max(most, len(everybody))
             if progress:
                 progress(len(times_ms) + refused.total() + reader.dropped)
-    answered = sources.total() - sources["LOST"]
     dropped = reader.dropped + refused.total()
     reasons = [f"{count} frames were dropped: {reason}" for reason, count in refused.items()]
     return RunSummary(
-        frames=sources.total() + dropped,
-        answered=answered,
-        empty=sources["LOST"],
+        frames=len(times_ms) + dropped,
+        answered=len(times_ms) - empty,
+        empty=empty,
+        most_people=most,
         dropped=dropped,
         sources=dict(sources),
         median_ms=float(np.median(times_ms)) if times_ms else float("nan"),

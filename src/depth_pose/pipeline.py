@@ -10,13 +10,15 @@ from dataclasses import dataclass
 from threadpoolctl import ThreadpoolController
 
 from depth_pose.bank.bank import Bank
-from depth_pose.config import PipelineConfig
-from depth_pose.steps.extract import PersonExtractor
+from depth_pose.core.config import PipelineConfig
+from depth_pose.core.types import DepthFrame, Fitted, PoseMatch, Skeleton
+from depth_pose.people.person import People
+from depth_pose.steps.extract import PeopleExtractor
+from depth_pose.steps.follow import Follower
 from depth_pose.steps.match import Matcher
 from depth_pose.steps.mount import turn_back, turn_forth, turn_upright
 from depth_pose.steps.recover import Recoverer
 from depth_pose.steps.refine import Refiner
-from depth_pose.types import DepthFrame, PersonCloud, PoseMatch, Skeleton
 
 _one_thread = ThreadpoolController().wrap(limits=1)
 """Small systems are no faster on more, and sums come in the same order on any number of cores."""
@@ -24,11 +26,12 @@ _one_thread = ThreadpoolController().wrap(limits=1)
 
 @dataclass(frozen=True)
 class FrameResult:
-    """What every stage made of one frame; ``skeleton`` is the answer."""
+    """What every stage made of one frame; the answer: everybody, and the one who is followed."""
 
-    cloud: PersonCloud
-    match: PoseMatch
-    refined: Skeleton
+    people: People
+    matches: tuple[PoseMatch, ...]
+    refined: tuple[Fitted, ...]
+    skeletons: tuple[Skeleton, ...]
     skeleton: Skeleton
 
 
@@ -43,32 +46,36 @@ class PosePipeline:
     Examples
     --------
     >>> pipeline = PosePipeline(Bank.load(default_bank_path()))  # doctest: +SKIP
-    >>> skeleton = pipeline.process_frame(frame).skeleton  # doctest: +SKIP
+    >>> skeletons = pipeline.process_frame(frame).skeletons  # doctest: +SKIP
     """
 
     @_one_thread
     def __init__(self, bank: Bank, config: PipelineConfig = PipelineConfig()) -> None:  # noqa: B008
         self._mount = config.mount
-        self.extractor = PersonExtractor(config.segment, config.denoise)
-        self.matcher = Matcher(bank, config.match)
-        self.refiner = Refiner(bank, config.refine, config.match)
-        self.recoverer = Recoverer(bank, config.recover, config.smooth)
-        self._stages = (self.extractor, self.matcher, self.refiner, self.recoverer)
+        self.extractor = PeopleExtractor(config.segment, config.denoise)
+        self.matcher = Matcher(bank, config.match, config.fit)
+        self.refiner = Refiner(bank, config.refine, config.match, config.fitting)
+        self.recoverer = Recoverer(bank, config.recover, config.smooth, config.match, config.fitting)
+        self.follower = Follower(config.follow)
+        self._stages = (self.extractor, self.matcher, self.refiner, self.recoverer, self.follower)
 
     @_one_thread
     def process_frame(self, frame: DepthFrame) -> FrameResult:
         """Estimate the pose in one frame; frames of a sequence are given in their order."""
-        # Sec. 4: cut the person out, modified LOP, outliers
-        cloud = self.extractor.extract(turn_upright(frame, self._mount))
+        # Sec. 4: find the people, cut them out, modified LOP (eqs. 1 to 5), outliers
+        people = self.extractor.extract(turn_upright(frame, self._mount))
         # Sec. 5: canonical axes, PCA subspace, nearest exemplars (eq. 6)
-        match = self.matcher.match(cloud)
-        # Sec. 6: fit the body to the cloud, complete what is hidden (eqs. 7, 8)
-        refined = self.refiner.refine(cloud, match)
+        matches = self.matcher.match(people)
+        # Sec. 6: fit the body to each person's points, complete what is hidden (eqs. 7, 8)
+        refined = self.refiner.refine(people, matches)
         # Sec. 6: failure check, temporal registration, low-pass filter
-        skeleton = self.recoverer.recover(cloud, refined)
-        answer = turn_back(skeleton, self._mount)
-        self.refiner.take_answer(turn_forth(answer, self._mount))
-        return FrameResult(cloud, match, refined, answer)
+        upright = self.recoverer.recover(people, refined)
+        # Back into the sensor's own frame. What the refiner learns of it makes the same way back
+        # as between the nodes, so that both come out the same to the last bit.
+        skeletons = tuple(turn_back(s, self._mount) for s in upright)
+        self.refiner.take_answer(turn_forth(s, self._mount) for s in skeletons)
+        followed = self.follower.choose(skeletons, frame.stamp_ns, frame.frame_id)
+        return FrameResult(people, matches, refined, skeletons, followed)
 
     def reset(self) -> None:
         """Forget all earlier frames."""
@@ -77,5 +84,5 @@ class PosePipeline:
 
     def warm_up(self) -> None:
         """Compile (or load from the cache) every kernel, so that the first frame is not late."""
-        for stage in self._stages:
+        for stage in self._stages[:-1]:
             stage.warm_up()

@@ -9,7 +9,7 @@ import pytest
 
 from depth_pose.bank import Bank, default_bank_path
 from depth_pose.bank.bank import FORMAT, FORMAT_VERSION
-from depth_pose.errors import BankError
+from depth_pose.core.errors import BankError
 
 ARRAYS = ("pose_quats", "view_quats", "view_origins", "coefficients", "mean", "components")
 

@@ -80,7 +80,7 @@ def test_projection_twin():
 def test_subspace_explains_most_of_the_views(bank):
     """What 32 dimensions keep of unseen descriptors' variance."""
     from depth_pose.bank.views import render_views
-    from depth_pose.body.procedural_motion import make_clip
+    from depth_pose.motion.procedural.generator import make_clip
 
     rotations = make_clip("stand_casual", fps=2.0, seconds=2.0, seed=9).rotations
     views = render_views(bank.body, rotations, 0).descriptors.astype(np.float32)

@@ -22,8 +22,7 @@ from depth_pose.bank.canonical import (
 def points():
     """A standing person with one arm raised, as partial cloud."""
     raised = syn.upright(left_shoulder=syn.rotation("z", 70.0))
-    cloud = syn.to_cloud(syn.draw(syn.mesh(syn.posed(raised, turn=20.0))))
-    return cloud.points[np.isfinite(cloud.points[..., 2])].astype(np.float64)
+    return syn.to_person(syn.draw(syn.mesh(syn.posed(raised, turn=20.0)))).points
 
 
 def canonical(points, axes):

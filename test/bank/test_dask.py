@@ -8,8 +8,8 @@ from depth_pose.bank import build as building
 from depth_pose.bank import build_bank
 from depth_pose.bank.build import BuildConfig
 from depth_pose.bank.workers import run_parts
-from depth_pose.body.procedural_motion import make_clip
-from depth_pose.errors import ConfigError, InputError
+from depth_pose.core.errors import ConfigError, InputError
+from depth_pose.motion.procedural.generator import make_clip
 
 
 @pytest.fixture(scope="module")

@@ -8,8 +8,8 @@ from depth_pose.bank import Bank, build_bank
 from depth_pose.bank.build import BuildConfig
 from depth_pose.bank.canonical import describe
 from depth_pose.bank.views import paper_axes, paper_views, render_views
-from depth_pose.body.procedural_motion import make_clip
-from depth_pose.errors import ConfigError
+from depth_pose.core.errors import ConfigError
+from depth_pose.motion.procedural.generator import make_clip
 
 
 @pytest.fixture(scope="module")

@@ -1,21 +1,15 @@
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 from depth_pose.bank.sources import NEAR_DUPLICATE_M, gather_poses
-from depth_pose.body.motion import joint_positions, mirror_joints
-from depth_pose.body.procedural_motion import make_clip
-from depth_pose.errors import InputError
+from depth_pose.core.errors import InputError
+from depth_pose.motion.clip import joint_positions, mirror_joints
+from depth_pose.motion.procedural.generator import make_clip
+from motion_writers import MIXAMO, write_bvh
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    import sys
-
-    sys.path.insert(0, str(Path(__file__).parents[1] / "body"))
-    from motion_writers import MIXAMO, write_bvh
-
     made = tmp_path_factory.mktemp("library")
     for i, name in enumerate(("walk", "kick")):
         write_bvh(made / f"{name}_{i}.bvh", make_clip(name, 15.0, 2.0, seed=i), MIXAMO)

@@ -3,9 +3,11 @@ import sys
 import numpy as np
 import pytest
 
-from depth_pose.body.bodies import find_body, keep_largest, load_body, save_body
-from depth_pose.errors import ConfigError, InputError
-from depth_pose.skeleton import NODES, rest_nodes
+from depth_pose.body.bodies import find_body
+from depth_pose.body.body import keep_largest
+from depth_pose.body.files import load_body, save_body
+from depth_pose.core.errors import ConfigError, InputError
+from depth_pose.core.skeleton import NODES, rest_nodes
 
 
 def test_body_file(body, tmp_path):
@@ -13,10 +15,6 @@ def test_body_file(body, tmp_path):
     again = find_body(str(tmp_path / "mine.npz"))
     assert again.content_hash() == body.content_hash()
     assert again.name == "mine"
-
-
-def test_body_of_a_bank(bank, bank_path):
-    assert load_body(bank_path).content_hash() == bank.body.content_hash()
 
 
 def test_scaled_to_the_reference(body, tmp_path):

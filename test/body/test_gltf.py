@@ -11,9 +11,9 @@ import pytest
 from scipy.spatial import cKDTree
 
 from depth_pose.body.bodies import find_body
-from depth_pose.errors import InputError
-from depth_pose.geometry import rotvec_to_matrix
-from depth_pose.skeleton import NODE_INDEX, NODE_PARENTS, NODES
+from depth_pose.core.errors import InputError
+from depth_pose.core.rotations import rotvec_to_matrix
+from depth_pose.core.skeleton import NODE_INDEX, NODE_PARENTS, NODES
 
 NAMES = {
     "pelvis": "Hips", "spine": "Spine", "chest": "Spine2", "neck": "Neck", "head": "Head",
@@ -124,16 +124,29 @@ def test_a_finger_moves_with_the_hand_and_sides_are_ours(loaded):
 
 def test_text_form_with_the_data_inside(body, loaded, tmp_path):
     document, data = document_of(body)
-    uri = "data:application/octet-stream;base64," + base64.b64encode(data).decode()
+    uri = "data:application/gltf-buffer;base64," + base64.b64encode(data).decode()
     (tmp_path / "someone.gltf").write_text(
         json.dumps(document | {"buffers": [{"uri": uri, "byteLength": len(data)}]})
     )
     assert find_body(str(tmp_path / "someone.gltf")).content_hash() == loaded.content_hash()
 
 
+def test_data_beside_the_file(body, loaded, tmp_path):
+    document, data = document_of(body)
+    path = tmp_path / "someone.gltf"
+    path.write_text(json.dumps(document | {"buffers": [{"uri": "data.bin", "byteLength": len(data)}]}))
+    with pytest.raises(InputError, match=r"cannot be read as glTF.*data\.bin"):
+        find_body(str(path))
+    (tmp_path / "data.bin").write_bytes(data)
+    assert find_body(str(path)).content_hash() == loaded.content_hash()
+
+
 def test_refused(body, tmp_path):
     path = tmp_path / "bad.glb"
     path.write_bytes(b"glTF")
+    with pytest.raises(InputError, match="cannot be read as glTF"):
+        find_body(str(path))
+    path.write_bytes(struct.pack("<4sII", b"glTF", 2, 12))
     with pytest.raises(InputError, match="cannot be read as glTF"):
         find_body(str(path))
     document, data = document_of(body)

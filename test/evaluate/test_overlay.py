@@ -8,16 +8,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from depth_pose.errors import InputError
+from depth_pose.core.camera import Camera
+from depth_pose.core.errors import InputError
+from depth_pose.core.rotations import R_CAMERA_FACING_MODEL
+from depth_pose.core.skeleton import JOINT_INDEX, JOINT_NODES, JOINTS, Source, rest_nodes
+from depth_pose.core.types import Skeleton
 from depth_pose.evaluate.overlay import project, save_overlay
 from depth_pose.evaluate.score2d import person_height_px, score_2d
 from depth_pose.evaluate.shading import shade_depth
 from depth_pose.io.mcap_write import DepthWriter, SkeletonWriter
-from depth_pose.skeleton import JOINT_INDEX, JOINT_NODES, JOINTS, Source, rest_nodes
-from depth_pose.types import Camera, Skeleton
 
 CAMERA = Camera(176, 144, 225.0, 225.0, 87.5, 71.5)
-REST = (rest_nodes()[JOINT_NODES] * 1.75) @ np.diag([1.0, -1.0, -1.0]) + [0, 0.9, 3.8]
+REST = (rest_nodes()[JOINT_NODES] * 1.75) @ R_CAMERA_FACING_MODEL + [0, 0.9, 3.8]
 STAMPS = [10**18 + i * 40_000_000 for i in range(5)]
 
 

@@ -10,15 +10,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from depth_pose.errors import InputError
+from depth_pose.core.errors import InputError
+from depth_pose.core.rotations import R_CAMERA_FACING_MODEL
+from depth_pose.core.skeleton import JOINT_NODES, JOINTS, Source, rest_nodes
+from depth_pose.core.types import Skeleton
 from depth_pose.evaluate.figures import save_joint_errors
 from depth_pose.evaluate.score import KnownJoints, load_truth, match_sequence, score, score_sequences
 from depth_pose.io.mcap_write import SkeletonWriter
-from depth_pose.skeleton import JOINT_NODES, JOINTS, Source, rest_nodes
-from depth_pose.types import Skeleton
 
 SHARED_SCORER = Path(__file__).parents[2].parent / "shared" / "tools" / "score.py"
-REST = (rest_nodes()[JOINT_NODES] * 1.75) @ np.diag([1.0, -1.0, -1.0]) + [0, 1.0, 3.0]
+REST = (rest_nodes()[JOINT_NODES] * 1.75) @ R_CAMERA_FACING_MODEL + [0, 1.0, 3.0]
 
 
 def make_truth(frames: int, seed: int = 0) -> KnownJoints:

@@ -10,7 +10,7 @@ import pytest
 from numpy.testing import assert_array_equal
 from PIL import Image
 
-from depth_pose.errors import InputError
+from depth_pose.core.errors import InputError
 from depth_pose.io.compressed import decode_compressed_depth
 from depth_pose.io.mcap_read import DepthReader
 
@@ -138,30 +138,29 @@ def test_recordings_of_it_are_read(tmp_path) -> None:
     """An MCAP file with compressed depth, written by a plain writer, gives the same frames."""
     from mcap.writer import Writer
 
-    from depth_pose.io._cdr import CdrWriter
+    from depth_pose.core.types import Camera, DepthFrame
+    from depth_pose.io._messages import write_message
     from depth_pose.io.mcap_write import DepthWriter
-    from depth_pose.types import Camera, DepthFrame
 
     camera = Camera(64, 48, 60.0, 60.0, 31.5, 23.5)
     depth = depth_image(48, 64)
     plain, packed = tmp_path / "plain.mcap", tmp_path / "packed.mcap"
     with DepthWriter(plain, camera, "optical") as writer:
         writer.write_frame(DepthFrame(10**18, "optical", depth.astype(np.float32) / 1000, camera))
-    cdr = CdrWriter()
-    cdr.header(10**18, "optical")
-    cdr.text("16UC1; compressedDepth rvl")
-    cdr.octets(message(encode_rvl(depth)))
+    body = np.frombuffer(message(encode_rvl(depth)), np.uint8)
+    kind, coding = "sensor_msgs/msg/CompressedImage", "16UC1; compressedDepth rvl"
+    image = write_message(kind, 10**18, "optical", format=coding, data=body)
     from depth_pose.io._recording import Recording
 
     info = Recording(plain).first("/camera/depth/camera_info")
     with packed.open("wb") as file:
         out = Writer(file)
         out.start()
-        for topic, kind, data in (
+        for topic, name, data in (
             ("/camera/depth/camera_info", "sensor_msgs/msg/CameraInfo", info.data),
-            ("/camera/depth/image_raw/compressedDepth", "sensor_msgs/msg/CompressedImage", cdr.bytes()),
+            ("/camera/depth/image_raw/compressedDepth", kind, image),
         ):
-            schema = out.register_schema(kind, "ros2msg", b"")
+            schema = out.register_schema(name, "ros2msg", b"")
             channel = out.register_channel(topic, "cdr", schema)
             out.add_message(channel, 10**18, data, 10**18)
         out.finish()

@@ -33,7 +33,7 @@ class Peer:
     def publisher(self, kind, topic, qos=SENSOR, subscribers=1):
         made = self.node.create_publisher(kind, topic, qos)
         self.until(lambda: made.get_subscription_count() >= subscribers, what=f"subscribers of {topic}")
-        self.spin(0.2)  # what the writer takes for joined, the reader may not yet
+        self.spin(0.2)  # the publisher finds the subscriber first
         return made
 
     def until(self, condition, timeout_s=10.0, what="it"):

@@ -3,20 +3,16 @@
 import numpy as np
 
 from depth_pose.body.procedural import make_body
-from depth_pose.render import DepthComparer, Observation
-from depth_pose.skeleton import NODE_INDEX
-from depth_pose.types import Camera, DepthFrame
+from depth_pose.core.camera import Camera
+from depth_pose.core.rotations import R_CAMERA_FACING_MODEL as FACING
+from depth_pose.core.rotations import rotation_z
+from depth_pose.core.skeleton import NODE_INDEX
+from depth_pose.core.types import DepthFrame
+from depth_pose.fit.rendered_depth import DepthComparer, Observation
 
 CAMERA = Camera(176, 144, 170.0, 170.0, 87.5, 71.5)
 START_NS = 1_700_000_000_000_000_000
 STEP_NS = 40_000_000
-FACING = np.diag([1.0, -1.0, -1.0])
-"""``R_camera_model`` of somebody who faces the camera."""
-
-
-def turn_z(angle):
-    c, s = np.cos(angle), np.sin(angle)
-    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
 def frames(count, start_ns=START_NS):
@@ -29,7 +25,7 @@ def frames(count, start_ns=START_NS):
         lift = 0.6 + 0.5 * np.sin(0.25 * i)
         for side, sign in (("left", 1.0), ("right", -1.0)):
             for node in ("shoulder", "elbow", "wrist"):
-                rotations[NODE_INDEX[f"{side}_{node}"]] = FACING @ turn_z(sign * lift)
+                rotations[NODE_INDEX[f"{side}_{node}"]] = FACING @ rotation_z(sign * lift)
         posed = body.pose(rotations, np.array([0.05 * np.sin(0.1 * i), 0.0, 3.2]))
         depth = renderer.render(posed.vertices, body.faces)
         depth = np.where(np.isfinite(depth), depth, 4.8)

@@ -14,12 +14,12 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import CameraInfo, Image
 from std_msgs.msg import Header
 
-from depth_pose.errors import InputError
+from depth_pose.core.errors import InputError
 from depth_pose.io.mcap_read import read_frames
 from depth_pose.io.mcap_write import DepthWriter
-from depth_pose.ros.bag import Player, Recorder, header_stamp_ns, play
-from depth_pose.ros.conversions import make_header, stamp_to_ns
-from depth_pose.ros.message_text import message_text
+from depth_pose.ros.transport.bag import Player, Recorder, header_stamp_ns, play
+from depth_pose.ros.transport.conversions import make_header, stamp_to_ns
+from depth_pose.ros.transport.message_text import message_text
 
 IMAGE, INFO = "/camera/depth/image_raw", "/camera/depth/camera_info"
 FRAMES = 30
@@ -111,7 +111,7 @@ def test_truncated_recording_plays_to_its_last_whole_chunk(tmp_path, domain, pee
 
 
 def test_what_cannot_be_played_is_said(recording, tmp_path, domain):
-    with pytest.raises(InputError, match="cannot open"):
+    with pytest.raises(InputError, match="cannot be read"):
         play(tmp_path / "none.mcap")
     text = tmp_path / "text.mcap"
     text.write_text("this is no recording" * 10)
@@ -146,7 +146,7 @@ def test_stamp_of_serialised_messages(recording):
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_record_ends_with_a_whole_file(start, tmp_path, peer, number):
     path = tmp_path / "out.mcap"
-    code = f"from depth_pose.ros.bag import record; print(record({str(path)!r}), flush=True)"
+    code = f"from depth_pose.ros.transport.bag import record; print(record({str(path)!r}), flush=True)"
     process = start("-c", code)
     infos = peer.publisher(CameraInfo, INFO, RELIABLE)
     for i in range(5):

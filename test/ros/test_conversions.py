@@ -3,11 +3,13 @@ import pytest
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import CameraInfo, Image, PointCloud2, PointField
 
-from depth_pose.errors import InputError
-from depth_pose.ros import conversions as c
-from depth_pose.ros import drawing
-from depth_pose.skeleton import BONES, JOINTS, JointState, Source
-from depth_pose.types import Candidate, PersonCloud, PoseMatch, Skeleton
+from depth_pose.core.camera import Camera
+from depth_pose.core.errors import InputError
+from depth_pose.core.skeleton import BONES, JOINTS, JointState, Source
+from depth_pose.core.types import HIDDEN, Candidate, Fitted, FoundPerson, PoseMatch, Skeleton
+from depth_pose.people.person import see_people
+from depth_pose.ros.transport import conversions as c
+from depth_pose.ros.transport import drawing
 
 
 def over_the_wire(message):
@@ -25,11 +27,21 @@ def rng():
 
 
 @pytest.fixture
-def cloud(rng):
-    points = rng.normal(size=(12, 17, 3)).astype(np.float32)
-    labels = rng.integers(0, 3, (12, 17)).astype(np.uint8)
-    points[labels != 1] = np.nan
-    return PersonCloud(1_700_000_000_123_456_789, "optical", points, labels)
+def people(rng):
+    """Two people on a small grid, the second of whom has too few points."""
+    camera = Camera(40, 30, 50.0, 51.0, 19.5, 14.5)
+    labels = rng.choice(np.array([0, 1, HIDDEN], np.uint8), (30, 40))
+    labels[0, :5] = 2
+    depth = np.where((labels == 1) | (labels == 2), rng.uniform(2.0, 3.0, labels.shape), 0.0)
+    found = [
+        FoundPerson(k, f"body_{k + 4}", float(np.float32(0.3 * k)), proposals, proposals[:, 0])
+        for k, proposals in (
+            (1, rng.normal(size=(3, 3)).astype(np.float32)),
+            (2, np.zeros((0, 3), np.float32)),
+        )
+    ]
+    points = camera.back_project(depth.astype(np.float32))
+    return see_people(1_700_000_000_123_456_789, "optical", camera, points, labels, found)
 
 
 @pytest.fixture
@@ -49,32 +61,44 @@ def skeleton(rng):
     )
 
 
-def test_cloud_round_trip_is_exact(cloud):
-    msg = over_the_wire(c.cloud_to_msg(cloud))
-    assert (msg.point_step, msg.row_step, len(msg.data)) == (16, 16 * 17, 16 * 17 * 12)
-    assert [(f.name, f.offset) for f in msg.fields] == [("x", 0), ("y", 4), ("z", 8), ("label", 12)]
-    back = c.msg_to_cloud(msg)
-    assert (back.stamp_ns, back.frame_id) == (cloud.stamp_ns, cloud.frame_id)
-    assert_same_bits(back.points, cloud.points)
-    assert_same_bits(back.labels, cloud.labels)
+def test_people_round_trip_is_exact(people):
+    points, who = map(over_the_wire, c.people_to_msgs(people))
+    assert (points.point_step, points.row_step, len(points.data)) == (16, 16 * 40, 16 * 40 * 30)
+    assert [(f.name, f.offset) for f in points.fields] == [("x", 0), ("y", 4), ("z", 8), ("label", 12)]
+    back = c.msgs_to_people(points, who)
+    assert (back.stamp_ns, back.frame_id, back.camera) == (people.stamp_ns, people.frame_id, people.camera)
+    assert_same_bits(back.points, people.points)
+    assert_same_bits(back.labels, people.labels)
+    assert [p.body_id for p in back.persons] == [p.body_id for p in people.persons] == ["body_5"]
+    for a, b in zip(back.persons, people.persons, strict=True):
+        assert a.found.probability == b.found.probability and a.found.label == b.found.label
+        assert_same_bits(a.found.proposals, b.found.proposals)
+        assert_same_bits(a.found.proposal_confidence, b.found.proposal_confidence)
+        assert_same_bits(a.points, b.points)
+        assert_same_bits(a.full.labels, b.full.labels)
+        assert_same_bits(a.coarse.depth, b.coarse.depth)
 
 
 @pytest.mark.parametrize(
     "spoil",
     [
-        lambda m: m.fields.pop(),
-        lambda m: setattr(m, "point_step", 20),
-        lambda m: setattr(m, "data", bytes(m.data)[:-1]),
-        lambda m: setattr(m, "row_step", 3),
-        lambda m: setattr(m, "is_bigendian", True),
+        lambda p, w: p.fields.pop(),
+        lambda p, w: setattr(p, "point_step", 20),
+        lambda p, w: setattr(p, "data", bytes(p.data)[:-1]),
+        lambda p, w: setattr(p, "row_step", 3),
+        lambda p, w: setattr(p, "is_bigendian", True),
+        lambda p, w: setattr(w, "width", 41),
+        lambda p, w: setattr(w, "fx", 0.0),
+        lambda p, w: setattr(w, "fy", float("nan")),
+        lambda p, w: setattr(w.people[0], "proposals", [1.0]),
     ],
 )
-def test_foreign_cloud_is_refused(cloud, spoil):
-    msg = over_the_wire(c.cloud_to_msg(cloud))
-    msg.fields = list(msg.fields)
-    spoil(msg)
-    with pytest.raises(InputError, match="cloud"):
-        c.msg_to_cloud(msg)
+def test_foreign_people_are_refused(people, spoil):
+    points, who = map(over_the_wire, c.people_to_msgs(people))
+    points.fields = list(points.fields)
+    spoil(points, who)
+    with pytest.raises(InputError, match=r"points|joints"):
+        c.msgs_to_people(points, who)
 
 
 def test_skeleton_round_trip_is_exact(skeleton):
@@ -103,20 +127,46 @@ def test_lost_skeleton_has_no_joints():
     assert back.stamp_ns == lost.stamp_ns
 
 
-def test_match_round_trip_is_exact(rng):
+def test_a_source_that_there_is_not_is_refused(skeleton):
+    msg = c.skeleton_to_msg(skeleton)
+    msg.source = 77
+    with pytest.raises(InputError, match="source is 77"):
+        c.msg_to_skeleton(msg)
+
+
+def test_matches_round_trip_is_exact(rng, people):
     candidates = tuple(
         Candidate(i, i + 1, rng.normal(size=4), rng.normal(size=3), rng.random(), rng.random())
         for i in range(4)
     )
-    match = PoseMatch(3, "optical", "bank-hash", 1 / 3, candidates)
-    back = c.msg_to_match(over_the_wire(c.match_to_msg(match)))
-    assert (back.stamp_ns, back.bank_id, back.scale) == (3, "bank-hash", 1 / 3)
+    matches = PoseMatch("body_5", "bank-hash", 1 / 3, candidates), PoseMatch("body_6", "", 0.0, ())
+    msg = over_the_wire(c.matches_to_msg(matches, people))
+    assert c.stamp_to_ns(msg.header.stamp) == people.stamp_ns
+    back, empty = c.msg_to_matches(msg)
+    assert (back.body_id, back.bank_id, back.scale) == ("body_5", "bank-hash", 1 / 3)
     for a, b in zip(back.candidates, candidates, strict=True):
         assert (a.exemplar, a.view, a.distance, a.score) == (b.exemplar, b.view, b.distance, b.score)
         assert_same_bits(a.quat_xyzw, b.quat_xyzw)
         assert_same_bits(a.translation, b.translation)
-    empty = PoseMatch(3, "optical", "", 0.0, ())
-    assert c.msg_to_match(over_the_wire(c.match_to_msg(empty))) == empty
+    assert empty == matches[1]
+
+
+def test_fitted_round_trip_is_exact(skeleton, people):
+    fitted = Fitted(skeleton, 1 / 3), Fitted(Skeleton.lost(5, "optical", "body_6"), 1.0)
+    msg = over_the_wire(c.fitted_to_msg(fitted, people))
+    back = c.msg_to_fitted(msg)
+    assert [f.score for f in back] == [1 / 3, 1.0]
+    assert_same_bits(back[0].skeleton.positions, skeleton.positions)
+    assert back[1].skeleton.is_lost and back[1].skeleton.body_id == "body_6"
+    msg.scores.pop()
+    with pytest.raises(InputError, match="1 scores of 2 skeletons"):
+        c.msg_to_fitted(msg)
+
+
+def test_everybody_in_one_message(skeleton):
+    msg = over_the_wire(c.skeletons_to_msg([skeleton, skeleton], 7, "optical"))
+    assert [s.body_id for s in msg.skeletons] == ["person-3", "person-3"]
+    assert not c.skeletons_to_msg([], 7, "optical").skeletons
 
 
 @pytest.mark.parametrize("stamp_ns", [0, 1, 999_999_999, 1_000_000_000, -1, 2**31 * 10**9 - 1])
@@ -175,7 +225,8 @@ def test_sensor_cloud_to_frame(kind):
 
 
 def test_markers(skeleton):
-    joints, bones = over_the_wire(drawing.skeleton_to_markers(skeleton)).markers
+    clear, joints, bones, name = over_the_wire(drawing.skeletons_to_markers([skeleton], 1, "optical")).markers
+    assert clear.action == clear.DELETEALL and name.text == skeleton.body_id
     assert len(joints.points) == len(joints.colors) == len(JOINTS)
     assert len(bones.points) == len(bones.colors) == 2 * len(BONES)
     parent, child = BONES[5]
@@ -183,8 +234,8 @@ def test_markers(skeleton):
         np.testing.assert_array_equal([end.x, end.y, end.z], skeleton.positions[joint])
     seen = skeleton.joint_states.tolist().index(JointState.SEEN)
     assert joints.colors[seen].g > joints.colors[seen].r
-    lost = drawing.skeleton_to_markers(Skeleton.lost(1, "optical"))
-    assert all(m.action == m.DELETE for m in lost.markers)
+    (clear,) = drawing.skeletons_to_markers([], 1, "optical").markers
+    assert clear.action == clear.DELETEALL
 
 
 def test_mesh_marker(rng):
@@ -195,9 +246,10 @@ def test_mesh_marker(rng):
 
 
 def test_transforms(skeleton):
-    transforms = drawing.skeleton_to_transforms(skeleton, "left/")
-    assert [t.child_frame_id for t in transforms] == ["left/" + name for name in JOINTS]
+    transforms = drawing.skeletons_to_transforms([skeleton], skeleton, "left/")
+    own = [f"left/{skeleton.body_id}_{name}" for name in JOINTS]
+    assert [t.child_frame_id for t in transforms] == ["left/" + name for name in JOINTS] + own
     t = transforms[4].transform
     assert [t.translation.x, t.translation.y, t.translation.z] == skeleton.positions[4].tolist()
     assert t.rotation.w == skeleton.quats_xyzw[4, 3]
-    assert not drawing.skeleton_to_transforms(Skeleton.lost(1, "optical"))
+    assert not drawing.skeletons_to_transforms([], Skeleton.lost(1, "optical"))

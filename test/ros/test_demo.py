@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 import scene
 
-from depth_pose.errors import InputError
+from depth_pose.core.errors import InputError
+from depth_pose.core.skeleton import JOINTS
 from depth_pose.io.mcap_read import read_skeletons
 from depth_pose.io.mcap_write import DepthWriter
 from depth_pose.ros.demo import replay_live, run_demo
-from depth_pose.skeleton import JOINTS
 
 FRAMES = 6
 PERIOD_NS = 1_500_000_000

@@ -12,12 +12,18 @@ from peer import RELIABLE, SENSOR
 from PIL import Image as PngImage
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image, PointCloud2, PointField
 
-from depth_pose.config import DenoiseConfig, SegmentConfig
+from depth_pose.core.config import DenoiseConfig, SegmentConfig
+from depth_pose.core.types import PERSON
 from depth_pose.io.mcap_write import DepthWriter
-from depth_pose.ros.bag import play
-from depth_pose.ros.conversions import image_to_frame, make_header, msg_to_cloud, msg_to_frame
-from depth_pose.steps.extract import PersonExtractor
-from depth_pose.types import PERSON
+from depth_pose.ros.transport.bag import play
+from depth_pose.ros.transport.conversions import (
+    POINT_DTYPE,
+    image_to_frame,
+    make_header,
+    msg_to_frame,
+    stamp_to_ns,
+)
+from depth_pose.steps.extract import PeopleExtractor
 
 IMAGE, INFO, POINTS = "/camera/depth/image_raw", "/camera/depth/camera_info", "/depth_pose/points"
 
@@ -52,15 +58,23 @@ def frames():
     return list(scene.frames(12))
 
 
-def assert_same_cloud(msg, cloud):
-    got = msg_to_cloud(msg)
-    assert (got.stamp_ns, got.frame_id) == (cloud.stamp_ns, cloud.frame_id)
-    assert got.points.tobytes() == cloud.points.tobytes()
-    assert got.labels.tobytes() == cloud.labels.tobytes()
+def labels_of(msg):
+    return np.frombuffer(msg.data, POINT_DTYPE)["label"].reshape(msg.height, msg.width)
+
+
+def points_of(msg):
+    packed = np.frombuffer(msg.data, POINT_DTYPE).reshape(msg.height, msg.width)
+    return np.stack([packed[axis] for axis in "xyz"], axis=-1)
+
+
+def assert_same_cloud(msg, people):
+    assert (stamp_to_ns(msg.header.stamp), msg.header.frame_id) == (people.stamp_ns, people.frame_id)
+    assert points_of(msg).tobytes() == people.points.tobytes()
+    assert labels_of(msg).tobytes() == people.labels.tobytes()
 
 
 def test_bad_frames_are_counted_and_good_ones_answered(start, peer, frames):
-    process = start("-m", "depth_pose.ros.denoise_node")
+    process = start("-m", "depth_pose.ros.nodes.denoise_node")
     process.wait_for("is ready", 60.0)
     answers = peer.listen(PointCloud2, POINTS)
     images = peer.publisher(Image, IMAGE)
@@ -73,7 +87,7 @@ def test_bad_frames_are_counted_and_good_ones_answered(start, peer, frames):
     infos.publish(info_msg(frames[1]))
     peer.until(lambda: answers, what="the frame that waited")
 
-    extractor = PersonExtractor(SegmentConfig(), DenoiseConfig())
+    extractor = PeopleExtractor(SegmentConfig(), DenoiseConfig())
     expected = extractor.extract(image_to_frame(image_msg(frames[1]), info_msg(frames[1])))
     assert np.count_nonzero(expected.labels == PERSON) > 300
     assert_same_cloud(answers[0], expected)
@@ -111,14 +125,14 @@ def test_bad_frames_are_counted_and_good_ones_answered(start, peer, frames):
     nothing.data = np.full(frames[7].depth.shape, np.nan, "<f4").tobytes()
     images.publish(nothing)
     peer.until(lambda: len(answers) == 2, what="the empty frame's answer")
-    assert not (msg_to_cloud(answers[1]).labels == PERSON).any()
+    assert not (labels_of(answers[1]) == PERSON).any()
     images.publish(image_msg(frames[8], "32FC1"))
     peer.until(lambda: len(answers) == 3, what="an answer after all that")
     images.publish(image_msg(frames[0]))  # back in time
     peer.until(lambda: len(answers) == 4, what="an answer after the jump")
     assert_same_cloud(
         answers[3],
-        PersonExtractor(SegmentConfig(), DenoiseConfig()).extract(
+        PeopleExtractor(SegmentConfig(), DenoiseConfig()).extract(
             image_to_frame(image_msg(frames[0]), info_msg(frames[0]))
         ),
     )
@@ -127,7 +141,7 @@ def test_bad_frames_are_counted_and_good_ones_answered(start, peer, frames):
 
 @pytest.mark.parametrize("organised", [True, False])
 def test_clouds_are_taken(start, peer, frames, organised):
-    process = start("-m", "depth_pose.ros.denoise_node", "--ros-args", "-p", "cloud_topic:=/cloud")
+    process = start("-m", "depth_pose.ros.nodes.denoise_node", "--ros-args", "-p", "cloud_topic:=/cloud")
     process.wait_for("is ready", 60.0)
     answers = peer.listen(PointCloud2, POINTS)
     clouds = peer.publisher(PointCloud2, "/cloud", SENSOR)
@@ -154,9 +168,9 @@ def test_clouds_are_taken(start, peer, frames, organised):
     )
     clouds.publish(msg)
     peer.until(lambda: answers, what="the answer")
-    extractor = PersonExtractor(SegmentConfig(), DenoiseConfig())
+    extractor = PeopleExtractor(SegmentConfig(), DenoiseConfig())
     assert_same_cloud(answers[0], extractor.extract(msg_to_frame(msg)))
-    person = msg_to_cloud(answers[0]).points
+    person = points_of(answers[0])
     assert np.nanmedian(person[..., 2]) == pytest.approx(3.2, abs=0.3)
 
 
@@ -166,7 +180,7 @@ def test_camera_info_that_is_sent_once(start, peer, frames):
     kept = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     infos = peer.node.create_publisher(CameraInfo, INFO, kept)
     infos.publish(info_msg(frames[0]))
-    process = start("-m", "depth_pose.ros.denoise_node")
+    process = start("-m", "depth_pose.ros.nodes.denoise_node")
     process.wait_for("is ready", 60.0)
     answers = peer.listen(PointCloud2, POINTS)
     images = peer.publisher(Image, IMAGE, RELIABLE)
@@ -181,7 +195,7 @@ def test_latency_by_the_clock_of_a_recording(start, peer, frames, tmp_path):
     with DepthWriter(path, scene.CAMERA, "optical") as writer:
         for frame in scene.frames(40):
             writer.write_frame(frame)
-    process = start("-m", "depth_pose.ros.denoise_node", "--ros-args", "-p", "use_sim_time:=true")
+    process = start("-m", "depth_pose.ros.nodes.denoise_node", "--ros-args", "-p", "use_sim_time:=true")
     process.wait_for("is ready", 60.0)
     statuses = peer.listen(DiagnosticArray, "/diagnostics", RELIABLE)
     thread = threading.Thread(target=play, args=(path,), kwargs={"wait_for_subscribers": [IMAGE, INFO]})
@@ -198,7 +212,7 @@ def test_latency_by_the_clock_of_a_recording(start, peer, frames, tmp_path):
 
 def test_compressed_depth_gives_the_same_cloud(start, peer, frames):
     topic = f"{IMAGE}/compressedDepth"
-    process = start("-m", "depth_pose.ros.denoise_node", "--ros-args", "-p", f"image_topic:={topic}")
+    process = start("-m", "depth_pose.ros.nodes.denoise_node", "--ros-args", "-p", f"image_topic:={topic}")
     process.wait_for("is ready", 60.0)
     clouds = peer.listen(PointCloud2, POINTS, SENSOR)
     infos, images = peer.publisher(CameraInfo, INFO), peer.publisher(CompressedImage, topic)
@@ -211,4 +225,4 @@ def test_compressed_depth_gives_the_same_cloud(start, peer, frames):
     peer.spin(0.3)
     images.publish(CompressedImage(header=header, format="16UC1; compressedDepth png", data=data))
     peer.until(lambda: clouds, what="the cloud")
-    assert_same_cloud(clouds[0], PersonExtractor(SegmentConfig(), DenoiseConfig()).extract(frames[0]))
+    assert_same_cloud(clouds[0], PeopleExtractor(SegmentConfig(), DenoiseConfig()).extract(frames[0]))

@@ -8,7 +8,7 @@ from depth_pose_msgs.msg import Joint, Skeleton
 from geometry_msgs.msg import Point
 from peer import RELIABLE
 
-from depth_pose.ros.conversions import make_header
+from depth_pose.ros.transport.conversions import make_header
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "subscribe_skeleton.py"
 

@@ -21,9 +21,9 @@ from sensor_msgs.msg import CameraInfo, Image
 from test_denoise_node import image_msg, info_msg
 
 from depth_pose.io.mcap_write import DepthWriter
-from depth_pose.ros.bag import Player
-from depth_pose.ros.conversions import ns_to_stamp, stamp_to_ns
-from depth_pose.ros.supervisor import NODES, Suite
+from depth_pose.ros.process.supervisor import NODES, Suite
+from depth_pose.ros.transport.bag import Player
+from depth_pose.ros.transport.conversions import ns_to_stamp, stamp_to_ns
 
 IMAGE, INFO = "/camera/depth/image_raw", "/camera/depth/camera_info"
 FPS = 15.0
@@ -125,8 +125,8 @@ def own_segments(pid):
 def test_a_killed_node(live, peer, name):
     """kill -9 of each node while the others go on: skeletons again, without anybody's help."""
     suite, sensor, heard, lines = live
-    peer.until(lambda: suite.spare_pid, 4 * PATIENCE_S, "the spare process")
-    spare = suite.spare_pid
+    peer.until(lambda: suite.is_ready("spare"), 4 * PATIENCE_S, "the spare process")
+    spare = suite.pid("spare")
     pid, killed = suite.pid(name), time.monotonic()
     left = own_segments(pid)
     os.kill(pid, signal.SIGKILL)
@@ -142,7 +142,11 @@ def test_a_killed_node(live, peer, name):
     lost = sum(killed <= t <= again and s not in heard.came for s, t in sensor.sent.items())
     assert suite.pid(name) == spare
     assert suite.restarts == {n: int(n == name) for n in NODES}
-    peer.until(lambda: suite.spare_pid not in (None, spare), 4 * PATIENCE_S, "the next spare process")
+    peer.until(
+        lambda: suite.is_ready("spare") and suite.pid("spare") != spare,
+        4 * PATIENCE_S,
+        "the next spare process",
+    )
     assert left
     peer.until(
         lambda: not any(segment.exists() for segment in left),
@@ -156,15 +160,15 @@ def test_a_killed_node(live, peer, name):
 def test_the_fork_server_is_killed(live, peer):
     """The nodes go on without the process that forked them; another one replaces nodes that die later."""
     suite, _, heard, lines = live
-    peer.until(lambda: suite.spare_pid, 4 * PATIENCE_S, "the spare process")
-    server, nodes = suite.server_pid, [suite.pid(name) for name in NODES]
+    peer.until(lambda: suite.is_ready("spare"), 4 * PATIENCE_S, "the spare process")
+    server, nodes = suite.pid("fork server"), [suite.pid(name) for name in NODES]
     os.kill(server, signal.SIGKILL)
     since = time.monotonic()
-    peer.until(lambda: suite.server_pid != server, PATIENCE_S, "another fork server")
+    peer.until(lambda: suite.pid("fork server") not in (None, server), PATIENCE_S, "another fork server")
     peer.until(lambda: sum(t > since for t in heard.came.values()) > 8, PATIENCE_S, "skeletons meanwhile")
     assert [suite.pid(name) for name in NODES] == nodes
     for count in (1, 2):  # the spare is the old server's; the next one is the new server's
-        peer.until(lambda: suite.spare_pid, 4 * PATIENCE_S, lambda: "a spare:\n" + "\n".join(lines))
+        peer.until(lambda: suite.is_ready("spare"), 4 * PATIENCE_S, lambda: "a spare:\n" + "\n".join(lines))
         pid, killed = suite.pid("matcher"), time.monotonic()
         os.kill(pid, signal.SIGKILL)
         peer.until(lambda: suite.restarts["matcher"] == count, PATIENCE_S, "the restart")  # noqa: B023

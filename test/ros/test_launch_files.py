@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 from yaml import safe_load
 
-from depth_pose.config import PipelineConfig
-from depth_pose.ros.parameters import EVERYWHERE
+from depth_pose.core.config import PipelineConfig
+from depth_pose.ros.nodes.parameters import EVERYWHERE
 
 SCRIPTS = Path(__file__).parents[2] / "launch_scripts"
 

@@ -10,9 +10,9 @@ from peer import RELIABLE, SENSOR
 from sensor_msgs.msg import Image
 from std_msgs.msg import Header
 
-from depth_pose.errors import DepthPoseError
-from depth_pose.ros.conversions import make_header
-from depth_pose.ros.lifecycle import set_active
+from depth_pose.core.errors import DepthPoseError
+from depth_pose.ros.nodes.lifecycle import set_active
+from depth_pose.ros.transport.conversions import make_header
 
 TRIAL = Path(__file__).with_name("trial_node.py")
 A, B, ANSWER = "/depth_pose/a", "/depth_pose/b", "/depth_pose/answer"
@@ -91,8 +91,14 @@ def test_a_refused_configuration_leaves_the_node_there(start, peer, tmp_path):
     """Without autostart a missing bank is no end: it can be put there, and configured again."""
     bank = tmp_path / "bank.npz"
     process = start(
-        "-m", "depth_pose.ros.matcher_node", "--ros-args", "-p", "autostart:=false", "-p", f"bank:={bank}"
-    )
+        "-m",
+        "depth_pose.ros.nodes.matcher_node",
+        "--ros-args",
+        "-p",
+        "autostart:=false",
+        "-p",
+        f"bank:={bank}",
+    )  # fmt: skip
     peer.until(lambda: peer.node.count_publishers("/diagnostics"), 30.0, what="the node")
     with pytest.raises(DepthPoseError, match="refused"):
         set_active(True, ["matcher"])

@@ -1,5 +1,5 @@
-from depth_pose.ros.figures import Figures
-from depth_pose.ros.pairing import Pairer
+from depth_pose.ros.nodes.counts import Figures
+from depth_pose.ros.transport.pairing import Pairer
 
 
 def make(ordered=True, capacity=3):

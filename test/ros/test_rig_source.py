@@ -7,10 +7,10 @@ import pytest
 from geometry_msgs.msg import Quaternion, Transform, TransformStamped, Vector3
 from std_msgs.msg import Header
 
-from depth_pose.errors import ConfigError
-from depth_pose.geometry import matrix_to_quat, rotvec_to_matrix
-from depth_pose.ros.rig_source import add_transforms, given_extrinsics
-from depth_pose.volume.frames import FrameTree
+from depth_pose.core.errors import ConfigError
+from depth_pose.core.rotations import matrix_to_quat, rotvec_to_matrix
+from depth_pose.ros.transport.rig_source import add_transforms, given_extrinsics
+from depth_pose.volume.transform_tree import TransformTree
 
 
 def stamped(parent, child, T):
@@ -32,7 +32,7 @@ def transform(seed):
 
 
 def test_transforms_of_messages():
-    frames = FrameTree()
+    frames = TransformTree()
     add_transforms(frames, [stamped("link", "optical", transform(1)), stamped("map", "link", transform(2))])
     assert np.allclose(frames.find("map", "optical"), transform(2) @ transform(1))
     broken = stamped("map", "link", np.eye(4))
@@ -52,7 +52,7 @@ def test_extrinsics_of_a_parameter():
 
 @pytest.mark.skipif(importlib.util.find_spec("tf2_msgs") is not None, reason="tf2_msgs is installed")
 def test_without_tf2_msgs_it_says_what_to_give_instead():
-    from depth_pose.ros.rig_source import _tf_message
+    from depth_pose.ros.transport.rig_source import _tf_message
 
     with pytest.raises(ConfigError, match=r"ros-jazzy-tf2-msgs.*give the parameter rig or extrinsics"):
         _tf_message()

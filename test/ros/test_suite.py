@@ -6,22 +6,28 @@ import signal
 
 import pytest
 import scene
-from depth_pose_msgs.msg import PoseMatch, Skeleton
+from depth_pose_msgs.msg import People, PoseMatchArray, Skeleton, SkeletonArray
 from diagnostic_msgs.msg import DiagnosticArray
 from peer import SENSOR
 from sensor_msgs.msg import PointCloud2
 
 from depth_pose.bank import Bank
-from depth_pose.config import DenoiseConfig, PipelineConfig, RecoverConfig, SegmentConfig
+from depth_pose.core.config import DenoiseConfig, PipelineConfig, RecoverConfig, SegmentConfig
+from depth_pose.core.skeleton import Source
+from depth_pose.core.types import PoseMatch as Match
 from depth_pose.io.mcap_read import read_frames
 from depth_pose.io.mcap_write import DepthWriter
 from depth_pose.pipeline import PosePipeline
-from depth_pose.ros.bag import play
-from depth_pose.ros.conversions import cloud_to_msg, match_to_msg, msg_to_match, msg_to_skeleton, stamp_to_ns
-from depth_pose.ros.supervisor import Suite
-from depth_pose.skeleton import Source
-from depth_pose.steps.extract import PersonExtractor
-from depth_pose.types import PoseMatch as Match
+from depth_pose.ros.process.supervisor import Suite
+from depth_pose.ros.transport.bag import play
+from depth_pose.ros.transport.conversions import (
+    matches_to_msg,
+    msg_to_matches,
+    msg_to_skeleton,
+    people_to_msgs,
+    stamp_to_ns,
+)
+from depth_pose.steps.extract import PeopleExtractor
 
 IMAGE, INFO = "/camera/depth/image_raw", "/camera/depth/camera_info"
 FRAMES = 20
@@ -64,9 +70,10 @@ def test_live_equals_offline(recording, bank_path, peer):
     with Suite(bank=bank_path, parameters=lossless, sink=lines.append) as suite:
         told = peer.listen(DiagnosticArray, "/diagnostics", 200)
         skeletons = peer.listen(Skeleton, "/depth_pose/skeleton", 200)
-        matches = peer.listen(PoseMatch, "/depth_pose/match", 200)
-        # what this side takes for joined, the nodes may not yet: they tell how many listen to them
-        wanted = {"matcher": 2, "recovery": 2}
+        everybody = peer.listen(SkeletonArray, "/depth_pose/skeletons", 200)
+        matches = peer.listen(PoseMatchArray, "/depth_pose/match", 200)
+        # a publisher finds its subscribers first: the nodes tell how many listen to them
+        wanted = {"matcher": 2, "recovery": 2}  # recovery: this test and the refine node
         peer.until(lambda: wanted.items() <= listeners(told).items(), 30.0, "this test as a listener")
         play(recording, rate=2.0, wait_for_subscribers=[IMAGE, INFO])
 
@@ -75,13 +82,17 @@ def test_live_equals_offline(recording, bank_path, peer):
             missing = [k for k, r in enumerate(expected) if r.skeleton.stamp_ns not in came]
             return f"the skeletons of frames {missing}:\n" + "\n".join(lines)
 
-        peer.until(lambda: min(len(skeletons), len(matches)) >= FRAMES, 30.0, said)
+        peer.until(lambda: min(map(len, (skeletons, everybody, matches))) >= FRAMES, 30.0, said)
         assert suite.stop() == dict.fromkeys(("denoise", "matcher", "refine", "recovery"), 0)
-    for got, want in zip(map(msg_to_match, matches), expected, strict=True):
-        assert got.bank_id == want.match.bank_id and got.scale == want.match.scale
-        assert [c.exemplar for c in got.candidates] == [c.exemplar for c in want.match.candidates]
+    for message, want in zip(matches, expected, strict=True):
+        for got, match in zip(msg_to_matches(message), want.matches, strict=True):
+            assert (got.body_id, got.bank_id, got.scale) == (match.body_id, match.bank_id, match.scale)
+            assert [c.exemplar for c in got.candidates] == [c.exemplar for c in match.candidates]
     for got, want in zip(map(msg_to_skeleton, skeletons), expected, strict=True):
         assert_same(got, want.skeleton)
+    for message, want in zip(everybody, expected, strict=True):
+        for got, skeleton in zip(map(msg_to_skeleton, message.skeletons), want.skeletons, strict=True):
+            assert_same(got, skeleton)
 
 
 def test_suite_survives_a_killed_node_and_a_loop(recording, bank_path, peer):
@@ -101,13 +112,17 @@ def test_suite_survives_a_killed_node_and_a_loop(recording, bank_path, peer):
 
 
 def test_frames_matched_with_another_bank_are_dropped(start, bank_path, peer):
-    process = start("-m", "depth_pose.ros.refine_node", "--ros-args", "-p", f"bank:={bank_path}")
+    process = start("-m", "depth_pose.ros.nodes.refine_node", "--ros-args", "-p", f"bank:={bank_path}")
     process.wait_for("is ready", 120.0)
     clouds = peer.publisher(PointCloud2, "/depth_pose/points")
-    matches = peer.publisher(PoseMatch, "/depth_pose/match")
-    cloud = PersonExtractor(SegmentConfig(), DenoiseConfig()).extract(next(scene.frames(1)))
-    clouds.publish(cloud_to_msg(cloud))
-    matches.publish(match_to_msg(Match(cloud.stamp_ns, cloud.frame_id, "foreign", 1.0, ())))
+    found = peer.publisher(People, "/depth_pose/people")
+    matches = peer.publisher(PoseMatchArray, "/depth_pose/match")
+    people = PeopleExtractor(SegmentConfig(), DenoiseConfig()).extract(next(scene.frames(1)))
+    points, who = people_to_msgs(people)
+    clouds.publish(points)
+    found.publish(who)
+    foreign = [Match(p.body_id, "foreign", 1.0, ()) for p in people.persons]
+    matches.publish(matches_to_msg(foreign, people))
     process.wait_for("dropped, other bank", 10.0)
 
 
@@ -115,7 +130,7 @@ def test_tf_needs_its_messages(start, bank_path):
     if importlib.util.find_spec("tf2_msgs") is not None:
         pytest.skip("tf2_msgs is installed")
     arguments = ("--ros-args", "-p", "tf:=true", "-p", f"bank:={bank_path}")
-    process = start("-m", "depth_pose.ros.recovery_node", *arguments)
+    process = start("-m", "depth_pose.ros.nodes.recovery_node", *arguments)
     assert process.process.wait(60.0) == 2
     assert "ros-jazzy-tf2-msgs" in process.output
 
@@ -123,6 +138,6 @@ def test_tf_needs_its_messages(start, bank_path):
 def test_a_damaged_bank_is_refused(start, tmp_path):
     bank = tmp_path / "bank.npz"
     bank.write_bytes(b"nonsense" * 100)
-    process = start("-m", "depth_pose.ros.matcher_node", "--ros-args", "-p", f"bank:={bank}")
+    process = start("-m", "depth_pose.ros.nodes.matcher_node", "--ros-args", "-p", f"bank:={bank}")
     assert process.process.wait(60.0) == 2
     assert str(bank) in process.output and "Traceback" not in process.output

@@ -8,9 +8,9 @@ import time
 
 import pytest
 
-from depth_pose.config import PipelineConfig
-from depth_pose.errors import ConfigError
-from depth_pose.ros.supervisor import Suite, sensor_names
+from depth_pose.core.config import PipelineConfig
+from depth_pose.core.errors import ConfigError
+from depth_pose.ros.process.supervisor import Suite, sensor_names
 
 
 def alive(pid):
@@ -44,6 +44,15 @@ def test_a_killed_node_is_started_again(domain, peer):
     assert any("starting it again" in line for line in lines)
 
 
+def test_it_ends_at_once_while_it_loads(domain):
+    suite = Suite(nodes=["denoise"], sink=str)
+    suite.start()
+    wait_until(lambda: suite.pid("fork server"), 5.0, "the fork server")
+    server, started = suite.pid("fork server"), time.monotonic()
+    assert suite.stop() == {}
+    assert time.monotonic() - started < 1.0 and not alive(server)
+
+
 def test_what_cannot_start_is_said(domain, tmp_path):
     params = tmp_path / "params.yaml"
     params.write_text("/**:\n  ros__parameters:\n    segment:\n      naer: 0.5\n")
@@ -59,7 +68,7 @@ def test_what_cannot_start_is_said(domain, tmp_path):
 def test_sensor_files_hold_topics(sensor):
     from yaml import safe_load
 
-    from depth_pose.ros.supervisor import SENSORS_PATH
+    from depth_pose.ros.process.supervisor import SENSORS_PATH
 
     values = safe_load((SENSORS_PATH / f"{sensor}.yaml").read_text())["/**"]["ros__parameters"]
     assert set(values) == {"image_topic", "info_topic", "segment"}
@@ -76,7 +85,7 @@ def test_files_and_single_parameters_reach_the_node(domain, tmp_path):
 
 def test_nodes_end_when_the_supervisor_is_killed(domain):
     code = (
-        "import time; from depth_pose.ros.supervisor import Suite\n"
+        "import time; from depth_pose.ros.process.supervisor import Suite\n"
         "suite = Suite(nodes=['denoise'], sink=lambda line: None)\n"
         "suite.start(); suite.wait_ready(60); print(suite.pid('denoise'), flush=True); time.sleep(60)"
     )
@@ -91,7 +100,9 @@ def test_nodes_end_when_the_supervisor_is_killed(domain):
 
 
 def test_up_ends_cleanly(start, bank_path):
-    code = f"import sys; from depth_pose.ros.supervisor import up; sys.exit(up(bank={str(bank_path)!r}))"
+    code = (
+        f"import sys; from depth_pose.ros.process.supervisor import up; sys.exit(up(bank={str(bank_path)!r}))"
+    )
     process = start("-c", code)
     process.wait_for("all nodes are ready", 300.0)
     code, _ = process.end(signal.SIGINT, timeout_s=20.0)

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from depth_pose.body.procedural_motion_dance import perform
-from depth_pose.errors import ConfigError
+from depth_pose.core.errors import ConfigError
+from depth_pose.motion.procedural.dance import perform
 from depth_pose.sim.clothing import GARMENTS, Clothes, Garment, find_garment
-from depth_pose.volume.performances import turns
+from depth_pose.volume.headings import turns
 
 
 @pytest.fixture(scope="module")

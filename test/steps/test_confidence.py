@@ -6,17 +6,15 @@ import numpy as np
 import pytest
 
 import synthetic as syn
-from depth_pose.skeleton import JOINT_INDEX, JOINT_NODES, JOINTS, JointState
+from depth_pose.core.skeleton import JOINT_INDEX, JOINT_NODES, JOINTS, JointState
+from depth_pose.core.types import PERSON, UNKNOWN
 from depth_pose.steps.confidence import (
     KINDS,
     SIGNS,
     look_at_joints,
     report_joints,
-    score_of,
     skeleton_confidence,
 )
-from depth_pose.steps.view import view_person
-from depth_pose.types import PERSON, UNKNOWN, PersonCloud
 
 SCORE = 0.22
 """Rendered-depth score of a usual good fit."""
@@ -32,8 +30,8 @@ def test_confidence_falls_with_the_score():
 
 def _report(rotations, **placed):
     body = syn.posed(rotations, **placed)
-    cloud = syn.to_cloud(syn.draw(syn.mesh(body)))
-    return report_joints(body.nodes[JOINT_NODES], placed.get("scale", 1.0), view_person(cloud), SCORE)
+    person = syn.to_person(syn.draw(syn.mesh(body)))
+    return report_joints(body.nodes[JOINT_NODES], placed.get("scale", 1.0), person, SCORE)
 
 
 @pytest.mark.parametrize("scale", [0.7, 1.0])
@@ -70,57 +68,49 @@ def test_joints_beyond_the_border_are_outside():
 def test_joints_behind_something_are_hidden():
     """A post before the left arm: its pixels say unknown."""
     body = syn.posed(syn.arms_down())
-    cloud = syn.to_cloud(syn.draw(syn.mesh(body)))
     joints = body.nodes[JOINT_NODES]
     elbow = joints[JOINT_INDEX["left_elbow"]]
-    labels, points = cloud.labels.copy(), cloud.points.copy()
-    col = round(syn.CAMERA.fx * elbow[0] / elbow[2] + syn.CAMERA.cx)
-    labels[:, col - 3 : col + 4] = UNKNOWN
-    points[:, col - 3 : col + 4] = np.nan
-    view = view_person(PersonCloud(0, "", points, labels))
-    report = report_joints(joints, 1.0, view, SCORE)
+    post, col = np.zeros((144, 176), bool), round(syn.CAMERA.project(elbow)[0])
+    post[:, col - 3 : col + 4] = True
+    person = syn.to_person(syn.draw(syn.mesh(body)), hidden=post)
+    report = report_joints(joints, 1.0, person, SCORE)
     assert report.states[JOINT_INDEX["left_elbow"]] == JointState.OCCLUDED
     assert report.states[JOINT_INDEX["right_elbow"]] == JointState.SEEN
 
 
 def test_a_joint_in_free_space_is_less_certain():
     body = syn.posed(syn.arms_down())
-    view = view_person(syn.to_cloud(syn.draw(syn.mesh(body))))
+    person = syn.to_person(syn.draw(syn.mesh(body)))
     joints = body.nodes[JOINT_NODES].copy()
     j = JOINT_INDEX["left_wrist"]
-    good = report_joints(joints, 1.0, view, SCORE).confidence[j]
+    good = report_joints(joints, 1.0, person, SCORE).confidence[j]
     joints[j, 0] += 0.25
-    assert report_joints(joints, 1.0, view, SCORE).confidence[j] < 0.5 < 0.85 < good
-
-
-def test_the_score_is_found_again_from_the_confidence():
-    scores = np.linspace(0.05, 0.95, 19)
-    np.testing.assert_allclose([score_of(skeleton_confidence(s)) for s in scores], scores, atol=1e-6)
+    assert report_joints(joints, 1.0, person, SCORE).confidence[j] < 0.5 < 0.85 < good
 
 
 def test_a_poor_fit_makes_every_joint_less_certain():
     body = syn.posed(syn.arms_down())
-    view = view_person(syn.to_cloud(syn.draw(syn.mesh(body))))
-    good, poor = (report_joints(body.nodes[JOINT_NODES], 1.0, view, s).confidence for s in (0.15, 0.5))
+    person = syn.to_person(syn.draw(syn.mesh(body)))
+    good, poor = (report_joints(body.nodes[JOINT_NODES], 1.0, person, s).confidence for s in (0.15, 0.5))
     assert (poor < good).all()
 
 
 def test_signs_and_confidence_follow_the_formulas():
     """The kernel against plain numpy: labels and gaps at the joint, and at six places of the segment."""
     body = syn.posed(syn.arms_down(), turn=60.0)
-    view = view_person(syn.to_cloud(syn.draw(syn.mesh(body))))
+    person = syn.to_person(syn.draw(syn.mesh(body)))
     joints = body.nodes[JOINT_NODES] + np.random.default_rng(2).normal(size=(19, 3)) * 0.06
-    found, camera = look_at_joints(joints, 1.0, view), view.full.camera
+    found, camera = look_at_joints(joints, 1.0, person), person.full.camera
     below = {"wrist": 0.03, "foot": 0.03, "ankle": 0.04, "elbow": 0.05, "knee": 0.06}
     toward = {"wrist": "elbow", "elbow": "shoulder", "knee": "hip", "ankle": "knee", "foot": "ankle"}
 
     def look(at, depth_below):
         row = round(camera.fy * at[1] / at[2] + camera.cy)
         column = round(camera.fx * at[0] / at[2] + camera.cx)
-        if not (0 <= row < view.full.depth.shape[0] and 0 <= column < view.full.depth.shape[1]):
+        if not (0 <= row < person.full.depth.shape[0] and 0 <= column < person.full.depth.shape[1]):
             return 0, 0.0
-        label = view.full.labels[row, column]
-        return label, at[2] - depth_below - float(view.full.depth[row, column]) if label == PERSON else 0.0
+        label = person.full.labels[row, column]
+        return label, at[2] - depth_below - float(person.full.depth[row, column]) if label == PERSON else 0.0
 
     for name, kind in ((n, n.split("_")[-1]) for n in JOINTS if n.split("_")[-1] in toward):
         j, end = JOINT_INDEX[name], JOINT_INDEX[name.replace(kind, toward[kind])]
@@ -142,9 +132,9 @@ def test_signs_and_confidence_follow_the_formulas():
         if not (free[0] or hidden[0]):
             alone[3:] = [np.clip(-gap / 0.07, 0, 2), max(gap / 0.07, 0)]
         np.testing.assert_allclose(found.signs[j, :5], np.array(alone, float), atol=1e-6, err_msg=name)
-    report = report_joints(joints, 1.0, view, SCORE)
+    report = report_joints(joints, 1.0, person, SCORE)
     j = JOINT_INDEX["left_wrist"]
-    zero = report_joints(joints, 1.0, view, 0.0).confidence[j]
+    zero = report_joints(joints, 1.0, person, 0.0).confidence[j]
     odds = KINDS["wrist"] + found.signs[j] @ np.array(list(SIGNS.values()))
     np.testing.assert_allclose(np.log(zero / (1 - zero)), odds, atol=1e-9)
     assert report.confidence[j] < zero

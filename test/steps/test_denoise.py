@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import synthetic as syn
-from depth_pose.config import DenoiseConfig
+from depth_pose.core.camera import Camera
+from depth_pose.core.config import DenoiseConfig
 from depth_pose.steps import _denoise_kernels as kernels
 from depth_pose.steps.denoise import denoise_depth
-from depth_pose.types import Camera
 
 H = 0.2
 SMALL = Camera(17, 13, 60.0, 62.0, 8.3, 5.9)
@@ -59,14 +59,10 @@ def rough():
     return depth.astype(np.float32)
 
 
-def _intrinsics(camera):
-    return camera.fx, camera.fy, camera.cx, camera.cy
-
-
 def test_first_step_twin(rough):
     """What lies beyond the kernel's support weighs at most 0.1 percent."""
     assert kernels.step_of(rough, H, SMALL.fx) == 1
-    found = kernels.project_first(rough, *_intrinsics(SMALL), H, 1)
+    found = kernels.project_first(rough, SMALL, H, 1)
     expected = _first(rough, SMALL)
     np.testing.assert_array_equal(found > 0, rough > 0)
     np.testing.assert_allclose(found, expected, atol=2e-4)
@@ -74,11 +70,11 @@ def test_first_step_twin(rough):
 
 
 def test_next_step_twin(rough):
-    once = kernels.project_first(rough, *_intrinsics(SMALL), H, 1)
-    found = kernels.project_next(rough, once, *_intrinsics(SMALL), H, MU, 1)
+    once = kernels.project_first(rough, SMALL, H, 1)
+    found = kernels.project_next(rough, once, SMALL, H, MU, 1)
     expected = _next(rough, once, SMALL, MU)
     np.testing.assert_allclose(found, expected, atol=4e-4)
-    plain = kernels.project_next(rough, once, *_intrinsics(SMALL), H, 0.0, 1)
+    plain = kernels.project_next(rough, once, SMALL, H, 0.0, 1)
     assert np.abs(plain - found).max() > 1e-3, "the repulsion must do something"
 
 
@@ -97,7 +93,7 @@ def test_wide_supports_are_sampled():
     depth = (1.0 + 0.05 * np.sin(u / 25.0) * np.cos(v / 30.0)).astype(np.float32)
     step = kernels.step_of(depth, H, 600.0)
     assert step > 4
-    found = kernels.project_first(depth, *_intrinsics(camera), H, step)
+    found = kernels.project_first(depth, camera, H, step)
     p = _points(depth, camera)
     for i, j in ((60, 60), (45, 80), (75, 30)):
         x = p[i * 120 + j]
@@ -109,7 +105,7 @@ def test_outliers_twin():
     rng = np.random.default_rng(1)
     depth = rng.uniform(1.0, 1.6, (13, 17)).astype(np.float32)
     depth[rng.random(depth.shape) < 0.5] = 0.0
-    found = kernels.drop_outliers(depth, *_intrinsics(SMALL), 0.06)
+    found = kernels.drop_outliers(depth, SMALL, 0.06)
     p = _points(depth, SMALL)
     gaps = np.linalg.norm(p[:, None] - p, axis=-1) + 10 * np.eye(len(p))
     expected = depth.copy()

@@ -6,12 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from crowd import person, seen
 
-from depth_pose.config import MatchConfig, MountConfig, PipelineConfig, SmoothConfig
+from crowd import person, seen
+from depth_pose.core.camera import Camera
+from depth_pose.core.config import MatchConfig, MountConfig, PipelineConfig, SmoothConfig
+from depth_pose.core.types import DepthFrame
 from depth_pose.pipeline import PosePipeline
 from depth_pose.steps.mount import rotation_sensor_upright, turn_back, turn_forth, turn_upright
-from depth_pose.types import Camera, DepthFrame
 
 
 def points_of(frame: DepthFrame) -> np.ndarray:
@@ -76,7 +77,7 @@ def test_poses_come_in_the_sensor_s_own_frame(bank, roll) -> None:
         apart = np.linalg.norm(skeleton.positions - known.positions @ turn.T, axis=1)
         assert apart.max() < 1e-3
         assert skeleton.frame_id == "camera"
-        assert result.cloud.frame_id == result.refined.frame_id == "camera_upright"
+        assert result.people.frame_id == result.refined[0].skeleton.frame_id == "camera_upright"
     again = turn_back(turn_forth(skeleton, config.mount), config.mount)
     np.testing.assert_allclose(again.positions, skeleton.positions, atol=1e-12)
     np.testing.assert_allclose(np.abs((again.quats_xyzw * skeleton.quats_xyzw).sum(axis=1)), 1.0, atol=1e-9)

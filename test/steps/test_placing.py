@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 import synthetic as syn
 from depth_pose.bank.canonical import canonical_axes
 from depth_pose.body.coarsen import coarsen
-from depth_pose.geometry import quat_to_matrix
-from depth_pose.render import DepthComparer
+from depth_pose.core.rotations import quat_to_matrix
+from depth_pose.fit.rendered_depth import DepthComparer
 from depth_pose.steps.placing import (
     _VERTICES,
     ExemplarRenderer,
@@ -21,26 +19,25 @@ from depth_pose.steps.placing import (
     place_exemplars,
 )
 from depth_pose.steps.search import Nearest
-from depth_pose.steps.view import view_person
 
 SCALE, BAND = 1.05, 0.12
 
 
 @pytest.fixture(scope="module")
-def view():
+def person():
     posed = syn.posed(syn.arms_down(), distance=3.0)
-    return view_person(syn.to_cloud(syn.draw(syn.mesh(posed))))
+    return syn.to_person(syn.draw(syn.mesh(posed)))
 
 
 @pytest.fixture(scope="module")
-def placed(bank, view):
+def placed(bank, person):
     nearest = Nearest(np.array([120 * bank.views + 3, 40, 777]), np.array([1.0, 2.0, 3.0], np.float32))
     views = ExemplarViews(np.arange(bank.poses), bank.view_quats, bank.view_origins)
-    return place_exemplars(views, nearest, canonical_axes(view.points)[0], SCALE)
+    return place_exemplars(views, nearest, canonical_axes(person.points)[0], SCALE)
 
 
-def test_views_lie_over_the_inputs_axes(bank, view, placed):
-    axes = canonical_axes(view.points)[0]
+def test_views_lie_over_the_inputs_axes(bank, person, placed):
+    axes = canonical_axes(person.points)[0]
     for k, (exemplar, number) in enumerate(zip(placed.exemplars, placed.views, strict=True)):
         rotation = axes.rotation.T @ quat_to_matrix(bank.view_quats[exemplar, number].astype(np.float64))
         np.testing.assert_allclose(placed.rotations[k], rotation, atol=1e-6)
@@ -49,9 +46,9 @@ def test_views_lie_over_the_inputs_axes(bank, view, placed):
     assert placed.exemplars.tolist() == [120, *(n // bank.views for n in (40, 777))]
 
 
-def test_comparing_twin(bank, view, placed):
-    found = ExemplarRenderer(bank, BAND).compare(placed, SCALE, view.coarse)
-    body, comparer = coarsen(bank.body, _VERTICES), DepthComparer(view.coarse, BAND)
+def test_comparing_twin(bank, person, placed):
+    found = ExemplarRenderer(bank, BAND).compare(placed, SCALE, person.coarse)
+    body, comparer = coarsen(bank.body, _VERTICES), DepthComparer(person.coarse, BAND)
     for k, exemplar in enumerate(placed.exemplars):
         turned = placed.rotations[k] @ bank.rotations(exemplar)
         posed = body.pose(turned, placed.translations[k], SCALE)
@@ -61,12 +58,12 @@ def test_comparing_twin(bank, view, placed):
         np.testing.assert_allclose(found.nodes[k], posed.nodes, atol=1e-4)
 
 
-def test_moved_ones_are_nearer_and_the_better_ones_are_kept(bank, view, placed):
+def test_moved_ones_are_nearer_and_the_better_ones_are_kept(bank, person, placed):
     renderer = ExemplarRenderer(bank, BAND)
     off = np.array([0.1, -0.08, 0.06])
-    there = renderer.compare(placed, SCALE, view.coarse)
-    away = renderer.compare(replace(placed, translations=placed.translations + off), SCALE, view.coarse)
-    back = renderer.compare(away.moved(), SCALE, view.coarse)
+    there = renderer.compare(placed, SCALE, person.coarse)
+    away = renderer.compare(placed._replace(translations=placed.translations + off), SCALE, person.coarse)
+    back = renderer.compare(away.moved(), SCALE, person.coarse)
     np.testing.assert_allclose(back.translations - away.translations, away.shifts, atol=1e-12)
     gaps = [np.linalg.norm(p.translations - there.translations - there.shifts, axis=1) for p in (away, back)]
     assert (gaps[1] < gaps[0]).all()
@@ -77,8 +74,8 @@ def test_moved_ones_are_nearer_and_the_better_ones_are_kept(bank, view, placed):
         np.testing.assert_array_equal(best.nodes[k], source.nodes[k])
 
 
-def test_ranked_and_joined_in_order(bank, view, placed):
-    found = ExemplarRenderer(bank, BAND).compare(placed, SCALE, view.coarse)
+def test_ranked_and_joined_in_order(bank, person, placed):
+    found = ExemplarRenderer(bank, BAND).compare(placed, SCALE, person.coarse)
     both = join([found, found])
     best = both.take(both.ranking()[:4])
     order = np.argsort(found.scores)

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 import synthetic as syn
-from depth_pose.config import MatchConfig, RefineConfig
-from depth_pose.errors import BankError
-from depth_pose.geometry import matrix_to_quat, quat_to_matrix
-from depth_pose.skeleton import JOINT_NODES, JointState, Source
+from depth_pose.core.config import MatchConfig, RefineConfig
+from depth_pose.core.errors import BankError
+from depth_pose.core.rotations import matrix_to_quat, quat_to_matrix
+from depth_pose.core.skeleton import JOINT_NODES, JointState, Source
+from depth_pose.core.types import Candidate, PoseMatch
 from depth_pose.steps.match import Matcher
 from depth_pose.steps.refine import Refiner
-from depth_pose.types import Candidate, PersonCloud, PoseMatch
 
 
 def refiner_of(bank, **settings):
@@ -22,14 +22,20 @@ def refiner_of(bank, **settings):
 
 
 def scene(bank, exemplar, turn=20.0, stamp_ns=syn.START_NS, distance=3.0):
-    """A posed exemplar, and its cloud."""
+    """A posed exemplar, and the frame that shows it."""
     rotation = syn.FACING @ syn.rotation("y", turn)
     posed = bank.body.pose(rotation @ bank.rotations(exemplar), np.array([0.0, 0.0, distance]))
-    return posed, syn.to_cloud(syn.draw((posed.vertices, bank.body.faces)), stamp_ns)
+    return posed, syn.to_people(syn.draw((posed.vertices, bank.body.faces)), stamp_ns=stamp_ns)
 
 
-def match_of(bank, cloud, *candidates):
-    return PoseMatch(cloud.stamp_ns, cloud.frame_id, bank.bank_id, 1.0, candidates)
+def match_of(bank, *candidates):
+    return PoseMatch("body_1", bank.bank_id, 1.0, candidates)
+
+
+def refined(refiner, people, *candidates):
+    """The skeleton of the one person, from candidates."""
+    (fitted,) = refiner.refine(people, [match_of(refiner.bank, *candidates)])
+    return fitted.skeleton
 
 
 def candidate(exemplar, turn=20.0, root=(0.0, 0.0, 3.0)):
@@ -43,32 +49,32 @@ def test_from_candidates_a_little_off(bank, method, typical, most):
     refiner = refiner_of(bank, method=method)
     errors, gaps = [], []
     for exemplar in range(5, bank.poses, bank.poses // 8):
-        posed, cloud = scene(bank, exemplar)
+        posed, people = scene(bank, exemplar)
         refiner.reset()
-        skeleton = refiner.refine(cloud, match_of(bank, cloud, candidate(exemplar, 28.0, (0.03, 0.02, 3.05))))
+        skeleton = refined(refiner, people, candidate(exemplar, 28.0, (0.03, 0.02, 3.05)))
         assert skeleton.source == Source.REFINED
-        assert (skeleton.stamp_ns, skeleton.frame_id) == (cloud.stamp_ns, cloud.frame_id)
+        assert (skeleton.stamp_ns, skeleton.frame_id) == (people.stamp_ns, people.frame_id)
         assert skeleton.confidence > 0.6
         assert skeleton.residual < 0.03
-        assert refiner.mesh.shape == bank.body.vertices.shape
+        assert refiner.meshes["body_1"].shape == bank.body.vertices.shape
         errors.append(syn.joint_error(skeleton.positions, posed.nodes[JOINT_NODES]))
-        gaps.append(np.linalg.norm(refiner.mesh - posed.vertices, axis=1).mean())
+        gaps.append(np.linalg.norm(refiner.meshes["body_1"] - posed.vertices, axis=1).mean())
     assert np.median(errors) < typical, errors
     assert max(errors) < most, errors
     assert np.median(gaps) < 1.5 * typical
 
 
 def test_the_better_of_two_candidates_is_kept(bank):
-    posed, cloud = scene(bank, 31)
+    posed, people = scene(bank, 31)
     wrong, right = candidate(208), candidate(31, 25.0)
     for order in ((wrong, right), (right, wrong)):
-        skeleton = refiner_of(bank).refine(cloud, match_of(bank, cloud, *order))
+        skeleton = refined(refiner_of(bank), people, *order)
         assert syn.joint_error(skeleton.positions, posed.nodes[JOINT_NODES]) < 0.02
 
 
 def test_a_skeletons_fields(bank):
-    _, cloud = scene(bank, 120)
-    skeleton = refiner_of(bank).refine(cloud, match_of(bank, cloud, candidate(120)))
+    _, people = scene(bank, 120)
+    skeleton = refined(refiner_of(bank), people, candidate(120))
     assert skeleton.positions.shape == (19, 3)
     assert skeleton.quats_xyzw.shape == (19, 4)
     np.testing.assert_allclose(np.linalg.norm(skeleton.quats_xyzw, axis=1), 1.0)
@@ -83,76 +89,75 @@ def test_a_skeletons_fields(bank):
 
 def test_the_previous_pose_helps_out_unless_turned_off(bank):
     """Only a wrong candidate in the second frame: tracking keeps the pose."""
-    posed, cloud = scene(bank, 31)
-    later = replace(cloud, stamp_ns=cloud.stamp_ns + syn.STEP_NS)
+    posed, people = scene(bank, 31)
+    later = syn.restamped(people, people.stamp_ns + syn.STEP_NS)
     errors = {}
     for track in (True, False):
         refiner = refiner_of(bank, track=track)
-        refiner.refine(cloud, match_of(bank, cloud, candidate(31)))
-        skeleton = refiner.refine(later, match_of(bank, later, candidate(208, 200.0)))
+        refined(refiner, people, candidate(31))
+        skeleton = refined(refiner, later, candidate(208, 200.0))
         errors[track] = syn.joint_error(skeleton.positions, posed.nodes[JOINT_NODES])
     assert errors[True] < 0.02 < errors[False]
 
 
 def test_a_wrong_pose_that_converged_gives_way(bank):
     """Fitted for long, it agrees better than a candidate does that is new and far off."""
-    posed, cloud = scene(bank, 153)
+    posed, people = scene(bank, 153)
     refiner = refiner_of(bank)
     errors = []
     for k, start in enumerate([candidate(160)] * 8 + [candidate(153, 45.0, (0.08, 0.05, 3.1))]):
-        now = replace(cloud, stamp_ns=cloud.stamp_ns + k * syn.STEP_NS)
-        skeleton = refiner.refine(now, match_of(bank, now, start))
+        now = syn.restamped(people, people.stamp_ns + k * syn.STEP_NS)
+        skeleton = refined(refiner, now, start)
         errors.append(syn.joint_error(skeleton.positions, posed.nodes[JOINT_NODES]))
     assert errors[-1] < 0.04 < 0.06 < errors[-2]
 
 
 @pytest.mark.parametrize("step_ns", [-1, 600_000_000])
 def test_the_previous_pose_is_forgotten_where_stamps_jump(bank, step_ns):
-    _, cloud = scene(bank, 31)
-    later = replace(cloud, stamp_ns=cloud.stamp_ns + step_ns)
+    _, people = scene(bank, 31)
+    later = syn.restamped(people, people.stamp_ns + step_ns)
     refiner = refiner_of(bank)
-    refiner.refine(cloud, match_of(bank, cloud, candidate(31)))
-    jumped = refiner.refine(later, match_of(bank, later, candidate(208, 200.0)))
-    fresh = refiner_of(bank).refine(later, match_of(bank, later, candidate(208, 200.0)))
+    refined(refiner, people, candidate(31))
+    jumped = refined(refiner, later, candidate(208, 200.0))
+    fresh = refined(refiner_of(bank), later, candidate(208, 200.0))
     np.testing.assert_array_equal(jumped.positions, fresh.positions)
 
 
 def test_another_banks_match_is_refused(bank):
-    _, cloud = scene(bank, 31)
-    match = replace(match_of(bank, cloud, candidate(31)), bank_id="0123456789abcdef")
+    _, people = scene(bank, 31)
+    match = replace(match_of(bank, candidate(31)), bank_id="0123456789abcdef")
     with pytest.raises(BankError, match=f"bank 0123456789abcdef, but {bank.bank_id} is loaded"):
-        refiner_of(bank).refine(cloud, match)
+        refiner_of(bank).refine(people, [match])
 
 
-def test_nobody_or_no_candidate_is_lost(bank):
-    _, cloud = scene(bank, 31)
+def test_no_candidate_is_lost_and_nobody_has_no_answer(bank):
+    _, people = scene(bank, 31)
     refiner = refiner_of(bank)
-    refiner.refine(cloud, match_of(bank, cloud, candidate(31)))
-    assert refiner.mesh is not None
-    lost = refiner.refine(cloud, match_of(bank, cloud))
-    assert lost.is_lost
-    assert len(lost.positions) == 0
-    assert refiner.mesh is None
-    nothing = np.full((144, 176, 3), np.nan, np.float32)
-    empty = PersonCloud(5, "optical", nothing, np.zeros((144, 176), np.uint8))
-    lost = refiner.refine(empty, PoseMatch(5, "optical", bank.bank_id, 0.0, ()))
-    assert lost.is_lost
-    assert (lost.stamp_ns, lost.frame_id, lost.source) == (5, "optical", Source.LOST)
+    refined(refiner, people, candidate(31))
+    assert set(refiner.meshes) == {"body_1"}
+    (lost,) = refiner.refine(people, [match_of(bank)])
+    assert (lost.skeleton.is_lost, lost.skeleton.body_id, lost.score) == (True, "body_1", 1.0)
+    assert len(lost.skeleton.positions) == 0
+    assert refiner.meshes == {}
+    assert refiner.refine(syn.to_people(stamp_ns=5), []) == ()
+    assert refiner.refine(syn.to_people(stamp_ns=6), [match_of(bank, candidate(31))]) == ()
 
 
 def test_warm_up_leaves_no_trace(bank):
-    _, cloud = scene(bank, 120)
-    match = match_of(bank, cloud, candidate(120, 30.0))
+    _, people = scene(bank, 120)
     plain, warmed = refiner_of(bank), refiner_of(bank)
     warmed.warm_up()
-    assert warmed.mesh is None
-    np.testing.assert_array_equal(warmed.refine(cloud, match).positions, plain.refine(cloud, match).positions)
+    assert warmed.meshes == {}
+    start = candidate(120, 30.0)
+    np.testing.assert_array_equal(
+        refined(warmed, people, start).positions, refined(plain, people, start).positions
+    )
 
 
 def test_from_matching_to_refinement(bank):
     """A pose between exemplars: what the matcher gives is enough to start from."""
     mixed = syn.posed(syn.arms_down(), turn=-15.0)
-    cloud = syn.to_cloud(syn.draw(syn.mesh(mixed)))
-    match = Matcher(bank, MatchConfig(scale=1.0)).match(cloud)
-    skeleton = refiner_of(bank).refine(cloud, match)
-    assert syn.joint_error(skeleton.positions, mixed.nodes[JOINT_NODES]) < 0.04
+    people = syn.to_people(syn.draw(syn.mesh(mixed)))
+    matches = Matcher(bank, MatchConfig(scale=1.0)).match(people)
+    (fitted,) = refiner_of(bank).refine(people, matches)
+    assert syn.joint_error(fitted.skeleton.positions, mixed.nodes[JOINT_NODES]) < 0.04

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from depth_pose.config import SmoothConfig
+from depth_pose.core.config import SmoothConfig
 from depth_pose.steps.smooth import JointFilter
 
 STEP_NS = 40_000_000

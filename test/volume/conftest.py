@@ -3,15 +3,15 @@
 import pytest
 
 from depth_pose.body.procedural import BodyShape
-from depth_pose.body.procedural_motion_dance import perform
+from depth_pose.core.camera import Camera
+from depth_pose.motion.procedural.dance import perform
 from depth_pose.sim.clothing import Garment
 from depth_pose.sim.roof_cameras import roof_rig
-from depth_pose.types import Camera
+from depth_pose.sim.wearers import Wearer
 from depth_pose.volume.config import LearnConfig, SpaceConfig
-from depth_pose.volume.hull import HullCarver
-from depth_pose.volume.learning import learn_model
-from depth_pose.volume.performances import Wearer, hull_eyes, watch
-from depth_pose.volume.training import simulate_views
+from depth_pose.volume_learn.learning import learn_model
+from depth_pose.volume_learn.performances import rig_eyes, watch
+from depth_pose.volume_learn.training import simulate_views
 
 SMALL = Camera(160, 120, 119.0, 119.0, 79.5, 59.5)
 SKIRT = Garment(skirt=0.5, flare=0.25)
@@ -48,4 +48,4 @@ def model(views):
 def performance(rig, space):
     """Somebody else performs once more, and was not taught."""
     wearer = Wearer(BodyShape(stature_m=1.64, girth=1.05), Garment(skirt=0.55, flare=0.3))
-    return watch(perform("swing", 50, 2.0, start_beat=1.0), wearer, hull_eyes(rig, HullCarver(rig, space)))
+    return watch(perform("swing", 50, 2.0, start_beat=1.0), wearer, rig_eyes("silhouettes", rig, space))

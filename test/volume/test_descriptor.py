@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from depth_pose.errors import ConfigError
+from depth_pose.core.errors import ConfigError
 from depth_pose.volume.descriptor import OUTER_RADIUS_M, TOP_M, Bins, describe, heading_angle
+from depth_pose.volume.headings import turns
 from depth_pose.volume.hull import Volume, empty_volume
-from depth_pose.volume.performances import turns
 
 
 @pytest.fixture

@@ -1,40 +1,40 @@
 """Rig files, recordings of silhouettes, and the commands around them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import yaml
 
+from depth_pose.body.procedural import BodyShape
 from depth_pose.cli import main
-from depth_pose.errors import ConfigError, InputError
-from depth_pose.geometry import quat_to_matrix
+from depth_pose.core.errors import ConfigError, InputError
+from depth_pose.core.rotations import quat_to_matrix
+from depth_pose.core.types import Skeleton
 from depth_pose.io._messages import read_image
 from depth_pose.io._recording import Recording
 from depth_pose.io.mcap_read import read_skeletons
-from depth_pose.sim.roof_cameras import front_camera
-from depth_pose.types import Skeleton
-from depth_pose.volume.config import LearnConfig, TrackConfig
-from depth_pose.volume.learning import learn_model
-from depth_pose.volume.pipeline import make_pipeline
-from depth_pose.volume.recordings import (
-    MomentWriter,
-    decode_silhouette,
-    in_world,
-    process_silhouettes,
-    read_moments,
-    record_images,
-)
-from depth_pose.volume.rigfile import load_rig, save_rig, upright_from
-from depth_pose.volume.training import default_wearers, simulate_views
+from depth_pose.motion.procedural.dance import perform
+from depth_pose.offline import process_recording
+from depth_pose.sim.roof_cameras import RigRenderer, depth_ring, front_camera
+from depth_pose.sim.wearers import ViewWriter, Wearer, dressed_frames, record_views
+from depth_pose.volume.config import LearnConfig, SpaceConfig, TrackConfig, ViewsConfig, VolumeConfig
+from depth_pose.volume.decode import decode_silhouette
+from depth_pose.volume.pipeline import VolumePipeline, VolumePoseTracker, in_world
+from depth_pose.volume.recordings import ViewReader
+from depth_pose.volume.rigfile import Rig, load_rig, save_rig, upright_from
+from depth_pose.volume.scoring import score
+from depth_pose.volume.synchroniser import ViewSet
+from depth_pose.volume_learn.learning import learn_model
+from depth_pose.volume_learn.performances import rig_eyes, watch
+from depth_pose.volume_learn.report import track_performance
+from depth_pose.volume_learn.training import default_wearers, simulate_views
 
 
 @pytest.fixture(scope="module")
 def recorded(rig, tmp_path_factory):
-    from depth_pose.body.procedural import BodyShape
-    from depth_pose.body.procedural_motion_dance import perform
-    from depth_pose.volume.performances import Wearer
-
     path = tmp_path_factory.mktemp("recorded") / "dance.mcap"
-    record_images(path, perform("swing", 50, 0.5), Wearer(BodyShape()), rig, "silhouettes")
+    record_views(path, perform("swing", 50, 0.5), Wearer(BodyShape()), rig, "silhouettes")
     return path
 
 
@@ -97,29 +97,48 @@ def test_silhouettes_are_decoded():
             decode_silhouette(data, 3, 4, step, encoding)
 
 
-def test_moments_of_a_recording(recorded, rig):
+def test_views_of_a_recording(recorded, rig):
     cameras = load_rig(recorded.with_suffix(".yaml"))
-    recording = Recording(recorded)
-    moments = list(read_moments(recording, cameras.topics, depth=False))
-    assert len(moments) == 15
-    assert all(image is not None for _, images in moments for image in images)
-    first = recording.first(cameras.topics[2])
-    assert np.array_equal(moments[0][1][2].ravel(), np.frombuffer(read_image(first.data).data, np.uint8))
-    some = list(read_moments(recording, (*cameras.topics[:3], "/no/such"), depth=False))
-    assert all(images[3] is None and images[0] is not None for _, images in some)
+    reader = ViewReader(recorded, cameras, "silhouettes")
+    sets = list(reader)
+    assert len(sets) == 15 and reader.incomplete == reader.dropped == 0 and not reader.warnings
+    assert all(image is not None for views in sets for image in views.images)
+    first = Recording(recorded).first(cameras.topics[2])
+    assert np.array_equal(sets[0].images[2].ravel(), np.frombuffer(read_image(first.data).data, np.uint8))
+    some = replace(cameras, topics=(*cameras.topics[:3], *["/no/such"] * (len(rig) - 3)))
+    reader = ViewReader(recorded, some, "silhouettes")
+    assert all(v.images[3] is None and v.images[0] is not None for v in reader) and reader.incomplete == 15
     with pytest.raises(InputError, match="none of the rig's topics"):
-        list(read_moments(recording, ("/no/such",), depth=False))
+        ViewReader(recorded, replace(cameras, topics=("/no/such",) * len(rig)), "silhouettes")
+    with pytest.raises(InputError, match=r"no frame can be used: /camera0/silhouette: .*mono8"):
+        list(ViewReader(recorded, cameras, "depth"))
+
+
+def test_recorded_views_that_are_late_odd_or_few(rig, tmp_path):
+    """Skewed stamps are one set; a late image, one of another size, and a set of one camera are counted."""
+    small, good = np.ones((5, 5), np.uint8), np.ones((120, 160), np.uint8)
+    cameras = Rig(rig[:3], ("/a", "/b", "/c"))
+    with ViewWriter(tmp_path / "x.mcap") as writer:
+        for k in range(30):
+            for i, topic in enumerate(cameras.topics):
+                if (k, i) not in ((20, 0), (20, 1)):
+                    image = small if (k, i) == (3, 1) else good
+                    writer.write(topic, 10**9 + k * 33_000_000 + i * 1_500_000, topic, image)
+    reader = ViewReader(tmp_path / "x.mcap", cameras, "silhouettes")
+    sets = list(reader)
+    assert len(sets) == 29 and reader.dropped == 1 and reader.incomplete == 1
+    assert sets[3].images[1] is None
+    assert any("/b: the image of camera1 is 5 x 5" in line for line in reader.warnings)
+    assert any("1 times: a frame was dropped: only 1 of 3 live cameras" in line for line in reader.warnings)
 
 
 def test_a_run_is_repeatable_and_in_the_rigs_world(recorded, model, tmp_path):
     cameras = load_rig(recorded.with_suffix(".yaml"))
-    from depth_pose.volume.config import SpaceConfig
-
     for name in ("a.mcap", "b.mcap"):
-        pipeline = make_pipeline(model, cameras.cameras, SpaceConfig(voxel=0.03))
-        done = []
-        summary = process_silhouettes(recorded, tmp_path / name, pipeline, cameras, done.append)
-        assert (summary.frames, summary.answered, summary.incomplete) == (15, 15, 0)
+        pipeline = VolumePipeline(model, cameras, VolumeConfig(space=SpaceConfig(voxel=0.03)))
+        reader, done = ViewReader(recorded, cameras, "silhouettes"), []
+        summary = process_recording(reader, tmp_path / name, pipeline, done.append)
+        assert (summary.frames, summary.answered, reader.incomplete) == (15, 15, 0)
         assert done == list(range(1, 16))
     assert (tmp_path / "a.mcap").read_bytes() == (tmp_path / "b.mcap").read_bytes()
     skeletons = list(read_skeletons(tmp_path / "a.mcap"))
@@ -128,9 +147,8 @@ def test_a_run_is_repeatable_and_in_the_rigs_world(recorded, model, tmp_path):
 
 
 def test_turning_a_skeleton_into_a_world_with_z_up(model, performance):
-    from depth_pose.volume.pipeline import VolumePoseTracker
-
-    skeleton = VolumePoseTracker(model, voxel=0.03).process(performance.volumes[0], 1).skeleton
+    tracker = VolumePoseTracker(model, VolumeConfig(space=SpaceConfig(voxel=0.03)))
+    skeleton = tracker.process(performance.volumes[0], 1).skeleton
     turned = in_world(skeleton, "z")
     back = upright_from("z")[:3, :3]
     assert np.allclose(turned.positions @ back.T, skeleton.positions)
@@ -140,30 +158,25 @@ def test_turning_a_skeleton_into_a_world_with_z_up(model, performance):
     assert in_world(lost, "z") is lost
 
 
+def of_depth(space, cut_out):
+    return VolumeConfig(space=space, track=TrackConfig(stature=1.66), views=ViewsConfig(cut_out=cut_out))
+
+
 @pytest.fixture(scope="module")
 def depth_model(clips, space):
     """A small model of two performances, seen by one camera from all sides."""
-    from depth_pose.body.procedural import BodyShape
-    from depth_pose.volume.performances import Wearer
-
     wearers = [Wearer(BodyShape(stature_m=1.7))]
     return learn_model(simulate_views(clips[:2], wearers, "depth", 6, space), LearnConfig(iterations=40))
 
 
 def test_one_depth_camera_and_two(depth_model, space):
     """The same model from angles it was not made for, and with one camera more."""
-    from depth_pose.body.procedural import BodyShape
-    from depth_pose.body.procedural_motion_dance import perform
-    from depth_pose.volume.hull import SurfaceVoxels
-    from depth_pose.volume.performances import Wearer, depth_eyes, watch
-    from depth_pose.volume.report import track_performance
-
     assert depth_model.views == 16 and depth_model.meta["input"] == "depth"
     reports = []
     for azimuths in ((1.8,), (1.8, 0.2)):
-        eyes = depth_eyes([front_camera(azimuth=a) for a in azimuths], SurfaceVoxels(space))
+        eyes = rig_eyes("depth", [front_camera(azimuth=a) for a in azimuths], space)
         performance = watch(perform("swing", 50, 1.5), Wearer(BodyShape(stature_m=1.66)), eyes)
-        reports.append(track_performance(depth_model, performance, voxel=0.03))
+        reports.append(track_performance(depth_model, performance, VolumeConfig(space=space)))
     one, two = reports
     assert one.fitted.angle_deg < 0.6 * one.mean_pose.angle_deg
     assert two.fitted.angle_deg < 0.95 * one.fitted.angle_deg
@@ -175,49 +188,40 @@ def test_one_depth_camera_and_two(depth_model, space):
 
 def test_a_depth_camera_that_fails(depth_model, space):
     """Of three cameras one brings nothing, shows nobody, or sees only a hand: the others go on."""
-    from depth_pose.body.procedural import BodyShape
-    from depth_pose.body.procedural_motion_dance import perform
-    from depth_pose.sim.roof_cameras import RigRenderer, depth_ring
-    from depth_pose.volume.performances import Wearer, dressed_frames
-    from depth_pose.volume.scoring import score
-
     rig = depth_ring(3)
-    pipeline = make_pipeline(depth_model, rig, space, TrackConfig(stature=1.66))
+    pipeline = VolumePipeline(depth_model, Rig(rig), of_depth(space, cut_out=False))
     pipeline.warm_up()
     clip, renderer, found = perform("swing", 50, 0.5), RigRenderer(rig), []
     for i, (meshes, _) in enumerate(dressed_frames(Wearer(BodyShape(stature_m=1.66)), clip)):
         images = renderer.depths(meshes)
         images[1] = [images[1], None, np.zeros_like(images[1]), sliver(images[1])][i % 4]
-        found.append(pipeline.process_frame(images, 1 + i * 33_000_000))
+        found.append(pipeline.process_frame(ViewSet(1 + i * 33_000_000, tuple(images))))
     assert [p.volume.views for p in found[:4]] == [3, 2, 2, 2]
     assert [p.disregarded for p in found[:4]] == [(), (), (1,), (1,)]
     assert score(np.array([p.rotations for p in found]), clip.rotations).angle_deg < 12.0
-    nothing = [np.zeros((240, 320), np.float32)] * 3
-    assert pipeline.process_frame(nothing, 10**9).skeleton.is_lost
-    assert pipeline.process_frame([None] * 3, 2 * 10**9).skeleton.is_lost
+    nothing = (np.zeros((240, 320), np.float32),) * 3
+    assert pipeline.process_frame(ViewSet(10**9, nothing)).skeleton.is_lost
+    assert pipeline.process_frame(ViewSet(2 * 10**9, (None,) * 3)).skeleton.is_lost
     with pytest.raises(InputError, match="depth0 is 10 x 10"):
-        pipeline.process_frame([np.zeros((10, 10), np.float32), None, None], 3 * 10**9)
-    with pytest.raises(InputError, match="1 depth images for 3 cameras"):
-        pipeline.process_frame([None], 3 * 10**9)
+        pipeline.process_frame(ViewSet(3 * 10**9, (np.zeros((10, 10), np.float32), None, None)))
+    with pytest.raises(InputError, match="1 images for 3 cameras"):
+        pipeline.process_frame(ViewSet(3 * 10**9, (None,)))
     with pytest.raises(ConfigError, match="at least one"):
-        make_pipeline(depth_model, [])
+        VolumePipeline(depth_model, Rig(()))
 
 
 def test_a_recording_of_two_depth_cameras(depth_model, space, tmp_path):
-    from depth_pose.body.procedural import BodyShape
-    from depth_pose.body.procedural_motion_dance import perform
-    from depth_pose.sim.roof_cameras import depth_ring
-    from depth_pose.volume.performances import Wearer
-
     path = tmp_path / "dance.mcap"
-    record_images(path, perform("swing", 50, 0.4), Wearer(BodyShape(stature_m=1.66)), depth_ring(2), "depth")
+    record_views(path, perform("swing", 50, 0.4), Wearer(BodyShape(stature_m=1.66)), depth_ring(2), "depth")
     rig = load_rig(path.with_suffix(".yaml"))
     assert rig.topics == ("/depth0/depth", "/depth1/depth")
-    pipeline = make_pipeline(depth_model, rig.cameras, space, TrackConfig(stature=1.66))
-    summary = process_silhouettes(path, tmp_path / "out.mcap", pipeline, rig)
-    assert (summary.frames, summary.answered, summary.incomplete) == (12, 12, 0)
-    heads = [s.positions[4, 2] for s in read_skeletons(tmp_path / "out.mcap")]
-    assert np.ptp(heads) < 0.2 and 1.35 < np.mean(heads) < 1.75
+    for cut_out in (True, False):
+        reader = ViewReader(path, rig, "depth")
+        pipeline = VolumePipeline(depth_model, rig, of_depth(space, cut_out))
+        summary = process_recording(reader, tmp_path / "out.mcap", pipeline)
+        assert (summary.frames, summary.answered, reader.incomplete) == (12, 12, 0)
+        heads = [s.positions[4, 2] for s in read_skeletons(tmp_path / "out.mcap")]
+        assert np.ptp(heads) < 0.2 and 1.35 < np.mean(heads) < 1.75
 
 
 def sliver(depth):
@@ -275,7 +279,7 @@ def test_commands(monkeypatch, capsys, tmp_path):
 
 
 def test_images_of_several_cameras(tmp_path):
-    with MomentWriter(tmp_path / "x.mcap") as writer:
+    with ViewWriter(tmp_path / "x.mcap") as writer:
         writer.write("/a", 5, "a", np.full((2, 3), 7, np.uint8))
         writer.write("/b", 5, "b", np.full((2, 3), 1.5, np.float32))
     recording = Recording(tmp_path / "x.mcap")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from depth_pose.body.angles import ANGLE_INDEX, N_ANGLES, rotations_from_angles
-from depth_pose.volume.performances import headings_of, turns, without_headings
+from depth_pose.volume.headings import headings_of, turns, without_headings
 from depth_pose.volume.scoring import (
     SCORED,
     angle_differences,

@@ -6,27 +6,37 @@ import json
 import numpy as np
 import pytest
 
-from depth_pose.errors import ConfigError, InputError
-from depth_pose.geometry import quat_to_matrix, rotvec_to_matrix
-from depth_pose.skeleton import JOINT_NODES, Source
-from depth_pose.volume.config import SpaceConfig, TrackConfig
+from depth_pose.body.procedural import BodyShape
+from depth_pose.core.errors import ConfigError, InputError
+from depth_pose.core.rotations import quat_to_matrix, rotvec_to_matrix
+from depth_pose.core.skeleton import JOINT_NODES, Source
+from depth_pose.motion.procedural.dance import perform
+from depth_pose.sim.roof_cameras import RigRenderer
+from depth_pose.sim.wearers import Wearer, dressed_frames
+from depth_pose.volume.config import SpaceConfig, TrackConfig, VolumeConfig
 from depth_pose.volume.descriptor import describe
 from depth_pose.volume.fit import VolumeFitter
-from depth_pose.volume.hull import empty_volume
-from depth_pose.volume.learning import learn_model
+from depth_pose.volume.headings import turns
+from depth_pose.volume.hull import Volume, empty_volume
 from depth_pose.volume.model import VolumeModel
-from depth_pose.volume.performances import turns
-from depth_pose.volume.pipeline import DepthPipeline, SilhouettePipeline, VolumePoseTracker
-from depth_pose.volume.report import report_rows, track_performance
+from depth_pose.volume.pipeline import VolumePipeline, VolumePoseTracker
+from depth_pose.volume.rigfile import Rig
 from depth_pose.volume.scoring import joint_positions, score
+from depth_pose.volume.synchroniser import ViewSet
 from depth_pose.volume.tracker import UNLIKELY, LatentTracker, Sight
+from depth_pose.volume_learn.learning import learn_model
+from depth_pose.volume_learn.report import report_rows, track_performance
 
-VOXEL = 0.03
+CONFIG = VolumeConfig(space=SpaceConfig(voxel=0.03))
+
+
+def tracking(**track):
+    return dataclasses.replace(CONFIG, track=TrackConfig(**track))
 
 
 @pytest.fixture(scope="module")
 def report(model, performance):
-    return track_performance(model, performance, voxel=VOXEL)
+    return track_performance(model, performance, CONFIG)
 
 
 def test_a_performance_that_was_never_taught(report):
@@ -41,13 +51,13 @@ def test_a_performance_that_was_never_taught(report):
 
 
 def test_the_papers_likelihood(model, performance):
-    found = track_performance(model, performance, TrackConfig(likelihood="latent", refine=False), VOXEL)
+    found = track_performance(model, performance, tracking(likelihood="latent", refine=False))
     assert found.regressed.angle_deg < 0.75 * found.mean_pose.angle_deg
     assert found.fitted.angle_deg == found.regressed.angle_deg  # nothing is fitted
 
 
 def test_the_same_frames_give_the_same_poses(model, performance, report):
-    tracker = VolumePoseTracker(model, voxel=VOXEL)
+    tracker = VolumePoseTracker(model, CONFIG)
     for _ in range(2):
         poses = [tracker.process(v, 1 + round(i * 1e9 / 30)) for i, v in enumerate(performance.volumes[:12])]
         for pose, before in zip(poses, report.poses, strict=False):
@@ -57,9 +67,8 @@ def test_the_same_frames_give_the_same_poses(model, performance, report):
 
 def test_a_turned_and_moved_room_turns_and_moves_the_answer(model, performance):
     """The fine azimuth has 128 steps; a turn by one of them changes nothing but the frame."""
-    config = TrackConfig(stature=performance.stature)
     turn, shift = turns(2 * np.pi * 24 / 128), np.array([0.3, 0.0, -0.2])
-    a, b = (VolumePoseTracker(model, config, VOXEL) for _ in range(2))
+    a, b = (VolumePoseTracker(model, tracking(stature=performance.stature)) for _ in range(2))
     for i, v in enumerate(performance.volumes[:5]):
         moved = dataclasses.replace(v, surface=v.surface @ turn.T + shift, centroid=turn @ v.centroid + shift)
         here, there = a.process(v, 1 + i * 33_000_000), b.process(moved, 1 + i * 33_000_000)
@@ -80,7 +89,7 @@ def test_the_skeleton(model, report):
 
 
 def test_nobody_and_somebody_else(model, performance):
-    tracker = VolumePoseTracker(model, TrackConfig(lost_after=3), VOXEL)
+    tracker = VolumePoseTracker(model, tracking(lost_after=3))
     at = iter(range(1, 10**12, 33_000_000))
     first = [tracker.process(v, next(at)) for v in performance.volumes[:4]]
     gap = [tracker.process(empty_volume(6), next(at)) for _ in range(2)]
@@ -127,31 +136,24 @@ def test_the_fit_finds_a_bent_arm(model, performance, body):
     assert small.size > 1.01 and large.size < 0.99
 
 
-def test_pipeline_from_silhouettes(model, rig, space, views):
-    from depth_pose.body.procedural import BodyShape
-    from depth_pose.body.procedural_motion_dance import perform
-    from depth_pose.sim.roof_cameras import RigRenderer
-    from depth_pose.volume.performances import Wearer, dressed_frames
-
-    pipeline = SilhouettePipeline(model, rig, space, TrackConfig(stature=1.64))
+def test_pipeline_from_silhouettes(model, rig):
+    pipeline = VolumePipeline(model, Rig(rig), tracking(stature=1.64))
     pipeline.warm_up()
     renderer, clip = RigRenderer(rig), perform("swing", 50, 0.5)
     found = []
     for i, (meshes, _) in enumerate(dressed_frames(Wearer(BodyShape(stature_m=1.64)), clip)):
         images = renderer.silhouettes(meshes)
         images[i % 6] = None  # another camera fails every time
-        found.append(pipeline.process_frame(images, 1 + i * 33_000_000))
+        found.append(pipeline.process_frame(ViewSet(1 + i * 33_000_000, tuple(images))))
     assert all(p.volume.views == 5 for p in found)
     got = score(np.array([p.rotations for p in found]), clip.rotations)
     assert got.angle_deg < 10.0
     assert all(p.disregarded == () for p in found)
     images[i % 6] = np.zeros((120, 160), np.uint8)  # this one sees nobody where the others do
-    odd = pipeline.process_frame(images, 600_000_000)
+    odd = pipeline.process_frame(ViewSet(600_000_000, tuple(images)))
     assert odd.disregarded == (i % 6,) and odd.volume.views == 5 and not odd.skeleton.is_lost
-    nobody = pipeline.process_frame([np.zeros((120, 160), np.uint8)] * 6, 10**9)
+    nobody = pipeline.process_frame(ViewSet(10**9, (np.zeros((120, 160), np.uint8),) * 6))
     assert nobody.skeleton.is_lost
-    with pytest.raises(ConfigError, match="learned from silhouettes"):
-        DepthPipeline(model, rig[:1])
 
 
 def test_the_model_file(model, tmp_path):
@@ -201,8 +203,6 @@ def test_wearers_must_perform_the_same(views):
 
 
 def test_small_things_are_nobody(model):
-    from depth_pose.volume.hull import Volume
-
     ball = np.random.default_rng(0).normal(size=(100, 3)) * 0.1 + [0, 0.3, 0]
-    tracker = VolumePoseTracker(model, voxel=SpaceConfig().voxel)
+    tracker = VolumePoseTracker(model)
     assert tracker.process(Volume(ball, ball.mean(axis=0), 100, 6), 1).skeleton.is_lost

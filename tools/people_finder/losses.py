@@ -12,7 +12,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from depth_pose.skeleton import JOINTS
+from depth_pose.core.skeleton import JOINTS
 
 _HARD_MASK = 1.5
 """Exponent by which well-known pixels lose weight (Lin et al. 2017, focal loss)."""

@@ -10,8 +10,8 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
+from depth_pose.core.skeleton import JOINTS
 from depth_pose.people._finder_kernels import CHANNELS
-from depth_pose.skeleton import JOINTS
 
 
 class ConvUnit(nn.Sequential):

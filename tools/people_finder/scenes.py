@@ -9,8 +9,8 @@ import numpy as np
 from _sample_kernels import cell_labels, drape, fill_joint_offsets, fill_offsets, reduce_scene
 from numpy.typing import NDArray
 
+from depth_pose.core.skeleton import JOINTS
 from depth_pose.people._finder_kernels import CHANNELS, COLS, ROWS, choose_cells, fill_features
-from depth_pose.skeleton import JOINTS
 
 CELL = 4
 """Side of the cells that vote for joints, pixels of the net's image."""

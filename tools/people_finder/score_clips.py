@@ -18,9 +18,9 @@ import numpy as np
 import typer
 from numpy.typing import NDArray
 
+from depth_pose.core.types import DepthFrame
 from depth_pose.io.mcap_read import read_frames
 from depth_pose.people.finder import FinderConfig, FoundPeople, FoundPerson, PeopleFinder, load_weights
-from depth_pose.types import DepthFrame
 
 _SEQUENCES = ("real_office", "real_corridor", "real_empty", "dev_people", "dev_postures", "dev", "dev_bodies")
 _SINGLES = ("real_kinect2", "real_itop", "real_wave")
@@ -185,7 +185,8 @@ def line(name: str, c: Counter) -> str:
     """One line of figures."""
     n = max(c["found"], 1)
     return (
-        f"{name:14s} frames {c['frames']:4d} asked {c['asked']:4d} recall {c['found'] / max(c['asked'], 1):.3f} "
+        f"{name:14s} frames {c['frames']:4d} asked {c['asked']:4d} "
+        f"recall {c['found'] / max(c['asked'], 1):.3f} "
         f"false {c['false']:3d} = {c['false'] / max(c['frames'], 1):.3f} double {c['double']:3d} "
         f"empty {c['empty_hit']}/{c['empty']} torso {c['torso_mm'] / n:.0f} joints {c['joint_mm'] / n:.0f} "
         f"wrists {c['wrist_mm'] / n:.0f} mm"

@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.body.body import Body
-from depth_pose.errors import BankError
-from depth_pose.geometry import quat_to_matrix
+from depth_pose.core.errors import BankError
+from depth_pose.core.rotations import quat_to_matrix
 
 FORMAT = "depth_pose exemplar bank"
 FORMAT_VERSION = 1

@@ -15,15 +15,18 @@ from depth_pose.bank.bank import Bank
 from depth_pose.bank.views import BANK_SCHEMES, PoseViews, render_views
 from depth_pose.bank.workers import run_parts
 from depth_pose.body.body import Body
-from depth_pose.config import _Checked, option
-from depth_pose.errors import ConfigError
-from depth_pose.geometry import matrix_to_quat, quat_to_matrix
+from depth_pose.core.config import _Checked, option
+from depth_pose.core.errors import ConfigError
+from depth_pose.core.rotations import matrix_to_quat, quat_to_matrix
 
 Progress = Callable[[int, int], None]
 """Called with the number of poses done and their total."""
 
 _CHUNK = 50
+"""Poses of one part of the work."""
+
 _SAMPLE = 24_000
+"""Descriptors from which the subspace is learned, evenly spread: all 128,000 would take 1.2 GB; not swept."""
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,10 @@ HALF_WIDTH_M = 1.2
 """Half of the side that a descriptor image covers, metres of a person of scale 1."""
 
 DEPTH_LIMIT_M = 0.5
+"""Depths about the centroid are cut here, metres: about an arm's reach; set by hand, not swept."""
+
 FOREGROUND_LEVEL = 0.8
+"""What a cell at the centroid's depth is worth, so that the silhouette counts as well as depth; not swept."""
 
 
 @dataclass(frozen=True)

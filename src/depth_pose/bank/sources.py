@@ -8,14 +8,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from depth_pose.body.motion import (
+from depth_pose.motion.clip import (
     PoseSet,
     choose_for_coverage,
     join_poses,
     remove_near_duplicates,
 )
-from depth_pose.body.motion_files import FileReport, load_motion_dir
-from depth_pose.body.procedural_motion import make_poses
+from depth_pose.motion.motion_files import FileReport, load_motion_dir
+from depth_pose.motion.procedural.generator import make_poses
 
 Progress = Callable[[float], None]
 """Called with the fraction done."""

@@ -14,12 +14,13 @@ from concurrent.futures.process import BrokenProcessPool
 from multiprocessing import get_context
 from typing import Any, TypeVar
 
-from depth_pose.errors import ConfigError, InputError
+from depth_pose.core.errors import ConfigError, InputError
 
 T = TypeVar("T")
 Task = tuple[Any, ...]
 
 _CONNECT_S = "10s"
+"""How long a Dask scheduler may take to answer."""
 
 
 def run_parts(

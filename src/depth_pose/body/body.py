@@ -2,7 +2,7 @@
 
 Linear blend skinning with the project's node rotations (rest pose to posed, not relative to
 the parent): ``v' = sum_n w_n (s R_n (v - c_n) + p_n)``, with c_n a node's rest position, p_n its
-posed one from `depth_pose.skeleton.forward_kinematics`, and s the body's scale.
+posed one from `depth_pose.core.skeleton.forward_kinematics`, and s the body's scale.
 """
 
 from __future__ import annotations
@@ -10,11 +10,15 @@ from __future__ import annotations
 import hashlib
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.skeleton import NODE_PARENTS
+from depth_pose.core.skeleton import NODE_PARENTS
+
+if TYPE_CHECKING:
+    from depth_pose.body._skin_kernels import Skin
 
 INFLUENCES = 4
 """Greatest number of nodes that move one vertex."""
@@ -29,32 +33,16 @@ class PosedBody:
     vertices : (V, 3) float64
         Metres, in the frame that the rotations lead to.
     nodes : (21, 3) float64
-        Positions of `depth_pose.skeleton.NODES` in the same frame, metres.
+        Positions of `depth_pose.core.skeleton.NODES` in the same frame, metres.
     """
 
     vertices: NDArray[np.float64]
     nodes: NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class SparseWeights:
-    """Skin weights, `INFLUENCES` per vertex, greatest first.
-
-    Attributes
-    ----------
-    nodes : (V, 4) int32
-        Index of the node.
-    weights : (V, 4) float64
-        Its weight; unused slots are 0.
-    """
-
-    nodes: NDArray[np.int32]
-    weights: NDArray[np.float64]
-
-
 @dataclass(frozen=True, eq=False)
 class Body:
-    """A skinned body in the rest pose of `depth_pose.skeleton`.
+    """A skinned body in the rest pose of `depth_pose.core.skeleton`.
 
     Attributes
     ----------
@@ -90,12 +78,18 @@ class Body:
             raise ValueError(f"Body.weights: at most {INFLUENCES} nodes may move a vertex")
 
     @cached_property
-    def sparse_weights(self) -> SparseWeights:
-        """The weights without their zeros."""
+    def skin(self) -> Skin:
+        """The body as kernels take it, with weights that are 0 left out."""
+        from depth_pose.body._skin_kernels import Skin
+
         order = np.argsort(-self.weights, axis=1, kind="stable")[:, :INFLUENCES]
-        return SparseWeights(
-            np.ascontiguousarray(order.astype(np.int32)),
-            np.ascontiguousarray(np.take_along_axis(self.weights, order, axis=1)),
+        return Skin(
+            vertices=self.vertices,
+            nodes=self.nodes,
+            parents=NODE_PARENTS,
+            influence=np.ascontiguousarray(order.astype(np.int32)),
+            weight=np.ascontiguousarray(np.take_along_axis(self.weights, order, axis=1)),
+            faces=self.faces,
         )
 
     def pose(
@@ -114,15 +108,10 @@ class Body:
         """
         from depth_pose.body._skin_kernels import skin
 
-        sparse = self.sparse_weights
         vertices = np.empty_like(self.vertices)
         nodes = np.empty_like(self.nodes)
         skin(
-            self.vertices,
-            self.nodes,
-            NODE_PARENTS,
-            sparse.nodes,
-            sparse.weights,
+            self.skin,
             np.ascontiguousarray(rotations, dtype=np.float64),
             np.ascontiguousarray(root, dtype=np.float64),
             float(scale),

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.spatial.distance import cdist
 
 from depth_pose.body.body import Body
-from depth_pose.body.remesh import vertex_normals
-from depth_pose.body.surface import Mesh
+from depth_pose.body.normals import vertex_normals
+from depth_pose.core.farthest_points import farthest_rows
 
 _WEIGHT_M = 0.25
-"""Distance in space that counts as much as belonging to another segment altogether."""
+"""Distance in space that counts as much as belonging to another segment altogether, metres.
+
+Set by hand; not swept. ``test/body/test_coarsen.py`` holds what it must give.
+"""
 
 
 def coarsen(body: Body, vertices: int) -> Body:
@@ -34,16 +38,9 @@ def coarsen(body: Body, vertices: int) -> Body:
     if len(body.vertices) <= vertices:
         return body
     place = np.concatenate([body.vertices, _WEIGHT_M * body.weights], axis=1)
-    kept = [int(np.argmax(body.vertices[:, 1]))]
-    gap = np.square(place - place[kept[0]]).sum(axis=1)
-    cluster = np.zeros(len(place), np.int32)
-    while len(kept) < vertices:
-        kept.append(int(np.argmax(gap)))
-        closer = np.square(place - place[kept[-1]]).sum(axis=1)
-        mine = closer < gap
-        gap[mine] = closer[mine]
-        cluster[mine] = len(kept) - 1
-    normals = vertex_normals(Mesh(body.vertices, body.faces))
+    kept = farthest_rows(place, vertices, start=int(np.argmax(body.vertices[:, 1])))
+    cluster = cdist(place, place[kept], "sqeuclidean").argmin(axis=1).astype(np.int32)
+    normals = vertex_normals(body)
     below = ((body.vertices[kept][cluster] - body.vertices) * normals[kept][cluster]).sum(axis=1)
     depth = np.bincount(cluster, below) / np.bincount(cluster)
     faces = cluster[body.faces]

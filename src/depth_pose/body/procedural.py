@@ -1,27 +1,27 @@
-"""The embedded body: made from tables of proportions, in any build.
+"""The embedded body: an average adult that ships as a file, in any build.
 
-The body of `BodyShape()` is meshed once from its implicit surface (`depth_pose.body.anatomy`).
-Other builds move that mesh, so all of them share faces and corresponding vertices.
+``tools/body/make_template.py`` makes the file from tables of proportions. Other builds move its
+mesh, so all of them share faces and corresponding vertices.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
 from functools import lru_cache
+from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
-from depth_pose.body.anatomy import BodyField, reference_nodes
 from depth_pose.body.body import Body
-from depth_pose.body.remesh import mirror, remesh_half
-from depth_pose.body.surface import Array, Mesh, sample_grid, surface_nets
-from depth_pose.body.weights import skin_weights
-from depth_pose.errors import ConfigError
-from depth_pose.skeleton import ADULT_STATURE_M, NODE_INDEX, NODE_PARENTS, NODES
+from depth_pose.body.files import load_body
+from depth_pose.core.errors import ConfigError
+from depth_pose.core.skeleton import ADULT_STATURE_M, NODE_INDEX, NODE_PARENTS, NODES
 
-_GRID = 0.011
-_LOW = np.array([-1.5 * _GRID, -0.0301, -0.18])
-_COUNTS = (68, 168, 40)
+Array = NDArray[np.float64]
+
+TEMPLATE = Path(__file__).parent / "data" / "procedural.npz"
+"""Body of `BodyShape()`; its arrays ``made_by`` and ``sources_sha256`` say what made it."""
 
 
 @dataclass(frozen=True)
@@ -65,8 +65,7 @@ class BodyShape:
 def make_body(shape: BodyShape | None = None) -> Body:
     """Make the embedded body in a build.
 
-    Bodies of all builds have the same faces and corresponding vertices. Deterministic; the first
-    call of a process takes a few seconds, further ones milliseconds.
+    Bodies of all builds have the same faces and corresponding vertices. Deterministic.
     """
     shape = BodyShape() if shape is None else shape
     template = _template()
@@ -91,40 +90,11 @@ def make_body(shape: BodyShape | None = None) -> Body:
 
 @lru_cache(maxsize=1)
 def _template() -> Body:
-    field = BodyField()
-    mesh = mirror(remesh_half(_fine_half(field), field, _edge_length))
-    height = float(mesh.vertices[:, 1].max())
-    nodes = reference_nodes()
-    weights = skin_weights(mesh, nodes, field)
-    vertices = mesh.vertices * [1.0, ADULT_STATURE_M / height, 1.0]
-    for array in (vertices, mesh.faces, weights, nodes):
+    """Read the body of `BodyShape()`; its arrays cannot be written to."""
+    body = load_body(TEMPLATE)
+    for array in (body.vertices, body.faces, body.weights, body.nodes):
         array.setflags(write=False)
-    return Body("procedural", vertices, mesh.faces, weights, nodes, ADULT_STATURE_M)
-
-
-def _fine_half(field: BodyField) -> Mesh:
-    """Surface nets of the half x >= 0; the first kept layer of cells straddles the mid-plane."""
-    mesh = surface_nets(sample_grid(field, _LOW, _COUNTS, _GRID), _LOW, _GRID)
-    vertices = mesh.vertices.copy()
-    keep = vertices[:, 0] > -0.5 * _GRID
-    vertices[np.abs(vertices[:, 0]) <= 0.5 * _GRID, 0] = 0.0
-    faces = mesh.faces[keep[mesh.faces].all(axis=1)]
-    used, packed = np.unique(faces, return_inverse=True)
-    return Mesh(vertices[used], packed.reshape(faces.shape).astype(np.int32))
-
-
-def _edge_length(points: Array) -> Array:
-    """Wished edge length: fine at hands, feet and head."""
-    nodes = reference_nodes()
-    size = np.full(len(points), 0.036)
-    for name, radius, fine in (
-        ("left_wrist", 0.20, 0.019),
-        ("left_foot", 0.17, 0.025),
-        ("head", 0.16, 0.027),
-    ):
-        away = np.linalg.norm(points - nodes[NODE_INDEX[name]], axis=1)
-        size = np.minimum(size, fine + 0.12 * np.maximum(away - radius, 0.0))
-    return size
+    return body
 
 
 def _shaped_nodes(nodes: Array, shape: BodyShape) -> tuple[Array, Array]:

@@ -7,14 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.body._skin_kernels import skin
+from depth_pose.body._skin_kernels import Skin, skin
 from depth_pose.body.body import Body, keep_largest
-from depth_pose.skeleton import ADULT_STATURE_M, NODE_INDEX, NODE_PARENTS, NODES, rest_nodes
+from depth_pose.core.rotations import rotation_between
+from depth_pose.core.skeleton import ADULT_STATURE_M, NODE_INDEX, NODE_PARENTS, NODES, rest_nodes
 
 Array = NDArray[np.float64]
 
 MOST_VERTICES = 2500
-"""The mesh is decimated to about so many."""
+"""The mesh is decimated to about so many: the embedded body has 2,069. Set by hand."""
 
 _LIMB_CHILD = {"shoulder": "elbow", "elbow": "wrist", "hip": "knee", "knee": "ankle", "ankle": "foot"}
 
@@ -40,7 +41,7 @@ class RiggedMesh:
 
 
 def rigged_body(name: str, mesh: RiggedMesh) -> Body:
-    """Make a body of a rigged mesh: in the rest pose of `depth_pose.skeleton`, thinned and scaled.
+    """Make a body of a rigged mesh: in the rest pose of `depth_pose.core.skeleton`, thinned and scaled.
 
     Parameters
     ----------
@@ -72,25 +73,16 @@ def _to_rest_pose(mesh: RiggedMesh) -> RiggedMesh:
         if bare in _LIMB_CHILD:
             child = NODE_INDEX[f"{side}_{_LIMB_CHILD[bare]}"]
             have = rotations[n] @ (mesh.nodes[child] - mesh.nodes[n])
-            rotations[n] = least_rotation(have, wanted[child] - wanted[n]) @ rotations[n]
+            bone = wanted[child] - wanted[n]
+            have, bone = have / np.linalg.norm(have), bone / np.linalg.norm(bone)
+            rotations[n] = rotation_between(have, bone) @ rotations[n]
     vertices, nodes = np.empty_like(mesh.vertices), np.empty_like(mesh.nodes)
     order = np.ascontiguousarray(np.argsort(-mesh.weights, axis=1, kind="stable").astype(np.int32))
     weights = np.ascontiguousarray(np.take_along_axis(mesh.weights, order, axis=1))
     rest = (np.ascontiguousarray(mesh.vertices), np.ascontiguousarray(mesh.nodes))
-    skin(*rest, NODE_PARENTS, order, weights, rotations, mesh.nodes[0].copy(), 1.0, vertices, nodes)
+    body = Skin(*rest, NODE_PARENTS, order, weights, np.ascontiguousarray(mesh.faces, np.int32))
+    skin(body, rotations, mesh.nodes[0].copy(), 1.0, vertices, nodes)
     return RiggedMesh(vertices, mesh.faces, mesh.weights, nodes)
-
-
-def least_rotation(source: Array, target: Array) -> Array:
-    """Smallest rotation that turns one direction into another, (3, 3)."""
-    from depth_pose.geometry import rotvec_to_matrix
-
-    a, b = source / np.linalg.norm(source), target / np.linalg.norm(target)
-    axis = np.cross(a, b)
-    sine = float(np.linalg.norm(axis))
-    if sine < 1e-9:
-        return np.eye(3)
-    return rotvec_to_matrix(axis / sine * np.arctan2(sine, float(a @ b)))
 
 
 def _decimate(mesh: RiggedMesh) -> RiggedMesh:

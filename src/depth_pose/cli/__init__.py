@@ -17,7 +17,7 @@ from depth_pose.cli.run import add_to as add_run
 from depth_pose.cli.scoring import add_to as add_scoring
 from depth_pose.cli.simulation import add_to as add_simulation
 from depth_pose.cli.volume import app as volume_app
-from depth_pose.errors import ConfigError, DepthPoseError
+from depth_pose.core.errors import ConfigError, DepthPoseError
 
 app = typer.Typer(
     name="depth-pose",

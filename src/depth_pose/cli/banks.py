@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from depth_pose.cli.console import console, errors, print_facts, progress_bar
-from depth_pose.errors import ConfigError
+from depth_pose.core.errors import ConfigError
 
 if TYPE_CHECKING:
     from depth_pose.bank import Bank
     from depth_pose.bank.build import BuildConfig
     from depth_pose.bank.sources import PoseSources
-    from depth_pose.body.motion_files import FileReport
+    from depth_pose.motion.motion_files import FileReport
 
 app = typer.Typer(help="Exemplar banks: the poses that inputs are matched with.", no_args_is_help=True)
 
@@ -78,15 +78,15 @@ def build(
     depth-pose run in.mcap -o out.mcap --bank my_bank.npz
     """
     from depth_pose.bank import build_bank, default_bank_path
+    from depth_pose.bank.bodies import find_body_or_bank
     from depth_pose.bank.build import BuildConfig
-    from depth_pose.body.bodies import find_body
 
     if with_embedded and mocap is None:
         raise ConfigError("--with-embedded says what to add to --mocap, which is not given")
     chosen: dict[str, Any] = {"poses": poses, "seed": seed, "views": views}
     config = BuildConfig(**{name: value for name, value in chosen.items() if value is not None})
     start = time.monotonic()
-    made = find_body(body)
+    made = find_body_or_bank(body)
     sources = _gather(config, poses, mocap, with_embedded or mocap is None)
     source = {**sources.header, "body": body if body in ("embedded", "anny") else made.name}
     with progress_bar("rendering views", len(sources.poses)) as update:
@@ -134,7 +134,7 @@ def info(
     bank = Bank.load(path)
     _print_bank(path, bank)
     if sheet is not None:
-        from depth_pose.bank.sheet import save_contact_sheet
+        from depth_pose.evaluate.bank_sheet import save_contact_sheet
 
         save_contact_sheet(bank, sheet, count)
         console.print(f"wrote {sheet}", highlight=False)
@@ -160,7 +160,7 @@ def check(
     depth-pose bank check in.mcap -o matches.png --bank my_bank.npz --frames 10
     """
     from depth_pose.bank import Bank, default_bank_path
-    from depth_pose.bank.check import match_frames, save_check
+    from depth_pose.evaluate.bank_check import match_frames, save_check
 
     loaded = Bank.load(bank or default_bank_path())
     with progress_bar("matching", frames) as update:

@@ -13,8 +13,8 @@ import typer
 from rich.console import Console
 from rich.markup import escape
 
-from depth_pose.config import options
-from depth_pose.errors import ConfigError, InputError
+from depth_pose.core.config import PipelineConfig, Sections, options
+from depth_pose.core.errors import ConfigError, InputError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -49,7 +49,7 @@ def given(**values: Any) -> dict[str, Any]:
     return {name: value for name, value in values.items() if value is not None}
 
 
-def read_settings(path: Path) -> dict[str, dict[str, Any]]:
+def read_settings(path: Path, config: type[Sections] = PipelineConfig) -> dict[str, dict[str, Any]]:
     """Read a file of settings: YAML or JSON, by step, or a ROS parameter file with those steps.
 
     Raises
@@ -59,8 +59,6 @@ def read_settings(path: Path) -> dict[str, dict[str, Any]]:
     ConfigError
         Where it is no mapping of mappings.
     """
-    from depth_pose.config import PipelineConfig
-
     try:
         text = path.read_text()
     except OSError as error:
@@ -71,7 +69,7 @@ def read_settings(path: Path) -> dict[str, dict[str, Any]]:
     if isinstance(values, Mapping) and "/**" in values:
         inside = values["/**"]
         everything = inside.get("ros__parameters", {}) if isinstance(inside, Mapping) else {}
-        sections = PipelineConfig().as_mapping()
+        sections = config().as_mapping()
         values = _nested({k: v for k, v in everything.items() if k.partition(".")[0] in sections})
     if not isinstance(values, Mapping) or not all(isinstance(part, Mapping) for part in values.values()):
         raise ConfigError(f"{path} is to hold settings by step, for instance 'segment: {{near: 0.5}}'")

@@ -9,8 +9,8 @@ from typing import Annotated, Any
 import typer
 
 from depth_pose.cli.console import console, given, print_facts, setting
-from depth_pose.config import RefineConfig, SegmentConfig
-from depth_pose.errors import DepthPoseError
+from depth_pose.core.config import RefineConfig, SegmentConfig
+from depth_pose.core.errors import DepthPoseError
 
 _ROS_PACKAGES = ("rclpy", "builtin_interfaces", "rosidl_runtime_py", "rpyutils")
 
@@ -68,7 +68,7 @@ def up(
     parameters: dict[str, Any] = {names[name]: value for name, value in chosen.items()}
     if sim_time:
         parameters["use_sim_time"] = True
-    code = call_ros("supervisor", "up", params, sensor, bank, parameters=parameters)
+    code = call_ros("process.supervisor", "up", params, sensor, bank, parameters=parameters)
     raise typer.Exit(code)
 
 
@@ -86,7 +86,7 @@ def pause(
 
     depth-pose pause --node volume
     """
-    _tell_states(call_ros("lifecycle", "set_active", False, node or None, namespace=namespace))
+    _tell_states(call_ros("nodes.lifecycle", "set_active", False, node or None, namespace=namespace))
 
 
 def resume(
@@ -99,7 +99,7 @@ def resume(
 
     depth-pose resume
     """
-    _tell_states(call_ros("lifecycle", "set_active", True, node or None, namespace=namespace))
+    _tell_states(call_ros("nodes.lifecycle", "set_active", True, node or None, namespace=namespace))
 
 
 def _tell_states(states: dict[str, str]) -> None:
@@ -121,7 +121,7 @@ def play(
 
     depth-pose play in.mcap --rate 0.5 --loop
     """
-    played = call_ros("bag", "play", bag, rate=rate, loop=loop, clock=clock, topics=topic or None)
+    played = call_ros("transport.bag", "play", bag, rate=rate, loop=loop, clock=clock, topics=topic or None)
     rows = [(name, f"{count} messages") for name, count in sorted(played.messages.items())]
     rows += [(name, f"not played: {reason}") for name, reason in sorted(played.skipped.items())]
     print_facts(f"{bag}: {played.wall_s:.2f} s", rows)
@@ -143,7 +143,7 @@ def record(
     depth-pose record -o all.mcap --seconds 30
     """
     console.print("recording, Ctrl-C ends" if seconds is None else f"recording {seconds:g} s")
-    counts = call_ros("bag", "record", output, topics or None, seconds=seconds)
+    counts = call_ros("transport.bag", "record", output, topics or None, seconds=seconds)
     print_facts(str(output), [(name, f"{count} messages") for name, count in sorted(counts.items())])
 
 

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from depth_pose.cli.console import console, given, print_facts, progress_bar, read_settings, setting, warn
-from depth_pose.config import PipelineConfig, RefineConfig, SegmentConfig
+from depth_pose.core.config import PipelineConfig, RefineConfig, SegmentConfig
 
 
 def add_to(app: typer.Typer) -> None:
@@ -32,10 +32,11 @@ def run(
         typer.Option(help="Settings by step, YAML or JSON, or a ROS parameter file.", metavar="FILE"),
     ] = None,
 ) -> None:
-    """Find the skeleton in every depth frame of a recording.
+    """Find everybody's skeleton in every depth frame of a recording.
 
-    The same recording gives the same file, byte for byte. Frames that show nobody get a
-    skeleton without joints.
+    /depth_pose/skeletons holds everybody, /depth_pose/skeleton the one who is followed; where nobody is in
+    view, the first is empty and the second has no joints. The same recording gives the same file, byte for
+    byte.
 
     [bold]Examples:[/bold]
 
@@ -74,10 +75,11 @@ def run(
         ("frames", str(summary.frames)),
         ("answered", str(summary.answered)),
         ("nobody in view", str(summary.empty)),
+        ("most people in a frame", str(summary.most_people)),
     ]
     if summary.dropped:
         facts.append(("dropped", str(summary.dropped)))
-    sources = ", ".join(f"{n} {name.lower()}" for name, n in summary.sources.items() if name != "LOST")
+    sources = ", ".join(f"{n} {name.lower()}" for name, n in summary.sources.items())
     facts += [
         ("skeletons", sources or "none"),
         ("time per frame", f"{summary.median_ms:.1f} ms (95 % below {summary.p95_ms:.1f} ms)"),

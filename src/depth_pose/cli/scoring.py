@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from depth_pose.cli.console import console, print_facts
-from depth_pose.io.schemas import SKELETON_TOPIC
+from depth_pose.io.schemas import PEOPLE_TOPIC, SKELETON_TOPIC
 
 if TYPE_CHECKING:
     from depth_pose.evaluate.score import Score
@@ -142,7 +142,7 @@ def overlay(
     depth_topic: Annotated[
         str | None, typer.Option(help="Depth images or point cloud.", show_default="the only one")
     ] = None,
-    topic: Annotated[str, typer.Option(help="The skeletons' topic.")] = SKELETON_TOPIC,
+    topic: Annotated[str, typer.Option(help="The skeletons' topic.")] = PEOPLE_TOPIC,
 ) -> None:
     """Draw skeletons over the depth of several frames.
 

@@ -59,7 +59,7 @@ def simulate(
 
     depth-pose simulate -o child.mcap --motion wave --stature 1.2 --head-size 1.25 --seed 3
     """
-    from depth_pose.errors import ConfigError
+    from depth_pose.core.errors import ConfigError
     from depth_pose.sim.motion import load_motion
     from depth_pose.sim.sensor import SENSORS
     from depth_pose.sim.simulate import Stage

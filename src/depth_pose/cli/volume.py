@@ -4,21 +4,20 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from depth_pose.cli.console import console, given, print_facts, progress_bar, setting, warn
-from depth_pose.errors import ConfigError
-from depth_pose.volume.config import LearnConfig, SpaceConfig, TrackConfig
+from depth_pose.cli.console import console, given, print_facts, progress_bar, read_settings, setting, warn
+from depth_pose.core.errors import ConfigError
+from depth_pose.volume.config import LearnConfig, SpaceConfig, TrackConfig, ViewsConfig, VolumeConfig
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from depth_pose.body.motion import Clip
+    from depth_pose.motion.clip import Clip
     from depth_pose.volume.model import VolumeModel
-    from depth_pose.volume.performances import Performance
-    from depth_pose.volume.report import Report
+    from depth_pose.volume_learn.performances import Performance
 
 app = typer.Typer(
     help="Pose from a person's volume: silhouettes of several cameras, or depth of one or more.",
@@ -27,24 +26,33 @@ app = typer.Typer(
 
 _FPS = 30.0
 
+Params = Annotated[
+    Path | None,
+    typer.Option(help="Settings by section, YAML or JSON, or a ROS parameter file.", metavar="FILE"),
+]
+
+
+def _settings(params: Path | None, **chosen: dict[str, Any]) -> VolumeConfig:
+    """Give the settings of a file, with those of the command line put over them."""
+    values = read_settings(params, VolumeConfig) if params else {}
+    for section, options in chosen.items():
+        values[section] = values.get(section, {}) | options
+    return VolumeConfig.from_mapping(values)
+
 
 def _learn(
+    clips: Sequence[Clip],
+    about: str,
     kind: str,
-    dance: str,
-    motions: Sequence[Path],
-    garments: Sequence[str],
-    performances: int | None,
-    every: int | None,
-    rig: Path | None,
-    config: LearnConfig,
-    space: SpaceConfig,
+    config: VolumeConfig,
+    garments: Sequence[str] = (),
+    every: int | None = None,
+    rig: Path | None = None,
 ) -> VolumeModel:
     from depth_pose.volume.rigfile import load_rig
-    from depth_pose.volume.training import EVERY, PERFORMANCES, dance_clips, default_wearers, train
+    from depth_pose.volume_learn.learning import learn_model
+    from depth_pose.volume_learn.training import EVERY, default_wearers, simulate_views
 
-    clips = (
-        [_captured(path) for path in motions] if motions else dance_clips(dance, performances or PERFORMANCES)
-    )
     bars: dict[str, float] = {}
     with console.status("") as status:
 
@@ -52,17 +60,16 @@ def _learn(
             bars.setdefault(what, time.monotonic())
             status.update(f"{what}: {done} of {of}, {time.monotonic() - bars[what]:.0f} s")
 
-        return train(
+        views = simulate_views(
             clips,
-            default_wearers(garments) if garments else None,
+            default_wearers(*([garments] if garments else [])),
             kind,
             every or EVERY,
-            config,
-            space,
+            config.space,
             load_rig(rig).cameras if rig else None,
-            tell,
-            f"dance {dance}" if not motions else "motions from files",
+            lambda done, of: tell("simulated frames", done, of),
         )
+        return learn_model(views, config.learn, tell, about)
 
 
 def _captured(path: Path) -> Clip:
@@ -123,6 +130,7 @@ def train(
     iterations: Annotated[int | None, setting(LearnConfig, "iterations")] = None,
     latent: Annotated[int | None, setting(LearnConfig, "latent")] = None,
     voxel: Annotated[float | None, setting(SpaceConfig, "voxel")] = None,
+    params: Params = None,
     plot: Annotated[
         Path | None, typer.Option(help="Draw the latent space with its variance.", metavar="PNG")
     ] = None,
@@ -137,15 +145,18 @@ def train(
 
     depth-pose volume train --input depth -o one_camera.npz
     """
+    from depth_pose.volume_learn.training import PERFORMANCES, dance_clips
+
     start = time.monotonic()
-    config = LearnConfig(**given(iterations=iterations, latent=latent))
-    space = SpaceConfig(**given(voxel=voxel))
-    model = _learn(kind, dance, motion or [], garment or [], performances, every, rig, config, space)
+    config = _settings(params, learn=given(iterations=iterations, latent=latent), space=given(voxel=voxel))
+    clips = [_captured(path) for path in motion or []] or dance_clips(dance, performances or PERFORMANCES)
+    about = "motions from files" if motion else f"dance {dance}"
+    model = _learn(clips, about, kind, config, garment or (), every, rig)
     model.save(output)
     _print_model(output, model)
     console.print(f"made in {time.monotonic() - start:.0f} s", style="dim", highlight=False)
     if plot is not None:
-        from depth_pose.volume.figures import save_latent
+        from depth_pose.volume_learn.figures import save_latent
 
         save_latent(model, [], plot, ["latent space"])
 
@@ -174,37 +185,42 @@ def run(
     likelihood: Annotated[str | None, setting(TrackConfig, "likelihood")] = None,
     stature: Annotated[float | None, setting(TrackConfig, "stature")] = None,
     refine: Annotated[bool | None, setting(TrackConfig, "refine", "--refine/--no-refine")] = None,
+    cut_out: Annotated[bool | None, setting(ViewsConfig, "cut_out", "--cut-out/--no-cut-out")] = None,
+    params: Params = None,
 ) -> None:
-    """Find the skeleton in every moment of a recording.
+    """Find the skeleton in every set of views of a recording.
 
-    Images of one moment carry (nearly) the same stamp; a camera that misses one has no say in it. The
+    Images of one time carry (nearly) the same stamp; a camera that misses one has no say in it. The
     same recording gives the same file, byte for byte.
 
     [bold]Example:[/bold]
 
     depth-pose volume run dance.mcap --rig rig.yaml --model swing.npz -o skeletons.mcap
     """
+    from depth_pose.offline import process_recording
     from depth_pose.volume.model import VolumeModel
-    from depth_pose.volume.pipeline import make_pipeline
-    from depth_pose.volume.recordings import process_silhouettes
+    from depth_pose.volume.pipeline import VolumePipeline
+    from depth_pose.volume.recordings import ViewReader
     from depth_pose.volume.rigfile import load_rig
 
-    cameras = load_rig(rig)
-    track = TrackConfig(**given(particles=particles, likelihood=likelihood, stature=stature, refine=refine))
+    config = _settings(
+        params, space=given(voxel=voxel), views=given(cut_out=cut_out),
+        track=given(particles=particles, likelihood=likelihood, stature=stature, refine=refine),
+    )  # fmt: skip
+    learned, cameras = VolumeModel.load(model), load_rig(rig)
+    reader = ViewReader(recording, cameras, learned.meta["input"], config.views)
     with console.status("loading the model and compiling the kernels"):
-        pipeline = make_pipeline(
-            VolumeModel.load(model), cameras.cameras, SpaceConfig(**given(voxel=voxel)), track
-        )
+        pipeline = VolumePipeline(learned, cameras, config)
         pipeline.warm_up()
     with progress_bar(recording.name, None) as update:
-        summary = process_silhouettes(recording, output, pipeline, cameras, update)
-    warn(f"{count} frames were dropped: {reason}" for reason, count in summary.refused.items())
+        summary = process_recording(reader, output, pipeline, update)
+    warn(summary.warnings)
     print_facts(
         f"{recording} → {output}",
         [
             ("frames", str(summary.frames)),
             ("answered", str(summary.answered)),
-            ("without one of the cameras", str(summary.incomplete)),
+            ("without one of the cameras", str(reader.incomplete)),
             ("time per frame", f"{summary.median_ms:.1f} ms (95 % below {summary.p95_ms:.1f} ms)"),
         ],
     )
@@ -235,8 +251,7 @@ def live(
     """
     from depth_pose.cli.live import call_ros
 
-    chosen = given(voxel=voxel)
-    settings = {f"space.{name}": value for name, value in chosen.items()}
+    settings: dict[str, Any] = {f"space.{name}": value for name, value in given(voxel=voxel).items()}
     chosen = given(particles=particles, stature=stature, refine=refine)
     settings |= {f"track.{name}": value for name, value in chosen.items()}
     settings |= {name: path.absolute() for name, path in given(model=model, rig=rig).items()}
@@ -247,7 +262,7 @@ def live(
         arguments += ["--params-file", str(params)]
     for name, value in settings.items():
         arguments += ["-p", f"{name}:={str(value).lower() if isinstance(value, bool) else value}"]
-    raise typer.Exit(call_ros("volume_node", "main", arguments))
+    raise typer.Exit(call_ros("nodes.volume_node", "main", arguments))
 
 
 @app.command()
@@ -283,19 +298,21 @@ def demo(
     depth-pose volume demo --model depth.npz --input depth --cameras 2 --garment robe --record dance.mcap
     """
     from depth_pose.volume.model import VolumeModel
-    from depth_pose.volume.report import report_rows, track_performance
+    from depth_pose.volume_learn.figures import save_report
+    from depth_pose.volume_learn.report import report_rows, track_performance
+    from depth_pose.volume_learn.training import dance_clips
 
     learned = (
         VolumeModel.load(model)
         if model
-        else _learn(kind, dance, [], [], None, None, None, LearnConfig(), SpaceConfig())
+        else _learn(dance_clips(dance), f"dance {dance}", kind, VolumeConfig())
     )
     if learned.meta["input"] != kind:
         raise ConfigError(f"{model} sees {learned.meta['input']}; say --input {learned.meta['input']}")
     performance = _perform(kind, cameras, dance, garment, seconds, seed, record)
     with progress_bar("tracking", len(performance)) as update:
         report = track_performance(learned, performance, progress=update)
-    _draw_demo(report, performance, output)
+    save_report(report, performance, output, [round(i * (len(performance) - 1) / 6) for i in range(7)])
     head, row = report_rows([report])
     print_facts(str(output), [*zip(head, row, strict=True), ("time per frame", f"{report.ms:.1f} ms")])
 
@@ -309,29 +326,17 @@ def _perform(
     seed: int,
     record: Path | None,
 ) -> Performance:
-    from depth_pose.body.procedural_motion_dance import perform
+    from depth_pose.motion.procedural.dance import perform
     from depth_pose.sim.clothing import find_garment
     from depth_pose.sim.roof_cameras import depth_ring, roof_rig
-    from depth_pose.volume.hull import HullCarver, SurfaceVoxels
-    from depth_pose.volume.performances import TEST_SHAPES, Wearer, depth_eyes, hull_eyes, watch
-    from depth_pose.volume.recordings import record_images
+    from depth_pose.sim.wearers import Wearer, record_views
+    from depth_pose.volume_learn.performances import TEST_SHAPES, rig_eyes, watch
 
     rig = roof_rig(cameras or 8) if kind == "silhouettes" else depth_ring(cameras or 1)
-    eyes = hull_eyes(rig, HullCarver(rig)) if kind == "silhouettes" else depth_eyes(rig, SurfaceVoxels())
     clip = perform(dance, seed, seconds, _FPS)
     wearer = Wearer(TEST_SHAPES[seed % len(TEST_SHAPES)], find_garment(garment))
     if record is not None:
         with progress_bar(record.name, len(clip)) as update:
-            record_images(record, clip, wearer, rig, kind, update)
+            record_views(record, clip, wearer, rig, kind, update)
     with progress_bar("the dancer", len(clip)) as update:
-        return watch(clip, wearer, eyes, progress=update)
-
-
-def _draw_demo(report: Report, performance: Performance, output: Path) -> None:
-    from depth_pose.volume.figures import save_frames
-    from depth_pose.volume.scoring import joint_positions
-
-    shown = [round(i * (len(performance) - 1) / 6) for i in range(7)]
-    truth = joint_positions(performance.rotations, performance.stature) + performance.pelvis[:, None]
-    titles = [f"{i / performance.fps:.1f} s, {report.fitted.frames_deg[i]:.1f}°" for i in shown]
-    save_frames([report.poses[i] for i in shown], [truth[i] for i in shown], output, titles)
+        return watch(clip, wearer, rig_eyes(kind, rig), progress=update)

@@ -9,14 +9,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.errors import InputError
+from depth_pose.core.camera import Camera
+from depth_pose.core.errors import InputError
+from depth_pose.core.skeleton import BONES, JOINT_INDEX, JOINTS, JointState
+from depth_pose.core.types import DepthFrame, Skeleton
 from depth_pose.evaluate.figures import LEFT, MIDDLE, RIGHT
 from depth_pose.evaluate.score import STAMP_TOLERANCE_NS, KnownJoints, load_truth
 from depth_pose.evaluate.shading import shade_depth
-from depth_pose.io.mcap_read import DepthReader, read_skeletons
-from depth_pose.io.schemas import SKELETON_TOPIC
-from depth_pose.skeleton import BONES, JOINTS, JointState
-from depth_pose.types import Camera, DepthFrame, Skeleton
+from depth_pose.io.mcap_read import DepthReader, read_people
+from depth_pose.io.schemas import PEOPLE_TOPIC
 
 _PANEL_INCHES = (2.9, 3.6)
 _MOST_COLUMNS = 6
@@ -27,20 +28,17 @@ _LEAST_COLUMNS_FOR_ONE_LINE = 4
 
 @dataclass(frozen=True)
 class Panel:
-    """One frame of a sheet: the depth, its skeleton or None, and the known joints or None."""
+    """One frame of a sheet: the depth, everybody's skeletons or None, and the known joints (P, 19, 3)."""
 
     frame: DepthFrame
-    skeleton: Skeleton | None
-    truth: NDArray[np.float64] | None
+    skeletons: tuple[Skeleton, ...] | None
+    truth: NDArray[np.float64]
     seconds: float
 
 
 def project(points: NDArray[np.floating], camera: Camera) -> NDArray[np.float64]:
     """Pixel coordinates (u, v) of points (..., 3) in the camera frame; NaN behind the camera."""
-    z = np.where(points[..., 2] > 1e-6, points[..., 2], np.nan)
-    return np.stack(
-        [camera.fx * points[..., 0] / z + camera.cx, camera.fy * points[..., 1] / z + camera.cy], axis=-1
-    )
+    return camera.project(np.where(points[..., 2:] > 1e-6, points, np.nan))
 
 
 def save_overlay(
@@ -51,7 +49,7 @@ def save_overlay(
     truth_path: Path | str | None = None,
     *,
     depth_topic: str | None = None,
-    skeleton_topic: str = SKELETON_TOPIC,
+    skeleton_topic: str = PEOPLE_TOPIC,
 ) -> None:
     """Draw the skeletons over the depth of several frames, spread over the recording.
 
@@ -92,7 +90,7 @@ def _collect(
 ) -> list[Panel]:
     if frames < 1:
         raise InputError(f"frames is {frames}; it must be at least 1")
-    skeletons = {s.stamp_ns: s for s in read_skeletons(skeleton_path, skeleton_topic)}
+    answers = {s.stamp_ns: s.skeletons for s in read_people(skeleton_path, skeleton_topic)}
     truth = load_truth(truth_path) if truth_path else None
     reader = DepthReader(recording_path, depth_topic)
     # of each equal part the frame nearest to its middle, one with an answer where there is any
@@ -101,21 +99,22 @@ def _collect(
     for i, frame in enumerate(reader):
         start_ns = frame.stamp_ns if start_ns is None else start_ns
         part = i * frames // max(len(reader), i + 1)
-        skeleton = skeletons.get(frame.stamp_ns)
-        rank = (skeleton is None, abs(i + 0.5 - (part + 0.5) * len(reader) / frames))
+        skeletons = answers.get(frame.stamp_ns)
+        rank = (not skeletons, abs(i + 0.5 - (part + 0.5) * len(reader) / frames))
         if part not in chosen or rank < chosen[part][0]:
             known = _known(truth, frame.stamp_ns)
-            chosen[part] = (rank, Panel(frame, skeleton, known, (frame.stamp_ns - start_ns) * 1e-9))
+            chosen[part] = (rank, Panel(frame, skeletons, known, (frame.stamp_ns - start_ns) * 1e-9))
     return [chosen[part][1] for part in sorted(chosen)]
 
 
-def _known(truth: KnownJoints | None, stamp_ns: int) -> NDArray[np.float64] | None:
-    """Give the known joints (19, 3) of a frame, where there are any."""
+def _known(truth: KnownJoints | None, stamp_ns: int) -> NDArray[np.float64]:
+    """Give the known joints of a frame, (P, 19, 3)."""
+    none = np.zeros((0, len(JOINTS), 3))
     if truth is None or truth.names != JOINTS:
-        return None
+        return none
     nearest = int(np.argmin(np.abs(truth.stamps_ns - stamp_ns)))
     near = abs(int(truth.stamps_ns[nearest]) - stamp_ns) <= STAMP_TOLERANCE_NS
-    return truth.joints[nearest] if near else None
+    return truth.joints[nearest].reshape(-1, len(JOINTS), 3) if near else none
 
 
 def _draw_sheet(panels: list[Panel], path: Path, title: str) -> None:
@@ -144,28 +143,30 @@ def _draw_sheet(panels: list[Panel], path: Path, title: str) -> None:
     )
     for i, panel in enumerate(panels):
         _draw_panel(figure.add_subplot(grid[divmod(i, columns)]), panel, width / height)
-    _draw_legend(figure, title, any(p.truth is not None for p in panels))
+    _draw_legend(figure, title, any(len(p.truth) for p in panels))
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, facecolor=figure.get_facecolor())
 
 
 def _draw_panel(axes: Any, panel: Panel, aspect: float) -> None:
     frame = panel.frame
-    skeleton = panel.skeleton if panel.skeleton is not None and not panel.skeleton.is_lost else None
-    shown = [p for p in (skeleton.positions if skeleton is not None else None, panel.truth) if p is not None]
+    skeletons = panel.skeletons or ()
+    shown = [s.positions for s in skeletons] + list(panel.truth)
     positions = np.concatenate(shown) if shown else None
     left, right, top, bottom = _crop(positions, frame.camera, aspect)
     axes.imshow(shade_depth(frame.depth, positions), interpolation="nearest")
     axes.set(xlim=(left, right), ylim=(bottom, top), xticks=[], yticks=[], facecolor=_DARK)
     for spine in axes.spines.values():
         spine.set_visible(False)
-    if panel.truth is not None:
-        pixels = project(panel.truth, frame.camera)
+    for known in panel.truth:
+        pixels = project(known, frame.camera)
         for a, b in BONES:
             axes.plot(*pixels[[a, b]].T, color=_TRUTH, lw=1.1, ls=(0, (3, 2)), zorder=3, alpha=0.85)
-    if skeleton is not None:
+    for skeleton in sorted(skeletons, key=lambda s: -float(s.positions[0, 2])):
         _draw_skeleton(axes, skeleton, frame.camera)
-    _label(axes, panel, skeleton)
+        if len(skeletons) > 1:
+            _draw_name(axes, skeleton, frame.camera)
+    _label(axes, panel)
 
 
 def _crop(
@@ -214,14 +215,29 @@ def _draw_skeleton(axes: Any, skeleton: Skeleton, camera: Camera) -> None:
     axes.scatter(*pixels.T, s=27, c=colours_inside, edgecolors=edges, linewidths=1.3, zorder=5)
 
 
-def _label(axes: Any, panel: Panel, skeleton: Skeleton | None) -> None:
-    if skeleton is not None:
-        text = f"{panel.seconds:.2f} s  {skeleton.source.name.lower()}  {skeleton.confidence:.2f}"
-        if panel.truth is not None:
-            error = np.nanmean(np.linalg.norm(skeleton.positions - panel.truth, axis=1))
-            text += f"  {error * 1e3:.0f} mm"
+def _draw_name(axes: Any, skeleton: Skeleton, camera: Camera) -> None:
+    """Write who it is, and how sure that is, above the head."""
+    u, v = project(skeleton.positions[JOINT_INDEX["head"]], camera)
+    text = f"{skeleton.body_id} {skeleton.confidence:.2f}"
+    box = {"facecolor": _DARK, "alpha": 0.6, "edgecolor": "none", "pad": 1.5}
+    style = {"color": "white", "fontsize": 7, "ha": "center", "va": "bottom", "zorder": 6, "clip_on": True}
+    axes.annotate(text, (u, v), (0, 9), textcoords="offset points", bbox=box, **style)
+
+
+def _label(axes: Any, panel: Panel) -> None:
+    """Write the time, and what was found."""
+    text, skeletons = f"{panel.seconds:.2f} s  ", panel.skeletons
+    if skeletons is None:
+        text += "no answer"
+    elif not skeletons:
+        text += "nobody in view"
+    elif len(skeletons) > 1:
+        text += f"{len(skeletons)} people"
     else:
-        text = f"{panel.seconds:.2f} s  " + ("no answer" if panel.skeleton is None else "nobody in view")
+        text += f"{skeletons[0].source.name.lower()}  {skeletons[0].confidence:.2f}"
+        if len(panel.truth) == 1:
+            error = np.nanmean(np.linalg.norm(skeletons[0].positions - panel.truth[0], axis=1))
+            text += f"  {error * 1e3:.0f} mm"
     box = {"facecolor": _DARK, "alpha": 0.75, "edgecolor": "none", "pad": 2.5}
     axes.text(
         0.03, 0.975, text, transform=axes.transAxes, va="top", color="white", fontsize=8.5, bbox=box, zorder=6

@@ -19,10 +19,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.errors import InputError
+from depth_pose.core.errors import InputError
+from depth_pose.core.skeleton import JOINTS
 from depth_pose.io.mcap_read import read_skeletons
 from depth_pose.io.schemas import SKELETON_TOPIC
-from depth_pose.skeleton import JOINTS
 
 THRESHOLDS_M = (0.02, 0.03, 0.05, 0.07, 0.10, 0.15, 0.20)
 """Distances at which shares of joints are given, metres."""

@@ -14,12 +14,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.errors import InputError
+from depth_pose.core.errors import InputError
+from depth_pose.core.skeleton import JOINT_INDEX
+from depth_pose.core.types import DepthFrame, Skeleton
 from depth_pose.evaluate.overlay import project
 from depth_pose.io.mcap_read import DepthReader, read_skeletons
 from depth_pose.io.schemas import SKELETON_TOPIC
-from depth_pose.skeleton import JOINT_INDEX
-from depth_pose.types import DepthFrame, Skeleton
 
 LEAST_VISIBILITY = 0.5
 """Reference joints less visible than this are not scored."""

@@ -1,4 +1,7 @@
-"""An MCAP recording as topics and raw messages; also one without its end."""
+"""An MCAP recording as topics and serialised messages; also one that was cut short.
+
+This is the one reader of recordings: frames are decoded from it, and the nodes' topics played from it.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +15,7 @@ from typing import BinaryIO
 from mcap.exceptions import McapError
 from mcap.reader import NonSeekingReader, SeekingReader
 
-from depth_pose.errors import InputError
+from depth_pose.core.errors import InputError
 
 _MAGIC = b"\x89MCAP0\r\n"
 
@@ -60,6 +63,7 @@ class Recording:
     Attributes
     ----------
     topics : dict of str to Topic
+        Those in ROS 2's encoding.
     damage : list of str
         What could not be read, one line for each file that ends too early; empty if all is well.
 
@@ -96,7 +100,8 @@ class Recording:
             return False
         for number, channel in summary.channels.items():
             schema = summary.schemas.get(channel.schema_id)
-            self._add(channel.topic, schema.name if schema else "", counts.get(number, 0))
+            if schema is not None and channel.message_encoding == "cdr":
+                self._add(channel.topic, schema.name, counts.get(number, 0))
         return True
 
     def _scan(self, file: Path) -> bool:
@@ -108,7 +113,9 @@ class Recording:
                 reader = NonSeekingReader(stream, record_size_limit=file.stat().st_size)
                 for schema, channel, message in reader.iter_messages(log_time_order=False):
                     messages += 1
-                    self._add(channel.topic, schema.name if schema else "", 1)
+                    if schema is None or channel.message_encoding != "cdr":
+                        continue
+                    self._add(channel.topic, schema.name, 1)
                     if channel.topic not in self._first:
                         raw = RawMessage(channel.topic, message.log_time, message.data)
                         self._first[channel.topic] = raw

@@ -50,30 +50,3 @@ def decode(nibbles: NDArray[np.uint8], out: NDArray[np.uint16]) -> bool:
             out[done] = previous & 0xFFFF
             done += 1
     return True
-
-
-@njit(cache=True)
-def unfilter(rows: NDArray[np.uint8], step: int, out: NDArray[np.uint8]) -> bool:
-    """Undo PNG's filters: rows (h, 1 + w), out (h, w) bytes, pixels of ``step`` bytes."""
-    height, width = out.shape
-    for r in range(height):
-        kind = rows[r, 0]
-        if kind > 4:
-            return False
-        for c in range(width):
-            left = int(out[r, c - step]) if c >= step else 0
-            up = int(out[r - 1, c]) if r > 0 else 0
-            corner = int(out[r - 1, c - step]) if r > 0 and c >= step else 0
-            guess = 0
-            if kind == 1:
-                guess = left
-            elif kind == 2:
-                guess = up
-            elif kind == 3:
-                guess = (left + up) // 2
-            elif kind == 4:
-                base = left + up - corner
-                a, b, d = abs(base - left), abs(base - up), abs(base - corner)
-                guess = left if a <= b and a <= d else (up if b <= d else corner)
-            out[r, c] = (int(rows[r, c + 1]) + guess) & 0xFF
-    return True

@@ -5,13 +5,22 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.types import Camera
+from depth_pose.core.camera import Camera
 
 _POINTS_PER_PIXEL = 1.6
+"""Points on a pixel on average, where there are any: few pixels stay empty. Set by hand; not swept."""
+
 _MAX_TANGENT = 1.75
+"""Largest x/z and y/z that is kept: 120 degrees of view. Set by hand; not swept."""
+
 _LEAST_SIDE, _MOST_SIDE = 32, 640
+"""Bounds of the longer side, pixels; the most is that of today's sensors. Set by hand."""
+
 _COARSE_CELLS = 48
-_SURFACE_JUMP = 0.1
+"""Cells along the longer side, by which the area that holds points is estimated. Set by hand; not swept."""
+
+_SURFACE_JUMP_M = 0.1
+"""Neighbours of a hole that differ by more, metres, are of two surfaces. Set by hand; not swept."""
 
 
 def project_cloud(points: NDArray[np.floating]) -> tuple[NDArray[np.float32], Camera]:
@@ -74,7 +83,7 @@ def _fill_single_holes(depth: NDArray[np.float64]) -> NDArray[np.float64]:
     hole = (depth == 0) & (known >= 5)
     if hole.any():
         at_hole = filled[:, hole]
-        agree = np.nanmax(at_hole, axis=0) - np.nanmin(at_hole, axis=0) < _SURFACE_JUMP
+        agree = np.nanmax(at_hole, axis=0) - np.nanmin(at_hole, axis=0) < _SURFACE_JUMP_M
         depth = depth.copy()
         depth[hole] = np.where(agree, np.nanmedian(at_hole, axis=0), 0.0)
     return depth

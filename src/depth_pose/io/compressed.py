@@ -8,13 +8,14 @@ for ``32FC1`` they stand for ``A / (pixel - B)`` metres.
 
 from __future__ import annotations
 
+import io
 import struct
-import zlib
 
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image
 
-from depth_pose.errors import InputError
+from depth_pose.core.errors import InputError
 from depth_pose.io import _rvl_kernels as kernels
 from depth_pose.io.decode import _check_size
 
@@ -25,7 +26,7 @@ _HEADER = struct.Struct("<iff")
 _PNG = b"\x89PNG\r\n\x1a\n"
 
 
-def decode_compressed_depth(format: str, data: bytes | memoryview) -> NDArray[np.float32]:
+def decode_compressed_depth(format: str, data: bytes | memoryview | NDArray[np.uint8]) -> NDArray[np.float32]:
     """Read a compressed depth image.
 
     Parameters
@@ -78,28 +79,12 @@ def _decode_rvl(body: bytes) -> NDArray[np.uint16]:
 
 
 def _decode_png(body: bytes) -> NDArray[np.uint16]:
-    """Decode a PNG of one 16-bit channel (ISO/IEC 15948), not interlaced."""
-    at, packed, header = len(_PNG), [], None
-    while at + 8 <= len(body):
-        size, kind = struct.unpack_from(">I4s", body, at)
-        part = body[at + 8 : at + 8 + size]
-        if kind == b"IHDR" and size == 13:
-            header = struct.unpack(">IIBBBBB", part)
-        elif kind == b"IDAT":
-            packed.append(part)
-        at += 12 + size
-    if header is None or header[2:] != (16, 0, 0, 0, 0):
-        raise InputError(f"compressed image: the PNG is not one plain 16-bit channel ({header})")
-    width, height = header[:2]
-    _check_size("compressed image", height, width)
-    size = height * (1 + 2 * width)
+    """Decode a PNG of one 16-bit channel (ISO/IEC 15948)."""
     try:
-        raw = zlib.decompressobj().decompress(b"".join(packed), size + 1)
-    except zlib.error as error:
+        with Image.open(io.BytesIO(body), formats=["PNG"]) as image:
+            _check_size("compressed image", image.height, image.width)
+            if not image.mode.startswith("I"):
+                raise InputError(f"compressed image: the PNG is not one 16-bit channel ({image.mode})")
+            return np.asarray(image).astype(np.uint16)
+    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
         raise InputError(f"compressed image: the PNG is damaged ({error})") from error
-    out = np.empty((height, 2 * width), np.uint8)
-    if len(raw) != size or not kernels.unfilter(
-        np.frombuffer(raw, np.uint8).reshape(height, 1 + 2 * width), 2, out
-    ):
-        raise InputError(f"compressed image: the PNG does not hold {width} x {height} pixels")
-    return out.view(">u2").astype(np.uint16)

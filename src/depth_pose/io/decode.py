@@ -15,20 +15,26 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.errors import InputError
+from depth_pose.core.camera import Camera
+from depth_pose.core.errors import InputError
+from depth_pose.core.types import DepthFrame
 from depth_pose.io._virtual_camera import project_cloud
-from depth_pose.types import Camera, DepthFrame
 
 MAX_SIDE = 8192
-"""The most rows or columns an image or cloud may have."""
+"""The most rows or columns an image or cloud may have: larger sizes are damage. Set by hand."""
 
 MAX_PIXELS = 16_777_216
-"""The most pixels of an image, or points of a cloud."""
+"""The most pixels of an image, or points of a cloud: 4096 x 4096. Set by hand."""
 
-_DEPTH_TYPES = {"16UC1": "u2", "mono16": "u2", "32FC1": "f4"}
-_POINT_TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
+_DEPTH_TYPES: dict[str, str] = {"16UC1": "u2", "mono16": "u2", "32FC1": "f4"}
+_POINT_TYPES = {7: "f4", 8: "f8"}
+"""NumPy's types of those of `sensor_msgs/PointField`'s numbers that a coordinate may have."""
+
 _DISTORTION_LENGTHS = {"plumb_bob": (4, 5), "rational_polynomial": (8,), "equidistant": (4,)}
+"""Coefficients that each model of ``sensor_msgs/distortion_models`` may have."""
+
 _FIT_TOLERANCE_PX = 0.5
+"""A cloud whose points miss a pinhole camera's pixels by more, root mean square, has no such camera."""
 
 
 def _check_size(what: str, height: int, width: int, max_width: int = MAX_SIDE) -> None:
@@ -301,7 +307,7 @@ def decode_points(
         if name not in fields:
             raise InputError(f"cloud has no field {name!r}; it has {', '.join(fields) or 'none'}")
         offset, datatype = fields[name]
-        if datatype not in (7, 8):
+        if datatype not in _POINT_TYPES:
             raise InputError(
                 f"cloud: field {name!r} has datatype {datatype}; it is 7 (FLOAT32) or 8 (FLOAT64)"
             )

@@ -12,16 +12,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from depth_pose.errors import InputError
+from depth_pose.core.errors import InputError
+from depth_pose.core.types import DepthFrame, Skeleton
 from depth_pose.io import schemas
-from depth_pose.io._messages import (
-    CameraInfoMessage,
-    read_camera_info,
-    read_cloud,
-    read_compressed,
-    read_image,
-    read_skeleton,
-)
+from depth_pose.io._messages import SkeletonsMessage, read_image, read_message, read_skeleton, stamp_of
+from depth_pose.io._messages import read_people as read_people_message
 from depth_pose.io._recording import RawMessage, Recording
 from depth_pose.io.compressed import TOPIC_ENDING, decode_compressed_depth
 from depth_pose.io.decode import (
@@ -31,8 +26,7 @@ from depth_pose.io.decode import (
     frame_from_cloud,
     rectify_depth,
 )
-from depth_pose.io.schemas import SKELETON_TOPIC
-from depth_pose.types import DepthFrame, Skeleton
+from depth_pose.io.schemas import PEOPLE_TOPIC, SKELETON_TOPIC
 
 _log = logging.getLogger(__name__)
 _DEPTH_ENCODINGS = ("16UC1", "mono16", "32FC1")
@@ -227,45 +221,29 @@ class DepthReader:
             return frame_of_cloud(message.data)
         if info is None:
             raise InputError(f"no CameraInfo on {self.topic.info_topic}")
-        calibration = read_camera_info(info.data)
-        if self.topic.kind == schemas.COMPRESSED:
-            return frame_of_compressed(message.data, calibration)
-        return frame_of_image(message.data, calibration)
+        return frame_of_image(message.data, self.topic.kind, info.data)
 
 
-def frame_of_image(data: bytes, info: CameraInfoMessage) -> DepthFrame:
-    """Make a frame of an Image's CDR bytes and its camera's calibration."""
-    image = read_image(data)
-    depth = decode_depth(
-        image.data, image.height, image.width, image.step, image.encoding, image.is_bigendian
-    )
+def frame_of_image(data: bytes, kind: str, info_data: bytes) -> DepthFrame:
+    """Make a frame of an Image's or CompressedImage's CDR bytes and its camera's calibration."""
+    image, info = read_message(data, kind), read_message(info_data, schemas.CAMERA_INFO)
+    if kind == schemas.COMPRESSED:
+        depth = decode_compressed_depth(image.format, image.data)
+    else:
+        size = (image.height, image.width, image.step, image.encoding)
+        depth = decode_depth(image.data, *size, image.is_bigendian)
     camera = camera_from_info(info.k, info.d, info.width, info.height, info.distortion_model)
     depth = rectify_depth(depth, camera, info.d, info.distortion_model)
-    return DepthFrame(image.stamp_ns, image.frame_id, depth, camera)
-
-
-def frame_of_compressed(data: bytes, info: CameraInfoMessage) -> DepthFrame:
-    """Make a frame of a CompressedImage's CDR bytes and its camera's calibration."""
-    image = read_compressed(data)
-    depth = decode_compressed_depth(image.format, image.data)
-    camera = camera_from_info(info.k, info.d, info.width, info.height, info.distortion_model)
-    depth = rectify_depth(depth, camera, info.d, info.distortion_model)
-    return DepthFrame(image.stamp_ns, image.frame_id, depth, camera)
+    return DepthFrame(stamp_of(image), image.header.frame_id, depth, camera)
 
 
 def frame_of_cloud(data: bytes) -> DepthFrame:
     """Make a frame of a PointCloud2's CDR bytes."""
-    cloud = read_cloud(data)
-    points = decode_points(
-        cloud.data,
-        cloud.height,
-        cloud.width,
-        cloud.point_step,
-        cloud.row_step,
-        cloud.fields,
-        cloud.is_bigendian,
-    )
-    return frame_from_cloud(points, cloud.stamp_ns, cloud.frame_id)
+    cloud = read_message(data, schemas.POINT_CLOUD)
+    fields = {field.name: (field.offset, field.datatype) for field in cloud.fields}
+    steps = (cloud.point_step, cloud.row_step)
+    points = decode_points(cloud.data, cloud.height, cloud.width, *steps, fields, cloud.is_bigendian)
+    return frame_from_cloud(points, stamp_of(cloud), cloud.header.frame_id)
 
 
 def read_frames(path: Path | str, depth_topic: str | None = None) -> Iterator[DepthFrame]:
@@ -308,18 +286,54 @@ def read_skeletons(path: Path | str, topic: str = SKELETON_TOPIC) -> Iterator[Sk
         Where the recording has no such topic.
     """
     recording = Recording(path)
+    _require(recording, topic, schemas.SKELETON)
+    return (read_skeleton(data) for data in _data_of(recording, topic))
+
+
+def read_people(path: Path | str, topic: str = PEOPLE_TOPIC) -> Iterator[SkeletonsMessage]:
+    """Give everybody's skeletons, frame by frame, in order.
+
+    A recording without such a topic that has `SKELETON_TOPIC` gives the one person there.
+
+    Parameters
+    ----------
+    path : Path or str
+        An MCAP file, or a folder of them.
+    topic : str
+        The topic's name.
+
+    Raises
+    ------
+    InputError
+        Where the recording has neither topic.
+    """
+    recording = Recording(path)
     found = recording.topics.get(topic)
-    if found is None or found.kind != schemas.SKELETON:
-        others = [t.name for t in recording.topics.values() if t.kind == schemas.SKELETON]
+    if found is not None and found.kind == schemas.SKELETON:
+        return (_alone(read_skeleton(data)) for data in _data_of(recording, topic))
+    if topic == PEOPLE_TOPIC and found is None and SKELETON_TOPIC in recording.topics:
+        return read_people(path, SKELETON_TOPIC)
+    _require(recording, topic, schemas.SKELETON_ARRAY)
+    return (read_people_message(data) for data in _data_of(recording, topic))
+
+
+def _alone(skeleton: Skeleton) -> SkeletonsMessage:
+    shown = () if skeleton.is_lost else (skeleton,)
+    return SkeletonsMessage(skeleton.stamp_ns, skeleton.frame_id, shown)
+
+
+def _require(recording: Recording, topic: str, kind: str) -> None:
+    found = recording.topics.get(topic)
+    if found is None or found.kind != kind:
+        others = [t.name for t in recording.topics.values() if t.kind == kind]
         raise InputError(
             f"{recording.path} has no skeletons on {topic}"
             + (f"; it has {', '.join(others)}" if others else f"; {_listing(recording)}")
         )
-    return _skeletons(recording, topic)
 
 
-def _skeletons(recording: Recording, topic: str) -> Iterator[Skeleton]:
+def _data_of(recording: Recording, topic: str) -> Iterator[bytes]:
     for message in recording.messages(topic):
-        yield read_skeleton(message.data)
+        yield message.data
     for line in recording.damage:
         _log.warning("%s", line)

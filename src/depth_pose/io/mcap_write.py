@@ -7,6 +7,7 @@ of the machine or the moment is written.
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import BinaryIO, TypeVar
@@ -15,11 +16,12 @@ import numpy as np
 from mcap.writer import CompressionType, Writer
 from numpy.typing import NDArray
 
-from depth_pose.errors import InputError
+from depth_pose.core.camera import Camera
+from depth_pose.core.errors import InputError
+from depth_pose.core.types import DepthFrame, Skeleton
 from depth_pose.io import schemas
-from depth_pose.io._messages import write_camera_info, write_image, write_skeleton
-from depth_pose.io.schemas import DEPTH_TOPIC, SKELETON_TOPIC
-from depth_pose.types import Camera, DepthFrame, Skeleton
+from depth_pose.io._messages import write_camera_info, write_image, write_people, write_skeleton
+from depth_pose.io.schemas import DEPTH_TOPIC, PEOPLE_TOPIC, SKELETON_TOPIC
 
 _Writer = TypeVar("_Writer", bound="_RecordingWriter")
 
@@ -85,7 +87,7 @@ class _RecordingWriter:
 
 
 class SkeletonWriter(_RecordingWriter):
-    """Writes ``depth_pose_msgs/msg/Skeleton`` messages.
+    """Writes ``depth_pose_msgs/msg/Skeleton`` messages, and ``SkeletonArray`` ones of everybody.
 
     Parameters
     ----------
@@ -102,6 +104,11 @@ class SkeletonWriter(_RecordingWriter):
     def write(self, skeleton: Skeleton) -> None:
         """Add one skeleton at its stamp."""
         self._write(self._topic, schemas.SKELETON, skeleton.stamp_ns, write_skeleton(skeleton))
+
+    def write_people(self, skeletons: Sequence[Skeleton], stamp_ns: int, frame_id: str) -> None:
+        """Add everybody in a frame, on `PEOPLE_TOPIC`."""
+        data = write_people(skeletons, stamp_ns, frame_id)
+        self._write(PEOPLE_TOPIC, schemas.SKELETON_ARRAY, stamp_ns, data)
 
 
 class DepthWriter(_RecordingWriter):

@@ -1,7 +1,7 @@
-"""Texts of the message definitions that recordings carry, so that any MCAP reader decodes them.
+"""Texts of the message definitions by which recordings are read and written.
 
-They say what the ``.msg`` files of ``depth_pose_msgs`` and of ROS 2 Jazzy say, without the
-comments; a test holds the former together.
+Recordings carry them, so that any MCAP reader decodes them. They say what the ``.msg`` files of
+``depth_pose_msgs`` and of ROS 2 Jazzy say, without the comments; a test holds the former together.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ float32 confidence
 float32 residual
 float32 scale
 Joint[] joints""",
+    "depth_pose_msgs/SkeletonArray": "std_msgs/Header header\nSkeleton[] skeletons",
     "depth_pose_msgs/Joint": """\
 uint8 SEEN=0
 uint8 OCCLUDED=1
@@ -54,6 +55,18 @@ float64[12] p
 uint32 binning_x
 uint32 binning_y
 RegionOfInterest roi""",
+    "sensor_msgs/CompressedImage": "std_msgs/Header header\nstring format\nuint8[] data",
+    "sensor_msgs/PointCloud2": """\
+std_msgs/Header header
+uint32 height
+uint32 width
+PointField[] fields
+bool is_bigendian
+uint32 point_step
+uint32 row_step
+uint8[] data
+bool is_dense""",
+    "sensor_msgs/PointField": "string name\nuint32 offset\nuint8 datatype\nuint32 count",
     "sensor_msgs/RegionOfInterest": """\
 uint32 x_offset
 uint32 y_offset
@@ -63,16 +76,31 @@ bool do_rectify""",
 }
 
 SKELETON_TOPIC = "/depth_pose/skeleton"
-"""Where skeletons are, unless told otherwise."""
+"""Where the skeletons of the one who is followed are, unless told otherwise."""
+
+PEOPLE_TOPIC = "/depth_pose/skeletons"
+"""Where everybody's skeletons are, unless told otherwise."""
 
 DEPTH_TOPIC = "/camera/depth/image_raw"
 """Where depth images are written, unless told otherwise."""
 
 SKELETON = "depth_pose_msgs/msg/Skeleton"
+SKELETON_ARRAY = "depth_pose_msgs/msg/SkeletonArray"
+JOINT = "depth_pose_msgs/msg/Joint"
+POINT = "geometry_msgs/msg/Point"
+QUATERNION = "geometry_msgs/msg/Quaternion"
+HEADER = "std_msgs/msg/Header"
+TIME = "builtin_interfaces/msg/Time"
 IMAGE = "sensor_msgs/msg/Image"
 COMPRESSED = "sensor_msgs/msg/CompressedImage"
 CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
+REGION = "sensor_msgs/msg/RegionOfInterest"
 POINT_CLOUD = "sensor_msgs/msg/PointCloud2"
+
+
+def names() -> list[str]:
+    """Types whose definitions are known, for instance ``depth_pose_msgs/msg/Joint``."""
+    return [name.replace("/", "/msg/") for name in _DEFINITIONS]
 
 
 def definition(name: str) -> str:

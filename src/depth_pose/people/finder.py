@@ -23,14 +23,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.config import _Checked, option
+from depth_pose.core.camera import Camera
+from depth_pose.core.config import SegmentConfig
+from depth_pose.core.skeleton import JOINTS
+from depth_pose.core.types import DepthFrame
 from depth_pose.people import _cluster_kernels as clusters
 from depth_pose.people import _finder_kernels as kernels
+from depth_pose.people import working_grid
 from depth_pose.people.verifier import Verifier
-from depth_pose.skeleton import JOINTS
-from depth_pose.steps import _segment_kernels as reduction
-from depth_pose.steps.segment import reduce_camera
-from depth_pose.types import Camera, DepthFrame
 
 FINDER_JOINTS: tuple[str, ...] = JOINTS
 """The joints that a found person has proposals of."""
@@ -78,27 +78,6 @@ _GROW_PIXELS = 12
 
 _TYPICAL_ERROR_M = 0.1
 """Error of a joint's proposal at which its confidence is one half."""
-
-
-@dataclass(frozen=True)
-class FinderConfig(_Checked):
-    """Finding the people in a depth image."""
-
-    near: float = option(0.4, "Ignore anything nearer than this", unit="m", low=0.0, high=20.0)
-    far: float = option(8.0, "Ignore anything farther than this", unit="m", low=0.1, high=50.0)
-    working_height: int = option(
-        144, "Images with more rows than this are reduced to about it", unit="px", low=48, high=1080
-    )
-    depth_jump: float = option(
-        0.08,
-        "Neighbouring pixels this far apart in depth are different surfaces",
-        unit="m",
-        low=0.01,
-        high=1.0,
-    )
-    least_probability: float = option(
-        0.3, "Say nothing of what is less probably a person than this", low=0.0, high=1.0
-    )
 
 
 @dataclass(frozen=True)
@@ -235,7 +214,7 @@ class PeopleFinder:
 
     Parameters
     ----------
-    config : FinderConfig, optional
+    config : SegmentConfig, optional
     model : bytes, optional
         The net (ONNX) in place of the one that ships, with ``settings``.
     settings : mapping, optional
@@ -244,13 +223,13 @@ class PeopleFinder:
 
     def __init__(
         self,
-        config: FinderConfig | None = None,
+        config: SegmentConfig | None = None,
         model: bytes | None = None,
         settings: dict[str, Any] | None = None,
     ) -> None:
         import onnxruntime
 
-        self.config = config or FinderConfig()
+        self.config = config or SegmentConfig()
         if model is None or settings is None:
             model, settings = load_weights()
         self.settings = settings
@@ -291,15 +270,13 @@ class PeopleFinder:
         """
         image = reduce_frame(frame)
         mask, found = self.cluster(image)
-        depth, camera = self._working_grid(frame)
+        depth, camera = working_grid.reduce_frame(frame, self.config)
         probability = (
             np.ones(len(found.torsos)) if self.verifier is None else self.verifier.probability(found.measures)
         )
         distance = found.torsos[:, 2]
         likely = (
-            (probability >= self.config.least_probability)
-            & (distance >= self.config.near)
-            & (distance <= self.config.far)
+            (probability >= self.config.keep) & (distance >= self.config.near) & (distance <= self.config.far)
         )
         chosen = np.flatnonzero(likely)[np.argsort(distance[likely], kind="stable")]
         number = np.zeros(len(distance) + 1, np.uint8)
@@ -372,15 +349,6 @@ class PeopleFinder:
         away = behind > 0.5
         joints[away], error[away] = joints[away][:, _MIRROR], error[away][:, _MIRROR]
         return Clusters(labels, modes, joints, error, behind, measures, neighbour)
-
-    def _working_grid(self, frame: DepthFrame) -> tuple[NDArray[np.float32], Camera]:
-        """Bring a frame to the grid of the later steps."""
-        config = self.config
-        stride = max(1, round(frame.camera.height / config.working_height))
-        if stride == 1:
-            return reduction.clip_depth(frame.depth, config.near, config.far), frame.camera
-        depth = reduction.reduce_depth(frame.depth, stride, config.depth_jump, config.near, config.far)
-        return depth, reduce_camera(frame.camera, stride)
 
     def _outline(
         self,

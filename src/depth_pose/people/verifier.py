@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.errors import ConfigError
+from depth_pose.core.errors import ConfigError
 from depth_pose.people._cluster_kernels import MEASURES
 
 
@@ -42,10 +42,10 @@ class Verifier:
         ConfigError
             Where it was fitted to other measures.
         """
-        made = cls(
-            *(np.array(values[n], float) for n in ("mean", "scale", "hidden", "hidden_bias", "out")),
-            out_bias=float(values["out_bias"]),
+        mean, scale, hidden, hidden_bias, out = (
+            np.array(values[n], float) for n in ("mean", "scale", "hidden", "hidden_bias", "out")
         )
+        made = cls(mean, scale, hidden, hidden_bias, out, float(values["out_bias"]))
         if made.hidden.shape[0] != MEASURES:
             raise ConfigError(
                 f"the verifier was fitted to {made.hidden.shape[0]} measures; there are {MEASURES}"

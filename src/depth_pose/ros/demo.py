@@ -17,11 +17,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from depth_pose.io._recording import RawMessage
 from depth_pose.io.mcap_read import DepthReader, DepthTopic, read_skeletons
 from depth_pose.io.schemas import POINT_CLOUD, SKELETON_TOPIC
-from depth_pose.ros.bag import Player, Recorder, header_stamp_ns
-from depth_pose.ros.player import Played, Recorded
-from depth_pose.ros.supervisor import Suite
+from depth_pose.ros.process.supervisor import Suite
+from depth_pose.ros.transport.bag import Player, Recorder, header_stamp_ns
+from depth_pose.ros.transport.player import Played
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -30,11 +31,8 @@ if TYPE_CHECKING:
 
     from depth_pose.evaluate.score import Score
 
-START_TIMEOUT_S = 300.0
-"""How long the nodes may take to start: the first time on a machine they compile their kernels."""
-
 _QUIET_S, _FIRST_S = 3.0, 15.0
-"""Without a skeleton for so long after the last frame, and ever, what has not come was dropped."""
+"""Seconds without another skeleton, and without the first, after which the rest was dropped. Set by hand."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +79,7 @@ class _Timing:
         self.received_ns: dict[int, int] = {}
         self.changed_s = time.monotonic()
 
-    def sent(self, message: Recorded, now_ns: int) -> None:
+    def sent(self, message: RawMessage, now_ns: int) -> None:
         if message.topic == self._depth_topic:
             self.sent_ns[header_stamp_ns(message.data)] = now_ns
             self.changed_s = time.monotonic()
@@ -146,7 +144,7 @@ def replay_live(
     recorder = Recorder(skeletons, [SKELETON_TOPIC], on_message=timing.received)
     topics = [name for name in (topic.name, topic.info_topic) if name]
     player = Player(recording, topics=topics, wait_for_subscribers=topics, on_message=timing.sent)
-    with _running(suite), recorder:
+    with suite, recorder:
         recorder.wait_subscribed()
         if on_ready is not None:
             on_ready()
@@ -168,17 +166,6 @@ def replay_live(
         restarts=restarts,
         damage=_damage(played),
     )
-
-
-@contextmanager
-def _running(suite: Suite) -> Iterator[None]:
-    """Keep the nodes running; the first start may take longer than `Suite` itself would wait."""
-    suite.start()
-    try:
-        suite.wait_ready(START_TIMEOUT_S)
-        yield
-    finally:
-        suite.stop()
 
 
 def _topic_parameters(topic: DepthTopic) -> dict[str, str | bool]:

@@ -2,17 +2,39 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
+
+FLOOR_M = 0.01
+"""No particle sinks below this height, metres."""
+
+
+class Cloth(NamedTuple):
+    """Particles (P, 3) ``now`` and one step ``before``, metres; ``links`` (L, 2) are held at ``lengths``."""
+
+    now: NDArray[np.float64]
+    before: NDArray[np.float64]
+    links: NDArray[np.int64]
+    lengths: NDArray[np.float64]
+
+
+class Capsules(NamedTuple):
+    """What pushes particles out: ``ends`` (C, 2, 3) with ``radii`` (C, 2) at them, metres."""
+
+    ends: NDArray[np.float64]
+    radii: NDArray[np.float64]
 
 
 @njit(cache=True)
-def step_cloth(now, before, pins, links, lengths, capsules, radii, gravity_step, damping, rounds):
-    """One step of position-based dynamics; writes ``now`` and ``before``, (P, 3) each.
+def step_cloth(cloth, pins, capsules, gravity_step, damping, rounds):
+    """One step of position-based dynamics; moves the cloth on.
 
-    ``pins`` (K, 3) are the first K particles' places. ``links`` (L, 2) are pairs of particles held
-    at ``lengths``. ``capsules`` (C, 2, 3) with ``radii`` (C, 2) at their ends push particles out.
+    ``pins`` (K, 3) are the first K particles' places.
     """
+    now, before, links, lengths = cloth
     n, fixed = now.shape[0], pins.shape[0]
     for i in range(fixed, n):
         for k in range(3):
@@ -39,13 +61,14 @@ def step_cloth(now, before, pins, links, lengths, capsules, radii, gravity_step,
             now[b, 0] -= wb * pull * dx
             now[b, 1] -= wb * pull * dy
             now[b, 2] -= wb * pull * dz
-        _push_out(now, fixed, capsules, radii)
+        _push_out(now, fixed, capsules)
 
 
 @njit(cache=True)
-def _push_out(now, fixed, capsules, radii):
-    for c in range(capsules.shape[0]):
-        p, q = capsules[c, 0], capsules[c, 1]
+def _push_out(now, fixed, capsules):
+    ends, radii = capsules
+    for c in range(ends.shape[0]):
+        p, q = ends[c, 0], ends[c, 1]
         ex, ey, ez = q[0] - p[0], q[1] - p[1], q[2] - p[2]
         size = max(ex * ex + ey * ey + ez * ez, 1e-12)
         for i in range(fixed, now.shape[0]):
@@ -60,4 +83,4 @@ def _push_out(now, fixed, capsules, radii):
                 now[i, 1] += grow * dy
                 now[i, 2] += grow * dz
     for i in range(fixed, now.shape[0]):
-        now[i, 1] = max(now[i, 1], 0.01)
+        now[i, 1] = max(now[i, 1], FLOOR_M)

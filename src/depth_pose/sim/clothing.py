@@ -14,9 +14,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.config import _Checked, option
-from depth_pose.errors import ConfigError
-from depth_pose.skeleton import NODE_INDEX
+from depth_pose.core.config import _Checked, option
+from depth_pose.core.errors import ConfigError
+from depth_pose.core.skeleton import ADULT_STATURE_M, NODE_INDEX
+from depth_pose.volume.headings import headings_of, turns
 
 if TYPE_CHECKING:
     from depth_pose.body.body import Body
@@ -24,11 +25,25 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 _SUBSTEP_S = 1.0 / 120.0
+"""Longest step of the cloth, seconds. Set by hand, as all below: cloth that looks right."""
 _GRAVITY = 9.81
+"""Metres per second squared."""
 _ROUNDS = 8
+"""Times that all links are mended in each step."""
 _SETTLE_STEPS = 150
-_COLUMNS, _ROW_M = 32, 0.06
-_SLEEVE_COLUMNS = 8
+"""Steps in which the cloth comes to rest before the first frame."""
+_COLUMNS, _SLEEVE_COLUMNS = 32, 8
+"""Particles around the waist, and along a sleeve."""
+_ROW_M = 0.06
+"""Distance of two rows of particles on an adult of 1.75 m, metres."""
+_HIPS_M = ((0.06, -0.03, 0.0), 0.115)
+"""Half of the capsule across the hips, from the pelvis to the person's left, and its radius; metres."""
+_LIMBS_M = {
+    ("hip", "knee"): (0.095, 0.065),
+    ("knee", "ankle"): (0.065, 0.050),
+    ("elbow", "wrist"): (0.035, 0.025),
+}
+"""Capsules of both sides, by the nodes at their ends, and their radii there on an adult of 1.75 m, metres."""
 
 
 @dataclass(frozen=True)
@@ -69,12 +84,15 @@ class _Sheet:
     rest: Array
     wraps: bool
 
-    def links(self, first: int) -> NDArray[np.int64]:
-        """Pairs along, across and both diagonals, numbered from `first`."""
+    def _numbers(self, first: int) -> tuple[NDArray[np.int64], ...]:
+        """All particles' numbers, those with one to the right, and these."""
         rows, columns = self.rest.shape[:2]
         at = first + np.arange(rows * columns).reshape(rows, columns)
-        right = np.roll(at, -1, axis=1) if self.wraps else at[:, 1:]
-        here = at if self.wraps else at[:, :-1]
+        return (at, at, np.roll(at, -1, axis=1)) if self.wraps else (at, at[:, :-1], at[:, 1:])
+
+    def links(self, first: int) -> NDArray[np.int64]:
+        """Pairs along, across and both diagonals, numbered from `first`."""
+        at, here, right = self._numbers(first)
         pairs = [
             (at[:-1], at[1:]), (here[1:], right[1:]), (here[:-1], right[1:]), (right[:-1], here[1:]),
             (here[:1], right[:1]),
@@ -83,10 +101,7 @@ class _Sheet:
 
     def faces(self, first: int) -> NDArray[np.int32]:
         """Triangles of both sides."""
-        rows, columns = self.rest.shape[:2]
-        at = first + np.arange(rows * columns).reshape(rows, columns)
-        right = np.roll(at, -1, axis=1) if self.wraps else at[:, 1:]
-        here = at if self.wraps else at[:, :-1]
+        _, here, right = self._numbers(first)
         a, b, c, d = (x.ravel() for x in (here[:-1], right[:-1], here[1:], right[1:]))
         one = np.concatenate([np.stack([a, c, b], axis=1), np.stack([b, c, d], axis=1)])
         return np.concatenate([one, one[:, ::-1]]).astype(np.int32)
@@ -108,7 +123,7 @@ class Clothes:
     """
 
     def __init__(self, garment: Garment, body: Body) -> None:
-        self._garment, self._size = garment, body.stature / 1.75
+        self._garment, self._size = garment, body.stature / ADULT_STATURE_M
         self._wide = _waist(body)
         sheets = [self._skirt()] if garment.skirt > 0 else []
         if garment.sleeve > 0:
@@ -116,30 +131,19 @@ class Clothes:
         if not sheets:
             raise ConfigError("a garment needs a skirt or sleeves")
         # pinned rows first, as the kernel wants them
-        pinned = sum(s.rest.shape[1] for s in sheets)
-        order, position = [], 0
-        for s in sheets:
-            n, columns = s.rest.shape[0] * s.rest.shape[1], s.rest.shape[1]
-            order += [position + i for i in range(columns)]
-            position += n
-        free = np.setdiff1d(np.arange(position), order)
-        place = np.empty(position, np.int64)
-        place[np.concatenate([np.array(order), free])] = np.arange(position)
-        links, faces, rest, first = [], [], [], 0
-        for s in sheets:
-            links.append(place[s.links(first)])
-            faces.append(place[s.faces(first)])
-            rest.append(s.rest.reshape(-1, 3))
-            first += len(rest[-1])
-        flat = np.empty((position, 3))
-        flat[place] = np.concatenate(rest)
-        self._sheets, self._pinned = sheets, pinned
-        self._links = np.concatenate(links)
-        self._lengths = np.linalg.norm(flat[self._links[:, 0]] - flat[self._links[:, 1]], axis=1)
-        self._rest = flat
-        self.faces = np.concatenate(faces).astype(np.int32)
+        rests = [s.rest.reshape(-1, 3) for s in sheets]
+        firsts = np.cumsum([0, *map(len, rests)])
+        at = list(zip(firsts[:-1], sheets, strict=True))
+        pinned = np.concatenate([a + np.arange(s.rest.shape[1]) for a, s in at])
+        order = np.concatenate([pinned, np.setdiff1d(np.arange(firsts[-1]), pinned)])
+        place = np.argsort(order)
+        self._sheets, self._rest = sheets, np.concatenate(rests)[order]
+        self._links = place[np.concatenate([s.links(a) for a, s in at])]
+        ends = self._rest[self._links]
+        self._lengths = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1)
+        self.faces = place[np.concatenate([s.faces(a) for a, s in at])].astype(np.int32)
         self._now: Array | None = None
-        self._before = flat.copy()
+        self._before = self._rest.copy()
 
     def _skirt(self) -> _Sheet:
         """Flared tube below the waist, relative to the pelvis, hanging."""
@@ -179,16 +183,13 @@ class Clothes:
         return np.concatenate(pins)
 
     def _capsules(self, nodes: Array, rotations: Array) -> tuple[Array, Array]:
-        size = self._size
-        ends, radii = [], []
-        aside = rotations[0] @ np.array([0.06 * size, -0.03 * size, 0.0])
-        ends.append((nodes[0] - aside, nodes[0] + aside))
-        radii.append((0.115, 0.115))
+        aside = rotations[0] @ (self._size * np.array(_HIPS_M[0]))
+        ends, radii = [(nodes[0] - aside, nodes[0] + aside)], [(_HIPS_M[1], _HIPS_M[1])]
         for side in ("left", "right"):
-            at = {n: nodes[NODE_INDEX[f"{side}_{n}"]] for n in ("hip", "knee", "ankle", "elbow", "wrist")}
-            ends += [(at["hip"], at["knee"]), (at["knee"], at["ankle"]), (at["elbow"], at["wrist"])]
-            radii += [(0.095, 0.065), (0.065, 0.050), (0.035, 0.025)]
-        return np.array(ends), size * np.array(radii)
+            for (a, b), size in _LIMBS_M.items():
+                ends.append((nodes[NODE_INDEX[f"{side}_{a}"]], nodes[NODE_INDEX[f"{side}_{b}"]]))
+                radii.append(size)
+        return np.array(ends), self._size * np.array(radii)
 
     def reset(self) -> None:
         """Forget the motion; the next step lets the cloth come to rest first."""
@@ -210,13 +211,13 @@ class Clothes:
         -------
         (P, 3) float64
         """
-        from depth_pose.sim._cloth_kernels import step_cloth
+        from depth_pose.sim._cloth_kernels import Capsules, Cloth, step_cloth  # numba only for cloth
 
         pins = self._pins(nodes, rotations)
         capsules, radii = self._capsules(nodes, rotations)
         steps = max(1, round(seconds / _SUBSTEP_S))
         if self._now is None:
-            turn = _heading(rotations[0])
+            turn = turns(headings_of(rotations))
             self._now = np.ascontiguousarray(nodes[0] + self._rest @ turn.T)
             self._now[: len(pins)] = pins
             self._before = self._now.copy()
@@ -224,27 +225,19 @@ class Clothes:
             steps = _SETTLE_STEPS
         dt = seconds / steps if steps != _SETTLE_STEPS else _SUBSTEP_S
         keep = float(np.exp(-self._garment.drag * dt))
+        cloth = Cloth(self._now, self._before, self._links, self._lengths)
         for i in range(steps):
             s = (i + 1) / steps
-            step_cloth(
-                self._now, self._before,
-                self._held[0] + s * (pins - self._held[0]), self._links, self._lengths,
-                self._held[1] + s * (capsules - self._held[1]), radii,
-                _GRAVITY * dt * dt, keep, _ROUNDS,
-            )  # fmt: skip
+            between = Capsules(self._held[1] + s * (capsules - self._held[1]), radii)
+            pinned = self._held[0] + s * (pins - self._held[0])
+            step_cloth(cloth, pinned, between, _GRAVITY * dt * dt, keep, _ROUNDS)
         self._held = (pins, capsules)
         return self._now.copy()
 
 
 def _waist(body: Body) -> Array:
     """Half width and half depth of the body at the waist, with a centimetre of room."""
-    height = body.nodes[0, 1] + 0.05 * body.stature / 1.75
+    height = body.nodes[0, 1] + 0.05 * body.stature / ADULT_STATURE_M
     near = np.abs(body.vertices[:, 1] - height) < 0.03
     trunk = body.vertices[near & (body.weights[:, :3].sum(axis=1) > 0.5)] - body.nodes[0]
     return np.asarray(np.abs(trunk[:, [0, 2]]).max(axis=0) + 0.01)
-
-
-def _heading(rotation: Array) -> Array:
-    x, _, z = rotation[:, 2]
-    s, c = np.array([x, z]) / max(np.hypot(x, z), 1e-9)
-    return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])

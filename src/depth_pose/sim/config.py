@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING
 
-from depth_pose.config import _Checked, option
+from depth_pose.core.config import _Checked, option
 
 if TYPE_CHECKING:
     from depth_pose.body.body import Body
@@ -28,18 +28,8 @@ class Person(_Checked):
         """Make the person's body."""
         from depth_pose.body.procedural import BodyShape, make_body
 
-        return make_body(
-            BodyShape(
-                stature_m=self.stature,
-                girth=self.girth,
-                shoulder_width=self.shoulder_width,
-                hip_width=self.hip_width,
-                leg_length=self.leg_length,
-                arm_length=self.arm_length,
-                trunk_length=self.trunk_length,
-                head_size=self.head_size,
-            )
-        )
+        proportions = asdict(self)
+        return make_body(BodyShape(stature_m=proportions.pop("stature"), **proportions))
 
 
 @dataclass(frozen=True)

@@ -13,15 +13,15 @@ from dataclasses import replace
 import numpy as np
 
 from depth_pose.bank.bank import Bank
-from depth_pose.config import MatchConfig
-from depth_pose.geometry import matrix_to_quat
-from depth_pose.registration.articulated import BodyPose
-from depth_pose.registration.skeleton_pose import pose_from_nodes, pose_from_skeleton
-from depth_pose.render import DepthComparer
-from depth_pose.skeleton import JOINT_NODES, MIRROR_NODES, NODE_INDEX, forward_kinematics
+from depth_pose.core.config import MatchConfig
+from depth_pose.core.rotations import matrix_to_quat
+from depth_pose.core.skeleton import JOINT_NODES, MIRROR_NODES, NODE_INDEX, forward_kinematics
+from depth_pose.core.types import Fitted
+from depth_pose.fit.articulated import BodyPose
+from depth_pose.fit.rendered_depth import DepthComparer
+from depth_pose.fit.skeleton_pose import pose_from_nodes, pose_from_skeleton
+from depth_pose.people.person import Person
 from depth_pose.steps.confidence import report_joints, skeleton_confidence
-from depth_pose.steps.view import PersonView
-from depth_pose.types import Skeleton
 
 _ARMS = [
     [NODE_INDEX[f"{s}_{n}"] for n in ("clavicle", "shoulder", "elbow", "wrist")] for s in ("left", "right")
@@ -64,16 +64,16 @@ KINDS: dict[str, Callable[[Bank, BodyPose, np.random.Generator], BodyPose]] = {
 """Makers of wrong poses from right ones."""
 
 
-def fail(kind: str, skeleton: Skeleton, view: PersonView, bank: Bank, rng: np.random.Generator) -> Skeleton:
-    """Put a failure into a skeleton.
+def fail(kind: str, fitted: Fitted, person: Person, bank: Bank, rng: np.random.Generator) -> Fitted:
+    """Put a failure into a fitted skeleton.
 
     Parameters
     ----------
     kind : str
         One of `KINDS`.
-    skeleton : Skeleton
+    fitted : Fitted
         A right one.
-    view : PersonView
+    person : Person
         The input that it answers, with which the wrong pose is compared as a fit would be.
     bank : Bank
         Whose poses a wrong arm, or a wrong pose, is taken from.
@@ -81,21 +81,22 @@ def fail(kind: str, skeleton: Skeleton, view: PersonView, bank: Bank, rng: np.ra
 
     Returns
     -------
-    Skeleton
-        With the confidence, residual and joint states of the wrong pose.
+    Fitted
+        With the score, confidence, residual and joint states of the wrong pose.
     """
     body = bank.body
-    pose = KINDS[kind](bank, pose_from_skeleton(body, skeleton), rng)
+    pose = KINDS[kind](bank, pose_from_skeleton(body, fitted.skeleton), rng)
     posed = body.pose(pose.rotations, pose.root, pose.scale)
-    seen = DepthComparer(view.coarse, MatchConfig().score_band).compare(posed.vertices, body.faces)
-    confidence, positions = skeleton_confidence(seen.score), posed.nodes[JOINT_NODES]
-    report = report_joints(positions, pose.scale, view, seen.score)
-    return replace(
-        skeleton,
-        confidence=float(np.float32(confidence)),
+    seen = DepthComparer(person.coarse, MatchConfig().score_band).compare(posed.vertices, body.faces)
+    positions = posed.nodes[JOINT_NODES]
+    report = report_joints(positions, pose.scale, person, seen.score)
+    skeleton = replace(
+        fitted.skeleton,
+        confidence=float(np.float32(skeleton_confidence(seen.score))),
         residual=float(np.float32(seen.gap)),
         positions=positions,
         quats_xyzw=matrix_to_quat(pose.rotations[JOINT_NODES]),
         joint_confidence=report.confidence.astype(np.float32),
         joint_states=report.states,
     )
+    return Fitted(skeleton, seen.score)

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from depth_pose.errors import ConfigError
+from depth_pose.core.errors import ConfigError
 
 if TYPE_CHECKING:
-    from depth_pose.body.motion import Clip
+    from depth_pose.motion.clip import Clip
 
 
 def load_motion(motion: str, fps: float, seconds: float, seed: int = 0) -> Clip:
@@ -19,7 +19,7 @@ def load_motion(motion: str, fps: float, seconds: float, seed: int = 0) -> Clip:
     Parameters
     ----------
     motion : str
-        A name of `depth_pose.body.procedural_motion.CLIPS`, or a BVH file.
+        A name of `depth_pose.motion.procedural.generator.CLIPS`, or a BVH file.
     fps : float
         Frames per second.
     seconds : float
@@ -33,10 +33,10 @@ def load_motion(motion: str, fps: float, seconds: float, seed: int = 0) -> Clip:
         Where there is no such motion.
     """
     if motion.lower().endswith(".bvh"):
-        from depth_pose.body.bvh import read_bvh
+        from depth_pose.motion.bvh import read_bvh
 
         return resample_clip(read_bvh(Path(motion)), fps, seconds)
-    from depth_pose.body.procedural_motion import CLIPS, make_clip
+    from depth_pose.motion.procedural.generator import CLIPS, make_clip
 
     if motion not in CLIPS:
         raise ConfigError(f"there is no motion {motion!r}; it is a .bvh file or one of {', '.join(CLIPS)}")
@@ -47,7 +47,7 @@ def resample_clip(clip: Clip, fps: float, seconds: float) -> Clip:
     """Give a clip at another rate: rotations turn evenly between frames, positions move evenly."""
     from scipy.spatial.transform import Rotation, Slerp
 
-    from depth_pose.body.motion import Clip
+    from depth_pose.motion.clip import Clip
 
     last = (len(clip) - 1) / clip.fps
     # the small addition keeps the last frame where the lengths agree

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.config import _Checked, option
+from depth_pose.core.config import _Checked, option
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.sim.config import Placement, Room
+from depth_pose.volume.rig import look_at
 
 _ROOM_HALF_WIDTH_M = 6.0
+"""Half the width of floor and wall, and the wall's height, metres: more than any sensor sees."""
 
 
 def camera_pose(placement: Placement, target: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -29,17 +31,9 @@ def camera_pose(placement: Placement, target: NDArray[np.float64]) -> NDArray[np
     outward = np.array([np.sin(azimuth), 0.0, np.cos(azimuth)])
     position = np.array([target[0], placement.height, target[2]]) + placement.distance * outward
     forward = -outward * np.cos(pitch) - np.array([0.0, np.sin(pitch), 0.0])
-    right = np.cross(forward, [0.0, 1.0, 0.0])
-    right /= np.linalg.norm(right)
-    down = np.cross(forward, right)
-    right, down = (
-        np.cos(roll) * right + np.sin(roll) * down,
-        np.cos(roll) * down - np.sin(roll) * right,
-    )
-    T_camera_model = np.eye(4)
-    T_camera_model[:3, :3] = np.stack([right, down, forward])
-    T_camera_model[:3, 3] = -T_camera_model[:3, :3] @ position
-    return T_camera_model
+    turn, c, s = np.eye(4), np.cos(roll), np.sin(roll)
+    turn[:2, :2] = [[c, s], [-s, c]]
+    return np.asarray(turn @ look_at(position, position + forward))
 
 
 def room_mesh(

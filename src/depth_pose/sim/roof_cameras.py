@@ -7,38 +7,47 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.render import DepthComparer, Observation
+from depth_pose.core.camera import Camera
+from depth_pose.fit.rendered_depth import DepthComparer, Observation
 from depth_pose.sim.sensor import Mesh
-from depth_pose.types import Camera
 from depth_pose.volume.rig import RigCamera, look_at
 
 ROOF_CAMERA = Camera(256, 192, 190.0, 190.0, 127.5, 95.5)
 """A quarter of the paper's 1024 x 768 along each side; 68 degrees wide."""
+
+FRONT_CAMERA = Camera(320, 240, 228.0, 228.0, 159.5, 119.5)
+"""A small depth camera, 70 degrees wide."""
+
+MIDDLE_M = (0.0, 0.95, 0.0)
+"""Where all look: the middle of a person who stands in the middle of the space, metres."""
+
+_UNUSED_BAND_M = 0.1
+"""`DepthComparer` wants one; nothing is compared here."""
 
 
 def roof_rig(
     count: int = 8, radius: float = 3.6, height: float = 2.8, camera: Camera = ROOF_CAMERA
 ) -> tuple[RigCamera, ...]:
     """Cameras on a circle that look at the middle, evenly spaced (the paper has 8)."""
-    out = []
-    for k in range(count):
-        a = 2 * np.pi * k / count
-        eye = [radius * np.sin(a), height, radius * np.cos(a)]
-        out.append(RigCamera(f"camera{k}", camera, look_at(eye, [0.0, 0.95, 0.0])))
-    return tuple(out)
+    return _ring("camera", count, radius, height, camera)
 
 
 def front_camera(distance: float = 3.4, height: float = 1.3, azimuth: float = 0.0) -> RigCamera:
     """One depth camera at the height of a table or shelf, 320 x 240, 70 degrees wide."""
-    eye = [distance * np.sin(azimuth), height, distance * np.cos(azimuth)]
-    camera = Camera(320, 240, 228.0, 228.0, 159.5, 119.5)
-    return RigCamera("depth", camera, look_at(eye, [0.0, 0.95, 0.0]))
+    return _ring("depth", 1, distance, height, FRONT_CAMERA, azimuth)[0]
 
 
 def depth_ring(count: int, distance: float = 3.4, height: float = 1.3) -> tuple[RigCamera, ...]:
     """Depth cameras like `front_camera`, evenly spaced on a circle, the first one in front."""
-    ring = [front_camera(distance, height, 2 * np.pi * k / count) for k in range(count)]
-    return tuple(RigCamera(f"depth{k}", c.camera, c.T_camera_world) for k, c in enumerate(ring))
+    return _ring("depth", count, distance, height, FRONT_CAMERA)
+
+
+def _ring(
+    name: str, count: int, radius: float, height: float, camera: Camera, first: float = 0.0
+) -> tuple[RigCamera, ...]:
+    azimuths = first + 2 * np.pi * np.arange(count) / count
+    eyes = [[radius * np.sin(a), height, radius * np.cos(a)] for a in azimuths]
+    return tuple(RigCamera(f"{name}{k}", camera, look_at(eye, MIDDLE_M)) for k, eye in enumerate(eyes))
 
 
 class RigRenderer:
@@ -49,7 +58,13 @@ class RigRenderer:
         self._renderers = []
         for c in self.rig:
             blank = np.zeros((c.camera.height, c.camera.width), np.float32)
-            self._renderers.append(DepthComparer(Observation(blank, blank.astype(np.uint8), c.camera), 0.1))
+            self._renderers.append(
+                DepthComparer(Observation(blank, blank.astype(np.uint8), c.camera), _UNUSED_BAND_M)
+            )
+
+    def images(self, meshes: Sequence[Mesh], kind: str) -> tuple[NDArray[np.generic], ...]:
+        """Give what each camera sees of meshes in the world frame: ``silhouettes`` or ``depth``."""
+        return tuple(self.silhouettes(meshes) if kind == "silhouettes" else self.depths(meshes))
 
     def depths(self, meshes: Sequence[Mesh]) -> list[NDArray[np.float32]]:
         """Depth images (H, W) of meshes in the world frame, metres, 0 where nothing is."""
@@ -62,11 +77,7 @@ class RigRenderer:
 
     def silhouettes(self, meshes: Sequence[Mesh]) -> list[NDArray[np.uint8]]:
         """Silhouettes (H, W) of meshes in the world frame, 255 where something is."""
-        vertices, faces = join_meshes(meshes)
-        return [
-            np.where(np.isfinite(renderer.render(c.to_camera(vertices), faces)), np.uint8(255), np.uint8(0))
-            for c, renderer in zip(self.rig, self._renderers, strict=True)
-        ]
+        return [np.where(depth > 0, np.uint8(255), np.uint8(0)) for depth in self.depths(meshes)]
 
 
 def join_meshes(meshes: Sequence[Mesh]) -> tuple[NDArray[np.float64], NDArray[np.int32]]:

@@ -9,13 +9,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from depth_pose.core.camera import Camera
 from depth_pose.sim.noise import NoiseConfig, add_noise
-from depth_pose.types import Camera
 
 Mesh = tuple[NDArray[np.floating], NDArray[np.integer]]
 """Vertices (V, 3), camera frame, metres; and faces (F, 3)."""
 
 _OCCLUSION_SLACK_M = 0.02
+"""The projector's ray may end this far before the surface that it lights, metres. Set by hand."""
 
 
 @dataclass(frozen=True)
@@ -101,10 +102,7 @@ class VirtualSensor:
         self.model = model
         self._rng = np.random.default_rng(seed)
         camera = model.camera
-        v, u = np.mgrid[: camera.height, : camera.width].astype(np.float32)
-        self._directions = np.stack(
-            [(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, np.ones_like(u)], axis=-1
-        ).astype(np.float32)
+        self._directions = camera.back_project(np.ones((camera.height, camera.width), np.float32))
         self._lengths = np.linalg.norm(self._directions, axis=-1)
 
     def render(self, meshes: Sequence[Mesh]) -> NDArray[np.float32]:
@@ -173,9 +171,7 @@ class VirtualSensor:
         from open3d import core
 
         camera = self.model.camera
-        z = np.maximum(points[:, 2], 1e-6)
-        u = camera.fx * points[:, 0] / z + camera.cx
-        v = camera.fy * points[:, 1] / z + camera.cy
+        u, v = camera.project(np.maximum(points, [-np.inf, -np.inf, 1e-6])).T
         inside = (u > -0.5) & (u < camera.width - 0.5) & (v > -0.5) & (v < camera.height - 0.5)
         inside &= points[:, 2] > 0
         directions = points / np.linalg.norm(points, axis=1, keepdims=True)

@@ -16,20 +16,22 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.errors import ConfigError
+from depth_pose.core.errors import ConfigError
+from depth_pose.core.skeleton import ADULT_STATURE_M, JOINT_NODES, JOINTS, NODE_INDEX, rest_nodes
 from depth_pose.io.mcap_write import DepthWriter
 from depth_pose.sim.config import Placement, Room
 from depth_pose.sim.placement import camera_pose, room_mesh
 from depth_pose.sim.sensor import SENSORS, Mesh, SensorModel, VirtualSensor
-from depth_pose.skeleton import ADULT_STATURE_M, JOINT_NODES, JOINTS, NODE_INDEX, rest_nodes
 
 if TYPE_CHECKING:
     from depth_pose.body.body import Body
-    from depth_pose.body.motion import Clip
+    from depth_pose.motion.clip import Clip
 
 FRAME_ID = "camera_depth_optical_frame"
 START_NS = 1_700_000_000_000_000_000
+"""Stamp of the first frame of every simulated recording."""
 _JOINT_DEPTH_M = 0.2
+"""A joint lies at most this far below the skin that is seen before it, metres. Set by hand."""
 
 
 @dataclass(frozen=True)
@@ -133,9 +135,7 @@ def simulate(
             )
             if progress:
                 progress(i + 1, frames)
-    camera = stage.sensor.camera
-    K = np.array([[camera.fx, 0, camera.cx], [0, camera.fy, camera.cy], [0, 0, 1.0]])
-    truth = Truth(joints.astype(np.float32), stamps, seen, K, box.ravel())
+    truth = Truth(joints.astype(np.float32), stamps, seen, stage.sensor.camera.matrix(), box.ravel())
     truth.save(path.with_suffix(".npz"))
     return truth
 

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from depth_pose.types import BACKGROUND, PERSON
+from depth_pose.core.types import BACKGROUND, PERSON
 
 _SEEN, _OCCLUDED, _OUTSIDE = 0, 1, 2
-"""Values of `depth_pose.skeleton.JointState`."""
+"""Values of `depth_pose.core.skeleton.JointState`."""
 
 _SAMPLES = 6
 """Places looked at along a limb segment."""

@@ -5,16 +5,24 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from depth_pose._fast_exp import falling_exp
+from depth_pose.core._camera_kernels import ray
+from depth_pose.core._fast_exp import falling_exp
 
 CUT = 0.6
 """Neighbours farther than this share of the support h do not count: theta(0.6 h) = exp(-5.8)."""
 
 _MOST = np.float32(16.0 * CUT * CUT)
+
 _LANES = 8
 """A row of neighbours is padded to a multiple of this many, with some that are `_FAR_AWAY`."""
 
 _FAR_AWAY = np.float32(1e4)
+
+_READ = 8
+"""About so many neighbours are read to each side of a pixel; more change next to nothing (the tests)."""
+
+_LEAST_SQUARE = 1e-6
+"""Points nearer than a millimetre count as so far apart, square metres, so that their weight is finite."""
 
 
 @njit(cache=True, fastmath=True)
@@ -25,9 +33,9 @@ def theta(square):
 
 
 @njit(cache=True)
-def window(h, fx, fy, z):
+def window(h, camera, z):
     """Half-sizes of the support in pixels, rows and columns."""
-    return int(CUT * h * fy / z) + 1, int(CUT * h * fx / z) + 1
+    return int(CUT * h * camera.fy / z) + 1, int(CUT * h * camera.fx / z) + 1
 
 
 @njit(cache=True)
@@ -39,12 +47,12 @@ def step_of(depth, h, fx):
             if depth[i, j] > 0.0:
                 total += depth[i, j]
                 count += 1
-    return max(1, int(CUT * h * fx * count / total) // 8) if count > 0 else 1
+    return max(1, int(CUT * h * fx * count / total) // _READ) if count > 0 else 1
 
 
 @njit(cache=True, fastmath=True)
-def project_first(depth, fx, fy, cx, cy, h, step):
-    """Eq. 1: weighted mean depth of the neighbours within the support, every ``step``-th of them.
+def project_first(depth, camera, h, step):
+    """Ye et al. eqs. 1 and 2: weighted mean depth of every ``step``-th neighbour in the support.
 
     The points, in units of h / 4, lie in flat arrays. Columns ``step`` apart lie side by side there
     with room around them, so that the inner loop, all the time this takes, is vectorised.
@@ -58,7 +66,7 @@ def project_first(depth, fx, fy, cx, cy, h, step):
                 nearest = min(nearest, depth[i, j])
     if nearest == np.inf:
         return out
-    pad = window(h, fx, fy, nearest)[1] // step + 1 + _LANES
+    pad = window(h, camera, nearest)[1] // step + 1 + _LANES
     part = (cols - 1) // step + 1 + 2 * pad  # columns of one remainder
     width = step * part
     x, y, z = (
@@ -74,13 +82,14 @@ def project_first(depth, fx, fy, cx, cy, h, step):
             if depth[i, j] > 0.0:
                 k = i * width + j % step * part + pad + j // step
                 away = unit * depth[i, j]
-                x[k], y[k], z[k] = (j - cx) / fx * away, (i - cy) / fy * away, away
+                rx, ry = ray(camera, j, i)
+                x[k], y[k], z[k] = rx * away, ry * away, away
                 first[i], last[i] = min(first[i], j), j
     for i in range(rows):
         for j in range(first[i], last[i] + 1):
             if depth[i, j] <= 0.0:
                 continue
-            reach_y, reach_x = window(h, fx, fy, depth[i, j])
+            reach_y, reach_x = window(h, camera, depth[i, j])
             reach_y, reach_x = reach_y // step + 1, reach_x // step + 1
             lanes = np.uint64((2 * reach_x + _LANES) // _LANES * _LANES)
             own = i * width + j % step * part + pad + j // step
@@ -100,8 +109,8 @@ def project_first(depth, fx, fy, cx, cy, h, step):
 
 
 @njit(cache=True, fastmath=True)
-def project_next(original, depth, fx, fy, cx, cy, h, mu, step):
-    """Eqs. 3 and 5: attraction by the original points, repulsion by the projected ones."""
+def project_next(original, depth, camera, h, mu, step):
+    """Ye et al. eqs. 3, 4 and 5: attraction by the original points, repulsion by the projected ones."""
     rows, cols = depth.shape
     out = np.zeros_like(depth)
     inverse = 16.0 / (h * h)
@@ -111,8 +120,8 @@ def project_next(original, depth, fx, fy, cx, cy, h, mu, step):
             if z <= 0.0:
                 continue
             z0 = original[i, j]
-            rx, ry = (j - cx) / fx, (i - cy) / fy
-            reach_y, reach_x = window(h, fx, fy, z)
+            rx, ry = ray(camera, j, i)
+            reach_y, reach_x = window(h, camera, z)
             reach_y, reach_x = (reach_y // step + 1) * step, (reach_x // step + 1) * step
             total, weight, push, push_weight = 0.0, 0.0, 0.0, 0.0
             for a in range(i - reach_y, i + reach_y + 1, step):
@@ -122,10 +131,10 @@ def project_next(original, depth, fx, fy, cx, cy, h, mu, step):
                     zs = depth[a, b]
                     if zs <= 0.0:
                         continue
-                    sx, sy = (b - cx) / fx, (a - cy) / fy
+                    sx, sy = ray(camera, b, a)
                     # alpha: distance of the projected neighbour from the original point
                     dx, dy, dz = sx * zs - rx * z0, sy * zs - ry * z0, zs - z0
-                    r2 = max(dx * dx + dy * dy + dz * dz, 1e-6)
+                    r2 = max(dx * dx + dy * dy + dz * dz, _LEAST_SQUARE)
                     w = theta(np.float32(inverse * r2)) / np.sqrt(r2)
                     total += w * original[a, b]
                     weight += w
@@ -133,7 +142,7 @@ def project_next(original, depth, fx, fy, cx, cy, h, mu, step):
                         continue
                     # beta, with |d eta / d r| = r^2 for eta(r) = r^3 / 3
                     dx, dy, dz = sx * zs - rx * z, sy * zs - ry * z, zs - z
-                    r2 = max(dx * dx + dy * dy + dz * dz, 1e-6)
+                    r2 = max(dx * dx + dy * dy + dz * dz, _LEAST_SQUARE)
                     w = theta(np.float32(inverse * r2)) * np.sqrt(r2)
                     push += w * (z - zs)
                     push_weight += w
@@ -144,7 +153,7 @@ def project_next(original, depth, fx, fy, cx, cy, h, mu, step):
 
 
 @njit(cache=True)
-def drop_outliers(depth, fx, fy, cx, cy, distance):
+def drop_outliers(depth, camera, distance):
     """Drop points whose nearest neighbour is farther than ``distance``."""
     rows, cols = depth.shape
     out = depth.copy()
@@ -153,15 +162,16 @@ def drop_outliers(depth, fx, fy, cx, cy, distance):
             z = depth[i, j]
             if z <= 0.0:
                 continue
-            x, y = (j - cx) / fx * z, (i - cy) / fy * z
-            reach = int(distance * fx / z) + 1
+            rx, ry = ray(camera, j, i)
+            reach = int(distance * camera.fx / z) + 1
             near = False
             for a in range(max(0, i - reach), min(rows, i + reach + 1)):
                 for b in range(max(0, j - reach), min(cols, j + reach + 1)):
                     zs = depth[a, b]
                     if zs <= 0.0 or (a == i and b == j):
                         continue
-                    dx, dy, dz = (b - cx) / fx * zs - x, (a - cy) / fy * zs - y, zs - z
+                    sx, sy = ray(camera, b, a)
+                    dx, dy, dz = sx * zs - rx * z, sy * zs - ry * z, zs - z
                     if dx * dx + dy * dy + dz * dz < distance * distance:
                         near = True
                         break

@@ -17,9 +17,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.skeleton import JOINT_INDEX, JOINTS
+from depth_pose.core.skeleton import JOINT_INDEX, JOINTS
+from depth_pose.people.person import Person
 from depth_pose.steps import _confidence_kernels as kernels
-from depth_pose.steps.view import PersonView
 
 _HALF_SURE_SCORE = 0.45
 """Rendered-depth score at which a fit is as likely right as wrong."""
@@ -110,13 +110,7 @@ def skeleton_confidence(score: float) -> float:
     return float(1.0 / (1.0 + np.exp((score - _HALF_SURE_SCORE) / _SCORE_SPREAD)))
 
 
-def score_of(confidence: float) -> float:
-    """Rendered-depth score that a confidence stands for, the inverse of `skeleton_confidence`."""
-    bounded = min(max(confidence, 1e-7), 1.0 - 1e-7)
-    return float(_HALF_SURE_SCORE + _SCORE_SPREAD * np.log(1.0 / bounded - 1.0))
-
-
-def look_at_joints(positions: NDArray[np.float64], scale: float, view: PersonView) -> JointSigns:
+def look_at_joints(positions: NDArray[np.float64], scale: float, person: Person) -> JointSigns:
     """Compare joints with the depth seen where they and the limbs' segments project.
 
     Parameters
@@ -124,7 +118,7 @@ def look_at_joints(positions: NDArray[np.float64], scale: float, view: PersonVie
     positions : (19, 3) float64
         Camera frame, metres.
     scale : float
-    view : PersonView
+    person : Person
 
     Returns
     -------
@@ -133,7 +127,7 @@ def look_at_joints(positions: NDArray[np.float64], scale: float, view: PersonVie
         lies nearer, or where nothing is known; OUTSIDE_IMAGE beyond the image's border.
     """
     states, signs = np.empty(len(JOINTS), np.uint8), np.empty((len(JOINTS), len(SIGNS)))
-    whole, part = view.camera, view.full.camera
+    whole, part = person.camera, person.full.camera
     kernels.look_at_joints(
         positions,
         _OTHER_END,
@@ -141,17 +135,15 @@ def look_at_joints(positions: NDArray[np.float64], scale: float, view: PersonVie
         _HIDDEN_BEHIND,
         (whole.fx, whole.fy, whole.cx, whole.cy, float(whole.width), float(whole.height)),
         (part.fx, part.fy, part.cx, part.cy),
-        view.full.depth,
-        view.full.labels,
+        person.full.depth,
+        person.full.labels,
         states,
         signs,
     )
     return JointSigns(states, signs)
 
 
-def report_joints(
-    positions: NDArray[np.float64], scale: float, view: PersonView, score: float
-) -> JointReport:
+def report_joints(positions: NDArray[np.float64], scale: float, person: Person, score: float) -> JointReport:
     """Tell how each joint was seen, and how likely it is right.
 
     Parameters
@@ -159,14 +151,14 @@ def report_joints(
     positions : (19, 3) float64
         Camera frame, metres.
     scale : float
-    view : PersonView
+    person : Person
     score : float
         Rendered-depth score of the fit.
     """
-    seen = look_at_joints(positions, scale, view)
+    seen = look_at_joints(positions, scale, person)
     odds = _KIND_ODDS + seen.signs @ _SIGN_ODDS + SCORE * score
     confidence = 1.0 / (1.0 + np.exp(-odds))
-    column = view.camera.fx * positions[:, 0] / positions[:, 2] + view.camera.cx
-    beside = np.abs(column - 0.5 * (view.camera.width - 1)) > 0.5 * view.camera.width
+    column = person.camera.fx * positions[:, 0] / positions[:, 2] + person.camera.cx
+    beside = np.abs(column - 0.5 * (person.camera.width - 1)) > 0.5 * person.camera.width
     confidence[beside] = np.minimum(confidence[beside], BESIDE)
     return JointReport(seen.states, confidence)

@@ -14,38 +14,16 @@ from numpy.typing import NDArray
 from depth_pose.bank.bank import Bank
 from depth_pose.bank.canonical import CanonicalAxes
 from depth_pose.bank.views import view_rotation
-from depth_pose.geometry import matrix_to_quat, quat_to_matrix
-from depth_pose.skeleton import NODE_INDEX
+from depth_pose.core.rotations import matrix_to_quat, quat_to_matrix
+from depth_pose.core.skeleton import NODE_INDEX
 from depth_pose.steps.placing import ExemplarViews
 from depth_pose.steps.search import Nearest
-from depth_pose.types import PERSON, PersonCloud
 
 _POSES = 12
 _TURNS = np.radians([0.0, -30.0, 30.0, -60.0, 60.0, 180.0])
-_CUT_WIDTH_M = 0.22
-"""A cut through a trunk is wider than this; one through ankles or shins is not."""
-
-_SIDE_PIXELS = 3
-"""A person with more pixels than this in the outermost columns may go on beyond them."""
-
 _HEAD_M = 0.22
 _CANONICAL_CAMERA = np.diag([1.0, -1.0, -1.0])
 """Right, up and toward the camera, in the camera frame."""
-
-
-def is_cut_off(cloud: PersonCloud) -> bool:
-    """Tell whether the image's lower border cuts through the person above the legs."""
-    row = cloud.labels[-1] == PERSON
-    if not row.any():
-        return False
-    x = cloud.points[-1, row, 0]
-    return bool(x.max() - x.min() > _CUT_WIDTH_M)
-
-
-def touches_side(cloud: PersonCloud) -> bool:
-    """Tell whether the image's left or right border may cut through the person."""
-    sides = cloud.labels[:, [0, 1, -2, -1]] == PERSON
-    return int(sides.sum()) > _SIDE_PIXELS
 
 
 def head_axes(points: NDArray[np.float64], scale: float) -> CanonicalAxes:

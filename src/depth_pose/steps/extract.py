@@ -1,51 +1,62 @@
-"""From a depth image to the person's clean points: segmentation, then denoising (Sec. 4)."""
+"""From a depth image to everybody's clean points: finding people, then denoising (Sec. 4)."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
-from depth_pose.config import DenoiseConfig, SegmentConfig
-from depth_pose.steps import _segment_kernels as kernels
+from depth_pose.core.camera import Camera
+from depth_pose.core.config import DenoiseConfig, SegmentConfig
+from depth_pose.core.stamps import StampGuard
+from depth_pose.core.types import HIDDEN, DepthFrame, FoundPerson
+from depth_pose.people.learned_segmenter import LearnedSegmenter
+from depth_pose.people.person import People, see_people
+from depth_pose.people.plane_segmenter import PlaneSegmenter
+from depth_pose.people.segmentation import Segmenter
+from depth_pose.people.tracks import PeopleTracks
 from depth_pose.steps.denoise import denoise_depth
-from depth_pose.steps.segment import PersonSegmenter
-from depth_pose.steps.stamps import StampGuard
-from depth_pose.types import PERSON, UNKNOWN, Camera, DepthFrame, PersonCloud
+
+_METHODS: dict[str, Callable[[SegmentConfig], Segmenter]] = {
+    "learned": LearnedSegmenter,
+    "planes": PlaneSegmenter,
+}
 
 
-class PersonExtractor:
+class PeopleExtractor:
     """The first stage: what `denoise_node` runs."""
 
     def __init__(self, segment: SegmentConfig, denoise: DenoiseConfig) -> None:
-        self._segmenter = PersonSegmenter(segment)
+        self._segmenter = _METHODS[segment.method](segment)
         self._denoise = denoise
+        self._tracks = PeopleTracks(segment.start, segment.keep)
         self._guard = StampGuard()
 
     def reset(self) -> None:
-        """Forget the person."""
+        """Forget the people."""
         self._segmenter.reset()
+        self._tracks.reset()
 
     def warm_up(self) -> None:
-        """Compile every kernel on a small synthetic frame."""
-        depth = np.full((48, 64), 3.0, np.float32)
-        depth[8:40, 20:44] = 2.0
-        frame = DepthFrame(0, "", depth, Camera(64, 48, 60.0, 60.0, 31.5, 23.5))
-        PersonExtractor(self._segmenter.config, self._denoise).extract(frame)
-        kernels.reduce_depth(np.ones((4, 4), np.float32), 2, 0.1, 0.4, 8.0)
+        """Compile every kernel."""
+        self._segmenter.warm_up()
+        camera = Camera(64, 48, 60.0, 60.0, 31.5, 23.5)
+        depth = denoise_depth(np.full((48, 64), 2.0, np.float32), camera, self._denoise)
+        found = FoundPerson(1, "", 1.0, np.zeros((0, 3), np.float32), np.zeros(0, np.float32))
+        see_people(0, "", camera, camera.back_project(depth), np.ones((48, 64), np.uint8), [found])
 
-    def extract(self, frame: DepthFrame) -> PersonCloud:
-        """Find the person and denoise their points.
-
-        Returns
-        -------
-        PersonCloud
-            Without any valid point where nobody is in view.
-        """
+    def extract(self, frame: DepthFrame) -> People:
+        """Find the people, name them, and denoise their points."""
         if self._guard.is_break(frame.stamp_ns):
             self.reset()
-        person = self._segmenter.segment(frame)
-        depth = denoise_depth(person.depth, person.camera, self._denoise)
-        labels = person.labels.copy()
-        labels[(labels == PERSON) & (depth <= 0)] = UNKNOWN
-        camera = person.camera
-        points = kernels.back_project(depth, camera.fx, camera.fy, camera.cx, camera.cy)
-        return PersonCloud(frame.stamp_ns, frame.frame_id, points, labels)
+        seen = self._segmenter.segment(frame)
+        depth = denoise_depth(seen.depth, seen.camera, self._denoise)
+        labels = np.where((seen.depth > 0) & (depth <= 0), np.uint8(HIDDEN), seen.labels)
+        names = self._tracks.assign(seen.sightings, frame.stamp_ns)
+        found = (
+            FoundPerson(s.label, name, s.probability, s.proposals, s.proposal_confidence)
+            for s, name in zip(seen.sightings, names, strict=True)
+            if name is not None
+        )
+        points = seen.camera.back_project(depth)
+        return see_people(frame.stamp_ns, frame.frame_id, seen.camera, points, labels, found)

@@ -2,7 +2,7 @@
 
 The paper looks for sudden changes of bone lengths and for joint angles beyond their limits. A fit
 of a body keeps its bones, and a person taken for their own back view bends no joint; so the joints'
-jumps and the fit's score (`depth_pose.render`) are looked at too, against the frame before.
+jumps and the fit's score (`depth_pose.fit.rendered_depth`) are looked at too, against the frame before.
 `benchmarks/recovery.py` measures how many of simulated failures are found.
 """
 
@@ -13,14 +13,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.body.angles import ANGLES, HANG, angles_from_rotations, rotation_y
+from depth_pose.body.angles import ANGLES, HANG, angles_from_rotations
 from depth_pose.body.body import Body
 from depth_pose.body.limits import violation
-from depth_pose.config import RecoverConfig
-from depth_pose.registration.skeleton_pose import pose_from_skeleton
-from depth_pose.skeleton import BONES, JOINT_NODES, JOINTS, NODE_INDEX
-from depth_pose.steps.confidence import score_of
-from depth_pose.types import Skeleton
+from depth_pose.core.config import RecoverConfig
+from depth_pose.core.rotations import rotation_y
+from depth_pose.core.skeleton import BONES, JOINT_NODES, JOINTS, NODE_INDEX
+from depth_pose.core.types import Fitted, Skeleton
+from depth_pose.fit.skeleton_pose import pose_from_skeleton
 
 KINDS: tuple[str, ...] = (
     "no_pose",
@@ -85,13 +85,13 @@ class FailureCheck:
         self.config = config
         self._own_bones = bone_lengths(body.nodes[JOINT_NODES])
 
-    def find(self, skeleton: Skeleton, good: Skeleton | None, before: Skeleton | None) -> Failure | None:
+    def find(self, fitted: Fitted, good: Fitted | None, before: Skeleton | None) -> Failure | None:
         """Look for a failure.
 
         Parameters
         ----------
-        skeleton : Skeleton
-        good : Skeleton, optional
+        fitted : Fitted
+        good : Fitted, optional
             The last one in which none was found; the body's own proportions stand in for it.
         before : Skeleton, optional
             What was answered to the frame before, without the filter.
@@ -100,14 +100,15 @@ class FailureCheck:
         -------
         Failure or None
         """
+        skeleton = fitted.skeleton
         if skeleton.is_lost:
             return Failure("no_pose", "no pose was found, though somebody is in view")
         return (
-            self._changed_bone(skeleton, good)
+            self._changed_bone(skeleton, good.skeleton if good is not None else None)
             or self._bent_too_far(skeleton)
             or self._unsure(skeleton)
             or self._jumped(skeleton, before)
-            or self._fits_worse(skeleton, good)
+            or self._fits_worse(fitted, good)
         )
 
     def _changed_bone(self, skeleton: Skeleton, good: Skeleton | None) -> Failure | None:
@@ -153,15 +154,12 @@ class FailureCheck:
             f"{JOINTS[j]} went {way[j]:.2f} m in {seconds:.3f} s (joint_speed allows {allowed:.2f})",
         )
 
-    def _fits_worse(self, skeleton: Skeleton, good: Skeleton | None) -> Failure | None:
-        if good is None:
-            return None
-        before, now = score_of(good.confidence), score_of(skeleton.confidence)
-        if now - before <= self.config.score_rise:
+    def _fits_worse(self, fitted: Fitted, good: Fitted | None) -> Failure | None:
+        if good is None or fitted.score - good.score <= self.config.score_rise:
             return None
         return Failure(
             "worse_fit",
-            f"the disagreement with the input went from {before:.2f} to {now:.2f} "
+            f"the disagreement with the input went from {good.score:.2f} to {fitted.score:.2f} "
             f"(score_rise allows {self.config.score_rise:.2f})",
         )
 

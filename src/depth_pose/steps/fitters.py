@@ -10,18 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.body.body import Body
-from depth_pose.registration.articulated import ArticulatedFitter, BodyPose, FitTarget
-from depth_pose.registration.completion import MeshCompleter
-from depth_pose.steps.view import PersonView, thin
-
-
-@dataclass(frozen=True)
-class FittedBody:
-    """A pose, and the mesh (V, 3) and nodes (21, 3) found for it, camera frame, metres."""
-
-    pose: BodyPose
-    vertices: NDArray[np.float64]
-    nodes: NDArray[np.float64]
+from depth_pose.core.config import FittingConfig
+from depth_pose.fit.articulated import ArticulatedFitter, BodyPose, FitTarget, FittedBody
+from depth_pose.fit.completion import MeshCompleter
+from depth_pose.people.person import Person, thin
 
 
 class FrameFitter(Protocol):
@@ -40,14 +32,8 @@ class FrameFitter(Protocol):
 class Fitter(Protocol):
     """What the refiner needs of a method."""
 
-    def fit_to(self, view: PersonView) -> FrameFitter:
+    def fit_to(self, view: Person) -> FrameFitter:
         """Prepare one frame."""
-
-
-GLANCE_SIGMAS = (0.06, 0.05)
-ROUGH_SIGMAS = (0.04, 0.034)
-FINE_SIGMAS = (0.028, 0.024, 0.02, 0.02)
-"""Standard deviations of the iterations of the articulated fit, metres: one set goes on from the other."""
 
 
 @dataclass(frozen=True)
@@ -56,13 +42,13 @@ class _SkinnedFrame:
     target: FitTarget
 
     def glance(self, start: BodyPose) -> FittedBody:
-        return self._fit(start, GLANCE_SIGMAS)
+        return self._fit(start, self.fitter.config.glance)
 
     def rough(self, start: BodyPose) -> FittedBody:
-        return self._fit(start, ROUGH_SIGMAS)
+        return self._fit(start, self.fitter.config.rough)
 
     def finish(self, fitted: FittedBody) -> FittedBody:
-        return self._fit(fitted.pose, FINE_SIGMAS)
+        return self._fit(fitted.pose, self.fitter.config.fine)
 
     def _fit(self, start: BodyPose, sigmas: tuple[float, ...]) -> FittedBody:
         pose = self.fitter.fit(self.target, start, sigmas)
@@ -71,12 +57,12 @@ class _SkinnedFrame:
 
 
 class SkinnedFitter:
-    """Joint angles of the skinned body (`depth_pose.registration.articulated`)."""
+    """Joint angles of the skinned body (`depth_pose.fit.articulated`)."""
 
-    def __init__(self, body: Body) -> None:
-        self._fitter = ArticulatedFitter(body)
+    def __init__(self, body: Body, config: FittingConfig) -> None:
+        self._fitter = ArticulatedFitter(body, config.fit)
 
-    def fit_to(self, view: PersonView) -> FrameFitter:
+    def fit_to(self, view: Person) -> FrameFitter:
         """Prepare one frame."""
         points = thin(view.points, self._fitter.config.max_points)
         return _SkinnedFrame(self._fitter, FitTarget.prepare(points, view.full, view.coarse))
@@ -86,31 +72,33 @@ class SkinnedFitter:
 class _CompletionFrame:
     completer: MeshCompleter
     points: NDArray[np.float64]
-    view: PersonView
+    view: Person
 
     def glance(self, start: BodyPose) -> FittedBody:
         posed = self.completer.body.pose(start.rotations, start.root, start.scale)
         return FittedBody(start, posed.vertices, posed.nodes)
 
     def rough(self, start: BodyPose) -> FittedBody:
-        found = self.completer.fit(self.points, self.view.coarse, start)
-        return FittedBody(found.pose, found.vertices, found.nodes)
+        return self.completer.fit(self.points, self.view.coarse, start)
 
     def finish(self, fitted: FittedBody) -> FittedBody:
         return fitted
 
 
 class CompletionFitter:
-    """The paper's registration and completion (`depth_pose.registration.completion`)."""
+    """The paper's registration and completion (`depth_pose.fit.completion`)."""
 
-    def __init__(self, body: Body) -> None:
-        self._completer = MeshCompleter(body)
+    def __init__(self, body: Body, config: FittingConfig) -> None:
+        self._completer = MeshCompleter(body, config.completion, config.cpd)
 
-    def fit_to(self, view: PersonView) -> FrameFitter:
+    def fit_to(self, view: Person) -> FrameFitter:
         """Prepare one frame."""
         points = thin(view.points, self._completer.config.max_points)
         return _CompletionFrame(self._completer, points, view)
 
 
-FITTERS: dict[str, Callable[[Body], Fitter]] = {"articulated": SkinnedFitter, "cpd": CompletionFitter}
-"""Makers of fitters, by `depth_pose.config.RefineConfig.method`."""
+FITTERS: dict[str, Callable[[Body, FittingConfig], Fitter]] = {
+    "articulated": SkinnedFitter,
+    "cpd": CompletionFitter,
+}
+"""Makers of fitters, by `depth_pose.core.config.RefineConfig.method`."""

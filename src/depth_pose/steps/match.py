@@ -15,13 +15,15 @@ import numpy as np
 from depth_pose.bank.bank import Bank
 from depth_pose.bank.canonical import describe
 from depth_pose.bank.views import AXES
-from depth_pose.config import MatchConfig
-from depth_pose.geometry import matrix_to_quat
-from depth_pose.registration.articulated import ArticulatedFitter, BodyPose
-from depth_pose.render import Observation
-from depth_pose.skeleton import NODE_INDEX
-from depth_pose.steps.cut_off import UprightExemplars, head_axes, is_cut_off, touches_side
-from depth_pose.steps.identity import PersonGuard
+from depth_pose.core.config import FitConfig, MatchConfig
+from depth_pose.core.rotations import matrix_to_quat
+from depth_pose.core.skeleton import NODE_INDEX
+from depth_pose.core.types import Candidate, PoseMatch
+from depth_pose.fit.articulated import ArticulatedFitter, BodyPose
+from depth_pose.fit.rendered_depth import Observation
+from depth_pose.people.memory import PerPerson
+from depth_pose.people.person import People, Person, thin_image
+from depth_pose.steps.cut_off import UprightExemplars, head_axes
 from depth_pose.steps.placing import (
     ExemplarRenderer,
     ExemplarViews,
@@ -30,13 +32,10 @@ from depth_pose.steps.placing import (
     join,
     place_exemplars,
 )
-from depth_pose.steps.sample import sample_cloud
 from depth_pose.steps.scale import SCALES, ScaleFinder
 from depth_pose.steps.search import SubspaceSearch
-from depth_pose.steps.stamps import StampGuard
-from depth_pose.steps.trial import TrialFits
-from depth_pose.steps.view import PersonView, thin_image, view_person
-from depth_pose.types import Candidate, PersonCloud, PoseMatch
+from depth_pose.steps.short_fits import TrialFits
+from depth_pose.steps.warm_up import sample_people
 
 _ROUGH_M, _FINE_M = 0.08, 0.04
 """Widest pixels at the person, of the image that all of the shortlist is compared in, and of the
@@ -73,121 +72,130 @@ def match_confidence(score: float) -> float:
     return float(1.0 / (1.0 + np.exp((score - _EVEN_SCORE) / _SCORE_SPREAD)))
 
 
+class _Size:
+    """What is known of one person's size.
+
+    Attributes
+    ----------
+    finder : ScaleFinder
+    is_partial : bool
+        Whether it was found while the image's border may have cut the person off.
+    shown : float
+        Most that was seen of them meanwhile: points times squared distance.
+    """
+
+    def __init__(self, finder: ScaleFinder) -> None:
+        self.finder, self.is_partial, self.shown = finder, False, 0.0
+
+    def reset(self) -> None:
+        self.finder.reset()
+        self.is_partial, self.shown = False, 0.0
+
+
 class Matcher:
     """The second stage: what `matcher_node` runs."""
 
-    def __init__(self, bank: Bank, config: MatchConfig) -> None:
+    def __init__(self, bank: Bank, config: MatchConfig, fit: FitConfig | None = None) -> None:
         self.bank = bank
         self.config = config
         self._search = SubspaceSearch(bank.coefficients.reshape(-1, bank.coefficients.shape[-1]))
         self._views = ExemplarViews(np.arange(bank.poses), bank.view_quats, bank.view_origins)
         self._renderer = ExemplarRenderer(bank, config.score_band)
         self._upright = UprightExemplars(bank)
-        self._guard = StampGuard()
-        self._identity = PersonGuard()
-        self._fitter = ArticulatedFitter(bank.body)
-        self._finder = ScaleFinder(self._fitter, config.score_band)
-        self.reset()
+        self._fitter = ArticulatedFitter(bank.body, fit)
+        self._sizes = PerPerson(lambda: _Size(ScaleFinder(self._fitter, config.score_band)))
 
     def reset(self) -> None:
-        """Forget the person's size."""
-        self._finder.reset()
-        self._partial, self._shown = False, 0.0
+        """Forget everybody's size."""
+        self._sizes.reset()
 
     def warm_up(self) -> None:
         """Compile every kernel."""
-        self.match(sample_cloud(self.bank))
-        self.reset()
-        self._guard, self._identity = StampGuard(), PersonGuard()
+        Matcher(self.bank, self.config).match(sample_people(self.bank))
 
-    def match(self, cloud: PersonCloud) -> PoseMatch:
-        """Find the exemplars nearest to a cloud.
+    def match(self, people: People) -> tuple[PoseMatch, ...]:
+        """Find the exemplars nearest to each person.
 
         Parameters
         ----------
-        cloud : PersonCloud
+        people : People
 
         Returns
         -------
-        PoseMatch
-            Best candidate first; without candidates where nobody is in view.
+        tuple of PoseMatch
+            One a person, in their order.
         """
-        if self._guard.is_break(cloud.stamp_ns):
-            self.reset()
-        view = view_person(cloud)
-        if view is None:
-            self.reset()
-            return PoseMatch(cloud.stamp_ns, cloud.frame_id, self.bank.bank_id, 0.0, ())
-        if self._identity.is_other(view, cloud.stamp_ns):
-            self.reset()
-        self._identity.note(view, cloud.stamp_ns)
-        self._await_whole(cloud, view)
-        is_new = self._finder.frames == 0
-        scale = self._scale(cloud, view)
-        rough = self._compare_roughly(cloud, view, scale, self.config.shortlist)
-        placed = self._compare_finely(view, scale, rough)
-        if not is_new and not self._knows_scale():
-            self._finder.add(view, self._pose(placed, 0, scale))
-        candidates = self._keep_different(placed)
-        return PoseMatch(cloud.stamp_ns, cloud.frame_id, self.bank.bank_id, scale, candidates)
+        self._sizes.begin(people.stamp_ns)
+        return tuple(self._match(person, self._sizes[person.body_id]) for person in people.persons)
 
-    def _knows_scale(self) -> bool:
+    def _match(self, person: Person, size: _Size) -> PoseMatch:
+        """Find the exemplars nearest to one person."""
+        self._await_whole(person, size)
+        is_new = size.finder.frames == 0
+        scale = self._scale(person, size.finder)
+        rough = self._compare_roughly(person, scale, self.config.shortlist)
+        placed = self._compare_finely(person, scale, rough)
+        if not is_new and not self._is_known(size.finder):
+            size.finder.add(person, self._pose(placed, 0, scale))
+        return PoseMatch(person.body_id, self.bank.bank_id, scale, self._keep_different(placed))
+
+    def _is_known(self, finder: ScaleFinder) -> bool:
         """Tell whether the size is given, or was found and is held."""
-        return self.config.scale > 0.0 or self._finder.frames >= self.config.scale_frames
+        return self.config.scale > 0.0 or finder.frames >= self.config.scale_frames
 
-    def _await_whole(self, cloud: PersonCloud, view: PersonView) -> None:
+    def _await_whole(self, person: Person, size: _Size) -> None:
         """Find the size of a person who comes in from the side anew, as more is seen of them."""
-        if touches_side(cloud):
-            self._partial = self._partial or not self._knows_scale()
-            shown = len(view.points) * float(np.median(view.points[:, 2])) ** 2
-            if self._partial and shown > _MORE * self._shown:
-                self._finder.reset()
-                self._shown = shown
-        elif self._partial:
-            self.reset()
+        if person.is_cut_beside:
+            size.is_partial = size.is_partial or not self._is_known(size.finder)
+            shown = len(person.points) * float(np.median(person.points[:, 2])) ** 2
+            if size.is_partial and shown > _MORE * size.shown:
+                size.finder.reset()
+                size.shown = shown
+        elif size.is_partial:
+            size.reset()
 
-    def _scale(self, cloud: PersonCloud, view: PersonView) -> float:
+    def _scale(self, person: Person, finder: ScaleFinder) -> float:
         """Give the person's size: as configured, or found over the frames so far."""
         if self.config.scale > 0.0:
             return self.config.scale
-        if self._finder.frames == 0:
+        if finder.frames == 0:
             few = max(4, self.config.shortlist // 4)
-            tried = [(s, self._compare_roughly(cloud, view, s, few)) for s in SCALES[1::3].tolist()]
+            tried = [(s, self._compare_roughly(person, s, few)) for s in SCALES[1::3].tolist()]
             scale, rough = min(tried, key=lambda t: float(t[1].scores.min()))
-            self._finder.add(view, self._pose(self._compare_finely(view, scale, rough), 0, scale))
-        return self._finder.scale
+            finder.add(person, self._pose(self._compare_finely(person, scale, rough), 0, scale))
+        return finder.scale
 
     def _pose(self, placed: Placed, row: int, scale: float) -> BodyPose:
         """Give one's pose in the camera frame."""
         rotations = placed.rotations[row] @ self.bank.rotations(int(placed.exemplars[row]))
         return BodyPose(rotations, placed.translations[row], scale)
 
-    def _compare_roughly(self, cloud: PersonCloud, view: PersonView, scale: float, shortlist: int) -> Placed:
+    def _compare_roughly(self, person: Person, scale: float, shortlist: int) -> Placed:
         """Search with each of the input's axes at one size, and compare all that is found."""
-        axes = AXES[self.bank.view_scheme](view.points)
+        axes = AXES[self.bank.view_scheme](person.points)
         share = max(1, shortlist // len(axes))
         parts = []
         for a in axes:
-            descriptor = describe(view.points, a, scale).astype(np.float32)
+            descriptor = describe(person.points, a, scale).astype(np.float32)
             nearest = self._search.find(self.bank.components @ (descriptor - self.bank.mean), share)
             parts.append(place_exemplars(self._views, nearest, a, scale))
-        if is_cut_off(cloud):
-            hung, upright = head_axes(view.points, scale), self._upright
+        if person.is_cut_below:
+            hung, upright = head_axes(person.points, scale), self._upright
             parts.append(place_exemplars(upright.views, upright.all, hung, scale))
-        return self._renderer.compare(join(parts), scale, _thinned(view, _ROUGH_M))
+        return self._renderer.compare(join(parts), scale, _thinned(person, _ROUGH_M))
 
-    def _compare_finely(self, view: PersonView, scale: float, rough: Placed) -> Placed:
+    def _compare_finely(self, person: Person, scale: float, rough: Placed) -> Placed:
         """Compare the best of the shortlist in a finer image; the best first."""
-        image = _thinned(view, _FINE_M)
+        image = _thinned(person, _FINE_M)
         there = rough.take(rough.ranking()[:_FINALISTS])
         # a correction found in few pixels is worth a try, no more
         pairs = (self._renderer.compare(p, scale, image) for p in (there, there.moved()))
         compared = better(*pairs)
         best = compared.take(compared.ranking()[:_CORRECTED])
         best = better(best, self._renderer.compare(best.moved(), scale, image))
-        return self._settle_facing(best.take(best.ranking()), view, scale)
+        return self._settle_facing(best.take(best.ranking()), person, scale)
 
-    def _settle_facing(self, placed: Placed, view: PersonView, scale: float) -> Placed:
+    def _settle_facing(self, placed: Placed, person: Person, scale: float) -> Placed:
         """Put the best that faces the other way first, where it agrees better once both are fitted.
 
         From behind people look much as from before, and where the bank has no pose that is near, one
@@ -198,7 +206,7 @@ class Matcher:
         turned = np.flatnonzero(close & (across @ across[0] < 0.0))
         if turned.size == 0:
             return placed
-        trial, other = TrialFits(self._fitter, self.config.score_band, view), turned[0]
+        trial, other = TrialFits(self._fitter, self.config.score_band, person), turned[0]
         if trial.score(self._pose(placed, 0, scale)) <= trial.score(self._pose(placed, other, scale)):
             return placed
         rows = np.arange(len(placed.scores))
@@ -227,6 +235,6 @@ class Matcher:
         )
 
 
-def _thinned(view: PersonView, spacing_m: float) -> Observation:
+def _thinned(person: Person, spacing_m: float) -> Observation:
     """Leave out pixels of the half-resolution image that are closer than need be."""
-    return thin_image(view.coarse, float(view.points[:, 2].mean()), spacing_m)
+    return thin_image(person.coarse, float(person.points[:, 2].mean()), spacing_m)

@@ -12,9 +12,10 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.config import MountConfig
-from depth_pose.geometry import matrix_to_quat, quat_to_matrix
-from depth_pose.types import Camera, DepthFrame, Skeleton
+from depth_pose.core.camera import Camera
+from depth_pose.core.config import MountConfig
+from depth_pose.core.rotations import matrix_to_quat, quat_to_matrix
+from depth_pose.core.types import DepthFrame, Skeleton
 
 UPRIGHT = "_upright"
 """Put behind the frame's name while it is turned, so that clouds and poses say what they are in."""
@@ -38,12 +39,17 @@ def turn_upright(frame: DepthFrame, config: MountConfig) -> DepthFrame:
     return DepthFrame(frame.stamp_ns, frame.frame_id + UPRIGHT, depth, camera)
 
 
+def sensor_frame(frame_id: str, config: MountConfig) -> str:
+    """Give the name of the sensor's frame from that of the upright one."""
+    return frame_id if config.roll % 360.0 == 0.0 else frame_id.removesuffix(UPRIGHT)
+
+
 def turn_back(skeleton: Skeleton, config: MountConfig) -> Skeleton:
     """Give a skeleton of an upright frame in the sensor's frame."""
     if config.roll % 360.0 == 0.0:
         return skeleton
-    frame_id = skeleton.frame_id.removesuffix(UPRIGHT)
-    return _turned(skeleton, rotation_sensor_upright(config.roll), frame_id)
+    rotation = rotation_sensor_upright(config.roll)
+    return _turned(skeleton, rotation, sensor_frame(skeleton.frame_id, config))
 
 
 def turn_forth(skeleton: Skeleton, config: MountConfig) -> Skeleton:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,13 +12,13 @@ from numpy.typing import NDArray
 from depth_pose.bank.bank import Bank
 from depth_pose.bank.canonical import CanonicalAxes
 from depth_pose.body.coarsen import coarsen
-from depth_pose.render import Observation
-from depth_pose.skeleton import NODE_PARENTS
+from depth_pose.core.skeleton import NODE_PARENTS
+from depth_pose.fit.rendered_depth import Observation
 from depth_pose.steps import _match_kernels as kernels
 from depth_pose.steps.search import Nearest
 
 _VERTICES = 500
-"""So many tell poses apart as well as all of them do, at a quarter of the time."""
+"""Vertices of the coarse body: so many tell poses apart as well as all do, at a quarter of the time."""
 
 
 @dataclass(frozen=True)
@@ -39,8 +40,7 @@ class ExemplarViews:
     view_origins: NDArray[np.float32]
 
 
-@dataclass(frozen=True)
-class Placed:
+class Placed(NamedTuple):
     """Exemplars placed at the input.
 
     Attributes
@@ -72,11 +72,11 @@ class Placed:
 
     def take(self, rows: NDArray[np.int64]) -> Placed:
         """Give some of them, in the order of ``rows``."""
-        return Placed(*(getattr(self, f.name)[rows] for f in fields(self)))
+        return Placed._make(column[rows] for column in self)
 
     def moved(self) -> Placed:
         """Give them translated by their shifts."""
-        return replace(self, translations=self.translations + self.shifts)
+        return self._replace(translations=self.translations + self.shifts)
 
     def ranking(self) -> NDArray[np.int64]:
         """Rows by their scores, the best first."""
@@ -114,7 +114,7 @@ def join(parts: Sequence[Placed]) -> Placed:
     """Put several into one, in their order."""
     if len(parts) == 1:
         return parts[0]
-    return Placed(*(np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(Placed)))
+    return Placed._make(np.concatenate(columns) for columns in zip(*parts, strict=True))
 
 
 class ExemplarRenderer:
@@ -122,18 +122,15 @@ class ExemplarRenderer:
 
     def __init__(self, bank: Bank, band: float) -> None:
         self._quats = bank.pose_quats
-        body = coarsen(bank.body, _VERTICES)
-        skin = body.sparse_weights
-        self._body = (body.vertices, body.nodes, NODE_PARENTS, skin.nodes, skin.weights, body.faces)
+        self._skin = coarsen(bank.body, _VERTICES).skin
         self._band = band
 
     def compare(self, placed: Placed, scale: float, observed: Observation) -> Placed:
         """Score exemplars where they are placed, and find by how much they seem to be off."""
-        camera, count = observed.camera, len(placed.scores)
-        scores, shifts, nodes = np.empty(count), np.empty((count, 3)), np.empty_like(placed.nodes)
-        kernels.score(
-            placed.exemplars, self._quats, scale, *self._body,
-            observed.depth, observed.labels, camera.fx, camera.fy, camera.cx, camera.cy,
-            self._band, placed.rotations, placed.translations, scores, shifts, nodes,
-        )  # fmt: skip
-        return replace(placed, scores=scores, shifts=shifts, nodes=nodes)
+        compared = placed._replace(
+            scores=np.empty_like(placed.scores),
+            shifts=np.empty_like(placed.shifts),
+            nodes=np.empty_like(placed.nodes),
+        )
+        kernels.score(compared, self._quats, self._skin, scale, observed, self._band)
+        return compared

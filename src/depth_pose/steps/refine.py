@@ -1,9 +1,9 @@
 """Fit the body to the cloud, starting from the matched exemplars (Sec. 6).
 
 Two methods, one interface: ``articulated`` fits joint angles of the skinned body
-(`depth_pose.registration.articulated`); ``cpd`` is the paper's, non-rigid registration of the
+(`depth_pose.fit.articulated`); ``cpd`` is the paper's, non-rigid registration of the
 exemplar's visible vertices, Laplacian completion of the mesh and joints from control vertices
-(`depth_pose.registration.completion`). Two poses contend, and the one whose rendered depth agrees
+(`depth_pose.fit.completion`). Two poses contend, and the one whose rendered depth agrees
 best wins: the matcher's candidates, and the pose of the frame before. Tracking alone loses arms and
 does not find them again; but a pose that has converged over many frames agrees better than any new
 one, however wrong it is, until that is fitted as well. So each side is fitted by itself.
@@ -18,21 +18,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.bank.bank import Bank
-from depth_pose.config import MatchConfig, RefineConfig
-from depth_pose.errors import BankError
-from depth_pose.geometry import matrix_to_quat
-from depth_pose.registration.articulated import BodyPose, candidate_pose
-from depth_pose.registration.limbs import LimbSearch
-from depth_pose.registration.skeleton_pose import pose_from_skeleton
-from depth_pose.render import Comparison, DepthComparer
-from depth_pose.skeleton import JOINT_NODES, Source
+from depth_pose.core.config import MAX_STAMP_GAP_NS, FittingConfig, MatchConfig, RefineConfig
+from depth_pose.core.errors import BankError
+from depth_pose.core.rotations import matrix_to_quat
+from depth_pose.core.skeleton import JOINT_NODES, Source
+from depth_pose.core.types import Candidate, Fitted, PoseMatch, Skeleton
+from depth_pose.fit.articulated import BodyPose, FittedBody, candidate_pose
+from depth_pose.fit.limbs import LimbSearch
+from depth_pose.fit.rendered_depth import Comparison, DepthComparer
+from depth_pose.fit.skeleton_pose import pose_from_skeleton
+from depth_pose.people.memory import PerPerson
+from depth_pose.people.person import People, Person
 from depth_pose.steps.confidence import report_joints, skeleton_confidence
-from depth_pose.steps.fitters import FITTERS, FittedBody
-from depth_pose.steps.identity import PersonGuard
-from depth_pose.steps.sample import sample_cloud
-from depth_pose.steps.stamps import StampGuard
-from depth_pose.steps.view import PersonView, view_person
-from depth_pose.types import Candidate, PersonCloud, PoseMatch, Skeleton
+from depth_pose.steps.fitters import FITTERS
+from depth_pose.steps.warm_up import sample_people
 
 _ROUGH = 2
 """Candidates, the best after a glance, that are fitted roughly."""
@@ -52,85 +51,107 @@ class _Compared:
     comparison: Comparison
 
 
-class Refiner:
-    """The third stage: what `refine_node` runs."""
+@dataclass
+class _Kept:
+    """What is kept of one person's last frame: the pose, the recovered one, and whose turn it is."""
 
-    def __init__(self, bank: Bank, config: RefineConfig, match: MatchConfig) -> None:
+    previous: BodyPose | None = None
+    recovered: BodyPose | None = None
+    turn: int = 0
+
+
+class Refiner:
+    """The third stage: what `refine_node` runs.
+
+    Attributes
+    ----------
+    meshes : dict of str to (V, 3) float64
+        The body as it was fitted to each person in the last frame, camera frame, metres.
+    """
+
+    def __init__(
+        self, bank: Bank, config: RefineConfig, match: MatchConfig, fitting: FittingConfig | None = None
+    ) -> None:
         self.bank = bank
         self.config = config
-        self._band = match.score_band
+        self._match_config = match
         self._faces = bank.body.faces
-        self._fitter = FITTERS[config.method](bank.body)
+        self._fitter = FITTERS[config.method](bank.body, fitting or FittingConfig())
         self._limbs = LimbSearch(bank)
-        self._guard = StampGuard()
-        self._identity = PersonGuard()
+        self._kept = PerPerson(_Kept, MAX_STAMP_GAP_NS)
         self.reset()
 
     def reset(self) -> None:
-        """Forget the previous pose."""
-        self._previous: BodyPose | None = None
-        self._recovered: BodyPose | None = None
-        self._turn = 0
-        self.mesh: NDArray[np.float64] | None = None
+        """Forget all poses."""
+        self._kept.reset()
+        self.meshes: dict[str, NDArray[np.float64]] = {}
 
     def warm_up(self) -> None:
         """Compile every kernel."""
+        people = sample_people(self.bank)
         start = Candidate(0, 0, np.array([1.0, 0.0, 0.0, 0.0]), np.array([0.0, 0.0, 3.2]), 0.0, 0.0)
-        self.refine(sample_cloud(self.bank), PoseMatch(0, "", self.bank.bank_id, 1.0, (start,)))
-        self.reset()
-        self._guard, self._identity = StampGuard(), PersonGuard()
+        matches = [PoseMatch(p.body_id, self.bank.bank_id, 1.0, (start,)) for p in people.persons]
+        Refiner(self.bank, self.config, self._match_config).refine(people, matches)
 
-    def take_answer(self, skeleton: Skeleton) -> None:
+    def take_answer(self, skeletons: Iterable[Skeleton]) -> None:
         """Learn what became of the frame before, after the failure check.
 
-        A recovered pose is one more start for the next frame; a lost one ends the tracking.
+        A recovered pose is one more start for the next frame; somebody without an answer is not
+        tracked on.
         """
-        if skeleton.source == Source.RECOVERED:
-            self._recovered = pose_from_skeleton(self.bank.body, skeleton)
-        elif skeleton.is_lost:
-            self._previous = None
+        answers = {s.body_id: s for s in skeletons}
+        for body_id in self.meshes:
+            kept, answer = self._kept.get(body_id), answers.get(body_id)
+            if kept is None:
+                continue
+            if answer is None:
+                kept.previous = None
+            elif answer.source == Source.RECOVERED:
+                kept.recovered = pose_from_skeleton(self.bank.body, answer)
 
-    def refine(self, cloud: PersonCloud, match: PoseMatch) -> Skeleton:
-        """Fit the body to one frame.
+    def refine(self, people: People, matches: Iterable[PoseMatch]) -> tuple[Fitted, ...]:
+        """Fit the body to everybody who was matched.
 
         Parameters
         ----------
-        cloud : PersonCloud
-        match : PoseMatch
-            The matcher's answer to the same cloud.
+        people : People
+        matches : iterable of PoseMatch
+            The matcher's answers to the same people; who has none is left out.
 
         Returns
         -------
-        Skeleton
-            Source REFINED, or LOST where there is nobody or no candidate.
+        tuple of Fitted
+            Source REFINED, or LOST without a candidate.
 
         Raises
         ------
         BankError
-            Where the match speaks of another bank.
+            Where a match speaks of another bank.
         """
-        if self._guard.is_break(cloud.stamp_ns):
-            self.reset()
+        self._kept.begin(people.stamp_ns)
+        self.meshes = {}
+        persons = {p.body_id: p for p in people.persons}
+        return tuple(self._refine(persons[m.body_id], m) for m in matches if m.body_id in persons)
+
+    def _refine(self, person: Person, match: PoseMatch) -> Fitted:
+        """Fit the body to one person."""
         if match.bank_id != self.bank.bank_id:
             raise BankError(
                 f"the match refers to bank {match.bank_id}, but {self.bank.bank_id} is loaded here; "
                 "give the matcher and the refiner the same bank file"
             )
-        view = view_person(cloud)
-        if view is None or not match.candidates:
-            self.reset()
-            return Skeleton.lost(cloud.stamp_ns, cloud.frame_id)
-        if self._identity.is_other(view, cloud.stamp_ns):
-            self.reset()
-        self._identity.note(view, cloud.stamp_ns)
-        best = self._fit_best(view, match)
-        self._previous, self.mesh = best.body.pose, best.body.vertices
-        return self._skeleton(cloud, view, best)
+        if not match.candidates:
+            self._kept.forget(person.body_id)
+            return Fitted(Skeleton.lost(person.stamp_ns, person.frame_id, person.body_id), 1.0)
+        kept = self._kept[person.body_id]
+        best = self._fit_best(person, match, kept)
+        kept.previous, self.meshes[person.body_id] = best.body.pose, best.body.vertices
+        return Fitted(self._skeleton(person, best), best.comparison.score)
 
-    def _fit_best(self, view: PersonView, match: PoseMatch) -> _Compared:
+    def _fit_best(self, person: Person, match: PoseMatch, kept: _Kept) -> _Compared:
         """Fit fresh and kept starts roughly, try other limbs on one of both sides, finish, and choose."""
-        comparer = DepthComparer(view.coarse, self._band)
-        fitter = self._fitter.fit_to(view)
+        comparer = DepthComparer(person.coarse, self._match_config.score_band)
+        fitter = self._fitter.fit_to(person)
 
         def ranked(bodies: Iterable[FittedBody]) -> list[_Compared]:
             compared = (_Compared(b, comparer.compare(b.vertices, self._faces)) for b in bodies)
@@ -151,30 +172,30 @@ class Refiner:
         fresh = (candidate_pose(self.bank, c, match.scale) for c in match.candidates)
         glances = ranked(fitter.glance(start) for start in fresh)
         sides = [ranked(fitter.rough(g.body.pose) for g in glances[:_ROUGH])[0]]
-        if kept := self._kept(match.scale):
-            sides.append(ranked(fitter.rough(start) for start in kept)[0])
-            self._turn = (self._turn + 1) % 2
-            sides[self._turn] = search_limbs(sides[self._turn], 1)
+        if starts := self._kept_starts(kept, match.scale):
+            sides.append(ranked(fitter.rough(start) for start in starts)[0])
+            kept.turn = (kept.turn + 1) % 2
+            sides[kept.turn] = search_limbs(sides[kept.turn], 1)
         else:
             sides[0] = search_limbs(sides[0], _FIRST_ROUNDS)
         enough = min(map(_score, sides)) + _NEARLY
         return ranked(fitter.finish(s.body) for s in sides if _score(s) <= enough)[0]
 
-    def _kept(self, scale: float) -> list[BodyPose]:
-        """Give what is kept of the frame before: its pose, and the recovered one."""
-        kept = [self._previous if self.config.track else None, self._recovered]
-        self._recovered = None
-        return [BodyPose(pose.rotations, pose.root, scale) for pose in kept if pose is not None]
+    def _kept_starts(self, kept: _Kept, scale: float) -> list[BodyPose]:
+        """Give what is kept of the frame before: its pose, and the recovered one, which is used up."""
+        poses = [kept.previous if self.config.track else None, kept.recovered]
+        kept.recovered = None
+        return [BodyPose(pose.rotations, pose.root, scale) for pose in poses if pose is not None]
 
-    def _skeleton(self, cloud: PersonCloud, view: PersonView, fitted: _Compared) -> Skeleton:
+    def _skeleton(self, person: Person, fitted: _Compared) -> Skeleton:
         """Put a fitted pose into words."""
         confidence = skeleton_confidence(fitted.comparison.score)
         positions = fitted.body.nodes[JOINT_NODES]
-        report = report_joints(positions, fitted.body.pose.scale, view, fitted.comparison.score)
+        report = report_joints(positions, fitted.body.pose.scale, person, fitted.comparison.score)
         return Skeleton(
-            stamp_ns=cloud.stamp_ns,
-            frame_id=cloud.frame_id,
-            body_id="",
+            stamp_ns=person.stamp_ns,
+            frame_id=person.frame_id,
+            body_id=person.body_id,
             source=Source.REFINED,
             confidence=float(np.float32(confidence)),
             residual=float(np.float32(fitted.comparison.gap)),

@@ -13,14 +13,15 @@ from collections.abc import Callable
 
 import numpy as np
 
-from depth_pose.registration.articulated import ArticulatedFitter, BodyPose
-from depth_pose.steps.trial import TrialFits
-from depth_pose.steps.view import PersonView
+from depth_pose.fit.articulated import ArticulatedFitter, BodyPose
+from depth_pose.people.person import Person
+from depth_pose.steps.short_fits import TrialFits
 
 SCALES = 0.6 * 1.04 ** np.arange(18)
 """Sizes that are tried: statures from 1.05 m to 2.05 m for a body of 1.75 m."""
 
 _MOST_STEPS = 5
+"""Steps of 4 % from the first guess, at most: so that the first frame does not take long."""
 
 
 class ScaleFinder:
@@ -48,16 +49,16 @@ class ScaleFinder:
         step = 0.5 * (-below - above) / (above - below) if above > 0.0 > below else 0.0
         return float(SCALES[k] * (SCALES[1] / SCALES[0]) ** step)
 
-    def add(self, view: PersonView, start: BodyPose) -> None:
+    def add(self, person: Person, start: BodyPose) -> None:
         """Take a frame into account.
 
         Parameters
         ----------
-        view : PersonView
+        person : Person
         start : BodyPose
             The matched pose, at a size near the person's.
         """
-        trial = TrialFits(self._fitter, self._band, view)
+        trial = TrialFits(self._fitter, self._band, person)
         scored: dict[int, float] = {}
 
         def score(k: int) -> float:

@@ -12,7 +12,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.config import SmoothConfig
+from depth_pose.core.config import SmoothConfig
 
 _SPEED_CUTOFF_HZ = 4.0
 

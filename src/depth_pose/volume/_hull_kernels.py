@@ -2,50 +2,71 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
+
+from depth_pose.core._camera_kernels import project
 
 OUTSIDE = -1
 """Entry of the tables where a camera does not see a voxel: it has no say there."""
 
 
+NEAR_M = 0.05
+"""What is nearer to a camera, or behind it, is not seen by it, metres."""
+
+
+class Grid(NamedTuple):
+    """Voxels of a space, in blocks of ``side`` along each edge.
+
+    ``origin`` (3,) is the corner with the least coordinates, ``voxel`` the edge of a voxel, metres;
+    ``blocks`` are the numbers of blocks along x, y and z.
+    """
+
+    origin: NDArray[np.float64]
+    voxel: float
+    blocks: tuple[int, int, int]
+    side: int
+
+
 @njit(cache=True)
-def project_voxels(origin, voxel, counts, side, rotations, translations, intrinsics, sizes, tables, rects):
-    """Pixel of every voxel in every camera, block by block, and the blocks' rectangles.
+def project_voxels(grid, T_camera_world, camera, c, tables, rects):
+    """Pixel of every voxel in camera number ``c``, block by block, and the blocks' rectangles.
 
     ``tables`` is (blocks, cameras, side^3): row * width + column, or OUTSIDE; ``rects`` is
     (blocks, cameras, 4): first and last row and column, with first row OUTSIDE where the camera
     sees nothing of the block, and last column negative (-1 - column) where it sees a part.
     """
-    bx, by, bz = counts
+    bx, by, bz = grid.blocks
+    origin, voxel, side, T = grid.origin, grid.voxel, grid.side, T_camera_world
     for block in range(bx * by * bz):
         i0, rest = block // (by * bz), block % (by * bz)
         j0, k0 = rest // bz, rest % bz
-        for c in range(rotations.shape[0]):
-            r, t = rotations[c], translations[c]
-            fx, fy, cx, cy = intrinsics[c]
-            height, width = sizes[c]
-            top, bottom, left, right, seen, n = height, -1, width, -1, 0, 0
-            for i in range(side):
-                x = origin[0] + (i0 * side + i + 0.5) * voxel
-                for j in range(side):
-                    y = origin[1] + (j0 * side + j + 0.5) * voxel
-                    for k in range(side):
-                        z = origin[2] + (k0 * side + k + 0.5) * voxel
-                        d = r[2, 0] * x + r[2, 1] * y + r[2, 2] * z + t[2]
-                        tables[block, c, n] = OUTSIDE
-                        if d > 0.05:
-                            u = int(np.rint(fx * (r[0, 0] * x + r[0, 1] * y + r[0, 2] * z + t[0]) / d + cx))
-                            v = int(np.rint(fy * (r[1, 0] * x + r[1, 1] * y + r[1, 2] * z + t[1]) / d + cy))
-                            if 0 <= u < width and 0 <= v < height:
-                                tables[block, c, n] = v * width + u
-                                top, bottom = min(top, v), max(bottom, v)
-                                left, right = min(left, u), max(right, u)
-                                seen += 1
-                        n += 1
-            rects[block, c, 0] = top if seen else OUTSIDE
-            rects[block, c, 1], rects[block, c, 2] = bottom, left
-            rects[block, c, 3] = right if seen == n else -1 - right
+        top, bottom, left, right, seen, n = camera.height, -1, camera.width, -1, 0, 0
+        for i in range(side):
+            x = origin[0] + (i0 * side + i + 0.5) * voxel
+            for j in range(side):
+                y = origin[1] + (j0 * side + j + 0.5) * voxel
+                for k in range(side):
+                    z = origin[2] + (k0 * side + k + 0.5) * voxel
+                    d = T[2, 0] * x + T[2, 1] * y + T[2, 2] * z + T[2, 3]
+                    tables[block, c, n] = OUTSIDE
+                    if d > NEAR_M:
+                        a = T[0, 0] * x + T[0, 1] * y + T[0, 2] * z + T[0, 3]
+                        b = T[1, 0] * x + T[1, 1] * y + T[1, 2] * z + T[1, 3]
+                        u, v = project(camera, a, b, d)
+                        col, row = int(np.rint(u)), int(np.rint(v))
+                        if 0 <= col < camera.width and 0 <= row < camera.height:
+                            tables[block, c, n] = row * camera.width + col
+                            top, bottom = min(top, row), max(bottom, row)
+                            left, right = min(left, col), max(right, col)
+                            seen += 1
+                    n += 1
+        rects[block, c, 0] = top if seen else OUTSIDE
+        rects[block, c, 1], rects[block, c, 2] = bottom, left
+        rects[block, c, 3] = right if seen == n else -1 - right
 
 
 @njit(cache=True)
@@ -127,9 +148,9 @@ def carve(tables, rects, silhouettes, sums, present, least_views, blocks, marks)
 
 
 @njit(cache=True)
-def keep_largest(blocks, marks, counts, stack, labels):
+def keep_largest(grid, blocks, marks, stack, labels):
     """Empty all blocks but those of the largest connected group, by its voxels; gives that number."""
-    bx, by, bz = counts
+    bx, by, bz = grid.blocks
     labels[:] = 0
     best, best_size, label = 0, 0, 0
     for start in range(blocks.shape[0]):
@@ -162,12 +183,13 @@ def keep_largest(blocks, marks, counts, stack, labels):
 
 
 @njit(cache=True)
-def find_surface(blocks, marks, counts, side, origin, voxel, points, centre):
+def find_surface(grid, blocks, marks, points, centre):
     """Write centres of voxels with an empty one of six neighbours, and the mean of all voxels.
 
     Gives the number of surface voxels, and of all; ``points`` may be too small for them.
     """
-    bx, by, bz = counts
+    bx, by, bz = grid.blocks
+    origin, voxel, side = grid.origin, grid.voxel, grid.side
     n, total, row, last = 0, 0, side * side, side - 1
     centre[:] = 0.0
     for block in range(blocks.shape[0]):
@@ -203,36 +225,25 @@ def find_surface(blocks, marks, counts, side, origin, voxel, points, centre):
                     centre[2] += z
                     if buried:
                         continue
+                    # the six neighbours: in this block, or in the next one
                     if (
-                        (
-                            own[q - row]
-                            if i > 0
-                            else _filled(blocks, marks, counts, side, x0 - 1, y0 + j, z0 + k)
-                        )
+                        (own[q - row] if i > 0 else _filled(grid, blocks, marks, x0 - 1, y0 + j, z0 + k))
                         and (
                             own[q + row]
                             if i < last
-                            else _filled(blocks, marks, counts, side, x0 + side, y0 + j, z0 + k)
+                            else _filled(grid, blocks, marks, x0 + side, y0 + j, z0 + k)
                         )
-                        and (
-                            own[q - side]
-                            if j > 0
-                            else _filled(blocks, marks, counts, side, x0 + i, y0 - 1, z0 + k)
-                        )
+                        and (own[q - side] if j > 0 else _filled(grid, blocks, marks, x0 + i, y0 - 1, z0 + k))
                         and (
                             own[q + side]
                             if j < last
-                            else _filled(blocks, marks, counts, side, x0 + i, y0 + side, z0 + k)
+                            else _filled(grid, blocks, marks, x0 + i, y0 + side, z0 + k)
                         )
-                        and (
-                            own[q - 1]
-                            if k > 0
-                            else _filled(blocks, marks, counts, side, x0 + i, y0 + j, z0 - 1)
-                        )
+                        and (own[q - 1] if k > 0 else _filled(grid, blocks, marks, x0 + i, y0 + j, z0 - 1))
                         and (
                             own[q + 1]
                             if k < last
-                            else _filled(blocks, marks, counts, side, x0 + i, y0 + j, z0 + side)
+                            else _filled(grid, blocks, marks, x0 + i, y0 + j, z0 + side)
                         )
                     ):
                         continue
@@ -245,7 +256,9 @@ def find_surface(blocks, marks, counts, side, origin, voxel, points, centre):
 
 
 @njit(cache=True)
-def _filled(blocks, marks, counts, side, x, y, z):
+def _filled(grid, blocks, marks, x, y, z):
+    """Mark of one voxel by its numbers along the axes; 0 outside the space."""
+    side, counts = grid.side, grid.blocks
     if x < 0 or y < 0 or z < 0:
         return np.uint8(0)
     i, j, k = x // side, y // side, z // side

@@ -1,10 +1,14 @@
-"""Settings of the volume tracker; the defaults stand here and nowhere else."""
+"""Settings of the volume tracker; the defaults stand here and nowhere else.
+
+Where nothing else is said they were chosen on further performances (101 and 102 of `benchmarks/volume.py`)
+that neither training nor the tables of docs/volume.md use.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from depth_pose.config import DenoiseConfig, Sections, SegmentConfig, _Checked, option
+from depth_pose.core.config import DenoiseConfig, Sections, SegmentConfig, _Checked, option
 
 
 @dataclass(frozen=True)
@@ -45,6 +49,52 @@ class TrackConfig(_Checked):
 
 
 @dataclass(frozen=True)
+class VolumeFitConfig(_Checked):
+    """The fit of a body to the volume; terms as in `depth_pose.core.config.FitConfig`."""
+
+    sigmas: tuple[float, ...] = option(
+        (0.06, 0.045, 0.035, 0.028, 0.025),
+        "Standard deviation of the points about the skin in each iteration, coarse to fine",
+        unit="m",
+        low=0.001,
+        high=1.0,
+    )
+    outlier: float = option(
+        0.3, "Weight u of the outlier class beside a vertex at no distance", low=0.0, high=10.0
+    )
+    plane_weight: float = option(1.0, "Weight of distances along the skin's normal", low=0.0, high=100.0)
+    point_weight: float = option(0.3, "Weight of distances in all directions", low=0.0, high=100.0)
+    prior: float = option(1.0, "Weight that holds joints near the regressed pose", low=0.0, high=1000.0)
+    root_prior: float = option(
+        20.0, "Weight that holds the pelvis near the regressed place", low=0.0, high=1000.0
+    )
+    damping: float = option(0.02, "Of every Gauss-Newton step", low=0.0, high=10.0)
+    max_step: float = option(
+        0.35, "The most that a joint turns in one iteration", unit="rad", low=0.01, high=3.0
+    )
+    max_points: int = option(400, "Surface voxels that are fitted to, at most", low=50, high=100000)
+    trust_power: float = option(
+        2.0, "Power of how far clothing lets a vertex be seen; 0: all count alike", low=0.0, high=10.0
+    )
+
+
+@dataclass(frozen=True)
+class ViewsConfig(_Checked):
+    """How images of several cameras become sets of views of one time."""
+
+    tolerance: float = option(
+        0.004, "Stamps that differ by at most this are of one set of views", unit="s", low=0.0, high=1.0
+    )
+    patience: float = option(
+        0.012, "Live: how long a set waits for a late camera", unit="s", low=0.0, high=1.0
+    )
+    gone_after: float = option(
+        0.5, "A camera silent for this long is gone and not waited for", unit="s", low=0.05, high=60.0
+    )
+    cut_out: bool = option(True, "Depth: find the person in the images; false: they show nothing else")
+
+
+@dataclass(frozen=True)
 class LearnConfig(_Checked):
     """Learning of the dynamical model and the regressions."""
 
@@ -59,9 +109,12 @@ class LearnConfig(_Checked):
 
 @dataclass(frozen=True)
 class VolumeConfig(Sections):
-    """Settings of the volume node: of space and tracker, and of finding the person in depth images."""
+    """All settings of the volume tracker; those of finding the person in depth images are shared."""
 
     segment: SegmentConfig = field(default=SegmentConfig())
     denoise: DenoiseConfig = field(default=DenoiseConfig())
+    views: ViewsConfig = ViewsConfig()
     space: SpaceConfig = SpaceConfig()
     track: TrackConfig = TrackConfig()
+    fit: VolumeFitConfig = VolumeFitConfig()
+    learn: LearnConfig = LearnConfig()

@@ -1,10 +1,15 @@
 r"""The volume descriptor (Sec. 4), for all headings at once.
 
 Surface voxels are counted in bins of height, azimuth and radius about the vertical axis through
-the volume's centroid: in cylindrical coordinates ``[z, atan2(y, x), sqrt(x^2 + y^2)]`` a rotation
-of the person only adds to the azimuth. Lengths are divided by the person's stature. The shares are
-square-rooted, so that the distance of two descriptors is Hellinger's. Heights, radii and fine
-azimuths are shared between the two nearest bins, so that nothing jumps when a voxel crosses over.
+the volume's centroid. The world has y up (the paper: z), so the cylindrical coordinates are
+``[y, atan2(x, z), sqrt(x^2 + z^2)]``, and a rotation of the person only adds to the azimuth. The paper
+prints them in another order than it names them, ``atan(y / x)`` for the angle, and 180 dimensions for
+5 x 16 x 2 bins, which are 160: slips.
+
+Three things are not in the paper. Lengths are divided by the person's stature, so that one model serves
+people of all heights. The shares are square-rooted, so that the distance of two descriptors is
+Hellinger's. Heights, radii and fine azimuths are shared between the two nearest bins, so that nothing
+jumps when a voxel crosses over.
 
 The azimuth of a fine histogram is counted once; cumulative sums then give the descriptor for each
 of its rotations: row ``s`` is that of a person who faces ``2 pi s / n_fine``, which is the
@@ -18,21 +23,21 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.errors import ConfigError
-from depth_pose.skeleton import ADULT_STATURE_M
+from depth_pose.core.errors import ConfigError
+from depth_pose.core.skeleton import ADULT_STATURE_M
 from depth_pose.volume import _descriptor_kernels as kernels
 from depth_pose.volume.hull import Volume
 
 OUTER_RADIUS_M = 0.8
-"""Radius of the outermost bins' edge for an adult of 1.75 m; what is farther counts as there."""
+"""Radius of the outermost bins' edge for an adult of 1.75 m, metres; all beyond counts there. Set by hand."""
 
-TOP_M = 1.75 * 1.2
-"""Height of the topmost bins' edge for an adult of 1.75 m."""
+TOP_M = 1.2 * ADULT_STATURE_M
+"""Height of the topmost bins' edge for an adult of 1.75 m, metres: arms up. Set by hand."""
 
 
 @dataclass(frozen=True)
 class Bins:
-    """Numbers of bins in height, azimuth and radius, and of fine azimuths."""
+    """Numbers of bins in height, azimuth and radius (as in the paper), and of fine azimuths."""
 
     heights: int = 5
     azimuths: int = 16
@@ -72,11 +77,8 @@ def describe(volume: Volume, stature: float, bins: Bins | None = None) -> NDArra
         raise ValueError("an empty volume has no descriptor")
     fine = np.empty((bins.heights, bins.radii, bins.fine))
     out = np.empty((bins.fine, bins.size))
-    x, _, z = volume.centroid
-    kernels.count_fine(
-        volume.surface, x, z, ADULT_STATURE_M / stature,
-        bins.heights, bins.radii, bins.fine, TOP_M, OUTER_RADIUS_M, fine,
-    )  # fmt: skip
+    scale = ADULT_STATURE_M / stature
+    kernels.count_fine(volume.surface, volume.centroid, scale, TOP_M, OUTER_RADIUS_M, fine)
     kernels.sum_rotations(fine, bins.azimuths, out)
     return out
 

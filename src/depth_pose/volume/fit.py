@@ -1,7 +1,7 @@
 """A last fit of a body to the volume, from the regressed pose.
 
 Regression answers with mixtures of poses that it was taught; only the volume itself tells how this
-dancer's arm differs from all of them. The articulated fit of `depth_pose.registration.articulated`
+dancer's arm differs from all of them. The articulated fit of `depth_pose.fit.articulated`
 is run on the surface voxels, with one change: a vertex counts as much as it can be trusted to lie on
 the surface, which was learned from the training's clothing. What clothing hides keeps its regressed
 pose.
@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.body.body import Body
-from depth_pose.registration.articulated import parameters_above, vertex_normals
-from depth_pose.skeleton import NODE_INDEX, NODE_PARENTS, NODES
+from depth_pose.fit.articulated import articulate
 from depth_pose.volume import _fit_kernels as kernels
+from depth_pose.volume.config import VolumeFitConfig
 
 Array = NDArray[np.float64]
 
@@ -32,23 +32,8 @@ _STIFFNESS: dict[str, float] = {
     "knee": 1.0,
     "ankle": 1.0,
 }
-"""Relative stiffness of each free node toward the start; nodes not named follow their parent."""
-
-
-@dataclass(frozen=True)
-class VolumeFitConfig:
-    """Settings of the fit; lengths in metres."""
-
-    sigmas: tuple[float, ...] = (0.06, 0.045, 0.035, 0.028, 0.025)
-    outlier: float = 0.3
-    plane_weight: float = 1.0
-    point_weight: float = 0.3
-    prior: float = 1.0
-    root_prior: float = 20.0
-    damping: float = 0.02
-    max_step: float = 0.35
-    max_points: int = 400
-    trust_power: float = 2.0
+"""Relative stiffness of each free node toward the start; nodes not named follow their parent. Arms show in a
+volume, what a skirt hides does not. Chosen like the defaults of `depth_pose.volume.config`."""
 
 
 @dataclass(frozen=True)
@@ -86,19 +71,10 @@ class VolumeFitter:
 
     def __init__(self, body: Body, trust: Array, config: VolumeFitConfig | None = None) -> None:
         self.body, self.config = body, config or VolumeFitConfig()
-        sparse = body.sparse_weights
-        self._influence, self._weight = sparse.nodes, sparse.weights
-        self._normals = vertex_normals(body)
+        self._articulation = articulate(body, _STIFFNESS)
         self._trust = np.ascontiguousarray(trust**self.config.trust_power)
-        self._free = np.full(len(NODES), -1)
-        stiffness: list[float] = []
-        for name, node in NODE_INDEX.items():
-            kind = name.split("_")[-1]
-            if kind in _STIFFNESS:
-                self._free[node] = len(stiffness)
-                stiffness.append(_STIFFNESS[kind])
-        self._stiffness = np.array(stiffness)
-        self._above = parameters_above(self._free)
+        numbers = {n: float(getattr(self.config, n)) for n in kernels.Settings._fields if n != "sigmas"}
+        self._settings = kernels.Settings(sigmas=np.array(self.config.sigmas), **numbers)
 
     def fit(
         self, surface: Array, rotations: Array, root: Array, stature: float, eyes: Array | None = None
@@ -107,15 +83,16 @@ class VolumeFitter:
 
         ``eyes`` is where the cameras stand, (n, 3), if the surface is only the sides that they see.
         """
-        c = self.config
-        every = max(1, -(-len(surface) // c.max_points))
+        every = max(1, -(-len(surface) // self.config.max_points))
         rotations, root = np.ascontiguousarray(rotations).copy(), np.array(root, np.float64)
         residual, size = kernels.fit_volume(
-            np.ascontiguousarray(surface[::every]), np.array(c.sigmas),
-            self.body.vertices, self._normals, self._influence, self._weight, self.body.nodes,
-            NODE_PARENTS, self._free, self._above, self._stiffness, stature / self.body.stature, self._trust,
+            np.ascontiguousarray(surface[::every]),
             np.zeros((0, 3)) if eyes is None else eyes,
-            (c.outlier, c.plane_weight, c.point_weight, c.prior, c.root_prior, c.damping, c.max_step),
-            rotations, root,
-        )  # fmt: skip
+            self._articulation,
+            self._trust,
+            self._settings,
+            stature / self.body.stature,
+            rotations,
+            root,
+        )
         return VolumeFit(rotations, root, float(residual), float(size))

@@ -18,6 +18,7 @@ from scipy.optimize import minimize
 Array = NDArray[np.float64]
 
 _LOG_BOUNDS = (-12.0, 12.0)
+"""Of all logarithms of kernel parameters: farther out covariances are no longer invertible."""
 
 
 def square_distances(a: Array, b: Array) -> Array:

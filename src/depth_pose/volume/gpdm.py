@@ -1,4 +1,4 @@
-r"""Gaussian process dynamical model of a sequence of volumes (Sec. 3, eqs. 1 to 3).
+r"""Gaussian process dynamical model of a sequence of volumes (Sec. 3).
 
 J. Wang, D. Fleet, A. Hertzmann, *Gaussian process dynamical models* (NIPS 2005). Both maps are
 marginalised: :math:`V | X` is a Gaussian process with a radial kernel, :math:`X_{2..N} | X_{1..N-1}`
@@ -27,6 +27,7 @@ from depth_pose.volume.gp import _LOG_BOUNDS, Kernel, evidence
 
 Array = NDArray[np.float64]
 
+# of X to V, and of X to the next X: half of the latter's signal is linear; as usual for GPDM, not swept
 _START = (Kernel(0.0, 0.0, np.log(0.05)), Kernel(np.log(0.5), 0.0, np.log(1e-2), np.log(0.5)))
 
 
@@ -66,7 +67,12 @@ def learn_dynamics(
     config: LearnConfig,
     progress: Callable[[int], None] | None = None,
 ) -> Dynamics:
-    """Learn the latent points of volume sequences.
+    """Learn the latent points of volume sequences: the most of the posterior (Hirai et al. eq. 3).
+
+    The paper's roles of alpha and beta change between its text and its equation: here each map has a kernel
+    of its own, with the prior 1 / theta on each parameter, as in GPDM. Beyond the paper: the dynamics is
+    weighted (``dynamics_weight``), its noise has a floor, several performances and wearers are learned
+    together, and the optimiser is L-BFGS, not scaled conjugate gradients.
 
     Parameters
     ----------

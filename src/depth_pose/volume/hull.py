@@ -14,14 +14,17 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.errors import ConfigError, InputError
+from depth_pose.core.errors import ConfigError
 from depth_pose.volume import _hull_kernels as kernels
 from depth_pose.volume.config import SpaceConfig
-from depth_pose.volume.rig import RigCamera
+from depth_pose.volume.rig import RigCamera, check_images
 
 _BLOCK_M = 0.08
+"""Edge of a block, metres. Set by hand."""
 _MOST_TABLE_BYTES = 3_000_000_000
+"""Larger tables of projections are refused: they would not fit in a small machine's memory."""
 _FIRST_CAPACITY = 30_000
+"""Surface voxels that there is room for at first; ten times a person's at 2 cm."""
 LEAST_VIEWS = 2
 """Voxels that fewer cameras see are not the person's: one silhouette alone is a cone, not a body."""
 
@@ -92,14 +95,14 @@ class HullCarver:
         if len(cameras) < LEAST_VIEWS:
             raise ConfigError(f"a hull needs at least {LEAST_VIEWS} cameras, not {len(cameras)}")
         self.cameras, self.space = tuple(cameras), space
-        self._side = max(2, round(_BLOCK_M / space.voxel))
-        block = self._side * space.voxel
+        side = max(2, round(_BLOCK_M / space.voxel))
+        block = side * space.voxel
         across = max(1, int(np.ceil(2 * space.half_width / block - 1e-6)))
         up = max(1, int(np.ceil(space.height / block - 1e-6)))
-        self._counts = (across, up, across)
         edge = across * block / 2
-        self._origin = np.array([space.centre_x - edge, 0.0, space.centre_z - edge])
-        blocks, n = across * up * across, self._side**3
+        origin = np.array([space.centre_x - edge, 0.0, space.centre_z - edge])
+        self._grid = kernels.Grid(origin, space.voxel, (across, up, across), side)
+        blocks, n = across * up * across, side**3
         size = 4 * blocks * len(cameras) * n
         if size > _MOST_TABLE_BYTES:
             raise ConfigError(
@@ -108,14 +111,9 @@ class HullCarver:
             )
         self._tables = np.empty((blocks, len(cameras), n), np.int32)
         self._rects = np.empty((blocks, len(cameras), 4), np.int32)
+        for i, c in enumerate(cameras):
+            kernels.project_voxels(self._grid, c.T_camera_world, c.camera, i, self._tables, self._rects)
         sizes = np.array([(c.camera.height, c.camera.width) for c in cameras])
-        kernels.project_voxels(
-            self._origin, space.voxel, self._counts, self._side,
-            np.stack([c.T_camera_world[:3, :3] for c in cameras]),
-            np.stack([c.T_camera_world[:3, 3] for c in cameras]),
-            np.array([(c.camera.fx, c.camera.fy, c.camera.cx, c.camera.cy) for c in cameras]),
-            sizes, self._tables, self._rects,
-        )  # fmt: skip
         height, width = sizes.max(axis=0)
         self._flat = np.zeros((len(cameras), int((sizes[:, 0] * sizes[:, 1]).max())), np.uint8)
         self._sums = np.zeros((len(cameras), height + 1, width + 1), np.int32)
@@ -137,17 +135,11 @@ class HullCarver:
         InputError
             Where an image is missing from the list or of another size than its camera's.
         """
-        if len(silhouettes) != len(self.cameras):
-            raise InputError(f"{len(silhouettes)} silhouettes for {len(self.cameras)} cameras")
+        check_images(silhouettes, self.cameras)
         present = np.array([s is not None for s in silhouettes])
         for c, (silhouette, rig) in enumerate(zip(silhouettes, self.cameras, strict=True)):
             if silhouette is None:
                 continue
-            if silhouette.shape != (rig.camera.height, rig.camera.width):
-                raise InputError(
-                    f"the silhouette of {rig.name} is {silhouette.shape[1]} x {silhouette.shape[0]}; "
-                    f"its camera's images are {rig.camera.width} x {rig.camera.height}"
-                )
             mask = np.ascontiguousarray(silhouette).reshape(-1) != 0
             self._flat[c, : mask.size] = mask
             kernels.integrate(
@@ -160,7 +152,7 @@ class HullCarver:
         kernels.carve(
             self._tables, self._rects, self._flat, self._sums, present, LEAST_VIEWS, self._blocks, self._marks
         )
-        kernels.keep_largest(self._blocks, self._marks, self._counts, self._stack, self._labels)
+        kernels.keep_largest(self._grid, self._blocks, self._marks, self._stack, self._labels)
         centroid = np.zeros(3)
         count, total = self._surface(centroid)
         if count > len(self._points):
@@ -170,9 +162,8 @@ class HullCarver:
 
     def _surface(self, centroid: NDArray[np.float64]) -> tuple[int, int]:
         found: tuple[int, int] = kernels.find_surface(
-            self._blocks, self._marks, self._counts, self._side,
-            self._origin, self.space.voxel, self._points, centroid,
-        )  # fmt: skip
+            self._grid, self._blocks, self._marks, self._points, centroid
+        )
         return found
 
 
@@ -195,7 +186,7 @@ class SurfaceVoxels:
         return Volume(surface, surface.mean(axis=0), len(surface), 1, np.array(eye, np.float64)[None])
 
     def join(self, parts: Sequence[Volume]) -> Volume:
-        """Put what several cameras saw at one moment into one surface."""
+        """Put what several cameras saw at one time into one surface."""
         parts = [p for p in parts if not p.is_empty]
         if len(parts) < 2:
             return parts[0] if parts else empty_volume(0)

@@ -15,9 +15,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.errors import InputError
+from depth_pose.core.errors import InputError
 from depth_pose.volume.descriptor import Bins
 from depth_pose.volume.gp import Kernel, Regression
+from depth_pose.volume.gpdm import chain_rows
 from depth_pose.volume.posespace import PoseSpace
 from depth_pose.volume.space import DescriptorSpace
 
@@ -102,7 +103,11 @@ class VolumeModel:
 
     @cached_property
     def to_volume(self) -> tuple[Regression, ...]:
-        """X to V, one for each view."""
+        """X to V, one for each view (Hirai et al. eq. 2).
+
+        The weights of the basis functions are marginalised, as GPDM does it: a Gaussian process with the
+        training points as its basis. V is the descriptor space, not the descriptor.
+        """
         kernel = Kernel.from_array(self.volume_kernel)
         made = tuple(Regression(self.latent, v, kernel) for v in self.volumes)
         for other in made[1:]:  # they differ in their outputs only
@@ -111,7 +116,7 @@ class VolumeModel:
 
     @cached_property
     def to_latent(self) -> tuple[Regression, ...]:
-        """V to X, one for each view."""
+        """V to X, one for each view: by regression, as Sec. 3 says; GPDM gives none."""
         kernel = Kernel.from_array(self.recall_kernel)
         return tuple(Regression(v, self.latent, kernel) for v in self.volumes)
 
@@ -123,9 +128,7 @@ class VolumeModel:
 
     @cached_property
     def to_next(self) -> Regression:
-        """X to the next X."""
-        from depth_pose.volume.gpdm import chain_rows
-
+        """X to the next X (Hirai et al. eq. 1), the weights marginalised as in `to_volume`."""
         before, after, _ = chain_rows([int(n) for n in self.lengths])
         kernel = Kernel.from_array(self.motion_kernel)
         return Regression(self.latent[before], self.latent[after], kernel, float(self.meta["noise_floor"]))

@@ -1,23 +1,22 @@
 """The method as a whole: Hirai, Ukita, Kidode, from what the cameras see to joint angles.
 
-`VolumePoseTracker` goes from volumes to poses, `SilhouettePipeline` and `DepthPipeline` from images.
+`VolumePoseTracker` goes from volumes to poses, `VolumePipeline` from images.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from threadpoolctl import ThreadpoolController
 
 from depth_pose.body.angles import angles_from_rotations
 from depth_pose.body.procedural import make_body
-from depth_pose.config import MAX_STAMP_GAP_NS
-from depth_pose.errors import ConfigError, InputError
-from depth_pose.geometry import matrix_to_quat
-from depth_pose.skeleton import (
+from depth_pose.core.config import MAX_STAMP_GAP_NS
+from depth_pose.core.rotations import matrix_to_quat, quat_to_matrix
+from depth_pose.core.skeleton import (
     ADULT_STATURE_M,
     JOINT_NODES,
     JOINTS,
@@ -27,25 +26,26 @@ from depth_pose.skeleton import (
     Source,
     forward_kinematics,
 )
-from depth_pose.types import Skeleton
-from depth_pose.volume.config import SpaceConfig, TrackConfig
+from depth_pose.core.types import Skeleton
+from depth_pose.volume.config import VolumeConfig
 from depth_pose.volume.descriptor import heading_angle
+from depth_pose.volume.eyes import make_eyes
 from depth_pose.volume.fit import VolumeFitter
-from depth_pose.volume.hull import LEAST_VIEWS, HullCarver, SurfaceVoxels, Volume
+from depth_pose.volume.headings import turns
+from depth_pose.volume.hull import Volume
 from depth_pose.volume.model import VolumeModel
-from depth_pose.volume.performances import depth_points, turns
-from depth_pose.volume.rig import RigCamera
+from depth_pose.volume.rigfile import Rig, upright_from
 from depth_pose.volume.stature import StatureFinder
+from depth_pose.volume.synchroniser import ViewSet
 from depth_pose.volume.tracker import UNLIKELY, LatentTracker, Tracked, look
 
 Array = NDArray[np.float64]
 
-LEAST_SURFACE_VOXELS = 150
-"""Volumes with a smaller surface, at voxels of 2 cm, are nobody: a person's has some 3,000."""
+_one_thread = ThreadpoolController().wrap(limits=1)
+"""As `depth_pose.pipeline` does: small systems are no faster on more, and sums come in the same order."""
 
-
-_SLIVER = 0.3
-"""A depth camera whose surface is less than this share of the largest one's shows too little."""
+LEAST_SURFACE_M2 = 0.06
+"""Smaller surfaces are nobody, m2: 150 voxels of 2 cm, where a person has 3,000. Set by hand."""
 
 
 @dataclass(frozen=True)
@@ -77,6 +77,11 @@ class VolumePose:
     skeleton: Skeleton
     disregarded: tuple[int, ...] = ()
 
+    @property
+    def skeletons(self) -> tuple[Skeleton, ...]:
+        """Everybody: the one person, or nobody."""
+        return () if self.skeleton.is_lost else (self.skeleton,)
+
     @cached_property
     def angles_deg(self) -> Array:
         """Anatomical angles, (47,), in the order of `depth_pose.body.angles.ANGLES`."""
@@ -89,27 +94,23 @@ class VolumePoseTracker:
     Parameters
     ----------
     model : VolumeModel
-    config : TrackConfig
-    voxel : float
-        Edge of the volumes' voxels, metres.
+    config : VolumeConfig
     frame_id : str
         Name of the world frame.
     """
 
     def __init__(
-        self,
-        model: VolumeModel,
-        config: TrackConfig | None = None,
-        voxel: float = SpaceConfig().voxel,
-        frame_id: str = "world",
+        self, model: VolumeModel, config: VolumeConfig | None = None, frame_id: str = "world"
     ) -> None:
-        self.model, self.config, self.frame_id = model, config or TrackConfig(), frame_id
-        self._least = round(LEAST_SURFACE_VOXELS * (SpaceConfig().voxel / voxel) ** 2)
+        self.model, self.frame_id = model, frame_id
+        self._config = config or VolumeConfig()
+        self.config = self._config.track
+        self._least = round(LEAST_SURFACE_M2 / self._config.space.voxel**2)
         self._tracker = LatentTracker(model, self.config)
         self._size = StatureFinder(model, self.config)
         self._body = make_body()
-        self._fitter = VolumeFitter(self._body, model.trust)
-        self._joint_trust = _joint_trust(self._body.sparse_weights.nodes[:, 0], model.trust)
+        self._fitter = VolumeFitter(self._body, model.trust, self._config.fit)
+        self._joint_trust = _joint_trust(self._body.skin.influence[:, 0], model.trust)
         self.reset()
 
     def reset(self) -> None:
@@ -194,7 +195,7 @@ class VolumePoseTracker:
         grid = np.stack(np.meshgrid(*[np.arange(0.0, 0.3, 0.02)] * 3), axis=-1).reshape(-1, 3)
         tall = np.concatenate([grid, grid + [0.0, 0.6, 0.0]])
         volume = Volume(tall, tall.mean(axis=0), len(tall), 8)
-        other = VolumePoseTracker(self.model, self.config, frame_id=self.frame_id)
+        other = VolumePoseTracker(self.model, self._config, self.frame_id)
         for stamp_ns in (1, 30_000_000):
             other.process(volume, stamp_ns)
 
@@ -211,152 +212,61 @@ def _joint_trust(strongest: NDArray[np.int32], trust: Array) -> Array:
     return np.clip(np.array(joints), 0.0, 1.0)
 
 
-class SilhouettePipeline:
-    """From the silhouettes of a set of cameras to poses.
+class VolumePipeline:
+    """From the images of a set of cameras to poses: silhouettes or depth, as the model was learned.
 
     Parameters
     ----------
     model : VolumeModel
-        Learned from silhouettes.
-    rig : sequence of RigCamera
-    space : SpaceConfig
-    config : TrackConfig
+        One of depth serves any number of cameras.
+    rig : Rig
+    config : VolumeConfig
     frame_id : str
+        Name of the rig's world frame.
     """
 
+    @_one_thread
     def __init__(
-        self,
-        model: VolumeModel,
-        rig: Sequence[RigCamera],
-        space: SpaceConfig | None = None,
-        config: TrackConfig | None = None,
-        frame_id: str = "world",
+        self, model: VolumeModel, rig: Rig, config: VolumeConfig | None = None, frame_id: str = "world"
     ) -> None:
-        _check_input(model, "silhouettes")
-        space = space or SpaceConfig()
-        self.carver = HullCarver(rig, space)
-        self.tracker = VolumePoseTracker(model, config, space.voxel, frame_id)
+        self.rig, config = rig, config or VolumeConfig()
+        self.eyes = make_eyes(model.meta["input"], rig.cameras, config)
+        self.tracker = VolumePoseTracker(model, config, frame_id)
 
-    def process_frame(self, silhouettes: Sequence[NDArray[np.generic] | None], stamp_ns: int) -> VolumePose:
-        """Find the pose in the silhouettes of one moment.
+    @_one_thread
+    def process_frame(self, views: ViewSet) -> VolumePose:
+        """Find the pose in the views of one time; the skeleton is in the rig's world frame.
 
         Parameters
         ----------
-        silhouettes : sequence of (H, W) arrays or None
-            One per camera; None where it brought none. An empty one would empty the whole space; where
-            most of the others show somebody, it is taken for a failure and has no say.
-        stamp_ns : int
+        views : ViewSet
+            One image per camera (silhouettes: not 0 where the person is; depth: metres); None where it
+            brought none. A camera that shows nobody, or hardly anybody, while others do has no say.
+
+        Raises
+        ------
+        InputError
+            Where the images are not one per camera, or of other sizes than the cameras'.
         """
-        empty = [i for i, s in enumerate(silhouettes) if s is not None and not s.any()]
-        showing = sum(s is not None for s in silhouettes) - len(empty)
-        wrong = empty if showing >= max(LEAST_VIEWS, 2 * len(empty)) else []
-        kept = [None if i in wrong else s for i, s in enumerate(silhouettes)]
-        found = self.tracker.process(self.carver.carve(kept), stamp_ns)
-        return replace(found, disregarded=tuple(wrong)) if wrong else found
+        volume, disregarded = self.eyes.see(views)
+        found = self.tracker.process(volume, views.stamp_ns)
+        return replace(found, skeleton=in_world(found.skeleton, self.rig.up), disregarded=disregarded)
 
     def reset(self) -> None:
         """Forget all earlier frames."""
+        self.eyes.reset()
         self.tracker.reset()
 
     def warm_up(self) -> None:
         """Compile every kernel, so that the first frame is not late."""
-        images = [np.zeros((c.camera.height, c.camera.width), np.uint8) for c in self.carver.cameras]
-        self.carver.carve(images)
+        self.eyes.warm_up()
         self.tracker.warm_up()
 
 
-class DepthPipeline:
-    """From the images of one or more depth cameras to poses.
-
-    The images show the person only: everything else in the space is 0.
-
-    Parameters
-    ----------
-    model : VolumeModel
-        Learned from depth; it serves any number of cameras.
-    rig : sequence of RigCamera
-        At least one.
-    space : SpaceConfig
-    config : TrackConfig
-    frame_id : str
-    """
-
-    def __init__(
-        self,
-        model: VolumeModel,
-        rig: Sequence[RigCamera],
-        space: SpaceConfig | None = None,
-        config: TrackConfig | None = None,
-        frame_id: str = "world",
-    ) -> None:
-        _check_input(model, "depth")
-        if not rig:
-            raise ConfigError("a model of depth needs at least one camera")
-        space = space or SpaceConfig()
-        self.rig, self._voxels = tuple(rig), SurfaceVoxels(space)
-        self.tracker = VolumePoseTracker(model, config, space.voxel, frame_id)
-
-    def process_frame(self, depths: Sequence[NDArray[np.generic] | None], stamp_ns: int) -> VolumePose:
-        """Find the pose in the depth images of one moment, metres; None where a camera brought none."""
-        if len(depths) != len(self.rig):
-            raise InputError(f"{len(depths)} depth images for {len(self.rig)} cameras")
-        points: list[Array | None] = []
-        for depth, c in zip(depths, self.rig, strict=True):
-            if depth is not None and depth.shape != (c.camera.height, c.camera.width):
-                raise InputError(
-                    f"the depth image of {c.name} is {depth.shape[1]} x {depth.shape[0]}; "
-                    f"its camera's are {c.camera.width} x {c.camera.height}"
-                )
-            points.append(None if depth is None else c.to_world(depth_points(depth, c)))
-        return self.process_points(points, stamp_ns)
-
-    def process_points(self, points_world: Sequence[Array | None], stamp_ns: int) -> VolumePose:
-        """Find the pose in the person's points.
-
-        Parameters
-        ----------
-        points_world : sequence of (N, 3) arrays or None
-            Of each camera, world frame, metres; None where it brought nothing. A camera that sees much
-            less of the person than another does is hidden from them, or has failed, and has no say.
-        stamp_ns : int
-        """
-        seen = {
-            i: self._voxels.see(points, camera.position)
-            for i, (points, camera) in enumerate(zip(points_world, self.rig, strict=True))
-            if points is not None
-        }
-        most = max((v.voxels for v in seen.values()), default=0)
-        wrong = tuple(i for i, v in seen.items() if v.voxels < _SLIVER * most)
-        volume = self._voxels.join([v for i, v in seen.items() if i not in wrong])
-        found = self.tracker.process(volume, stamp_ns)
-        return replace(found, disregarded=wrong) if wrong else found
-
-    def reset(self) -> None:
-        """Forget all earlier frames."""
-        self.tracker.reset()
-
-    def warm_up(self) -> None:
-        """Compile every kernel, so that the first frame is not late."""
-        self._voxels.see(np.ones((1, 3)), np.zeros(3))
-        self.tracker.warm_up()
-
-
-def make_pipeline(
-    model: VolumeModel,
-    rig: Sequence[RigCamera],
-    space: SpaceConfig | None = None,
-    config: TrackConfig | None = None,
-    frame_id: str = "world",
-) -> SilhouettePipeline | DepthPipeline:
-    """Make the pipeline for what a model was learned from."""
-    if model.meta["input"] == "depth":
-        return DepthPipeline(model, rig, space, config, frame_id)
-    return SilhouettePipeline(model, rig, space, config, frame_id)
-
-
-def _check_input(model: VolumeModel, kind: str) -> None:
-    if model.meta["input"] != kind:
-        raise ConfigError(
-            f"the model was learned from {model.meta['input']}, not from {kind}; "
-            f"make one with 'depth-pose volume train --input {kind}'"
-        )
+def in_world(skeleton: Skeleton, up: str) -> Skeleton:
+    """Give a skeleton of the tracker's world frame in one with another axis up."""
+    if up == "y" or skeleton.is_lost:
+        return skeleton
+    turn = upright_from(up)[:3, :3].T
+    rotations = turn @ quat_to_matrix(skeleton.quats_xyzw)
+    return replace(skeleton, positions=skeleton.positions @ turn.T, quats_xyzw=matrix_to_quat(rotations))

@@ -13,12 +13,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.body.angles import nearest_rotation
+from depth_pose.core.rotations import nearest_rotation
 
 Array = NDArray[np.float64]
 
 _OFFSET_WEIGHT = 3.0
-"""A metre of the pelvis' offset beside a matrix entry of 1."""
+"""A metre of the pelvis' offset beside a matrix entry of 1. Set by hand; not swept."""
 
 
 @dataclass(frozen=True, eq=False)

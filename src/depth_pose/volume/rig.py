@@ -7,12 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.errors import ConfigError
-from depth_pose.types import Camera
+from depth_pose.core.camera import Camera
+from depth_pose.core.errors import ConfigError, InputError
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,10 +56,27 @@ class RigCamera:
         T = self.T_camera_world
         return np.asarray((points_camera - T[:3, 3]) @ T[:3, :3])
 
-    def azimuth_seen(self, point_world: NDArray[np.float64]) -> float:
-        """Direction from a point to the camera about the vertical, atan2(x, z), radians."""
-        x, _, z = self.position - point_world
-        return float(np.arctan2(x, z))
+    def check_size(self, height: int, width: int) -> None:
+        """Raise InputError where an image is not of the camera's size."""
+        if (height, width) != (self.camera.height, self.camera.width):
+            raise InputError(
+                f"the image of {self.name} is {width} x {height}; "
+                f"its camera's images are {self.camera.width} x {self.camera.height}"
+            )
+
+    def points_world(self, depth: NDArray[np.generic]) -> NDArray[np.float64]:
+        """Points (N, 3) of a depth image's pixels with a return, world frame, metres."""
+        points = self.camera.back_project(np.asarray(depth, np.float32)).astype(np.float64)
+        return self.to_world(points[np.isfinite(points).all(axis=-1)])
+
+
+def check_images(images: Sequence[Any], cameras: Sequence[RigCamera]) -> None:
+    """Raise InputError where images are not one per camera (None: it brought none), or of another size."""
+    if len(images) != len(cameras):
+        raise InputError(f"{len(images)} images for {len(cameras)} cameras")
+    for image, rig in zip(images, cameras, strict=True):
+        if image is not None:
+            rig.check_size(*image.shape)
 
 
 def look_at(

@@ -22,8 +22,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.errors import ConfigError, InputError
-from depth_pose.types import Camera
+from depth_pose.core.camera import Camera
+from depth_pose.core.errors import ConfigError, InputError
 from depth_pose.volume.rig import RigCamera
 
 _UPRIGHT: dict[str, NDArray[np.float64]] = {
@@ -60,8 +60,8 @@ class Rig:
     """
 
     cameras: tuple[RigCamera, ...]
-    topics: tuple[str, ...]
-    up: str
+    topics: tuple[str, ...] = ()
+    up: str = "y"
 
 
 def load_rig(path: Path) -> Rig:

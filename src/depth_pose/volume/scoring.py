@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.body.angles import nearest_rotation
-from depth_pose.skeleton import (
+from depth_pose.core.rotations import nearest_rotation
+from depth_pose.core.skeleton import (
     ADULT_STATURE_M,
     JOINT_NODES,
     JOINTS,

@@ -17,7 +17,8 @@ Array = NDArray[np.float64]
 
 _ISOTROPIC, _UNKNOWN = 0.15, 0.5
 """Weight of uncorrelated noise beside the wearers', in units of the mean variance between poses; more of
-it where few wearers are known, by one over their number's square."""
+it where few wearers are known, by one over their number's square. Chosen like the defaults of
+`depth_pose.volume.config`."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,13 +14,21 @@ from depth_pose.volume.hull import Volume
 from depth_pose.volume.model import VolumeModel
 from depth_pose.volume.tracker import look, search_costs
 
+# Chosen like the defaults of `depth_pose.volume.config`.
 _GRID_M = np.arange(1.05, 2.06, 0.025)
+"""Heights that are tried, metres: from a child's to a tall adult's."""
 _NEAR_M = 0.08
+"""After the first frame only heights this near to the best are tried, metres."""
 _HEADING_STRIDE = 4
+"""Every how manyth fine heading is tried."""
 _SEARCH_FRAMES = 8
+"""Frames that search; in later ones the height follows the fits."""
 _GAIN = 12.0
 """Frames' worth of steps toward the fits' factor: frame n counts for this over n."""
 _MOST_STEP = 0.5
+"""Largest share of the fits' factor that one frame takes."""
+_FACTORS = (0.9, 1.1)
+"""A fit that asks for more than this has failed."""
 
 
 class StatureFinder:
@@ -58,7 +66,7 @@ class StatureFinder:
         """Take the factor on the body's size that one frame's fit asks for."""
         if not self.is_held and self._frames >= _SEARCH_FRAMES:
             gain = min(_MOST_STEP, _GAIN / self._frames)
-            self.stature *= float(np.clip(factor, 0.9, 1.1)) ** gain
+            self.stature *= float(np.clip(factor, *_FACTORS)) ** gain
 
     def _search(self, volume: Volume) -> None:
         tried = np.arange(len(_GRID_M))

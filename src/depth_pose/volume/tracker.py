@@ -6,10 +6,12 @@ taking the heading that suits it best. Two likelihoods:
 
 ``descriptor``
     :math:`\max_\theta \exp(-|v^\theta - f(x_i)|^2 / 2T)` in the descriptor space, with f the map from X
-    to V;
+    to V (eq. 2);
 ``latent``
-    the paper's eq. 4, :math:`\max_\theta \exp(-|x^\theta - x_i|^2 / \nu) \exp(-\sigma_V^2(x^\theta) / w)`,
-    with :math:`x^\theta` regressed from :math:`v^\theta`.
+    eq. 4 as printed, with :math:`x^\theta` regressed from :math:`v^\theta`.
+
+The first is the default. Eq. 4 does not punish wrong headings: a volume under one looks like no training
+volume, the regression answers the mean of X, and there the variance is low (docs/volume.md has both).
 
 The weighted mean of the particles is the latent point, from which the pose is regressed.
 
@@ -34,17 +36,23 @@ from depth_pose.volume.model import VolumeModel
 
 Array = NDArray[np.float64]
 
+# Numbers without a source were chosen like the defaults of `depth_pose.volume.config`.
 TEMPERATURE = 12.0
-"""T: what the descriptor's noise, correlated over the bins, counts for."""
+"""T, squared distance in the descriptor space: its noise is correlated over the bins, so more than 1."""
 LATENT_NU, LATENT_W = 0.02, 0.5
-"""The paper's nu, and w as a share of the prior variance; found by trial."""
+"""The paper's nu (squared latent distance), and w as a share of the prior variance; it names no values."""
 _AZIMUTH_SIGMA = np.radians(40.0)
+"""How far a heading may be from the expected one, radians."""
 _MOST_STEPS = 4.0
+"""Longest prediction, frames of the training: after a gap the dynamics says little."""
 _LEAST_USUAL = 50.0
-"""Few wearers differ less from their mean than others will; five differ by about this."""
+"""Squared distance of wearers from their mean: few differ less than others will, five by about this."""
 _CLEARLY_BETTER = 0.7
+"""A search is believed where its misfit is below this share of the tracked one's."""
 UNLIKELY = 4.0
 """Squared distance, in units of the training's, above which a frame counts as unlikely."""
+_SPEED_GAIN = 0.5
+"""Share of the newest frame in the turning speed."""
 
 
 @dataclass(frozen=True)
@@ -137,7 +145,7 @@ class LatentTracker:
         latent = weights @ points
         step = float(weights @ best)
         found = self._tracked(latent, sights, step)
-        self._speed += 0.5 * ((step - self._step) / steps - self._speed)
+        self._speed += _SPEED_GAIN * ((step - self._step) / steps - self._speed)
         self._step = step
         self._unlikely = self._unlikely + 1 if found.misfit > UNLIKELY else 0
         if self._unlikely < self.config.lost_after:
@@ -151,7 +159,7 @@ class LatentTracker:
         return elsewhere[0]
 
     def _move(self, points: Array, steps: float) -> Array:
-        """Resample and predict."""
+        """Resample, and predict by the dynamics."""
         n, rng = len(points), self._rng
         at = (np.arange(n) + rng.uniform()) / n
         rows = np.minimum(np.searchsorted(np.cumsum(self._weights), at), n - 1)
@@ -186,7 +194,10 @@ class LatentTracker:
         return costs[np.arange(len(points)), best], window[best].astype(np.float64)
 
     def _latent_cost(self, points: Array, components: Array, view: int) -> Array:
-        """Minus twice the logarithm of eq. 4, (n, K)."""
+        """Minus twice the logarithm of Hirai et al. eq. 4 for n particles and K headings, (n, K).
+
+        The regressed point does not depend on the particle, so it is found once for each heading.
+        """
         recalled = self.model.to_latent[view].predict(components)
         variance = self.model.to_volume[0].variance(recalled)
         prior = float(np.exp(self.model.volume_kernel[0]))

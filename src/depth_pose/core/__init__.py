@@ -1,0 +1,1 @@
+"""What everything else speaks of: skeleton, camera, frames, rotations, settings, errors."""

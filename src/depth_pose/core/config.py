@@ -1,0 +1,459 @@
+"""Settings: one frozen dataclass per step, each field with its unit, range and one line of help.
+
+A setting is a number, a switch, one of some words, or a list of numbers, of which the range holds for
+each. ROS parameters, command-line options and YAML files are made from these fields, so every
+default stands here and nowhere else.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, fields
+from typing import Any, TypeVar
+
+from depth_pose.core.errors import ConfigError
+
+T = TypeVar("T")
+
+
+def option(
+    default: Any,
+    help: str,
+    *,
+    unit: str = "",
+    low: float | None = None,
+    high: float | None = None,
+    choices: tuple[str, ...] = (),
+) -> Any:
+    """Make a dataclass field that carries its unit, range and help."""
+    return field(
+        default=default,
+        metadata={"help": help, "unit": unit, "low": low, "high": high, "choices": choices},
+    )
+
+
+@dataclass(frozen=True)
+class Option:
+    """One setting as ROS parameters and command lines need it."""
+
+    name: str
+    default: bool | int | float | str | tuple[float, ...]
+    help: str
+    unit: str
+    low: float | None
+    high: float | None
+    choices: tuple[str, ...]
+
+
+def options(config: type | object) -> Iterator[Option]:
+    """Give every setting of a configuration class, or of an instance with its values."""
+    for f in fields(config):  # type: ignore[arg-type]
+        default: Any = f.default if isinstance(config, type) else getattr(config, f.name)
+        yield Option(name=f.name, default=default, **f.metadata)
+
+
+class _Checked:
+    """Base that refuses values of the wrong type or outside their range."""
+
+    def __post_init__(self) -> None:
+        for o in options(self):
+            _check(type(self).__name__, o)
+
+
+def _check(owner: str, o: Option) -> None:
+    where = f"{owner}.{o.name}"
+    for value in o.default if isinstance(o.default, tuple) else (o.default,):
+        if isinstance(value, float) and value != value:
+            raise ConfigError(f"{where} is NaN; give a number")
+        if o.low is not None and value < o.low:  # type: ignore[operator]
+            raise ConfigError(f"{where} is {value}; the least it may be is {o.low} {o.unit}".rstrip())
+        if o.high is not None and value > o.high:  # type: ignore[operator]
+            raise ConfigError(f"{where} is {value}; the most it may be is {o.high} {o.unit}".rstrip())
+    if o.choices and o.default not in o.choices:
+        raise ConfigError(f"{where} is {o.default!r}; it is one of {', '.join(o.choices)}")
+
+
+def from_mapping(config: type[T], values: Mapping[str, Any]) -> T:
+    """Make a configuration from a mapping; an unknown key is an error.
+
+    Raises
+    ------
+    ConfigError
+        Where a key is unknown, or a value is of the wrong type or out of range.
+    """
+    known = {o.name: o for o in options(config)}
+    unknown = sorted(set(values) - set(known))
+    if unknown:
+        raise ConfigError(
+            f"{config.__name__} has no setting {', '.join(unknown)}; it has {', '.join(sorted(known))}"
+        )
+    made: dict[str, Any] = {}
+    for name, value in values.items():
+        made[name] = _as(type(known[name].default), value, f"{config.__name__}.{name}")
+    return config(**made)
+
+
+def _as(kind: type, value: Any, where: str) -> Any:
+    """Give a value as the type that a setting has: whole numbers and sequences will do."""
+    if kind is tuple and isinstance(value, Sequence) and not isinstance(value, str):
+        return tuple(_as(float, one, where) for one in value)
+    if kind is float and isinstance(value, int) and not isinstance(value, bool):
+        return float(value)
+    if type(value) is not kind:
+        wanted = "a list of numbers" if kind is tuple else f"of type {kind.__name__}"
+        raise ConfigError(f"{where} is {value!r}; it must be {wanted}")
+    return value
+
+
+@dataclass(frozen=True)
+class MountConfig(_Checked):
+    """How the sensor is mounted."""
+
+    roll: float = option(
+        0.0,
+        "How far the sensor is turned about its optical axis, clockwise as it looks; 180: upside down",
+        unit="deg",
+        low=-360.0,
+        high=360.0,
+    )
+
+
+@dataclass(frozen=True)
+class SegmentConfig(_Checked):
+    """Finding the people in the depth image (Sec. 4, first paragraph)."""
+
+    method: str = option(
+        "learned",
+        "learned: everybody, by a small net; planes: one person, what stands free of large planes",
+        choices=("learned", "planes"),
+    )
+    start: float = option(0.6, "Least probability of a person who is followed from now on", low=0.0, high=1.0)
+    keep: float = option(0.3, "Least probability of a person who is followed already", low=0.0, high=1.0)
+    near: float = option(0.4, "Ignore anything nearer than this", unit="m", low=0.0, high=20.0)
+    far: float = option(8.0, "Ignore anything farther than this", unit="m", low=0.1, high=50.0)
+    working_height: int = option(
+        144, "Images with more rows than this are reduced to about it", unit="px", low=48, high=1080
+    )
+    depth_jump: float = option(
+        0.08,
+        "Neighbouring pixels this far apart in depth are different surfaces",
+        unit="m",
+        low=0.01,
+        high=1.0,
+    )
+    min_support: int = option(
+        7, "Keep a pixel if this many of its 24 neighbours are on its surface", low=0, high=24
+    )
+    min_height: float = option(
+        0.4, "Least visible extent of a person; planes only", unit="m", low=0.1, high=2.0
+    )
+
+
+@dataclass(frozen=True)
+class DenoiseConfig(_Checked):
+    """Modified locally optimal projection (Sec. 4, eqs. 1 to 5)."""
+
+    support_radius: float = option(
+        0.2, "Support h of the weight theta(r) = exp(-16 r^2 / h^2)", unit="m", low=0.01, high=1.0
+    )
+    repulsion: float = option(0.35, "Repulsion weight mu of eq. 3", low=0.0, high=0.499)
+    iterations: int = option(
+        1,
+        "Number of steps in all; the first is eqs. 1 and 2, each further one eqs. 3 to 5, which 1 leaves out",
+        low=0,
+        high=20,
+    )
+    outlier_distance: float = option(
+        0.06, "Drop points whose nearest neighbour is farther than this", unit="m", low=0.01, high=1.0
+    )
+
+
+@dataclass(frozen=True)
+class MatchConfig(_Checked):
+    """Matching with the exemplar bank (Sec. 5)."""
+
+    shortlist: int = option(
+        128, "Nearest exemplars in the subspace that are compared by rendered depth", low=1, high=4096
+    )
+    keep: int = option(3, "Candidates handed to the refinement", low=1, high=64)
+    score_band: float = option(
+        0.12, "Depth difference that counts as a full mismatch", unit="m", low=0.01, high=1.0
+    )
+    scale_frames: int = option(
+        10, "Frames over which the person's size is estimated before it is held", low=1, high=1000
+    )
+    scale: float = option(0.0, "The person's size relative to a 1.75 m adult; 0 finds it", low=0.0, high=2.0)
+
+
+@dataclass(frozen=True)
+class RefineConfig(_Checked):
+    """Fitting the body to the cloud (Sec. 6)."""
+
+    method: str = option(
+        "articulated",
+        "articulated: joint angles of a skinned body; cpd: the paper's registration and completion",
+        choices=("articulated", "cpd"),
+    )
+    track: bool = option(True, "Try the previous frame's pose beside the fresh candidates")
+
+
+@dataclass(frozen=True)
+class FitConfig(_Checked):
+    """The articulated fit (`depth_pose.fit.articulated`).
+
+    The stages share one annealing schedule, ``sigmas``, and take parts of it: a first look at many starts
+    (`glance`), a choice between a few (`rough`), the answer (`fine`), a trial of a size or a facing
+    (`trial`), and a pose that was carried over from the frame before (`carried`).
+    """
+
+    sigmas: tuple[float, ...] = option(
+        (0.06, 0.05, 0.04, 0.034, 0.028, 0.024, 0.02, 0.02),
+        "Standard deviation of the points about the skin in each iteration, coarse to fine",
+        unit="m",
+        low=0.001,
+        high=1.0,
+    )
+    coarse_sigma: float = option(
+        0.03,
+        "In iterations above this a third of the points and half of the skin do",
+        unit="m",
+        low=0.0,
+        high=1.0,
+    )
+    outlier: float = option(
+        0.3,
+        "What the E-step holds against every point: the density of the outlier class",
+        low=0.0,
+        high=100.0,
+    )
+    plane_weight: float = option(1.0, "Weight of the distance along the skin's normal", low=0.0, high=100.0)
+    point_weight: float = option(0.3, "Weight of the whole distance", low=1e-3, high=100.0)
+    free_space_weight: float = option(
+        0.15,
+        "Weight of skin that stands where free space was seen, and before the surface",
+        low=0.0,
+        high=100.0,
+    )
+    free_space_slack: float = option(
+        0.04, "Skin may stand before the seen surface by this", unit="m", low=0.0, high=1.0
+    )
+    free_space_limit: float = option(
+        0.10, "Out of free space skin is pulled by at most this a step", unit="m", low=0.0, high=1.0
+    )
+    prior: float = option(0.2, "Stiffness of the joints toward the start", low=0.0, high=100.0)
+    damping: float = option(0.02, "Added to the diagonal of every step", low=0.0, high=100.0)
+    max_step: float = option(0.35, "The most that a joint turns in a step", unit="rad", low=0.01, high=3.2)
+    max_points: int = option(800, "Points of the cloud that are fitted to", low=10, high=1_000_000)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if len(self.sigmas) < 4:
+            raise ConfigError(f"FitConfig.sigmas has {len(self.sigmas)} values; give at least 4")
+
+    @property
+    def glance(self) -> tuple[float, ...]:
+        """The first quarter of the schedule: enough to tell which starts are worth more."""
+        return self.sigmas[: len(self.sigmas) // 4]
+
+    @property
+    def rough(self) -> tuple[float, ...]:
+        """The second quarter, which goes on from `glance`."""
+        return self.sigmas[len(self.sigmas) // 4 : len(self.sigmas) // 2]
+
+    @property
+    def fine(self) -> tuple[float, ...]:
+        """The second half, which goes on from `rough`."""
+        return self.sigmas[len(self.sigmas) // 2 :]
+
+    @property
+    def trial(self) -> tuple[float, ...]:
+        """The first three quarters: enough to compare two sizes by their scores."""
+        return self.sigmas[: 3 * len(self.sigmas) // 4]
+
+    @property
+    def carried(self) -> tuple[float, ...]:
+        """All but the first eighth: a pose that was carried over is near."""
+        return self.sigmas[len(self.sigmas) // 8 :]
+
+
+@dataclass(frozen=True)
+class CpdConfig(_Checked):
+    """Coherent point drift from exemplar to input (Sec. 6), for the method ``cpd``."""
+
+    beta: float = option(0.7, "Width of the coherence kernel", unit="m", low=0.001, high=10.0)
+    stiffness: float = option(20.0, "Weight lambda of the coherence", low=1e-6, high=1e6)
+    outlier_weight: float = option(
+        0.1, "Share w of the input points that are expected to be outliers", low=0.0, high=0.999
+    )
+    sigma_start: float = option(0.06, "Standard deviation at the start", unit="m", low=1e-4, high=10.0)
+    sigma_floor: float = option(0.012, "The least standard deviation", unit="m", low=1e-5, high=1.0)
+    cooling: float = option(
+        1.0,
+        "Greatest ratio of an iteration's variance to the one before; below 1 it always falls",
+        low=0.01,
+        high=1.0,
+    )
+    basis_points: int = option(60, "Vertices from which the kernel is approximated", low=1, high=10_000)
+    tolerance: float = option(
+        5e-4,
+        "The registration ends when no point moves farther than this in a step",
+        unit="m",
+        low=0.0,
+        high=1.0,
+    )
+    max_iterations: int = option(20, "The most iterations", low=0, high=10_000)
+
+
+@dataclass(frozen=True)
+class CompletionConfig(_Checked):
+    """Registration and Laplacian completion of the mesh (Sec. 6, eq. 7), for the method ``cpd``."""
+
+    passes: int = option(
+        2,
+        "How many times the whole is done, each from the body posed at the joints of the one before",
+        low=1,
+        high=20,
+    )
+    weight: float = option(0.1, "Weight w of a correspondence in eq. 7", low=1e-6, high=1e3)
+    max_vertices: int = option(600, "Visible vertices that are registered", low=10, high=1_000_000)
+    max_points: int = option(600, "Input points that are registered", low=10, high=1_000_000)
+    visible_tolerance: float = option(
+        0.05,
+        "A vertex is seen if it lies at most this far behind the rendered depth",
+        unit="m",
+        low=0.0,
+        high=1.0,
+    )
+    min_probability: float = option(
+        0.1, "Least P1 of a vertex that counts as a correspondence", low=0.0, high=1e3
+    )
+    min_facing: float = option(
+        0.55,
+        "Least cosine of a vertex's normal and its ray for the same; beyond it skin slides sideways",
+        low=0.0,
+        high=1.0,
+    )
+    geodesic: bool = option(True, "Distances of the coherence kernel run along the surface")
+
+
+@dataclass(frozen=True)
+class TemporalConfig(_Checked):
+    """Registration of one frame's cloud to the next (Sec. 6); the rest is as in `CpdConfig`.
+
+    The field is less stiff than from exemplar to input: both clouds show the same person.
+    """
+
+    beta: float = option(0.5, "Width of the coherence kernel", unit="m", low=0.001, high=10.0)
+    stiffness: float = option(4.0, "Weight lambda of the coherence", low=1e-6, high=1e6)
+    reach: float = option(
+        0.05,
+        "A vertex goes with the points of its own frame within this, near ones more",
+        unit="m",
+        low=1e-4,
+        high=1.0,
+    )
+    weight: float = option(0.1, "Weight of a correspondence in eq. 7", low=1e-6, high=1e3)
+
+
+@dataclass(frozen=True)
+class RecoverConfig(_Checked):
+    """Failure detection and temporal registration (Sec. 6, last part)."""
+
+    enabled: bool = option(True, "Look for failures and recover from them")
+    bone_change: float = option(
+        0.25, "Relative change of a bone's length between frames that counts as a failure", low=0.01, high=2.0
+    )
+    angle_excess: float = option(
+        60.0, "Degrees beyond a joint's limit that count as a failure", unit="deg", low=0.0, high=360.0
+    )
+    joint_speed: float = option(
+        6.0, "A joint that seems to move faster than this has jumped", unit="m/s", low=0.5, high=100.0
+    )
+    score_rise: float = option(
+        0.06,
+        "Sudden rise of the fit's rendered-depth disagreement (0 to 1) that counts as a failure",
+        low=0.005,
+        high=1.0,
+    )
+    min_confidence: float = option(
+        0.25, "Skeletons less certain than this count as failures", low=0.0, high=1.0
+    )
+    max_time: float = option(
+        2.0, "How long poses are carried over before the person counts as lost", unit="s", low=0.0, high=60.0
+    )
+
+
+@dataclass(frozen=True)
+class SmoothConfig(_Checked):
+    """Low-pass filter on the published joints (Sec. 6): One-Euro filter, Casiez et al., CHI 2012."""
+
+    enabled: bool = option(True, "Filter the joint positions over time")
+    min_cutoff: float = option(0.5, "Cut-off frequency at rest", unit="Hz", low=0.01, high=100.0)
+    beta: float = option(24.0, "Cut-off frequency gained per speed", unit="Hz s/m", low=0.0, high=100.0)
+
+
+@dataclass(frozen=True)
+class FollowConfig(_Checked):
+    """Whom ``/depth_pose/skeleton`` shows; everybody is on ``/depth_pose/skeletons``."""
+
+    whom: str = option(
+        "first",
+        "first: who came first; nearest: to the camera; centre: of the image",
+        choices=("first", "nearest", "centre"),
+    )
+    patient: bool = option(False, "Wait for the one who is followed for 2 s before another is taken")
+
+
+class Sections:
+    """Base of configurations that are made of others, one field for each."""
+
+    @classmethod
+    def from_mapping(cls: type[T], values: Mapping[str, Mapping[str, Any]]) -> T:
+        """Make it from nested mappings, ``{"segment": {"near": 0.5}}``; unknown keys are errors."""
+        sections: dict[str, Any] = {f.name: type(f.default) for f in fields(cls)}  # type: ignore[arg-type]
+        unknown = sorted(set(values) - set(sections))
+        if unknown:
+            raise ConfigError(f"no such section: {', '.join(unknown)}; there are {', '.join(sections)}")
+        return cls(**{name: from_mapping(sections[name], part) for name, part in values.items()})
+
+    def as_mapping(self) -> dict[str, dict[str, Any]]:
+        """Give every setting, nested by step."""
+        return dataclasses.asdict(self)  # type: ignore[call-overload, no-any-return]
+
+
+@dataclass(frozen=True)
+class FittingConfig(Sections):
+    """Settings of the fits, which several steps run."""
+
+    fit: FitConfig = FitConfig()
+    cpd: CpdConfig = CpdConfig()
+    completion: CompletionConfig = CompletionConfig()
+    temporal: TemporalConfig = TemporalConfig()
+
+
+@dataclass(frozen=True)
+class PipelineConfig(Sections):
+    """All steps' settings."""
+
+    mount: MountConfig = MountConfig()
+    segment: SegmentConfig = SegmentConfig()
+    denoise: DenoiseConfig = DenoiseConfig()
+    match: MatchConfig = MatchConfig()
+    refine: RefineConfig = RefineConfig()
+    fit: FitConfig = FitConfig()
+    cpd: CpdConfig = CpdConfig()
+    completion: CompletionConfig = CompletionConfig()
+    temporal: TemporalConfig = TemporalConfig()
+    recover: RecoverConfig = RecoverConfig()
+    smooth: SmoothConfig = SmoothConfig()
+    follow: FollowConfig = FollowConfig()
+
+    @property
+    def fitting(self) -> FittingConfig:
+        """The settings of the fits."""
+        return FittingConfig(self.fit, self.cpd, self.completion, self.temporal)
+
+
+MAX_STAMP_GAP_NS = 500_000_000
+"""Temporal state is dropped when stamps jump back, or ahead by more than this."""

@@ -1,0 +1,112 @@
+"""Thinning and choosing rows by their distances; fastest where the first columns vary most."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+
+@njit(cache=True)
+def keep_apart(rows: NDArray[np.float32], limit: np.float32) -> NDArray[np.bool_]:
+    """Mark the rows whose squared distance to every row marked before is at least ``limit``."""
+    n, width = rows.shape
+    kept = np.empty(n, np.int64)
+    mark = np.zeros(n, np.bool_)
+    count = 0
+    for i in range(n):
+        near = False
+        # The latest first: in a recording the neighbour in time is the likeliest duplicate.
+        for j in range(count - 1, -1, -1):
+            total = np.float32(0.0)
+            for k in range(width):
+                d = rows[i, k] - rows[kept[j], k]
+                total += d * d
+                if total >= limit:
+                    break
+            if total < limit:
+                near = True
+                break
+        if not near:
+            kept[count] = i
+            count += 1
+            mark[i] = True
+    return mark
+
+
+def farthest_rows(
+    rows: NDArray[np.floating],
+    count: int,
+    start: int | None = None,
+    images: NDArray[np.floating] | None = None,
+    weights: NDArray[np.floating] | None = None,
+) -> NDArray[np.int64]:
+    """Choose rows far from each other, greedily: the next is the farthest from those chosen before.
+
+    T. F. Gonzalez, *Clustering to minimize the maximum intercluster distance*, Theor. Comput.
+    Sci. 38, 1985.
+
+    Parameters
+    ----------
+    rows : (N, K) float32 or float64
+    count : int
+        How many, at most all.
+    start : int, optional
+        The first; by default the row nearest to the mean.
+    images : (N, K), optional
+        A chosen row stands for its image too.
+    weights : (N,), optional
+        Factor on each row's squared distance.
+
+    Returns
+    -------
+    (count,) int64
+        In the order of choice.
+    """
+    rows = np.ascontiguousarray(rows)
+    if start is None:
+        start = int(np.argmin(np.square(rows - rows.mean(axis=0)).sum(axis=1)))
+    images = rows[:0] if images is None else images
+    weights = np.ones(len(rows), rows.dtype) if weights is None else weights
+    return np.asarray(_choose(rows, images, weights, min(count, len(rows)), start))
+
+
+@njit(cache=True, fastmath=True)
+def _lower(rows: Any, point: Any, nearest: Any) -> None:
+    """Lower every row's squared distance to the chosen ones by that to a new one."""
+    n, width = rows.shape
+    for i in range(n):
+        limit = nearest[i]
+        total = np.float32(0.0)
+        for k in range(width):
+            d = rows[i, k] - point[k]
+            total += d * d
+            if k & 3 == 3 and total >= limit:
+                break
+        if total < limit:
+            nearest[i] = total
+
+
+@njit(cache=True)
+def _choose(rows: Any, images: Any, weights: Any, count: int, start: int) -> Any:
+    """Choose by weight times squared distance to the chosen rows and their images."""
+    n = rows.shape[0]
+    nearest = np.full(n, 1e30, rows.dtype)
+    chosen = np.empty(count, np.int64)
+    chosen_mark = np.zeros(n, np.bool_)
+    best = start
+    for c in range(count):
+        chosen[c] = best
+        chosen_mark[best] = True
+        _lower(rows, rows[best], nearest)
+        if images.shape[0] > 0:
+            _lower(rows, images[best], nearest)
+        top = -1.0
+        for i in range(n):
+            value = nearest[i] * weights[i]
+            if value > top and not chosen_mark[i]:
+                top = value
+                best = i
+    return chosen

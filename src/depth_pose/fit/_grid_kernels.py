@@ -1,0 +1,55 @@
+"""Sorting points into the cells of a grid over x and y, so that those near a place are found at once."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import njit
+
+
+class Grid(NamedTuple):
+    """Square cells: the least x and y, metres; the cells' side, metres; how many rows and columns."""
+
+    low_x: Any
+    low_y: Any
+    size: Any
+    rows: Any
+    cols: Any
+
+
+@njit(cache=True, fastmath=True)
+def bounds(points, chosen):
+    """Least and greatest x and y of the chosen of some points."""
+    low_x, low_y, high_x, high_y = np.inf, np.inf, -np.inf, -np.inf
+    for i in range(points.shape[0]):
+        if chosen[i]:
+            low_x, high_x = min(low_x, points[i, 0]), max(high_x, points[i, 0])
+            low_y, high_y = min(low_y, points[i, 1]), max(high_y, points[i, 1])
+    return low_x, low_y, high_x, high_y
+
+
+@njit(cache=True, fastmath=True)
+def sort_into_cells(points, chosen, grid):
+    """Sort the chosen of some points into a grid's cells.
+
+    Returns their numbers in the order of the cells, row by row, and where each cell starts
+    (rows * cols + 1). Those that lie off the grid are left out.
+    """
+    start = np.zeros(grid.rows * grid.cols + 1, np.int32)
+    cell = np.full(points.shape[0], -1, np.int32)
+    for i in range(points.shape[0]):
+        if chosen[i]:
+            row, col = (points[i, 1] - grid.low_y) / grid.size, (points[i, 0] - grid.low_x) / grid.size
+            if row >= 0.0 and col >= 0.0 and row < grid.rows and col < grid.cols:
+                cell[i] = int(row) * grid.cols + int(col)
+                start[cell[i] + 1] += 1
+    for k in range(grid.rows * grid.cols):
+        start[k + 1] += start[k]
+    fill = start[:-1].copy()
+    order = np.empty(start[-1], np.int32)
+    for i in range(points.shape[0]):
+        if cell[i] >= 0:
+            order[fill[cell[i]]] = i
+            fill[cell[i]] += 1
+    return order, start

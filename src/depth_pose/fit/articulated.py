@@ -1,0 +1,189 @@
+r"""Articulated fit: the pose of a skinned body that explains a partial cloud best.
+
+In the manner of Ye and Yang, *Real-time simultaneous pose and shape estimation for articulated
+objects using a single depth camera* (CVPR 2014). The visible vertices :math:`v_m(\theta)` of the
+posed body are the centres of a Gaussian mixture with one variance and an outlier class; the
+points :math:`x_n` are samples of it. Each iteration does
+
+*E-step*  :math:`p_{mn} = e^{-\|x_n - v_m\|^2 / 2\sigma^2} / (u + \sum_k e^{-\|x_n - v_k\|^2 / 2\sigma^2})`
+
+*M-step*  one damped Gauss-Newton step on
+
+.. math:: \sum_m P_m \left[ a\,(n_m \cdot (v_m - y_m))^2 + b\,\|v_m - y_m\|^2 \right]
+   + E_{free} + E_{prior}, \qquad P_m = \sum_n p_{mn},\; y_m = \sum_n p_{mn} x_n / P_m
+
+with the variance going down from coarse to fine. :math:`E_{free}` keeps vertices out of space
+that was seen to be free: beside the silhouette, and in front of the observed surface.
+:math:`E_{prior}` holds each joint near the start. The parameters are a translation and, for every
+free node, a rotation vector in the camera frame that turns the whole subtree: a vertex moves by
+:math:`\delta t + \sum_k \omega_k \times (v_m - p_k)`, summed over the free nodes above the segment
+that moves it most. So all vertices of a segment share one 6 x 6 matrix of a free rigid motion,
+and the normal equations of the joint angles are put together from those 21 (the composite rigid
+body algorithm of M. Walker and D. Orin, *Efficient dynamic computer simulation of robotic
+mechanisms*, 1982).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from depth_pose.bank.bank import Bank
+from depth_pose.body.body import Body
+from depth_pose.body.normals import vertex_normals
+from depth_pose.core.config import FitConfig
+from depth_pose.core.rotations import quat_to_matrix
+from depth_pose.core.skeleton import NODE_INDEX, NODE_PARENTS, NODES
+from depth_pose.core.types import Candidate
+from depth_pose.fit import _articulated_kernels as kernels
+from depth_pose.fit import _visibility_kernels as visibility
+from depth_pose.fit._tree_kernels import Articulation
+from depth_pose.fit.rendered_depth import Observation
+
+_STIFFNESS: dict[str, float] = {
+    "pelvis": 0.0,
+    "spine": 1.0,
+    "chest": 1.0,
+    "neck": 1.0,
+    "clavicle": 3.0,
+    "shoulder": 0.1,
+    "elbow": 0.1,
+    "wrist": 2.0,
+    "hip": 0.1,
+    "knee": 0.1,
+    "ankle": 2.0,
+}
+"""Relative stiffness of each free node toward the start; nodes not named follow their parent. Set by hand:
+what a depth image shows poorly (collar bones, hands, feet) is stiff; not swept."""
+
+
+@dataclass(frozen=True)
+class BodyPose:
+    """A pose of the body in the camera frame.
+
+    Attributes
+    ----------
+    rotations : (21, 3, 3) float64
+        Segment rotations, rest pose to camera frame.
+    root : (3,) float64
+        Pelvis, metres.
+    scale : float
+    """
+
+    rotations: NDArray[np.float64]
+    root: NDArray[np.float64]
+    scale: float
+
+
+@dataclass(frozen=True)
+class FittedBody:
+    """A pose, and the mesh (V, 3) and nodes (21, 3) found for it, camera frame, metres."""
+
+    pose: BodyPose
+    vertices: NDArray[np.float64]
+    nodes: NDArray[np.float64]
+
+
+def candidate_pose(bank: Bank, candidate: Candidate, scale: float) -> BodyPose:
+    """Give the pose of a candidate in the camera frame."""
+    rotation = quat_to_matrix(candidate.quat_xyzw)
+    return BodyPose(rotation @ bank.rotations(candidate.exemplar), candidate.translation, scale)
+
+
+class FitTarget(NamedTuple):
+    """What a body is fitted to, prepared once for all fits of a frame.
+
+    Attributes
+    ----------
+    points : (N, 3) float64
+        The person's points in the camera frame, metres, in an order in which every third one
+        still shows all of the person.
+    full, coarse : Observation
+        The same frame on the full grid, for free space, and on a coarse one, for visibility.
+    nearest : (h, w, 2) int32
+        Row and column of the nearest person pixel to every pixel of ``full``.
+    """
+
+    points: NDArray[np.float64]
+    full: Observation
+    coarse: Observation
+    nearest: NDArray[np.int32]
+
+    @classmethod
+    def prepare(cls, points: NDArray[np.float64], full: Observation, coarse: Observation) -> FitTarget:
+        """Find the nearest person pixels."""
+        return cls(points, full, coarse, nearest_person_pixels(full))
+
+
+class ArticulatedFitter:
+    """Fits one body; everything that does not change between frames is prepared here."""
+
+    def __init__(self, body: Body, config: FitConfig | None = None) -> None:
+        self.body = body
+        self.config = config or FitConfig()
+        self._articulation = articulate(body, _STIFFNESS)
+        numbers = {n: float(getattr(self.config, n)) for n in kernels.Settings._fields if n != "root_prior"}
+        self._settings = kernels.Settings(root_prior=0.0, **numbers)
+
+    def fit(self, target: FitTarget, start: BodyPose, sigmas: tuple[float, ...] | None = None) -> BodyPose:
+        """Fit the body's pose to a cloud.
+
+        Parameters
+        ----------
+        target : FitTarget
+        start : BodyPose
+        sigmas : tuple of float, optional
+            Standard deviation of each iteration, metres, instead of the configured ones.
+
+        Returns
+        -------
+        BodyPose
+        """
+        levels = np.array(self.config.sigmas if sigmas is None else sigmas)
+        rotations, root = start.rotations.copy(), start.root.copy()
+        kernels.fit(target, self._articulation, self._settings, levels, start.scale, rotations, root)
+        return BodyPose(rotations, root, start.scale)
+
+
+def nearest_person_pixels(observation: Observation) -> NDArray[np.int32]:
+    """Find row and column of the nearest person pixel to every pixel, shape (h, w, 2)."""
+    nearest = np.empty((*observation.labels.shape, 2), np.int32)
+    visibility.nearest_person(observation.labels, nearest)
+    return nearest
+
+
+def articulate(body: Body, stiffness: Mapping[str, float]) -> Articulation:
+    """Prepare a body for fits of its pose.
+
+    Parameters
+    ----------
+    body : Body
+    stiffness : mapping
+        Relative stiffness toward the start of each node that turns, by its name without the side.
+    """
+    free = np.full(len(NODES), -1)
+    values: list[float] = []
+    for name, node in NODE_INDEX.items():
+        kind = name.split("_")[-1]
+        if kind in stiffness:
+            free[node] = len(values)
+            values.append(stiffness[kind])
+    return Articulation(body.skin, vertex_normals(body), free, _parameters_above(free), np.array(values))
+
+
+def _parameters_above(free: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Find the number of each parameter's next one toward the root (`Articulation.above`)."""
+    above = [-1, 0, 1]
+    last = np.full(len(free), 2)  # the last parameter of each node, or of the nearest free one above
+    for node, parent in enumerate(NODE_PARENTS):
+        if parent >= 0:
+            last[node] = last[parent]
+        if free[node] >= 0:
+            first = 3 + 3 * int(free[node])
+            above += [int(last[node]), first, first + 1]
+            last[node] = first + 2
+    return np.array(above)

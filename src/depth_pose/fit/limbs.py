@@ -1,0 +1,264 @@
+"""Limb search: try the bank's arm and leg poses on what the fitted body leaves unexplained.
+
+A whole-body exemplar seldom has both arms right, and a fit that starts with a limb far from its
+place does not find it. But the limbs' poses of all exemplars, mirrored and thinned to a few
+hundred, cover what limbs can do. After a fit, the points that the rest of the body does not
+explain are put against every configuration of the left and of the right limb: balls along the
+limb that stand in free space or before the seen surface cost their area, points off every ball
+cost theirs, and the pairs with the least sums are more starts for the fit, whether or not they
+cost less than the limbs as they are: these were fitted, the others not yet. The idea of
+re-assembling partial matches is that of C. Plagemann et al., *Real-time identification and
+localization of body parts from depth images* (ICRA 2010), in spirit; the scoring here is our own.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from depth_pose.bank.bank import Bank
+from depth_pose.body.body import Body
+from depth_pose.core.farthest_points import farthest_rows
+from depth_pose.core.rotations import quat_to_matrix
+from depth_pose.core.skeleton import MIRROR_NODES, NODE_INDEX, forward_kinematics, mirror_rotations
+from depth_pose.core.types import PERSON
+from depth_pose.fit import _limb_kernels as kernels
+from depth_pose.fit.articulated import BodyPose, nearest_person_pixels
+from depth_pose.fit.rendered_depth import DepthComparer, Observation
+
+_LIMBS: tuple[tuple[int, str, tuple[str, ...], tuple[str, ...]], ...] = (
+    (3, "chest", ("clavicle", "shoulder", "elbow", "wrist"), ("shoulder", "elbow", "wrist")),
+    (1, "pelvis", ("hip", "knee", "ankle", "foot"), ("hip", "knee", "ankle")),
+)
+"""For arms and legs: how many pairs are proposed, the segment they hang on, the nodes that they turn,
+the bones that are sampled."""
+
+_SHARES = (1 / 3, 2 / 3, 1.0)
+"""Where along a bone its balls lie, as shares of its length."""
+
+_CONFIGURATIONS = 800
+"""Configurations of a limb that are kept; set by hand, not swept."""
+
+_POSES = 6000
+"""Poses of the bank, evenly spread, from which they are chosen; set by hand, not swept."""
+
+_EXPLAINED_M = 0.045
+"""Depth difference, metres, below which the body explains a pixel; set by hand, not swept."""
+
+_MOST_POINTS = 24
+"""Unexplained points that configurations are put against, so that the time is bounded; not swept."""
+
+_FEWEST_POINTS = 5
+"""With fewer the input shows nothing of the limb."""
+
+_SETTINGS = kernels.LimbSettings(tolerance=0.15, keep=4.0, fitting=200, best=24)
+"""Set by hand, not swept; ``keep`` is in pixels of the coarse grid, for each limb."""
+
+_APART_M = 0.08
+"""Limbs of which no ball is this far from its like are the same, metres; set by hand, not swept."""
+
+
+@dataclass(frozen=True)
+class _LimbPair:
+    """Configurations of a left and a right limb; index 0 is left.
+
+    Attributes
+    ----------
+    proposals : int
+        How many pairs are proposed.
+    anchor : int
+        Node of the segment that both hang on.
+    nodes : (2, n) int
+        Nodes that the limb turns.
+    bones, ends : (2, m) int, (2, m, 3)
+        Nodes at the beginning of its bones, and the bones in the rest pose, metres.
+    rotations : (2, L, n, 3, 3)
+        ``R_anchor_segment`` of each node's segment.
+    limbs : tuple of Limb
+        Balls of the left and of the right one.
+    faces : (F, 3)
+        Faces of the body without both limbs.
+    """
+
+    proposals: int
+    anchor: int
+    nodes: NDArray[np.int64]
+    bones: NDArray[np.int64]
+    ends: NDArray[np.float64]
+    rotations: NDArray[np.float64]
+    limbs: tuple[kernels.Limb, kernels.Limb]
+    faces: NDArray[np.int32]
+
+
+class LimbSearch:
+    """Proposes poses with one pair of limbs exchanged."""
+
+    def __init__(self, bank: Bank) -> None:
+        step = max(1, bank.poses // _POSES)
+        rotations = quat_to_matrix(bank.pose_quats[::step].astype(np.float64))
+        self._rest_nodes = bank.body.nodes
+        self._pairs = tuple(_make_pair(bank.body, rotations, *limb) for limb in _LIMBS)
+
+    def propose(
+        self, pose: BodyPose, vertices: NDArray[np.float64], comparer: DepthComparer
+    ) -> list[BodyPose]:
+        """Exchange the arms, and the legs, where others explain more.
+
+        Parameters
+        ----------
+        pose : BodyPose
+            A fitted pose.
+        vertices : (V, 3) float64
+            The body in that pose, camera frame.
+        comparer : DepthComparer
+            For the same input.
+
+        Returns
+        -------
+        list of BodyPose
+            With other arms, and with other legs, where the input shows anything of them.
+        """
+        nodes = forward_kinematics(pose.rotations, pose.root, self._rest_nodes, pose.scale)
+        nearest = nearest_person_pixels(comparer.observation)
+        proposals = []
+        for pair in self._pairs:
+            proposals += _exchange(pair, pose, nodes, vertices, comparer, nearest)
+        return proposals
+
+
+def _exchange(
+    pair: _LimbPair,
+    pose: BodyPose,
+    nodes: NDArray[np.float64],
+    vertices: NDArray[np.float64],
+    comparer: DepthComparer,
+    nearest: NDArray[np.int32],
+) -> list[BodyPose]:
+    """Put the best pairs of configurations on a pose; none where the input shows nothing of them."""
+    if not _in_view(nodes[pair.bones], comparer.observation):
+        return []
+    points = _unexplained(vertices, pair.faces, comparer)
+    if len(points) < _FEWEST_POINTS:
+        return []
+    weight = int(np.ceil(len(points) / _MOST_POINTS))  # of each point that is left
+    columns = np.ascontiguousarray(points[::weight].T, np.float32)
+    anchor = kernels.Anchor(pose.rotations[pair.anchor], nodes[pair.anchor], pose.scale)
+    scored = []
+    for side in range(2):
+        own = np.empty(pair.limbs[side].samples.shape[1:])
+        kernels.place_own_balls(
+            pose.rotations, nodes, pair.bones[side], pair.ends[side], _SHARES, pose.scale, own
+        )
+        scored.append(kernels.score_limbs(
+            pair.limbs[side], own, anchor, comparer.observation, nearest, columns, weight, _SETTINGS,
+        ))  # fmt: skip
+    numbers, costs, covers, centres = zip(*scored, strict=True)
+    total = kernels.pair_costs(costs[0], covers[0], costs[1], covers[1], weight)
+    proposals = []
+    for rows in kernels.best_pairs(total, centres[0], centres[1], pair.proposals, _APART_M):
+        rotations = pose.rotations.copy()
+        for side in range(2):
+            number = int(numbers[side][rows[side]])
+            if number < len(pair.rotations[side]):  # else the limb as it is
+                rotations[pair.nodes[side]] = pose.rotations[pair.anchor] @ pair.rotations[side, number]
+        proposals.append(BodyPose(rotations, pose.root, pose.scale))
+    return proposals
+
+
+def _in_view(joints: NDArray[np.float64], observed: Observation) -> bool:
+    """Tell whether at least half of a pair of limbs' joints (2, m, 3) lie inside the window."""
+    rows, cols = observed.depth.shape
+    u, v = np.moveaxis(observed.camera.project(joints), -1, 0)
+    return bool(((u > 0) & (v > 0) & (u < cols) & (v < rows)).mean() >= 0.5)
+
+
+def _unexplained(
+    vertices: NDArray[np.float64], faces: NDArray[np.int32], comparer: DepthComparer
+) -> NDArray[np.float32]:
+    """Observed points, shape (P, 3), that a part of the body does not explain."""
+    drawn = comparer.render(vertices, faces)
+    o = comparer.observation
+    left = (o.labels == PERSON) & ~(np.abs(drawn - o.depth) < _EXPLAINED_M)
+    return o.camera.back_project(o.depth)[left]
+
+
+def _make_pair(
+    body: Body,
+    rotations: NDArray[np.float64],
+    proposals: int,
+    anchor_name: str,
+    turned: tuple[str, ...],
+    sampled: tuple[str, ...],
+) -> _LimbPair:
+    """Collect a limb's configurations from poses and their mirror images, and thin them."""
+    anchor = NODE_INDEX[anchor_name]
+    both = np.concatenate([rotations, mirror_rotations(rotations)])
+    nodes = forward_kinematics(both, np.zeros((len(both), 3)), body.nodes)
+    side = [np.array([NODE_INDEX[f"{s}_{n}"] for n in turned]) for s in ("left", "right")]
+    to_anchor = both[:, anchor].transpose(0, 2, 1)
+
+    bones = [NODE_INDEX[f"left_{n}"] for n in sampled]
+    joints = (nodes[:, bones] - nodes[:, anchor, None]) @ both[:, anchor]
+    keep = farthest_rows(joints.reshape(len(both), -1), _CONFIGURATIONS, start=0)
+    local = to_anchor[keep, None] @ both[np.ix_(keep, side[0])]
+    ends, radii, areas = _balls(body, bones)
+    samples = _ball_centres(both[keep], nodes[keep], anchor, np.array(bones), ends)
+
+    # the right limb's configurations are the left one's, mirrored
+    flip = np.array([-1.0, 1.0, 1.0])
+    return _LimbPair(
+        proposals=proposals,
+        anchor=anchor,
+        nodes=np.stack(side),
+        bones=np.stack([bones, MIRROR_NODES[bones]]),
+        ends=np.stack([ends, ends * flip]),
+        rotations=np.stack([local, flip[:, None] * local * flip]),
+        limbs=(kernels.Limb(samples, radii, areas), kernels.Limb(samples * flip, radii, areas)),
+        faces=_without(body, np.concatenate(side)),
+    )
+
+
+def _balls(
+    body: Body, bones: list[int]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Find the ends (n, 3) of a limb's rest bones, and radii and areas (3 n,) of balls along them."""
+    ends, radii, areas = [], [], []
+    for bone in bones:
+        mine = body.vertices[np.argmax(body.weights, axis=1) == bone] - body.nodes[bone]
+        far = mine[np.argmax(np.linalg.norm(mine, axis=1))]
+        end = body.nodes[bone + 1] - body.nodes[bone] if bone + 1 not in _ENDS else far
+        length = float(np.linalg.norm(end))
+        along = mine @ (end / length)
+        off = np.linalg.norm(mine - along[:, None] * (end / length), axis=1)
+        for share in _SHARES:
+            near = np.abs(along - share * length) < 0.25 * length
+            radii.append(float(np.median(off[near])) if near.sum() > 3 else 0.03)
+            areas.append(2 * radii[-1] * length / len(_SHARES))
+        ends.append(end)
+    return np.array(ends), np.array(radii), np.array(areas)
+
+
+def _ball_centres(
+    rotations: NDArray[np.float64],
+    nodes: NDArray[np.float64],
+    anchor: int,
+    bones: NDArray[np.int64],
+    ends: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Centres (L, S, 3) of the balls along limbs, from the anchor node, in the anchor's frame."""
+    reach = np.einsum("lnij,nj->lni", rotations[:, bones], ends)
+    places = nodes[:, bones, None] + np.array(_SHARES)[:, None] * reach[:, :, None]
+    places = places.reshape(len(nodes), -1, 3) - nodes[:, anchor, None]
+    return np.einsum("lji,lsj->lsi", rotations[:, anchor], places)
+
+
+_ENDS = frozenset(NODE_INDEX[n] for n in ("right_clavicle", "left_hip"))
+"""Nodes that follow a hand in the order of nodes: they are not its far end."""
+
+
+def _without(body: Body, nodes: NDArray[np.int64]) -> NDArray[np.int32]:
+    """Faces of the body that none of some nodes moves most."""
+    moved = np.isin(np.argmax(body.weights, axis=1), nodes)
+    return body.faces[~moved[body.faces].any(axis=1)]

@@ -1,0 +1,99 @@
+"""Compare posed bodies with an observed person by rendering their depth.
+
+The score of a hypothesis is the mean, over the union of the two silhouettes, of
+``min(|dz|, band) / band``; a pixel in one silhouette only counts as a full mismatch, and pixels
+where nothing is known are left out. It ranks candidates, finds the body's size, and tells
+failures.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from depth_pose.core import _raster_kernels as kernels
+from depth_pose.core.camera import Camera
+
+
+class Observation(NamedTuple):
+    """What is known of the person on a pixel grid, cut to a window around them, as kernels take it.
+
+    Attributes
+    ----------
+    depth : (h, w) float32
+        Metres; 0 where the pixel is not the person's.
+    labels : (h, w) uint8
+    camera : Camera
+        Camera of the window.
+    """
+
+    depth: NDArray[np.float32]
+    labels: NDArray[np.uint8]
+    camera: Camera
+
+
+def observe(
+    depth: NDArray[np.float32], labels: NDArray[np.uint8], camera: Camera, stride: int, margin_m: float
+) -> Observation:
+    """Take every ``stride``-th pixel of a window around the person, with a margin in metres."""
+    box = np.empty(4, np.int64)
+    distance = kernels.person_box(depth, labels, box)
+    first_row, last_row, first_column, last_column = box.tolist()
+    margin = round(margin_m * camera.fx / distance)
+    top, left = max(0, first_row - margin), max(0, first_column - margin)
+    bottom = min(camera.height, last_row + margin + 1)
+    right = min(camera.width, last_column + margin + 1)
+    window = (slice(top, bottom, stride), slice(left, right, stride))
+    part = np.ascontiguousarray(depth[window])
+    return Observation(
+        depth=part,
+        labels=np.ascontiguousarray(labels[window]),
+        camera=camera.cropped(left, top, right - left, bottom - top).strided(stride),
+    )
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """How a mesh compares with the observation.
+
+    Attributes
+    ----------
+    score : float
+        Disagreement, 0 to 1.
+    gap : float
+        Mean depth difference where both are, each at most the band, metres.
+    shift : (3,) float64
+        Translation of the mesh that brings the mean depths and silhouettes together, metres.
+    """
+
+    score: float
+    gap: float
+    shift: NDArray[np.float64]
+
+
+class DepthComparer:
+    """Renders meshes into one observation's window and scores them."""
+
+    def __init__(self, observation: Observation, band: float) -> None:
+        self.observation = observation
+        self._band = band
+        self.zbuffer = np.empty(observation.depth.shape)
+        self._sums = np.empty(5)
+
+    def render(self, vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> NDArray[np.float64]:
+        """Depth of a mesh in the camera frame, shape (h, w), infinite where there is none."""
+        kernels.rasterize(vertices, faces, self.observation.camera, self.zbuffer)
+        return self.zbuffer
+
+    def compare(self, vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> Comparison:
+        """Render a mesh in the camera frame and compare it with the observation."""
+        self.render(vertices, faces)
+        o = self.observation
+        kernels.compare(self.zbuffer, o.depth, o.labels, self._band, self._sums)
+        score, gap, dz, du, dv = self._sums.tolist()
+        z = float(vertices[:, 2].mean())
+        shift = np.array([du * z / o.camera.fx, dv * z / o.camera.fy, dz])
+        return Comparison(score=score, gap=gap, shift=shift)

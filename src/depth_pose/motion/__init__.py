@@ -1,0 +1,1 @@
+"""Motion: clips, motion-capture files and retargeting, and the motion generator."""

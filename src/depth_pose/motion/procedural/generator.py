@@ -1,0 +1,191 @@
+"""The embedded motion source: people moving, made from published curves and designed postures.
+
+`make_clip` gives smooth motion, `make_poses` thousands of varied poses; both come from the same
+families (`depth_pose.motion.procedural.families`) and pass through the same gates: joint
+limits, the shoulder's rhythm, limbs out of the body, feet on the floor. Nothing is taken from
+recorded motion.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from zlib import crc32
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
+
+from depth_pose.body.angles import angles_from_rotations, rotations_from_angles
+from depth_pose.body.limits import clamp_angles, clamp_rotations, violation, with_shoulder_rhythm
+from depth_pose.core.errors import ConfigError
+from depth_pose.core.rotations import nearest_rotation
+from depth_pose.motion.clip import Clip, PoseSet, choose_for_coverage, join_poses, without_heading
+from depth_pose.motion.contact import Separated, separate_limbs, walk_on_floor
+from depth_pose.motion.procedural.draw import Draw
+from depth_pose.motion.procedural.families import FAMILIES
+from depth_pose.motion.procedural.parts import Motion
+
+Array = NDArray[np.float64]
+
+Progress = Callable[[float], None]
+"""Called with the fraction done, 0 to 1."""
+
+POOL_PER_POSE = 5.0
+"""How many poses are made for each one that is chosen. Set by hand; docs/motion.md measures the result."""
+
+APART_SHARE = 0.5
+"""Part of a set chosen to lie far apart; the rest follows the families' shares.
+
+Chosen with ``benchmarks/motion_coverage.py`` in view, as were the families' shares and weights.
+"""
+
+STAY_WITHIN_M = 1.0
+"""How far a clip's path goes from its middle; a runner needs a treadmill to stay in view."""
+
+_TOO_DEEP_M = 0.03
+"""Poses whose limbs stay deeper inside the body are left out, metres. Set by hand; not swept."""
+
+_TOO_STRAINED_DEG = 15.0
+"""Poses with a joint farther beyond its limit are left out, degrees. Set by hand; not swept."""
+
+_SMOOTH_S = (0.06, 0.04, 0.025)
+"""Widths of the Gaussians that smooth a clip one after the other, seconds. Set by hand; not swept."""
+
+_SLOW_S = 0.8
+"""Width of the Gaussian that takes a path's slow part, seconds: longer than a stride. Set by hand."""
+
+
+def make_clip(name: str, fps: float = 30.0, seconds: float = 10.0, seed: int = 0) -> Clip:
+    """Make a smooth motion of the reference body.
+
+    Parameters
+    ----------
+    name : str
+        One of `CLIPS`.
+    fps : float
+        Frames a second.
+    seconds : float
+        Length.
+    seed : int
+        The same seed gives the same motion; others vary everything about it.
+
+    Returns
+    -------
+    Clip
+        The person begins facing about +z and stays within about `STAY_WITHIN_M` of the origin.
+
+    Raises
+    ------
+    ConfigError
+        For a name that is not in `CLIPS`, or a rate or length that is not positive.
+    """
+    if name not in FAMILIES:
+        raise ConfigError(f"unknown motion {name!r}; there are: {', '.join(sorted(FAMILIES))}")
+    if fps <= 0 or seconds <= 0:
+        raise ConfigError(f"a clip needs a positive rate and length, not {fps} frames/s and {seconds} s")
+    rng = np.random.default_rng([seed, crc32(name.encode())])
+    t = np.arange(max(round(fps * seconds), 2)) / fps
+    return clip_from_motion(name, FAMILIES[name].motion(t, Draw(rng, ())), fps)
+
+
+def clip_from_motion(name: str, motion: Motion, fps: float) -> Clip:
+    """Make a clip of postures in time: through the gates, smooth, feet on the floor."""
+    rotations = _through_gates(motion.angles).rotations
+    # Pushed limbs and clamped joints start and stop suddenly; people do not. Smoothing moves
+    # limbs into the body again, less each time.
+    for sigma_s in _SMOOTH_S:
+        rotations = separate_limbs(clamp_rotations(smooth_rotations(rotations, sigma_s * fps))).rotations
+    rotations = smooth_rotations(rotations, _SMOOTH_S[-1] * fps)
+    return Clip(name, float(fps), rotations, _stay_near(walk_on_floor(rotations, motion.lift), fps))
+
+
+def smooth_rotations(rotations: Array, sigma_frames: float) -> Array:
+    """Smooth rotations in time by a Gaussian, (T, ..., 3, 3); the result are rotations again."""
+    return nearest_rotation(gaussian_filter1d(rotations, sigma_frames, axis=0, mode="nearest"))
+
+
+def _stay_near(roots: Array, fps: float) -> Array:
+    """Keep a path within `STAY_WITHIN_M` of its middle, as a treadmill does, by its slow part."""
+    level = roots[:, [0, 2]]
+    slow = gaussian_filter1d(level, _SLOW_S * fps, axis=0, mode="nearest")
+    middle = (slow.max(axis=0) + slow.min(axis=0)) / 2
+    far = float(np.linalg.norm(slow - middle, axis=1).max())
+    out = roots.copy()
+    out[:, [0, 2]] = level - slow + (slow - middle) * min(1.0, STAY_WITHIN_M / max(far, 1e-9))
+    return np.asarray(out)
+
+
+def _through_gates(angles: Array) -> Separated:
+    """Joint limits and rhythm, then limbs out of the body; what that strains is clamped and tried again."""
+    first = separate_limbs(rotations_from_angles(clamp_angles(with_shoulder_rhythm(clamp_angles(angles)))))
+    return separate_limbs(clamp_rotations(first.rotations))
+
+
+CLIPS: dict[str, Callable[..., Clip]] = {name: partial(make_clip, name) for name in FAMILIES}
+"""Generators of clips by name, called with ``fps, seconds, seed``."""
+
+
+def make_pool(count: int, seed: int, progress: Progress | None = None) -> PoseSet:
+    """Make random poses of all families by their shares, without choosing among them.
+
+    Poses whose limbs cannot be brought out of the body within the joint limits are left out,
+    so a few fewer than ``count`` come back.
+    """
+    total = sum(entry.share for entry in FAMILIES.values())
+    parts = []
+    for i, (name, entry) in enumerate(FAMILIES.items()):
+        n = max(round(count * entry.share / total), 1)
+        draw = Draw(np.random.default_rng([seed, crc32(name.encode())]), (n,))
+        motion = entry.motion(draw.uniform(0.0, 20.0), draw)
+        separated = _through_gates(motion.angles)
+        strain = violation(angles_from_rotations(separated.rotations)).max(axis=-1)
+        fine = (separated.depth < _TOO_DEEP_M) & (strain < _TOO_STRAINED_DEG)
+        rotations = without_heading(separated.rotations[fine])
+        parts.append(PoseSet(rotations, (name,) * len(rotations)))
+        if progress is not None:
+            progress((i + 1) / len(FAMILIES))
+    return join_poses(*parts)
+
+
+def _choose(pool: PoseSet, count: int, rng: np.random.Generator) -> NDArray[np.int64]:
+    """Choose rows: the far-apart ones first, then at random, so that common motions are dense."""
+    weights = np.array([FAMILIES[family].weight for family in pool.families])
+    apart = choose_for_coverage(pool, round(count * APART_SHARE), weights, mirrored=True)
+    others = np.setdiff1d(np.arange(len(pool)), apart)
+    common = rng.choice(others, count - len(apart), replace=False)
+    return np.concatenate([apart, common])
+
+
+def make_poses(count: int = 8000, seed: int = 0, progress: Progress | None = None) -> PoseSet:
+    """Make a set of poses that covers what people do in front of a sensor.
+
+    They are chosen from a pool several times larger: half of them to lie far apart from each
+    other (`choose_for_coverage`), so that rare postures are there, half at random, so that common
+    ones are dense. Every second half mirrors the first.
+
+    Parameters
+    ----------
+    count : int
+        Number of poses.
+    seed : int
+        The same seed gives the same poses.
+    progress : callable, optional
+        Called with the fraction done.
+
+    Returns
+    -------
+    PoseSet
+        Facing +z; row ``i + ceil(count / 2)`` mirrors row ``i``.
+    """
+    if count < 2:
+        raise ConfigError(f"a set needs at least 2 poses, not {count}")
+    half = (count + 1) // 2
+    pool = make_pool(
+        int(half * 2 * POOL_PER_POSE), seed, None if progress is None else lambda f: progress(0.6 * f)
+    )
+    chosen = pool.take(_choose(pool, half, np.random.default_rng([seed, 1])))
+    if progress is not None:
+        progress(1.0)
+    both = join_poses(chosen, chosen.mirrored())
+    return both.take(np.arange(count))

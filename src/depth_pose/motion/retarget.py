@@ -1,0 +1,282 @@
+"""Recorded motion brought to our skeleton by the directions of its bones.
+
+Every limb segment of ours takes the direction of the recorded one, so that hands and feet are
+where the motion puts them but for the bones' lengths, which stay the body's own. The turn about
+a limb comes from the plane of elbow or knee where it is bent, else from the recorded rotation.
+Trunk, head, clavicles and feet take the recorded rotations, against a rest pose that stands
+upright.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from depth_pose.body.angles import HANG, SHANK_M, THIGH_M, angles_from_rotations
+from depth_pose.body.joint_names import find_joints, joints_between
+from depth_pose.body.limits import violation
+from depth_pose.body.source_motion import SourceMotion
+from depth_pose.core.errors import InputError
+from depth_pose.core.rotations import mirror_rotation, nearest_rotation, rotation_between
+from depth_pose.core.skeleton import NODE_INDEX, rest_nodes
+from depth_pose.motion.clip import Clip
+from depth_pose.motion.contact import pelvis_height
+
+Array = NDArray[np.float64]
+
+_FLIP = np.array([-1.0, 1.0, 1.0])
+_BENT_DEG = (12.0, 35.0)
+"""Flexion from which the hinge's plane begins to count, and counts alone, degrees. Set by hand; not swept."""
+_STRAIGHT_DEG = (170.0, 178.0)
+"""Flexion from which a folded limb's plane counts less, and no more, degrees. Set by hand."""
+_BACKWARD_DEG = 110.0
+"""A hinge turned farther than this is noise of a straight limb, or a loose marker, degrees. Set by hand."""
+_SPINE_PART = (0.324, 0.824)
+"""Our spine segment's stretch of the way from the pelvis to the height of the shoulders (`rest_nodes`)."""
+_NECK_PART = (0.63, 1.0)
+"""Our neck segment's stretch of the way from the chest to the head (`rest_nodes`)."""
+_LEG_M = 0.83
+"""Hip to ankle of an adult, metres: the file's unit is the one that comes nearest."""
+_SNAP_DEG = 35.0
+"""A rest pose's axis that lies so near to a coordinate axis is that one, degrees. Set by hand."""
+_SHORTEST_LIMB = 0.2
+"""Shortest piece of a limb relative to the longest; below it the file is no person's. Set by hand."""
+_LEAST_UPRIGHT = 0.2
+"""Least median height of the trunk's unit vector: a motion below it is never upright. Set by hand."""
+_FLAT_DEG = 30.0
+"""Feet of rest poses this close in direction both stand flat, degrees. Set by hand."""
+_NO_LIFT_M = 0.03
+"""Feet that rise less above the lowest 5 % stand on the floor, metres: markers' noise. Set by hand."""
+_UNITS = {"metres": 1.0, "centimetres": 0.01, "inches": 0.0254, "millimetres": 0.001}
+
+
+@dataclass(frozen=True)
+class Retargeted:
+    """A recorded motion on our skeleton.
+
+    Attributes
+    ----------
+    clip : Clip
+    unit : str
+        The file's unit of length, guessed from the leg's length.
+    violation_deg : (T,) float64
+        How far the worst joint of each frame lies beyond our joint limits.
+    """
+
+    clip: Clip
+    unit: str
+    violation_deg: Array
+
+
+def retarget(source: SourceMotion) -> Retargeted:
+    """Bring a recorded motion to our skeleton.
+
+    Parameters
+    ----------
+    source : SourceMotion
+
+    Returns
+    -------
+    Retargeted
+        Its clip keeps the recording's rate; lengths are those of the 1.75 m reference body.
+
+    Raises
+    ------
+    InputError
+        If a joint is missing, a bone has no length, the rest pose is no standing person, or the
+        motion is never upright.
+    """
+    joint = find_joints(source)
+    rest = source.rest_positions()
+    to_model = _rest_axes(source.name, rest, joint)
+    leg = _leg_length(source.name, rest, joint)
+    unit = min(_UNITS, key=lambda name: abs(np.log(leg * _UNITS[name] / _LEG_M)))
+    place = source.positions() @ to_model.T
+    turn = to_model @ source.rotations @ to_model.T
+    rotations = _segments(source, joint, rest @ to_model.T, place, turn)
+    up = rotations[:, 2, 1, 1]
+    if np.median(up) < _LEAST_UPRIGHT:
+        raise InputError(
+            f"{source.name}: the trunk is hardly ever upright; is another axis than the rest pose's up?"
+        )
+    roots = _roots(rotations, place, joint, (THIGH_M + SHANK_M) / leg)
+    clip = Clip(source.name, source.fps, rotations, roots)
+    return Retargeted(clip, unit, violation(angles_from_rotations(rotations)).max(axis=-1))
+
+
+def _rest_axes(name: str, rest: Array, joint: dict[str, int]) -> Array:
+    """Rotation from the file's axes to the model's: x to the person's left, y up."""
+    left = rest[joint["left_hip"]] - rest[joint["right_hip"]]
+    up = rest[joint["head"]] - (rest[joint["left_knee"]] + rest[joint["right_knee"]]) / 2
+    up, left = _snap(up), _snap(left)
+    if abs(up @ left) > 0.5:
+        raise InputError(f"{name}: the rest pose is not a standing person (hips {left}, up {up})")
+    left = left - (left @ up) * up
+    left /= np.linalg.norm(left)
+    return np.stack([left, up, np.cross(left, up)])
+
+
+def _snap(direction: Array) -> Array:
+    """Give the unit vector, moved onto a coordinate axis that is near."""
+    size = np.linalg.norm(direction)
+    if size == 0:
+        return np.zeros(3)
+    unit = direction / size
+    axis = int(np.argmax(np.abs(unit)))
+    if abs(unit[axis]) < np.cos(np.radians(_SNAP_DEG)):
+        return np.asarray(unit)
+    return np.asarray(np.sign(unit[axis]) * np.eye(3)[axis])
+
+
+def _leg_length(name: str, rest: Array, joint: dict[str, int]) -> float:
+    pieces = (("hip", "knee"), ("knee", "ankle"), ("shoulder", "elbow"), ("elbow", "wrist"))
+    lengths = {}
+    for side in ("left", "right"):
+        for a, b in pieces:
+            lengths[f"{side} {a} to {b}"] = float(
+                np.linalg.norm(rest[joint[f"{side}_{a}"]] - rest[joint[f"{side}_{b}"]])
+            )
+    longest = max(lengths.values())
+    for what, length in lengths.items():
+        if not length > _SHORTEST_LIMB * longest:
+            raise InputError(
+                f"{name}: {what} is {length:.4g} long, the longest limb {longest:.4g}: not a person"
+            )
+    legs = [length for what, length in lengths.items() if "hip" in what or "ankle" in what]
+    return sum(legs) / 2
+
+
+def _segments(source: SourceMotion, joint: dict[str, int], rest: Array, place: Array, turn: Array) -> Array:
+    out = np.empty((len(place), 21, 3, 3))
+    pelvis, chest, head = (turn[:, joint[name]] for name in ("pelvis", "chest", "head"))
+    out[:, 0], out[:, 2], out[:, 4] = pelvis, chest, head
+    shoulders = (rest[joint["left_shoulder"], 1] + rest[joint["right_shoulder"], 1]) / 2
+    out[:, 1] = _piece(source, rest[:, 1], turn, (joint["pelvis"], joint["chest"]), shoulders, _SPINE_PART)
+    ends = joint["chest"], joint["head"]
+    out[:, 3] = _piece(source, rest[:, 1], turn, ends, rest[joint["head"], 1], _NECK_PART)
+    for side in ("left", "right"):
+        mine = {n.removeprefix(f"{side}_"): j for n, j in joint.items() if n.startswith(side)}
+        flip = side == "right"
+        at = {n: _mirrored(place[:, j], flip) for n, j in mine.items()}
+        at_rest = {n: _mirrored(rest[j], flip) for n, j in mine.items()}
+        turns = {n: _mirrored_turn(turn[:, j], flip) for n, j in mine.items()}
+        turns["chest"] = _mirrored_turn(chest, flip)
+        for node, rotation in (_arm(at, at_rest, turns) | _leg(at, at_rest, turns)).items():
+            out[:, NODE_INDEX[f"{side}_{node}"]] = _mirrored_turn(rotation, flip)
+    return out
+
+
+def _mirrored(points: Array, flip: bool) -> Array:
+    return points * _FLIP if flip else points
+
+
+def _mirrored_turn(rotations: Array, flip: bool) -> Array:
+    return mirror_rotation(rotations) if flip else rotations
+
+
+def _piece(
+    source: SourceMotion,
+    height: Array,
+    turn: Array,
+    ends: tuple[int, int],
+    top: float,
+    part: tuple[float, float],
+) -> Array:
+    """Rotation of a piece of the trunk: the mean of the recorded segments beside it, by length.
+
+    ``part`` is the piece's stretch of the way from the first of ``ends`` up to the height ``top``.
+    """
+    chain = [ends[0], *joints_between(source, *ends), ends[1]]
+    starts = (height[chain] - height[ends[0]]) / (top - height[ends[0]])
+    stops = np.append(starts[1:], max(1.0, starts[-1]))
+    share = np.maximum(np.minimum(stops, part[1]) - np.maximum(starts, part[0]), 0.0)
+    if not share.sum() > 1e-6:
+        share = np.ones(len(chain))
+    return nearest_rotation(np.einsum("j,tjab->tab", share, turn[:, chain]))
+
+
+def _unit(vector: Array) -> Array:
+    return np.asarray(vector / np.maximum(np.linalg.norm(vector, axis=-1, keepdims=True), 1e-9))
+
+
+def _aimed(hang: Array, rest_direction: Array, turn: Array, direction: Array) -> Array:
+    """Rotation from hanging whose -y has the given direction, its twist that of the recording."""
+    rest_to_source = rotation_between(np.array([0.0, -1.0, 0.0]), _unit(rest_direction))
+    carried = turn @ rest_to_source
+    return rotation_between(-carried[..., :, 1], direction) @ carried
+
+
+def _hinged(first: Array, second: Array, sign: float) -> Array:
+    """Turn a limb's first segment so that its hinge (x) lies across the plane of both.
+
+    ``sign`` is -1 for an elbow (folds about -x) and 1 for a knee. Nearly straight limbs keep
+    the twist that they have.
+    """
+    u, v = -first[..., :, 1], second
+    axis = sign * np.cross(u, v)
+    sine = np.linalg.norm(axis, axis=-1)
+    flexion = np.degrees(np.arctan2(sine, np.sum(u * v, axis=-1)))
+    low, high = _BENT_DEG
+    first_less, none = _STRAIGHT_DEG
+    weight = np.clip((flexion - low) / (high - low), 0, 1)
+    weight *= np.clip((none - flexion) / (none - first_less), 0, 1)
+    axis = axis / np.maximum(sine, 1e-9)[..., None]
+    x, z = first[..., :, 0], first[..., :, 2]
+    angle = np.arctan2(-np.sum(axis * z, axis=-1), np.sum(axis * x, axis=-1))
+    angle = np.where(np.abs(angle) > np.radians(_BACKWARD_DEG), 0.0, angle) * weight
+    c, s = np.cos(angle)[..., None], np.sin(angle)[..., None]
+    return np.stack([c * x - s * z, first[..., :, 1], s * x + c * z], axis=-1)
+
+
+def _arm(at: dict[str, Array], rest: dict[str, Array], turn: dict[str, Array]) -> dict[str, Array]:
+    upper_rest, fore_rest = rest["elbow"] - rest["shoulder"], rest["wrist"] - rest["elbow"]
+    fore_direction = _unit(at["wrist"] - at["elbow"])
+    upper = _aimed(HANG["shoulder"], upper_rest, turn["shoulder"], _unit(at["elbow"] - at["shoulder"]))
+    upper = _hinged(upper, fore_direction, -1.0)
+    fore = _aimed(HANG["elbow"], fore_rest, turn["elbow"], fore_direction)
+    hand = turn["wrist"] @ rotation_between(np.array([0.0, -1.0, 0.0]), _unit(fore_rest))
+    return {
+        "clavicle": turn.get("clavicle", turn["chest"]),
+        "shoulder": upper @ HANG["shoulder"],
+        "elbow": fore @ HANG["elbow"],
+        "wrist": hand @ HANG["wrist"],
+    }
+
+
+def _leg(at: dict[str, Array], rest: dict[str, Array], turn: dict[str, Array]) -> dict[str, Array]:
+    shank_direction = _unit(at["ankle"] - at["knee"])
+    thigh = _aimed(HANG["hip"], rest["knee"] - rest["hip"], turn["hip"], _unit(at["knee"] - at["hip"]))
+    thigh = _hinged(thigh, shank_direction, 1.0)
+    shank = rotation_between(-thigh[..., :, 1], shank_direction) @ thigh
+    foot = _foot(at, rest, turn["ankle"])
+    return {"hip": thigh @ HANG["hip"], "knee": shank @ HANG["knee"], "ankle": foot, "foot": foot}
+
+
+def _foot(at: dict[str, Array], rest: dict[str, Array], turn: Array) -> Array:
+    if "toe" not in rest:
+        return turn
+    ours = rest_nodes()
+    ours_direction = _unit(ours[NODE_INDEX["left_foot"]] - ours[NODE_INDEX["left_ankle"]])
+    theirs = _unit(rest["toe"] - rest["ankle"])
+    if theirs @ ours_direction > np.cos(np.radians(_FLAT_DEG)):
+        # Both rest poses have the feet flat on the floor; their slopes differ with the ankles' heights.
+        yaw = rotation_between(_level(ours_direction), _level(theirs))
+        return turn @ yaw
+    return turn @ rotation_between(ours_direction, theirs)
+
+
+def _level(direction: Array) -> Array:
+    return _unit(direction * np.array([1.0, 0.0, 1.0]))
+
+
+def _roots(rotations: Array, place: Array, joint: dict[str, int], scale: float) -> Array:
+    """Pelvis: the recorded path by the ratio of leg lengths, feet on the floor or as far above it."""
+    feet = [joint[n] for n in ("left_ankle", "right_ankle", "left_toe", "right_toe") if n in joint]
+    lowest = scale * place[:, feet, 1].min(axis=1)
+    lift = np.maximum(lowest - np.percentile(lowest, 5) - _NO_LIFT_M, 0.0)
+    middle = scale * (place[:, joint["left_hip"]] + place[:, joint["right_hip"]]) / 2
+    roots = middle - middle[0]
+    roots[:, 1] = pelvis_height(rotations) + lift
+    return np.asarray(roots)

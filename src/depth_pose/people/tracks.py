@@ -1,0 +1,129 @@
+"""Who is who from frame to frame: everybody keeps one id while they are followed.
+
+Each person followed is expected where their motion leads; what a frame shows is assigned to them
+at the least sum of distances. People do not jump: what is too far off is somebody else. Somebody
+hidden is waited for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+
+from depth_pose.core.stamps import StampGuard
+from depth_pose.people.memory import MEMORY_NS
+from depth_pose.people.segmentation import Sighting
+
+_STILL_M = 0.45
+"""How far a person's middle may seem to move by what is hidden of them, or not."""
+
+_SPEED_M_S = 3.0
+"""How fast people move at most; running indoors."""
+
+_MOST_M = 1.0
+"""Nobody is looked for farther off than this from where they are expected, metres."""
+
+_VELOCITY_SHARE = 0.3
+"""Share of a new velocity that is taken over a frame of `_VELOCITY_S`; set by hand."""
+
+_VELOCITY_S = 0.04
+_COASTING_S = 0.7
+"""Time after which a hidden person is no longer expected to walk on, seconds."""
+
+
+@dataclass
+class _Track:
+    number: int
+    seen_ns: int
+    place: NDArray[np.float64]
+    velocity: NDArray[np.float64]
+
+    def expected(self, stamp_ns: int) -> NDArray[np.float64]:
+        """Where the person should be now; who is hidden for long slows down."""
+        seconds = (stamp_ns - self.seen_ns) * 1e-9
+        return self.place + self.velocity * min(seconds, _COASTING_S)
+
+    def see(self, place: NDArray[np.float64], stamp_ns: int) -> None:
+        """Take a new place over."""
+        seconds = (stamp_ns - self.seen_ns) * 1e-9
+        if seconds > 0.0:
+            share = 1.0 - (1.0 - _VELOCITY_SHARE) ** (seconds / _VELOCITY_S)
+            self.velocity = self.velocity + share * ((place - self.place) / seconds - self.velocity)
+            speed = float(np.linalg.norm(self.velocity))
+            self.velocity *= min(1.0, _SPEED_M_S / max(speed, 1e-6))
+        self.place, self.seen_ns = place, stamp_ns
+
+
+class PeopleTracks:
+    """Names people, and keeps the names.
+
+    Parameters
+    ----------
+    start, keep : float
+        Least probability with which somebody is followed from now on, and is still believed in.
+    """
+
+    def __init__(self, start: float, keep: float) -> None:
+        self._start, self._keep = start, keep
+        self._guard = StampGuard()
+        self._count = 0
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget everybody; names are not given twice."""
+        self._tracks: list[_Track] = []
+
+    def assign(self, sightings: Sequence[Sighting], stamp_ns: int) -> tuple[str | None, ...]:
+        """Name what a frame shows.
+
+        Parameters
+        ----------
+        sightings : sequence of Sighting
+        stamp_ns : int
+
+        Returns
+        -------
+        tuple of str or None
+            A body id for each; None for what is not believed to be a person.
+        """
+        if self._guard.is_break(stamp_ns):
+            self.reset()
+        self._tracks = [t for t in self._tracks if stamp_ns - t.seen_ns <= MEMORY_NS]
+        names: list[str | None] = [None] * len(sightings)
+        for track, k in self._pair(sightings, stamp_ns):
+            track.see(sightings[k].place, stamp_ns)
+            names[k] = _name(track)
+        for k, sighting in enumerate(sightings):
+            if names[k] is None and sighting.probability >= self._start:
+                self._count += 1
+                track = _Track(self._count, stamp_ns, sighting.place, np.zeros(3))
+                self._tracks.append(track)
+                names[k] = _name(track)
+        return tuple(names)
+
+    def _pair(self, sightings: Sequence[Sighting], stamp_ns: int) -> list[tuple[_Track, int]]:
+        """Pair those who are followed with what is seen, at the least sum of distances."""
+        if not self._tracks or not sightings:
+            return []
+        far = 1e3
+        costs = np.full((len(self._tracks), len(sightings)), far)
+        for i, track in enumerate(self._tracks):
+            reach = min(_STILL_M + _SPEED_M_S * (stamp_ns - track.seen_ns) * 1e-9, _MOST_M)
+            expected = track.expected(stamp_ns)
+            for k, sighting in enumerate(sightings):
+                # heights do not count: the middle of somebody whose legs are hidden lies higher
+                gap = (sighting.place - expected)[[0, 2]]
+                still = (sighting.place - track.place)[[0, 2]]
+                distance = min(float(np.hypot(*gap)), float(np.hypot(*still)))
+                if distance <= reach and sighting.probability >= self._keep:
+                    costs[i, k] = distance
+        rows, columns = linear_sum_assignment(costs)
+        return [(self._tracks[i], int(k)) for i, k in zip(rows, columns, strict=True) if costs[i, k] < far]
+
+
+def _name(track: _Track) -> str:
+    return f"body_{track.number}"

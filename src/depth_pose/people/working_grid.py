@@ -1,0 +1,39 @@
+"""The pixel grid that all later steps work on: the image, reduced to about as many rows as they need."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from depth_pose.core.camera import Camera
+from depth_pose.core.config import SegmentConfig
+from depth_pose.core.types import DepthFrame
+from depth_pose.people import _segment_kernels as kernels
+
+
+def reduce_camera(camera: Camera, stride: int) -> Camera:
+    """Give the camera whose pixels are blocks of ``stride`` x ``stride`` pixels."""
+    return Camera(
+        width=camera.width // stride,
+        height=camera.height // stride,
+        fx=camera.fx / stride,
+        fy=camera.fy / stride,
+        cx=(camera.cx - (stride - 1) / 2) / stride,
+        cy=(camera.cy - (stride - 1) / 2) / stride,
+    )
+
+
+def reduce_frame(frame: DepthFrame, config: SegmentConfig) -> tuple[NDArray[np.float32], Camera]:
+    """Bring a frame to the working grid.
+
+    Returns
+    -------
+    depth : (h, w) float32
+        Metres; 0 where nothing returned between the nearest and the farthest distance.
+    camera : Camera
+    """
+    stride = max(1, round(frame.camera.height / config.working_height))
+    if stride == 1:
+        return kernels.clip_depth(frame.depth, config.near, config.far), frame.camera
+    depth = kernels.reduce_depth(frame.depth, stride, config.depth_jump, config.near, config.far)
+    return depth, reduce_camera(frame.camera, stride)

@@ -1,1 +1,0 @@
-"""Registration: coherent point drift, Laplacian completion, articulated fit, rigid alignment."""

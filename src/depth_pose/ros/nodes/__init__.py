@@ -1,0 +1,1 @@
+"""The nodes: thin, managed skins over the core's stages."""

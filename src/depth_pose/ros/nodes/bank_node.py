@@ -1,0 +1,26 @@
+"""What the nodes share that need the exemplar bank."""
+
+from __future__ import annotations
+
+from depth_pose.bank import Bank
+from depth_pose.ros.nodes.node_base import StageNode
+from depth_pose.ros.process.warm_stages import load_bank
+
+
+class BankNode(StageNode):
+    """A stage that needs the bank of the parameter ``bank``; it is loaded once."""
+
+    _bank: Bank | None = None
+
+    @property
+    def bank(self) -> Bank:
+        """The exemplar bank.
+
+        Raises
+        ------
+        BankError
+            If the file is missing, damaged or foreign.
+        """
+        if self._bank is None:
+            self._bank = load_bank(self.value("bank"))
+        return self._bank

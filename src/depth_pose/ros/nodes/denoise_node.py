@@ -1,0 +1,92 @@
+"""Node: depth image or cloud of a sensor -> people's points, ``/depth_pose/points``, and who they are."""
+
+from __future__ import annotations
+
+import sys
+from collections import deque
+from collections.abc import Sequence
+from typing import Any
+
+from depth_pose_msgs.msg import People
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image, PointCloud2
+
+from depth_pose.core.config import PipelineConfig
+from depth_pose.io.compressed import TOPIC_ENDING
+from depth_pose.ros.nodes.node_base import Held, Input, StageNode
+from depth_pose.ros.nodes.parameters import DENOISE
+from depth_pose.ros.process.runner import run_node
+from depth_pose.ros.process.warm_stages import make
+from depth_pose.ros.transport.conversions import image_to_frame, msg_to_frame, people_to_msgs
+from depth_pose.steps.extract import PeopleExtractor
+from depth_pose.steps.mount import turn_upright
+
+
+class DenoiseNode(StageNode):
+    """Finds the people and denoises their points (Sec. 4)."""
+
+    SECTIONS = ("mount", "segment", "denoise")
+    SETTINGS = DENOISE
+
+    def __init__(self) -> None:
+        self._info: CameraInfo | None = None
+        self._held: deque[Image | CompressedImage] = deque()
+        super().__init__("denoise")
+
+    def make_stage(self, config: PipelineConfig) -> PeopleExtractor:
+        """Make the extractor."""
+        return make(PeopleExtractor, config.segment, config.denoise)
+
+    def open_outputs(self) -> None:
+        """Publish people's points, and who they are."""
+        self._points = self.publisher(PointCloud2, "points")
+        self._people = self.publisher(People, "people")
+
+    def inputs(self) -> Sequence[Input]:
+        """Listen to a cloud, or to an image and its CameraInfo."""
+        cloud_topic = self.value("cloud_topic")
+        if cloud_topic:
+            return [Input(PointCloud2, cloud_topic, sensor=True)]
+        self.latch(CameraInfo, self.value("info_topic"), self._take_info)
+        topic = self.value("image_topic")
+        kind = CompressedImage if topic.endswith(TOPIC_ENDING) else Image
+        return [Input(kind, topic, sensor=True)]
+
+    def forget(self) -> None:
+        """Drop the images that wait for a CameraInfo."""
+        self._held.clear()
+
+    def answer(self, message: Any) -> None:
+        """Find the people in one frame."""
+        if isinstance(message, PointCloud2):
+            frame = msg_to_frame(message)
+        elif self._info is None:
+            self._hold(message)
+            raise Held
+        else:
+            frame = image_to_frame(message, self._info)
+        upright = turn_upright(frame, self.config.mount)
+        points, people = people_to_msgs(self.stage.extract(upright))
+        self._points.publish(points)
+        self._people.publish(people)
+        self.figures.values["people"] = len(people.people)
+
+    def _hold(self, image: Image | CompressedImage) -> None:
+        """Keep an image until the first CameraInfo says what it shows."""
+        if len(self._held) >= self.queue:
+            self._held.popleft()
+            self.drop("no CameraInfo", f"nothing has come on {self.value('info_topic')} yet")
+        self._held.append(image)
+
+    def _take_info(self, info: CameraInfo) -> None:
+        self._info = info
+        while self._held:
+            self.process((self._held.popleft(),))
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Run the node until it is asked to stop; gives the exit code."""
+    return run_node(DenoiseNode, args)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,105 @@
+"""Pause and resume running nodes through their lifecycle services, for those without ``ros2``."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from typing import Any
+
+import rclpy
+from lifecycle_msgs.msg import State, Transition
+from lifecycle_msgs.srv import ChangeState, GetState
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.task import Future
+
+from depth_pose.core.errors import DepthPoseError
+from depth_pose.ros.process.names import NODES
+
+_STEPS = {
+    (State.PRIMARY_STATE_UNCONFIGURED, True): Transition.TRANSITION_CONFIGURE,
+    (State.PRIMARY_STATE_INACTIVE, True): Transition.TRANSITION_ACTIVATE,
+    (State.PRIMARY_STATE_ACTIVE, False): Transition.TRANSITION_DEACTIVATE,
+}
+"""What brings a node in a state nearer to being active, or not."""
+
+
+def set_active(
+    active: bool,
+    nodes: Sequence[str] | None = None,
+    namespace: str = "depth_pose",
+    *,
+    timeout_s: float = 60.0,
+) -> dict[str, str]:
+    """Pause nodes, or resume them, configuring where they are not.
+
+    Parameters
+    ----------
+    active : bool
+        True resumes, false pauses.
+    nodes : sequence of str
+        Names of the nodes; the four of `depth_pose.ros.process.supervisor` by default.
+    namespace : str
+    timeout_s : float
+        For each node; loading a bank and compiling takes a while.
+
+    Returns
+    -------
+    dict of str to str
+        The state of each node afterwards.
+
+    Raises
+    ------
+    DepthPoseError
+        If a node is not there, does not answer, or refuses.
+    """
+    context = Context()
+    rclpy.init(context=context, args=[])
+    node = rclpy.create_node("depth_pose_lifecycle", context=context)
+    try:
+        caller = _Caller(node, context, timeout_s)
+        # the first node stops first and starts last, so that the others have nothing to wait for
+        order = list(nodes or NODES)
+        order = order[::-1] if active else order
+        return {name: caller.bring(f"/{namespace.strip('/')}/{name}", active) for name in order}
+    finally:
+        node.destroy_node()
+        rclpy.try_shutdown(context=context)
+
+
+class _Caller:
+    """Calls the lifecycle services of one node after the other."""
+
+    def __init__(self, node: Node, context: Context, timeout_s: float) -> None:
+        self._node = node
+        self._executor = SingleThreadedExecutor(context=context)
+        self._executor.add_node(node)
+        self._timeout_s = timeout_s
+
+    def bring(self, name: str, active: bool) -> str:
+        """Bring a node to be active, or not; gives the label of its state."""
+        while True:
+            state = self._call(GetState, f"{name}/get_state", GetState.Request()).current_state
+            step = _STEPS.get((state.id, active))
+            if step is None:
+                return str(state.label)
+            request = ChangeState.Request(transition=Transition(id=step))
+            if not self._call(ChangeState, f"{name}/change_state", request).success:
+                raise DepthPoseError(f"{name} is {state.label} and refused to change; its output says why")
+
+    def _call(self, kind: type, name: str, request: Any) -> Any:
+        client = self._node.create_client(kind, name)
+        deadline = time.monotonic() + self._timeout_s
+        patience = min(deadline, time.monotonic() + 5.0)
+        while not client.service_is_ready():
+            if time.monotonic() > patience:
+                raise DepthPoseError(f"there is no service {name}; is the node running in this domain?")
+            self._executor.spin_once(timeout_sec=0.05)
+        future: Future = client.call_async(request)
+        while not future.done():
+            if time.monotonic() > deadline:
+                raise DepthPoseError(f"{name} did not answer in {self._timeout_s:.0f} s")
+            self._executor.spin_once(timeout_sec=0.05)
+        self._node.destroy_client(client)
+        return future.result()

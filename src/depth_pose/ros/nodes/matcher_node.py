@@ -1,0 +1,61 @@
+"""Node: people's points -> the exemplars that may show their poses, ``/depth_pose/match``."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+
+from depth_pose_msgs.msg import People, PoseMatchArray
+from sensor_msgs.msg import PointCloud2
+
+from depth_pose.core.config import PipelineConfig
+from depth_pose.ros.nodes.bank_node import BankNode
+from depth_pose.ros.nodes.node_base import Input
+from depth_pose.ros.nodes.parameters import BANK
+from depth_pose.ros.process.runner import run_node
+from depth_pose.ros.process.warm_stages import make
+from depth_pose.ros.transport.conversions import matches_to_msg, msgs_to_people
+from depth_pose.steps.match import Matcher, match_confidence
+
+
+class MatcherNode(BankNode):
+    """Finds similar exemplars in the bank (Sec. 5)."""
+
+    SECTIONS = ("match", "fit")
+    SETTINGS = (BANK,)
+
+    def __init__(self) -> None:
+        super().__init__("matcher")
+
+    def make_stage(self, config: PipelineConfig) -> Matcher:
+        """Make the matcher."""
+        return make(Matcher, self.bank, config.match, config.fit)
+
+    def open_outputs(self) -> None:
+        """Publish the matches."""
+        self._matches = self.publisher(PoseMatchArray, "match")
+
+    def inputs(self) -> Sequence[Input]:
+        """Pair the points with who they are."""
+        return [Input(PointCloud2, "points"), Input(People, "people")]
+
+    def answer(self, points: PointCloud2, found: People) -> None:
+        """Match the people of one frame."""
+        people = msgs_to_people(points, found)
+        matches = self.stage.match(people)
+        self._matches.publish(matches_to_msg(matches, people))
+        self.figures.values["people"] = len(matches)
+        best = [m for m in matches if m.candidates][:1]
+        for match in best:
+            self.figures.values["match_score"] = match.candidates[0].score
+            self.figures.values["match_confidence"] = match_confidence(match.candidates[0].score)
+            self.figures.values["match_scale"] = match.scale
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Run the node until it is asked to stop; gives the exit code."""
+    return run_node(MatcherNode, args)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,181 @@
+"""ROS parameters of the nodes, declared from the core's configuration classes.
+
+A setting ``near`` of the section ``segment`` is the parameter ``segment.near``, with the
+default, range and help that `depth_pose.core.config` gives it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import fields
+from typing import Any
+
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rclpy.exceptions import (
+    InvalidParameterTypeException,
+    InvalidParameterValueException,
+    ParameterAlreadyDeclaredException,
+)
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from depth_pose.core.config import PipelineConfig, Sections, options
+from depth_pose.core.errors import ConfigError
+from depth_pose.ros.setting import Setting
+
+SECTIONS: tuple[str, ...] = tuple(f.name for f in fields(PipelineConfig))
+"""Sections of `PipelineConfig`."""
+
+
+COMMON: tuple[Setting, ...] = (
+    Setting("queue", 1, "Frames that may wait; 1: the newest wins", 1, 10000),
+    Setting(
+        "reliable", False, "Reliable in and out, every frame in turn: for replays that wait, not for sensors"
+    ),
+    Setting("autostart", True, "Configure and activate at once; false: wait for the lifecycle services"),
+    Setting(
+        "consumers", 0, "Subscribers that every output must have before the node calls itself ready", 0, 100
+    ),
+    Setting(
+        "producers", False, "Whether every input of the suite's own must have a publisher before that, too"
+    ),
+)
+"""Parameters of every node."""
+
+BANK = Setting("bank", "", "Exemplar bank file; empty: the one that the set-up built")
+
+DENOISE: tuple[Setting, ...] = (
+    Setting(
+        "image_topic",
+        "/camera/depth/image_raw",
+        "Depth image, 16UC1 millimetres or 32FC1 metres; or one that ends in /compressedDepth",
+    ),
+    Setting("info_topic", "/camera/depth/camera_info", "CameraInfo of the depth image"),
+    Setting("cloud_topic", "", "PointCloud2 in the optical frame; if set, it is used and no image"),
+)
+REFINE: tuple[Setting, ...] = (
+    BANK,
+    Setting(
+        "mesh_rate", 2.0, "Meshes a second, published while somebody listens; 0: none", 0.0, 100.0, False
+    ),
+)
+RECOVERY: tuple[Setting, ...] = (
+    BANK,
+    Setting("tf", False, "Broadcast every joint on /tf"),
+    Setting("tf_prefix", "", "Put before the joints' names on /tf, for more than one camera"),
+)
+EVERYWHERE: frozenset[str] = frozenset(s.name for s in (*COMMON, *DENOISE, *REFINE, *RECOVERY)) | {
+    "use_sim_time",
+    "start_type_description_service",
+}
+"""Parameters that a file shared by all nodes may name, beside the sections."""
+
+
+def declare(
+    node: Node, settings: Sequence[Setting], sections: Sequence[str], config: type[Sections] = PipelineConfig
+) -> None:
+    """Declare a node's own settings and those of its sections of a configuration class.
+
+    Raises
+    ------
+    ConfigError
+        If the values given at the start are unknown, of the wrong type, or out of range.
+    """
+    # rclpy has no public way to ask what the command line or file set
+    given: dict[str, Parameter] = getattr(node, "_parameter_overrides", {})
+    _refuse_unknown(given, settings, sections, config)
+    for s in settings:
+        _declare(node, given, s.name, s.default, describe(s.help, s.default, s.low, s.high, s.read_only))
+    for section in sections:
+        for o in options(_section_class(section, config)):
+            descriptor = describe(o.help, o.default, o.low, o.high, False, o.unit, o.choices)
+            _declare(node, given, f"{section}.{o.name}", o.default, descriptor)
+
+
+def describe(
+    help: str,
+    default: object,
+    low: float | None,
+    high: float | None,
+    read_only: bool,
+    unit: str = "",
+    choices: tuple[str, ...] = (),
+) -> ParameterDescriptor:
+    """Descriptor with range, unit and help."""
+    made = ParameterDescriptor(description=f"{help} [{unit}]" if unit else help, read_only=read_only)
+    if choices:
+        made.additional_constraints = "one of " + ", ".join(choices)
+    if low is None or high is None or isinstance(default, bool):
+        return made
+    if isinstance(default, int):
+        made.integer_range = [IntegerRange(from_value=int(low), to_value=int(high), step=0)]
+    elif isinstance(default, float):
+        made.floating_point_range = [
+            FloatingPointRange(from_value=float(low), to_value=float(high), step=0.0)
+        ]
+    return made
+
+
+def _declare(
+    node: Node, given: dict[str, Parameter], name: str, default: Any, descriptor: ParameterDescriptor
+) -> None:
+    value = given.get(name)
+    if isinstance(default, float) and value is not None and value.type_ == Parameter.Type.INTEGER:
+        given[name] = Parameter(name, Parameter.Type.DOUBLE, float(value.value))  # "near: 1" means 1.0
+    if isinstance(default, tuple) and value is not None and value.type_ == Parameter.Type.INTEGER_ARRAY:
+        given[name] = Parameter(name, Parameter.Type.DOUBLE_ARRAY, [float(v) for v in value.value])
+    try:
+        node.declare_parameter(name, default, descriptor)
+    except InvalidParameterTypeException as e:
+        kind = type(default).__name__
+        raise ConfigError(f"parameter {name} is {value.value if value else None!r}; give a {kind}") from e
+    except InvalidParameterValueException as e:
+        raise ConfigError(f"parameter {name}: {e}") from e
+    except ParameterAlreadyDeclaredException:
+        raise ConfigError(f"parameter {name} is declared twice by this node") from None
+
+
+def _refuse_unknown(
+    given: Iterable[str], settings: Sequence[Setting], sections: Sequence[str], config: type[Sections]
+) -> None:
+    known = EVERYWHERE | {s.name for s in settings}
+    known |= {*_names(sections, config), *_names(SECTIONS, PipelineConfig)}
+    unknown = sorted(n for n in given if n not in known and not n.startswith("qos_overrides."))
+    if unknown:
+        raise ConfigError(
+            f"no node of depth_pose has the parameter {', '.join(unknown)}; settings are named "
+            f"SECTION.NAME with the sections {', '.join(dict.fromkeys([*SECTIONS, *sections]))}, "
+            "e.g. segment.near"
+        )
+
+
+def _names(sections: Sequence[str], config: type[Sections]) -> Iterator[str]:
+    for section in sections:
+        yield from (f"{section}.{o.name}" for o in options(_section_class(section, config)))
+
+
+def _section_class(section: str, config: type[Sections]) -> type:
+    return type(getattr(config(), section))
+
+
+def read_config(
+    node: Node,
+    sections: Sequence[str],
+    changes: Mapping[str, Any] | None = None,
+    config: type[Sections] = PipelineConfig,
+) -> Any:
+    """Make the configuration from a node's parameters, with some of them changed.
+
+    Raises
+    ------
+    ConfigError
+        If a value is out of its range.
+    """
+    values: dict[str, dict[str, Any]] = {}
+    for section in sections:
+        values[section] = {
+            o.name: (changes or {}).get(name, node.get_parameter(name).value)
+            for o in options(_section_class(section, config))
+            for name in (f"{section}.{o.name}",)
+        }
+    return config.from_mapping(values)

@@ -1,0 +1,111 @@
+"""Node: people's points and fitted bodies -> ``/depth_pose/skeletons``, ``skeleton``, ``markers``."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from typing import Any
+
+from depth_pose_msgs.msg import FittedArray, People, Skeleton, SkeletonArray
+from sensor_msgs.msg import PointCloud2
+from visualization_msgs.msg import MarkerArray
+
+from depth_pose.core.config import PipelineConfig
+from depth_pose.core.errors import ConfigError
+from depth_pose.core.types import Skeleton as SkeletonData
+from depth_pose.ros.nodes.bank_node import BankNode
+from depth_pose.ros.nodes.node_base import Input
+from depth_pose.ros.nodes.parameters import RECOVERY
+from depth_pose.ros.process.runner import run_node
+from depth_pose.ros.process.warm_stages import make
+from depth_pose.ros.transport.conversions import (
+    msg_to_fitted,
+    msgs_to_people,
+    skeleton_to_msg,
+    skeletons_to_msg,
+)
+from depth_pose.ros.transport.drawing import skeletons_to_markers, skeletons_to_transforms
+from depth_pose.steps.follow import Follower
+from depth_pose.steps.mount import sensor_frame, turn_back
+from depth_pose.steps.recover import Recoverer
+
+
+class RecoveryNode(BankNode):
+    """Finds failures, recovers from them over time, and smooths (Sec. 6, last part)."""
+
+    SECTIONS = ("mount", "recover", "smooth", "match", "follow", "fit", "cpd", "completion", "temporal")
+    SETTINGS = RECOVERY
+
+    def __init__(self) -> None:
+        super().__init__("recovery")
+
+    def make_stage(self, config: PipelineConfig) -> Recoverer:
+        """Make the recoverer, and who chooses the one that is followed."""
+        self._follower = Follower(config.follow)
+        return make(Recoverer, self.bank, config.recover, config.smooth, config.match, config.fitting)
+
+    def open_outputs(self) -> None:
+        """Publish what other programs read: reliable, which suits every subscriber."""
+        self._skeletons = self.publisher(SkeletonArray, "skeletons", reliable=True)
+        self._followed = self.publisher(Skeleton, "skeleton", reliable=True, counted=False)
+        self._markers = self.publisher(MarkerArray, "markers", reliable=True, counted=False)
+        self._transforms = None
+        if self.value("tf"):
+            message = _tf_message()
+            self._transforms = self.create_publisher(message, "/tf", 10)
+            self._tf_message = message
+
+    def inputs(self) -> Sequence[Input]:
+        """Pair the points with the bodies fitted to them."""
+        return [
+            Input(PointCloud2, "points"),
+            Input(People, "people"),
+            Input(FittedArray, "skeletons_refined"),
+        ]
+
+    def answer(self, points: PointCloud2, found: People, fitted: FittedArray) -> None:
+        """Check, recover and smooth the people of one frame."""
+        people, mount = msgs_to_people(points, found), self.config.mount
+        upright = self.stage.recover(people, msg_to_fitted(fitted))
+        skeletons = [turn_back(s, mount) for s in upright]
+        frame_id = sensor_frame(people.frame_id, mount)
+        message = skeletons_to_msg(skeletons, people.stamp_ns, frame_id)
+        self._skeletons.publish(message)
+        followed = self._follower.choose(skeletons, people.stamp_ns, frame_id)
+        self._followed.publish(skeleton_to_msg(followed))
+        if self._markers.get_subscription_count():
+            self._markers.publish(skeletons_to_markers(skeletons, people.stamp_ns, frame_id))
+        if self._transforms is not None:
+            transforms = skeletons_to_transforms(skeletons, followed, self.value("tf_prefix"))
+            self._transforms.publish(self._tf_message(transforms=transforms))
+        self._note(followed, len(skeletons))
+
+    def _note(self, followed: SkeletonData, people: int) -> None:
+        """Keep what ``/diagnostics`` says."""
+        self.figures.counts[f"source {followed.source.name}"] += 1
+        self.figures.values["people"] = people
+        self.figures.values["confidence"] = followed.confidence
+        self.figures.values["residual_m"] = followed.residual
+        self.figures.values["recoveries"] = self.stage.recoveries
+        for kind, count in self.stage.failures.items():
+            self.figures.values[f"failures {kind}"] = count
+
+
+def _tf_message() -> Any:
+    try:
+        from tf2_msgs.msg import TFMessage
+    except ImportError as e:
+        raise ConfigError(
+            "parameter tf is true, but the package tf2_msgs is not installed; it comes with apt's "
+            "ros-jazzy-tf2-msgs"
+        ) from e
+    return TFMessage
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Run the node until it is asked to stop; gives the exit code."""
+    return run_node(RecoveryNode, args)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,138 @@
+"""Say so when a topic has publishers but nothing comes, has no publisher, or has several."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
+
+from depth_pose.ros.transport.intake import Input
+
+SILENT_AFTER_S = 1.9
+"""Seconds; a topic is silent if it has had publishers for this long, and nothing ever came.
+
+With a look every half second, the warning comes within three seconds.
+"""
+
+PAUSED_AFTER_S = 5.0
+"""Seconds; a topic that has delivered is silent after this, or after three of its own periods if longer.
+
+Set by hand.
+"""
+
+REPEAT_S = 10.0
+"""Seconds after which the warning is repeated while the silence lasts. Set by hand."""
+
+CROWD_AFTER_S = 8.0
+"""Seconds after which several publishers are worth a warning.
+
+More than the 5 s for which Fast DDS keeps one that was killed (`fastdds.xml`, leaseDuration).
+"""
+
+
+class CrowdWatch:
+    """Warns of topics with several publishers, whose frames mix; `check` is called once a second."""
+
+    def __init__(self, node: Node, inputs: Sequence[Input]) -> None:
+        self._node = node
+        self._since: dict[str, float | None] = {i.topic: None for i in inputs}
+
+    def check(self) -> None:
+        """Warn, and again after a while, if more than one has published for some time."""
+        now = time.monotonic()
+        for topic, since in self._since.items():
+            count = self._node.count_publishers(topic)
+            if count < 2:
+                self._since[topic] = None
+            elif since is None:
+                self._since[topic] = now
+            elif now - since >= CROWD_AFTER_S:
+                self._since[topic] = now
+                self._node.get_logger().warning(
+                    f"{topic} has {count} publishers, and their frames mix; does another suite run in "
+                    "this domain? Give it a namespace (-r __ns:=/other) or a ROS_DOMAIN_ID of its own"
+                )
+
+
+@dataclass
+class _Watched:
+    type_name: str
+    published: float | None = None
+    heard: float | None = None
+    period: float = 0.0
+    warned: float = -1e9
+
+
+class SilenceWatch:
+    """Watches the inputs that come from outside; `check` is called twice a second.
+
+    Attributes
+    ----------
+    silent : list of str
+        Topics with publishers from which nothing comes.
+    """
+
+    def __init__(self, node: Node, inputs: Sequence[Input], *, reliable: bool = False) -> None:
+        self.silent: list[str] = []
+        self._node, self._reliable = node, reliable
+        self._started = time.monotonic()
+        self._watched = {i.topic: _Watched(_type_name(i.kind)) for i in inputs if i.sensor}
+
+    def heard(self, topic: str) -> None:
+        """Note a message."""
+        watched = self._watched.get(topic)
+        if watched is not None:
+            now = time.monotonic()
+            if watched.heard is not None:
+                watched.period = now - watched.heard
+            watched.heard = now
+
+    def check(self) -> None:
+        """Warn about every silent topic; called twice a second, it does so within three seconds."""
+        now = time.monotonic()
+        self.silent = []
+        for topic, watched in self._watched.items():
+            patience = SILENT_AFTER_S
+            if watched.heard is not None:
+                patience = max(PAUSED_AFTER_S, 3.0 * watched.period)
+                if now - watched.heard < patience:
+                    continue
+            found = self._node.get_publishers_info_by_topic(topic)
+            if bool(found) != (watched.published is not None):  # they came, or left
+                watched.published = now if found else None
+            since = max(watched.published or self._started, watched.heard or self._started)
+            if now - since < patience:
+                continue
+            if found:
+                self.silent.append(topic)
+            if now - watched.warned >= REPEAT_S:
+                watched.warned = now
+                self._node.get_logger().warning(self._explain(topic, watched, found, now - since))
+
+    def _explain(self, topic: str, watched: _Watched, found: Sequence[object], silence_s: float) -> str:
+        wanted = watched.type_name
+        if not found:
+            others = [name for name, kinds in self._node.get_topic_names_and_types() if wanted in kinds]
+            others = sorted(set(others) - {topic})
+            there = f"; topics of that type: {', '.join(others)}" if others else ""
+            return f"nobody publishes {topic} ({wanted}){there}"
+        types = sorted({p.topic_type for p in found})  # type: ignore[attr-defined]
+        start = f"{topic} has {len(found)} publisher(s) but nothing came for {silence_s:.0f} s: "
+        if types != [wanted]:
+            return start + f"it carries {', '.join(types)}, this node takes {wanted}"
+        qos = [p.qos_profile for p in found]  # type: ignore[attr-defined]
+        if self._reliable and all(q.reliability == ReliabilityPolicy.BEST_EFFORT for q in qos):
+            return start + "it is sent best effort, this node asks for reliable: leave the parameter reliable"
+        durable = any(q.durability == DurabilityPolicy.TRANSIENT_LOCAL for q in qos)
+        return start + (
+            "it is published once and kept; a depth topic must stream"
+            if durable
+            else "the sensor may be paused, or its messages exceed the transport's 8 MiB or cross a network"
+        )
+
+
+def _type_name(kind: type) -> str:
+    return f"{kind.__module__.split('.')[0]}/msg/{kind.__name__}"

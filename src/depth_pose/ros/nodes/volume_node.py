@@ -1,0 +1,169 @@
+"""Node: silhouettes of several cameras, or depth images of one or more -> pose in loose clothing.
+
+``/depth_pose/skeleton`` (source VOLUME) in the world frame, and ``/depth_pose/joint_states`` with the
+anatomical angles. Images of one time are brought together by their stamps; a camera that is late is
+not waited for longer than ``views.patience``, one that is gone not at all, and ``/diagnostics`` says so. The
+newest set of views wins.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from depth_pose_msgs.msg import Skeleton as SkeletonMsg
+from diagnostic_msgs.msg import DiagnosticStatus
+from sensor_msgs.msg import Image, JointState
+
+from depth_pose.body.angles import ANGLES
+from depth_pose.core.errors import ConfigError, InputError
+from depth_pose.ros.nodes.node_base import Drop, StageNode
+from depth_pose.ros.process.runner import run_node
+from depth_pose.ros.setting import Setting
+from depth_pose.ros.transport.conversions import make_header, skeleton_to_msg
+from depth_pose.ros.transport.intake import LOG_EVERY_S, Input
+from depth_pose.ros.transport.rig_source import RIG_SETTINGS, RigSource
+from depth_pose.ros.transport.view_sets import ViewSetIntake
+from depth_pose.volume.config import VolumeConfig
+from depth_pose.volume.decode import decode_views
+from depth_pose.volume.model import VolumeModel
+from depth_pose.volume.pipeline import VolumePipeline, VolumePose
+from depth_pose.volume.rigfile import Rig
+from depth_pose.volume.synchroniser import Synchroniser, ViewSet
+
+SETTINGS: tuple[Setting, ...] = (
+    Setting("model", "", "Volume model, made with 'depth-pose volume train'"),
+    *RIG_SETTINGS,
+)
+"""Parameters beside those of `VolumeConfig` (``space.voxel`` and so on)."""
+
+
+class VolumeNode(StageNode):
+    """The volume tracker on topics."""
+
+    CONFIG = VolumeConfig
+    SECTIONS = ("segment", "denoise", "views", "space", "track", "fit")
+    SETTINGS = SETTINGS
+
+    def __init__(self) -> None:
+        self._source: RigSource | None = None
+        self._told_gone: list[int] = []
+        super().__init__("volume")
+
+    # Beginning
+
+    def prepare(self) -> None:
+        """Load the model; the rest once the cameras are known."""
+        if not self.value("model"):
+            raise ConfigError("give the parameter model: a file that 'depth-pose volume train' made")
+        try:
+            self._model = VolumeModel.load(Path(self.value("model")))
+            self._source = RigSource(self)
+        except InputError as error:  # starting again will not help
+            raise ConfigError(str(error)) from error
+        self._source.listen(self._begin)
+
+    def _begin(self, rig: Rig) -> None:
+        self._rig, self._frame = rig, str(self.value("world_frame"))
+        self._synchroniser = Synchroniser(len(rig.topics))
+        super().prepare()
+
+    def make_stage(self, config: VolumeConfig) -> VolumePipeline:
+        """Make the pipeline."""
+        self._synchroniser.config = config.views
+        return VolumePipeline(self._model, self._rig, config, self._frame)
+
+    def open_outputs(self) -> None:
+        """Publish what other programs read: reliable, which suits every subscriber."""
+        self._skeletons = self.publisher(SkeletonMsg, "skeleton", reliable=True)
+        self._states = self.publisher(JointState, "joint_states", reliable=True, counted=False)
+
+    def inputs(self) -> Sequence[Input]:
+        """Listen to all cameras."""
+        return [Input(Image, topic, sensor=True) for topic in self._rig.topics]
+
+    def make_intake(self) -> ViewSetIntake:
+        """Bring the cameras' images together."""
+        return ViewSetIntake(self, self._rig.topics, self._synchroniser)
+
+    # Answering
+
+    def stamp_ns(self, *messages: ViewSet) -> int:
+        """Give the stamp of a set of views."""
+        return messages[0].stamp_ns
+
+    def answer(self, messages: ViewSet) -> None:
+        """Track the views of one time."""
+        try:
+            views = decode_views(
+                messages, self._rig, self._model.meta["input"], len(self._gone()), self._complain
+            )
+        except InputError as error:
+            raise Drop("bad input", str(error)) from error
+        self._publish(self.stage.process_frame(views), views.stamp_ns)
+
+    def _complain(self, topic: str, error: InputError) -> None:
+        self.drop("bad image", f"{topic}: {error}")
+
+    def _gone(self) -> list[int]:
+        return self._synchroniser.gone(time.monotonic())
+
+    def _publish(self, pose: VolumePose, stamp_ns: int) -> None:
+        self._skeletons.publish(skeleton_to_msg(pose.skeleton))
+        self.figures.counts[f"source {pose.skeleton.source.name}"] += 1
+        for camera in pose.disregarded:
+            self.figures.counts[f"shows nobody: {self._rig.topics[camera]}"] += 1
+            self.get_logger().warning(
+                f"{self._rig.topics[camera]} shows nobody while others do: it has no say",
+                throttle_duration_sec=LOG_EVERY_S,
+            )
+        if pose.skeleton.is_lost or pose.tracked is None:
+            return
+        self.figures.values |= {
+            "confidence": pose.skeleton.confidence,
+            "misfit": pose.tracked.misfit,
+            "stature_m": pose.stature,
+            "cameras": float(pose.volume.views),
+        }
+        if self._states.get_subscription_count():
+            state = JointState(header=make_header(stamp_ns, self._frame), name=list(ANGLES))
+            state.position = np.radians(pose.angles_deg).tolist()
+            self._states.publish(state)
+
+    # Telling
+
+    def _judge(self) -> tuple[bytes, str]:
+        missing = ", ".join(self._source.missing()) if self._source is not None else ""
+        if missing:
+            self.get_logger().warning(f"waits for {missing}", throttle_duration_sec=LOG_EVERY_S)
+            return DiagnosticStatus.WARN, f"waits for {missing}"
+        if self._intake is None:
+            return super()._judge()
+        topics, held = self._rig.topics, self._synchroniser
+        for kind, counts in (("late", held.late), ("answered without", held.missing)):
+            for camera, count in counts.items():
+                self.figures.counts[f"{kind}: {topics[camera]}"] = count
+        level, words = super()._judge()
+        if not self.is_active:
+            return level, words
+        gone = self._gone()
+        names = ", ".join(topics[c] for c in gone)
+        if gone != self._told_gone:
+            self._told_gone = gone
+            if gone:
+                self.get_logger().warning(f"nothing from {names}; goes on without")
+            else:
+                self.get_logger().info("all cameras are there")
+        return (DiagnosticStatus.WARN, f"nothing from {names}") if gone else (level, words)
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Run the node until it is asked to stop; gives the exit code."""
+    return run_node(VolumeNode, args)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

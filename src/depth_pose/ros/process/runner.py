@@ -1,0 +1,124 @@
+"""Run a node, and end what runs, with exit code 0, when it is asked to stop."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import sys
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
+
+EXIT_CONFIG = 2
+"""Exit code where the configuration or the bank cannot be used: starting again will not help."""
+
+STOPS = (signal.SIGINT, signal.SIGTERM)
+"""Signals that ask a process to stop."""
+
+
+def run_node(make: Callable[[], Any], args: Sequence[str] | None = None) -> int:
+    """Make a node and run it until it is asked to stop.
+
+    Parameters
+    ----------
+    make : callable
+        Gives the `depth_pose.ros.nodes.node_base.StageNode`; called once rclpy is initialised.
+    args : sequence of str, optional
+        Command line with ``--ros-args``; the process' own if None.
+
+    Returns
+    -------
+    int
+        Exit code: 0 after SIGINT or SIGTERM, `EXIT_CONFIG` where the settings cannot be used.
+    """
+    for number in STOPS:
+        signal.signal(number, _stop)
+    import rclpy  # after the handlers: a stop during these imports must be clean, too
+    from rclpy.executors import ExternalShutdownException
+    from rclpy.signals import SignalHandlerOptions, install_signal_handlers
+
+    from depth_pose.core.errors import BankError, ConfigError
+
+    node = None
+    try:
+        if rclpy.ok():  # it joined early
+            make.arguments = args  # type: ignore[attr-defined]
+        else:
+            known = list(args) if args is not None else None
+            rclpy.init(args=known, signal_handler_options=SignalHandlerOptions.NO)
+        node = make()
+        install_signal_handlers(SignalHandlerOptions.ALL)
+        _spin(node)
+    except (KeyboardInterrupt, ExternalShutdownException):
+        pass
+    except (ConfigError, BankError) as e:
+        sys.stderr.write(f"depth_pose: {e}\n")
+        return EXIT_CONFIG
+    except Exception:
+        if node is None or rclpy.ok():  # else it was told to stop, and what it called was shut down
+            raise
+    finally:
+        for number in STOPS:
+            signal.signal(number, signal.SIG_IGN)
+        if node is not None:
+            with contextlib.suppress(Exception):
+                node.destroy_node()
+        rclpy.try_shutdown()
+    return 0
+
+
+def join_early() -> Callable[[], None]:
+    """Join the ROS graph before it is known as which node; gives what undoes it, to be kept.
+
+    Being found by others takes longer than all that a node does after it. Where the process ends
+    without `run_node`, shared memory would be left behind if it were not undone.
+    """
+    import rclpy
+    from rclpy.signals import SignalHandlerOptions
+
+    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+    name = f"spare_{os.getpid()}"
+    joined = rclpy.create_node(
+        name, namespace="depth_pose", enable_rosout=False, start_parameter_services=False
+    )
+
+    def leave() -> None:
+        joined.destroy_node()
+        rclpy.try_shutdown()
+
+    return leave
+
+
+def _spin(node: Any) -> None:
+    """Call back until shutdown, and answer the whole frames that come of it."""
+    import rclpy
+    from rclpy.executors import SingleThreadedExecutor
+
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    try:
+        while rclpy.ok():
+            executor.spin_once()
+            while node.has_pending:
+                node.process_pending()
+    finally:
+        executor.shutdown(timeout_sec=0.2)
+
+
+@contextlib.contextmanager
+def on_stop(callback: Callable[[], None]) -> Iterator[None]:
+    """Call back on SIGINT and SIGTERM within the block, where it is the main thread's."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = {n: signal.signal(n, lambda *_: callback()) for n in STOPS}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _stop(number: int, frame: object) -> None:
+    raise KeyboardInterrupt

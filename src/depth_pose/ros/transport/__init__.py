@@ -1,0 +1,1 @@
+"""What arrives and leaves: messages, pairing of topics, playing and recording."""

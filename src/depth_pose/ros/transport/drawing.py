@@ -1,0 +1,132 @@
+"""Skeleton and body surface as ``visualization_msgs``, and as TF frames.
+
+Both markers carry a short lifetime, so that a viewer clears them when skeletons stop.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from builtin_interfaces.msg import Duration
+from geometry_msgs.msg import Point, Quaternion, Transform, TransformStamped, Vector3
+from numpy.typing import NDArray
+from std_msgs.msg import ColorRGBA
+from visualization_msgs.msg import Marker, MarkerArray
+
+from depth_pose.core.skeleton import BONES, JOINT_INDEX, JOINTS, JointState
+from depth_pose.core.types import Skeleton
+from depth_pose.ros.transport.conversions import make_header
+
+LIFETIME_NS = 500_000_000
+"""How long a viewer keeps a marker, nanoseconds."""
+
+_COLOURS = {
+    JointState.SEEN: ColorRGBA(r=0.10, g=0.80, b=0.30, a=1.0),
+    JointState.OCCLUDED: ColorRGBA(r=0.95, g=0.65, b=0.10, a=1.0),
+    JointState.OUTSIDE_IMAGE: ColorRGBA(r=0.55, g=0.55, b=0.60, a=1.0),
+    JointState.LOST: ColorRGBA(r=0.85, g=0.15, b=0.15, a=1.0),
+}
+_BONE_WIDTH_M = 0.02
+_JOINT_SIZE_M = 0.05
+_NAME_SIZE_M = 0.12
+
+
+def skeletons_to_markers(skeletons: Sequence[Skeleton], stamp_ns: int, frame_id: str) -> MarkerArray:
+    """Joints as spheres coloured by state, bones as lines, and each one's name; what was drawn before goes.
+
+    The namespaces are ``BODY_ID/joints``, ``/bones`` and ``/name``.
+    """
+    markers = [_marker(stamp_ns, frame_id, "", Marker.SPHERE_LIST, Marker.DELETEALL)]
+    for skeleton in skeletons:
+        markers += _skeleton_markers(skeleton)
+    return MarkerArray(markers=markers)
+
+
+def _skeleton_markers(skeleton: Skeleton) -> list[Marker]:
+    def marker(what: str, kind: int) -> Marker:
+        name = f"{skeleton.body_id}/{what}"
+        return _marker(skeleton.stamp_ns, skeleton.frame_id, name, kind, Marker.ADD)
+
+    joints, bones = marker("joints", Marker.SPHERE_LIST), marker("bones", Marker.LINE_LIST)
+    points = [Point(x=x, y=y, z=z) for x, y, z in skeleton.positions.tolist()]
+    colours = [_COLOURS[JointState(state)] for state in skeleton.joint_states.tolist()]
+    joints.scale = Vector3(x=_JOINT_SIZE_M, y=_JOINT_SIZE_M, z=_JOINT_SIZE_M)
+    joints.points, joints.colors = points, colours
+    bones.scale = Vector3(x=_BONE_WIDTH_M, y=0.0, z=0.0)
+    bones.points = [points[end] for bone in BONES for end in bone]
+    bones.colors = [colours[child] for _, child in BONES for _ in range(2)]
+    name = marker("name", Marker.TEXT_VIEW_FACING)
+    name.text = skeleton.body_id
+    name.scale.z = _NAME_SIZE_M
+    x, y, z = skeleton.positions[JOINT_INDEX["head"]].tolist()
+    name.pose.position = Point(x=x, y=y - 2.0 * _NAME_SIZE_M, z=z)
+    return [joints, bones, name]
+
+
+def mesh_to_marker(
+    vertices: NDArray[np.floating], faces: NDArray[np.integer], stamp_ns: int, frame_id: str, number: int = 0
+) -> Marker:
+    """Body surface as a ``TRIANGLE_LIST``.
+
+    Parameters
+    ----------
+    vertices : (V, 3)
+        Surface in the camera frame, metres.
+    faces : (F, 3)
+        Rows of `vertices`.
+    stamp_ns, frame_id
+        Of the depth frame.
+    number : int
+        Which of the frame's people it is.
+    """
+    marker = _marker(stamp_ns, frame_id, "mesh", Marker.TRIANGLE_LIST, Marker.ADD)
+    marker.id = number
+    marker.scale = Vector3(x=1.0, y=1.0, z=1.0)
+    marker.color = ColorRGBA(r=0.75, g=0.78, b=0.85, a=0.6)
+    points = [Point(x=x, y=y, z=z) for x, y, z in vertices.tolist()]
+    marker.points = [points[i] for i in faces.ravel().tolist()]
+    return marker
+
+
+def _marker(stamp_ns: int, frame_id: str, namespace: str, kind: int, action: int) -> Marker:
+    marker = Marker(header=make_header(stamp_ns, frame_id), ns=namespace, id=0, type=kind, action=action)
+    marker.pose.orientation.w = 1.0
+    marker.color = ColorRGBA(r=1.0, g=1.0, b=1.0, a=1.0)
+    marker.lifetime = Duration(sec=0, nanosec=LIFETIME_NS)
+    return marker
+
+
+def skeletons_to_transforms(
+    skeletons: Sequence[Skeleton], followed: Skeleton, prefix: str = ""
+) -> list[TransformStamped]:
+    """Camera frame to every joint of everybody, named ``BODY_ID_joint``; of the one followed also ``joint``.
+
+    Parameters
+    ----------
+    skeletons : sequence of Skeleton
+    followed : Skeleton
+        May be lost.
+    prefix : str
+        Put before all names.
+    """
+    out = _transforms(followed, prefix)
+    for skeleton in skeletons:
+        out += _transforms(skeleton, f"{prefix}{skeleton.body_id}_")
+    return out
+
+
+def _transforms(skeleton: Skeleton, prefix: str) -> list[TransformStamped]:
+    header = make_header(skeleton.stamp_ns, skeleton.frame_id)
+    rows = zip(JOINTS, skeleton.positions.tolist(), skeleton.quats_xyzw.tolist(), strict=False)
+    return [
+        TransformStamped(
+            header=header,
+            child_frame_id=prefix + name,
+            transform=Transform(
+                translation=Vector3(x=p[0], y=p[1], z=p[2]),
+                rotation=Quaternion(x=q[0], y=q[1], z=q[2], w=q[3]),
+            ),
+        )
+        for name, p, q in rows
+    ]

@@ -1,0 +1,266 @@
+"""From the messages of a node's topics to whole frames: pairing, newest first, every miss counted."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Protocol
+
+from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.subscription import Subscription
+
+from depth_pose.core.errors import DepthPoseError
+from depth_pose.ros.transport.conversions import stamp_to_ns
+from depth_pose.ros.transport.pairing import Pairer
+
+PAIR_DEPTH = 64
+"""Stamps held by a node that pairs topics, until the later part of a frame comes.
+
+It spans two seconds at 30 frames a second, which is more than the stages between take. With fewer, a node
+behind a slow stage would let go of a frame's points before its match comes.
+"""
+
+NO_EVENTS = SubscriptionEventCallbacks(use_default_callbacks=False)
+"""No events: each makes every wait of the executor longer, and a node tells itself what is wrong."""
+
+LOG_EVERY_S = 5.0
+"""A message of the same kind is logged at most this often, seconds. Set by hand."""
+
+
+@dataclass(frozen=True)
+class Input:
+    """One topic of a node.
+
+    Attributes
+    ----------
+    kind : type
+        Message class, with a header.
+    topic : str
+    sensor : bool
+        Whether it comes from outside the suite: then its silence is worth a warning.
+    """
+
+    kind: type
+    topic: str
+    sensor: bool = False
+
+
+class Taker(Protocol):
+    """A node that takes frames, as their source knows it: `depth_pose.ros.nodes.node_base.StageNode`.
+
+    Attributes
+    ----------
+    lossless : bool
+        Whether it takes every frame in turn; else the newest wins.
+    queue : int
+        Frames that may wait.
+    is_active : bool
+        Whether frames are answered.
+    create_subscription, destroy_subscription, resolve_topic_name, count_publishers, get_logger
+        As every node of rclpy has them.
+    """
+
+    lossless: bool
+    queue: int
+    is_active: bool
+    create_subscription: Callable[..., Subscription]
+    destroy_subscription: Callable[[Subscription], bool]
+    resolve_topic_name: Callable[[str], str]
+    count_publishers: Callable[[str], int]
+    get_logger: Callable[[], Any]
+
+    def heard(self, topic: str) -> None:
+        """Note that a message came."""
+
+    def count(self, what: str) -> None:
+        """Count what is told, but is no drop."""
+
+    def drop(self, reason: str, detail: str, count: int = 1) -> None:
+        """Count frames without an answer."""
+
+    def process(self, messages: tuple[Any, ...]) -> None:
+        """Answer a whole frame."""
+
+
+class FrameSource(Protocol):
+    """Where a node's frames come from, as the node knows it: `Intake`, or one of the node's own."""
+
+    inputs: tuple[Input, ...]
+    arrivals: int
+
+    @property
+    def joined(self) -> bool:
+        """Whether every topic of the suite's own has a publisher, as this side sees it."""
+
+    @property
+    def has_pending(self) -> bool:
+        """Whether a whole frame waits."""
+
+    def take_waiting(self) -> bool:
+        """Take in all that waits; gives whether there was anything."""
+
+    def take_pending(self) -> tuple[Any, ...] | None:
+        """Give the newest whole frame, once."""
+
+    def forget(self) -> None:
+        """Drop what waits and what is known of earlier messages."""
+
+    def close(self) -> None:
+        """Unsubscribe."""
+
+
+class Drop(DepthPoseError):
+    """Raised by `StageNode.answer` where a frame gets no answer, with the reason to count it by."""
+
+    def __init__(self, reason: str, detail: str) -> None:
+        super().__init__(detail)
+        self.reason = reason
+
+
+class Held(Exception):
+    """Raised by `StageNode.answer` where a frame is kept and answered later."""
+
+
+def frame_qos(depth: int, reliable: bool) -> QoSProfile:
+    """Give the QoS of frames: the newest ``depth``, best effort as sensors send, or reliable."""
+    policy = ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT
+    return QoSProfile(depth=depth, history=HistoryPolicy.KEEP_LAST, reliability=policy)
+
+
+def waiting(subscription: Subscription) -> Iterator[tuple[Any, dict[str, Any]]]:
+    """Give the messages that wait in a subscription's queue, and what is known of each."""
+    handle = subscription.handle
+    with handle:
+        while (taken := handle.take_message(subscription.msg_type, subscription.raw)) is not None:
+            yield taken
+
+
+class Intake:
+    """The subscriptions of a node whose messages of one stamp make a frame.
+
+    Up to `PAIR_DEPTH` incomplete frames are held, because the parts of one frame come at different
+    times, and all that waits is taken in before the newest whole frame is begun. A lossless node
+    begins every frame in turn. While the node is not active, what comes is ignored.
+
+    Attributes
+    ----------
+    inputs : tuple of Input
+        With the topics' full names.
+    arrivals : int
+        Messages taken in.
+    """
+
+    def __init__(self, node: Taker, inputs: Sequence[Input]) -> None:
+        self._node = node
+        self._lossless = node.lossless
+        paired = len(inputs) > 1
+        depth = max(node.queue, PAIR_DEPTH) if paired else node.queue
+        self.inputs = tuple(replace(i, topic=node.resolve_topic_name(i.topic)) for i in inputs)
+        self.arrivals = 0
+        self._pairer = (
+            Pairer(len(inputs), depth, self._unpaired, ordered=not self._lossless) if paired else None
+        )
+        self.forget()
+        qos = frame_qos(depth, self._lossless)
+        self._subscriptions: list[Subscription] = [
+            node.create_subscription(i.kind, i.topic, self._callback(index), qos, event_callbacks=NO_EVENTS)
+            for index, i in enumerate(self.inputs)
+        ]
+
+    def forget(self) -> None:
+        """Drop what waits and what is known of earlier messages."""
+        self._pending: tuple[Any, ...] | None = None
+        self._last_stamp_ns: int | None = None
+        self._sequences: dict[int, int] = {}
+        if self._pairer is not None:
+            self._pairer.clear()
+
+    def close(self) -> None:
+        """Unsubscribe."""
+        for subscription in self._subscriptions:
+            self._node.destroy_subscription(subscription)
+        self._subscriptions = []
+
+    @property
+    def joined(self) -> bool:
+        """Whether every topic of the suite's own has a publisher, as this side sees it."""
+        pairs = zip(self.inputs, self._subscriptions, strict=True)
+        return all(s.get_publisher_count() > 0 for i, s in pairs if not i.sensor)
+
+    @property
+    def has_pending(self) -> bool:
+        """Whether a whole frame waits."""
+        return self._pending is not None
+
+    def take_waiting(self) -> bool:
+        """Take in what has come meanwhile, without the cost of a wait; True if anything had."""
+        before = self.arrivals
+        for index, subscription in enumerate(self._subscriptions):
+            for message, info in waiting(subscription):
+                self._take(index, message, info)
+        return self.arrivals > before
+
+    def take_pending(self) -> tuple[Any, ...] | None:
+        """Give the newest whole frame, once."""
+        whole, self._pending = self._pending, None
+        return whole
+
+    def _callback(self, index: int) -> Callable[..., None]:
+        def take(message: Any, info: Any) -> None:  # rclpy counts the arguments
+            self._take(index, message, info)
+
+        return take
+
+    def _take(self, index: int, message: Any, info: dict[str, Any]) -> None:
+        self.arrivals += 1
+        self._node.heard(self.inputs[index].topic)
+        if not self._node.is_active:
+            self._node.count("ignored while paused")
+            return
+        self._count_missed(index, info.get("publication_sequence_number"))
+        stamp_ns = stamp_to_ns(message.header.stamp)
+        if index == 0 and not self._is_new(stamp_ns):
+            return
+        whole = (message,) if self._pairer is None else self._pairer.add(index, stamp_ns, message)
+        if whole is None:
+            return
+        if self._pairer is None or self._lossless:
+            self._node.process(whole)
+            return
+        if self._pending is not None:
+            self._node.drop("overtaken", "a newer frame came before this one was begun")
+        self._pending = whole
+
+    def _count_missed(self, index: int, sequence: int | None) -> None:
+        """Count what the publisher sent and this node never saw, by the publisher's own numbers."""
+        if not sequence:
+            return
+        last = self._sequences.get(index)
+        self._sequences[index] = sequence
+        topic = self.inputs[index].topic
+        # each publisher counts for itself: the numbers of several say nothing
+        if last is not None and sequence > last + 1 and self._node.count_publishers(topic) == 1:
+            what = f"{topic} brought newer ones while this node was busy"
+            self._node.drop("missed", what, sequence - last - 1)
+
+    def _is_new(self, stamp_ns: int) -> bool:
+        last, self._last_stamp_ns = self._last_stamp_ns, stamp_ns
+        if last is None or stamp_ns > last:
+            return True
+        topic = self.inputs[0].topic
+        if stamp_ns == last:
+            what = f"{topic} repeats stamp {stamp_ns} ns; does the driver set header.stamp?"
+            self._node.drop("same stamp", what)
+            return False
+        self._node.count("stamps going back")
+        back_s = (last - stamp_ns) / 1e9
+        self._node.get_logger().warning(
+            f"the stamps of {topic} went back by {back_s:.3f} s; what was kept of earlier frames is dropped",
+            throttle_duration_sec=LOG_EVERY_S,
+        )
+        return True
+
+    def _unpaired(self, count: int) -> None:
+        topics = " and ".join(i.topic for i in self.inputs)
+        self._node.drop("unpaired", f"{topics} did not both bring this stamp", count)

@@ -1,0 +1,247 @@
+"""Topics -> MCAP, as they come: serialised bytes, and the full text of every definition."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import Counter
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import depth_pose
+from depth_pose.core.errors import InputError
+from depth_pose.ros.process.runner import on_stop
+
+_LOOK_EVERY_S = 0.05
+"""Seconds between two looks for new topics. Set by hand."""
+
+_SETTLE_S = 0.2
+"""Seconds after both sides should have found each other: a publisher may find the recorder last."""
+
+_QUEUE = 1000
+"""Messages of a topic that may wait to be written. Set by hand."""
+
+_INTERNAL = ("/parameter_events", "/rosout")
+
+
+class Recorder:
+    """Records topics in a thread of its own, from `start` to `stop`.
+
+    A topic is recorded as soon as somebody publishes it, with whatever QoS its publishers
+    offer. Log times are those of arrival.
+
+    Parameters
+    ----------
+    output : path
+        MCAP file; an existing one is replaced.
+    topics : sequence of str, optional
+        Topics to record; all but `rosout` and parameter events by default.
+    on_message : callable, optional
+        Told topic, serialised bytes and arrival (``time.time_ns()``) of every message, in
+        the recorder's thread.
+    """
+
+    def __init__(
+        self,
+        output: str | Path,
+        topics: Sequence[str] | None = None,
+        *,
+        on_message: Callable[[str, bytes, int], None] | None = None,
+    ) -> None:
+        self._output = Path(output)
+        self._topics = None if topics is None else tuple(topics)
+        self._on_message = on_message
+        self._changed = threading.Condition()
+        self._counts: Counter[str] = Counter()
+        self._types: dict[str, str] = {}
+        self._refused: dict[str, str] = {}
+        self._channels: dict[str, int] = {}
+        self._schemas: dict[str, int] = {}
+        self._subscriptions: dict[str, Any] = {}
+        self._stopping = threading.Event()
+        self._error: BaseException | None = None
+        self._thread: threading.Thread | None = None
+
+    @property
+    def counts(self) -> Counter[str]:
+        """Messages recorded so far, by topic."""
+        with self._changed:
+            return self._counts.copy()
+
+    @property
+    def refused(self) -> dict[str, str]:
+        """Topics that cannot be recorded, and why."""
+        return dict(self._refused)
+
+    def start(self) -> None:
+        """Open the file and begin.
+
+        Raises
+        ------
+        InputError
+            If the file cannot be written.
+        """
+        from mcap.writer import CompressionType, Writer
+
+        try:
+            self._output.parent.mkdir(parents=True, exist_ok=True)
+            self._stream = self._output.open("wb")
+        except OSError as e:
+            raise InputError(f"cannot write {self._output}: {e.strerror}") from e
+        self._writer = Writer(self._stream, compression=CompressionType.ZSTD)
+        self._writer.start(profile="ros2", library=f"depth_pose {depth_pose.__version__}")
+        self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
+        self._thread.start()
+
+    def stop(self) -> Counter[str]:
+        """Finish the file; gives the messages recorded by topic."""
+        self._stopping.set()
+        if self._thread is not None:
+            self._thread.join()
+            self._thread = None
+            self._writer.finish()
+            self._stream.close()
+        if self._error is not None:
+            raise self._error
+        return self.counts
+
+    def wait_for(self, topic: str, count: int, timeout_s: float = 10.0) -> bool:
+        """Wait until `count` messages of a topic are recorded; False if they do not come in time."""
+        with self._changed:
+            return self._changed.wait_for(lambda: self._counts[topic] >= count, timeout_s)
+
+    def wait_subscribed(self, topics: Sequence[str] | None = None, timeout_s: float = 10.0) -> bool:
+        """Wait until topics are subscribed to and their publishers found; False if not in time."""
+        wanted = list(topics if topics is not None else self._topics or ())
+        deadline = time.monotonic() + timeout_s
+        while time.monotonic() < deadline:
+            if all(t in self._subscriptions and self._subscriptions[t].get_publisher_count() for t in wanted):
+                time.sleep(_SETTLE_S)
+                return True
+            time.sleep(0.02)
+        return False
+
+    def __enter__(self) -> Recorder:
+        self.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.stop()
+
+    # The recorder's thread
+
+    def _run(self) -> None:
+        import rclpy
+        from rclpy.context import Context
+        from rclpy.executors import SingleThreadedExecutor
+
+        context = Context()
+        try:
+            rclpy.init(context=context, args=[])
+            self._node = rclpy.create_node("recorder", namespace="depth_pose", context=context)
+            executor = SingleThreadedExecutor(context=context)
+            executor.add_node(self._node)
+            looked_s = 0.0
+            while not self._stopping.is_set():
+                if time.monotonic() - looked_s >= _LOOK_EVERY_S:
+                    self._look()
+                    looked_s = time.monotonic()
+                executor.spin_once(timeout_sec=_LOOK_EVERY_S)
+            executor.shutdown()
+        except BaseException as e:
+            self._error = e
+        finally:
+            rclpy.try_shutdown(context=context)
+
+    def _look(self) -> None:
+        """Subscribe to what has appeared."""
+        if self._topics is not None and len(self._subscriptions) + len(self._refused) == len(self._topics):
+            return
+        for topic, types in self._node.get_topic_names_and_types():
+            wanted = topic not in _INTERNAL if self._topics is None else topic in self._topics
+            if wanted and topic not in self._subscriptions and topic not in self._refused:
+                self._subscribe(topic, types)
+
+    def _subscribe(self, topic: str, types: Sequence[str]) -> None:
+        from depth_pose.ros.transport.message_text import message_class, message_text
+
+        publishers = self._node.get_publishers_info_by_topic(topic)
+        if not publishers:
+            return
+        try:
+            if len(types) != 1:
+                raise InputError(f"it has several types, {', '.join(types)}")
+            kind, text = message_class(types[0]), message_text(types[0])
+        except (InputError, OSError) as e:
+            self._refused[topic] = str(e)
+            self._node.get_logger().warning(f"{topic} is not recorded: {e}")
+            return
+        if types[0] not in self._schemas:
+            self._schemas[types[0]] = self._writer.register_schema(types[0], "ros2msg", text.encode())
+        self._channels[topic] = self._writer.register_channel(topic, "cdr", self._schemas[types[0]])
+
+        def take(data: bytes) -> None:
+            self._write(topic, data)
+
+        self._subscriptions[topic] = self._node.create_subscription(
+            kind, topic, take, _matching_qos(publishers), raw=True
+        )
+
+    def _write(self, topic: str, data: bytes) -> None:
+        now_ns = time.time_ns()
+        with self._changed:
+            sequence = self._counts[topic]
+            self._writer.add_message(self._channels[topic], now_ns, data, now_ns, sequence)
+            self._counts[topic] += 1
+            self._changed.notify_all()
+        if self._on_message is not None:
+            self._on_message(topic, data, now_ns)
+
+
+def _matching_qos(publishers: Sequence[Any]) -> Any:
+    """Reliable and durable only where all publishers are, so that each of them is heard."""
+    from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+
+    offers = [p.qos_profile for p in publishers]
+    made = QoSProfile(depth=_QUEUE, reliability=ReliabilityPolicy.RELIABLE)
+    if any(o.reliability != ReliabilityPolicy.RELIABLE for o in offers):
+        made.reliability = ReliabilityPolicy.BEST_EFFORT
+    if all(o.durability == DurabilityPolicy.TRANSIENT_LOCAL for o in offers):
+        made.durability = DurabilityPolicy.TRANSIENT_LOCAL
+    return made
+
+
+def record(
+    output: str | Path,
+    topics: Sequence[str] | None = None,
+    *,
+    seconds: float | None = None,
+    until: Callable[[Counter[str]], bool] | None = None,
+) -> Counter[str]:
+    """Record until SIGINT or SIGTERM, for some time, or until a condition holds.
+
+    Parameters
+    ----------
+    output, topics
+        As for `Recorder`.
+    seconds : float, optional
+        Stop after this long.
+    until : callable, optional
+        Stop when it says so of the messages by topic.
+
+    Returns
+    -------
+    Counter
+        Messages recorded by topic.
+    """
+    done = threading.Event()
+    deadline = time.monotonic() + seconds if seconds is not None else float("inf")
+    with on_stop(done.set), Recorder(output, topics) as recorder:
+        while not done.wait(0.05) and time.monotonic() < deadline:
+            if until is not None and until(recorder.counts):
+                break
+    return recorder.counts

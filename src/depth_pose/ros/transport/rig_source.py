@@ -1,0 +1,163 @@
+"""Where the volume node's cameras are: a rig file, or CameraInfo with extrinsics or static transforms."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from geometry_msgs.msg import TransformStamped
+from numpy.typing import NDArray
+from sensor_msgs.msg import CameraInfo
+
+from depth_pose.core.errors import ConfigError, DepthPoseError
+from depth_pose.io.decode import camera_from_info
+from depth_pose.ros.setting import Setting
+from depth_pose.ros.transport.intake import LOG_EVERY_S
+from depth_pose.volume.rig import RigCamera
+from depth_pose.volume.rigfile import Rig, load_rig, upright_from
+from depth_pose.volume.transform_tree import TransformTree, pose_matrix
+
+if TYPE_CHECKING:
+    from depth_pose.ros.nodes.node_base import StageNode
+
+Array = NDArray[np.float64]
+
+RIG_SETTINGS: tuple[Setting, ...] = (
+    Setting("rig", "", "Rig file: topics, intrinsics and extrinsics of the cameras"),
+    Setting("topics", [""], "Image topics, where there is no rig file"),
+    Setting("info_topics", [""], "Their CameraInfo topics; empty: camera_info beside each image"),
+    Setting("extrinsics", [0.0], "x y z qx qy qz qw of each optical frame in the world; else /tf_static"),
+    Setting("world_frame", "map", "Frame of the skeletons, and of the static transforms"),
+    Setting("up", "z", "Axis of the world frame that points up, z or y; a rig file says its own"),
+)
+
+_SENDERS = 100
+"""Senders of static transforms that may have spoken before the node listens."""
+
+
+class RigSource:
+    """Collects the cameras of a rig until all are known, and then calls back once.
+
+    Parameters
+    ----------
+    node : StageNode
+        With the parameters of `RIG_SETTINGS`.
+    """
+
+    def __init__(self, node: StageNode) -> None:
+        self._node = node
+        self._done: Callable[[Rig], None] | None = None
+        self.rig: Rig | None = None
+        file = node.value("rig")
+        if file:
+            self.rig = load_rig(Path(file))
+            self.topics: tuple[str, ...] = self.rig.topics
+            return
+        self.topics = tuple(t for t in node.value("topics") if t)
+        if not self.topics:
+            raise ConfigError("give the parameter rig (a rig file), or topics (a list of image topics)")
+        self._up, self._world = str(node.value("up")), str(node.value("world_frame"))
+        self._poses = given_extrinsics(node.value("extrinsics"), len(self.topics))
+        self._infos: dict[int, CameraInfo] = {}
+        self._tree = TransformTree()
+        upright_from(self._up)
+
+    def listen(self, done: Callable[[Rig], None]) -> None:
+        """Subscribe to what is not known yet; ``done`` is called with the rig, at once if it is known."""
+        if self.rig is not None:
+            done(self.rig)
+            return
+        self._done = done
+        named = [t for t in self._node.value("info_topics") if t]
+        infos = named or [t.rpartition("/")[0] + "/camera_info" for t in self.topics]
+        if len(infos) != len(self.topics):
+            raise ConfigError(f"info_topics has {len(infos)} names; there are {len(self.topics)} topics")
+        if self._poses is None:
+            self._node.latch(_tf_message(), "/tf_static", self._take_transforms, _SENDERS)
+        for i, topic in enumerate(infos):
+            self._node.latch(CameraInfo, topic, partial(self._take_info, i))
+
+    def missing(self) -> list[str]:
+        """Say what is still unknown."""
+        if self.rig is not None:
+            return []
+        out = [f"CameraInfo of {t}" for i, t in enumerate(self.topics) if i not in self._infos]
+        if self._poses is None:
+            frames = [m.header.frame_id for m in self._infos.values()]
+            out += [f"transform from {self._world} to {f}" for f in frames if self._place(f) is None]
+        return out
+
+    def _take_info(self, index: int, info: CameraInfo) -> None:
+        if self.rig is None:
+            self._infos[index] = info
+            self._try()
+
+    def _take_transforms(self, message: Any) -> None:
+        if self.rig is not None:
+            return
+        try:
+            add_transforms(self._tree, message.transforms)
+        except ConfigError as error:
+            self._complain("/tf_static", error)
+        self._try()
+
+    def _complain(self, topic: str, error: DepthPoseError) -> None:
+        self._node.get_logger().error(f"{topic}: {error}", throttle_duration_sec=LOG_EVERY_S)
+
+    def _place(self, frame: str) -> Array | None:
+        return self._tree.find(self._world, frame)
+
+    def _try(self) -> None:
+        """Make the rig once everything is known."""
+        if self._done is None or len(self._infos) < len(self.topics):
+            return
+        cameras = []
+        T_upright_world = upright_from(self._up)
+        for i, topic in enumerate(self.topics):
+            info = self._infos[i]
+            T_world_camera = self._poses[i] if self._poses is not None else self._place(info.header.frame_id)
+            if T_world_camera is None:
+                return
+            try:
+                camera = camera_from_info(info.k, info.d, info.width, info.height, info.distortion_model)
+            except DepthPoseError as error:  # the next one may be better
+                self._complain(f"CameraInfo of {topic}", error)
+                del self._infos[i]
+                return
+            cameras.append(RigCamera(topic, camera, np.linalg.inv(T_upright_world @ T_world_camera)))
+        self.rig = Rig(tuple(cameras), self.topics, self._up)
+        self._done(self.rig)
+
+
+def add_transforms(tree: TransformTree, transforms: Sequence[TransformStamped]) -> None:
+    """Add the transforms of one message of ``/tf_static``."""
+    for t in transforms:
+        p, q = t.transform.translation, t.transform.rotation
+        T_parent_child = pose_matrix([p.x, p.y, p.z, q.x, q.y, q.z, q.w])
+        tree.add(t.header.frame_id, t.child_frame_id, T_parent_child)
+
+
+def given_extrinsics(values: Sequence[float], cameras: int) -> list[Array] | None:
+    """Read the parameter ``extrinsics``: seven numbers a camera; None where it is not given."""
+    if len(values) < 7:  # [0.0] is the empty default: an empty list has no type
+        return None
+    if len(values) != 7 * cameras:
+        raise ConfigError(
+            f"extrinsics has {len(values)} numbers; {cameras} cameras need {7 * cameras}: "
+            "x y z qx qy qz qw of each optical frame in the world"
+        )
+    return [pose_matrix(values[7 * i : 7 * i + 7]) for i in range(cameras)]
+
+
+def _tf_message() -> Any:
+    try:
+        from tf2_msgs.msg import TFMessage
+    except ImportError as error:
+        raise ConfigError(
+            "the cameras' places are unknown: static transforms need the package tf2_msgs, which is not "
+            "installed (apt's ros-jazzy-tf2-msgs); give the parameter rig or extrinsics"
+        ) from error
+    return TFMessage

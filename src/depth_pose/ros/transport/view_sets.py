@@ -1,0 +1,166 @@
+"""From the images of several cameras to sets of views: brought together by stamp, newest first."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
+
+from rclpy.clock import Clock, ClockType
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.subscription import Subscription
+from sensor_msgs.msg import Image
+
+from depth_pose.core.errors import InputError
+from depth_pose.io._messages import read_image
+from depth_pose.ros.transport.intake import LOG_EVERY_S, NO_EVENTS, Input, waiting
+from depth_pose.volume.synchroniser import Synchroniser, ViewSet
+
+if TYPE_CHECKING:
+    from depth_pose.ros.nodes.node_base import StageNode
+
+_QUEUE = 8
+"""Images of each camera that may wait: all are taken, so that sets that are let go are counted."""
+
+
+_TOGETHER_S, _DOZE_S = 0.001, 0.0002
+"""Cameras that are triggered together bring their images within the first; how often to look."""
+
+
+class ViewSetIntake:
+    """The subscriptions of a node that sees through several cameras.
+
+    With eight cameras at 60 images a second, taking them in is a good part of the work: a wake-up of the
+    executor costs several times what an image does. So one wake-up takes what has come from all cameras,
+    and dozes for a millisecond until the rest has; messages are taken as the bytes that came; and the
+    clock that ends the wait for a late camera runs only while one is waited for.
+
+    Parameters
+    ----------
+    node : StageNode
+    topics : sequence of str
+    synchroniser : Synchroniser
+    """
+
+    def __init__(self, node: StageNode, topics: Sequence[str], synchroniser: Synchroniser) -> None:
+        self.inputs = tuple(Input(Image, node.resolve_topic_name(t), sensor=True) for t in topics)
+        self.arrivals = 0
+        self.synchroniser = synchroniser
+        self._node = node
+        self._pending: ViewSet | None = None
+        self._told_late = -LOG_EVERY_S
+        self._numbers = [0] * len(topics)
+        policy = ReliabilityPolicy.RELIABLE if node.lossless else ReliabilityPolicy.BEST_EFFORT
+        qos = QoSProfile(depth=max(_QUEUE, node.queue), reliability=policy)
+        self._subscriptions: list[Subscription] = [
+            node.create_subscription(
+                Image, i.topic, self._callback(c), qos, raw=True, event_callbacks=NO_EVENTS
+            )
+            for c, i in enumerate(self.inputs)
+        ]
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._timer = node.create_timer(self._period_s(), self._check, clock=steady)
+        self._timer.cancel()
+
+    def _period_s(self) -> float:
+        """How often to look whether a late camera was waited for long enough."""
+        return max(self.synchroniser.config.patience / 2, _TOGETHER_S)
+
+    @property
+    def joined(self) -> bool:
+        """Whether every topic of the suite's own has a publisher: cameras are none of them."""
+        return True
+
+    @property
+    def has_pending(self) -> bool:
+        """Whether a set of views waits to be answered."""
+        return self._pending is not None
+
+    def take_pending(self) -> tuple[Any, ...] | None:
+        """Give the newest set of views, once."""
+        views, self._pending = self._pending, None
+        return None if views is None else (views,)
+
+    def forget(self) -> None:
+        """Drop what waits."""
+        self._pending = None
+        self.synchroniser.clear()
+
+    def close(self) -> None:
+        """Unsubscribe."""
+        self._node.destroy_timer(self._timer)
+        for subscription in self._subscriptions:
+            self._node.destroy_subscription(subscription)
+        self._subscriptions = []
+
+    def _callback(self, camera: int) -> Callable[..., None]:
+        def take(data: bytes, info: dict[str, Any]) -> None:  # rclpy counts the arguments
+            self._add(camera, data, info)
+            self._take_others()
+            self._check()
+
+        return take
+
+    def take_waiting(self) -> bool:
+        """Take in all that waits; whether there was anything."""
+        before = self.arrivals
+        self._take_all()
+        self._check()
+        return self.arrivals > before
+
+    def _take_all(self) -> None:
+        for camera, subscription in enumerate(self._subscriptions):
+            for data, info in waiting(subscription):
+                self._add(camera, data, info)
+
+    def _take_others(self) -> None:
+        """Take what has come from all cameras, and what comes presently."""
+        while True:
+            self._take_all()
+            if not self.synchroniser.is_fresh(time.monotonic(), _TOGETHER_S):
+                return
+            time.sleep(_DOZE_S)
+
+    def _add(self, camera: int, data: bytes, info: dict[str, Any]) -> None:
+        self.arrivals += 1
+        topic = self.inputs[camera].topic
+        self._node.heard(topic)
+        number, last = info.get("publication_sequence_number") or 0, self._numbers[camera]
+        self._numbers[camera] = number
+        if last and number > last + 1:
+            self._node.figures.counts[f"missed: {topic}"] += number - last - 1
+        if not self._node.is_active:
+            self._node.figures.counts["ignored while paused"] += 1
+            return
+        try:
+            image = read_image(data)
+        except InputError as error:
+            self._node.drop("bad image", f"{topic}: {error}")
+            return
+        late = self.synchroniser.late[camera]
+        self.synchroniser.add(camera, image.stamp_ns, image, time.monotonic())
+        if self.synchroniser.late[camera] > late and time.monotonic() > self._told_late + LOG_EVERY_S:
+            self._told_late = time.monotonic()
+            self._node.get_logger().warning(f"{topic} is late: its time was answered without it")
+
+    def _check(self) -> None:
+        before = self.synchroniser.overtaken
+        views = self.synchroniser.take(time.monotonic())
+        if self.synchroniser.overtaken > before:
+            self._overtaken(self.synchroniser.overtaken - before)
+        if not self.synchroniser.is_waiting:
+            self._timer.cancel()
+        elif self._timer.is_canceled():
+            self._timer.timer_period_ns = round(1e9 * self._period_s())
+            self._timer.reset()
+        if views is None:
+            return
+        if self._node.lossless:
+            self._node.process((views,))
+            return
+        if self._pending is not None:
+            self._overtaken(1)
+        self._pending = views
+
+    def _overtaken(self, count: int) -> None:
+        self._node.drop("overtaken", "newer views came before this one was begun", count)

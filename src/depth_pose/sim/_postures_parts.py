@@ -1,0 +1,154 @@
+"""What the samplers of everyday postures share: gates, hands brought to places, trunk and head."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from depth_pose.body.angles import ANGLE_INDEX, ARM, angles_from_rotations, rotations_from_angles
+from depth_pose.body.limits import clamp_angles, clamp_rotations, violation, with_shoulder_rhythm
+from depth_pose.core.skeleton import ADULT_STATURE_M, NODE_INDEX, forward_kinematics, rest_nodes
+from depth_pose.motion.contact import separate_limbs
+from depth_pose.motion.procedural.draw import Draw
+from depth_pose.motion.reach import arm_to_target
+
+Array = NDArray[np.float64]
+Sampler = Callable[[Draw], Array]
+"""Gives (N, 47) anatomical angles, degrees, for a draw of N."""
+
+REST_M: Array = rest_nodes() * ADULT_STATURE_M
+"""Rest nodes of the reference body, metres: places below are for it."""
+
+DEEPEST_M = 0.03
+"""Limbs that stay deeper than this in the body make a posture unusable (as in the motion source)."""
+MOST_STRAINED_DEG = 15.0
+"""Angles that stay further than this outside their limits make a posture unusable (likewise)."""
+
+_FLIP = np.array([-1.0, 1.0, 1.0])
+
+
+@dataclass(frozen=True)
+class Kind:
+    """One way to take a posture.
+
+    Attributes
+    ----------
+    doing : str
+        What the person does; decides what may be in their hands.
+    weight : float
+        How often, relative to the posture's other kinds.
+    angles : Sampler
+    turn : callable, optional
+        Gives (N, 3, 3) rotations of the whole body, for those who lie.
+    raised : bool
+        Whether it needs a chair, sofa or stool.
+    """
+
+    doing: str
+    weight: float
+    angles: Sampler
+    turn: Callable[[Draw], Array] | None = None
+    raised: bool = False
+
+
+def through_gates(angles: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Bring angles into the joint limits and limbs out of the body.
+
+    Parameters
+    ----------
+    angles : (N, 47)
+        Degrees; the clavicles' are added to the shoulder's rhythm.
+
+    Returns
+    -------
+    angles : (N, 47) float64
+    fine : (N,) bool
+        Whether limbs could be brought out of the body within the limits.
+    """
+    first = separate_limbs(rotations_from_angles(clamp_angles(with_shoulder_rhythm(clamp_angles(angles)))))
+    second = separate_limbs(clamp_rotations(first.rotations))
+    out = angles_from_rotations(second.rotations)
+    fine = (second.depth < DEEPEST_M) & (violation(out).max(axis=-1) < MOST_STRAINED_DEG)
+    return clamp_angles(out), fine
+
+
+def hands_at(angles: Array, left: Array | None, right: Array | None, poles: Array) -> Array:
+    """Bring the wrists of postures to places.
+
+    Parameters
+    ----------
+    angles : (N, 47)
+        Degrees; the arms' angles but pronation and wrist are replaced.
+    left, right : (N, 3) or None
+        Where the wrists go, relative to the pelvis, axes of the model frame, metres on the
+        reference body; None leaves that arm alone.
+    poles : (N, 3)
+        Direction to which a left elbow points, in the chest's frame.
+
+    Returns
+    -------
+    (N, 47) float64
+    """
+    rotations = rotations_from_angles(angles)
+    nodes = forward_kinematics(rotations, np.zeros(3), REST_M)
+    chest = rotations[:, NODE_INDEX["chest"]]
+    out = angles.copy()
+    for side, (name, target) in enumerate((("left", left), ("right", right))):
+        if target is None:
+            continue
+        local = np.einsum("nji,nj->ni", chest, target - nodes[:, NODE_INDEX[f"{name}_shoulder"]])
+        arm = arm_to_target(local if side == 0 else local * _FLIP, poles)
+        out[:, ARM[side].start + 2 : ARM[side].start + 6] = arm[:, 2:6]
+    return out
+
+
+def set_angles(angles: Array, values: dict[str, Array | float]) -> Array:
+    """Set columns of (N, 47) angles by name; ``both_`` stands for left and right."""
+    out = angles.copy()
+    for name, value in values.items():
+        if name.startswith("both_"):
+            bare = name.removeprefix("both_")
+            out[:, ANGLE_INDEX[f"left_{bare}"]] = value
+            out[:, ANGLE_INDEX[f"right_{bare}"]] = value
+        else:
+            out[:, ANGLE_INDEX[name]] = value
+    return out
+
+
+def bow(draw: Draw, flexion: Array, side: Array | float = 0.0, twist: Array | float = 0.0) -> Array:
+    """Spine and chest angles (N, 47) that share a bend of the trunk, with a free head."""
+    out = np.zeros((*draw.shape, 47))
+    for i, share in ((1, 0.55), (2, 0.45)):
+        out[:, 3 * i] = share * flexion
+        out[:, 3 * i + 1] = share * side
+        out[:, 3 * i + 2] = share * twist
+    return out + free_head(draw)
+
+
+def free_head(draw: Draw, twist: float = 24.0, nod: float = 10.0) -> Array:
+    """Neck and head that look anywhere, (N, 47), everything else zero."""
+    out = np.zeros((*draw.shape, 47))
+    look, down, tilt = draw.normal(0, twist), draw.normal(2, nod), draw.normal(0, 6)
+    for i, share in ((3, 0.45), (4, 0.55)):
+        out[:, 3 * i], out[:, 3 * i + 1], out[:, 3 * i + 2] = share * down, share * tilt, share * look
+    return out
+
+
+def level_gaze(angles: Array, draw: Draw, share: float = 0.8) -> Array:
+    """Let the head look ahead again: neck and head take back a share of the trunk's bend."""
+    out = angles.copy()
+    back = share * draw.uniform(0.5, 1.1) * angles[:, [0, 3, 6]].sum(axis=1)
+    out[:, 9] -= 0.5 * back
+    out[:, 12] -= 0.5 * back
+    return out
+
+
+def support_hands(draw: Draw) -> dict[str, Array | float]:
+    """Hands flat on something below them."""
+    return {
+        "both_forearm_pronation": draw.normal(65, 12),
+        "both_wrist_flexion": draw.normal(-70, 7),
+    }

@@ -1,0 +1,728 @@
+"""Things that stand in rooms, as triangles: furniture, what lies on it, plants, doors, coats on stands.
+
+A thing is an `Assembly` of boxes, cylinders, lumps and sheets, made at the origin of its own floor
+(metres, x to the right, y up, z to the front) and then moved to its place. The shapes of one scene
+are turned into triangles together (`triangulate`), because one by one would take longer than to draw
+them. Every triangle knows what kind of thing it shows and how much of an infrared sensor's light it
+sends back: black plastic and screens next to nothing, white paint nearly all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+class Kind(IntEnum):
+    """What a pixel of a simulated scene shows."""
+
+    NOTHING = 0
+    PERSON = 1
+    HELD = 2
+    FLOOR = 3
+    WALL = 4
+    CEILING = 5
+    TABLE = 6
+    CHAIR = 7
+    STOOL = 8
+    SOFA = 9
+    BED = 10
+    SHELF = 11
+    DOOR = 12
+    MONITOR = 13
+    CLUTTER = 14
+    PLANT = 15
+    BOX = 16
+    CURTAIN = 17
+    PILLAR = 18
+    COATS = 19
+    LAMP = 20
+    BIN = 21
+    PIPE = 22
+    BOARD = 23
+
+
+_LUMP_RINGS, _LUMP_COLUMNS = 7, 12
+_ROUND_COLUMNS = 12
+_BOX_CORNERS = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
+_BOX_FACES = np.array(
+    [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1],
+     [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]]
+)  # fmt: skip
+
+
+def _grid_faces(rows: int, columns: int, wraps: bool) -> NDArray[np.int64]:
+    """Triangles of a grid of points, row by row."""
+    at = np.arange(rows * columns).reshape(rows, columns)
+    right = np.roll(at, -1, axis=1) if wraps else at[:, 1:]
+    here = at if wraps else at[:, :-1]
+    a, b, c, d = (x.ravel() for x in (here[:-1], right[:-1], here[1:], right[1:]))
+    return np.concatenate([np.stack([a, c, b], axis=1), np.stack([b, c, d], axis=1)])
+
+
+def _lump_template() -> tuple[Array, NDArray[np.int64]]:
+    polar = np.linspace(0.0, np.pi, _LUMP_RINGS)[:, None]
+    around = 2 * np.pi * np.arange(_LUMP_COLUMNS)[None] / _LUMP_COLUMNS
+    points = np.stack(
+        [np.sin(polar) * np.cos(around), np.cos(polar) + 0 * around, np.sin(polar) * np.sin(around)], axis=-1
+    )
+    return points.reshape(-1, 3), _grid_faces(_LUMP_RINGS, _LUMP_COLUMNS, wraps=True)
+
+
+_LUMP, _LUMP_FACES = _lump_template()
+
+
+def _round_template() -> tuple[Array, Array, NDArray[np.int64]]:
+    """Directions around a cylinder, which end each corner belongs to, faces with both lids."""
+    n = _ROUND_COLUMNS
+    around = 2 * np.pi * np.arange(n) / n
+    ring = np.stack([np.cos(around), np.sin(around)], axis=1)
+    fan = np.arange(1, n - 1)
+    lid = np.stack([0 * fan, fan, fan + 1], axis=1)
+    faces = np.concatenate([_grid_faces(2, n, wraps=True), lid, lid + n])
+    return np.concatenate([ring, ring]), np.repeat([0.0, 1.0], n), faces
+
+
+_ROUND, _ROUND_END, _ROUND_FACES = _round_template()
+
+
+@dataclass(frozen=True)
+class Triangles:
+    """A scene's surfaces.
+
+    Attributes
+    ----------
+    vertices : (V, 3) float64
+        Room frame, y up, metres.
+    faces : (F, 3) int64
+    kind : (F,) uint8
+        `Kind` of each triangle.
+    albedo : (F,) float32
+        Share of the sensor's light that a triangle sends back, 0 to 1.
+    """
+
+    vertices: Array
+    faces: NDArray[np.int64]
+    kind: NDArray[np.uint8]
+    albedo: NDArray[np.float32]
+
+
+class Assembly:
+    """Shapes that belong together, in the frame of their own floor.
+
+    Parameters
+    ----------
+    kind : Kind
+        Of shapes that do not say otherwise.
+    albedo : float
+        Likewise.
+    """
+
+    def __init__(self, kind: Kind, albedo: float = 0.6) -> None:
+        self._kind, self._albedo = kind, albedo
+        self.boxes: list[tuple[float, ...]] = []
+        self.rounds: list[tuple[float, ...]] = []
+        self.lumps: list[tuple[float, ...]] = []
+        self.sheets: list[tuple[Array, bool, int, float]] = []
+
+    def box(
+        self,
+        at: Iterable[float],
+        size: Iterable[float],
+        turn: float = 0.0,
+        tilt: float = 0.0,
+        kind: Kind | None = None,
+        albedo: float | None = None,
+    ) -> None:
+        """Add a box by its centre and edges; tilted about its x axis, then turned about y, radians."""
+        self.boxes.append((*at, *size, turn, tilt, *self._look(kind, albedo)))
+
+    def bar(
+        self,
+        start: Iterable[float],
+        end: Iterable[float],
+        radius: float,
+        end_radius: float | None = None,
+        kind: Kind | None = None,
+        albedo: float | None = None,
+    ) -> None:
+        """Add a cylinder or cone between two points."""
+        wide = radius if end_radius is None else end_radius
+        self.rounds.append((*start, *end, radius, wide, *self._look(kind, albedo)))
+
+    def lump(
+        self,
+        at: Iterable[float],
+        radii: Iterable[float],
+        roughness: float = 0.1,
+        turn: float = 0.0,
+        kind: Kind | None = None,
+        albedo: float | None = None,
+    ) -> None:
+        """Add an uneven ellipsoid by its centre and radii."""
+        self.lumps.append((*at, *radii, turn, roughness, *self._look(kind, albedo)))
+
+    def sheet(
+        self, points: Array, wraps: bool = False, kind: Kind | None = None, albedo: float | None = None
+    ) -> None:
+        """Add a surface through a grid of points (rows, columns, 3); one that wraps is a tube."""
+        number, share = self._look(kind, albedo)
+        self.sheets.append((points, wraps, int(number), share))
+
+    def _look(self, kind: Kind | None, albedo: float | None) -> tuple[float, float]:
+        return float(self._kind if kind is None else kind), self._albedo if albedo is None else albedo
+
+    def add(self, other: Assembly, x: float = 0.0, y: float = 0.0, z: float = 0.0, turn: float = 0.0) -> None:
+        """Take over another's shapes, turned about y by so many radians and then moved."""
+        c, s = float(np.cos(turn)), float(np.sin(turn))
+
+        def moved(px: float, py: float, pz: float) -> tuple[float, float, float]:
+            return c * px + s * pz + x, py + y, c * pz - s * px + z
+
+        self.boxes += [(*moved(*b[:3]), *b[3:6], b[6] + turn, *b[7:]) for b in other.boxes]
+        self.rounds += [(*moved(*b[:3]), *moved(*b[3:6]), *b[6:]) for b in other.rounds]
+        self.lumps += [(*moved(*b[:3]), *b[3:6], b[6] + turn, *b[7:]) for b in other.lumps]
+        turned = np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
+        self.sheets += [(p @ turned.T + np.array([x, y, z]), *rest) for p, *rest in other.sheets]
+
+    def bounds(self) -> tuple[Array, Array]:
+        """Least and greatest x, y, z of the shapes, roughly: turns and tilts are not looked at."""
+        low, high = [np.zeros((0, 3))], [np.zeros((0, 3))]
+        for rows, reach in ((self.boxes, 0.5), (self.lumps, 1.0)):
+            if rows:
+                table = np.array(rows)
+                low.append(table[:, :3] - reach * table[:, 3:6])
+                high.append(table[:, :3] + reach * table[:, 3:6])
+        if self.rounds:
+            table = np.array(self.rounds)
+            wide = table[:, 6:8].max(axis=1, keepdims=True) * np.array([1.0, 0.0, 1.0])
+            low.append(np.minimum(table[:, :3], table[:, 3:6]) - wide)
+            high.append(np.maximum(table[:, :3], table[:, 3:6]) + wide)
+        for points, *_ in self.sheets:
+            low.append(points.reshape(-1, 3).min(axis=0, keepdims=True))
+            high.append(points.reshape(-1, 3).max(axis=0, keepdims=True))
+        return np.concatenate(low).min(axis=0), np.concatenate(high).max(axis=0)
+
+
+def triangulate(assembly: Assembly, rng: np.random.Generator) -> Triangles:
+    """Turn all shapes into triangles; `rng` makes the lumps uneven."""
+    parts = [
+        _box_triangles(assembly.boxes),
+        _round_triangles(assembly.rounds),
+        _lump_triangles(assembly.lumps, rng),
+    ]
+    for points, wraps, kind, albedo in assembly.sheets:
+        grid = _grid_faces(points.shape[0], points.shape[1], wraps)
+        parts.append((points.reshape(-1, 3), grid, np.array([[kind, albedo]]), len(grid)))
+    vertices, faces, looks, first = [], [], [], 0
+    for points, part_faces, look, repeats in parts:
+        vertices.append(points)
+        faces.append(part_faces + first)
+        looks.append(np.repeat(look, repeats, axis=0))
+        first += len(points)
+    look = np.concatenate(looks)
+    return Triangles(
+        np.concatenate(vertices),
+        np.concatenate(faces),
+        look[:, 0].astype(np.uint8),
+        look[:, 1].astype(np.float32),
+    )
+
+
+_Part = tuple[Array, NDArray[np.int64], Array, int]
+
+
+def _shapes(points: Array, template: NDArray[np.int64], looks: Array) -> _Part:
+    """Join equal shapes whose corners are (N, V, 3)."""
+    first = points.shape[1] * np.arange(len(points))[:, None, None]
+    return points.reshape(-1, 3), (first + template).reshape(-1, 3), looks, len(template)
+
+
+def _table(rows: list[tuple[float, ...]]) -> Array:
+    return np.array(rows, np.float64).reshape(len(rows), 10)
+
+
+def _turned(points: Array, turn: Array) -> Array:
+    c, s = np.cos(turn)[:, None], np.sin(turn)[:, None]
+    x, y, z = points[..., 0], points[..., 1], points[..., 2]
+    return np.stack([c * x + s * z, y, c * z - s * x], axis=-1)
+
+
+def _box_triangles(rows: list[tuple[float, ...]]) -> _Part:
+    table = _table(rows)
+    points = _BOX_CORNERS * table[:, None, 3:6]
+    c, s = np.cos(table[:, 7])[:, None], np.sin(table[:, 7])[:, None]
+    tilted = np.stack(
+        [points[..., 0], c * points[..., 1] - s * points[..., 2], s * points[..., 1] + c * points[..., 2]],
+        axis=-1,
+    )
+    return _shapes(_turned(tilted, table[:, 6]) + table[:, None, :3], _BOX_FACES, table[:, 8:])
+
+
+def _round_triangles(rows: list[tuple[float, ...]]) -> _Part:
+    table = _table(rows)
+    start, end = table[:, None, :3], table[:, None, 3:6]
+    along = table[:, 3:6] - table[:, :3]
+    along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-9)
+    helper = np.where(np.abs(along[:, 1:2]) > 0.9, [1.0, 0.0, 0.0], [0.0, 1.0, 0.0])
+    one = np.cross(along, helper)
+    one /= np.maximum(np.linalg.norm(one, axis=1, keepdims=True), 1e-9)
+    two = np.cross(along, one)
+    radius = table[:, 6:7] + (table[:, 7:8] - table[:, 6:7]) * _ROUND_END
+    out = _ROUND[:, 0, None] * one[:, None] + _ROUND[:, 1, None] * two[:, None]
+    points = start + (end - start) * _ROUND_END[:, None] + radius[..., None] * out
+    return _shapes(points, _ROUND_FACES, table[:, 8:])
+
+
+def _lump_triangles(rows: list[tuple[float, ...]], rng: np.random.Generator) -> _Part:
+    table = _table(rows)
+    swell = rng.standard_normal((len(table), _LUMP_RINGS, _LUMP_COLUMNS)).clip(-2, 2)
+    swell[:, [0, -1]] = 0.0  # a pole is one point
+    scale = 1.0 + table[:, 7, None] * swell.reshape(len(table), len(_LUMP))
+    points = _LUMP * scale[..., None] * table[:, None, 3:6]
+    return _shapes(_turned(points, table[:, 6]) + table[:, None, :3], _LUMP_FACES, table[:, 8:])
+
+
+def random_albedo(rng: np.random.Generator, dark: float = 0.15) -> float:
+    """Draw what share of the light a thing sends back; of all things `dark` are nearly black."""
+    return float(rng.uniform(0.02, 0.12) if rng.random() < dark else rng.uniform(0.25, 0.9))
+
+
+def make_table(rng: np.random.Generator, height: float | None = None, cluttered: bool = True) -> Assembly:
+    """Make a table or desk, perhaps with a front panel, drawers and things on it."""
+    thing = Assembly(Kind.TABLE, random_albedo(rng))
+    wide, deep = rng.uniform(0.7, 2.0), rng.uniform(0.5, 0.9)
+    top = rng.uniform(0.68, 0.78) if height is None else height
+    if rng.random() < 0.15:
+        thing.bar((0, top - 0.03, 0), (0, top, 0), deep * 0.6)
+        thing.bar((0, 0, 0), (0, top, 0), 0.04)
+        thing.bar((0, 0, 0), (0, 0.03, 0), deep * 0.35)
+        wide = deep = deep * 0.8
+    else:
+        thing.box((0, top - 0.015, 0), (wide, 0.03, deep))
+        legs = rng.uniform(0.03, 0.07)
+        for x in (-1, 1):
+            for z in (-1, 1):
+                thing.box((x * (wide / 2 - legs), top / 2, z * (deep / 2 - legs)), (legs, top, legs))
+        if rng.random() < 0.3:
+            thing.box((0, top * 0.6, -deep / 2 + 0.03), (wide, top * 0.7, 0.02))
+        if rng.random() < 0.35:
+            thing.box((rng.choice([-1, 1]) * (wide / 2 - 0.22), top / 2, 0), (0.4, top, deep * 0.9))
+    if cluttered:
+        _put_things(thing, rng, top, wide, deep)
+    return thing
+
+
+def _put_things(thing: Assembly, rng: np.random.Generator, top: float, wide: float, deep: float) -> None:
+    """Lay monitors, keyboards, boxes, bottles and heaps on a table's top."""
+    if rng.random() < 0.55:
+        for x in np.linspace(-0.3, 0.3, int(rng.integers(1, 3))) * wide:
+            if rng.random() < 0.7:
+                thing.add(make_monitor(rng), x, top, -deep * 0.25, rng.normal(0, 0.3))
+            else:
+                thing.add(make_laptop(rng), x, top, 0.0, rng.normal(0, 0.3))
+            thing.box(
+                (x, top + 0.012, deep * 0.2), (0.42, 0.025, 0.14), rng.normal(0, 0.1), 0, Kind.CLUTTER, 0.06
+            )
+    for _ in range(int(rng.integers(0, 14))):
+        add_clutter(thing, rng, rng.uniform(-0.45, 0.45) * wide, top, rng.uniform(-0.4, 0.4) * deep)
+
+
+def add_clutter(thing: Assembly, rng: np.random.Generator, x: float, y: float, z: float) -> None:
+    """Put one small thing down at a spot: a box, a pile, a bottle, a bag, a lamp."""
+    what, share, turn = rng.integers(0, 5), random_albedo(rng, 0.35), rng.uniform(0, np.pi)
+    if what <= 1:
+        size = rng.uniform((0.04, 0.02, 0.04), (0.32, 0.3, 0.3))
+        thing.box((x, y + size[1] / 2, z), size, turn, 0.0, Kind.CLUTTER, share)
+    elif what == 2:
+        tall = rng.uniform(0.08, 0.32)
+        thing.bar((x, y, z), (x, y + tall, z), rng.uniform(0.03, 0.08), None, Kind.CLUTTER, share)
+    elif what == 3:
+        radii = rng.uniform((0.06, 0.05, 0.06), (0.25, 0.16, 0.2))
+        thing.lump((x, y + 0.8 * radii[1], z), radii, 0.18, turn, Kind.CLUTTER, share)
+    else:
+        tall, lean = rng.uniform(0.25, 0.5), rng.uniform(-0.2, 0.2)
+        thing.bar((x, y, z), (x + lean, y + tall, z), 0.012, None, Kind.LAMP, share)
+        thing.bar(
+            (x + lean, y + tall, z), (x + 1.5 * lean, y + tall - 0.1, z + 0.05), 0.03, 0.09, Kind.LAMP, share
+        )
+
+
+def make_monitor(rng: np.random.Generator) -> Assembly:
+    """Make a flat screen on its foot; the screen is almost black to infrared."""
+    thing = Assembly(Kind.MONITOR, rng.uniform(0.01, 0.1))
+    wide, tall = rng.uniform(0.4, 0.7), rng.uniform(0.26, 0.4)
+    lift = rng.uniform(0.08, 0.2)
+    thing.box((0, lift + tall / 2, 0), (wide, tall, 0.04), 0.0, rng.normal(0, 0.08))
+    thing.bar((0, 0, -0.04), (0, lift + 0.1, -0.04), 0.025)
+    thing.box((0, 0.01, -0.03), (0.24, 0.02, 0.18))
+    return thing
+
+
+def make_laptop(rng: np.random.Generator) -> Assembly:
+    """Make an open laptop."""
+    thing = Assembly(Kind.MONITOR, rng.uniform(0.02, 0.5))
+    wide, deep = rng.uniform(0.3, 0.4), rng.uniform(0.2, 0.27)
+    tilt = -rng.uniform(0.1, 0.5)
+    thing.box((0, 0.01, 0), (wide, 0.02, deep))
+    back = -deep / 2 + np.sin(tilt) * deep / 2
+    thing.box((0, 0.02 + np.cos(tilt) * deep / 2, back), (wide, deep, 0.01), 0.0, tilt, None, 0.04)
+    return thing
+
+
+def make_chair(rng: np.random.Generator, seat: float | None = None, plain: bool = False) -> Assembly:
+    """Make a chair that faces +z: four legs or an office chair, perhaps with a jacket over its back.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+    seat : float, optional
+        Height of the seat, metres.
+    plain : bool
+        Nothing hangs over or lies on it, and it has no arms: somebody sits there.
+    """
+    thing = Assembly(Kind.CHAIR, random_albedo(rng, 0.35))
+    high = rng.uniform(0.42, 0.5) if seat is None else seat
+    wide, deep = rng.uniform(0.38, 0.5), rng.uniform(0.38, 0.48)
+    back, tilt = rng.uniform(0.3, 0.65), -rng.uniform(0.02, 0.3)
+    office = rng.random() < 0.45
+    thick = rng.uniform(0.05, 0.1) if office else rng.uniform(0.02, 0.05)
+    thing.box((0, high - thick / 2, 0), (wide, thick, deep))
+    lift = rng.uniform(0.05, 0.25)
+    middle = high + lift + back / 2
+    rear = -deep / 2 + np.sin(tilt) * (lift + back / 2)
+    if not office and rng.random() < 0.4:
+        for x in np.linspace(-0.45, 0.45, int(rng.integers(3, 6))) * wide:
+            thing.box((x, middle, rear), (0.025, back, 0.02), 0.0, tilt)
+        thing.box((0, high + lift + back, rear + np.sin(tilt) * back / 2), (wide, 0.07, 0.025), 0.0, tilt)
+    elif rng.random() < 0.5:
+        thing.lump((0, middle, rear), (wide * 0.5, back * 0.55, 0.05), 0.03)
+    else:
+        thing.box((0, middle, rear), (wide * rng.uniform(0.8, 1.0), back, thick), 0.0, tilt)
+    thing.box((0, high + lift / 2, -deep / 2), (wide * 0.3, lift + 0.1, 0.03), 0.0, tilt)
+    _put_under_seat(thing, rng, high, wide, deep, office)
+    if rng.random() < 0.4 and not plain:
+        for x in (-1, 1):
+            thing.box((x * wide * 0.52, high + 0.2, -0.03), (0.05, 0.03, deep * 0.7))
+            thing.box((x * wide * 0.52, high + 0.08, -0.03), (0.03, 0.24, 0.03))
+    if rng.random() < 0.35 and not plain:
+        thing.add(_jacket(rng, wide, high + lift + back - 0.02), 0, 0, rear)
+    if rng.random() < 0.15 and not plain:
+        add_clutter(thing, rng, 0.0, high, 0.0)
+    return thing
+
+
+def _put_under_seat(
+    thing: Assembly, rng: np.random.Generator, high: float, wide: float, deep: float, office: bool
+) -> None:
+    """Add what carries a seat: a star on castors, or four legs."""
+    if office:
+        thing.bar((0, 0.08, 0), (0, high, 0), 0.03, None, None, 0.1)
+        for angle in 2 * np.pi * np.arange(5) / 5 + rng.uniform(0, 1):
+            foot = (0.3 * np.cos(angle), 0.05, 0.3 * np.sin(angle))
+            thing.bar((0, 0.1, 0), foot, 0.025, None, None, 0.1)
+        return
+    leg, spread = rng.uniform(0.02, 0.045), rng.uniform(1.0, 1.2)
+    for x in (-0.5, 0.5):
+        for z in (-0.5, 0.5):
+            top = (x * (wide - leg), high, z * (deep - leg))
+            thing.bar((spread * top[0], 0, spread * top[2]), top, leg / 2)
+
+
+def _jacket(rng: np.random.Generator, wide: float, top: float) -> Assembly:
+    """Make a jacket over a chair's back whose upper edge is at `top`."""
+    thing = Assembly(Kind.CHAIR, random_albedo(rng, 0.3))
+    long, width = rng.uniform(0.4, 0.75), wide * rng.uniform(1.0, 1.2)
+    down = np.linspace(0, 1, 9)[:, None]
+    around = 2 * np.pi * np.arange(24)[None] / 24
+    folds = 1 + 0.12 * down * np.sin(around * rng.integers(3, 7) + rng.uniform(0, 6, (9, 1)) * 0.3)
+    x = width / 2 * np.cos(around) * folds * (0.85 + 0.15 * np.minimum(down * 4, 1))
+    z = (0.04 + 0.05 * np.sqrt(down)) * np.sin(around) * folds
+    y = np.broadcast_to(np.maximum(top + 0.02 - long * down, 0.03), x.shape)
+    thing.sheet(np.stack([x, y, z], axis=-1), wraps=True)
+    thing.lump((0, top, 0), (width * 0.42, 0.05, 0.07), 0.08)
+    return thing
+
+
+def make_stool(rng: np.random.Generator, seat: float | None = None) -> Assembly:
+    """Make a stool, low or a bar's."""
+    thing = Assembly(Kind.STOOL, random_albedo(rng))
+    high, wide = (rng.uniform(0.4, 0.75) if seat is None else seat), rng.uniform(0.15, 0.22)
+    thing.bar((0, high - 0.05, 0), (0, high, 0), wide)
+    for angle in np.pi / 4 + np.pi / 2 * np.arange(4):
+        x, z = np.cos(angle) * wide, np.sin(angle) * wide
+        thing.bar((1.1 * x, 0, 1.1 * z), (0.7 * x, high, 0.7 * z), 0.015)
+    return thing
+
+
+def make_sofa(rng: np.random.Generator, seat: float | None = None, bare: bool = False) -> Assembly:
+    """Make an armchair or sofa that faces +z; the middle of its seat is the origin."""
+    thing = Assembly(Kind.SOFA, random_albedo(rng))
+    wide, deep = rng.choice([0.65, 1.3, 1.9]) * rng.uniform(0.9, 1.1), rng.uniform(0.5, 0.62)
+    high = rng.uniform(0.38, 0.46) if seat is None else seat
+    back, arm = rng.uniform(0.3, 0.5), rng.uniform(0.1, 0.22)
+    thing.box((0, high / 2, 0), (wide, high, deep))
+    thing.box((0, (high + back) / 2, -deep / 2 - 0.1), (wide + 2 * arm, high + back, 0.2), 0, -0.08)
+    for x in (-1, 1):
+        thing.box((x * (wide + arm) / 2, high / 2 + 0.08, -0.05), (arm, high + 0.16, deep + 0.1))
+    for x in np.linspace(-0.35, 0.35, int(rng.integers(0, 3))) * wide:
+        if not bare:
+            radii = (0.22, 0.2, 0.09)
+            thing.lump(
+                (x, high + 0.18, -deep / 2 + 0.08), radii, 0.05, rng.normal(0, 0.2), None, random_albedo(rng)
+            )
+    return thing
+
+
+def make_bed(rng: np.random.Generator, high: float | None = None, bare: bool = False) -> Assembly:
+    """Make a bed along z, its head at -z, with pillows and perhaps a heaped blanket."""
+    thing = Assembly(Kind.BED, random_albedo(rng, 0.05))
+    wide, top = rng.choice([0.9, 1.0, 1.4, 1.8]), (rng.uniform(0.35, 0.6) if high is None else high)
+    thing.box((0, top - 0.1, 0), (wide, 0.2, 2.0))
+    thing.box((0, top / 2 - 0.1, 0), (wide * 0.96, max(top - 0.2, 0.05), 1.96))
+    if rng.random() < 0.7:
+        tall = top + rng.uniform(0.0, 0.6)
+        thing.box((0, tall / 2, -1.03), (wide + 0.05, tall, 0.05))
+    if rng.random() < 0.3:
+        tall = top + rng.uniform(-0.1, 0.3)
+        thing.box((0, tall / 2, 1.03), (wide + 0.05, tall, 0.05))
+    for x in (-0.25, 0.25) if wide > 1.2 else (0.0,):
+        thing.lump((x * wide, top + 0.03, -0.72), (0.32, 0.07, 0.2), 0.06)
+    if not bare and rng.random() < 0.6:
+        for _ in range(int(rng.integers(1, 5))):
+            at = (rng.uniform(-0.3, 0.3) * wide, top + 0.02, rng.uniform(-0.4, 0.8))
+            thing.lump(at, rng.uniform((0.2, 0.06, 0.2), (0.5, 0.16, 0.6)), 0.12, rng.uniform(0, 3))
+    return thing
+
+
+def make_shelf(rng: np.random.Generator) -> Assembly:
+    """Make a shelf, cupboard or rack with things on its boards."""
+    thing = Assembly(Kind.SHELF, random_albedo(rng))
+    wide, deep, tall = rng.uniform(0.4, 1.6), rng.uniform(0.25, 0.5), rng.uniform(0.7, 2.2)
+    if rng.random() < 0.35:
+        thing.box((0, tall / 2, 0), (wide, tall, deep))
+        for _ in range(int(rng.integers(0, 4))):
+            add_clutter(thing, rng, rng.uniform(-0.4, 0.4) * wide, tall, 0.0)
+        return thing
+    for x in (-0.5, 0.5):
+        thing.box((x * wide, tall / 2, 0), (0.025, tall, deep))
+    if rng.random() < 0.7:
+        thing.box((0, tall / 2, -deep / 2), (wide, tall, 0.015))
+    boards = np.linspace(0.08, tall, int(rng.integers(3, 7)))
+    for y in boards:
+        thing.box((0, y, 0), (wide, 0.025, deep))
+        for x in np.arange(-0.45, 0.45, rng.uniform(0.08, 0.4) / wide):
+            if y < tall and rng.random() < 0.6:
+                size = rng.uniform((0.03, 0.1, 0.1), (0.2, 0.3, 0.3))
+                at = (x * wide, y + size[1] / 2, rng.uniform(-0.05, 0.03))
+                thing.box(at, size, 0, 0, Kind.CLUTTER, random_albedo(rng, 0.3))
+    return thing
+
+
+def make_door(rng: np.random.Generator) -> Assembly:
+    """Make a door in its frame, ajar; it stands in the plane z = 0."""
+    thing = Assembly(Kind.DOOR, random_albedo(rng, 0.1))
+    wide, tall = rng.uniform(0.75, 1.0), rng.uniform(1.95, 2.15)
+    for x in (-0.5, 0.5):
+        thing.box((x * (wide + 0.08), tall / 2, 0), (0.08, tall, 0.14))
+    thing.box((0, tall + 0.04, 0), (wide + 0.16, 0.08, 0.14))
+    turn = rng.choice([0.0, rng.uniform(0.1, 2.0)])
+    c, s = np.cos(turn), np.sin(turn)
+    thing.box(((c - 1) * wide / 2, tall / 2, s * wide / 2), (wide, tall, 0.045), -turn)
+    reach = 0.45 * wide
+    thing.bar(
+        (c * wide / 2 - wide / 2 + c * reach, 1.03, s * (wide / 2 + reach) + 0.05),
+        (c * wide / 2 - wide / 2 + c * (reach - 0.1), 1.03, s * (wide / 2 + reach) + 0.07), 0.012,
+    )  # fmt: skip
+    return thing
+
+
+def make_plant(rng: np.random.Generator) -> Assembly:
+    """Make a potted plant: leaves in a crown, or long blades."""
+    thing = Assembly(Kind.PLANT, random_albedo(rng, 0.1))
+    tall, pot = rng.uniform(0.4, 1.9), rng.uniform(0.1, 0.2)
+    thing.bar((0, 0, 0), (0, 1.8 * pot, 0), 0.8 * pot, pot)
+    crown = rng.uniform(0.15, 0.45)
+    if rng.random() < 0.5:
+        thing.bar((0, 0, 0), (0, tall, 0), 0.015)
+        for _ in range(int(rng.integers(12, 40))):
+            out = rng.normal(0, 1, 3)
+            at = out / np.linalg.norm(out) * crown * rng.uniform(0.4, 1.0) + (0, tall - crown / 2, 0)
+            radii = rng.uniform((0.04, 0.01, 0.03), (0.12, 0.03, 0.08))
+            thing.lump((at[0], max(at[1], 0.1), at[2]), radii, 0.2, rng.uniform(0, 6))
+        return thing
+    for angle in rng.uniform(0, 2 * np.pi, int(rng.integers(8, 24))):
+        bend, rise = rng.uniform(0.3, 1.0) * crown * 1.5, rng.uniform(0.5, 1.0) * tall
+        t = np.linspace(0, 1, 6)[:, None]
+        side = 0.03 * np.sin(np.pi * np.clip(t, 0.05, 0.95)) * np.array([[-1.0, 1.0]])
+        x = np.cos(angle) * bend * t**2 - np.sin(angle) * side
+        z = np.sin(angle) * bend * t**2 + np.cos(angle) * side
+        y = np.broadcast_to(1.6 * pot + (rise - 1.6 * pot) * (t - 0.3 * t**3), x.shape)
+        thing.sheet(np.stack([x, y, z], axis=-1))
+    return thing
+
+
+def make_boxes(rng: np.random.Generator) -> Assembly:
+    """Make a stack of boxes, cases or bags on the floor."""
+    thing = Assembly(Kind.BOX, random_albedo(rng))
+    high, turn = 0.0, rng.uniform(0, np.pi)
+    for _ in range(int(rng.integers(1, 4))):
+        size = rng.uniform((0.2, 0.12, 0.2), (0.7, 0.6, 0.6))
+        at = (rng.normal(0, 0.03), high + size[1] / 2, rng.normal(0, 0.03))
+        if rng.random() < 0.25:
+            thing.lump(at, size / 2, 0.12, turn, None, random_albedo(rng))
+        else:
+            thing.box(at, size, turn + rng.normal(0, 0.1), 0.0, None, random_albedo(rng))
+        high += size[1]
+    return thing
+
+
+def make_curtain(rng: np.random.Generator) -> Assembly:
+    """Make a hanging curtain with folds in the plane z = 0."""
+    thing = Assembly(Kind.CURTAIN, random_albedo(rng, 0.1))
+    wide, tall = rng.uniform(0.3, 2.5), rng.uniform(1.6, 2.6)
+    columns = int(np.clip(wide / 0.025, 12, 90))
+    x = np.linspace(-0.5, 0.5, columns)[None] * wide
+    down = np.linspace(0, 1, 8)[:, None]
+    pleat = 2 * np.pi / rng.uniform(0.1, 0.3)
+    deep = rng.uniform(0.02, 0.07)
+    z = deep * (0.4 + 0.6 * down) * np.sin(pleat * x + 1.5 * np.sin(3 * x + rng.uniform(0, 6)) + 0.4 * down)
+    y = np.broadcast_to(tall * (1 - down) + rng.choice([0.02, 0.6]) * down, z.shape)
+    thing.sheet(np.stack([np.broadcast_to(x, z.shape), y, z], axis=-1))
+    return thing
+
+
+def make_pillar(rng: np.random.Generator) -> Assembly:
+    """Make a pillar, a post, or something tall and narrow as high as a person."""
+    thing = Assembly(Kind.PILLAR, random_albedo(rng, 0.1))
+    tall, wide = rng.choice([3.2, rng.uniform(0.9, 2.0)]), rng.uniform(0.1, 0.5)
+    if rng.random() < 0.5:
+        thing.bar((0, 0, 0), (0, tall, 0), wide / 2, wide / 2 * rng.uniform(0.7, 1.1))
+    else:
+        thing.box((0, tall / 2, 0), (wide, tall, rng.uniform(0.1, 0.5)))
+    return thing
+
+
+def make_coats(rng: np.random.Generator) -> Assembly:
+    """Make a coat stand or hooks with coats and bags that hang from it."""
+    thing = Assembly(Kind.COATS, random_albedo(rng))
+    tall = rng.uniform(1.5, 1.95)
+    thing.bar((0, 0, 0), (0, tall, 0), 0.02)
+    thing.bar((0, 0, 0), (0, 0.03, 0), rng.uniform(0.15, 0.25))
+    for angle in rng.uniform(0, 2 * np.pi, int(rng.integers(1, 4))):
+        x, z = 0.1 * np.cos(angle), 0.1 * np.sin(angle)
+        thing.bar((0, tall - 0.15, 0), (1.5 * x, tall - 0.05, 1.5 * z), 0.012)
+        _hang_coat(thing, rng, x, tall - rng.uniform(0.05, 0.15), z, angle)
+    if rng.random() < 0.25:  # a hat on the top
+        thing.bar((0, tall - 0.02, 0), (0, tall, 0), 0.15)
+    return thing
+
+
+def _hang_coat(
+    thing: Assembly, rng: np.random.Generator, x: float, top: float, z: float, angle: float
+) -> None:
+    """Hang one coat, a flattened tube with folds that widens below its hook."""
+    long, wide, thick = rng.uniform(0.5, 1.15), rng.uniform(0.14, 0.26), rng.uniform(0.06, 0.13)
+    down = np.linspace(0, 1, 12)[:, None]
+    around = 2 * np.pi * np.arange(20)[None] / 20
+    open_out = np.minimum(0.15 + 4.0 * down, 1.0) ** 0.6 * (1 + rng.uniform(-0.2, 0.3) * down)
+    folds = 1 + 0.15 * down * np.sin(around * rng.integers(3, 8) + 2 * down)
+    a, b = wide * open_out * np.cos(around) * folds, thick * open_out * np.sin(around) * folds
+    c, s = np.cos(angle + np.pi / 2), np.sin(angle + np.pi / 2)
+    points = np.stack(
+        [x + c * a - s * b, np.broadcast_to(top - long * down, a.shape), z + s * a + c * b], axis=-1
+    )
+    thing.sheet(points, wraps=True, albedo=random_albedo(rng, 0.35))
+
+
+def make_lamp(rng: np.random.Generator) -> Assembly:
+    """Make a standing lamp, a fan or a tripod."""
+    thing = Assembly(Kind.LAMP, random_albedo(rng))
+    tall, shade = rng.uniform(1.0, 1.9), rng.uniform(0.1, 0.25)
+    lean = rng.uniform(0, 0.3)
+    if rng.random() < 0.3:
+        for angle in 2 * np.pi / 3 * np.arange(3) + rng.uniform(0, 2):
+            thing.bar((0.35 * np.cos(angle), 0, 0.35 * np.sin(angle)), (0, 0.8 * tall, 0), 0.014)
+        thing.box((0, 0.85 * tall, 0), (0.15, 0.12, 0.18), rng.uniform(0, 3))
+        return thing
+    thing.bar((0, 0, 0), (0, 0.03, 0), 0.15)
+    thing.bar((0, 0, 0), (lean, tall, 0), 0.014)
+    thing.bar((lean, tall - 0.2, 0), (lean, tall + 0.05, 0), shade, shade * rng.uniform(0.4, 1.0))
+    return thing
+
+
+def make_bin(rng: np.random.Generator) -> Assembly:
+    """Make a bin, bucket, bag or ball on the floor."""
+    thing = Assembly(Kind.BIN, random_albedo(rng, 0.3))
+    tall, wide = rng.uniform(0.2, 0.8), rng.uniform(0.1, 0.25)
+    if rng.random() < 0.7:
+        thing.bar((0, 0, 0), (0, tall, 0), 0.85 * wide, wide)
+    else:
+        thing.lump((0, wide, 0), (wide, wide, wide * rng.uniform(0.6, 1)), 0.08)
+    return thing
+
+
+def make_pipes(rng: np.random.Generator) -> Assembly:
+    """Make pipes, ducts, rails or hanging cables near the plane z = 0, with a radiator at times."""
+    thing = Assembly(Kind.PIPE, random_albedo(rng))
+    for _ in range(int(rng.integers(1, 4))):
+        x, r = rng.uniform(-0.5, 0.5), rng.uniform(0.01, 0.08)
+        if rng.random() < 0.5:
+            thing.bar((x, 0, 0.1), (x, 3.2, 0.1), r)
+        else:
+            y = rng.uniform(0.4, 2.6)
+            thing.bar((-1.5, y, 0.1), (1.5, y + rng.normal(0, 0.1), 0.1), r)
+    if rng.random() < 0.4:
+        for x in np.arange(-0.5, 0.5, 0.08):
+            thing.box((x, 0.45, 0.08), (0.05, 0.6, 0.1))
+    return thing
+
+
+def make_board(rng: np.random.Generator) -> Assembly:
+    """Make a board on feet, an easel, a roll-up banner, or a panel that leans."""
+    thing = Assembly(Kind.BOARD, random_albedo(rng, 0.1))
+    wide, tall = rng.uniform(0.4, 1.6), rng.uniform(0.7, 1.4)
+    foot = rng.choice([0.02, rng.uniform(0.4, 0.9)])
+    tilt = -rng.uniform(0, 0.25)
+    thing.box((0, foot + tall / 2, 0), (wide, tall, 0.03), 0, tilt)
+    for x in (-0.45, 0.45):
+        thing.bar((x * wide, 0, 0.25), (x * wide, foot + tall * 0.8, -0.02), 0.015)
+        thing.bar((x * wide, 0, -0.25), (x * wide, foot + tall * 0.5, -0.02), 0.015)
+    return thing
+
+
+STANDING: tuple[tuple[Callable[[np.random.Generator], Assembly], float], ...] = (
+    (make_table, 4.0),
+    (make_chair, 5.0),
+    (make_stool, 0.7),
+    (make_sofa, 1.2),
+    (make_bed, 0.6),
+    (make_shelf, 2.0),
+    (make_plant, 1.2),
+    (make_boxes, 1.6),
+    (make_pillar, 1.2),
+    (make_coats, 1.6),
+    (make_lamp, 1.0),
+    (make_bin, 0.8),
+    (make_board, 1.2),
+)
+"""Makers of what stands about in a room, and how often each is taken."""
+
+AT_WALLS: tuple[tuple[Callable[[np.random.Generator], Assembly], float], ...] = (
+    (make_shelf, 3.0),
+    (make_table, 1.5),
+    (make_sofa, 0.8),
+    (make_door, 2.0),
+    (make_curtain, 2.0),
+    (make_pipes, 1.2),
+    (make_board, 1.0),
+    (make_coats, 1.0),
+    (make_chair, 1.0),
+)
+"""Makers of what stands or hangs along the walls."""

@@ -1,0 +1,308 @@
+"""Random rooms: shell, what hangs on the walls, and places for furniture.
+
+The camera stands over the origin of the room frame (y up, z away from it along the floor, metres); the
+walls stand around it, turned by some angle.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from depth_pose.sim.furniture import (
+    AT_WALLS,
+    STANDING,
+    Assembly,
+    Kind,
+    make_table,
+    random_albedo,
+)
+
+Array = NDArray[np.float64]
+Maker = Callable[[np.random.Generator], Assembly]
+
+_STUDIO_SHARE = 0.1
+_CLEAR_OF_CAMERA_M = 0.35
+_TALL_CLEAR_OF_CAMERA_M = 0.9
+_TRIES = 6
+
+
+@dataclass(frozen=True)
+class Walls:
+    """Where the walls stand, told from the camera before they are turned.
+
+    Attributes
+    ----------
+    left, right, back, behind : float
+        Distance of the walls from the camera, metres; right is -x, back is +z.
+    height : float
+        Of the ceiling.
+    turn : float
+        Of the room about the vertical through the camera, radians.
+    """
+
+    left: float
+    right: float
+    back: float
+    behind: float
+    height: float
+    turn: float
+
+    def inward(self, x: float, z: float) -> float:
+        """Distance of a spot on the floor from the nearest wall; negative outside the room."""
+        c, s = np.cos(self.turn), np.sin(self.turn)
+        wx, wz = c * x - s * z, s * x + c * z
+        return float(min(self.left - wx, wx + self.right, self.back - wz, wz + self.behind))
+
+    def spot(self, wx: float, wz: float) -> tuple[float, float]:
+        """Turn a spot of the walls' own frame into the room frame, x and z."""
+        c, s = np.cos(self.turn), np.sin(self.turn)
+        return float(c * wx + s * wz), float(c * wz - s * wx)
+
+
+_EVERYWHERE = Walls(50.0, 50.0, 50.0, 50.0, 50.0, 0.0)
+
+
+@dataclass
+class Room:
+    """A room while it is being furnished.
+
+    Attributes
+    ----------
+    walls : Walls
+    studio : bool
+        There is nothing but at most one wall, and no floor to see.
+    eye_height : float
+        Of the camera above the floor, metres.
+    shapes : Assembly
+        All surfaces so far, room frame.
+    """
+
+    walls: Walls
+    studio: bool
+    eye_height: float
+    shapes: Assembly = field(default_factory=lambda: Assembly(Kind.WALL))
+    _spots: list[tuple[float, float, float]] = field(default_factory=list)
+
+    def put(
+        self,
+        thing: Assembly,
+        x: float,
+        z: float,
+        turn: float,
+        avoid: Sequence[Array] = (),
+        crowded: float = 0.7,
+    ) -> bool:
+        """Put a thing down, if it then cuts nobody and stands neither over the camera nor in another.
+
+        Parameters
+        ----------
+        thing : Assembly
+        x, z, turn : float
+            Where, room frame.
+        avoid : sequence of (V, 3) arrays
+            Points of people that must stay outside the thing's bounding box.
+        crowded : float
+            Share of its radius that must be free of other things; 0 to ignore them.
+
+        Returns
+        -------
+        bool
+            Whether it stands there now.
+        """
+        low, high = thing.bounds()
+        radius = 0.5 * float(np.hypot(high[0] - low[0], high[2] - low[2]))
+        # what stands up to the camera would fill the image
+        clear = _CLEAR_OF_CAMERA_M if high[1] < self.eye_height - 0.15 else _TALL_CLEAR_OF_CAMERA_M
+        if np.hypot(x, z) < radius * 0.7 + clear:
+            return False
+        if any(np.hypot(x - a, z - b) < crowded * (radius + r) for a, b, r in self._spots if crowded > 0):
+            return False
+        c, s = np.cos(turn), np.sin(turn)
+        for points in avoid:
+            dx, dz = points[:, 0] - x, points[:, 2] - z
+            own = np.stack([c * dx - s * dz, points[:, 1], s * dx + c * dz], axis=1)
+            if np.any(np.all((own > low) & (own < high), axis=1)):
+                return False
+        self.shapes.add(thing, x, 0.0, z, turn)
+        self._spots.append((x, z, radius))
+        return True
+
+
+def make_room(rng: np.random.Generator, eye_height: float) -> Room:
+    """Draw a room's shell: an office, a corridor, a hall, or a studio's plain background.
+
+    The camera is `eye_height` metres above the floor.
+    """
+    if rng.random() < _STUDIO_SHARE:
+        return Room(_EVERYWHERE, True, eye_height)
+    style = rng.choice(4, p=[0.5, 0.15, 0.15, 0.2])
+    height = rng.uniform(2.3, 3.4)
+    if style == 0:
+        left, right = rng.uniform(0.7, 4.0), rng.uniform(0.7, 4.0)
+        back, turn = rng.uniform(3, 8.5), rng.normal(0, 0.4)
+    elif style == 1:
+        left, right = rng.uniform(0.35, 1.7), rng.uniform(0.35, 1.7)
+        back, turn = rng.uniform(4, 14), rng.normal(0, 0.2)
+    elif style == 2:
+        left, right, back, turn = *rng.uniform(3, 9, 2), rng.uniform(7, 16), rng.normal(0, 0.5)
+        height = rng.uniform(3, 6)
+    else:
+        left, right, back, turn = *rng.uniform(1.2, 3, 2), rng.uniform(2.0, 4.0), rng.uniform(-0.8, 0.8)
+    height = max(height, eye_height + 0.15)
+    walls = Walls(left, right, back, rng.uniform(0.3, 3.0), height, float(np.clip(turn, -1.0, 1.0)))
+    room = Room(walls, False, eye_height)
+    _put_shell(room, rng)
+    return room
+
+
+def add_backdrop(room: Room, rng: np.random.Generator, reaches: Sequence[float]) -> None:
+    """Put a studio's wall behind everybody, half the time; `reaches` is how far each person reaches."""
+    if not reaches or rng.random() < 0.5:
+        z, turn = max(reaches, default=1.0) + rng.uniform(0.3, 2.5), rng.normal(0, 0.15)
+        room.shapes.box((0.0, 0.0, z), (40.0, 40.0, 0.02), turn, 0.0, Kind.WALL, rng.uniform(0.4, 0.9))
+
+
+def _put_shell(room: Room, rng: np.random.Generator) -> None:
+    """Add floor, ceiling, walls, and what is let into or hung on them."""
+    w, shell = room.walls, Assembly(Kind.WALL)
+    wide, deep = w.left + w.right, w.back + w.behind
+    middle_x, middle_z = (w.left - w.right) / 2, (w.back - w.behind) / 2
+    shell.box((middle_x, -0.01, middle_z), (wide, 0.02, deep), 0, 0, Kind.FLOOR, rng.uniform(0.1, 0.8))
+    if rng.random() < 0.9:
+        at = (middle_x, w.height + 0.01, middle_z)
+        shell.box(at, (wide, 0.02, deep), 0, 0, Kind.CEILING, rng.uniform(0.4, 0.9))
+    paint = rng.uniform(0.4, 0.9)
+    sides = (
+        ((w.left, middle_z), deep, -np.pi / 2),
+        ((-w.right, middle_z), deep, np.pi / 2),
+        ((middle_x, w.back), wide, np.pi),
+        ((middle_x, -w.behind), wide, 0.0),
+    )
+    for (x, z), long, turn in sides:
+        wall = Assembly(Kind.WALL, paint)
+        wall.box((0, w.height / 2, -0.01), (long, w.height, 0.02))
+        for _ in range(int(rng.poisson(0.25 * long))):
+            _hang(wall, rng, rng.uniform(-0.5, 0.5) * long)
+        shell.add(wall, x, 0, z, turn)
+    if rng.random() < 0.35:
+        _put_beams(shell, rng, w)
+    room.shapes.add(shell, 0, 0, 0, w.turn)
+
+
+def _hang(wall: Assembly, rng: np.random.Generator, x: float) -> None:
+    """Hang a picture, board or poster on a wall in the plane z = 0, or let a window into it."""
+    what, size = rng.integers(0, 4), rng.uniform((0.3, 0.3), (1.8, 1.4))
+    y = rng.uniform(1.0, 1.9)
+    if what == 0:  # glass sends nothing back, its frame does
+        wall.box((x, y, 0.005), (size[0], size[1], 0.01), 0, 0, Kind.WALL, 0.004)
+        wall.box((x, y - size[1] / 2, 0.06), (size[0] + 0.1, 0.04, 0.16))
+        wall.box((x, y, 0.02), (0.06, size[1], 0.05))
+    elif what == 1:
+        wall.box((x, y, 0.02), (size[0], size[1], 0.04), 0, 0, Kind.BOARD, random_albedo(rng))
+    elif what == 2:
+        wall.box((x, 1.05, 0.01), (0.95, 2.1, 0.05), 0, 0, Kind.DOOR, random_albedo(rng, 0.1))
+        wall.box((x, 1.07, 0.02), (1.1, 2.14, 0.015), 0, 0, Kind.DOOR)
+    else:
+        wall.box((x, y * 0.3, 0.07), (size[0], 0.5, 0.12), 0, 0, Kind.PIPE)
+
+
+def _put_beams(shell: Assembly, rng: np.random.Generator, w: Walls) -> None:
+    """Add beams, lamps or ducts below the ceiling."""
+    for z in np.arange(0.5, w.back, rng.uniform(1.2, 3.0)):
+        if rng.random() < 0.5:
+            shell.box((0.0, w.height - 0.12, z), (w.left + w.right, 0.24, 0.2), 0, 0, Kind.CEILING)
+        else:
+            x = rng.uniform(-w.right, w.left)
+            shell.box((x, w.height - 0.25, z), (0.25, 0.08, 1.2), 0, 0, Kind.LAMP)
+
+
+def furnish(
+    room: Room, rng: np.random.Generator, avoid: Sequence[Array], spread: float, reach: float
+) -> None:
+    """Fill a room with furniture that cuts none of the people.
+
+    Parameters
+    ----------
+    room : Room
+    rng : numpy.random.Generator
+    avoid : sequence of (V, 3) arrays
+        Points of the people, room frame.
+    spread : float
+        Tangent of half the camera's horizontal angle of view: most things stand where it sees them.
+    reach : float
+        How far away things may stand, metres.
+    """
+    if rng.random() < 0.12:  # a desk close before the camera
+        desk = make_table(rng, rng.uniform(0.4, 0.9))
+        room.put(desk, rng.normal(0, 0.3), rng.uniform(0.7, 1.3), np.pi + rng.normal(0, 0.4), avoid, 0.0)
+    for _ in range(int(rng.poisson(5))):
+        _put_at_wall(room, rng, avoid)
+    for points in avoid:
+        if rng.random() < 0.3:
+            _put_before(room, rng, points, avoid)
+    for _ in range(int(rng.poisson(rng.choice([2.0, 7.0, 14.0])))):
+        thing = _draw(rng, STANDING)
+        for _ in range(_TRIES):
+            z = rng.uniform(0.5, 1.0) ** 0.7 * reach * rng.uniform(0.2, 1.0)
+            x = z * spread * rng.uniform(-1.15, 1.15)
+            if _hides(thing, x, z, avoid) and rng.random() < 0.8:
+                continue
+            if room.walls.inward(x, z) > 0.2 and room.put(thing, x, z, rng.uniform(0, 2 * np.pi), avoid):
+                break
+
+
+def _put_at_wall(room: Room, rng: np.random.Generator, avoid: Sequence[Array]) -> None:
+    """Stand something with its back to the left, right or back wall."""
+    thing, w = _draw(rng, AT_WALLS), room.walls
+    low, _ = thing.bounds()
+    off = 0.03 - low[2]
+    for _ in range(_TRIES):
+        side = rng.integers(0, 3)
+        if side == 2:
+            wx, wz, turn = rng.uniform(-w.right, w.left), w.back - off, np.pi
+        else:
+            wz = rng.uniform(0.3, w.back)
+            wx, turn = (w.left - off, -np.pi / 2) if side == 0 else (off - w.right, np.pi / 2)
+        x, z = w.spot(wx, wz)
+        if _hides(thing, x, z, avoid) and rng.random() < 0.8:
+            continue
+        if room.put(thing, x, z, turn + w.turn, avoid):
+            return
+
+
+def _hides(thing: Assembly, x: float, z: float, avoid: Sequence[Array]) -> bool:
+    """Whether a thing at a spot stands between the camera and the middle of somebody."""
+    low, high = thing.bounds()
+    radius = 0.35 * float(np.hypot(high[0] - low[0], high[2] - low[2]))
+    for points in avoid:
+        px, _, pz = points.mean(axis=0)
+        away = max(float(np.hypot(px, pz)), 1e-6)
+        along, aside = (x * px + z * pz) / away, abs(x * pz - z * px) / away
+        if 0 < along < away and aside < radius + 0.15 and high[1] > 0.6:
+            return True
+    return False
+
+
+def _put_before(room: Room, rng: np.random.Generator, points: Array, avoid: Sequence[Array]) -> None:
+    """Stand something between the camera and a person, or so close beside them that it touches."""
+    middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
+    for _ in range(_TRIES):
+        thing = _draw(rng, STANDING)
+        if rng.random() < 0.5:
+            x, _, z = middle * rng.uniform(0.35, 0.85) + rng.normal(0, 0.15, 3)
+        else:
+            low, high = thing.bounds()
+            angle, away = rng.uniform(0, 2 * np.pi), 0.5 * float(high[0] - low[0]) + rng.uniform(0.0, 0.3)
+            x, z = middle[0] + away * np.cos(angle), middle[2] + away * np.sin(angle)
+        turn = np.pi + rng.normal(0, 0.5) if rng.random() < 0.6 else rng.uniform(0, 2 * np.pi)
+        if room.walls.inward(x, z) > 0.1 and room.put(thing, x, z, turn, avoid, 0.3):
+            return
+
+
+def _draw(rng: np.random.Generator, makers: Sequence[tuple[Maker, float]]) -> Assembly:
+    shares = np.array([share for _, share in makers])
+    return makers[int(rng.choice(len(makers), p=shares / shares.sum()))][0](rng)

@@ -1,0 +1,290 @@
+"""What three families of depth sensors make of a room: structured light, time of flight, stereo.
+
+`depth_pose.sim.noise` spoils pixels one by one, which suffices for one person before a wall. In rooms
+most of what misleads a finder of people is spatial: surfaces that send no light back lose their pixels
+in blobs, edges move by a pixel or two, and errors are alike among neighbours, because a sensor matches
+windows. So everything here is drawn as smooth fields over the image:
+
+- a pixel is lost where the light that returns, albedo cos(angle)^p / z^2, is too little; the limit varies
+  in blobs (structured light, time of flight);
+- structured light and stereo look some pixels aside, so that edges are ragged (the displaced look-up of
+  J. T. Barron and J. Malik, *Intrinsic scene properties from a single RGB-D image*, CVPR 2013, sec. 5),
+  err in disparity, the same amount among neighbours, and have a shadow beside near things;
+- structured light comes in steps of disparity (K. Khoshelham and S. O. Elberink, *Accuracy and resolution
+  of Kinect depth data*, Sensors 12, 2012, eq. 6); stereo fattens what is near and is biased in patches;
+- time of flight mixes the two surfaces at an edge, and its noise grows as the light falls.
+
+The ranges of the parameters are wider than one device's, on purpose. They were set by eye beside
+recordings of an Asus Xtion and a Kinect.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import grey_dilation, maximum_filter, minimum_filter, uniform_filter
+
+from depth_pose.sim._scene_kernels import cast_shadow
+
+Image = NDArray[np.float32]
+
+_FAMILIES = ("structured", "tof", "stereo")
+_FAMILY_SHARES = (0.5, 0.3, 0.2)
+_MATERIALS = 64  # kinds of surface texture, told apart by their albedo
+_STEADY, _FLEETING = 0.8, 0.6  # of a video's patches, in deviations: what stays from frame to frame
+_EDGE_JUMP = 0.04  # of the depth; a step between neighbours that is an edge
+
+
+@dataclass(frozen=True)
+class Shown:
+    """What a camera would see without noise.
+
+    Attributes
+    ----------
+    depth : (H, W) float32
+        Metres; 0 where there is nothing.
+    cosine : (H, W) float32
+        Of the angle between ray and surface normal.
+    albedo : (H, W) float32
+        Share of the light that the surface sends back.
+    focal : float
+        Pixels.
+    """
+
+    depth: Image
+    cosine: Image
+    albedo: Image
+    focal: float
+
+
+@dataclass(frozen=True)
+class SceneSensor:
+    """A sensor of one family with its parameters.
+
+    Attributes
+    ----------
+    family : str
+        ``structured``, ``tof`` or ``stereo``.
+    near, far : float
+        Range, metres.
+    least_light : float
+        Light (albedo cos^p / z^2) below which a pixel is lost, 1/m^2.
+    grazing_power : float
+        The p of that.
+    patchiness : float
+        How much the limit varies over the image, natural logarithm.
+    baseline : float
+        Camera to projector or second camera, metres; negative where it is to the right of the camera.
+    raggedness : float
+        How far edges move, pixels.
+    noise : float
+        Standard deviation: of 1/z (1/m) for structured light and stereo; of z at 1 m on a white surface
+        for time of flight (m).
+    step : float
+        Structured light: steps of 1/z, 1/m.
+    bias : float
+        Standard deviation of an error that varies over tens of pixels, share of z.
+    edge_loss : float
+        Share of edges that are lost.
+    flying : float
+        Time of flight: share of edge pixels that land between the surfaces.
+    fattening : int
+        Stereo: by how many pixels what is near grows.
+    ghosts : float
+        Share of lost patches that return something far away that is not there.
+    vignette : float
+        Radius beyond which corners are lost, share of half the diagonal; 2 for none.
+    dazzle : float
+        Light (albedo / z^2) above which a pixel is lost, 1/m^2.
+    materials : int
+        Stereo: seed of which materials have texture enough to be matched.
+    """
+
+    family: str
+    near: float
+    far: float
+    least_light: float
+    grazing_power: float
+    patchiness: float
+    baseline: float
+    raggedness: float
+    noise: float
+    step: float
+    bias: float
+    edge_loss: float
+    flying: float
+    fattening: int
+    ghosts: float
+    vignette: float
+    dazzle: float
+    materials: int
+
+
+def sample_sensor(rng: np.random.Generator, family: str | None = None) -> SceneSensor:
+    """Draw a sensor, of a family where one is named."""
+    name = family or str(rng.choice(_FAMILIES, p=_FAMILY_SHARES))
+    tof, stereo = name == "tof", name == "stereo"
+    least = np.exp(
+        rng.uniform(np.log(0.0003), np.log(0.006)) if tof else rng.uniform(np.log(0.0015), np.log(0.012))
+    )
+    steps = rng.uniform(0.0022, 0.0034)
+    noise = rng.uniform(0.001, 0.006) if tof else rng.uniform(0.15, 0.6) * steps
+    return SceneSensor(
+        family=name,
+        near=rng.uniform(0.2, 0.6),
+        far=float(rng.choice([rng.uniform(3.5, 6.0), rng.uniform(6.0, 10.0)], p=[0.3, 0.7])),
+        least_light=float(least) * (0.1 if stereo else 1.0),
+        grazing_power=rng.uniform(0.4, 1.0),
+        patchiness=rng.uniform(0.25, 0.7),
+        baseline=0.0 if tof else rng.uniform(0.05, 0.09) * float(rng.choice([-1, 1], p=[0.8, 0.2])),
+        raggedness=rng.uniform(0.0, 0.4) if tof else rng.uniform(0.4, 1.1),
+        noise=noise * (rng.uniform(1.0, 4.0) if stereo else 1.0),
+        step=0.0 if tof or stereo else steps,
+        bias=rng.uniform(0.0, 0.012) if stereo else rng.uniform(0.0, 0.004),
+        edge_loss=rng.uniform(0.0, 0.7),
+        flying=rng.uniform(0.2, 0.9) if tof else 0.0,
+        fattening=int(rng.integers(1, 4)) if stereo else 0,
+        ghosts=float(rng.choice([0.0, rng.uniform(0.02, 0.3)])),
+        vignette=rng.uniform(0.75, 1.05) if tof and rng.random() < 0.4 else 2.0,
+        dazzle=np.inf if stereo or rng.random() < 0.85 else rng.uniform(1.0, 4.0),
+        materials=int(rng.integers(2**31)),
+    )
+
+
+def measure(
+    shown: Shown, sensor: SceneSensor, rng: np.random.Generator, steady_seed: int | None = None
+) -> Image:
+    """Measure what is shown.
+
+    Parameters
+    ----------
+    shown : Shown
+    sensor : SceneSensor
+    rng : numpy.random.Generator
+        Same state, same noise.
+    steady_seed : int, optional
+        Of the patches that stay where they are in the frames of one video.
+
+    Returns
+    -------
+    (H, W) float32
+        Metres, whole millimetres; 0 where nothing returns.
+    """
+    shape = shown.depth.shape
+    depth, cosine, albedo = shown.depth, shown.cosine, shown.albedo
+    patches = _patches(rng, shape)
+    if steady_seed is not None:
+        steady = _patches(np.random.default_rng(steady_seed), shape)
+        patches = _STEADY * steady + _FLEETING * patches
+    lost = _shadow(depth, sensor, shown.focal) if sensor.baseline else np.zeros(shape, bool)
+    if sensor.fattening:
+        depth = _fatten(depth, sensor.fattening)
+    rows, columns = _aside(rng, shape, sensor.raggedness)
+    depth, cosine, albedo = depth[rows, columns], cosine[rows, columns], albedo[rows, columns]
+    light = albedo * np.maximum(cosine, 0.02) ** sensor.grazing_power / np.maximum(depth, 0.3) ** 2
+    near, far = _around(depth)
+    edge = far - near > _EDGE_JUMP * far
+    if sensor.flying:
+        flies = edge & (rng.random(shape, dtype=np.float32) < sensor.flying)
+        depth = np.where(flies, near + (far - near) * rng.random(shape, dtype=np.float32), depth)
+    if sensor.family == "stereo":
+        texture = np.random.default_rng(sensor.materials).normal(1.0, 1.2, _MATERIALS)
+        light = light * np.exp(texture).astype(np.float32)[(albedo * 255).astype(np.int64) % _MATERIALS]
+        depth = _windowed(depth, edge)
+    lost |= light < sensor.least_light * np.exp(sensor.patchiness * patches)
+    lost |= edge & (patches > 1.0 - 2.5 * sensor.edge_loss) & ~((sensor.flying > 0) & (patches < 0))
+    lost |= albedo > sensor.dazzle * np.maximum(depth, 0.01) ** 2
+    noisy = _noisy(depth, light, sensor, rng)
+    if sensor.ghosts:
+        ghost = lost & (_field(rng, shape, 5.0) > 2.2 - 3.0 * sensor.ghosts)
+        noisy = np.where(ghost, rng.uniform(3.5, 7.0) + 0.5 * _field(rng, shape, 20.0), noisy)
+        lost &= ~ghost
+    gone = (
+        lost | (depth <= 0) | (noisy < sensor.near) | (noisy > sensor.far) | _outside(shape, sensor.vignette)
+    )
+    return np.where(gone, np.float32(0.0), np.rint(noisy * 1000.0) / np.float32(1000.0)).astype(np.float32)
+
+
+def _noisy(depth: Image, light: Image, sensor: SceneSensor, rng: np.random.Generator) -> Image:
+    shape = depth.shape
+    biased = depth * (1.0 + sensor.bias * _field(rng, shape, 30.0))
+    if sensor.family == "tof":
+        sigma = sensor.noise * np.minimum(0.3 / np.maximum(light, 1e-4), 60.0) ** 0.7
+        grain = rng.standard_normal(shape, dtype=np.float32)
+        return np.asarray(biased + sigma * (0.8 * grain + 0.5 * _field(rng, shape, 2.0)), np.float32)
+    inverse = 1.0 / np.maximum(biased, 0.1) + sensor.noise * _field(rng, shape, 1.7)
+    if sensor.step:
+        inverse = np.rint(inverse / sensor.step) * sensor.step
+    return np.asarray(1.0 / np.maximum(inverse, 0.02), np.float32)
+
+
+def _patches(rng: np.random.Generator, shape: tuple[int, ...]) -> Image:
+    return 0.5 * _field(rng, shape, 2.5) + 0.5 * _field(rng, shape, 6.0) + 0.6 * _field(rng, shape, 16.0)
+
+
+def _shadow(depth: Image, sensor: SceneSensor, focal: float) -> NDArray[np.bool_]:
+    shadow = np.zeros(depth.shape, np.bool_)
+    cast_shadow(depth, focal * sensor.baseline, 1.0, shadow)
+    return shadow
+
+
+def _fatten(depth: Image, pixels: int) -> Image:
+    """Let what is near grow sideways, and half as much up and down."""
+    inverse = np.where(depth > 0, 1.0 / np.maximum(depth, 1e-3), 0.0)
+    grown = grey_dilation(inverse, size=(1 + 2 * (pixels // 2), 1 + 2 * pixels))
+    return np.where(grown > 0, 1.0 / np.maximum(grown, 1e-3), 0.0).astype(np.float32)
+
+
+def _windowed(depth: Image, edge: NDArray[np.bool_]) -> Image:
+    """Mean of a window in 1/z, away from edges."""
+    inverse = 1.0 / np.maximum(depth, 0.05)
+    mean = 1.0 / uniform_filter(inverse, 5)
+    return np.where(edge | (depth <= 0) | (np.abs(mean - depth) > 0.1 * depth), depth, mean).astype(
+        np.float32
+    )
+
+
+def _around(depth: Image) -> tuple[Image, Image]:
+    """Least and greatest depth of a pixel and its neighbours that have some."""
+    high = maximum_filter(depth, 3)
+    low = minimum_filter(np.where(depth > 0, depth, np.float32(1e3)), 3)
+    return np.minimum(low, high), high
+
+
+def _aside(
+    rng: np.random.Generator, shape: tuple[int, ...], far: float
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Rows and columns of the pixels looked at instead."""
+    rows, columns = np.mgrid[: shape[0], : shape[1]]
+    if far > 0:
+        rows = np.clip(rows + np.rint(far * _field(rng, shape, 2.5)).astype(np.int64), 0, shape[0] - 1)
+        columns = np.clip(columns + np.rint(far * _field(rng, shape, 2.5)).astype(np.int64), 0, shape[1] - 1)
+    return rows, columns
+
+
+def _outside(shape: tuple[int, ...], radius: float) -> NDArray[np.bool_]:
+    if radius >= 1.5:
+        return np.zeros(shape, bool)
+    v = np.arange(shape[0])[:, None] - (shape[0] - 1) / 2
+    u = np.arange(shape[1])[None] - (shape[1] - 1) / 2
+    return np.hypot(u, v) > radius * np.hypot(shape[0], shape[1]) / 2
+
+
+def _field(rng: np.random.Generator, shape: tuple[int, ...], cell: float) -> Image:
+    """Smooth noise over the image, deviation about 1, that varies over so many pixels."""
+    up, across = _spread(shape[0], cell), _spread(shape[1], cell)
+    coarse = rng.standard_normal((up.shape[1], across.shape[1]), dtype=np.float32)
+    return np.asarray(up @ coarse @ across.T)
+
+
+@lru_cache(maxsize=64)
+def _spread(size: int, cell: float) -> Image:
+    """Weights (size, coarse) of a cubic B-spline, scaled to keep the variance on average."""
+    count = int(np.ceil(size / cell)) + 3
+    away = np.abs(np.arange(size)[:, None] / cell + 1.0 - np.arange(count)[None])
+    inner, outer = 2 / 3 - away**2 + away**3 / 2, np.maximum(2 - away, 0.0) ** 3 / 6
+    weights = np.where(away < 1, inner, outer)
+    return (weights / np.sqrt((weights**2).sum(axis=1, keepdims=True))).astype(np.float32)

@@ -1,0 +1,119 @@
+"""A camera in a room, and what it would see there without noise.
+
+Scenes are drawn with a depth buffer instead of cast rays: one image of a furnished room takes a fifth of
+the time, and most of a ray caster's time goes into a tree that serves a single image.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from depth_pose.core.camera import Camera
+from depth_pose.sim import _scene_kernels as kernels
+
+Array = NDArray[np.float64]
+
+_NEAR_M = 0.05
+_SILHOUETTE_PX = 96
+
+
+@dataclass(frozen=True)
+class View:
+    """A camera's place in a room.
+
+    Attributes
+    ----------
+    camera : Camera
+    rotation : (3, 3) float64
+        Room frame (y up, z away from the camera along the floor) to the optical frame.
+    position : (3,) float64
+        The camera's centre, room frame, metres.
+    """
+
+    camera: Camera
+    rotation: Array
+    position: Array
+
+    def to_optical(self, points: NDArray[np.floating]) -> Array:
+        """Give points (..., 3) of the room in the optical frame, metres."""
+        moved: Array = (points.astype(np.float64) - self.position) @ self.rotation.T
+        return moved
+
+    def project(self, points_optical: NDArray[np.floating]) -> Array:
+        """Give pixel coordinates (..., 2) of points in the optical frame; NaN for those behind."""
+        z = np.where(points_optical[..., 2] > _NEAR_M, points_optical[..., 2], np.nan)
+        c = self.camera
+        return np.stack(
+            [c.fx * points_optical[..., 0] / z + c.cx, c.fy * points_optical[..., 1] / z + c.cy], axis=-1
+        )
+
+
+def look(camera: Camera, height: float, pitch: float, roll: float) -> View:
+    """Put a camera over the room's origin, looking along z; pitch downward and roll clockwise, radians."""
+    forward = np.array([0.0, -np.sin(pitch), np.cos(pitch)])
+    right = np.array([-1.0, 0.0, 0.0])  # y up and z away from the camera leave x to the left
+    down = np.cross(forward, right)
+    turned = np.cos(roll) * right + np.sin(roll) * down
+    down = np.cos(roll) * down - np.sin(roll) * right
+    return View(camera, np.stack([turned, down, forward]), np.array([0.0, height, 0.0]))
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """An ideal image of triangles.
+
+    Attributes
+    ----------
+    depth : (H, W) float32
+        Metres; 0 where there is nothing.
+    face : (H, W) int32
+        Which triangle; -1 for none.
+    cosine : (H, W) float32
+        Of the angle between ray and normal.
+    """
+
+    depth: NDArray[np.float32]
+    face: NDArray[np.int32]
+    cosine: NDArray[np.float32]
+
+
+def draw(vertices_optical: Array, faces: NDArray[np.int64], camera: Camera) -> Drawn:
+    """Draw triangles (F, 3) between points (V, 3) of the optical frame, metres."""
+    shape = (camera.height, camera.width)
+    inverse, face = np.zeros(shape), np.full(shape, -1, np.int32)
+    place = (camera.fx, camera.fy, camera.cx, camera.cy)
+    kernels.raster(vertices_optical, faces, *place, _NEAR_M, inverse, face)
+    cosine = np.zeros(shape, np.float32)
+    kernels.shade(vertices_optical, faces, face, *place, cosine)
+    depth = np.divide(1.0, inverse, out=np.zeros(shape), where=face >= 0)
+    return Drawn(depth.astype(np.float32), face, cosine)
+
+
+def silhouette_area(vertices_optical: Array, faces: NDArray[np.int64], camera: Camera) -> float:
+    """Area of a mesh's silhouette, pixels of the image, as if the image went on beyond its borders.
+
+    It goes on by one image on each side: what is nearer than that to the plane of the camera would have
+    no end.
+    """
+    z = vertices_optical[:, 2]
+    before = vertices_optical[z > _NEAR_M]
+    if not len(before):
+        return 0.0
+    u = camera.fx * before[:, 0] / before[:, 2] + camera.cx
+    v = camera.fy * before[:, 1] / before[:, 2] + camera.cy
+    left, right = np.clip([u.min(), u.max()], -camera.width, 2 * camera.width)
+    top, bottom = np.clip([v.min(), v.max()], -camera.height, 2 * camera.height)
+    scale = _SILHOUETTE_PX / max(right - left, bottom - top, 1.0)
+    wide, tall = int((right - left) * scale) + 3, int((bottom - top) * scale) + 3
+    inverse, face = np.zeros((tall, wide)), np.full((tall, wide), -1, np.int32)
+    place = (
+        camera.fx * scale,
+        camera.fy * scale,
+        (camera.cx - left) * scale + 1,
+        (camera.cy - top) * scale + 1,
+    )
+    kernels.raster(vertices_optical, faces, *place, _NEAR_M, inverse, face)
+    return float((face >= 0).sum() / scale**2)

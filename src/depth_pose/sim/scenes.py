@@ -1,0 +1,349 @@
+"""Random rooms with nought to six people before a depth camera, every pixel labelled.
+
+Made to teach and to measure a finder of people: the people stand, walk, sit at desks and on sofas, lie,
+touch furniture and each other, hide behind both, are cut off by the image's border, carry things; a third
+of them are nearer than 2.2 m. Around them is what a finder takes for people when it has not seen any
+better: coats on stands, jackets on chairs, pillars, plants, slanted bare walls, screens that send no light
+back. A tenth of the scenes are studios: people before a plain wall or before nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from depth_pose.core.camera import Camera
+from depth_pose.core.skeleton import JOINT_INDEX
+from depth_pose.sim.figures import Figure, sample_figure
+from depth_pose.sim.furniture import (
+    Assembly,
+    Kind,
+    Triangles,
+    make_bed,
+    make_chair,
+    make_sofa,
+    make_stool,
+    make_table,
+    random_albedo,
+    triangulate,
+)
+from depth_pose.sim.rooms import Room, add_backdrop, furnish, make_room
+from depth_pose.sim.scene_noise import SceneSensor, Shown, measure, sample_sensor
+from depth_pose.sim.scene_view import View, draw, look, silhouette_area
+
+Array = NDArray[np.float64]
+
+MOST_PEOPLE = 6
+_NOBODY_SHARE = 0.15
+_PEOPLE_SHARES = (0.38, 0.27, 0.15, 0.1, 0.06, 0.04)  # one to six
+_NEAR_SHARE, _NEAR_M, _MIDDLE_M, _FAR_M = 1 / 3, 0.6, 2.2, 6.0
+_ASPECTS = (4 / 3, 16 / 9, 11 / 9, 1.0)
+_ASPECT_SHARES = (0.7, 0.12, 0.1, 0.08)
+_JOINT_SLACK_M = 0.25  # deeper inside its owner's surface no joint is
+_TRIES = 12
+_EVERY = 12  # of a person's vertices suffices to keep furniture out of them
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A measured image of a room and the truth about it.
+
+    Attributes
+    ----------
+    depth : (H, W) float32
+        As a sensor measures it, metres; 0 where nothing returned.
+    clean : (H, W) float32
+        Without noise, with no limit of range.
+    person : (H, W) uint8
+        Which person a pixel of `clean` shows, from 1; 0 for nobody. What they wear is they, what they
+        carry is not.
+    kind : (H, W) uint8
+        `depth_pose.sim.furniture.Kind` of what a pixel of `clean` shows.
+    camera : Camera
+    joints : (P, 19, 3) float32
+        Optical frame, metres.
+    visible : (P,) float32
+        Share of the silhouette, as an image without borders would show the person alone, that the
+        image shows.
+    seen : (P, 19) bool
+        Whether a joint is inside the image and hidden by nothing but its owner.
+    up : (3,) float32
+        Unit vector away from the floor, optical frame.
+    """
+
+    depth: NDArray[np.float32]
+    clean: NDArray[np.float32]
+    person: NDArray[np.uint8]
+    kind: NDArray[np.uint8]
+    camera: Camera
+    joints: NDArray[np.float32]
+    visible: NDArray[np.float32]
+    seen: NDArray[np.bool_]
+    up: NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class Placed:
+    """A person at their place in the room frame, metres.
+
+    Attributes
+    ----------
+    vertices, held_vertices : (V, 3) float64
+    joints : (19, 3) float64
+    faces, held_faces : (F, 3) int64
+    albedo : (F,) float32
+        Of `faces`.
+    held_albedo : float
+    """
+
+    vertices: Array
+    faces: NDArray[np.int64]
+    joints: Array
+    held_vertices: Array
+    held_faces: NDArray[np.int64]
+    albedo: NDArray[np.float32]
+    held_albedo: float
+
+
+def sample_scene(rng: np.random.Generator, *, width: int = 320, people: int | None = None) -> Scene:
+    """Make a random scene.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+        Same state, same scene.
+    width : int
+        The image fits into ``width`` by three quarters of it; a 4:3 image fills that.
+    people : int, optional
+        How many, 0 to `MOST_PEOPLE`; drawn where not given. Where the room has no space for all there
+        are fewer.
+    """
+    if people is None:
+        shares = _NOBODY_SHARE, *((1 - _NOBODY_SHARE) * np.array(_PEOPLE_SHARES))
+        people = int(rng.choice(1 + MOST_PEOPLE, p=shares))
+    view = sample_view(rng, width)
+    room = make_room(rng, float(view.position[1]))
+    persons = _people(rng, people, view, room)
+    points = [p.vertices[::_EVERY] for p in persons]
+    if room.studio:
+        add_backdrop(room, rng, [float(p[:, 2].max()) for p in points])
+    else:
+        spread = view.camera.width / (2 * view.camera.fx)
+        furnish(room, rng, points, spread, min(room.walls.back, 9.0))
+    return render(view, triangulate(room.shapes, rng), persons, sample_sensor(rng), rng)
+
+
+def sample_view(rng: np.random.Generator, width: int) -> View:
+    """Draw a camera: field of view, shape of the image, height, tilt and roll."""
+    aspect = float(rng.choice(_ASPECTS, p=_ASPECT_SHARES))
+    tall = min(round(width * 3 / 4), round(width / aspect))
+    wide = min(width, round(tall * aspect))
+    focal = wide / 2 / np.tan(np.deg2rad(rng.choice([rng.uniform(40, 90), rng.normal(58, 3)])) / 2)
+    focal = float(np.clip(focal, wide * 0.5, wide * 1.374))  # 90 to 40 degrees
+    cx, cy = (wide - 1) / 2 + rng.normal(0, 0.01 * wide), (tall - 1) / 2 + rng.normal(0, 0.01 * wide)
+    camera = Camera(wide, tall, focal, focal * rng.normal(1, 0.003), float(cx), float(cy))
+    height = rng.uniform(0.4, 3.0) if rng.random() < 0.4 else float(np.clip(rng.normal(1.3, 0.4), 0.4, 3.0))
+    aim, away = rng.uniform(0.5, 1.4), rng.uniform(1.2, 5.0)
+    pitch = np.rad2deg(np.arctan2(height - aim, away)) + rng.normal(0, 7)
+    roll = rng.normal(0, 2) if rng.random() < 0.8 else rng.normal(0, 8)
+    return look(camera, height, float(np.deg2rad(np.clip(pitch, -30, 60))), float(np.deg2rad(roll)))
+
+
+def _people(rng: np.random.Generator, count: int, view: View, room: Room) -> list[Placed]:
+    """Place people so that the camera has a chance to see them and none stand in one another."""
+    persons: list[Placed] = []
+    for _ in range(count):
+        figure = sample_figure(rng)
+        for _ in range(_TRIES):
+            x, z = _spot(rng, view, persons)
+            turn = np.pi + rng.normal(0, 0.8) if rng.random() < 0.45 else rng.uniform(0, 2 * np.pi)
+            person = place(figure, x, z, turn, rng)
+            if _fits(person, view, room, persons):
+                persons.append(person)
+                if not room.studio:
+                    _add_seat(rng, figure, x, z, turn, room, persons)
+                break
+    return persons
+
+
+def _spot(rng: np.random.Generator, view: View, persons: Sequence[Placed]) -> tuple[float, float]:
+    """Draw a spot on the floor: anywhere in view, beside somebody, or behind somebody."""
+    if persons and rng.random() < 0.5:
+        other = persons[int(rng.integers(len(persons)))].joints[JOINT_INDEX["pelvis"]]
+        if rng.random() < 0.6:
+            angle, away = rng.uniform(0, 2 * np.pi), rng.uniform(0.3, 0.9)
+            return float(other[0] + away * np.cos(angle)), float(other[2] + away * np.sin(angle))
+        farther = 1 + rng.uniform(0.4, 1.5) / max(float(np.hypot(other[0], other[2])), 0.3)
+        return float(farther * other[0] + rng.normal(0, 0.15)), float(farther * other[2])
+    near = rng.random() < _NEAR_SHARE
+    away = rng.uniform(_NEAR_M, _MIDDLE_M) if near else rng.uniform(_MIDDLE_M, _FAR_M)
+    spread = view.camera.width / (2 * view.camera.fx)
+    return float(away * spread * rng.uniform(-1.1, 1.1)), float(away)
+
+
+def _fits(person: Placed, view: View, room: Room, others: Sequence[Placed]) -> bool:
+    low, high = person.vertices.min(axis=0), person.vertices.max(axis=0)
+    if low[2] < 0.25 or high[1] > room.walls.height:
+        return False
+    if any(room.walls.inward(x, z) < 0.02 for x in (low[0], high[0]) for z in (low[2], high[2])):
+        return False
+    if any(_inside_one_another(person, other) for other in others):
+        return False
+    pixels = view.project(view.to_optical(person.joints))
+    size = np.array([view.camera.width, view.camera.height])
+    return int(np.sum(np.all((pixels > 0) & (pixels < size), axis=1))) >= 3
+
+
+def _inside_one_another(one: Placed, other: Placed) -> bool:
+    """Whether trunks come nearer than they can; limbs may touch, and then cut each other a little."""
+    trunk = [JOINT_INDEX[name] for name in ("pelvis", "chest", "head", "left_knee", "right_knee")]
+    apart = np.linalg.norm(one.joints[trunk][:, None] - other.joints[trunk][None], axis=-1)
+    return float(apart.min()) < 0.28
+
+
+def place(figure: Figure, x: float, z: float, turn: float, rng: np.random.Generator) -> Placed:
+    """Stand a figure on a spot of the floor, turned about the vertical, in clothes of random albedo."""
+    c, s = np.cos(turn), np.sin(turn)
+    turned = np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
+    joints = figure.joints.astype(np.float64)
+    moved = [
+        points.astype(np.float64).reshape(-1, 3) @ turned.T + np.array([x, 0.0, z])
+        for points in (figure.vertices, joints, figure.held_vertices)
+    ]
+    return Placed(
+        vertices=moved[0],
+        faces=figure.faces.astype(np.int64),
+        joints=moved[1],
+        held_vertices=moved[2],
+        held_faces=figure.held_faces.astype(np.int64).reshape(-1, 3),
+        albedo=_person_albedo(figure, rng),
+        held_albedo=random_albedo(rng, 0.3),
+    )
+
+
+def _person_albedo(figure: Figure, rng: np.random.Generator) -> NDArray[np.float32]:
+    """Light that skin, hair, shirt and trousers send back, by where on the body a triangle lies."""
+    shirt, trousers, hair = random_albedo(rng, 0.12), random_albedo(rng, 0.15), random_albedo(rng, 0.3)
+    middles = figure.vertices[figure.faces[:, 0]]
+    joints = figure.joints
+    neck, head, pelvis = (joints[JOINT_INDEX[n]] for n in ("neck", "head", "pelvis"))
+    trunk = (neck - pelvis) / max(float(np.linalg.norm(neck - pelvis)), 1e-6)
+    along = (middles - pelvis) @ trunk
+    albedo = np.where(along > 0.03, shirt, trousers)
+    on_head = np.linalg.norm(middles - head, axis=1) < 1.3 * np.linalg.norm(head - neck) + 0.06
+    skull = (head - neck) / max(float(np.linalg.norm(head - neck)), 1e-6)
+    above = (middles - head) @ skull > 0.02
+    return np.where(on_head, np.where(above, hair, 0.6), albedo).astype(np.float32)
+
+
+def _add_seat(
+    rng: np.random.Generator,
+    figure: Figure,
+    x: float,
+    z: float,
+    turn: float,
+    room: Room,
+    persons: Sequence[Placed],
+) -> None:
+    """Put under a person what they sit or lie on, and at times a desk before them."""
+    if figure.seat_height <= 0.0 or figure.posture not in ("sit", "lie"):
+        return
+    pelvis, high = persons[-1].joints[JOINT_INDEX["pelvis"]], float(figure.seat_height)
+    if figure.posture == "lie":
+        low, top = persons[-1].vertices.min(axis=0), persons[-1].vertices.max(axis=0)
+        along = np.pi / 2 if top[0] - low[0] > top[2] - low[2] else 0.0
+        along += np.pi * float(rng.integers(2))
+        x, _, z = 0.5 * (low + top)
+        room.put(make_bed(rng, high, bare=True), x, z, along, crowded=0.0)
+        return
+    what = rng.choice(4, p=[0.6, 0.1, 0.2, 0.1])
+    if what == 0:
+        seat = make_chair(rng, high, plain=True)
+    elif what == 1:
+        seat = make_stool(rng, high)
+    elif what == 2:
+        seat = make_sofa(rng, high, bare=True)
+    else:
+        seat = make_bed(rng, high, bare=True)
+    side = np.pi / 2 if what == 3 else 0.0  # on the edge of a bed, not along it
+    forward = np.array([np.sin(turn), np.cos(turn)])
+    back = 0.0 if what < 3 else 0.3
+    room.put(seat, pelvis[0] - back * forward[0], pelvis[2] - back * forward[1], turn + side, crowded=0.0)
+    if what < 2 and rng.random() < 0.5:
+        desk = Assembly(Kind.TABLE)
+        desk.add(make_table(rng, max(0.62, high + 0.27)), turn=np.pi)
+        away = -desk.bounds()[0][2] + rng.uniform(0.22, 0.4)
+        room.put(desk, pelvis[0] + away * forward[0], pelvis[2] + away * forward[1], turn, crowded=0.0)
+
+
+def render(
+    view: View,
+    room: Triangles,
+    persons: Sequence[Placed],
+    sensor: SceneSensor,
+    rng: np.random.Generator,
+    steady_seed: int | None = None,
+) -> Scene:
+    """Measure people in a room and label every pixel.
+
+    Parameters
+    ----------
+    view : View
+    room : Triangles
+        Room frame.
+    persons : sequence of Placed
+    sensor : SceneSensor
+    rng : numpy.random.Generator
+        Of the sensor's noise.
+    steady_seed : int, optional
+        As in `depth_pose.sim.scene_noise.measure`.
+    """
+    optical = [view.to_optical(p.vertices) for p in persons]
+    parts = [(view.to_optical(room.vertices), room.faces)]
+    of_kind, owners, albedos = [room.kind], [np.zeros(len(room.faces), np.uint8)], [room.albedo]
+    for i, person in enumerate(persons):
+        bodies = (optical[i], person.faces), (view.to_optical(person.held_vertices), person.held_faces)
+        parts += bodies
+        for (_, faces), kind, owner in zip(bodies, (Kind.PERSON, Kind.HELD), (i + 1, 0), strict=True):
+            of_kind.append(np.full(len(faces), kind, np.uint8))
+            owners.append(np.full(len(faces), owner, np.uint8))
+        albedos += [person.albedo, np.full(len(person.held_faces), person.held_albedo, np.float32)]
+    drawn = draw(*_joined(parts), view.camera)
+    # the last of each list is what face -1, none, stands for
+    own = np.append(np.concatenate(owners), np.uint8(0))[drawn.face]
+    shows = np.append(np.concatenate(of_kind), np.uint8(Kind.NOTHING))[drawn.face]
+    albedo = np.append(np.concatenate(albedos), np.float32(0))[drawn.face]
+    joints = np.array([view.to_optical(p.joints) for p in persons]).reshape(-1, 19, 3)
+    areas = [silhouette_area(o, p.faces, view.camera) for o, p in zip(optical, persons, strict=True)]
+    shown = np.bincount(own.ravel(), minlength=len(persons) + 1)[1:]
+    return Scene(
+        depth=measure(Shown(drawn.depth, drawn.cosine, albedo, view.camera.fx), sensor, rng, steady_seed),
+        clean=drawn.depth,
+        person=own,
+        kind=shows,
+        camera=view.camera,
+        joints=joints.astype(np.float32),
+        visible=np.clip(shown / np.maximum(areas, 1.0), 0, 1).astype(np.float32),
+        seen=_seen(view, joints, drawn.depth, own),
+        up=view.rotation[:, 1].astype(np.float32),
+    )
+
+
+def _joined(parts: Sequence[tuple[Array, NDArray[np.int64]]]) -> tuple[Array, NDArray[np.int64]]:
+    first = np.cumsum([0] + [len(vertices) for vertices, _ in parts])
+    faces = [f + start for (_, f), start in zip(parts, first, strict=False)]
+    return np.concatenate([vertices for vertices, _ in parts]), np.concatenate(faces)
+
+
+def _seen(view: View, joints: Array, depth: NDArray[np.float32], own: NDArray[np.uint8]) -> NDArray[np.bool_]:
+    """Whether each joint is inside the image with nothing but its owner before it."""
+    pixels = np.rint(np.nan_to_num(view.project(joints), nan=-1.0, posinf=-1.0, neginf=-1.0))
+    size = np.array([view.camera.width, view.camera.height])
+    inside = np.all((pixels >= 0) & (pixels < size), axis=-1)
+    u, v = np.clip(pixels, 0, size - 1).astype(np.int64).transpose(2, 0, 1)
+    is_own = own[v, u] == 1 + np.arange(len(joints))[:, None]
+    free = (depth[v, u] >= joints[..., 2] - _JOINT_SLACK_M) | (depth[v, u] <= 0)
+    return np.asarray(inside & (is_own | free))

@@ -1,0 +1,26 @@
+"""Somebody to warm up with: an exemplar of the bank, seen from the front."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from depth_pose.bank.bank import Bank
+from depth_pose.core import _raster_kernels as kernels
+from depth_pose.core.camera import Camera
+from depth_pose.core.types import BACKGROUND, PERSON, FoundPerson
+from depth_pose.people.person import People, see_people
+
+_CAMERA = Camera(width=176, height=144, fx=200.0, fy=200.0, cx=87.5, cy=71.5)
+_DISTANCE_M = 3.2
+
+
+def sample_people(bank: Bank) -> People:
+    """Render the bank's first pose into a frame that shows nobody else."""
+    facing = np.diag([1.0, -1.0, -1.0])  # model frame to camera frame
+    posed = bank.body.pose(facing @ bank.rotations(0), np.array([0.0, 0.0, _DISTANCE_M]))
+    zbuffer = np.empty((_CAMERA.height, _CAMERA.width))
+    kernels.rasterize(posed.vertices, bank.body.faces, _CAMERA, zbuffer)
+    depth = np.where(np.isfinite(zbuffer), zbuffer, 0.0).astype(np.float32)
+    labels = np.where(depth > 0, PERSON, BACKGROUND).astype(np.uint8)
+    found = FoundPerson(PERSON, "sample", 1.0, np.zeros((0, 3), np.float32), np.zeros(0, np.float32))
+    return see_people(0, "", _CAMERA, _CAMERA.back_project(depth), labels, [found])

@@ -1,0 +1,103 @@
+"""What the cameras of a rig see of the person at one time: silhouettes to a hull, or depth to surfaces.
+
+Depth images show more than the person. They are cut out here, live and offline alike, by what the main
+method does first (`depth_pose.steps.extract`), unless ``views.cut_out`` says that there is nothing else.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from depth_pose.core.errors import ConfigError
+from depth_pose.core.types import DepthFrame
+from depth_pose.steps.extract import PeopleExtractor
+from depth_pose.volume.config import SpaceConfig, VolumeConfig
+from depth_pose.volume.hull import LEAST_VIEWS, HullCarver, SurfaceVoxels, Volume
+from depth_pose.volume.rig import RigCamera, check_images
+from depth_pose.volume.synchroniser import ViewSet
+
+_SLIVER = 0.3
+"""A depth camera whose surface is less than this share of the largest one's shows too little. Set by hand."""
+
+
+class HullEyes:
+    """Silhouettes: the visual hull.
+
+    An empty silhouette would empty the whole space; where most of the others show somebody, it is taken
+    for a failure and has no say.
+    """
+
+    def __init__(self, cameras: Sequence[RigCamera], space: SpaceConfig) -> None:
+        self.carver = HullCarver(cameras, space)
+
+    def see(self, views: ViewSet) -> tuple[Volume, tuple[int, ...]]:
+        """Carve the hull."""
+        empty = tuple(i for i, s in enumerate(views.images) if s is not None and not s.any())
+        showing = sum(s is not None for s in views.images) - len(empty)
+        wrong = empty if showing >= max(LEAST_VIEWS, 2 * len(empty)) else ()
+        return self.carver.carve([None if i in wrong else s for i, s in enumerate(views.images)]), wrong
+
+    def reset(self) -> None:
+        """Nothing is kept."""
+
+    def warm_up(self) -> None:
+        """Compile every kernel."""
+        shapes = [(c.camera.height, c.camera.width) for c in self.carver.cameras]
+        self.carver.carve([np.zeros(shape, np.uint8) for shape in shapes])
+
+
+class DepthEyes:
+    """Depth: the person's points in each image, and the surface voxels that they lie in.
+
+    A camera that sees much less of the person than another does is hidden from them, or has failed, and has
+    no say.
+    """
+
+    def __init__(self, cameras: Sequence[RigCamera], config: VolumeConfig) -> None:
+        if not cameras:
+            raise ConfigError("a model of depth needs at least one camera")
+        self.cameras, self._voxels = tuple(cameras), SurfaceVoxels(config.space)
+        self._extractors = (
+            [PeopleExtractor(config.segment, config.denoise) for _ in cameras] if config.views.cut_out else []
+        )
+
+    def see(self, views: ViewSet) -> tuple[Volume, tuple[int, ...]]:
+        """Find the person's surfaces and join them."""
+        check_images(views.images, self.cameras)
+        seen = {
+            i: self._voxels.see(self._points(i, depth, views.stamp_ns), self.cameras[i].position)
+            for i, depth in enumerate(views.images)
+            if depth is not None
+        }
+        most = max((v.voxels for v in seen.values()), default=0)
+        wrong = tuple(i for i, v in seen.items() if v.voxels < _SLIVER * most)
+        return self._voxels.join([v for i, v in seen.items() if i not in wrong]), wrong
+
+    def _points(self, index: int, depth: NDArray[np.float32], stamp_ns: int) -> NDArray[np.float64]:
+        """Find the points in one camera's image, (N, 3), world frame, of the one who shows most of them."""
+        rig = self.cameras[index]
+        if not self._extractors:
+            return rig.points_world(depth)
+        people = self._extractors[index].extract(DepthFrame(stamp_ns, rig.name, depth, rig.camera))
+        most = max((p.points for p in people.persons), key=len, default=np.zeros((0, 3)))
+        return rig.to_world(most)
+
+    def reset(self) -> None:
+        """Forget the person in each camera's images."""
+        for extractor in self._extractors:
+            extractor.reset()
+
+    def warm_up(self) -> None:
+        """Compile every kernel."""
+        for extractor in self._extractors[:1]:
+            extractor.warm_up()
+        blank = self.cameras[0].camera
+        self._voxels.see(self.cameras[0].points_world(np.ones((blank.height, blank.width))), np.zeros(3))
+
+
+def make_eyes(kind: str, cameras: Sequence[RigCamera], config: VolumeConfig) -> HullEyes | DepthEyes:
+    """Make the eyes for ``silhouettes`` or for ``depth``."""
+    return DepthEyes(cameras, config) if kind == "depth" else HullEyes(cameras, config.space)

@@ -1,0 +1,1 @@
+"""Making models of the volume tracker: simulated performances, training, reports."""

@@ -1,0 +1,144 @@
+"""Make shards of simulated rooms with people, to train and to check the people finder.
+
+    python tools/people_finder/make_scenes.py -o scenes/train --count 24000 --seed 1
+    python tools/people_finder/make_scenes.py -o scenes/val --count 1000 --seed 900001
+
+Scene number i of a seed is the same whoever makes it, in whatever order. A shard ``scenes_FIRST.npz``
+holds `SHARD` scenes on a grid of 240 rows by 320 columns, on which the image begins at the top left:
+
+========== ====================== =====================================================================
+depth      (N, 240, 320) uint16   millimetres; 0 where nothing returned
+person     (N, 240, 320) uint8    number of the person from 1, 0 for nobody; of the image without noise
+kind       (N, 240, 320) uint8    `depth_pose.sim.furniture.Kind`; likewise
+K          (N, 4) float32         fx, fy, cx, cy, pixels of the grid
+valid_size (N, 2) int16           rows and columns that the image fills; the rest of the grid is 0
+joints     (N, 6, 19, 3) float32  metres, optical frame; NaN where there is no such person
+visible    (N, 6) float32         share of a person's silhouette that the image shows; 0 for no person
+seen       (N, 6, 19) bool        whether a joint is in the image and hidden by nothing but its owner
+up         (N, 3) float32         away from the floor, optical frame
+index      (N,) int64             number of the scene
+========== ====================== =====================================================================
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import zipfile
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+from numpy.typing import NDArray
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from threadpoolctl import threadpool_limits
+
+from depth_pose.sim.scenes import MOST_PEOPLE, Scene, sample_scene
+
+SHARD = 250
+"""Scenes in a file."""
+
+ROWS, COLUMNS = 240, 320
+
+app = typer.Typer(add_completion=False)
+
+
+def make_scene(seed: int, index: int) -> Scene:
+    """Make scene number `index` of a seed."""
+    return sample_scene(np.random.default_rng(np.random.SeedSequence([seed, index])), width=COLUMNS)
+
+
+def make_shard(folder: Path, seed: int, first: int, count: int) -> int:
+    """Make a file of scenes, unless it is there; gives how many."""
+    path = folder / f"scenes_{first:07d}.npz"
+    if path.exists():
+        return count
+    with threadpool_limits(1):  # more threads only wait for each other on images this small
+        arrays = _stack([make_scene(seed, i) for i in range(first, first + count)])
+    arrays["index"] = np.arange(first, first + count)
+    part = path.with_name(f".{path.name}.{os.getpid()}.part")
+    _save(part, arrays)
+    os.replace(part, path)
+    return count
+
+
+def _stack(scenes: list[Scene]) -> dict[str, NDArray[Any]]:
+    n = len(scenes)
+    arrays: dict[str, NDArray[Any]] = {
+        "depth": np.zeros((n, ROWS, COLUMNS), np.uint16),
+        "person": np.zeros((n, ROWS, COLUMNS), np.uint8),
+        "kind": np.zeros((n, ROWS, COLUMNS), np.uint8),
+        "K": np.zeros((n, 4), np.float32),
+        "valid_size": np.zeros((n, 2), np.int16),
+        "joints": np.full((n, MOST_PEOPLE, 19, 3), np.nan, np.float32),
+        "visible": np.zeros((n, MOST_PEOPLE), np.float32),
+        "seen": np.zeros((n, MOST_PEOPLE, 19), bool),
+        "up": np.zeros((n, 3), np.float32),
+    }
+    for i, scene in enumerate(scenes):
+        rows, columns = scene.depth.shape
+        people, c = len(scene.joints), scene.camera
+        arrays["depth"][i, :rows, :columns] = np.rint(scene.depth * 1000.0)
+        arrays["person"][i, :rows, :columns] = scene.person
+        arrays["kind"][i, :rows, :columns] = scene.kind
+        arrays["K"][i] = c.fx, c.fy, c.cx, c.cy
+        arrays["valid_size"][i] = rows, columns
+        for name in ("joints", "visible", "seen"):
+            arrays[name][i, :people] = getattr(scene, name)
+        arrays["up"][i] = scene.up
+    return arrays
+
+
+def _save(path: Path, arrays: dict[str, NDArray[Any]]) -> None:
+    """Write an .npz at the least level of compression, which is nearly as small and far faster."""
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
+        for name, array in arrays.items():
+            with archive.open(f"{name}.npy", "w", force_zip64=True) as stream:
+                np.lib.format.write_array(stream, array, allow_pickle=False)
+
+
+@app.command()
+def main(
+    out: Annotated[Path, typer.Option("-o", "--out", help="Folder for the shards")],
+    count: Annotated[int, typer.Option(min=1, help="How many scenes")] = 24_000,
+    first: Annotated[int, typer.Option(min=0, help="Number of the first scene")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of all scenes")] = 1,
+    workers: Annotated[int, typer.Option(min=1, help="Processes")] = 1,
+) -> None:
+    """Make scenes; shards that are there already are kept, so that it can be run again."""
+    out.mkdir(parents=True, exist_ok=True)
+    starts = range(first, first + count, SHARD)
+    sizes = [min(SHARD, first + count - start) for start in starts]
+    columns = (TextColumn("scenes"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns) as progress:
+        task = progress.add_task("scenes", total=count)
+        for done in _made(out, seed, list(zip(starts, sizes, strict=True)), workers):
+            progress.advance(task, done)
+
+
+def _made(folder: Path, seed: int, shards: list[tuple[int, int]], workers: int) -> Iterator[int]:
+    """Make shards, in as many processes; gives the size of each when it is done."""
+    if workers == 1:
+        yield from (make_shard(folder, seed, *shard) for shard in shards)
+        return
+    with _pool(workers) as pool:
+        for job in as_completed([pool.submit(make_shard, folder, seed, *shard) for shard in shards]):
+            yield job.result()
+
+
+@contextmanager
+def _pool(workers: int) -> Iterator[ProcessPoolExecutor]:
+    with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as pool:
+        try:
+            yield pool
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+
+
+if __name__ == "__main__":
+    app()
