@@ -83,7 +83,8 @@ def drape(grid, labels, person, share, hang, smooth, rows, cols):
     """Hang a blanket over a person: from their top down it grows no narrower and hides what is between.
 
     ``share`` of their height is covered; ``hang``: pixels by which each side moves outwards from one row
-    to the next, at most; ``smooth``: how often the cloth is averaged with its neighbours. Nothing happens to fewer than six rows.
+    to the next, at most; ``smooth``: how often the cloth is averaged with its neighbours. Nothing happens to
+    fewer than six rows.
     """
     top, bottom = rows, -1
     for i in range(rows):

@@ -162,8 +162,9 @@ def assign_votes(flat, votes, modes, reach, labels, owner):
 def gather_joints(grid, labels, cells, votes, fx, fy, cx, cy, joints, width, spread, behind):
     """Where each cluster's cells see its joints.
 
-    ``votes`` (4 J + 1, h, w): offsets, logarithms of their errors, logit of being seen from behind. A joint is the mean of the votes
-    weighed by one over their squared error, taken again with those off the mean weighing less.
+    ``votes`` (4 J + 1, h, w): offsets, logarithms of their errors, logit of being seen from behind. A
+    joint is the mean of the votes weighed by one over their squared error, taken again with those off
+    the mean weighing less.
     Gives ``joints`` (P, J, 3), their mean error ``width`` (P, J) and the ``spread`` (P, J) of the
     votes, metres, and the probability (P,) that the person is seen from ``behind``.
     """
@@ -444,3 +445,18 @@ def grow_labels(depth, labels, chance, least, jump, pixels, queue):
                     queue[count] = a * cols + b
                     count += 1
         begin = end
+
+
+@njit(cache=True)
+def label_boxes(labels, boxes, pixels):
+    """Least and greatest column and row (P, 4) of every label from 1, and how many pixels it has."""
+    pixels[:] = 0
+    boxes[:, :2] = 1_000_000
+    boxes[:, 2:] = -1
+    for i in range(labels.shape[0]):
+        for j in range(labels.shape[1]):
+            k = np.int64(labels[i, j]) - 1
+            if 0 <= k < pixels.shape[0]:
+                pixels[k] += 1
+                boxes[k, 0], boxes[k, 1] = min(boxes[k, 0], j), min(boxes[k, 1], i)
+                boxes[k, 2], boxes[k, 3] = max(boxes[k, 2], j), max(boxes[k, 3], i)

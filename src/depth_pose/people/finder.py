@@ -66,6 +66,9 @@ _MOST_VOTES = 1000
 _LEAST_AREA_M2 = 0.02
 _MOST_PEOPLE = 24
 
+_LEAST_PIXELS = 12
+"""Fewer pixels of the working grid than this are nobody."""
+
 _CONTACT, _LEAST_CONTACT = 26, 0.3
 """Measure of how much a cluster touches its neighbour, and how much makes it a part of them."""
 
@@ -159,15 +162,18 @@ class NetImage:
     camera: Camera
 
 
-def reduce_frame(frame: DepthFrame) -> NetImage:
-    """Bring a frame to the net's grid; its sides keep their proportion."""
+def reduce_frame(frame: DepthFrame, nearest: float = _NEAR_M) -> NetImage:
+    """Bring a frame to the net's grid; its sides keep their proportion.
+
+    What is nearer than ``nearest``, metres, is left out.
+    """
     camera = frame.camera
     stride = max(camera.width / kernels.COLS, camera.height / kernels.ROWS)
     rows = min(kernels.ROWS, int(camera.height / stride + 1e-6))
     cols = min(kernels.COLS, int(camera.width / stride + 1e-6))
     grid = np.empty((kernels.ROWS, kernels.COLS), np.float32)
     depth = frame.depth if frame.depth.dtype == np.float32 else frame.depth.astype(np.float32)
-    near, far = np.float32(_NEAR_M), np.float32(_FAR_M)
+    near, far = np.float32(max(nearest, _NEAR_M)), np.float32(_FAR_M)
     kernels.reduce_grid(depth, 0.0, 0.0, stride, rows, cols, near, far, grid)
     reduced = Camera(
         width=cols,
@@ -268,7 +274,7 @@ class PeopleFinder:
         FoundPeople
             With nobody in it where nobody is in view.
         """
-        image = reduce_frame(frame)
+        image = reduce_frame(frame, self.config.near)
         mask, found = self.cluster(image)
         depth, camera = working_grid.reduce_frame(frame, self.config)
         probability = (
@@ -283,8 +289,12 @@ class PeopleFinder:
         number[chosen + 1] = np.arange(1, len(chosen) + 1)
         _join_parts(found, number)
         labels = self._outline(image, number[found.labels], mask, depth, camera)
+        boxes, pixels = np.empty((len(chosen), 4), np.int64), np.empty(len(chosen), np.int64)
+        clusters.label_boxes(labels, boxes, pixels)
         people = tuple(
-            _person(label, probability[k], found, k, labels) for label, k in enumerate(chosen, start=1)
+            _person(n + 1, probability[k], found, k, boxes[n], labels.shape)
+            for n, k in enumerate(chosen)
+            if pixels[n] >= _LEAST_PIXELS
         )
         return FoundPeople(depth, labels, camera, people)
 
@@ -377,15 +387,14 @@ class PeopleFinder:
 
 
 def _person(
-    label: int, probability: float, found: Clusters, k: int, labels: NDArray[np.uint8]
+    label: int,
+    probability: float,
+    found: Clusters,
+    k: int,
+    box: NDArray[np.int64],
+    shape: tuple[int, ...],
 ) -> FoundPerson:
     """Put together what is known of one person."""
-    rows, cols = np.nonzero(labels == label)
-    box = (
-        np.array([cols.min(), rows.min(), cols.max(), rows.max()], np.int64)
-        if len(rows)
-        else np.zeros(4, np.int64)
-    )
     error = found.joint_error[k] / _TYPICAL_ERROR_M
     return FoundPerson(
         label=label,
@@ -395,9 +404,7 @@ def _person(
         joint_confidence=(1.0 / (1.0 + error * error)).astype(np.float32),
         from_behind=float(found.from_behind[k]),
         box=box,
-        cut_off=bool(
-            box[0] <= 0 or box[1] <= 0 or box[2] >= labels.shape[1] - 1 or box[3] >= labels.shape[0] - 1
-        ),
+        cut_off=bool((box[:2] <= 0).any() or box[2] >= shape[1] - 1 or box[3] >= shape[0] - 1),
     )
 
 
