@@ -460,3 +460,75 @@ def label_boxes(labels, boxes, pixels):
                 pixels[k] += 1
                 boxes[k, 0], boxes[k, 1] = min(boxes[k, 0], j), min(boxes[k, 1], i)
                 boxes[k, 2], boxes[k, 3] = max(boxes[k, 2], j), max(boxes[k, 3], i)
+
+
+@njit(cache=True)
+def adopt_limbs(depth, labels, chance, least, jump, most, fx, fy, queue, marks):
+    """Give people the small surfaces that go on from them: hands and forearms that the mask missed.
+
+    A surface is what can be reached in steps of less than ``jump`` per metre of distance without crossing
+    anybody. It is a limb if it shows less than ``most`` m^2 (a floor, a desk or a wall that they touch is
+    larger) and the net thinks it a person with a mean probability of at least ``least``. ``marks``
+    (h, w) int32 is work space.
+    """
+    rows, cols = depth.shape
+    marks[:] = 0
+    turn = 0
+    for start in range(rows * cols):
+        i, j = start // cols, start % cols
+        who = labels[i, j]
+        if who == 0:
+            continue
+        for d in range(4):
+            a = i + (1 if d == 0 else -1 if d == 1 else 0)
+            b = j + (1 if d == 2 else -1 if d == 3 else 0)
+            if not is_free(depth, labels, a, b) or marks[a, b] > 0:
+                continue
+            if abs(depth[a, b] - depth[i, j]) >= jump * depth[i, j]:
+                continue
+            turn += 1
+            count, area = flood_free(depth, labels, marks, turn, a, b, jump, most, fx * fy, queue)
+            sure = 0.0
+            for k in range(count):
+                sure += max(0.0, chance[queue[k] // cols, queue[k] % cols])
+            if area < most and sure >= least * count:
+                for k in range(count):
+                    labels[queue[k] // cols, queue[k] % cols] = who
+
+
+@njit(cache=True)
+def is_free(depth, labels, a, b):
+    """Whether a pixel is in the image, has a depth, and is nobody's."""
+    inside = a >= 0 and b >= 0 and a < depth.shape[0] and b < depth.shape[1]
+    return inside and labels[a, b] == 0 and depth[a, b] > 0.0
+
+
+@njit(cache=True)
+def flood_free(depth, labels, marks, turn, a, b, jump, most, focal2, queue):
+    """List the surface around a pixel in ``queue``; gives how many pixels, and their area, m^2.
+
+    It stops where the area passes ``most``, and where it meets a surface that was looked at before, which
+    was too large: the area is then infinite.
+    """
+    cols = depth.shape[1]
+    queue[0], count, area, done = a * cols + b, 1, 0.0, 0
+    marks[a, b] = turn
+    while done < count:
+        i, j = queue[done] // cols, queue[done] % cols
+        done += 1
+        z = depth[i, j]
+        area += z * z / focal2
+        if area >= most:
+            return count, np.inf
+        for d in range(4):
+            u = i + (1 if d == 0 else -1 if d == 1 else 0)
+            v = j + (1 if d == 2 else -1 if d == 3 else 0)
+            if not is_free(depth, labels, u, v) or abs(depth[u, v] - z) >= jump * z:
+                continue
+            if marks[u, v] != turn:
+                if marks[u, v] > 0:
+                    return count, np.inf
+                marks[u, v] = turn
+                queue[count] = u * cols + v
+                count += 1
+    return count, area

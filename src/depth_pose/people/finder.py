@@ -73,11 +73,17 @@ _CONTACT, _LEAST_CONTACT = 26, 0.3
 """Measure of how much a cluster touches its neighbour, and how much makes it a part of them."""
 
 _GROW_CHANCE = 0.2
-_GROW_JUMP = 0.012
+_GROW_JUMP = 0.02
 """Step in depth per metre of distance that a surface may make from one working pixel to the next."""
 
-_GROW_PIXELS = 12
+_GROW_PIXELS = 4
 """How far a person grows on the working grid, pixels at one metre."""
+
+_LIMB_CHANCE, _LIMB_AREA_M2 = 0.15, 0.07
+"""Surfaces beside a person of less than this area are their limbs from this probability on.
+
+These and the three above gave the best overlap with the truth on 160 simulated scenes (.878; without limbs
+.872)."""
 
 _TYPICAL_ERROR_M = 0.1
 """Error of a joint's proposal at which its confidence is one half."""
@@ -374,7 +380,7 @@ class PeopleFinder:
             return labels
         view = (image.rows, image.cols)
         net_chance, near = np.empty(mask.shape, np.float32), np.empty(mask.shape, np.bool_)
-        clusters.mark_near(net_labels, mask, _GROW_CHANCE, *view, net_chance, near)
+        clusters.mark_near(net_labels, mask, _LIMB_CHANCE, *view, net_chance, near)
         chance = np.empty(depth.shape, np.float32)
         ratio = image.camera.fx / camera.fx
         offsets = (image.camera.cx - ratio * camera.cx, image.camera.cy - ratio * camera.cy)
@@ -383,6 +389,11 @@ class PeopleFinder:
         )
         queue = np.empty(depth.size, np.int64)
         clusters.grow_labels(depth, labels, chance, _GROW_CHANCE, _GROW_JUMP, _GROW_PIXELS, queue)
+        marks = np.empty(depth.shape, np.int32)
+        focal = (camera.fx, camera.fy)
+        clusters.adopt_limbs(
+            depth, labels, chance, _LIMB_CHANCE, _GROW_JUMP, _LIMB_AREA_M2, *focal, queue, marks
+        )
         return labels
 
 
