@@ -64,7 +64,9 @@ class LearnedSegmenter:
         jump = self.config.depth_jump
         labels = people.copy()
         planes = self._planes.mark(camera.back_project(depth), camera)
-        kernels.attach_limbs(np.where(planes & (people == 0), np.float32(0), depth), labels, camera, jump, _LIMB_M2)
+        kernels.attach_limbs(
+            np.where(planes & (people == 0), np.float32(0), depth), labels, camera, jump, _LIMB_M2
+        )
         for label in range(1, int(people.max()) + 1):
             own = people == label
             kept = kernels.filter_support(depth, own, jump, self.config.min_support)
