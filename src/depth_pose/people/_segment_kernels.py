@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 
@@ -346,51 +348,78 @@ def mark_nearer(depth, labels, camera, gap):
                 labels[i, j] = HIDDEN
 
 
+class LimbLimits(NamedTuple):
+    """What `attach_limbs` takes for a limb.
+
+    Attributes
+    ----------
+    jump : float
+        Greatest step in depth between neighbours, metres.
+    area, width : float
+        Greatest area, square metres, and mean width, metres.
+    chance : float
+        Least mean chance of a person.
+    """
+
+    jump: float
+    area: float
+    width: float
+    chance: float
+
+
 @njit(cache=True)
-def attach_limbs(depth, labels, camera, jump, most_area):
+def attach_limbs(depth, labels, chance, camera, limits):
     """Give people the small surfaces that go on from theirs: limbs that the net took for something else.
 
-    From every person's border, what is nobody's is followed over neighbours at most ``jump`` apart in
-    ``depth``, in which floor and walls are 0. A surface of less than ``most_area`` square metres is theirs; a larger one is furniture, a wall
-    or the floor, and stays nobody's.
+    From every person's border, what is nobody's is followed over neighbours at most ``limits.jump`` apart
+    in ``depth``, in which floor and walls are 0. A surface of less than ``limits.area`` square metres and
+    of a limb's width and chance is theirs; all else is furniture and stays nobody's.
     """
     rows, cols = depth.shape
     size = rows * cols
     seen = np.zeros(size, np.uint8)  # 1: on the present surface, 2: on one that is too large
-    flat_depth, flat = depth.ravel(), labels.ravel()
+    flat_depth, flat, flat_chance = depth.ravel(), labels.ravel(), chance.ravel()
     queue = np.empty(size, np.int64)
     pixel = 1.0 / (camera.fx * camera.fy)
     for start in range(size):
         if flat[start] != BACKGROUND or flat_depth[start] <= 0.0 or seen[start] != 0:
             continue
-        owner = beside_person(flat_depth, flat, start, cols, jump)
+        owner = beside_person(flat_depth, flat, start, cols, limits.jump)
         if owner == BACKGROUND:
             continue
         queue[0], seen[start] = start, 1
-        first, last, area = 0, 1, 0.0
+        first, last, area, total = 0, 1, 0.0, 0.0
         is_small = True
         while first < last and is_small:
             at = queue[first]
             first += 1
             area += flat_depth[at] * flat_depth[at] * pixel
-            is_small = area <= most_area
+            total += flat_chance[at]
+            is_small = area <= limits.area
             i, j = at // cols, at % cols
             for a in range(max(0, i - 1), min(rows, i + 2)):
                 for b in range(max(0, j - 1), min(cols, j + 2)):
                     k = a * cols + b
                     if flat[k] != BACKGROUND or flat_depth[k] <= 0.0 or seen[k] == 1:
                         continue
-                    if abs(flat_depth[k] - flat_depth[at]) > jump:
+                    if abs(flat_depth[k] - flat_depth[at]) > limits.jump:
                         continue
                     if seen[k] == 2:
                         is_small = False
                     else:
                         queue[last], seen[k] = k, 1
                         last += 1
+        far, i, j = 0.0, start // cols, start % cols
         for n in range(last):
-            if is_small:
+            across = (queue[n] % cols - j) / camera.fx
+            along = (queue[n] // cols - i) / camera.fy
+            far = max(far, flat_depth[queue[n]] * np.sqrt(across * across + along * along))
+        is_thin = area <= limits.width * (far + limits.width)
+        is_theirs = is_small and is_thin and total >= limits.chance * last
+        for n in range(last):
+            if is_theirs:
                 flat[queue[n]] = owner
-            seen[queue[n]] = 0 if is_small else 2
+            seen[queue[n]] = 0 if is_theirs else 2
 
 
 @njit(cache=True)
