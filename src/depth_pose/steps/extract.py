@@ -54,7 +54,7 @@ class PeopleExtractor:
         labels = np.where((seen.depth > 0) & (depth <= 0), np.uint8(HIDDEN), seen.labels)
         names = self._tracks.assign(seen.sightings, frame.stamp_ns)
         found = (
-            FoundPerson(s.label, name, s.probability, s.proposals, s.proposal_confidence)
+            FoundPerson(s.label, name, self._tracks.probability(name), s.proposals, s.proposal_confidence)
             for s, name in zip(seen.sightings, names, strict=True)
             if name is not None
         )
