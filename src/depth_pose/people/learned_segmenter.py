@@ -32,7 +32,8 @@ class LearnedSegmenter:
     def segment(self, frame: DepthFrame) -> Segmentation:
         """Label every pixel of the working grid."""
         found = self._finder.find(frame)
-        labels = self._mark_hidden(found.depth, found.labels, found.camera)
+        people = take_ends(found.depth, found.labels, found.camera, self.config.depth_jump)
+        labels = self._mark_hidden(found.depth, people, found.camera)
         is_person = (labels != BACKGROUND) & (labels != HIDDEN)
         return Segmentation(
             depth=np.where(is_person, found.depth, np.float32(0)),
@@ -66,6 +67,46 @@ class LearnedSegmenter:
         kernels.mark_nearer(depth, labels, camera, jump)
         return labels
 
+
+def take_ends(
+    depth: NDArray[np.float32], people: NDArray[np.uint8], camera: Camera, jump: float
+) -> NDArray[np.uint8]:
+    """Give people the ends of their limbs that the net left out.
+
+    A surface that goes on from a person, is small, and touches nothing else is a hand or a foot: left
+    as background it would be free space, where the fit lets no limb be.
+
+    Parameters
+    ----------
+    depth : (h, w) float32
+        Metres, 0 where nothing returned.
+    people : (h, w) uint8
+        Number of each pixel's person, 0 for nobody.
+    camera : Camera
+    jump : float
+        Neighbours this far apart in depth are different surfaces, metres.
+    """
+    rest, count = kernels.label_components(depth, (people == 0) & (depth > 0), jump)
+    areas = np.bincount(rest.ravel(), (depth * depth / (camera.fx * camera.fy)).ravel(), count + 1)
+    owner = np.zeros(count + 1, np.uint8)
+    for a, b in _NEIGHBOURS:
+        goes_on = (rest[a] > 0) & (people[b] > 0) & (np.abs(depth[a] - depth[b]) <= jump)
+        owner[rest[a][goes_on]] = people[b][goes_on]
+    owner[areas > _END_M2] = 0
+    owner[0] = 0
+    return np.where(people == 0, owner[rest], people)
+
+
+_END_M2 = 0.05
+"""Most of a limb that the net leaves out, square metres: a forearm with its hand."""
+
+_NEIGHBOURS = (
+    (np.s_[1:], np.s_[:-1]),
+    (np.s_[:-1], np.s_[1:]),
+    (np.s_[:, 1:], np.s_[:, :-1]),
+    (np.s_[:, :-1], np.s_[:, 1:]),
+)
+"""Two parts of an image that lie one pixel beside each other, for each direction."""
 
 _CUT_AWAY = 0.5
 """Where more of an image is missing than this share, the background was cut away: it is free space."""
