@@ -82,12 +82,11 @@ def test_everyone_rests_on_something(crowd):
     for figure in crowd:
         lowest = figure.vertices[:, 1].min()
         if figure.posture == "lie":
-            assert abs(lowest - figure.seat_height) < 0.03
+            assert -0.035 < lowest - figure.seat_height < 0.005
             assert figure.joints[:, 1].max() - figure.joints[:, 1].min() < 0.75 * figure.stature
         elif figure.posture == "sit":
-            assert -0.01 < lowest < 0.25
-            if figure.seat_height > 0:
-                assert 0.03 < figure.joints[JOINT_INDEX["pelvis"], 1] - figure.seat_height < 0.25
+            assert -0.035 < lowest < 0.25
+            assert 0.03 < figure.joints[JOINT_INDEX["pelvis"], 1] - figure.seat_height < 0.27
         else:
             assert figure.seat_height == 0 and abs(lowest) < 0.01
 

@@ -119,7 +119,7 @@ class Cut:
 def draw_cut(rng: np.random.Generator, build: Build) -> Cut:
     """Draw a top, trousers, shoes and hair."""
     # Skin or sport, shirt, pullover, coat.
-    top = rng.choice(4, p=[0.15, 0.40, 0.28, 0.17])
+    top = rng.choice(4, p=[0.10, 0.36, 0.32, 0.22])
     low, high = ((0.0, 0.006), (0.006, 0.020), (0.015, 0.035), (0.030, 0.055))[top]
     trunk = rng.uniform(low, high)
     legs = (
@@ -137,7 +137,7 @@ def draw_cut(rng: np.random.Generator, build: Build) -> Cut:
         "hands": 0.0,
         "thighs": legs,
         "shanks": 0.0 if rng.uniform() < 0.12 else legs * rng.uniform(0.6, 1.4),
-        "feet": rng.uniform(0.0, 0.012),
+        "feet": rng.uniform(0.0, 0.020),
     }
     hair = rng.choice(4, p=[0.12, 0.45, 0.33, 0.10])
     thick = rng.uniform(*((0.0, 0.004), (0.005, 0.02), (0.015, 0.035), (0.03, 0.07))[hair])

@@ -232,29 +232,26 @@ def hanging_hair(rng: np.random.Generator, wearer: Wearer, length: float) -> Pie
     length : float
         Below the ears, metres on the 1.75 m body.
     """
-    axes, size = wearer.rotations[NODE_INDEX["head"]], wearer.size
-    local = (wearer.part("head") - wearer.node("head")) @ axes
-    middle, half = _middle(local)
-    half_arc = np.radians(rng.uniform(60, 125))
+    middle, axes, half = head_box(wearer)
+    chest, size = wearer.rotations[NODE_INDEX["chest"]], wearer.size
+    half_arc = np.radians(rng.uniform(55, 110))
     angle = np.pi + np.linspace(-half_arc, half_arc, 15)
-    rows = 7
-    down = np.linspace(0.0, 1.0, rows)
-    fall = axes @ [0.0, -1.0, -0.12]
-    if fall[1] < 0.5:  # hair of an upright head hangs down; of a lying one it spreads along it
-        fall = 0.5 * fall + [0.0, -0.5, 0.0]
-    fall = fall / np.linalg.norm(fall)
-    back = (wearer.node("chest") - wearer.node("neck")) / np.linalg.norm(
-        wearer.node("chest") - wearer.node("neck")
+    down = np.linspace(0.0, 1.0, 8)[:, None]
+    # It starts at the height of the ears, falls by its weight and lies on the neck and back.
+    fall = 0.55 * np.array([0.0, -1.0, 0.0]) - 0.45 * axes[:, 1]
+    fall = fall - 0.35 * np.maximum(fall @ chest[:, 2], 0.0) * chest[:, 2]
+    fall = fall / max(float(np.linalg.norm(fall)), 0.3)
+    narrow = (1.03 - rng.uniform(0.10, 0.30) * np.minimum(2.0 * down, 1.0)) * (1.0 + 0.25 * down)
+    strands = 1.0 + rng.uniform(0.0, 0.10) * down * np.sin(rng.uniform(4, 9) * angle + rng.uniform(0, 6.28))
+    ring = np.stack(
+        [
+            half[0] * narrow * strands * np.sin(angle),
+            np.full((len(down), len(angle)), 0.2 * half[1]),
+            half[2] * narrow * strands * np.cos(angle) * (1.0 - 0.35 * down),
+        ],
+        axis=-1,
     )
-    rings = np.empty((rows, len(angle), 3))
-    for i, s in enumerate(down):
-        wide = (1.04 + rng.uniform(0.0, 0.06)) * np.array([half[0], half[2]]) * (1.0 + 0.10 * s) + 0.006
-        ring = np.stack(
-            [wide[0] * np.sin(angle), np.full(len(angle), 0.15 * half[1]), wide[1] * np.cos(angle)], axis=-1
-        )
-        direction = (1 - s) * fall + s * (0.5 * fall + 0.5 * back)
-        behind = wearer.rotations[NODE_INDEX["chest"]] @ [0.0, 0.0, -0.03 * s * size]
-        rings[i] = wearer.node("head") + (middle + ring) @ axes.T + s * size * length * direction + behind
+    rings = middle + ring @ axes.T + (down * size * length)[..., None] * fall
     rings[..., 1] = np.maximum(rings[..., 1], wearer.floor + 0.004)
     return loft(rings, closed=False)
 

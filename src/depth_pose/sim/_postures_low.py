@@ -135,7 +135,7 @@ _INSTEP_DEG, _TUCKED_DEG = 8.0, 12.0
 an ankle there is 6 or 9 cm higher than the knee's front, over a shank of 0.43 m."""
 
 
-def _shank_back(thigh: Array, tucked: Array | bool = False) -> Array:
+def _shank_back(thigh: Array, tucked: Array | NDArray[np.bool_] | bool = False) -> Array:
     """Knee flexion that lays the shank on the floor behind, for a thigh's angle forward of hanging."""
     return np.clip(90.0 + thigh + np.where(tucked, _TUCKED_DEG, _INSTEP_DEG), 60.0, 150.0)
 

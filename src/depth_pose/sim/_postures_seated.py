@@ -2,8 +2,8 @@
 
 The pelvis's height and the feet's places make the legs (`lower_body`); trunk and arms are drawn
 around them. Seats are 0.32 (a low sofa) to 0.75 m (a bar stool) high, a chair's 0.43 to 0.48 (H. Dreyfuss
-Associates, *The Measure of Man and Woman*, 1993); the hip joints of a seated adult lie about
-0.09 m above the seat.
+Associates, *The Measure of Man and Woman*, 1993); the pelvis of the dressed body lies about
+0.14 m above the seat.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from depth_pose.sim._postures_parts import Kind, Sampler, free_head, hands_at, l
 
 Array = NDArray[np.float64]
 
-HIP_ABOVE_SEAT_M = 0.10
+HIP_ABOVE_SEAT_M = 0.14
 
 
 def _lower(draw: Draw, low: tuple[float, float], trunk: tuple[Array, Array], far: Array) -> Array:
@@ -143,37 +143,38 @@ def _reading(draw: Draw) -> Array:
 
 def _floor_legs(draw: Draw) -> Array:
     """Sit on the floor: legs crossed, stretched out, or knees drawn up."""
-    flexion, lean = draw.uniform(-28, 2), draw.uniform(10, 42)
-    out = np.zeros((*draw.shape, 47))
-    out[:, 0] = flexion
-    out[:, 3], out[:, 6] = 0.55 * lean, 0.45 * lean
+    pelvis, lean = draw.uniform(-32, -12), draw.uniform(14, 46)
     kind = draw.uniform(0, 1)[:, None]
+    # Crossed legs need a pelvis that rolls back and hips turned out as far as they go.
+    pelvis = np.where(kind[:, 0] < 0.4, np.minimum(pelvis, -22.0), pelvis)
+    out = np.zeros((*draw.shape, 47))
+    out[:, 0] = pelvis
+    out[:, 3], out[:, 6] = 0.55 * lean, 0.45 * lean
+    zero = np.zeros(draw.shape)
     for side in (0, 1):
-        zero = np.zeros(draw.shape)
         tailor = np.stack(
             [
-                flexion + draw.normal(78, 5), draw.normal(42, 6), draw.normal(-30, 8),
-                draw.normal(125, 8), draw.normal(-20, 10), draw.normal(15, 8), zero,
+                draw.normal(96, 4), draw.normal(38, 4), draw.normal(-48, 2),
+                draw.normal(135, 6), draw.normal(-20, 10), draw.normal(15, 8), zero,
             ],
             axis=-1,
         )  # fmt: skip
         straight = np.stack(
             [
-                flexion + draw.normal(90, 2), draw.uniform(0, 22), draw.normal(-8, 8),
-                draw.pick(1, 12, 2), draw.normal(-15, 10), zero, draw.normal(8, 8),
+                pelvis + draw.normal(90, 2), draw.uniform(0, 22), draw.normal(-8, 8),
+                draw.pick(1, 8, 2), draw.normal(-15, 10), zero, draw.normal(8, 8),
             ],
             axis=-1,
         )  # fmt: skip
-        thigh = draw.uniform(112, 138)
+        # A knee raised by a from level and bent by 2 a brings the foot back to the floor.
+        thigh = draw.uniform(122, 142)
         drawn_up = np.stack(
             [
-                flexion + thigh, draw.uniform(2, 20), draw.normal(-5, 6),
-                2 * (thigh - 90) + draw.normal(4, 4), draw.normal(-30, 6), zero, draw.normal(8, 6),
+                pelvis + thigh, draw.uniform(2, 14), draw.normal(-5, 6),
+                2 * (thigh - 90) + draw.normal(0, 4), thigh - 180.0, zero, draw.normal(8, 6),
             ],
             axis=-1,
         )  # fmt: skip
-        # Knee raised by a from level and bent by 2 a brings the sole back to the floor.
-        drawn_up[:, 3] = np.clip(drawn_up[:, 3], 30, 140)
         out[:, LEG[side]] = np.where(kind < 0.4, tailor, np.where(kind < 0.65, straight, drawn_up))
     return out + free_head(draw)
 

@@ -62,8 +62,8 @@ def backpack(rng: np.random.Generator, wearer: Wearer) -> Piece:
     return moved(blob(half, 0.6), axes, wearer.node("chest") + axes @ place)
 
 
-def shoulder_bag(rng: np.random.Generator, wearer: Wearer) -> list[Piece]:
-    """Make a bag at the hip and its strap across the trunk."""
+def shoulder_bag(rng: np.random.Generator, wearer: Wearer) -> Piece:
+    """Make a bag that hangs at the hip."""
     size, sign = wearer.size, rng.choice([-1.0, 1.0])
     axes = wearer.rotations[0]
     local = (wearer.part("pelvis") - wearer.nodes[0]) @ axes
@@ -73,8 +73,7 @@ def shoulder_bag(rng: np.random.Generator, wearer: Wearer) -> list[Piece]:
         rng.uniform(-0.10, 0.06) * size,
         -0.02 * size,
     ]
-    bag = moved(blob(half, 0.55), axes, wearer.nodes[0] + axes @ place)
-    return [bag]
+    return moved(blob(half, 0.55), axes, wearer.nodes[0] + axes @ place)
 
 
 def belongings(rng: np.random.Generator, wearer: Wearer, doing: str) -> list[Piece]:
@@ -156,7 +155,7 @@ def _plate(rng: np.random.Generator, wearer: Wearer, hand: Array, doing: str) ->
     if doing == "telephone":
         half = np.array([0.036, 0.075, 0.006])
     else:
-        half = rng.choice([0.5, 1.0, 1.0, 1.6]) * np.array([0.08, 0.11, 0.006])
+        half = min(1.0, 1.1 * wearer.size) * rng.choice([0.5, 1.0, 1.0, 1.6]) * np.array([0.08, 0.11, 0.006])
     toward = wearer.node("head") - hand
     axes = frame(toward, _UP)
     if doing == "telephone":
@@ -168,7 +167,8 @@ def _hung(rng: np.random.Generator, wearer: Wearer, hands: list[Array]) -> list[
     """Make a bag, case, bottle or ball at a hand that hangs."""
     hand = hands[int(rng.integers(2))]
     room = float(hand[1]) - wearer.floor
-    if rng.uniform() < 0.35 or room < 0.35:
+    raised = hand[1] > wearer.node("chest")[1]
+    if rng.uniform() < 0.35 or room < 0.35 or raised:
         radius = (
             np.array([0.035, 0.10, 0.035]) if rng.uniform() < 0.5 else np.full(3, rng.uniform(0.06, 0.11))
         )

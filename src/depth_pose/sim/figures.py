@@ -18,12 +18,13 @@ from depth_pose.body.limits import clamp_angles
 from depth_pose.errors import ConfigError
 from depth_pose.sim import _garments as garments
 from depth_pose.sim import _things as things
-from depth_pose.sim._builds import Build, draw_build
+from depth_pose.sim._builds import draw_build
 from depth_pose.sim._dressed_skin import draw_cut, dress
 from depth_pose.sim._garments import Wearer
 from depth_pose.sim._meshes import Piece, join
 from depth_pose.sim._postures import POSTURES, Postures, sample_postures
 from depth_pose.sim._postures_parts import Kind
+from depth_pose.sim._resting import put_down
 from depth_pose.skeleton import JOINT_NODES
 
 __all__ = ["POSTURES", "Figure", "sample_figure"]
@@ -107,22 +108,22 @@ def sample_figure(rng: np.random.Generator, posture: str | None = None) -> Figur
     posed = build.body.pose(rotations, np.zeros(3))
     cut = draw_cut(rng, build)
     skin = dress(rng, posed.vertices, build.body.faces, cut, build.body.stature)
-    seat, raised = _rest(rng, skin, build, posture, kind)
-    skin[:, 1] += raised
-    nodes = posed.nodes + [0.0, raised, 0.0]
-    floor = seat if posture == "lie" else 0.0
-    wearer = Wearer(skin, nodes, rotations, build.body.weights, build.body.stature, floor)
+    rested = put_down(rng, (skin, posed.nodes, rotations), build, posture, kind.raised)
+    floor = rested.seat if posture == "lie" else 0.0
+    wearer = Wearer(
+        rested.skin, rested.nodes, rested.rotations, build.body.weights, build.body.stature, floor
+    )
     worn = _draw_worn(rng, wearer, posture, build.woman)
-    vertices, faces = join([(skin, build.body.faces), *worn])
+    vertices, faces = join([(rested.skin, build.body.faces), *worn])
     held_vertices, held_faces = join(things.belongings(rng, wearer, kind.doing))
     return Figure(
         vertices.astype(np.float32),
         faces,
-        nodes[JOINT_NODES].astype(np.float32),
+        rested.nodes[JOINT_NODES].astype(np.float32),
         held_vertices.astype(np.float32),
         held_faces,
         posture,
-        seat,
+        rested.seat,
         build.body.stature,
     )
 
@@ -145,24 +146,6 @@ def _draw_rotations(rng: np.random.Generator, posture: str) -> tuple[Array, Kind
     return pool.turns[i] @ rotations, pool.kinds[i]
 
 
-def _rest(
-    rng: np.random.Generator, skin: Array, build: Build, posture: str, kind: Kind
-) -> tuple[float, float]:
-    """Height of the seat or bed, and how far the body must rise from its pelvis at the origin."""
-    lowest = float(skin[:, 1].min())
-    if posture == "lie":
-        # Beds and sofas are 0.35 to 0.65 m high.
-        bed = float(rng.uniform(0.35, 0.65)) if rng.uniform() < 0.55 else 0.0
-        return bed, bed - lowest
-    if kind.raised:
-        bottom = build.body.weights[:, 0] > 0.5
-        seat = float(skin[bottom, 1].min())
-        # Feet of small people hang when the chair is high.
-        hanging = float(rng.uniform(0.0, 0.2)) if build.body.stature < 1.4 and rng.uniform() < 0.5 else 0.0
-        return seat - lowest + hanging, hanging - lowest
-    return 0.0, -lowest
-
-
 def _draw_worn(rng: np.random.Generator, wearer: Wearer, posture: str, woman: bool) -> list[Piece]:
     """Draw hanging clothes, hair and bags."""
     worn: list[Piece] = []
@@ -183,7 +166,7 @@ def _draw_worn(rng: np.random.Generator, wearer: Wearer, posture: str, woman: bo
 def _draw_headwear(rng: np.random.Generator, wearer: Wearer, woman: bool) -> list[Piece]:
     worn: list[Piece] = []
     if rng.uniform() < (0.45 if woman else 0.08):
-        worn.append(garments.hanging_hair(rng, wearer, rng.uniform(0.05, 0.40)))
+        worn.append(garments.hanging_hair(rng, wearer, rng.uniform(0.05, 0.35)))
     elif rng.uniform() < (0.25 if woman else 0.03):
         worn.append(things.bun(rng, wearer))
     if rng.uniform() < 0.10:
@@ -200,5 +183,5 @@ def _draw_bags(rng: np.random.Generator, wearer: Wearer, posture: str) -> list[P
     if chance < 0.09:
         return [things.backpack(rng, wearer)]
     if chance > 0.94:
-        return things.shoulder_bag(rng, wearer)
+        return [things.shoulder_bag(rng, wearer)]
     return []
