@@ -38,6 +38,7 @@ from depth_pose.types import Camera
 Array = NDArray[np.float64]
 
 _APART_M, _FROM_WALLS_M = 0.5, 0.35
+_HIDDEN_S = 2.0
 _SITS_SHARE = 0.25
 _TRIES = 40
 _LOOK_EVERY_S = 0.3  # between the moments at which furniture must not cut anybody
@@ -104,6 +105,7 @@ def sample_clip(
         np.concatenate([_put(p, track, t).vertices[::_EVERY] for t in range(0, frames, every)])
         for p, track in cast
     ]
+    room.ways, room.longest_hidden = [track.spots for _, track in cast], round(_HIDDEN_S * fps)
     _put_seats(rng, room, cast, avoid)
     _put_hiding_places(rng, room, cast, avoid)
     furnish(room, rng, avoid, view.camera.width / (2 * view.camera.fx), min(room.walls.back, 8.0))

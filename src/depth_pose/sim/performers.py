@@ -108,22 +108,16 @@ class Performer:
         rotations, headings, spots = np.empty((frames, 21, 3, 3)), np.empty(frames), np.empty((frames, 2))
         seated = np.zeros(frames, bool)
         at, ankles = np.array(spot, float), None
-        queue, act, since, phase = list(acts), acts[0], 0, 0
-        before: Array | None = None
+        queue, act, since, phase = list(acts[1:]), acts[0], 0, 0
+        blend = _Blend(None, 0.0)
         for t in range(frames):
-            if queue and (t == 0 or self._is_over(act, since, at)):
+            if queue and self._is_over(act, since, at):
+                sits = "sit" in (act.kind, queue[0].kind)
                 act, since, phase = queue.pop(0), 0, 0
-                before = rotations[t - 1].copy() if t else None
-            clip = self._clips[act.kind]
-            if act.kind == "walk" and phase == len(clip):
-                phase, before, since_pose = 0, rotations[t - 1].copy(), 0
-            since_pose = min(since, phase) if act.kind == "walk" else since
-            pose = _frame(clip, phase, loops=act.kind == "walk")
-            if before is not None:
-                share = since_pose / (
-                    self.fps * (_SIT_DOWN_S if "sit" in (act.kind, _last(acts, act)) else _BLEND_S)
-                )
-                pose = _between(before, pose, share) if share < 1 else pose
+                blend = _Blend(rotations[t - 1], (_SIT_DOWN_S if sits else _BLEND_S) * self.fps)
+            elif act.kind == "walk" and phase == len(self._clips["walk"]):
+                phase, blend = 0, _Blend(rotations[t - 1], _BLEND_S * self.fps)
+            pose = blend.toward(_frame(self._clips[act.kind], phase), phase)
             if act.goal is not None:
                 heading = _steer(heading, np.array(act.goal) - at, _TURN_RATE / self.fps)
             turned = rotation_y(np.array(heading)) @ pose
@@ -166,18 +160,23 @@ class Performer:
         )
 
 
-def _last(acts: Sequence[Act], act: Act) -> str:
-    """Kind of the act before one."""
-    i = list(acts).index(act)
-    return acts[i - 1].kind if i else ""
+@dataclass(frozen=True)
+class _Blend:
+    """A pose that is left behind over some frames; None for none."""
+
+    before: Array | None
+    frames: float
+
+    def toward(self, pose: Array, since: int) -> Array:
+        if self.before is None or since >= self.frames:
+            return pose
+        return _between(self.before, pose, since / self.frames)
 
 
-def _frame(clip: Array, phase: int, loops: bool) -> Array:
-    """Pose of a clip that starts again, or plays to and fro."""
+def _frame(clip: Array, phase: int) -> Array:
+    """Pose of a clip that plays to and fro."""
     n = len(clip)
-    if loops or n == 1:
-        return clip[phase % n]
-    phase %= 2 * n - 2
+    phase %= max(2 * n - 2, 1)
     return clip[phase if phase < n else 2 * n - 2 - phase]
 
 
