@@ -3,10 +3,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from depth_pose.core.skeleton import BONES, JOINT_INDEX, JOINTS
 from depth_pose.io.mcap_read import read_frames
 from depth_pose.sim.clips import RoomClip, sample_clip, write_clip
 from depth_pose.sim.performers import Act, Performer
-from depth_pose.skeleton import BONES, JOINT_INDEX, JOINTS
 
 FPS = 10.0
 

@@ -17,6 +17,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from depth_pose.core.camera import Camera
+from depth_pose.core.skeleton import JOINTS
 from depth_pose.io.mcap_write import DepthWriter
 from depth_pose.sim.furniture import (
     make_board,
@@ -32,8 +34,6 @@ from depth_pose.sim.scene_noise import sample_sensor
 from depth_pose.sim.scene_view import View
 from depth_pose.sim.scenes import Placed, place, render, sample_view
 from depth_pose.sim.simulate import FRAME_ID, START_NS
-from depth_pose.skeleton import JOINTS
-from depth_pose.types import Camera
 
 Array = NDArray[np.float64]
 

@@ -15,15 +15,15 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from depth_pose.body.angles import rotation_y
-from depth_pose.body.motion import without_heading
-from depth_pose.body.procedural_motion import make_clip
+from depth_pose.core.skeleton import JOINT_NODES, NODE_INDEX, forward_kinematics
+from depth_pose.motion.clip import without_heading
+from depth_pose.motion.procedural.generator import make_clip
 from depth_pose.sim import _things as things
 from depth_pose.sim._builds import draw_build
 from depth_pose.sim._dressed_skin import draw_cut, dress
 from depth_pose.sim._garments import Wearer
 from depth_pose.sim._meshes import join
 from depth_pose.sim.figures import Figure, draw_seated, draw_worn
-from depth_pose.skeleton import JOINT_NODES, NODE_INDEX, forward_kinematics
 
 Array = NDArray[np.float64]
 
