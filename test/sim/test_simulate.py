@@ -10,7 +10,7 @@ import pytest
 
 from depth_pose.core.errors import ConfigError
 from depth_pose.core.skeleton import ADULT_STATURE_M, JOINT_INDEX, JOINTS, rest_nodes
-from depth_pose.evaluate.score import load_truth
+from depth_pose.evaluate.truth import load_truth
 from depth_pose.io.mcap_read import DepthReader
 from depth_pose.motion.clip import Clip
 from depth_pose.sim.config import Person, Placement, Room

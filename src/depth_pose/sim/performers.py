@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from depth_pose.body.angles import rotation_y
+from depth_pose.core.rotations import rotation_y
 from depth_pose.core.skeleton import JOINT_NODES, NODE_INDEX, forward_kinematics
 from depth_pose.motion.clip import without_heading
 from depth_pose.motion.procedural.generator import make_clip
