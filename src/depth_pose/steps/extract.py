@@ -71,7 +71,10 @@ class PeopleExtractor:
         see_people(0, "", camera, camera.back_project(depth), np.ones((48, 64), np.uint8), [found])
 
     def extract(self, frame: DepthFrame) -> People:
-        """Find the people, name them, choose among them, and denoise their points."""
+        """Find the people, name them, choose among them, and denoise their points.
+
+        Denoising finds depths; x and y follow along each pixel's ray (Ye et al. eqs. 2 and 4).
+        """
         if self._guard.is_break(frame.stamp_ns):
             self.reset()
         seen = self._segmenter.segment(frame)
