@@ -153,8 +153,6 @@ def test_errors_are_one_line(
     monkeypatch: pytest.MonkeyPatch,
     call: Callable[..., Done],
 ) -> None:
-    if arguments[0] == "run" and "--bank" in arguments:
-        pytest.importorskip("depth_pose.pipeline", reason="the pipeline is not in this tree yet")
     monkeypatch.chdir(tmp_path)
     done = call(*(str(recording) if a == "{in}" else a for a in arguments))
     assert done.returncode == code, done.stdout + done.stderr
@@ -277,7 +275,6 @@ def test_bad_settings_files(tmp_path: Path, name: str, text: str | None, error: 
 
 def test_missing_ros_is_said_plainly(tmp_path: Path) -> None:
     """A module path in front that has no ROS: the import fails as it does without it."""
-    pytest.importorskip("depth_pose.ros", reason="the nodes are not in this tree yet")
     (tmp_path / "rclpy.py").write_text("raise ModuleNotFoundError('no rclpy', name='rclpy')\n")
     done = call_process("-m", "depth_pose.cli", "play", "x.mcap", first=tmp_path)
     assert done.returncode == 1

@@ -134,6 +134,5 @@ def test_resampling_keeps_the_motion() -> None:
 
 
 def test_captured_motion(tmp_path: Path) -> None:
-    pytest.importorskip("depth_pose.motion.bvh", reason="the BVH reader is not in this tree yet")
     with pytest.raises(Exception, match=r"none\.bvh"):
         load_motion(str(tmp_path / "none.bvh"), 25.0, 1.0)
