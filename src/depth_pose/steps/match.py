@@ -1,7 +1,7 @@
 """Find the exemplars that look like the input, from any view (Sec. 5).
 
 The cloud is put into canonical axes, drawn as a small depth image, projected into the bank's PCA
-subspace, and compared with every view of every exemplar there (eq. 6, exact search). The paper
+subspace, and compared with every view of every exemplar there (Ye et al. eq. 6, exact search). The paper
 takes the nearest one. Here the nearest hundred are posed, placed at the input and rendered as
 small images, the best few of them as larger ones; the disagreement of rendered and observed depth
 ranks them, and several go on to the refinement. The same score finds the person's size over the
