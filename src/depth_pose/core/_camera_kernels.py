@@ -11,12 +11,6 @@ def project(camera, x, y, z):
 
 
 @njit(cache=True, inline="always")
-def project_by_inverse(camera, x, y, inverse):
-    """Column and row of one point whose inverse depth is known, for kernels."""
-    return camera.fx * x * inverse + camera.cx, camera.fy * y * inverse + camera.cy
-
-
-@njit(cache=True, inline="always")
 def ray(camera, column, row):
     """Give x and y of what a pixel sees at z = 1, for kernels."""
     return (column - camera.cx) / camera.fx, (row - camera.cy) / camera.fy

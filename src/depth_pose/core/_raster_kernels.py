@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from depth_pose.core._camera_kernels import project_by_inverse
+from depth_pose.core._camera_kernels import project
 
 NEAR_M = 0.05
 """What is nearer to the camera than this is not drawn, metres: no sensor sees it."""
@@ -27,10 +27,10 @@ def rasterize(vertices, faces, camera, zbuffer):
     n, m = vertices.shape[0], faces.shape[0]
     image = np.empty((n, 4), np.float32)
     for i in range(n):
-        w = 1.0 / vertices[i, 2] if vertices[i, 2] > NEAR_M else -1.0
-        u, v = project_by_inverse(camera, vertices[i, 0], vertices[i, 1], w)
+        z = vertices[i, 2] if vertices[i, 2] > NEAR_M else -1.0
+        u, v = project(camera, vertices[i, 0], vertices[i, 1], z)
         image[i, 0], image[i, 1] = min(max(u, -_FAR_PX), _FAR_PX), min(max(v, -_FAR_PX), _FAR_PX)
-        image[i, 2] = w
+        image[i, 2] = 1.0 / z
     # of the faces, those that look here and have a pixel in their box
     front = np.empty(m + 1, np.int32)
     areas = np.empty(m + 1)
