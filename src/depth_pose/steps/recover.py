@@ -59,6 +59,11 @@ _HOPELESS = 0.5
 """Somebody new is not believed in with less than this share of `min_confidence`: it is furniture."""
 
 
+_VETO, _VETO_SHARE = 0.1, 0.25
+"""Who keeps less confidence than this, averaged with this share of each frame, is not answered: no body fits
+what the finder took for a person. Set by hand."""
+
+
 @dataclass(frozen=True)
 class _Past:
     """The frame before: its cloud, and what was made of it before the filter."""
@@ -78,12 +83,15 @@ class _Person:
         Last one without a failure.
     good_points : int
         Points that the person had then.
+    standing : float
+        Confidence over the last frames; everybody begins with some.
     is_waiting : bool
         Whether the person was lost and a good skeleton is awaited.
     """
 
     def __init__(self, smooth: SmoothConfig) -> None:
         self.filter = JointFilter(smooth)
+        self.standing = 0.3
         self.reset()
 
     def reset(self) -> None:
@@ -184,6 +192,9 @@ class Recoverer:
         memory.past = _Past(person, answer)
         positions = memory.filter.filter(answer.skeleton.positions, person.stamp_ns)
         confidence = float(np.float32(person.found.probability * answer.skeleton.confidence))
+        memory.standing += _VETO_SHARE * (confidence - memory.standing)
+        if memory.standing < _VETO:
+            return None
         return replace(answer.skeleton, positions=positions, confidence=confidence)
 
     def _checked(self, person: Person, memory: _Person, refined: Fitted) -> Fitted | None:
