@@ -105,6 +105,15 @@ def test_planes_forget_the_person_where_stamps_jump(person):
         assert bool(x < -0.5) == same
 
 
+def test_who_is_outside_the_zone_gets_no_points_of_their_own(person):
+    frame = syn.to_frame(np.minimum(person, syn.room()))
+    (found,) = PeopleExtractor(SegmentConfig(zone="1:9"), DenoiseConfig()).extract(frame).persons
+    extractor = PeopleExtractor(SegmentConfig(zone=":1"), DenoiseConfig())
+    assert found.body_id == "body_1"
+    assert extractor.extract(frame).persons == ()
+    assert extractor.choice.ignored["outside the zone"] == 1
+
+
 def test_warm_up_and_reset_change_nothing(person):
     frame = syn.to_frame(np.minimum(person, syn.room()))
     plain = PeopleExtractor(SegmentConfig(), DenoiseConfig())

@@ -76,3 +76,60 @@ def fill_joint_offsets(grid, cells, labels, joints, fx, fy, cx, cy, out):
                 out[3 * n, i, j] = joints[k, n, 0] - x
                 out[3 * n + 1, i, j] = joints[k, n, 1] - y
                 out[3 * n + 2, i, j] = joints[k, n, 2] - z
+
+
+@njit(cache=True)
+def drape(grid, labels, person, share, hang, smooth, rows, cols):
+    """Hang a blanket over a person: from their top down it grows no narrower and hides what is between.
+
+    ``share`` of their height is covered; ``hang``: pixels by which each side moves outwards from one row
+    to the next, at most; ``smooth``: how often the cloth is averaged with its neighbours. Nothing happens to
+    fewer than six rows.
+    """
+    top, bottom = rows, -1
+    for i in range(rows):
+        for j in range(cols):
+            if labels[i, j] == person:
+                top, bottom = min(top, i), max(bottom, i)
+    end = min(rows, top + int(share * (bottom - top + 1)))
+    if end - top < 6:
+        return
+    left, right = cols, -1
+    before = np.zeros(cols, np.float32)
+    for i in range(top, end):
+        first, last, total, count = cols, -1, 0.0, 0
+        for j in range(cols):
+            if labels[i, j] == person:
+                first, last = min(first, j), max(last, j)
+                total += grid[i, j]
+                count += 1
+        if count == 0:
+            continue
+        if right < 0:
+            left, right = first, last
+        left, right = max(left - hang, min(left, first)), min(right + hang, max(right, last))
+        z = total / count
+        middle, half = 0.5 * (left + right), max(0.5 * (right - left), 1.0)
+        for j in range(max(0, left), min(cols, right + 1)):
+            side = (j - middle) / half
+            cloth = z + 0.12 * side * side
+            if before[j] > 0.0:
+                cloth = 0.5 * (cloth + before[j])
+            if labels[i, j] == person:
+                cloth = min(cloth, grid[i, j]) - 0.01
+            elif 0.0 < grid[i, j] < cloth:
+                continue  # something stands before them
+            grid[i, j], labels[i, j] = cloth, person
+            before[j] = cloth
+    for _ in range(smooth):
+        for i in range(top + 1, min(end, rows) - 1):
+            for j in range(1, cols - 1):
+                if labels[i, j] != person:
+                    continue
+                total, count = 0.0, 0
+                for a in range(i - 1, i + 2):
+                    for b in range(j - 1, j + 2):
+                        if labels[a, b] == person and abs(grid[a, b] - grid[i, j]) < 0.3:
+                            total += grid[a, b]
+                            count += 1
+                grid[i, j] = total / count

@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from rich.progress import track
 from scenes import Scenes, list_shards, load_scenes
 
-from depth_pose.core.types import Camera, DepthFrame
+from depth_pose.core.camera import Camera
+from depth_pose.core.types import DepthFrame
 from depth_pose.people.finder import PeopleFinder, reduce_frame
 
 _LEAST_SHARE = 0.5

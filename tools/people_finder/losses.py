@@ -18,6 +18,7 @@ _HARD_MASK = 1.5
 """Exponent by which well-known pixels lose weight (Lin et al. 2017, focal loss)."""
 
 _TORSO_WEIGHT, _JOINT_WEIGHT, _OVERLAP_WEIGHT = 0.25, 0.5, 0.5
+_BEHIND_WEIGHT = 0.3
 _LEAST_ERROR_M = 0.02
 """Narrowest width that a vote may claim."""
 
@@ -52,6 +53,14 @@ def vote_loss(offsets: Tensor, log_error: Tensor, truth: Tensor, weights: Tensor
     return loss.sum() / (weights * known).sum().clamp(min=1e-6)
 
 
+def behind_loss(logits: Tensor, side: Tensor, weights: Tensor) -> Tensor:
+    """Cross entropy of "seen from behind" (``side`` > 0); the nearer to a side view, the less it counts."""
+    sure = weights * side.abs()
+    truth = (side > 0).float()
+    entropy = functional.binary_cross_entropy_with_logits(logits, truth, reduction="none")
+    return (entropy * sure).sum() / sure.sum().clamp(min=1e-6)
+
+
 def finder_loss(
     outputs: tuple[Tensor, Tensor, Tensor],
     grid: Tensor,
@@ -72,11 +81,23 @@ def finder_loss(
 
     at = cell_labels > 0
     n = len(JOINTS)
-    weights = person_weights(cell_labels, 8)[at][:, None].expand(-1, n).reshape(-1)
+    weights = person_weights(cell_labels, 8)[at]
     chosen = joint_votes.permute(0, 2, 3, 1)[at]
-    truth = joints.permute(0, 2, 3, 1)[at].reshape(-1, 3)
-    loss_joints = vote_loss(chosen[:, : 3 * n].reshape(-1, 3), chosen[:, 3 * n :].reshape(-1), truth, weights)
+    truth = joints.permute(0, 2, 3, 1)[at]
+    loss_behind = behind_loss(chosen[:, -1], truth[:, -1], weights)
+    weights = weights[:, None].expand(-1, n).reshape(-1)
+    truth = truth[:, :-1].reshape(-1, 3)
+    loss_joints = vote_loss(
+        chosen[:, : 3 * n].reshape(-1, 3), chosen[:, 3 * n : 4 * n].reshape(-1), truth, weights
+    )
 
-    total = loss_mask + _TORSO_WEIGHT * loss_torso + _JOINT_WEIGHT * loss_joints
-    parts = {"mask": loss_mask.item(), "torso": loss_torso.item(), "joints": loss_joints.item()}
+    total = (
+        loss_mask + _TORSO_WEIGHT * loss_torso + _JOINT_WEIGHT * loss_joints + _BEHIND_WEIGHT * loss_behind
+    )
+    parts = {
+        "mask": loss_mask.item(),
+        "torso": loss_torso.item(),
+        "joints": loss_joints.item(),
+        "behind": loss_behind.item(),
+    }
     return total, parts

@@ -13,6 +13,9 @@ from torch.nn import functional
 from depth_pose.core.skeleton import JOINTS
 from depth_pose.people._finder_kernels import CHANNELS
 
+_JOINT_WIDTH = 80
+"""Channels before the votes for joints; no fewer than what they have to say."""
+
 
 class ConvUnit(nn.Sequential):
     """Convolution, batch norm, ReLU."""
@@ -68,10 +71,13 @@ class FinderNet(nn.Module):
         self.up2 = ConvUnit(a, a)
         self.mask = nn.Conv2d(a, 4, 1)  # four pixels of the full resolution
         self.torso = nn.Conv2d(a, 16, 1)  # vote (metres) and the logarithm of its error, likewise
-        self.joints = nn.Conv2d(b, 4 * len(JOINTS), 1)  # votes (metres), then logarithms of their errors
+        # joints: votes (metres), logarithms of their errors, logit of being seen from behind
+        self.joints = nn.Sequential(
+            ConvUnit(b, _JOINT_WIDTH), nn.Conv2d(_JOINT_WIDTH, 4 * len(JOINTS) + 1, 1)
+        )
 
     def forward(self, x: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """Give mask logits (N,1,H,W), torso votes (N,4,H,W) and joint votes (N,4J,H/4,W/4)."""
+        """Give mask logits (N,1,H,W), torso votes (N,4,H,W) and joint votes (N,4J+1,H/4,W/4)."""
         x2 = self.stem(x)
         x4 = self.down4(x2)
         x8 = self.down8(x4)

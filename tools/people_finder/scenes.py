@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from _sample_kernels import cell_labels, fill_joint_offsets, fill_offsets, reduce_scene
+from _sample_kernels import cell_labels, drape, fill_joint_offsets, fill_offsets, reduce_scene
 from numpy.typing import NDArray
 
 from depth_pose.core.skeleton import JOINTS
@@ -20,6 +20,11 @@ _FLESH_M = 0.35
 
 _INDEX = {name: n for n, name in enumerate(JOINTS)}
 _TORSO = [_INDEX[n] for n in ("left_shoulder", "right_shoulder", "left_hip", "right_hip")]
+_LEFT = [_INDEX[n] for n in ("left_shoulder", "left_hip")]
+_RIGHT = [_INDEX[n] for n in ("right_shoulder", "right_hip")]
+_CLEAR_M = 0.1
+"""Left and right this far apart across the view are told from each other without doubt."""
+
 _MIRROR = [_INDEX[n.replace("left", "?").replace("right", "left").replace("?", "right")] for n in JOINTS]
 
 
@@ -97,8 +102,9 @@ class Batch:
     torso : (B, 3, H, W) float32
         Offsets to the torso of a pixel's person, metres.
     cell_labels : (B, H/4, W/4) int64
-    joints : (B, 3 J, H/4, W/4) float32
-        Offsets to the joints of a cell's person, metres.
+    joints : (B, 3 J + 1, H/4, W/4) float32
+        Offsets to the joints of a cell's person, metres, named as if all people faced the camera; last,
+        how surely the person is seen from behind: -1 (from the front) to 1.
     """
 
     features: NDArray[np.float32]
@@ -127,7 +133,7 @@ class Sampler:
             np.empty((n, ROWS, COLS), np.int64),
             np.zeros((n, 3, ROWS, COLS), np.float32),
             np.empty((n, h, w), np.int64),
-            np.zeros((n, 3 * len(JOINTS), h, w), np.float32),
+            np.zeros((n, 3 * len(JOINTS) + 1, h, w), np.float32),
         )
         for k, scene in enumerate(which):
             self._fill(int(scene), rng, out, k)
@@ -168,7 +174,22 @@ class Sampler:
         fill_offsets(grid, labels, joints[:, _TORSO].mean(axis=1), fx, fy, cx, cy, out.torso[k])
         choose_cells(grid, rows, cols, CELL, self._cells)
         cell_labels(labels, self._cells, out.cell_labels[k])
-        fill_joint_offsets(grid, self._cells, out.cell_labels[k], joints, fx, fy, cx, cy, out.joints[k])
+        side = seen_from_behind(joints)
+        named = np.where((side > 0)[:, None, None], joints[:, _MIRROR], joints)
+        fill_joint_offsets(grid, self._cells, out.cell_labels[k], named, fx, fy, cx, cy, out.joints[k])
+        out.joints[k, -1] = np.append(np.float32(0), side)[out.cell_labels[k]]
+
+
+def seen_from_behind(joints: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Say of each person (P, J, 3) whether their left is on the image's left: 1 surely, -1 surely not.
+
+    Which way people face is hard to see in depth, where their limbs are is not; so joints are learned by
+    the side of the image, and this on its own.
+    """
+    column = joints[..., 0] / np.maximum(joints[..., 2], 0.1)
+    apart = column[:, _RIGHT].mean(axis=1) - column[:, _LEFT].mean(axis=1)
+    metres = np.nan_to_num(apart * joints[:, _RIGHT + _LEFT, 2].mean(axis=1))
+    return np.clip(metres / _CLEAR_M, -1.0, 1.0).astype(np.float32)
 
 
 def spoil(
@@ -180,6 +201,11 @@ def spoil(
 ) -> None:
     """Cut away the background, put things in front, make holes and noise: each now and then."""
     view = grid[:rows, :cols]
+    if rng.random() < 0.15:  # a blanket or cloak over somebody
+        for person in np.unique(labels)[1:]:
+            if rng.random() < 0.6:
+                hang, smooth = int(rng.integers(1, 3)), int(rng.integers(1, 8))
+                drape(grid, labels, person, rng.uniform(0.35, 1.0), hang, smooth, rows, cols)
     if rng.random() < 0.08 and labels.any():  # recordings with nothing but people
         view[labels[:rows, :cols] == 0] = 0
     elif rng.random() < 0.06:  # a short-sighted sensor

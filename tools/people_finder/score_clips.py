@@ -18,9 +18,10 @@ import numpy as np
 import typer
 from numpy.typing import NDArray
 
+from depth_pose.core.config import SegmentConfig
 from depth_pose.core.types import DepthFrame
 from depth_pose.io.mcap_read import read_frames
-from depth_pose.people.finder import FinderConfig, FoundPeople, FoundPerson, PeopleFinder, load_weights
+from depth_pose.people.finder import FoundPeople, FoundPerson, PeopleFinder, load_weights
 
 _SEQUENCES = ("real_office", "real_corridor", "real_empty", "dev_people", "dev_postures", "dev", "dev_bodies")
 _SINGLES = ("real_kinect2", "real_itop", "real_wave")
@@ -205,10 +206,10 @@ def main(
     """Score the finder."""
     thresholds = threshold or [0.3, 0.5, 0.6, 0.8]
     if weights is None:
-        finder = PeopleFinder(FinderConfig(least_probability=min(thresholds)), *load_weights())
+        finder = PeopleFinder(SegmentConfig(keep=min(thresholds)), *load_weights())
     else:
         settings = json.loads(weights.with_suffix(".json").read_text())
-        finder = PeopleFinder(FinderConfig(least_probability=min(thresholds)), weights.read_bytes(), settings)
+        finder = PeopleFinder(SegmentConfig(keep=min(thresholds)), weights.read_bytes(), settings)
     for name in only or [*_SEQUENCES, *_SINGLES]:
         total = {t: Counter() for t in thresholds}
         for path in sorted((data / name).glob("*.mcap")):

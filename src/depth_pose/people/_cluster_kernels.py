@@ -16,6 +16,9 @@ _CELL_M = 0.1
 CELLS = (128, 64, 128)
 """Cells along x, y, z; votes beyond 6.4 m, 3.2 m and 12.8 m are counted at the edge."""
 
+_LEAST_IN_CELL = 0.1
+"""Share of the least area of a person that the densest cell of their votes holds."""
+
 _SHIFTS = 8
 """Most moves of a mean; most come to rest in four."""
 
@@ -90,7 +93,7 @@ def find_modes(votes, weights, density, radius, least, most, modes):
         for k in range(n):
             if not taken[k] and density[cells[k]] > best:
                 best, seed = density[cells[k]], k
-        if seed < 0 or count == most:
+        if best < _LEAST_IN_CELL * least or count == most:
             break
         mean = votes[seed].copy()
         total = shift_mean(votes, weights, mean, radius)
@@ -156,15 +159,18 @@ def assign_votes(flat, votes, modes, reach, labels, owner):
 
 
 @njit(cache=True)
-def gather_joints(grid, labels, cells, votes, fx, fy, cx, cy, joints, width, spread):
+def gather_joints(grid, labels, cells, votes, fx, fy, cx, cy, joints, width, spread, behind):
     """Where each cluster's cells see its joints.
 
-    ``votes`` (4 J, h, w): offsets, then logarithms of their errors. A joint is the mean of the votes
-    weighed by one over their squared error, taken again with those off the mean weighing less.
+    ``votes`` (4 J + 1, h, w): offsets, logarithms of their errors, logit of being seen from behind. A
+    joint is the mean of the votes weighed by one over their squared error, taken again with those off
+    the mean weighing less.
     Gives ``joints`` (P, J, 3), their mean error ``width`` (P, J) and the ``spread`` (P, J) of the
-    votes, metres.
+    votes, metres, and the probability (P,) that the person is seen from ``behind``.
     """
     count, n = joints.shape[:2]
+    cast = np.zeros(count)
+    behind[:] = 0.0
     total = np.zeros((count, n))
     first = np.zeros((count, n, 3))
     for turn in range(2):
@@ -181,6 +187,9 @@ def gather_joints(grid, labels, cells, votes, fx, fy, cx, cy, joints, width, spr
                     continue
                 z = grid[a, b]
                 x, y = (b - cx) / fx * z, (a - cy) / fy * z
+                if turn == 0:
+                    behind[p] += votes[4 * n, i, j]
+                    cast[p] += 1.0
                 for m in range(n):
                     u = x + votes[3 * m, i, j]
                     v = y + votes[3 * m + 1, i, j]
@@ -208,6 +217,8 @@ def gather_joints(grid, labels, cells, votes, fx, fy, cx, cy, joints, width, spr
                 else:
                     width[p, m], spread[p, m] = 2.0, 2.0
         first[:] = joints
+    for p in range(count):
+        behind[p] = 1.0 / (1.0 + np.exp(-behind[p] / max(cast[p], 1.0)))
 
 
 @njit(cache=True)
@@ -339,13 +350,17 @@ def measure_neighbours(grid, labels, modes, rows, cols, out, neighbour):
 
 @njit(cache=True)
 def mark_near(labels, mask, least, rows, cols, chance, near):
-    """Probabilities of a person (``chance``), and what lies within a pixel of a person or of ``least``."""
+    """Mark what lies within a pixel of a person or of a probability (``chance``) of ``least``."""
     near[:] = False
+    chance[:] = 0.0
+    logit = np.log(least / (1.0 - least))
     for i in range(rows):
         for j in range(cols):
-            chance[i, j] = 1.0 / (1.0 + np.exp(-mask[i, j]))
-            if labels[i, j] > 0 or chance[i, j] >= least:
-                near[max(0, i - 1) : i + 2, max(0, j - 1) : j + 2] = True
+            if labels[i, j] > 0 or mask[i, j] >= logit:
+                chance[i, j] = 1.0 / (1.0 + np.exp(-mask[i, j]))
+                for a in range(max(0, i - 1), min(rows, i + 2)):
+                    for b in range(max(0, j - 1), min(cols, j + 2)):
+                        near[a, b] = True
 
 
 @njit(cache=True)
@@ -430,3 +445,90 @@ def grow_labels(depth, labels, chance, least, jump, pixels, queue):
                     queue[count] = a * cols + b
                     count += 1
         begin = end
+
+
+@njit(cache=True)
+def label_boxes(labels, boxes, pixels):
+    """Least and greatest column and row (P, 4) of every label from 1, and how many pixels it has."""
+    pixels[:] = 0
+    boxes[:, :2] = 1_000_000
+    boxes[:, 2:] = -1
+    for i in range(labels.shape[0]):
+        for j in range(labels.shape[1]):
+            k = np.int64(labels[i, j]) - 1
+            if 0 <= k < pixels.shape[0]:
+                pixels[k] += 1
+                boxes[k, 0], boxes[k, 1] = min(boxes[k, 0], j), min(boxes[k, 1], i)
+                boxes[k, 2], boxes[k, 3] = max(boxes[k, 2], j), max(boxes[k, 3], i)
+
+
+@njit(cache=True)
+def adopt_limbs(depth, labels, chance, least, jump, most, fx, fy, queue, marks):
+    """Give people the small surfaces that go on from them: hands and forearms that the mask missed.
+
+    A surface is what can be reached in steps of less than ``jump`` per metre of distance without crossing
+    anybody. It is a limb if it shows less than ``most`` m^2 (a floor, a desk or a wall that they touch is
+    larger) and the net thinks it a person with a mean probability of at least ``least``. ``marks``
+    (h, w) int32 is work space.
+    """
+    rows, cols = depth.shape
+    marks[:] = 0
+    turn = 0
+    for start in range(rows * cols):
+        i, j = start // cols, start % cols
+        who = labels[i, j]
+        if who == 0:
+            continue
+        for d in range(4):
+            a = i + (1 if d == 0 else -1 if d == 1 else 0)
+            b = j + (1 if d == 2 else -1 if d == 3 else 0)
+            if not is_free(depth, labels, a, b) or marks[a, b] > 0:
+                continue
+            if abs(depth[a, b] - depth[i, j]) >= jump * depth[i, j]:
+                continue
+            turn += 1
+            count, area = flood_free(depth, labels, marks, turn, a, b, jump, most, fx * fy, queue)
+            sure = 0.0
+            for k in range(count):
+                sure += max(0.0, chance[queue[k] // cols, queue[k] % cols])
+            if area < most and sure >= least * count:
+                for k in range(count):
+                    labels[queue[k] // cols, queue[k] % cols] = who
+
+
+@njit(cache=True)
+def is_free(depth, labels, a, b):
+    """Whether a pixel is in the image, has a depth, and is nobody's."""
+    inside = a >= 0 and b >= 0 and a < depth.shape[0] and b < depth.shape[1]
+    return inside and labels[a, b] == 0 and depth[a, b] > 0.0
+
+
+@njit(cache=True)
+def flood_free(depth, labels, marks, turn, a, b, jump, most, focal2, queue):
+    """List the surface around a pixel in ``queue``; gives how many pixels, and their area, m^2.
+
+    It stops where the area passes ``most``, and where it meets a surface that was looked at before, which
+    was too large: the area is then infinite.
+    """
+    cols = depth.shape[1]
+    queue[0], count, area, done = a * cols + b, 1, 0.0, 0
+    marks[a, b] = turn
+    while done < count:
+        i, j = queue[done] // cols, queue[done] % cols
+        done += 1
+        z = depth[i, j]
+        area += z * z / focal2
+        if area >= most:
+            return count, np.inf
+        for d in range(4):
+            u = i + (1 if d == 0 else -1 if d == 1 else 0)
+            v = j + (1 if d == 2 else -1 if d == 3 else 0)
+            if not is_free(depth, labels, u, v) or abs(depth[u, v] - z) >= jump * z:
+                continue
+            if marks[u, v] != turn:
+                if marks[u, v] > 0:
+                    return count, np.inf
+                marks[u, v] = turn
+                queue[count] = u * cols + v
+                count += 1
+    return count, area

@@ -40,6 +40,11 @@ _PARTS = tuple(
     for name in ("pelvis", "neck", "head", "left_shoulder", "right_shoulder", "left_hip", "right_hip")
 )
 
+_MIRROR = [
+    FINDER_JOINTS.index(n.replace("left", "?").replace("right", "left").replace("?", "right"))
+    for n in FINDER_JOINTS
+]
+
 _NEAR_M, _FAR_M = 0.2, 12.0
 """What the net was trained to look at."""
 
@@ -61,15 +66,24 @@ _MOST_VOTES = 1000
 _LEAST_AREA_M2 = 0.02
 _MOST_PEOPLE = 24
 
+_LEAST_PIXELS = 12
+"""Fewer pixels of the working grid than this are nobody."""
+
 _CONTACT, _LEAST_CONTACT = 26, 0.3
 """Measure of how much a cluster touches its neighbour, and how much makes it a part of them."""
 
 _GROW_CHANCE = 0.2
-_GROW_JUMP = 0.012
+_GROW_JUMP = 0.02
 """Step in depth per metre of distance that a surface may make from one working pixel to the next."""
 
-_GROW_PIXELS = 12
+_GROW_PIXELS = 4
 """How far a person grows on the working grid, pixels at one metre."""
+
+_LIMB_CHANCE, _LIMB_AREA_M2 = 0.15, 0.07
+"""Surfaces beside a person of less than this area are their limbs from this probability on.
+
+These and the three above gave the best overlap with the truth on 160 simulated scenes (.878; without limbs
+.872)."""
 
 _TYPICAL_ERROR_M = 0.1
 """Error of a joint's proposal at which its confidence is one half."""
@@ -90,7 +104,10 @@ class FoundPerson:
     joints : (19, 3) float64
         Where the joints of `FINDER_JOINTS` seem to be, hidden ones too, camera frame, metres.
     joint_confidence : (19,) float32
-        0 to 1; one half where the error is about 0.1 m.
+        0 to 1; one half where the error is about 0.1 m. It does not speak of left and right.
+    from_behind : float
+        Probability that they are seen from behind: that their left is on the image's left. Where it is
+        near one half, left and right of `joints` may be swapped.
     box : (4,) int64
         Least and greatest column and row (x0, y0, x1, y1) of their pixels on the working grid.
     cut_off : bool
@@ -102,6 +119,7 @@ class FoundPerson:
     torso: NDArray[np.float64]
     joints: NDArray[np.float64]
     joint_confidence: NDArray[np.float32]
+    from_behind: float
     box: NDArray[np.int64]
     cut_off: bool
 
@@ -118,6 +136,8 @@ class FoundPeople:
         The number of the person that a pixel shows; 0: nobody.
     camera : Camera
         Camera of the working grid.
+    chance : (h, w) float32
+        What the net says of every pixel's chance to show a person, 0 to 1.
     people : tuple of FoundPerson
         Nearest first.
     """
@@ -125,6 +145,7 @@ class FoundPeople:
     depth: NDArray[np.float32]
     labels: NDArray[np.uint8]
     camera: Camera
+    chance: NDArray[np.float32]
     people: tuple[FoundPerson, ...]
 
 
@@ -150,15 +171,18 @@ class NetImage:
     camera: Camera
 
 
-def reduce_frame(frame: DepthFrame) -> NetImage:
-    """Bring a frame to the net's grid; its sides keep their proportion."""
+def reduce_frame(frame: DepthFrame, nearest: float = _NEAR_M) -> NetImage:
+    """Bring a frame to the net's grid; its sides keep their proportion.
+
+    What is nearer than ``nearest``, metres, is left out.
+    """
     camera = frame.camera
     stride = max(camera.width / kernels.COLS, camera.height / kernels.ROWS)
     rows = min(kernels.ROWS, int(camera.height / stride + 1e-6))
     cols = min(kernels.COLS, int(camera.width / stride + 1e-6))
     grid = np.empty((kernels.ROWS, kernels.COLS), np.float32)
     depth = frame.depth if frame.depth.dtype == np.float32 else frame.depth.astype(np.float32)
-    near, far = np.float32(_NEAR_M), np.float32(_FAR_M)
+    near, far = np.float32(max(nearest, _NEAR_M)), np.float32(_FAR_M)
     kernels.reduce_grid(depth, 0.0, 0.0, stride, rows, cols, near, far, grid)
     reduced = Camera(
         width=cols,
@@ -183,6 +207,8 @@ class Clusters:
     joints : (P, 19, 3) float64
     joint_error : (P, 19) float64
         Metres, as the votes themselves say.
+    from_behind : (P,) float64
+        Probability.
     measures : (P, MEASURES) float64
         What the verifier asks for.
     neighbour : (P,) int64
@@ -193,6 +219,7 @@ class Clusters:
     torsos: NDArray[np.float64]
     joints: NDArray[np.float64]
     joint_error: NDArray[np.float64]
+    from_behind: NDArray[np.float64]
     measures: NDArray[np.float64]
     neighbour: NDArray[np.int64]
 
@@ -256,7 +283,7 @@ class PeopleFinder:
         FoundPeople
             With nobody in it where nobody is in view.
         """
-        image = reduce_frame(frame)
+        image = reduce_frame(frame, self.config.near)
         mask, found = self.cluster(image)
         depth, camera = working_grid.reduce_frame(frame, self.config)
         probability = (
@@ -271,10 +298,14 @@ class PeopleFinder:
         number[chosen + 1] = np.arange(1, len(chosen) + 1)
         _join_parts(found, number)
         labels = self._outline(image, number[found.labels], mask, depth, camera)
+        boxes, pixels = np.empty((len(chosen), 4), np.int64), np.empty(len(chosen), np.int64)
+        clusters.label_boxes(labels, boxes, pixels)
         people = tuple(
-            _person(label, probability[k], found, k, labels) for label, k in enumerate(chosen, start=1)
+            _person(n + 1, probability[k], found, k, boxes[n], labels.shape)
+            for n, k in enumerate(chosen)
+            if pixels[n] >= _LEAST_PIXELS
         )
-        return FoundPeople(depth, labels, camera, people)
+        return FoundPeople(depth, labels, camera, _spread(mask, image, camera), people)
 
     def cluster(self, image: NetImage) -> tuple[NDArray[np.float32], Clusters]:
         """Let the net vote, and gather the votes.
@@ -323,8 +354,9 @@ class PeopleFinder:
         kernels.choose_cells(image.depth, *view, _CELL, self._cells)
         joints = np.empty((count, len(FINDER_JOINTS), 3))
         error, spread = np.empty(joints.shape[:2]), np.empty(joints.shape[:2])
+        behind = np.empty(count)
         clusters.gather_joints(
-            image.depth, labels, self._cells, joint_votes, *intrinsics, joints, error, spread
+            image.depth, labels, self._cells, joint_votes, *intrinsics, joints, error, spread, behind
         )
         measures = np.empty((count, clusters.MEASURES))
         clusters.measure_clusters(
@@ -333,7 +365,9 @@ class PeopleFinder:
         clusters.measure_joints(joints, error, spread, modes, mask, *view, *intrinsics, _PARTS, measures)
         neighbour = np.empty(count, np.int64)
         clusters.measure_neighbours(image.depth, labels, modes, *view, measures, neighbour)
-        return Clusters(labels, modes, joints, error, measures, neighbour)
+        away = behind > 0.5
+        joints[away], error[away] = joints[away][:, _MIRROR], error[away][:, _MIRROR]
+        return Clusters(labels, modes, joints, error, behind, measures, neighbour)
 
     def _outline(
         self,
@@ -349,7 +383,7 @@ class PeopleFinder:
             return labels
         view = (image.rows, image.cols)
         net_chance, near = np.empty(mask.shape, np.float32), np.empty(mask.shape, np.bool_)
-        clusters.mark_near(net_labels, mask, _GROW_CHANCE, *view, net_chance, near)
+        clusters.mark_near(net_labels, mask, _LIMB_CHANCE, *view, net_chance, near)
         chance = np.empty(depth.shape, np.float32)
         ratio = image.camera.fx / camera.fx
         offsets = (image.camera.cx - ratio * camera.cx, image.camera.cy - ratio * camera.cy)
@@ -358,19 +392,32 @@ class PeopleFinder:
         )
         queue = np.empty(depth.size, np.int64)
         clusters.grow_labels(depth, labels, chance, _GROW_CHANCE, _GROW_JUMP, _GROW_PIXELS, queue)
+        marks = np.empty(depth.shape, np.int32)
+        focal = (camera.fx, camera.fy)
+        clusters.adopt_limbs(
+            depth, labels, chance, _LIMB_CHANCE, _GROW_JUMP, _LIMB_AREA_M2, *focal, queue, marks
+        )
         return labels
 
 
+def _spread(mask: NDArray[np.float32], image: NetImage, camera: Camera) -> NDArray[np.float32]:
+    """Chance of a person at every pixel of another grid of the same camera, from the nearest net pixel."""
+    ratio = image.camera.fx / camera.fx
+    rows = np.rint((np.arange(camera.height) - camera.cy) * ratio + image.camera.cy).astype(np.int64)
+    cols = np.rint((np.arange(camera.width) - camera.cx) * ratio + image.camera.cx).astype(np.int64)
+    near = mask[rows.clip(0, image.rows - 1)[:, None], cols.clip(0, image.cols - 1)]
+    return 1.0 / (1.0 + np.exp(-near))
+
+
 def _person(
-    label: int, probability: float, found: Clusters, k: int, labels: NDArray[np.uint8]
+    label: int,
+    probability: float,
+    found: Clusters,
+    k: int,
+    box: NDArray[np.int64],
+    shape: tuple[int, ...],
 ) -> FoundPerson:
     """Put together what is known of one person."""
-    rows, cols = np.nonzero(labels == label)
-    box = (
-        np.array([cols.min(), rows.min(), cols.max(), rows.max()], np.int64)
-        if len(rows)
-        else np.zeros(4, np.int64)
-    )
     error = found.joint_error[k] / _TYPICAL_ERROR_M
     return FoundPerson(
         label=label,
@@ -378,10 +425,9 @@ def _person(
         torso=found.torsos[k],
         joints=found.joints[k],
         joint_confidence=(1.0 / (1.0 + error * error)).astype(np.float32),
+        from_behind=float(found.from_behind[k]),
         box=box,
-        cut_off=bool(
-            box[0] <= 0 or box[1] <= 0 or box[2] >= labels.shape[1] - 1 or box[3] >= labels.shape[0] - 1
-        ),
+        cut_off=bool((box[:2] <= 0).any() or box[2] >= shape[1] - 1 or box[3] >= shape[0] - 1),
     )
 
 

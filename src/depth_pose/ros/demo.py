@@ -349,4 +349,4 @@ def _rows(result: DemoResult, errors: Score | None) -> Iterator[tuple[str, str]]
     if errors is not None:
         mean, centred = errors.mean_error_mm, errors.offset_free_mm
         yield "error of the answered", f"mean {mean:.0f} mm, {centred:.0f} mm without the joints' offsets"
-        yield "joints within 10 cm, of all frames", f"{errors.mAP10:.1%}"
+        yield "joints within 10 cm, of all frames", f"{errors.pck10:.1%}"
