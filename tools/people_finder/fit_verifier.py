@@ -5,6 +5,7 @@ python tools/people_finder/fit_verifier.py runs/a/last.pt scenes/val src/depth_p
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -16,6 +17,7 @@ from export import export_net, write_settings
 from numpy.typing import NDArray
 from rich.progress import track
 from scenes import Scenes, list_shards, load_scenes
+from torch import Tensor
 
 from depth_pose.core.camera import Camera
 from depth_pose.core.types import DepthFrame
@@ -23,8 +25,9 @@ from depth_pose.people.finder import PeopleFinder, reduce_frame
 
 _LEAST_SHARE = 0.5
 _MOST_PEOPLE = 6
-_HIDDEN = 24
-_STEPS, _RATE, _DECAY = 1500, 1e-2, 3e-3
+_CUT_EVERY = 3
+_NETS, _HIDDEN = 8, 12
+_STEPS, _RATE, _DECAY, _NOISE = 500, 1e-2, 1e-2, 0.2
 
 app = typer.Typer(add_completion=False)
 
@@ -44,11 +47,11 @@ def frame_of(scenes: Scenes, k: int) -> DepthFrame:
     return DepthFrame(0, "", depth, Camera(width, height, *(float(v) for v in scenes.camera[k])))
 
 
-def truth_on_grid(scenes: Scenes, k: int, stride: float, shape: tuple[int, int]) -> NDArray[np.uint8]:
-    """Give the persons of one scene on the net's grid."""
-    rows = np.minimum(((np.arange(shape[0]) + 0.5) * stride).astype(int), scenes.size[k, 1] - 1)
-    cols = np.minimum(((np.arange(shape[1]) + 0.5) * stride).astype(int), scenes.size[k, 0] - 1)
-    return scenes.person[k][np.ix_(rows, cols)]
+def truth_on_grid(person: NDArray[np.uint8], stride: float, shape: tuple[int, int]) -> NDArray[np.uint8]:
+    """Give the persons of a frame on a grid."""
+    rows = np.minimum(((np.arange(shape[0]) + 0.5) * stride).astype(int), person.shape[0] - 1)
+    cols = np.minimum(((np.arange(shape[1]) + 0.5) * stride).astype(int), person.shape[1] - 1)
+    return person[np.ix_(rows, cols)]
 
 
 def collect(finder: PeopleFinder, scenes: Scenes) -> Examples:
@@ -58,49 +61,80 @@ def collect(finder: PeopleFinder, scenes: Scenes) -> Examples:
     """
     measures, person = [], []
     for k in track(range(len(scenes)), "clusters"):
-        image = reduce_frame(frame_of(scenes, k))
-        _, found = finder.cluster(image)
-        truth = truth_on_grid(scenes, k, image.stride, found.labels.shape)
-        shown = np.zeros((len(found.torsos) + 1, _MOST_PEOPLE + 1), np.int64)
-        np.add.at(shown, (found.labels, truth), 1)
-        shown = shown[1:]
-        owner = shown[:, 1:].argmax(axis=1)
-        for p in np.flatnonzero(shown.sum(axis=1)):
-            theirs = shown[p, 1 + owner[p]]
-            rival = shown[owner == owner[p], 1 + owner[p]].max()
-            measures.append(found.measures[p])
-            person.append(theirs >= _LEAST_SHARE * shown[p].sum() and theirs == rival)
-    return Examples(np.array(measures), np.array(person))
+        for frame, shown in looks(frame_of(scenes, k), scenes.person[k], cut=k % _CUT_EVERY == 0):
+            image = reduce_frame(frame)
+            _, found = finder.cluster(image)
+            truth = truth_on_grid(shown, image.stride, found.labels.shape)
+            is_person = whose(found.labels, truth, len(found.torsos))
+            measures += list(found.measures[is_person >= 0])
+            person += list(is_person[is_person >= 0])
+    return Examples(np.array(measures), np.array(person, bool))
+
+
+def looks(
+    frame: DepthFrame, person: NDArray[np.uint8], cut: bool
+) -> Iterator[tuple[DepthFrame, NDArray[np.uint8]]]:
+    """Give a frame and its persons, both mirrored, and with ``cut`` a frame with nothing in it but people."""
+    camera = frame.camera
+    person = person[: camera.height, : camera.width]
+    yield frame, person
+    mirrored = camera._replace(cx=camera.width - 1 - camera.cx)
+    yield DepthFrame(0, "", np.ascontiguousarray(frame.depth[:, ::-1]), mirrored), person[:, ::-1]
+    if cut and person.any():
+        yield DepthFrame(0, "", np.where(person > 0, frame.depth, np.float32(0)), camera), person
+
+
+def whose(labels: NDArray[np.uint8], truth: NDArray[np.uint8], count: int) -> NDArray[np.int64]:
+    """Say of each cluster whether it is a person (1), or not (0); -1 for one without a pixel."""
+    shown = np.zeros((count + 1, _MOST_PEOPLE + 1), np.int64)
+    np.add.at(shown, (labels, truth), 1)
+    shown = shown[1:]
+    owner = shown[:, 1:].argmax(axis=1)
+    theirs = shown[np.arange(count), 1 + owner]
+    most = np.array([shown[owner == k, 1 + k].max() for k in owner], np.int64).reshape(count)
+    pixels = shown.sum(axis=1)
+    answer = ((theirs >= _LEAST_SHARE * pixels) & (theirs == most)).astype(np.int64)
+    return np.where(pixels > 0, answer, -1)
 
 
 def fit(examples: Examples, seed: int) -> dict[str, Any]:
-    """Fit one hidden layer by cross entropy; returns the lists that `Verifier.from_mapping` reads."""
-    torch.manual_seed(seed)
+    """Fit small networks by cross entropy and put them side by side, which averages their answers.
+
+    Returns the lists that `Verifier.from_mapping` reads.
+    """
     mean, scale = examples.measures.mean(0), examples.measures.std(0) + 1e-3
     x = torch.tensor(np.clip((examples.measures - mean) / scale, -5, 5), dtype=torch.float32)
     y = torch.tensor(examples.person, dtype=torch.float32)
+    nets = [fit_one(x, y, seed + k) for k in range(_NETS)]
+    return {
+        "mean": mean.tolist(),
+        "scale": scale.tolist(),
+        "hidden": torch.cat([n[0].weight for n in nets]).detach().double().T.tolist(),
+        "hidden_bias": torch.cat([n[0].bias for n in nets]).detach().double().tolist(),
+        "out": (torch.cat([n[2].weight[0] for n in nets]) / _NETS).detach().double().tolist(),
+        "out_bias": float(sum(float(n[2].bias.detach()[0]) for n in nets) / _NETS),
+    }
+
+
+def fit_one(x: Tensor, y: Tensor, seed: int) -> torch.nn.Sequential:
+    """Fit one network to examples drawn with replacement."""
+    torch.manual_seed(seed)
+    drawn = torch.randint(len(x), (len(x),))
+    x, y = x[drawn], y[drawn]
     net = torch.nn.Sequential(
         torch.nn.Linear(x.shape[1], _HIDDEN), torch.nn.ReLU(), torch.nn.Linear(_HIDDEN, 1)
     )
     optimiser = torch.optim.AdamW(net.parameters(), _RATE, weight_decay=_DECAY)
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, _STEPS)
     for _ in range(_STEPS):
-        chosen = torch.randint(len(x), (1024,))
-        noisy = x[chosen] + 0.1 * torch.randn(len(chosen), x.shape[1])
+        chosen = torch.randint(len(x), (512,))
+        noisy = x[chosen] + _NOISE * torch.randn(len(chosen), x.shape[1])
         loss = torch.nn.functional.binary_cross_entropy_with_logits(net(noisy)[:, 0], y[chosen])
         optimiser.zero_grad()
         loss.backward()
         optimiser.step()
         schedule.step()
-    first, last = net[0], net[2]
-    return {
-        "mean": mean.tolist(),
-        "scale": scale.tolist(),
-        "hidden": first.weight.detach().double().T.tolist(),
-        "hidden_bias": first.bias.detach().double().tolist(),
-        "out": last.weight.detach().double()[0].tolist(),
-        "out_bias": float(last.bias.detach()[0]),
-    }
+    return net
 
 
 @app.command()

@@ -17,8 +17,8 @@ from depth_pose.core.skeleton import JOINTS
 _HARD_MASK = 1.5
 """Exponent by which well-known pixels lose weight (Lin et al. 2017, focal loss)."""
 
-_TORSO_WEIGHT, _JOINT_WEIGHT, _OVERLAP_WEIGHT = 0.25, 0.5, 0.5
-_BEHIND_WEIGHT = 0.3
+_TORSO_WEIGHT, _JOINT_WEIGHT, _OVERLAP_WEIGHT = 0.25, 1.0, 0.5
+_BEHIND_WEIGHT = 0.5
 _LEAST_ERROR_M = 0.02
 """Narrowest width that a vote may claim."""
 

@@ -47,18 +47,20 @@ ROWS, COLUMNS = 240, 320
 app = typer.Typer(add_completion=False)
 
 
-def make_scene(seed: int, index: int) -> Scene:
+def make_scene(seed: int, index: int, studio: bool | None = None) -> Scene:
     """Make scene number `index` of a seed."""
-    return sample_scene(np.random.default_rng(np.random.SeedSequence([seed, index])), width=COLUMNS)
+    return sample_scene(
+        np.random.default_rng(np.random.SeedSequence([seed, index])), width=COLUMNS, studio=studio
+    )
 
 
-def make_shard(folder: Path, seed: int, first: int, count: int) -> int:
+def make_shard(folder: Path, seed: int, studio: bool | None, first: int, count: int) -> int:
     """Make a file of scenes, unless it is there; gives how many."""
-    path = folder / f"scenes_{first:07d}.npz"
+    path = folder / f"{'studios' if studio else 'scenes'}_{first:07d}.npz"
     if path.exists():
         return count
     with threadpool_limits(1):  # more threads only wait for each other on images this small
-        arrays = _stack([make_scene(seed, i) for i in range(first, first + count)])
+        arrays = _stack([make_scene(seed, i, studio) for i in range(first, first + count)])
     arrays["index"] = np.arange(first, first + count)
     part = path.with_name(f".{path.name}.{os.getpid()}.part")
     _save(part, arrays)
@@ -108,6 +110,7 @@ def main(
     first: Annotated[int, typer.Option(min=0, help="Number of the first scene")] = 0,
     seed: Annotated[int, typer.Option(min=0, help="Seed of all scenes")] = 1,
     workers: Annotated[int, typer.Option(min=1, help="Processes")] = 1,
+    studios: Annotated[bool, typer.Option(help="Only people before a plain wall or nothing")] = False,
 ) -> None:
     """Make scenes; shards that are there already are kept, so that it can be run again."""
     out.mkdir(parents=True, exist_ok=True)
@@ -116,17 +119,21 @@ def main(
     columns = (TextColumn("scenes"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns) as progress:
         task = progress.add_task("scenes", total=count)
-        for done in _made(out, seed, list(zip(starts, sizes, strict=True)), workers):
+        for done in _made(
+            out, seed, True if studios else None, list(zip(starts, sizes, strict=True)), workers
+        ):
             progress.advance(task, done)
 
 
-def _made(folder: Path, seed: int, shards: list[tuple[int, int]], workers: int) -> Iterator[int]:
+def _made(
+    folder: Path, seed: int, studio: bool | None, shards: list[tuple[int, int]], workers: int
+) -> Iterator[int]:
     """Make shards, in as many processes; gives the size of each when it is done."""
     if workers == 1:
-        yield from (make_shard(folder, seed, *shard) for shard in shards)
+        yield from (make_shard(folder, seed, studio, *shard) for shard in shards)
         return
     with _pool(workers) as pool:
-        for job in as_completed([pool.submit(make_shard, folder, seed, *shard) for shard in shards]):
+        for job in as_completed([pool.submit(make_shard, folder, seed, studio, *shard) for shard in shards]):
             yield job.result()
 
 

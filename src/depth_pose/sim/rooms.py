@@ -148,12 +148,13 @@ class Room:
         return int(np.diff(free).max()) - 1 > self.longest_hidden
 
 
-def make_room(rng: np.random.Generator, eye_height: float) -> Room:
+def make_room(rng: np.random.Generator, eye_height: float, studio: bool | None = None) -> Room:
     """Draw a room's shell: an office, a corridor, a hall, or a studio's plain background.
 
-    The camera is `eye_height` metres above the floor.
+    The camera is `eye_height` metres above the floor. Whether it is a ``studio`` is drawn where not given.
     """
-    if rng.random() < _STUDIO_SHARE:
+    drawn = rng.random() < _STUDIO_SHARE
+    if drawn if studio is None else studio:
         return Room(_EVERYWHERE, True, eye_height)
     style = rng.choice(4, p=[0.5, 0.15, 0.15, 0.2])
     height = rng.uniform(2.3, 3.4)

@@ -108,7 +108,9 @@ class Placed:
     held_albedo: float
 
 
-def sample_scene(rng: np.random.Generator, *, width: int = 320, people: int | None = None) -> Scene:
+def sample_scene(
+    rng: np.random.Generator, *, width: int = 320, people: int | None = None, studio: bool | None = None
+) -> Scene:
     """Make a random scene.
 
     Parameters
@@ -120,12 +122,14 @@ def sample_scene(rng: np.random.Generator, *, width: int = 320, people: int | No
     people : int, optional
         How many, 0 to `MOST_PEOPLE`; drawn where not given. Where the room has no space for all there
         are fewer.
+    studio : bool, optional
+        Whether people stand before a plain wall or nothing; drawn where not given.
     """
     if people is None:
         shares = _NOBODY_SHARE, *((1 - _NOBODY_SHARE) * np.array(_PEOPLE_SHARES))
         people = int(rng.choice(1 + MOST_PEOPLE, p=shares))
     view = sample_view(rng, width)
-    room = make_room(rng, float(view.position[1]))
+    room = make_room(rng, float(view.position[1]), studio)
     persons = _people(rng, people, view, room)
     points = [p.vertices[::_EVERY] for p in persons]
     if room.studio:

@@ -1,0 +1,57 @@
+"""Make the people finder's weights from nothing: scenes, training, verifier.
+
+    pip install -e '.[train]'
+    python tools/people_finder/make_weights.py build/people_finder
+
+What is there already is kept, so that it can be run again. The result is in FOLDER/weights; copy it to
+src/depth_pose/people/weights to ship it. It takes about 3 hours on 2 cores.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+_HERE = Path(__file__).resolve().parent
+_TRAIN_SEED, _CHECK_SEED = 1, 900_001
+_FIRST_IMAGES, _SECOND_IMAGES = 120_000, 100_000
+_FIRST_RATE, _SECOND_RATE = 2e-3, 1.5e-3
+
+app = typer.Typer(add_completion=False)
+
+
+@app.command()
+def main(
+    folder: Annotated[Path, typer.Argument(help="Folder for scenes, checkpoints and weights (2 GB)")],
+    scenes: Annotated[int, typer.Option(help="Scenes to train on")] = 18_500,
+    checks: Annotated[int, typer.Option(help="Other scenes, for the verifier")] = 1_000,
+    workers: Annotated[int, typer.Option(help="Processes that make scenes")] = 2,
+    seed: Annotated[int, typer.Option(help="Start of the training's random numbers")] = 1,
+) -> None:
+    """Make scenes, train in two turns with falling rates, fit the verifier."""
+    train, check = folder / "train", folder / "val"
+    call("make_scenes.py", "-o", train, "--count", scenes, "--seed", _TRAIN_SEED, "--workers", workers)
+    call("make_scenes.py", "-o", check, "--count", checks, "--seed", _CHECK_SEED, "--workers", workers)
+    first, second = folder / "first", folder / "second"
+    if not (first / "last.pt").exists():
+        call("train.py", train, first, "--images", _FIRST_IMAGES, "--rate", _FIRST_RATE, "--seed", seed)
+    if not (second / "last.pt").exists():
+        rest = ("--images", _SECOND_IMAGES, "--rate", _SECOND_RATE, "--seed", seed + 1)
+        call("train.py", train, second, "--start", first / "last.pt", *rest)
+    note = f"{scenes} scenes, {_FIRST_IMAGES} and {_SECOND_IMAGES} images, seed {seed}"
+    call("fit_verifier.py", second / "last.pt", check, folder / "weights", "--note", note)
+
+
+def call(script: str, *arguments: object) -> None:
+    """Run one of the scripts beside this one; its failure ends all."""
+    Console().rule(script)
+    subprocess.run([sys.executable, str(_HERE / script), *map(str, arguments)], check=True)
+
+
+if __name__ == "__main__":
+    app()
