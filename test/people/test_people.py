@@ -71,9 +71,10 @@ def test_another_person_is_another_body(run) -> None:
     coming = [person(k, max(0.4, 2.8 - 0.06 * k), 3.2, phase=1.0) for k in range(55)]
     skeletons = run([seen(k, [leaving[k], coming[k]]) for k in range(55)])
     assert ids(skeletons[:10]) == {"body_1"}
-    assert ids(skeletons[-15:]) == {"body_2"}
+    (other,) = ids(skeletons[-15:])
+    assert other not in ("body_1", "")
     assert max(error(s, p) for s, p in zip(skeletons[-12:], coming[-12:], strict=True)) < 0.08
-    assert ids(skeletons) <= {"body_1", "body_2", ""}
+    assert ids(skeletons) <= {"body_1", other, ""}
 
 
 def test_hidden_for_a_second(run) -> None:

@@ -19,7 +19,7 @@ _FAR_PX = 1e6
 """Pixels off the image beyond which a coordinate is cut, so that it stays a number."""
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, fastmath=True, forceinline=True)
 def rasterize(vertices, faces, camera, zbuffer):
     """Draw a mesh in the camera frame into ``zbuffer``, which is cleared to infinity first."""
     rows, cols = zbuffer.shape

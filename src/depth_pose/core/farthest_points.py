@@ -73,7 +73,7 @@ def farthest_rows(
     return np.asarray(_choose(rows, images, weights, min(count, len(rows)), start))
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, fastmath=True, forceinline=True)
 def _lower(rows: Any, point: Any, nearest: Any) -> None:
     """Lower every row's squared distance to the chosen ones by that to a new one."""
     n, width = rows.shape

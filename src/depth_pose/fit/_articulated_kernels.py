@@ -60,7 +60,7 @@ class Surface(NamedTuple):
     segment: Any
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, fastmath=True, forceinline=True)
 def assign(points, stride, vertices, visible, sigma, outlier, mass, pull):
     """E-step: responsibilities of visible vertices for every ``stride``-th point, summed per vertex.
 
@@ -132,7 +132,7 @@ def assign(points, stride, vertices, visible, sigma, outlier, mass, pull):
                 pull[i, 2] += rz[k]
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, fastmath=True, forceinline=True)
 def add_points(surface, mass, pull, origin, settings, equations):
     """M-step data term: pull every vertex to its mean point, along its normal and in all."""
     vertices, normals = surface.vertices, surface.normals
@@ -149,7 +149,7 @@ def add_points(surface, mass, pull, origin, settings, equations):
         add_vertex(vertices[i], origin, metric, r, equations, surface.segment[i])
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, fastmath=True, forceinline=True)
 def add_free_space(surface, observed, nearest, origin, weight, settings, equations):
     """Pull vertices that lie beside the silhouette into it, and those before the surface behind it."""
     vertices, depth, labels, camera = surface.vertices, observed.depth, observed.labels, observed.camera

@@ -38,7 +38,7 @@ class DriftSettings(NamedTuple):
     most: int
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, fastmath=True, forceinline=True)
 def sort_into_grid(target: Any) -> Any:
     """Sort points by the cells of a grid over x and y, so that a row of cells is one run.
 
@@ -57,7 +57,7 @@ def sort_into_grid(target: Any) -> Any:
     return out, first, grid
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, fastmath=True, forceinline=True)
 def _weigh_run(run: Any, centre: Any, inverse: Any, kernel: Any, total: Any) -> None:
     (tx, ty, tz), (x, y, z) = run, centre
     for n in range(tx.shape[0]):
@@ -67,7 +67,7 @@ def _weigh_run(run: Any, centre: Any, inverse: Any, kernel: Any, total: Any) -> 
         total[n] += k
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, fastmath=True, forceinline=True)
 def _sum_run(run: Any, centre: Any, kernel: Any, share: Any) -> Any:
     (tx, ty, tz), (x, y, z) = run, centre
     p1 = px = py = pz = p2 = np.float32(0.0)
@@ -82,7 +82,7 @@ def _sum_run(run: Any, centre: Any, kernel: Any, share: Any) -> Any:
     return p1, px, py, pz, p2
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, fastmath=True, forceinline=True)
 def expect(
     moved: Any, sigma2: Any, outlier: Any, grid: Any, kernel: Any, total: Any, p1: Any, residual: Any
 ) -> Any:
@@ -130,7 +130,7 @@ def expect(
     return squares
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, fastmath=True, forceinline=True)
 def _add_normal_equations(basis: Any, p1: Any, residual: Any, shift: Any, matrix: Any, right: Any) -> None:
     """``B^T diag(p1) B`` (lower half) and ``B^T (residual + diag(p1) shift)``, four rows at a time."""
     count = basis.shape[1]
@@ -163,7 +163,7 @@ def _add_normal_equations(basis: Any, p1: Any, residual: Any, shift: Any, matrix
                 matrix[i, j] += w0 * rows[0, j] + w1 * rows[1, j] + w2 * rows[2, j] + w3 * rows[3, j]
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, fastmath=True, forceinline=True)
 def _solve(matrix: Any, right: Any) -> None:
     """Cholesky in the lower half of ``matrix``; the rows of ``right`` become the solutions."""
     n = matrix.shape[0]

@@ -18,7 +18,7 @@ class Grid(NamedTuple):
     cols: Any
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, fastmath=True, forceinline=True)
 def bounds(points, chosen):
     """Least and greatest x and y of the chosen of some points."""
     low_x, low_y, high_x, high_y = np.inf, np.inf, -np.inf, -np.inf
@@ -29,7 +29,7 @@ def bounds(points, chosen):
     return low_x, low_y, high_x, high_y
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, fastmath=True, forceinline=True)
 def sort_into_cells(points, chosen, grid):
     """Sort the chosen of some points into a grid's cells.
 

@@ -62,7 +62,7 @@ class LimbSettings(NamedTuple):
     best: int
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, fastmath=True, forceinline=True)
 def place_balls(samples, anchor, balls):
     """Put ball centres of the anchor's frame (S, 3) into the camera frame."""
     rotation, origin = anchor.rotation, anchor.origin
@@ -86,7 +86,7 @@ def place_own_balls(rotations, nodes, bones, ends, shares, scale, balls):
             s += 1
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, fastmath=True, forceinline=True)
 def misfit(balls, limb, scale, observed, nearest, tolerance):
     """Pixels that a limb's balls put into free space, behind what was seen, or off the surface."""
     depth, labels, camera, areas = observed.depth, observed.labels, observed.camera, limb.areas
@@ -117,7 +117,7 @@ def misfit(balls, limb, scale, observed, nearest, tolerance):
     return total
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, fastmath=True, forceinline=True)
 def off_surface(balls, radii, scale, points, tolerance, cover):
     """Share ``cover`` (P,), 0 to 1, to which each of the points (3, P) lies off the balls' surfaces."""
     inverse = np.float32(1.0 / tolerance)

@@ -49,7 +49,7 @@ class Equations(NamedTuple):
     force: Any
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, fastmath=True, forceinline=True)
 def add_vertex(v, origin, m, r, equations, segment):
     """Add one vertex to its segment's normal equations for a free motion ``w x (v - origin) + t``.
 
@@ -80,7 +80,7 @@ def add_vertex(v, origin, m, r, equations, segment):
         force[b] += q0 * r[0] + q1 * r[1] + q2 * r[2]
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, fastmath=True, forceinline=True)
 def assemble(equations, body, nodes, origin, matrix, gradient):
     """Put the normal equations of the joint angles together from those of the free segments.
 

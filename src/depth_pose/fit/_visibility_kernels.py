@@ -9,7 +9,7 @@ from depth_pose.core._camera_kernels import project
 from depth_pose.core._raster_kernels import NEAR_M
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, fastmath=True, forceinline=True)
 def turn_normals(rest_normals, influence, rotations, normals):
     """Turn each vertex's rest normal with the node that moves it most."""
     for i in range(rest_normals.shape[0]):
@@ -20,7 +20,7 @@ def turn_normals(rest_normals, influence, rotations, normals):
             )
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, fastmath=True, forceinline=True)
 def mark_visible(vertices, normals, zbuffer, camera, tolerance, visible):
     """Which vertices face the camera and lie at most ``tolerance`` behind the rendered depth."""
     rows, cols = zbuffer.shape

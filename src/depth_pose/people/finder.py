@@ -16,6 +16,7 @@ and mounting. ``tools/people_finder`` makes the weights.
 from __future__ import annotations
 
 import json
+import os
 from dataclasses import dataclass
 from importlib import resources
 from typing import Any
@@ -242,6 +243,8 @@ class PeopleFinder:
         model: bytes | None = None,
         settings: dict[str, Any] | None = None,
     ) -> None:
+        # else it reports to its makers, from a thread that forked processes lack
+        os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")
         import onnxruntime
 
         self.config = config or SegmentConfig()

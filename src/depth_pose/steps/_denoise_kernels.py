@@ -25,7 +25,7 @@ _LEAST_SQUARE = 1e-6
 """Points nearer than a millimetre count as so far apart, square metres, so that their weight is finite."""
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, fastmath=True, forceinline=True)
 def theta(square):
     """``exp(-16 r^2 / h^2)`` of ``16 r^2 / h^2``; nothing beyond `CUT`."""
     w = falling_exp(min(square, _MOST))

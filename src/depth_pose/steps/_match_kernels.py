@@ -9,7 +9,7 @@ from depth_pose.body._skin_kernels import skin
 from depth_pose.core._raster_kernels import compare, rasterize
 from depth_pose.core._rotation_kernels import matrix_of, multiply
 
-_multiply = njit(fastmath=True)(multiply.py_func)
+_multiply = njit(fastmath=True, forceinline=True)(multiply.py_func)
 
 
 @njit(cache=True)

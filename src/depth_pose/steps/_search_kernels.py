@@ -32,7 +32,7 @@ def bound_distances(head, steps, rest_norms, gamma, gamma_rest, bounds, best):
         best[block] = start + np.argmin(out)
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, fastmath=True, forceinline=True)
 def squared_distance(entry, gamma):
     """Squared distance in all dimensions."""
     total = np.float32(0.0)
