@@ -107,6 +107,17 @@ def test_leaves_a_good_run_alone(run) -> None:
     assert stage.last_reasons == {}
 
 
+def test_whom_no_body_fits_is_vetoed(run) -> None:
+    """What the finder takes for a person, but no body fits, is answered for a few frames at most."""
+
+    def thing(fitted: Fitted) -> Fitted:
+        return replace(changed(fitted, confidence=0.02), score=0.68)
+
+    answers = replay(recoverer(), run, thing, range(len(run)))
+    assert answers[-1] is None
+    assert sum(a is not None for a in answers) < 8
+
+
 @pytest.mark.parametrize(
     ("spoil", "kind", "words"),
     [
