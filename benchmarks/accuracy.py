@@ -33,7 +33,8 @@ from bank_common import joints_of, recordings
 from depth_pose.bank import Bank, default_bank_path
 from depth_pose.core.config import DenoiseConfig, MatchConfig, PipelineConfig, RefineConfig
 from depth_pose.core.skeleton import JOINTS
-from depth_pose.evaluate.score import THRESHOLDS_M, load_truth
+from depth_pose.evaluate.score import THRESHOLDS_M
+from depth_pose.evaluate.truth import load_truth
 from depth_pose.io.mcap_read import DepthReader
 from depth_pose.pipeline import PosePipeline
 from depth_pose.steps.match import Matcher

@@ -12,7 +12,7 @@ from depth_pose.core.config import MatchConfig, PipelineConfig
 from depth_pose.core.errors import InputError
 from depth_pose.core.skeleton import JOINT_NODES, JOINTS
 from depth_pose.core.types import PoseMatch
-from depth_pose.evaluate.score import load_truth
+from depth_pose.evaluate.truth import load_truth
 from depth_pose.fit.articulated import candidate_pose
 from depth_pose.io.mcap_read import DepthReader
 from depth_pose.people.person import People

@@ -31,7 +31,7 @@ import numpy as np
 from depth_pose.bank import Bank, default_bank_path
 from depth_pose.core.config import PipelineConfig, SmoothConfig
 from depth_pose.core.skeleton import JOINTS, Source
-from depth_pose.evaluate.score import load_truth
+from depth_pose.evaluate.truth import load_truth
 from depth_pose.io.mcap_read import DepthReader
 from depth_pose.motion.procedural.generator import CLIPS
 from depth_pose.pipeline import PosePipeline

@@ -38,7 +38,7 @@ def make_nodes(context: LaunchContext) -> list[Node]:
     return [
         Node(
             executable=sys.executable,
-            arguments=["-m", f"depth_pose.ros.{name}_node"],
+            arguments=["-m", f"depth_pose.ros.nodes.{name}_node"],
             name=name,
             namespace=value["namespace"],
             parameters=parameters,

@@ -1,8 +1,10 @@
-"""The body and a small bank of it, made once and shared by all tests."""
+"""What all tests share: which may be skipped, the body, and a small bank of it, made once."""
 
 from __future__ import annotations
 
 import hashlib
+import re
+from collections.abc import Generator
 from pathlib import Path
 
 import pytest
@@ -15,7 +17,40 @@ from depth_pose.motion.procedural.generator import make_poses
 POSES = 300
 SEED = 1
 
+ALLOWED_SKIPS = (
+    r"needs \.\./shared\b",  # data that is handed out beside the project
+    r"the extra 'anny' is not installed$",  # 5 GB
+    r"tf2_msgs is installed$",  # what is told without it
+    r"launch comes with ROS 2 from apt$",
+)
+"""Why a test may be skipped. For any other reason it fails: an install that lacks something is not whole."""
+
 _PACKAGE = Path(__file__).parents[1] / "src" / "depth_pose"
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport() -> Generator[None, pytest.TestReport, pytest.TestReport]:
+    """Let tests fail that are skipped for a reason that is not allowed."""
+    report = yield
+    _fail_unless_allowed(report)
+    return report
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_make_collect_report() -> Generator[None, pytest.CollectReport, pytest.CollectReport]:
+    """The same for whole files."""
+    report = yield
+    _fail_unless_allowed(report)
+    return report
+
+
+def _fail_unless_allowed(report):
+    if report.outcome != "skipped" or hasattr(report, "wasxfail"):
+        return
+    reason = report.longrepr[2].removeprefix("Skipped: ")
+    if not any(re.match(allowed, reason) for allowed in ALLOWED_SKIPS):
+        report.outcome = "failed"
+        report.longrepr = f"skipped, but this reason is not allowed (test/conftest.py): {reason}"
 
 
 @pytest.fixture(scope="session")

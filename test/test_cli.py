@@ -128,12 +128,17 @@ def test_defaults_are_those_of_the_configuration(call: Callable[..., Done]) -> N
         (["run", "{in}", "-o", "out.mcap", "--depth-topic", "/no"], 1, "no messages on /no"),
         (["run", "{in}", "-o", "out.mcap", "--bank", "none.npz"], 1, "none.npz"),
         (["run", "{in}", "-o", "out.mcap", "--near", "-1"], 2, "--near"),
+        (["run", "{in}", "-o", "out.mcap", "--zone", "4"], 2, "zone is '4'"),
+        (["run", "{in}", "-o", "out.mcap", "--follow", "me"], 2, "FollowConfig.whom is 'me'"),
+        (["run", "{in}", "-o", "out.mcap", "--people", "-1"], 2, "--people"),
         (["run", "{in}"], 2, "--output"),
         (["eval", "none.npz", "{in}"], 1, "none.npz"),
         (["eval", "joints.json", "{in}"], 2, "--recording"),
         (["overlay", "{in}", "{in}", "-o", "out.png"], 1, "no skeletons on /depth_pose/skeleton"),
         (["simulate", "-o", "a.mcap", "--motion", "fly"], 2, "no motion 'fly'"),
         (["simulate", "-o", "a.mcap", "--sensor", "sonar"], 2, "no sensor 'sonar'"),
+        (["simulate", "-o", "a.mcap", "--people", "2"], 2, "--people goes with --room"),
+        (["simulate", "-o", "a.mcap", "--room", "--stature", "1.5"], 2, "leave out --stature"),
         (["bank", "info", "none.npz"], 1, "none.npz"),
         (["bank", "build", "-o", "a.npz", "--body", "cube"], 2, "no body 'cube'"),
         (["nonsense"], 2, "nonsense"),
@@ -148,8 +153,6 @@ def test_errors_are_one_line(
     monkeypatch: pytest.MonkeyPatch,
     call: Callable[..., Done],
 ) -> None:
-    if arguments[0] == "run" and "--bank" in arguments:
-        pytest.importorskip("depth_pose.pipeline", reason="the pipeline is not in this tree yet")
     monkeypatch.chdir(tmp_path)
     done = call(*(str(recording) if a == "{in}" else a for a in arguments))
     assert done.returncode == code, done.stdout + done.stderr
@@ -168,7 +171,7 @@ def test_simulate_and_eval(tmp_path: Path, call: Callable[..., Done]) -> None:
     assert "2 at 25 per second" in done.stdout
     from depth_pose.core.skeleton import Source
     from depth_pose.core.types import Skeleton
-    from depth_pose.evaluate.score import load_truth
+    from depth_pose.evaluate.truth import load_truth
     from depth_pose.io.mcap_write import SkeletonWriter
 
     truth = load_truth(tmp_path / "s.npz")
@@ -183,7 +186,7 @@ def test_simulate_and_eval(tmp_path: Path, call: Callable[..., Done]) -> None:
     done = call("eval", tmp_path / "s.npz", tmp_path / "p.mcap", "--json", "--plot", tmp_path / "e.png")
     numbers = json.loads(done.stdout)
     assert numbers["mean_error_mm"] == pytest.approx(30, abs=1e-3)
-    assert numbers["mAP"]["0.05"] == 1.0
+    assert numbers["pck"]["0.05"] == 1.0
     assert (tmp_path / "e.png").exists()
     table = call("eval", tmp_path / "s.npz", tmp_path / "p.mcap").stdout
     assert "30.0" in table
@@ -201,6 +204,40 @@ def test_simulate_and_eval(tmp_path: Path, call: Callable[..., Done]) -> None:
     assert (tmp_path / "o.png").exists()
 
 
+def test_simulated_room_is_scored_for_everybody(tmp_path: Path, call: Callable[..., Done]) -> None:
+    """Answers 30 mm beside everybody who takes part, and a skeleton too many in every frame."""
+    options = ("--room", "--people", "2", "--seconds", "0.2", "--width", "96", "--seed", "4")
+    done = call("simulate", "-o", tmp_path / "r.mcap", *options)
+    assert done.returncode == 0, done.stderr
+    assert "3 at 15 per second" in done.stdout
+    from depth_pose.core.skeleton import Source
+    from depth_pose.core.types import Skeleton
+    from depth_pose.evaluate.truth import load_known_people
+    from depth_pose.io.mcap_write import SkeletonWriter
+
+    truth = load_known_people(tmp_path / "r.npz")
+    assert truth.joints.shape[:2] == truth.visible.shape == (3, 2)
+    rest = (np.tile([0.0, 0, 0, 1], (19, 1)), np.ones(19, np.float32), np.zeros(19, np.uint8))
+    with SkeletonWriter(tmp_path / "p.mcap") as writer:
+        for stamp, joints in zip(truth.stamps_ns, truth.joints, strict=True):
+            places = [*(joints + np.array([0.03, 0, 0])), joints[0] + 9]
+            people = [
+                Skeleton(int(stamp), "o", f"b_{i}", Source.REFINED, 1.0, 0.0, 1.0, at, *rest)
+                for i, at in enumerate(places)
+            ]
+            writer.write_people(people, int(stamp), "o")
+    numbers = json.loads(call("eval", tmp_path / "r.npz", tmp_path / "p.mcap", "--json").stdout)["total"]
+    assert numbers["recall"] == 1.0
+    assert numbers["mean_error_mm"] == pytest.approx(30, abs=1e-2)
+    assert numbers["switches"] == 0
+    assert numbers["false"] >= 3
+    table = call("eval", tmp_path / "r.npz", tmp_path / "p.mcap").stdout
+    assert "IDF1" in table
+    assert "30.0" in table
+    pictures = (tmp_path / "p.mcap", "-o", tmp_path / "o.png", "--truth", tmp_path / "r.npz")
+    assert call("overlay", tmp_path / "r.mcap", *pictures).returncode == 0
+
+
 def test_settings_files(tmp_path: Path) -> None:
     path = tmp_path / "a.yaml"
     path.write_text("segment: {near: 1.0}\nmatch:\n  keep: 2\n")
@@ -210,6 +247,11 @@ def test_settings_files(tmp_path: Path) -> None:
     assert read_settings(tmp_path / "a.json") == {"match": {"keep": 3}}
     path.write_text("/**:\n  ros__parameters:\n    bank: x.npz\n    match.keep: 5\n    segment: {far: 4.0}\n")
     assert read_settings(path) == {"match": {"keep": 5}, "segment": {"far": 4.0}}
+    path.write_text(
+        "/**:\n  ros__parameters:\n    zone: '1:4'\n    follow: nearest\n    follow.patient: true\n"
+    )
+    config = PipelineConfig.from_mapping(read_settings(path))
+    assert (config.segment.zone, config.follow.whom, config.follow.patient) == ("1:4", "nearest", True)
     path.write_text("")
     assert read_settings(path) == {}
     assert MatchConfig().keep == PipelineConfig.from_mapping({}).match.keep
@@ -233,7 +275,6 @@ def test_bad_settings_files(tmp_path: Path, name: str, text: str | None, error: 
 
 def test_missing_ros_is_said_plainly(tmp_path: Path) -> None:
     """A module path in front that has no ROS: the import fails as it does without it."""
-    pytest.importorskip("depth_pose.ros", reason="the nodes are not in this tree yet")
     (tmp_path / "rclpy.py").write_text("raise ModuleNotFoundError('no rclpy', name='rclpy')\n")
     done = call_process("-m", "depth_pose.cli", "play", "x.mcap", first=tmp_path)
     assert done.returncode == 1

@@ -52,7 +52,7 @@ class PosePipeline:
     @_one_thread
     def __init__(self, bank: Bank, config: PipelineConfig = PipelineConfig()) -> None:  # noqa: B008
         self._mount = config.mount
-        self.extractor = PeopleExtractor(config.segment, config.denoise)
+        self.extractor = PeopleExtractor(config.segment, config.denoise, config.mount)
         self.matcher = Matcher(bank, config.match, config.fit)
         self.refiner = Refiner(bank, config.refine, config.match, config.fitting)
         self.recoverer = Recoverer(bank, config.recover, config.smooth, config.match, config.fitting)

@@ -1,6 +1,7 @@
 import socket
 import sys
 
+import distributed
 import numpy as np
 import pytest
 
@@ -14,7 +15,6 @@ from depth_pose.motion.procedural.generator import make_clip
 
 @pytest.fixture(scope="module")
 def cluster():
-    distributed = pytest.importorskip("distributed", reason="the extra 'dask' is not installed")
     with distributed.LocalCluster(
         n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, host="127.0.0.1"
     ) as made:
@@ -39,7 +39,6 @@ def test_results_come_in_order(cluster):
 
 
 def test_no_scheduler_there(monkeypatch):
-    pytest.importorskip("distributed", reason="the extra 'dask' is not installed")
     monkeypatch.setattr("depth_pose.bank.workers._CONNECT_S", "1s")
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))

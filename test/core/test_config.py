@@ -22,7 +22,7 @@ def test_every_setting_says_what_it_is_and_its_range(section):
         assert o.help
         assert o.help[0].isupper() or any(o.help.startswith(choice) for choice in o.choices)
         if isinstance(o.default, bool | str):
-            assert isinstance(o.default, bool) or o.default in o.choices
+            assert isinstance(o.default, bool) or o.default in (o.choices or ("",))
             continue
         assert o.low is not None, f"{section.__name__}.{o.name} has no least value"
         for value in o.default if isinstance(o.default, tuple) else (o.default,):

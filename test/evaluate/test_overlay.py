@@ -13,7 +13,7 @@ from depth_pose.core.errors import InputError
 from depth_pose.core.rotations import R_CAMERA_FACING_MODEL
 from depth_pose.core.skeleton import JOINT_INDEX, JOINT_NODES, JOINTS, Source, rest_nodes
 from depth_pose.core.types import Skeleton
-from depth_pose.evaluate.overlay import project, save_overlay
+from depth_pose.evaluate.overlay import collect_panels, project, save_overlay
 from depth_pose.evaluate.score2d import person_height_px, score_2d
 from depth_pose.evaluate.shading import shade_depth
 from depth_pose.io.mcap_write import DepthWriter, SkeletonWriter
@@ -88,6 +88,20 @@ def test_sheet_with_truth_and_more_frames_than_there_are(
     save_overlay(*recordings, tmp_path / "a.png", frames=20, truth_path=truth)
     save_overlay(*recordings, tmp_path / "b.png", frames=20)
     assert (_pixels(tmp_path / "a.png") != _pixels(tmp_path / "b.png")).any()
+
+
+def test_truth_of_several_people_is_drawn(tmp_path: Path, recordings: tuple[Path, Path]) -> None:
+    """Everybody whom the image shows is drawn; somebody who is not visible is not."""
+    everybody = np.tile(np.stack([REST + [0.4, 0, 0], REST - [0.4, 0, 0]]), (5, 1, 1, 1))
+    fields = {"joints": everybody, "names": np.array(JOINTS), "stamps_ns": np.array(STAMPS)}
+    for shown in (1.0, 0.0):
+        visible = np.tile([1.0, shown], (5, 1))
+        np.savez(tmp_path / "t.npz", **fields, seen=np.ones((5, 2, 19), bool), visible=visible)
+        save_overlay(*recordings, tmp_path / f"{shown}.png", frames=2, truth_path=tmp_path / "t.npz")
+        panels = collect_panels(*recordings, frames=2, truth_path=tmp_path / "t.npz")
+        for panel in panels:
+            np.testing.assert_array_equal(panel.truth, everybody[0, : 2 if shown else 1])
+    assert (tmp_path / "1.0.png").read_bytes() != (tmp_path / "0.0.png").read_bytes()
 
 
 def test_bad_overlay_is_refused(tmp_path: Path, recordings: tuple[Path, Path]) -> None:

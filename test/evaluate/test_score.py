@@ -15,7 +15,8 @@ from depth_pose.core.rotations import R_CAMERA_FACING_MODEL
 from depth_pose.core.skeleton import JOINT_NODES, JOINTS, Source, rest_nodes
 from depth_pose.core.types import Skeleton
 from depth_pose.evaluate.figures import save_joint_errors
-from depth_pose.evaluate.score import KnownJoints, load_truth, match_sequence, score, score_sequences
+from depth_pose.evaluate.score import match_sequence, score, score_sequences
+from depth_pose.evaluate.truth import KnownJoints, load_truth
 from depth_pose.io.mcap_write import SkeletonWriter
 
 SHARED_SCORER = Path(__file__).parents[2].parent / "shared" / "tools" / "score.py"
@@ -62,7 +63,7 @@ def _answers(truth: KnownJoints, positions: np.ndarray) -> dict:
 def test_perfect_answers() -> None:
     truth = make_truth(20)
     result = score_sequences([match_sequence("a", truth, _answers(truth, truth.joints))])
-    assert (result.frames, result.coverage, result.mAP10) == (20, 1.0, 1.0)
+    assert (result.frames, result.coverage, result.pck10) == (20, 1.0, 1.0)
     assert result.mean_error_mm == result.offset_free_mm == result.hidden_mm == 0
 
 
@@ -91,9 +92,9 @@ def test_missing_frames_and_joints_are_misses() -> None:
     result = score_sequences([match_sequence("a", truth, answers)])
     assert result.coverage == pytest.approx(0.5)
     assert result.mean_error_mm == pytest.approx(60)
-    assert result.mAP[0.05] == 0
-    assert result.mAP[0.07] == pytest.approx((6 * 19 - 1) / 190)
-    assert result.joints["left_wrist"].mAP10 == pytest.approx(0.5)
+    assert result.pck[0.05] == 0
+    assert result.pck[0.07] == pytest.approx((6 * 19 - 1) / 190)
+    assert result.joints["left_wrist"].pck10 == pytest.approx(0.5)
 
 
 def test_stamps_match_within_two_milliseconds() -> None:
@@ -107,7 +108,7 @@ def test_stamps_match_within_two_milliseconds() -> None:
 
 def test_nothing_answered_is_a_score_too() -> None:
     result = score_sequences([match_sequence("a", make_truth(3), {})])
-    assert (result.coverage, result.mAP10) == (0.0, 0.0)
+    assert (result.coverage, result.pck10) == (0.0, 0.0)
     assert np.isnan(result.mean_error_mm)
 
 
@@ -144,14 +145,14 @@ def test_folders_and_files(folders: tuple[Path, Path]) -> None:
     assert score(truth_dir / "a.npz", predicted_dir).mean_error_mm == one.mean_error_mm
 
 
-@pytest.mark.skipif(not SHARED_SCORER.exists(), reason="the reference scorer is not beside this tree")
+@pytest.mark.skipif(not SHARED_SCORER.exists(), reason="needs ../shared/tools, which is not in the project")
 def test_same_numbers_as_the_reference_scorer(folders: tuple[Path, Path]) -> None:
     command = [sys.executable, "-W", "ignore", str(SHARED_SCORER), *map(str, folders), "--per-joint"]
     text = subprocess.run(command, capture_output=True, text=True, check=True, timeout=60).stdout
     result = score(*folders)
     last = dict(zip(*[iter(text.splitlines()[-1].split())] * 2, strict=True))
     assert int(last.pop("frames")) == result.frames
-    assert float(last.pop("mAP10")) == pytest.approx(result.mAP10, abs=1e-4)
+    assert float(last.pop("mAP10")) == pytest.approx(result.pck10, abs=1e-4)
     for name, value in {**last, "coverage": last.pop("coverage")}.items():
         field = {"per_sequence_mean_mm": "per_sequence_mean_mm"}.get(name, name)
         assert float(value) == pytest.approx(getattr(result, field), abs=0.051), name
@@ -162,7 +163,7 @@ def test_same_numbers_as_the_reference_scorer(folders: tuple[Path, Path]) -> Non
         assert [float(mean), float(free)] == pytest.approx(
             [joint.mean_error_mm, joint.offset_free_mm], abs=0.051
         )
-        assert float(share) == pytest.approx(joint.mAP10, abs=0.00051)
+        assert float(share) == pytest.approx(joint.pck10, abs=0.00051)
 
 
 def test_bad_files_are_refused(tmp_path: Path, folders: tuple[Path, Path]) -> None:

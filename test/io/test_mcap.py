@@ -162,8 +162,6 @@ def test_failed_writing_leaves_the_old_file(tmp_path: Path) -> None:
 
 def test_schemas_say_what_the_message_files_say() -> None:
     folder = ROOT / "ros_ws" / "src" / "depth_pose_msgs" / "msg"
-    if not folder.is_dir():
-        pytest.skip("the message package is not in this tree")
     for name in ("Skeleton", "Joint"):
         lines = [line.partition("#")[0].split() for line in (folder / f"{name}.msg").read_text().splitlines()]
         ours = [line.split() for line in schemas.definition(f"depth_pose_msgs/msg/{name}").splitlines()]

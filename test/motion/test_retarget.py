@@ -173,7 +173,7 @@ def test_nothing_usable_is_an_error(tmp_path) -> None:
         load_motion_dir(tmp_path)
 
 
-@pytest.mark.skipif(MOCAP is None, reason="needs shared/data/mocap beside the project")
+@pytest.mark.skipif(MOCAP is None, reason="needs ../shared/data/mocap, which is not in the project")
 def test_recorded_people_keep_hands_and_feet_where_they_are() -> None:
     assert MOCAP is not None
     rest = rest_nodes() * ADULT_STATURE_M
@@ -201,7 +201,7 @@ def test_recorded_people_keep_hands_and_feet_where_they_are() -> None:
         assert np.degrees(np.arccos(cosine)).mean() < 8
 
 
-@pytest.mark.skipif(MOCAP is None, reason="needs shared/data/mocap beside the project")
+@pytest.mark.skipif(MOCAP is None, reason="needs ../shared/data/mocap, which is not in the project")
 def test_recorded_motion_lies_within_the_joint_limits() -> None:
     assert MOCAP is not None
     far = np.concatenate(

@@ -7,13 +7,15 @@ import pytest
 
 from depth_pose.core.config import MAX_STAMP_GAP_NS
 from depth_pose.people.memory import MEMORY_NS
-from depth_pose.people.tracks import PeopleTracks, Sighting
+from depth_pose.people.segmentation import Sighting
+from depth_pose.people.tracks import PeopleTracks
 
 STEP_NS = 40_000_000
 
 
 def at(x: float, z: float = 3.0, y: float = 0.0, probability: float = 1.0) -> Sighting:
-    return Sighting(np.array([x, y, z]), probability)
+    nowhere = np.zeros((0, 3), np.float32), np.zeros(0, np.float32)
+    return Sighting(1, np.array([x, y, z]), probability, *nowhere)
 
 
 @pytest.fixture

@@ -10,9 +10,6 @@ from pathlib import Path
 
 import pytest
 
-pytest.importorskip("rclpy", reason="ROS 2 is not installed: its tests need it")
-pytest.importorskip("depth_pose_msgs", reason="depth_pose_msgs is not built: the set-up builds it")
-
 if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:  # as in a shell's background job,
     signal.signal(signal.SIGINT, signal.default_int_handler)  # and so in all that the tests start
 

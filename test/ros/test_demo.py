@@ -6,7 +6,7 @@ import scene
 
 from depth_pose.core.errors import InputError
 from depth_pose.core.skeleton import JOINTS
-from depth_pose.io.mcap_read import read_skeletons
+from depth_pose.io.mcap_read import read_people, read_skeletons
 from depth_pose.io.mcap_write import DepthWriter
 from depth_pose.ros.demo import replay_live, run_demo
 
@@ -34,8 +34,10 @@ def test_every_slow_frame_is_answered(tmp_path, bank_path):
         progress=progress.append,
     )
     assert (result.frames, result.answered, result.restarts, result.damage) == (FRAMES, FRAMES, 0, ())
-    assert [s.stamp_ns for s in read_skeletons(tmp_path / "out.mcap")] == stamps
-    assert result.people == sum(not s.is_lost for s in read_skeletons(tmp_path / "out.mcap"))
+    followed, everybody = read_skeletons(tmp_path / "out.mcap"), list(read_people(tmp_path / "out.mcap"))
+    assert [s.stamp_ns for s in followed] == [frame.stamp_ns for frame in everybody] == stamps
+    assert result.occupied == sum(bool(frame.skeletons) for frame in everybody) > 0
+    assert result.people == len({s.body_id for frame in everybody for s in frame.skeletons})
     assert result.input_hz == pytest.approx(1e9 / PERIOD_NS, rel=0.1)
     assert result.latency_s.shape == (FRAMES,) and np.all(result.latency_s > 0.0)
     assert ready == [True] and progress == list(range(1, FRAMES + 1))

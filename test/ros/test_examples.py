@@ -4,7 +4,7 @@ import ast
 import signal
 from pathlib import Path
 
-from depth_pose_msgs.msg import Joint, Skeleton
+from depth_pose_msgs.msg import Joint, Skeleton, SkeletonArray
 from geometry_msgs.msg import Point
 from peer import RELIABLE
 
@@ -13,22 +13,24 @@ from depth_pose.ros.transport.conversions import make_header
 EXAMPLE = Path(__file__).parents[2] / "examples" / "subscribe_skeleton.py"
 
 
-def skeleton(source, confidence=0.9, state=Joint.SEEN):
+def skeleton(body_id, confidence=0.9, state=Joint.SEEN):
     hand = Joint(
         name="right_wrist", position=Point(x=0.5, y=-0.25, z=2.0), confidence=confidence, state=state
     )
-    return Skeleton(header=make_header(1, "optical"), body_id="body_7", source=source, joints=[hand])
+    header = make_header(1, "optical")
+    return Skeleton(header=header, body_id=body_id, source=Skeleton.REFINED, joints=[hand])
 
 
 def test_minimal_subscriber(start, peer):
     process = start(EXAMPLE)
-    out = peer.publisher(Skeleton, "/depth_pose/skeleton", RELIABLE)
-    for message, words in (
-        (skeleton(Skeleton.REFINED), "body_7: right hand at 0.50 -0.25 2.00"),
-        (skeleton(Skeleton.RECOVERED, confidence=0.2), "body_7: right hand not seen"),
-        (skeleton(Skeleton.LOST), "nobody"),
+    out = peer.publisher(SkeletonArray, "/depth_pose/skeletons", RELIABLE)
+    both = [skeleton("body_7"), skeleton("body_8", confidence=0.2)]
+    for skeletons, words in (
+        (both, "body_7: right hand at 0.50 -0.25 2.00\nbody_8: right hand not seen\n"),
+        ([skeleton("body_9", state=Joint.OUTSIDE_IMAGE)], "body_9: right hand not seen\n"),
+        ([], "nobody\n"),
     ):
-        out.publish(message)
+        out.publish(SkeletonArray(header=make_header(1, "optical"), skeletons=skeletons))
         process.wait_for(words)
     code, _ = process.end(signal.SIGINT)
     assert code == 0, process.output

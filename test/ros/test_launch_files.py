@@ -2,6 +2,7 @@
 
 import ast
 import importlib.util
+import re
 from pathlib import Path
 
 import pytest
@@ -9,6 +10,7 @@ from yaml import safe_load
 
 from depth_pose.core.config import PipelineConfig
 from depth_pose.ros.nodes.parameters import EVERYWHERE
+from depth_pose.ros.process.names import NODES
 
 SCRIPTS = Path(__file__).parents[2] / "launch_scripts"
 
@@ -16,7 +18,7 @@ SCRIPTS = Path(__file__).parents[2] / "launch_scripts"
 def test_example_parameters_are_valid():
     values = safe_load((SCRIPTS / "params.yaml").read_text())["/**"]["ros__parameters"]
     sections = {k: v for k, v in values.items() if isinstance(v, dict)}
-    PipelineConfig.from_mapping(sections)
+    assert PipelineConfig.from_mapping(sections) == PipelineConfig()  # it shows the defaults
     assert set(values) - set(sections) <= EVERYWHERE
 
 
@@ -25,6 +27,12 @@ def test_launch_file_parses():
     tree = ast.parse((SCRIPTS / "depth_pose.launch.py").read_text())
     functions = {n.name for n in tree.body if isinstance(n, ast.FunctionDef)}
     assert "generate_launch_description" in functions
+
+
+def test_launch_file_starts_modules_that_exist():
+    (pattern,) = re.findall(r'f"(depth_pose\.[^"]+)"', (SCRIPTS / "depth_pose.launch.py").read_text())
+    for name in NODES:
+        assert importlib.util.find_spec(pattern.format(name=name)) is not None
 
 
 def test_launch_file_runs_where_launch_is_there():

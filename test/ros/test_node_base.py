@@ -122,6 +122,10 @@ def test_lossless_mode_answers_every_frame_in_order(trial, peer):
 
 
 def parameter(name, value):
+    if isinstance(value, str):
+        return Parameter(
+            name=name, value=ParameterValue(type=ParameterType.PARAMETER_STRING, string_value=value)
+        )
     if isinstance(value, int):
         return Parameter(
             name=name, value=ParameterValue(type=ParameterType.PARAMETER_INTEGER, integer_value=value)
@@ -144,6 +148,8 @@ def test_parameters_have_ranges_and_can_be_set(trial, peer):
     refused = put("segment.working_height", 5)
     assert not refused.successful and refused.reason
     assert not put("queue", 3).successful
+    assert put("zone", "1:4.5").successful  # one of the names without a section
+    assert not put("zone", "near").successful
     a.publish(image(1))
     b.publish(image(1))
     peer.until(lambda: answers, what="the answer")
@@ -156,6 +162,7 @@ def test_parameters_have_ranges_and_can_be_set(trial, peer):
         ("segment.nearest:=1.0", "segment.nearest"),
         ("segment.near:=-1.0", "segment.near"),
         ("segment.near:=close", "segment.near"),
+        ("zone:=near", "zone is 'near'"),
         ("bogus:=1", "bogus"),
     ],
 )

@@ -15,7 +15,12 @@ CAMERA = Camera(160, 120, 140.0, 141.0, 79.0, 60.0)
 
 @pytest.fixture(scope="module")
 def scenes() -> list[Scene]:
-    return [sample_scene(np.random.default_rng([7, i]), people=i % 4) for i in range(16)]
+    return [sample_scene(np.random.default_rng([7, i]), people=i % 4) for i in range(12)]
+
+
+@pytest.fixture(scope="module")
+def loners() -> list[Scene]:
+    return [sample_scene(np.random.default_rng([8, i]), people=1) for i in range(24)]
 
 
 def test_the_same_state_gives_the_same_scene() -> None:
@@ -54,35 +59,33 @@ def test_nobody_is_in_a_scene_without_people(scenes: list[Scene]) -> None:
         assert not np.isin(scene.kind, (Kind.PERSON, Kind.HELD)).any()
 
 
-def test_up_is_the_way_from_the_feet_to_the_head_of_who_stands() -> None:
+def test_up_is_the_way_from_the_feet_to_the_head_of_who_stands(loners: list[Scene]) -> None:
     found = 0
-    for i in range(40):
-        scene = sample_scene(np.random.default_rng([8, i]), people=1)
+    for scene in loners:
         assert np.linalg.norm(scene.up) == pytest.approx(1.0, abs=1e-5)
         for joints in scene.joints:
             feet = joints[[JOINT_INDEX["left_ankle"], JOINT_INDEX["right_ankle"]]].mean(axis=0)
             rise = (joints[JOINT_INDEX["head"]] - feet) @ scene.up
             found += rise > 0.85 * np.linalg.norm(joints[JOINT_INDEX["head"]] - feet)
-    assert found >= 15
+    assert found >= len(loners) // 3
 
 
-def test_joints_of_unhidden_people_fall_on_their_own_pixels() -> None:
+def test_joints_of_unhidden_people_fall_on_their_own_pixels(loners: list[Scene]) -> None:
     on, asked = 0, 0
     names = ("pelvis", "spine", "chest", "head", "left_hip", "right_hip")
-    for i in range(60):
-        scene = sample_scene(np.random.default_rng([9, i]), people=1)
-        for p in np.flatnonzero(scene.visible > 0.95):
+    for scene in loners:
+        for p in np.flatnonzero(scene.visible > 0.9):
             c, (x, y, z) = scene.camera, scene.joints[p, [JOINT_INDEX[n] for n in names]].T
             u, v = np.rint(c.fx * x / z + c.cx).astype(int), np.rint(c.fy * y / z + c.cy).astype(int)
             inside = (u >= 0) & (u < c.width) & (v >= 0) & (v < c.height)
             asked += inside.sum()
             on += (scene.person[v[inside], u[inside]] == p + 1).sum()
             assert scene.seen[p, [JOINT_INDEX[n] for n in names]][inside].mean() > 0.8
-    assert asked > 40 and on / asked > 0.95
+    assert asked > 25 and on / asked > 0.9
 
 
 def test_as_many_people_as_may_be_asked_for() -> None:
-    counts = [len(sample_scene(np.random.default_rng([10, i]), people=MOST_PEOPLE).joints) for i in range(8)]
+    counts = [len(sample_scene(np.random.default_rng([10, i]), people=MOST_PEOPLE).joints) for i in range(4)]
     assert max(counts) == MOST_PEOPLE and min(counts) >= 1
 
 

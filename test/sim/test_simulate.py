@@ -10,7 +10,7 @@ import pytest
 
 from depth_pose.core.errors import ConfigError
 from depth_pose.core.skeleton import ADULT_STATURE_M, JOINT_INDEX, JOINTS, rest_nodes
-from depth_pose.evaluate.score import load_truth
+from depth_pose.evaluate.truth import load_truth
 from depth_pose.io.mcap_read import DepthReader
 from depth_pose.motion.clip import Clip
 from depth_pose.sim.config import Person, Placement, Room
@@ -134,6 +134,5 @@ def test_resampling_keeps_the_motion() -> None:
 
 
 def test_captured_motion(tmp_path: Path) -> None:
-    pytest.importorskip("depth_pose.motion.bvh", reason="the BVH reader is not in this tree yet")
     with pytest.raises(Exception, match=r"none\.bvh"):
         load_motion(str(tmp_path / "none.bvh"), 25.0, 1.0)

@@ -72,17 +72,46 @@ def test_nobody(extractor):
     assert np.isnan(people.points).all()
 
 
-def test_the_person_is_forgotten_where_stamps_jump(person):
-    """A child is followed while an adult comes in; not after a jump of the stamps."""
+def child_and_adult(adult):
+    """A room with a child in it, and with an adult beside."""
     child = syn.draw(syn.mesh(syn.posed(syn.arms_down(), distance=2.8, aside=-0.95, scale=0.75)))
     alone = np.minimum(child, syn.room())
-    both = np.minimum(np.minimum(person, child), syn.room())
+    return alone, np.minimum(adult, alone)
+
+
+def test_people_are_named_anew_where_stamps_jump(person):
+    """A child is followed while an adult comes in; not after a jump of the stamps."""
+    alone, both = child_and_adult(person)
     for step_ns, same in ((syn.STEP_NS, True), (-syn.STEP_NS, False), (10**9, False)):
         extractor = PeopleExtractor(SegmentConfig(), DenoiseConfig())
+        (first,) = extractor.extract(syn.to_frame(alone)).persons
+        later = extractor.extract(syn.to_frame(both, syn.START_NS + step_ns)).persons
+        names = {p.body_id: np.median(p.points[:, 0]) for p in later}
+        assert len(names) == 2
+        assert (first.body_id in names) == same
+        assert min(names.values()) < -0.5 < max(names.values())
+        if same:
+            assert names[first.body_id] < -0.5
+
+
+def test_planes_forget_the_person_where_stamps_jump(person):
+    """The paper's way cuts one person out: the child who is followed, or the adult who is larger."""
+    alone, both = child_and_adult(person)
+    for step_ns, same in ((syn.STEP_NS, True), (-syn.STEP_NS, False), (10**9, False)):
+        extractor = PeopleExtractor(SegmentConfig(method="planes"), DenoiseConfig())
         extractor.extract(syn.to_frame(alone))
         people = extractor.extract(syn.to_frame(both, syn.START_NS + step_ns))
         x = np.nanmedian(people.points[..., 0])
         assert bool(x < -0.5) == same
+
+
+def test_who_is_outside_the_zone_gets_no_points_of_their_own(person):
+    frame = syn.to_frame(np.minimum(person, syn.room()))
+    (found,) = PeopleExtractor(SegmentConfig(zone="1:9"), DenoiseConfig()).extract(frame).persons
+    extractor = PeopleExtractor(SegmentConfig(zone=":1"), DenoiseConfig())
+    assert found.body_id == "body_1"
+    assert extractor.extract(frame).persons == ()
+    assert extractor.choice.ignored["outside the zone"] == 1
 
 
 def test_warm_up_and_reset_change_nothing(person):

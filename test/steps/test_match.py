@@ -150,8 +150,7 @@ def test_a_wrong_facing_that_agrees_nearly_as_well_gives_way(bank, matcher):
     rough = matcher._compare_roughly(person, 1.0, 64)
     right = rough.take(rough.ranking()[:1])
     half = right.rotations @ syn.rotation("y", 180.0)
-    wrong = replace(
-        right,
+    wrong = right._replace(
         rotations=half,
         nodes=right.nodes[:, MIRROR_NODES],
         scores=right.scores - 0.01,
@@ -159,6 +158,6 @@ def test_a_wrong_facing_that_agrees_nearly_as_well_gives_way(bank, matcher):
     settled = matcher._settle_facing(join([wrong, right]), person, 1.0)
     np.testing.assert_array_equal(settled.rotations[0], right.rotations[0])
     np.testing.assert_array_equal(settled.rotations[1], half[0])
-    far = replace(wrong, scores=right.scores - 0.2)
+    far = wrong._replace(scores=right.scores - 0.2)
     kept = matcher._settle_facing(join([far, right]), person, 1.0)
     np.testing.assert_array_equal(kept.rotations[0], half[0])

@@ -13,7 +13,7 @@ import typer
 from rich.console import Console
 from rich.markup import escape
 
-from depth_pose.core.config import PipelineConfig, Sections, options
+from depth_pose.core.config import SHORT_NAMES, PipelineConfig, Sections, options
 from depth_pose.core.errors import ConfigError, InputError
 
 if TYPE_CHECKING:
@@ -70,10 +70,18 @@ def read_settings(path: Path, config: type[Sections] = PipelineConfig) -> dict[s
         inside = values["/**"]
         everything = inside.get("ros__parameters", {}) if isinstance(inside, Mapping) else {}
         sections = config().as_mapping()
+        everything = dict(_long_name(name, value) for name, value in everything.items())
         values = _nested({k: v for k, v in everything.items() if k.partition(".")[0] in sections})
     if not isinstance(values, Mapping) or not all(isinstance(part, Mapping) for part in values.values()):
         raise ConfigError(f"{path} is to hold settings by step, for instance 'segment: {{near: 0.5}}'")
     return {str(name): dict(part) for name, part in values.items()}
+
+
+def _long_name(name: str, value: Any) -> tuple[str, Any]:
+    """Give the section's name and the field's for a ROS parameter that is named without its section."""
+    if name in SHORT_NAMES and not isinstance(value, Mapping):
+        return ".".join(SHORT_NAMES[name]), value
+    return name, value
 
 
 def _parse(path: Path, text: str) -> Any:

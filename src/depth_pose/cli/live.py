@@ -8,8 +8,8 @@ from typing import Annotated, Any
 
 import typer
 
-from depth_pose.cli.console import console, given, print_facts, setting
-from depth_pose.core.config import RefineConfig, SegmentConfig
+from depth_pose.cli.console import console, print_facts, setting
+from depth_pose.core.config import FollowConfig, RefineConfig, SegmentConfig
 from depth_pose.core.errors import DepthPoseError
 
 _ROS_PACKAGES = ("rclpy", "builtin_interfaces", "rosidl_runtime_py", "rpyutils")
@@ -51,9 +51,14 @@ def up(
     method: Annotated[str | None, setting(RefineConfig, "method")] = None,
     near: Annotated[float | None, setting(SegmentConfig, "near")] = None,
     far: Annotated[float | None, setting(SegmentConfig, "far")] = None,
+    people: Annotated[int | None, setting(SegmentConfig, "most_people", "--people")] = None,
+    zone: Annotated[str | None, setting(SegmentConfig, "zone")] = None,
+    follow: Annotated[str | None, setting(FollowConfig, "whom", "--follow")] = None,
     sim_time: Annotated[bool, typer.Option("--sim-time", help="Take the time from /clock.")] = False,
 ) -> None:
-    """Run the four nodes: a depth sensor's topics in, skeletons on /depth_pose/skeleton out.
+    """Run the four nodes: a depth sensor's topics in, everybody on /depth_pose/skeletons out.
+
+    /depth_pose/skeleton is the one who is followed.
 
     [bold]Examples:[/bold]
 
@@ -61,11 +66,22 @@ def up(
 
     depth-pose up --sensor realsense --far 5
 
+    depth-pose up --zone 1:4.5 --follow nearest
+
     depth-pose up --params my.yaml --bank my_bank.npz
     """
-    chosen = given(method=method, near=near, far=far)
-    names = {"method": "refine.method", "near": "segment.near", "far": "segment.far"}
-    parameters: dict[str, Any] = {names[name]: value for name, value in chosen.items()}
+    parameters: dict[str, Any] = {
+        name: value
+        for name, value in (
+            ("refine.method", method),
+            ("segment.near", near),
+            ("segment.far", far),
+            ("segment.most_people", people),
+            ("zone", zone),
+            ("follow", follow),
+        )
+        if value is not None
+    }
     if sim_time:
         parameters["use_sim_time"] = True
     code = call_ros("process.supervisor", "up", params, sensor, bank, parameters=parameters)
@@ -138,7 +154,7 @@ def record(
 
     [bold]Examples:[/bold]
 
-    depth-pose record -o out.mcap /depth_pose/skeleton
+    depth-pose record -o out.mcap /depth_pose/skeletons
 
     depth-pose record -o all.mcap --seconds 30
     """

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from depth_pose.cli.console import console, given, print_facts, progress_bar, read_settings, setting, warn
-from depth_pose.core.config import PipelineConfig, RefineConfig, SegmentConfig
+from depth_pose.core.config import FollowConfig, PipelineConfig, RefineConfig, SegmentConfig
 
 
 def add_to(app: typer.Typer) -> None:
@@ -26,6 +26,9 @@ def run(
     ] = None,
     near: Annotated[float | None, setting(SegmentConfig, "near")] = None,
     far: Annotated[float | None, setting(SegmentConfig, "far")] = None,
+    people: Annotated[int | None, setting(SegmentConfig, "most_people", "--people")] = None,
+    zone: Annotated[str | None, setting(SegmentConfig, "zone")] = None,
+    follow: Annotated[str | None, setting(FollowConfig, "whom", "--follow")] = None,
     raw: Annotated[bool, typer.Option("--raw", help="Do not filter the joints over time.")] = False,
     params: Annotated[
         Path | None,
@@ -45,11 +48,16 @@ def run(
     depth-pose run in.mcap -o out.mcap --depth-topic /camera/aligned_depth_to_color/image_raw
 
     depth-pose run in.mcap -o out.mcap --near 1 --far 4.5 --method cpd --raw
+
+    depth-pose run in.mcap -o out.mcap --people 2 --follow nearest
+
+    depth-pose run in.mcap -o out.mcap --zone=-1:1,0.5:3.5
     """
     values = read_settings(params) if params else {}
     for section, chosen in (
-        ("segment", given(near=near, far=far)),
+        ("segment", given(near=near, far=far, most_people=people, zone=zone)),
         ("refine", given(method=method)),
+        ("follow", given(whom=follow)),
         ("smooth", {"enabled": False} if raw else {}),
     ):
         if chosen:
@@ -77,6 +85,7 @@ def run(
         ("nobody in view", str(summary.empty)),
         ("most people in a frame", str(summary.most_people)),
     ]
+    facts += [(reason, f"{n} ignored") for reason, n in pipeline.extractor.choice.ignored.items() if n]
     if summary.dropped:
         facts.append(("dropped", str(summary.dropped)))
     sources = ", ".join(f"{n} {name.lower()}" for name, n in summary.sources.items())

@@ -26,7 +26,13 @@ def evaluate(
         Path, typer.Argument(help="Truth file (.npz, or .json of pixels), or a folder of .npz.")
     ],
     predicted: Annotated[Path, typer.Argument(help="Recording of skeletons, or a folder with NAME.mcap.")],
-    topic: Annotated[str, typer.Option(help="The skeletons' topic.")] = SKELETON_TOPIC,
+    topic: Annotated[
+        str | None,
+        typer.Option(
+            help="The skeletons' topic.",
+            show_default=f"{PEOPLE_TOPIC} where the truth is of several people, else {SKELETON_TOPIC}",
+        ),
+    ] = None,
     plot: Annotated[Path | None, typer.Option(help="Picture of the error per joint (PNG).")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print all numbers as JSON.")] = False,
     recording: Annotated[
@@ -35,20 +41,32 @@ def evaluate(
 ) -> None:
     """Score skeletons against known joints.
 
+    Where the truth is of several people: how many are found, how many skeletons are nobody's, how often
+    ids change, and the error of those who are found.
+
     [bold]Examples:[/bold]
 
     depth-pose eval truth/ skeletons/ --plot errors.png
 
     depth-pose eval clip.npz out.mcap --json
 
+    depth-pose eval room.npz room_skeletons.mcap
+
     depth-pose eval joints_2d.json out.mcap --recording in.mcap
     """
     if truth.suffix == ".json":
-        _evaluate_2d(truth, predicted, recording, topic, as_json)
+        _evaluate_2d(truth, predicted, recording, topic or SKELETON_TOPIC, as_json)
+        return
+    from depth_pose.evaluate.truth import tells_of_people
+
+    if tells_of_people(truth):
+        if plot:
+            raise typer.BadParameter("--plot draws the joints of one person; this truth is of several")
+        _evaluate_people(truth, predicted, topic or PEOPLE_TOPIC, as_json)
         return
     from depth_pose.evaluate.score import score
 
-    result = score(truth, predicted, topic)
+    result = score(truth, predicted, topic or SKELETON_TOPIC)
     if as_json:
         _print_json(result)
     else:
@@ -82,6 +100,38 @@ def _evaluate_2d(reference: Path, predicted: Path, recording: Path | None, topic
     )
 
 
+def _evaluate_people(truth: Path, predicted: Path, topic: str, as_json: bool) -> None:
+    from rich.table import Table
+
+    from depth_pose.evaluate.score_people import score_people
+
+    scores = score_people(truth, predicted, topic)
+    if as_json:
+        _print_json(scores)
+        return
+    table = Table("sequence", title="people", title_justify="left", title_style="bold")
+    for name in (
+        "frames",
+        "asked",
+        "recall",
+        "precision",
+        "false",
+        "switches",
+        "IDF1",
+        "mean mm",
+        "PCK 10 cm",
+    ):
+        table.add_column(name, justify="right")
+    for name, s in [*scores.sequences.items(), ("all", scores.total)]:
+        found = (str(s.frames), str(s.asked), _share(s.recall), _share(s.precision), str(s.false))
+        table.add_row(name, *found, str(s.switches), _share(s.idf1), _mm(s.mean_error_mm), _share(s.pck10))
+    console.print(table)
+
+
+def _share(value: float) -> str:
+    return "-" if value != value else f"{value:.3f}"
+
+
 def _print_json(result: Any) -> None:
     from dataclasses import asdict
 
@@ -99,7 +149,7 @@ def _print_score(score: Score) -> None:
     from rich.table import Table
 
     sequences = Table("sequence", title="sequences", title_justify="left", title_style="bold")
-    for name in ("frames", "coverage", "mean mm", "median mm", "95 % mm", "within 10 cm"):
+    for name in ("frames", "coverage", "mean mm", "median mm", "95 % mm", "PCK 10 cm"):
         sequences.add_column(name, justify="right")
     for name, s in score.sequences.items():
         values = (
@@ -107,24 +157,24 @@ def _print_score(score: Score) -> None:
             _mm(s.mean_error_mm),
             _mm(s.median_mm),
             _mm(s.p95_mm),
-            f"{s.mAP10:.3f}",
+            f"{s.pck10:.3f}",
         )
         sequences.add_row(name, str(s.frames), *values)
     joints = Table("joint", title="joints", title_justify="left", title_style="bold")
-    for name in ("mean mm", "offset-free mm", "within 10 cm"):
+    for name in ("mean mm", "offset-free mm", "PCK 10 cm"):
         joints.add_column(name, justify="right")
     for name, j in score.joints.items():
-        joints.add_row(name, _mm(j.mean_error_mm), _mm(j.offset_free_mm), f"{j.mAP10:.3f}")
-    shares = Table("within", title="share of joints", title_justify="left", title_style="bold")
-    for threshold in score.mAP:
+        joints.add_row(name, _mm(j.mean_error_mm), _mm(j.offset_free_mm), f"{j.pck10:.3f}")
+    shares = Table("within", title="PCK: share of joints", title_justify="left", title_style="bold")
+    for threshold in score.pck:
         shares.add_column(f"{threshold * 100:.0f} cm", justify="right")
-    shares.add_row("", *(f"{share:.3f}" for share in score.mAP.values()))
+    shares.add_row("", *(f"{share:.3f}" for share in score.pck.values()))
     for table in (sequences, joints, shares):
         console.print(table)
     console.print(
         f"frames {score.frames}  coverage {score.coverage:.3f}  mean error {_mm(score.mean_error_mm)} mm  "
         f"per sequence {_mm(score.per_sequence_mean_mm)} mm  offset-free {_mm(score.offset_free_mm)} mm  "
-        f"seen {_mm(score.seen_mm)} mm  hidden {_mm(score.hidden_mm)} mm  within 10 cm {score.mAP10:.4f}",
+        f"seen {_mm(score.seen_mm)} mm  hidden {_mm(score.hidden_mm)} mm  PCK 10 cm {score.pck10:.4f}",
         soft_wrap=True,
     )
 

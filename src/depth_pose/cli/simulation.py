@@ -3,14 +3,21 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from depth_pose.cli.console import given, print_facts, progress_bar, setting
+from depth_pose.core.errors import ConfigError
 from depth_pose.sim.config import Person, Placement, Room
 
-_PERSON, _CAMERA = "The person", "The camera and the room"
+if TYPE_CHECKING:
+    from depth_pose.sim.simulate import Stage
+
+_ROOM_FPS = 15.0
+"""Frames a second of a simulated room; that of the sensors that it stands for at their full range."""
+
+_ROOM_WIDTH_PX = 320
 
 
 def add_to(app: typer.Typer) -> None:
@@ -21,14 +28,22 @@ def add_to(app: typer.Typer) -> None:
 def simulate(
     output: Annotated[Path, typer.Option("--output", "-o", help="The recording; the truth goes beside it.")],
     motion: Annotated[
-        str, typer.Option(help="A motion's name (a wrong one lists them), or a BVH file.")
-    ] = "play",
-    sensor: Annotated[str, typer.Option(help="tof or structured.")] = "tof",
+        str | None,
+        typer.Option(help="A motion's name (a wrong one lists them), or a BVH file.", show_default="play"),
+    ] = None,
+    sensor: Annotated[str | None, typer.Option(help="tof or structured.", show_default="tof")] = None,
+    room: Annotated[
+        bool, typer.Option("--room", help="Several people in a furnished room, all drawn from the seed.")
+    ] = False,
+    people: Annotated[
+        int | None,
+        typer.Option(min=0, max=6, help="How many people; goes with --room.", show_default="2"),
+    ] = None,
     width: Annotated[
         int | None, typer.Option(min=64, max=4096, help="Width of the images in pixels; the sensor's own.")
     ] = None,
     seconds: Annotated[float, typer.Option(min=0.04, max=3600.0, help="Length.")] = 10.0,
-    seed: Annotated[int, typer.Option(min=0, help="Of motion and noise.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Of motion and noise, and of a room.")] = 0,
     stature: Annotated[float | None, setting(Person, "stature")] = None,
     girth: Annotated[float | None, setting(Person, "girth")] = None,
     shoulder_width: Annotated[float | None, setting(Person, "shoulder_width")] = None,
@@ -45,9 +60,11 @@ def simulate(
     floor: Annotated[bool | None, setting(Room, "floor", "--floor/--no-floor")] = None,
     wall: Annotated[float | None, setting(Room, "wall")] = None,
 ) -> None:
-    """Record a virtual depth sensor that watches a moving person, with the joints known.
+    """Record a virtual depth sensor that watches a moving person, or a room of people; joints are known.
 
-    Writes NAME.mcap (depth images and their camera) and NAME.npz (the joints).
+    Writes NAME.mcap (depth images and their camera) and NAME.npz (the joints). With --room people of random
+    builds and clothes walk about, hide and cross each other; camera, sensor and furniture are random too,
+    and the same seed gives the same.
 
     [bold]Examples:[/bold]
 
@@ -58,32 +75,50 @@ def simulate(
     depth-pose simulate -o kinect.mcap --sensor structured --width 320
 
     depth-pose simulate -o child.mcap --motion wave --stature 1.2 --head-size 1.25 --seed 3
+
+    depth-pose simulate -o room.mcap --room --people 3 --seed 7
     """
-    from depth_pose.core.errors import ConfigError
-    from depth_pose.sim.motion import load_motion
+    chosen = given(
+        stature=stature,
+        girth=girth,
+        shoulder_width=shoulder_width,
+        hip_width=hip_width,
+        leg_length=leg_length,
+        arm_length=arm_length,
+        trunk_length=trunk_length,
+        head_size=head_size,
+    )
+    placed = given(distance=distance, height=height, azimuth=azimuth, pitch=pitch, roll=roll)
+    shell = given(floor=floor, wall=wall)
+    if not room and people is not None:
+        raise ConfigError("--people goes with --room; without it there is one person")
+    if room:
+        unused = [*given(motion=motion, sensor=sensor), *chosen, *placed, *shell]
+        if unused:
+            raise ConfigError(f"--room draws all from --seed; leave out --{unused[0].replace('_', '-')}")
+        _simulate_room(output, 2 if people is None else people, width or _ROOM_WIDTH_PX, seconds, seed)
+        return
+    stage = _stage(sensor or "tof", width, Placement(**placed), Room(**shell))
+    _simulate_person(output, Person(**chosen), stage, motion or "play", seconds, seed)
+
+
+def _stage(sensor: str, width: int | None, placement: Placement, room: Room) -> Stage:
     from depth_pose.sim.sensor import SENSORS
     from depth_pose.sim.simulate import Stage
-    from depth_pose.sim.simulate import simulate as record
 
     if sensor not in SENSORS:
         raise ConfigError(f"there is no sensor {sensor!r}; it is one of {', '.join(SENSORS)}")
-    person = Person(
-        **given(
-            stature=stature,
-            girth=girth,
-            shoulder_width=shoulder_width,
-            hip_width=hip_width,
-            leg_length=leg_length,
-            arm_length=arm_length,
-            trunk_length=trunk_length,
-            head_size=head_size,
-        )
-    )
-    placement = Placement(**given(distance=distance, height=height, azimuth=azimuth, pitch=pitch, roll=roll))
-    model = SENSORS[sensor] if width is None else SENSORS[sensor].with_width(width)
-    stage = Stage(model, placement, Room(**given(floor=floor, wall=wall)))
+    return Stage(SENSORS[sensor] if width is None else SENSORS[sensor].with_width(width), placement, room)
+
+
+def _simulate_person(
+    output: Path, person: Person, stage: Stage, motion: str, seconds: float, seed: int
+) -> None:
+    from depth_pose.sim.motion import load_motion
+    from depth_pose.sim.simulate import simulate as record
+
     clip = load_motion(motion, stage.sensor.fps, seconds, seed)
-    with progress_bar(f"{sensor} sensor, {motion}", len(clip)) as update:
+    with progress_bar(f"{motion} before the sensor", len(clip)) as update:
         truth = record(output, person.body(), clip, stage, seed, lambda done, _: update(done))
     camera = stage.sensor.camera
     print_facts(
@@ -96,3 +131,23 @@ def simulate(
             ("truth", str(output.with_suffix(".npz"))),
         ],
     )
+
+
+def _simulate_room(output: Path, people: int, width: int, seconds: float, seed: int) -> None:
+    import numpy as np
+
+    from depth_pose.sim.clips import sample_clip, write_clip
+
+    frames = max(1, round(seconds * _ROOM_FPS))
+    with progress_bar("people in a room", frames) as update:
+        clip = sample_clip(np.random.default_rng(seed), frames, _ROOM_FPS, people, width, update)
+    write_clip(output, clip)
+    facts = [
+        ("people", str(clip.joints.shape[1])),
+        ("frames", f"{frames} at {_ROOM_FPS:g} per second"),
+        ("images", f"{clip.camera.width} x {clip.camera.height}"),
+        ("truth", str(output.with_suffix(".npz"))),
+    ]
+    if people:
+        facts.insert(1, ("visible of a person", f"{clip.visible.mean():.0%} on average"))
+    print_facts(str(output), facts)

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field, fields
 from typing import Any, TypeVar
 
 from depth_pose.core.errors import ConfigError
+from depth_pose.core.zone import parse_zone
 
 T = TypeVar("T")
 
@@ -148,6 +149,16 @@ class SegmentConfig(_Checked):
     min_height: float = option(
         0.4, "Least visible extent of a person; planes only", unit="m", low=0.1, high=2.0
     )
+    most_people: int = option(0, "At most so many people, the nearest; 0: all", low=0, high=254)
+    zone: str = option(
+        "",
+        "Only people in here, in the sensor's frame, in metres: distances, 1.0:4.5, or a box, X0:X1,Z0:Z1 or "
+        "X0:X1,Y0:Y1,Z0:Z1; empty: everywhere",
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        parse_zone(self.zone)
 
 
 @dataclass(frozen=True)
@@ -453,6 +464,10 @@ class PipelineConfig(Sections):
     def fitting(self) -> FittingConfig:
         """The settings of the fits."""
         return FittingConfig(self.fit, self.cpd, self.completion, self.temporal)
+
+
+SHORT_NAMES: dict[str, tuple[str, str]] = {"follow": ("follow", "whom"), "zone": ("segment", "zone")}
+"""ROS parameters that are named without their section: the name, and the setting's section and field."""
 
 
 MAX_STAMP_GAP_NS = 500_000_000

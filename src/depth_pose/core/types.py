@@ -58,7 +58,7 @@ class FoundPerson:
     body_id : str
         Stays the same while they are followed.
     probability : float
-        That this is a person, 0 to 1.
+        That this is a person, 0 to 1, after all frames in which they were followed.
     proposals : (J, 3) float32
         Where the finder sees their joints (`depth_pose.people.FINDER_JOINTS`), camera frame, metres;
         no rows where it does not say.

@@ -47,7 +47,7 @@ def save_joint_errors(score: Score, path: Path | str, title: str = "") -> None:
     for row, name in enumerate(names):
         joint = score.joints[name]
         text = (
-            f"{joint.mean_error_mm:.0f} mm   {joint.mAP10:.0%}" if np.isfinite(errors[row]) else "no answer"
+            f"{joint.mean_error_mm:.0f} mm   {joint.pck10:.0%}" if np.isfinite(errors[row]) else "no answer"
         )
         reach = np.nanmax([errors[row], offset_free[row], 0.0])
         axes.text(reach + 0.02 * most, row, text, va="center", fontsize=8, color="#333333")
@@ -61,7 +61,7 @@ def save_joint_errors(score: Score, path: Path | str, title: str = "") -> None:
     axes.spines[["top", "right"]].set_visible(False)
     numbers = (
         f"{score.mean_error_mm:.1f} mm, offset-free {score.offset_free_mm:.1f} mm, "
-        f"within 10 cm {score.mAP10:.1%}, coverage {score.coverage:.1%} of {score.frames} frames"
+        f"within 10 cm {score.pck10:.1%}, coverage {score.coverage:.1%} of {score.frames} frames"
     )
     axes.set_title(f"{title}\n{numbers}" if title else numbers, fontsize=10, loc="left")
     figure.tight_layout()

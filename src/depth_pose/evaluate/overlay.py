@@ -14,8 +14,9 @@ from depth_pose.core.errors import InputError
 from depth_pose.core.skeleton import BONES, JOINT_INDEX, JOINTS, JointState
 from depth_pose.core.types import DepthFrame, Skeleton
 from depth_pose.evaluate.figures import LEFT, MIDDLE, RIGHT
-from depth_pose.evaluate.score import STAMP_TOLERANCE_NS, KnownJoints, load_truth
+from depth_pose.evaluate.score_people import WEAK_SHARE
 from depth_pose.evaluate.shading import shade_depth
+from depth_pose.evaluate.truth import STAMP_TOLERANCE_NS, KnownPeople, load_known_people
 from depth_pose.io.mcap_read import DepthReader, read_people
 from depth_pose.io.schemas import PEOPLE_TOPIC
 
@@ -67,7 +68,7 @@ def save_overlay(
     frames : int
         How many frames to show.
     truth_path : Path or str, optional
-        A truth file; its skeleton is drawn dashed, and each frame's error is given.
+        A truth file; its skeletons are drawn dashed. Of one person each frame's error is given.
     depth_topic, skeleton_topic : str, optional
         The topics.
 
@@ -76,22 +77,23 @@ def save_overlay(
     InputError
         Where a file cannot be used.
     """
-    panels = _collect(recording_path, skeleton_path, frames, truth_path, depth_topic, skeleton_topic)
+    panels = collect_panels(recording_path, skeleton_path, frames, truth_path, depth_topic, skeleton_topic)
     _draw_sheet(panels, Path(png_path), Path(recording_path).stem)
 
 
-def _collect(
+def collect_panels(
     recording_path: Path | str,
     skeleton_path: Path | str,
     frames: int,
-    truth_path: Path | str | None,
-    depth_topic: str | None,
-    skeleton_topic: str,
+    truth_path: Path | str | None = None,
+    depth_topic: str | None = None,
+    skeleton_topic: str = PEOPLE_TOPIC,
 ) -> list[Panel]:
+    """Choose the frames of a sheet, spread over the recording; arguments as of `save_overlay`."""
     if frames < 1:
         raise InputError(f"frames is {frames}; it must be at least 1")
     answers = {s.stamp_ns: s.skeletons for s in read_people(skeleton_path, skeleton_topic)}
-    truth = load_truth(truth_path) if truth_path else None
+    truth = load_known_people(truth_path) if truth_path else None
     reader = DepthReader(recording_path, depth_topic)
     # of each equal part the frame nearest to its middle, one with an answer where there is any
     chosen: dict[int, tuple[tuple[bool, float], Panel]] = {}
@@ -107,14 +109,14 @@ def _collect(
     return [chosen[part][1] for part in sorted(chosen)]
 
 
-def _known(truth: KnownJoints | None, stamp_ns: int) -> NDArray[np.float64]:
-    """Give the known joints of a frame, (P, 19, 3)."""
+def _known(truth: KnownPeople | None, stamp_ns: int) -> NDArray[np.float64]:
+    """Give the known joints of whom the frame shows, (P, 19, 3)."""
     none = np.zeros((0, len(JOINTS), 3))
     if truth is None or truth.names != JOINTS:
         return none
     nearest = int(np.argmin(np.abs(truth.stamps_ns - stamp_ns)))
     near = abs(int(truth.stamps_ns[nearest]) - stamp_ns) <= STAMP_TOLERANCE_NS
-    return truth.joints[nearest].reshape(-1, len(JOINTS), 3) if near else none
+    return truth.joints[nearest][truth.visible[nearest] >= WEAK_SHARE] if near else none
 
 
 def _draw_sheet(panels: list[Panel], path: Path, title: str) -> None:

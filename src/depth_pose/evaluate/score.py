@@ -2,7 +2,8 @@
 
 Errors are distances between a joint's known and its answered position. A frame is answered
 by the skeleton whose stamp is nearest to the truth's, within 2 ms. The mean errors are over
-answered joints; the shares (``mAP``) count a joint or a frame without an answer as a miss.
+answered joints; the shares (``pck``, percentage of correct keypoints as a fraction) count a joint or a
+frame without an answer as a miss.
 
 Bodies differ in where exactly a joint is said to be. The offset-free error takes out each
 joint's constant offset in a frame that turns with the torso: x from the right shoulder and
@@ -21,34 +22,12 @@ from numpy.typing import NDArray
 
 from depth_pose.core.errors import InputError
 from depth_pose.core.skeleton import JOINTS
+from depth_pose.evaluate.truth import STAMP_TOLERANCE_NS, KnownJoints, load_truth, pair_files
 from depth_pose.io.mcap_read import read_skeletons
 from depth_pose.io.schemas import SKELETON_TOPIC
 
 THRESHOLDS_M = (0.02, 0.03, 0.05, 0.07, 0.10, 0.15, 0.20)
 """Distances at which shares of joints are given, metres."""
-
-STAMP_TOLERANCE_NS = 2_000_000
-_TRUTH_FIELDS = ("joints", "names", "stamps_ns", "seen")
-
-
-@dataclass(frozen=True)
-class KnownJoints:
-    """A truth file.
-
-    Attributes
-    ----------
-    joints : (T, J, 3) float64
-        Optical frame, metres.
-    names : tuple of str
-        The J joints.
-    stamps_ns : (T,) int64
-    seen : (T, J) bool
-    """
-
-    joints: NDArray[np.float64]
-    names: tuple[str, ...]
-    stamps_ns: NDArray[np.int64]
-    seen: NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -80,7 +59,7 @@ class JointScore:
 
     mean_error_mm: float
     offset_free_mm: float
-    mAP10: float
+    pck10: float
 
 
 @dataclass(frozen=True)
@@ -95,7 +74,7 @@ class SequenceScore:
         Share of frames with an answer for every joint.
     mean_error_mm, median_mm, p95_mm : float
         Over answered joints; NaN if there are none.
-    mAP10 : float
+    pck10 : float
         Share of joints within 10 cm.
     """
 
@@ -104,7 +83,7 @@ class SequenceScore:
     mean_error_mm: float
     median_mm: float
     p95_mm: float
-    mAP10: float
+    pck10: float
 
 
 @dataclass(frozen=True)
@@ -122,7 +101,7 @@ class Score:
         side that the sensor sees; of the others. NaN where there are none.
     per_sequence_mean_mm : float
         Mean of the sequences' mean errors.
-    mAP : mapping of float to float
+    pck : mapping of float to float
         Share of joints within each of `THRESHOLDS_M`.
     joints : mapping of str to JointScore
     sequences : mapping of str to SequenceScore
@@ -135,43 +114,14 @@ class Score:
     offset_free_mm: float
     seen_mm: float
     hidden_mm: float
-    mAP: Mapping[float, float]
+    pck: Mapping[float, float]
     joints: Mapping[str, JointScore]
     sequences: Mapping[str, SequenceScore]
 
     @property
-    def mAP10(self) -> float:
+    def pck10(self) -> float:
         """Share of joints within 10 cm."""
-        return self.mAP[0.10]
-
-
-def load_truth(path: Path | str) -> KnownJoints:
-    """Read a truth file (``NAME.npz``).
-
-    Raises
-    ------
-    InputError
-        Where it is missing or lacks a field.
-    """
-    try:
-        with np.load(path, allow_pickle=False) as file:
-            missing = [name for name in _TRUTH_FIELDS if name not in file.files]
-            if missing:
-                raise InputError(f"{path} is no truth file: it has no {', '.join(missing)}")
-            joints = file["joints"].astype(np.float64)
-            names = tuple(str(name) for name in file["names"])
-            stamps, seen = file["stamps_ns"].astype(np.int64), file["seen"].astype(bool)
-    except OSError as error:
-        raise InputError(f"{path} cannot be read: {error.strerror or error}") from error
-    except ValueError as error:
-        raise InputError(f"{path} is no truth file: {error}") from error
-    shape = (len(stamps), len(names))
-    if joints.shape != (*shape, 3) or seen.shape != shape:
-        raise InputError(
-            f"{path}: joints {joints.shape} and seen {seen.shape} do not fit "
-            f"{len(stamps)} stamps and {len(names)} names"
-        )
-    return KnownJoints(joints, names, stamps, seen)
+        return self.pck[0.10]
 
 
 def match_sequence(
@@ -245,7 +195,7 @@ def score_sequences(sequences: list[SequenceErrors]) -> Score:
         offset_free_mm=_mean_mm(offset_free),
         seen_mm=_mean_mm(errors[seen]),
         hidden_mm=_mean_mm(errors[~seen]),
-        mAP={t: float((errors < t).mean()) for t in THRESHOLDS_M},
+        pck={t: float((errors < t).mean()) for t in THRESHOLDS_M},
         joints={
             name: JointScore(
                 _mean_mm(errors[:, j]), _mean_mm(offset_free[:, j]), float((errors[:, j] < 0.10).mean())
@@ -264,7 +214,7 @@ def _score_sequence(errors: NDArray[np.float64]) -> SequenceScore:
         mean_error_mm=_mean_mm(errors),
         median_mm=_median(known),
         p95_mm=float(np.percentile(known, 95)) if known.size else float("nan"),
-        mAP10=float((errors < 0.10).mean()),
+        pck10=float((errors < 0.10).mean()),
     )
 
 
@@ -305,21 +255,8 @@ def score(truth: Path | str, predicted: Path | str, topic: str = SKELETON_TOPIC)
     InputError
         Where there is no truth, or no recording at all.
     """
-    pairs = _pairs(Path(truth), Path(predicted))
-    if not any(recording.exists() for _, recording in pairs):
-        raise InputError(f"{predicted} has no recording for {', '.join(t.stem for t, _ in pairs)}")
+    pairs = pair_files(Path(truth), Path(predicted))
     return score_sequences([match_sequence(t.stem, load_truth(t), read_answers(p, topic)) for t, p in pairs])
-
-
-def _pairs(truth: Path, predicted: Path) -> list[tuple[Path, Path]]:
-    if truth.is_dir():
-        files = sorted(truth.glob("*.npz"))
-        if not files:
-            raise InputError(f"{truth} has no truth files (*.npz)")
-        if predicted.is_file():
-            raise InputError(f"{truth} is a folder, so {predicted} must be one too")
-        return [(file, predicted / f"{file.stem}.mcap") for file in files]
-    return [(truth, predicted / f"{truth.stem}.mcap" if predicted.is_dir() else predicted)]
 
 
 def read_answers(path: Path, topic: str = SKELETON_TOPIC) -> dict[int, dict[str, NDArray[np.float64]]]:

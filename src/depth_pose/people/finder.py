@@ -143,6 +143,8 @@ class FoundPeople:
         The number of the person that a pixel shows; 0: nobody.
     camera : Camera
         Camera of the working grid.
+    chance : (h, w) float32
+        What the net says of every pixel's chance to show a person, 0 to 1.
     people : tuple of FoundPerson
         Nearest first.
     """
@@ -150,6 +152,7 @@ class FoundPeople:
     depth: NDArray[np.float32]
     labels: NDArray[np.uint8]
     camera: Camera
+    chance: NDArray[np.float32]
     people: tuple[FoundPerson, ...]
 
 
@@ -310,7 +313,7 @@ class PeopleFinder:
             for n, k in enumerate(chosen)
             if pixels[n] >= _LEAST_PIXELS
         )
-        return FoundPeople(depth, labels, camera, people)
+        return FoundPeople(depth, labels, camera, _spread(mask, image, camera), people)
 
     def cluster(self, image: NetImage) -> tuple[NDArray[np.float32], Clusters]:
         """Let the net vote, and gather the votes.
@@ -403,6 +406,15 @@ class PeopleFinder:
             depth, labels, chance, _LIMB_CHANCE, _GROW_JUMP, _LIMB_AREA_M2, *focal, queue, marks
         )
         return labels
+
+
+def _spread(mask: NDArray[np.float32], image: NetImage, camera: Camera) -> NDArray[np.float32]:
+    """Chance of a person at every pixel of another grid of the same camera, from the nearest net pixel."""
+    ratio = image.camera.fx / camera.fx
+    rows = np.rint((np.arange(camera.height) - camera.cy) * ratio + image.camera.cy).astype(np.int64)
+    cols = np.rint((np.arange(camera.width) - camera.cx) * ratio + image.camera.cx).astype(np.int64)
+    near = mask[rows.clip(0, image.rows - 1)[:, None], cols.clip(0, image.cols - 1)]
+    return 1.0 / (1.0 + np.exp(-near))
 
 
 def _person(

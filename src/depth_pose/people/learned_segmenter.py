@@ -9,19 +9,26 @@ from depth_pose.core.camera import Camera
 from depth_pose.core.config import SegmentConfig
 from depth_pose.core.types import BACKGROUND, HIDDEN, DepthFrame
 from depth_pose.people import _segment_kernels as kernels
-from depth_pose.people.finder import PeopleFinder
+from depth_pose.people.finder import FoundPeople, PeopleFinder
+from depth_pose.people.planes import PlaneFinder
 from depth_pose.people.segmentation import Segmentation, Sighting
 
 
 class LearnedSegmenter:
-    """Finds everybody by `depth_pose.people.finder`; keeps nothing from frame to frame."""
+    """Finds everybody by `depth_pose.people.finder`; remembers the room's large planes.
+
+    What the net says is completed along surfaces: hands and feet that it missed go on from somebody's
+    surface once floor and walls are taken out.
+    """
 
     def __init__(self, config: SegmentConfig) -> None:
         self.config = config
         self._finder = PeopleFinder(config)
+        self._planes = PlaneFinder()
 
     def reset(self) -> None:
-        """Forget nothing: nothing is kept."""
+        """Forget the room."""
+        self._planes.reset()
 
     def warm_up(self) -> None:
         """Compile every kernel, and load the net."""
@@ -32,7 +39,7 @@ class LearnedSegmenter:
     def segment(self, frame: DepthFrame) -> Segmentation:
         """Label every pixel of the working grid."""
         found = self._finder.find(frame)
-        labels = self._mark_hidden(found.depth, found.labels, found.camera)
+        labels = self._complete(found)
         is_person = (labels != BACKGROUND) & (labels != HIDDEN)
         return Segmentation(
             depth=np.where(is_person, found.depth, np.float32(0)),
@@ -50,14 +57,17 @@ class LearnedSegmenter:
             ),
         )
 
-    def _mark_hidden(
-        self, depth: NDArray[np.float32], people: NDArray[np.uint8], camera: Camera
-    ) -> NDArray[np.uint8]:
-        """Drop flying pixels, and mark what is nearer than the people beside it, or did not return."""
-        jump = self.config.depth_jump
-        labels = people.copy()
-        for label in range(1, int(people.max()) + 1):
-            own = people == label
+    def _complete(self, found: FoundPeople) -> NDArray[np.uint8]:
+        """Add limbs that the net missed, drop flying pixels, mark what may hide more of people."""
+        depth, camera, jump = found.depth, found.camera, self.config.depth_jump
+        labels = found.labels.copy()
+        if found.people:
+            planes = self._planes.mark(camera.back_project(depth), camera)
+            free = np.where(planes & (labels == BACKGROUND), np.float32(0), depth)
+            limits = kernels.LimbLimits(jump, _LIMB_M2, _LIMB_WIDTH_M, _LIMB_CHANCE)
+            kernels.attach_limbs(free, labels, found.chance, camera, limits)
+        for label in range(1, int(labels.max()) + 1):
+            own = labels == label
             kept = kernels.filter_support(depth, own, jump, self.config.min_support)
             labels[own & ~kept] = HIDDEN
         missing = depth == 0
@@ -66,6 +76,10 @@ class LearnedSegmenter:
         kernels.mark_nearer(depth, labels, camera, jump)
         return labels
 
+
+_LIMB_M2, _LIMB_WIDTH_M, _LIMB_CHANCE = 0.15, 0.13, 0.05
+"""Most that the net misses of a person, square metres: an arm and a half, seen from the side; and the least
+mean chance that the net gives such a part. By hand: of .02, .05 and .1 on the development clips."""
 
 _CUT_AWAY = 0.5
 """Where more of an image is missing than this share, the background was cut away: it is free space."""

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.camera import Camera
+from depth_pose.core.skeleton import JOINT_INDEX, JOINTS
 from depth_pose.core.types import PERSON, FoundPerson
 from depth_pose.fit.rendered_depth import Observation, observe
 from depth_pose.people import _person_kernels as kernels
@@ -26,6 +27,11 @@ _MARGIN_M = 0.35
 
 _CUT_WIDTH_M = 0.22
 """A cut through a trunk is wider than this; one through ankles or shins is not."""
+
+_KNEE_M = 0.15
+"""A knee that the finder proposes is seen if a pixel of the person lies this close to it; set by hand."""
+
+_KNEES = [JOINT_INDEX["left_knee"], JOINT_INDEX["right_knee"]]
 
 _SIDE_PIXELS = 3
 """A person with more pixels than this in the outermost columns may go on beyond them."""
@@ -48,7 +54,8 @@ class Person:
     full, coarse : Observation
         A window around the person, at full and at half resolution.
     is_cut_below : bool
-        Whether the image's lower border cuts through the person above the legs.
+        Whether the legs are not seen: the image's lower border cuts through the person above them, or
+        something hides both knees.
     is_cut_beside : bool
         Whether the image's left or right border may cut through the person.
     """
@@ -145,9 +152,26 @@ def _see_person(
         points=taken,
         full=observe(depth, own, camera, 1, _MARGIN_M),
         coarse=observe(depth, own, camera, 2, _MARGIN_M),
-        is_cut_below=bool(low.any() and np.ptp(points[-1, low, 0]) > _CUT_WIDTH_M),
+        is_cut_below=bool(low.any() and np.ptp(points[-1, low, 0]) > _CUT_WIDTH_M)
+        or _hides_knees(own, camera, found.proposals),
         is_cut_beside=int((own[:, [0, 1, -2, -1]] == PERSON).sum()) > _SIDE_PIXELS,
     )
+
+
+def _hides_knees(own: NDArray[np.uint8], camera: Camera, proposals: NDArray[np.float32]) -> bool:
+    """Tell whether no pixel of the person lies near the knees that the finder proposes."""
+    if len(proposals) != len(JOINTS):
+        return False
+    for x, y, z in proposals[_KNEES].tolist():
+        if not z > 0.0:
+            continue
+        u, v = camera.project(np.array([x, y, z])).tolist()
+        reach = _KNEE_M * camera.fx / z
+        top, left = max(0, round(v - reach)), max(0, round(u - reach))
+        window = own[top : max(0, round(v + reach) + 1), left : max(0, round(u + reach) + 1)]
+        if (window == PERSON).any():
+            return False
+    return True
 
 
 def thin_image(observed: Observation, distance: float, spacing_m: float) -> Observation:

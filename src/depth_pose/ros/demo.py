@@ -18,8 +18,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from depth_pose.io._recording import RawMessage
-from depth_pose.io.mcap_read import DepthReader, DepthTopic, read_skeletons
-from depth_pose.io.schemas import POINT_CLOUD, SKELETON_TOPIC
+from depth_pose.io.mcap_read import DepthReader, DepthTopic, read_people
+from depth_pose.io.schemas import PEOPLE_TOPIC, POINT_CLOUD, SKELETON_TOPIC
 from depth_pose.ros.process.supervisor import Suite
 from depth_pose.ros.transport.bag import Player, Recorder, header_stamp_ns
 from depth_pose.ros.transport.player import Played
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from depth_pose.evaluate.score import Score
 
 _QUIET_S, _FIRST_S = 3.0, 15.0
-"""Seconds without another skeleton, and without the first, after which the rest was dropped. Set by hand."""
+"""Seconds without another answer, and without the first, after which the rest was dropped. Set by hand."""
 
 
 @dataclass(frozen=True)
@@ -43,14 +43,16 @@ class DemoResult:
     ----------
     recording, skeletons : Path
         The depth recording, and that of its skeletons.
-    frames, answered, people : int
-        Frames played; those that a skeleton came for; those of them with somebody in view.
+    frames, answered, occupied : int
+        Frames played; those that an answer came for; those of them with somebody in view.
+    people : int
+        People in the recording, by their ids.
     input_hz, output_hz : float
-        Frames and skeletons a second; NaN for fewer than two.
+        Frames and answers a second; NaN for fewer than two.
     latency_s : (answered,) float64
-        Wall time from publishing a frame to receiving its skeleton, seconds.
+        Wall time from publishing a frame to receiving its whole answer, seconds.
     wall_s : float
-        From the first frame to the last skeleton.
+        From the first frame to the last answer.
     restarts : int
         How often a node died and was started again.
     damage : tuple of str
@@ -61,6 +63,7 @@ class DemoResult:
     skeletons: Path
     frames: int
     answered: int
+    occupied: int
     people: int
     input_hz: float
     output_hz: float
@@ -71,12 +74,16 @@ class DemoResult:
 
 
 class _Timing:
-    """Wall times of frames going out and skeletons coming in, by stamp."""
+    """Wall times of frames going out and answers coming in, by stamp.
+
+    A frame's answer is whole once both of its messages are in: everybody's, and the followed one's.
+    """
 
     def __init__(self, depth_topic: str, told: Callable[[int], None]) -> None:
         self._depth_topic, self._told = depth_topic, told
         self.sent_ns: dict[int, int] = {}
         self.received_ns: dict[int, int] = {}
+        self._half: dict[int, str] = {}
         self.changed_s = time.monotonic()
 
     def sent(self, message: RawMessage, now_ns: int) -> None:
@@ -85,7 +92,10 @@ class _Timing:
             self.changed_s = time.monotonic()
 
     def received(self, topic: str, data: bytes, now_ns: int) -> None:
-        self.received_ns.setdefault(header_stamp_ns(data), now_ns)
+        stamp_ns = header_stamp_ns(data)
+        if self._half.setdefault(stamp_ns, topic) == topic:
+            return
+        self.received_ns.setdefault(stamp_ns, now_ns)
         self.changed_s = time.monotonic()
         self._told(len(self.received_ns))
 
@@ -127,7 +137,7 @@ def replay_live(
     on_ready : callable, optional
         Called when the nodes are ready and the first frame is about to go.
     progress : callable, optional
-        Told the number of skeletons so far.
+        Told the number of answers so far.
     sink : callable, optional
         Gets every line that the nodes print.
 
@@ -141,7 +151,7 @@ def replay_live(
     topic = DepthReader(recording, depth_topic).topic
     timing = _Timing(topic.name, progress or (lambda done: None))
     suite = Suite(bank=bank, parameters=_topic_parameters(topic), sink=sink or (lambda line: None))
-    recorder = Recorder(skeletons, [SKELETON_TOPIC], on_message=timing.received)
+    recorder = Recorder(skeletons, [PEOPLE_TOPIC, SKELETON_TOPIC], on_message=timing.received)
     topics = [name for name in (topic.name, topic.info_topic) if name]
     player = Player(recording, topics=topics, wait_for_subscribers=topics, on_message=timing.sent)
     with suite, recorder:
@@ -153,12 +163,14 @@ def replay_live(
         timing.wait_until_drained()
         wall_s = timing.changed_s - started_s
         restarts = sum(suite.restarts.values())
+    seen = _people_of(Path(skeletons)) if timing.received_ns else []
     return DemoResult(
         recording=Path(recording),
         skeletons=Path(skeletons),
         frames=played.messages[topic.name],
         answered=len(timing.received_ns),
-        people=_count_people(Path(skeletons), len(timing.received_ns)),
+        occupied=sum(map(bool, seen)),
+        people=len(set().union(*seen)),
         input_hz=_rate(timing.sent_ns),
         output_hz=_rate(timing.received_ns),
         latency_s=timing.latency_s(),
@@ -177,8 +189,9 @@ def _topic_parameters(topic: DepthTopic) -> dict[str, str | bool]:
     return {**names, "use_sim_time": True}
 
 
-def _count_people(path: Path, answered: int) -> int:
-    return sum(not s.is_lost for s in read_skeletons(path)) if answered else 0
+def _people_of(path: Path) -> list[set[str]]:
+    """Who is in each frame."""
+    return [{s.body_id for s in frame.skeletons} for frame in read_people(path)]
 
 
 def _rate(times_ns: dict[int, int]) -> float:
@@ -279,7 +292,7 @@ def _progress(console: Console, frames: int) -> Iterator[tuple[Callable[[], None
 
         def on_ready() -> None:
             console.print(f"the nodes were ready after {time.monotonic() - started:.1f} s")
-            bar.update(task, description="skeletons")
+            bar.update(task, description="frames answered")
 
         yield on_ready, lambda done: bar.update(task, completed=done)
 
@@ -323,9 +336,10 @@ def _rows(result: DemoResult, errors: Score | None) -> Iterator[tuple[str, str]]
     rate = f" at {result.input_hz:.1f} a second" if np.isfinite(result.input_hz) else ""
     yield "frames played", f"{result.frames}{rate}"
     share = result.answered / result.frames if result.frames else 0.0
-    yield "answered", f"{result.answered} ({share:.1%}), {result.people} with a person"
+    yield "answered", f"{result.answered} ({share:.1%}), {result.occupied} with somebody in view"
+    yield "people", f"{result.people}"
     if np.isfinite(result.output_hz):
-        yield "skeletons", f"{result.output_hz:.1f} a second"
+        yield "answers", f"{result.output_hz:.1f} a second"
     if result.latency_s.size:
         median, p95 = np.percentile(result.latency_s * 1e3, [50, 95])
         yield "latency", f"median {median:.0f} ms, 95 % below {p95:.0f} ms"
@@ -335,4 +349,4 @@ def _rows(result: DemoResult, errors: Score | None) -> Iterator[tuple[str, str]]
     if errors is not None:
         mean, centred = errors.mean_error_mm, errors.offset_free_mm
         yield "error of the answered", f"mean {mean:.0f} mm, {centred:.0f} mm without the joints' offsets"
-        yield "joints within 10 cm, of all frames", f"{errors.mAP10:.1%}"
+        yield "joints within 10 cm, of all frames", f"{errors.pck10:.1%}"

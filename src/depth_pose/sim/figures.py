@@ -113,7 +113,7 @@ def sample_figure(rng: np.random.Generator, posture: str | None = None) -> Figur
     wearer = Wearer(
         rested.skin, rested.nodes, rested.rotations, build.body.weights, build.body.stature, floor
     )
-    worn = _draw_worn(rng, wearer, posture, build.woman)
+    worn = draw_worn(rng, wearer, posture, build.woman)
     vertices, faces = join([(rested.skin, build.body.faces), *worn])
     held_vertices, held_faces = join(things.belongings(rng, wearer, kind.doing))
     return Figure(
@@ -146,7 +146,15 @@ def _draw_rotations(rng: np.random.Generator, posture: str) -> tuple[Array, Kind
     return pool.turns[i] @ rotations, pool.kinds[i]
 
 
-def _draw_worn(rng: np.random.Generator, wearer: Wearer, posture: str, woman: bool) -> list[Piece]:
+def draw_seated(rng: np.random.Generator) -> Array:
+    """Draw a pose of somebody on a chair, stool or sofa: rotations (21, 3, 3), facing +z."""
+    while True:
+        rotations, kind = _draw_rotations(rng, "sit")
+        if kind.raised:
+            return rotations
+
+
+def draw_worn(rng: np.random.Generator, wearer: Wearer, posture: str, woman: bool) -> list[Piece]:
     """Draw hanging clothes, hair and bags."""
     worn: list[Piece] = []
     if posture in _UPRIGHT and rng.uniform() < CLOAKS:

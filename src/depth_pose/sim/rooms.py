@@ -27,6 +27,7 @@ Maker = Callable[[np.random.Generator], Assembly]
 _STUDIO_SHARE = 0.1
 _CLEAR_OF_CAMERA_M = 0.35
 _TALL_CLEAR_OF_CAMERA_M = 0.9
+_HIDES_FROM_M = 0.8  # who stands behind lower things can still be found
 _TRIES = 6
 
 
@@ -79,12 +80,18 @@ class Room:
         Of the camera above the floor, metres.
     shapes : Assembly
         All surfaces so far, room frame.
+    ways : list of (T, 2) arrays
+        In videos: where people are, x and z, a row a frame; nothing is put down that hides one of them
+        for more than `longest_hidden` frames on end.
+    longest_hidden : int
     """
 
     walls: Walls
     studio: bool
     eye_height: float
     shapes: Assembly = field(default_factory=lambda: Assembly(Kind.WALL))
+    ways: list[Array] = field(default_factory=list)
+    longest_hidden: int = 0
     _spots: list[tuple[float, float, float]] = field(default_factory=list)
 
     def put(
@@ -121,6 +128,8 @@ class Room:
             return False
         if any(np.hypot(x - a, z - b) < crowded * (radius + r) for a, b, r in self._spots if crowded > 0):
             return False
+        if high[1] > _HIDES_FROM_M and any(self._hides_too_long(way, x, z, radius) for way in self.ways):
+            return False
         c, s = np.cos(turn), np.sin(turn)
         for points in avoid:
             dx, dz = points[:, 0] - x, points[:, 2] - z
@@ -130,6 +139,13 @@ class Room:
         self.shapes.add(thing, x, 0.0, z, turn)
         self._spots.append((x, z, radius))
         return True
+
+    def _hides_too_long(self, way: Array, x: float, z: float, radius: float) -> bool:
+        away = np.maximum(np.linalg.norm(way, axis=1), 1e-6)
+        along = (x * way[:, 0] + z * way[:, 1]) / away
+        aside = np.abs(x * way[:, 1] - z * way[:, 0]) / away
+        free = np.flatnonzero(np.r_[True, ~((along > 0) & (along < away) & (aside < radius)), True])
+        return int(np.diff(free).max()) - 1 > self.longest_hidden
 
 
 def make_room(rng: np.random.Generator, eye_height: float, studio: bool | None = None) -> Room:

@@ -110,7 +110,7 @@ def project_first(depth, camera, h, step):
 
 @njit(cache=True, fastmath=True)
 def project_next(original, depth, camera, h, mu, step):
-    """Ye et al. eqs. 3, 4 and 5: attraction by the original points, repulsion by the projected ones."""
+    """Ye et al. eqs. 3 to 5: attraction by the original points, repulsion by the projected ones."""
     rows, cols = depth.shape
     out = np.zeros_like(depth)
     inverse = 16.0 / (h * h)

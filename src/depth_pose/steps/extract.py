@@ -7,15 +7,18 @@ from collections.abc import Callable
 import numpy as np
 
 from depth_pose.core.camera import Camera
-from depth_pose.core.config import DenoiseConfig, SegmentConfig
+from depth_pose.core.config import DenoiseConfig, MountConfig, SegmentConfig
 from depth_pose.core.stamps import StampGuard
 from depth_pose.core.types import HIDDEN, DepthFrame, FoundPerson
+from depth_pose.core.zone import parse_zone
+from depth_pose.people.choice import PeopleChoice
 from depth_pose.people.learned_segmenter import LearnedSegmenter
 from depth_pose.people.person import People, see_people
 from depth_pose.people.plane_segmenter import PlaneSegmenter
 from depth_pose.people.segmentation import Segmenter
 from depth_pose.people.tracks import PeopleTracks
 from depth_pose.steps.denoise import denoise_depth
+from depth_pose.steps.mount import rotation_sensor_upright
 
 _METHODS: dict[str, Callable[[SegmentConfig], Segmenter]] = {
     "learned": LearnedSegmenter,
@@ -24,18 +27,40 @@ _METHODS: dict[str, Callable[[SegmentConfig], Segmenter]] = {
 
 
 class PeopleExtractor:
-    """The first stage: what `denoise_node` runs."""
+    """The first stage: what `denoise_node` runs.
 
-    def __init__(self, segment: SegmentConfig, denoise: DenoiseConfig) -> None:
+    Parameters
+    ----------
+    segment, denoise
+        Settings.
+    mount : MountConfig
+        How the frames, which are upright here, lay in the sensor: its frame is the zone's.
+
+    Attributes
+    ----------
+    choice : PeopleChoice
+        Counts who was left out.
+    """
+
+    def __init__(
+        self,
+        segment: SegmentConfig,
+        denoise: DenoiseConfig,
+        mount: MountConfig = MountConfig(),  # noqa: B008
+    ) -> None:
         self._segmenter = _METHODS[segment.method](segment)
         self._denoise = denoise
         self._tracks = PeopleTracks(segment.start, segment.keep)
+        self.choice = PeopleChoice(
+            parse_zone(segment.zone), segment.most_people, rotation_sensor_upright(mount.roll)
+        )
         self._guard = StampGuard()
 
     def reset(self) -> None:
         """Forget the people."""
         self._segmenter.reset()
         self._tracks.reset()
+        self.choice.reset()
 
     def warm_up(self) -> None:
         """Compile every kernel."""
@@ -46,16 +71,20 @@ class PeopleExtractor:
         see_people(0, "", camera, camera.back_project(depth), np.ones((48, 64), np.uint8), [found])
 
     def extract(self, frame: DepthFrame) -> People:
-        """Find the people, name them, and denoise their points."""
+        """Find the people, name them, choose among them, and denoise their points.
+
+        Denoising finds depths; x and y follow along each pixel's ray (Ye et al. eqs. 2 and 4).
+        """
         if self._guard.is_break(frame.stamp_ns):
             self.reset()
         seen = self._segmenter.segment(frame)
         depth = denoise_depth(seen.depth, seen.camera, self._denoise)
         labels = np.where((seen.depth > 0) & (depth <= 0), np.uint8(HIDDEN), seen.labels)
         names = self._tracks.assign(seen.sightings, frame.stamp_ns)
+        chosen = self.choice.choose(names, [s.place for s in seen.sightings])
         found = (
-            FoundPerson(s.label, name, s.probability, s.proposals, s.proposal_confidence)
-            for s, name in zip(seen.sightings, names, strict=True)
+            FoundPerson(s.label, name, self._tracks.probability(name), s.proposals, s.proposal_confidence)
+            for s, name in zip(seen.sightings, chosen, strict=True)
             if name is not None
         )
         points = seen.camera.back_project(depth)

@@ -1,7 +1,7 @@
 """Find the exemplars that look like the input, from any view (Sec. 5).
 
 The cloud is put into canonical axes, drawn as a small depth image, projected into the bank's PCA
-subspace, and compared with every view of every exemplar there (eq. 6, exact search). The paper
+subspace, and compared with every view of every exemplar there (Ye et al. eq. 6, exact search). The paper
 takes the nearest one. Here the nearest hundred are posed, placed at the input and rendered as
 small images, the best few of them as larger ones; the disagreement of rendered and observed depth
 ranks them, and several go on to the refinement. The same score finds the person's size over the
@@ -144,8 +144,8 @@ class Matcher:
         return self.config.scale > 0.0 or finder.frames >= self.config.scale_frames
 
     def _await_whole(self, person: Person, size: _Size) -> None:
-        """Find the size of a person who comes in from the side anew, as more is seen of them."""
-        if person.is_cut_beside:
+        """Find the size of a person of whom a part is cut off or hidden anew, as more is seen of them."""
+        if person.is_cut_beside or person.is_cut_below:
             size.is_partial = size.is_partial or not self._is_known(size.finder)
             shown = len(person.points) * float(np.median(person.points[:, 2])) ** 2
             if size.is_partial and shown > _MORE * size.shown:

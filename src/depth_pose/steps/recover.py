@@ -163,7 +163,7 @@ class Recoverer:
         -------
         tuple of Skeleton
             The refined ones, or ones with source RECOVERED, with filtered positions; who is lost is
-            left out.
+            left out. Their confidence says that this is a person and that the pose is right.
         """
         self._memory.begin(people.stamp_ns)
         self.last_reasons = {}
@@ -183,7 +183,8 @@ class Recoverer:
             return None
         memory.past = _Past(person, answer)
         positions = memory.filter.filter(answer.skeleton.positions, person.stamp_ns)
-        return replace(answer.skeleton, positions=positions)
+        confidence = float(np.float32(person.found.probability * answer.skeleton.confidence))
+        return replace(answer.skeleton, positions=positions, confidence=confidence)
 
     def _checked(self, person: Person, memory: _Person, refined: Fitted) -> Fitted | None:
         """Give the refined skeleton, or a better one; None where the person is lost."""

@@ -6,9 +6,9 @@ taking the heading that suits it best. Two likelihoods:
 
 ``descriptor``
     :math:`\max_\theta \exp(-|v^\theta - f(x_i)|^2 / 2T)` in the descriptor space, with f the map from X
-    to V (eq. 2);
+    to V (Hirai et al. eq. 2);
 ``latent``
-    eq. 4 as printed, with :math:`x^\theta` regressed from :math:`v^\theta`.
+    Hirai et al. eq. 4 as printed, with :math:`x^\theta` regressed from :math:`v^\theta`.
 
 The first is the default. Eq. 4 does not punish wrong headings: a volume under one looks like no training
 volume, the regression answers the mean of X, and there the variance is low (docs/volume.md has both).
@@ -159,7 +159,7 @@ class LatentTracker:
         return elsewhere[0]
 
     def _move(self, points: Array, steps: float) -> Array:
-        """Resample, and predict by the dynamics."""
+        """Resample, and predict by the dynamics (Hirai et al. eq. 1)."""
         n, rng = len(points), self._rng
         at = (np.arange(n) + rng.uniform()) / n
         rows = np.minimum(np.searchsorted(np.cumsum(self._weights), at), n - 1)
@@ -172,7 +172,10 @@ class LatentTracker:
     def _compare(
         self, points: Array, sights: Sequence[Sight], window: NDArray[np.int64], expected: float
     ) -> tuple[Array, Array]:
-        """Cost (n,) of each particle at its best heading, and that heading in steps."""
+        """Cost (n,) of each particle at its best heading, and that heading in steps.
+
+        The descriptor that a particle stands for is Hirai et al. eq. 2 without its noise.
+        """
         costs = np.zeros((len(points), len(window)))
         recall = self.config.likelihood == "latent"
         covariance = self.model.to_volume[0].kernel.between(points, self.model.latent)  # of all views

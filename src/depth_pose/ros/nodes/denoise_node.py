@@ -34,7 +34,7 @@ class DenoiseNode(StageNode):
 
     def make_stage(self, config: PipelineConfig) -> PeopleExtractor:
         """Make the extractor."""
-        return make(PeopleExtractor, config.segment, config.denoise)
+        return make(PeopleExtractor, config.segment, config.denoise, config.mount)
 
     def open_outputs(self) -> None:
         """Publish people's points, and who they are."""
@@ -69,6 +69,8 @@ class DenoiseNode(StageNode):
         self._points.publish(points)
         self._people.publish(people)
         self.figures.values["people"] = len(people.people)
+        for reason, count in self.stage.choice.ignored.items():
+            self.figures.values[f"ignored {reason}"] = count
 
     def _hold(self, image: Image | CompressedImage) -> None:
         """Keep an image until the first CameraInfo says what it shows."""

@@ -29,7 +29,7 @@ from threadpoolctl import threadpool_limits
 from depth_pose.core.config import PipelineConfig, Sections
 from depth_pose.core.errors import BankError, ConfigError, DepthPoseError, InputError
 from depth_pose.ros.nodes.counts import Figures
-from depth_pose.ros.nodes.parameters import COMMON, declare, read_config
+from depth_pose.ros.nodes.parameters import COMMON, declare, holds_setting, read_config
 from depth_pose.ros.nodes.silence import CrowdWatch, SilenceWatch
 from depth_pose.ros.process.names import READY
 from depth_pose.ros.process.warm_stages import is_warm
@@ -355,7 +355,7 @@ class StageNode(LifecycleNode, ABC):
         return SetParametersResult(successful=True)
 
     def _take_parameters(self, parameters: list[Parameter]) -> None:
-        if self.stage is None or not any(p.name.split(".")[0] in self.SECTIONS for p in parameters):
+        if self.stage is None or not holds_setting((p.name for p in parameters), self.SECTIONS, self.CONFIG):
             return
         try:
             config = read_config(self, self.SECTIONS, config=self.CONFIG)

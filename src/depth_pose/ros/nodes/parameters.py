@@ -1,7 +1,7 @@
 """ROS parameters of the nodes, declared from the core's configuration classes.
 
 A setting ``near`` of the section ``segment`` is the parameter ``segment.near``, with the
-default, range and help that `depth_pose.core.config` gives it.
+default, range and help that `depth_pose.core.config` gives it. Those of `SHORT_NAMES` are named without it.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from rclpy.exceptions import (
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from depth_pose.core.config import PipelineConfig, Sections, options
+from depth_pose.core.config import SHORT_NAMES, PipelineConfig, Sections, options
 from depth_pose.core.errors import ConfigError
 from depth_pose.ros.setting import Setting
 
@@ -89,7 +89,13 @@ def declare(
     for section in sections:
         for o in options(_section_class(section, config)):
             descriptor = describe(o.help, o.default, o.low, o.high, False, o.unit, o.choices)
-            _declare(node, given, f"{section}.{o.name}", o.default, descriptor)
+            _declare(node, given, parameter_name(section, o.name), o.default, descriptor)
+
+
+def parameter_name(section: str, field: str) -> str:
+    """Name the ROS parameter of a setting."""
+    short = (name for name, setting in SHORT_NAMES.items() if setting == (section, field))
+    return next(short, f"{section}.{field}")
 
 
 def describe(
@@ -151,7 +157,12 @@ def _refuse_unknown(
 
 def _names(sections: Sequence[str], config: type[Sections]) -> Iterator[str]:
     for section in sections:
-        yield from (f"{section}.{o.name}" for o in options(_section_class(section, config)))
+        yield from (parameter_name(section, o.name) for o in options(_section_class(section, config)))
+
+
+def holds_setting(names: Iterable[str], sections: Sequence[str], config: type[Sections]) -> bool:
+    """Whether one of the parameters is a setting of the sections."""
+    return not set(names).isdisjoint(_names(sections, config))
 
 
 def _section_class(section: str, config: type[Sections]) -> type:
@@ -176,6 +187,6 @@ def read_config(
         values[section] = {
             o.name: (changes or {}).get(name, node.get_parameter(name).value)
             for o in options(_section_class(section, config))
-            for name in (f"{section}.{o.name}",)
+            for name in (parameter_name(section, o.name),)
         }
     return config.from_mapping(values)

@@ -61,7 +61,7 @@ def _load(bank: str) -> None:
     from depth_pose.steps.refine import Refiner
 
     config = PipelineConfig()
-    make_ahead(PeopleExtractor, config.segment, config.denoise)
+    make_ahead(PeopleExtractor, config.segment, config.denoise, config.mount)
     with contextlib.suppress(BankError):  # the nodes that need it refuse it, and say why
         loaded = load_bank(bank)
         make_ahead(Matcher, loaded, config.match, config.fit)

@@ -1,0 +1,161 @@
+"""Truth files: where the joints of one person, or of several, are known to be.
+
+A file is an ``.npz`` with ``names`` (J,), ``stamps_ns`` (T,), ``joints`` and ``seen``. Of one person
+``joints`` is (T, J, 3) and ``seen`` (T, J). Of several they are (T, P, J, 3) and (T, P, J), and
+``visible`` (T, P) is the share of each person that the image shows and nobody hides.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from depth_pose.core.errors import InputError
+
+STAMP_TOLERANCE_NS = 2_000_000
+"""A frame is answered by the skeletons whose stamp is nearest, within this."""
+
+_FIELDS = ("joints", "names", "stamps_ns", "seen")
+
+
+@dataclass(frozen=True)
+class KnownJoints:
+    """The truth about one person.
+
+    Attributes
+    ----------
+    joints : (T, J, 3) float64
+        Optical frame, metres.
+    names : tuple of str
+        The J joints.
+    stamps_ns : (T,) int64
+    seen : (T, J) bool
+    """
+
+    joints: NDArray[np.float64]
+    names: tuple[str, ...]
+    stamps_ns: NDArray[np.int64]
+    seen: NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class KnownPeople:
+    """The truth about everybody.
+
+    Attributes
+    ----------
+    joints : (T, P, J, 3) float64
+        Optical frame, metres.
+    names : tuple of str
+        The J joints.
+    stamps_ns : (T,) int64
+    visible : (T, P) float64
+        Share of each person that the image shows and nobody hides.
+    """
+
+    joints: NDArray[np.float64]
+    names: tuple[str, ...]
+    stamps_ns: NDArray[np.int64]
+    visible: NDArray[np.float64]
+
+
+def load_truth(path: Path | str) -> KnownJoints:
+    """Read a truth file of one person.
+
+    Raises
+    ------
+    InputError
+        Where it is missing, lacks a field, or tells of several people.
+    """
+    fields, names = _read(path)
+    joints = fields["joints"]
+    if joints.ndim == 4:
+        raise InputError(f"{path} tells of {joints.shape[1]} people; here the truth is to be of one")
+    return KnownJoints(
+        joints.astype(np.float64), names, fields["stamps_ns"].astype(np.int64), fields["seen"].astype(bool)
+    )
+
+
+def load_known_people(path: Path | str) -> KnownPeople:
+    """Read a truth file of several people, or of one, who then is visible throughout.
+
+    Raises
+    ------
+    InputError
+        Where it is missing or lacks a field.
+    """
+    fields, names = _read(path)
+    joints = fields["joints"].astype(np.float64)
+    if joints.ndim == 3:
+        joints = joints[:, None]
+    visible = fields.get("visible", np.ones(joints.shape[:2])).astype(np.float64)
+    return KnownPeople(joints, names, fields["stamps_ns"].astype(np.int64), visible)
+
+
+def tells_of_people(path: Path | str) -> bool:
+    """Whether a truth file, or the first of a folder, has the form for several people."""
+    files = sorted(Path(path).glob("*.npz")) if Path(path).is_dir() else [Path(path)]
+    return bool(files) and _read(files[0])[0]["joints"].ndim == 4
+
+
+def pair_files(truth: Path, predicted: Path) -> list[tuple[Path, Path]]:
+    """Pair truth files with recordings of skeletons.
+
+    Parameters
+    ----------
+    truth : Path
+        A truth file, or a folder of them.
+    predicted : Path
+        A recording, or a folder with ``NAME.mcap`` for every ``NAME.npz``; some may be missing.
+
+    Raises
+    ------
+    InputError
+        Where there is no truth, or no recording at all.
+    """
+    if truth.is_dir():
+        files = sorted(truth.glob("*.npz"))
+        if not files:
+            raise InputError(f"{truth} has no truth files (*.npz)")
+        if predicted.is_file():
+            raise InputError(f"{truth} is a folder, so {predicted} must be one too")
+        pairs = [(file, predicted / f"{file.stem}.mcap") for file in files]
+    else:
+        pairs = [(truth, predicted / f"{truth.stem}.mcap" if predicted.is_dir() else predicted)]
+    if not any(recording.exists() for _, recording in pairs):
+        raise InputError(f"{predicted} has no recording for {', '.join(t.stem for t, _ in pairs)}")
+    return pairs
+
+
+def _read(path: Path | str) -> tuple[dict[str, NDArray[np.generic]], tuple[str, ...]]:
+    """Read and check the arrays of a file, and the joints' names."""
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            missing = [name for name in _FIELDS if name not in file.files]
+            if missing:
+                raise InputError(f"{path} is no truth file: it has no {', '.join(missing)}")
+            fields = {name: file[name] for name in (*_FIELDS, "visible") if name in file.files}
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror or error}") from error
+    except ValueError as error:
+        raise InputError(f"{path} is no truth file: {error}") from error
+    names = tuple(str(name) for name in fields.pop("names"))
+    _check_shapes(path, fields, names)
+    return fields, names
+
+
+def _check_shapes(path: Path | str, fields: dict[str, NDArray[np.generic]], names: tuple[str, ...]) -> None:
+    joints, seen, frames = fields["joints"], fields["seen"], len(fields["stamps_ns"])
+    people = joints.shape[1:2] if joints.ndim == 4 else ()
+    if joints.shape != (frames, *people, len(names), 3) or seen.shape != joints.shape[:-1]:
+        raise InputError(
+            f"{path}: joints {joints.shape} and seen {seen.shape} do not fit "
+            f"{frames} stamps and {len(names)} names"
+        )
+    if people and "visible" not in fields:
+        raise InputError(f"{path} is no truth file: of several people it has to say visible")
+    if people and fields["visible"].shape != (frames, *people):
+        raise InputError(f"{path}: visible {fields['visible'].shape} does not fit joints {joints.shape}")

@@ -1,0 +1,72 @@
+"""Of the people in view, whom the later steps serve: those in the zone, and of these the nearest."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from depth_pose.core.zone import Zone
+
+_SLACK_M = 0.2
+"""Who is served already may be so far outside the zone, or beyond somebody nearer; metres.
+
+So that people on the border, or two at the same distance, do not come and go. Set by hand: a person's
+middle wanders by half of it from frame to frame when limbs are hidden.
+"""
+
+
+class PeopleChoice:
+    """Leaves out people whom the user does not want.
+
+    Parameters
+    ----------
+    zone : Zone
+    most : int
+        At most so many people, the nearest; 0 for all.
+    R_sensor_upright : (3, 3) float64
+        From the frame that the places are in to the sensor's.
+
+    Attributes
+    ----------
+    ignored : Counter of str
+        Over all frames, people left out: ``outside the zone`` and ``beyond the most``.
+    """
+
+    def __init__(self, zone: Zone, most: int, R_sensor_upright: NDArray[np.float64]) -> None:
+        self._zone, self._most, self._rotation = zone, most, R_sensor_upright
+        self.ignored: Counter[str] = Counter()
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget who is served."""
+        self._served: frozenset[str] = frozenset()
+
+    def choose(
+        self, names: Sequence[str | None], places: Sequence[NDArray[np.float64]]
+    ) -> tuple[str | None, ...]:
+        """Take away the names of those who are left out.
+
+        Parameters
+        ----------
+        names : sequence of str or None
+            Body ids; None for what is nobody.
+        places : sequence of (3,) float64
+            Where they are, metres.
+        """
+        distances = {}
+        for name, place in zip(names, places, strict=True):
+            if name is None:
+                continue
+            slack = _SLACK_M if name in self._served else 0.0
+            x, y, z = (self._rotation @ place).tolist()
+            if self._zone.holds(x, y, z, slack):
+                distances[name] = float(np.linalg.norm(place)) - slack
+            else:
+                self.ignored["outside the zone"] += 1
+        nearest = sorted(distances, key=distances.__getitem__)[: self._most or None]
+        self.ignored["beyond the most"] += len(distances) - len(nearest)
+        self._served = frozenset(nearest)
+        return tuple(name if name in self._served else None for name in names)
