@@ -19,7 +19,8 @@ from rich.console import Console
 
 _HERE = Path(__file__).resolve().parent
 _TRAIN_SEED, _CHECK_SEED = 1, 900_001
-_FIRST_IMAGES, _SECOND_IMAGES = 120_000, 100_000
+_STUDIO_TRAIN_SEED, _STUDIO_CHECK_SEED = 2, 900_002
+_FIRST_IMAGES, _SECOND_IMAGES = 160_000, 100_000
 _FIRST_RATE, _SECOND_RATE = 2e-3, 1.5e-3
 
 app = typer.Typer(add_completion=False)
@@ -37,11 +38,14 @@ def main(
     train, check = folder / "train", folder / "val"
     call("make_scenes.py", "-o", train, "--count", scenes, "--seed", _TRAIN_SEED, "--workers", workers)
     call("make_scenes.py", "-o", check, "--count", checks, "--seed", _CHECK_SEED, "--workers", workers)
+    studios = ("--studios", "--workers", workers)
+    call("make_scenes.py", "-o", train, "--count", scenes // 12, "--seed", _STUDIO_TRAIN_SEED, *studios)
+    call("make_scenes.py", "-o", check, "--count", checks // 2, "--seed", _STUDIO_CHECK_SEED, *studios)
     first, second = folder / "first", folder / "second"
     if not (first / "last.pt").exists():
         call("train.py", train, first, "--images", _FIRST_IMAGES, "--rate", _FIRST_RATE, "--seed", seed)
     if not (second / "last.pt").exists():
-        rest = ("--images", _SECOND_IMAGES, "--rate", _SECOND_RATE, "--seed", seed + 1)
+        rest = ("--images", _SECOND_IMAGES, "--rate", _SECOND_RATE, "--batch", 16, "--seed", seed + 1)
         call("train.py", train, second, "--start", first / "last.pt", *rest)
     note = f"{scenes} scenes, {_FIRST_IMAGES} and {_SECOND_IMAGES} images, seed {seed}"
     call("fit_verifier.py", second / "last.pt", check, folder / "weights", "--note", note)

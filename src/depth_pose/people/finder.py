@@ -73,6 +73,13 @@ _LEAST_PIXELS = 12
 _CONTACT, _LEAST_CONTACT = 26, 0.3
 """Measure of how much a cluster touches its neighbour, and how much makes it a part of them."""
 
+_MEAN, _SURE, _JUMP, _ASIDE, _SMALLER = 0, 1, 12, 25, 27
+"""Measures: mean probability, share of sure pixels, share of the edge with a jump in depth; distance aside of
+the neighbour, and how much smaller (natural logarithm)."""
+
+_HALO_MEAN, _HALO_SURE, _HALO_JUMP, _HALO_ASIDE_M, _HALO_SMALLER = 0.6, 0.1, 0.25, 0.65, 0.7
+"""Set by the clusters on the wall behind the people of the development clips; no person was like that."""
+
 _GROW_CHANCE = 0.2
 _GROW_JUMP = 0.02
 """Step in depth per metre of distance that a surface may make from one working pixel to the next."""
@@ -292,6 +299,7 @@ class PeopleFinder:
         probability = (
             np.ones(len(found.torsos)) if self.verifier is None else self.verifier.probability(found.measures)
         )
+        probability[_is_halo(found.measures)] = 0.0
         distance = found.torsos[:, 2]
         likely = (
             (probability >= self.config.keep) & (distance >= self.config.near) & (distance <= self.config.far)
@@ -432,6 +440,17 @@ def _person(
         box=box,
         cut_off=bool((box[:2] <= 0).any() or box[2] >= shape[1] - 1 or box[3] >= shape[0] - 1),
     )
+
+
+def _is_halo(measures: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Say which clusters are the wall between somebody's limbs.
+
+    They lie beside or behind a cluster of twice their area, the net is half sure of them at most, and
+    their surface goes on beyond their edge.
+    """
+    beside = (measures[:, _ASIDE] < _HALO_ASIDE_M) & (measures[:, _SMALLER] > _HALO_SMALLER)
+    unsure = (measures[:, _MEAN] < _HALO_MEAN) & (measures[:, _SURE] < _HALO_SURE)
+    return beside & unsure & (measures[:, _JUMP] < _HALO_JUMP)
 
 
 def _join_parts(found: Clusters, number: NDArray[np.uint8]) -> None:
