@@ -241,7 +241,7 @@ def test_keeps_a_doubtful_pose_that_agrees_better(run) -> None:
     memory.past = replace(memory.past, fitted=scattered(run[0].refined[0]))  # nothing good to carry over
     answer = recovered(stage, people, doubtful)
     assert answer.source == Source.REFINED
-    assert answer.confidence == pytest.approx(0.2)
+    assert answer.confidence == pytest.approx(0.2 * people.persons[0].found.probability)
     assert "min_confidence" in stage.last_reasons["body_1"]
 
 
