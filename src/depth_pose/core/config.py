@@ -130,7 +130,7 @@ class SegmentConfig(_Checked):
         choices=("learned", "planes"),
     )
     start: float = option(0.6, "Least probability of a person who is followed from now on", low=0.0, high=1.0)
-    keep: float = option(0.3, "Least probability of a person who is followed already", low=0.0, high=1.0)
+    keep: float = option(0.2, "Least probability of a person who is followed already", low=0.0, high=1.0)
     near: float = option(0.4, "Ignore anything nearer than this", unit="m", low=0.0, high=20.0)
     far: float = option(8.0, "Ignore anything farther than this", unit="m", low=0.1, high=50.0)
     working_height: int = option(
