@@ -83,9 +83,13 @@ class PeopleExtractor:
         names = self._tracks.assign(seen.sightings, frame.stamp_ns)
         chosen = self.choice.choose(names, [s.place for s in seen.sightings])
         found = (
-            FoundPerson(s.label, name, self._tracks.probability(name), s.proposals, s.proposal_confidence)
+            FoundPerson(s.label, name, self._probability(name), s.proposals, s.proposal_confidence)
             for s, name in zip(seen.sightings, chosen, strict=True)
             if name is not None
         )
         points = seen.camera.back_project(depth)
         return see_people(frame.stamp_ns, frame.frame_id, seen.camera, points, labels, found)
+
+    def _probability(self, body_id: str) -> float:
+        """Give the chance that it is a person as messages carry it, so that it comes back as it is."""
+        return float(np.float32(self._tracks.probability(body_id)))
