@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from depth_pose.core.config import SegmentConfig
 from depth_pose.core.types import DepthFrame
 from depth_pose.io.mcap_read import read_frames
-from depth_pose.people.finder import FoundPeople, FoundPerson, PeopleFinder, load_weights
+from depth_pose.people.finder import Detection, Detections, PeopleFinder, load_weights
 
 _SEQUENCES = ("real_office", "real_corridor", "real_empty", "dev_people", "dev_postures", "dev", "dev_bodies")
 _SINGLES = ("real_kinect2", "real_itop", "real_wave")
@@ -45,7 +45,7 @@ class Seen:
     joints: NDArray[np.float64]
 
 
-def look(found: FoundPeople, person: FoundPerson, frame: DepthFrame) -> Seen | None:
+def look(found: Detections, person: Detection, frame: DepthFrame) -> Seen | None:
     """Give a person's pixels in those of the frame."""
     rows, cols = np.nonzero(found.labels == person.label)
     if len(rows) == 0:

@@ -98,13 +98,13 @@ _TYPICAL_ERROR_M = 0.1
 
 
 @dataclass(frozen=True)
-class FoundPerson:
+class Detection:
     """One person in one frame.
 
     Attributes
     ----------
     label : int
-        Their number in `FoundPeople.labels`, from 1.
+        Their number in `Detections.labels`, from 1.
     probability : float
         That this is a person.
     torso : (3,) float64
@@ -133,7 +133,7 @@ class FoundPerson:
 
 
 @dataclass(frozen=True)
-class FoundPeople:
+class Detections:
     """Everybody in one frame, on the working grid.
 
     Attributes
@@ -146,7 +146,7 @@ class FoundPeople:
         Camera of the working grid.
     chance : (h, w) float32
         What the net says of every pixel's chance to show a person, 0 to 1.
-    people : tuple of FoundPerson
+    people : tuple of Detection
         Nearest first.
     """
 
@@ -154,7 +154,7 @@ class FoundPeople:
     labels: NDArray[np.uint8]
     camera: Camera
     chance: NDArray[np.float32]
-    people: tuple[FoundPerson, ...]
+    people: tuple[Detection, ...]
 
 
 @dataclass(frozen=True)
@@ -281,7 +281,7 @@ class PeopleFinder:
         depth = np.where(np.hypot(rows - 60, 3.0 * (cols - 80)) < 50, 2.0, 4.0).astype(np.float32)
         self.find(DepthFrame(0, "", depth, Camera(160, 120, 140.0, 140.0, 79.5, 59.5)))
 
-    def find(self, frame: DepthFrame) -> FoundPeople:
+    def find(self, frame: DepthFrame) -> Detections:
         """Find everybody.
 
         Parameters
@@ -290,7 +290,7 @@ class PeopleFinder:
 
         Returns
         -------
-        FoundPeople
+        Detections
             With nobody in it where nobody is in view.
         """
         image = reduce_frame(frame, self.config.near)
@@ -316,7 +316,7 @@ class PeopleFinder:
             for n, k in enumerate(chosen)
             if pixels[n] >= _LEAST_PIXELS
         )
-        return FoundPeople(depth, labels, camera, _spread(mask, image, camera), people)
+        return Detections(depth, labels, camera, _spread(mask, image, camera), people)
 
     def cluster(self, image: NetImage) -> tuple[NDArray[np.float32], Clusters]:
         """Let the net vote, and gather the votes.
@@ -427,10 +427,10 @@ def _person(
     k: int,
     box: NDArray[np.int64],
     shape: tuple[int, ...],
-) -> FoundPerson:
+) -> Detection:
     """Put together what is known of one person."""
     error = found.joint_error[k] / _TYPICAL_ERROR_M
-    return FoundPerson(
+    return Detection(
         label=label,
         probability=float(probability),
         torso=found.torsos[k],

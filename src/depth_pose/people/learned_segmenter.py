@@ -9,7 +9,7 @@ from depth_pose.core.camera import Camera
 from depth_pose.core.config import SegmentConfig
 from depth_pose.core.types import BACKGROUND, HIDDEN, DepthFrame
 from depth_pose.people import _segment_kernels as kernels
-from depth_pose.people.finder import FoundPeople, PeopleFinder
+from depth_pose.people.finder import Detections, PeopleFinder
 from depth_pose.people.planes import PlaneFinder
 from depth_pose.people.segmentation import Segmentation, Sighting
 
@@ -57,7 +57,7 @@ class LearnedSegmenter:
             ),
         )
 
-    def _complete(self, found: FoundPeople) -> NDArray[np.uint8]:
+    def _complete(self, found: Detections) -> NDArray[np.uint8]:
         """Add limbs that the net missed, drop flying pixels, mark what may hide more of people."""
         depth, camera, jump = found.depth, found.camera, self.config.depth_jump
         labels = found.labels.copy()
