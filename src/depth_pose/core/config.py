@@ -195,6 +195,13 @@ class MatchConfig(_Checked):
         10, "Frames over which the person's size is estimated before it is held", low=1, high=1000
     )
     scale: float = option(0.0, "The person's size relative to a 1.75 m adult; 0 finds it", low=0.0, high=2.0)
+    budget: float = option(
+        0.06,
+        "Live, time for all people of a frame; who is left out comes first in the next; 0: no limit",
+        unit="s",
+        low=0.0,
+        high=10.0,
+    )
 
 
 @dataclass(frozen=True)

@@ -23,6 +23,7 @@ from depth_pose.fit.articulated import ArticulatedFitter, BodyPose
 from depth_pose.fit.rendered_depth import Observation
 from depth_pose.people.memory import PerPerson
 from depth_pose.people.person import People, Person, thin_image
+from depth_pose.people.turns import Turns
 from depth_pose.steps.cut_off import UprightExemplars, head_axes
 from depth_pose.steps.placing import (
     ExemplarRenderer,
@@ -93,11 +94,18 @@ class _Size:
 
 
 class Matcher:
-    """The second stage: what `matcher_node` runs."""
+    """The second stage: what `matcher_node` runs.
+
+    Attributes
+    ----------
+    turns : Turns
+        Who is served where time is short; without a limit unless somebody sets one.
+    """
 
     def __init__(self, bank: Bank, config: MatchConfig, fit: FitConfig | None = None) -> None:
         self.bank = bank
         self.config = config
+        self.turns = Turns()
         self._search = SubspaceSearch(bank.coefficients.reshape(-1, bank.coefficients.shape[-1]))
         self._views = ExemplarViews(np.arange(bank.poses), bank.view_quats, bank.view_origins)
         self._renderer = ExemplarRenderer(bank, config.score_band)
@@ -123,10 +131,11 @@ class Matcher:
         Returns
         -------
         tuple of PoseMatch
-            One a person, in their order.
+            One for each person who is served (`Turns`).
         """
         self._sizes.begin(people.stamp_ns)
-        return tuple(self._match(person, self._sizes[person.body_id]) for person in people.persons)
+        served = self.turns.take(people.persons)
+        return tuple(self._match(person, self._sizes[person.body_id]) for person in served)
 
     def _match(self, person: Person, size: _Size) -> PoseMatch:
         """Find the exemplars nearest to one person."""

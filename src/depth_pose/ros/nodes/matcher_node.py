@@ -28,8 +28,10 @@ class MatcherNode(BankNode):
         super().__init__("matcher")
 
     def make_stage(self, config: PipelineConfig) -> Matcher:
-        """Make the matcher."""
-        return make(Matcher, self.bank, config.match, config.fit)
+        """Make the matcher; live, its time is limited."""
+        matcher = make(Matcher, self.bank, config.match, config.fit)
+        matcher.turns.budget_s = 0.0 if self.lossless else config.match.budget
+        return matcher
 
     def open_outputs(self) -> None:
         """Publish the matches."""
@@ -45,6 +47,7 @@ class MatcherNode(BankNode):
         matches = self.stage.match(people)
         self._matches.publish(matches_to_msg(matches, people))
         self.figures.values["people"] = len(matches)
+        self.figures.values["people left out for want of time"] = self.stage.turns.left_out
         best = [m for m in matches if m.candidates][:1]
         for match in best:
             self.figures.values["match_score"] = match.candidates[0].score
