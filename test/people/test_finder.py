@@ -122,9 +122,7 @@ def test_features_against_plain_formulas():
     c, shape = image.camera, (kernels.ROWS, kernels.COLS)
     out = np.empty((kernels.CHANNELS, *shape), np.float32)
     sums = np.zeros((shape[0] + 1, shape[1] + 1))
-    kernels.fill_features(
-        image.depth, image.rows, image.cols, c.fx, c.fy, c.cx, c.cy, sums, sums.astype(np.int64), out
-    )
+    kernels.fill_features(image, sums, sums.astype(np.int64), out)
     rng = np.random.default_rng(1)
     for i, j in zip(rng.integers(0, image.rows, 200), rng.integers(0, image.cols, 200), strict=True):
         z = float(image.depth[i, j])

@@ -2,21 +2,39 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 
+from depth_pose.core._camera_kernels import ray
 from depth_pose.people._finder_kernels import COLS, near_second
 
 _NEAR, _FAR = np.float32(0.2), np.float32(12.0)
 
 
+class Cut(NamedTuple):
+    """The part of a scene that fills the net's image: ``rows`` x ``cols`` of its pixels.
+
+    It begins at column ``left`` and row ``top``, with ``stride`` pixels of the scene to a pixel.
+    """
+
+    left: float
+    top: float
+    stride: float
+    rows: int
+    cols: int
+    mirrored: bool
+
+
 @njit(cache=True)
-def reduce_scene(depth_mm, person, reach, left, top, stride, rows, cols, mirrored, grid, labels):
+def reduce_scene(depth_mm, person, reach, cut, grid, labels):
     """Sample a scene as `reduce_grid` does a frame, with the person that each pixel shows (0: nobody).
 
     The sensor's edges are not those of the labels; what lies outside a person's ``reach`` (P, 2), their
     least and greatest depth, is not theirs.
     """
+    left, top, stride, rows, cols, mirrored = cut
     grid[:] = 0.0
     labels[:] = 0
     height, width = depth_mm.shape
@@ -49,20 +67,21 @@ def cell_labels(labels, cells, out):
 
 
 @njit(cache=True)
-def fill_offsets(grid, labels, targets, fx, fy, cx, cy, out):
+def fill_offsets(grid, labels, targets, camera, out):
     """Offsets (3, h, w) from every person pixel of the grid to its person's target (P, 3)."""
     for i in range(labels.shape[0]):
         for j in range(labels.shape[1]):
             k = labels[i, j] - 1
             if k >= 0:
                 z = grid[i, j]
-                out[0, i, j] = targets[k, 0] - (j - cx) / fx * z
-                out[1, i, j] = targets[k, 1] - (i - cy) / fy * z
+                x, y = ray(camera, j, i)
+                out[0, i, j] = targets[k, 0] - x * z
+                out[1, i, j] = targets[k, 1] - y * z
                 out[2, i, j] = targets[k, 2] - z
 
 
 @njit(cache=True)
-def fill_joint_offsets(grid, cells, labels, joints, fx, fy, cx, cy, out):
+def fill_joint_offsets(grid, cells, labels, joints, camera, out):
     """Offsets (3 J, h, w) from the pixel that stands for each person cell to their joints (P, J, 3)."""
     for i in range(cells.shape[0]):
         for j in range(cells.shape[1]):
@@ -71,7 +90,8 @@ def fill_joint_offsets(grid, cells, labels, joints, fx, fy, cx, cy, out):
                 continue
             a, b = cells[i, j] // COLS, cells[i, j] % COLS
             z = grid[a, b]
-            x, y = (b - cx) / fx * z, (a - cy) / fy * z
+            x, y = ray(camera, b, a)
+            x, y = x * z, y * z
             for n in range(joints.shape[1]):
                 out[3 * n, i, j] = joints[k, n, 0] - x
                 out[3 * n + 1, i, j] = joints[k, n, 1] - y

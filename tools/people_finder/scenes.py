@@ -6,11 +6,19 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from _sample_kernels import cell_labels, drape, fill_joint_offsets, fill_offsets, reduce_scene
+from _sample_kernels import Cut, cell_labels, drape, fill_joint_offsets, fill_offsets, reduce_scene
 from numpy.typing import NDArray
 
+from depth_pose.core.camera import Camera
 from depth_pose.core.skeleton import JOINTS
-from depth_pose.people._finder_kernels import CHANNELS, COLS, ROWS, choose_cells, fill_features
+from depth_pose.people._finder_kernels import (
+    CHANNELS,
+    COLS,
+    ROWS,
+    NetImage,
+    choose_cells,
+    fill_features,
+)
 
 CELL = 4
 """Side of the cells that vote for joints, pixels of the net's image."""
@@ -157,9 +165,8 @@ class Sampler:
         reach = np.nan_to_num(
             np.stack([joints[:, :, 2].min(axis=1) - _FLESH_M, joints[:, :, 2].max(axis=1) + _FLESH_M], axis=1)
         )
-        reduce_scene(
-            s.depth[scene], s.person[scene], reach, left, top, stride, rows, cols, mirrored, grid, labels
-        )
+        cut = Cut(left, top, stride, rows, cols, mirrored)
+        reduce_scene(s.depth[scene], s.person[scene], reach, cut, grid, labels)
         fx, fy, cx, cy = s.camera[scene]
         cx, cy = (cx + 0.5 - left) / stride - 0.5, (cy + 0.5 - top) / stride - 0.5
         fx, fy = fx / stride, fy / stride
@@ -170,13 +177,15 @@ class Sampler:
             if not labels.any() and rng.random() < 0.6:  # a room of another size: clutter close by
                 grid *= np.float32(np.exp(rng.uniform(np.log(0.1), np.log(1.6))))
             spoil(grid, labels, rows, cols, rng)
-        fill_features(grid, rows, cols, fx, fy, cx, cy, self._sums, self._counts, out.features[k])
-        fill_offsets(grid, labels, joints[:, _TORSO].mean(axis=1), fx, fy, cx, cy, out.torso[k])
+        camera = Camera(cols, rows, fx, fy, cx, cy)
+        image = NetImage(grid, rows, cols, stride, camera)
+        fill_features(image, self._sums, self._counts, out.features[k])
+        fill_offsets(grid, labels, joints[:, _TORSO].mean(axis=1), camera, out.torso[k])
         choose_cells(grid, rows, cols, CELL, self._cells)
         cell_labels(labels, self._cells, out.cell_labels[k])
         side = seen_from_behind(joints)
         named = np.where((side > 0)[:, None, None], joints[:, _MIRROR], joints)
-        fill_joint_offsets(grid, self._cells, out.cell_labels[k], named, fx, fy, cx, cy, out.joints[k])
+        fill_joint_offsets(grid, self._cells, out.cell_labels[k], named, camera, out.joints[k])
         out.joints[k, -1] = np.append(np.float32(0), side)[out.cell_labels[k]]
 
 

@@ -1,13 +1,17 @@
 """Compiled loops from what the net says of every pixel to persons; `depth_pose.people.finder` says why.
 
-Flat indices count the pixels of the net's image, row by row, `COLS` to a row.
+``image`` is a `NetImage`. Flat indices count its pixels, row by row, `COLS` to a row.
 """
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
+from depth_pose.core._camera_kernels import ray
 from depth_pose.people._finder_kernels import COLS
 
 _CELL_M = 0.1
@@ -40,24 +44,94 @@ _ALONE_M = 2.0
 """Distance that a cluster without a neighbour is said to be from one."""
 
 
+class TorsoVotes(NamedTuple):
+    """The pixels that vote.
+
+    Attributes
+    ----------
+    flat : (N,) int64
+        Which pixels.
+    points : (N, 3) float64
+        Where they see the torso, camera frame, metres.
+    weights, areas : (N,) float64
+        What they weigh, and the area that they show, m^2.
+    """
+
+    flat: NDArray[np.int64]
+    points: NDArray[np.float64]
+    weights: NDArray[np.float64]
+    areas: NDArray[np.float64]
+
+    def first(self, count: int) -> TorsoVotes:
+        """Give the first ``count`` of them, not copied."""
+        return TorsoVotes(self.flat[:count], self.points[:count], self.weights[:count], self.areas[:count])
+
+
+class SeenJoints(NamedTuple):
+    """Where the joints of each cluster seem to be.
+
+    Attributes
+    ----------
+    joints : (P, J, 3) float64
+        Camera frame, metres.
+    width, spread : (P, J) float64
+        Mean error that the votes claim, and how far they lie apart, metres.
+    behind : (P,) float64
+        Probability that the person is seen from behind.
+    """
+
+    joints: NDArray[np.float64]
+    width: NDArray[np.float64]
+    spread: NDArray[np.float64]
+    behind: NDArray[np.float64]
+
+
+class LimbRule(NamedTuple):
+    """Which surfaces beside a person are their limbs.
+
+    Attributes
+    ----------
+    least : float
+        Mean probability of a person, at least.
+    jump : float
+        Step in depth within a surface per metre of distance, less than this.
+    most : float
+        Area, m^2, less than this.
+    """
+
+    least: float
+    jump: float
+    most: float
+
+
+class FloodSpace(NamedTuple):
+    """Work space: a list of flat indices, (h w,) int64, and marks, (h, w) int32."""
+
+    queue: NDArray[np.int64]
+    marks: NDArray[np.int32]
+
+
 @njit(cache=True)
-def collect_votes(grid, mask, torso, rows, cols, fx, fy, cx, cy, least, flat, votes, weights, areas):
+def collect_votes(image, mask, torso, least, out):
     """List pixels whose mask logit is at least ``least``, where they see the torso, and their weight.
 
     The weight is the area that the pixel shows (m^2), times the probability, less where the vote is
-    unsure. Returns how many there are.
+    unsure. ``out`` (TorsoVotes) has room for all pixels. Returns how many there are.
     """
+    grid, camera = image.depth, image.camera
+    flat, votes, weights, areas = out
     count = 0
-    for i in range(rows):
-        for j in range(cols):
+    for i in range(image.rows):
+        for j in range(image.cols):
             z = grid[i, j]
             if z <= 0.0 or mask[i, j] < least:
                 continue
-            votes[count, 0] = (j - cx) / fx * z + torso[0, i, j]
-            votes[count, 1] = (i - cy) / fy * z + torso[1, i, j]
+            x, y = ray(camera, j, i)
+            votes[count, 0] = x * z + torso[0, i, j]
+            votes[count, 1] = y * z + torso[1, i, j]
             votes[count, 2] = z + torso[2, i, j]
             width = np.exp(torso[3, i, j])
-            areas[count] = z * z / (fx * fy)
+            areas[count] = z * z / (camera.fx * camera.fy)
             weights[count] = areas[count] / (1.0 + np.exp(-mask[i, j])) * min(1.0, _KEEN_M / width)
             flat[count] = i * COLS + j
             count += 1
@@ -159,15 +233,15 @@ def assign_votes(flat, votes, modes, reach, labels, owner):
 
 
 @njit(cache=True)
-def gather_joints(grid, labels, cells, votes, fx, fy, cx, cy, joints, width, spread, behind):
+def gather_joints(image, labels, cells, votes, out):
     """Where each cluster's cells see its joints.
 
     ``votes`` (4 J + 1, h, w): offsets, logarithms of their errors, logit of being seen from behind. A
     joint is the mean of the votes weighed by one over their squared error, taken again with those off
-    the mean weighing less.
-    Gives ``joints`` (P, J, 3), their mean error ``width`` (P, J) and the ``spread`` (P, J) of the
-    votes, metres, and the probability (P,) that the person is seen from ``behind``.
+    the mean weighing less. Fills ``out`` (SeenJoints).
     """
+    grid, camera = image.depth, image.camera
+    joints, width, spread, behind = out
     count, n = joints.shape[:2]
     cast = np.zeros(count)
     behind[:] = 0.0
@@ -186,7 +260,8 @@ def gather_joints(grid, labels, cells, votes, fx, fy, cx, cy, joints, width, spr
                 if p < 0:
                     continue
                 z = grid[a, b]
-                x, y = (b - cx) / fx * z, (a - cy) / fy * z
+                x, y = ray(camera, b, a)
+                x, y = x * z, y * z
                 if turn == 0:
                     behind[p] += votes[4 * n, i, j]
                     cast[p] += 1.0
@@ -222,11 +297,13 @@ def gather_joints(grid, labels, cells, votes, fx, fy, cx, cy, joints, width, spr
 
 
 @njit(cache=True)
-def measure_clusters(grid, mask, torso, flat, owner, votes, areas, modes, rows, cols, fx, fy, cx, cy, out):
+def measure_clusters(image, mask, torso, votes, owner, modes, out):
     """Measure what tells persons from things: see the lines below.
 
     ``out`` (P, MEASURES), the last ones of which the other two fill.
     """
+    grid, rows, cols, camera = image.depth, image.rows, image.cols, image.camera
+    flat, points, areas = votes.flat, votes.points, votes.areas
     count = modes.shape[0]
     out[:] = 0.0
     pixels = np.zeros(count)
@@ -240,14 +317,15 @@ def measure_clusters(grid, mask, torso, flat, owner, votes, areas, modes, rows, 
             continue
         i, j = flat[k] // COLS, flat[k] % COLS
         z = grid[i, j]
-        q = (np.float64((j - cx) / fx * z), np.float64((i - cy) / fy * z), np.float64(z))
+        x, y = ray(camera, j, i)
+        q = (np.float64(x * z), np.float64(y * z), np.float64(z))
         prob = 1.0 / (1.0 + np.exp(-mask[i, j]))
         pixels[p] += 1.0
         area[p] += areas[k]
         out[p, 0] += prob
         out[p, 1] += prob > 0.8
         out[p, 2] = max(out[p, 2], prob)
-        out[p, 3] += distance2(votes[k], modes[p])
+        out[p, 3] += distance2(points[k], modes[p])
         out[p, 4] += torso[3, i, j]
         out[p, 5] += i == 0 or j == 0 or i == rows - 1 or j == cols - 1
         for a in range(3):
@@ -286,12 +364,14 @@ def measure_clusters(grid, mask, torso, flat, owner, votes, areas, modes, rows, 
 
 
 @njit(cache=True)
-def measure_joints(joints, width, spread, modes, mask, rows, cols, fx, fy, cx, cy, parts, out):
+def measure_joints(seen, modes, image, mask, parts, out):
     """Fill the measures of the joints, from 16 on.
 
     ``parts``: indices of pelvis, neck, head, both shoulders, both hips, and the number of joints.
     """
     pelvis, neck, head, left, right, hip_left, hip_right = parts
+    joints, width, spread = seen.joints, seen.width, seen.spread
+    rows, cols, camera = image.rows, image.cols, image.camera
     n = joints.shape[1]
     for p in range(joints.shape[0]):
         q = joints[p]
@@ -299,7 +379,8 @@ def measure_joints(joints, width, spread, modes, mask, rows, cols, fx, fy, cx, c
         for m in range(n):
             total += width[p, m]
             z = max(q[m, 2], 0.1)
-            i, j = int(q[m, 1] / z * fy + cy + 0.5), int(q[m, 0] / z * fx + cx + 0.5)
+            i = int(q[m, 1] / z * camera.fy + camera.cy + 0.5)
+            j = int(q[m, 0] / z * camera.fx + camera.cx + 0.5)
             inside += i >= 0 and j >= 0 and i < rows and j < cols and mask[i, j] > -0.6
         out[p, 16] = total / n
         out[p, 17] = inside / n
@@ -313,12 +394,13 @@ def measure_joints(joints, width, spread, modes, mask, rows, cols, fx, fy, cx, c
 
 
 @njit(cache=True)
-def measure_neighbours(grid, labels, modes, rows, cols, out, neighbour):
+def measure_neighbours(image, labels, modes, out, neighbour):
     """Fill the measures, from 24 on, of each cluster beside the nearest one with more area.
 
     A part of a person whose votes went astray touches the rest and is small. ``neighbour`` (P,) becomes
     that other cluster, -1 for none within `_ALONE_M`.
     """
+    grid, rows, cols = image.depth, image.rows, image.cols
     count = modes.shape[0]
     contact = np.zeros((count + 1, count + 1))
     for i in range(rows):
@@ -364,15 +446,15 @@ def mark_near(labels, mask, least, rows, cols, chance, near):
 
 
 @njit(cache=True)
-def carry_labels(
-    depth, net_depth, labels, net_chance, near, rows, cols, ratio, offset_x, offset_y, out, chance
-):
-    """Carry labels (0: nobody) from the net's image to another grid of the same camera.
+def carry_labels(depth, camera, image, labels, net_chance, near, out, chance):
+    """Carry labels (0: nobody) from the net's image to another grid, ``depth`` with its ``camera``.
 
     A pixel takes, of the nine net pixels around it, what those near it in depth say, the nearer the
-    more. ``ratio`` and the offsets: position on the net's image per pixel. ``chance`` becomes the
-    probability of a person there, -1 where no net pixel has this depth.
+    more. ``chance`` becomes the probability of a person there, -1 where no net pixel has this depth.
     """
+    net_depth, rows, cols = image.depth, image.rows, image.cols
+    ratio = image.camera.fx / camera.fx
+    offset_x, offset_y = image.camera.cx - ratio * camera.cx, image.camera.cy - ratio * camera.cy
     votes = np.zeros(256)
     seen = np.empty(9, np.int64)
     for i in range(depth.shape[0]):
@@ -463,14 +545,14 @@ def label_boxes(labels, boxes, pixels):
 
 
 @njit(cache=True)
-def adopt_limbs(depth, labels, chance, least, jump, most, fx, fy, queue, marks):
+def adopt_limbs(depth, camera, labels, chance, rule, space):
     """Give people the small surfaces that go on from them: hands and forearms that the mask missed.
 
-    A surface is what can be reached in steps of less than ``jump`` per metre of distance without crossing
-    anybody. It is a limb if it shows less than ``most`` m^2 (a floor, a desk or a wall that they touch is
-    larger) and the net thinks it a person with a mean probability of at least ``least``. ``marks``
-    (h, w) int32 is work space.
+    A surface is what can be reached in steps of less than ``rule.jump`` per metre of distance without
+    crossing anybody. It is a limb if it shows less than ``rule.most`` m^2 (a floor, a desk or a wall that
+    they touch is larger) and the net thinks it a person with a mean probability of at least ``rule.least``.
     """
+    queue, marks = space
     rows, cols = depth.shape
     marks[:] = 0
     turn = 0
@@ -484,14 +566,14 @@ def adopt_limbs(depth, labels, chance, least, jump, most, fx, fy, queue, marks):
             b = j + (1 if d == 2 else -1 if d == 3 else 0)
             if not is_free(depth, labels, a, b) or marks[a, b] > 0:
                 continue
-            if abs(depth[a, b] - depth[i, j]) >= jump * depth[i, j]:
+            if abs(depth[a, b] - depth[i, j]) >= rule.jump * depth[i, j]:
                 continue
             turn += 1
-            count, area = flood_free(depth, labels, marks, turn, a, b, jump, most, fx * fy, queue)
+            count, area = flood_free(depth, camera, labels, rule, space, a, b, turn)
             sure = 0.0
             for k in range(count):
                 sure += max(0.0, chance[queue[k] // cols, queue[k] % cols])
-            if area < most and sure >= least * count:
+            if area < rule.most and sure >= rule.least * count:
                 for k in range(count):
                     labels[queue[k] // cols, queue[k] % cols] = who
 
@@ -504,13 +586,14 @@ def is_free(depth, labels, a, b):
 
 
 @njit(cache=True)
-def flood_free(depth, labels, marks, turn, a, b, jump, most, focal2, queue):
-    """List the surface around a pixel in ``queue``; gives how many pixels, and their area, m^2.
+def flood_free(depth, camera, labels, rule, space, a, b, turn):
+    """List the surface around a pixel in the queue; gives how many pixels, and their area, m^2.
 
-    It stops where the area passes ``most``, and where it meets a surface that was looked at before, which
-    was too large: the area is then infinite.
+    It stops where the area passes ``rule.most``, and where it meets a surface that was looked at before (its
+    marks are of another ``turn``), which was too large: the area is then infinite.
     """
-    cols = depth.shape[1]
+    queue, marks = space
+    cols, focal2 = depth.shape[1], camera.fx * camera.fy
     queue[0], count, area, done = a * cols + b, 1, 0.0, 0
     marks[a, b] = turn
     while done < count:
@@ -518,12 +601,12 @@ def flood_free(depth, labels, marks, turn, a, b, jump, most, focal2, queue):
         done += 1
         z = depth[i, j]
         area += z * z / focal2
-        if area >= most:
+        if area >= rule.most:
             return count, np.inf
         for d in range(4):
             u = i + (1 if d == 0 else -1 if d == 1 else 0)
             v = j + (1 if d == 2 else -1 if d == 3 else 0)
-            if not is_free(depth, labels, u, v) or abs(depth[u, v] - z) >= jump * z:
+            if not is_free(depth, labels, u, v) or abs(depth[u, v] - z) >= rule.jump * z:
                 continue
             if marks[u, v] != turn:
                 if marks[u, v] > 0:

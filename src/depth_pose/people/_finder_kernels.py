@@ -1,13 +1,18 @@
 """Compiled loops of the people finder; `depth_pose.people.finder` says what they are for.
 
-``grid`` is always the net's own image, `ROWS` x `COLS`; rows and columns that the camera does not
-fill, at the bottom or on the right, hold zeros.
+``image`` is a `NetImage`; ``grid`` is always its depth.
 """
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
+
+from depth_pose.core._camera_kernels import ray
+from depth_pose.core.camera import Camera
 
 ROWS, COLS = 120, 160
 """Size of the net's image, pixels."""
@@ -27,22 +32,44 @@ _RISE_M = 0.04
 """Samples of a pixel that differ by less, per metre of distance, are one surface and are averaged."""
 
 
+class NetImage(NamedTuple):
+    """A frame on the net's grid.
+
+    Attributes
+    ----------
+    depth : (ROWS, COLS) float32
+        Metres; 0 where there is none, and beyond ``rows`` and ``cols``.
+    rows, cols : int
+        The part that the camera fills, from the top left.
+    stride : float
+        Pixels of the frame to a pixel of the grid.
+    camera : Camera
+        Camera of that part.
+    """
+
+    depth: NDArray[np.float32]
+    rows: int
+    cols: int
+    stride: float
+    camera: Camera
+
+
 @njit(cache=True)
-def reduce_grid(depth, left, top, stride, rows, cols, near, far, grid):
+def reduce_grid(depth, stride, rows, cols, near, far, grid):
     """Sample a depth image (metres) to the net's grid: of four samples a pixel, those near the second.
 
-    Pixel (i, j) of the grid covers ``stride`` x ``stride`` pixels from ``(top + i stride, left + j stride)``;
+    Pixel (i, j) of the grid covers ``stride`` x ``stride`` pixels from ``(i stride, j stride)``;
     ``stride`` need not be whole. A pixel with fewer than two samples is a hole (0).
     """
     grid[:] = 0.0
     height, width = depth.shape
     left_of, right_of = np.empty(cols, np.int64), np.empty(cols, np.int64)
     for j in range(cols):
-        left_of[j] = min(width - 1, int(left + (j + 0.25) * stride))
-        right_of[j] = min(width - 1, int(left + (j + 0.75) * stride))
+        left_of[j] = min(width - 1, int((j + 0.25) * stride))
+        right_of[j] = min(width - 1, int((j + 0.75) * stride))
     for i in range(rows):
-        a = min(height - 1, int(top + (i + 0.25) * stride))
-        b = min(height - 1, int(top + (i + 0.75) * stride))
+        a = min(height - 1, int((i + 0.25) * stride))
+        b = min(height - 1, int((i + 0.75) * stride))
         for j in range(cols):
             grid[i, j] = near_second(
                 depth[a, left_of[j]],
@@ -82,7 +109,7 @@ def near_second(a, b, c, d, near, far):
 
 
 @njit(cache=True)
-def fill_features(grid, rows, cols, fx, fy, cx, cy, sums, counts, out):
+def fill_features(image, sums, counts, out):
     """Describe every pixel of the grid to the net.
 
     0 inverse depth (1/m); 1, 2 depth less its mean in a window of a limb's and of a body's size, at
@@ -90,6 +117,7 @@ def fill_features(grid, rows, cols, fx, fy, cx, cy, sums, counts, out):
     of the ray; 7, 8 slopes of the surface; 9 height below the camera's axis. All are 0 in holes, but
     for 5 and 6. ``sums`` and ``counts`` (ROWS + 1, COLS + 1) are work space.
     """
+    grid, rows, cols, camera = image.depth, image.rows, image.cols, image.camera
     out[:] = 0.0
     for i in range(rows):
         row, seen = 0.0, 0
@@ -99,14 +127,14 @@ def fill_features(grid, rows, cols, fx, fy, cx, cy, sums, counts, out):
             seen += z > 0.0
             sums[i + 1, j + 1] = sums[i, j + 1] + row
             counts[i + 1, j + 1] = counts[i, j + 1] + seen
-    focal, log_focal = np.float32(fx), np.float32(4.0 - np.log(fx))
+    focal, log_focal = np.float32(camera.fx), np.float32(4.0 - np.log(camera.fx))
     half, one = np.float32(0.5), np.float32(1.0)
     narrow, wide = np.float32(_NARROW_M), np.float32(_WIDE_M)
     for i in range(rows):
-        slope_y = np.float32((i - cy) / fy)
+        slope_y = np.float32(ray(camera, 0, i)[1])
         for j in range(cols):
             out[5, i, j] = slope_y
-            out[6, i, j] = np.float32((j - cx) / fx)
+            out[6, i, j] = np.float32(ray(camera, j, i)[0])
             z = grid[i, j]
             if z <= np.float32(0.0):
                 continue

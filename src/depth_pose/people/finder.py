@@ -31,6 +31,7 @@ from depth_pose.core.types import DepthFrame
 from depth_pose.people import _cluster_kernels as clusters
 from depth_pose.people import _finder_kernels as kernels
 from depth_pose.people import working_grid
+from depth_pose.people._finder_kernels import NetImage
 from depth_pose.people.verifier import Verifier
 
 FINDER_JOINTS: tuple[str, ...] = JOINTS
@@ -157,28 +158,6 @@ class Detections:
     people: tuple[Detection, ...]
 
 
-@dataclass(frozen=True)
-class NetImage:
-    """A frame on the net's grid.
-
-    Attributes
-    ----------
-    depth : (ROWS, COLS) float32
-        Metres; 0 where there is none, and beyond ``rows`` and ``cols``.
-    rows, cols : int
-        The part that the camera fills.
-    stride : float
-        Pixels of the frame to a pixel of the grid.
-    camera : Camera
-    """
-
-    depth: NDArray[np.float32]
-    rows: int
-    cols: int
-    stride: float
-    camera: Camera
-
-
 def reduce_frame(frame: DepthFrame, nearest: float = _NEAR_M) -> NetImage:
     """Bring a frame to the net's grid; its sides keep their proportion.
 
@@ -191,7 +170,7 @@ def reduce_frame(frame: DepthFrame, nearest: float = _NEAR_M) -> NetImage:
     grid = np.empty((kernels.ROWS, kernels.COLS), np.float32)
     depth = frame.depth if frame.depth.dtype == np.float32 else frame.depth.astype(np.float32)
     near, far = np.float32(max(nearest, _NEAR_M)), np.float32(_FAR_M)
-    kernels.reduce_grid(depth, 0.0, 0.0, stride, rows, cols, near, far, grid)
+    kernels.reduce_grid(depth, stride, rows, cols, near, far, grid)
     reduced = Camera(
         width=cols,
         height=rows,
@@ -272,8 +251,13 @@ class PeopleFinder:
         self._density = np.zeros(int(np.prod(clusters.CELLS)))
         self._cells = np.empty((shape[0] // _CELL, shape[1] // _CELL), np.int64)
         size = shape[0] * shape[1]
-        self._flat, self._owner = np.zeros(size, np.int64), np.zeros(size, np.int64)
-        self._votes, self._weights, self._areas = np.zeros((size, 3)), np.zeros(size), np.zeros(size)
+        self._owner = np.zeros(size, np.int64)
+        self._votes = clusters.TorsoVotes(
+            flat=np.zeros(size, np.int64),
+            points=np.zeros((size, 3)),
+            weights=np.zeros(size),
+            areas=np.zeros(size),
+        )
 
     def warm_up(self) -> None:
         """Compile and load everything, so that the first frame takes no longer than the next."""
@@ -327,32 +311,25 @@ class PeopleFinder:
             Logit of the probability that a pixel shows a person.
         clusters : Clusters
         """
-        c = image.camera
-        intrinsics = (c.fx, c.fy, c.cx, c.cy)
-        kernels.fill_features(
-            image.depth, image.rows, image.cols, *intrinsics, self._sums, self._counts, self._features[0]
-        )
+        kernels.fill_features(image, self._sums, self._counts, self._features[0])
         mask, torso, votes = (o[0] for o in self._session.run(None, {self._input: self._features}))
-        return mask[0], self._gather(image, intrinsics, mask[0], torso, votes)
+        return mask[0], self._gather(image, mask[0], torso, votes)
 
     def _gather(
         self,
         image: NetImage,
-        intrinsics: tuple[float, float, float, float],
         mask: NDArray[np.float32],
         torso: NDArray[np.float32],
         joint_votes: NDArray[np.float32],
     ) -> Clusters:
         """Find where votes for torsos gather, and what those who cast them say of the joints."""
-        view = (image.rows, image.cols)
-        lists = (self._flat, self._votes, self._weights, self._areas)
-        n = clusters.collect_votes(image.depth, mask, torso, *view, *intrinsics, _LEAST_LOGIT, *lists)
-        flat, votes, weights, areas = (a[:n] for a in lists)
+        n = clusters.collect_votes(image, mask, torso, _LEAST_LOGIT, self._votes)
+        votes = self._votes.first(n)
         step = max(1, n // _MOST_VOTES)  # enough to find the middles
         modes = np.empty((_MOST_PEOPLE, 3))
         count = clusters.find_modes(
-            votes[::step].copy(),
-            step * weights[::step],
+            votes.points[::step].copy(),
+            step * votes.weights[::step],
             self._density,
             _RADIUS_M,
             _LEAST_AREA_M2,
@@ -361,24 +338,19 @@ class PeopleFinder:
         )
         modes = modes[:count]
         labels, owner = np.zeros(mask.shape, np.uint8), self._owner[:n]
-        clusters.assign_votes(flat, votes, modes, _REACH_M, labels, owner)
-        kernels.choose_cells(image.depth, *view, _CELL, self._cells)
-        joints = np.empty((count, len(FINDER_JOINTS), 3))
-        error, spread = np.empty(joints.shape[:2]), np.empty(joints.shape[:2])
-        behind = np.empty(count)
-        clusters.gather_joints(
-            image.depth, labels, self._cells, joint_votes, *intrinsics, joints, error, spread, behind
-        )
+        clusters.assign_votes(votes.flat, votes.points, modes, _REACH_M, labels, owner)
+        kernels.choose_cells(image.depth, image.rows, image.cols, _CELL, self._cells)
+        size = (count, len(FINDER_JOINTS))
+        seen = clusters.SeenJoints(np.empty((*size, 3)), np.empty(size), np.empty(size), np.empty(count))
+        clusters.gather_joints(image, labels, self._cells, joint_votes, seen)
         measures = np.empty((count, clusters.MEASURES))
-        clusters.measure_clusters(
-            image.depth, mask, torso, flat, owner, votes, areas, modes, *view, *intrinsics, measures
-        )
-        clusters.measure_joints(joints, error, spread, modes, mask, *view, *intrinsics, _PARTS, measures)
+        clusters.measure_clusters(image, mask, torso, votes, owner, modes, measures)
+        clusters.measure_joints(seen, modes, image, mask, _PARTS, measures)
         neighbour = np.empty(count, np.int64)
-        clusters.measure_neighbours(image.depth, labels, modes, *view, measures, neighbour)
-        away = behind > 0.5
+        clusters.measure_neighbours(image, labels, modes, measures, neighbour)
+        joints, error, away = seen.joints, seen.width, seen.behind > 0.5
         joints[away], error[away] = joints[away][:, _MIRROR], error[away][:, _MIRROR]
-        return Clusters(labels, modes, joints, error, behind, measures, neighbour)
+        return Clusters(labels, modes, joints, error, seen.behind, measures, neighbour)
 
     def _outline(
         self,
@@ -392,22 +364,14 @@ class PeopleFinder:
         labels = np.zeros(depth.shape, np.uint8)
         if not net_labels.any():
             return labels
-        view = (image.rows, image.cols)
         net_chance, near = np.empty(mask.shape, np.float32), np.empty(mask.shape, np.bool_)
-        clusters.mark_near(net_labels, mask, _LIMB_CHANCE, *view, net_chance, near)
+        clusters.mark_near(net_labels, mask, _LIMB_CHANCE, image.rows, image.cols, net_chance, near)
         chance = np.empty(depth.shape, np.float32)
-        ratio = image.camera.fx / camera.fx
-        offsets = (image.camera.cx - ratio * camera.cx, image.camera.cy - ratio * camera.cy)
-        clusters.carry_labels(
-            depth, image.depth, net_labels, net_chance, near, *view, ratio, *offsets, labels, chance
-        )
-        queue = np.empty(depth.size, np.int64)
-        clusters.grow_labels(depth, labels, chance, _GROW_CHANCE, _GROW_JUMP, _GROW_PIXELS, queue)
-        marks = np.empty(depth.shape, np.int32)
-        focal = (camera.fx, camera.fy)
-        clusters.adopt_limbs(
-            depth, labels, chance, _LIMB_CHANCE, _GROW_JUMP, _LIMB_AREA_M2, *focal, queue, marks
-        )
+        clusters.carry_labels(depth, camera, image, net_labels, net_chance, near, labels, chance)
+        space = clusters.FloodSpace(np.empty(depth.size, np.int64), np.empty(depth.shape, np.int32))
+        clusters.grow_labels(depth, labels, chance, _GROW_CHANCE, _GROW_JUMP, _GROW_PIXELS, space.queue)
+        limb = clusters.LimbRule(_LIMB_CHANCE, _GROW_JUMP, _LIMB_AREA_M2)
+        clusters.adopt_limbs(depth, camera, labels, chance, limb, space)
         return labels
 
 

@@ -5,9 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from depth_pose.core._camera_kernels import project, ray
+
 
 @njit(cache=True)
-def raster(vertices, faces, fx, fy, cx, cy, near, inverse, index):
+def raster(vertices, faces, camera, near, inverse, index):
     """Draw triangles (F, 3), both sides, into a buffer of 1/z (H, W) and of face numbers (H, W).
 
     A triangle that reaches behind the plane z = ``near`` is cut there.
@@ -19,14 +21,13 @@ def raster(vertices, faces, fx, fy, cx, cy, near, inverse, index):
             p = vertices[faces[f, k]]
             q = vertices[faces[f, (k + 1) % 3]]
             if p[2] >= near:
-                corners[count, 0] = fx * p[0] / p[2] + cx
-                corners[count, 1] = fy * p[1] / p[2] + cy
+                corners[count, 0], corners[count, 1] = project(camera, p[0], p[1], p[2])
                 corners[count, 2] = 1.0 / p[2]
                 count += 1
             if (p[2] >= near) != (q[2] >= near):
                 t = (near - p[2]) / (q[2] - p[2])
-                corners[count, 0] = fx * (p[0] + t * (q[0] - p[0])) / near + cx
-                corners[count, 1] = fy * (p[1] + t * (q[1] - p[1])) / near + cy
+                x, y = p[0] + t * (q[0] - p[0]), p[1] + t * (q[1] - p[1])
+                corners[count, 0], corners[count, 1] = project(camera, x, y, near)
                 corners[count, 2] = 1.0 / near
                 count += 1
         for k in range(1, count - 1):
@@ -90,7 +91,7 @@ def cast_shadow(depth, reach, margin, shadow):
 
 
 @njit(cache=True)
-def shade(vertices, faces, index, fx, fy, cx, cy, cosine):
+def shade(vertices, faces, index, camera, cosine):
     """Fill the cosine of the angle between each pixel's ray and the normal of its face."""
     for v in range(index.shape[0]):
         for u in range(index.shape[1]):
@@ -101,6 +102,6 @@ def shade(vertices, faces, index, fx, fy, cx, cy, cosine):
             x1, y1, z1 = b[0] - a[0], b[1] - a[1], b[2] - a[2]
             x2, y2, z2 = c[0] - a[0], c[1] - a[1], c[2] - a[2]
             nx, ny, nz = y1 * z2 - z1 * y2, z1 * x2 - x1 * z2, x1 * y2 - y1 * x2
-            x, y = (u - cx) / fx, (v - cy) / fy
+            x, y = ray(camera, u, v)
             size = np.sqrt((nx * nx + ny * ny + nz * nz) * (x * x + y * y + 1.0))
             cosine[v, u] = abs(nx * x + ny * y + nz) / max(size, 1e-18)

@@ -84,10 +84,9 @@ def draw(vertices_optical: Array, faces: NDArray[np.int64], camera: Camera) -> D
     """Draw triangles (F, 3) between points (V, 3) of the optical frame, metres."""
     shape = (camera.height, camera.width)
     inverse, face = np.zeros(shape), np.full(shape, -1, np.int32)
-    place = (camera.fx, camera.fy, camera.cx, camera.cy)
-    kernels.raster(vertices_optical, faces, *place, _NEAR_M, inverse, face)
+    kernels.raster(vertices_optical, faces, camera, _NEAR_M, inverse, face)
     cosine = np.zeros(shape, np.float32)
-    kernels.shade(vertices_optical, faces, face, *place, cosine)
+    kernels.shade(vertices_optical, faces, face, camera, cosine)
     depth = np.divide(1.0, inverse, out=np.zeros(shape), where=face >= 0)
     return Drawn(depth.astype(np.float32), face, cosine)
 
@@ -109,11 +108,13 @@ def silhouette_area(vertices_optical: Array, faces: NDArray[np.int64], camera: C
     scale = _SILHOUETTE_PX / max(right - left, bottom - top, 1.0)
     wide, tall = int((right - left) * scale) + 3, int((bottom - top) * scale) + 3
     inverse, face = np.zeros((tall, wide)), np.full((tall, wide), -1, np.int32)
-    place = (
-        camera.fx * scale,
-        camera.fy * scale,
-        (camera.cx - left) * scale + 1,
-        (camera.cy - top) * scale + 1,
+    closer = Camera(
+        width=wide,
+        height=tall,
+        fx=camera.fx * scale,
+        fy=camera.fy * scale,
+        cx=(camera.cx - left) * scale + 1,
+        cy=(camera.cy - top) * scale + 1,
     )
-    kernels.raster(vertices_optical, faces, *place, _NEAR_M, inverse, face)
+    kernels.raster(vertices_optical, faces, closer, _NEAR_M, inverse, face)
     return float((face >= 0).sum() / scale**2)

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numba import njit
 
+from depth_pose.core._camera_kernels import project
 from depth_pose.core.types import BACKGROUND, PERSON
 
 _SEEN, _OCCLUDED, _OUTSIDE = 0, 1, 2
@@ -17,10 +18,11 @@ _SAMPLES = 6
 
 
 @njit(cache=True)
-def _look(x: Any, y: Any, z: Any, below: Any, window: Any, depth: Any, labels: Any) -> Any:
+def _look(x: Any, y: Any, z: Any, below: Any, window: Any) -> Any:
     """Label of the pixel of a place in the body, and how far behind where it should lie it is."""
-    fx, fy, cx, cy = window
-    row, column = int(np.rint(fy * y / z + cy)), int(np.rint(fx * x / z + cx))
+    depth, labels = window.depth, window.labels
+    u, v = project(window.camera, x, y, z)
+    row, column = int(np.rint(v)), int(np.rint(u))
     if not (0 <= row < depth.shape[0] and 0 <= column < depth.shape[1]):
         return BACKGROUND, 0.0
     if labels[row, column] != PERSON:
@@ -34,31 +36,29 @@ def look_at_joints(
     parents: Any,
     below: Any,
     hidden_behind: Any,
-    image: Any,
+    camera: Any,
     window: Any,
-    depth: Any,
-    labels: Any,
     states: Any,
     signs: Any,
 ) -> None:
     """Write the states (19,) and the signs (19, 8) of joints, in the order of `confidence.SIGNS`.
 
-    ``image`` is fx, fy, cx, cy, width, height of the whole image, ``window`` fx, fy, cx, cy of the part
-    around the person of which ``depth`` and ``labels`` are known.
+    ``camera`` is that of the whole image, ``window`` (`depth_pose.fit.rendered_depth.Observation`) what is
+    known around the person.
     """
-    fx, fy, cx, cy, width, height = image
+    width, height = camera.width, camera.height
     signs[:] = 0.0
     for j in range(positions.shape[0]):
         x, y, z = positions[j]
-        u, v = fx * x / z + cx, fy * y / z + cy
+        u, v = project(camera, x, y, z)
         states[j] = _SEEN
         if not (-0.5 <= u < width - 0.5 and -0.5 <= v < height - 0.5):
             states[j] = _OUTSIDE
-            du = max(0.0, -0.5 - u, u - width + 0.5) * z / fx
-            dv = max(0.0, -0.5 - v, v - height + 0.5) * z / fy
+            du = max(0.0, -0.5 - u, u - width + 0.5) * z / camera.fx
+            dv = max(0.0, -0.5 - v, v - height + 0.5) * z / camera.fy
             signs[j, 1] = min(np.sqrt(du * du + dv * dv) / hidden_behind, 5.0)
         else:
-            label, gap = _look(x, y, z, below[j], window, depth, labels)
+            label, gap = _look(x, y, z, below[j], window)
             if label == BACKGROUND:
                 signs[j, 2] = 1.0
             elif label != PERSON or gap > hidden_behind:
@@ -76,8 +76,6 @@ def look_at_joints(
                 z + t * (positions[p, 2] - z),
                 below[j] + t * (below[p] - below[j]),
                 window,
-                depth,
-                labels,
             )
             if label == BACKGROUND:
                 signs[j, 5] += 1.0 / _SAMPLES

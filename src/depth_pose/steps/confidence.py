@@ -127,16 +127,13 @@ def look_at_joints(positions: NDArray[np.float64], scale: float, person: Person)
         lies nearer, or where nothing is known; OUTSIDE_IMAGE beyond the image's border.
     """
     states, signs = np.empty(len(JOINTS), np.uint8), np.empty((len(JOINTS), len(SIGNS)))
-    whole, part = person.camera, person.full.camera
     kernels.look_at_joints(
         positions,
         _OTHER_END,
         scale * _BELOW,
         _HIDDEN_BEHIND,
-        (whole.fx, whole.fy, whole.cx, whole.cy, float(whole.width), float(whole.height)),
-        (part.fx, part.fy, part.cx, part.cy),
-        person.full.depth,
-        person.full.labels,
+        person.camera,
+        person.full,
         states,
         signs,
     )
