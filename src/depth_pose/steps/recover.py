@@ -35,7 +35,7 @@ from depth_pose.fit.skeleton_pose import pose_from_skeleton
 from depth_pose.fit.temporal import TemporalCarrier
 from depth_pose.people.memory import PerPerson
 from depth_pose.people.person import People, Person, thin
-from depth_pose.steps.confidence import report_joints, skeleton_confidence
+from depth_pose.steps.confidence import report_joints, fit_confidence
 from depth_pose.steps.failure import KINDS, Failure, FailureCheck
 from depth_pose.steps.smooth import JointFilter
 from depth_pose.steps.warm_up import sample_people
@@ -241,7 +241,7 @@ class Recoverer:
             frame_id=person.frame_id,
             body_id=person.body_id,
             source=Source.RECOVERED,
-            confidence=float(np.float32(skeleton_confidence(seen.score))),
+            confidence=float(np.float32(fit_confidence(seen.score))),
             residual=float(np.float32(seen.gap)),
             scale=past.fitted.skeleton.scale,
             positions=positions,

@@ -29,7 +29,7 @@ from depth_pose.fit.rendered_depth import Comparison, DepthComparer
 from depth_pose.fit.skeleton_pose import pose_from_skeleton
 from depth_pose.people.memory import PerPerson
 from depth_pose.people.person import People, Person
-from depth_pose.steps.confidence import report_joints, skeleton_confidence
+from depth_pose.steps.confidence import report_joints, fit_confidence
 from depth_pose.steps.fitters import FITTERS
 from depth_pose.steps.warm_up import sample_people
 
@@ -189,7 +189,7 @@ class Refiner:
 
     def _skeleton(self, person: Person, fitted: _Compared) -> Skeleton:
         """Put a fitted pose into words."""
-        confidence = skeleton_confidence(fitted.comparison.score)
+        confidence = fit_confidence(fitted.comparison.score)
         positions = fitted.body.nodes[JOINT_NODES]
         report = report_joints(positions, fitted.body.pose.scale, person, fitted.comparison.score)
         return Skeleton(
