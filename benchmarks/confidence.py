@@ -13,9 +13,9 @@ and, with ``--check``, on recordings with known joints, which nothing is fitted 
 stated confidence against the share that is right, as printed and as the package states it now; and the
 skeletons' own confidence against the share of frames whose mean error is below 10 cm.
 
-With ``--rooms`` several people go about in furnished rooms (``depth-pose simulate --room``). Prints the figures
-of a skeleton's confidence: the chance that its joints are within 10 cm, on average, of somebody who is there. It
-is fitted to every other clip and checked on the rest.
+With ``--rooms`` several people go about in furnished rooms (``depth-pose simulate --room``). Prints the
+figures of a skeleton's confidence: the chance that its joints are within 10 cm, on average, of somebody who
+is there. It is fitted to every other clip and checked on the rest.
 """
 
 from __future__ import annotations
@@ -211,7 +211,8 @@ def report_rooms(answers: RoomAnswers) -> None:
         print(
             f"    skeletons, {name}: {rest.sum()}, says {stated[rest].mean():.3f}, "
             f"is {answers.right[rest].mean():.3f}, calibration error {error:.3f}, "
-            f"area under the curve {area(stated[rest], answers.right[rest]):.3f}; on nobody and surer than .5: {sure:.3f}"
+            f"area under the curve {area(stated[rest], answers.right[rest]):.3f}; "
+            f"on nobody and surer than .5: {sure:.3f}"
         )
 
 

@@ -3,10 +3,10 @@
     python benchmarks/people_finder.py                        # 500 rooms, about two minutes
     python benchmarks/people_finder.py --rooms 100 --weights build/people_finder/weights
 
-Each room is one frame by itself: no tracks. A person is found if half of a detection's pixels are theirs and
-its torso lies within 0.4 m of theirs; a detection that is nobody's is false, and counts for the kind of thing
-that most of its pixels show. Prints tables in Markdown: who is found, by how much of them shows, by sensor and
-by distance; what false ones stand on; whether the probability means what it says; joints; time.
+Each room is one frame by itself: no tracks. A person is found if half of a detection's pixels are theirs
+and its torso lies within 0.4 m of theirs; a detection that is nobody's is false, and counts for the kind of
+thing that most of its pixels show. Prints tables in Markdown: who is found, by how much of them shows, by
+sensor and by distance; what false ones stand on; whether the probability means what it says; joints; time.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ import time
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -135,14 +136,10 @@ def by_group(tally: Tally, threshold: float) -> str:
     shown, distance, sensor, probability = (np.array(c) for c in zip(*tally.people, strict=True))
     asked, hit = shown >= ASKED, probability >= threshold
     groups = [("all asked for", asked)]
-    groups += [
-        (f"{a:g} to {min(b, 1):g} shows", (shown >= a) & (shown < b))
-        for a, b in zip(SHOWN, SHOWN[1:], strict=False)
-    ]
+    groups += [(f"{a:g} to {min(b, 1):g} shows", (shown >= a) & (shown < b)) for a, b in pairwise(SHOWN)]
     groups += [(str(name), asked & (sensor == name)) for name in np.unique(sensor)]
     groups += [
-        (f"{a:g} to {b:g} m", asked & (distance >= a) & (distance < b))
-        for a, b in zip(DISTANCES_M, DISTANCES_M[1:], strict=False)
+        (f"{a:g} to {b:g} m", asked & (distance >= a) & (distance < b)) for a, b in pairwise(DISTANCES_M)
     ]
     rows = ((name, int(g.sum()), f"{hit[g].mean():.3f}") for name, g in groups if g.any())
     return table(("people", "number", f"found at {threshold:g}"), rows)
@@ -173,7 +170,9 @@ def reliability(tally: Tally) -> str:
         for k in used
     ]
     gap = sum((bins == k).mean() * abs(p[bins == k].mean() - right[bins == k].mean()) for k in used)
-    return table(("probability", "detections", "mean", "are people"), rows) + f"\n\nCalibration error {gap:.3f}."
+    return (
+        table(("probability", "detections", "mean", "are people"), rows) + f"\n\nCalibration error {gap:.3f}."
+    )
 
 
 def joints(tally: Tally) -> str:
@@ -203,7 +202,9 @@ def main() -> None:
         PeopleFinder(config, model, settings),
         track(rooms(arguments.seed, arguments.rooms), "rooms", total=arguments.rooms),
     )
-    print(f"Weights {hashlib.sha256(model).hexdigest()[:12]}, {tally.frames} rooms of seed {arguments.seed}\n")
+    print(
+        f"Weights {hashlib.sha256(model).hexdigest()[:12]}, {tally.frames} rooms of seed {arguments.seed}\n"
+    )
     print(by_group(tally, config.start), "\n")
     print(by_thing(tally, (config.keep, config.start, 0.8)), "\n")
     print(reliability(tally), "\n")

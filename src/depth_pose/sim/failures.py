@@ -21,7 +21,7 @@ from depth_pose.fit.articulated import BodyPose
 from depth_pose.fit.rendered_depth import DepthComparer
 from depth_pose.fit.skeleton_pose import pose_from_nodes, pose_from_skeleton
 from depth_pose.people.person import Person
-from depth_pose.steps.confidence import report_joints, fit_confidence
+from depth_pose.steps.confidence import fit_confidence, report_joints
 
 _ARMS = [
     [NODE_INDEX[f"{s}_{n}"] for n in ("clavicle", "shoulder", "elbow", "wrist")] for s in ("left", "right")

@@ -86,7 +86,8 @@ SKELETON_SIGNS = {
     "metres from the finder's joints": -3.0,
 }
 """Log-odds of a skeleton, by what is known of it; fitted to simulated rooms with clutter by
-``benchmarks/confidence.py --rooms``. The distance from the finder's proposals is weighed by their confidence."""
+``benchmarks/confidence.py --rooms``. The distance from the finder's proposals is weighed by how sure
+they are."""
 
 _FAR_APART_M = 0.5
 _LEAST_CHANCE = 0.01

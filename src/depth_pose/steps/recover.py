@@ -35,7 +35,7 @@ from depth_pose.fit.skeleton_pose import pose_from_skeleton
 from depth_pose.fit.temporal import TemporalCarrier
 from depth_pose.people.memory import PerPerson
 from depth_pose.people.person import People, Person, thin
-from depth_pose.steps.confidence import report_joints, fit_confidence
+from depth_pose.steps.confidence import fit_confidence, report_joints
 from depth_pose.steps.failure import KINDS, Failure, FailureCheck
 from depth_pose.steps.smooth import JointFilter
 from depth_pose.steps.warm_up import sample_people

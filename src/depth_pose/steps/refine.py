@@ -29,7 +29,7 @@ from depth_pose.fit.rendered_depth import Comparison, DepthComparer
 from depth_pose.fit.skeleton_pose import pose_from_skeleton
 from depth_pose.people.memory import PerPerson
 from depth_pose.people.person import People, Person
-from depth_pose.steps.confidence import report_joints, fit_confidence
+from depth_pose.steps.confidence import fit_confidence, report_joints
 from depth_pose.steps.fitters import FITTERS
 from depth_pose.steps.warm_up import sample_people
 
