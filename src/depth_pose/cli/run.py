@@ -85,7 +85,7 @@ def run(
         ("nobody in view", str(summary.empty)),
         ("most people in a frame", str(summary.most_people)),
     ]
-    facts += [(reason, f"{n} ignored") for reason, n in pipeline.extractor.choice.ignored.items() if n]
+    facts += [(reason, f"{n} ignored") for reason, n in pipeline.extractor.passed_over.items() if n]
     if summary.dropped:
         facts.append(("dropped", str(summary.dropped)))
     sources = ", ".join(f"{n} {name.lower()}" for name, n in summary.sources.items())

@@ -149,6 +149,8 @@ class Detections:
         What the net says of every pixel's chance to show a person, 0 to 1.
     people : tuple of Detection
         Nearest first.
+    out_of_range : int
+        How many more there are nearer or farther than `SegmentConfig.near` and `SegmentConfig.far` say.
     """
 
     depth: NDArray[np.float32]
@@ -156,6 +158,7 @@ class Detections:
     camera: Camera
     chance: NDArray[np.float32]
     people: tuple[Detection, ...]
+    out_of_range: int
 
 
 def reduce_frame(frame: DepthFrame, nearest: float = _NEAR_M) -> NetImage:
@@ -285,9 +288,9 @@ class PeopleFinder:
         )
         probability[_is_halo(found.measures)] = 0.0
         distance = found.torsos[:, 2]
-        likely = (
-            (probability >= self.config.keep) & (distance >= self.config.near) & (distance <= self.config.far)
-        )
+        near_enough = (distance >= self.config.near) & (distance <= self.config.far)
+        likely = (probability >= self.config.keep) & near_enough
+        beyond = int(((probability >= self.config.start) & ~near_enough).sum())
         chosen = np.flatnonzero(likely)[np.argsort(distance[likely], kind="stable")]
         number = np.zeros(len(distance) + 1, np.uint8)
         number[chosen + 1] = np.arange(1, len(chosen) + 1)
@@ -300,7 +303,7 @@ class PeopleFinder:
             for n, k in enumerate(chosen)
             if pixels[n] >= _LEAST_PIXELS
         )
-        return Detections(depth, labels, camera, _spread(mask, image, camera), people)
+        return Detections(depth, labels, camera, _spread(mask, image, camera), people, beyond)
 
     def cluster(self, image: NetImage) -> tuple[NDArray[np.float32], Clusters]:
         """Let the net vote, and gather the votes.

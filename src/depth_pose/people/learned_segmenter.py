@@ -55,6 +55,7 @@ class LearnedSegmenter:
                 )
                 for p in found.people
             ),
+            out_of_range=found.out_of_range,
         )
 
     def _complete(self, found: Detections) -> NDArray[np.uint8]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable
 
 import numpy as np
@@ -39,7 +40,9 @@ class PeopleExtractor:
     Attributes
     ----------
     choice : PeopleChoice
-        Counts who was left out.
+    passed_over : Counter of str
+        Over all frames, who was seen and not answered: ``too near or too far``, ``not sure enough``, and what
+        `PeopleChoice` left out.
     """
 
     def __init__(
@@ -55,6 +58,7 @@ class PeopleExtractor:
             parse_zone(segment.zone), segment.most_people, rotation_sensor_upright(mount.roll)
         )
         self._guard = StampGuard()
+        self.passed_over: Counter[str] = Counter()
 
     def reset(self) -> None:
         """Forget the people."""
@@ -82,6 +86,9 @@ class PeopleExtractor:
         labels = np.where((seen.depth > 0) & (depth <= 0), np.uint8(HIDDEN), seen.labels)
         names = self._tracks.assign(seen.sightings, frame.stamp_ns)
         chosen = self.choice.choose(names, [s.place for s in seen.sightings])
+        self.passed_over["too near or too far"] += seen.out_of_range
+        self.passed_over["not sure enough"] += names.count(None)
+        self.passed_over.update(self.choice.left_out)
         found = (
             FoundPerson(s.label, name, self._probability(name), s.proposals, s.proposal_confidence)
             for s, name in zip(seen.sightings, chosen, strict=True)
