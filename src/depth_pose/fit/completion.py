@@ -121,7 +121,7 @@ class MeshCompleter:
         (V,) float64
             Cosine between the vertex's normal and the ray to it; 0 where it is not seen.
         """
-        zbuffer = np.empty(coarse.depth.shape)
+        zbuffer = np.empty(coarse.depth.shape, np.float32)
         normals = np.empty_like(posed.vertices)
         seen = np.empty(len(posed.vertices), np.bool_)
         _raster_kernels.rasterize(posed.vertices, self.body.faces, coarse.camera, zbuffer)

@@ -39,6 +39,8 @@ class PeopleExtractor:
 
     Attributes
     ----------
+    segmenter : Segmenter
+        Finds people, and keeps what it needs from frame to frame.
     choice : PeopleChoice
     passed_over : Counter of str
         Over all frames, who was seen and not answered: ``too near or too far``, ``not sure enough``, and what
@@ -51,7 +53,7 @@ class PeopleExtractor:
         denoise: DenoiseConfig,
         mount: MountConfig = MountConfig(),  # noqa: B008
     ) -> None:
-        self._segmenter = _METHODS[segment.method](segment)
+        self.segmenter: Segmenter = _METHODS[segment.method](segment)
         self._denoise = denoise
         self._tracks = PeopleTracks(segment.start, segment.keep)
         self.choice = PeopleChoice(
@@ -62,13 +64,13 @@ class PeopleExtractor:
 
     def reset(self) -> None:
         """Forget the people."""
-        self._segmenter.reset()
+        self.segmenter.reset()
         self._tracks.reset()
         self.choice.reset()
 
     def warm_up(self) -> None:
         """Compile every kernel."""
-        self._segmenter.warm_up()
+        self.segmenter.warm_up()
         camera = Camera(64, 48, 60.0, 60.0, 31.5, 23.5)
         depth = denoise_depth(np.full((48, 64), 2.0, np.float32), camera, self._denoise)
         found = FoundPerson(1, "", 1.0, np.zeros((0, 3), np.float32), np.zeros(0, np.float32))
@@ -81,7 +83,7 @@ class PeopleExtractor:
         """
         if self._guard.is_break(frame.stamp_ns):
             self.reset()
-        seen = self._segmenter.segment(frame)
+        seen = self.segmenter.segment(frame)
         depth = denoise_depth(seen.depth, seen.camera, self._denoise)
         labels = np.where((seen.depth > 0) & (depth <= 0), np.uint8(HIDDEN), seen.labels)
         names = self._tracks.assign(seen.sightings, frame.stamp_ns)

@@ -33,7 +33,7 @@ from depth_pose.steps.placing import (
     join,
     place_exemplars,
 )
-from depth_pose.steps.scale import SCALES, ScaleFinder
+from depth_pose.steps.scale import SCALES, ScaleFinder, guess_scale
 from depth_pose.steps.search import SubspaceSearch
 from depth_pose.steps.short_fits import TrialFits
 from depth_pose.steps.warm_up import sample_people
@@ -83,12 +83,16 @@ class _Size:
         Whether it was found while the image's border may have cut the person off.
     shown : float
         Most that was seen of them meanwhile: points times squared distance.
+    before : float
+        What it was before it was to be found again; 0: never found.
     """
 
     def __init__(self, finder: ScaleFinder) -> None:
-        self.finder, self.is_partial, self.shown = finder, False, 0.0
+        self.finder, self.is_partial, self.shown, self.before = finder, False, 0.0, 0.0
 
-    def reset(self) -> None:
+    def begin_again(self) -> None:
+        """Begin to find the size again, from what it seemed to be."""
+        self.before = self.finder.scale if self.finder.frames > 0 else self.before
         self.finder.reset()
         self.is_partial, self.shown = False, 0.0
 
@@ -141,10 +145,10 @@ class Matcher:
         """Find the exemplars nearest to one person."""
         self._await_whole(person, size)
         is_new = size.finder.frames == 0
-        scale = self._scale(person, size.finder)
+        scale = self._scale(person, size)
         rough = self._compare_roughly(person, scale, self.config.shortlist)
         placed = self._compare_finely(person, scale, rough)
-        if not is_new and not self._is_known(size.finder):
+        if not is_new and not self._is_known(size.finder) and _is_cut(person) == size.is_partial:
             size.finder.add(person, self._pose(placed, 0, scale))
         return PoseMatch(person.body_id, self.bank.bank_id, scale, self._keep_different(placed))
 
@@ -154,25 +158,27 @@ class Matcher:
 
     def _await_whole(self, person: Person, size: _Size) -> None:
         """Find the size of a person of whom a part is cut off or hidden anew, as more is seen of them."""
-        if person.is_cut_beside or person.is_cut_below:
-            size.is_partial = size.is_partial or not self._is_known(size.finder)
+        if _is_cut(person):
+            size.is_partial = size.is_partial or size.finder.frames == 0
             shown = len(person.points) * float(np.median(person.points[:, 2])) ** 2
             if size.is_partial and shown > _MORE * size.shown:
-                size.finder.reset()
-                size.shown = shown
+                size.begin_again()
+                size.is_partial, size.shown = True, shown
         elif size.is_partial:
-            size.reset()
+            size.begin_again()
 
-    def _scale(self, person: Person, finder: ScaleFinder) -> float:
+    def _scale(self, person: Person, size: _Size) -> float:
         """Give the person's size: as configured, or found over the frames so far."""
         if self.config.scale > 0.0:
             return self.config.scale
-        if finder.frames == 0:
+        if size.finder.frames == 0:
+            guesses = (size.before, guess_scale(self.bank.body, person.found))
+            sizes = [s for s in guesses if s > 0.0] or SCALES[1::3].tolist()
             few = max(4, self.config.shortlist // 4)
-            tried = [(s, self._compare_roughly(person, s, few)) for s in SCALES[1::3].tolist()]
+            tried = [(s, self._compare_roughly(person, s, few)) for s in sizes]
             scale, rough = min(tried, key=lambda t: float(t[1].scores.min()))
-            finder.add(person, self._pose(self._compare_finely(person, scale, rough), 0, scale))
-        return finder.scale
+            size.finder.add(person, self._pose(self._compare_finely(person, scale, rough), 0, scale))
+        return size.finder.scale
 
     def _pose(self, placed: Placed, row: int, scale: float) -> BodyPose:
         """Give one's pose in the camera frame."""
@@ -242,6 +248,11 @@ class Matcher:
             )
             for k, quat in zip(kept, quats, strict=True)
         )
+
+
+def _is_cut(person: Person) -> bool:
+    """Tell whether a part of the person may not be seen."""
+    return person.is_cut_beside or person.is_cut_below
 
 
 def _thinned(person: Person, spacing_m: float) -> Observation:
