@@ -47,10 +47,10 @@ def test_a_killed_node_is_started_again(domain, peer):
 def test_it_ends_at_once_while_it_loads(domain):
     suite = Suite(nodes=["denoise"], sink=str)
     suite.start()
-    wait_until(lambda: suite.pid("fork server"), 5.0, "the fork server")
-    server, started = suite.pid("fork server"), time.monotonic()
+    wait_until(lambda: suite.pid("host"), 5.0, "the host")
+    host, started = suite.pid("host"), time.monotonic()
     assert suite.stop() == {}
-    assert time.monotonic() - started < 1.0 and not alive(server)
+    assert time.monotonic() - started < 1.0 and not alive(host)
 
 
 def test_what_cannot_start_is_said(domain, tmp_path):
