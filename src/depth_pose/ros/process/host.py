@@ -31,11 +31,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import rclpy
-
 from depth_pose.ros.process import EVENT, NODES, READY
-from depth_pose.ros.process.runner import EXIT_CONFIG, join_early
-from depth_pose.ros.process.warm_stages import make_ahead
+from depth_pose.ros.process.runner import EXIT_CONFIG, join_early, leave
 
 _CONSUMERS = {"denoise": 3, "matcher": 1, "refine": 1, "recovery": 1}
 """Nodes of the suite that subscribe to what each publishes; it is ready once they have."""
@@ -116,7 +113,7 @@ def _run(name: str, arguments: list[str] | None) -> int:
             name, arguments = json.loads(sys.stdin.readline())
         return _main(name)(arguments)
     except SystemExit:  # told to stop before it was a node
-        rclpy.try_shutdown()  # else shared memory would be left behind
+        leave()
         return 0
     except Exception:
         traceback.print_exc()
@@ -243,11 +240,14 @@ def _remove_leftovers() -> None:
 
 def load(bank: str) -> None:
     """Load all that nodes need; a bank's path, empty for the set-up's."""
+    gc.disable()  # collections would take a sixth of the time
+    from depth_pose.ros.process.warm_stages import make_ahead
+
     make_ahead(bank)
     for name in NODES:
         _main(name)
-    gc.collect()
     gc.freeze()  # what is here stays; a collection that wrote to it would end the sharing
+    gc.enable()
 
 
 def main(job: str) -> None:

@@ -79,6 +79,13 @@ def join_early() -> Any:
     )
 
 
+def leave() -> None:
+    """Leave the graph; else shared memory would be left behind."""
+    import rclpy
+
+    rclpy.try_shutdown()
+
+
 def _spin(node: Any) -> None:
     """Call back until shutdown, and answer the whole frames that come of it."""
     import rclpy
