@@ -32,7 +32,7 @@ from pathlib import Path
 from typing import Any
 
 from depth_pose.ros.process import EVENT, NODES, READY
-from depth_pose.ros.process.runner import EXIT_CONFIG, join_early, leave
+from depth_pose.ros.process.runner import EXIT_CONFIG
 
 _CONSUMERS = {"denoise": 3, "matcher": 1, "refine": 1, "recovery": 1}
 """Nodes of the suite that subscribe to what each publishes; it is ready once they have."""
@@ -106,14 +106,21 @@ class _Process:
 
 def _run(name: str, arguments: list[str] | None) -> int:
     """Be a node, in a forked process; gives its exit code."""
+    import rclpy
+    from rclpy.signals import SignalHandlerOptions
+
     try:
         if arguments is None:
-            joined = join_early()
+            rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+            name = f"spare_{os.getpid()}"
+            joined = rclpy.create_node(
+                name, namespace="depth_pose", enable_rosout=False, start_parameter_services=False
+            )
             print(f"{joined.get_name()} {READY} to become a node", flush=True)
             name, arguments = json.loads(sys.stdin.readline())
         return _main(name)(arguments)
     except SystemExit:  # told to stop before it was a node
-        leave()
+        rclpy.try_shutdown()  # else shared memory would be left behind
         return 0
     except Exception:
         traceback.print_exc()

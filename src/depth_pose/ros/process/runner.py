@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import os
 import signal
 import sys
 import threading
@@ -66,24 +65,6 @@ def run_node(make: Callable[[], Any], args: Sequence[str] | None = None) -> int:
                 node.destroy_node()
         rclpy.try_shutdown()
     return 0
-
-
-def join_early() -> Any:
-    """Join the ROS graph before it is known as which node; gives what has joined, to be kept."""
-    import rclpy
-    from rclpy.signals import SignalHandlerOptions
-
-    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
-    return rclpy.create_node(
-        f"spare_{os.getpid()}", namespace="depth_pose", enable_rosout=False, start_parameter_services=False
-    )
-
-
-def leave() -> None:
-    """Leave the graph; else shared memory would be left behind."""
-    import rclpy
-
-    rclpy.try_shutdown()
 
 
 def _spin(node: Any) -> None:

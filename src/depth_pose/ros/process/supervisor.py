@@ -108,7 +108,7 @@ class Suite:
         self._names, self._sink = tuple(nodes), sink or _print
         self._states: dict[str, _State] = {}
         self._host: subprocess.Popen[str] | None = None
-        self._hosts_died = 0
+        self._hosts_died, self._last_lines = 0, deque[str](maxlen=20)
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._follow, name="supervisor", daemon=True)
 
@@ -155,7 +155,7 @@ class Suite:
                 if self.failure is not None:
                     raise self.failure
                 if time.monotonic() > deadline_s:
-                    raise NodeDiedError(f"the {name} was not ready in {timeout_s:.0f} s")
+                    raise self._with_last_words(f"the {name} was not ready in {timeout_s:.0f} s")
                 time.sleep(0.02)
 
     def stop(self) -> dict[str, int]:
@@ -199,24 +199,26 @@ class Suite:
     def _follow(self) -> None:
         """Read what the host says, in a thread of its own; start it again where it was killed."""
         while self._host is not None:
-            last_lines: deque[str] = deque(maxlen=20)
+            self._last_lines.clear()
             assert self._host.stdout is not None
             for line in self._host.stdout:
                 if line.startswith(EVENT):
                     self._take(json.loads(line[1:]))
                 else:
-                    last_lines.append(line.rstrip("\n"))
-                    self._sink(last_lines[-1])
+                    self._last_lines.append(line.rstrip("\n"))
+                    self._sink(self._last_lines[-1])
             code = self._host.wait()
             if self._stopping.is_set() or self.failure is not None:
                 return
             if not self._states:
-                said = "\n".join(last_lines) or "it said nothing"
-                self.failure = NodeDiedError(f"the host ended with code {code} while it loaded:\n{said}")
+                self.failure = self._with_last_words(f"the host ended with code {code} while it loaded")
                 return
             self._sink(f"[host] ended with code {code}; starting it and all nodes again")
             self._hosts_died, self._states = self._hosts_died + 1, {}
             self._host = self._start_host()
+
+    def _with_last_words(self, what: str) -> NodeDiedError:
+        return NodeDiedError("\n".join([f"{what}:", *(self._last_lines or ["nothing was said"])]))
 
     def _take(self, event: dict[str, Any]) -> None:
         if "processes" in event:
@@ -284,14 +286,8 @@ def _ros_arguments(
         arguments += ["--params-file", str(params_file)]
     values = dict(parameters) | ({"bank": str(Path(bank).absolute())} if bank is not None else {})
     for name, value in values.items():
-        arguments += ["-p", f"{name}:={_yaml(value)}"]
+        arguments += ["-p", f"{name}:={json.dumps(value)}"]  # which is YAML
     return arguments
-
-
-def _yaml(value: Any) -> str:
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    return repr(value) if isinstance(value, int | float) else f"'{value}'"
 
 
 def _print(line: str) -> None:
