@@ -87,11 +87,12 @@ class _Process:
         data = b""
         with contextlib.suppress(ConnectionError):
             data = self.socket.recv(1 << 16)
-        *lines, self._rest = (self._rest + data).split(b"\n")
+        lines = (self._rest + data).split(b"\n")
+        self._rest = lines.pop() if data or not lines[-1] else b""
         for line in lines:
             self.last_lines.append(line.decode(errors="replace"))
             self.is_ready = self.is_ready or READY in self.last_lines[-1]
-            print(f"[{self.name}] {self.last_lines[-1]}", flush=True)
+            _say(f"[{self.name}] {self.last_lines[-1]}")
         if not data:
             self.code = os.waitstatus_to_exitcode(os.waitpid(self.pid, 0)[1])
 
@@ -100,7 +101,7 @@ class _Process:
         now_s = time.monotonic()
         wait_s = self.delay_s if now_s - self._started_s < _HEALTHY_S else 0.0
         after = f"in {wait_s:.1f} s" if wait_s else "at once"
-        print(f"[{self.name}] ended with code {self.code}; starting it again {after}", flush=True)
+        _say(f"[{self.name}] ended with code {self.code}; starting it again {after}")
         self.retry_s, self.delay_s = now_s + wait_s, min(max(_FIRST_DELAY_S, 2.0 * wait_s), _MAX_DELAY_S)
 
 
@@ -117,7 +118,8 @@ def _run(name: str, arguments: list[str] | None) -> int:
                 name, namespace="depth_pose", enable_rosout=False, start_parameter_services=False
             )
             print(f"{joined.get_name()} {READY} to become a node", flush=True)
-            name, arguments = json.loads(sys.stdin.readline())
+            line = sys.stdin.readline() or sys.exit(0)  # the host is gone
+            name, arguments = json.loads(line)
         return _main(name)(arguments)
     except SystemExit:  # told to stop before it was a node
         rclpy.try_shutdown()  # else shared memory would be left behind
@@ -194,7 +196,7 @@ class _Host:
         state = {n: (p.pid, p.is_ready, p.restarts, p.code) for n, p in self._processes.items()}
         if state != self._told:
             self._told = state
-            _tell({"processes": state})
+            _say(EVENT + json.dumps({"processes": state}))
 
     def _look(self) -> None:
         """See to what comes."""
@@ -219,14 +221,15 @@ class _Host:
             if not self._is_stopping:
                 said = "\n".join(process.last_lines) or "it said nothing"
                 why = f"the {process.name} ended with code {process.code} before it was ready:\n{said}"
-                _tell({"refused": process.code == EXIT_CONFIG, "why": why})
+                _say(EVENT + json.dumps({"refused": process.code == EXIT_CONFIG, "why": why}))
             self._is_stopping = True
         elif not self._is_stopping:
             process.plan_retry()
 
 
-def _tell(event: dict[str, Any]) -> None:
-    print(EVENT + json.dumps(event), flush=True)
+def _say(line: str) -> None:
+    with contextlib.suppress(BrokenPipeError):  # the supervisor is gone
+        print(line, flush=True)
 
 
 def _remove_leftovers() -> None:

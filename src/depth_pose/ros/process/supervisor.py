@@ -200,14 +200,14 @@ class Suite:
         """Read what the host says, in a thread of its own; start it again where it was killed."""
         while self._host is not None:
             self._last_lines.clear()
-            assert self._host.stdout is not None
-            for line in self._host.stdout:
-                if line.startswith(EVENT):
-                    self._take(json.loads(line[1:]))
-                else:
-                    self._last_lines.append(line.rstrip("\n"))
-                    self._sink(self._last_lines[-1])
-            code = self._host.wait()
+            with self._host as host:
+                for line in host.stdout or ():
+                    if line.startswith(EVENT):
+                        self._take(json.loads(line[1:]))
+                    else:
+                        self._last_lines.append(line.rstrip("\n"))
+                        self._sink(self._last_lines[-1])
+            code = host.returncode
             if self._stopping.is_set() or self.failure is not None:
                 return
             if not self._states:
