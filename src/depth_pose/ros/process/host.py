@@ -110,6 +110,7 @@ def _run(name: str, arguments: list[str] | None) -> int:
     import rclpy
     from rclpy.signals import SignalHandlerOptions
 
+    joined = None
     try:
         if arguments is None:
             rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
@@ -122,7 +123,9 @@ def _run(name: str, arguments: list[str] | None) -> int:
             name, arguments = json.loads(line)
         return _main(name)(arguments)
     except SystemExit:  # told to stop before it was a node
-        rclpy.try_shutdown()  # else shared memory would be left behind
+        if joined is not None:
+            joined.destroy_node()  # else shared memory would be left behind
+        rclpy.try_shutdown()
         return 0
     except Exception:
         traceback.print_exc()
