@@ -174,7 +174,7 @@ def prior_information() -> Array:
 
 
 def _derivatives(nodes: Array) -> tuple[Array, Array]:
-    """Derivatives of node positions, (13, 21, 3), and of the segments' linear maps, (13, 21, 3, 3)."""
+    """Give the derivatives of the nodes, (13, 21, 3), and of the segments' linear maps, (13, 21, 3, 3)."""
     count = len(BUILD_NAMES)
     moved, maps = np.zeros((count, len(NODES), 3)), np.zeros((count, len(NODES), 3, 3))
     for k, part in enumerate(BUILD_NAMES):

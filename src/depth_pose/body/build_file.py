@@ -79,9 +79,9 @@ def load_build(path: Path | str) -> KnownBuild:
             f"{path}: builds of version {content.get('version')} are not known here, only {FORMAT_VERSION}"
         )
     parts = content.get("parts")
-    names = set(parts) if isinstance(parts, dict) else set()
-    if names != set(BUILD_NAMES):
-        odd = ", ".join(sorted(names ^ set(BUILD_NAMES)))
+    parts = parts if isinstance(parts, dict) else {}
+    if set(parts) != set(BUILD_NAMES):
+        odd = ", ".join(sorted(set(parts) ^ set(BUILD_NAMES)))
         raise ConfigError(f"{path}: parts that are missing or unknown: {odd}")
     where = [(name, parts[name] if isinstance(parts[name], dict) else {}) for name in BUILD_NAMES]
     return KnownBuild(

@@ -296,7 +296,7 @@ class FitConfig(_Checked):
 
 
 @dataclass(frozen=True)
-class BuildConfig(_Checked):
+class PersonalConfig(_Checked):
     """Personal builds (`depth_pose.fit.personal`)."""
 
     personal: bool = option(True, "Find each person's proportions while they are followed")
@@ -306,7 +306,7 @@ class BuildConfig(_Checked):
         low=0.001, high=1.0,
     )  # fmt: skip
     noise: float = option(
-        0.05,
+        0.035,
         "How far off a point is if points were independent; greater than a sensor's noise, since neighbours "
         "and frames err alike",
         unit="m",
@@ -478,7 +478,7 @@ class FittingConfig(Sections):
     """Settings of the fits, which several steps run."""
 
     fit: FitConfig = FitConfig()
-    build: BuildConfig = BuildConfig()
+    build: PersonalConfig = PersonalConfig()
     cpd: CpdConfig = CpdConfig()
     completion: CompletionConfig = CompletionConfig()
     temporal: TemporalConfig = TemporalConfig()
@@ -494,7 +494,7 @@ class PipelineConfig(Sections):
     match: MatchConfig = MatchConfig()
     refine: RefineConfig = RefineConfig()
     fit: FitConfig = FitConfig()
-    build: BuildConfig = BuildConfig()
+    build: PersonalConfig = PersonalConfig()
     cpd: CpdConfig = CpdConfig()
     completion: CompletionConfig = CompletionConfig()
     temporal: TemporalConfig = TemporalConfig()
@@ -508,7 +508,11 @@ class PipelineConfig(Sections):
         return FittingConfig(self.fit, self.build, self.cpd, self.completion, self.temporal)
 
 
-SHORT_NAMES: dict[str, tuple[str, str]] = {"follow": ("follow", "whom"), "zone": ("segment", "zone")}
+SHORT_NAMES: dict[str, tuple[str, str]] = {
+    "follow": ("follow", "whom"),
+    "zone": ("segment", "zone"),
+    "build": ("build", "file"),
+}
 """ROS parameters that are named without their section: the name, and the setting's section and field."""
 
 

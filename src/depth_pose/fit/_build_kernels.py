@@ -21,7 +21,7 @@ _BEHIND_M = 0.05
 
 
 class Shapes(NamedTuple):
-    """Derivatives of the rest pose by the parts of a build: vertices (K, V, 3), nodes (K, 21, 3), metres."""
+    """Derivatives of the rest pose by the parts of a build: vertices (V, 3, K), nodes (21, 3, K), metres."""
 
     vertices: Any
     nodes: Any
@@ -36,7 +36,7 @@ class Pose(NamedTuple):
 
 
 class Model(NamedTuple):
-    """A posed body that can be reshaped, and how its nodes move with each part, (K, 21, 3)."""
+    """A posed body that can be reshaped, and how its nodes move with each part, (21, 3, K)."""
 
     skin: Any
     shapes: Any
@@ -72,7 +72,7 @@ def add_up(target, body, shapes, pose, settings, sigma, nodes, sums):
     mark_visible(vertices, normals, zbuffer, coarse.camera, _BEHIND_M, visible)
     assign(target.points, 1, vertices, visible, sigma, settings.outlier, mass, pull)
     model = Model(body.skin, shapes, pose, _node_shifts(body.skin.parents, shapes, pose))
-    row = np.empty(8 + shapes.nodes.shape[0])
+    row = np.empty(8 + shapes.nodes.shape[2])
     normal = np.empty(3)
     for i in range(count):
         if mass[i] >= _LEAST_MASS:
@@ -91,51 +91,49 @@ def add_up(target, body, shapes, pose, settings, sigma, nodes, sums):
 
 @njit(cache=True)
 def _node_shifts(parents, shapes, pose):
-    """How each node moves with each part, (K, 21, 3), metres: forward kinematics of the derivatives."""
-    rotations = pose.rotations
+    """How each node moves with each part, (21, 3, K), metres: forward kinematics of the derivatives."""
     out = np.zeros(shapes.nodes.shape)
-    for k in range(out.shape[0]):
-        for n in range(1, parents.shape[0]):
-            p = parents[n]
-            for a in range(3):
-                out[k, n, a] = out[k, p, a]
-                for b in range(3):
-                    turned = pose.scale * rotations[p, a, b]
-                    out[k, n, a] += turned * (shapes.nodes[k, n, b] - shapes.nodes[k, p, b])
+    for n in range(1, parents.shape[0]):
+        p = parents[n]
+        for a in range(3):
+            for k in range(out.shape[2]):
+                out[n, a, k] = out[p, a, k]
+            for b in range(3):
+                turned = pose.scale * pose.rotations[p, a, b]
+                for k in range(out.shape[2]):
+                    out[n, a, k] += turned * (shapes.nodes[n, b, k] - shapes.nodes[p, b, k])
     return out
 
 
-@njit(cache=True)
+@njit(cache=True, fastmath=True)
 def _fill_row(i, vertices, normal, r, model, row):
-    """Derivatives of a vertex along a direction: by its segment's motion, size and build; and the residual."""
-    root = model.pose.root
+    """Write a vertex's derivatives along a direction, by segment motion, size and build, and its residual."""
+    shapes, pose, shifts = model.shapes, model.pose, model.shifts
+    root = pose.root
     x, y, z = vertices[i, 0] - root[0], vertices[i, 1] - root[1], vertices[i, 2] - root[2]
     row[0] = y * normal[2] - z * normal[1]
     row[1] = z * normal[0] - x * normal[2]
     row[2] = x * normal[1] - y * normal[0]
     row[3], row[4], row[5] = normal[0], normal[1], normal[2]
     row[6] = x * normal[0] + y * normal[1] + z * normal[2]
-    shapes, pose, shifts = model.shapes, model.pose, model.shifts
-    count = shapes.nodes.shape[0]
+    parts = shapes.nodes.shape[2]
     row[7:] = 0.0
+    row[7 + parts] = r
     influence, weight = model.skin.influence[i], model.skin.weight[i]
-    back = np.empty(3)
     for j in range(influence.shape[0]):
-        if weight[j] == 0.0:
+        w = weight[j]
+        if w == 0.0:
             break
         n = influence[j]
-        for b in range(3):  # the direction in the segment's rest frame
-            back[b] = 0.0
-            for a in range(3):
-                back[b] += pose.scale * pose.rotations[n, a, b] * normal[a]
-        for k in range(count):
-            d = 0.0
-            for a in range(3):
-                d += (
-                    back[a] * (shapes.vertices[k, i, a] - shapes.nodes[k, n, a]) + normal[a] * shifts[k, n, a]
-                )
-            row[7 + k] += weight[j] * d
-    row[7 + count] = r
+        turn = pose.rotations[n]
+        for b in range(3):
+            # the direction in the segment's rest frame
+            back = turn[0, b] * normal[0] + turn[1, b] * normal[1] + turn[2, b] * normal[2]
+            back *= w * pose.scale
+            ahead = w * normal[b]
+            own, node, shift = shapes.vertices[i, b], shapes.nodes[n, b], shifts[n, b]
+            for k in range(parts):
+                row[7 + k] += back * (own[k] - node[k]) + ahead * shift[k]
 
 
 @njit(cache=True, fastmath=True)

@@ -11,7 +11,10 @@ marginalised out, and what is left adds to the information on the person,
 
 so that a part is only learned from poses that tell it: a thigh's length does not show where the whole leg
 could as well be turned or shifted. Sums of them over frames, slowly forgotten, and the prior of
-`depth_pose.body.build` give the build: :math:`x = (\Lambda_0 + \sum \Lambda)^{-1} (\Lambda_0 x_{prior} + \sum b)`.
+`depth_pose.body.build` give the build,
+
+.. math:: x = (\Lambda_{prior} + \sum \Lambda)^{-1} (\Lambda_{prior}\, x_{prior} + \sum b).
+
 Only distances along the skin's normal count: the distance to the nearest points along the skin is small
 however wrong a length is, and would call every build right.
 """
@@ -26,7 +29,7 @@ from numpy.typing import NDArray
 from depth_pose.body.body import Body
 from depth_pose.body.build import BUILD_NAMES, MOST, BuildSpace, prior_information
 from depth_pose.body.build_file import KnownBuild
-from depth_pose.core.config import BuildConfig, FitConfig
+from depth_pose.core.config import PersonalConfig, FitConfig
 from depth_pose.core.skeleton import NODE_PARENTS
 from depth_pose.fit import _build_kernels as kernels
 from depth_pose.fit._articulated_kernels import USUAL_POINTS
@@ -47,6 +50,9 @@ _LEAST_SPREAD = 0.01
 _STEP = 0.004
 """The build in use follows once a part differs by more than this: a body is made anew, in about 2 ms."""
 
+_EVERY_NS = 60_000_000
+"""Builds are learned from at most every so many nanoseconds, so that it takes less than 1 ms a frame."""
+
 _FOOT = BUILD_NAMES.index("foot")
 """The foot's length is not learned from points: noise eats toes and soles, shoes add to them. It goes with
 the other bones."""
@@ -65,14 +71,17 @@ class BuildEvidence:
     Parameters
     ----------
     space : BuildSpace
-    config : BuildConfig
+    config : PersonalConfig
     fit : FitConfig
         Settings of the fit whose residuals they are.
     """
 
-    def __init__(self, space: BuildSpace, config: BuildConfig, fit: FitConfig) -> None:
+    def __init__(self, space: BuildSpace, config: PersonalConfig, fit: FitConfig) -> None:
         self._fitter = ArticulatedFitter(space.template, fit)
-        self._shapes = kernels.Shapes(space.vertices, space.nodes)
+        self._shapes = kernels.Shapes(
+            np.ascontiguousarray(space.vertices.transpose(1, 2, 0)),
+            np.ascontiguousarray(space.nodes.transpose(1, 2, 0)),
+        )
         self._sigma = config.sigma
         self._settings = self._fitter.settings._replace(
             free_space_weight=config.free_space * fit.free_space_weight
@@ -128,7 +137,7 @@ class PersonalBuild:
 
     Parameters
     ----------
-    config : BuildConfig
+    config : PersonalConfig
     known : KnownBuild, optional
         What was known before; else people are like other adults.
 
@@ -142,7 +151,7 @@ class PersonalBuild:
         The size that goes with it, as float32; 0 before the first frame.
     """
 
-    def __init__(self, config: BuildConfig, known: KnownBuild | None = None) -> None:
+    def __init__(self, config: PersonalConfig, known: KnownBuild | None = None) -> None:
         self._config = config
         size = 1 + len(BUILD_NAMES)
         self._information, self._vector = np.zeros((size, size)), np.zeros(size)
@@ -174,6 +183,10 @@ class PersonalBuild:
         if np.abs(x - now).max() > _STEP:
             self.scale, self.build = float(np.float32(np.exp(x[0]))), x[1:].astype(np.float32)
 
+    def is_due(self, stamp_ns: int) -> bool:
+        """Tell whether the last frame that said something is long enough ago: neighbours say the same."""
+        return self._stamp_ns is None or stamp_ns - self._stamp_ns >= _EVERY_NS
+
     def add(self, evidence: Evidence, stamp_ns: int) -> None:
         """Add what a frame says; what earlier ones said is slowly forgotten."""
         if self._stamp_ns is not None:
@@ -197,6 +210,6 @@ class PersonalBuild:
         weight, size = self._size
         total[0, 0] += weight
         vector[0] += weight * size
-        x = np.linalg.solve(total, vector)
+        x: Array = np.asarray(np.linalg.solve(total, vector), np.float64)
         x[1:] = np.clip(x[1:], -MOST, MOST)
         return x, total

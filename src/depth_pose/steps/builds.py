@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from depth_pose.body.build import BuildSpace
 from depth_pose.body.build_file import KnownBuild, load_build
-from depth_pose.core.config import BuildConfig, FitConfig
+from depth_pose.core.config import PersonalConfig, FitConfig
 from depth_pose.fit.articulated import BodyPose, FitTarget
 from depth_pose.fit.personal import BuildEvidence, PersonalBuild
 from depth_pose.people.memory import PerPerson
@@ -21,7 +21,7 @@ class BuildLearner:
     Parameters
     ----------
     space : BuildSpace
-    config : BuildConfig
+    config : PersonalConfig
     fit : FitConfig
         Settings of the fit whose residuals tell the builds.
 
@@ -31,7 +31,7 @@ class BuildLearner:
         Where the file of a build cannot be used.
     """
 
-    def __init__(self, space: BuildSpace, config: BuildConfig, fit: FitConfig) -> None:
+    def __init__(self, space: BuildSpace, config: PersonalConfig, fit: FitConfig) -> None:
         self.space = space
         self._config = config
         self._evidence = BuildEvidence(space, config, fit)
@@ -82,7 +82,7 @@ class BuildLearner:
             Rendered-depth disagreement of the fitted body.
         stamp_ns : int
         """
-        if not self._config.personal or score > self._config.worst_score:
+        if not self._config.personal or score > self._config.worst_score or not personal.is_due(stamp_ns):
             return
         body = self.space.body(personal.build)
         personal.add(self._evidence.find(body, target, pose, personal.build), stamp_ns)
