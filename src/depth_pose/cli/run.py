@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from depth_pose.cli.console import console, given, print_facts, progress_bar, read_settings, setting, warn
-from depth_pose.core.config import PersonalConfig, FollowConfig, PipelineConfig, RefineConfig, SegmentConfig
+from depth_pose.core.config import FollowConfig, PersonalConfig, PipelineConfig, RefineConfig, SegmentConfig
 
 if TYPE_CHECKING:
     from depth_pose.body.build_file import KnownBuild

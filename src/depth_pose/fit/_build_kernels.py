@@ -105,7 +105,7 @@ def _node_shifts(parents, shapes, pose):
     return out
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, fastmath=True, forceinline=True)
 def _fill_row(i, vertices, normal, r, model, row):
     """Write a vertex's derivatives along a direction, by segment motion, size and build, and its residual."""
     shapes, pose, shifts = model.shapes, model.pose, model.shifts
@@ -136,7 +136,7 @@ def _fill_row(i, vertices, normal, r, model, row):
                 row[7 + k] += back * (own[k] - node[k]) + ahead * shift[k]
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, fastmath=True, forceinline=True)
 def _add_row(row, weight, segment, sums):
     """Add the products of a row to its segment's sums, and to those of size and build."""
     motion, size = sums.motion[segment], row.shape[0]

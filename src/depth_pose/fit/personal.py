@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 from depth_pose.body.body import Body
 from depth_pose.body.build import BUILD_NAMES, MOST, BuildSpace, prior_information
 from depth_pose.body.build_file import KnownBuild
-from depth_pose.core.config import PersonalConfig, FitConfig
+from depth_pose.core.config import FitConfig, PersonalConfig
 from depth_pose.core.skeleton import NODE_PARENTS
 from depth_pose.fit import _build_kernels as kernels
 from depth_pose.fit._articulated_kernels import USUAL_POINTS

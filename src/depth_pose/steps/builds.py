@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from depth_pose.body.build import BuildSpace
 from depth_pose.body.build_file import KnownBuild, load_build
-from depth_pose.core.config import PersonalConfig, FitConfig
+from depth_pose.core.config import FitConfig, PersonalConfig
 from depth_pose.fit.articulated import BodyPose, FitTarget
 from depth_pose.fit.personal import BuildEvidence, PersonalBuild
 from depth_pose.people.memory import PerPerson
