@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from depth_pose.cli.console import console, given, print_facts, progress_bar, read_settings, setting, warn
-from depth_pose.core.config import FollowConfig, PipelineConfig, RefineConfig, SegmentConfig
+from depth_pose.core.config import FollowConfig, PersonalConfig, PipelineConfig, RefineConfig, SegmentConfig
+
+if TYPE_CHECKING:
+    from depth_pose.body.build_file import KnownBuild
 
 
 def add_to(app: typer.Typer) -> None:
@@ -29,6 +32,10 @@ def run(
     people: Annotated[int | None, setting(SegmentConfig, "most_people", "--people")] = None,
     zone: Annotated[str | None, setting(SegmentConfig, "zone")] = None,
     follow: Annotated[str | None, setting(FollowConfig, "whom", "--follow")] = None,
+    build: Annotated[str | None, setting(PersonalConfig, "file", "--build")] = None,
+    save_build: Annotated[
+        Path | None, typer.Option(help="Write the build of whom most was seen, JSON.", metavar="FILE")
+    ] = None,
     raw: Annotated[bool, typer.Option("--raw", help="Do not filter the joints over time.")] = False,
     params: Annotated[
         Path | None,
@@ -52,12 +59,17 @@ def run(
     depth-pose run in.mcap -o out.mcap --people 2 --follow nearest
 
     depth-pose run in.mcap -o out.mcap --zone=-1:1,0.5:3.5
+
+    depth-pose run in.mcap -o out.mcap --save-build me.json
+
+    depth-pose run other.mcap -o out.mcap --build me.json
     """
     values = read_settings(params) if params else {}
     for section, chosen in (
         ("segment", given(near=near, far=far, most_people=people, zone=zone)),
         ("refine", given(method=method)),
         ("follow", given(whom=follow)),
+        ("build", given(file=build)),
         ("smooth", {"enabled": False} if raw else {}),
     ):
         if chosen:
@@ -78,6 +90,8 @@ def run(
     with progress_bar(recording.name, len(reader)) as update:
         summary = process_recording(reader, output, pipeline, update)
     warn(summary.warnings)
+    if save_build is not None:
+        _save_build(save_build, pipeline.refiner.builds.best_known())
     facts = [
         ("topic", reader.topic.name),
         ("frames", str(summary.frames)),
@@ -94,3 +108,12 @@ def run(
         ("time per frame", f"{summary.median_ms:.1f} ms (95 % below {summary.p95_ms:.1f} ms)"),
     ]
     print_facts(f"{recording} → {output}", facts)
+
+
+def _save_build(path: Path, known: KnownBuild | None) -> None:
+    from depth_pose.body.build_file import save_build
+
+    if known is None:
+        warn([f"{path} is not written: nobody was seen well enough to learn their build"])
+    else:
+        save_build(path, known)

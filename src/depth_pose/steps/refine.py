@@ -12,12 +12,13 @@ one, however wrong it is, until that is fitted as well. So each side is fitted b
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.bank.bank import Bank
+from depth_pose.body.build import BuildSpace
 from depth_pose.core.config import MAX_STAMP_GAP_NS, FittingConfig, MatchConfig, RefineConfig
 from depth_pose.core.errors import BankError
 from depth_pose.core.rotations import matrix_to_quat
@@ -29,8 +30,9 @@ from depth_pose.fit.rendered_depth import Comparison, DepthComparer
 from depth_pose.fit.skeleton_pose import pose_from_skeleton
 from depth_pose.people.memory import PerPerson
 from depth_pose.people.person import People, Person
+from depth_pose.steps.builds import BuildLearner
 from depth_pose.steps.confidence import fit_confidence, report_joints
-from depth_pose.steps.fitters import FITTERS
+from depth_pose.steps.fitters import FITTERS, FrameFitter
 from depth_pose.steps.warm_up import sample_people
 
 _ROUGH = 2
@@ -65,6 +67,8 @@ class Refiner:
 
     Attributes
     ----------
+    builds : BuildLearner
+        What is known of everybody's proportions.
     meshes : dict of str to (V, 3) float64
         The body as it was fitted to each person in the last frame, camera frame, metres.
     """
@@ -76,14 +80,18 @@ class Refiner:
         self.config = config
         self._match_config = match
         self._faces = bank.body.faces
-        self._fitter = FITTERS[config.method](bank.body, fitting or FittingConfig())
+        fitting = fitting or FittingConfig()
+        self._fitter = FITTERS[config.method](bank.body, fitting)
         self._limbs = LimbSearch(bank)
+        self._space = BuildSpace(bank.body)
+        self.builds = BuildLearner(self._space, fitting.build, fitting.fit)
         self._kept = PerPerson(_Kept, MAX_STAMP_GAP_NS)
         self.reset()
 
     def reset(self) -> None:
         """Forget all poses."""
         self._kept.reset()
+        self.builds.reset()
         self.meshes: dict[str, NDArray[np.float64]] = {}
 
     def warm_up(self) -> None:
@@ -107,7 +115,7 @@ class Refiner:
             if answer is None:
                 kept.previous = None
             elif answer.source == Source.RECOVERED:
-                kept.recovered = pose_from_skeleton(self.bank.body, answer)
+                kept.recovered = pose_from_skeleton(self._space.body(answer.build), answer)
 
     def refine(self, people: People, matches: Iterable[PoseMatch]) -> tuple[Fitted, ...]:
         """Fit the body to everybody who was matched.
@@ -129,6 +137,7 @@ class Refiner:
             Where a match speaks of another bank.
         """
         self._kept.begin(people.stamp_ns)
+        self.builds.begin(people.stamp_ns)
         self.meshes = {}
         persons = {p.body_id: p for p in people.persons}
         return tuple(self._refine(persons[m.body_id], m) for m in matches if m.body_id in persons)
@@ -144,14 +153,17 @@ class Refiner:
             self._kept.forget(person.body_id)
             return Fitted(Skeleton.lost(person.stamp_ns, person.frame_id, person.body_id), 1.0)
         kept = self._kept[person.body_id]
-        best = self._fit_best(person, match, kept)
+        personal = self.builds.of(person.body_id, match.scale, self._match_config.scale > 0.0)
+        fitter = self._fitter.fit_to(person, self._space.body(personal.build))
+        best = self._fit_best(person, replace(match, scale=personal.scale), kept, fitter)
         kept.previous, self.meshes[person.body_id] = best.body.pose, best.body.vertices
-        return Fitted(self._skeleton(person, best), best.comparison.score)
+        fitted = Fitted(self._skeleton(person, best, personal.build), best.comparison.score)
+        self.builds.learn(personal, fitter.seen(), best.body.pose, fitted.score, person.stamp_ns)
+        return fitted
 
-    def _fit_best(self, person: Person, match: PoseMatch, kept: _Kept) -> _Compared:
+    def _fit_best(self, person: Person, match: PoseMatch, kept: _Kept, fitter: FrameFitter) -> _Compared:
         """Fit fresh and kept starts roughly, try other limbs on one of both sides, finish, and choose."""
         comparer = DepthComparer(person.coarse, self._match_config.score_band)
-        fitter = self._fitter.fit_to(person)
 
         def ranked(bodies: Iterable[FittedBody]) -> list[_Compared]:
             compared = (_Compared(b, comparer.compare(b.vertices, self._faces)) for b in bodies)
@@ -187,7 +199,7 @@ class Refiner:
         kept.recovered = None
         return [BodyPose(pose.rotations, pose.root, scale) for pose in poses if pose is not None]
 
-    def _skeleton(self, person: Person, fitted: _Compared) -> Skeleton:
+    def _skeleton(self, person: Person, fitted: _Compared, build: NDArray[np.float32]) -> Skeleton:
         """Put a fitted pose into words."""
         confidence = fit_confidence(fitted.comparison.score)
         positions = fitted.body.nodes[JOINT_NODES]
@@ -204,6 +216,7 @@ class Refiner:
             quats_xyzw=matrix_to_quat(fitted.body.pose.rotations[JOINT_NODES]),
             joint_confidence=report.confidence.astype(np.float32),
             joint_states=report.states,
+            build=build,
         )
 
 
