@@ -51,7 +51,7 @@ _STEP = 0.004
 """The build in use follows once a part differs by more than this: a body is made anew, in about 2 ms."""
 
 _FIRST_FRAMES = 8
-"""A build is not used before so many frames told it, half a second: a person's first poses are the least sure,
+"""A build is not used before so many frames told it, half a second: the first poses are least sure,
 and a body that has adapted to a wrong one makes the right one look worse (test/steps/test_refine.py)."""
 
 _EVERY_NS = 60_000_000
