@@ -50,6 +50,10 @@ _LEAST_SPREAD = 0.01
 _STEP = 0.004
 """The build in use follows once a part differs by more than this: a body is made anew, in about 2 ms."""
 
+_FIRST_FRAMES = 8
+"""A build is not used before so many frames told it, half a second: the first poses are least sure,
+and a body that has adapted to a wrong one makes the right one look worse (test/steps/test_refine.py)."""
+
 _EVERY_NS = 60_000_000
 """Builds are learned from at most every so many nanoseconds, so that it takes less than 1 ms a frame."""
 
@@ -163,6 +167,7 @@ class PersonalBuild:
             self._prior = np.diag(spread**-2)
             self._prior_vector = self._prior @ [np.log(known.scale), *known.build]
         self._stamp_ns: int | None = None
+        self._is_known = known is not None
         self.frames = 0
         self.build = np.zeros(len(BUILD_NAMES), np.float32)
         self.scale = 0.0
@@ -178,10 +183,13 @@ class PersonalBuild:
             Whether it was not found but given, and is to be kept.
         """
         self._size = (_GIVEN_SPREAD if is_given else _SIZE_SPREAD) ** -2, float(np.log(scale))
-        x = self._solve()[0]
+        x = self._solve()[0] if self._is_used() else np.array([self._size[1], *self.build])
         now = np.concatenate([[np.log(self.scale)], self.build]) if self.scale > 0.0 else np.inf
         if np.abs(x - now).max() > _STEP:
             self.scale, self.build = float(np.float32(np.exp(x[0]))), x[1:].astype(np.float32)
+
+    def _is_used(self) -> bool:
+        return self._is_known or self.frames >= _FIRST_FRAMES
 
     def is_due(self, stamp_ns: int) -> bool:
         """Tell whether the last frame that said something is long enough ago: neighbours say the same."""
