@@ -33,6 +33,7 @@ from depth_pose.steps.placing import (
     join,
     place_exemplars,
 )
+from depth_pose.steps.proposed import ProposedExemplars
 from depth_pose.steps.scale import SCALES, ScaleFinder
 from depth_pose.steps.search import SubspaceSearch
 from depth_pose.steps.short_fits import TrialFits
@@ -110,6 +111,7 @@ class Matcher:
         self._views = ExemplarViews(np.arange(bank.poses), bank.view_quats, bank.view_origins)
         self._renderer = ExemplarRenderer(bank, config.score_band)
         self._upright = UprightExemplars(bank)
+        self._proposed = ProposedExemplars(bank)
         self._fitter = ArticulatedFitter(bank.body, fit)
         self._sizes = PerPerson(lambda: _Size(ScaleFinder(self._fitter, config.score_band)))
 
@@ -191,6 +193,8 @@ class Matcher:
         if person.is_cut_below:
             hung, upright = head_axes(person.points, scale), self._upright
             parts.append(place_exemplars(upright.views, upright.all, hung, scale))
+        if (proposed := self._proposed.find(person.found, scale)) is not None:
+            parts.append(proposed)
         return self._renderer.compare(join(parts), scale, _thinned(person, _ROUGH_M))
 
     def _compare_finely(self, person: Person, scale: float, rough: Placed) -> Placed:
