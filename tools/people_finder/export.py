@@ -45,6 +45,7 @@ def export_net(checkpoint: Path, target: Path) -> bytes:
             opset_version=17,
             dynamo=False,
         )
+    halve(target)
     return target.read_bytes()
 
 

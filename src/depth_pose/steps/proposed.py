@@ -20,7 +20,7 @@ _LEFT = [JOINT_INDEX["left_shoulder"], JOINT_INDEX["left_hip"]]
 _RIGHT = [JOINT_INDEX["right_shoulder"], JOINT_INDEX["right_hip"]]
 _NECK, _PELVIS = JOINT_INDEX["neck"], JOINT_INDEX["pelvis"]
 
-_LAID = 32
+_LAID = 16
 """Exemplars, the nearest with trunk on trunk, that are laid over the proposals as well as can be."""
 
 _TAKEN = (8, 4)
@@ -38,9 +38,9 @@ class ProposedExemplars:
         nodes = forward_kinematics(rotations, np.zeros((bank.poses, 3)), bank.body.nodes)
         self._joints = nodes[:, JOINT_NODES]
         axes, middle = _trunk(self._joints)
-        local = (self._joints - middle[:, None]) @ axes
-        self._local = local.reshape(bank.poses, -1).astype(np.float32)
-        self._squares = (self._local**2).reshape(local.shape).sum(axis=2)
+        local = ((self._joints - middle[:, None]) @ axes).astype(np.float32)
+        self._local = np.ascontiguousarray(local.reshape(bank.poses, -1).T)
+        self._squares = np.ascontiguousarray((local**2).sum(axis=2).T)
 
     def find(self, found: FoundPerson, scale: float) -> Placed | None:
         """Give the exemplars whose joints lie most like a person's; None without proposals."""
@@ -50,29 +50,44 @@ class ProposedExemplars:
         confidence = np.maximum(found.proposal_confidence.astype(np.float64), 1e-3)
         weights = 1.0 / (_EVEN + 1.0 / confidence - 1.0)
         weights /= weights.sum()
-        named = [(joints, weights), (joints[MIRROR_JOINTS], weights[MIRROR_JOINTS])]
-        rows, turns, roots = zip(
-            *(self._lay(j, w, scale, n) for (j, w), n in zip(named, _TAKEN, strict=True)), strict=True
-        )
-        return unscored(np.concatenate(rows), np.concatenate(turns), np.concatenate(roots))
+        named, weights = _both(joints), _both(weights)
+        near = self._nearest(named, weights, scale)
+        rows = np.repeat([0, 1], near.shape[1])
+        gaps, turns, roots = _lay(scale * self._joints[near.ravel()], named[rows], weights[rows])
+        best = np.argsort(gaps.reshape(near.shape), axis=1, kind="stable")
+        taken = np.concatenate([n * near.shape[1] + best[n, :count] for n, count in enumerate(_TAKEN)])
+        return unscored(near.ravel()[taken], turns[taken], roots[taken])
 
-    def _lay(
-        self, joints: NDArray[np.float64], weights: NDArray[np.float64], scale: float, count: int
-    ) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
-        """Give number, rotation and pelvis of the exemplars that come nearest."""
-        axes, middle = _trunk(joints[None])
-        local = ((joints - middle[0]) @ axes[0]) / scale
-        pull = (weights[:, None] * local).astype(np.float32).reshape(-1)
-        distance = self._squares @ weights.astype(np.float32) - 2.0 * (self._local @ pull)
-        near = np.argpartition(distance, min(_LAID, len(distance) - 1))[:_LAID]
-        own = scale * self._joints[near]
-        own_middle, middle_ = weights @ own, weights @ joints
-        spread = np.einsum("j,kja,jb->kba", weights, own - own_middle[:, None], joints - middle_)
-        turns = nearest_rotation(spread)
-        gaps = (own - own_middle[:, None]) @ turns.transpose(0, 2, 1) - (joints - middle_)
-        best = np.argsort((gaps**2).sum(axis=2) @ weights, kind="stable")[:count]
-        roots = middle_ - np.einsum("kab,kb->ka", turns[best], own_middle[best])
-        return near[best], turns[best], roots
+    def _nearest(
+        self, named: NDArray[np.float64], weights: NDArray[np.float64], scale: float
+    ) -> NDArray[np.int64]:
+        """Give the exemplars (2, `_LAID`) that are nearest to joints (2, 19, 3), trunk on trunk."""
+        axes, middle = _trunk(named)
+        local = ((named - middle[:, None]) @ axes) / scale
+        pull = (weights[:, :, None] * local).reshape(2, -1).astype(np.float32)
+        distance = weights.astype(np.float32) @ self._squares - 2.0 * (pull @ self._local)
+        count = min(_LAID, distance.shape[1])
+        return np.argpartition(distance, count - 1, axis=1)[:, :count]
+
+
+def _both(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Give what is known of joints, and the same with left and right exchanged."""
+    return np.stack([values, values[MIRROR_JOINTS]])
+
+
+def _lay(
+    own: NDArray[np.float64], joints: NDArray[np.float64], weights: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Lay poses' joints (K, 19, 3) over others: what is left (K,), rotations, pelvises (`fit_rigid`)."""
+    share = weights[:, None]
+    own_middle, middle = share @ own, share @ joints
+    turns = nearest_rotation(
+        (joints - middle).transpose(0, 2, 1) @ (weights[:, :, None] * (own - own_middle))
+    )
+    back = turns.transpose(0, 2, 1)
+    gaps = (own - own_middle) @ back - (joints - middle)
+    left = (share @ (gaps**2)).sum(axis=(1, 2))
+    return left, turns, (middle - own_middle @ back)[:, 0]
 
 
 def _trunk(joints: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
