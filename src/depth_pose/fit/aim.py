@@ -16,7 +16,7 @@ _AIMED[[JOINT_INDEX[f"{s}_{n}"] for s in ("left", "right") for n in ("elbow", "w
     True
 )
 
-_SURE = 0.35
+_SURE = 0.2
 """Least confidence of a proposal that a limb is aimed at: an expected error of 0.14 m."""
 
 

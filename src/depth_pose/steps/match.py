@@ -171,10 +171,18 @@ class Matcher:
             return self.config.scale
         if finder.frames == 0:
             few = max(4, self.config.shortlist // 4)
-            tried = [(s, self._compare_roughly(person, s, few)) for s in SCALES[1::3].tolist()]
+            tried = [(s, self._compare_roughly(person, s, few)) for s in self._first_sizes(person)]
             scale, rough = min(tried, key=lambda t: float(t[1].scores.min()))
             finder.add(person, self._pose(self._compare_finely(person, scale, rough), 0, scale))
         return finder.scale
+
+    def _first_sizes(self, person: Person) -> list[float]:
+        """Give the sizes that are compared first: about the proposals' own, or all over the range."""
+        sizes = SCALES[1::3]
+        if (guess := self._proposed.size(person.found)) is None:
+            return sizes.tolist()
+        nearest = int(np.argmin(np.abs(np.log(sizes / guess))))
+        return sizes[max(0, nearest - 1) : nearest + 2].tolist()
 
     def _pose(self, placed: Placed, row: int, scale: float) -> BodyPose:
         """Give one's pose in the camera frame."""
