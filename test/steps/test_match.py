@@ -10,12 +10,10 @@ import pytest
 import synthetic as syn
 from depth_pose.bank.views import DISTANCE_M, view_directions, view_rotation
 from depth_pose.core.config import MatchConfig
-from depth_pose.core.skeleton import JOINT_NODES, MIRROR_NODES
-from depth_pose.core.types import FoundPerson
+from depth_pose.core.skeleton import MIRROR_NODES
 from depth_pose.fit.articulated import candidate_pose
 from depth_pose.steps.match import Matcher, match_confidence
 from depth_pose.steps.placing import join
-from depth_pose.steps.scale import SCALES, guess_scale
 
 
 @pytest.fixture(scope="module")
@@ -129,18 +127,6 @@ def test_size_is_forgotten_where_stamps_jump_and_somebody_else_has_their_own(ban
     assert matcher.match(people(0.75, syn.START_NS + 3 * syn.STEP_NS))[0].scale == first
     after = syn.START_NS + 3 * syn.STEP_NS + step_ns
     assert matcher.match(people(0.75, after))[0].scale == pytest.approx(0.75, rel=0.08)
-
-
-def test_a_size_is_guessed_from_proposals(bank):
-    joints = bank.body.nodes[JOINT_NODES].astype(np.float32)
-    confidence = np.linspace(0.2, 0.9, len(joints), dtype=np.float32)
-    for scale in (0.7, 0.9):
-        found = FoundPerson(1, "body_1", 1.0, scale * joints + np.float32(2.0), confidence)
-        assert guess_scale(bank.body, found) == pytest.approx(1.12 * scale, rel=1e-4)
-    huge = replace(found, proposals=9.0 * joints)
-    assert guess_scale(bank.body, huge) == SCALES[-1]
-    nowhere = np.zeros((0, 3), np.float32), np.zeros(0, np.float32)
-    assert guess_scale(bank.body, FoundPerson(1, "body_1", 1.0, *nowhere)) == 0.0
 
 
 def test_nobody(matcher):

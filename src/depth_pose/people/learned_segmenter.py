@@ -10,7 +10,8 @@ from depth_pose.core.config import SegmentConfig
 from depth_pose.core.types import BACKGROUND, HIDDEN, DepthFrame
 from depth_pose.people import _border_kernels as kernels
 from depth_pose.people import working_grid
-from depth_pose.people.finder import Detections, PeopleFinder
+from depth_pose.people.finder import Detection, Detections, PeopleFinder
+from depth_pose.people.joint_finder import JointFinder
 from depth_pose.people.planes import PlaneFinder
 from depth_pose.people.segmentation import Segmentation, Sighting
 
@@ -29,6 +30,7 @@ class LearnedSegmenter:
     def __init__(self, config: SegmentConfig) -> None:
         self.config = config
         self.finder = PeopleFinder(config)
+        self._joints = JointFinder()
         self._planes = PlaneFinder()
 
     def reset(self) -> None:
@@ -51,17 +53,19 @@ class LearnedSegmenter:
             depth=np.where(is_person, found.depth, np.float32(0)),
             labels=labels,
             camera=found.camera,
-            sightings=tuple(
-                Sighting(
-                    label=p.label,
-                    place=p.torso,
-                    probability=p.probability,
-                    proposals=p.joints.astype(np.float32),
-                    proposal_confidence=p.joint_confidence,
-                )
-                for p in found.people
-            ),
+            sightings=tuple(self._look_closer(found, labels, person) for person in found.people),
             out_of_range=found.out_of_range,
+        )
+
+    def _look_closer(self, found: Detections, labels: NDArray[np.uint8], person: Detection) -> Sighting:
+        """Propose a person's joints from a crop around them."""
+        seen = self._joints.find(found.depth, labels, found.camera, person.label, person.torso)
+        return Sighting(
+            label=person.label,
+            place=person.torso,
+            probability=person.probability,
+            proposals=seen.joints.astype(np.float32),
+            proposal_confidence=seen.confidence,
         )
 
     def _complete(self, found: Detections) -> NDArray[np.uint8]:

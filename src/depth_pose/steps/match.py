@@ -33,7 +33,8 @@ from depth_pose.steps.placing import (
     join,
     place_exemplars,
 )
-from depth_pose.steps.scale import SCALES, ScaleFinder, guess_scale
+from depth_pose.steps.proposed import ProposedExemplars
+from depth_pose.steps.scale import SCALES, ScaleFinder
 from depth_pose.steps.search import SubspaceSearch
 from depth_pose.steps.short_fits import TrialFits
 from depth_pose.steps.warm_up import sample_people
@@ -83,16 +84,12 @@ class _Size:
         Whether it was found while the image's border may have cut the person off.
     shown : float
         Most that was seen of them meanwhile: points times squared distance.
-    before : float
-        What it was before it was to be found again; 0: never found.
     """
 
     def __init__(self, finder: ScaleFinder) -> None:
-        self.finder, self.is_partial, self.shown, self.before = finder, False, 0.0, 0.0
+        self.finder, self.is_partial, self.shown = finder, False, 0.0
 
-    def begin_again(self) -> None:
-        """Begin to find the size again, from what it seemed to be."""
-        self.before = self.finder.scale if self.finder.frames > 0 else self.before
+    def reset(self) -> None:
         self.finder.reset()
         self.is_partial, self.shown = False, 0.0
 
@@ -114,6 +111,7 @@ class Matcher:
         self._views = ExemplarViews(np.arange(bank.poses), bank.view_quats, bank.view_origins)
         self._renderer = ExemplarRenderer(bank, config.score_band)
         self._upright = UprightExemplars(bank)
+        self._proposed = ProposedExemplars(bank)
         self._fitter = ArticulatedFitter(bank.body, fit)
         self._sizes = PerPerson(lambda: _Size(ScaleFinder(self._fitter, config.score_band)))
 
@@ -145,10 +143,10 @@ class Matcher:
         """Find the exemplars nearest to one person."""
         self._await_whole(person, size)
         is_new = size.finder.frames == 0
-        scale = self._scale(person, size)
+        scale = self._scale(person, size.finder)
         rough = self._compare_roughly(person, scale, self.config.shortlist)
         placed = self._compare_finely(person, scale, rough)
-        if not is_new and not self._is_known(size.finder) and _is_cut(person) == size.is_partial:
+        if not is_new and not self._is_known(size.finder):
             size.finder.add(person, self._pose(placed, 0, scale))
         return PoseMatch(person.body_id, self.bank.bank_id, scale, self._keep_different(placed))
 
@@ -158,27 +156,33 @@ class Matcher:
 
     def _await_whole(self, person: Person, size: _Size) -> None:
         """Find the size of a person of whom a part is cut off or hidden anew, as more is seen of them."""
-        if _is_cut(person):
-            size.is_partial = size.is_partial or size.finder.frames == 0
+        if person.is_cut_beside or person.is_cut_below:
+            size.is_partial = size.is_partial or not self._is_known(size.finder)
             shown = len(person.points) * float(np.median(person.points[:, 2])) ** 2
             if size.is_partial and shown > _MORE * size.shown:
-                size.begin_again()
-                size.is_partial, size.shown = True, shown
+                size.finder.reset()
+                size.shown = shown
         elif size.is_partial:
-            size.begin_again()
+            size.reset()
 
-    def _scale(self, person: Person, size: _Size) -> float:
+    def _scale(self, person: Person, finder: ScaleFinder) -> float:
         """Give the person's size: as configured, or found over the frames so far."""
         if self.config.scale > 0.0:
             return self.config.scale
-        if size.finder.frames == 0:
-            guesses = (size.before, guess_scale(self.bank.body, person.found))
-            sizes = [s for s in guesses if s > 0.0] or SCALES[1::3].tolist()
+        if finder.frames == 0:
             few = max(4, self.config.shortlist // 4)
-            tried = [(s, self._compare_roughly(person, s, few)) for s in sizes]
+            tried = [(s, self._compare_roughly(person, s, few)) for s in self._first_sizes(person)]
             scale, rough = min(tried, key=lambda t: float(t[1].scores.min()))
-            size.finder.add(person, self._pose(self._compare_finely(person, scale, rough), 0, scale))
-        return size.finder.scale
+            finder.add(person, self._pose(self._compare_finely(person, scale, rough), 0, scale))
+        return finder.scale
+
+    def _first_sizes(self, person: Person) -> list[float]:
+        """Give the sizes that are compared first: about the proposals' own, or all over the range."""
+        sizes = SCALES[1::3]
+        if (guess := self._proposed.size(person.found)) is None:
+            return sizes.tolist()
+        nearest = int(np.argmin(np.abs(np.log(sizes / guess))))
+        return sizes[max(0, nearest - 1) : nearest + 2].tolist()
 
     def _pose(self, placed: Placed, row: int, scale: float) -> BodyPose:
         """Give one's pose in the camera frame."""
@@ -197,6 +201,8 @@ class Matcher:
         if person.is_cut_below:
             hung, upright = head_axes(person.points, scale), self._upright
             parts.append(place_exemplars(upright.views, upright.all, hung, scale))
+        if (proposed := self._proposed.find(person.found, scale)) is not None:
+            parts.append(proposed)
         return self._renderer.compare(join(parts), scale, _thinned(person, _ROUGH_M))
 
     def _compare_finely(self, person: Person, scale: float, rough: Placed) -> Placed:
@@ -248,11 +254,6 @@ class Matcher:
             )
             for k, quat in zip(kept, quats, strict=True)
         )
-
-
-def _is_cut(person: Person) -> bool:
-    """Tell whether a part of the person may not be seen."""
-    return person.is_cut_beside or person.is_cut_below
 
 
 def _thinned(person: Person, spacing_m: float) -> Observation:

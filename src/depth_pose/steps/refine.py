@@ -24,6 +24,7 @@ from depth_pose.core.errors import BankError
 from depth_pose.core.rotations import matrix_to_quat
 from depth_pose.core.skeleton import JOINT_NODES, Source
 from depth_pose.core.types import Candidate, Fitted, PoseMatch, Skeleton
+from depth_pose.fit.aim import aim_limbs
 from depth_pose.fit.articulated import BodyPose, FittedBody, candidate_pose
 from depth_pose.fit.limbs import LimbSearch
 from depth_pose.fit.rendered_depth import Comparison, DepthComparer
@@ -172,6 +173,7 @@ class Refiner:
         def search_limbs(found: _Compared, rounds: int) -> _Compared:
             for _ in range(rounds):
                 proposals = self._limbs.propose(found.body.pose, found.body.vertices, comparer)
+                proposals += self._aimed([found.body.pose], person)
                 if not proposals:
                     break
                 glanced = ranked(fitter.glance(start) for start in proposals)[0]
@@ -181,8 +183,8 @@ class Refiner:
                 found = exchanged
             return found
 
-        fresh = (candidate_pose(self.bank, c, match.scale) for c in match.candidates)
-        glances = ranked(fitter.glance(start) for start in fresh)
+        fresh = [candidate_pose(self.bank, c, match.scale) for c in match.candidates]
+        glances = ranked(fitter.glance(start) for start in fresh + self._aimed(fresh, person))
         sides = [ranked(fitter.rough(g.body.pose) for g in glances[:_ROUGH])[0]]
         if starts := self._kept_starts(kept, match.scale):
             sides.append(ranked(fitter.rough(start) for start in starts)[0])
@@ -192,6 +194,11 @@ class Refiner:
             sides[0] = search_limbs(sides[0], _FIRST_ROUNDS)
         enough = min(map(_score, sides)) + _NEARLY
         return ranked(fitter.finish(s.body) for s in sides if _score(s) <= enough)[0]
+
+    def _aimed(self, poses: Iterable[BodyPose], person: Person) -> list[BodyPose]:
+        """Give poses with their limbs aimed at the person's proposed joints, where there are any."""
+        aimed = (aim_limbs(self.bank.body, pose, person.found) for pose in poses)
+        return [pose for pose in aimed if pose is not None]
 
     def _kept_starts(self, kept: _Kept, scale: float) -> list[BodyPose]:
         """Give what is kept of the frame before: its pose, and the recovered one, which is used up."""

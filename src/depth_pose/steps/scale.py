@@ -2,10 +2,9 @@
 
 Freeing the size in every fit shrinks the body, frame by frame. So sizes on a fixed grid are
 compared: the matched exemplar is fitted at each, and scored by rendered depth. The first frame
-walks downhill on the grid, from where the finder's joints say that the size is. Every further one
-compares just one pair of neighbouring sizes, above or below the best so far in turn, so that no
-frame takes long. Differences within a frame say more than scores of different frames; the size is
-where their means change sign.
+walks downhill on the grid. Every further one compares just one pair of neighbouring sizes, above
+or below the best so far in turn, so that no frame takes long. Differences within a frame say more
+than scores of different frames; the size is where their means change sign.
 """
 
 from __future__ import annotations
@@ -14,9 +13,6 @@ from collections.abc import Callable
 
 import numpy as np
 
-from depth_pose.body.body import Body
-from depth_pose.core.skeleton import JOINT_INDEX, JOINT_NODES, JOINTS
-from depth_pose.core.types import FoundPerson
 from depth_pose.fit.articulated import ArticulatedFitter, BodyPose
 from depth_pose.people.person import Person
 from depth_pose.steps.short_fits import TrialFits
@@ -26,37 +22,6 @@ SCALES = 0.6 * 1.04 ** np.arange(18)
 
 _MOST_STEPS = 5
 """Steps of 4 % from the first guess, at most: so that the first frame does not take long."""
-
-
-_GUESSED = tuple(
-    (JOINT_INDEX[start], JOINT_INDEX[end])
-    for start, end in (
-        ("pelvis", "neck"),
-        ("pelvis", "head"),
-        ("left_shoulder", "right_shoulder"),
-        *((f"{s}_{a}", f"{s}_{b}") for s in ("left", "right")
-          for a, b in (("hip", "knee"), ("knee", "ankle"), ("shoulder", "elbow"))),
-    )
-)  # fmt: skip
-"""Pairs of joints whose distances tell the size."""
-
-_LONGER = 1.12
-"""Found sizes are larger than proposals of joints say, which draw toward the middle: mean of eight people of
-the development clips, from 1.02 to 1.24."""
-
-
-def guess_scale(body: Body, found: FoundPerson) -> float:
-    """Guess a person's size from the finder's proposals; 0 where there are none."""
-    if len(found.proposals) != len(JOINTS):
-        return 0.0
-    start, end = np.array(_GUESSED).T
-    rest, seen = body.nodes[JOINT_NODES], found.proposals.astype(np.float64)
-    weights = np.minimum(found.proposal_confidence[start], found.proposal_confidence[end])
-    lengths = np.linalg.norm(seen[end] - seen[start], axis=1)
-    whole = float(weights @ np.linalg.norm(rest[end] - rest[start], axis=1))
-    if whole <= 0.0:
-        return 0.0
-    return float(np.clip(_LONGER * float(weights @ lengths) / whole, SCALES[0], SCALES[-1]))
 
 
 class ScaleFinder:
