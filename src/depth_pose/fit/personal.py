@@ -48,7 +48,7 @@ _LEAST_SPREAD = 0.01
 """A build from a file is not taken to be surer than this: people dress differently."""
 
 _STEP = 0.004
-"""The build in use follows once a part differs by more than this: a body is made anew, in about 2 ms."""
+"""The build in use follows once a part differs by more than this: a body is made anew, in about 1 ms."""
 
 _FIRST_FRAMES = 8
 """A build is not used before so many frames told it, half a second: the first poses are least sure,
