@@ -9,7 +9,7 @@ import synthetic as syn
 from depth_pose.core.rotations import R_CAMERA_FACING_MODEL
 from depth_pose.core.skeleton import JOINT_NODES, MIRROR_JOINTS, forward_kinematics
 from depth_pose.core.types import FoundPerson
-from depth_pose.fit.aim import aim_limbs
+from depth_pose.fit.aim import aim_legs, from_proposals
 from depth_pose.fit.articulated import BodyPose
 from depth_pose.steps.proposed import ProposedExemplars
 
@@ -59,19 +59,35 @@ def test_a_joint_that_nobody_is_sure_of_does_not_count(bank, exemplars):
 def test_without_proposals_there_is_nothing(bank, exemplars):
     nobody = FoundPerson(1, "a", 1.0, np.zeros((0, 3), np.float32), np.zeros(0, np.float32))
     assert exemplars.find(nobody, 1.0) is None
-    assert aim_limbs(bank.body, pose_of(bank, 0, 0.0), nobody) is None
+    assert aim_legs(bank.body, pose_of(bank, 0, 0.0), nobody) is None
 
 
-def test_limbs_are_aimed_where_proposals_are_sure_and_nowhere_else(bank):
+def test_legs_are_aimed_where_proposals_are_sure_and_nowhere_else(bank):
     start, target = pose_of(bank, 12, 0.0), pose_of(bank, 90, 0.0)
     own, wanted = joints_of(bank.body, start), joints_of(bank.body, target)
     confidence = np.full(19, 0.1)
-    confidence[[6, 7]] = 0.9  # left elbow and wrist
-    aimed = aim_limbs(bank.body, start, found(wanted, confidence))
-    reached = joints_of(bank.body, aimed)
-    others = np.delete(np.arange(19), [6, 7])
+    confidence[[12, 13]] = 0.9  # left knee and ankle
+    reached = joints_of(bank.body, aim_legs(bank.body, start, found(wanted, confidence)))
+    others = np.delete(np.arange(19), [12, 13, 14])
     np.testing.assert_allclose(reached[others], own[others], atol=1e-6)
-    bone, way = reached[6] - reached[5], wanted[6] - own[5]
+    bone, way = reached[12] - reached[11], wanted[12] - own[11]
     assert bone @ way > 0.999 * np.linalg.norm(bone) * np.linalg.norm(way)
-    assert np.linalg.norm(reached[7] - wanted[7]) < np.linalg.norm(own[7] - wanted[7])
-    assert aim_limbs(bank.body, start, found(wanted, 0.1)) is None
+    assert np.linalg.norm(reached[13] - wanted[13]) < np.linalg.norm(own[13] - wanted[13])
+    assert aim_legs(bank.body, start, found(wanted, 0.1)) is None
+
+
+def test_how_far_joints_are_from_proposals_counts_as_far_as_these_are_sure(bank):
+    pose = pose_of(bank, 12, 0.0)
+    nodes = forward_kinematics(pose.rotations, pose.root, bank.body.nodes, pose.scale)
+    joints = nodes[JOINT_NODES]
+    assert from_proposals(nodes, found(joints)) == pytest.approx(0.0, abs=1e-6)
+    joints[7] += [0.0, 0.2, 0.0]
+    assert from_proposals(nodes, found(joints, 0.5)) == pytest.approx(0.5 * 0.2 / 19, rel=1e-4)
+    joints[7] += [0.0, 4.0, 0.0]  # no more than 0.3 m
+    assert from_proposals(nodes, found(joints, 0.5)) == pytest.approx(0.5 * 0.3 / 19, rel=1e-4)
+
+
+def test_a_first_guess_of_the_size(bank, exemplars):
+    for scale in (0.7, 1.0, 1.15):
+        joints = joints_of(bank.body, pose_of(bank, 30, 40.0, scale))
+        assert exemplars.size(found(joints)) == pytest.approx(scale, rel=0.06)

@@ -24,7 +24,7 @@ from depth_pose.core.errors import BankError
 from depth_pose.core.rotations import matrix_to_quat
 from depth_pose.core.skeleton import JOINT_NODES, Source
 from depth_pose.core.types import Candidate, Fitted, PoseMatch, Skeleton
-from depth_pose.fit.aim import aim_limbs
+from depth_pose.fit.aim import aim_legs, from_proposals
 from depth_pose.fit.articulated import BodyPose, FittedBody, candidate_pose
 from depth_pose.fit.limbs import LimbSearch
 from depth_pose.fit.rendered_depth import Comparison, DepthComparer
@@ -46,12 +46,19 @@ _NEARLY = 0.04
 """The side that agrees less well is fitted finely as well if its score is at most this much higher."""
 
 
+_AWAY_WEIGHT = 1.0
+"""Score, per metre, of joints that lie away from where they are proposed (`from_proposals`).
+
+Of 0, 0.3, 1 and 3 on 15 development clips (37.9, 37.7, 37.1, 38.2 mm), and office and corridor."""
+
+
 @dataclass(frozen=True)
 class _Compared:
-    """A fitted body, and how it compares with the input."""
+    """A fitted body, how it compares with the input, and how far it is from the proposals, metres."""
 
     body: FittedBody
     comparison: Comparison
+    away: float
 
 
 @dataclass
@@ -167,7 +174,10 @@ class Refiner:
         comparer = DepthComparer(person.coarse, self._match_config.score_band)
 
         def ranked(bodies: Iterable[FittedBody]) -> list[_Compared]:
-            compared = (_Compared(b, comparer.compare(b.vertices, self._faces)) for b in bodies)
+            compared = (
+                _Compared(b, comparer.compare(b.vertices, self._faces), from_proposals(b.nodes, person.found))
+                for b in bodies
+            )
             return sorted(compared, key=_score)
 
         def search_limbs(found: _Compared, rounds: int) -> _Compared:
@@ -178,7 +188,7 @@ class Refiner:
                     break
                 glanced = ranked(fitter.glance(start) for start in proposals)[0]
                 exchanged = ranked([fitter.rough(glanced.body.pose)])[0]
-                if exchanged.comparison.score >= found.comparison.score:
+                if _score(exchanged) >= _score(found):
                     break
                 found = exchanged
             return found
@@ -196,8 +206,8 @@ class Refiner:
         return ranked(fitter.finish(s.body) for s in sides if _score(s) <= enough)[0]
 
     def _aimed(self, poses: Iterable[BodyPose], person: Person) -> list[BodyPose]:
-        """Give poses with their limbs aimed at the person's proposed joints, where there are any."""
-        aimed = (aim_limbs(self.bank.body, pose, person.found) for pose in poses)
+        """Give poses with their legs aimed at the person's proposed joints, where there are any."""
+        aimed = (aim_legs(self.bank.body, pose, person.found) for pose in poses)
         return [pose for pose in aimed if pose is not None]
 
     def _kept_starts(self, kept: _Kept, scale: float) -> list[BodyPose]:
@@ -228,4 +238,5 @@ class Refiner:
 
 
 def _score(fitted: _Compared) -> float:
-    return fitted.comparison.score
+    """Disagreement of rendered depth, and with the proposals."""
+    return fitted.comparison.score + _AWAY_WEIGHT * fitted.away
