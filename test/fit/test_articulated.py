@@ -9,8 +9,8 @@ import synthetic as syn
 from depth_pose.core._rotation_kernels import rotation_of
 from depth_pose.core.config import FitConfig
 from depth_pose.core.rotations import rotvec_to_matrix
-from depth_pose.core.skeleton import NODE_INDEX, NODE_PARENTS
-from depth_pose.core.types import BACKGROUND, PERSON, UNKNOWN, Candidate
+from depth_pose.core.skeleton import JOINT_NODES, JOINTS, MIRROR_JOINTS, NODE_INDEX, NODE_PARENTS
+from depth_pose.core.types import BACKGROUND, PERSON, UNKNOWN, Candidate, FoundPerson
 from depth_pose.fit import _articulated_kernels as kernels
 from depth_pose.fit import _tree_kernels as tree
 from depth_pose.fit import _visibility_kernels as visibility
@@ -49,11 +49,52 @@ def target_of(posed_body, noise=0.0):
     return FitTarget.prepare(thin(person.points, 800), person.full, person.coarse)
 
 
+def proposed(joints, confidence):
+    """A person whose joints the finder proposes."""
+    return FoundPerson(1, "body_1", 1.0, joints.astype(np.float32), confidence.astype(np.float32))
+
+
 def nodes_of(body, pose):
     return body.pose(pose.rotations, pose.root, pose.scale).nodes
 
 
 # --- the fit as a whole
+
+
+@pytest.mark.parametrize("swapped", [False, True])
+def test_joints_that_nobody_sees_go_where_they_are_proposed(body, fitter, swapped):
+    """Legs below the image's border: bent at the start, straight in truth; names of sides do not matter."""
+    posed = syn.posed(syn.arms_down(), distance=2.8)
+    depth = syn.draw(syn.mesh(posed))
+    depth[depth.shape[0] // 2 :] = 0.0
+    person = syn.to_person(depth)
+    truth = posed.nodes[JOINT_NODES]
+    proposals = proposed(truth[MIRROR_JOINTS] if swapped else truth, np.ones(len(JOINTS)))
+    bent = syn.FACING @ syn.arms_down()
+    for name in ("left_hip", "right_hip"):
+        below = syn.subtree(NODE_INDEX[name])
+        bent[below] = rotvec_to_matrix(np.array([0.5, 0.0, 0.0])) @ bent[below]
+    start = BodyPose(bent, posed.nodes[0], 1.0)
+    legs = [NODE_INDEX[n] for n in ("left_knee", "right_knee", "left_ankle", "right_ankle")]
+    errors = []
+    for found in (None, proposals):
+        target = FitTarget.prepare(thin(person.points, 800), person.full, person.coarse, found)
+        fitted = nodes_of(body, fitter.fit(target, start, fitter.config.sigmas + 10 * (0.02,)))
+        errors.append(np.linalg.norm(fitted - posed.nodes, axis=1)[legs].mean())
+    assert errors[0] > 0.1
+    assert errors[1] < 0.3 * errors[0]
+
+
+def test_proposals_far_from_the_truth_do_little(body, fitter):
+    posed, start = disturbed_start(1, 10.0)
+    depth = syn.draw(syn.mesh(posed))
+    person = syn.to_person(depth)
+    wrong = posed.nodes[JOINT_NODES] + [0.0, 0.0, 0.6]
+    points = thin(person.points, 800)
+    plain = FitTarget.prepare(points, person.full, person.coarse)
+    misled = FitTarget.prepare(points, person.full, person.coarse, proposed(wrong, np.ones(len(JOINTS))))
+    fits = [nodes_of(body, fitter.fit(t, start)) for t in (plain, misled)]
+    assert syn.joint_error(fits[1], fits[0]) < 0.01
 
 
 def disturbed_start(seed, degrees):

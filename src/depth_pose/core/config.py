@@ -259,6 +259,12 @@ class FitConfig(_Checked):
     free_space_limit: float = option(
         0.10, "Out of free space skin is pulled by at most this a step", unit="m", low=0.0, high=1.0
     )
+    proposal_weight: float = option(
+        2.0,
+        "Weight of a joint that the finder proposes and is sure of, in points of the cloud",
+        low=0.0,
+        high=1000.0,
+    )
     prior: float = option(0.2, "Stiffness of the joints toward the start", low=0.0, high=100.0)
     damping: float = option(0.02, "Added to the diagonal of every step", low=0.0, high=100.0)
     max_step: float = option(0.35, "The most that a joint turns in a step", unit="rad", low=0.01, high=3.2)

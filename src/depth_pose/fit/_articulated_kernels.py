@@ -36,6 +36,28 @@ _BEHIND_M = 0.05
 """A vertex is seen if it lies at most this far behind the rendered depth, metres; set by hand, not swept."""
 
 
+_ELSEWHERE_M = 0.15
+"""A joint this far from its proposal is pulled a quarter as much as its gap says, a farther one less:
+one of the two is elsewhere; set by hand, not swept."""
+
+
+class Proposals(NamedTuple):
+    """Where joints are proposed, under both namings of left and right.
+
+    Attributes
+    ----------
+    nodes : (J,) int64
+    places : (2, J, 3) float64
+        Metres, camera frame.
+    weights : (2, J) float64
+        0 to 1; none where nobody proposes any: J is 0.
+    """
+
+    nodes: Any
+    places: Any
+    weights: Any
+
+
 class Settings(NamedTuple):
     """Numbers of `depth_pose.core.config.FitConfig` under their names; ``root_prior`` is 0."""
 
@@ -46,6 +68,7 @@ class Settings(NamedTuple):
     free_space_weight: float
     free_space_slack: float
     free_space_limit: float
+    proposal_weight: float
     prior: float
     root_prior: float
     damping: float
@@ -183,6 +206,32 @@ def add_free_space(surface, observed, nearest, origin, weight, settings, equatio
         add_vertex(vertices[i], origin, metric, r, equations, surface.segment[i])
 
 
+@njit(cache=True, fastmath=True, forceinline=True)
+def add_proposals(proposals, nodes, origin, weight, equations):
+    """Pull joints to where they are proposed, named left and right as lies nearer to the pose.
+
+    The weights are those of Geman and McClure (1987), of distances in units of `_ELSEWHERE_M`.
+    """
+    count = proposals.nodes.shape[0]
+    apart = np.zeros(2)
+    for side in range(2):
+        for j in range(count):
+            for a in range(3):
+                gap = proposals.places[side, j, a] - nodes[proposals.nodes[j], a]
+                apart[side] += proposals.weights[side, j] * gap * gap
+    side = 0 if apart[0] <= apart[1] else 1
+    metric, r = np.zeros((3, 3)), np.empty(3)
+    for j in range(count):
+        n, far = proposals.nodes[j], 0.0
+        for a in range(3):
+            r[a] = proposals.places[side, j, a] - nodes[n, a]
+            far += r[a] * r[a]
+        share = 1.0 / (1.0 + far / (_ELSEWHERE_M * _ELSEWHERE_M))
+        for a in range(3):
+            metric[a, a] = weight * proposals.weights[side, j] * share * share
+        add_vertex(nodes[n], origin, metric, r, equations, n)
+
+
 @njit(cache=True)
 def fit(target, body, settings, sigmas, scale, rotations, root):
     """Run an iteration a sigma; ``rotations`` and ``root`` go in as the start and come out as the fit."""
@@ -208,4 +257,5 @@ def fit(target, body, settings, sigmas, scale, rotations, root):
         amount = target.points.shape[0] / stride / USUAL_POINTS
         weight = 2.0 * settings.free_space_weight * amount
         add_free_space(surface, target.full, target.nearest, root, weight, settings, equations)
+        add_proposals(target.proposals, nodes, root, settings.proposal_weight * amount, equations)
         take_step(equations, body, settings, amount, nodes, moved, rotations, root)

@@ -10,10 +10,13 @@ points :math:`x_n` are samples of it. Each iteration does
 *M-step*  one damped Gauss-Newton step on
 
 .. math:: \sum_m P_m \left[ a\,(n_m \cdot (v_m - y_m))^2 + b\,\|v_m - y_m\|^2 \right]
-   + E_{free} + E_{prior}, \qquad P_m = \sum_n p_{mn},\; y_m = \sum_n p_{mn} x_n / P_m
+   + E_{free} + E_{joints} + E_{prior}, \qquad P_m = \sum_n p_{mn},\; y_m = \sum_n p_{mn} x_n / P_m
 
 with the variance going down from coarse to fine. :math:`E_{free}` keeps vertices out of space
 that was seen to be free: beside the silhouette, and in front of the observed surface.
+:math:`E_{joints}` pulls joints weakly to where the finder's second look proposes them, each as far as it is
+sure, by the robust distance of Geman and McClure (*Statistical methods for tomographic image reconstruction*,
+1987): it decides where no point says anything, under a desk or beyond the image's border.
 :math:`E_{prior}` holds each joint near the start. The parameters are a translation and, for every
 free node, a rotation vector in the camera frame that turns the whole subtree: a vertex moves by
 :math:`\delta t + \sum_k \omega_k \times (v_m - p_k)`, summed over the free nodes above the segment
@@ -37,8 +40,8 @@ from depth_pose.bank.bank import Bank
 from depth_pose.body.body import Body
 from depth_pose.core.config import FitConfig
 from depth_pose.core.rotations import quat_to_matrix
-from depth_pose.core.skeleton import NODE_INDEX, NODE_PARENTS, NODES
-from depth_pose.core.types import Candidate
+from depth_pose.core.skeleton import JOINT_NODES, JOINTS, MIRROR_JOINTS, NODE_INDEX, NODE_PARENTS, NODES
+from depth_pose.core.types import Candidate, FoundPerson
 from depth_pose.fit import _articulated_kernels as kernels
 from depth_pose.fit import _visibility_kernels as visibility
 from depth_pose.fit._tree_kernels import Articulation
@@ -106,17 +109,38 @@ class FitTarget(NamedTuple):
         The same frame on the full grid, for free space, and on a coarse one, for visibility.
     nearest : (h, w, 2) int32
         Row and column of the nearest person pixel to every pixel of ``full``.
+    proposals : Proposals
+        Where the finder sees joints.
     """
 
     points: NDArray[np.float64]
     full: Observation
     coarse: Observation
     nearest: NDArray[np.int32]
+    proposals: kernels.Proposals
 
     @classmethod
-    def prepare(cls, points: NDArray[np.float64], full: Observation, coarse: Observation) -> FitTarget:
-        """Find the nearest person pixels."""
-        return cls(points, full, coarse, nearest_person_pixels(full))
+    def prepare(
+        cls,
+        points: NDArray[np.float64],
+        full: Observation,
+        coarse: Observation,
+        found: FoundPerson | None = None,
+    ) -> FitTarget:
+        """Find the nearest person pixels; ``found`` says where joints are proposed."""
+        return cls(points, full, coarse, nearest_person_pixels(full), _proposals(found))
+
+
+def _proposals(found: FoundPerson | None) -> kernels.Proposals:
+    """Give a person's proposals under both namings of left and right."""
+    if found is None or len(found.proposals) != len(JOINTS):
+        return kernels.Proposals(np.zeros(0, np.int64), np.zeros((2, 0, 3)), np.zeros((2, 0)))
+    places, weights = found.proposals.astype(np.float64), found.proposal_confidence.astype(np.float64)
+    return kernels.Proposals(
+        np.asarray(JOINT_NODES, np.int64),
+        np.stack([places, places[MIRROR_JOINTS]]),
+        np.stack([weights, weights[MIRROR_JOINTS]]),
+    )
 
 
 class ArticulatedFitter:

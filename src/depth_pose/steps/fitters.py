@@ -71,7 +71,9 @@ class SkinnedFitter:
     def fit_to(self, view: Person, body: Body) -> FrameFitter:
         """Prepare one frame."""
         points = thin(view.points, self._fitter.config.max_points)
-        return _SkinnedFrame(self._fitter.of(body), FitTarget.prepare(points, view.full, view.coarse))
+        return _SkinnedFrame(
+            self._fitter.of(body), FitTarget.prepare(points, view.full, view.coarse, view.found)
+        )
 
 
 @dataclass(frozen=True)

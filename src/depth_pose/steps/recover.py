@@ -258,7 +258,7 @@ class Recoverer:
 
     def _fit(self, person: Person, start: BodyPose, body: Body) -> BodyPose:
         points = thin(person.points, self._fitter.config.max_points)
-        target = FitTarget.prepare(points, person.full, person.coarse)
+        target = FitTarget.prepare(points, person.full, person.coarse, person.found)
         return self._fitter.of(body).fit(target, start, self._fitter.config.carried)
 
 
