@@ -39,6 +39,9 @@ from depth_pose.steps.warm_up import sample_people
 _ROUGH = 2
 """Candidates, the best after a glance, that are fitted roughly."""
 
+_AIMED = 2
+"""Candidates, the matcher's best, that are tried with their legs aimed at the proposals as well."""
+
 _FIRST_ROUNDS = 4
 """Rounds of the limb search while there is no previous pose to start from."""
 
@@ -194,7 +197,7 @@ class Refiner:
             return found
 
         fresh = [candidate_pose(self.bank, c, match.scale) for c in match.candidates]
-        glances = ranked(fitter.glance(start) for start in fresh + self._aimed(fresh, person))
+        glances = ranked(fitter.glance(start) for start in fresh + self._aimed(fresh[:_AIMED], person))
         sides = [ranked(fitter.rough(g.body.pose) for g in glances[:_ROUGH])[0]]
         if starts := self._kept_starts(kept, match.scale):
             sides.append(ranked(fitter.rough(start) for start in starts)[0])
