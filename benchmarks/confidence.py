@@ -15,7 +15,7 @@ skeletons' own confidence against the share of frames whose mean error is below 
 
 With ``--rooms`` several people go about in furnished rooms (``depth-pose simulate --room``). Prints the
 figures of a skeleton's confidence: the chance that its joints are within 10 cm, on average, of somebody who
-is there. It is fitted to every other clip and checked on the rest.
+is there. It is fitted to every other clip, of rooms and of one person each, and checked on the rest.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 
 import argparse
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -153,7 +153,7 @@ class RoomAnswers:
 
     Attributes
     ----------
-    design : (S, 5)
+    design : (S, 4)
         `depth_pose.steps.confidence.skeleton_signs`.
     stated : (S,)
     right : (S,) bool
@@ -171,21 +171,32 @@ class RoomAnswers:
 
 
 def measure_rooms(pipeline: PosePipeline, clips: int) -> RoomAnswers:
-    """Run over random rooms."""
+    """Run over random rooms, and over as many clips of one person as `simulated` makes."""
     rows: list[tuple[np.ndarray, float, bool, bool, int]] = []
     for k in range(clips):
         clip = sample_clip(np.random.default_rng([11, k]), frames=45, people=1 + k % 4)
-        pipeline.reset()
-        for stamp, depth, joints in zip(clip.stamps_ns, clip.depth, clip.joints, strict=True):
-            result = pipeline.process_frame(DepthFrame(int(stamp), "", depth, clip.camera))
-            rows += [
-                (signs, skeleton.confidence, error < RIGHT_M, error > NOBODY_M, k)
-                for skeleton, signs in _with_signs(result)
-                for error in [np.linalg.norm(skeleton.positions - joints, axis=2).mean(axis=1).min()]
-            ]
+        frames = zip(clip.stamps_ns, clip.depth, strict=True)
+        images = [DepthFrame(int(stamp), "", depth, clip.camera) for stamp, depth in frames]
+        rows += _rows(pipeline, images, clip.joints, k)
         print(f"\r{k + 1} of {clips} rooms", end="", flush=True)
+    with tempfile.TemporaryDirectory() as folder:
+        for k, path in enumerate(simulated(Path(folder), clips, [])):
+            truth = load_truth(path.with_suffix(".npz"))
+            rows += _rows(pipeline, DepthReader(path), truth.joints[:, None], k)
+            print(f"\r{k + 1} of {clips} clips of one", end="", flush=True)
     print()
     return RoomAnswers(*(np.array(column) for column in zip(*rows, strict=True)))
+
+
+def _rows(
+    pipeline: PosePipeline, frames: Iterable[DepthFrame], joints: np.ndarray, clip: int
+) -> Iterator[tuple[np.ndarray, float, bool, bool, int]]:
+    """Run over one clip with known joints (T, P, 19, 3)."""
+    pipeline.reset()
+    for frame, known in zip(frames, joints, strict=True):
+        for skeleton, signs in _with_signs(pipeline.process_frame(frame)):
+            error = np.linalg.norm(skeleton.positions - known, axis=2).mean(axis=1).min(initial=np.inf)
+            yield signs, skeleton.confidence, error < RIGHT_M, error > NOBODY_M, clip
 
 
 def _with_signs(result: FrameResult) -> Iterator[tuple[Skeleton, np.ndarray]]:

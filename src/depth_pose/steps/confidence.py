@@ -79,15 +79,14 @@ BESIDE = 0.45
 by half too much is guessed, and nothing was fitted to them."""
 
 SKELETON_SIGNS = {
-    "always": 0.0,
-    "log-odds of being a person": 1.0,
-    "score": -10.0,
-    "log-odds of the joints' mean confidence": 1.0,
-    "metres from the finder's joints": -3.0,
+    "always": -3.43,
+    "log-odds of being a person": 0.66,
+    "log-odds of the joints' mean confidence": 1.09,
+    "metres from the finder's joints": -6.64,
 }
 """Log-odds of a skeleton, by what is known of it; fitted to simulated rooms with clutter by
 ``benchmarks/confidence.py --rooms``. The distance from the finder's proposals is weighed by how sure
-they are."""
+they are; that of rendered depth is in the joints' confidence."""
 
 _FAR_APART_M = 0.5
 _LEAST_CHANCE = 0.01
@@ -130,15 +129,15 @@ def fit_confidence(score: float) -> float:
 
 
 def skeleton_signs(person: Person, fitted: Fitted) -> NDArray[np.float64]:
-    """Give what the confidence of a skeleton is made from, (5,): `SKELETON_SIGNS`."""
+    """Give what the confidence of a skeleton is made from, (4,): `SKELETON_SIGNS`."""
     skeleton, found = fitted.skeleton, person.found
     gap = 0.0
     if len(found.proposals) == len(skeleton.positions):
         trust = found.proposal_confidence.astype(np.float64)
         apart = np.linalg.norm(skeleton.positions - found.proposals, axis=1)
         gap = float(np.minimum(apart, _FAR_APART_M) @ trust / max(float(trust.sum()), 1e-6))
-    return np.array([1.0, _log_odds(found.probability), fitted.score,
-                     _log_odds(float(skeleton.joint_confidence.mean())), gap])  # fmt: skip
+    joints = float(skeleton.joint_confidence.mean())
+    return np.array([1.0, _log_odds(found.probability), _log_odds(joints), gap])
 
 
 def skeleton_confidence(person: Person, fitted: Fitted) -> float:

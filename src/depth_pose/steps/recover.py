@@ -37,7 +37,7 @@ from depth_pose.fit.skeleton_pose import pose_from_skeleton
 from depth_pose.fit.temporal import TemporalCarrier
 from depth_pose.people.memory import PerPerson
 from depth_pose.people.person import People, Person, thin
-from depth_pose.steps.confidence import fit_confidence, report_joints
+from depth_pose.steps.confidence import fit_confidence, report_joints, skeleton_confidence
 from depth_pose.steps.failure import KINDS, Failure, FailureCheck
 from depth_pose.steps.smooth import JointFilter
 from depth_pose.steps.warm_up import sample_people
@@ -62,8 +62,8 @@ _HOPELESS = 0.5
 
 
 _VETO, _VETO_SHARE = 0.1, 0.25
-"""Who keeps less confidence than this, averaged with this share of each frame, is not answered: no body fits
-what the finder took for a person. Set by hand."""
+"""Whose chance to be a person, times the fit's confidence, stays below this is not answered: no body fits
+what the finder took for a person. The second: each frame's share in the average. Set by hand."""
 
 
 @dataclass(frozen=True)
@@ -86,7 +86,7 @@ class _Person:
     good_points : int
         Points that the person had then.
     standing : float
-        Confidence over the last frames; everybody begins with some.
+        Chance to be a person times the fit's confidence, over the last frames; everybody begins with some.
     is_waiting : bool
         Whether the person was lost and a good skeleton is awaited.
     """
@@ -194,10 +194,12 @@ class Recoverer:
             return None
         memory.past = _Past(person, answer)
         positions = memory.filter.filter(answer.skeleton.positions, person.stamp_ns)
-        confidence = float(np.float32(person.found.probability * answer.skeleton.confidence))
-        memory.standing += _VETO_SHARE * (confidence - memory.standing)
+        standing = person.found.probability * answer.skeleton.confidence
+        memory.standing += _VETO_SHARE * (standing - memory.standing)
         if memory.standing < _VETO:
             return None
+        trust = _TRUST if answer.skeleton.source == Source.RECOVERED else 1.0
+        confidence = float(np.float32(trust * skeleton_confidence(person, answer)))
         return replace(answer.skeleton, positions=positions, confidence=confidence)
 
     def _checked(self, person: Person, memory: _Person, refined: Fitted) -> Fitted | None:
