@@ -8,8 +8,8 @@ import pytest
 from depth_pose.bank import build as building
 from depth_pose.bank import build_bank
 from depth_pose.bank.build import BuildConfig
-from depth_pose.bank.workers import run_parts
 from depth_pose.core.errors import ConfigError, InputError
+from depth_pose.core.workers import run_parts
 from depth_pose.motion.procedural.generator import make_clip
 
 
@@ -39,7 +39,7 @@ def test_results_come_in_order(cluster):
 
 
 def test_no_scheduler_there(monkeypatch):
-    monkeypatch.setattr("depth_pose.bank.workers._CONNECT_S", "1s")
+    monkeypatch.setattr("depth_pose.core.workers._CONNECT_S", "1s")
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         address = f"tcp://127.0.0.1:{free.getsockname()[1]}"
