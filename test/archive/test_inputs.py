@@ -111,5 +111,5 @@ def test_parts_given_one_by_one_are_one_recording(archive):
 def test_nothing_there(tmp_path):
     with pytest.raises(InputError, match="no such file"):
         find_sources([tmp_path / "none.mcap"])
-    with pytest.raises(InputError, match="no .mcap recording in"):
+    with pytest.raises(InputError, match=r"no \.mcap recording in"):
         find_sources([tmp_path])

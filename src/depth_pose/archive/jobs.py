@@ -155,6 +155,7 @@ def _process(
 
     reader = DepthReader(recording, setting.depth_topic)
     pipeline = _pipeline(setting)
+    pipeline.restart()
     start = told = time.monotonic()
 
     def progress(done: int) -> None:

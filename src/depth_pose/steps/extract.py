@@ -62,6 +62,12 @@ class PeopleExtractor:
         self._tracks.reset()
         self.choice.reset()
 
+    def restart(self) -> None:
+        """Forget the people and the names given, as if new."""
+        self.reset()
+        self._tracks.restart()
+        self.choice.ignored.clear()
+
     def warm_up(self) -> None:
         """Compile every kernel."""
         self._segmenter.warm_up()
