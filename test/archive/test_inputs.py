@@ -99,6 +99,15 @@ def test_parts_of_one_recording_carry_on(tmp_path, second, start, topic, one):
     assert is_one_recording(tmp_path)
 
 
+def test_a_folder_of_one_file(tmp_path):
+    """It is one recording, as are its parts; within an archive it goes by the file's name."""
+    record(tmp_path / "ward" / "a.mcap", 1, 5)
+    (tmp_path / "ward" / "pictures").mkdir()
+    assert is_one_recording(tmp_path / "ward")
+    assert not is_one_recording(tmp_path)
+    assert names(find_sources([tmp_path])) == ["ward/a"]
+
+
 def test_parts_given_one_by_one_are_one_recording(archive):
     (archive / "split" / "metadata.yaml").write_text("rosbag2_bagfile_information: {}\n")
     parts = sorted((archive / "split").glob("*.mcap"))

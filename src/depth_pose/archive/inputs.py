@@ -48,10 +48,21 @@ class Source:
 
 def is_one_recording(path: Path) -> bool:
     """Whether a path is one recording: a file, or a folder of one recording's parts."""
-    if not path.is_dir() or (path / METADATA).exists():
+    if not path.is_dir() or _is_split(path):
         return True
-    files = recording_files(path)
-    return bool(files) and (len(files) == 1 or _carry_on(files)) and not any(_folders(path))
+    return len(recording_files(path)) == 1 and not _has_recordings_below(path)
+
+
+def _is_split(folder: Path) -> bool:
+    """Whether a folder holds the parts of one recording."""
+    if (folder / METADATA).exists():
+        return True
+    files = recording_files(folder)
+    return len(files) > 1 and _carry_on(files) and not _has_recordings_below(folder)
+
+
+def _has_recordings_below(folder: Path) -> bool:
+    return any(any(inside.rglob(f"*{ENDING}")) for inside in _folders(folder))
 
 
 def _carry_on(files: Sequence[Path]) -> bool:
@@ -125,7 +136,7 @@ def _fixed_part(pattern: str) -> Path:
 def _walk(folder: Path, root: Path, but: Path | None) -> Iterator[tuple[Path, str]]:
     if _is_within(folder, but):
         return
-    if is_one_recording(folder):
+    if _is_split(folder):
         yield folder, _name(folder, root)
         return
     for file in sorted(folder.glob(f"*{ENDING}")):

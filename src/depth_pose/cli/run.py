@@ -190,7 +190,7 @@ def _run_archive(
         raise ConfigError("--workers are processes of this machine, --cluster has its own; give one of them")
     sources = find_sources(inputs, folder)
     if folder.suffix == ".mcap" or folder.is_file():
-        raise ConfigError(f"{len(sources)} recordings go to a folder; {folder} is a file's name")
+        raise ConfigError(f"the skeletons of several recordings go to a folder; {folder} is a file's name")
 
     from depth_pose.archive.jobs import Setting
     from depth_pose.archive.process import Progress, process_archive
