@@ -11,6 +11,7 @@ from __future__ import annotations
 import argparse
 import os
 import resource
+import signal
 import tempfile
 import time
 from collections import defaultdict
@@ -97,8 +98,8 @@ def cpu_of(pid: int) -> float:
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK") if fields else 0.0
 
 
-def measure(name: str, sources, out: Path, setting: Setting, **how) -> tuple[Run, list]:
-    """Run the archive, and look at its processes after each recording."""
+def measure(name: str, sources, out: Path, setting: Setting, kill=None, **how) -> tuple[Run, list]:
+    """Run the archive, look at its processes after each recording, and call ``kill`` midway."""
     run = Run(name)
     began: list[tuple[float, float, int]] = []
     frames = 0
@@ -112,6 +113,8 @@ def measure(name: str, sources, out: Path, setting: Setting, **how) -> tuple[Run
             size = resident(pid)
             if size > PIPELINE_KB and pid != os.getpid():
                 run.memory[pid].append(size)
+        if kill and len(began) == len(sources) // 2:
+            kill()
         began.append((time.monotonic(), sum(cpu.values()), frames))
 
     start = time.monotonic()
@@ -122,6 +125,24 @@ def measure(name: str, sources, out: Path, setting: Setting, **how) -> tuple[Run
     run.steady = (last[2] - first[2]) / (last[0] - first[0])
     run.cpu = (last[1] - first[1]) / (last[2] - first[2])
     return run, rows
+
+
+def measure_on_cluster(name: str, sources, out: Path, setting: Setting) -> tuple[Run, list]:
+    """Run the archive on two processes of a Dask cluster; ``killed`` kills one of them midway."""
+    import distributed
+
+    with (
+        distributed.LocalCluster(
+            n_workers=2, threads_per_worker=1, dashboard_address=None, host="127.0.0.1"
+        ) as cluster,
+        distributed.Client(cluster) as client,
+    ):
+
+        def kill() -> None:
+            os.kill(max(client.run(os.getpid).values()), signal.SIGKILL)
+
+        address = cluster.scheduler_address
+        return measure(name, sources, out, setting, kill if name == "killed" else None, scheduler=address)
 
 
 def share_of_parts(sources, setting: Setting) -> tuple[float, float]:
@@ -147,7 +168,7 @@ def main() -> None:
     parser.add_argument("--recordings", type=int, default=200)
     parser.add_argument("--frames", type=int, default=10)
     parser.add_argument("--archive", type=Path, help="Recordings that are there already.")
-    parser.add_argument("--runs", nargs="+", default=["1", "2", "dask"])
+    parser.add_argument("--runs", nargs="+", default=["1", "2", "dask", "killed"])
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         archive = options.archive or Path(folder) / "archive"
@@ -158,13 +179,8 @@ def main() -> None:
         setting = Setting(None, Bank.load(default_bank_path()).bank_id, PipelineConfig())
         for name in options.runs:
             out = Path(folder) / name
-            if name == "dask":
-                import distributed
-
-                with distributed.LocalCluster(
-                    n_workers=2, threads_per_worker=1, dashboard_address=None, host="127.0.0.1"
-                ) as cluster:
-                    run, rows = measure(name, sources, out, setting, scheduler=cluster.scheduler_address)
+            if name in ("dask", "killed"):
+                run, rows = measure_on_cluster(name, sources, out, setting)
             else:
                 run, rows = measure(name, sources, out, setting, workers=int(name))
             print_run(run, rows)

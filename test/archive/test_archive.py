@@ -12,6 +12,7 @@ import sys
 import time
 from pathlib import Path
 
+import distributed
 import pytest
 from small_archive import CLIPS, FRAMES
 
@@ -32,6 +33,11 @@ pytestmark = pytest.mark.slow
 
 def messages(path):
     return list(Recording(path).messages(PEOPLE_TOPIC, SKELETON_TOPIC))
+
+
+def lines_of(folder):
+    with (folder / "report.csv").open(newline="") as stream:
+        return list(csv.DictReader(stream))
 
 
 def assert_same(made, alone):
@@ -116,7 +122,6 @@ def test_another_bank_or_version_ends_the_run(clips, setting, tmp_path, wrong):
 
 
 def test_a_cluster_loses_a_worker(clips, setting, here, tmp_path):
-    distributed = pytest.importorskip("distributed")
     killed: list[int] = []
 
     def kill_one(row):
@@ -193,8 +198,7 @@ def test_stopped_and_gone_on(clips, bank_path, here, tmp_path, how):
     text, _ = run.communicate(timeout=120)
     assert run.returncode == 1, text
     assert "bad.mcap is not an MCAP recording" in text
-    with (out / "report.csv").open(newline="") as stream:
-        lines = list(csv.DictReader(stream))
+    lines = lines_of(out)
     assert [line["file"] for line in lines] == ["bad", *(f"clip_{k}" for k in range(CLIPS))]
     skipped = {f"{line['file']}.mcap" for line in lines if line["state"] == "skipped"}
     assert skipped == set(made)
@@ -215,8 +219,11 @@ def test_report(clips, setting, begun):
         process_archive(sources, begun, setting, workers=0, collect=report.add)
         rows = report.finish(names)
         assert [row.state for row in rows] == states
-    with (begun / "report.csv").open(newline="") as stream:
-        lines = list(csv.DictReader(stream))
+    lines = lines_of(begun)
+    broken_off = Report(begun / "report.csv")
+    broken_off.add(rows[2])
+    assert broken_off.finish(names) == rows[2:3]
+    assert lines_of(begun) == lines
     assert tuple(lines[0]) == COLUMNS
     assert [line["file"] for line in lines] == names
     for line in lines:

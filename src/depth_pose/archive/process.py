@@ -94,7 +94,9 @@ def process_archive(
                     collect(row)
                 listen(outcome.index, 1.0)
     finally:
-        remove_parts(output_of(source, folder) for source in sources)
+        # where somebody breaks off, a cluster's workers finish what they have begun
+        if scheduler is None or len(rows) == len(sources):
+            remove_parts(output_of(source, folder) for source in sources)
     return [rows[source.name] for source in sources]
 
 

@@ -45,7 +45,7 @@ class Report:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self._before = _read_times(path)
+        self._before = _read_lines(path)
         self.rows: dict[str, Row] = {}
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -60,22 +60,29 @@ class Report:
     def add(self, row: Row) -> None:
         """Add the row of a recording that is done."""
         if row.state == "skipped" and row.file in self._before:
-            ms, seconds = self._before[row.file]
-            row = replace(row, ms=ms, seconds=seconds)
+            line = self._before[row.file]
+            row = replace(row, ms=_value(line["ms_per_frame"]), seconds=_value(line["seconds"]))
         self.rows[row.file] = row
         self._writer.writerow(_cells(row))
 
     def finish(self, order: Iterable[str]) -> list[Row]:
-        """Write the rows of the recordings that were reached in this order, and give them."""
+        """Write the recordings in this order, and give the rows of those that were reached.
+
+        Of those that were not, the lines of the report before are kept.
+        """
         self._stream.close()
-        rows = [self.rows[name] for name in order if name in self.rows]
+        order = list(order)
         part = self.path.with_name(f".{self.path.name}.part")
         with part.open("w", newline="") as stream:
             writer = csv.writer(stream)
             writer.writerow(COLUMNS)
-            writer.writerows(map(_cells, rows))
+            for name in order:
+                if name in self.rows:
+                    writer.writerow(_cells(self.rows[name]))
+                elif name in self._before:
+                    writer.writerow(self._before[name].values())
         os.replace(part, self.path)
-        return rows
+        return [self.rows[name] for name in order if name in self.rows]
 
 
 def _cells(row: Row) -> list[str]:
@@ -96,14 +103,20 @@ def _number(value: float, digits: int) -> str:
     return "" if math.isnan(value) else f"{value:.{digits}f}"
 
 
-def _read_times(path: Path) -> dict[str, tuple[float, float]]:
-    """Read what each recording took from a report; nothing where there is none, or another file."""
-    times = {}
+def _value(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        return math.nan
+
+
+def _read_lines(path: Path) -> dict[str, dict[str, str]]:
+    """Read a report's lines, the last of each recording; none where there is no report, or another file."""
     try:
         with path.open(newline="") as stream:
-            for line in csv.DictReader(stream):
-                if line.get("ms_per_frame") and line.get("seconds"):
-                    times[line["file"]] = (float(line["ms_per_frame"]), float(line["seconds"]))
-    except (OSError, ValueError, KeyError, csv.Error):
+            lines = csv.DictReader(stream)
+            if tuple(lines.fieldnames or ()) != COLUMNS:
+                return {}
+            return {line["file"]: line for line in lines if None not in (*line, *line.values())}
+    except (OSError, ValueError, csv.Error):
         return {}
-    return times
