@@ -173,7 +173,12 @@ class _Worker:
         context = get_context("spawn")
         self.pipe, theirs = context.Pipe()
         self.process = context.Process(target=_serve, args=(function, theirs), daemon=True)
-        self.process.start()
+        # Ctrl-C goes to all processes of a terminal; the first one decides. What is blocked is inherited
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        try:
+            self.process.start()
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
         theirs.close()
         self.index = -1
 
@@ -256,7 +261,6 @@ def _death(code: int | None) -> InputError:
 
 def _serve(function: Callable[..., Any], pipe: connection.Connection) -> None:
     """Work until the pipe is closed; a process of its own."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C goes to all; the first process decides
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
     threading.Thread(target=_end_with_parent, daemon=True).start()
     while True:
