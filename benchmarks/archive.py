@@ -177,8 +177,8 @@ def main() -> None:
             make_archive(archive, options.recordings, options.frames)
         sources = find_sources([archive])[: options.recordings]
         setting = Setting(None, Bank.load(default_bank_path()).bank_id, PipelineConfig())
-        for name in options.runs:
-            out = Path(folder) / name
+        for number, name in enumerate(options.runs):
+            out = Path(folder) / f"out_{number}"
             if name in ("dask", "killed"):
                 run, rows = measure_on_cluster(name, sources, out, setting)
             else:

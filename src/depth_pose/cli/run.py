@@ -45,7 +45,7 @@ def run(
         list[str],
         typer.Argument(
             help="MCAP recordings of a camera: files, folders, patterns, folders of one recording's parts.",
-            metavar="IN...",
+            metavar="IN",
             show_default=False,
         ),
     ],
