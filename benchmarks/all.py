@@ -39,9 +39,10 @@ milliseconds of processor time.
 ## The pipeline
 
 A simulated person, {seconds:g} s at the sensor's rate: time of flight (176x144), structured light (320x240,
-640x480), both in a room. Median, in brackets 10th and 90th percentile, once the person's size is known; the
-last column is the median of the first {first} frames, which find the size. Bank: {poses:,} poses from
-{views} views each.
+640x480), both in a room; and one, three and six people who walk about in furnished rooms (320x240). Median,
+in brackets 10th and 90th percentile, once the first sizes are known; people are those who were answered, on
+average; the last column is the median of the first {first} frames, which find the sizes. Bank: {poses:,}
+poses from {views} views each.
 
 {stages}
 
@@ -80,7 +81,7 @@ def draw(measured: list[stages.StageTimes], compared: list[peers.Peer], path: Pa
 
     figure = Figure(figsize=(11, 4.2), layout="constrained")
     left, right = figure.subplots(1, 2)
-    names = [f"{m.images}\n{m.method}" for m in measured]
+    names = [f"{m.images}, {m.people.max()}\n{m.method}" for m in measured]
     start = np.zeros(len(measured))
     for k, stage in enumerate(stages.STAGES):
         wide = np.array([np.median(m.known[:, k]) for m in measured])
@@ -116,7 +117,7 @@ def main() -> None:
     bank = Bank.load(arguments.bank or default_bank_path())
     with tempfile.TemporaryDirectory() as folder:
         print("stages ...", flush=True)
-        measured = stages.measure_all(bank, stages.simulated(Path(folder)))
+        measured = stages.simulated_all(bank, Path(folder))
     print("other tools ...", flush=True)
     compared = peers.compare_all(bank)
     print("coherent point drift ...", flush=True)

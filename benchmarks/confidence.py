@@ -2,6 +2,7 @@
 
     python benchmarks/confidence.py --check DATA -o docs/images/reliability.png
     python benchmarks/confidence.py --check DATA --mocap captures
+    python benchmarks/confidence.py --rooms 40        # the skeletons' confidence, in rooms with clutter
 
 Sixty clips (``--clips``) of people of other builds than the bank's, before both kinds of sensor with half to
 twice their noise, from 2.2 to 4.2 m away, from all around and from -10 to 35 degrees of elevation, in a room
@@ -11,6 +12,10 @@ pipeline runs over them as it is, without the filter. Prints the figures of `dep
 and, with ``--check``, on recordings with known joints, which nothing is fitted to. The plot shows the
 stated confidence against the share that is right, as printed and as the package states it now; and the
 skeletons' own confidence against the share of frames whose mean error is below 10 cm.
+
+With ``--rooms`` several people go about in furnished rooms (``depth-pose simulate --room``). Prints the
+figures of a skeleton's confidence: the chance that its joints are within 10 cm, on average, of somebody who
+is there. It is fitted to every other clip and checked on the rest.
 """
 
 from __future__ import annotations
@@ -31,17 +36,20 @@ import numpy as np
 from depth_pose.bank import Bank, default_bank_path
 from depth_pose.core.config import PipelineConfig, SmoothConfig
 from depth_pose.core.skeleton import JOINTS, Source
+from depth_pose.core.types import DepthFrame, Skeleton
 from depth_pose.evaluate.truth import load_truth
 from depth_pose.io.mcap_read import DepthReader
 from depth_pose.motion.procedural.generator import CLIPS
-from depth_pose.pipeline import PosePipeline
+from depth_pose.pipeline import FrameResult, PosePipeline
+from depth_pose.sim.clips import sample_clip
 from depth_pose.sim.config import Person, Placement, Room
 from depth_pose.sim.motion import load_motion
 from depth_pose.sim.sensor import SENSORS
 from depth_pose.sim.simulate import Stage, simulate
-from depth_pose.steps.confidence import KINDS, SIGNS, look_at_joints
+from depth_pose.steps.confidence import KINDS, SIGNS, SKELETON_SIGNS, look_at_joints, skeleton_signs
 
 RIGHT_M = 0.1
+NOBODY_M = 0.4
 _TRUST = 0.9
 """Recovered joints' confidence is what the figures say times this (`depth_pose.steps.recover`)."""
 
@@ -139,6 +147,75 @@ def measure(pipeline: PosePipeline, path: Path) -> Answers:
     return Answers(*(np.array(column) for column in zip(*rows, strict=True))) if rows else _nothing()
 
 
+@dataclass(frozen=True)
+class RoomAnswers:
+    """Skeletons in rooms, one row each: what their confidence is made from, and what came of it.
+
+    Attributes
+    ----------
+    design : (S, 5)
+        `depth_pose.steps.confidence.skeleton_signs`.
+    stated : (S,)
+    right : (S,) bool
+        Mean error to somebody who is there below 10 cm.
+    nobody : (S,) bool
+        Farther than 40 cm, on average, from everybody.
+    clip : (S,) int
+    """
+
+    design: np.ndarray
+    stated: np.ndarray
+    right: np.ndarray
+    nobody: np.ndarray
+    clip: np.ndarray
+
+
+def measure_rooms(pipeline: PosePipeline, clips: int) -> RoomAnswers:
+    """Run over random rooms."""
+    rows: list[tuple[np.ndarray, float, bool, bool, int]] = []
+    for k in range(clips):
+        clip = sample_clip(np.random.default_rng([11, k]), frames=45, people=1 + k % 4)
+        pipeline.reset()
+        for stamp, depth, joints in zip(clip.stamps_ns, clip.depth, clip.joints, strict=True):
+            result = pipeline.process_frame(DepthFrame(int(stamp), "", depth, clip.camera))
+            rows += [
+                (signs, skeleton.confidence, error < RIGHT_M, error > NOBODY_M, k)
+                for skeleton, signs in _with_signs(result)
+                for error in [np.linalg.norm(skeleton.positions - joints, axis=2).mean(axis=1).min()]
+            ]
+        print(f"\r{k + 1} of {clips} rooms", end="", flush=True)
+    print()
+    return RoomAnswers(*(np.array(column) for column in zip(*rows, strict=True)))
+
+
+def _with_signs(result: FrameResult) -> Iterator[tuple[Skeleton, np.ndarray]]:
+    """Give the refined skeletons of a frame with the signs of their confidence."""
+    people = {p.body_id: p for p in result.people.persons}
+    for fitted in result.refined:
+        for skeleton in result.skeletons:
+            if skeleton.body_id == fitted.skeleton.body_id and skeleton.source == Source.REFINED:
+                yield skeleton, skeleton_signs(people[skeleton.body_id], fitted)
+
+
+def report_rooms(answers: RoomAnswers) -> None:
+    """Fit to every other clip, and say what that and what the package states is worth on the rest."""
+    learned = answers.clip % 2 == 0
+    weights = regress(answers.design[learned], answers.right[learned])
+    for name, value in zip(SKELETON_SIGNS, weights, strict=True):
+        print(f'    "{name}": {value:.2f},')
+    fitted = 1 / (1 + np.exp(-answers.design @ weights))
+    rest = ~learned
+    for name, stated in (("as stated", answers.stated), ("fitted now", fitted)):
+        error = calibration_error(binned(stated[rest], answers.right[rest]))
+        sure = float((stated[rest & answers.nobody] > 0.5).sum() / rest.sum())
+        print(
+            f"    skeletons, {name}: {rest.sum()}, says {stated[rest].mean():.3f}, "
+            f"is {answers.right[rest].mean():.3f}, calibration error {error:.3f}, "
+            f"area under the curve {area(stated[rest], answers.right[rest]):.3f}; "
+            f"on nobody and surer than .5: {sure:.3f}"
+        )
+
+
 def _nothing() -> Answers:
     joints, width = len(JOINTS), len(KINDS) + len(SIGNS) + 1
     return Answers(
@@ -153,9 +230,13 @@ def join(parts: list[Answers]) -> Answers:
 
 
 def fit(answers: Answers) -> np.ndarray:
-    """Logistic regression by Newton's method, on frames that needed no recovery."""
+    """Fit the joints' confidence, on frames that needed no recovery."""
     design = answers.design[~answers.recovered].reshape(-1, answers.design.shape[-1])
-    right = answers.right[~answers.recovered].ravel()
+    return regress(design, answers.right[~answers.recovered].ravel())
+
+
+def regress(design: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """Logistic regression by Newton's method, with a weak pull to 0."""
     weights = np.zeros(design.shape[1])
     for _ in range(40):
         p = 1 / (1 + np.exp(-design @ weights))
@@ -242,12 +323,16 @@ def main() -> None:
     parser.add_argument("--bank", type=Path, help="exemplar bank; the set-up's by default")
     parser.add_argument("--clips", type=int, default=60)
     parser.add_argument("--mocap", type=Path, help="BVH files; half of the clips move as one of them")
+    parser.add_argument("--rooms", type=int, help="only the skeletons' confidence, in so many rooms")
     parser.add_argument("--check", type=Path, help="recordings with truth files")
     parser.add_argument("-o", "--output", type=Path, default=Path("reliability.png"))
     arguments = parser.parse_args()
     bank = Bank.load(arguments.bank or default_bank_path())
     pipeline = PosePipeline(bank, PipelineConfig(smooth=SmoothConfig(enabled=False)))
     pipeline.warm_up()
+    if arguments.rooms:
+        report_rooms(measure_rooms(pipeline, arguments.rooms))
+        return
     captures = sorted(arguments.mocap.rglob("*.bvh")) if arguments.mocap else []
     parts = []
     with tempfile.TemporaryDirectory() as folder:

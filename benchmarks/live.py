@@ -235,7 +235,7 @@ def main() -> None:
             print(f"{fps:g} frames a second for {arguments.seconds:g} s ...", flush=True)
             runs.append(bench.play(fps, arguments.seconds, suite))
         pids = {name: suite.pid(name) for name in NODES}
-        pids |= {"spare": suite.pid("spare"), "fork server": suite.pid("fork server")}
+        pids |= {"spare": suite.pid("spare"), "host": suite.pid("host")}
         memory = {name: pss_mb(pid) for name, pid in pids.items() if pid is not None}
     print(f"\n{len(frames)} frames of {frames[0].camera.width} x {frames[0].camera.height}, {recording.name}")
     print(f"start, from nothing to all nodes ready: {start_s:.1f} s; load average {os.getloadavg()[0]:.1f}")

@@ -39,7 +39,7 @@ from depth_pose.bank.views import AXES
 from depth_pose.body.body import Body
 from depth_pose.body.normals import vertex_normals
 from depth_pose.core.camera import Camera
-from depth_pose.core.config import DenoiseConfig, MatchConfig, SegmentConfig
+from depth_pose.core.config import DenoiseConfig, FittingConfig, MatchConfig, SegmentConfig
 from depth_pose.core.skeleton import JOINT_NODES
 from depth_pose.core.types import DepthFrame
 from depth_pose.fit.articulated import candidate_pose
@@ -196,7 +196,7 @@ def compare_fits(bank: Bank, made: list[Scene]) -> list[Peer]:
     """Fit from the matcher's best exemplar, articulated and rigid."""
     body, normals = bank.body, vertex_normals(bank.body)
     extractor, matcher = PeopleExtractor(SegmentConfig(), DenoiseConfig()), Matcher(bank, MatchConfig())
-    fitter, watches = SkinnedFitter(body), [_Stopwatch(), _Stopwatch()]
+    fitter, watches = SkinnedFitter(body, FittingConfig()), [_Stopwatch(), _Stopwatch()]
     errors: list[list[float]] = [[], [], []]
     estimate = o3d.pipelines.registration.TransformationEstimationPointToPlane()
     criteria = o3d.pipelines.registration.ICPConvergenceCriteria(max_iteration=_ICP_ITERATIONS)
@@ -207,7 +207,7 @@ def compare_fits(bank: Bank, made: list[Scene]) -> list[Peer]:
         posed = body.pose(start.rotations, start.root, start.scale)
 
         def articulated(person=person, start=start):
-            frame = fitter.fit_to(person)
+            frame = fitter.fit_to(person, body)
             return frame.finish(frame.rough(frame.glance(start).pose)).nodes
 
         def rigid(person=person, start=start, posed=posed):

@@ -5,7 +5,7 @@
 
 A recording of 15 frames a second loops; once in two seconds the memory of every process is read, and
 every skeleton's latency is taken from the moment its frame was sent. Growth is that of the resident set:
-a page that is no longer shared with the fork server moves the proportional set size, but is no new one.
+a page that is no longer shared with the host moves the proportional set size, but is no new one.
 With ``--stall`` one node after another is stopped for two seconds, so that the queues before it fill, as
 they do where the processor is taken away. Written are ``soak.npz``, ``soak.png`` and a table: slope of
 each process' memory after the first tenth, and the 95th percentile of the latency in the first and in the
@@ -102,7 +102,7 @@ class Soak:
             playing.start()
             stalled, next_stall = itertools.cycle(NODES), stall_s or float("inf")
             while (now := time.monotonic() - self.started) < 60 * minutes:
-                pids = [*map(suite.pid, NODES), suite.pid("spare"), suite.pid("fork server")]
+                pids = [*map(suite.pid, NODES), suite.pid("spare"), suite.pid("host")]
                 self.memory.append((now, *map(memory_bytes, pids)))
                 print(f"\r{now / 60:.1f} min, {len(self.latency)} skeletons", end="", flush=True)
                 if now > next_stall and (pid := suite.pid(next(stalled))) is not None:
@@ -123,7 +123,7 @@ def report(soak: Soak, restarts: dict[str, int], output: Path) -> None:
     """Draw, and print the table."""
     memory, latency = np.array(soak.memory), np.array(soak.latency)
     np.savez_compressed(output.with_suffix(".npz"), memory=memory, latency=latency)
-    names = [*restarts, "spare", "fork server"]
+    names = [*restarts, "spare", "host"]
     end = memory[-1, 0]
     parts = [latency[latency[:, 0] < end / 10, 1], latency[latency[:, 0] > end * 0.9, 1]]
     p95 = [1e3 * float(np.percentile(part, 95)) for part in parts]

@@ -1,11 +1,12 @@
-"""Processor time of every stage with both methods, single thread, at three sizes of image.
+"""Processor time of every stage, single thread: three sizes of image, both methods; one, three, six people.
 
-    python benchmarks/stages.py                    # simulated: 176x144, 320x240 and 640x480
+    python benchmarks/stages.py                    # simulated: 176x144, 320x240 and 640x480, and rooms
     python benchmarks/stages.py a.mcap b.mcap --bank my_bank.npz
 
 Prints a table in Markdown: milliseconds a frame, the median and in brackets the 10th and 90th percentile,
-once the person's size is known; and the median while it is being found. `all.py` writes it, with the
-comparisons, into BENCHMARK.md.
+once the first sizes are known; and the median while they are being found. ``finder`` is the learned people
+finder; ``denoise`` the rest of the first stage. A person's share is the sum over the people who are answered,
+the finder included. `all.py` writes the table, with the comparisons, into BENCHMARK.md.
 """
 
 from __future__ import annotations
@@ -28,30 +29,52 @@ from depth_pose.bank import Bank, default_bank_path
 from depth_pose.core.config import MatchConfig, PipelineConfig, RefineConfig
 from depth_pose.core.types import DepthFrame
 from depth_pose.io.mcap_read import DepthReader
+from depth_pose.people.finder import Detections, PeopleFinder
 from depth_pose.pipeline import PosePipeline
+from depth_pose.sim.clips import sample_clip, write_clip
 from depth_pose.sim.config import Person
 from depth_pose.sim.motion import load_motion
 from depth_pose.sim.sensor import SENSORS
 from depth_pose.sim.simulate import Stage, simulate
 
-STAGES = ("denoise", "matcher", "refine", "recovery")
+STAGES = ("finder", "denoise", "matcher", "refine", "recovery")
 METHODS = ("articulated", "cpd")
 SECONDS = 3.0
+
+ROOMS = ((1, 11), (3, 12), (6, 13))
+"""People in a simulated room, and the seed; the weights of the finder were trained with other seeds."""
+
+ROOM_FPS, ROOM_WIDTH_PX = 15.0, 320
 
 
 @dataclass(frozen=True)
 class StageTimes:
-    """Times (T, 4) of the stages on a recording with one method, milliseconds."""
+    """Times of the stages on a recording with one method.
+
+    Attributes
+    ----------
+    images, method : str
+    times : (T, 5) float64
+        Milliseconds, in the order of `STAGES`.
+    people : (T,) int
+        How many were answered.
+    """
 
     images: str
     method: str
     times: np.ndarray
+    people: np.ndarray
 
     @property
     def known(self) -> np.ndarray:
-        """Times of the frames after the person's size was found; all where there are none."""
-        first = MatchConfig().scale_frames
-        return self.times[first:] if len(self.times) > first else self.times
+        """Times of the frames after the first sizes were found; all where there are none."""
+        return self.times[self.first :]
+
+    @property
+    def first(self) -> int:
+        """Frames that find sizes; 0 where there are no others."""
+        frames = MatchConfig().scale_frames
+        return frames if len(self.times) > frames else 0
 
 
 def simulated(folder: Path) -> list[Path]:
@@ -65,29 +88,63 @@ def simulated(folder: Path) -> list[Path]:
     return paths
 
 
-def measure(pipeline: PosePipeline, frames: list[DepthFrame]) -> np.ndarray:
-    """Processor time of each stage on each frame, shape (T, 4), milliseconds."""
+def simulated_rooms(folder: Path) -> list[Path]:
+    """Record one, three and six people who walk about in rooms: ``depth-pose simulate --room``."""
+    paths = []
+    for people, seed in ROOMS:
+        paths.append(folder / f"room_{people}.mcap")
+        frames = round(SECONDS * ROOM_FPS)
+        clip = sample_clip(np.random.default_rng(seed), frames, ROOM_FPS, people, ROOM_WIDTH_PX)
+        write_clip(paths[-1], clip)
+    return paths
+
+
+class TimedFinder:
+    """A people finder that says how long it took, seconds of processor time."""
+
+    def __init__(self, finder: PeopleFinder) -> None:
+        self._finder = finder
+        self.seconds = 0.0
+
+    def find(self, frame: DepthFrame) -> Detections:
+        """Find everybody, and note how long that took."""
+        begin = time.thread_time()
+        found = self._finder.find(frame)
+        self.seconds = time.thread_time() - begin
+        return found
+
+
+def measure(pipeline: PosePipeline, frames: list[DepthFrame]) -> tuple[np.ndarray, np.ndarray]:
+    """Processor time of each stage on each frame, (T, 5), milliseconds; how many were answered (T,)."""
     pipeline.reset()
-    times = np.empty((len(frames), len(STAGES)))
+    segmenter = pipeline.extractor.segmenter
+    finder = segmenter.finder
+    timed = segmenter.finder = TimedFinder(finder)
+    times, people = np.empty((len(frames), len(STAGES))), np.empty(len(frames), int)
     for i, frame in enumerate(frames):
-        marks = [time.thread_time()]
-        people = pipeline.extractor.extract(frame)
-        marks.append(time.thread_time())
-        matches = pipeline.matcher.match(people)
-        marks.append(time.thread_time())
-        refined = pipeline.refiner.refine(people, matches)
-        marks.append(time.thread_time())
-        answers = pipeline.recoverer.recover(people, refined)
-        marks.append(time.thread_time())
-        pipeline.refiner.take_answer(answers)
-        times[i] = 1e3 * np.diff(marks)
-    return times
+        times[i], people[i] = _measure_frame(pipeline, frame, timed)
+    segmenter.finder = finder
+    return times, people
 
 
-def measure_all(bank: Bank, recordings: Sequence[Path]) -> list[StageTimes]:
-    """Run both methods over recordings."""
+def _measure_frame(pipeline: PosePipeline, frame: DepthFrame, finder: TimedFinder) -> tuple[np.ndarray, int]:
+    marks = [time.thread_time()]
+    people = pipeline.extractor.extract(frame)
+    marks += [marks[0] + finder.seconds, time.thread_time()]
+    matches = pipeline.matcher.match(people)
+    marks.append(time.thread_time())
+    refined = pipeline.refiner.refine(people, matches)
+    marks.append(time.thread_time())
+    answers = pipeline.recoverer.recover(people, refined)
+    marks.append(time.thread_time())
+    pipeline.refiner.take_answer(answers)
+    return 1e3 * np.diff(marks), len(answers)
+
+
+def measure_all(bank: Bank, recordings: Sequence[Path], methods: Sequence[str] = METHODS) -> list[StageTimes]:
+    """Run methods over recordings."""
     measured = []
-    for method in METHODS:
+    for method in methods:
         pipeline = PosePipeline(bank, PipelineConfig(refine=RefineConfig(method=method)))
         pipeline.warm_up()
         for path in recordings:
@@ -95,7 +152,7 @@ def measure_all(bank: Bank, recordings: Sequence[Path]) -> list[StageTimes]:
             camera = frames[0].camera
             pipeline.process_frame(frames[0])
             times = measure(pipeline, frames)
-            measured.append(StageTimes(f"{camera.width}x{camera.height}", method, times))
+            measured.append(StageTimes(f"{camera.width}x{camera.height}", method, *times))
     return measured
 
 
@@ -107,15 +164,23 @@ def _cell(values: np.ndarray) -> str:
 def table(measured: list[StageTimes]) -> str:
     """Lay out the times in Markdown."""
     lines = [
-        "| images | method | " + " | ".join(STAGES) + " | **sum** | sum, first frames |",
-        "|---" * (len(STAGES) + 4) + "|",
+        "| images | people | method | " + " | ".join(STAGES) + " | **sum** | a person | sum, first frames |",
+        "|---" * (len(STAGES) + 6) + "|",
     ]
     for m in measured:
-        first = m.times[: MatchConfig().scale_frames].sum(axis=1)
-        cells = [_cell(m.known[:, k]) for k in range(len(STAGES))]
-        total = f"**{_cell(m.known.sum(axis=1))}**"
-        lines.append(f"| {m.images} | {m.method} | {' | '.join(cells)} | {total} | {np.median(first):.1f} |")
+        total, people = m.known.sum(axis=1), m.people[m.first :]
+        first = np.median(m.times[: MatchConfig().scale_frames].sum(axis=1))
+        share = np.median(total[people > 0] / people[people > 0]) if people.any() else np.nan
+        cells = [m.images, f"{people.mean():.1f}", m.method]
+        cells += [_cell(m.known[:, k]) for k in range(len(STAGES))]
+        cells += [f"**{_cell(total)}**", f"{share:.1f}", f"{first:.1f}"]
+        lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(lines)
+
+
+def simulated_all(bank: Bank, folder: Path) -> list[StageTimes]:
+    """Measure the simulated recordings: one person with both methods, rooms with the default one."""
+    return measure_all(bank, simulated(folder)) + measure_all(bank, simulated_rooms(folder), METHODS[:1])
 
 
 def main() -> None:
@@ -128,7 +193,8 @@ def main() -> None:
     arguments = parser.parse_args()
     bank = Bank.load(arguments.bank or default_bank_path())
     with tempfile.TemporaryDirectory() as folder:
-        print(table(measure_all(bank, arguments.recordings or simulated(Path(folder)))))
+        recordings = arguments.recordings
+        print(table(measure_all(bank, recordings) if recordings else simulated_all(bank, Path(folder))))
 
 
 if __name__ == "__main__":

@@ -12,7 +12,7 @@ from depth_pose.core.config import MAX_STAMP_GAP_NS, MatchConfig, PipelineConfig
 from depth_pose.core.skeleton import JOINT_NODES, Source
 from depth_pose.motion.procedural.generator import make_clip
 from depth_pose.pipeline import PosePipeline
-from depth_pose.steps.confidence import skeleton_confidence
+from depth_pose.steps.confidence import fit_confidence
 
 FRAMES = 10
 
@@ -57,7 +57,7 @@ def test_every_stage_speaks_of_the_same_frame_and_person(clip, results, bank):
         assert {person.body_id, match.body_id, refined.skeleton.body_id, skeleton.body_id} == {"body_1"}
         assert match.bank_id == bank.bank_id
         assert refined.skeleton.source == Source.REFINED
-        assert refined.skeleton.confidence == np.float32(skeleton_confidence(refined.score))
+        assert refined.skeleton.confidence == np.float32(fit_confidence(refined.score))
         assert len(person.points) > 1000
         chance = person.found.probability  # that it is a person, which grows over the frames
         assert skeleton.confidence == np.float32(chance * refined.skeleton.confidence) > 0.6

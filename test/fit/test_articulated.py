@@ -219,18 +219,18 @@ def test_assignment_without_visible_vertices():
 
 def segment_of(fitter):
     """Node that moves each vertex most, (V,)."""
-    return fitter._articulation.skin.influence[:, 0]
+    return fitter.articulation.skin.influence[:, 0]
 
 
 def _assembled(fitter, nodes, surface, mass, pull, plane_weight, point_weight):
     """Normal equations (P, P) and gradient (P,) of the data term alone."""
-    size = len(fitter._articulation.above)
+    size = len(fitter.articulation.above)
     equations = tree.Equations(np.zeros((len(nodes), 6, 6)), np.zeros((len(nodes), 6)))
-    settings = fitter._settings._replace(plane_weight=plane_weight, point_weight=point_weight)
+    settings = fitter.settings._replace(plane_weight=plane_weight, point_weight=point_weight)
     origin = np.array([0.2, -0.1, 2.5])  # anything will do
     kernels.add_points(surface, mass, pull, origin, settings, equations)
     matrix, gradient = np.zeros((size, size)), np.zeros(size)
-    tree.assemble(equations, fitter._articulation, nodes, origin, matrix, gradient)
+    tree.assemble(equations, fitter.articulation, nodes, origin, matrix, gradient)
     return matrix, gradient
 
 
@@ -253,14 +253,14 @@ def test_jacobian_against_finite_differences(body, fitter, rotations):
     """Exact for vertices that one node moves; others count with the segment that moves them most."""
     rotations, root = syn.FACING @ rotations, np.array([0.1, 0.0, 3.0])
     posed = body.pose(rotations, root)
-    size = len(fitter._articulation.above)
+    size = len(fitter.articulation.above)
     step = 1e-5
     moved = np.empty((size, *posed.vertices.shape))
     for p in range(size):
         delta = np.zeros(size)
         delta[p] = step
         turned = rotations.copy()
-        tree.update(delta, fitter._articulation, turned)
+        tree.update(delta, fitter.articulation, turned)
         moved[p] = (body.pose(turned, root + delta[:3]).vertices - posed.vertices) / step
     rigid = np.flatnonzero(body.weights.max(axis=1) > 0.995)
     for i in rigid[::11]:
@@ -274,7 +274,7 @@ def test_data_term_twin(body, fitter):
     rng = np.random.default_rng(0)
     posed = body.pose(syn.FACING @ syn.varied(1, 30.0), np.array([0.0, 0.0, 3.0]))
     some = rng.choice(len(posed.vertices), 20, replace=False)
-    size = len(fitter._articulation.above)
+    size = len(fitter.articulation.above)
     normals = rng.standard_normal((20, 3))
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     mass, gap = rng.uniform(0.1, 2.0, 20), 0.02 * rng.standard_normal((20, 3))
@@ -303,7 +303,7 @@ def test_tree_solver_twin(body, fitter):
     matrix, gradient = _assembled(fitter, posed.nodes, surface, mass, pull, 0.0, 1.0)
     matrix += 0.1 * np.eye(len(matrix))
     expected = np.linalg.solve(matrix, gradient)
-    tree.solve_tree(matrix, fitter._articulation.above, gradient)
+    tree.solve_tree(matrix, fitter.articulation.above, gradient)
     np.testing.assert_allclose(gradient, expected, rtol=1e-7, atol=1e-9)
 
 
@@ -316,7 +316,7 @@ def test_free_space_pulls_into_the_silhouette_and_behind_the_surface(fitter):
     nearest = np.empty((60, 80, 2), np.int32)
     visibility.nearest_person(labels, nearest)
     c = syn.CAMERA._replace(cx=39.5, cy=29.5)
-    settings = fitter._settings._replace(free_space_slack=0.04, free_space_limit=0.10)
+    settings = fitter.settings._replace(free_space_slack=0.04, free_space_limit=0.10)
 
     def pull(row, col, z):
         vertex = np.array([[(col - 39.5) / c.fx * z, (row - 29.5) / c.fy * z, z]])
@@ -353,11 +353,11 @@ def test_nearest_person_pixels_twin():
 def test_update_turns_whole_subtrees(fitter):
     """A node's segment turns by the product of its free ancestors' steps, the root's first."""
     rng = np.random.default_rng(0)
-    size = len(fitter._articulation.above)
+    size = len(fitter.articulation.above)
     step = 0.3 * rng.standard_normal(size)
     rotations = syn.varied(0, 30.0)
     updated = rotations.copy()
-    tree.update(step, fitter._articulation, updated)
+    tree.update(step, fitter.articulation, updated)
     for n in range(21):
         chain, turn = [], np.eye(3)
         k = n
@@ -365,12 +365,12 @@ def test_update_turns_whole_subtrees(fitter):
             chain.append(k)
             k = NODE_PARENTS[k]
         for k in reversed(chain):
-            if fitter._articulation.free[k] >= 0:
-                first = 3 + 3 * fitter._articulation.free[k]
+            if fitter.articulation.free[k] >= 0:
+                first = 3 + 3 * fitter.articulation.free[k]
                 turn = turn @ rotvec_to_matrix(step[first : first + 3])
         np.testing.assert_allclose(updated[n], turn @ rotations[n], atol=1e-12)
-    below = fitter._articulation.free >= 0
-    assert below.sum() == len(fitter._articulation.stiffness)
+    below = fitter.articulation.free >= 0
+    assert below.sum() == len(fitter.articulation.stiffness)
     assert not below[NODE_INDEX["left_foot"]]  # follows the ankle
 
 
@@ -391,7 +391,7 @@ def test_turned_normals_and_visibility(body, fitter):
     posed = syn.posed(syn.arms_down())
     rotations = syn.FACING @ syn.arms_down()
     normals = np.empty_like(body.vertices)
-    rest, influence = fitter._articulation.normals, body.skin.influence
+    rest, influence = fitter.articulation.normals, body.skin.influence
     visibility.turn_normals(rest, influence, rotations, normals)
     main = rotations[influence[:, 0]]
     np.testing.assert_allclose(normals, np.einsum("vij,vj->vi", main, rest), atol=1e-9)

@@ -90,7 +90,7 @@ def test_carries_a_body_to_the_next_frame(completer) -> None:
     view_before, _ = view_of(before)
     view_after, truth = view_of(after)
     carried = TemporalCarrier(completer).carry(
-        thin(view_before.points, 600), thin(view_after.points, 600), view_before.coarse, before
+        thin(view_before.points, 600), thin(view_after.points, 600), view_before.coarse, before, the_body()
     )
     assert error(the_body().pose(before.rotations, before.root).nodes, truth) > 0.03
     assert error(carried.nodes, truth) < 0.015

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,7 @@ from depth_pose.core.skeleton import JOINTS, Source
 from depth_pose.core.types import Skeleton
 from depth_pose.io import schemas
 from depth_pose.io._messages import write_camera_info, write_image
-from depth_pose.io.mcap_read import DepthReader, find_depth_topics, read_frames, read_skeletons
+from depth_pose.io.mcap_read import DepthReader, find_depth_topics, read_frames, read_people, read_skeletons
 from depth_pose.io.mcap_write import DepthWriter, SkeletonWriter
 
 CAMERA = Camera(64, 48, 60.0, 61.0, 31.5, 23.5)
@@ -60,6 +61,7 @@ def _skeleton(i: int) -> Skeleton:
         quats_xyzw=rng.normal(size=(19, 4)),
         joint_confidence=rng.random(19).astype(np.float32),
         joint_states=rng.integers(0, 4, 19).astype(np.uint8),
+        build=rng.normal(0.0, 0.05, 13).astype(np.float32),
     )
 
 
@@ -115,7 +117,7 @@ def test_skeletons_are_read_as_written(tmp_path: Path) -> None:
     for a, b in zip(written, read_skeletons(tmp_path / "s.mcap"), strict=True):
         for name in ("stamp_ns", "frame_id", "body_id", "source", "confidence", "residual", "scale"):
             assert getattr(a, name) == getattr(b, name), name
-        for name in ("positions", "quats_xyzw", "joint_confidence", "joint_states"):
+        for name in ("positions", "quats_xyzw", "joint_confidence", "joint_states", "build"):
             np.testing.assert_array_equal(getattr(a, name), getattr(b, name))
 
 
@@ -136,6 +138,35 @@ def test_independent_decoder_reads_our_skeletons(tmp_path: Path) -> None:
         assert [q.x, q.y, q.z, q.w] == skeleton.quats_xyzw[i].tolist()
         assert joint.confidence == skeleton.joint_confidence[i]
         assert joint.state == skeleton.joint_states[i]
+    np.testing.assert_array_equal(np.array(ros.build, np.float32), skeleton.build)
+
+
+def test_recordings_of_before_there_were_builds_are_read(tmp_path: Path, monkeypatch) -> None:
+    """Written with the definition of then; two people, so that nothing is read past the end of one."""
+    from depth_pose.io import _messages
+
+    people = tuple(replace(_skeleton(i), build=np.zeros(0, np.float32)) for i in (3, 4))
+    kind, before = schemas.SKELETON, schemas.definition(schemas.SKELETON).removesuffix(schemas.BUILD_LINE)
+    assert before != schemas.definition(kind)
+    with monkeypatch.context() as then:
+        old, fields = _messages._store(has_builds=False), _messages._skeleton_fields
+        then.setitem(schemas._DEFINITIONS, "depth_pose_msgs/Skeleton", before)
+        then.setattr(_messages, "_store", lambda: old)
+        then.setattr(
+            _messages, "_skeleton_fields", lambda s: {k: v for k, v in fields(s).items() if k != "build"}
+        )
+        with SkeletonWriter(tmp_path / "s.mcap") as writer:
+            writer.write_people(people, START, "optical")
+            writer.write(people[0])
+    (frame,) = read_people(tmp_path / "s.mcap")
+    (followed,) = read_skeletons(tmp_path / "s.mcap")
+    for got, wanted in (
+        (frame.skeletons[0], people[0]),
+        (frame.skeletons[1], people[1]),
+        (followed, people[0]),
+    ):
+        np.testing.assert_array_equal(got.positions, wanted.positions)
+        assert len(got.build) == 0
 
 
 def test_same_input_same_bytes(tmp_path: Path) -> None:

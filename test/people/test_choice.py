@@ -51,15 +51,14 @@ def test_everybody_by_default() -> None:
 def test_who_is_outside_is_ignored_and_counted() -> None:
     choice = make("1:4.5")
     assert choice.choose(NAMES, PLACES) == ("near", "middle", None, None)
-    assert choice.choose(NAMES, PLACES) == ("near", "middle", None, None)
-    assert choice.ignored["outside the zone"] == 2
+    assert choice.left_out == {"outside the zone": 1, "beyond the most": 0}
 
 
 def test_the_nearest_are_served() -> None:
     choice = make(most=1)
     assert choice.choose(NAMES, PLACES) == ("near", None, None, None)
     assert choice.choose(NAMES[::-1], PLACES[::-1]) == (None, None, None, "near")
-    assert choice.ignored["beyond the most"] == 4
+    assert choice.left_out["beyond the most"] == 2
 
 
 def test_the_zone_is_in_the_sensors_frame() -> None:

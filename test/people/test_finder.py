@@ -11,9 +11,10 @@ import pytest
 import synthetic as syn
 from depth_pose.core.camera import Camera
 from depth_pose.core.skeleton import JOINT_INDEX, JOINT_NODES
-from depth_pose.people import _cluster_kernels as clusters
 from depth_pose.people import _finder_kernels as kernels
-from depth_pose.people.finder import FINDER_JOINTS, PeopleFinder, load_weights, reduce_frame
+from depth_pose.people import _vote_kernels as votes_of
+from depth_pose.people.clusters import FINDER_JOINTS
+from depth_pose.people.finder import PeopleFinder, load_weights, reduce_frame
 
 CERTAIN = 0.6
 KINECT = Camera(640, 480, 575.0, 575.0, 319.5, 239.5)
@@ -143,22 +144,9 @@ def test_votes_of_two_torsos_gather_in_two_places():
     rng = np.random.default_rng(2)
     truth = np.array([[-0.3, 0.0, 3.0], [0.4, 0.1, 3.1]])
     votes = np.concatenate([t + 0.05 * rng.standard_normal((300, 3)) for t in truth])
-    density = np.zeros(int(np.prod(clusters.CELLS)))
+    density = np.zeros(int(np.prod(votes_of.CELLS)))
     modes = np.empty((8, 3))
-    count = clusters.find_modes(votes, np.full(600, 1e-3), density, 0.3, 0.02, 8, modes)
+    count = votes_of.find_modes(votes, np.full(600, 1e-3), density, 0.3, 0.02, 8, modes)
     assert count == 2
     np.testing.assert_allclose(modes[np.argsort(modes[:2, 0])], truth, atol=0.02)
     assert not density.any()
-
-
-def test_labels_grow_along_a_surface_and_not_over_an_edge():
-    depth = np.full((20, 20), 2.0, np.float32)
-    depth[:, 10:] = 3.0
-    labels = np.zeros(depth.shape, np.uint8)
-    labels[5, 5] = 3
-    chance = np.full(depth.shape, 0.4, np.float32)
-    chance[12:] = 0.0  # the net is sure that this is nobody
-    clusters.grow_labels(depth, labels, chance, 0.2, 0.01, 60.0, np.empty(depth.size, np.int64))
-    assert (labels[:12, :10] == 3).all()
-    assert not labels[:, 10:].any()
-    assert not labels[12:].any()

@@ -8,7 +8,7 @@ import pytest
 from crowd import CAMERA, person, seen
 from depth_pose.core.config import SegmentConfig
 from depth_pose.core.types import PERSON
-from depth_pose.people._segment_kernels import LimbLimits, attach_limbs
+from depth_pose.people._border_kernels import LimbLimits, attach_limbs
 from depth_pose.people.learned_segmenter import LearnedSegmenter
 
 JUMP_M = SegmentConfig().depth_jump

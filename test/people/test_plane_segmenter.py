@@ -9,7 +9,7 @@ import synthetic as syn
 from depth_pose.core.camera import Camera
 from depth_pose.core.config import SegmentConfig
 from depth_pose.core.types import BACKGROUND, HIDDEN, PERSON
-from depth_pose.people import _segment_kernels as kernels
+from depth_pose.people import _surface_kernels as kernels
 from depth_pose.people.plane_segmenter import PlaneSegmenter
 from depth_pose.people.working_grid import reduce_camera
 
@@ -246,22 +246,6 @@ def test_back_project_twin():
     np.testing.assert_allclose(points, expected, rtol=1e-5)
 
 
-def test_reduce_depth_twin():
-    rng = np.random.default_rng(1)
-    depth = rng.choice(np.array([0.0, 1.0, 1.02, 1.05, 3.0, 3.04, np.nan], np.float32), (12, 15))
-    reduced = kernels.reduce_depth(depth, 3, 0.08, 0.4, 8.0)
-    assert reduced.shape == (4, 5)
-    for i in range(4):
-        for j in range(5):
-            block = depth[3 * i : 3 * i + 3, 3 * j : 3 * j + 3].ravel()
-            block = np.sort(block[(block >= 0.4) & (block <= 8.0)])
-            expected = 0.0
-            if len(block) >= 4.5:
-                surface = block[np.abs(block - block[len(block) // 2]) <= 0.08]
-                expected = surface.mean()
-            assert reduced[i, j] == pytest.approx(expected, rel=1e-6)
-
-
 def test_label_components_twin():
     """Two pixels have one label exactly if a path of small steps joins them."""
     from scipy.sparse import coo_matrix
@@ -303,18 +287,6 @@ def test_component_boxes_twin():
         assert stats[k, 7] == len(mine)
 
 
-def test_filter_support_twin():
-    rng = np.random.default_rng(5)
-    depth = rng.choice([1.0, 1.05, 2.0], (11, 13)).astype(np.float32)
-    mask = rng.random(depth.shape) < 0.7
-    kept = kernels.filter_support(depth, mask, 0.08, 7)
-    for i in range(11):
-        for j in range(13):
-            window = (slice(max(0, i - 2), i + 3), slice(max(0, j - 2), j + 3))
-            support = (mask[window] & (np.abs(depth[window] - depth[i, j]) <= 0.08)).sum() - 1
-            assert kept[i, j] == (mask[i, j] and support >= 7)
-
-
 def test_touching_components_twin():
     rng = np.random.default_rng(6)
     labels = rng.integers(0, 7, (12, 14)).astype(np.int32)
@@ -330,12 +302,6 @@ def test_touching_components_twin():
         if not chosen[labels[i, j]] and not small[labels[i, j]] and near.any():
             expected.add(int(labels[i, j]))
     assert set(np.flatnonzero(touching).tolist()) == expected
-
-
-def test_clip_depth_twin():
-    depth = np.array([[0.0, 0.4, 0.39], [8.0, 8.01, np.nan], [np.inf, -1.0, 2.5]], np.float32)
-    expected = np.array([[0.0, 0.4, 0.0], [8.0, 0.0, 0.0], [0.0, 0.0, 2.5]], np.float32)
-    np.testing.assert_array_equal(kernels.clip_depth(depth, np.float32(0.4), 8.0), expected)
 
 
 def test_pixels_that_saw_both_are_unknown():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import synthetic as syn
-from depth_pose.people import _segment_kernels as kernels
+from depth_pose.people import _plane_kernels as kernels
 from depth_pose.people.planes import PlaneFinder
 
 

@@ -58,6 +58,7 @@ def skeleton(rng):
         rng.normal(size=(19, 4)),
         rng.random(19).astype(np.float32),
         rng.integers(0, 4, 19).astype(np.uint8),
+        rng.normal(0.0, 0.05, 13).astype(np.float32),
     )
 
 
@@ -105,7 +106,7 @@ def test_skeleton_round_trip_is_exact(skeleton):
     back = c.msg_to_skeleton(over_the_wire(c.skeleton_to_msg(skeleton)))
     for name in ("stamp_ns", "frame_id", "body_id", "source", "confidence", "residual", "scale"):
         assert getattr(back, name) == getattr(skeleton, name)
-    for name in ("positions", "quats_xyzw", "joint_confidence", "joint_states"):
+    for name in ("positions", "quats_xyzw", "joint_confidence", "joint_states", "build"):
         assert_same_bits(getattr(back, name), getattr(skeleton, name))
 
 

@@ -157,27 +157,20 @@ def test_a_killed_node(live, peer, name):
     note(f"{name} node killed (-9)", "it is started again; the others go on", again - killed, lost)
 
 
-def test_the_fork_server_is_killed(live, peer):
-    """The nodes go on without the process that forked them; another one replaces nodes that die later."""
+def test_the_host_is_killed(live, peer):
+    """All nodes end with the process that forked them, and all are started again."""
     suite, _, heard, lines = live
-    peer.until(lambda: suite.is_ready("spare"), 4 * PATIENCE_S, "the spare process")
-    server, nodes = suite.pid("fork server"), [suite.pid(name) for name in NODES]
-    os.kill(server, signal.SIGKILL)
-    since = time.monotonic()
-    peer.until(lambda: suite.pid("fork server") not in (None, server), PATIENCE_S, "another fork server")
-    peer.until(lambda: sum(t > since for t in heard.came.values()) > 8, PATIENCE_S, "skeletons meanwhile")
-    assert [suite.pid(name) for name in NODES] == nodes
-    for count in (1, 2):  # the spare is the old server's; the next one is the new server's
-        peer.until(lambda: suite.is_ready("spare"), 4 * PATIENCE_S, lambda: "a spare:\n" + "\n".join(lines))
-        pid, killed = suite.pid("matcher"), time.monotonic()
-        os.kill(pid, signal.SIGKILL)
-        peer.until(lambda: suite.restarts["matcher"] == count, PATIENCE_S, "the restart")  # noqa: B023
-        peer.spin(0.4)
-        settled = time.monotonic()
-        peer.until(lambda: max(heard.came.values()) > settled, PATIENCE_S, "skeletons again")  # noqa: B023
-        assert suite.pid("matcher") not in (pid, None)
+    host, nodes = suite.pid("host"), [suite.pid(name) for name in NODES]
+    os.kill(host, signal.SIGKILL)
+    killed = time.monotonic()
+    peer.until(lambda: suite.restarts == dict.fromkeys(NODES, 1), PATIENCE_S, "the restart")
+    peer.until(lambda: all(map(suite.is_ready, NODES)), 4 * PATIENCE_S, lambda: "\n".join(lines))
+    settled = time.monotonic()
+    peer.until(lambda: max(heard.came.values()) > settled, PATIENCE_S, "skeletons again")
+    assert not set(nodes) & {suite.pid(name) for name in NODES}
+    assert not any(Path(f"/proc/{pid}").exists() for pid in (host, *nodes))
     assert not any("Traceback" in line for line in lines), "\n".join(lines)
-    note("fork server killed (-9), then the matcher twice", "nodes go on", gap(heard, settled)[1] - killed)
+    note("host killed (-9)", "all nodes end, and are started again", gap(heard, settled)[1] - killed)
 
 
 def test_a_looping_recording(bank_path, peer, tmp_path):

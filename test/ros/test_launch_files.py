@@ -10,7 +10,7 @@ from yaml import safe_load
 
 from depth_pose.core.config import PipelineConfig
 from depth_pose.ros.nodes.parameters import EVERYWHERE
-from depth_pose.ros.process.names import NODES
+from depth_pose.ros.process import NODES
 
 SCRIPTS = Path(__file__).parents[2] / "launch_scripts"
 

@@ -45,7 +45,7 @@ def recording(tmp_path_factory):
 def assert_same(a, b):
     for name in ("stamp_ns", "frame_id", "body_id", "source", "confidence", "residual", "scale"):
         assert getattr(a, name) == getattr(b, name), name
-    for name in ("positions", "quats_xyzw", "joint_confidence", "joint_states"):
+    for name in ("positions", "quats_xyzw", "joint_confidence", "joint_states", "build"):
         assert getattr(a, name).tobytes() == getattr(b, name).tobytes(), name
 
 

@@ -39,18 +39,22 @@ def test_a_killed_node_is_started_again(domain, peer):
         second = suite.pid("denoise")
         assert second not in (None, first)
         peer.until(lambda: peer.node.count_publishers("/depth_pose/points"), what="the new node's topic")
+        os.kill(second, signal.SIGKILL)
+        wait_until(lambda: suite.restarts["denoise"] == 2, 5.0, "the second restart")
+        suite.wait_ready(30.0)
         assert suite.stop() == {"denoise": 0}
     assert not alive(first) and not alive(second)
-    assert any("starting it again" in line for line in lines)
+    ends = [line.partition("with ")[2] for line in lines if "starting it again" in line]
+    assert ends == ["code -9; starting it again at once", "code -9; starting it again in 0.1 s"]
 
 
 def test_it_ends_at_once_while_it_loads(domain):
     suite = Suite(nodes=["denoise"], sink=str)
     suite.start()
-    wait_until(lambda: suite.pid("fork server"), 5.0, "the fork server")
-    server, started = suite.pid("fork server"), time.monotonic()
+    wait_until(lambda: suite.pid("host"), 5.0, "the host")
+    host, started = suite.pid("host"), time.monotonic()
     assert suite.stop() == {}
-    assert time.monotonic() - started < 1.0 and not alive(server)
+    assert time.monotonic() - started < 1.0 and not alive(host)
 
 
 def test_what_cannot_start_is_said(domain, tmp_path):

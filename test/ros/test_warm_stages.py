@@ -5,28 +5,28 @@ import subprocess
 import sys
 
 from depth_pose.core.config import SmoothConfig
-from depth_pose.ros.process.warm_stages import is_warm, load_bank, make, make_ahead
+from depth_pose.ros.process import warm_stages
+from depth_pose.ros.process.warm_stages import is_warm, load_bank, make
 
 
 class Counted:
-    """A stage that counts its warm-ups."""
+    """A stage that counts frames."""
 
     def __init__(self, config):
-        self.config, self.warmed = config, 0
+        self.config, self.seen = config, 0
 
-    def warm_up(self):
-        self.warmed += 1
+    def reset(self):
+        self.seen = 0
 
 
-def test_a_stage_made_ahead_is_given_once_and_for_equal_settings_only():
-    make_ahead(Counted, SmoothConfig())
-    first, second = make(Counted, SmoothConfig()), make(Counted, SmoothConfig())
-    assert first is not second
-    assert (first.warmed, second.warmed) == (1, 0)
-    assert is_warm(first) and not is_warm(second)
-    make_ahead(Counted, SmoothConfig())
+def test_a_stage_made_ahead_is_given_as_if_new_and_for_equal_settings_only(monkeypatch):
+    monkeypatch.setattr(warm_stages, "_made", {})
+    first = warm_stages._keep(Counted, SmoothConfig())
+    first.seen = 3
+    assert make(Counted, SmoothConfig()) is first and first.seen == 0
+    assert is_warm(first)
     other = make(Counted, SmoothConfig(enabled=False))
-    assert other.warmed == 0 and not other.config.enabled
+    assert other is not first and not other.config.enabled and not is_warm(other)
 
 
 def test_a_bank_is_read_once_until_its_file_changes(bank_path, tmp_path):
@@ -39,13 +39,17 @@ def test_a_bank_is_read_once_until_its_file_changes(bank_path, tmp_path):
     assert again is not first and again.bank_id == first.bank_id
 
 
-def test_the_fork_server_has_one_thread_and_no_ros(bank_path):
-    """A fork takes one thread along; loading Fast DDS starts others."""
-    code = (
-        "import os, sys; from depth_pose.ros.process import forkserver\n"
-        f"forkserver._load({str(bank_path)!r})\n"
-        "print(len(os.listdir('/proc/self/task')), 'rclpy' in sys.modules)"
-    )
-    environment = os.environ | {"OMP_NUM_THREADS": "1"}
-    ran = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True)
-    assert ran.stdout.split() == ["1", "False"], ran.stderr
+def test_the_host_has_no_threads_of_its_own_and_is_on_no_graph(bank_path):
+    """A fork takes one thread along. Importing rclpy starts LTTng's, which forked nodes do without."""
+    count = "print(len(os.listdir('/proc/self/task')), rclpy.ok())"
+    loads = f"from depth_pose.ros.process import host; host.load({str(bank_path)!r})"
+    said = []
+    for first in ("pass", loads):
+        code = f"import os, rclpy\n{first}\n{count}"
+        ran = subprocess.run(
+            [sys.executable, "-c", code],
+            env=os.environ | {"OMP_NUM_THREADS": "1"}, capture_output=True, text=True
+        )  # fmt: skip
+        said.append(ran.stdout.split())
+        assert said[-1], ran.stderr
+    assert said[0] == said[1] and said[0][1] == "False"

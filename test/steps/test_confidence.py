@@ -11,9 +11,9 @@ from depth_pose.core.types import PERSON, UNKNOWN
 from depth_pose.steps.confidence import (
     KINDS,
     SIGNS,
+    fit_confidence,
     look_at_joints,
     report_joints,
-    skeleton_confidence,
 )
 
 SCORE = 0.22
@@ -22,7 +22,7 @@ SCORE = 0.22
 
 def test_confidence_falls_with_the_score():
     scores = np.linspace(0.0, 1.0, 21)
-    values = [skeleton_confidence(s) for s in scores]
+    values = [fit_confidence(s) for s in scores]
     assert values[0] > 0.99
     assert values[-1] < 0.01
     assert (np.diff(values) < 0).all()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -111,7 +113,20 @@ def test_who_is_outside_the_zone_gets_no_points_of_their_own(person):
     extractor = PeopleExtractor(SegmentConfig(zone=":1"), DenoiseConfig())
     assert found.body_id == "body_1"
     assert extractor.extract(frame).persons == ()
-    assert extractor.choice.ignored["outside the zone"] == 1
+    assert extractor.passed_over == {
+        "outside the zone": 1,
+        "beyond the most": 0,
+        "too near or too far": 0,
+        "not sure enough": 0,
+    }
+
+
+def test_who_is_too_far_is_counted(person):
+    frame = syn.to_frame(np.minimum(person, syn.room()))
+    extractor = PeopleExtractor(SegmentConfig(far=1.5), DenoiseConfig())
+    assert extractor.extract(frame).persons == ()
+    assert extractor.extract(replace(frame, stamp_ns=frame.stamp_ns + syn.STEP_NS)).persons == ()
+    assert extractor.passed_over["too near or too far"] == 2
 
 
 def test_warm_up_and_reset_change_nothing(person):

@@ -8,13 +8,24 @@ import warnings
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import onnx
 import torch
+from joint_net import JointNet
 from net import FinderNet
+from onnx import TensorProto, helper, numpy_helper
 
+from depth_pose.people import _crop_kernels as crop_kernels
 from depth_pose.people._finder_kernels import CHANNELS, COLS, ROWS
 
 _CODE = ("net.py", "losses.py", "scenes.py", "_sample_kernels.py", "train.py", "fit_verifier.py")
 _FEATURES = "src/depth_pose/people/_finder_kernels.py"
+
+JOINT_CODE = ("net.py", "joint_net.py", "joint_losses.py", "scenes.py", "crops.py", "train_joints.py")
+JOINT_FEATURES = "src/depth_pose/people/_crop_kernels.py"
+
+_FEW = 256
+"""Tensors of fewer values stay in 32 bits."""
 
 
 def export_net(checkpoint: Path, target: Path) -> bytes:
@@ -34,19 +45,62 @@ def export_net(checkpoint: Path, target: Path) -> bytes:
             opset_version=17,
             dynamo=False,
         )
+    halve(target)
     return target.read_bytes()
 
 
-def hash_code() -> str:
+def export_joint_net(checkpoint: Path, target: Path) -> bytes:
+    """Write a checkpoint of the second look as ONNX: ``joints``, ``log_error``, ``behind``."""
+    net = JointNet()
+    net.load_state_dict(torch.load(checkpoint, weights_only=True))
+    target.parent.mkdir(parents=True, exist_ok=True)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        torch.onnx.export(
+            net.eval(),
+            (torch.zeros(1, crop_kernels.CHANNELS, crop_kernels.SIDE, crop_kernels.SIDE),),
+            str(target),
+            input_names=["features"],
+            output_names=["joints", "log_error", "behind"],
+            opset_version=17,
+            dynamo=False,
+        )
+    halve(target)
+    return target.read_bytes()
+
+
+def halve(path: Path) -> None:
+    """Keep a net's weights in 16 bits; the run time widens them once, as it loads them."""
+    model = onnx.load(path)
+    widened = []
+    for tensor in list(model.graph.initializer):
+        values = numpy_helper.to_array(tensor)
+        if values.dtype != np.float32 or values.size < _FEW:
+            continue
+        half = numpy_helper.from_array(values.astype(np.float16), f"{tensor.name}_half")
+        model.graph.initializer.remove(tensor)
+        model.graph.initializer.append(half)
+        widened.append(helper.make_node("Cast", [half.name], [tensor.name], to=TensorProto.FLOAT))
+    nodes = widened + list(model.graph.node)
+    del model.graph.node[:]
+    model.graph.node.extend(nodes)
+    onnx.save(model, path)
+
+
+def hash_code(names: tuple[str, ...] = _CODE, features: str = _FEATURES) -> str:
     """Hash the code that makes the weights."""
     here = Path(__file__).resolve().parent
     digest = hashlib.sha256()
-    for path in [here / name for name in _CODE] + [here.parents[1] / _FEATURES]:
+    for path in [here / name for name in names] + [here.parents[1] / features]:
         digest.update(path.read_bytes())
     return digest.hexdigest()
 
 
-def write_settings(target: Path, model: bytes, **values: Any) -> None:
-    """Write what lies beside the net."""
-    settings = {"weights_sha256": hashlib.sha256(model).hexdigest(), "code_sha256": hash_code(), **values}
+def write_settings(target: Path, model: bytes, code: str | None = None, **values: Any) -> None:
+    """Write what lies beside the net; ``code`` is the hash of what made it, the finder's if none is given."""
+    settings = {
+        "weights_sha256": hashlib.sha256(model).hexdigest(),
+        "code_sha256": code or hash_code(),
+        **values,
+    }
     target.write_text(json.dumps(settings, indent=1) + "\n")

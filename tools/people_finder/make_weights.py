@@ -1,10 +1,10 @@
-"""Make the people finder's weights from nothing: scenes, training, verifier.
+"""Make the people finder's weights from nothing: scenes, training, verifier, and the second look's net.
 
     pip install -e '.[train]'
     python tools/people_finder/make_weights.py build/people_finder
 
 What is there already is kept, so that it can be run again. The result is in FOLDER/weights; copy it to
-src/depth_pose/people/weights to ship it. It takes about 3 hours on 2 cores.
+src/depth_pose/people/weights to ship it. It takes about 3 hours and a half on 2 cores.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ _TRAIN_SEED, _CHECK_SEED = 1, 900_001
 _STUDIO_TRAIN_SEED, _STUDIO_CHECK_SEED = 2, 900_002
 _FIRST_IMAGES, _SECOND_IMAGES = 160_000, 100_000
 _FIRST_RATE, _SECOND_RATE = 2e-3, 1.5e-3
+_CROPS = 400_000
 
 app = typer.Typer(add_completion=False)
 
@@ -34,7 +35,7 @@ def main(
     workers: Annotated[int, typer.Option(help="Processes that make scenes")] = 2,
     seed: Annotated[int, typer.Option(help="Start of the training's random numbers")] = 1,
 ) -> None:
-    """Make scenes, train in two turns with falling rates, fit the verifier."""
+    """Make scenes, train in two turns with falling rates, fit the verifier, train the second look."""
     train, check = folder / "train", folder / "val"
     call("make_scenes.py", "-o", train, "--count", scenes, "--seed", _TRAIN_SEED, "--workers", workers)
     call("make_scenes.py", "-o", check, "--count", checks, "--seed", _CHECK_SEED, "--workers", workers)
@@ -49,6 +50,11 @@ def main(
         call("train.py", train, second, "--start", first / "last.pt", *rest)
     note = f"{scenes} scenes, {_FIRST_IMAGES} and {_SECOND_IMAGES} images, seed {seed}"
     call("fit_verifier.py", second / "last.pt", check, folder / "weights", "--note", note)
+    joints = folder / "joints"
+    if not (joints / "last.pt").exists():
+        call("train_joints.py", train, joints, "--check", check, "--images", _CROPS, "--seed", seed)
+    note = f"{scenes} scenes, {_CROPS} crops, seed {seed}"
+    call("export_joints.py", joints / "last.pt", folder / "weights", "--note", note)
 
 
 def call(script: str, *arguments: object) -> None:

@@ -62,8 +62,18 @@ class Setting:
     @cached_property
     def digest(self) -> str:
         """Hash of the settings, 16 hexadecimal digits."""
-        text = json.dumps([self.config.as_mapping(), self.depth_topic], sort_keys=True)
+        settings = self.config.as_mapping()
+        if self.config.build.file:  # what is in it counts, not its name
+            settings["build"]["file"] = _hash_of_build(self.config.build.file)
+        text = json.dumps([settings, self.depth_topic], sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def _hash_of_build(path: str) -> str:
+    try:
+        return hashlib.sha256(Path(path).read_bytes()).hexdigest()
+    except OSError as error:
+        raise ConfigError(f"{path}: the build cannot be read: {error.strerror}") from error
 
 
 @dataclass(frozen=True)

@@ -33,7 +33,7 @@ _SAMPLE = 24_000
 class BuildConfig(_Checked):
     """How a bank is built."""
 
-    poses: int = option(8000, "Number of poses of the embedded source", low=10, high=1_000_000)
+    poses: int = option(10_000, "Number of poses of the embedded source", low=10, high=1_000_000)
     dimensions: int = option(48, "Dimensions of the PCA subspace", low=2, high=512)
     seed: int = option(1, "Seed of the embedded pose source", low=0)
     views: str = option(

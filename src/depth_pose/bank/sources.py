@@ -47,7 +47,7 @@ def gather_poses(
     seed: int,
     mocap: Path | None = None,
     embedded: bool = True,
-    embedded_count: int = 8000,
+    embedded_count: int = 10_000,
     progress: Progress | None = None,
 ) -> PoseSources:
     """Make the embedded poses, read the recorded ones, and put them together.

@@ -8,13 +8,14 @@ posed one from `depth_pose.core.skeleton.forward_kinematics`, and s the body's s
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from depth_pose.body.normals import vertex_normals
 from depth_pose.core.skeleton import NODE_PARENTS
 
 if TYPE_CHECKING:
@@ -92,6 +93,11 @@ class Body:
             faces=self.faces,
         )
 
+    @cached_property
+    def normals(self) -> NDArray[np.float64]:
+        """Outward unit normals of the rest vertices, (V, 3)."""
+        return vertex_normals(self)
+
     def pose(
         self, rotations: NDArray[np.float64], root: NDArray[np.float64], scale: float = 1.0
     ) -> PosedBody:
@@ -119,6 +125,12 @@ class Body:
             nodes,
         )
         return PosedBody(vertices, nodes)
+
+    def reshaped(self, vertices: NDArray[np.float64], nodes: NDArray[np.float64]) -> Body:
+        """Give the body with another rest pose, (V, 3) and (21, 3); the rest is shared, not made again."""
+        body = replace(self, vertices=vertices, nodes=nodes)
+        body.__dict__["skin"] = self.skin._replace(vertices=vertices, nodes=nodes)
+        return body
 
     def content_hash(self) -> str:
         """SHA-256 of the body's geometry, weights and nodes: the same wherever it is made the same."""

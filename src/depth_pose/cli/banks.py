@@ -46,7 +46,7 @@ def build(
             min=10,
             max=1_000_000,
             help="How many embedded poses; of motion capture at most so many, chosen for coverage.",
-            show_default="8000; all",
+            show_default="10000; all",
         ),
     ] = None,
     seed: Annotated[int | None, typer.Option(min=0, help="Of the embedded poses.", show_default="1")] = None,

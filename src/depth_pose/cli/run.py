@@ -21,12 +21,13 @@ from depth_pose.cli.console import (
     setting,
     warn,
 )
-from depth_pose.core.config import FollowConfig, PipelineConfig, RefineConfig, SegmentConfig
+from depth_pose.core.config import FollowConfig, PersonalConfig, PipelineConfig, RefineConfig, SegmentConfig
 from depth_pose.core.errors import ConfigError, InputError
 
 if TYPE_CHECKING:
     from depth_pose.archive.inputs import Source
     from depth_pose.archive.jobs import Row
+    from depth_pose.body.build_file import KnownBuild
 
 _MOST_ROWS = 40
 """Recordings in the table that is printed; of more, those with warnings. ``report.csv`` has them all."""
@@ -62,6 +63,10 @@ def run(
     people: Annotated[int | None, setting(SegmentConfig, "most_people", "--people")] = None,
     zone: Annotated[str | None, setting(SegmentConfig, "zone")] = None,
     follow: Annotated[str | None, setting(FollowConfig, "whom", "--follow")] = None,
+    build: Annotated[str | None, setting(PersonalConfig, "file", "--build")] = None,
+    save_build: Annotated[
+        Path | None, typer.Option(help="Write the build of whom most was seen, JSON.", metavar="FILE")
+    ] = None,
     raw: Annotated[bool, typer.Option("--raw", help="Do not filter the joints over time.")] = False,
     params: Annotated[
         Path | None,
@@ -102,6 +107,10 @@ def run(
 
     depth-pose run in.mcap -o out.mcap --zone=-1:1,0.5:3.5
 
+    depth-pose run in.mcap -o out.mcap --save-build me.json
+
+    depth-pose run other.mcap -o out.mcap --build me.json
+
     depth-pose run recordings/ -o skeletons/ --workers 8
 
     depth-pose run 'ward/**/depth_*.mcap' more.mcap -o skeletons/ --cluster tcp://head:8786
@@ -111,6 +120,7 @@ def run(
         ("segment", given(near=near, far=far, most_people=people, zone=zone)),
         ("refine", given(method=method)),
         ("follow", given(whom=follow)),
+        ("build", given(file=build)),
         ("smooth", {"enabled": False} if raw else {}),
     ):
         if chosen:
@@ -121,8 +131,13 @@ def run(
             raise ConfigError(
                 "--cluster is for several recordings; with one, let -o be a folder that is there"
             )
-        _run_one(Path(recordings[0]), output, bank, depth_topic, config)
+        _run_one(Path(recordings[0]), output, bank, depth_topic, config, save_build)
     else:
+        if save_build is not None:
+            raise ConfigError("--save-build is for one recording that goes to one file")
+        if config.build.file:
+            values["build"]["file"] = str(Path(config.build.file).resolve())
+            config = PipelineConfig.from_mapping(values)
         _run_archive(recordings, output, bank, depth_topic, config, workers, cluster)
 
 
@@ -139,7 +154,12 @@ def _is_one(recordings: list[str], output: Path) -> bool:
 
 
 def _run_one(
-    recording: Path, output: Path, bank: Path | None, depth_topic: str | None, config: PipelineConfig
+    recording: Path,
+    output: Path,
+    bank: Path | None,
+    depth_topic: str | None,
+    config: PipelineConfig,
+    save_build: Path | None,
 ) -> None:
     """Run one recording to one file."""
     from depth_pose.io.mcap_read import DepthReader
@@ -156,6 +176,8 @@ def _run_one(
     with progress_bar(recording.name, len(reader)) as update:
         summary = process_recording(reader, output, pipeline, update)
     warn(summary.warnings)
+    if save_build is not None:
+        _save_build(save_build, pipeline.refiner.builds.best_known())
     facts = [
         ("topic", reader.topic.name),
         ("frames", str(summary.frames)),
@@ -163,7 +185,7 @@ def _run_one(
         ("nobody in view", str(summary.empty)),
         ("most people in a frame", str(summary.most_people)),
     ]
-    facts += [(reason, f"{n} ignored") for reason, n in pipeline.extractor.choice.ignored.items() if n]
+    facts += [(reason, f"{n} ignored") for reason, n in pipeline.extractor.passed_over.items() if n]
     if summary.dropped:
         facts.append(("dropped", str(summary.dropped)))
     sources = ", ".join(f"{n} {name.lower()}" for name, n in summary.sources.items())
@@ -172,6 +194,15 @@ def _run_one(
         ("time per frame", f"{summary.median_ms:.1f} ms (95 % below {summary.p95_ms:.1f} ms)"),
     ]
     print_facts(f"{recording} → {output}", facts)
+
+
+def _save_build(path: Path, known: KnownBuild | None) -> None:
+    from depth_pose.body.build_file import save_build
+
+    if known is None:
+        warn([f"{path} is not written: nobody was seen well enough to learn their build"])
+    else:
+        save_build(path, known)
 
 
 def _run_archive(

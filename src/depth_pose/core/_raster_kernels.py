@@ -33,7 +33,7 @@ def rasterize(vertices, faces, camera, zbuffer):
         image[i, 2] = 1.0 / z
     # of the faces, those that look here and have a pixel in their box
     front = np.empty(m + 1, np.int32)
-    areas = np.empty(m + 1)
+    areas = np.empty(m + 1, np.float32)
     boxes = np.empty((m + 1, 4), np.int32)
     count = np.int64(0)
     right, bottom = np.float32(cols - 1), np.float32(rows - 1)
@@ -52,6 +52,7 @@ def rasterize(vertices, faces, camera, zbuffer):
         boxes[at, 0], boxes[at, 1], boxes[at, 2], boxes[at, 3] = low_j, high_j, low_i, high_i
         # y points down: outward faces that are seen turn clockwise
         count += np.int64(area < 0.0) & np.int64(low_j <= high_j) & np.int64(low_i <= high_i)
+    one, none = np.float32(1.0), np.float32(0.0)
     for f in range(count):
         face = faces[front[f]]
         a, b, c = np.uint32(face[0]), np.uint32(face[1]), np.uint32(face[2])
@@ -62,17 +63,18 @@ def rasterize(vertices, faces, camera, zbuffer):
             continue
         low_j, high_j, low_i, high_i = boxes[f, 0], boxes[f, 1], boxes[f, 2], boxes[f, 3]
         # barycentric weights go up by a fixed step from pixel to pixel
-        inverse = 1.0 / areas[f]
+        inverse = one / areas[f]
+        left, top = np.float32(low_j), np.float32(low_i)
         s_j, t_j = (vb - vc) * inverse, (vc - va) * inverse
         s_i, t_i = (uc - ub) * inverse, (ua - uc) * inverse
-        s_row = ((ub - low_j) * (vc - low_i) - (uc - low_j) * (vb - low_i)) * inverse
-        t_row = ((uc - low_j) * (va - low_i) - (ua - low_j) * (vc - low_i)) * inverse
+        s_row = ((ub - left) * (vc - top) - (uc - left) * (vb - top)) * inverse
+        t_row = ((uc - left) * (va - top) - (ua - left) * (vc - top)) * inverse
         for i in range(np.uint32(low_i), np.uint32(high_i + 1)):
             s, t = s_row, t_row
             for j in range(np.uint32(low_j), np.uint32(high_j + 1)):
-                r = 1.0 - s - t
+                r = one - s - t
                 w = s * wa + t * wb + r * wc
-                zbuffer[i, j] = max(zbuffer[i, j], w if min(s, t, r) >= 0.0 else 0.0)
+                zbuffer[i, j] = max(zbuffer[i, j], w if min(s, t, r) >= none else none)
                 s += s_j
                 t += t_j
             s_row += s_i
@@ -80,7 +82,7 @@ def rasterize(vertices, faces, camera, zbuffer):
     for i in range(rows):
         for j in range(cols):
             w = zbuffer[i, j]
-            zbuffer[i, j] = 1.0 / w if w > 0.0 else np.inf
+            zbuffer[i, j] = one / w if w > none else np.float32(np.inf)
 
 
 @njit(cache=True)

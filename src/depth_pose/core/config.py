@@ -296,6 +296,39 @@ class FitConfig(_Checked):
 
 
 @dataclass(frozen=True)
+class PersonalConfig(_Checked):
+    """Personal builds (`depth_pose.fit.personal`)."""
+
+    personal: bool = option(True, "Find each person's proportions while they are followed")
+    file: str = option("", "Build to begin with, as depth-pose run --save-build wrote it; empty: average")
+    sigma: float = option(
+        0.02, "Standard deviation of the points about the skin, where a build is learned", unit="m",
+        low=0.001, high=1.0,
+    )  # fmt: skip
+    noise: float = option(
+        0.035,
+        "How far off a point is if points were independent; greater than a sensor's noise, since neighbours "
+        "and frames err alike",
+        unit="m",
+        low=0.001,
+        high=10.0,
+    )
+    free_space: float = option(
+        0.1,
+        "Weight of skin in free space, as a share of that in the fit: noise eats the silhouette's border, "
+        "and a build would shrink with it",
+        low=0.0,
+        high=10.0,
+    )
+    memory: float = option(
+        20.0, "What was seen of a build is forgotten over this time", unit="s", low=0.1, high=1e6
+    )
+    worst_score: float = option(
+        0.4, "Frames whose fit disagrees more than this, 0 to 1, say nothing of the build", low=0.0, high=1.0
+    )
+
+
+@dataclass(frozen=True)
 class CpdConfig(_Checked):
     """Coherent point drift from exemplar to input (Sec. 6), for the method ``cpd``."""
 
@@ -445,6 +478,7 @@ class FittingConfig(Sections):
     """Settings of the fits, which several steps run."""
 
     fit: FitConfig = FitConfig()
+    build: PersonalConfig = PersonalConfig()
     cpd: CpdConfig = CpdConfig()
     completion: CompletionConfig = CompletionConfig()
     temporal: TemporalConfig = TemporalConfig()
@@ -460,6 +494,7 @@ class PipelineConfig(Sections):
     match: MatchConfig = MatchConfig()
     refine: RefineConfig = RefineConfig()
     fit: FitConfig = FitConfig()
+    build: PersonalConfig = PersonalConfig()
     cpd: CpdConfig = CpdConfig()
     completion: CompletionConfig = CompletionConfig()
     temporal: TemporalConfig = TemporalConfig()
@@ -470,10 +505,14 @@ class PipelineConfig(Sections):
     @property
     def fitting(self) -> FittingConfig:
         """The settings of the fits."""
-        return FittingConfig(self.fit, self.cpd, self.completion, self.temporal)
+        return FittingConfig(self.fit, self.build, self.cpd, self.completion, self.temporal)
 
 
-SHORT_NAMES: dict[str, tuple[str, str]] = {"follow": ("follow", "whom"), "zone": ("segment", "zone")}
+SHORT_NAMES: dict[str, tuple[str, str]] = {
+    "follow": ("follow", "whom"),
+    "zone": ("segment", "zone"),
+    "build": ("build", "file"),
+}
 """ROS parameters that are named without their section: the name, and the setting's section and field."""
 
 

@@ -73,36 +73,59 @@ def farthest_rows(
     return np.asarray(_choose(rows, images, weights, min(count, len(rows)), start))
 
 
+_FAR = 4.0001
+"""A point whose squared distance to a row's nearest is so many times the row's own cannot be nearer.
+
+Twice the distance (triangle inequality), and a little for rounding.
+"""
+
+
 @njit(cache=True, fastmath=True, forceinline=True)
-def _lower(rows: Any, point: Any, nearest: Any) -> None:
-    """Lower every row's squared distance to the chosen ones by that to a new one."""
-    n, width = rows.shape
-    for i in range(n):
-        limit = nearest[i]
-        total = np.float32(0.0)
-        for k in range(width):
-            d = rows[i, k] - point[k]
-            total += d * d
-            if k & 3 == 3 and total >= limit:
-                break
-        if total < limit:
-            nearest[i] = total
+def _squared_distance(row: Any, point: Any, limit: Any) -> Any:
+    """Squared distance, or any number from ``limit`` on."""
+    total = np.float32(0.0)
+    for k in range(len(row)):
+        d = row[k] - point[k]
+        total += d * d
+        if k & 3 == 3 and total >= limit:
+            break
+    return total
+
+
+@njit(cache=True)
+def _lower(rows: Any, points: Any, nearest: Any, owners: Any, apart: Any) -> None:
+    """Lower every row's squared distance to the points before by that to the last point."""
+    new = len(points) - 1
+    for j in range(new):
+        apart[j] = _squared_distance(points[j], points[new], np.inf)
+    for i in range(len(rows)):
+        if apart[owners[i]] < _FAR * nearest[i]:
+            distance = _squared_distance(rows[i], points[new], nearest[i])
+            if distance < nearest[i]:
+                nearest[i], owners[i] = distance, new
 
 
 @njit(cache=True)
 def _choose(rows: Any, images: Any, weights: Any, count: int, start: int) -> Any:
     """Choose by weight times squared distance to the chosen rows and their images."""
     n = rows.shape[0]
-    nearest = np.full(n, 1e30, rows.dtype)
+    nearest, owners = np.full(n, 1e30, rows.dtype), np.zeros(n, np.int64)
+    points = np.empty((2 * count, rows.shape[1]), rows.dtype)
+    apart = np.zeros(2 * count, rows.dtype)
+    used = 0
     chosen = np.empty(count, np.int64)
     chosen_mark = np.zeros(n, np.bool_)
     best = start
     for c in range(count):
         chosen[c] = best
         chosen_mark[best] = True
-        _lower(rows, rows[best], nearest)
+        points[used] = rows[best]
+        used += 1
+        _lower(rows, points[:used], nearest, owners, apart)
         if images.shape[0] > 0:
-            _lower(rows, images[best], nearest)
+            points[used] = images[best]
+            used += 1
+            _lower(rows, points[:used], nearest, owners, apart)
         top = -1.0
         for i in range(n):
             value = nearest[i] * weights[i]

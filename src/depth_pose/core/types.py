@@ -7,7 +7,7 @@ written, bit for bit, and live, replayed and offline runs agree.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -141,6 +141,8 @@ class Skeleton:
         0 to 1.
     joint_states : (19,) uint8
         `depth_pose.core.skeleton.JointState` values.
+    build : (13,) float32
+        The person's proportions (`depth_pose.body.build.BUILD_NAMES`); empty where they are not known.
     """
 
     stamp_ns: int
@@ -154,6 +156,7 @@ class Skeleton:
     quats_xyzw: NDArray[np.float64]
     joint_confidence: NDArray[np.float32]
     joint_states: NDArray[np.uint8]
+    build: NDArray[np.float32] = field(default_factory=lambda: np.zeros(0, np.float32))
 
     @property
     def is_lost(self) -> bool:

@@ -169,7 +169,7 @@ def _draw_match(panels: list[Any], frame: MatchedFrame, match: PoseMatch | None,
     for rank, (panel, candidate) in enumerate(zip(panels[1:], match.candidates, strict=False)):
         pose = candidate_pose(bank, candidate, match.scale)
         posed = bank.body.pose(pose.rotations, pose.root, pose.scale)
-        drawn: NDArray[np.float64] = comparer.render(posed.vertices, bank.body.faces)
+        drawn: NDArray[np.float32] = comparer.render(posed.vertices, bank.body.faces)
         depth = np.where(np.isfinite(drawn), drawn, 0.0).astype(np.float32)
         draw_depth(panel, depth, posed.nodes[JOINT_NODES], seen.camera)
         sure = f", {match_confidence(candidate.score):.0%} sure" if rank == 0 else ""

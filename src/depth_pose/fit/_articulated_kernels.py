@@ -188,7 +188,7 @@ def fit(target, body, settings, sigmas, scale, rotations, root):
     """Run an iteration a sigma; ``rotations`` and ``root`` go in as the start and come out as the fit."""
     coarse, count = target.coarse, body.normals.shape[0]
     surface = Surface(np.empty((count, 3)), np.empty((count, 3)), body.skin.influence[:, 0])
-    nodes, zbuffer = np.empty(body.skin.nodes.shape), np.empty(coarse.depth.shape)
+    nodes, zbuffer = np.empty(body.skin.nodes.shape), np.empty(coarse.depth.shape, np.float32)
     mass, pull, visible = np.empty(count), np.empty((count, 3)), np.empty(count, np.bool_)
     equations = Equations(np.empty((nodes.shape[0], 6, 6)), np.empty((nodes.shape[0], 6)))
     moved = np.zeros(body.above.shape[0])

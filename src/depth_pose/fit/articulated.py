@@ -26,6 +26,7 @@ mechanisms*, 1982).
 from __future__ import annotations
 
 from collections.abc import Mapping
+from copy import copy
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -34,7 +35,6 @@ from numpy.typing import NDArray
 
 from depth_pose.bank.bank import Bank
 from depth_pose.body.body import Body
-from depth_pose.body.normals import vertex_normals
 from depth_pose.core.config import FitConfig
 from depth_pose.core.rotations import quat_to_matrix
 from depth_pose.core.skeleton import NODE_INDEX, NODE_PARENTS, NODES
@@ -125,9 +125,18 @@ class ArticulatedFitter:
     def __init__(self, body: Body, config: FitConfig | None = None) -> None:
         self.body = body
         self.config = config or FitConfig()
-        self._articulation = articulate(body, _STIFFNESS)
+        self.articulation = articulate(body, _STIFFNESS)
         numbers = {n: float(getattr(self.config, n)) for n in kernels.Settings._fields if n != "root_prior"}
-        self._settings = kernels.Settings(root_prior=0.0, **numbers)
+        self.settings = kernels.Settings(root_prior=0.0, **numbers)
+
+    def of(self, body: Body) -> ArticulatedFitter:
+        """Give the same fitter for another build of its body."""
+        if body is self.body:
+            return self
+        other = copy(self)
+        other.body = body
+        other.articulation = self.articulation._replace(skin=body.skin, normals=body.normals)
+        return other
 
     def fit(self, target: FitTarget, start: BodyPose, sigmas: tuple[float, ...] | None = None) -> BodyPose:
         """Fit the body's pose to a cloud.
@@ -145,7 +154,7 @@ class ArticulatedFitter:
         """
         levels = np.array(self.config.sigmas if sigmas is None else sigmas)
         rotations, root = start.rotations.copy(), start.root.copy()
-        kernels.fit(target, self._articulation, self._settings, levels, start.scale, rotations, root)
+        kernels.fit(target, self.articulation, self.settings, levels, start.scale, rotations, root)
         return BodyPose(rotations, root, start.scale)
 
 
@@ -172,7 +181,7 @@ def articulate(body: Body, stiffness: Mapping[str, float]) -> Articulation:
         if kind in stiffness:
             free[node] = len(values)
             values.append(stiffness[kind])
-    return Articulation(body.skin, vertex_normals(body), free, _parameters_above(free), np.array(values))
+    return Articulation(body.skin, body.normals, free, _parameters_above(free), np.array(values))
 
 
 def _parameters_above(free: NDArray[np.int64]) -> NDArray[np.int64]:

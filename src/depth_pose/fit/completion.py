@@ -8,11 +8,12 @@ The exemplar's visible vertices are registered to the input by coherent point dr
 
 from __future__ import annotations
 
+from copy import copy
+
 import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.body.body import Body, PosedBody
-from depth_pose.body.normals import vertex_normals
 from depth_pose.core import _raster_kernels
 from depth_pose.core.camera import Camera
 from depth_pose.core.config import CompletionConfig, CpdConfig
@@ -41,7 +42,17 @@ class MeshCompleter:
         self._basis = geodesic_basis(body.vertices, body.faces, self._cpd.basis_points, self._cpd.beta)
         self._laplacian = LaplacianCompleter(body.vertices, body.faces)
         self._transfer = JointTransfer(body)
-        self._normals_rest = vertex_normals(body)
+
+    def of(self, body: Body) -> MeshCompleter:
+        """Give the same completer for another build of its body.
+
+        Coherence and Laplacian act on displacements, so they are shared; they change little with a build.
+        """
+        if body is self.body:
+            return self
+        other = copy(self)
+        other.body = body
+        return other
 
     def fit(self, points: Array, coarse: Observation, start: BodyPose) -> FittedBody:
         """Deform the body, posed at a candidate, to a cloud.
@@ -121,11 +132,11 @@ class MeshCompleter:
         (V,) float64
             Cosine between the vertex's normal and the ray to it; 0 where it is not seen.
         """
-        zbuffer = np.empty(coarse.depth.shape)
+        zbuffer = np.empty(coarse.depth.shape, np.float32)
         normals = np.empty_like(posed.vertices)
         seen = np.empty(len(posed.vertices), np.bool_)
         _raster_kernels.rasterize(posed.vertices, self.body.faces, coarse.camera, zbuffer)
-        visibility.turn_normals(self._normals_rest, self.body.skin.influence, rotations, normals)
+        visibility.turn_normals(self.body.normals, self.body.skin.influence, rotations, normals)
         tolerance = self.config.visible_tolerance
         visibility.mark_visible(posed.vertices, normals, zbuffer, coarse.camera, tolerance, seen)
         cosine = -np.einsum("ij,ij->i", normals, posed.vertices) / np.linalg.norm(posed.vertices, axis=1)

@@ -80,10 +80,10 @@ class DepthComparer:
     def __init__(self, observation: Observation, band: float) -> None:
         self.observation = observation
         self._band = band
-        self.zbuffer = np.empty(observation.depth.shape)
+        self.zbuffer = np.empty(observation.depth.shape, np.float32)
         self._sums = np.empty(5)
 
-    def render(self, vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> NDArray[np.float64]:
+    def render(self, vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> NDArray[np.float32]:
         """Depth of a mesh in the camera frame, shape (h, w), infinite where there is none."""
         kernels.rasterize(vertices, faces, self.observation.camera, self.zbuffer)
         return self.zbuffer

@@ -13,6 +13,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from depth_pose.body.body import Body
 from depth_pose.core.config import CpdConfig, TemporalConfig
 from depth_pose.fit import _cpd_kernels as kernels
 from depth_pose.fit.articulated import BodyPose, FittedBody
@@ -33,7 +34,9 @@ class TemporalCarrier:
         self.config = config or TemporalConfig()
         self._cpd = replace(cpd or CpdConfig(), beta=self.config.beta, stiffness=self.config.stiffness)
 
-    def carry(self, before: Array, now: Array, coarse_before: Observation, pose: BodyPose) -> FittedBody:
+    def carry(
+        self, before: Array, now: Array, coarse_before: Observation, pose: BodyPose, body: Body
+    ) -> FittedBody:
         """Carry a body over.
 
         Parameters
@@ -44,19 +47,21 @@ class TemporalCarrier:
             Frame t-1 at low resolution, whose camera decides which vertices were seen.
         pose : BodyPose
             The body at t-1.
+        body : Body
+            The person's build of the completer's body.
 
         Returns
         -------
         FittedBody
             The body at t; unchanged where nothing was seen of it.
         """
-        c, body = self.config, self._completer.body
+        c, completer = self.config, self._completer.of(body)
         found = register(before, now, self._cpd)
         posed = body.pose(pose.rotations, pose.root, pose.scale)
-        facing = self._completer.visible(posed, pose.rotations, coarse_before)
-        visible = np.flatnonzero(facing > self._completer.config.min_facing)
+        facing = completer.visible(posed, pose.rotations, coarse_before)
+        visible = np.flatnonzero(facing > completer.config.min_facing)
         targets, weights = posed.vertices.copy(), np.zeros(len(posed.vertices))
         seen, mass = posed.vertices[visible], np.empty(len(visible))
         kernels.follow(seen, before, found.moved, found.probability, c.reach, seen, mass)
         targets[visible], weights[visible] = seen, c.weight * np.minimum(mass, 1.0)
-        return self._completer.complete(pose, posed, targets, weights)
+        return completer.complete(pose, posed, targets, weights)

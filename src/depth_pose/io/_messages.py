@@ -49,15 +49,25 @@ class SkeletonsMessage:
 
 
 @cache
-def _store() -> Typestore:
+def _store(has_builds: bool = True) -> Typestore:
     store = get_typestore(Stores.EMPTY)
     for name in schemas.names():
-        store.register(get_types_from_msg(schemas.definition(name), name))
+        text = schemas.definition(name)
+        if name == schemas.SKELETON and not has_builds:
+            text = text.removesuffix(schemas.BUILD_LINE)
+        store.register(get_types_from_msg(text, name))
     return store
 
 
-def read_message(data: bytes | memoryview, kind: str) -> Any:
+def read_message(data: bytes | memoryview, kind: str, has_builds: bool = True) -> Any:
     """Decode a message; its arrays of numbers are views of the data.
+
+    Parameters
+    ----------
+    data : bytes or memoryview
+    kind : str
+    has_builds : bool
+        Whether skeletons in it end with a build; in recordings of before there were none they do not.
 
     Raises
     ------
@@ -65,7 +75,7 @@ def read_message(data: bytes | memoryview, kind: str) -> Any:
         Where the bytes are no such message.
     """
     try:
-        return _store().deserialize_cdr(memoryview(data), kind)
+        return _store(has_builds).deserialize_cdr(memoryview(data), kind)
     except SerdeError as error:
         raise InputError(f"{kind}: the message is damaged ({error})") from error
 
@@ -100,14 +110,14 @@ def read_image(data: bytes | memoryview) -> ImageMessage:
     )
 
 
-def read_skeleton(data: bytes) -> Skeleton:
-    """Decode a Skeleton; its joints are put into the order of `JOINTS`."""
-    return _skeleton_of(read_message(data, schemas.SKELETON))
+def read_skeleton(data: bytes, definition: str = schemas.BUILD_LINE) -> Skeleton:
+    """Decode a Skeleton, by its definition in the recording; its joints get the order of `JOINTS`."""
+    return _skeleton_of(read_message(data, schemas.SKELETON, schemas.BUILD_LINE in definition))
 
 
-def read_people(data: bytes) -> SkeletonsMessage:
-    """Decode a SkeletonArray."""
-    m = read_message(data, schemas.SKELETON_ARRAY)
+def read_people(data: bytes, definition: str = schemas.BUILD_LINE) -> SkeletonsMessage:
+    """Decode a SkeletonArray, by its definition in the recording."""
+    m = read_message(data, schemas.SKELETON_ARRAY, schemas.BUILD_LINE in definition)
     return SkeletonsMessage(stamp_of(m), m.header.frame_id, tuple(_skeleton_of(s) for s in m.skeletons))
 
 
@@ -138,6 +148,7 @@ def _skeleton_of(m: Any) -> Skeleton:
         quats,
         confidence,
         states,
+        np.array(getattr(m, "build", ()), np.float32),
     )
 
 
@@ -174,6 +185,7 @@ def _skeleton_fields(skeleton: Skeleton) -> dict[str, Any]:
         "residual": skeleton.residual,
         "scale": skeleton.scale,
         "joints": joints,
+        "build": skeleton.build,
     }
 
 

@@ -14,6 +14,7 @@ from typing import BinaryIO
 
 from mcap.exceptions import McapError
 from mcap.reader import NonSeekingReader, SeekingReader
+from mcap.records import Schema
 
 from depth_pose.core.errors import InputError
 
@@ -36,11 +37,12 @@ _DAMAGE = _damage_types()
 
 @dataclass(frozen=True)
 class Topic:
-    """A topic of a recording: its name, message type and number of messages."""
+    """A topic of a recording: its name, message type, number of messages, and the type's definition."""
 
     name: str
     kind: str
     count: int
+    definition: str = ""
 
 
 @dataclass(frozen=True)
@@ -82,9 +84,9 @@ class Recording:
         for file in _files(self.path):
             self._indexed[file] = self._read_index(file) or self._scan(file)
 
-    def _add(self, name: str, kind: str, count: int) -> None:
+    def _add(self, name: str, schema: Schema, count: int) -> None:
         before = self.topics[name].count if name in self.topics else 0
-        self.topics[name] = Topic(name, kind, before + count)
+        self.topics[name] = Topic(name, schema.name, before + count, schema.data.decode(errors="replace"))
 
     def _read_index(self, file: Path) -> bool:
         """Take the topics from the file's summary; False where it has no usable one."""
@@ -101,7 +103,7 @@ class Recording:
         for number, channel in summary.channels.items():
             schema = summary.schemas.get(channel.schema_id)
             if schema is not None and channel.message_encoding == "cdr":
-                self._add(channel.topic, schema.name, counts.get(number, 0))
+                self._add(channel.topic, schema, counts.get(number, 0))
         return True
 
     def _scan(self, file: Path) -> bool:
@@ -115,7 +117,7 @@ class Recording:
                     messages += 1
                     if schema is None or channel.message_encoding != "cdr":
                         continue
-                    self._add(channel.topic, schema.name, 1)
+                    self._add(channel.topic, schema, 1)
                     if channel.topic not in self._first:
                         raw = RawMessage(channel.topic, message.log_time, message.data)
                         self._first[channel.topic] = raw

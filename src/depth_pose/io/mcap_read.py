@@ -287,7 +287,8 @@ def read_skeletons(path: Path | str, topic: str = SKELETON_TOPIC) -> Iterator[Sk
     """
     recording = Recording(path)
     _require(recording, topic, schemas.SKELETON)
-    return (read_skeleton(data) for data in _data_of(recording, topic))
+    definition = recording.topics[topic].definition
+    return (read_skeleton(data, definition) for data in _data_of(recording, topic))
 
 
 def read_people(path: Path | str, topic: str = PEOPLE_TOPIC) -> Iterator[SkeletonsMessage]:
@@ -310,11 +311,12 @@ def read_people(path: Path | str, topic: str = PEOPLE_TOPIC) -> Iterator[Skeleto
     recording = Recording(path)
     found = recording.topics.get(topic)
     if found is not None and found.kind == schemas.SKELETON:
-        return (_alone(read_skeleton(data)) for data in _data_of(recording, topic))
+        return (_alone(read_skeleton(data, found.definition)) for data in _data_of(recording, topic))
     if topic == PEOPLE_TOPIC and found is None and SKELETON_TOPIC in recording.topics:
         return read_people(path, SKELETON_TOPIC)
     _require(recording, topic, schemas.SKELETON_ARRAY)
-    return (read_people_message(data) for data in _data_of(recording, topic))
+    definition = recording.topics[topic].definition
+    return (read_people_message(data, definition) for data in _data_of(recording, topic))
 
 
 def _alone(skeleton: Skeleton) -> SkeletonsMessage:

@@ -6,6 +6,9 @@ Recordings carry them, so that any MCAP reader decodes them. They say what the `
 
 from __future__ import annotations
 
+BUILD_LINE = "\nfloat32[] build"
+"""The last line of a Skeleton's definition; recordings of before there were builds lack it."""
+
 _DEFINITIONS: dict[str, str] = {
     "depth_pose_msgs/Skeleton": """\
 uint8 MATCHED=0
@@ -19,7 +22,8 @@ uint8 source
 float32 confidence
 float32 residual
 float32 scale
-Joint[] joints""",
+Joint[] joints
+float32[] build""",
     "depth_pose_msgs/SkeletonArray": "std_msgs/Header header\nSkeleton[] skeletons",
     "depth_pose_msgs/Joint": """\
 uint8 SEEN=0

@@ -77,8 +77,6 @@ def _support_points() -> tuple[tuple[int, ...], Array]:
 
 
 _SUPPORT_NODES, _SUPPORT_OFFSETS = _support_points()
-SOLES: NDArray[np.int64] = np.array([0, 1, 2, 4, 5, 6])
-"""Rows of the soles' points (left heel, ball, tip; then right) among the supporting points."""
 
 
 def support_points(rotations: Array) -> Array:

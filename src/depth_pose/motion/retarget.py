@@ -201,7 +201,7 @@ def _unit(vector: Array) -> Array:
     return np.asarray(vector / np.maximum(np.linalg.norm(vector, axis=-1, keepdims=True), 1e-9))
 
 
-def _aimed(hang: Array, rest_direction: Array, turn: Array, direction: Array) -> Array:
+def _aimed(rest_direction: Array, turn: Array, direction: Array) -> Array:
     """Rotation from hanging whose -y has the given direction, its twist that of the recording."""
     rest_to_source = rotation_between(np.array([0.0, -1.0, 0.0]), _unit(rest_direction))
     carried = turn @ rest_to_source
@@ -233,9 +233,9 @@ def _hinged(first: Array, second: Array, sign: float) -> Array:
 def _arm(at: dict[str, Array], rest: dict[str, Array], turn: dict[str, Array]) -> dict[str, Array]:
     upper_rest, fore_rest = rest["elbow"] - rest["shoulder"], rest["wrist"] - rest["elbow"]
     fore_direction = _unit(at["wrist"] - at["elbow"])
-    upper = _aimed(HANG["shoulder"], upper_rest, turn["shoulder"], _unit(at["elbow"] - at["shoulder"]))
+    upper = _aimed(upper_rest, turn["shoulder"], _unit(at["elbow"] - at["shoulder"]))
     upper = _hinged(upper, fore_direction, -1.0)
-    fore = _aimed(HANG["elbow"], fore_rest, turn["elbow"], fore_direction)
+    fore = _aimed(fore_rest, turn["elbow"], fore_direction)
     hand = turn["wrist"] @ rotation_between(np.array([0.0, -1.0, 0.0]), _unit(fore_rest))
     return {
         "clavicle": turn.get("clavicle", turn["chest"]),
@@ -247,14 +247,14 @@ def _arm(at: dict[str, Array], rest: dict[str, Array], turn: dict[str, Array]) -
 
 def _leg(at: dict[str, Array], rest: dict[str, Array], turn: dict[str, Array]) -> dict[str, Array]:
     shank_direction = _unit(at["ankle"] - at["knee"])
-    thigh = _aimed(HANG["hip"], rest["knee"] - rest["hip"], turn["hip"], _unit(at["knee"] - at["hip"]))
+    thigh = _aimed(rest["knee"] - rest["hip"], turn["hip"], _unit(at["knee"] - at["hip"]))
     thigh = _hinged(thigh, shank_direction, 1.0)
     shank = rotation_between(-thigh[..., :, 1], shank_direction) @ thigh
-    foot = _foot(at, rest, turn["ankle"])
+    foot = _foot(rest, turn["ankle"])
     return {"hip": thigh @ HANG["hip"], "knee": shank @ HANG["knee"], "ankle": foot, "foot": foot}
 
 
-def _foot(at: dict[str, Array], rest: dict[str, Array], turn: Array) -> Array:
+def _foot(rest: dict[str, Array], turn: Array) -> Array:
     if "toe" not in rest:
         return turn
     ours = rest_nodes()

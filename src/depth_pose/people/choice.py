@@ -31,13 +31,13 @@ class PeopleChoice:
 
     Attributes
     ----------
-    ignored : Counter of str
-        Over all frames, people left out: ``outside the zone`` and ``beyond the most``.
+    left_out : Counter of str
+        Whom the last frame left out: ``outside the zone`` and ``beyond the most``.
     """
 
     def __init__(self, zone: Zone, most: int, R_sensor_upright: NDArray[np.float64]) -> None:
         self._zone, self._most, self._rotation = zone, most, R_sensor_upright
-        self.ignored: Counter[str] = Counter()
+        self.left_out: Counter[str] = Counter()
         self.reset()
 
     def reset(self) -> None:
@@ -56,6 +56,7 @@ class PeopleChoice:
         places : sequence of (3,) float64
             Where they are, metres.
         """
+        self.left_out = Counter()
         distances = {}
         for name, place in zip(names, places, strict=True):
             if name is None:
@@ -65,8 +66,8 @@ class PeopleChoice:
             if self._zone.holds(x, y, z, slack):
                 distances[name] = float(np.linalg.norm(place)) - slack
             else:
-                self.ignored["outside the zone"] += 1
+                self.left_out["outside the zone"] += 1
         nearest = sorted(distances, key=distances.__getitem__)[: self._most or None]
-        self.ignored["beyond the most"] += len(distances) - len(nearest)
+        self.left_out["beyond the most"] += len(distances) - len(nearest)
         self._served = frozenset(nearest)
         return tuple(name if name in self._served else None for name in names)

@@ -3,11 +3,10 @@
 Sec. 4 of the paper cuts one person out with two distances. Here a net says of every pixel of a
 reduced image whether it shows a person, where that person's torso is, and, of every fourth, where
 their joints are, all in metres from the point that it sees. Votes for one torso gather, so people
-are split by where they are, not by what touches (Hough voting as in Leibe et al. 2008; votes for
-joints from every pixel as in Shotton et al. 2013 and Girshick et al. 2011). What is measured of each
-cluster then tells people from things (`depth_pose.people.verifier`). Last, the people are carried
-to the grid that the later steps work on, along the edges of the depth, and grow there into hands
-and feet too small for the net.
+are split by where they are, not by what touches (`depth_pose.people.clusters`). What is measured of
+each cluster then tells people from things (`depth_pose.people.verifier`). Last, the people are
+carried to the grid that the later steps work on, along the edges of the depth
+(`depth_pose.people.outline`).
 
 What a pixel measures at its distance is an input, so one net serves every sensor, field of view
 and mounting. ``tools/people_finder`` makes the weights.
@@ -26,47 +25,17 @@ from numpy.typing import NDArray
 
 from depth_pose.core.camera import Camera
 from depth_pose.core.config import SegmentConfig
-from depth_pose.core.skeleton import JOINTS
 from depth_pose.core.types import DepthFrame
-from depth_pose.people import _cluster_kernels as clusters
 from depth_pose.people import _finder_kernels as kernels
 from depth_pose.people import working_grid
 from depth_pose.people._finder_kernels import NetImage
+from depth_pose.people._outline_kernels import label_boxes
+from depth_pose.people.clusters import Clusters, VoteGatherer
+from depth_pose.people.outline import carry_people, spread_chance
 from depth_pose.people.verifier import Verifier
-
-FINDER_JOINTS: tuple[str, ...] = JOINTS
-"""The joints that a found person has proposals of."""
-
-_PARTS = tuple(
-    FINDER_JOINTS.index(name)
-    for name in ("pelvis", "neck", "head", "left_shoulder", "right_shoulder", "left_hip", "right_hip")
-)
-
-_MIRROR = [
-    FINDER_JOINTS.index(n.replace("left", "?").replace("right", "left").replace("?", "right"))
-    for n in FINDER_JOINTS
-]
 
 _NEAR_M, _FAR_M = 0.2, 12.0
 """What the net was trained to look at."""
-
-_CELL = 4
-"""Side of the cells that vote for joints, pixels of the net's image."""
-
-_LEAST_LOGIT = -0.62
-"""A pixel votes from a probability of .35 on (the trial's; .3 to .4 made no difference)."""
-
-_RADIUS_M = 0.3
-"""Votes within it are one torso's; two people side by side are .45 m apart or more."""
-
-_REACH_M = 0.5
-"""A vote farther than this from every torso is nobody's."""
-
-_MOST_VOTES = 1000
-"""As many votes, about, are looked at to find the torsos; all are then given to them."""
-
-_LEAST_AREA_M2 = 0.02
-_MOST_PEOPLE = 24
 
 _LEAST_PIXELS = 12
 """Fewer pixels of the working grid than this are nobody."""
@@ -80,19 +49,6 @@ the neighbour, and how much smaller (natural logarithm)."""
 
 _HALO_MEAN, _HALO_SURE, _HALO_JUMP, _HALO_ASIDE_M, _HALO_SMALLER = 0.6, 0.1, 0.25, 0.65, 0.7
 """Set by the clusters on the wall behind the people of the development clips; no person was like that."""
-
-_GROW_CHANCE = 0.2
-_GROW_JUMP = 0.02
-"""Step in depth per metre of distance that a surface may make from one working pixel to the next."""
-
-_GROW_PIXELS = 4
-"""How far a person grows on the working grid, pixels at one metre."""
-
-_LIMB_CHANCE, _LIMB_AREA_M2 = 0.15, 0.07
-"""Surfaces beside a person of less than this area are their limbs from this probability on.
-
-These and the three above gave the best overlap with the truth on 160 simulated scenes (.878; without limbs
-.872)."""
 
 _TYPICAL_ERROR_M = 0.1
 """Error of a joint's proposal at which its confidence is one half."""
@@ -149,6 +105,8 @@ class Detections:
         What the net says of every pixel's chance to show a person, 0 to 1.
     people : tuple of Detection
         Nearest first.
+    out_of_range : int
+        How many more there are nearer or farther than `SegmentConfig.near` and `SegmentConfig.far` say.
     """
 
     depth: NDArray[np.float32]
@@ -156,6 +114,7 @@ class Detections:
     camera: Camera
     chance: NDArray[np.float32]
     people: tuple[Detection, ...]
+    out_of_range: int
 
 
 def reduce_frame(frame: DepthFrame, nearest: float = _NEAR_M) -> NetImage:
@@ -180,35 +139,6 @@ def reduce_frame(frame: DepthFrame, nearest: float = _NEAR_M) -> NetImage:
         cy=(camera.cy + 0.5) / stride - 0.5,
     )
     return NetImage(grid, rows, cols, stride, reduced)
-
-
-@dataclass(frozen=True)
-class Clusters:
-    """What gathers around each torso, before anybody asked whether it is a person.
-
-    Attributes
-    ----------
-    labels : (ROWS, COLS) uint8
-        From 1; 0: nobody.
-    torsos : (P, 3) float64
-    joints : (P, 19, 3) float64
-    joint_error : (P, 19) float64
-        Metres, as the votes themselves say.
-    from_behind : (P,) float64
-        Probability.
-    measures : (P, MEASURES) float64
-        What the verifier asks for.
-    neighbour : (P,) int64
-        The nearest cluster with more area, -1 for none near.
-    """
-
-    labels: NDArray[np.uint8]
-    torsos: NDArray[np.float64]
-    joints: NDArray[np.float64]
-    joint_error: NDArray[np.float64]
-    from_behind: NDArray[np.float64]
-    measures: NDArray[np.float64]
-    neighbour: NDArray[np.int64]
 
 
 class PeopleFinder:
@@ -248,16 +178,7 @@ class PeopleFinder:
         self._features = np.zeros((1, kernels.CHANNELS, *shape), np.float32)
         self._sums = np.zeros((shape[0] + 1, shape[1] + 1))
         self._counts = np.zeros((shape[0] + 1, shape[1] + 1), np.int64)
-        self._density = np.zeros(int(np.prod(clusters.CELLS)))
-        self._cells = np.empty((shape[0] // _CELL, shape[1] // _CELL), np.int64)
-        size = shape[0] * shape[1]
-        self._owner = np.zeros(size, np.int64)
-        self._votes = clusters.TorsoVotes(
-            flat=np.zeros(size, np.int64),
-            points=np.zeros((size, 3)),
-            weights=np.zeros(size),
-            areas=np.zeros(size),
-        )
+        self._gatherer = VoteGatherer()
 
     def warm_up(self) -> None:
         """Compile and load everything, so that the first frame takes no longer than the next."""
@@ -285,22 +206,23 @@ class PeopleFinder:
         )
         probability[_is_halo(found.measures)] = 0.0
         distance = found.torsos[:, 2]
-        likely = (
-            (probability >= self.config.keep) & (distance >= self.config.near) & (distance <= self.config.far)
-        )
+        near_enough = (distance >= self.config.near) & (distance <= self.config.far)
+        likely = (probability >= self.config.keep) & near_enough
+        beyond = int(((probability >= self.config.start) & ~near_enough).sum())
         chosen = np.flatnonzero(likely)[np.argsort(distance[likely], kind="stable")]
         number = np.zeros(len(distance) + 1, np.uint8)
         number[chosen + 1] = np.arange(1, len(chosen) + 1)
         _join_parts(found, number)
-        labels = self._outline(image, number[found.labels], mask, depth, camera)
+        net_chance = np.reciprocal(1.0 + np.exp(-mask), dtype=np.float32)
+        labels = carry_people(image, number[found.labels], net_chance, depth, camera)
         boxes, pixels = np.empty((len(chosen), 4), np.int64), np.empty(len(chosen), np.int64)
-        clusters.label_boxes(labels, boxes, pixels)
+        label_boxes(labels, boxes, pixels)
         people = tuple(
             _person(n + 1, probability[k], found, k, boxes[n], labels.shape)
             for n, k in enumerate(chosen)
             if pixels[n] >= _LEAST_PIXELS
         )
-        return Detections(depth, labels, camera, _spread(mask, image, camera), people)
+        return Detections(depth, labels, camera, spread_chance(net_chance, image, camera), people, beyond)
 
     def cluster(self, image: NetImage) -> tuple[NDArray[np.float32], Clusters]:
         """Let the net vote, and gather the votes.
@@ -313,75 +235,7 @@ class PeopleFinder:
         """
         kernels.fill_features(image, self._sums, self._counts, self._features[0])
         mask, torso, votes = (o[0] for o in self._session.run(None, {self._input: self._features}))
-        return mask[0], self._gather(image, mask[0], torso, votes)
-
-    def _gather(
-        self,
-        image: NetImage,
-        mask: NDArray[np.float32],
-        torso: NDArray[np.float32],
-        joint_votes: NDArray[np.float32],
-    ) -> Clusters:
-        """Find where votes for torsos gather, and what those who cast them say of the joints."""
-        n = clusters.collect_votes(image, mask, torso, _LEAST_LOGIT, self._votes)
-        votes = self._votes.first(n)
-        step = max(1, n // _MOST_VOTES)  # enough to find the middles
-        modes = np.empty((_MOST_PEOPLE, 3))
-        count = clusters.find_modes(
-            votes.points[::step].copy(),
-            step * votes.weights[::step],
-            self._density,
-            _RADIUS_M,
-            _LEAST_AREA_M2,
-            _MOST_PEOPLE,
-            modes,
-        )
-        modes = modes[:count]
-        labels, owner = np.zeros(mask.shape, np.uint8), self._owner[:n]
-        clusters.assign_votes(votes.flat, votes.points, modes, _REACH_M, labels, owner)
-        kernels.choose_cells(image.depth, image.rows, image.cols, _CELL, self._cells)
-        size = (count, len(FINDER_JOINTS))
-        seen = clusters.SeenJoints(np.empty((*size, 3)), np.empty(size), np.empty(size), np.empty(count))
-        clusters.gather_joints(image, labels, self._cells, joint_votes, seen)
-        measures = np.empty((count, clusters.MEASURES))
-        clusters.measure_clusters(image, mask, torso, votes, owner, modes, measures)
-        clusters.measure_joints(seen, modes, image, mask, _PARTS, measures)
-        neighbour = np.empty(count, np.int64)
-        clusters.measure_neighbours(image, labels, modes, measures, neighbour)
-        joints, error, away = seen.joints, seen.width, seen.behind > 0.5
-        joints[away], error[away] = joints[away][:, _MIRROR], error[away][:, _MIRROR]
-        return Clusters(labels, modes, joints, error, seen.behind, measures, neighbour)
-
-    def _outline(
-        self,
-        image: NetImage,
-        net_labels: NDArray[np.uint8],
-        mask: NDArray[np.float32],
-        depth: NDArray[np.float32],
-        camera: Camera,
-    ) -> NDArray[np.uint8]:
-        """Carry the people to the working grid, and let them grow along their surfaces."""
-        labels = np.zeros(depth.shape, np.uint8)
-        if not net_labels.any():
-            return labels
-        net_chance, near = np.empty(mask.shape, np.float32), np.empty(mask.shape, np.bool_)
-        clusters.mark_near(net_labels, mask, _LIMB_CHANCE, image.rows, image.cols, net_chance, near)
-        chance = np.empty(depth.shape, np.float32)
-        clusters.carry_labels(depth, camera, image, net_labels, net_chance, near, labels, chance)
-        space = clusters.FloodSpace(np.empty(depth.size, np.int64), np.empty(depth.shape, np.int32))
-        clusters.grow_labels(depth, labels, chance, _GROW_CHANCE, _GROW_JUMP, _GROW_PIXELS, space.queue)
-        limb = clusters.LimbRule(_LIMB_CHANCE, _GROW_JUMP, _LIMB_AREA_M2)
-        clusters.adopt_limbs(depth, camera, labels, chance, limb, space)
-        return labels
-
-
-def _spread(mask: NDArray[np.float32], image: NetImage, camera: Camera) -> NDArray[np.float32]:
-    """Chance of a person at every pixel of another grid of the same camera, from the nearest net pixel."""
-    ratio = image.camera.fx / camera.fx
-    rows = np.rint((np.arange(camera.height) - camera.cy) * ratio + image.camera.cy).astype(np.int64)
-    cols = np.rint((np.arange(camera.width) - camera.cx) * ratio + image.camera.cx).astype(np.int64)
-    near = mask[rows.clip(0, image.rows - 1)[:, None], cols.clip(0, image.cols - 1)]
-    return 1.0 / (1.0 + np.exp(-near))
+        return mask[0], self._gatherer.gather(image, mask[0], torso, votes)
 
 
 def _person(

@@ -15,10 +15,12 @@ from numpy.typing import NDArray
 from depth_pose.core.camera import Camera
 from depth_pose.core.config import SegmentConfig
 from depth_pose.core.types import BACKGROUND, HIDDEN, PERSON, DepthFrame
-from depth_pose.people import _segment_kernels as kernels
+from depth_pose.people import _surface_kernels as kernels
+from depth_pose.people._border_kernels import mark_unsupported
 from depth_pose.people.planes import PlaneFinder
 from depth_pose.people.segmentation import Segmentation, Sighting
 from depth_pose.people.working_grid import reduce_frame
+from depth_pose.people.working_grid import warm_up as warm_up_grid
 
 _BOX_FILL = 0.95
 """A person leaves more of their bounding box empty than this; a curtain or a cupboard fills it."""
@@ -55,7 +57,7 @@ class PlaneSegmenter:
         depth = np.full((48, 64), 3.0, np.float32)
         depth[8:40, 20:44] = 2.0
         PlaneSegmenter(self.config).segment(DepthFrame(0, "", depth, Camera(64, 48, 60.0, 60.0, 31.5, 23.5)))
-        kernels.reduce_depth(np.ones((4, 4), np.float32), 2, 0.1, 0.4, 8.0)
+        warm_up_grid(self.config)
 
     def segment(self, frame: DepthFrame) -> Segmentation:
         """Label every pixel of the working grid.
@@ -76,7 +78,9 @@ class PlaneSegmenter:
         planes = self._planes.mark(points, camera)
         foreground = (depth > 0) & ~planes
         person = self._find_person(depth, points, foreground, camera)
-        person = kernels.filter_support(depth, person, config.depth_jump, config.min_support)
+        own = person.astype(np.uint8)
+        mark_unsupported(depth, own, config.depth_jump, config.min_support)
+        person = own == PERSON
 
         labels = np.full(depth.shape, BACKGROUND, np.uint8)
         if person.any():

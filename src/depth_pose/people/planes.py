@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.camera import Camera
-from depth_pose.people import _segment_kernels as kernels
+from depth_pose.people import _plane_kernels as kernels
 
 WALL_AREA_M2, WALL_WIDTH_M = 1.5, 0.2
 """Least visible area of a plane, and least standard deviation of its points along its narrower

@@ -49,12 +49,15 @@ class Segmentation:
     camera : Camera
         Camera of the working grid.
     sightings : tuple of Sighting
+    out_of_range : int
+        People seen who are too near or too far to be served.
     """
 
     depth: NDArray[np.float32]
     labels: NDArray[np.uint8]
     camera: Camera
     sightings: tuple[Sighting, ...]
+    out_of_range: int = 0
 
 
 class Segmenter(Protocol):

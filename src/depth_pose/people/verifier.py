@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.errors import ConfigError
-from depth_pose.people._cluster_kernels import MEASURES
+from depth_pose.people._measure_kernels import MEASURES
 
 
 @dataclass(frozen=True)

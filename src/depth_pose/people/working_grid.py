@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from depth_pose.core.camera import Camera
 from depth_pose.core.config import SegmentConfig
 from depth_pose.core.types import DepthFrame
-from depth_pose.people import _segment_kernels as kernels
+from depth_pose.people import _reduce_kernels as kernels
 
 
 def reduce_camera(camera: Camera, stride: int) -> Camera:
@@ -37,3 +37,10 @@ def reduce_frame(frame: DepthFrame, config: SegmentConfig) -> tuple[NDArray[np.f
         return kernels.clip_depth(frame.depth, config.near, config.far), frame.camera
     depth = kernels.reduce_depth(frame.depth, stride, config.depth_jump, config.near, config.far)
     return depth, reduce_camera(frame.camera, stride)
+
+
+def warm_up(config: SegmentConfig) -> None:
+    """Compile the kernels for images that are reduced and for those that are not."""
+    for side in (8, 2 * config.working_height):
+        depth = np.full((side, 8), 2.0, np.float32)
+        reduce_frame(DepthFrame(0, "", depth, Camera(8, side, 60.0, 60.0, 3.5, 0.5 * side)), config)

@@ -84,7 +84,7 @@ def belongings(rng: np.random.Generator, wearer: Wearer, doing: str) -> list[Pie
     rng : numpy.random.Generator
     wearer : Wearer
     doing : str
-        As in `depth_pose.sim._postures_parts.Kind`.
+        As in `depth_pose.motion.procedural.postures.parts.Kind`.
 
     Returns
     -------

@@ -21,7 +21,7 @@ from depth_pose.fit.articulated import BodyPose
 from depth_pose.fit.rendered_depth import DepthComparer
 from depth_pose.fit.skeleton_pose import pose_from_nodes, pose_from_skeleton
 from depth_pose.people.person import Person
-from depth_pose.steps.confidence import report_joints, skeleton_confidence
+from depth_pose.steps.confidence import fit_confidence, report_joints
 
 _ARMS = [
     [NODE_INDEX[f"{s}_{n}"] for n in ("clavicle", "shoulder", "elbow", "wrist")] for s in ("left", "right")
@@ -92,7 +92,7 @@ def fail(kind: str, fitted: Fitted, person: Person, bank: Bank, rng: np.random.G
     report = report_joints(positions, pose.scale, person, seen.score)
     skeleton = replace(
         fitted.skeleton,
-        confidence=float(np.float32(skeleton_confidence(seen.score))),
+        confidence=float(np.float32(fit_confidence(seen.score))),
         residual=float(np.float32(seen.gap)),
         positions=positions,
         quats_xyzw=matrix_to_quat(pose.rotations[JOINT_NODES]),

@@ -17,14 +17,14 @@ from depth_pose.body.limits import clamp_angles
 from depth_pose.core.errors import ConfigError
 from depth_pose.core.skeleton import JOINT_NODES
 from depth_pose.motion.contact import separate_limbs
+from depth_pose.motion.procedural.postures.parts import Kind
+from depth_pose.motion.procedural.postures.sampler import POSTURES, Postures, sample_postures
 from depth_pose.sim import _garments as garments
 from depth_pose.sim import _things as things
 from depth_pose.sim._builds import draw_build
 from depth_pose.sim._dressed_skin import draw_cut, dress
 from depth_pose.sim._garments import Wearer
 from depth_pose.sim._meshes import Piece, join
-from depth_pose.sim._postures import POSTURES, Postures, sample_postures
-from depth_pose.sim._postures_parts import Kind
 from depth_pose.sim._resting import put_down
 
 __all__ = ["POSTURES", "Figure", "sample_figure"]

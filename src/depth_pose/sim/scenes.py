@@ -72,6 +72,8 @@ class Scene:
         Whether a joint is inside the image and hidden by nothing but its owner.
     up : (3,) float32
         Unit vector away from the floor, optical frame.
+    sensor : str
+        The sensor's family: ``structured``, ``tof`` or ``stereo``.
     """
 
     depth: NDArray[np.float32]
@@ -83,6 +85,7 @@ class Scene:
     visible: NDArray[np.float32]
     seen: NDArray[np.bool_]
     up: NDArray[np.float32]
+    sensor: str
 
 
 @dataclass(frozen=True)
@@ -333,6 +336,7 @@ def render(
         visible=np.clip(shown / np.maximum(areas, 1.0), 0, 1).astype(np.float32),
         seen=_seen(view, joints, drawn.depth, own),
         up=view.rotation[:, 1].astype(np.float32),
+        sensor=sensor.family,
     )
 
 

@@ -36,7 +36,8 @@ def score(placed, pose_quats, body, scale, observed, band):
     """
     camera, count = observed.camera, body.nodes.shape[0]
     local, turned = np.empty((3, 3)), np.empty((count, 3, 3))
-    vertices, zbuffer, sums = np.empty(body.vertices.shape), np.empty(observed.depth.shape), np.empty(5)
+    vertices, sums = np.empty(body.vertices.shape), np.empty(5)
+    zbuffer = np.empty(observed.depth.shape, np.float32)
     for k in range(placed.exemplars.shape[0]):
         for n in range(count):
             matrix_of(pose_quats[placed.exemplars[k], n], local)

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.skeleton import JOINT_INDEX, JOINTS
+from depth_pose.core.types import Fitted
 from depth_pose.people.person import Person
 from depth_pose.steps import _confidence_kernels as kernels
 
@@ -77,6 +78,21 @@ BESIDE = 0.45
 """The most that is said of a joint beyond the left or right border of the image: of people cut off there
 by half too much is guessed, and nothing was fitted to them."""
 
+SKELETON_SIGNS = {
+    "always": 0.0,
+    "log-odds of being a person": 1.0,
+    "score": -10.0,
+    "log-odds of the joints' mean confidence": 1.0,
+    "metres from the finder's joints": -3.0,
+}
+"""Log-odds of a skeleton, by what is known of it; fitted to simulated rooms with clutter by
+``benchmarks/confidence.py --rooms``. The distance from the finder's proposals is weighed by how sure
+they are."""
+
+_FAR_APART_M = 0.5
+_LEAST_CHANCE = 0.01
+_SKELETON_ODDS = np.array(list(SKELETON_SIGNS.values()))
+
 _KIND = [name.split("_")[-1] for name in JOINTS]
 _BELOW = np.array([_DEPTH_BEHIND_SURFACE.get(kind, 0.11) for kind in _KIND])
 _OTHER_END = np.array(
@@ -105,9 +121,42 @@ class JointReport:
     confidence: NDArray[np.float64]
 
 
-def skeleton_confidence(score: float) -> float:
-    """Confidence, 0 to 1, of a fit with a rendered-depth score; falls with the score."""
+def fit_confidence(score: float) -> float:
+    """Confidence, 0 to 1, of a fit with a rendered-depth score; falls with the score.
+
+    It knows nothing of clutter; `skeleton_confidence` does.
+    """
     return float(1.0 / (1.0 + np.exp((score - _HALF_SURE_SCORE) / _SCORE_SPREAD)))
+
+
+def skeleton_signs(person: Person, fitted: Fitted) -> NDArray[np.float64]:
+    """Give what the confidence of a skeleton is made from, (5,): `SKELETON_SIGNS`."""
+    skeleton, found = fitted.skeleton, person.found
+    gap = 0.0
+    if len(found.proposals) == len(skeleton.positions):
+        trust = found.proposal_confidence.astype(np.float64)
+        apart = np.linalg.norm(skeleton.positions - found.proposals, axis=1)
+        gap = float(np.minimum(apart, _FAR_APART_M) @ trust / max(float(trust.sum()), 1e-6))
+    return np.array([1.0, _log_odds(found.probability), fitted.score,
+                     _log_odds(float(skeleton.joint_confidence.mean())), gap])  # fmt: skip
+
+
+def skeleton_confidence(person: Person, fitted: Fitted) -> float:
+    """Chance, 0 to 1, that this is a person and that the joints lie within 10 cm on average.
+
+    Parameters
+    ----------
+    person : Person
+    fitted : Fitted
+        Their skeleton, with a pose.
+    """
+    odds = float(skeleton_signs(person, fitted) @ _SKELETON_ODDS)
+    return float(1.0 / (1.0 + np.exp(-odds)))
+
+
+def _log_odds(chance: float) -> float:
+    chance = min(max(chance, _LEAST_CHANCE), 1.0 - _LEAST_CHANCE)
+    return float(np.log(chance / (1.0 - chance)))
 
 
 def look_at_joints(positions: NDArray[np.float64], scale: float, person: Person) -> JointSigns:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable
 
 import numpy as np
@@ -38,8 +39,12 @@ class PeopleExtractor:
 
     Attributes
     ----------
+    segmenter : Segmenter
+        Finds people, and keeps what it needs from frame to frame.
     choice : PeopleChoice
-        Counts who was left out.
+    passed_over : Counter of str
+        Over all frames, who was seen and not answered: ``too near or too far``, ``not sure enough``, and what
+        `PeopleChoice` left out.
     """
 
     def __init__(
@@ -48,17 +53,18 @@ class PeopleExtractor:
         denoise: DenoiseConfig,
         mount: MountConfig = MountConfig(),  # noqa: B008
     ) -> None:
-        self._segmenter = _METHODS[segment.method](segment)
+        self.segmenter: Segmenter = _METHODS[segment.method](segment)
         self._denoise = denoise
         self._tracks = PeopleTracks(segment.start, segment.keep)
         self.choice = PeopleChoice(
             parse_zone(segment.zone), segment.most_people, rotation_sensor_upright(mount.roll)
         )
         self._guard = StampGuard()
+        self.passed_over: Counter[str] = Counter()
 
     def reset(self) -> None:
         """Forget the people."""
-        self._segmenter.reset()
+        self.segmenter.reset()
         self._tracks.reset()
         self.choice.reset()
 
@@ -66,11 +72,11 @@ class PeopleExtractor:
         """Forget the people and the names given, as if new."""
         self.reset()
         self._tracks.restart()
-        self.choice.ignored.clear()
+        self.passed_over.clear()
 
     def warm_up(self) -> None:
         """Compile every kernel."""
-        self._segmenter.warm_up()
+        self.segmenter.warm_up()
         camera = Camera(64, 48, 60.0, 60.0, 31.5, 23.5)
         depth = denoise_depth(np.full((48, 64), 2.0, np.float32), camera, self._denoise)
         found = FoundPerson(1, "", 1.0, np.zeros((0, 3), np.float32), np.zeros(0, np.float32))
@@ -83,11 +89,14 @@ class PeopleExtractor:
         """
         if self._guard.is_break(frame.stamp_ns):
             self.reset()
-        seen = self._segmenter.segment(frame)
+        seen = self.segmenter.segment(frame)
         depth = denoise_depth(seen.depth, seen.camera, self._denoise)
         labels = np.where((seen.depth > 0) & (depth <= 0), np.uint8(HIDDEN), seen.labels)
         names = self._tracks.assign(seen.sightings, frame.stamp_ns)
         chosen = self.choice.choose(names, [s.place for s in seen.sightings])
+        self.passed_over["too near or too far"] += seen.out_of_range
+        self.passed_over["not sure enough"] += names.count(None)
+        self.passed_over.update(self.choice.left_out)
         found = (
             FoundPerson(s.label, name, self._probability(name), s.proposals, s.proposal_confidence)
             for s, name in zip(seen.sightings, chosen, strict=True)

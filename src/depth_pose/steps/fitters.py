@@ -28,12 +28,15 @@ class FrameFitter(Protocol):
     def finish(self, fitted: FittedBody) -> FittedBody:
         """Fit as well as possible, from a rough fit."""
 
+    def seen(self) -> FitTarget:
+        """Give the frame as the articulated fit takes it."""
+
 
 class Fitter(Protocol):
     """What the refiner needs of a method."""
 
-    def fit_to(self, view: Person) -> FrameFitter:
-        """Prepare one frame."""
+    def fit_to(self, view: Person, body: Body) -> FrameFitter:
+        """Prepare one frame, in which a build of the body is fitted."""
 
 
 @dataclass(frozen=True)
@@ -50,6 +53,9 @@ class _SkinnedFrame:
     def finish(self, fitted: FittedBody) -> FittedBody:
         return self._fit(fitted.pose, self.fitter.config.fine)
 
+    def seen(self) -> FitTarget:
+        return self.target
+
     def _fit(self, start: BodyPose, sigmas: tuple[float, ...]) -> FittedBody:
         pose = self.fitter.fit(self.target, start, sigmas)
         posed = self.fitter.body.pose(pose.rotations, pose.root, pose.scale)
@@ -62,10 +68,10 @@ class SkinnedFitter:
     def __init__(self, body: Body, config: FittingConfig) -> None:
         self._fitter = ArticulatedFitter(body, config.fit)
 
-    def fit_to(self, view: Person) -> FrameFitter:
+    def fit_to(self, view: Person, body: Body) -> FrameFitter:
         """Prepare one frame."""
         points = thin(view.points, self._fitter.config.max_points)
-        return _SkinnedFrame(self._fitter, FitTarget.prepare(points, view.full, view.coarse))
+        return _SkinnedFrame(self._fitter.of(body), FitTarget.prepare(points, view.full, view.coarse))
 
 
 @dataclass(frozen=True)
@@ -84,6 +90,9 @@ class _CompletionFrame:
     def finish(self, fitted: FittedBody) -> FittedBody:
         return fitted
 
+    def seen(self) -> FitTarget:
+        return FitTarget.prepare(self.points, self.view.full, self.view.coarse)
+
 
 class CompletionFitter:
     """The paper's registration and completion (`depth_pose.fit.completion`)."""
@@ -91,10 +100,10 @@ class CompletionFitter:
     def __init__(self, body: Body, config: FittingConfig) -> None:
         self._completer = MeshCompleter(body, config.completion, config.cpd)
 
-    def fit_to(self, view: Person) -> FrameFitter:
+    def fit_to(self, view: Person, body: Body) -> FrameFitter:
         """Prepare one frame."""
         points = thin(view.points, self._completer.config.max_points)
-        return _CompletionFrame(self._completer, points, view)
+        return _CompletionFrame(self._completer.of(body), points, view)
 
 
 FITTERS: dict[str, Callable[[Body, FittingConfig], Fitter]] = {

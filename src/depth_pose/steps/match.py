@@ -33,6 +33,7 @@ from depth_pose.steps.placing import (
     join,
     place_exemplars,
 )
+from depth_pose.steps.proposed import ProposedExemplars
 from depth_pose.steps.scale import SCALES, ScaleFinder
 from depth_pose.steps.search import SubspaceSearch
 from depth_pose.steps.short_fits import TrialFits
@@ -110,6 +111,7 @@ class Matcher:
         self._views = ExemplarViews(np.arange(bank.poses), bank.view_quats, bank.view_origins)
         self._renderer = ExemplarRenderer(bank, config.score_band)
         self._upright = UprightExemplars(bank)
+        self._proposed = ProposedExemplars(bank)
         self._fitter = ArticulatedFitter(bank.body, fit)
         self._sizes = PerPerson(lambda: _Size(ScaleFinder(self._fitter, config.score_band)))
 
@@ -169,10 +171,18 @@ class Matcher:
             return self.config.scale
         if finder.frames == 0:
             few = max(4, self.config.shortlist // 4)
-            tried = [(s, self._compare_roughly(person, s, few)) for s in SCALES[1::3].tolist()]
+            tried = [(s, self._compare_roughly(person, s, few)) for s in self._first_sizes(person)]
             scale, rough = min(tried, key=lambda t: float(t[1].scores.min()))
             finder.add(person, self._pose(self._compare_finely(person, scale, rough), 0, scale))
         return finder.scale
+
+    def _first_sizes(self, person: Person) -> list[float]:
+        """Give the sizes that are compared first: about the proposals' own, or all over the range."""
+        sizes = SCALES[1::3]
+        if (guess := self._proposed.size(person.found)) is None:
+            return sizes.tolist()
+        nearest = int(np.argmin(np.abs(np.log(sizes / guess))))
+        return sizes[max(0, nearest - 1) : nearest + 2].tolist()
 
     def _pose(self, placed: Placed, row: int, scale: float) -> BodyPose:
         """Give one's pose in the camera frame."""
@@ -191,6 +201,8 @@ class Matcher:
         if person.is_cut_below:
             hung, upright = head_axes(person.points, scale), self._upright
             parts.append(place_exemplars(upright.views, upright.all, hung, scale))
+        if (proposed := self._proposed.find(person.found, scale)) is not None:
+            parts.append(proposed)
         return self._renderer.compare(join(parts), scale, _thinned(person, _ROUGH_M))
 
     def _compare_finely(self, person: Person, scale: float, rough: Placed) -> Placed:

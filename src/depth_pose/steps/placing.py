@@ -92,10 +92,19 @@ def place_exemplars(views: ExemplarViews, nearest: Nearest, axes: CanonicalAxes,
         rotations, translations,
     )  # fmt: skip
     poses, numbers = np.divmod(nearest.entries, views.view_quats.shape[1])
+    placed = unscored(views.numbers[poses], rotations, translations)
+    return placed._replace(views=numbers, distances=nearest.distances)
+
+
+def unscored(
+    exemplars: NDArray[np.int64], rotations: NDArray[np.float64], translations: NDArray[np.float64]
+) -> Placed:
+    """Give exemplars that lie somewhere, of no view, before any comparison."""
+    count = len(exemplars)
     return Placed(
-        exemplars=views.numbers[poses],
-        views=numbers,
-        distances=nearest.distances,
+        exemplars=exemplars,
+        views=np.zeros(count, np.int64),
+        distances=np.zeros(count, np.float32),
         rotations=rotations,
         translations=translations,
         scores=np.full(count, np.inf),

@@ -18,6 +18,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from depth_pose.bank.bank import Bank
+from depth_pose.body.body import Body
+from depth_pose.body.build import BuildSpace
 from depth_pose.core.config import (
     MAX_STAMP_GAP_NS,
     FittingConfig,
@@ -35,7 +37,7 @@ from depth_pose.fit.skeleton_pose import pose_from_skeleton
 from depth_pose.fit.temporal import TemporalCarrier
 from depth_pose.people.memory import PerPerson
 from depth_pose.people.person import People, Person, thin
-from depth_pose.steps.confidence import report_joints, skeleton_confidence
+from depth_pose.steps.confidence import fit_confidence, report_joints
 from depth_pose.steps.failure import KINDS, Failure, FailureCheck
 from depth_pose.steps.smooth import JointFilter
 from depth_pose.steps.warm_up import sample_people
@@ -136,6 +138,7 @@ class Recoverer:
         self._completer = MeshCompleter(bank.body, fitting.completion, fitting.cpd)
         self._carrier = TemporalCarrier(self._completer, fitting.temporal, fitting.cpd)
         self._fitter = ArticulatedFitter(bank.body, fitting.fit)
+        self._space = BuildSpace(bank.body)
         self._memory = PerPerson(lambda: _Person(smooth), MAX_STAMP_GAP_NS)
         self.failures: Counter[str] = Counter(dict.fromkeys(KINDS, 0))
         self.recoveries = 0
@@ -153,8 +156,8 @@ class Recoverer:
         for person in sample_people(self.bank).persons:
             start = BodyPose(turned @ self.bank.rotations(0), person.points.mean(axis=0), 1.0)
             points = thin(person.points, _MAX_POINTS)
-            self._carrier.carry(points, points, person.coarse, start)
-            pose = self._fit(person, start)
+            self._carrier.carry(points, points, person.coarse, start, self.bank.body)
+            pose = self._fit(person, start, self.bank.body)
             nodes = self.bank.body.pose(pose.rotations, pose.root, pose.scale).nodes
             report_joints(nodes[JOINT_NODES], pose.scale, person, 0.0)
 
@@ -228,12 +231,13 @@ class Recoverer:
 
     def _carry(self, past: _Past, person: Person) -> Fitted:
         """Carry the last skeleton's body over to this frame, and fit it."""
-        pose = pose_from_skeleton(self.bank.body, past.fitted.skeleton)
+        body = self._space.body(past.fitted.skeleton.build)
+        pose = pose_from_skeleton(body, past.fitted.skeleton)
         before, now = thin(past.person.points, _MAX_POINTS), thin(person.points, _MAX_POINTS)
-        carried = self._carrier.carry(before, now, past.person.coarse, pose)
-        pose = self._fit(person, carried.pose)
-        mesh = self.bank.body.pose(pose.rotations, pose.root, pose.scale)
-        seen = DepthComparer(person.coarse, self._band).compare(mesh.vertices, self.bank.body.faces)
+        carried = self._carrier.carry(before, now, past.person.coarse, pose, body)
+        pose = self._fit(person, carried.pose, body)
+        mesh = body.pose(pose.rotations, pose.root, pose.scale)
+        seen = DepthComparer(person.coarse, self._band).compare(mesh.vertices, body.faces)
         positions = mesh.nodes[JOINT_NODES]
         report = report_joints(positions, pose.scale, person, seen.score)
         skeleton = Skeleton(
@@ -241,20 +245,21 @@ class Recoverer:
             frame_id=person.frame_id,
             body_id=person.body_id,
             source=Source.RECOVERED,
-            confidence=float(np.float32(skeleton_confidence(seen.score))),
+            confidence=float(np.float32(fit_confidence(seen.score))),
             residual=float(np.float32(seen.gap)),
             scale=past.fitted.skeleton.scale,
             positions=positions,
             quats_xyzw=matrix_to_quat(pose.rotations[JOINT_NODES]),
             joint_confidence=(_JOINT_TRUST * report.confidence).astype(np.float32),
             joint_states=report.states,
+            build=past.fitted.skeleton.build,
         )
         return Fitted(skeleton, seen.score)
 
-    def _fit(self, person: Person, start: BodyPose) -> BodyPose:
+    def _fit(self, person: Person, start: BodyPose, body: Body) -> BodyPose:
         points = thin(person.points, self._fitter.config.max_points)
         target = FitTarget.prepare(points, person.full, person.coarse)
-        return self._fitter.fit(target, start, self._fitter.config.carried)
+        return self._fitter.of(body).fit(target, start, self._fitter.config.carried)
 
 
 def _doubted(fitted: Fitted) -> Fitted:

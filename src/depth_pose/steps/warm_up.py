@@ -18,7 +18,7 @@ def sample_people(bank: Bank) -> People:
     """Render the bank's first pose into a frame that shows nobody else."""
     facing = np.diag([1.0, -1.0, -1.0])  # model frame to camera frame
     posed = bank.body.pose(facing @ bank.rotations(0), np.array([0.0, 0.0, _DISTANCE_M]))
-    zbuffer = np.empty((_CAMERA.height, _CAMERA.width))
+    zbuffer = np.empty((_CAMERA.height, _CAMERA.width), np.float32)
     kernels.rasterize(posed.vertices, bank.body.faces, _CAMERA, zbuffer)
     depth = np.where(np.isfinite(zbuffer), zbuffer, 0.0).astype(np.float32)
     labels = np.where(depth > 0, PERSON, BACKGROUND).astype(np.uint8)

@@ -65,12 +65,16 @@ class DenoiseNode(StageNode):
         else:
             frame = image_to_frame(message, self._info)
         upright = turn_upright(frame, self.config.mount)
-        points, people = people_to_msgs(self.stage.extract(upright))
+        found = self.stage.extract(upright)
+        points, people = people_to_msgs(found)
         self._points.publish(points)
         self._people.publish(people)
         self.figures.values["people"] = len(people.people)
-        for reason, count in self.stage.choice.ignored.items():
-            self.figures.values[f"ignored {reason}"] = count
+        self.figures.values["people cut off or half hidden"] = sum(
+            p.is_cut_below or p.is_cut_beside for p in found.persons
+        )
+        for reason, count in self.stage.passed_over.items():
+            self.figures.values[f"ignored: {reason}"] = count
 
     def _hold(self, image: Image | CompressedImage) -> None:
         """Keep an image until the first CameraInfo says what it shows."""

@@ -15,7 +15,7 @@ from rclpy.node import Node
 from rclpy.task import Future
 
 from depth_pose.core.errors import DepthPoseError
-from depth_pose.ros.process.names import NODES
+from depth_pose.ros.process import NODES
 
 _STEPS = {
     (State.PRIMARY_STATE_UNCONFIGURED, True): Transition.TRANSITION_CONFIGURE,

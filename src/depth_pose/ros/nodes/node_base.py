@@ -31,7 +31,7 @@ from depth_pose.core.errors import BankError, ConfigError, DepthPoseError, Input
 from depth_pose.ros.nodes.counts import Figures
 from depth_pose.ros.nodes.parameters import COMMON, declare, holds_setting, read_config
 from depth_pose.ros.nodes.silence import CrowdWatch, SilenceWatch
-from depth_pose.ros.process.names import READY
+from depth_pose.ros.process import READY
 from depth_pose.ros.process.warm_stages import is_warm
 from depth_pose.ros.setting import Setting
 from depth_pose.ros.transport.conversions import stamp_to_ns

@@ -41,7 +41,7 @@ class RefineNode(BankNode):
     when the one before is answered, so that a replay gives the same skeletons every time.
     """
 
-    SECTIONS = ("mount", "refine", "match", "fit", "cpd", "completion")
+    SECTIONS = ("mount", "refine", "match", "fit", "build", "cpd", "completion")
     SETTINGS = REFINE
 
     def __init__(self) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import os
 import signal
 import sys
 import threading
@@ -66,28 +65,6 @@ def run_node(make: Callable[[], Any], args: Sequence[str] | None = None) -> int:
                 node.destroy_node()
         rclpy.try_shutdown()
     return 0
-
-
-def join_early() -> Callable[[], None]:
-    """Join the ROS graph before it is known as which node; gives what undoes it, to be kept.
-
-    Being found by others takes longer than all that a node does after it. Where the process ends
-    without `run_node`, shared memory would be left behind if it were not undone.
-    """
-    import rclpy
-    from rclpy.signals import SignalHandlerOptions
-
-    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
-    name = f"spare_{os.getpid()}"
-    joined = rclpy.create_node(
-        name, namespace="depth_pose", enable_rosout=False, start_parameter_services=False
-    )
-
-    def leave() -> None:
-        joined.destroy_node()
-        rclpy.try_shutdown()
-
-    return leave
 
 
 def _spin(node: Any) -> None:

@@ -7,47 +7,43 @@
                                             # all four have ended here
 
 `up` is the same as a command that runs until SIGINT or SIGTERM. Each node is a process, forked from one
-that has everything loaded (`depth_pose.ros.process.forkserver`); its output appears with its name in
-front. One more is forked as a spare. It takes the place of a node that dies: at once at first, and up to
-10 s later when the node goes on dying. If the supervisor is killed, the nodes end, too. If the fork
-server is, they go on, and another is started.
+that has everything loaded, the host (`depth_pose.ros.process.host`), which also starts again a node that
+dies: at once at first, and up to 10 s later when it goes on dying. One more process is forked as a spare,
+which takes the place of a node that dies. A node's output appears with its name in front. If the host dies,
+so do the nodes, and all are started again; if the supervisor is killed, all end.
 """
 
 from __future__ import annotations
 
 import contextlib
+import json
 import os
+import signal
+import subprocess
+import sys
 import threading
 import time
-import traceback
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import Any
+from typing import Any, NamedTuple
 
 from depth_pose.core.errors import ConfigError, DepthPoseError
-from depth_pose.ros.process.child import Child, ForkServer
-from depth_pose.ros.process.leftovers import remove_leftovers
-from depth_pose.ros.process.names import NODES
-from depth_pose.ros.process.runner import EXIT_CONFIG, on_stop
+from depth_pose.ros.process import EVENT, NODES
+from depth_pose.ros.process.runner import on_stop
 
 __all__ = ["NODES", "SENSORS_PATH", "NodeDiedError", "Suite", "sensor_names", "up"]
 
 SENSORS_PATH = Path(__file__).parents[1] / "sensors"
 """Parameter files of known sensor drivers, NAME.yaml."""
 
-_CONSUMERS = {"denoise": 3, "matcher": 1, "refine": 1, "recovery": 1}
-"""Nodes of the suite that subscribe to what each publishes; it is ready once they have."""
+_STOP_PATIENCE_S = 8.0
+"""Seconds until a host that does not end is killed; it gives its nodes less. Set by hand."""
 
-_FIRST_DELAY_S, _MAX_DELAY_S = 0.1, 10.0
-"""Seconds before a node is started a second time; it doubles up to the most. Set by hand."""
 
-_HEALTHY_S = 10.0
-"""Seconds; a node that ran so long is started again at once. Set by hand."""
-
-_LOOK_EVERY_S, _STOP_PATIENCE_S = 0.1, 5.0
-"""Seconds between looks where there is no news, and until a node that does not end is killed."""
+_KILLED = -signal.SIGKILL
+"""Exit code of a node whose host was killed."""
 
 
 class NodeDiedError(DepthPoseError):
@@ -59,20 +55,17 @@ def sensor_names() -> list[str]:
     return sorted(p.stem for p in SENSORS_PATH.glob("*.yaml"))
 
 
-@dataclass
-class _Node:
-    """A node, whichever process it is at the moment; times of `time.monotonic`, seconds."""
+class _State(NamedTuple):
+    """What the host tells of a process."""
 
-    name: str
-    process: Child | None = None
-    started_s: float = 0.0
+    pid: int | None = None
+    is_ready: bool = False
     restarts: int = 0
-    delay_s: float = 0.0
-    retry_s: float | None = 0.0
+    code: int | None = None
 
 
 class Suite:
-    """The four nodes as child processes.
+    """The four nodes as processes.
 
     Parameters
     ----------
@@ -89,6 +82,11 @@ class Suite:
         Which of `NODES` to run.
     sink : callable
         Gets every line of output, with ``[name] `` in front; prints it by default.
+
+    Attributes
+    ----------
+    failure : DepthPoseError or None
+        Why the suite cannot go on, if so.
     """
 
     def __init__(
@@ -101,45 +99,42 @@ class Suite:
         nodes: Sequence[str] = NODES,
         sink: Callable[[str], None] | None = None,
     ) -> None:
-        self._arguments = _ros_arguments(params_file, sensor, bank, parameters or {})
-        self._sink = sink or _print
-        self._nodes = {name: _Node(name) for name in nodes}
-        self._whole = set(nodes) == set(NODES)
-        self._bank = str(Path(bank).absolute()) if bank is not None else ""
-        self._server: ForkServer | None = None
-        self._spare: Child | None = None
-        self._failed: DepthPoseError | None = None
-        self._news, self._stopping = threading.Event(), threading.Event()
-        self._thread = threading.Thread(target=self._supervise, name="supervisor", daemon=True)
+        self.failure: DepthPoseError | None = None
+        self._job = json.dumps({
+            "bank": str(Path(bank).absolute()) if bank is not None else "",
+            "nodes": list(nodes),
+            "arguments": _ros_arguments(params_file, sensor, bank, parameters or {}),
+        })  # fmt: skip
+        self._names, self._sink = tuple(nodes), sink or _print
+        self._states: dict[str, _State] = {}
+        self._host: subprocess.Popen[str] | None = None
+        self._hosts_died, self._last_lines = 0, deque[str](maxlen=20)
+        self._stopping = threading.Event()
+        self._thread = threading.Thread(target=self._follow, name="supervisor", daemon=True)
 
     @property
     def restarts(self) -> dict[str, int]:
         """How often each node was started again."""
-        return {name: node.restarts for name, node in self._nodes.items()}
-
-    @property
-    def failure(self) -> DepthPoseError | None:
-        """Why the suite cannot go on, if so."""
-        return self._failed
+        return {n: self._hosts_died + self._state(n).restarts for n in self._names}
 
     def pid(self, name: str) -> int | None:
-        """Process id of a node, the "spare" or the "fork server"; None while it is down."""
-        process = self._process(name)
-        return process.pid if process is not None and not process.ended.is_set() else None
+        """Process id of a node, of the "spare" or of the "host"; None while it is down."""
+        if name == "host":
+            return self._host.pid if self._host is not None and self._host.poll() is None else None
+        return self._state(name).pid if self._state(name).code is None else None
 
     def is_ready(self, name: str) -> bool:
-        """Whether it has said so since it was last started; the spare could then take over at once."""
-        process = self._process(name)
-        return process is not None and process.is_ready
+        """Whether a node has said so since it was last started; the spare could then take over at once."""
+        return self._state(name).is_ready and self._state(name).code is None
 
-    def _process(self, name: str) -> Child | None:
-        others = {"spare": self._spare, "fork server": self._server}
-        return others[name] if name in others else self._nodes[name].process
+    def _state(self, name: str) -> _State:
+        return self._states.get(name, _State())
 
     def start(self) -> None:
         """Start all nodes; returns at once, see `wait_ready`."""
         if self._thread.ident is not None:
             raise DepthPoseError("this suite has been started; make a new one")
+        self._host = self._start_host()
         self._thread.start()
 
     def wait_ready(self, timeout_s: float = 300.0) -> None:
@@ -155,32 +150,23 @@ class Suite:
             If a node ends before it is ready, or none of this happens in time.
         """
         deadline_s = time.monotonic() + timeout_s
-        for name, node in self._nodes.items():
+        for name in self._names:
             while not self.is_ready(name):
-                if self._failed is not None:
-                    raise self._failed
+                if self.failure is not None:
+                    raise self.failure
                 if time.monotonic() > deadline_s:
-                    what = f"the {name} was not ready in {timeout_s:.0f} s"
-                    raise NodeDiedError(_with_last_words(what, node.process or self._server))
+                    raise self._with_last_words(f"the {name} was not ready in {timeout_s:.0f} s")
                 time.sleep(0.02)
 
     def stop(self) -> dict[str, int]:
         """End all nodes; gives their exit codes, 0 where they ended cleanly."""
         self._stopping.set()
-        self._news.set()
-        if self._thread.ident is not None:
-            self._thread.join()
-        running = {name: node.process for name, node in self._nodes.items() if node.process is not None}
-        ending = [*running.values(), *([self._spare] if self._spare is not None else [])]
-        for process in ending:
-            process.end()
         deadline_s = time.monotonic() + _STOP_PATIENCE_S
-        for process in ending:
-            process.wait(deadline_s)
-        if self._server is not None:
-            self._server.close()
-        remove_leftovers()
-        return {name: process.wait(deadline_s) for name, process in running.items()}
+        while self._host is not None and self._thread.is_alive():
+            late = time.monotonic() > deadline_s
+            self._host.kill() if late else self._host.terminate()
+            self._thread.join(0.5)
+        return {n: _KILLED if s.code is None else s.code for n, s in self._states.items() if n in self._names}
 
     def __enter__(self) -> Suite:
         self.start()
@@ -196,73 +182,49 @@ class Suite:
     ) -> None:
         self.stop()
 
-    # The supervising thread
+    def _start_host(self) -> subprocess.Popen[str]:
+        # a process with threads of its own cannot fork; Ctrl-C reaches the supervisor only
+        alone = {"PYTHONUNBUFFERED": "1", "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+        return subprocess.Popen(
+            [sys.executable, "-W", "ignore:This process", "-m", "depth_pose.ros.process.host", self._job],
+            stdin=subprocess.PIPE,  # closed by our death, which ends the host
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            errors="replace",
+            env=os.environ | alone,
+            start_new_session=True,
+        )
 
-    def _supervise(self) -> None:
-        try:
-            while not self._stopping.is_set():
-                server = self._running_server()
-                if server.is_ready:
-                    for node in self._nodes.values():
-                        self._look_after(node, server)
-                    self._look_after_spare(server)
-                self._news.wait(_LOOK_EVERY_S)
-                self._news.clear()
-        except DepthPoseError as e:
-            self._failed = e
-        except Exception:
-            self._failed = DepthPoseError(f"the supervisor failed:\n{traceback.format_exc()}")
+    def _follow(self) -> None:
+        """Read what the host says, in a thread of its own; start it again where it was killed."""
+        while self._host is not None:
+            self._last_lines.clear()
+            with self._host as host:
+                for line in host.stdout or ():
+                    if line.startswith(EVENT):
+                        self._take(json.loads(line[1:]))
+                    else:
+                        self._last_lines.append(line.rstrip("\n"))
+                        self._sink(self._last_lines[-1])
+            code = host.returncode
+            if self._stopping.is_set() or self.failure is not None:
+                return
+            if not self._states:
+                self.failure = self._with_last_words(f"the host ended with code {code} while it loaded")
+                return
+            self._sink(f"[host] ended with code {code}; starting it and all nodes again")
+            self._hosts_died, self._states = self._hosts_died + 1, {}
+            self._host = self._start_host()
 
-    def _running_server(self) -> ForkServer:
-        """Give the fork server; start it where it does not run."""
-        server = self._server
-        if server is not None and server.ended.is_set():
-            server.close()
-            if not server.ready.is_set():
-                raise NodeDiedError(_with_last_words(f"the {server.name} ended", server))
-            self._sink(f"[{server.name}] ended with code {server.code}; starting it again")
-        if server is None or server.ended.is_set():
-            server = self._server = ForkServer(self._bank, _environment(), self._sink, self._news)
-        return server
+    def _with_last_words(self, what: str) -> NodeDiedError:
+        return NodeDiedError("\n".join([f"{what}:", *(self._last_lines or ["nothing was said"])]))
 
-    def _look_after(self, node: _Node, server: ForkServer) -> None:
-        """Start a node again once it has ended, at once or after its delay."""
-        now_s, process = time.monotonic(), node.process
-        if process is not None and process.ended.is_set() and node.retry_s is None:
-            code = process.wait(now_s)
-            if code == EXIT_CONFIG or (not process.ready.is_set() and node.restarts == 0):
-                what = f"the {node.name} ended with code {code} before it was ready"
-                raise (ConfigError if code == EXIT_CONFIG else NodeDiedError)(_with_last_words(what, process))
-            if now_s - node.started_s > _HEALTHY_S:
-                node.delay_s = 0.0
-            after = f"in {node.delay_s:.1f} s" if node.delay_s else "at once"
-            self._sink(f"[{node.name}] ended with code {code}; starting it again {after}")
-            node.retry_s = now_s + node.delay_s
-            node.delay_s = min(max(_FIRST_DELAY_S, 2.0 * node.delay_s), _MAX_DELAY_S)
-        if node.retry_s is not None and now_s >= node.retry_s:
-            node.restarts += process is not None
-            node.retry_s, node.started_s = None, now_s
-            node.process = self._spawn(node.name, server)
-
-    def _spawn(self, name: str, server: ForkServer) -> Child:
-        """Have the spare, or a new process, become a node."""
-        spare = self._spare
-        if spare is not None and spare.is_ready:
-            process, self._spare = spare, None
+    def _take(self, event: dict[str, Any]) -> None:
+        if "processes" in event:
+            self._states = {name: _State(*state) for name, state in event["processes"].items()}
         else:
-            process = server.fork()
-        consumers = _CONSUMERS[name] if self._whole else 0
-        own = ["-p", f"consumers:={consumers}", "-p", f"producers:={_yaml(self._whole)}"]
-        process.become(name, ["--ros-args", *own, *self._arguments])
-        return process
-
-    def _look_after_spare(self, server: ForkServer) -> None:
-        """Fork a spare once all nodes are ready, so that it takes no time from their start."""
-        if self._spare is not None and self._spare.ended.is_set():
-            self._spare = None
-        if self._spare is None and all(map(self.is_ready, self._nodes)):
-            remove_leftovers()
-            self._spare = server.fork()
+            self.failure = (ConfigError if event["refused"] else NodeDiedError)(event["why"])
 
 
 def up(
@@ -324,24 +286,8 @@ def _ros_arguments(
         arguments += ["--params-file", str(params_file)]
     values = dict(parameters) | ({"bank": str(Path(bank).absolute())} if bank is not None else {})
     for name, value in values.items():
-        arguments += ["-p", f"{name}:={_yaml(value)}"]
+        arguments += ["-p", f"{name}:={json.dumps(value)}"]  # which is YAML
     return arguments
-
-
-def _yaml(value: Any) -> str:
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    return repr(value) if isinstance(value, int | float) else f"'{value}'"
-
-
-def _with_last_words(what: str, process: Child | None) -> str:
-    said = "\n".join(process.last_lines) if process is not None else ""
-    return f"{what}:\n{said or 'it said nothing'}"
-
-
-def _environment() -> dict[str, str]:
-    """Give the processes' environment: a process with threads of its own cannot fork."""
-    return {**os.environ, "PYTHONUNBUFFERED": "1", "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 
 
 def _print(line: str) -> None:

@@ -1,4 +1,4 @@
-"""The bank and the stages that the fork server makes before the nodes are there.
+"""The bank and the stages that the host makes before it forks the nodes.
 
 A node finds them here if it asks for the same. A process that was started by itself makes its own.
 """
@@ -10,11 +10,17 @@ from pathlib import Path
 from typing import Any, TypeVar, cast
 
 from depth_pose.bank import Bank, default_bank_path
+from depth_pose.core.config import PipelineConfig
+from depth_pose.core.errors import BankError
+from depth_pose.steps.extract import PeopleExtractor
+from depth_pose.steps.match import Matcher
+from depth_pose.steps.recover import Recoverer
+from depth_pose.steps.refine import Refiner
+from depth_pose.steps.warm_up import sample_people
 
 T = TypeVar("T")
 
 _made: dict[type, tuple[tuple[Any, ...], Any]] = {}
-_given: list[Any] = []
 
 
 def load_bank(path: str | Path = "") -> Bank:
@@ -34,22 +40,40 @@ def _load(file: Path, changed_ns: int) -> Bank:
     return Bank.load(file)
 
 
-def make_ahead(kind: type[Any], *arguments: Any) -> None:
-    """Make a stage, compile or load all it needs, and keep it for the first `make` that asks for it."""
-    stage = kind(*arguments)
-    stage.warm_up()
-    _made[kind] = arguments, stage
+def make_ahead(bank_path: str | Path = "") -> None:
+    """Make the stages with the default settings, and use every kernel once, so that it is loaded.
+
+    Without a bank there is only the first stage; the nodes that need it refuse it, and say why.
+    """
+    config = PipelineConfig()
+    _keep(PeopleExtractor, config.segment, config.denoise, config.mount).warm_up()
+    try:
+        bank = load_bank(bank_path)
+    except BankError:
+        return
+    matcher = _keep(Matcher, bank, config.match, config.fit)
+    refiner = _keep(Refiner, bank, config.refine, config.match, config.fitting)
+    people = sample_people(bank)
+    refiner.refine(people, matcher.match(people))  # their `warm_up` makes each a second time
+    matcher.reset()
+    refiner.reset()
+    _keep(Recoverer, bank, config.recover, config.smooth, config.match, config.fitting).warm_up()
+
+
+def _keep(kind: type[T], *arguments: Any) -> T:
+    _made[kind] = arguments, kind(*arguments)
+    return cast(T, _made[kind][1])
 
 
 def make(kind: type[T], *arguments: Any) -> T:
-    """Make a stage, or take the one that was made ahead with equal arguments, which is given once."""
-    known, stage = _made.pop(kind, ((), None))
+    """Make a stage, or take the one that was made ahead with equal arguments, as if it were new."""
+    known, stage = _made.get(kind, ((), None))
     if stage is None or known != arguments:
         return kind(*arguments)
-    _given.append(stage)
+    stage.reset()
     return cast(T, stage)
 
 
 def is_warm(stage: Any) -> bool:
     """Whether a stage was made ahead."""
-    return any(stage is given for given in _given)
+    return any(stage is made for _, made in _made.values())

@@ -289,6 +289,7 @@ def skeleton_to_msg(skeleton: Skeleton) -> SkeletonMsg:
             )
             for name, p, q, confidence, state in rows
         ],
+        build=skeleton.build.tolist(),
     )
 
 
@@ -322,6 +323,7 @@ def msg_to_skeleton(msg: SkeletonMsg) -> Skeleton:
         ).reshape(count, 4),
         joint_confidence=np.array([j.confidence for j in joints], np.float32),
         joint_states=np.array([j.state for j in joints], np.uint8),
+        build=np.array(msg.build, np.float32),
     )
 
 

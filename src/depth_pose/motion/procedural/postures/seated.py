@@ -15,7 +15,14 @@ from depth_pose.body.angles import ARM, LEG
 from depth_pose.motion.procedural import arms as arms
 from depth_pose.motion.procedural import legs as legs
 from depth_pose.motion.procedural.draw import Draw, assemble, swap_sides
-from depth_pose.sim._postures_parts import Kind, Sampler, free_head, hands_at, level_gaze, set_angles
+from depth_pose.motion.procedural.postures.parts import (
+    Kind,
+    Sampler,
+    free_head,
+    hands_at,
+    level_gaze,
+    set_angles,
+)
 
 Array = NDArray[np.float64]
 

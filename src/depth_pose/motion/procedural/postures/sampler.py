@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 from depth_pose.body.angles import rotations_from_angles
 from depth_pose.core.errors import ConfigError
 from depth_pose.motion.procedural.draw import Draw
-from depth_pose.sim import _postures_low as low
-from depth_pose.sim import _postures_upright as upright
-from depth_pose.sim._postures_parts import Kind, through_gates
-from depth_pose.sim._postures_seated import SIT
+from depth_pose.motion.procedural.postures import low as low
+from depth_pose.motion.procedural.postures import upright as upright
+from depth_pose.motion.procedural.postures.parts import Kind, through_gates
+from depth_pose.motion.procedural.postures.seated import SIT
 
 Array = NDArray[np.float64]
 

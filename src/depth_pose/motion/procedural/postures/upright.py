@@ -19,8 +19,7 @@ from depth_pose.motion.procedural import legs as legs
 from depth_pose.motion.procedural.draw import Draw, assemble
 from depth_pose.motion.procedural.families import FAMILIES
 from depth_pose.motion.procedural.parts import standing
-from depth_pose.motion.reach import arm_to_target
-from depth_pose.sim._postures_parts import (
+from depth_pose.motion.procedural.postures.parts import (
     Kind,
     Sampler,
     free_head,
@@ -29,6 +28,7 @@ from depth_pose.sim._postures_parts import (
     set_angles,
     support_hands,
 )
+from depth_pose.motion.reach import arm_to_target
 
 Array = NDArray[np.float64]
 

@@ -20,7 +20,7 @@ from depth_pose.motion.contact import pelvis_height
 from depth_pose.motion.procedural import arms as arms
 from depth_pose.motion.procedural import legs as legs
 from depth_pose.motion.procedural.draw import Draw, assemble, swap_sides
-from depth_pose.sim._postures_parts import (
+from depth_pose.motion.procedural.postures.parts import (
     Kind,
     bow,
     free_head,
@@ -29,7 +29,7 @@ from depth_pose.sim._postures_parts import (
     set_angles,
     support_hands,
 )
-from depth_pose.sim._postures_upright import of_family
+from depth_pose.motion.procedural.postures.upright import of_family
 
 Array = NDArray[np.float64]
 

@@ -1,0 +1,219 @@
+"""The people finder that ships, in simulated rooms that nothing was trained on.
+
+    python benchmarks/people_finder.py                        # 500 rooms, about two minutes
+    python benchmarks/people_finder.py --rooms 100 --weights build/people_finder/weights
+
+Each room is one frame by itself: no tracks. A person is found if half of a detection's pixels are theirs
+and its torso lies within 0.4 m of theirs; a detection that is nobody's is false, and counts for the kind of
+thing that most of its pixels show. Prints tables in Markdown: who is found, by how much of them shows, by
+sensor and by distance; what false ones stand on; whether the probability means what it says; joints; time.
+"""
+
+from __future__ import annotations
+
+import os
+
+for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ[variable] = "1"
+
+import argparse
+import hashlib
+import json
+import time
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+from rich.progress import track
+
+from depth_pose.core.config import SegmentConfig
+from depth_pose.core.skeleton import JOINT_INDEX, JOINTS
+from depth_pose.core.types import DepthFrame
+from depth_pose.people.finder import Detections, PeopleFinder, load_weights
+from depth_pose.sim.furniture import Kind
+from depth_pose.sim.scenes import Scene, sample_scene
+
+SEED = 700_001
+"""The training takes 1 and 2, the verifier 900,001 and 900,002."""
+
+TORSO_M, OWN_SHARE = 0.4, 0.5
+SHOWN = (0.1, 0.3, 0.6, 1.01)
+DISTANCES_M = (0.0, 1.2, 2.2, 3.5, 12.0)
+ASKED = 0.3
+"""Who shows by less than this is not asked for, as in the sequences with references."""
+
+_TORSO = [JOINT_INDEX[n] for n in ("left_shoulder", "right_shoulder", "left_hip", "right_hip")]
+
+
+@dataclass
+class Tally:
+    """What was found: one row a person, one row a detection."""
+
+    people: list[tuple[float, float, str, float]] = field(default_factory=list)
+    """Share that shows; distance; sensor; probability of who found them, 0 for nobody."""
+
+    overlaps: list[float] = field(default_factory=list)
+    detections: list[tuple[float, bool]] = field(default_factory=list)
+    """Probability; whether it is a person."""
+
+    false_kinds: list[tuple[float, Kind]] = field(default_factory=list)
+    joint_errors: list[np.ndarray] = field(default_factory=list)
+    milliseconds: list[float] = field(default_factory=list)
+    frames: int = 0
+
+
+def rooms(seed: int, count: int) -> Iterator[Scene]:
+    """Make rooms one after another."""
+    for k in range(count):
+        yield sample_scene(np.random.default_rng(np.random.SeedSequence([seed, k])))
+
+
+def frame_of(scene: Scene) -> DepthFrame:
+    """Give what the sensor measures."""
+    return DepthFrame(0, "", scene.depth, scene.camera)
+
+
+def on_grid(image: np.ndarray, found: Detections, scene: Scene) -> np.ndarray:
+    """Give an image of the scene on the finder's working grid."""
+    ratio = scene.camera.fx / found.camera.fx
+    rows = ((np.arange(found.labels.shape[0]) + 0.5) * ratio).astype(int).clip(0, image.shape[0] - 1)
+    cols = ((np.arange(found.labels.shape[1]) + 0.5) * ratio).astype(int).clip(0, image.shape[1] - 1)
+    return image[np.ix_(rows, cols)]
+
+
+def score(tally: Tally, scene: Scene, found: Detections) -> None:
+    """Compare one frame's detections with the truth; the surest takes a person first."""
+    tally.frames += 1
+    owner, kind = on_grid(scene.person, found, scene), on_grid(scene.kind, found, scene)
+    torsos = scene.joints[:, _TORSO].mean(axis=1)
+    best = np.zeros(len(torsos))
+    for person in sorted(found.people, key=lambda p: -p.probability):
+        own = (found.labels == person.label) & (found.depth > 0)
+        shares = np.bincount(owner[own], minlength=len(torsos) + 1)[1:] / max(1, own.sum())
+        near = np.linalg.norm(torsos - person.torso, axis=1) < TORSO_M
+        theirs = np.flatnonzero((shares >= OWN_SHARE) & near & (best == 0))
+        tally.detections.append((person.probability, bool(len(theirs)) or bool((shares >= OWN_SHARE).any())))
+        if len(theirs):
+            k = theirs[0]
+            best[k] = person.probability
+            truth = (owner == k + 1) & (found.depth > 0)
+            tally.overlaps.append(float((own & truth).sum() / max(1, (own | truth).sum())))
+            if scene.visible[k] > SHOWN[2]:
+                error = np.linalg.norm(person.joints - scene.joints[k], axis=1)
+                tally.joint_errors.append(np.where(scene.seen[k], error, np.nan))
+        elif not (shares >= OWN_SHARE).any():
+            things = np.bincount(kind[own], minlength=len(Kind))
+            tally.false_kinds.append((person.probability, Kind(int(things.argmax()))))
+    for k, torso in enumerate(torsos):
+        tally.people.append((float(scene.visible[k]), float(torso[2]), scene.sensor, best[k]))
+
+
+def measure(finder: PeopleFinder, scenes: Iterable[Scene]) -> Tally:
+    """Run the finder over scenes."""
+    tally = Tally()
+    finder.warm_up()
+    for scene in scenes:
+        frame = frame_of(scene)
+        start = time.thread_time()
+        found = finder.find(frame)
+        tally.milliseconds.append(1e3 * (time.thread_time() - start))
+        score(tally, scene, found)
+    return tally
+
+
+def table(columns: Iterable[str], rows: Iterable[Iterable[object]]) -> str:
+    """Lay a table out in Markdown."""
+    columns = list(columns)
+    lines = [columns, ["---"] * len(columns), *rows]
+    return "\n".join("| " + " | ".join(str(c) for c in line) + " |" for line in lines)
+
+
+def by_group(tally: Tally, threshold: float) -> str:
+    """Say who is found."""
+    shown, distance, sensor, probability = (np.array(c) for c in zip(*tally.people, strict=True))
+    asked, hit = shown >= ASKED, probability >= threshold
+    groups = [("all asked for", asked)]
+    groups += [(f"{a:g} to {min(b, 1):g} shows", (shown >= a) & (shown < b)) for a, b in pairwise(SHOWN)]
+    groups += [(str(name), asked & (sensor == name)) for name in np.unique(sensor)]
+    groups += [
+        (f"{a:g} to {b:g} m", asked & (distance >= a) & (distance < b)) for a, b in pairwise(DISTANCES_M)
+    ]
+    rows = ((name, int(g.sum()), f"{hit[g].mean():.3f}") for name, g in groups if g.any())
+    return table(("people", "number", f"found at {threshold:g}"), rows)
+
+
+def by_thing(tally: Tally, thresholds: tuple[float, ...]) -> str:
+    """Say what false ones stand on."""
+    counts = [Counter(kind.name.lower() for p, kind in tally.false_kinds if p >= t) for t in thresholds]
+    names = sorted(counts[0], key=lambda n: -counts[0][n])
+    rows = [(n, *(c[n] for c in counts)) for n in names]
+    rows.append(("all, a frame", *(f"{sum(c.values()) / tally.frames:.3f}" for c in counts)))
+    return table(("false ones on", *(f"at {t:g}" for t in thresholds)), rows)
+
+
+def reliability(tally: Tally) -> str:
+    """Say how often a detection of each probability is a person."""
+    p, right = (np.array(c, float) for c in zip(*tally.detections, strict=True))
+    edges = np.array([0.2, 0.4, 0.6, 0.8, 0.9, 1.0])
+    bins = np.digitize(p, edges[1:-1])
+    used = [k for k in range(len(edges) - 1) if (bins == k).any()]
+    rows = [
+        (
+            f"{edges[k]:g} to {edges[k + 1]:g}",
+            int((bins == k).sum()),
+            f"{p[bins == k].mean():.2f}",
+            f"{right[bins == k].mean():.2f}",
+        )
+        for k in used
+    ]
+    gap = sum((bins == k).mean() * abs(p[bins == k].mean() - right[bins == k].mean()) for k in used)
+    return (
+        table(("probability", "detections", "mean", "are people"), rows) + f"\n\nCalibration error {gap:.3f}."
+    )
+
+
+def joints(tally: Tally) -> str:
+    """Give the median error of the joints of people who show by more than .6."""
+    errors = 1e3 * np.array(tally.joint_errors)
+    kinds = [n.split("_")[-1] for n in JOINTS]
+    names = list(dict.fromkeys(kinds))
+    medians = [f"{np.nanmedian(errors[:, [k == n for k in kinds]]):.0f}" for n in names]
+    return table(names, [medians])
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--rooms", type=int, default=500, help="how many rooms")
+    parser.add_argument("--seed", type=int, default=SEED, help="of the rooms")
+    parser.add_argument("--weights", type=Path, help="folder of other weights than those that ship")
+    arguments = parser.parse_args()
+    model, settings = load_weights()
+    if arguments.weights:
+        model = (arguments.weights / "people_finder.onnx").read_bytes()
+        settings = json.loads((arguments.weights / "people_finder.json").read_text())
+    config = SegmentConfig()
+    tally = measure(
+        PeopleFinder(config, model, settings),
+        track(rooms(arguments.seed, arguments.rooms), "rooms", total=arguments.rooms),
+    )
+    print(
+        f"Weights {hashlib.sha256(model).hexdigest()[:12]}, {tally.frames} rooms of seed {arguments.seed}\n"
+    )
+    print(by_group(tally, config.start), "\n")
+    print(by_thing(tally, (config.keep, config.start, 0.8)), "\n")
+    print(reliability(tally), "\n")
+    print("Seen joints of people who show by more than .6, median error, mm:\n")
+    print(joints(tally), "\n")
+    low, median, high = np.percentile(tally.overlaps, (10, 50, 90))
+    print(f"Overlap with the truth: median {median:.2f} ({low:.2f} to {high:.2f}). ", end="")
+    print(f"Processor time {np.median(tally.milliseconds):.1f} ms a frame (320 wide), median.")
+
+
+if __name__ == "__main__":
+    main()

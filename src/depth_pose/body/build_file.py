@@ -1,0 +1,100 @@
+"""Builds as files: JSON with each part's value and uncertainty, to be read by people, too."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from depth_pose.body.build import BUILD_NAMES, MOST
+from depth_pose.core.errors import ConfigError
+
+FORMAT = "depth_pose build"
+FORMAT_VERSION = 1
+
+
+@dataclass(frozen=True)
+class KnownBuild:
+    """What is known of one person's size and proportions.
+
+    Attributes
+    ----------
+    scale, scale_spread : float
+        Size relative to the bank's body, and the standard deviation of its logarithm.
+    build, spread : (13,) float64
+        Parts (`depth_pose.body.build.BUILD_NAMES`), and their standard deviations.
+    frames : int
+        Frames that it was learned from.
+    """
+
+    scale: float
+    scale_spread: float
+    build: NDArray[np.float64]
+    spread: NDArray[np.float64]
+    frames: int
+
+
+def save_build(path: Path | str, known: KnownBuild) -> None:
+    """Write a build."""
+    parts = {
+        name: {"value": round(float(value), 5), "spread": round(float(spread), 5)}
+        for name, value, spread in zip(BUILD_NAMES, known.build, known.spread, strict=True)
+    }
+    content = {
+        "format": FORMAT,
+        "version": FORMAT_VERSION,
+        "scale": round(known.scale, 5),
+        "scale_spread": round(known.scale_spread, 5),
+        "frames": known.frames,
+        "parts": parts,
+    }
+    try:
+        Path(path).write_text(json.dumps(content, indent=2) + "\n")
+    except OSError as error:
+        raise ConfigError(f"{path}: the build cannot be written: {error.strerror}") from error
+
+
+def load_build(path: Path | str) -> KnownBuild:
+    """Read a build.
+
+    Raises
+    ------
+    ConfigError
+        Where the file cannot be read, is no build, lacks a part, or a value is out of its range.
+    """
+    try:
+        content = json.loads(Path(path).read_text())
+    except OSError as error:
+        raise ConfigError(f"{path}: the build cannot be read: {error.strerror}") from error
+    except ValueError as error:
+        raise ConfigError(f"{path} is no build: it is not JSON ({error})") from error
+    if not isinstance(content, dict) or content.get("format") != FORMAT:
+        raise ConfigError(f"{path} is no build; depth-pose run --save-build FILE writes one")
+    if content.get("version") != FORMAT_VERSION:
+        raise ConfigError(
+            f"{path}: builds of version {content.get('version')} are not known here, only {FORMAT_VERSION}"
+        )
+    parts = content.get("parts")
+    parts = parts if isinstance(parts, dict) else {}
+    if set(parts) != set(BUILD_NAMES):
+        odd = ", ".join(sorted(set(parts) ^ set(BUILD_NAMES)))
+        raise ConfigError(f"{path}: parts that are missing or unknown: {odd}")
+    where = [(name, parts[name] if isinstance(parts[name], dict) else {}) for name in BUILD_NAMES]
+    return KnownBuild(
+        scale=_number(path, content, "scale", "scale", 0.3, 2.5),
+        scale_spread=_number(path, content, "scale_spread", "scale_spread", 1e-5, 1.0),
+        build=np.array([_number(path, p, "value", f"{n}.value", -MOST, MOST) for n, p in where]),
+        spread=np.array([_number(path, p, "spread", f"{n}.spread", 1e-5, 1.0) for n, p in where]),
+        frames=int(_number(path, content, "frames", "frames", 0, 1e9)),
+    )
+
+
+def _number(path: Path | str, values: dict[str, Any], key: str, name: str, low: float, high: float) -> float:
+    value = values.get(key)
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not low <= value <= high:
+        raise ConfigError(f"{path}: {name} is {value!r}; it must be a number from {low:g} to {high:g}")
+    return float(value)

@@ -1,0 +1,1 @@
+"""Everyday postures drawn at random: sitting, lying, kneeling, crawling and the like."""

@@ -1,0 +1,177 @@
+"""Compiled loops along the borders of people: what belongs to them, what may hide more of them."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from depth_pose.core.types import BACKGROUND, HIDDEN
+
+_FLOOR_STEPS = 2.0
+"""Of a level floor one metre below the camera, neighbouring rows differ by z^2 / f; this many times that is
+no floor any more."""
+
+_HIDES_M = 0.6
+"""How far beside a person's pixels something nearer may hide more of them: a limb's length, metres."""
+
+
+@njit(cache=True)
+def mark_unsupported(depth, labels, jump, least):
+    """Label as hidden every pixel of a person with fewer than ``least`` of 24 neighbours on their surface.
+
+    A neighbour is if it is the same person's and within ``jump`` in depth. Such pixels fly between the
+    person and what is behind.
+    """
+    rows, cols = depth.shape
+    flying = np.empty(rows * cols, np.int64)
+    count = 0
+    for i in range(rows):
+        for j in range(cols):
+            own = labels[i, j]
+            if own in (BACKGROUND, HIDDEN):
+                continue
+            if support(depth, labels, i, j, jump, least) < least:
+                flying[count] = i * cols + j
+                count += 1
+    for k in range(count):
+        labels[flying[k] // cols, flying[k] % cols] = HIDDEN
+
+
+@njit(cache=True)
+def support(depth, labels, i, j, jump, enough):
+    """How many of 24 neighbours are on a pixel's surface; ``enough``, or a few more, once there are."""
+    rows, cols = depth.shape
+    z, own, count = depth[i, j], labels[i, j], -1
+    for a in range(max(0, i - 2), min(rows, i + 3)):
+        for b in range(max(0, j - 2), min(cols, j + 3)):
+            count += labels[a, b] == own and abs(depth[a, b] - z) <= jump
+        if count >= enough:
+            break
+    return count
+
+
+@njit(cache=True)
+def mark_nearer(depth, labels, camera, gap):
+    """Label as hidden what is nearer than the person beside it, and may hide more of them.
+
+    From each border pixel of a person the image is followed `_HIDES_M` far. Something hides from where the
+    depth drops by more than ``gap``, and than the floor's can, to where it is no longer nearer by ``gap``.
+    The floor itself, which rises to the feet without a step, hides nothing.
+    """
+    rows, cols = depth.shape
+    hides = np.zeros((rows, cols), np.bool_)
+    for i in range(rows):
+        for j in range(cols):
+            if labels[i, j] in (BACKGROUND, HIDDEN):
+                continue
+            z = depth[i, j]
+            reach, step = int(_HIDES_M * camera.fx / z), max(gap, _FLOOR_STEPS * z * z / camera.fy)
+            for way in range(4):
+                di = 1 if way == 0 else -1 if way == 1 else 0
+                dj = 1 if way == 2 else -1 if way == 3 else 0
+                before, is_behind = z, False
+                for n in range(1, reach + 1):
+                    a, b = i + n * di, j + n * dj
+                    if a < 0 or b < 0 or a >= rows or b >= cols or labels[a, b] == labels[i, j]:
+                        break
+                    d = depth[a, b]
+                    if d <= 0.0:
+                        continue
+                    is_behind = d < z - gap and (is_behind or d < before - step)
+                    if is_behind and labels[a, b] == BACKGROUND:
+                        hides[a, b] = True
+                    before = d
+    for i in range(rows):
+        for j in range(cols):
+            if hides[i, j]:
+                labels[i, j] = HIDDEN
+
+
+class LimbLimits(NamedTuple):
+    """What `attach_limbs` takes for a limb.
+
+    Attributes
+    ----------
+    jump : float
+        Greatest step in depth between neighbours, metres.
+    area, width : float
+        Greatest area, square metres, and mean width, metres.
+    chance : float
+        Least mean chance of a person.
+    """
+
+    jump: float
+    area: float
+    width: float
+    chance: float
+
+
+@njit(cache=True)
+def attach_limbs(depth, labels, chance, camera, limits):
+    """Give people the small surfaces that go on from theirs: limbs that the net took for something else.
+
+    From every person's border, what is nobody's is followed over neighbours at most ``limits.jump`` apart
+    in ``depth``, in which floor and walls are 0. A surface of less than ``limits.area`` square metres and
+    of a limb's width and chance is theirs; all else is furniture and stays nobody's.
+    """
+    rows, cols = depth.shape
+    size = rows * cols
+    seen = np.zeros(size, np.uint8)  # 1: on the present surface, 2: on one that is too large
+    flat_depth, flat, flat_chance = depth.ravel(), labels.ravel(), chance.ravel()
+    queue = np.empty(size, np.int64)
+    pixel = 1.0 / (camera.fx * camera.fy)
+    for start in range(size):
+        if flat[start] != BACKGROUND or flat_depth[start] <= 0.0 or seen[start] != 0:
+            continue
+        owner = beside_person(flat_depth, flat, start, cols, limits.jump)
+        if owner == BACKGROUND:
+            continue
+        queue[0], seen[start] = start, 1
+        first, last, area, total = 0, 1, 0.0, 0.0
+        is_small = True
+        while first < last and is_small:
+            at = queue[first]
+            first += 1
+            area += flat_depth[at] * flat_depth[at] * pixel
+            total += flat_chance[at]
+            is_small = area <= limits.area
+            i, j = at // cols, at % cols
+            for a in range(max(0, i - 1), min(rows, i + 2)):
+                for b in range(max(0, j - 1), min(cols, j + 2)):
+                    k = a * cols + b
+                    if flat[k] != BACKGROUND or flat_depth[k] <= 0.0 or seen[k] == 1:
+                        continue
+                    if abs(flat_depth[k] - flat_depth[at]) > limits.jump:
+                        continue
+                    if seen[k] == 2:
+                        is_small = False
+                    else:
+                        queue[last], seen[k] = k, 1
+                        last += 1
+        far, i, j = 0.0, start // cols, start % cols
+        for n in range(last):
+            across = (queue[n] % cols - j) / camera.fx
+            along = (queue[n] // cols - i) / camera.fy
+            far = max(far, flat_depth[queue[n]] * np.sqrt(across * across + along * along))
+        is_thin = area <= limits.width * (far + limits.width)
+        is_theirs = is_small and is_thin and total >= limits.chance * last
+        for n in range(last):
+            if is_theirs:
+                flat[queue[n]] = owner
+            seen[queue[n]] = 0 if is_theirs else 2
+
+
+@njit(cache=True)
+def beside_person(depth, labels, at, cols, jump):
+    """Label of a person whose surface goes on at a pixel (of a flat image); `BACKGROUND` for nobody."""
+    i, j = at // cols, at % cols
+    rows = depth.size // cols
+    for a in range(max(0, i - 1), min(rows, i + 2)):
+        for b in range(max(0, j - 1), min(cols, j + 2)):
+            k = a * cols + b
+            label = labels[k]
+            if label not in (BACKGROUND, HIDDEN) and abs(depth[k] - depth[at]) <= jump:
+                return label
+    return np.uint8(BACKGROUND)

@@ -1,0 +1,107 @@
+"""Compiled loops that bring a depth image to the working grid (`depth_pose.people.working_grid`)."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+
+@njit(cache=True)
+def clip_depth(depth, near, far):
+    """Copy a depth image without what lies outside the limits, or is not finite."""
+    out = np.zeros(depth.shape, np.float32)
+    for i in range(depth.shape[0]):
+        for j in range(depth.shape[1]):
+            if depth[i, j] >= near and depth[i, j] <= far:
+                out[i, j] = depth[i, j]
+    return out
+
+
+@njit(cache=True)
+def reduce_depth(depth, stride, jump, near, far):
+    """Average blocks of ``stride`` x ``stride`` pixels over the surface of their median depth.
+
+    A block with fewer valid pixels than half is a hole. What is asked of each block is first summed down
+    its columns, over whole rows of the image, so that the loop over all pixels is vectorised.
+    """
+    rows, cols = depth.shape[0] // stride, depth.shape[1] // stride
+    near, far, jump = np.float32(near), np.float32(far), np.float32(jump)
+    out = np.zeros((rows, cols), np.float32)
+    columns = np.empty((4, cols * stride), np.float32)  # count, sum, least, greatest
+    mixed, counts = np.empty(cols, np.int64), np.empty(cols, np.int64)
+    values, means = np.empty((stride * stride, cols), np.float32), np.empty(cols, np.float32)
+    for i in range(rows):
+        part = depth[i * stride : (i + 1) * stride]
+        sum_columns(part, near, far, columns)
+        found = 0
+        for j in range(cols):
+            n, total, least, most = np.float32(0.0), np.float32(0.0), np.float32(np.inf), np.float32(0.0)
+            for b in range(j * stride, (j + 1) * stride):
+                n += columns[0, b]
+                total += columns[1, b]
+                least, most = min(least, columns[2, b]), max(most, columns[3, b])
+            if 2 * n < stride * stride or n == 0:
+                continue
+            out[i, j] = total / n
+            if most - least > jump:  # more than one surface
+                mixed[found], counts[found] = j, int(n)
+                found += 1
+        for a in range(stride):
+            for b in range(stride):
+                row, here = part[a], values[a * stride + b]
+                for k in range(found):
+                    z = np.float32(row[mixed[k] * stride + b])
+                    here[k] = z if (z >= near) & (z <= far) else np.float32(np.inf)
+        sort_columns(values, found)
+        mean_near_middle(values, counts[:found], jump, means)
+        for k in range(found):
+            out[i, mixed[k]] = means[k]
+    return out
+
+
+@njit(cache=True)
+def sort_columns(values, count):
+    """Sort each of the first columns of (n, k); neighbours in a row are compared and exchanged together."""
+    for last in range(1, values.shape[0]):
+        for at in range(last, 0, -1):
+            low, high = values[at - 1], values[at]
+            for k in range(count):
+                a, b = low[k], high[k]
+                low[k], high[k] = (a if a < b else b), (b if a < b else a)
+
+
+@njit(cache=True)
+def mean_near_middle(ordered, counts, reach, means):
+    """Mean of those values of each column, in their order, that lie within ``reach`` of the median.
+
+    Column k has ``counts[k]`` values; what follows is infinite.
+    """
+    middle, near = np.empty(counts.shape[0], np.float32), np.zeros(counts.shape[0], np.float32)
+    for k in range(counts.shape[0]):
+        middle[k], means[k] = ordered[counts[k] // 2, k], 0.0
+    for n in range(ordered.shape[0]):
+        here = ordered[n]
+        for k in range(counts.shape[0]):
+            is_near = abs(here[k] - middle[k]) <= reach
+            means[k] += here[k] if is_near else np.float32(0.0)
+            near[k] += np.float32(1.0) if is_near else np.float32(0.0)
+    for k in range(counts.shape[0]):
+        means[k] /= near[k]
+
+
+@njit(cache=True)
+def sum_columns(depth, near, far, out):
+    """Count, sum, least and greatest valid depth of every column of a few rows, into ``out`` (4, w)."""
+    count, total, least, most = out[0], out[1], out[2], out[3]
+    width = out.shape[1]
+    count[:], total[:], least[:], most[:] = 0.0, 0.0, np.inf, 0.0
+    for a in range(depth.shape[0]):
+        row = depth[a]
+        for b in range(width):
+            z = np.float32(row[b])
+            valid = (z >= near) & (z <= far)
+            here = z if valid else np.float32(0.0)
+            count[b] += np.float32(1.0) if valid else np.float32(0.0)
+            total[b] += here
+            least[b] = min(least[b], z if valid else np.float32(np.inf))
+            most[b] = max(most[b], here)

@@ -1,0 +1,140 @@
+"""Gather what the people finder's net votes for: clusters around torsos, and their joints.
+
+Votes for one torso gather, so people are split by where they are, not by what touches (Hough voting as in
+Leibe et al. 2008; votes for joints from every pixel as in Shotton et al. 2013 and Girshick et al. 2011).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from depth_pose.core.skeleton import JOINTS
+from depth_pose.people import _finder_kernels as grid
+from depth_pose.people import _measure_kernels as measuring
+from depth_pose.people import _vote_kernels as kernels
+from depth_pose.people._finder_kernels import NetImage
+
+FINDER_JOINTS: tuple[str, ...] = JOINTS
+"""The joints that a found person has proposals of."""
+
+_PARTS = tuple(
+    FINDER_JOINTS.index(name)
+    for name in ("pelvis", "neck", "head", "left_shoulder", "right_shoulder", "left_hip", "right_hip")
+)
+
+_MIRROR = [
+    FINDER_JOINTS.index(n.replace("left", "?").replace("right", "left").replace("?", "right"))
+    for n in FINDER_JOINTS
+]
+
+_CELL = 4
+"""Side of the cells that vote for joints, pixels of the net's image."""
+
+_LEAST_LOGIT = -0.62
+"""A pixel votes from a probability of .35 on (the trial's; .3 to .4 made no difference)."""
+
+_RADIUS_M = 0.3
+"""Votes within it are one torso's; two people side by side are .45 m apart or more."""
+
+_REACH_M = 0.5
+"""A vote farther than this from every torso is nobody's."""
+
+_MOST_VOTES = 1000
+"""As many votes, about, are looked at to find the torsos; all are then given to them."""
+
+_LEAST_AREA_M2 = 0.02
+_MOST_PEOPLE = 24
+
+
+@dataclass(frozen=True)
+class Clusters:
+    """What gathers around each torso, before anybody asked whether it is a person.
+
+    Attributes
+    ----------
+    labels : (ROWS, COLS) uint8
+        From 1; 0: nobody.
+    torsos : (P, 3) float64
+    joints : (P, 19, 3) float64
+    joint_error : (P, 19) float64
+        Metres, as the votes themselves say.
+    from_behind : (P,) float64
+        Probability.
+    measures : (P, MEASURES) float64
+        What the verifier asks for.
+    neighbour : (P,) int64
+        The nearest cluster with more area, -1 for none near.
+    """
+
+    labels: NDArray[np.uint8]
+    torsos: NDArray[np.float64]
+    joints: NDArray[np.float64]
+    joint_error: NDArray[np.float64]
+    from_behind: NDArray[np.float64]
+    measures: NDArray[np.float64]
+    neighbour: NDArray[np.int64]
+
+
+class VoteGatherer:
+    """Finds where votes for torsos gather; keeps its work space from frame to frame, and nothing else."""
+
+    def __init__(self) -> None:
+        shape = (grid.ROWS, grid.COLS)
+        size = shape[0] * shape[1]
+        self._density = np.zeros(int(np.prod(kernels.CELLS)))
+        self._cells = np.empty((shape[0] // _CELL, shape[1] // _CELL), np.int64)
+        self._owner = np.zeros(size, np.int64)
+        self._votes = kernels.TorsoVotes(
+            flat=np.zeros(size, np.int64),
+            points=np.zeros((size, 3)),
+            weights=np.zeros(size),
+            areas=np.zeros(size),
+        )
+
+    def gather(
+        self,
+        image: NetImage,
+        mask: NDArray[np.float32],
+        torso: NDArray[np.float32],
+        joint_votes: NDArray[np.float32],
+    ) -> Clusters:
+        """Find where votes for torsos gather, and what those who cast them say of the joints.
+
+        Parameters
+        ----------
+        image : NetImage
+        mask, torso, joint_votes : (ROWS, COLS), (4, ROWS, COLS), (77, ROWS / 4, COLS / 4) float32
+            What the net says.
+        """
+        n = kernels.collect_votes(image, mask, torso, _LEAST_LOGIT, self._votes)
+        votes = self._votes.first(n)
+        step = max(1, n // _MOST_VOTES)  # enough to find the middles
+        modes = np.empty((_MOST_PEOPLE, 3))
+        count = kernels.find_modes(
+            votes.points[::step].copy(),
+            step * votes.weights[::step],
+            self._density,
+            _RADIUS_M,
+            _LEAST_AREA_M2,
+            _MOST_PEOPLE,
+            modes,
+        )
+        modes = modes[:count]
+        labels, owner = np.zeros(mask.shape, np.uint8), self._owner[:n]
+        kernels.assign_votes(votes.flat, votes.points, modes, _REACH_M, labels, owner)
+        size = (count, len(FINDER_JOINTS))
+        seen = kernels.SeenJoints(np.empty((*size, 3)), np.empty(size), np.empty(size), np.empty(count))
+        measures = np.empty((count, measuring.MEASURES))
+        neighbour = np.empty(count, np.int64)
+        if count > 0:
+            grid.choose_cells(image.depth, image.rows, image.cols, _CELL, self._cells)
+            kernels.gather_joints(image, labels, self._cells, joint_votes, seen)
+            measuring.measure_clusters(image, mask, torso, votes, owner, modes, measures)
+            measuring.measure_joints(seen, modes, image, mask, _PARTS, measures)
+            measuring.measure_neighbours(image, labels, modes, measures, neighbour)
+        joints, error, away = seen.joints, seen.width, seen.behind > 0.5
+        joints[away], error[away] = joints[away][:, _MIRROR], error[away][:, _MIRROR]
+        return Clusters(labels, modes, joints, error, seen.behind, measures, neighbour)

@@ -1,0 +1,118 @@
+"""A second, closer look at each person whom the finder found, at their joints.
+
+The finder looks at whole images and places trunks well, limbs badly. Here a crop of 2.56 m around the
+torso, 3.2 cm to a pixel whatever the sensor and the distance, goes through another small net. Each of its
+400 cells votes for every joint and says how much its vote counts (Xiong et al. 2019, *A2J*); the net gives
+each joint's expected error as well, and whether the person is seen from behind. Joints that are hidden are
+guessed from the others, and their errors say so. ``tools/people_finder`` makes the weights.
+"""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from importlib import resources
+
+import numpy as np
+from numpy.typing import NDArray
+
+from depth_pose.core.camera import Camera
+from depth_pose.core.skeleton import MIRROR_JOINTS
+from depth_pose.people import _crop_kernels as kernels
+from depth_pose.people._crop_kernels import Look
+
+LEAST_ERROR_M = 0.02
+"""Narrowest distribution that a joint may claim, as trained (``tools/people_finder/joint_losses.py``).
+
+The mean distance from the truth is three times as much."""
+
+TYPICAL_ERROR_M = 0.1
+"""Error of a joint's proposal at which its confidence is one half."""
+
+
+@dataclass(frozen=True)
+class JointProposals:
+    """Where one person's joints seem to be.
+
+    Attributes
+    ----------
+    joints : (19, 3) float64
+        Hidden ones too, camera frame, metres; left and right as ``from_behind`` says.
+    error : (19,) float64
+        Expected error, metres, that of left and right taken for each other included.
+    from_behind : float
+        Probability that the person's left is on the image's left.
+    """
+
+    joints: NDArray[np.float64]
+    error: NDArray[np.float64]
+    from_behind: float
+
+    @property
+    def confidence(self) -> NDArray[np.float32]:
+        """0 to 1, (19,); one half where the error is 0.1 m."""
+        return (1.0 / (1.0 + (self.error / TYPICAL_ERROR_M) ** 2)).astype(np.float32)
+
+
+class JointFinder:
+    """Proposes joints; keeps nothing from one frame to the next.
+
+    Parameters
+    ----------
+    model : bytes, optional
+        The net (ONNX) in place of the one that ships.
+    """
+
+    def __init__(self, model: bytes | None = None) -> None:
+        # else it reports to its makers, from a thread that forked processes lack
+        os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")
+        import onnxruntime
+
+        options = onnxruntime.SessionOptions()
+        options.intra_op_num_threads = options.inter_op_num_threads = 1
+        options.use_deterministic_compute = True
+        options.log_severity_level = 3
+        model = load_joint_weights() if model is None else model
+        self._session = onnxruntime.InferenceSession(model, options, providers=["CPUExecutionProvider"])
+        shape = (kernels.SIDE, kernels.SIDE)
+        self._features = np.zeros((1, kernels.CHANNELS, *shape), np.float32)
+        self._grid, self._whose = np.empty(shape, np.float32), np.empty(shape, np.int64)
+
+    def find(
+        self,
+        depth: NDArray[np.float32],
+        labels: NDArray[np.uint8],
+        camera: Camera,
+        label: int,
+        torso: NDArray[np.float64],
+    ) -> JointProposals:
+        """Look at one person.
+
+        Parameters
+        ----------
+        depth : (h, w) float32
+            The whole image, metres; 0 where there is none.
+        labels : (h, w) uint8
+            The number of the person whom a pixel shows.
+        camera : Camera
+        label : int
+            Number of this person.
+        torso : (3,) float64
+            Middle of their shoulders and hips, about, camera frame, metres.
+        """
+        look = Look(*torso.tolist())
+        kernels.sample_crop(depth, labels, camera, look, self._grid, self._whose)
+        kernels.fill_features(self._grid, self._whose, label, look, self._features[0])
+        places, log_error, behind = self._session.run(None, {"features": self._features})
+        joints = kernels.from_crop(places[0].astype(np.float64), look)
+        error = 3.0 * (LEAST_ERROR_M + np.exp(log_error[0].astype(np.float64).clip(-6.0, 2.0)))
+        from_behind = float(1.0 / (1.0 + np.exp(-float(behind[0]))))
+        if from_behind > 0.5:
+            joints, error = joints[MIRROR_JOINTS], error[MIRROR_JOINTS]
+        apart = np.linalg.norm(joints - joints[MIRROR_JOINTS], axis=1)
+        return JointProposals(joints, error + min(from_behind, 1.0 - from_behind) * apart, from_behind)
+
+
+def load_joint_weights() -> bytes:
+    """Read the net that ships."""
+    return (resources.files("depth_pose.people") / "weights" / "joint_finder.onnx").read_bytes()

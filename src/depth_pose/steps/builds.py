@@ -1,0 +1,90 @@
+"""Everybody's build: learned from fitted frames while they are followed, and kept with their id.
+
+The refiner alone learns builds; they travel on with the skeletons (`depth_pose.core.types.Skeleton`),
+where the recoverer finds them. The matcher compares exemplars of the bank's body; what it finds of the
+size is one more thing that is known.
+"""
+
+from __future__ import annotations
+
+from depth_pose.body.build import BuildSpace
+from depth_pose.body.build_file import KnownBuild, load_build
+from depth_pose.core.config import FitConfig, PersonalConfig
+from depth_pose.fit.articulated import BodyPose, FitTarget
+from depth_pose.fit.personal import BuildEvidence, PersonalBuild
+from depth_pose.people.memory import PerPerson
+
+
+class BuildLearner:
+    """Learns builds of one body.
+
+    Parameters
+    ----------
+    space : BuildSpace
+    config : PersonalConfig
+    fit : FitConfig
+        Settings of the fit whose residuals tell the builds.
+
+    Raises
+    ------
+    ConfigError
+        Where the file of a build cannot be used.
+    """
+
+    def __init__(self, space: BuildSpace, config: PersonalConfig, fit: FitConfig) -> None:
+        self.space = space
+        self._config = config
+        self._evidence = BuildEvidence(space, config, fit)
+        known = load_build(config.file) if config.file else None
+        self._people = PerPerson(lambda: PersonalBuild(config, known))
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget everybody."""
+        self._people.reset()
+        self._longest: PersonalBuild | None = None
+
+    def begin(self, stamp_ns: int) -> None:
+        """Begin a frame."""
+        self._people.begin(stamp_ns)
+
+    def best_known(self) -> KnownBuild | None:
+        """Give the build that was learned from most frames; None where nobody was followed."""
+        return self._longest.known() if self._longest is not None else None
+
+    def of(self, body_id: str, scale: float, is_given: bool) -> PersonalBuild:
+        """Give somebody's build, up to date.
+
+        Parameters
+        ----------
+        body_id : str
+        scale : float
+            Size that the matcher found.
+        is_given : bool
+            Whether that is given, and kept.
+        """
+        personal = self._people[body_id]
+        personal.take_size(scale, is_given)
+        return personal
+
+    def learn(
+        self, personal: PersonalBuild, target: FitTarget, pose: BodyPose, score: float, stamp_ns: int
+    ) -> None:
+        """Learn from a fitted frame, if it fits well.
+
+        Parameters
+        ----------
+        personal : PersonalBuild
+        target : FitTarget
+            What the body was fitted to.
+        pose : BodyPose
+        score : float
+            Rendered-depth disagreement of the fitted body.
+        stamp_ns : int
+        """
+        if not self._config.personal or score > self._config.worst_score or not personal.is_due(stamp_ns):
+            return
+        body = self.space.body(personal.build)
+        personal.add(self._evidence.find(body, target, pose, personal.build), stamp_ns)
+        if self._longest is None or personal.frames >= self._longest.frames:
+            self._longest = personal

@@ -1,0 +1,83 @@
+"""Everybody's build: begun with a file, learned from good frames, kept with an id, best of all known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import synthetic as syn
+from depth_pose.body.build import BUILD_NAMES, BuildSpace
+from depth_pose.body.build_file import KnownBuild, save_build
+from depth_pose.core.config import FitConfig, PersonalConfig
+from depth_pose.core.errors import ConfigError
+from depth_pose.fit.articulated import BodyPose, FitTarget
+from depth_pose.people.person import thin
+from depth_pose.steps.builds import BuildLearner
+
+PARTS = len(BUILD_NAMES)
+
+
+@pytest.fixture(scope="module")
+def space(body):
+    return BuildSpace(body)
+
+
+@pytest.fixture(scope="module")
+def seen(space):
+    """A pose, and a frame that shows somebody with long thighs in it."""
+    build = np.zeros(PARTS, np.float32)
+    build[BUILD_NAMES.index("thigh")] = 0.1
+    pose = BodyPose(syn.FACING @ syn.varied(2, 30.0), np.array([0.0, 0.0, 3.0]), 1.0)
+    posed = space.body(build).pose(pose.rotations, pose.root, pose.scale)
+    person = syn.to_person(syn.draw(syn.mesh(posed)))
+    return FitTarget.prepare(thin(person.points, 800), person.full, person.coarse), pose
+
+
+def learner_of(space, **settings):
+    return BuildLearner(space, PersonalConfig(**settings), FitConfig())
+
+
+def follow(learner, seen, body_id, first, frames, score=0.1):
+    """Show frames of somebody, 100 ms apart."""
+    for k in range(first, first + frames):
+        stamp_ns = syn.START_NS + k * 100_000_000
+        learner.begin(stamp_ns)
+        personal = learner.of(body_id, 1.0, is_given=False)
+        learner.learn(personal, *seen, score, stamp_ns)
+    return personal
+
+
+def test_a_good_frame_is_learned_from_and_a_bad_one_is_not(space, seen):
+    assert follow(learner_of(space), seen, "a", 0, 5).frames == 5
+    assert follow(learner_of(space), seen, "a", 0, 5, score=0.9).frames == 0
+    assert follow(learner_of(space, personal=False), seen, "a", 0, 5).frames == 0
+
+
+def test_a_build_is_kept_while_its_person_is_remembered(space, seen):
+    learner = learner_of(space)
+    first = follow(learner, seen, "a", 0, 5)
+    follow(learner, seen, "b", 5, 15)
+    assert follow(learner, seen, "a", 20, 1) is first
+    follow(learner, seen, "b", 21, 30)
+    assert follow(learner, seen, "a", 51, 1) is not first
+
+
+def test_the_best_known_is_of_whom_most_was_seen(space, seen):
+    learner = learner_of(space)
+    assert learner.best_known() is None
+    follow(learner, seen, "a", 0, 3)
+    follow(learner, seen, "b", 3, 8)
+    follow(learner, seen, "c", 11, 2)
+    assert learner.best_known().frames == 8
+    learner.reset()
+    assert learner.best_known() is None
+
+
+def test_a_file_is_begun_with_and_a_bad_one_refused(space, tmp_path):
+    build = np.linspace(-0.05, 0.05, PARTS)
+    save_build(tmp_path / "me.json", KnownBuild(0.9, 0.01, build, np.full(PARTS, 0.01), 99))
+    learner = learner_of(space, file=str(tmp_path / "me.json"))
+    learner.begin(syn.START_NS)
+    np.testing.assert_allclose(learner.of("a", 0.9, is_given=False).build, build, atol=1e-4)
+    with pytest.raises(ConfigError, match=r"no\.json: the build cannot be read"):
+        learner_of(space, file=str(tmp_path / "no.json"))

@@ -1,0 +1,50 @@
+"""What training asks of the net of the second look; as `losses`, for one person at a time."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+from torch.nn import functional
+
+from depth_pose.core.skeleton import MIRROR_JOINTS
+from depth_pose.people.joint_finder import LEAST_ERROR_M
+
+_BEHIND_WEIGHT = 0.5
+_PLACE_WEIGHT = 0.5
+
+_NEAR_M = 0.08
+"""Deviation of the weights that votes should have about their joint, metres."""
+
+
+def joint_loss(
+    outputs: tuple[Tensor, Tensor, Tensor, Tensor], cells: Tensor, truth: Tensor, side: Tensor
+) -> tuple[Tensor, dict[str, float]]:
+    """Sum the losses; shapes as `joint_net.JointNet.vote` and `crops.CropBatch`.
+
+    The votes' mean alone teaches too slowly whose votes should count; so cells near a joint are told to
+    vote for it. ``cells`` (cells, 2) is where they are, metres.
+    Joints are named by the side of the image. Who is seen from the side may be named either way, as long
+    as the answer to "seen from behind" fits: the better of both counts.
+    """
+    joints, log_error, behind, log_weights = outputs
+    width = LEAST_ERROR_M + torch.exp(log_error.clamp(-6, 2))
+
+    def unlikelihood(target: Tensor) -> Tensor:
+        distance = torch.linalg.vector_norm(joints - target, dim=-1)
+        place = _place_loss(log_weights, cells, target)
+        return (distance / width + 3 * torch.log(width) + _PLACE_WEIGHT * place).mean(dim=1)
+
+    named, mirrored = unlikelihood(truth), unlikelihood(truth[:, MIRROR_JOINTS])
+    other = (mirrored < named) & (side.abs() < 1)
+    loss = torch.where(other, mirrored, named).mean()
+    from_behind = ((side > 0) ^ other).float()
+    loss_behind = functional.binary_cross_entropy_with_logits(behind, from_behind)
+    return loss + _BEHIND_WEIGHT * loss_behind, {"joints": loss.item(), "behind": loss_behind.item()}
+
+
+def _place_loss(log_weights: Tensor, cells: Tensor, target: Tensor) -> Tensor:
+    """Cross entropy (N, J) of votes' weights with a Gaussian about each joint; 0 outside the crop."""
+    place = target[..., :2]
+    inside = (place.abs() < cells.max()).all(dim=-1)
+    near = torch.softmax(-((place[:, :, None] - cells) ** 2).sum(dim=-1) / (2 * _NEAR_M**2), dim=-1)
+    return -(near * log_weights).sum(dim=-1) * inside
