@@ -14,6 +14,9 @@ import numpy as np
 from depth_pose.core.errors import InputError
 from depth_pose.io.mcap_write import SkeletonWriter
 
+NOTE = "depth_pose"
+"""Name of the metadata record of what an output was made from."""
+
 
 class Reader(Protocol):
     """The frames of a recording, for instance `depth_pose.io.mcap_read.DepthReader`."""
@@ -58,6 +61,8 @@ class RunSummary:
         Frames that could not be used; `warnings` say why.
     sources : mapping of str to int
         Skeletons by what they came from.
+    confidence : float
+        Mean of the skeletons' confidences; NaN without any.
     median_ms, p95_ms : float
         Time per frame in the pipeline, milliseconds; NaN without frames.
     warnings : tuple of str
@@ -70,6 +75,7 @@ class RunSummary:
     most_people: int
     dropped: int
     sources: Mapping[str, int]
+    confidence: float
     median_ms: float
     p95_ms: float
     warnings: tuple[str, ...]
@@ -80,6 +86,7 @@ def process_recording(
     output: Path | str,
     pipeline: Method,
     progress: Callable[[int], None] | None = None,
+    note: Callable[[RunSummary], Mapping[str, str]] | None = None,
 ) -> RunSummary:
     """Run the pipeline over a recording and write its skeletons.
 
@@ -96,6 +103,9 @@ def process_recording(
         The method; its temporal state is reset first.
     progress : callable, optional
         Called with the number of frames done.
+    note : callable, optional
+        Says what is to stand in the output's metadata, under `NOTE`. With it the output is whole or not
+        at all; without, Ctrl-C leaves what was done until then.
 
     Raises
     ------
@@ -106,8 +116,9 @@ def process_recording(
     sources: Counter[str] = Counter()
     refused: Counter[str] = Counter()
     times_ms = []
+    confidences: list[float] = []
     empty = most = 0
-    with SkeletonWriter(output) as writer:
+    with SkeletonWriter(output, only_whole=note is not None) as writer:
         for frame in reader:
             start = time.perf_counter()
             try:
@@ -120,20 +131,25 @@ def process_recording(
             writer.write_people(everybody, followed.stamp_ns, followed.frame_id)
             writer.write(followed)
             sources.update(s.source.name for s in everybody)
+            confidences += [s.confidence for s in everybody]
             empty += not everybody
             most = max(most, len(everybody))
             if progress:
                 progress(len(times_ms) + refused.total() + reader.dropped)
-    dropped = reader.dropped + refused.total()
-    reasons = [f"{count} frames were dropped: {reason}" for reason, count in refused.items()]
-    return RunSummary(
-        frames=len(times_ms) + dropped,
-        answered=len(times_ms) - empty,
-        empty=empty,
-        most_people=most,
-        dropped=dropped,
-        sources=dict(sources),
-        median_ms=float(np.median(times_ms)) if times_ms else float("nan"),
-        p95_ms=float(np.percentile(times_ms, 95)) if times_ms else float("nan"),
-        warnings=(*reader.warnings, *reasons),
-    )
+        dropped = reader.dropped + refused.total()
+        reasons = [f"{count} frames were dropped: {reason}" for reason, count in refused.items()]
+        summary = RunSummary(
+            frames=len(times_ms) + dropped,
+            answered=len(times_ms) - empty,
+            empty=empty,
+            most_people=most,
+            dropped=dropped,
+            sources=dict(sources),
+            confidence=float(np.mean(confidences)) if confidences else float("nan"),
+            median_ms=float(np.median(times_ms)) if times_ms else float("nan"),
+            p95_ms=float(np.percentile(times_ms, 95)) if times_ms else float("nan"),
+            warnings=(*reader.warnings, *reasons),
+        )
+        if note is not None:
+            writer.write_metadata(NOTE, note(summary))
+    return summary

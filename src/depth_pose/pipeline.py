@@ -82,6 +82,11 @@ class PosePipeline:
         for stage in self._stages:
             stage.reset()
 
+    def restart(self) -> None:
+        """Forget all earlier frames and the names of people, as if new; `reset` gives no name twice."""
+        self.reset()
+        self.extractor.restart()
+
     def warm_up(self) -> None:
         """Compile (or load from the cache) every kernel, so that the first frame is not late."""
         for stage in self._stages[:-1]:

@@ -13,11 +13,11 @@ from threadpoolctl import threadpool_limits
 
 from depth_pose.bank.bank import Bank
 from depth_pose.bank.views import BANK_SCHEMES, PoseViews, render_views
-from depth_pose.bank.workers import run_parts
 from depth_pose.body.body import Body
 from depth_pose.core.config import _Checked, option
 from depth_pose.core.errors import ConfigError
 from depth_pose.core.rotations import matrix_to_quat, quat_to_matrix
+from depth_pose.core.workers import run_parts
 
 Progress = Callable[[int, int], None]
 """Called with the number of poses done and their total."""

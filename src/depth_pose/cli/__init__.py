@@ -45,6 +45,8 @@ def _main(
 
     [bold]Skeletons of a recording:[/bold]  depth-pose run in.mcap -o out.mcap
 
+    [bold]Of many recordings:[/bold]  depth-pose run recordings/ -o skeletons/
+
     [bold]Look at them:[/bold]  depth-pose overlay in.mcap out.mcap -o picture.png
 
     [bold]Live, on a sensor's topics:[/bold]  depth-pose up

@@ -118,37 +118,61 @@ def progress_bar(what: str, total: int | None) -> Iterator[Callable[[int], None]
 
     Where the output is no terminal, each tenth is a line.
     """
+    with _bar(what, total, lambda done: f"{done}/{total}" if total else str(done)) as update:
+        yield lambda done: update(done, done)
+
+
+@contextmanager
+def archive_bar(what: str, size: int, recordings: int) -> Iterator[Callable[[float, int, int], None]]:
+    """Show the bar of an archive; gives a function that is told the bytes, recordings and frames done."""
+    done_recordings = 0
+    with _bar(what, size, lambda _: f"{done_recordings}/{recordings}", " frames") as update:
+
+        def tell(done: float, count: int, frames: int) -> None:
+            nonlocal done_recordings
+            done_recordings = count
+            update(done, frames)
+
+        yield tell
+
+
+@contextmanager
+def _bar(
+    what: str, total: int | None, count: Callable[[float], str], unit: str = ""
+) -> Iterator[Callable[[float, int], None]]:
+    """Show a bar; gives a function that is told how much is done, and of how many the rate is shown."""
     if not errors.is_terminal:
-        yield _line_printer(what, total)
+        tell = _line_printer(what, total)
+        yield lambda done, _: tell(done)
         return
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
     columns = (
         TextColumn("{task.description}"),
         BarColumn(bar_width=None),
-        MofNCompleteColumn(),
+        TextColumn("{task.fields[count]}"),
         TextColumn("{task.fields[rate]}"),
         TimeRemainingColumn(compact=True),
     )
     with Progress(*columns, console=errors, transient=True, expand=True) as progress:
-        task = progress.add_task(what, total=total, rate="")
+        task = progress.add_task(what, total=total, rate="", count="")
 
-        def update(done: int) -> None:
+        def update(done: float, rated: int) -> None:
             elapsed = progress.tasks[task].elapsed or 0.0
-            rate = f"{done / elapsed:.1f}/s" if elapsed > 0.5 else ""
-            progress.update(task, completed=done, rate=rate)
+            rate = f"{rated / elapsed:.1f}{unit}/s" if elapsed > 0.5 else ""
+            progress.update(task, completed=done, rate=rate, count=count(done))
 
         yield update
 
 
-def _line_printer(what: str, total: int | None) -> Callable[[int], None]:
+def _line_printer(what: str, total: int | None) -> Callable[[float], None]:
     start = last = time.monotonic()
     told = 0
 
-    def update(done: int) -> None:
+    def update(done: float) -> None:
         nonlocal last, told
         now = time.monotonic()
-        tenth = 10 * done // total if total else 0
+        tenth = int(10 * done / total) if total else 0
         if tenth > told and now - last > _LEAST_LINE_GAP_S:
             told, last = tenth, now
             errors.print(f"{what}: {10 * tenth} %, {now - start:.0f} s", highlight=False, markup=False)

@@ -2,16 +2,38 @@
 
 from __future__ import annotations
 
+import time
+from collections import Counter
+from glob import has_magic
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from depth_pose.cli.console import console, given, print_facts, progress_bar, read_settings, setting, warn
+from depth_pose.cli.console import (
+    archive_bar,
+    console,
+    errors,
+    given,
+    print_facts,
+    progress_bar,
+    read_settings,
+    setting,
+    warn,
+)
 from depth_pose.core.config import FollowConfig, PersonalConfig, PipelineConfig, RefineConfig, SegmentConfig
+from depth_pose.core.errors import ConfigError, InputError
 
 if TYPE_CHECKING:
+    from depth_pose.archive.inputs import Source
+    from depth_pose.archive.jobs import Row
     from depth_pose.body.build_file import KnownBuild
+
+_MOST_ROWS = 40
+"""Recordings in the table that is printed; of more, those with warnings. ``report.csv`` has them all."""
+
+_STOPPED = 130
+"""Exit code after Ctrl-C, as shells have it."""
 
 
 def add_to(app: typer.Typer) -> None:
@@ -20,8 +42,17 @@ def add_to(app: typer.Typer) -> None:
 
 
 def run(
-    recording: Annotated[Path, typer.Argument(help="MCAP recording of a depth camera, or a folder of them.")],
-    output: Annotated[Path, typer.Option("--output", "-o", help="The skeletons' recording.")],
+    recordings: Annotated[
+        list[str],
+        typer.Argument(
+            help="MCAP recordings of a camera: files, folders, patterns, folders of one recording's parts.",
+            metavar="IN",
+            show_default=False,
+        ),
+    ],
+    output: Annotated[
+        Path, typer.Option("--output", "-o", help="The skeletons' recording; of several, their folder.")
+    ],
     method: Annotated[str | None, setting(RefineConfig, "method")] = None,
     bank: Annotated[Path | None, typer.Option(help="Exemplar bank.", show_default="the set-up's")] = None,
     depth_topic: Annotated[
@@ -41,12 +72,28 @@ def run(
         Path | None,
         typer.Option(help="Settings by step, YAML or JSON, or a ROS parameter file.", metavar="FILE"),
     ] = None,
+    workers: Annotated[
+        int | None,
+        typer.Option(
+            min=0, help="Of several recordings: processes; 0 for none but this.", show_default="all cores"
+        ),
+    ] = None,
+    cluster: Annotated[
+        str | None,
+        typer.Option(
+            help="Of several recordings: work on the cluster of this Dask scheduler.", metavar="ADDRESS"
+        ),
+    ] = None,
 ) -> None:
-    """Find everybody's skeleton in every depth frame of a recording.
+    """Find everybody's skeleton in every depth frame of a recording, or of many.
 
     /depth_pose/skeletons holds everybody, /depth_pose/skeleton the one who is followed; where nobody is in
     view, the first is empty and the second has no joints. The same recording gives the same file, byte for
     byte.
+
+    Of several recordings, or with an output that is a folder, each one's skeletons go to FOLDER/NAME.mcap.
+    What is done already is skipped, so that the same command goes on where it was stopped. FOLDER/report.csv
+    has a line for each; the exit code is 1 where one of them failed.
 
     [bold]Examples:[/bold]
 
@@ -63,6 +110,10 @@ def run(
     depth-pose run in.mcap -o out.mcap --save-build me.json
 
     depth-pose run other.mcap -o out.mcap --build me.json
+
+    depth-pose run recordings/ -o skeletons/ --workers 8
+
+    depth-pose run 'ward/**/depth_*.mcap' more.mcap -o skeletons/ --cluster tcp://head:8786
     """
     values = read_settings(params) if params else {}
     for section, chosen in (
@@ -75,7 +126,42 @@ def run(
         if chosen:
             values.setdefault(section, {}).update(chosen)
     config = PipelineConfig.from_mapping(values)
+    if _is_one(recordings, output):
+        if cluster is not None:
+            raise ConfigError(
+                "--cluster is for several recordings; with one, let -o be a folder that is there"
+            )
+        _run_one(Path(recordings[0]), output, bank, depth_topic, config, save_build)
+    else:
+        if save_build is not None:
+            raise ConfigError("--save-build is for one recording that goes to one file")
+        if config.build.file:
+            values["build"]["file"] = str(Path(config.build.file).resolve())
+            config = PipelineConfig.from_mapping(values)
+        _run_archive(recordings, output, bank, depth_topic, config, workers, cluster)
 
+
+def _is_one(recordings: list[str], output: Path) -> bool:
+    """Whether one recording is to go to one file."""
+    from depth_pose.archive.inputs import is_one_recording
+
+    if len(recordings) > 1 or output.is_dir():
+        return False
+    path = Path(recordings[0])
+    if not path.exists():
+        return not has_magic(recordings[0])
+    return is_one_recording(path)
+
+
+def _run_one(
+    recording: Path,
+    output: Path,
+    bank: Path | None,
+    depth_topic: str | None,
+    config: PipelineConfig,
+    save_build: Path | None,
+) -> None:
+    """Run one recording to one file."""
     from depth_pose.io.mcap_read import DepthReader
 
     reader = DepthReader(recording, depth_topic)
@@ -117,3 +203,108 @@ def _save_build(path: Path, known: KnownBuild | None) -> None:
         warn([f"{path} is not written: nobody was seen well enough to learn their build"])
     else:
         save_build(path, known)
+
+
+def _run_archive(
+    inputs: list[str],
+    folder: Path,
+    bank: Path | None,
+    depth_topic: str | None,
+    config: PipelineConfig,
+    workers: int | None,
+    cluster: str | None,
+) -> None:
+    """Run many recordings to a folder."""
+    from depth_pose.archive.inputs import find_sources
+
+    if workers is not None and cluster is not None:
+        raise ConfigError("--workers are processes of this machine, --cluster has its own; give one of them")
+    sources = find_sources(inputs, folder)
+    if folder.suffix == ".mcap" or folder.is_file():
+        raise ConfigError(f"the skeletons of several recordings go to a folder; {folder} is a file's name")
+
+    from depth_pose.archive.jobs import Setting
+    from depth_pose.archive.process import Progress, process_archive
+    from depth_pose.archive.report import REPORT, Report
+    from depth_pose.bank import Bank, default_bank_path
+
+    bank_id = Bank.load(bank or default_bank_path()).bank_id
+    setting = Setting(str(bank.resolve()) if bank else None, bank_id, config, depth_topic)
+    report = Report(folder / REPORT)
+    size = sum(source.size for source in sources)
+    names = [source.name for source in sources]
+    start = time.monotonic()
+    try:
+        with archive_bar("recordings", size, len(sources)) as update:
+
+            def tell(at: Progress) -> None:
+                update(at.size, at.recordings, at.frames)
+
+            process_archive(sources, folder, setting, workers, cluster, tell, report.add)
+    except KeyboardInterrupt:
+        rows = report.finish(names)
+        errors.print(
+            f"stopped; {len(rows)} of {len(sources)} recordings are done, the same command goes on from there"
+        )
+        raise typer.Exit(_STOPPED) from None
+    except BaseException:
+        report.finish(names)
+        raise
+    rows = report.finish(names)
+    _print_rows(rows)
+    _draw(sources, rows, folder, depth_topic)
+    _print_total(rows, folder, time.monotonic() - start)
+    if any(row.state == "failed" for row in rows):
+        raise typer.Exit(1)
+
+
+def _draw(sources: list[Source], rows: list[Row], folder: Path, depth_topic: str | None) -> None:
+    """Draw the sheet anew where anything is new."""
+    from depth_pose.archive.sheet import SHEET, save_archive_sheet
+
+    if all(row.state != "done" for row in rows):
+        return
+    made = [source for source, row in zip(sources, rows, strict=True) if row.state != "failed" and row.people]
+    try:
+        with console.status("drawing the sheet"):
+            save_archive_sheet(made, folder, folder / SHEET, depth_topic)
+    except InputError as error:
+        warn([f"no picture: {error}"])
+
+
+def _print_rows(rows: list[Row]) -> None:
+    """Print a table of the recordings, and what went wrong; of many, only of those where something did."""
+    from rich.markup import escape
+    from rich.table import Table
+
+    warned = [row for row in rows if row.warnings][:_MOST_ROWS]
+    shown = rows if len(rows) <= _MOST_ROWS else warned
+    if not shown:
+        return
+    table = Table()
+    for name in ("file", "state"):
+        table.add_column(name)
+    for name in ("frames", "people", "answered", "confidence", "ms"):
+        table.add_column(name, justify="right")
+    for row in shown:
+        counts = ("", "", "") if row.state == "failed" else (row.frames, row.people, row.answered)
+        numbers = ("" if value != value else f"{value:.2f}" for value in (row.confidence, row.ms))
+        colour = {"failed": "red", "skipped": "dim"}.get(row.state, "green")
+        table.add_row(
+            escape(row.file),
+            f"[{colour}]{row.state}[/]",
+            *map(str, counts),
+            *numbers,
+        )
+    console.print(table)
+    warn(f"{row.file}: {line}" for row in warned for line in row.warnings)
+
+
+def _print_total(rows: list[Row], folder: Path, seconds: float) -> None:
+    counts = Counter(row.state for row in rows)
+    frames = sum(row.frames for row in rows if row.state == "done")
+    facts = [
+        ("recordings", ", ".join(f"{counts[s]} {s}" for s in ("done", "skipped", "failed") if counts[s])),
+        ("frames", f"{frames} in {seconds:.0f} s, {frames / seconds:.1f} a second"),
+    ]
+    print_facts(str(folder), facts)

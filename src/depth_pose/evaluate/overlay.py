@@ -26,15 +26,22 @@ _CROP_MARGIN = 0.22
 _TRUTH, _DARK = "#ffffff", "#15181d"
 _LEAST_COLUMNS_FOR_ONE_LINE = 4
 
+NOBODY = np.zeros((0, len(JOINTS), 3))
+"""The known joints where nobody's are known."""
+
 
 @dataclass(frozen=True)
 class Panel:
-    """One frame of a sheet: the depth, everybody's skeletons or None, and the known joints (P, 19, 3)."""
+    """One frame of a sheet: the depth, everybody's skeletons or None, and the known joints (P, 19, 3).
+
+    ``name`` is what is written beside its time.
+    """
 
     frame: DepthFrame
     skeletons: tuple[Skeleton, ...] | None
     truth: NDArray[np.float64]
     seconds: float
+    name: str = ""
 
 
 def project(points: NDArray[np.floating], camera: Camera) -> NDArray[np.float64]:
@@ -78,7 +85,7 @@ def save_overlay(
         Where a file cannot be used.
     """
     panels = collect_panels(recording_path, skeleton_path, frames, truth_path, depth_topic, skeleton_topic)
-    _draw_sheet(panels, Path(png_path), Path(recording_path).stem)
+    draw_sheet(panels, Path(png_path), Path(recording_path).stem)
 
 
 def collect_panels(
@@ -111,15 +118,15 @@ def collect_panels(
 
 def _known(truth: KnownPeople | None, stamp_ns: int) -> NDArray[np.float64]:
     """Give the known joints of whom the frame shows, (P, 19, 3)."""
-    none = np.zeros((0, len(JOINTS), 3))
     if truth is None or truth.names != JOINTS:
-        return none
+        return NOBODY
     nearest = int(np.argmin(np.abs(truth.stamps_ns - stamp_ns)))
     near = abs(int(truth.stamps_ns[nearest]) - stamp_ns) <= STAMP_TOLERANCE_NS
-    return truth.joints[nearest][truth.visible[nearest] >= WEAK_SHARE] if near else none
+    return truth.joints[nearest][truth.visible[nearest] >= WEAK_SHARE] if near else NOBODY
 
 
-def _draw_sheet(panels: list[Panel], path: Path, title: str) -> None:
+def draw_sheet(panels: list[Panel], path: Path, title: str) -> None:
+    """Draw panels, at least one, into a PNG file; folders are made."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -228,7 +235,7 @@ def _draw_name(axes: Any, skeleton: Skeleton, camera: Camera) -> None:
 
 def _label(axes: Any, panel: Panel) -> None:
     """Write the time, and what was found."""
-    text, skeletons = f"{panel.seconds:.2f} s  ", panel.skeletons
+    text, skeletons = f"{panel.name}  {panel.seconds:.2f} s  ".lstrip(), panel.skeletons
     if skeletons is None:
         text += "no answer"
     elif not skeletons:

@@ -168,14 +168,49 @@ class Recording:
         return self._first.get(topic)
 
 
+def read_metadata(path: Path | str, name: str) -> dict[str, str] | None:
+    """Give the named metadata record of an MCAP file; None where there is no such file or record."""
+    try:
+        with Path(path).open("rb") as stream:
+            reader = SeekingReader(stream, record_size_limit=Path(path).stat().st_size)
+            return next((record.metadata for record in reader.iter_metadata() if record.name == name), None)
+    except _DAMAGE:
+        return None
+
+
+@dataclass(frozen=True)
+class Span:
+    """What an MCAP file says of itself: first and last log time, nanoseconds, and its topics."""
+
+    start_ns: int
+    end_ns: int
+    topics: frozenset[str]
+
+
+def read_span(path: Path | str) -> Span | None:
+    """Give the span of an MCAP file; None where it has no summary to read it from."""
+    try:
+        with Path(path).open("rb") as stream:
+            summary = SeekingReader(stream, record_size_limit=Path(path).stat().st_size).get_summary()
+    except _DAMAGE:
+        return None
+    if summary is None or summary.statistics is None:
+        return None
+    found = summary.statistics
+    topics = frozenset(channel.topic for channel in summary.channels.values())
+    return Span(found.message_start_time, found.message_end_time, topics)
+
+
+def recording_files(path: Path) -> list[Path]:
+    """Give the MCAP files of a recording, in their order."""
+    return sorted(path.glob("*.mcap"), key=_by_number) if path.is_dir() else [path]
+
+
 def _files(path: Path) -> list[Path]:
     """Give the MCAP files of a path, checked to be such."""
-    if path.is_dir():
-        files = sorted(path.glob("*.mcap"), key=_by_number)
-        if not files:
-            raise InputError(f"{path} has no .mcap files in it")
-    else:
-        files = [path]
+    files = recording_files(path)
+    if not files:
+        raise InputError(f"{path} has no .mcap files in it")
     for file in files:
         try:
             with file.open("rb") as stream:

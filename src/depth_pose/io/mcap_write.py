@@ -7,7 +7,8 @@ of the machine or the moment is written.
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+import platform
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import BinaryIO, TypeVar
@@ -25,17 +26,34 @@ from depth_pose.io.schemas import DEPTH_TOPIC, PEOPLE_TOPIC, SKELETON_TOPIC
 
 _Writer = TypeVar("_Writer", bound="_RecordingWriter")
 
+_PART = ".part"
+
+
+def remove_parts(paths: Iterable[Path | str]) -> None:
+    """Remove what writers of these recordings that were killed have left beside them."""
+    names: dict[Path, list[str]] = {}
+    for path in map(Path, paths):
+        names.setdefault(path.parent, []).append(f".{path.name}.")
+    for folder, beginnings in names.items():
+        parts = folder.glob(f".*{_PART}") if folder.is_dir() else ()
+        for part in parts:
+            if part.name.startswith(tuple(beginnings)):
+                part.unlink(missing_ok=True)
+
 
 class _RecordingWriter:
     """A recording that stands under its name only once it is whole.
 
     As a context manager it is closed at the end; after an error the file is left as it was
-    before, after Ctrl-C it holds what was written until then.
+    before. After Ctrl-C it holds what was written until then, unless it is to be whole or not at all.
     """
 
-    def __init__(self, path: Path | str) -> None:
+    def __init__(self, path: Path | str, only_whole: bool = False) -> None:
         self._path = Path(path)
-        self._part = self._path.with_name(self._path.name + ".part")
+        self._only_whole = only_whole
+        # nobody else's, on no machine that shares the folder
+        name = f".{self._path.name}.{platform.node()}.{os.getpid()}{_PART}"
+        self._part = self._path.with_name(name)
         try:
             self._path.parent.mkdir(parents=True, exist_ok=True)
             self._stream: BinaryIO = self._part.open("wb")
@@ -62,6 +80,10 @@ class _RecordingWriter:
         )
         self._counts[topic] += 1
 
+    def write_metadata(self, name: str, values: Mapping[str, str]) -> None:
+        """Add a metadata record to the file."""
+        self._writer.add_metadata(name, dict(values))
+
     def close(self) -> None:
         """Finish the file and give it its name."""
         if not self._stream.closed:
@@ -80,7 +102,7 @@ class _RecordingWriter:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        if kind is None or issubclass(kind, KeyboardInterrupt):
+        if kind is None or (issubclass(kind, KeyboardInterrupt) and not self._only_whole):
             self.close()
         else:
             self.discard()
@@ -95,10 +117,12 @@ class SkeletonWriter(_RecordingWriter):
         The MCAP file; folders are made, a file that is there is replaced.
     topic : str
         The topic's name.
+    only_whole : bool
+        Leave the file as it was before after Ctrl-C too.
     """
 
-    def __init__(self, path: Path | str, topic: str = SKELETON_TOPIC) -> None:
-        super().__init__(path)
+    def __init__(self, path: Path | str, topic: str = SKELETON_TOPIC, only_whole: bool = False) -> None:
+        super().__init__(path, only_whole)
         self._topic = topic
 
     def write(self, skeleton: Skeleton) -> None:

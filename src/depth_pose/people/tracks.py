@@ -91,6 +91,11 @@ class PeopleTracks:
         """Forget everybody; names are not given twice."""
         self._tracks: list[_Track] = []
 
+    def restart(self) -> None:
+        """Forget everybody and the names given, as if new."""
+        self.reset()
+        self._count = 0
+
     def assign(self, sightings: Sequence[Sighting], stamp_ns: int) -> tuple[str | None, ...]:
         """Name what a frame shows.
 

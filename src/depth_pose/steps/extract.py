@@ -68,6 +68,12 @@ class PeopleExtractor:
         self._tracks.reset()
         self.choice.reset()
 
+    def restart(self) -> None:
+        """Forget the people and the names given, as if new."""
+        self.reset()
+        self._tracks.restart()
+        self.passed_over.clear()
+
     def warm_up(self) -> None:
         """Compile every kernel."""
         self.segmenter.warm_up()

@@ -1,0 +1,1 @@
+"""Many recordings: which they are, working on them with many processes, and the report."""

@@ -1,0 +1,192 @@
+"""Which recordings are meant: files, folders, patterns, recordings that are split into parts.
+
+A folder is one recording where it has rosbag2's ``metadata.yaml``, or where its files carry on from one
+another: the same name but for its last number, the same topics, each beginning where the one before
+ends. Any other folder holds recordings, and folders.
+"""
+
+from __future__ import annotations
+
+import glob
+import os
+import re
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+
+from depth_pose.core.errors import ConfigError, InputError
+from depth_pose.io._recording import read_span, recording_files
+
+METADATA = "metadata.yaml"
+ENDING = ".mcap"
+
+_MOST_GAP_NS = 1_000_000_000
+"""Most time between the parts of one recording, nanoseconds: rosbag2 loses none between them, people who
+start a recording after another take longer. Set by hand."""
+
+
+@dataclass(frozen=True)
+class Source:
+    """A recording of an archive.
+
+    Attributes
+    ----------
+    path : Path
+        An MCAP file, or the folder of a recording's parts.
+    name : str
+        Its name within the archive, ``ward/monday``.
+    size : int
+        Bytes.
+    """
+
+    path: Path
+    name: str
+    size: int
+
+
+def is_one_recording(path: Path) -> bool:
+    """Whether a path is one recording: a file, or a folder of one recording's parts."""
+    if not path.is_dir() or _is_split(path):
+        return True
+    return len(recording_files(path)) == 1 and not _has_recordings_below(path)
+
+
+def _is_split(folder: Path) -> bool:
+    """Whether a folder holds the parts of one recording."""
+    if (folder / METADATA).exists():
+        return True
+    files = recording_files(folder)
+    return len(files) > 1 and _carry_on(files) and not _has_recordings_below(folder)
+
+
+def _has_recordings_below(folder: Path) -> bool:
+    return any(any(inside.rglob(f"*{ENDING}")) for inside in _folders(folder))
+
+
+def _carry_on(files: Sequence[Path]) -> bool:
+    if len({re.sub(r"\d+(?=\D*$)", "", file.name) for file in files}) > 1:
+        return False
+    spans = [read_span(file) for file in files]
+    for before, after in pairwise(spans):
+        if before is None or after is None or before.topics != after.topics:
+            return False
+        if not 0 <= after.start_ns - before.end_ns <= _MOST_GAP_NS:
+            return False
+    return True
+
+
+def find_sources(inputs: Iterable[str | Path], but: Path | None = None) -> list[Source]:
+    """Find the recordings that are meant, each once, in the order given.
+
+    Parameters
+    ----------
+    inputs : iterable of str or Path
+        MCAP files, folders, and patterns as of `glob`, with ``**`` for folders at any depth.
+    but : Path, optional
+        A folder that is not looked into, for instance the output.
+
+    Raises
+    ------
+    InputError
+        Where an input is not there, or has no recording in it.
+    ConfigError
+        Where recordings cannot be told apart by their names.
+    """
+    found: dict[Path, str] = {}
+    for given in inputs:
+        count = len(found)
+        for path, name in _look(str(given), but.resolve() if but else None):
+            found.setdefault(path, name)
+        if len(found) == count and not Path(given).exists():
+            raise InputError(f"{given} cannot be read: there is no such file or folder")
+    if not found:
+        raise InputError(f"there is no {ENDING} recording in {', '.join(map(str, inputs))}")
+    found = _with_whole_splits(found)
+    return [Source(path, name, _size(path)) for path, name in _told_apart(found).items()]
+
+
+def _look(given: str, but: Path | None) -> Iterator[tuple[Path, str]]:
+    """Give the recordings of one input with their names."""
+    path = Path(given)
+    if path.is_dir():
+        yield from _walk(path, path, but)
+    elif path.exists():
+        yield path, path.stem
+    elif glob.has_magic(given):
+        fixed = _fixed_part(given)
+        for match in sorted(map(Path, glob.glob(given, recursive=True))):
+            if match.is_dir():
+                yield from _walk(match, fixed, but)
+            elif match.suffix == ENDING and not _is_within(match, but):
+                yield match, _name(match, fixed)
+
+
+def _fixed_part(pattern: str) -> Path:
+    """Give the folders of a pattern up to the first that is one."""
+    fixed = Path()
+    for part in Path(pattern).parent.parts:
+        if glob.has_magic(part):
+            break
+        fixed /= part
+    return fixed
+
+
+def _walk(folder: Path, root: Path, but: Path | None) -> Iterator[tuple[Path, str]]:
+    if _is_within(folder, but):
+        return
+    if _is_split(folder):
+        yield folder, _name(folder, root)
+        return
+    for file in sorted(folder.glob(f"*{ENDING}")):
+        yield file, _name(file, root)
+    for inside in sorted(_folders(folder)):
+        yield from _walk(inside, root, but)
+
+
+def _folders(folder: Path) -> Iterator[Path]:
+    return (p for p in folder.iterdir() if p.is_dir() and not p.name.startswith("."))
+
+
+def _is_within(path: Path, folder: Path | None) -> bool:
+    return folder is not None and (path.resolve() == folder or folder in path.resolve().parents)
+
+
+def _name(path: Path, root: Path) -> str:
+    if path == root:
+        return path.resolve().name
+    name = path.relative_to(root)
+    return str(name if path.is_dir() else name.with_suffix(""))
+
+
+def _with_whole_splits(found: dict[Path, str]) -> dict[Path, str]:
+    """Put a recording's folder in place of its files, where all of them were given one by one."""
+    whole: dict[Path, str] = {}
+    for path, name in found.items():
+        folder = path.parent
+        parts = recording_files(folder) if (folder / METADATA).exists() and path.is_file() else []
+        if len(parts) > 1 and all(part in found for part in parts):
+            above = os.path.dirname(name)
+            whole.setdefault(folder, above or folder.resolve().name)
+        else:
+            whole[path] = name
+    return whole
+
+
+def _told_apart(found: dict[Path, str]) -> dict[Path, str]:
+    """Name recordings by their folders too, where their names alone are the same."""
+    if max(Counter(found.values()).values()) == 1:
+        return found
+    resolved = {path: path.resolve() for path in found}
+    root = Path(os.path.commonpath([p.parent for p in resolved.values()]))
+    longer = {path: _name(full, root) for path, full in resolved.items()}
+    twice = [name for name, count in Counter(longer.values()).items() if count > 1]
+    if twice:
+        paths = ", ".join(str(path) for path, name in longer.items() if name == twice[0])
+        raise ConfigError(f"{paths}: these have the same name, and so would their outputs; rename one")
+    return longer
+
+
+def _size(path: Path) -> int:
+    return sum(file.stat().st_size for file in recording_files(path))

@@ -1,0 +1,267 @@
+"""Work on one recording of an archive, in whatever process it is done.
+
+A finished output says what it was made from (`Work.marks`): input, bank, settings and version. Where
+that is the same again, there is nothing to do.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+import math
+import platform
+import threading
+import time
+import traceback
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from depth_pose import __version__
+from depth_pose.core.config import PipelineConfig
+from depth_pose.core.errors import BankError, ConfigError, DepthPoseError, InputError
+from depth_pose.core.workers import Tell
+from depth_pose.io._recording import read_metadata, recording_files
+from depth_pose.offline import NOTE, RunSummary, process_recording
+
+if TYPE_CHECKING:
+    from depth_pose.pipeline import PosePipeline
+
+_BLOCK = 1 << 20
+_BLOCKS = 8
+"""Of larger files so many blocks of 1 MiB are hashed, the first and the last among them."""
+_TELL_EVERY_S = 0.5
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What all recordings of an archive are worked on with.
+
+    Attributes
+    ----------
+    bank : str or None
+        The bank's file; None for the default one of the machine that does the work.
+    bank_id : str
+        The bank that is meant; another one is refused.
+    config : PipelineConfig
+    depth_topic : str or None
+        The depth topic; None for the only one there is.
+    version : str
+        Of this package; another one is refused.
+    """
+
+    bank: str | None
+    bank_id: str
+    config: PipelineConfig
+    depth_topic: str | None = None
+    version: str = __version__
+
+    @cached_property
+    def digest(self) -> str:
+        """Hash of the settings, 16 hexadecimal digits."""
+        settings = self.config.as_mapping()
+        if self.config.build.file:  # what is in it counts, not its name
+            settings["build"]["file"] = _hash_of_build(self.config.build.file)
+        text = json.dumps([settings, self.depth_topic], sort_keys=True)
+        return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def _hash_of_build(path: str) -> str:
+    try:
+        return hashlib.sha256(Path(path).read_bytes()).hexdigest()
+    except OSError as error:
+        raise ConfigError(f"{path}: the build cannot be read: {error.strerror}") from error
+
+
+@dataclass(frozen=True)
+class Row:
+    """What came of one recording: a row of the report.
+
+    Attributes
+    ----------
+    file : str
+        The recording's name within the archive.
+    state : str
+        ``done``, ``skipped`` (it was done before) or ``failed``.
+    frames, answered : int
+        Frames, and those with a skeleton.
+    people : int
+        Most people in one frame.
+    confidence : float
+        Mean of the skeletons' confidences; NaN without any.
+    ms : float
+        Median time of a frame in the pipeline, milliseconds; NaN where it was not measured.
+    warnings : tuple of str
+        What went wrong; where it failed, why.
+    seconds : float
+        Time for all of it, reading and writing too; NaN where it was not measured.
+    """
+
+    file: str
+    state: str
+    frames: int = 0
+    people: int = 0
+    answered: int = 0
+    confidence: float = math.nan
+    ms: float = math.nan
+    warnings: tuple[str, ...] = ()
+    seconds: float = math.nan
+
+
+def work_on(name: str, recording: str, output: str, setting: Setting, tell: Tell) -> Row:
+    """Make the skeletons of one recording, unless that is done.
+
+    Parameters
+    ----------
+    name : str
+        The recording's name within the archive.
+    recording, output : str
+        Its file or folder; the skeletons' file.
+    setting : Setting
+    tell : callable
+        Is told the share that is done.
+
+    Returns
+    -------
+    Row
+        Failed, with the reason, where the recording is at fault, or a bug is.
+
+    Raises
+    ------
+    ConfigError, BankError
+        Where no recording could be worked on here: the bank or the version is another one.
+    """
+    try:
+        marks = _marks(Path(recording), setting)
+        before = read_metadata(output, NOTE)
+        if before is not None and all(before.get(key) == value for key, value in marks.items()):
+            return dataclasses.replace(_remembered(name, before), state="skipped")
+        with _one_at_a_time:
+            return _process(name, recording, output, setting, marks, tell)
+    except (ConfigError, BankError):
+        raise
+    except DepthPoseError as error:
+        return failure(name, str(error))
+    except OSError as error:
+        return failure(name, f"{error.filename or recording}: {error.strerror or error}")
+    except Exception as error:
+        where = traceback.extract_tb(error.__traceback__)[-1]
+        text = f"{type(error).__name__}: {error} ({Path(where.filename).name}, line {where.lineno})"
+        return failure(name, text)
+
+
+def failure(name: str, reason: str) -> Row:
+    """Make the row of a recording that failed."""
+    return Row(name, "failed", warnings=(" ".join(reason.split()),))
+
+
+def _process(
+    name: str, recording: str, output: str, setting: Setting, marks: Mapping[str, str], tell: Tell
+) -> Row:
+    from depth_pose.io.mcap_read import DepthReader
+
+    reader = DepthReader(recording, setting.depth_topic)
+    pipeline = _pipeline(setting)
+    pipeline.restart()
+    start = told = time.monotonic()
+
+    def progress(done: int) -> None:
+        nonlocal told
+        now = time.monotonic()
+        if now - told > _TELL_EVERY_S:
+            told = now
+            tell(done / max(len(reader), 1))
+
+    def note(summary: RunSummary) -> dict[str, str]:
+        return {**marks, "row": json.dumps(_facts(summary))}
+
+    summary = process_recording(reader, output, pipeline, progress, note)
+    took = time.monotonic() - start
+    row = Row(name, "done", **_facts(summary))
+    return dataclasses.replace(row, ms=summary.median_ms, seconds=took, warnings=summary.warnings)
+
+
+def _facts(summary: RunSummary) -> dict[str, Any]:
+    """Give what stands of a summary in the output: nothing that another run would find otherwise."""
+    return {
+        "frames": summary.frames,
+        "people": summary.most_people,
+        "answered": summary.answered,
+        "confidence": summary.confidence,
+        "warnings": summary.warnings,
+    }
+
+
+def _remembered(name: str, note: Mapping[str, str]) -> Row:
+    facts = json.loads(note["row"])
+    return Row(name, "skipped", **{**facts, "warnings": tuple(facts["warnings"])})
+
+
+def _marks(recording: Path, setting: Setting) -> dict[str, str]:
+    """Say what an output is made from."""
+    return {
+        "input": content_hash(recording),
+        "bank": setting.bank_id,
+        "settings": setting.digest,
+        "version": setting.version,
+    }
+
+
+def content_hash(recording: Path) -> str:
+    """Hash of a recording's content, 32 hexadecimal digits.
+
+    Of each file the size and up to eight blocks of 1 MiB, evenly spread: the beginning and the end,
+    where MCAP has its index, are among them.
+    """
+    digest = hashlib.blake2b(digest_size=16)
+    files = recording_files(recording)
+    if not files:
+        raise InputError(f"{recording} has no .mcap files in it")
+    for file in files:
+        size = file.stat().st_size
+        digest.update(size.to_bytes(8, "little"))
+        last = max(size - _BLOCK, 0)
+        starts = {last * k // (_BLOCKS - 1) for k in range(_BLOCKS)}
+        if size <= _BLOCK * _BLOCKS:
+            starts = set(range(0, size, _BLOCK))
+        with file.open("rb") as stream:
+            for start in sorted(starts):
+                stream.seek(start)
+                digest.update(stream.read(_BLOCK))
+    return digest.hexdigest()
+
+
+_one_at_a_time = threading.Lock()
+"""A Dask worker may have several threads; the pipeline, and the limits on BLAS, are the process's."""
+
+_held: dict[tuple[str, str], PosePipeline] = {}
+"""The pipeline of this process, by bank and settings: one at most."""
+
+
+def _pipeline(setting: Setting) -> PosePipeline:
+    """Give this process's pipeline, made with the first recording."""
+    key = (setting.bank_id, setting.digest)
+    if key not in _held:
+        from depth_pose.bank import Bank, default_bank_path
+        from depth_pose.pipeline import PosePipeline
+
+        here = platform.node()
+        if setting.version != __version__:
+            raise ConfigError(
+                f"{here} has depth_pose {__version__}, not {setting.version}: install that there"
+            )
+        path = setting.bank or default_bank_path()
+        bank = Bank.load(path)
+        if bank.bank_id != setting.bank_id:
+            raise ConfigError(
+                f"{path} on {here} is the bank {bank.bank_id}, not {setting.bank_id}; copy that there, or "
+                "give --bank a path that all machines share"
+            )
+        _held.clear()
+        pipeline = PosePipeline(bank, setting.config)
+        pipeline.warm_up()
+        _held[key] = pipeline
+    return _held[key]

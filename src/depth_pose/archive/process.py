@@ -1,0 +1,106 @@
+"""Work on all recordings of an archive, each in a process of its own choosing."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+
+from depth_pose.archive.inputs import ENDING, Source
+from depth_pose.archive.jobs import Row, Setting, failure, work_on
+from depth_pose.core.errors import DepthPoseError, InputError
+from depth_pose.core.workers import run_each
+from depth_pose.io.mcap_write import remove_parts
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far the work is: recordings done, frames worked on for these, bytes of all that is done."""
+
+    recordings: int
+    frames: int
+    size: float
+
+
+def output_of(source: Source, folder: Path) -> Path:
+    """Give the skeletons' file of a recording."""
+    return folder / f"{source.name}{ENDING}"
+
+
+def process_archive(
+    sources: Sequence[Source],
+    folder: Path,
+    setting: Setting,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    progress: Callable[[Progress], None] | None = None,
+    collect: Callable[[Row], None] | None = None,
+) -> list[Row]:
+    """Make the skeletons of many recordings; those that are made already are left as they are.
+
+    A recording's skeletons are the same to the last bit as those made of it alone, and its file is
+    there whole or not at all.
+
+    Parameters
+    ----------
+    sources : sequence of Source
+    folder : Path
+        Where the skeletons go, ``folder/NAME.mcap``.
+    setting : Setting
+    workers : int, optional
+        Processes; all cores by default, 0 works in this process.
+    scheduler : str, optional
+        Address of a Dask scheduler, whose workers see the same files under the same paths.
+    progress : callable, optional
+        Is told how far the work is.
+    collect : callable, optional
+        Is given each row at once; so whoever breaks off has those that are done.
+
+    Returns
+    -------
+    list of Row
+        In the order of the sources.
+
+    Raises
+    ------
+    ConfigError, BankError
+        Where no recording could be worked on: the bank or the version of a worker is another one.
+    InputError
+        Where the cluster cannot be reached, or is gone.
+    """
+    # the largest first, so that none of them is begun when all others are done
+    order = sorted(sources, key=lambda source: -source.size)
+    absolute = folder.resolve()
+    tasks = [(s.name, str(s.path.resolve()), str(output_of(s, absolute)), setting) for s in order]
+    rows: dict[str, Row] = {}
+    shares = [0.0] * len(order)
+    frames, size = 0, 0.0
+
+    def listen(index: int, share: float) -> None:
+        nonlocal size
+        size += (share - shares[index]) * order[index].size
+        shares[index] = share
+        if progress:
+            progress(Progress(len(rows), frames, size))
+
+    try:
+        with closing(run_each(work_on, tasks, workers, scheduler, listen)) as outcomes:
+            for outcome in outcomes:
+                row = outcome.value or _failed(order[outcome.index].name, outcome.error)
+                rows[row.file] = row
+                frames += row.frames if row.state == "done" else 0
+                if collect:
+                    collect(row)
+                listen(outcome.index, 1.0)
+    finally:
+        # where somebody breaks off, a cluster's workers finish what they have begun
+        if scheduler is None or len(rows) == len(sources):
+            remove_parts(output_of(source, folder) for source in sources)
+    return [rows[source.name] for source in sources]
+
+
+def _failed(name: str, error: Exception | None) -> Row:
+    if isinstance(error, DepthPoseError) and not isinstance(error, InputError):
+        raise error
+    return failure(name, str(error))

@@ -1,0 +1,122 @@
+"""The report of an archive: ``report.csv``, a line for each recording."""
+
+from __future__ import annotations
+
+import csv
+import math
+import os
+from collections.abc import Iterable
+from dataclasses import replace
+from pathlib import Path
+
+from depth_pose.archive.jobs import Row
+from depth_pose.core.errors import InputError
+
+REPORT = "report.csv"
+"""Name of the file."""
+
+COLUMNS = (
+    "file",
+    "state",
+    "frames",
+    "people",
+    "answered",
+    "confidence",
+    "ms_per_frame",
+    "seconds",
+    "warnings",
+)
+"""Of the report. ``people`` are the most in one frame, ``answered`` the frames that show somebody,
+``confidence`` the mean over all skeletons, ``ms_per_frame`` the median in the pipeline, ``seconds`` all
+the time that the recording took, reading and writing too."""
+
+
+class Report:
+    """Writes the report: a line as soon as a recording is done, all in their order at the end.
+
+    What a recording took stands in no output, so that outputs are the same each time; for those that
+    were done before it is taken from the report that is there.
+
+    Parameters
+    ----------
+    path : Path
+        The file; folders are made.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._before = _read_lines(path)
+        self.rows: dict[str, Row] = {}
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            is_new = not path.exists()
+            self._stream = path.open("a", newline="", buffering=1)
+        except OSError as error:
+            raise InputError(f"{path} cannot be written: {error.strerror}") from error
+        self._writer = csv.writer(self._stream)
+        if is_new:
+            self._writer.writerow(COLUMNS)
+
+    def add(self, row: Row) -> None:
+        """Add the row of a recording that is done."""
+        if row.state == "skipped" and row.file in self._before:
+            line = self._before[row.file]
+            row = replace(row, ms=_value(line["ms_per_frame"]), seconds=_value(line["seconds"]))
+        self.rows[row.file] = row
+        self._writer.writerow(_cells(row))
+
+    def finish(self, order: Iterable[str]) -> list[Row]:
+        """Write the recordings in this order, and give the rows of those that were reached.
+
+        Of those that were not, the lines of the report before are kept.
+        """
+        self._stream.close()
+        order = list(order)
+        part = self.path.with_name(f".{self.path.name}.part")
+        with part.open("w", newline="") as stream:
+            writer = csv.writer(stream)
+            writer.writerow(COLUMNS)
+            for name in order:
+                if name in self.rows:
+                    writer.writerow(_cells(self.rows[name]))
+                elif name in self._before:
+                    writer.writerow(self._before[name].values())
+        os.replace(part, self.path)
+        return [self.rows[name] for name in order if name in self.rows]
+
+
+def _cells(row: Row) -> list[str]:
+    failed = row.state == "failed"
+    counts = ["", "", ""] if failed else [str(n) for n in (row.frames, row.people, row.answered)]
+    return [
+        row.file,
+        row.state,
+        *counts,
+        _number(row.confidence, 3),
+        _number(row.ms, 2),
+        _number(row.seconds, 2),
+        "; ".join(row.warnings),
+    ]
+
+
+def _number(value: float, digits: int) -> str:
+    return "" if math.isnan(value) else f"{value:.{digits}f}"
+
+
+def _value(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        return math.nan
+
+
+def _read_lines(path: Path) -> dict[str, dict[str, str]]:
+    """Read a report's lines, the last of each recording; none where there is no report, or another file."""
+    try:
+        with path.open(newline="") as stream:
+            lines = csv.DictReader(stream)
+            if tuple(lines.fieldnames or ()) != COLUMNS:
+                return {}
+            return {line["file"]: line for line in lines if None not in (*line, *line.values())}
+    except (OSError, ValueError, csv.Error):
+        return {}

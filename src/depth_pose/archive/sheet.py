@@ -1,0 +1,70 @@
+"""The picture of an archive: one frame of each recording, with its skeletons."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import islice
+from pathlib import Path
+
+from depth_pose.archive.inputs import Source
+from depth_pose.archive.process import output_of
+from depth_pose.evaluate.overlay import NOBODY, Panel, draw_sheet
+from depth_pose.io.mcap_read import DepthReader, read_people
+
+SHEET = "sheet.png"
+"""Name of the picture."""
+
+_MOST_PANELS = 24
+_LOOK_AT = 200
+"""Frames of a recording among which the one to show is chosen; reading more would take longer than it is
+worth. Set by hand."""
+
+
+def save_archive_sheet(
+    sources: Sequence[Source], folder: Path, path: Path, depth_topic: str | None = None
+) -> int:
+    """Draw one frame each of at most 24 recordings, evenly spread over all that have skeletons.
+
+    Of a recording's first 200 frames that are answered the middle one of those with the most people is shown.
+
+    Parameters
+    ----------
+    sources : sequence of Source
+        Recordings whose skeletons were made.
+    folder : Path
+        Where their skeletons are.
+    path : Path
+        The picture.
+    depth_topic : str, optional
+        The depth topic.
+
+    Returns
+    -------
+    int
+        How many are shown; 0 without a picture, where nobody is in view anywhere.
+
+    Raises
+    ------
+    InputError
+        Where a recording, or its skeletons, cannot be read.
+    """
+    count = min(len(sources), _MOST_PANELS)
+    chosen = [sources[k * len(sources) // count] for k in range(count)]
+    panels = [p for p in (_panel(source, folder, depth_topic) for source in chosen) if p is not None]
+    if panels:
+        draw_sheet(panels, path, f"{len(panels)} of {len(sources)} recordings")
+    return len(panels)
+
+
+def _panel(source: Source, folder: Path, depth_topic: str | None) -> Panel | None:
+    answers = list(islice(read_people(output_of(source, folder)), _LOOK_AT))
+    most = max((len(a.skeletons) for a in answers), default=0)
+    if most == 0:
+        return None
+    best = [a for a in answers if len(a.skeletons) == most]
+    answer = best[len(best) // 2]
+    for frame in DepthReader(source.path, depth_topic):
+        if frame.stamp_ns == answer.stamp_ns:
+            seconds = (frame.stamp_ns - answers[0].stamp_ns) * 1e-9
+            return Panel(frame, tuple(answer.skeletons), NOBODY, seconds, source.name)
+    return None

@@ -1,0 +1,311 @@
+"""Run the parts of a task: in this process, in processes of this machine, or on a Dask cluster.
+
+The parts do not depend on each other, and what is made of them does not depend on who did the work.
+`run_parts` is for a task that needs all of them, `run_each` for one that goes on without those that
+fail.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import threading
+from collections import Counter, deque
+from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import closing, suppress
+from dataclasses import dataclass
+from functools import partial
+from multiprocessing import connection, get_context, parent_process
+from pickle import PicklingError
+from typing import Any, Generic, TypeVar
+
+from depth_pose.core.errors import ConfigError, InputError
+
+T = TypeVar("T")
+Task = tuple[Any, ...]
+Tell = Callable[[float], None]
+"""Called by a part with the share of it that is done, 0 to 1."""
+Listen = Callable[[int, float], None]
+"""Called with a part's number and the share of it that is done."""
+
+_CONNECT_S = "10s"
+"""How long a Dask scheduler may take to answer."""
+
+_TRIES = 2
+"""How often a part is begun whose process dies; on Dask, its own ``allowed-failures`` counts."""
+
+_NEARLY = 0.999
+"""The most that a part is told to have done before its outcome."""
+
+_END_S = 5.0
+"""How long a process may take to clear up when it is told to end; then it is killed. Not swept."""
+
+
+@dataclass(frozen=True)
+class Outcome(Generic[T]):
+    """What came of one part: its number, and its value or the error that ended it."""
+
+    index: int
+    value: T | None = None
+    error: Exception | None = None
+
+
+Outcomes = Generator[Outcome[T], None, None]
+
+
+def run_parts(
+    function: Callable[..., T],
+    tasks: Sequence[Task],
+    workers: int | None = None,
+    scheduler: str | None = None,
+) -> Iterator[T]:
+    """Call a function with each task's arguments; results come in the order of the tasks.
+
+    Parameters
+    ----------
+    function : callable
+        Of a module, so that other processes can import it.
+    tasks : sequence of tuple
+        Arguments of each call.
+    workers : int, optional
+        Processes; all cores by default, 0 works in this process.
+    scheduler : str, optional
+        Address of a Dask scheduler, ``tcp://host:8786``.
+
+    Raises
+    ------
+    ConfigError
+        Where Dask is asked for and not installed.
+    InputError
+        Where the scheduler cannot be reached, or workers go on dying.
+    """
+    early: dict[int, T] = {}
+    due = 0
+    with closing(run_each(_Untold(function), tasks, workers, scheduler)) as outcomes:
+        for outcome in outcomes:
+            if outcome.error is not None:
+                raise outcome.error
+            early[outcome.index] = outcome.value  # type: ignore[assignment]
+            while due in early:
+                yield early.pop(due)
+                due += 1
+
+
+@dataclass(frozen=True)
+class _Untold(Generic[T]):
+    """A function that tells nobody how far it is."""
+
+    function: Callable[..., T]
+
+    def __call__(self, *arguments: Any) -> T:
+        return self.function(*arguments[:-1])
+
+
+def run_each(
+    function: Callable[..., T],
+    tasks: Sequence[Task],
+    workers: int | None = None,
+    scheduler: str | None = None,
+    listen: Listen | None = None,
+) -> Outcomes[T]:
+    """Call a function with each task's arguments; outcomes come as they are done.
+
+    A process that dies is replaced, and its task begun once more; if that dies as well, the outcome is
+    an `InputError`. Whoever stops taking outcomes ends the processes: on SIGTERM they raise
+    `SystemExit`, so that what is half done is cleared up. They end by themselves where this process
+    is killed.
+
+    Parameters
+    ----------
+    function : callable
+        Of a module, so that other processes can import it. Its last argument, after the task's, is
+        a function to `Tell` how far it is.
+    tasks, workers, scheduler
+        As of `run_parts`.
+    listen : callable, optional
+        Is told how far the tasks are; not from a cluster.
+
+    Raises
+    ------
+    ConfigError
+        Where Dask is asked for and not installed.
+    InputError
+        Where the scheduler cannot be reached.
+    """
+    listen = listen or _nobody_listens
+    if scheduler is not None:
+        return _run_on_cluster(function, tasks, scheduler)
+    count = min(cores() if workers is None else workers, len(tasks))
+    if count == 0:
+        return _run_here(function, tasks, listen)
+    return _run_in_processes(function, tasks, count, listen)
+
+
+def cores() -> int:
+    """Cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def _nobody_listens(*_: Any) -> None:
+    """Take what is told, and do nothing."""
+
+
+def _run_here(function: Callable[..., T], tasks: Sequence[Task], listen: Listen) -> Outcomes[T]:
+    for index, task in enumerate(tasks):
+        yield Outcome(index, *_attempt(function, task, partial(listen, index)))
+
+
+def _attempt(function: Callable[..., T], task: Task, tell: Tell) -> tuple[T | None, Exception | None]:
+    """Give the value and no error, or no value and the error."""
+    try:
+        return function(*task, tell), None
+    except Exception as error:
+        return None, error
+
+
+class _Worker:
+    """A process that calls the function with one task after the other."""
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        context = get_context("spawn")
+        self.pipe, theirs = context.Pipe()
+        self.process = context.Process(target=_serve, args=(function, theirs), daemon=True)
+        # Ctrl-C goes to all processes of a terminal; the first one decides. What is blocked is inherited
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        try:
+            self.process.start()
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        theirs.close()
+        self.index = -1
+
+    def begin(self, index: int, task: Task) -> None:
+        """Hand over a task."""
+        self.index = index
+        with suppress(OSError):  # where it has died, its answer will say so
+            self.pipe.send(task)
+
+    def hear(self) -> tuple[float, Any] | None:
+        """Take what it says: the share done, and once that is 1 the value and the error; None if it died."""
+        try:
+            return self.pipe.recv()
+        except (EOFError, OSError):
+            return None
+
+    def end(self) -> None:
+        """End the process."""
+        self.process.terminate()
+        self.process.join(_END_S)
+        self.process.kill()
+        self.process.join()
+        self.pipe.close()
+
+
+def _run_in_processes(
+    function: Callable[..., T], tasks: Sequence[Task], count: int, listen: Listen
+) -> Outcomes[T]:
+    waiting = deque(range(len(tasks)))
+    deaths: Counter[int] = Counter()
+    busy: dict[Any, _Worker] = {}
+
+    def begin(worker: _Worker) -> None:
+        index = waiting.popleft()
+        worker.begin(index, tasks[index])
+        busy[worker.pipe] = worker
+
+    idle = [_Worker(function) for _ in range(count)]  # all start at the same time
+    try:
+        while idle or busy:
+            while idle and waiting:
+                begin(idle.pop())
+            for pipe in connection.wait(list(busy)) if busy else ():
+                worker = busy[pipe]
+                index = worker.index
+                heard = worker.hear()
+                if heard is None:
+                    busy.pop(pipe).end()
+                    deaths[index] += 1
+                    if deaths[index] < _TRIES:
+                        waiting.append(index)
+                    else:
+                        yield Outcome(index, error=_death(worker.process.exitcode))
+                    if waiting:
+                        idle.append(_Worker(function))
+                elif heard[0] < 1.0:
+                    listen(index, heard[0])
+                else:
+                    idle.append(busy.pop(pipe))
+                    yield Outcome(index, *heard[1])
+            if not waiting:
+                for worker in idle:
+                    worker.end()
+                idle.clear()
+    finally:
+        left = [*idle, *busy.values()]
+        for worker in left:
+            worker.process.terminate()
+        for worker in left:
+            worker.end()
+
+
+def _death(code: int | None) -> InputError:
+    how = f"signal {-code}" if code is not None and code < 0 else f"exit code {code}"
+    return InputError(
+        f"the process that worked on it died {_TRIES} times, the last time by {how}; "
+        "if that was for want of memory, use fewer --workers"
+    )
+
+
+def _serve(function: Callable[..., Any], pipe: connection.Connection) -> None:
+    """Work until the pipe is closed; a process of its own."""
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    while True:
+        try:
+            task = pipe.recv()
+        except EOFError:
+            return
+        outcome = _attempt(function, task, lambda share: pipe.send((min(share, _NEARLY), None)))
+        try:
+            pipe.send((1.0, outcome))
+        except (TypeError, AttributeError, PicklingError) as error:
+            pipe.send((1.0, (None, InputError(f"what came of it cannot be sent: {error}: {outcome}"))))
+
+
+def _end_with_parent() -> None:
+    parent = parent_process()
+    if parent is not None:
+        connection.wait([parent.sentinel])
+        os._exit(1)
+
+
+def _run_on_cluster(function: Callable[..., T], tasks: Sequence[Task], scheduler: str) -> Outcomes[T]:
+    try:
+        from distributed import Client, as_completed
+        from distributed.scheduler import KilledWorker
+    except ImportError as error:
+        raise ConfigError(
+            "working on a cluster needs Dask, which is not installed: pip install 'depth_pose[dask]'"
+        ) from error
+    try:
+        client = Client(scheduler, timeout=_CONNECT_S)
+    except (OSError, ValueError) as error:
+        raise InputError(f"no Dask scheduler answers at {scheduler}: {error}") from error
+    with client:
+        if not client.scheduler_info()["workers"]:
+            raise InputError(f"the Dask scheduler at {scheduler} has no workers; start some: dask worker")
+        # pure=False: the arguments are not hashed; the same call twice is two tasks
+        futures = [client.submit(function, *task, _nobody_listens, pure=False) for task in tasks]
+        numbers = {future.key: index for index, future in enumerate(futures)}
+        for future in as_completed(futures):
+            index = numbers[future.key]
+            if future.cancelled():
+                raise InputError(f"the Dask scheduler at {scheduler} is gone")
+            failed = future.exception()
+            if isinstance(failed, KilledWorker):
+                failed = InputError(f"the Dask workers at {scheduler} died at it, again and again: {failed}")
+            yield Outcome(index, error=failed) if failed else Outcome(index, future.result())
+            future.release()

@@ -1,0 +1,124 @@
+"""Which recordings are meant."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from depth_pose.archive.inputs import find_sources, is_one_recording
+from depth_pose.core.camera import Camera
+from depth_pose.core.errors import ConfigError, InputError
+from depth_pose.io.mcap_write import DepthWriter
+
+CAMERA = Camera(8, 6, 8.0, 8.0, 3.5, 2.5)
+S = 1_000_000_000
+
+
+def record(path, start_s, end_s, topic="/camera/depth/image_raw"):
+    with DepthWriter(path, CAMERA, "optical", topic) as writer:
+        for stamp in (start_s, end_s):
+            writer.write(int(stamp * S), np.ones((6, 8), np.float32))
+    return path
+
+
+@pytest.fixture
+def archive(tmp_path):
+    """Clips that begin at the same time, a folder with more, and a recording that is split."""
+    root = tmp_path / "archive"
+    for name in ("a", "b", "ward/clip_1", "ward/clip_2"):
+        record(root / f"{name}.mcap", 1, 5)
+    record(root / "split" / "split_0.mcap", 1, 5)
+    record(root / "split" / "split_1.mcap", 5.1, 9)
+    return root
+
+
+def names(sources):
+    return [source.name for source in sources]
+
+
+def test_folders_are_looked_through(archive):
+    found = find_sources([archive])
+    assert names(found) == ["a", "b", "split", "ward/clip_1", "ward/clip_2"]
+    assert found[2].path == archive / "split"
+    assert found[2].size == sum(p.stat().st_size for p in (archive / "split").iterdir())
+
+
+def test_the_output_is_not_looked_into(archive):
+    record(archive / "out" / "a.mcap", 1, 5)
+    assert "out/a" not in names(find_sources([archive], archive / "out"))
+    assert "out/a" not in names(find_sources([f"{archive}/**/*.mcap"], archive / "out"))
+
+
+@pytest.mark.parametrize(
+    ("pattern", "expected"),
+    [
+        ("*.mcap", ["a", "b"]),
+        ("ward/clip_[2-9].mcap", ["clip_2"]),
+        ("*/clip_*.mcap", ["ward/clip_1", "ward/clip_2"]),
+        ("[sw]*", ["split", "ward/clip_1", "ward/clip_2"]),
+    ],
+)
+def test_patterns(archive, pattern, expected):
+    assert names(find_sources([f"{archive}/{pattern}"])) == expected
+
+
+def test_each_once_in_the_order_given(archive):
+    found = find_sources([archive / "b.mcap", f"{archive}/*.mcap"])
+    assert names(found) == ["b", "a"]
+
+
+def test_same_names_are_told_apart_by_their_folders(archive):
+    for night in ("monday", "tuesday"):
+        record(archive / night / "depth.mcap", 1, 5)
+    files = [archive / night / "depth.mcap" for night in ("monday", "tuesday")]
+    assert names(find_sources(files)) == ["monday/depth", "tuesday/depth"]
+
+
+def test_names_that_cannot_be_told_apart(tmp_path):
+    record(tmp_path / "x" / "a.mcap", 1, 5)
+    (tmp_path / "x" / "a.MCAP").write_bytes((tmp_path / "x" / "a.mcap").read_bytes())
+    with pytest.raises(ConfigError, match="have the same name"):
+        find_sources([tmp_path / "x" / "a.mcap", tmp_path / "x" / "a.MCAP"])
+
+
+@pytest.mark.parametrize(
+    ("second", "start", "topic", "one"),
+    [
+        ("night_1.mcap", 5.03, "/camera/depth/image_raw", True),
+        ("night_1.mcap", 1.0, "/camera/depth/image_raw", False),  # at the same time
+        ("night_1.mcap", 7.0, "/camera/depth/image_raw", False),  # two seconds later
+        ("day_1.mcap", 5.03, "/camera/depth/image_raw", False),
+        ("night_1.mcap", 5.03, "/other/depth/image_raw", False),
+    ],
+)
+def test_parts_of_one_recording_carry_on(tmp_path, second, start, topic, one):
+    record(tmp_path / "night_0.mcap", 1, 5)
+    record(tmp_path / second, start, 9, topic)
+    assert is_one_recording(tmp_path) == one
+    (tmp_path / "metadata.yaml").write_text("rosbag2_bagfile_information: {}\n")
+    assert is_one_recording(tmp_path)
+
+
+def test_a_folder_of_one_file(tmp_path):
+    """It is one recording, as are its parts; within an archive it goes by the file's name."""
+    record(tmp_path / "ward" / "a.mcap", 1, 5)
+    (tmp_path / "ward" / "pictures").mkdir()
+    assert is_one_recording(tmp_path / "ward")
+    assert not is_one_recording(tmp_path)
+    assert names(find_sources([tmp_path])) == ["ward/a"]
+
+
+def test_parts_given_one_by_one_are_one_recording(archive):
+    (archive / "split" / "metadata.yaml").write_text("rosbag2_bagfile_information: {}\n")
+    parts = sorted((archive / "split").glob("*.mcap"))
+    found = find_sources([*parts, archive / "a.mcap"])
+    assert names(found) == ["split", "a"]
+    assert found[0].path == archive / "split"
+    assert names(find_sources([parts[0], archive / "a.mcap"])) == ["split_0", "a"]
+
+
+def test_nothing_there(tmp_path):
+    with pytest.raises(InputError, match="no such file"):
+        find_sources([tmp_path / "none.mcap"])
+    with pytest.raises(InputError, match=r"no \.mcap recording in"):
+        find_sources([tmp_path])

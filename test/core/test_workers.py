@@ -1,0 +1,129 @@
+"""Parts of a task in processes and on a cluster."""
+
+import socket
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import distributed
+import numpy as np
+import pytest
+from parts import die_once, first_then_sleep, square
+
+from depth_pose.bank import build as building
+from depth_pose.bank import build_bank
+from depth_pose.bank.build import BuildConfig
+from depth_pose.core.errors import ConfigError, InputError
+from depth_pose.core.workers import run_each, run_parts
+from depth_pose.motion.procedural.generator import make_clip
+
+
+def test_what_fails_does_not_stop_the_rest():
+    told = set()
+    tasks = [(number,) for number in range(7)]
+    outcomes = list(run_each(square, tasks, 2, listen=lambda index, share: told.add((index, share))))
+    assert sorted(o.index for o in outcomes) == list(range(7))
+    values = {o.index: o.value for o in outcomes if o.error is None}
+    assert values == {0: 0, 1: 1, 5: 25, 6: 36}
+    errors = {o.index: o.error for o in outcomes if o.error is not None}
+    assert isinstance(errors[2], InputError)
+    assert "died 2 times, the last time by signal 9" in str(errors[2])
+    assert repr(errors[3]) == "ValueError('three')"
+    assert "cannot be sent" in str(errors[4])
+    assert told == {(index, 0.5) for index in range(7)}
+
+
+def test_a_task_whose_process_dies_is_begun_again(tmp_path):
+    tasks = [(tmp_path / "mark", number) for number in range(4)]
+    outcomes = list(run_each(die_once, tasks, 2))
+    assert sorted(o.index for o in outcomes) == list(range(4))
+    assert all(o.error is None for o in outcomes)
+
+
+def test_the_first_error_of_parts_is_raised():
+    with pytest.raises(ZeroDivisionError):
+        list(run_parts(divmod, [(4, 2), (1, 0), (9, 3)], workers=0))
+    with pytest.raises(ZeroDivisionError):
+        list(run_parts(divmod, [(4, 2), (1, 0), (9, 3)], workers=1))
+
+
+def is_running(pid):
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+def test_workers_end_with_whoever_started_them(tmp_path):
+    """A process that is killed leaves none of its own behind, in the middle of a task."""
+    mark = tmp_path / "mark"
+    code = f"""if __name__ == "__main__":
+    import sys; sys.path[:] = {sys.path!r}
+    from pathlib import Path
+    from parts import sleep
+    from depth_pose.core.workers import run_each, run_parts
+    list(run_parts(sleep, [(Path({str(mark)!r}),)], 1))"""
+    (tmp_path / "program.py").write_text(code)
+    program = subprocess.Popen([sys.executable, tmp_path / "program.py"])
+    end = time.monotonic() + 60
+    while not (mark.exists() and mark.read_text()) and time.monotonic() < end:
+        time.sleep(0.05)
+    worker = int(mark.read_text())
+    assert is_running(worker)
+    program.kill()
+    program.wait()
+    while is_running(worker) and time.monotonic() < end:
+        time.sleep(0.05)
+    assert not is_running(worker)
+
+
+def test_who_stops_listening_ends_the_workers(tmp_path):
+    marks = [tmp_path / str(k) for k in range(2)]
+    outcomes = run_each(first_then_sleep, [(mark,) for mark in marks], 2)
+    next(outcomes)
+    end = time.monotonic() + 60
+    while not all(mark.exists() for mark in marks) and time.monotonic() < end:
+        time.sleep(0.05)
+    outcomes.close()
+    assert not any(is_running(int(mark.read_text())) for mark in marks)
+
+
+@pytest.fixture(scope="module")
+def cluster():
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, host="127.0.0.1"
+    ) as made:
+        yield made.scheduler_address
+
+
+@pytest.mark.parametrize("views", ["partial", "paper"])
+def test_cluster_builds_the_same_bank(body, cluster, views, monkeypatch):
+    monkeypatch.setattr(building, "_CHUNK", 4)
+    poses = make_clip("wave", fps=4.0, seconds=4.0, seed=2).rotations
+    config = BuildConfig(dimensions=12, views=views)
+    told = []
+    here = build_bank(body, poses, config, {}, workers=0)
+    there = build_bank(body, poses, config, {}, lambda done, _: told.append(done), scheduler=cluster)
+    assert there.bank_id == here.bank_id
+    assert told[-1] == len(poses)
+
+
+def test_results_come_in_order(cluster):
+    tasks = [(np.arange(n),) for n in range(12)]
+    assert list(run_parts(len, tasks, scheduler=cluster)) == list(range(12))
+
+
+def test_no_scheduler_there(monkeypatch):
+    monkeypatch.setattr("depth_pose.core.workers._CONNECT_S", "1s")
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        address = f"tcp://127.0.0.1:{free.getsockname()[1]}"
+    with pytest.raises(InputError, match="no Dask scheduler answers at tcp"):
+        list(run_parts(len, [((),)], scheduler=address))
+
+
+def test_dask_not_installed(monkeypatch):
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(ConfigError, match=r"depth_pose\[dask\]"):
+        list(run_parts(len, [((),)], scheduler="tcp://127.0.0.1:1"))
