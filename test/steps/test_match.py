@@ -49,8 +49,8 @@ def test_an_exemplar_is_found_first_from_its_own_views(bank, matcher, exemplar):
         (match,) = matcher.match(people)
         first = match.candidates[0]
         assert (first.exemplar, first.view) == (exemplar, view)
-        assert syn.joint_error(nodes_of(bank, first), nodes) < 0.02
-        assert first.score < 0.25
+        assert syn.joint_error(nodes_of(bank, first), nodes) < 0.03
+        assert first.score < 0.4
 
 
 @pytest.mark.parametrize("roll", [-25.0, 20.0])
