@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from depth_pose.core.config import MAX_STAMP_GAP_NS
+from depth_pose.core.skeleton import JOINT_NODES, rest_nodes
 from depth_pose.people.memory import MEMORY_NS
 from depth_pose.people.segmentation import Sighting
 from depth_pose.people.tracks import PeopleTracks
@@ -16,6 +17,12 @@ STEP_NS = 40_000_000
 def at(x: float, z: float = 3.0, y: float = 0.0, probability: float = 1.0) -> Sighting:
     nowhere = np.zeros((0, 3), np.float32), np.zeros(0, np.float32)
     return Sighting(1, np.array([x, y, z]), probability, *nowhere)
+
+
+def of_size(stature: float, x: float) -> Sighting:
+    """Somebody upright with the joints of the rest pose."""
+    joints = (stature * rest_nodes()[JOINT_NODES] + [x, 0.0, 3.0]).astype(np.float32)
+    return Sighting(1, np.array([x, 0.0, 3.0]), 1.0, joints, np.ones(len(joints), np.float32))
 
 
 @pytest.fixture
@@ -44,6 +51,25 @@ def test_one_hides_the_other_while_they_pass(tracks) -> None:
             assert tracks.assign([near], k * STEP_NS) == ("body_1",)
         else:
             assert tracks.assign([near, far], k * STEP_NS) == ("body_1", "body_2")
+
+
+def test_who_comes_back_in_another_size_is_somebody_else(tracks) -> None:
+    """A child goes behind a door, an adult comes out, then the child."""
+    for k in range(10):
+        assert tracks.assign([of_size(1.2, 0.0)], k * STEP_NS) == ("body_1",)
+    for k in range(10, 22):
+        assert tracks.assign([], k * STEP_NS) == ()
+    for k in range(22, 40):
+        assert tracks.assign([of_size(1.75, 0.1)], k * STEP_NS) == ("body_2",)
+    assert tracks.assign([of_size(1.2, 0.0), of_size(1.75, 0.6)], 40 * STEP_NS) == ("body_1", "body_2")
+
+
+def test_who_comes_back_in_their_size_has_their_name(tracks) -> None:
+    for k in range(10):
+        assert tracks.assign([of_size(1.7, 0.0)], k * STEP_NS) == ("body_1",)
+    for k in range(10, 30):
+        assert tracks.assign([], k * STEP_NS) == ()
+    assert tracks.assign([of_size(1.55, 0.2)], 30 * STEP_NS) == ("body_1",)
 
 
 def test_both_are_hidden_while_they_pass(tracks) -> None:

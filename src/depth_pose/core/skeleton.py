@@ -111,6 +111,31 @@ MIRROR_JOINTS: NDArray[np.int64] = np.array([JOINT_INDEX[_mirror_name(name)] for
 """Index of each joint's mirror image, shape (19,)."""
 
 
+_MEASURED = np.array(
+    [
+        (JOINT_INDEX[a], JOINT_INDEX[b])
+        for a, b in (
+            ("pelvis", "neck"),
+            ("neck", "head"),
+            ("left_shoulder", "right_shoulder"),
+            ("left_hip", "left_knee"),
+            ("left_knee", "left_ankle"),
+            ("right_hip", "right_knee"),
+            ("right_knee", "right_ankle"),
+        )
+    ]
+).T
+
+
+def body_length(joints: NDArray[np.floating]) -> float:
+    """Give the lengths of trunk, neck, thighs and shanks and the width of the shoulders, added up, metres.
+
+    It tells a person's size whatever their pose; ``joints`` are (19, 3), metres.
+    """
+    start, end = _MEASURED
+    return float(np.linalg.norm(joints[end] - joints[start], axis=1).sum())
+
+
 class JointState(IntEnum):
     """How a joint was seen; the values are those of ``depth_pose_msgs/Joint``."""
 

@@ -2,7 +2,7 @@
 
 Each person followed is expected where their motion leads; what a frame shows is assigned to them
 at the least sum of distances. People do not jump: what is too far off is somebody else. Somebody
-hidden is waited for.
+hidden is waited for, and is who comes back there if the build agrees.
 """
 
 from __future__ import annotations
@@ -39,6 +39,17 @@ _COASTING_S = 0.7
 """Time after which a hidden person is no longer expected to walk on, seconds."""
 
 
+_AWAY_S = 0.3
+"""Who was not seen for longer than this has to agree in size with whom they are taken for, seconds."""
+
+_UNLIKE = 0.25
+"""Difference of the logarithms of two sizes that are not one person's: a child of eight and an adult differ
+by .3 and more, a person's own proposals by .15 as they sit down. Set by hand."""
+
+_LENGTH_SHARE = 0.1
+"""Share of a sighting in the size of somebody who is followed."""
+
+
 @dataclass
 class _Track:
     number: int
@@ -47,6 +58,7 @@ class _Track:
     velocity: NDArray[np.float64]
     sightings: int = 0
     evidence: float = 0.0
+    length: float = 0.0
 
     @property
     def probability(self) -> float:
@@ -58,11 +70,21 @@ class _Track:
         seconds = (stamp_ns - self.seen_ns) * 1e-9
         return self.place + self.velocity * min(seconds, _COASTING_S)
 
+    def may_be(self, sighting: Sighting, stamp_ns: int) -> bool:
+        """Tell whether the size allows that this is the person again, after they were away."""
+        known = self.length > 0.0 and sighting.length > 0.0
+        if not known or stamp_ns - self.seen_ns <= _AWAY_S * 1e9:
+            return True
+        return abs(float(np.log(sighting.length / self.length))) < _UNLIKE
+
     def see(self, sighting: Sighting, stamp_ns: int) -> None:
         """Take a new place over, and what it says of being a person."""
         place = sighting.place
         self.sightings += 1
         self.evidence += sighting.probability
+        share = _LENGTH_SHARE if self.length > 0.0 else 1.0
+        if sighting.length > 0.0:
+            self.length += share * (sighting.length - self.length)
         seconds = (stamp_ns - self.seen_ns) * 1e-9
         if seconds > 0.0:
             share = 1.0 - (1.0 - _VELOCITY_SHARE) ** (seconds / _VELOCITY_S)
@@ -143,7 +165,8 @@ class PeopleTracks:
                 gap = (sighting.place - expected)[[0, 2]]
                 still = (sighting.place - track.place)[[0, 2]]
                 distance = min(float(np.hypot(*gap)), float(np.hypot(*still)))
-                if distance <= reach and sighting.probability >= self._keep:
+                is_near = distance <= reach and sighting.probability >= self._keep
+                if is_near and track.may_be(sighting, stamp_ns):
                     costs[i, k] = distance
         rows, columns = linear_sum_assignment(costs)
         return [(self._tracks[i], int(k)) for i, k in zip(rows, columns, strict=True) if costs[i, k] < far]

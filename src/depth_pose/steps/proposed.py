@@ -12,28 +12,20 @@ from numpy.typing import NDArray
 
 from depth_pose.bank.bank import Bank
 from depth_pose.core.rotations import nearest_rotation, quat_to_matrix
-from depth_pose.core.skeleton import JOINT_INDEX, JOINT_NODES, JOINTS, MIRROR_JOINTS, forward_kinematics
+from depth_pose.core.skeleton import (
+    JOINT_INDEX,
+    JOINT_NODES,
+    JOINTS,
+    MIRROR_JOINTS,
+    body_length,
+    forward_kinematics,
+)
 from depth_pose.core.types import FoundPerson
 from depth_pose.steps.placing import Placed, unscored
 
 _LEFT = [JOINT_INDEX["left_shoulder"], JOINT_INDEX["left_hip"]]
 _RIGHT = [JOINT_INDEX["right_shoulder"], JOINT_INDEX["right_hip"]]
 _NECK, _PELVIS = JOINT_INDEX["neck"], JOINT_INDEX["pelvis"]
-
-_MEASURED = np.array(
-    [
-        (JOINT_INDEX[a], JOINT_INDEX[b])
-        for a, b in (
-            ("pelvis", "neck"),
-            ("neck", "head"),
-            ("left_shoulder", "right_shoulder"),
-            ("left_hip", "left_knee"),
-            ("left_knee", "left_ankle"),
-            ("right_hip", "right_knee"),
-            ("right_knee", "right_ankle"),
-        )
-    ]
-).T
 
 _LAID = 16
 """Exemplars, the nearest with trunk on trunk, that are laid over the proposals as well as can be."""
@@ -52,7 +44,7 @@ class ProposedExemplars:
         rotations = quat_to_matrix(bank.pose_quats.astype(np.float64))
         nodes = forward_kinematics(rotations, np.zeros((bank.poses, 3)), bank.body.nodes)
         self._joints = nodes[:, JOINT_NODES]
-        self._length = _length(bank.body.nodes[JOINT_NODES])
+        self._length = body_length(bank.body.nodes[JOINT_NODES])
         axes, middle = _trunk(self._joints)
         local = ((self._joints - middle[:, None]) @ axes).astype(np.float32)
         self._local = np.ascontiguousarray(local.reshape(bank.poses, -1).T)
@@ -78,7 +70,7 @@ class ProposedExemplars:
         """Give a first guess of a person's size from the lengths between proposed joints; None without."""
         if len(found.proposals) != len(JOINTS):
             return None
-        return _length(found.proposals) / self._length
+        return body_length(found.proposals) / self._length
 
     def _nearest(
         self, named: NDArray[np.float64], weights: NDArray[np.float64], scale: float
@@ -90,12 +82,6 @@ class ProposedExemplars:
         distance = weights.astype(np.float32) @ self._squares - 2.0 * (pull @ self._local)
         count = min(_LAID, distance.shape[1])
         return np.argpartition(distance, count - 1, axis=1)[:, :count]
-
-
-def _length(joints: NDArray[np.floating]) -> float:
-    """Sum of the lengths, metres, of trunk and neck, width of the shoulders, thighs and shanks."""
-    start, end = _MEASURED
-    return float(np.linalg.norm(joints[end] - joints[start], axis=1).sum())
 
 
 def _both(values: NDArray[np.float64]) -> NDArray[np.float64]:
