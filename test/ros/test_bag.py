@@ -151,7 +151,7 @@ def test_record_ends_with_a_whole_file(start, tmp_path, peer, number):
     infos = peer.publisher(CameraInfo, INFO, RELIABLE)
     for i in range(5):
         infos.publish(CameraInfo(header=make_header(i, "optical")))
-    peer.spin(0.5)
+    peer.spin(2.0)
     exit_code, _ = process.end(number)
     assert exit_code == 0, process.output
     assert len(recorded_bytes(path)[INFO]) == 5

@@ -19,6 +19,7 @@ from depth_pose.people.person import People
 from depth_pose.pipeline import FrameResult, PosePipeline
 from depth_pose.sim.failures import KINDS, fail
 from depth_pose.steps.failure import FailureCheck, bone_lengths, limit_excess
+from depth_pose.steps.confidence import skeleton_confidence
 from depth_pose.steps.recover import Recoverer, _Past
 from depth_pose.steps.refine import Refiner
 
@@ -244,7 +245,7 @@ def test_keeps_a_doubtful_pose_that_agrees_better(run) -> None:
     memory.past = replace(memory.past, fitted=scattered(run[0].refined[0]))  # nothing good to carry over
     answer = recovered(stage, people, doubtful)
     assert answer.source == Source.REFINED
-    assert answer.confidence == pytest.approx(0.2 * people.persons[0].found.probability)
+    assert answer.confidence == np.float32(skeleton_confidence(people.persons[0], doubtful))
     assert "min_confidence" in stage.last_reasons["body_1"]
 
 
