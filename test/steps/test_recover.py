@@ -18,8 +18,8 @@ from depth_pose.core.types import Fitted, PoseMatch, Skeleton
 from depth_pose.people.person import People
 from depth_pose.pipeline import FrameResult, PosePipeline
 from depth_pose.sim.failures import KINDS, fail
-from depth_pose.steps.failure import FailureCheck, bone_lengths, limit_excess
 from depth_pose.steps.confidence import skeleton_confidence
+from depth_pose.steps.failure import FailureCheck, bone_lengths, limit_excess
 from depth_pose.steps.recover import Recoverer, _Past
 from depth_pose.steps.refine import Refiner
 
