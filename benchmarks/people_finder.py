@@ -33,8 +33,8 @@ from depth_pose.core.config import SegmentConfig
 from depth_pose.core.skeleton import JOINT_INDEX, JOINTS
 from depth_pose.core.types import DepthFrame
 from depth_pose.people.finder import Detections, PeopleFinder, load_weights
-from depth_pose.sim.furniture import Kind
 from depth_pose.sim.scenes import Scene, sample_scene
+from depth_pose.sim.shapes import Kind
 
 SEED = 700_001
 """The training takes 1 and 2, the verifier 900,001 and 900,002."""

@@ -17,8 +17,9 @@ import depth_pose
 from depth_pose.cli import main
 from depth_pose.cli.console import read_settings
 from depth_pose.core.camera import Camera
-from depth_pose.core.config import MatchConfig, PipelineConfig, SegmentConfig, options
+from depth_pose.core.config import MatchConfig, PipelineConfig, SegmentConfig
 from depth_pose.core.errors import ConfigError, InputError
+from depth_pose.core.options import options
 from depth_pose.io.mcap_write import DepthWriter
 
 COMMANDS = (

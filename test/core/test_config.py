@@ -9,8 +9,9 @@ import pytest
 
 from depth_pose.bank.build import BuildConfig
 from depth_pose.core import config as cfg
-from depth_pose.core.config import PipelineConfig, SegmentConfig, from_mapping, options
+from depth_pose.core.config import PipelineConfig, SegmentConfig
 from depth_pose.core.errors import ConfigError, DepthPoseError
+from depth_pose.core.options import from_mapping, options
 
 SECTIONS = {f.name: type(f.default) for f in dataclasses.fields(PipelineConfig)}
 

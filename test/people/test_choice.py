@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from depth_pose.core.config import SegmentConfig, options
+from depth_pose.core.config import SegmentConfig
 from depth_pose.core.errors import ConfigError
+from depth_pose.core.options import options
 from depth_pose.core.zone import Zone, parse_zone
 from depth_pose.people.choice import PeopleChoice
 from depth_pose.steps.mount import rotation_sensor_upright

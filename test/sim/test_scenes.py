@@ -4,11 +4,12 @@ import pytest
 from depth_pose.core.skeleton import JOINT_INDEX
 from depth_pose.core.types import Camera
 from depth_pose.sim._scene_kernels import cast_shadow
-from depth_pose.sim.furniture import AT_WALLS, STANDING, Assembly, Kind, triangulate
+from depth_pose.sim.furniture import AT_WALLS, STANDING
 from depth_pose.sim.scene_noise import SceneSensor, Shown, measure, sample_sensor
 from depth_pose.sim.scene_view import draw, look, silhouette_area
 from depth_pose.sim.scenes import MOST_PEOPLE, Scene, sample_scene
 from depth_pose.sim.sensor import SENSORS, VirtualSensor
+from depth_pose.sim.shapes import Assembly, Kind, triangulate
 
 CAMERA = Camera(160, 120, 140.0, 141.0, 79.0, 60.0)
 

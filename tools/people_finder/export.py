@@ -14,14 +14,31 @@ import torch
 from joint_net import JointNet
 from net import FinderNet
 from onnx import TensorProto, helper, numpy_helper
+from torch import nn
 
 from depth_pose.people import _crop_kernels as crop_kernels
 from depth_pose.people._finder_kernels import CHANNELS, COLS, ROWS
 
-_CODE = ("net.py", "losses.py", "scenes.py", "_sample_kernels.py", "train.py", "fit_verifier.py")
+_CODE = (
+    "net.py",
+    "losses.py",
+    "scenes.py",
+    "_sample_kernels.py",
+    "train.py",
+    "optimise.py",
+    "fit_verifier.py",
+)
 _FEATURES = "src/depth_pose/people/_finder_kernels.py"
 
-JOINT_CODE = ("net.py", "joint_net.py", "joint_losses.py", "scenes.py", "crops.py", "train_joints.py")
+JOINT_CODE = (
+    "net.py",
+    "joint_net.py",
+    "joint_losses.py",
+    "scenes.py",
+    "crops.py",
+    "train_joints.py",
+    "optimise.py",
+)
 JOINT_FEATURES = "src/depth_pose/people/_crop_kernels.py"
 
 _FEW = 256
@@ -30,7 +47,18 @@ _FEW = 256
 
 def export_net(checkpoint: Path, target: Path) -> bytes:
     """Write a checkpoint as ONNX; its three outputs are ``mask``, ``torso``, ``joints``."""
-    net = FinderNet()
+    return _export(FinderNet(), checkpoint, target, (CHANNELS, ROWS, COLS), ["mask", "torso", "joints"])
+
+
+def export_joint_net(checkpoint: Path, target: Path) -> bytes:
+    """Write a checkpoint of the second look as ONNX: ``joints``, ``log_error``, ``behind``."""
+    shape = (crop_kernels.CHANNELS, crop_kernels.SIDE, crop_kernels.SIDE)
+    return _export(JointNet(), checkpoint, target, shape, ["joints", "log_error", "behind"])
+
+
+def _export(
+    net: nn.Module, checkpoint: Path, target: Path, shape: tuple[int, int, int], outputs: list[str]
+) -> bytes:
     net.load_state_dict(torch.load(checkpoint, weights_only=True))
     net = net.eval().to(memory_format=torch.contiguous_format)
     target.parent.mkdir(parents=True, exist_ok=True)
@@ -38,30 +66,10 @@ def export_net(checkpoint: Path, target: Path) -> bytes:
         warnings.simplefilter("ignore")
         torch.onnx.export(
             net,
-            (torch.zeros(1, CHANNELS, ROWS, COLS),),
+            (torch.zeros(1, *shape),),
             str(target),
             input_names=["features"],
-            output_names=["mask", "torso", "joints"],
-            opset_version=17,
-            dynamo=False,
-        )
-    halve(target)
-    return target.read_bytes()
-
-
-def export_joint_net(checkpoint: Path, target: Path) -> bytes:
-    """Write a checkpoint of the second look as ONNX: ``joints``, ``log_error``, ``behind``."""
-    net = JointNet()
-    net.load_state_dict(torch.load(checkpoint, weights_only=True))
-    target.parent.mkdir(parents=True, exist_ok=True)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        torch.onnx.export(
-            net.eval(),
-            (torch.zeros(1, crop_kernels.CHANNELS, crop_kernels.SIDE, crop_kernels.SIDE),),
-            str(target),
-            input_names=["features"],
-            output_names=["joints", "log_error", "behind"],
+            output_names=outputs,
             opset_version=17,
             dynamo=False,
         )

@@ -9,7 +9,7 @@ holds `SHARD` scenes on a grid of 240 rows by 320 columns, on which the image be
 ========== ====================== =====================================================================
 depth      (N, 240, 320) uint16   millimetres; 0 where nothing returned
 person     (N, 240, 320) uint8    number of the person from 1, 0 for nobody; of the image without noise
-kind       (N, 240, 320) uint8    `depth_pose.sim.furniture.Kind`; likewise
+kind       (N, 240, 320) uint8    `depth_pose.sim.shapes.Kind`; likewise
 K          (N, 4) float32         fx, fy, cx, cy, pixels of the grid
 valid_size (N, 2) int16           rows and columns that the image fills; the rest of the grid is 0
 joints     (N, 6, 19, 3) float32  metres, optical frame; NaN where there is no such person

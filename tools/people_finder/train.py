@@ -5,9 +5,6 @@ python tools/people_finder/train.py scenes/train runs/a --images 400000
 
 from __future__ import annotations
 
-import copy
-import json
-import time
 from pathlib import Path
 from typing import Annotated
 
@@ -16,14 +13,9 @@ import torch
 import typer
 from losses import finder_loss
 from net import FinderNet
-from rich.progress import Progress
+from optimise import Plan, optimise
 from scenes import Sampler, list_shards, load_scenes
 from torch import Tensor
-
-_EMA = 0.998
-_WEIGHT_DECAY = 1e-4
-_WARM_UP = 0.05
-_CLIP = 5.0
 
 app = typer.Typer(add_completion=False)
 
@@ -45,45 +37,16 @@ def train(
 
     New shards are looked for as training goes on, so that it may begin before all are there.
     """
-    torch.manual_seed(seed)
-    torch.set_num_threads(threads)
-    out.mkdir(parents=True, exist_ok=True)
-    net = FinderNet()
-    if start is not None:
-        net.load_state_dict(torch.load(start, weights_only=True))
-    net = net.to(memory_format=torch.channels_last)
-    average = copy.deepcopy(net).eval()
-    optimiser = torch.optim.AdamW(net.parameters(), rate, weight_decay=_WEIGHT_DECAY, fused=True)
-    steps = images // batch
-    schedule = torch.optim.lr_scheduler.OneCycleLR(
-        optimiser, rate, total_steps=steps + 1, pct_start=_WARM_UP, div_factor=10, final_div_factor=100
-    )
     feed = Feed(scenes, seed)
-    mean: dict[str, float] = {}
-    saved, began = 0, time.perf_counter()
-    log = (out / "log.jsonl").open("a")
-    with Progress() as progress:
-        task = progress.add_task("training", total=steps)
-        for step in range(steps):
-            inputs, truths = feed.next(batch)
-            with torch.autocast("cpu", torch.bfloat16, enabled=not exact):
-                outputs = net(inputs)
-            loss, parts = finder_loss(outputs, *truths)
-            optimiser.zero_grad()
-            loss.backward()
-            torch.nn.utils.clip_grad_norm_(net.parameters(), _CLIP)
-            optimiser.step()
-            schedule.step()
-            follow(average, net, min(_EMA, (1 + step) / (10 + step)))
-            mean = {k: 0.98 * mean.get(k, v) + 0.02 * v for k, v in parts.items()}
-            progress.update(task, advance=1, description=" ".join(f"{k} {v:.3f}" for k, v in mean.items()))
-            done = (step + 1) * batch
-            if done - saved >= save_every or step + 1 == steps:
-                saved = done
-                torch.save(average.state_dict(), out / f"{done:07d}.pt")
-                line = {"images": done, "scenes": feed.count, "seconds": time.perf_counter() - began, **mean}
-                print(json.dumps(line), file=log, flush=True)
-    torch.save(average.state_dict(), out / "last.pt")
+
+    def step(net: FinderNet) -> tuple[Tensor, dict[str, float]]:
+        inputs, truths = feed.next(batch)
+        with torch.autocast("cpu", torch.bfloat16, enabled=not exact):
+            outputs = net(inputs)
+        return finder_loss(outputs, *truths)
+
+    plan = Plan(images, batch, rate, save_every, seed, threads)
+    optimise(FinderNet, step, plan, out, start, lambda _: {"scenes": feed.count})
 
 
 class Feed:
@@ -119,16 +82,6 @@ class Feed:
         if not pairs:
             raise typer.BadParameter(f"{self._folder} has no shards; make_scenes.py writes them")
         self._order = [pairs[i] for i in self._rng.permutation(len(pairs))]
-
-
-def follow(average: FinderNet, net: FinderNet, keep: float) -> None:
-    """Move the averaged weights towards the net's."""
-    with torch.no_grad():
-        for a, b in zip(average.state_dict().values(), net.state_dict().values(), strict=True):
-            if a.is_floating_point():
-                a.lerp_(b, 1 - keep)
-            else:
-                a.copy_(b)
 
 
 if __name__ == "__main__":

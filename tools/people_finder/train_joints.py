@@ -5,9 +5,6 @@ python tools/people_finder/train_joints.py scenes/train runs/joints --check scen
 
 from __future__ import annotations
 
-import copy
-import json
-import time
 from pathlib import Path
 from typing import Annotated
 
@@ -17,15 +14,11 @@ import typer
 from crops import CropBatch, CropSampler
 from joint_losses import joint_loss
 from joint_net import JointNet
-from rich.progress import Progress
+from optimise import Plan, optimise
 from scenes import list_shards, load_scenes
 from torch import Tensor
-from train import follow
 
 from depth_pose.core.skeleton import JOINTS, MIRROR_JOINTS
-
-_EMA, _WEIGHT_DECAY, _WARM_UP, _CLIP = 0.998, 1e-4, 0.05, 5.0
-"""As ``train.py`` has them."""
 
 _GROUPS = ("head", "neck", "chest", "pelvis", "shoulder", "elbow", "wrist", "hip", "knee", "ankle", "foot")
 
@@ -46,50 +39,20 @@ def train(
     exact: Annotated[bool, typer.Option(help="32 bits throughout, for processors without bfloat16")] = False,
 ) -> None:
     """Train; writes OUT/NNNNNNN.pt every so often, and OUT/last.pt."""
-    torch.manual_seed(seed)
-    torch.set_num_threads(1)
-    out.mkdir(parents=True, exist_ok=True)
-    net = JointNet()
-    if start is not None:
-        net.load_state_dict(torch.load(start, weights_only=True))
-    net = net.to(memory_format=torch.channels_last)
-    cells = net.cells[0, 0, :2].T.contiguous()
-    average = copy.deepcopy(net).eval()
-    optimiser = torch.optim.AdamW(net.parameters(), rate, weight_decay=_WEIGHT_DECAY, fused=True)
-    steps = images // batch
-    schedule = torch.optim.lr_scheduler.OneCycleLR(
-        optimiser, rate, total_steps=steps + 1, pct_start=_WARM_UP, div_factor=10, final_div_factor=100
-    )
     feed = CropFeed(scenes, seed)
     others = None if check is None else CropSampler(load_scenes(list_shards(check)))
-    mean: dict[str, float] = {}
-    saved, began = 0, time.perf_counter()
-    log = (out / "log.jsonl").open("a")
-    with Progress() as progress:
-        task = progress.add_task("training", total=steps)
-        for step in range(steps):
-            crops = feed.next(batch)
-            with torch.autocast("cpu", torch.bfloat16, enabled=not exact):
-                outputs = net.vote(to_input(crops))
-            truth, side = torch.from_numpy(crops.joints), torch.from_numpy(crops.side)
-            loss, parts = joint_loss(outputs, cells, truth, side)
-            optimiser.zero_grad()
-            loss.backward()
-            torch.nn.utils.clip_grad_norm_(net.parameters(), _CLIP)
-            optimiser.step()
-            schedule.step()
-            follow(average, net, min(_EMA, (1 + step) / (10 + step)))
-            mean = {k: 0.98 * mean.get(k, v) + 0.02 * v for k, v in parts.items()}
-            progress.update(task, advance=1, description=" ".join(f"{k} {v:.3f}" for k, v in mean.items()))
-            done = (step + 1) * batch
-            if done - saved >= save_every or step + 1 == steps:
-                saved = done
-                torch.save(average.state_dict(), out / f"{done:07d}.pt")
-                line = {"images": done, "people": feed.count, "seconds": time.perf_counter() - began, **mean}
-                if others is not None:
-                    line |= score(average, others)
-                print(json.dumps(line), file=log, flush=True)
-    torch.save(average.state_dict(), out / "last.pt")
+
+    def step(net: JointNet) -> tuple[Tensor, dict[str, float]]:
+        crops = feed.next(batch)
+        with torch.autocast("cpu", torch.bfloat16, enabled=not exact):
+            outputs = net.vote(to_input(crops))
+        truth, side = torch.from_numpy(crops.joints), torch.from_numpy(crops.side)
+        return joint_loss(outputs, net.cells[0, 0, :2].T, truth, side)
+
+    def remark(net: JointNet) -> dict[str, float]:
+        return {"people": feed.count} | ({} if others is None else score(net, others))
+
+    optimise(JointNet, step, Plan(images, batch, rate, save_every, seed), out, start, remark)
 
 
 def to_input(crops: CropBatch) -> Tensor:

@@ -14,8 +14,8 @@ from threadpoolctl import threadpool_limits
 from depth_pose.bank.bank import Bank
 from depth_pose.bank.views import BANK_SCHEMES, PoseViews, render_views
 from depth_pose.body.body import Body
-from depth_pose.core.config import _Checked, option
 from depth_pose.core.errors import ConfigError
+from depth_pose.core.options import Checked, option
 from depth_pose.core.rotations import matrix_to_quat, quat_to_matrix
 from depth_pose.core.workers import run_parts
 
@@ -30,7 +30,7 @@ _SAMPLE = 24_000
 
 
 @dataclass(frozen=True)
-class BuildConfig(_Checked):
+class BuildConfig(Checked):
     """How a bank is built."""
 
     poses: int = option(10_000, "Number of poses of the embedded source", low=10, high=1_000_000)

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from depth_pose.body.body import Body
 from depth_pose.body.rigged import RiggedMesh, rigged_body
-from depth_pose.core.config import _Checked, option
 from depth_pose.core.errors import ConfigError
+from depth_pose.core.options import Checked, option
 from depth_pose.core.skeleton import NODE_INDEX, NODES
 
 Array = NDArray[np.float64]
@@ -41,7 +41,7 @@ _TOES = tuple(f"toe{i}-1" for i in range(1, 6))
 
 
 @dataclass(frozen=True)
-class AnnyShape(_Checked):
+class AnnyShape(Checked):
     """Anny's phenotypes; its size does not matter, since the body is scaled to the reference stature."""
 
     gender: float = option(0.5, "0 male, 1 female", low=0.0, high=1.0)

@@ -13,8 +13,9 @@ import typer
 from rich.console import Console
 from rich.markup import escape
 
-from depth_pose.core.config import SHORT_NAMES, PipelineConfig, Sections, options
+from depth_pose.core.config import SHORT_NAMES, PipelineConfig
 from depth_pose.core.errors import ConfigError, InputError
+from depth_pose.core.options import Sections, options
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -7,108 +7,15 @@ default stands here and nowhere else.
 
 from __future__ import annotations
 
-import dataclasses
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, fields
-from typing import Any, TypeVar
+from dataclasses import dataclass
 
 from depth_pose.core.errors import ConfigError
+from depth_pose.core.options import Checked, Sections, option
 from depth_pose.core.zone import parse_zone
 
-T = TypeVar("T")
-
-
-def option(
-    default: Any,
-    help: str,
-    *,
-    unit: str = "",
-    low: float | None = None,
-    high: float | None = None,
-    choices: tuple[str, ...] = (),
-) -> Any:
-    """Make a dataclass field that carries its unit, range and help."""
-    return field(
-        default=default,
-        metadata={"help": help, "unit": unit, "low": low, "high": high, "choices": choices},
-    )
-
 
 @dataclass(frozen=True)
-class Option:
-    """One setting as ROS parameters and command lines need it."""
-
-    name: str
-    default: bool | int | float | str | tuple[float, ...]
-    help: str
-    unit: str
-    low: float | None
-    high: float | None
-    choices: tuple[str, ...]
-
-
-def options(config: type | object) -> Iterator[Option]:
-    """Give every setting of a configuration class, or of an instance with its values."""
-    for f in fields(config):  # type: ignore[arg-type]
-        default: Any = f.default if isinstance(config, type) else getattr(config, f.name)
-        yield Option(name=f.name, default=default, **f.metadata)
-
-
-class _Checked:
-    """Base that refuses values of the wrong type or outside their range."""
-
-    def __post_init__(self) -> None:
-        for o in options(self):
-            _check(type(self).__name__, o)
-
-
-def _check(owner: str, o: Option) -> None:
-    where = f"{owner}.{o.name}"
-    for value in o.default if isinstance(o.default, tuple) else (o.default,):
-        if isinstance(value, float) and value != value:
-            raise ConfigError(f"{where} is NaN; give a number")
-        if o.low is not None and value < o.low:  # type: ignore[operator]
-            raise ConfigError(f"{where} is {value}; the least it may be is {o.low} {o.unit}".rstrip())
-        if o.high is not None and value > o.high:  # type: ignore[operator]
-            raise ConfigError(f"{where} is {value}; the most it may be is {o.high} {o.unit}".rstrip())
-    if o.choices and o.default not in o.choices:
-        raise ConfigError(f"{where} is {o.default!r}; it is one of {', '.join(o.choices)}")
-
-
-def from_mapping(config: type[T], values: Mapping[str, Any]) -> T:
-    """Make a configuration from a mapping; an unknown key is an error.
-
-    Raises
-    ------
-    ConfigError
-        Where a key is unknown, or a value is of the wrong type or out of range.
-    """
-    known = {o.name: o for o in options(config)}
-    unknown = sorted(set(values) - set(known))
-    if unknown:
-        raise ConfigError(
-            f"{config.__name__} has no setting {', '.join(unknown)}; it has {', '.join(sorted(known))}"
-        )
-    made: dict[str, Any] = {}
-    for name, value in values.items():
-        made[name] = _as(type(known[name].default), value, f"{config.__name__}.{name}")
-    return config(**made)
-
-
-def _as(kind: type, value: Any, where: str) -> Any:
-    """Give a value as the type that a setting has: whole numbers and sequences will do."""
-    if kind is tuple and isinstance(value, Sequence) and not isinstance(value, str):
-        return tuple(_as(float, one, where) for one in value)
-    if kind is float and isinstance(value, int) and not isinstance(value, bool):
-        return float(value)
-    if type(value) is not kind:
-        wanted = "a list of numbers" if kind is tuple else f"of type {kind.__name__}"
-        raise ConfigError(f"{where} is {value!r}; it must be {wanted}")
-    return value
-
-
-@dataclass(frozen=True)
-class MountConfig(_Checked):
+class MountConfig(Checked):
     """How the sensor is mounted."""
 
     roll: float = option(
@@ -121,7 +28,7 @@ class MountConfig(_Checked):
 
 
 @dataclass(frozen=True)
-class SegmentConfig(_Checked):
+class SegmentConfig(Checked):
     """Finding the people in the depth image (Sec. 4, first paragraph)."""
 
     method: str = option(
@@ -162,7 +69,7 @@ class SegmentConfig(_Checked):
 
 
 @dataclass(frozen=True)
-class DenoiseConfig(_Checked):
+class DenoiseConfig(Checked):
     """Modified locally optimal projection (Sec. 4, eqs. 1 to 5)."""
 
     support_radius: float = option(
@@ -181,7 +88,7 @@ class DenoiseConfig(_Checked):
 
 
 @dataclass(frozen=True)
-class MatchConfig(_Checked):
+class MatchConfig(Checked):
     """Matching with the exemplar bank (Sec. 5)."""
 
     shortlist: int = option(
@@ -205,7 +112,7 @@ class MatchConfig(_Checked):
 
 
 @dataclass(frozen=True)
-class RefineConfig(_Checked):
+class RefineConfig(Checked):
     """Fitting the body to the cloud (Sec. 6)."""
 
     method: str = option(
@@ -217,7 +124,7 @@ class RefineConfig(_Checked):
 
 
 @dataclass(frozen=True)
-class FitConfig(_Checked):
+class FitConfig(Checked):
     """The articulated fit (`depth_pose.fit.articulated`).
 
     The stages share one annealing schedule, ``sigmas``, and take parts of it: a first look at many starts
@@ -302,7 +209,7 @@ class FitConfig(_Checked):
 
 
 @dataclass(frozen=True)
-class PersonalConfig(_Checked):
+class PersonalConfig(Checked):
     """Personal builds (`depth_pose.fit.personal`)."""
 
     personal: bool = option(True, "Find each person's proportions while they are followed")
@@ -335,7 +242,7 @@ class PersonalConfig(_Checked):
 
 
 @dataclass(frozen=True)
-class CpdConfig(_Checked):
+class CpdConfig(Checked):
     """Coherent point drift from exemplar to input (Sec. 6), for the method ``cpd``."""
 
     beta: float = option(0.7, "Width of the coherence kernel", unit="m", low=0.001, high=10.0)
@@ -363,7 +270,7 @@ class CpdConfig(_Checked):
 
 
 @dataclass(frozen=True)
-class CompletionConfig(_Checked):
+class CompletionConfig(Checked):
     """Registration and Laplacian completion of the mesh (Sec. 6, eq. 7), for the method ``cpd``."""
 
     passes: int = option(
@@ -395,7 +302,7 @@ class CompletionConfig(_Checked):
 
 
 @dataclass(frozen=True)
-class TemporalConfig(_Checked):
+class TemporalConfig(Checked):
     """Registration of one frame's cloud to the next (Sec. 6); the rest is as in `CpdConfig`.
 
     The field is less stiff than from exemplar to input: both clouds show the same person.
@@ -414,7 +321,7 @@ class TemporalConfig(_Checked):
 
 
 @dataclass(frozen=True)
-class RecoverConfig(_Checked):
+class RecoverConfig(Checked):
     """Failure detection and temporal registration (Sec. 6, last part)."""
 
     enabled: bool = option(True, "Look for failures and recover from them")
@@ -442,7 +349,7 @@ class RecoverConfig(_Checked):
 
 
 @dataclass(frozen=True)
-class SmoothConfig(_Checked):
+class SmoothConfig(Checked):
     """Low-pass filter on the published joints (Sec. 6): One-Euro filter, Casiez et al., CHI 2012."""
 
     enabled: bool = option(True, "Filter the joint positions over time")
@@ -451,7 +358,7 @@ class SmoothConfig(_Checked):
 
 
 @dataclass(frozen=True)
-class FollowConfig(_Checked):
+class FollowConfig(Checked):
     """Whom ``/depth_pose/skeleton`` shows; everybody is on ``/depth_pose/skeletons``."""
 
     whom: str = option(
@@ -460,23 +367,6 @@ class FollowConfig(_Checked):
         choices=("first", "nearest", "centre"),
     )
     patient: bool = option(False, "Wait for the one who is followed for 2 s before another is taken")
-
-
-class Sections:
-    """Base of configurations that are made of others, one field for each."""
-
-    @classmethod
-    def from_mapping(cls: type[T], values: Mapping[str, Mapping[str, Any]]) -> T:
-        """Make it from nested mappings, ``{"segment": {"near": 0.5}}``; unknown keys are errors."""
-        sections: dict[str, Any] = {f.name: type(f.default) for f in fields(cls)}  # type: ignore[arg-type]
-        unknown = sorted(set(values) - set(sections))
-        if unknown:
-            raise ConfigError(f"no such section: {', '.join(unknown)}; there are {', '.join(sections)}")
-        return cls(**{name: from_mapping(sections[name], part) for name, part in values.items()})
-
-    def as_mapping(self) -> dict[str, dict[str, Any]]:
-        """Give every setting, nested by step."""
-        return dataclasses.asdict(self)  # type: ignore[call-overload, no-any-return]
 
 
 @dataclass(frozen=True)

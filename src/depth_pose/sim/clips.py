@@ -20,19 +20,13 @@ from numpy.typing import NDArray
 from depth_pose.core.camera import Camera
 from depth_pose.core.skeleton import JOINTS
 from depth_pose.io.mcap_write import DepthWriter
-from depth_pose.sim.furniture import (
-    make_board,
-    make_chair,
-    make_pillar,
-    make_plant,
-    make_shelf,
-    triangulate,
-)
+from depth_pose.sim.furniture import make_board, make_chair, make_pillar, make_plant, make_shelf
 from depth_pose.sim.performers import Act, Performer, Track
 from depth_pose.sim.rooms import Room, furnish, make_room
 from depth_pose.sim.scene_noise import sample_sensor
 from depth_pose.sim.scene_view import View
 from depth_pose.sim.scenes import Placed, place, render, sample_view
+from depth_pose.sim.shapes import triangulate
 from depth_pose.sim.simulate import FRAME_ID, START_NS
 
 Array = NDArray[np.float64]

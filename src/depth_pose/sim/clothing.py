@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.core.config import _Checked, option
 from depth_pose.core.errors import ConfigError
+from depth_pose.core.options import Checked, option
 from depth_pose.core.skeleton import ADULT_STATURE_M, NODE_INDEX
 from depth_pose.volume.headings import headings_of, turns
 
@@ -47,7 +47,7 @@ _LIMBS_M = {
 
 
 @dataclass(frozen=True)
-class Garment(_Checked):
+class Garment(Checked):
     """A piece of loose clothing; lengths are for a 1.75 m adult and go with the wearer's height."""
 
     skirt: float = option(0.55, "Length of the skirt from the waist; 0 for none", unit="m", low=0.0, high=1.1)

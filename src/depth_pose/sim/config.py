@@ -5,14 +5,14 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING
 
-from depth_pose.core.config import _Checked, option
+from depth_pose.core.options import Checked, option
 
 if TYPE_CHECKING:
     from depth_pose.body.body import Body
 
 
 @dataclass(frozen=True)
-class Person(_Checked):
+class Person(Checked):
     """Build of the simulated person; its proportions differ from those of the bank's body."""
 
     stature: float = option(1.68, "Height standing upright", unit="m", low=0.3, high=2.5)
@@ -33,7 +33,7 @@ class Person(_Checked):
 
 
 @dataclass(frozen=True)
-class Placement(_Checked):
+class Placement(Checked):
     """The camera's place, told from the spot on the floor that it looks toward."""
 
     distance: float = option(3.8, "Distance on the floor from camera to person", unit="m", low=0.5, high=20.0)
@@ -50,7 +50,7 @@ class Placement(_Checked):
 
 
 @dataclass(frozen=True)
-class Room(_Checked):
+class Room(Checked):
     """What stands around the person."""
 
     floor: bool = option(True, "Put a floor under the person")

@@ -19,11 +19,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.core.config import _Checked, option
+from depth_pose.core.options import Checked, option
 
 
 @dataclass(frozen=True)
-class NoiseConfig(_Checked):
+class NoiseConfig(Checked):
     """How a sensor spoils ideal depth: sigma = (constant + linear z + quadratic z^2) / cos(angle)^power."""
 
     constant: float = option(0.002, "Standard deviation at no distance", unit="m", low=0.0, high=0.1)

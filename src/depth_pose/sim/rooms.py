@@ -12,14 +12,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.sim.furniture import (
-    AT_WALLS,
-    STANDING,
-    Assembly,
-    Kind,
-    make_table,
-    random_albedo,
-)
+from depth_pose.sim.furniture import AT_WALLS, STANDING, make_table
+from depth_pose.sim.shapes import Assembly, Kind, random_albedo
 
 Array = NDArray[np.float64]
 Maker = Callable[[np.random.Generator], Assembly]

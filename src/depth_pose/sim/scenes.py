@@ -18,21 +18,11 @@ from numpy.typing import NDArray
 from depth_pose.core.camera import Camera
 from depth_pose.core.skeleton import JOINT_INDEX
 from depth_pose.sim.figures import Figure, sample_figure
-from depth_pose.sim.furniture import (
-    Assembly,
-    Kind,
-    Triangles,
-    make_bed,
-    make_chair,
-    make_sofa,
-    make_stool,
-    make_table,
-    random_albedo,
-    triangulate,
-)
+from depth_pose.sim.furniture import make_bed, make_chair, make_sofa, make_stool, make_table
 from depth_pose.sim.rooms import Room, add_backdrop, furnish, make_room
 from depth_pose.sim.scene_noise import SceneSensor, Shown, measure, sample_sensor
 from depth_pose.sim.scene_view import View, draw, look, silhouette_area
+from depth_pose.sim.shapes import Assembly, Kind, Triangles, random_albedo, triangulate
 
 Array = NDArray[np.float64]
 
@@ -61,7 +51,7 @@ class Scene:
         Which person a pixel of `clean` shows, from 1; 0 for nobody. What they wear is they, what they
         carry is not.
     kind : (H, W) uint8
-        `depth_pose.sim.furniture.Kind` of what a pixel of `clean` shows.
+        `depth_pose.sim.shapes.Kind` of what a pixel of `clean` shows.
     camera : Camera
     joints : (P, 19, 3) float32
         Optical frame, metres.

@@ -8,11 +8,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from depth_pose.core.config import DenoiseConfig, Sections, SegmentConfig, _Checked, option
+from depth_pose.core.config import DenoiseConfig, SegmentConfig
+from depth_pose.core.options import Checked, Sections, option
 
 
 @dataclass(frozen=True)
-class SpaceConfig(_Checked):
+class SpaceConfig(Checked):
     """The space that is watched, and its voxels; world frame, y up, floor at 0."""
 
     voxel: float = option(0.02, "Edge of a voxel", unit="m", low=0.005, high=0.08)
@@ -23,7 +24,7 @@ class SpaceConfig(_Checked):
 
 
 @dataclass(frozen=True)
-class TrackConfig(_Checked):
+class TrackConfig(Checked):
     """The particle filter and what follows it."""
 
     particles: int = option(100, "Particles in the latent space", low=10, high=5000)
@@ -49,7 +50,7 @@ class TrackConfig(_Checked):
 
 
 @dataclass(frozen=True)
-class VolumeFitConfig(_Checked):
+class VolumeFitConfig(Checked):
     """The fit of a body to the volume; terms as in `depth_pose.core.config.FitConfig`."""
 
     sigmas: tuple[float, ...] = option(
@@ -79,7 +80,7 @@ class VolumeFitConfig(_Checked):
 
 
 @dataclass(frozen=True)
-class ViewsConfig(_Checked):
+class ViewsConfig(Checked):
     """How images of several cameras become sets of views of one time."""
 
     tolerance: float = option(
@@ -95,7 +96,7 @@ class ViewsConfig(_Checked):
 
 
 @dataclass(frozen=True)
-class LearnConfig(_Checked):
+class LearnConfig(Checked):
     """Learning of the dynamical model and the regressions."""
 
     latent: int = option(6, "Dimensions of the latent space", low=2, high=20)

@@ -26,8 +26,9 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 from rclpy.subscription import Subscription
 from threadpoolctl import threadpool_limits
 
-from depth_pose.core.config import PipelineConfig, Sections
+from depth_pose.core.config import PipelineConfig
 from depth_pose.core.errors import BankError, ConfigError, DepthPoseError, InputError
+from depth_pose.core.options import Sections
 from depth_pose.ros.nodes.counts import Figures
 from depth_pose.ros.nodes.parameters import COMMON, declare, holds_setting, read_config
 from depth_pose.ros.nodes.silence import CrowdWatch, SilenceWatch

@@ -19,8 +19,9 @@ from rclpy.exceptions import (
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from depth_pose.core.config import SHORT_NAMES, PipelineConfig, Sections, options
+from depth_pose.core.config import SHORT_NAMES, PipelineConfig
 from depth_pose.core.errors import ConfigError
+from depth_pose.core.options import Sections, options
 from depth_pose.ros.setting import Setting
 
 SECTIONS: tuple[str, ...] = tuple(f.name for f in fields(PipelineConfig))

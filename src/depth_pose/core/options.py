@@ -1,0 +1,121 @@
+"""What settings are made of: dataclass fields that carry their unit, range and one line of help.
+
+ROS parameters, command-line options and YAML files are made from them, and refused by them.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, fields
+from typing import Any, TypeVar
+
+from depth_pose.core.errors import ConfigError
+
+T = TypeVar("T")
+
+
+def option(
+    default: Any,
+    help: str,
+    *,
+    unit: str = "",
+    low: float | None = None,
+    high: float | None = None,
+    choices: tuple[str, ...] = (),
+) -> Any:
+    """Make a dataclass field that carries its unit, range and help."""
+    return field(
+        default=default,
+        metadata={"help": help, "unit": unit, "low": low, "high": high, "choices": choices},
+    )
+
+
+@dataclass(frozen=True)
+class Option:
+    """One setting as ROS parameters and command lines need it."""
+
+    name: str
+    default: bool | int | float | str | tuple[float, ...]
+    help: str
+    unit: str
+    low: float | None
+    high: float | None
+    choices: tuple[str, ...]
+
+
+def options(config: type | object) -> Iterator[Option]:
+    """Give every setting of a configuration class, or of an instance with its values."""
+    for f in fields(config):  # type: ignore[arg-type]
+        default: Any = f.default if isinstance(config, type) else getattr(config, f.name)
+        yield Option(name=f.name, default=default, **f.metadata)
+
+
+class Checked:
+    """Base that refuses values of the wrong type or outside their range."""
+
+    def __post_init__(self) -> None:
+        for o in options(self):
+            _check(type(self).__name__, o)
+
+
+def _check(owner: str, o: Option) -> None:
+    where = f"{owner}.{o.name}"
+    for value in o.default if isinstance(o.default, tuple) else (o.default,):
+        if isinstance(value, float) and value != value:
+            raise ConfigError(f"{where} is NaN; give a number")
+        if o.low is not None and value < o.low:  # type: ignore[operator]
+            raise ConfigError(f"{where} is {value}; the least it may be is {o.low} {o.unit}".rstrip())
+        if o.high is not None and value > o.high:  # type: ignore[operator]
+            raise ConfigError(f"{where} is {value}; the most it may be is {o.high} {o.unit}".rstrip())
+    if o.choices and o.default not in o.choices:
+        raise ConfigError(f"{where} is {o.default!r}; it is one of {', '.join(o.choices)}")
+
+
+def from_mapping(config: type[T], values: Mapping[str, Any]) -> T:
+    """Make a configuration from a mapping; an unknown key is an error.
+
+    Raises
+    ------
+    ConfigError
+        Where a key is unknown, or a value is of the wrong type or out of range.
+    """
+    known = {o.name: o for o in options(config)}
+    unknown = sorted(set(values) - set(known))
+    if unknown:
+        raise ConfigError(
+            f"{config.__name__} has no setting {', '.join(unknown)}; it has {', '.join(sorted(known))}"
+        )
+    made: dict[str, Any] = {}
+    for name, value in values.items():
+        made[name] = _as(type(known[name].default), value, f"{config.__name__}.{name}")
+    return config(**made)
+
+
+def _as(kind: type, value: Any, where: str) -> Any:
+    """Give a value as the type that a setting has: whole numbers and sequences will do."""
+    if kind is tuple and isinstance(value, Sequence) and not isinstance(value, str):
+        return tuple(_as(float, one, where) for one in value)
+    if kind is float and isinstance(value, int) and not isinstance(value, bool):
+        return float(value)
+    if type(value) is not kind:
+        wanted = "a list of numbers" if kind is tuple else f"of type {kind.__name__}"
+        raise ConfigError(f"{where} is {value!r}; it must be {wanted}")
+    return value
+
+
+class Sections:
+    """Base of configurations that are made of others, one field for each."""
+
+    @classmethod
+    def from_mapping(cls: type[T], values: Mapping[str, Mapping[str, Any]]) -> T:
+        """Make it from nested mappings, ``{"segment": {"near": 0.5}}``; unknown keys are errors."""
+        sections: dict[str, Any] = {f.name: type(f.default) for f in fields(cls)}  # type: ignore[arg-type]
+        unknown = sorted(set(values) - set(sections))
+        if unknown:
+            raise ConfigError(f"no such section: {', '.join(unknown)}; there are {', '.join(sections)}")
+        return cls(**{name: from_mapping(sections[name], part) for name, part in values.items()})
+
+    def as_mapping(self) -> dict[str, dict[str, Any]]:
+        """Give every setting, nested by step."""
+        return dataclasses.asdict(self)  # type: ignore[call-overload, no-any-return]

@@ -1,0 +1,99 @@
+"""The loop that trains a net: one cycle of rates, averaged weights, checkpoints and a log."""
+
+from __future__ import annotations
+
+import copy
+import json
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple, TypeVar
+
+import torch
+from rich.progress import Progress
+from torch import Tensor, nn
+
+Net = TypeVar("Net", bound=nn.Module)
+
+_EMA, _WEIGHT_DECAY, _WARM_UP, _CLIP = 0.998, 1e-4, 0.05, 5.0
+
+
+class Plan(NamedTuple):
+    """How long and how fast: examples in all and in a step, highest rate, examples between checkpoints."""
+
+    images: int
+    batch: int
+    rate: float
+    save_every: int
+    seed: int
+    threads: int = 1
+
+
+def optimise(
+    make: Callable[[], Net],
+    loss_of: Callable[[Net], tuple[Tensor, dict[str, float]]],
+    plan: Plan,
+    out: Path,
+    start: Path | None,
+    remark: Callable[[Net], dict[str, Any]],
+) -> None:
+    """Train a net; writes OUT/NNNNNNN.pt every so often, and OUT/last.pt.
+
+    Parameters
+    ----------
+    make : callable
+        Makes the net.
+    loss_of : callable
+        Gives the loss of the next batch, and its parts for the log.
+    plan : Plan
+    out : Path
+        Folder for checkpoints and ``log.jsonl``.
+    start : Path, optional
+        Checkpoint to go on from.
+    remark : callable
+        Gives what else the log says of the averaged net.
+    """
+    torch.manual_seed(plan.seed)
+    torch.set_num_threads(plan.threads)
+    out.mkdir(parents=True, exist_ok=True)
+    net = make()
+    if start is not None:
+        net.load_state_dict(torch.load(start, weights_only=True))
+    net = net.to(memory_format=torch.channels_last)
+    average = copy.deepcopy(net).eval()
+    optimiser = torch.optim.AdamW(net.parameters(), plan.rate, weight_decay=_WEIGHT_DECAY, fused=True)
+    steps = plan.images // plan.batch
+    schedule = torch.optim.lr_scheduler.OneCycleLR(
+        optimiser, plan.rate, total_steps=steps + 1, pct_start=_WARM_UP, div_factor=10, final_div_factor=100
+    )
+    mean: dict[str, float] = {}
+    saved, began = 0, time.perf_counter()
+    with Progress() as progress, (out / "log.jsonl").open("a") as log:
+        task = progress.add_task("training", total=steps)
+        for step in range(steps):
+            loss, parts = loss_of(net)
+            optimiser.zero_grad()
+            loss.backward()
+            torch.nn.utils.clip_grad_norm_(net.parameters(), _CLIP)
+            optimiser.step()
+            schedule.step()
+            follow(average, net, min(_EMA, (1 + step) / (10 + step)))
+            mean = {k: 0.98 * mean.get(k, v) + 0.02 * v for k, v in parts.items()}
+            progress.update(task, advance=1, description=" ".join(f"{k} {v:.3f}" for k, v in mean.items()))
+            done = (step + 1) * plan.batch
+            if done - saved >= plan.save_every or step + 1 == steps:
+                saved = done
+                torch.save(average.state_dict(), out / f"{done:07d}.pt")
+                line = {"images": done, "seconds": time.perf_counter() - began, **mean, **remark(average)}
+                print(json.dumps(line), file=log, flush=True)
+    torch.save(average.state_dict(), out / "last.pt")
+
+
+def follow(average: nn.Module, net: nn.Module, keep: float) -> None:
+    """Move the averaged weights towards the net's."""
+    with torch.no_grad():
+        for a, b in zip(average.state_dict().values(), net.state_dict().values(), strict=True):
+            if a.is_floating_point():
+                a.lerp_(b, 1 - keep)
+            else:
+                a.copy_(b)
