@@ -14,8 +14,9 @@ from depth_pose.core.config import SegmentConfig
 from depth_pose.core.skeleton import JOINT_INDEX, JOINT_NODES
 from depth_pose.people import _crop_kernels as kernels
 from depth_pose.people._crop_kernels import Look
-from depth_pose.people.joint_finder import JointFinder, load_joint_weights
+from depth_pose.people.joint_finder import JointFinder
 from depth_pose.people.learned_segmenter import LearnedSegmenter
+from depth_pose.people.net import read_weights
 
 TRUNK = [JOINT_INDEX[n] for n in ("pelvis", "spine", "chest", "neck", "head")]
 
@@ -35,7 +36,7 @@ def sample(depth, labels, look):
 
 
 def test_weights_are_those_that_the_settings_were_made_for():
-    model = load_joint_weights()
+    model = read_weights("joint_finder.onnx")
     settings = json.loads(
         (resources.files("depth_pose.people") / "weights" / "joint_finder.json").read_text()
     )

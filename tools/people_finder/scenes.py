@@ -10,7 +10,7 @@ from _sample_kernels import Cut, cell_labels, drape, fill_joint_offsets, fill_of
 from numpy.typing import NDArray
 
 from depth_pose.core.camera import Camera
-from depth_pose.core.skeleton import JOINTS
+from depth_pose.core.skeleton import JOINTS, MIRROR_JOINTS
 from depth_pose.people._finder_kernels import (
     CHANNELS,
     COLS,
@@ -32,8 +32,6 @@ _LEFT = [_INDEX[n] for n in ("left_shoulder", "left_hip")]
 _RIGHT = [_INDEX[n] for n in ("right_shoulder", "right_hip")]
 _CLEAR_M = 0.1
 """Left and right this far apart across the view are told from each other without doubt."""
-
-_MIRROR = [_INDEX[n.replace("left", "?").replace("right", "left").replace("?", "right")] for n in JOINTS]
 
 
 @dataclass(frozen=True)
@@ -172,7 +170,7 @@ class Sampler:
         fx, fy = fx / stride, fy / stride
         if mirrored:
             cx = cols - 1 - cx
-            joints = joints[:, _MIRROR] * np.array([-1, 1, 1], np.float32)
+            joints = joints[:, MIRROR_JOINTS] * np.array([-1, 1, 1], np.float32)
         if rng is not None:
             if not labels.any() and rng.random() < 0.6:  # a room of another size: clutter close by
                 grid *= np.float32(np.exp(rng.uniform(np.log(0.1), np.log(1.6))))
@@ -184,7 +182,7 @@ class Sampler:
         choose_cells(grid, rows, cols, CELL, self._cells)
         cell_labels(labels, self._cells, out.cell_labels[k])
         side = seen_from_behind(joints)
-        named = np.where((side > 0)[:, None, None], joints[:, _MIRROR], joints)
+        named = np.where((side > 0)[:, None, None], joints[:, MIRROR_JOINTS], joints)
         fill_joint_offsets(grid, self._cells, out.cell_labels[k], named, camera, out.joints[k])
         out.joints[k, -1] = np.append(np.float32(0), side)[out.cell_labels[k]]
 

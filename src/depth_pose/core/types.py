@@ -60,7 +60,7 @@ class FoundPerson:
     probability : float
         That this is a person, 0 to 1, after all frames in which they were followed.
     proposals : (J, 3) float32
-        Where the finder sees their joints (`depth_pose.people.FINDER_JOINTS`), camera frame, metres;
+        Where the finder sees their joints (`JOINTS`), camera frame, metres;
         no rows where it does not say.
     proposal_confidence : (J,) float32
     """

@@ -127,18 +127,3 @@ def grow_labels(depth, labels, chance, least, jump, pixels, queue):
                     queue[count] = a * cols + b
                     count += 1
         begin = end
-
-
-@njit(cache=True)
-def label_boxes(labels, boxes, pixels):
-    """Least and greatest column and row (P, 4) of every label from 1, and how many pixels it has."""
-    pixels[:] = 0
-    boxes[:, :2] = 1_000_000
-    boxes[:, 2:] = -1
-    for i in range(labels.shape[0]):
-        for j in range(labels.shape[1]):
-            k = np.int64(labels[i, j]) - 1
-            if 0 <= k < pixels.shape[0]:
-                pixels[k] += 1
-                boxes[k, 0], boxes[k, 1] = min(boxes[k, 0], j), min(boxes[k, 1], i)
-                boxes[k, 2], boxes[k, 3] = max(boxes[k, 2], j), max(boxes[k, 3], i)

@@ -11,24 +11,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.core.skeleton import JOINTS
+from depth_pose.core.skeleton import JOINT_INDEX, JOINTS, MIRROR_JOINTS
 from depth_pose.people import _finder_kernels as grid
 from depth_pose.people import _measure_kernels as measuring
 from depth_pose.people import _vote_kernels as kernels
 from depth_pose.people._finder_kernels import NetImage
 
-FINDER_JOINTS: tuple[str, ...] = JOINTS
-"""The joints that a found person has proposals of."""
-
 _PARTS = tuple(
-    FINDER_JOINTS.index(name)
+    JOINT_INDEX[name]
     for name in ("pelvis", "neck", "head", "left_shoulder", "right_shoulder", "left_hip", "right_hip")
 )
-
-_MIRROR = [
-    FINDER_JOINTS.index(n.replace("left", "?").replace("right", "left").replace("?", "right"))
-    for n in FINDER_JOINTS
-]
 
 _CELL = 4
 """Side of the cells that vote for joints, pixels of the net's image."""
@@ -59,10 +51,6 @@ class Clusters:
         From 1; 0: nobody.
     torsos : (P, 3) float64
     joints : (P, 19, 3) float64
-    joint_error : (P, 19) float64
-        Metres, as the votes themselves say.
-    from_behind : (P,) float64
-        Probability.
     measures : (P, MEASURES) float64
         What the verifier asks for.
     neighbour : (P,) int64
@@ -72,8 +60,6 @@ class Clusters:
     labels: NDArray[np.uint8]
     torsos: NDArray[np.float64]
     joints: NDArray[np.float64]
-    joint_error: NDArray[np.float64]
-    from_behind: NDArray[np.float64]
     measures: NDArray[np.float64]
     neighbour: NDArray[np.int64]
 
@@ -125,7 +111,7 @@ class VoteGatherer:
         modes = modes[:count]
         labels, owner = np.zeros(mask.shape, np.uint8), self._owner[:n]
         kernels.assign_votes(votes.flat, votes.points, modes, _REACH_M, labels, owner)
-        size = (count, len(FINDER_JOINTS))
+        size = (count, len(JOINTS))
         seen = kernels.SeenJoints(np.empty((*size, 3)), np.empty(size), np.empty(size), np.empty(count))
         measures = np.empty((count, measuring.MEASURES))
         neighbour = np.empty(count, np.int64)
@@ -135,6 +121,6 @@ class VoteGatherer:
             measuring.measure_clusters(image, mask, torso, votes, owner, modes, measures)
             measuring.measure_joints(seen, modes, image, mask, _PARTS, measures)
             measuring.measure_neighbours(image, labels, modes, measures, neighbour)
-        joints, error, away = seen.joints, seen.width, seen.behind > 0.5
-        joints[away], error[away] = joints[away][:, _MIRROR], error[away][:, _MIRROR]
-        return Clusters(labels, modes, joints, error, seen.behind, measures, neighbour)
+        joints, away = seen.joints, seen.behind > 0.5
+        joints[away] = joints[away][:, MIRROR_JOINTS]
+        return Clusters(labels, modes, joints, measures, neighbour)

@@ -15,9 +15,7 @@ and mounting. ``tools/people_finder`` makes the weights.
 from __future__ import annotations
 
 import json
-import os
 from dataclasses import dataclass
-from importlib import resources
 from typing import Any
 
 import numpy as np
@@ -29,8 +27,8 @@ from depth_pose.core.types import DepthFrame
 from depth_pose.people import _finder_kernels as kernels
 from depth_pose.people import working_grid
 from depth_pose.people._finder_kernels import NetImage
-from depth_pose.people._outline_kernels import label_boxes
 from depth_pose.people.clusters import Clusters, VoteGatherer
+from depth_pose.people.net import open_net, read_weights
 from depth_pose.people.outline import carry_people, spread_chance
 from depth_pose.people.verifier import Verifier
 
@@ -50,9 +48,6 @@ the neighbour, and how much smaller (natural logarithm)."""
 _HALO_MEAN, _HALO_SURE, _HALO_JUMP, _HALO_ASIDE_M, _HALO_SMALLER = 0.6, 0.1, 0.25, 0.65, 0.7
 """Set by the clusters on the wall behind the people of the development clips; no person was like that."""
 
-_TYPICAL_ERROR_M = 0.1
-"""Error of a joint's proposal at which its confidence is one half."""
-
 
 @dataclass(frozen=True)
 class Detection:
@@ -67,26 +62,14 @@ class Detection:
     torso : (3,) float64
         Middle of shoulders and hips, camera frame, metres.
     joints : (19, 3) float64
-        Where the joints of `FINDER_JOINTS` seem to be, hidden ones too, camera frame, metres.
-    joint_confidence : (19,) float32
-        0 to 1; one half where the error is about 0.1 m. It does not speak of left and right.
-    from_behind : float
-        Probability that they are seen from behind: that their left is on the image's left. Where it is
-        near one half, left and right of `joints` may be swapped.
-    box : (4,) int64
-        Least and greatest column and row (x0, y0, x1, y1) of their pixels on the working grid.
-    cut_off : bool
-        Whether their pixels reach the border of the image.
+        Where the joints seem to be, hidden ones too, camera frame, metres; left and right may be swapped.
+        `depth_pose.people.joint_finder` knows better.
     """
 
     label: int
     probability: float
     torso: NDArray[np.float64]
     joints: NDArray[np.float64]
-    joint_confidence: NDArray[np.float32]
-    from_behind: float
-    box: NDArray[np.int64]
-    cut_off: bool
 
 
 @dataclass(frozen=True)
@@ -159,20 +142,12 @@ class PeopleFinder:
         model: bytes | None = None,
         settings: dict[str, Any] | None = None,
     ) -> None:
-        # else it reports to its makers, from a thread that forked processes lack
-        os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")
-        import onnxruntime
-
         self.config = config or SegmentConfig()
         if model is None or settings is None:
             model, settings = load_weights()
         self.settings = settings
         self.verifier = Verifier.from_mapping(settings["verifier"]) if "verifier" in settings else None
-        options = onnxruntime.SessionOptions()
-        options.intra_op_num_threads = options.inter_op_num_threads = 1
-        options.use_deterministic_compute = True
-        options.log_severity_level = 3
-        self._session = onnxruntime.InferenceSession(model, options, providers=["CPUExecutionProvider"])
+        self._session = open_net(model)
         self._input = self._session.get_inputs()[0].name
         shape = (kernels.ROWS, kernels.COLS)
         self._features = np.zeros((1, kernels.CHANNELS, *shape), np.float32)
@@ -215,11 +190,10 @@ class PeopleFinder:
         _join_parts(found, number)
         net_chance = np.reciprocal(1.0 + np.exp(-mask), dtype=np.float32)
         labels = carry_people(image, number[found.labels], net_chance, depth, camera)
-        boxes, pixels = np.empty((len(chosen), 4), np.int64), np.empty(len(chosen), np.int64)
-        label_boxes(labels, boxes, pixels)
+        pixels = np.bincount(labels.ravel(), minlength=len(chosen) + 1)
         people = tuple(
-            _person(n + 1, probability[k], found, k, boxes[n], labels.shape)
-            for n, k in enumerate(chosen)
+            Detection(n, float(probability[k]), found.torsos[k], found.joints[k])
+            for n, k in enumerate(chosen, start=1)
             if pixels[n] >= _LEAST_PIXELS
         )
         return Detections(depth, labels, camera, spread_chance(net_chance, image, camera), people, beyond)
@@ -236,28 +210,6 @@ class PeopleFinder:
         kernels.fill_features(image, self._sums, self._counts, self._features[0])
         mask, torso, votes = (o[0] for o in self._session.run(None, {self._input: self._features}))
         return mask[0], self._gatherer.gather(image, mask[0], torso, votes)
-
-
-def _person(
-    label: int,
-    probability: float,
-    found: Clusters,
-    k: int,
-    box: NDArray[np.int64],
-    shape: tuple[int, ...],
-) -> Detection:
-    """Put together what is known of one person."""
-    error = found.joint_error[k] / _TYPICAL_ERROR_M
-    return Detection(
-        label=label,
-        probability=float(probability),
-        torso=found.torsos[k],
-        joints=found.joints[k],
-        joint_confidence=(1.0 / (1.0 + error * error)).astype(np.float32),
-        from_behind=float(found.from_behind[k]),
-        box=box,
-        cut_off=bool((box[:2] <= 0).any() or box[2] >= shape[1] - 1 or box[3] >= shape[0] - 1),
-    )
 
 
 def _is_halo(measures: NDArray[np.float64]) -> NDArray[np.bool_]:
@@ -280,6 +232,5 @@ def _join_parts(found: Clusters, number: NDArray[np.uint8]) -> None:
 
 def load_weights() -> tuple[bytes, dict[str, Any]]:
     """Read the net that ships, and what lies beside it."""
-    folder = resources.files("depth_pose.people") / "weights"
-    settings = json.loads((folder / "people_finder.json").read_text())
-    return (folder / "people_finder.onnx").read_bytes(), settings
+    settings = json.loads(read_weights("people_finder.json"))
+    return read_weights("people_finder.onnx"), settings

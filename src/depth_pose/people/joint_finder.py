@@ -9,9 +9,7 @@ guessed from the others, and their errors say so. ``tools/people_finder`` makes 
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass
-from importlib import resources
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +18,7 @@ from depth_pose.core.camera import Camera
 from depth_pose.core.skeleton import MIRROR_JOINTS
 from depth_pose.people import _crop_kernels as kernels
 from depth_pose.people._crop_kernels import Look
+from depth_pose.people.net import open_net, read_weights
 
 LEAST_ERROR_M = 0.02
 """Narrowest distribution that a joint may claim, as trained (``tools/people_finder/joint_losses.py``).
@@ -64,16 +63,7 @@ class JointFinder:
     """
 
     def __init__(self, model: bytes | None = None) -> None:
-        # else it reports to its makers, from a thread that forked processes lack
-        os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")
-        import onnxruntime
-
-        options = onnxruntime.SessionOptions()
-        options.intra_op_num_threads = options.inter_op_num_threads = 1
-        options.use_deterministic_compute = True
-        options.log_severity_level = 3
-        model = load_joint_weights() if model is None else model
-        self._session = onnxruntime.InferenceSession(model, options, providers=["CPUExecutionProvider"])
+        self._session = open_net(read_weights("joint_finder.onnx") if model is None else model)
         shape = (kernels.SIDE, kernels.SIDE)
         self._features = np.zeros((1, kernels.CHANNELS, *shape), np.float32)
         self._grid, self._whose = np.empty(shape, np.float32), np.empty(shape, np.int64)
@@ -111,8 +101,3 @@ class JointFinder:
             joints, error = joints[MIRROR_JOINTS], error[MIRROR_JOINTS]
         apart = np.linalg.norm(joints - joints[MIRROR_JOINTS], axis=1)
         return JointProposals(joints, error + min(from_behind, 1.0 - from_behind) * apart, from_behind)
-
-
-def load_joint_weights() -> bytes:
-    """Read the net that ships."""
-    return (resources.files("depth_pose.people") / "weights" / "joint_finder.onnx").read_bytes()
