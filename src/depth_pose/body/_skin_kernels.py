@@ -32,6 +32,20 @@ class Skin(NamedTuple):
 
 
 @njit(cache=True)
+def place_nodes(rest: Any, parents: Any, rotations: Any, root: Any, scale: float, out_nodes: Any) -> None:
+    """Walk the tree from rest positions (21, 3) to posed ones."""
+    for k in range(3):
+        out_nodes[0, k] = root[k]
+    for n in range(1, rest.shape[0]):
+        p = parents[n]
+        d0, d1, d2 = rest[n, 0] - rest[p, 0], rest[n, 1] - rest[p, 1], rest[n, 2] - rest[p, 2]
+        for k in range(3):
+            out_nodes[n, k] = out_nodes[p, k] + scale * (
+                rotations[p, k, 0] * d0 + rotations[p, k, 1] * d1 + rotations[p, k, 2] * d2
+            )
+
+
+@njit(cache=True)
 def skin(body: Any, rotations: Any, root: Any, scale: float, out_vertices: Any, out_nodes: Any) -> None:
     """Walk the tree, then blend; writes (V, 3) vertices and (21, 3) nodes of a `Skin`."""
     rest, nodes_rest, parents, index, weights = (
@@ -43,18 +57,8 @@ def skin(body: Any, rotations: Any, root: Any, scale: float, out_vertices: Any, 
     )
     n_nodes = nodes_rest.shape[0]
     moves = np.empty((n_nodes, 12))
-    for k in range(3):
-        out_nodes[0, k] = root[k]
+    place_nodes(nodes_rest, parents, rotations, root, scale, out_nodes)
     for n in range(n_nodes):
-        p = parents[n]
-        if p >= 0:
-            d0 = nodes_rest[n, 0] - nodes_rest[p, 0]
-            d1 = nodes_rest[n, 1] - nodes_rest[p, 1]
-            d2 = nodes_rest[n, 2] - nodes_rest[p, 2]
-            for k in range(3):
-                out_nodes[n, k] = out_nodes[p, k] + scale * (
-                    rotations[p, k, 0] * d0 + rotations[p, k, 1] * d1 + rotations[p, k, 2] * d2
-                )
         for k in range(3):
             shift = out_nodes[n, k]
             for j in range(3):

@@ -126,6 +126,16 @@ class Body:
         )
         return PosedBody(vertices, nodes)
 
+    def place(
+        self, rotations: NDArray[np.float64], root: NDArray[np.float64], scale: float = 1.0
+    ) -> NDArray[np.float64]:
+        """Give the nodes (21, 3) alone of a pose, as `pose` takes it."""
+        from depth_pose.body._skin_kernels import place_nodes
+
+        nodes = np.empty_like(self.nodes)
+        place_nodes(self.nodes, NODE_PARENTS, rotations, root, scale, nodes)
+        return nodes
+
     def reshaped(self, vertices: NDArray[np.float64], nodes: NDArray[np.float64]) -> Body:
         """Give the body with another rest pose, (V, 3) and (21, 3); the rest is shared, not made again."""
         body = replace(self, vertices=vertices, nodes=nodes)

@@ -32,6 +32,17 @@ def rotation_of(w, out):
 
 
 @njit(cache=True)
+def rotation_between(a, b, out):
+    """Smallest rotation that turns a unit vector into another."""
+    x, y, z = a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+    cosine = a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+    s = 1.0 / max(1.0 + cosine, 1e-9)
+    out[0, 0], out[0, 1], out[0, 2] = 1 - s * (y * y + z * z), s * x * y - z, s * x * z + y
+    out[1, 0], out[1, 1], out[1, 2] = s * x * y + z, 1 - s * (x * x + z * z), s * y * z - x
+    out[2, 0], out[2, 1], out[2, 2] = s * x * z - y, s * y * z + x, 1 - s * (x * x + y * y)
+
+
+@njit(cache=True)
 def multiply(a, b, out):
     """Product of two 3 x 3 matrices; ``out`` is neither of them."""
     for i in range(3):

@@ -11,6 +11,7 @@ from depth_pose.body._skin_kernels import skin
 from depth_pose.core._camera_kernels import project, ray
 from depth_pose.core._fast_exp import falling_exp
 from depth_pose.core._raster_kernels import NEAR_M, rasterize
+from depth_pose.fit._aim_kernels import nearer_naming
 from depth_pose.fit._grid_kernels import Grid, bounds, sort_into_cells
 from depth_pose.fit._tree_kernels import Equations, add_vertex, take_step
 from depth_pose.fit._visibility_kernels import mark_visible, turn_normals
@@ -213,13 +214,7 @@ def add_proposals(proposals, nodes, origin, weight, equations):
     The weights are those of Geman and McClure (1987), of distances in units of `_ELSEWHERE_M`.
     """
     count = proposals.nodes.shape[0]
-    apart = np.zeros(2)
-    for side in range(2):
-        for j in range(count):
-            for a in range(3):
-                gap = proposals.places[side, j, a] - nodes[proposals.nodes[j], a]
-                apart[side] += proposals.weights[side, j] * gap * gap
-    side = 0 if apart[0] <= apart[1] else 1
+    side = nearer_naming(nodes[proposals.nodes], proposals.places, proposals.weights)
     metric, r = np.zeros((3, 3)), np.empty(3)
     for j in range(count):
         n, far = proposals.nodes[j], 0.0

@@ -6,10 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.body.body import Body
-from depth_pose.core.skeleton import JOINT_INDEX, JOINT_NODES, JOINTS, MIRROR_JOINTS, forward_kinematics
+from depth_pose.core.skeleton import JOINT_INDEX, JOINT_NODES, JOINTS, MIRROR_JOINTS
 from depth_pose.core.types import FoundPerson
+from depth_pose.fit import _aim_kernels as kernels
 from depth_pose.fit.articulated import BodyPose
-from depth_pose.fit.skeleton_pose import pose_from_nodes
+from depth_pose.fit.skeleton_pose import aim_limbs
 
 _AIMED = np.zeros(len(JOINTS), bool)
 _AIMED[[JOINT_INDEX[f"{s}_{n}"] for s in ("left", "right") for n in ("knee", "ankle")]] = True
@@ -42,29 +43,27 @@ def aim_legs(body: Body, pose: BodyPose, found: FoundPerson) -> BodyPose | None:
     """
     if len(found.proposals) != len(JOINTS):
         return None
-    nodes = forward_kinematics(pose.rotations, pose.root, body.nodes, pose.scale)
-    own = nodes[JOINT_NODES]
-    joints, confidence = _named_alike(own, found)
+    nodes = body.place(pose.rotations, pose.root, pose.scale)
+    joints, confidence = _named_alike(nodes[JOINT_NODES], found)
     sure = _AIMED & (confidence >= _SURE)
     if not sure.any():
         return None
     nodes[JOINT_NODES[sure]] = joints[sure]
-    return BodyPose(pose_from_nodes(body, pose.rotations, nodes, pose.scale).rotations, pose.root, pose.scale)
+    return BodyPose(aim_limbs(body, pose.rotations, nodes), pose.root, pose.scale)
 
 
 def from_proposals(nodes: NDArray[np.float64], found: FoundPerson) -> float:
     """Give how far a pose's joints lie from a person's proposals, metres, each as far as it is sure."""
     if len(found.proposals) != len(JOINTS):
         return 0.0
-    gaps = np.linalg.norm(nodes[JOINT_NODES] - found.proposals, axis=1)
-    return float((found.proposal_confidence * np.minimum(gaps, _FAR_M)).mean())
+    return kernels.mean_gap(nodes[JOINT_NODES], found.proposals, found.proposal_confidence, _FAR_M)
 
 
 def _named_alike(
     own: NDArray[np.float64], found: FoundPerson
-) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Joints and confidences with left and right such that they are nearer to a pose's."""
-    joints, confidence = found.proposals.astype(np.float64), found.proposal_confidence
-    mirrored, other = joints[MIRROR_JOINTS], confidence[MIRROR_JOINTS]
-    gaps = [float(w @ ((j - own) ** 2).sum(axis=1)) for j, w in ((joints, confidence), (mirrored, other))]
-    return (joints, confidence) if gaps[0] <= gaps[1] else (mirrored, other)
+    places = np.stack([found.proposals, found.proposals[MIRROR_JOINTS]])
+    weights = np.stack([found.proposal_confidence, found.proposal_confidence[MIRROR_JOINTS]])
+    side = kernels.nearer_naming(own, places, weights)
+    return places[side], weights[side]

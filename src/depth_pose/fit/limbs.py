@@ -98,7 +98,7 @@ class LimbSearch:
     def __init__(self, bank: Bank) -> None:
         step = max(1, bank.poses // _POSES)
         rotations = quat_to_matrix(bank.pose_quats[::step].astype(np.float64))
-        self._rest_nodes = bank.body.nodes
+        self._body = bank.body
         self._pairs = tuple(_make_pair(bank.body, rotations, *limb) for limb in _LIMBS)
 
     def propose(
@@ -120,7 +120,7 @@ class LimbSearch:
         list of BodyPose
             With other arms, and with other legs, where the input shows anything of them.
         """
-        nodes = forward_kinematics(pose.rotations, pose.root, self._rest_nodes, pose.scale)
+        nodes = self._body.place(pose.rotations, pose.root, pose.scale)
         nearest = nearest_person_pixels(comparer.observation)
         proposals = []
         for pair in self._pairs:

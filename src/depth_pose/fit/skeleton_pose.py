@@ -6,9 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.body.body import Body
-from depth_pose.core.rotations import quat_to_matrix, rotation_between
-from depth_pose.core.skeleton import JOINT_NODES, NODE_INDEX, NODES, forward_kinematics
+from depth_pose.core.rotations import quat_to_matrix
+from depth_pose.core.skeleton import JOINT_NODES, NODE_INDEX, NODES
 from depth_pose.core.types import Skeleton
+from depth_pose.fit import _aim_kernels as kernels
 from depth_pose.fit.articulated import BodyPose
 
 _AIMED = np.array(
@@ -53,6 +54,13 @@ def pose_from_skeleton(body: Body, skeleton: Skeleton) -> BodyPose:
     return pose_from_nodes(body, rotations, nodes, skeleton.scale)
 
 
+def aim_limbs(body: Body, rotations: NDArray[np.float64], nodes: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Turn limbs by the smallest rotations that make them point to their next node; gives (21, 3, 3)."""
+    rotations = rotations.copy()
+    kernels.aim_segments(body.nodes, _AIMED, nodes, rotations)
+    return rotations
+
+
 def pose_from_nodes(
     body: Body, rotations: NDArray[np.float64], nodes: NDArray[np.float64], scale: float
 ) -> BodyPose:
@@ -73,13 +81,6 @@ def pose_from_nodes(
         pelvis is placed so that the nodes of the pose lie around the given ones. Where these have
         the body's proportions, they are reached.
     """
-    start, end = _AIMED
-    bones = body.nodes[end] - body.nodes[start]
-    now, seen = (rotations[start] @ bones[:, :, None])[..., 0], nodes[end] - nodes[start]
-    sizes = np.linalg.norm([now, seen], axis=-1)
-    known = sizes.min(axis=0) >= 1e-6
-    now, seen = now[known] / sizes[0, known, None], seen[known] / sizes[1, known, None]
-    rotations = rotations.copy()
-    rotations[start[known]] = rotation_between(now, seen) @ rotations[start[known]]
-    reached = forward_kinematics(rotations, nodes[0], body.nodes, scale)
+    rotations = aim_limbs(body, rotations, nodes)
+    reached = body.place(rotations, nodes[0], scale)
     return BodyPose(rotations, nodes[0] + (nodes - reached).mean(axis=0), scale)

@@ -1,0 +1,57 @@
+"""Compiled loops that turn a pose's segments toward joints, and measure how far joints are away."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from depth_pose.core._rotation_kernels import multiply, rotation_between
+
+_SHORT_M = 1e-6
+"""Bones shorter than this have no direction."""
+
+
+@njit(cache=True)
+def aim_segments(rest, segments, nodes, rotations):
+    """Turn segments by the smallest rotations that make them point to their next node.
+
+    ``segments`` (2, K): the nodes where each begins and ends; ``rest``, ``nodes`` (21, 3);
+    ``rotations`` (21, 3, 3) are changed.
+    """
+    now, seen, turn, turned = np.empty(3), np.empty(3), np.empty((3, 3)), np.empty((3, 3))
+    for k in range(segments.shape[1]):
+        start, end = segments[0, k], segments[1, k]
+        r = rotations[start]
+        for a in range(3):
+            seen[a] = nodes[end, a] - nodes[start, a]
+            now[a] = 0.0
+            for b in range(3):
+                now[a] += r[a, b] * (rest[end, b] - rest[start, b])
+        long_now, long_seen = np.sqrt((now**2).sum()), np.sqrt((seen**2).sum())
+        if min(long_now, long_seen) < _SHORT_M:
+            continue
+        rotation_between(now / long_now, seen / long_seen, turn)
+        multiply(turn, r, turned)
+        r[:] = turned
+
+
+@njit(cache=True)
+def mean_gap(joints, places, weights, most):
+    """Mean distance of joints (J, 3) from places, each at most ``most``, times its weight."""
+    total = 0.0
+    for j in range(places.shape[0]):
+        x, y, z = joints[j, 0] - places[j, 0], joints[j, 1] - places[j, 1], joints[j, 2] - places[j, 2]
+        total += weights[j] * min(np.sqrt(x * x + y * y + z * z), most)
+    return total / places.shape[0]
+
+
+@njit(cache=True)
+def nearer_naming(joints, places, weights):
+    """Which naming of left and right, of two, puts ``places`` (2, J, 3) nearer to joints (J, 3)."""
+    apart = np.zeros(2)
+    for side in range(2):
+        for j in range(joints.shape[0]):
+            for a in range(3):
+                gap = places[side, j, a] - joints[j, a]
+                apart[side] += weights[side, j] * gap * gap
+    return 0 if apart[0] <= apart[1] else 1
