@@ -20,8 +20,7 @@ from rich.console import Console
 _HERE = Path(__file__).resolve().parent
 _TRAIN_SEED, _CHECK_SEED = 1, 900_001
 _STUDIO_TRAIN_SEED, _STUDIO_CHECK_SEED = 2, 900_002
-_FIRST_IMAGES, _SECOND_IMAGES = 160_000, 100_000
-_FIRST_RATE, _SECOND_RATE = 2e-3, 1.5e-3
+_IMAGES, _BATCH, _RATE = 240_000, 16, 2e-3
 _CROPS = 150_000
 
 app = typer.Typer(add_completion=False)
@@ -31,25 +30,23 @@ app = typer.Typer(add_completion=False)
 def main(
     folder: Annotated[Path, typer.Argument(help="Folder for scenes, checkpoints and weights (2 GB)")],
     scenes: Annotated[int, typer.Option(help="Scenes to train on")] = 18_500,
-    checks: Annotated[int, typer.Option(help="Other scenes, for the verifier")] = 1_000,
+    checks: Annotated[int, typer.Option(help="Other scenes, for the verifier")] = 4_000,
     workers: Annotated[int, typer.Option(help="Processes that make scenes")] = 2,
     seed: Annotated[int, typer.Option(help="Start of the training's random numbers")] = 1,
 ) -> None:
-    """Make scenes, train in two turns with falling rates, fit the verifier, train the second look."""
+    """Make scenes, train the finder, fit the verifier, train the second look."""
     train, check = folder / "train", folder / "val"
     call("make_scenes.py", "-o", train, "--count", scenes, "--seed", _TRAIN_SEED, "--workers", workers)
     call("make_scenes.py", "-o", check, "--count", checks, "--seed", _CHECK_SEED, "--workers", workers)
     studios = ("--studios", "--workers", workers)
     call("make_scenes.py", "-o", train, "--count", scenes // 12, "--seed", _STUDIO_TRAIN_SEED, *studios)
-    call("make_scenes.py", "-o", check, "--count", checks // 2, "--seed", _STUDIO_CHECK_SEED, *studios)
-    first, second = folder / "first", folder / "second"
-    if not (first / "last.pt").exists():
-        call("train.py", train, first, "--images", _FIRST_IMAGES, "--rate", _FIRST_RATE, "--seed", seed)
-    if not (second / "last.pt").exists():
-        rest = ("--images", _SECOND_IMAGES, "--rate", _SECOND_RATE, "--batch", 16, "--seed", seed + 1)
-        call("train.py", train, second, "--start", first / "last.pt", *rest)
-    note = f"{scenes} scenes, {_FIRST_IMAGES} and {_SECOND_IMAGES} images, seed {seed}"
-    call("fit_verifier.py", second / "last.pt", check, folder / "weights", "--note", note)
+    call("make_scenes.py", "-o", check, "--count", checks // 4, "--seed", _STUDIO_CHECK_SEED, *studios)
+    people = folder / "people"
+    if not (people / "last.pt").exists():
+        cycle = ("--images", _IMAGES, "--batch", _BATCH, "--rate", _RATE)
+        call("train.py", train, people, *cycle, "--seed", seed)
+    note = f"{scenes} scenes, {_IMAGES} images, seed {seed}"
+    call("fit_verifier.py", people / "last.pt", check, folder / "weights", "--note", note)
     joints = folder / "joints"
     if not (joints / "last.pt").exists():
         call("train_joints.py", train, joints, "--check", check, "--images", _CROPS, "--seed", seed)
