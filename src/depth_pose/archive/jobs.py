@@ -14,7 +14,7 @@ import platform
 import threading
 import time
 import traceback
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -96,6 +96,8 @@ class Row:
         Median time of a frame in the pipeline, milliseconds; NaN where it was not measured.
     warnings : tuple of str
         What went wrong; where it failed, why.
+    damage : tuple of str
+        Those of the warnings that say that the recording could not be read as a whole.
     seconds : float
         Time for all of it, reading and writing too; NaN where it was not measured.
     """
@@ -108,6 +110,7 @@ class Row:
     confidence: float = math.nan
     ms: float = math.nan
     warnings: tuple[str, ...] = ()
+    damage: tuple[str, ...] = ()
     seconds: float = math.nan
 
 
@@ -163,7 +166,7 @@ def _process(
 ) -> Row:
     from depth_pose.io.mcap_read import DepthReader
 
-    reader = DepthReader(recording, setting.depth_topic)
+    reader = DepthReader(recording, setting.depth_topic, tell=False)
     pipeline = _pipeline(setting)
     pipeline.restart()
     start = told = time.monotonic()
@@ -176,15 +179,15 @@ def _process(
             tell(done / max(len(reader), 1))
 
     def note(summary: RunSummary) -> dict[str, str]:
-        return {**marks, "row": json.dumps(_facts(summary))}
+        return {**marks, "row": json.dumps(_facts(summary, reader.damage))}
 
     summary = process_recording(reader, output, pipeline, progress, note)
     took = time.monotonic() - start
-    row = Row(name, "done", **_facts(summary))
+    row = Row(name, "done", **_facts(summary, reader.damage))
     return dataclasses.replace(row, ms=summary.median_ms, seconds=took, warnings=summary.warnings)
 
 
-def _facts(summary: RunSummary) -> dict[str, Any]:
+def _facts(summary: RunSummary, damage: Sequence[str]) -> dict[str, Any]:
     """Give what stands of a summary in the output: nothing that another run would find otherwise."""
     return {
         "frames": summary.frames,
@@ -192,12 +195,14 @@ def _facts(summary: RunSummary) -> dict[str, Any]:
         "answered": summary.answered,
         "confidence": summary.confidence,
         "warnings": summary.warnings,
+        "damage": tuple(damage),
     }
 
 
 def _remembered(name: str, note: Mapping[str, str]) -> Row:
     facts = json.loads(note["row"])
-    return Row(name, "skipped", **{**facts, "warnings": tuple(facts["warnings"])})
+    lists = {key: tuple(facts.get(key, ())) for key in ("warnings", "damage")}
+    return Row(name, "skipped", **{**facts, **lists})
 
 
 def _marks(recording: Path, setting: Setting) -> dict[str, str]:

@@ -21,8 +21,10 @@ from depth_pose.cli.console import (
     setting,
     warn,
 )
+from depth_pose.cli.damage import LENIENT_HELP, be_lenient, warn_of
 from depth_pose.core.config import FollowConfig, PersonalConfig, PipelineConfig, RefineConfig, SegmentConfig
 from depth_pose.core.errors import ConfigError, InputError
+from depth_pose.io.damage import tell_damage
 
 if TYPE_CHECKING:
     from depth_pose.archive.inputs import Source
@@ -84,6 +86,7 @@ def run(
             help="Of several recordings: work on the cluster of this Dask scheduler.", metavar="ADDRESS"
         ),
     ] = None,
+    lenient: Annotated[bool, typer.Option("--lenient", help=LENIENT_HELP)] = False,
 ) -> None:
     """Find everybody's skeleton in every depth frame of a recording, or of many.
 
@@ -93,7 +96,7 @@ def run(
 
     Of several recordings, or with an output that is a folder, each one's skeletons go to FOLDER/NAME.mcap.
     What is done already is skipped, so that the same command goes on where it was stopped. FOLDER/report.csv
-    has a line for each; the exit code is 1 where one of them failed.
+    has a line for each; the exit code is 1 where one of them failed, 3 where one is damaged.
 
     [bold]Examples:[/bold]
 
@@ -115,6 +118,7 @@ def run(
 
     depth-pose run 'ward/**/depth_*.mcap' more.mcap -o skeletons/ --cluster tcp://head:8786
     """
+    be_lenient(lenient)
     values = read_settings(params) if params else {}
     for section, chosen in (
         ("segment", given(near=near, far=far, most_people=people, zone=zone)),
@@ -164,7 +168,7 @@ def _run_one(
     """Run one recording to one file."""
     from depth_pose.io.mcap_read import DepthReader
 
-    reader = DepthReader(recording, depth_topic)
+    reader = DepthReader(recording, depth_topic, tell=False)
 
     from depth_pose.bank import Bank, default_bank_path
     from depth_pose.offline import process_recording
@@ -175,7 +179,7 @@ def _run_one(
         pipeline.warm_up()
     with progress_bar(recording.name, len(reader)) as update:
         summary = process_recording(reader, output, pipeline, update)
-    warn(summary.warnings)
+    warn_of(summary.warnings, reader.damage)
     if save_build is not None:
         _save_build(save_build, pipeline.refiner.builds.best_known())
     facts = [
@@ -256,6 +260,7 @@ def _run_archive(
     _print_total(rows, folder, time.monotonic() - start)
     if any(row.state == "failed" for row in rows):
         raise typer.Exit(1)
+    tell_damage(f"{row.file}: {line}" for row in rows for line in row.damage)
 
 
 def _draw(sources: list[Source], rows: list[Row], folder: Path, depth_topic: str | None) -> None:
@@ -297,7 +302,7 @@ def _print_rows(rows: list[Row]) -> None:
             *numbers,
         )
     console.print(table)
-    warn(f"{row.file}: {line}" for row in warned for line in row.warnings)
+    warn(f"{row.file}: {line}" for row in warned for line in row.warnings if line not in row.damage)
 
 
 def _print_total(rows: list[Row], folder: Path, seconds: float) -> None:

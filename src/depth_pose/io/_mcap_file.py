@@ -230,7 +230,7 @@ class McapFile:
             )
         if self._missing:
             counts = ", ".join(f"{n} of {of} on {topic}" for topic, (n, of) in sorted(self._missing.items()))
-            parts.append(f"gave {counts} messages")
+            parts.append(f"gave of its messages {counts}")
         elif parts and self._found:
             parts.append(f"gave {counted(self._found.total(), 'message')}")
         return [f"{self.path} {'; '.join(parts)}"] if parts else []

@@ -19,6 +19,7 @@ from depth_pose.io._messages import SkeletonsMessage, read_image, read_message, 
 from depth_pose.io._messages import read_people as read_people_message
 from depth_pose.io._recording import RawMessage, Recording
 from depth_pose.io.compressed import TOPIC_ENDING, decode_compressed_depth
+from depth_pose.io.damage import tell_damage
 from depth_pose.io.decode import (
     camera_from_info,
     decode_depth,
@@ -158,6 +159,8 @@ class DepthReader:
         An MCAP file, or a folder of them.
     depth_topic : str, optional
         The topic; by default the only one there is.
+    tell : bool
+        Tell damage on `depth_pose.io.damage.DAMAGE_LOG` at the end; `damage` has it in any case.
 
     Attributes
     ----------
@@ -171,8 +174,9 @@ class DepthReader:
         iteration) not one of its frames can be used.
     """
 
-    def __init__(self, path: Path | str, depth_topic: str | None = None) -> None:
+    def __init__(self, path: Path | str, depth_topic: str | None = None, tell: bool = True) -> None:
         self._recording = Recording(path)
+        self._tell = tell
         self.topic = _choose(self._recording, depth_topic)
         self._dropped: Counter[str] = Counter()
 
@@ -186,9 +190,14 @@ class DepthReader:
         return self._dropped.total()
 
     @property
+    def damage(self) -> list[str]:
+        """What of the recording cannot be read, as far as reading has come, one line a file."""
+        return self._recording.damage
+
+    @property
     def warnings(self) -> list[str]:
         """What went wrong since iteration began, one line each with its count."""
-        lines = list(self._recording.damage)
+        lines = self.damage
         for reason, count in self._dropped.items():
             frames = "1 frame was" if count == 1 else f"{count} frames were"
             lines.append(f"{frames} dropped: {self._recording.path}: {self.topic.name}: {reason}")
@@ -209,6 +218,8 @@ class DepthReader:
                 continue
             used += 1
             yield frame
+        if self._tell and used:
+            tell_damage(self.damage)
         if not used:
             raise InputError("; ".join(self.warnings) or f"{self._recording.path} has no frames")
 
@@ -267,7 +278,8 @@ def read_frames(path: Path | str, depth_topic: str | None = None) -> Iterator[De
 def _logged(reader: DepthReader) -> Iterator[DepthFrame]:
     yield from reader
     for line in reader.warnings:
-        _log.warning("%s", line)
+        if line not in reader.damage:
+            _log.warning("%s", line)
 
 
 def read_skeletons(path: Path | str, topic: str = SKELETON_TOPIC) -> Iterator[Skeleton]:
@@ -337,5 +349,4 @@ def _require(recording: Recording, topic: str, kind: str) -> None:
 def _data_of(recording: Recording, topic: str) -> Iterator[bytes]:
     for message in recording.messages(topic):
         yield message.data
-    for line in recording.damage:
-        _log.warning("%s", line)
+    tell_damage(recording.damage)

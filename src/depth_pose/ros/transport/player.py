@@ -50,8 +50,8 @@ class Played:
         From the first message to the last.
     worst_delay_s : float
         Longest time by which a message came later than it should.
-    truncated : bool
-        Whether a file is damaged; then it was played up to its last whole chunk.
+    damage : tuple of str
+        What of the recording could not be read, and so was not played; one line a file.
     skipped : dict of str to str
         Topics that could not be played, and why.
     """
@@ -60,7 +60,7 @@ class Played:
     rounds: int = 0
     wall_s: float = 0.0
     worst_delay_s: float = 0.0
-    truncated: bool = False
+    damage: tuple[str, ...] = ()
     skipped: dict[str, str] = field(default_factory=dict)
 
 
@@ -223,7 +223,7 @@ class Player:
                 if self._stop.is_set():
                     return
                 self._publish(message, due_s)
-        self._result.truncated = bool(self._recording.damage)
+        self._result.damage = tuple(self._recording.damage)
 
     def _publish(self, message: RawMessage, due_s: float) -> None:
         self._tick(message.log_time_ns)

@@ -1,0 +1,102 @@
+"""The commands on damaged recordings, and on recordings of all formats."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from depth_pose.cli import main
+from depth_pose.core.camera import Camera
+from depth_pose.io.mcap_read import read_people
+from depth_pose.io.mcap_write import DepthWriter
+
+CAMERA = Camera(64, 48, 60.0, 60.0, 31.5, 23.5)
+
+
+@dataclass(frozen=True)
+class Done:
+    """How a command ended."""
+
+    code: int
+    out: str
+    err: str
+
+
+@pytest.fixture
+def call(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], bank_path: Path
+) -> Callable[..., Done]:
+    """Call `main` in this process."""
+    monkeypatch.setenv("COLUMNS", "200")
+    monkeypatch.setenv("NO_COLOR", "1")
+    monkeypatch.setenv("DEPTH_POSE_BANK", str(bank_path))
+
+    def run(*arguments: str | Path) -> Done:
+        monkeypatch.setattr(sys, "argv", ["depth-pose", *map(str, arguments)])
+        capsys.readouterr()
+        try:
+            main()
+            code = 0
+        except SystemExit as end:
+            code = end.code or 0
+        captured = capsys.readouterr()
+        return Done(code, captured.out, captured.err)
+
+    return run
+
+
+def _write(path: Path, frames: int = 300) -> Path:
+    rng = np.random.default_rng(0)
+    with DepthWriter(path, CAMERA, "optical") as writer:
+        for i in range(frames):
+            writer.write(i * 40_000_000, rng.uniform(2.0, 4.0, (48, 64)).astype(np.float32))
+    return path
+
+
+def _damage(path: Path) -> Path:
+    data = bytearray(path.read_bytes())
+    data[len(data) // 3] ^= 8
+    path.write_bytes(data)
+    return path
+
+
+def test_run_on_a_damaged_recording(tmp_path: Path, call: Callable[..., Done]) -> None:
+    path, output = _damage(_write(tmp_path / "in.mcap")), tmp_path / "out.mcap"
+    done = call("run", path, "-o", output)
+    assert done.code == 3
+    assert done.err.count("1 damaged chunk, left out") == 1 and str(path) in done.err
+    assert "error: a recording is damaged" in done.err
+    assert 0 < len(list(read_people(output))) < 300
+    for arguments in (("run", path, "-o", output, "--lenient"), ("--lenient", "run", path, "-o", output)):
+        done = call(*arguments)
+        assert done.code == 0 and "1 damaged chunk" in done.err and "error" not in done.err
+    done = call("run", _write(tmp_path / "whole.mcap", 3), "-o", output)
+    assert done.code == 0 and done.err == ""
+
+
+def test_run_on_many_of_which_one_is_damaged(tmp_path: Path, call: Callable[..., Done]) -> None:
+    (tmp_path / "in").mkdir()
+    _write(tmp_path / "in/whole.mcap", 3)
+    _damage(_write(tmp_path / "in/damaged.mcap"))
+    for again in range(2):  # the second time all is done already
+        done = call("run", tmp_path / "in", "-o", tmp_path / "out", "--workers", "0")
+        assert done.code == 3, again
+        assert "damaged.mcap has 1 damaged chunk" in done.err
+    assert call("run", tmp_path / "in", "-o", tmp_path / "out", "--lenient").code == 0
+
+
+def test_reading_skeletons_of_a_damaged_recording(tmp_path: Path, call: Callable[..., Done]) -> None:
+    recording, skeletons = _write(tmp_path / "in.mcap"), tmp_path / "out.mcap"
+    assert call("run", recording, "-o", skeletons).code == 0
+    done = call("overlay", recording, skeletons, "-o", tmp_path / "a.png")
+    assert done.code == 0, done.err
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(skeletons.read_bytes()[:-30])
+    done = call("overlay", recording, cut, "-o", tmp_path / "a.png")
+    assert done.code == 3 and "cut.mcap ends too early" in done.err
+    assert call("--lenient", "overlay", recording, cut, "-o", tmp_path / "a.png").code == 0
