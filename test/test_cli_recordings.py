@@ -100,3 +100,28 @@ def test_reading_skeletons_of_a_damaged_recording(tmp_path: Path, call: Callable
     done = call("overlay", recording, cut, "-o", tmp_path / "a.png")
     assert done.code == 3 and "cut.mcap ends too early" in done.err
     assert call("--lenient", "overlay", recording, cut, "-o", tmp_path / "a.png").code == 0
+
+
+def test_a_folder_of_images_gives_the_skeletons_of_its_recording(
+    tmp_path: Path, call: Callable[..., Done]
+) -> None:
+    """The same file, byte for byte, by options and by camera.json, alone and among others."""
+    images = tmp_path / "images"
+    images.mkdir()
+    depth = np.random.default_rng(0).integers(2000, 4000, (5, 48, 64)).astype(np.uint16)
+    with DepthWriter(tmp_path / "in.mcap", CAMERA, "camera_depth_optical_frame") as writer:
+        for i in range(5):
+            np.save(images / f"{i}.npy", depth[i])
+            writer.write(1_000_000_000 + i * 40_000_000, depth[i] / np.float32(1000))
+    assert call("run", tmp_path / "in.mcap", "-o", tmp_path / "wanted.mcap").code == 0
+    wanted = (tmp_path / "wanted.mcap").read_bytes()
+    done = call("run", images, "-o", tmp_path / "a.mcap")
+    assert done.code == 1 and "--intrinsics" in done.err
+    options = ("--intrinsics", "60,60,31.5,23.5", "--fps", "25")
+    done = call("run", images, "-o", tmp_path / "a.mcap", *options)
+    assert done.code == 0, done.err
+    assert (tmp_path / "a.mcap").read_bytes() == wanted
+    (images / "camera.json").write_text('{"fx": 60, "fy": 60, "cx": 31.5, "cy": 23.5, "fps": 25}')
+    assert call("run", images, "-o", tmp_path / "b.mcap").code == 0
+    assert (tmp_path / "b.mcap").read_bytes() == wanted
+    assert call("run", images, "-o", tmp_path / "c.mcap", "--fps", "0").code == 2

@@ -15,7 +15,7 @@ import threading
 import time
 import traceback
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -25,6 +25,7 @@ from depth_pose.core.config import PipelineConfig
 from depth_pose.core.errors import BankError, ConfigError, DepthPoseError, InputError
 from depth_pose.core.workers import Tell
 from depth_pose.io._recording import read_metadata, recording_files
+from depth_pose.io.image_folder import ImageOptions
 from depth_pose.offline import NOTE, RunSummary, process_recording
 
 if TYPE_CHECKING:
@@ -49,6 +50,8 @@ class Setting:
     config : PipelineConfig
     depth_topic : str or None
         The depth topic; None for the only one there is.
+    images : ImageOptions
+        What folders of images do not say.
     version : str
         Of this package; another one is refused.
     """
@@ -57,6 +60,7 @@ class Setting:
     bank_id: str
     config: PipelineConfig
     depth_topic: str | None = None
+    images: ImageOptions = field(default_factory=ImageOptions)
     version: str = __version__
 
     @cached_property
@@ -65,7 +69,10 @@ class Setting:
         settings = self.config.as_mapping()
         if self.config.build.file:  # what is in it counts, not its name
             settings["build"]["file"] = _hash_of_build(self.config.build.file)
-        text = json.dumps([settings, self.depth_topic], sort_keys=True)
+        given = [settings, self.depth_topic]
+        if self.images != ImageOptions():
+            given.append(dataclasses.asdict(self.images))
+        text = json.dumps(given, sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
@@ -166,7 +173,7 @@ def _process(
 ) -> Row:
     from depth_pose.io.mcap_read import DepthReader
 
-    reader = DepthReader(recording, setting.depth_topic, tell=False)
+    reader = DepthReader(recording, setting.depth_topic, setting.images, tell=False)
     pipeline = _pipeline(setting)
     pipeline.restart()
     start = told = time.monotonic()
@@ -224,7 +231,7 @@ def content_hash(recording: Path) -> str:
     digest = hashlib.blake2b(digest_size=16)
     files = recording_files(recording)
     if not files:
-        raise InputError(f"{recording} has no .mcap files in it")
+        raise InputError(f"{recording} has no recording in it")
     for file in files:
         size = file.stat().st_size
         digest.update(size.to_bytes(8, "little"))

@@ -52,6 +52,7 @@ class McapFile:
         self._found: Counter[int] = Counter()  # messages by channel, where the file was gone through
         self._bad: dict[int, str] = {}  # damaged chunks: offset and reason
         self._faults: list[str] = []
+        self._ros1: dict[int, str] = {}  # channels whose messages are converted, and their types
         self._missing: dict[str, tuple[int, int]] = {}  # topics: messages read, and said to be there
         with path.open("rb") as stream:
             if not self._read_index(stream):
@@ -172,18 +173,30 @@ class McapFile:
         topics: dict[str, Topic] = {}
         for number, channel in self._summary.channels.items():
             schema = self._summary.schemas.get(channel.schema_id)
-            if schema is None or channel.message_encoding != "cdr":
-                self.others[channel.topic] = _encoding(channel)
+            if schema is not None and channel.message_encoding == "ros1":
+                self._convert(number, channel, schema.name.replace("/", "/msg/", 1))
+            if schema is None or (channel.message_encoding != "cdr" and number not in self._ros1):
+                self.others.setdefault(channel.topic, _why_not(channel))
                 continue
             before = topics[channel.topic].count if channel.topic in topics else 0
             topics[channel.topic] = Topic(
                 channel.topic,
-                schema.name,
+                self._ros1.get(number, schema.name),
                 before + counts[number],
-                schema.data.decode(errors="replace"),
+                "" if number in self._ros1 else schema.data.decode(errors="replace"),
                 channel.metadata.get("offered_qos_profiles", ""),
             )
         self.topics = list(topics.values())
+
+    def _convert(self, number: int, channel: Channel, kind: str) -> None:
+        """Have the messages of a channel converted, where they can be; else say why not."""
+        from depth_pose.io._ros1_messages import why_not
+
+        reason = why_not(kind, channel.metadata.get("md5sum", ""))
+        if reason:
+            self.others[channel.topic] = reason
+        else:
+            self._ros1[number] = kind
 
     # What is in it
 
@@ -204,6 +217,17 @@ class McapFile:
 
     def _messages_at(self, stream: BinaryIO, place: Place, numbers: dict[int, str]) -> list[RawMessage]:
         found = [m for m in self._all_messages_at(stream, place) if m.channel in numbers]
+        if self._ros1:
+            from depth_pose.io._ros1_messages import to_cdr
+
+            try:
+                found = [
+                    m._replace(data=to_cdr(m.data, self._ros1[m.channel])) if m.channel in self._ros1 else m
+                    for m in found
+                ]
+            except DamageError as error:
+                self._bad[place.start] = str(error)
+                return []
         return [RawMessage(numbers[m.channel], m.log_time_ns, m.data) for m in found]
 
     def _all_messages_at(self, stream: BinaryIO, place: Place) -> list[mcap.Message]:
@@ -236,5 +260,7 @@ class McapFile:
         return [f"{self.path} {'; '.join(parts)}"] if parts else []
 
 
-def _encoding(channel: Channel) -> str:
-    return channel.message_encoding or "no encoding"
+def _why_not(channel: Channel) -> str:
+    names = {"json": "JSON", "protobuf": "protobuf", "flatbuffer": "FlatBuffers", "ros1": "ROS 1's encoding"}
+    encoding = channel.message_encoding
+    return f"in {names.get(encoding, encoding or 'an encoding that is not said')}, not ROS 2's CDR"

@@ -7,24 +7,38 @@ from __future__ import annotations
 
 import re
 import stat
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from depth_pose.core.errors import InputError
 from depth_pose.io import _mcap_records as mcap
+from depth_pose.io._formats import ENDINGS, READ, open_file
+from depth_pose.io._rosbag2_folder import (
+    METADATA,
+    PACKED,
+    Metadata,
+    PackedMessages,
+    Unpacker,
+    missing_counts,
+    read_metadata_file,
+)
 from depth_pose.io._topics import DamageError, RawMessage, RecordingFile, Topic
+from depth_pose.io.image_folder import IMAGE_ENDINGS, ImageFolder, ImageOptions, image_files
 
 __all__ = ["RawMessage", "Recording", "Span", "Topic", "read_metadata", "read_span", "recording_files"]
 
 
 class Recording:
-    """A recording: a file, or a folder of the files of one.
+    """A recording: a file, or a folder of the files of one, or of images.
 
     Parameters
     ----------
     path : Path or str
-        The file or folder.
+        MCAP, rosbag2's .db3, ROS 1's .bag, a folder of these, or a folder of PNG or NPY depth images.
+    images : ImageOptions, optional
+        What a folder of images does not say.
 
     Attributes
     ----------
@@ -39,16 +53,50 @@ class Recording:
         Where there is no such file, or it is no recording.
     """
 
-    def __init__(self, path: Path | str) -> None:
+    def __init__(self, path: Path | str, images: ImageOptions | None = None) -> None:
         self.path = Path(path)
         self.topics: dict[str, Topic] = {}
         self.others: dict[str, str] = {}
         self._first: dict[str, RawMessage] = {}
-        self._files = [_open(file) for file in _files(self.path)]
+        self._said: Mapping[str, int] = {}  # messages by topic, as metadata.yaml has it
+        self._damage: list[str] = []
+        self._unpacked = Unpacker()
+        self._files = self._open(images or ImageOptions())
         for file in self._files:
             for topic in file.topics:
                 self._add(topic)
             self.others.update(file.others)
+
+    def _open(self, images: ImageOptions) -> list[RecordingFile]:
+        if not self.path.is_dir():
+            head = _head(self.path)
+            path = self._unpacked(self.path)
+            file = open_file(path, head if path == self.path else _head(path))
+            return [PackedMessages(file, path) if _is_packed(self.path) else file]
+        if (self.path / METADATA).is_file():
+            return self._open_rosbag2(read_metadata_file(self.path))
+        files = recording_files(self.path)
+        if not files:
+            raise InputError(f"{self.path} has no recording in it; what can be read is {READ}")
+        if files[0].suffix.lower() in IMAGE_ENDINGS:
+            return [ImageFolder(self.path, images)]
+        return [open_file(file, _head(file)) for file in files]
+
+    def _open_rosbag2(self, metadata: Metadata) -> list[RecordingFile]:
+        files: list[RecordingFile] = []
+        self._said = metadata.counts
+        for path in metadata.files:
+            if not path.exists():
+                self._damage.append(f"{path} is not there; {self.path / METADATA} names it")
+                continue
+            if path.suffix == PACKED:
+                _head(path)
+            path = self._unpacked(path)
+            file = open_file(path, _head(path))
+            files.append(PackedMessages(file, path) if metadata.is_packed else file)
+        if not files:
+            raise InputError("; ".join(self._damage) or f"{self.path / METADATA} names no files")
+        return files
 
     def _add(self, topic: Topic) -> None:
         before = self.topics.get(topic.name)
@@ -57,8 +105,19 @@ class Recording:
 
     def messages(self, *topics: str) -> Iterator[RawMessage]:
         """Give the topics' messages by log time, file after file."""
+        if not self._said:
+            for file in self._files:
+                yield from file.messages(topics)
+            return
+        read: Counter[str] = Counter()
         for file in self._files:
-            yield from file.messages(topics)
+            for message in file.messages(topics):
+                read[message.topic] += 1
+                yield message
+        missing = missing_counts(self._said, read, topics)
+        if missing and not self.damage:
+            counts = ", ".join(f"{n} of {of} on {topic}" for topic, (n, of) in sorted(missing.items()))
+            self._damage.append(f"{self.path} gave of the messages that {METADATA} counts {counts}")
 
     def first(self, topic: str) -> RawMessage | None:
         """Give the topic's first message, or None."""
@@ -71,7 +130,7 @@ class Recording:
     @property
     def damage(self) -> list[str]:
         """What could not be read, as far as reading has come: a line for each file that is damaged."""
-        return [line for file in self._files for line in file.damage]
+        return self._damage + [line for file in self._files for line in file.damage]
 
 
 def read_metadata(path: Path | str, name: str) -> dict[str, str] | None:
@@ -116,30 +175,33 @@ def read_span(path: Path | str) -> Span | None:
 
 
 def recording_files(path: Path) -> list[Path]:
-    """Give the MCAP files of a recording, in their order."""
-    return sorted(path.glob("*.mcap"), key=_by_number) if path.is_dir() else [path]
+    """Give the files of a recording, in their order; of a folder those of one format, images last."""
+    if not path.is_dir():
+        return [path]
+    if (path / METADATA).is_file():
+        try:
+            named = [file for file in read_metadata_file(path).files if file.exists()]
+        except InputError:
+            named = []
+        if named:
+            return named
+    for ending in ENDINGS:
+        files = sorted(path.glob(f"*{ending}"), key=_by_number)
+        if files:
+            return files
+    return image_files(path)
 
 
-def _files(path: Path) -> list[Path]:
-    """Give the files of a path, checked to be such."""
-    files = recording_files(path)
-    if not files:
-        raise InputError(f"{path} has no .mcap files in it")
-    return files
+def _is_packed(file: Path) -> bool:
+    """Whether a file is one of a folder that packs each message."""
+    try:
+        found = read_metadata_file(file.parent) if (file.parent / METADATA).is_file() else None
+    except InputError:
+        return False
+    return found is not None and found.is_packed and file in found.files
 
 
-def _open(file: Path) -> RecordingFile:
-    """Open a file by what it begins with."""
-    from depth_pose.io._mcap_file import McapFile
-
-    magic = _magic(file)
-    if magic.startswith(mcap.MAGIC):
-        return McapFile(file)
-    hint = "; convert it with 'ros2 bag convert'" if magic.startswith(b"SQLite") else ""
-    raise InputError(f"{file} is not an MCAP recording{hint}")
-
-
-def _magic(file: Path) -> bytes:
+def _head(file: Path) -> bytes:
     """Give a file's first bytes; what is no file is not opened."""
     try:
         if not stat.S_ISREG(file.stat().st_mode):

@@ -111,9 +111,13 @@ class DamageError(Exception):
 class RecordingFile(Protocol):
     """One file of a recording, in whatever format."""
 
-    topics: list[Topic]
-    others: dict[str, str]
-    """Topics that cannot be read, and why."""
+    @property
+    def topics(self) -> list[Topic]:
+        """Those that can be read."""
+
+    @property
+    def others(self) -> dict[str, str]:
+        """Topics that cannot be read, and why."""
 
     def messages(self, topics: Iterable[str]) -> Iterator[RawMessage]:
         """Give the topics' messages by log time."""

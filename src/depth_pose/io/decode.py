@@ -54,7 +54,8 @@ _FIT_TOLERANCE_PX = 0.5
 """A cloud whose points miss a pinhole camera's pixels by more, root mean square, has no such camera."""
 
 
-def _check_size(what: str, height: int, width: int, max_width: int = MAX_SIDE) -> None:
+def check_size(what: str, height: int, width: int, max_width: int = MAX_SIDE) -> None:
+    """Refuse sizes of images and clouds that are empty, or too large to be one."""
     if height < 1 or width < 1:
         raise InputError(f"{what} is empty: width is {width}, height is {height}")
     if height > MAX_SIDE or width > max_width or height * width > MAX_PIXELS:
@@ -118,7 +119,7 @@ def decode_depth(
         raise InputError(
             f"image: encoding is {encoding!r}; a depth image has one of {', '.join(_DEPTH_TYPES)}"
         )
-    _check_size("image", height, width)
+    check_size("image", height, width)
     kind = np.dtype(("<", ">")[bool(is_bigendian)] + _DEPTH_TYPES[encoding])
     raw = np.frombuffer(data, np.uint8)
     _check_bytes("image", raw.nbytes, height, step, width * kind.itemsize, "step")
@@ -158,7 +159,7 @@ def camera_from_info(
     InputError
         Where a field is empty, zero or contradictory.
     """
-    _check_size("camera_info", height, width)
+    check_size("camera_info", height, width)
     _check_shape("camera_info", height, width)
     values = np.asarray(k, np.float64).ravel()
     if values.size != 9:
@@ -279,9 +280,8 @@ def _make_rectification(
         band = slice(first, min(first + _BAND, camera.height))
         v = np.arange(band.start, band.stop, dtype=np.float64)[:, None]
         with np.errstate(all="ignore"):  # where a lens has no image; it is not inside then
-            a, b = distort(
-                *np.broadcast_arrays((u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy), d, model
-            )
+            rays = np.broadcast_arrays((u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy)
+            a, b = distort(rays[0], rays[1], d, model)
             column = np.rint(camera.fx * a + camera.cx)
             row = np.rint(camera.fy * b + camera.cy)
         inside = (column >= 0) & (column < camera.width) & (row >= 0) & (row < camera.height)
@@ -358,7 +358,7 @@ def decode_points(
     (height, width, 3) float32
         Metres; NaN as in the message.
     """
-    _check_size("cloud", height, width, max_width=MAX_PIXELS)
+    check_size("cloud", height, width, max_width=MAX_PIXELS)
     order = ("<", ">")[bool(is_bigendian)]
     raw = np.frombuffer(data, np.uint8)
     _check_bytes("cloud", raw.nbytes, height, row_step, width * point_step, "row_step")
