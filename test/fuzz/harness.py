@@ -34,7 +34,7 @@ import numpy as np
 
 HERE = Path(__file__).parent
 SOURCE = HERE.parents[1] / "src"
-sys.path[:0] = [str(SOURCE)] if str(SOURCE) not in sys.path else []
+sys.path[:0] = [str(HERE), *([] if str(SOURCE) in sys.path else [str(SOURCE)])]
 
 from depth_pose.core.errors import DepthPoseError  # noqa: E402
 
@@ -76,7 +76,7 @@ def from_file(read: Callable[[Path], object], name: str = "input") -> Callable[[
 
     def decode(data: bytes) -> object:
         path = Path(tempfile.gettempdir()) / f"fuzz_{os.getpid()}" / name
-        path.parent.mkdir(exist_ok=True)
+        path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes(data)
         return read(path)
 
