@@ -136,3 +136,15 @@ def test_other_formats_and_folders_of_images(tmp_path):
     assert is_one_recording(tmp_path / "without") and not is_one_recording(tmp_path)
     (tmp_path / "without/x.bag").write_bytes(b"1")
     assert names(find_sources([tmp_path / "without"])) == ["x"]
+
+
+def test_pipes_are_refused_at_once(tmp_path):
+    import os
+
+    from depth_pose.archive.jobs import content_hash
+
+    for name in ("a_1.mcap", "a_2.mcap"):
+        os.mkfifo(tmp_path / name)
+    assert names(find_sources([tmp_path])) == ["a_1", "a_2"]
+    with pytest.raises(InputError, match="a pipe, a device"):
+        content_hash(tmp_path / "a_1.mcap")

@@ -192,3 +192,21 @@ def test_a_bomb_is_not_unpacked(tmp_path: Path, declared: int, packed: Compressi
     assert [f.camera for f in reader] == [CAMERA]
     assert "1 damaged chunk, left out" in reader.damage[0]
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 64 << 10  # kB
+
+
+@pytest.mark.parametrize("options", [{}, {"index_types": IndexType.NONE}], ids=["index", "no index"])
+def test_no_flipped_bit_gives_a_wrong_frame_or_is_kept_quiet(tmp_path: Path, options: dict) -> None:
+    """Anywhere in the file: all frames as they were written, or some of them and a line about it."""
+    path, whole = tmp_path / "a.mcap", write(tmp_path / "whole.mcap", 6, **options).read_bytes()
+    rng = np.random.default_rng(0)
+    quiet = 0
+    for at in rng.integers(8, len(whole), 400):
+        path.write_bytes(whole)
+        flip(path, int(at), int(rng.integers(8)))
+        try:
+            numbers, damage = _read(path)
+        except InputError:
+            continue
+        assert damage or numbers == list(range(6)), at
+        quiet += not damage
+    assert quiet < 100  # what is not read, such as the message indexes

@@ -24,7 +24,7 @@ from depth_pose import __version__
 from depth_pose.core.config import PipelineConfig
 from depth_pose.core.errors import BankError, ConfigError, DepthPoseError, InputError
 from depth_pose.core.workers import Tell
-from depth_pose.io._recording import read_metadata, recording_files
+from depth_pose.io._recording import open_regular, read_metadata, recording_files
 from depth_pose.io.image_folder import ImageOptions
 from depth_pose.offline import NOTE, RunSummary, process_recording
 
@@ -239,7 +239,7 @@ def content_hash(recording: Path) -> str:
         starts = {last * k // (_BLOCKS - 1) for k in range(_BLOCKS)}
         if size <= _BLOCK * _BLOCKS:
             starts = set(range(0, size, _BLOCK))
-        with file.open("rb") as stream:
+        with open_regular(file) as stream:
             for start in sorted(starts):
                 stream.seek(start)
                 digest.update(stream.read(_BLOCK))

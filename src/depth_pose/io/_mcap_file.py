@@ -25,6 +25,9 @@ _RUN = 4 << 20
 
 _BLOCK = 1 << 20
 
+_PRIVATE = 0x80
+"""Kinds of records from here on are applications' own, and passed over."""
+
 
 class McapFile:
     """An MCAP file.
@@ -109,6 +112,8 @@ class McapFile:
             if kind == Opcode.DATA_END:
                 self._check_data_end(stream, at, length)
                 break
+            if kind == 0 or Opcode.DATA_END < kind < _PRIVATE:
+                self._bad[at] = f"a record of the unknown kind {kind}"
             self._scan_record(stream, kind, at, length, run)
             at += mcap.RECORD.size + length
         self._close_run(run)

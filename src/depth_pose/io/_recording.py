@@ -11,6 +11,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import BinaryIO
 
 from depth_pose.core.errors import InputError
 from depth_pose.io import _mcap_records as mcap
@@ -136,7 +137,7 @@ class Recording:
 def read_metadata(path: Path | str, name: str) -> dict[str, str] | None:
     """Give the named metadata record of an MCAP file; None where there is no such file or record."""
     try:
-        with Path(path).open("rb") as stream:
+        with open_regular(Path(path)) as stream:
             if stream.read(len(mcap.MAGIC)) != mcap.MAGIC:
                 return None
             summary = mcap.read_summary(stream)
@@ -144,7 +145,7 @@ def read_metadata(path: Path | str, name: str) -> dict[str, str] | None:
                 if index.name == name:
                     found: dict[str, str] = mcap.read_metadata_record(stream, index).metadata
                     return found
-    except (DamageError, OSError):
+    except (DamageError, InputError, OSError):
         pass
     return None
 
@@ -161,11 +162,11 @@ class Span:
 def read_span(path: Path | str) -> Span | None:
     """Give the span of an MCAP file; None where it has no summary to read it from."""
     try:
-        with Path(path).open("rb") as stream:
+        with open_regular(Path(path)) as stream:
             if stream.read(len(mcap.MAGIC)) != mcap.MAGIC:
                 return None
             summary = mcap.read_summary(stream)
-    except (DamageError, OSError):
+    except (DamageError, InputError, OSError):
         return None
     if summary is None or summary.statistics is None:
         return None
@@ -202,14 +203,27 @@ def _is_packed(file: Path) -> bool:
 
 
 def _head(file: Path) -> bytes:
-    """Give a file's first bytes; what is no file is not opened."""
+    """Give a file's first bytes."""
     try:
-        if not stat.S_ISREG(file.stat().st_mode):
-            raise InputError(f"{file} cannot be read: it is a pipe, a device or the like, not a file")
-        with file.open("rb") as stream:
+        with open_regular(file) as stream:
             return stream.read(64)
     except OSError as error:
         raise InputError(f"{file} cannot be read: {error.strerror}") from error
+
+
+def open_regular(file: Path) -> BinaryIO:
+    """Open a file for reading; pipes and devices, which may never end, are not opened.
+
+    Raises
+    ------
+    InputError
+        Where it is one of those.
+    OSError
+        Where it cannot be opened.
+    """
+    if not stat.S_ISREG(file.stat().st_mode):
+        raise InputError(f"{file} cannot be read: it is a pipe, a device or the like, not a file")
+    return file.open("rb")
 
 
 def _by_number(file: Path) -> tuple[list[int], str]:
