@@ -125,3 +125,16 @@ def test_a_folder_of_images_gives_the_skeletons_of_its_recording(
     assert call("run", images, "-o", tmp_path / "b.mcap").code == 0
     assert (tmp_path / "b.mcap").read_bytes() == wanted
     assert call("run", images, "-o", tmp_path / "c.mcap", "--fps", "0").code == 2
+
+
+def test_info(tmp_path: Path, call: Callable[..., Done]) -> None:
+    path = _write(tmp_path / "in.mcap")
+    done = call("info", path)
+    assert done.code == 0 and done.err == ""
+    assert "300 messages, sensor_msgs/msg/Image" in done.out and "11.96 s" in done.out
+    assert "64 x 48" in done.out and "fx 60.00" in done.out
+    done = call("info", _damage(path))
+    assert done.code == 3 and "1 damaged chunk" in done.err
+    assert call("info", path, "--lenient").code == 0
+    done = call("info", tmp_path / "none.mcap")
+    assert done.code == 1 and "No such file" in done.err

@@ -18,7 +18,7 @@ from depth_pose.core.errors import InputError
 from depth_pose.io import schemas
 from depth_pose.io._messages import write_people, write_skeleton
 from depth_pose.io._recording import Recording, read_metadata, read_span
-from depth_pose.io.image_folder import ImageOptions
+from depth_pose.io.image_options import ImageOptions
 from depth_pose.io.mcap_read import DepthReader, read_people, read_skeletons
 
 IMAGE, INFO = "/d/image", "/d/camera_info"

@@ -21,7 +21,7 @@ from depth_pose.core.errors import ConfigError, InputError
 from depth_pose.core.types import DepthFrame
 from depth_pose.io import schemas
 from depth_pose.io._recording import Recording
-from depth_pose.io.image_folder import ImageOptions
+from depth_pose.io.image_options import ImageOptions
 from depth_pose.io.mcap_read import DepthReader, read_frames
 
 FRAMES = 12

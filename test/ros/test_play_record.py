@@ -20,7 +20,7 @@ from std_msgs.msg import Header
 
 from depth_pose.core.errors import InputError
 from depth_pose.io._recording import Recording
-from depth_pose.io.image_folder import ImageOptions
+from depth_pose.io.image_options import ImageOptions
 from depth_pose.io.mcap_write import DepthWriter
 from depth_pose.ros.transport.bag import Player, Recorder
 from depth_pose.ros.transport.conversions import make_header, stamp_to_ns

@@ -25,7 +25,7 @@ from depth_pose.core.config import PipelineConfig
 from depth_pose.core.errors import BankError, ConfigError, DepthPoseError, InputError
 from depth_pose.core.workers import Tell
 from depth_pose.io._recording import open_regular, read_metadata, recording_files
-from depth_pose.io.image_folder import ImageOptions
+from depth_pose.io.image_options import ImageOptions
 from depth_pose.offline import NOTE, RunSummary, process_recording
 
 if TYPE_CHECKING:

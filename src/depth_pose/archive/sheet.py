@@ -9,7 +9,7 @@ from pathlib import Path
 from depth_pose.archive.inputs import Source
 from depth_pose.archive.process import output_of
 from depth_pose.evaluate.overlay import NOBODY, Panel, draw_sheet
-from depth_pose.io.image_folder import ImageOptions
+from depth_pose.io.image_options import ImageOptions
 from depth_pose.io.mcap_read import DepthReader, read_people
 
 SHEET = "sheet.png"

@@ -13,6 +13,7 @@ from depth_pose import __version__
 from depth_pose.cli.banks import app as bank_app
 from depth_pose.cli.console import console, errors
 from depth_pose.cli.damage import LENIENT_HELP, be_lenient, exit_on_damage
+from depth_pose.cli.info import add_to as add_info
 from depth_pose.cli.live import add_to as add_live
 from depth_pose.cli.run import add_to as add_run
 from depth_pose.cli.scoring import add_to as add_scoring
@@ -47,6 +48,8 @@ def _main(
 
     [bold]Skeletons of a recording:[/bold]  depth-pose run in.mcap -o out.mcap
 
+    [bold]What is in a recording:[/bold]  depth-pose info in.mcap
+
     [bold]Of many recordings:[/bold]  depth-pose run recordings/ -o skeletons/
 
     [bold]Look at them:[/bold]  depth-pose overlay in.mcap out.mcap -o picture.png
@@ -58,6 +61,7 @@ def _main(
 
 
 add_run(app)
+add_info(app)
 add_live(app)
 add_simulation(app)
 add_scoring(app)

@@ -15,7 +15,7 @@ from depth_pose.cli.images import IMAGE_FPS, IMAGE_INTRINSICS, IMAGE_SCALE
 from depth_pose.core.config import FollowConfig, RefineConfig, SegmentConfig
 from depth_pose.core.errors import ConfigError, DepthPoseError
 from depth_pose.io.damage import tell_damage
-from depth_pose.io.image_folder import ImageOptions
+from depth_pose.io.image_options import ImageOptions
 
 _ROS_PACKAGES = ("rclpy", "builtin_interfaces", "rosidl_runtime_py", "rpyutils")
 

@@ -26,7 +26,8 @@ from depth_pose.io._rosbag2_folder import (
     read_metadata_file,
 )
 from depth_pose.io._topics import DamageError, RawMessage, RecordingFile, Topic
-from depth_pose.io.image_folder import IMAGE_ENDINGS, ImageFolder, ImageOptions, image_files
+from depth_pose.io.image_folder import IMAGE_ENDINGS, ImageFolder, image_files
+from depth_pose.io.image_options import ImageOptions
 
 __all__ = ["RawMessage", "Recording", "Span", "Topic", "read_metadata", "read_span", "recording_files"]
 

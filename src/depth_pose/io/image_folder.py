@@ -12,19 +12,20 @@ import math
 import re
 import tokenize
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.camera import Camera
-from depth_pose.core.errors import ConfigError, InputError
+from depth_pose.core.errors import InputError
 from depth_pose.io import schemas
 from depth_pose.io._messages import write_camera_info, write_image
 from depth_pose.io._topics import RawMessage, Topic, counted
 from depth_pose.io.compressed import decode_png
 from depth_pose.io.decode import check_size
+from depth_pose.io.image_options import ImageOptions
 
 CAMERA_FILE = "camera.json"
 IMAGE_ENDINGS = (".png", ".npy")
@@ -46,48 +47,6 @@ _NPY_ERRORS += (RecursionError, MemoryError, tokenize.TokenError)
 
 _MOST_BYTES = 256 << 20
 """The most bytes of an image's file. Set by hand."""
-
-
-@dataclass(frozen=True)
-class ImageOptions:
-    """What a folder of images does not say.
-
-    Attributes
-    ----------
-    fx, fy, cx, cy : float, optional
-        The camera, pixels.
-    depth_scale : float, optional
-        Metres of a pixel's unit; by default 0.001 for whole numbers, 1 for others.
-    fps : float, optional
-        Frames a second; by default 30, or names that are seconds say it (``1305031453.374112.png``).
-    """
-
-    fx: float | None = None
-    fy: float | None = None
-    cx: float | None = None
-    cy: float | None = None
-    depth_scale: float | None = None
-    fps: float | None = None
-
-    def __post_init__(self) -> None:
-        for name in ("fx", "fy", "depth_scale", "fps"):
-            value = getattr(self, name)
-            if value is not None and not (1e-6 < value < 1e6):
-                raise ConfigError(f"{name} is {value}; it is to be a number above 0")
-
-    @staticmethod
-    def parse(intrinsics: str | None, depth_scale: float | None, fps: float | None) -> ImageOptions:
-        """Make options of those of the command line; intrinsics are ``FX,FY,CX,CY``."""
-        numbers: list[float | None] = [None] * 4
-        if intrinsics is not None:
-            try:
-                numbers = [float(part) for part in intrinsics.split(",")]
-            except ValueError:
-                numbers = []
-            if len(numbers) != 4 or not all(n is not None and math.isfinite(n) for n in numbers):
-                raise ConfigError(f"--intrinsics is {intrinsics!r}; it is FX,FY,CX,CY in pixels")
-        fx, fy, cx, cy = numbers
-        return ImageOptions(fx, fy, cx, cy, depth_scale, fps)
 
 
 def image_files(folder: Path) -> list[Path]:

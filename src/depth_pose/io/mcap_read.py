@@ -31,7 +31,7 @@ from depth_pose.io.decode import (
     frame_from_cloud,
     rectify_depth,
 )
-from depth_pose.io.image_folder import ImageOptions
+from depth_pose.io.image_options import ImageOptions
 from depth_pose.io.schemas import PEOPLE_TOPIC, SKELETON_TOPIC
 
 _log = logging.getLogger(__name__)

@@ -14,7 +14,7 @@ from typing import Any
 
 from depth_pose.core.errors import InputError
 from depth_pose.io._recording import RawMessage, Recording
-from depth_pose.io.image_folder import ImageOptions
+from depth_pose.io.image_options import ImageOptions
 from depth_pose.ros.process.runner import on_stop
 from depth_pose.ros.transport.recorded_qos import is_latched
 
