@@ -7,12 +7,12 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
-MOST_WAITING = 512 << 20
+MOST_WAITING = 256 << 20
 """Bytes of messages that may wait for earlier ones in chunks that overlap. Set by hand: twice the largest
 chunk."""
 
-MAX_CHUNK = 256 << 20
-"""The most bytes of a chunk or a message, packed or not: four times the largest image that is taken, in
+MAX_CHUNK = 128 << 20
+"""The most bytes of a chunk or a message, packed or not: twice the largest image that is taken, in
 metres. Set by hand."""
 
 

@@ -45,7 +45,7 @@ _NPY_ERRORS: tuple[type[Exception], ...] = (ValueError, EOFError, SyntaxError, T
 _NPY_ERRORS += (RecursionError, MemoryError, tokenize.TokenError)
 """What NumPy raises of files that are no arrays."""
 
-_MOST_BYTES = 256 << 20
+_MOST_BYTES = 128 << 20
 """The most bytes of an image's file. Set by hand."""
 
 

@@ -165,7 +165,8 @@ def _listing(recording: Recording) -> str:
     lines = [f"{name} ({what})" for name, what in sorted(topics.items())]
     if len(lines) > _MOST_TOPICS:
         lines[_MOST_TOPICS:] = [f"and {len(lines) - _MOST_TOPICS} more"]
-    return "it has " + (", ".join(lines) if lines else "no topics")
+    listing = "it has " + (", ".join(lines) if lines else "no topics")
+    return "; ".join([listing, *recording.damage])
 
 
 def _what_it_is(recording: Recording, topic: Topic) -> str:
