@@ -22,7 +22,7 @@ from depth_pose.core.types import DepthFrame
 from depth_pose.io import schemas
 from depth_pose.io._recording import Recording
 from depth_pose.io.image_options import ImageOptions
-from depth_pose.io.mcap_read import DepthReader, read_frames
+from depth_pose.io.mcap_read import DepthReader, read_frames, read_people, read_skeletons
 
 FRAMES = 12
 JAZZY, NOETIC = get_typestore(Stores.ROS2_JAZZY), get_typestore(Stores.ROS1_NOETIC)
@@ -394,3 +394,34 @@ def test_colours_are_said_to_be_no_depth(tmp_path: Path) -> None:
     data = messages(1)[1][3].replace(b"16UC1", b"bgr8 ")
     with pytest.raises(InputError, match="Image of bgr8 , which is no depth"):
         DepthReader(_channel(tmp_path / "a.mcap", "cdr", schemas.IMAGE, data))
+
+
+def test_a_topic_that_was_asked_for_and_cannot_be_read(tmp_path: Path) -> None:
+    path = _channel(tmp_path / "a.mcap", "json", "foxglove.RawImage", b"{}")
+    with pytest.raises(InputError, match=f"{IMAGE} cannot be read: in JSON"):
+        DepthReader(path, IMAGE)
+
+
+@pytest.mark.parametrize("has_definitions", [True, False])
+def test_skeletons_of_a_database(tmp_path: Path, has_definitions: bool) -> None:
+    """Also of one by a ROS before definitions were written with the messages."""
+    from test_mcap import _skeleton
+
+    from depth_pose.io._messages import write_people, write_skeleton
+
+    with Writer2(tmp_path / "bag", version=9, storage_plugin=StoragePlugin.SQLITE3) as writer:
+        for topic, kind, data in (
+            (schemas.PEOPLE_TOPIC, schemas.SKELETON_ARRAY, write_people([_skeleton(1)], 1, "optical")),
+            (schemas.SKELETON_TOPIC, schemas.SKELETON, write_skeleton(_skeleton(1))),
+        ):
+            text = schemas.schema_text(kind)
+            connection = writer.add_connection(topic, kind, msgdef=text, rihs01="RIHS01_" + "0" * 64)
+            writer.write(connection, 1, data)
+    if not has_definitions:
+        with sqlite3.connect(next((tmp_path / "bag").glob("*.db3"))) as database:
+            database.execute("DROP TABLE message_definitions")
+    (people,) = read_people(tmp_path / "bag")
+    (followed,) = read_skeletons(tmp_path / "bag")
+    for got in (*people.skeletons, followed):
+        np.testing.assert_array_equal(got.positions, _skeleton(1).positions)
+        np.testing.assert_array_equal(got.build, _skeleton(1).build)

@@ -263,7 +263,7 @@ def test_several_depth_topics_are_listed(tmp_path: Path) -> None:
             _info(1, topic="/b/camera_info"),
         ],
     )
-    with pytest.raises(InputError, match=f"2 depth topics: {a}, {b}"):
+    with pytest.raises(InputError, match=f"2 depth topics: {a}, {b}; choose one with --depth-topic"):
         read_frames(path)
     assert next(read_frames(path, b)).stamp_ns == 2
     assert DepthReader(path, b).topic.info_topic == "/b/camera_info"

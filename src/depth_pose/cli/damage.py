@@ -60,7 +60,9 @@ def exit_on_damage() -> Iterator[None]:
         count = len(_watch.lines)
         what = "a recording is" if count == 1 else f"{count} recordings are"
         errors.print(
-            f"[bold red]error:[/bold red] {what} damaged; what could be read was used (--lenient accepts it)"
+            f"[bold red]error:[/bold red] {what} damaged; what could be read was used (--lenient accepts it)",
+            highlight=False,
+            soft_wrap=True,
         )
         raise SystemExit(DAMAGED) from None
     finally:

@@ -138,6 +138,8 @@ def _choose(recording: Recording, wanted: str | None) -> DepthTopic:
 
 def _named_topic(recording: Recording, name: str) -> DepthTopic:
     topic = recording.topics.get(name) or recording.topics.get("/" + name)
+    if topic is None and name in recording.others:
+        raise InputError(f"{recording.path}: {name} cannot be read: {recording.others[name]}")
     if topic is None or topic.count == 0:
         choices = ", ".join(t.name for t in _depth_topics(recording)) or "none"
         raise InputError(f"{recording.path} has no messages on {name}; its depth topics are: {choices}")
@@ -362,7 +364,7 @@ def read_skeletons(path: Path | str, topic: str = SKELETON_TOPIC) -> Iterator[Sk
     """
     recording = Recording(path)
     _require(recording, topic, schemas.SKELETON)
-    definition = recording.topics[topic].definition
+    definition = recording.topics[topic].definition or schemas.BUILD_LINE
     return (read_skeleton(data, definition) for data in _data_of(recording, topic))
 
 
@@ -386,11 +388,12 @@ def read_people(path: Path | str, topic: str = PEOPLE_TOPIC) -> Iterator[Skeleto
     recording = Recording(path)
     found = recording.topics.get(topic)
     if found is not None and found.kind == schemas.SKELETON:
-        return (_alone(read_skeleton(data, found.definition)) for data in _data_of(recording, topic))
+        text = found.definition or schemas.BUILD_LINE
+        return (_alone(read_skeleton(data, text)) for data in _data_of(recording, topic))
     if topic == PEOPLE_TOPIC and found is None and SKELETON_TOPIC in recording.topics:
         return read_people(path, SKELETON_TOPIC)
     _require(recording, topic, schemas.SKELETON_ARRAY)
-    definition = recording.topics[topic].definition
+    definition = recording.topics[topic].definition or schemas.BUILD_LINE
     return (read_people_message(data, definition) for data in _data_of(recording, topic))
 
 

@@ -196,6 +196,9 @@ class Player:
         """Topics to play and their message types."""
         found = {topic.name: topic.kind for topic in self._recording.topics.values()}
         missing = [t for t in self._topics or () if t not in found]
+        for topic in missing:
+            if topic in self._recording.others:
+                raise InputError(f"{self._path}: {topic} cannot be played: {self._recording.others[topic]}")
         if missing:
             there = ", ".join(sorted(found)) or "none in ROS 2's encoding"
             raise InputError(f"{self._path} has no topic {', '.join(missing)}; it has {there}")
