@@ -148,3 +148,14 @@ def test_pipes_are_refused_at_once(tmp_path):
     assert names(find_sources([tmp_path])) == ["a_1", "a_2"]
     with pytest.raises(InputError, match="a pipe, a device"):
         content_hash(tmp_path / "a_1.mcap")
+
+
+def test_another_camera_is_another_recording(tmp_path):
+    from depth_pose.archive.jobs import content_hash
+
+    (tmp_path / "1.png").write_bytes(b"1")
+    hashes = {content_hash(tmp_path)}
+    for text in ("{}", '{"fx": 1}'):
+        (tmp_path / "camera.json").write_text(text)
+        hashes.add(content_hash(tmp_path))
+    assert len(hashes) == 3

@@ -25,6 +25,7 @@ from depth_pose.core.config import PipelineConfig
 from depth_pose.core.errors import BankError, ConfigError, DepthPoseError, InputError
 from depth_pose.core.workers import Tell
 from depth_pose.io._recording import open_regular, read_metadata, recording_files
+from depth_pose.io.image_folder import CAMERA_FILE
 from depth_pose.io.image_options import ImageOptions
 from depth_pose.offline import NOTE, RunSummary, process_recording
 
@@ -232,6 +233,8 @@ def content_hash(recording: Path) -> str:
     files = recording_files(recording)
     if not files:
         raise InputError(f"{recording} has no recording in it")
+    if (recording / CAMERA_FILE).is_file():
+        files = [*files, recording / CAMERA_FILE]
     for file in files:
         size = file.stat().st_size
         digest.update(size.to_bytes(8, "little"))
