@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from depth_pose.cli.console import console, given, print_facts, progress_bar, read_settings, setting, warn
+from depth_pose.cli.console import console, given, print_facts, progress_bar, read_settings, setting
+from depth_pose.cli.damage import warn_of
 from depth_pose.core.errors import ConfigError
 from depth_pose.volume.config import LearnConfig, SpaceConfig, TrackConfig, ViewsConfig, VolumeConfig
 
@@ -214,7 +215,7 @@ def run(
         pipeline.warm_up()
     with progress_bar(recording.name, None) as update:
         summary = process_recording(reader, output, pipeline, update)
-    warn(summary.warnings)
+    warn_of(summary.warnings, reader.damage)
     print_facts(
         f"{recording} → {output}",
         [

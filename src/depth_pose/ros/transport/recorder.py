@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import threading
 import time
 from collections import Counter
@@ -13,6 +14,7 @@ from typing import Any
 import depth_pose
 from depth_pose.core.errors import InputError
 from depth_pose.ros.process.runner import on_stop
+from depth_pose.ros.transport.recorded_qos import qos_text
 
 _LOOK_EVERY_S = 0.05
 """Seconds between two looks for new topics. Set by hand."""
@@ -23,6 +25,7 @@ _SETTLE_S = 0.2
 _QUEUE = 1000
 """Messages of a topic that may wait to be written. Set by hand."""
 
+_PART = ".part"
 _INTERNAL = ("/parameter_events", "/rosout")
 
 
@@ -35,7 +38,7 @@ class Recorder:
     Parameters
     ----------
     output : path
-        MCAP file; an existing one is replaced.
+        MCAP file; an existing one is replaced with the first message.
     topics : sequence of str, optional
         Topics to record; all but `rosout` and parameter events by default.
     on_message : callable, optional
@@ -85,9 +88,12 @@ class Recorder:
         """
         from mcap.writer import CompressionType, Writer
 
+        if self._output.exists() and not self._output.is_file():
+            raise InputError(f"cannot write {self._output}: it is no file")
         try:
             self._output.parent.mkdir(parents=True, exist_ok=True)
-            self._stream = self._output.open("wb")
+            self._part = self._output.with_name(f".{self._output.name}.{os.getpid()}{_PART}")
+            self._stream = self._part.open("xb")
         except OSError as e:
             raise InputError(f"cannot write {self._output}: {e.strerror}") from e
         self._writer = Writer(self._stream, compression=CompressionType.ZSTD)
@@ -96,13 +102,15 @@ class Recorder:
         self._thread.start()
 
     def stop(self) -> Counter[str]:
-        """Finish the file; gives the messages recorded by topic."""
+        """Finish the file; gives the messages recorded by topic, without any of which there is no file."""
         self._stopping.set()
         if self._thread is not None:
             self._thread.join()
             self._thread = None
             self._writer.finish()
             self._stream.close()
+            if not self.counts:
+                self._part.unlink(missing_ok=True)
         if self._error is not None:
             raise self._error
         return self.counts
@@ -182,7 +190,9 @@ class Recorder:
             return
         if types[0] not in self._schemas:
             self._schemas[types[0]] = self._writer.register_schema(types[0], "ros2msg", text.encode())
-        self._channels[topic] = self._writer.register_channel(topic, "cdr", self._schemas[types[0]])
+        offered = {"offered_qos_profiles": qos_text([p.qos_profile for p in publishers])}
+        schema = self._schemas[types[0]]
+        self._channels[topic] = self._writer.register_channel(topic, "cdr", schema, offered)
 
         def take(data: bytes) -> None:
             self._write(topic, data)
@@ -194,6 +204,8 @@ class Recorder:
     def _write(self, topic: str, data: bytes) -> None:
         now_ns = time.time_ns()
         with self._changed:
+            if not self._counts:  # only now is there something to put in the place of what was there
+                os.replace(self._part, self._output)
             sequence = self._counts[topic]
             self._writer.add_message(self._channels[topic], now_ns, data, now_ns, sequence)
             self._counts[topic] += 1
