@@ -10,8 +10,8 @@ from pathlib import Path
 from depth_pose.archive.inputs import ENDING, Source
 from depth_pose.archive.jobs import Row, Setting, failure, work_on
 from depth_pose.core.errors import DepthPoseError, InputError
+from depth_pose.core.outputs import remove_parts
 from depth_pose.core.workers import run_each
-from depth_pose.io.mcap_write import remove_parts
 
 
 @dataclass(frozen=True)
