@@ -12,6 +12,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from depth_pose.core.errors import InputError
+from depth_pose.core.outputs import refuse_inputs
 from depth_pose.io.mcap_write import SkeletonWriter
 
 NOTE = "depth_pose"
@@ -23,6 +24,10 @@ class Reader(Protocol):
 
     def __iter__(self) -> Iterator[Any]:
         """Give the frames in their order."""
+
+    @property
+    def path(self) -> Path:
+        """The recording's file or folder."""
 
     @property
     def dropped(self) -> int:
@@ -105,13 +110,16 @@ def process_recording(
         Called with the number of frames done.
     note : callable, optional
         Says what is to stand in the output's metadata, under `NOTE`. With it the output is whole or not
-        at all; without, Ctrl-C leaves what was done until then.
+        at all; without, what was done until Ctrl-C is left as ``NAME.partial.mcap``.
 
     Raises
     ------
     InputError
-        Where no frame of the recording can be used, or the output cannot be written.
+        Where no frame of the recording can be used, or the output is the recording or cannot be written.
+    PartlyWritten
+        After Ctrl-C, where something was done.
     """
+    refuse_inputs([output], [reader.path])
     pipeline.reset()
     sources: Counter[str] = Counter()
     refused: Counter[str] = Counter()

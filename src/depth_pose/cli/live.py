@@ -11,6 +11,7 @@ import typer
 from depth_pose.cli.console import console, print_facts, setting
 from depth_pose.core.config import FollowConfig, RefineConfig, SegmentConfig
 from depth_pose.core.errors import DepthPoseError
+from depth_pose.core.outputs import check_targets
 
 _ROS_PACKAGES = ("rclpy", "builtin_interfaces", "rosidl_runtime_py", "rpyutils")
 
@@ -158,6 +159,7 @@ def record(
 
     depth-pose record -o all.mcap --seconds 30
     """
+    check_targets([output])
     console.print("recording, Ctrl-C ends" if seconds is None else f"recording {seconds:g} s")
     counts = call_ros("transport.bag", "record", output, topics or None, seconds=seconds)
     print_facts(str(output), [(name, f"{count} messages") for name, count in sorted(counts.items())])

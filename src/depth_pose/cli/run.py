@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from depth_pose.cli.console import (
+    STOPPED,
     archive_bar,
     console,
     errors,
@@ -19,10 +20,12 @@ from depth_pose.cli.console import (
     progress_bar,
     read_settings,
     setting,
+    tell_stopped,
     warn,
 )
 from depth_pose.core.config import FollowConfig, PersonalConfig, PipelineConfig, RefineConfig, SegmentConfig
 from depth_pose.core.errors import ConfigError, InputError
+from depth_pose.core.outputs import check_targets
 
 if TYPE_CHECKING:
     from depth_pose.archive.inputs import Source
@@ -31,9 +34,6 @@ if TYPE_CHECKING:
 
 _MOST_ROWS = 40
 """Recordings in the table that is printed; of more, those with warnings. ``report.csv`` has them all."""
-
-_STOPPED = 130
-"""Exit code after Ctrl-C, as shells have it."""
 
 
 def add_to(app: typer.Typer) -> None:
@@ -131,6 +131,7 @@ def run(
             raise ConfigError(
                 "--cluster is for several recordings; with one, let -o be a folder that is there"
             )
+        check_targets([output, save_build], [recordings[0], bank, params, config.build.file or None])
         _run_one(Path(recordings[0]), output, bank, depth_topic, config, save_build)
     else:
         if save_build is not None:
@@ -163,6 +164,7 @@ def _run_one(
 ) -> None:
     """Run one recording to one file."""
     from depth_pose.io.mcap_read import DepthReader
+    from depth_pose.io.mcap_write import PartlyWritten
 
     reader = DepthReader(recording, depth_topic)
 
@@ -173,8 +175,12 @@ def _run_one(
     with console.status("loading the bank and compiling the kernels"):
         pipeline = PosePipeline(Bank.load(bank or default_bank_path()), config)
         pipeline.warm_up()
-    with progress_bar(recording.name, len(reader)) as update:
-        summary = process_recording(reader, output, pipeline, update)
+    try:
+        with progress_bar(recording.name, len(reader)) as update:
+            summary = process_recording(reader, output, pipeline, update)
+    except PartlyWritten as stopped:
+        tell_stopped(stopped)
+        raise typer.Exit(STOPPED) from None
     warn(summary.warnings)
     if save_build is not None:
         _save_build(save_build, pipeline.refiner.builds.best_known())
@@ -193,7 +199,7 @@ def _run_one(
         ("skeletons", sources or "none"),
         ("time per frame", f"{summary.median_ms:.1f} ms (95 % below {summary.p95_ms:.1f} ms)"),
     ]
-    print_facts(f"{recording} → {output}", facts)
+    print_facts(f"{recording} -> {output}", facts)
 
 
 def _save_build(path: Path, known: KnownBuild | None) -> None:
@@ -216,16 +222,18 @@ def _run_archive(
 ) -> None:
     """Run many recordings to a folder."""
     from depth_pose.archive.inputs import find_sources
+    from depth_pose.archive.report import REPORT, Report
+    from depth_pose.archive.sheet import SHEET
 
     if workers is not None and cluster is not None:
         raise ConfigError("--workers are processes of this machine, --cluster has its own; give one of them")
     sources = find_sources(inputs, folder)
     if folder.suffix == ".mcap" or folder.is_file():
         raise ConfigError(f"the skeletons of several recordings go to a folder; {folder} is a file's name")
+    check_targets([folder / REPORT, folder / SHEET], [bank])
 
     from depth_pose.archive.jobs import Setting
     from depth_pose.archive.process import Progress, process_archive
-    from depth_pose.archive.report import REPORT, Report
     from depth_pose.bank import Bank, default_bank_path
 
     bank_id = Bank.load(bank or default_bank_path()).bank_id
@@ -246,7 +254,7 @@ def _run_archive(
         errors.print(
             f"stopped; {len(rows)} of {len(sources)} recordings are done, the same command goes on from there"
         )
-        raise typer.Exit(_STOPPED) from None
+        raise typer.Exit(STOPPED) from None
     except BaseException:
         report.finish(names)
         raise

@@ -55,16 +55,11 @@ def check_targets(targets: Iterable[AnyPath | None], inputs: Iterable[AnyPath | 
         Where a target is an input, by whatever name or link; is given twice; is a folder or a device; or
         where its folder cannot be written, or has no space.
     """
-    read = {identity: path for path in inputs if path is not None for identity in _identities(Path(path))}
+    wanted = [Path(target) for target in targets if target is not None]
+    refuse_inputs(wanted, inputs)
     seen: set[str] = set()
-    for target in targets:
-        if target is None:
-            continue
-        path = Path(target)
+    for path in wanted:
         _check_kind(path)
-        same = read.get(_identity(path)) if path.exists() else None
-        if same is not None:
-            raise InputError(f"{path} is both read and to be written ({same}): give the output another name")
         place = os.path.join(os.path.realpath(path.parent), path.name)
         if place in seen:
             raise InputError(f"{path} is to be written twice: give each output a name of its own")
@@ -75,18 +70,34 @@ def check_targets(targets: Iterable[AnyPath | None], inputs: Iterable[AnyPath | 
             trial.discard()
 
 
+def refuse_inputs(targets: Iterable[AnyPath], inputs: Iterable[AnyPath | None]) -> None:
+    """Refuse files that are to be written and are read too, by whatever name or link.
+
+    Parameters
+    ----------
+    targets, inputs : iterable of path
+        As of `check_targets`, which does this and more; this looks only at what is there.
+
+    Raises
+    ------
+    InputError
+        Where a target is an input.
+    """
+    read = {identity: path for path in inputs if path is not None for identity in _identities(Path(path))}
+    for path in map(Path, targets):
+        for identity in () if os.path.isdir(path) else _identities(path):
+            if identity in read:
+                raise InputError(
+                    f"{path} is both read and to be written ({read[identity]}): give the output another name"
+                )
+
+
 def _identities(path: Path) -> Iterator[tuple[int, int]]:
     """Give device and inode of a file, or of those in a folder; nothing where there is none."""
     with suppress(OSError):
-        files = path.iterdir() if path.is_dir() else [path]
-        for file in files:
-            if file.exists():
-                yield _identity(file)
-
-
-def _identity(path: Path) -> tuple[int, int]:
-    found = path.stat()
-    return found.st_dev, found.st_ino
+        for file in path.iterdir() if os.path.isdir(path) else [path]:
+            found = file.stat()
+            yield found.st_dev, found.st_ino
 
 
 def _check_kind(path: Path) -> None:

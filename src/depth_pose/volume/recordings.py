@@ -51,6 +51,11 @@ class ViewReader:
         self.incomplete = self.dropped = 0
 
     @property
+    def path(self) -> Path:
+        """The recording's file or folder."""
+        return self._recording.path
+
+    @property
     def warnings(self) -> list[str]:
         """What went wrong since iteration began."""
         return [*self._recording.damage, *(f"{count} times: {what}" for what, count in self._wrong.items())]

@@ -12,6 +12,7 @@ from typing import Any
 
 import depth_pose
 from depth_pose.core.errors import InputError
+from depth_pose.core.outputs import NewFile
 from depth_pose.ros.process.runner import on_stop
 
 _LOOK_EVERY_S = 0.05
@@ -35,7 +36,8 @@ class Recorder:
     Parameters
     ----------
     output : path
-        MCAP file; an existing one is replaced.
+        MCAP file. Until it is finished it is ``NAME.partial.mcap``; then an existing one is replaced,
+        unless nothing was recorded.
     topics : sequence of str, optional
         Topics to record; all but `rosout` and parameter events by default.
     on_message : callable, optional
@@ -85,12 +87,8 @@ class Recorder:
         """
         from mcap.writer import CompressionType, Writer
 
-        try:
-            self._output.parent.mkdir(parents=True, exist_ok=True)
-            self._stream = self._output.open("wb")
-        except OSError as e:
-            raise InputError(f"cannot write {self._output}: {e.strerror}") from e
-        self._writer = Writer(self._stream, compression=CompressionType.ZSTD)
+        self._file = NewFile(self._output, visible=True)
+        self._writer = Writer(self._file.stream, compression=CompressionType.ZSTD)
         self._writer.start(profile="ros2", library=f"depth_pose {depth_pose.__version__}")
         self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
         self._thread.start()
@@ -101,11 +99,18 @@ class Recorder:
         if self._thread is not None:
             self._thread.join()
             self._thread = None
-            self._writer.finish()
-            self._stream.close()
+            self._finish()
         if self._error is not None:
             raise self._error
         return self.counts
+
+    def _finish(self) -> None:
+        with self._file.telling():
+            self._writer.finish()
+        if self._counts or not self._output.exists():
+            self._file.keep()
+        else:
+            self._file.discard()
 
     def wait_for(self, topic: str, count: int, timeout_s: float = 10.0) -> bool:
         """Wait until `count` messages of a topic are recorded; False if they do not come in time."""
