@@ -86,6 +86,12 @@ class RunSummary:
     warnings: tuple[str, ...]
 
 
+def _check_stamp(stamp_ns: int) -> None:
+    """Refuse a frame that no recording could hold the answer of."""
+    if stamp_ns < 0:
+        raise InputError("its stamp is below 0: the sensor's clock was not set")
+
+
 def process_recording(
     reader: Reader,
     output: Path | str,
@@ -130,6 +136,7 @@ def process_recording(
         for frame in reader:
             start = time.perf_counter()
             try:
+                _check_stamp(frame.stamp_ns)
                 result = pipeline.process_frame(frame)
             except InputError as error:
                 refused[str(error)] += 1

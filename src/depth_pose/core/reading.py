@@ -19,6 +19,10 @@ from depth_pose.core.errors import ConfigError, DepthPoseError, InputError
 MOST_SETTINGS_BYTES = 1 << 20
 """Largest file of settings, cameras or a build, bytes: a hundred times one of 100 cameras. Set by hand."""
 
+MOST_VALUES = 20_000
+"""Most values of a YAML file, counted as often as aliases repeat them; one of 100 cameras has 4,000. Set by
+hand."""
+
 _PARSER_ERRORS = (ValueError, LookupError, TypeError, AttributeError, OverflowError, RecursionError)
 """What parsers raise beside errors of their own: dates that are none, numbers too long, nesting too deep."""
 
@@ -94,24 +98,30 @@ def parse_json(path: Path | str, text: str, error: type[DepthPoseError] = Config
 def parse_yaml(path: Path | str, text: str) -> Any:
     """Parse a file's YAML.
 
-    Aliases (``*name``) are refused, as ROS 2 refuses them in its parameter files: a few lines of them can
-    stand for any amount of values.
+    Aliases (``*name``) count with all that they stand for, up to `MOST_VALUES`.
 
     Raises
     ------
     ConfigError
-        Where it is no YAML, or has aliases.
+        Where it is no YAML, or too much of it.
     """
     import yaml
 
-    class Loader(yaml.SafeLoader):
-        """Refuses aliases."""
+    class Loader(yaml.SafeLoader):  # type: ignore[misc]
+        """Knows how many values each node stands for, and refuses too many."""
 
         def compose_node(self, parent: Any, index: Any) -> Any:
-            if self.check_event(yaml.AliasEvent):
-                mark = self.peek_event().start_mark
-                raise yaml.composer.ComposerError(None, None, "aliases (*name) are not read", mark)
-            return super().compose_node(parent, index)
+            sizes = self.__dict__.setdefault("sizes", {})
+            is_alias, mark = self.check_event(yaml.AliasEvent), self.peek_event().start_mark
+            node = super().compose_node(parent, index)
+            if is_alias and id(node) not in sizes:
+                raise yaml.composer.ComposerError(None, None, "an alias stands for what it is part of", mark)
+            inside = node.value if isinstance(node, yaml.CollectionNode) else ()
+            parts = [part for value in inside for part in (value if isinstance(value, tuple) else (value,))]
+            sizes[id(node)] = 1 + sum(sizes[id(part)] for part in parts)
+            if sizes[id(node)] > MOST_VALUES:
+                raise yaml.composer.ComposerError(None, None, f"it holds over {MOST_VALUES} values", mark)
+            return node
 
     try:
         return yaml.load(text, Loader)
