@@ -25,6 +25,7 @@ def add_to(app: typer.Typer) -> None:
 def call_ros(module: str, function: str, *arguments: Any, **options: Any) -> Any:
     """Call a function of one of our modules that need ROS."""
     try:
+        importlib.import_module("depth_pose.ros.process.logs").ensure_log_folder()
         found = importlib.import_module(f"depth_pose.ros.{module}")
         return getattr(found, function)(*arguments, **options)
     except ModuleNotFoundError as error:
