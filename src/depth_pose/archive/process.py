@@ -70,12 +70,12 @@ def process_archive(
     InputError
         Where an output would be one of the recordings, or the cluster cannot be reached, or is gone.
     """
-    files = [file for source in sources for file in recording_files(source.path)]
+    files = [file for source in sources if not source.url for file in recording_files(source.path)]
     refuse_inputs((output_of(source, folder) for source in sources), files)
     # the largest first, so that none of them is begun when all others are done
     order = sorted(sources, key=lambda source: -source.size)
     absolute = folder.resolve()
-    tasks = [(s.name, str(s.path.resolve()), str(output_of(s, absolute)), setting) for s in order]
+    tasks = [(s.name, s.place, str(output_of(s, absolute)), setting) for s in order]
     rows: dict[str, Row] = {}
     shares = [0.0] * len(order)
     frames, size = 0, 0.0

@@ -113,6 +113,8 @@ def run(
 
     depth-pose run recordings/ -o skeletons/ --workers 8
 
+    depth-pose run https://lab.example/ward/ -o skeletons/
+
     depth-pose run 'ward/**/depth_*.mcap' more.mcap -o skeletons/ --cluster tcp://head:8786
     """
     values = read_settings(params) if params else {}
@@ -145,8 +147,9 @@ def run(
 def _is_one(recordings: list[str], output: Path) -> bool:
     """Whether one recording is to go to one file."""
     from depth_pose.archive.inputs import is_one_recording
+    from depth_pose.archive.remote import is_remote
 
-    if len(recordings) > 1 or output.is_dir():
+    if len(recordings) > 1 or output.is_dir() or is_remote(recordings[0]):
         return False
     path = Path(recordings[0])
     if not path.exists():
@@ -272,7 +275,10 @@ def _draw(sources: list[Source], rows: list[Row], folder: Path, depth_topic: str
 
     if all(row.state != "done" for row in rows):
         return
-    made = [source for source, row in zip(sources, rows, strict=True) if row.state != "failed" and row.people]
+    here = [(source, row) for source, row in zip(sources, rows, strict=True) if not source.url]
+    made = [source for source, row in here if row.state != "failed" and row.people]
+    if not made:
+        return
     try:
         with console.status("drawing the sheet"):
             save_archive_sheet(made, folder, folder / SHEET, depth_topic)
