@@ -193,13 +193,13 @@ def _read_header(path: Path, stored: NDArray[Any] | None) -> dict[str, Any]:
 
 def _check_header(path: Path, header: dict[str, Any]) -> None:
     """Refuse a header whose fields are missing or of other types."""
-    body, source, bank_id = (header.get(name) for name in ("body", "source", "bank_id"))
-    fits = isinstance(body, dict) and isinstance(source, dict) and isinstance(bank_id, str)
-    fits = fits and isinstance(body.get("name"), str) and isinstance(body.get("stature"), float)
-    if not fits or not _LEAST_STATURE_M < body["stature"] < _MOST_STATURE_M:
-        raise BankError(
-            f"{path}: its header is damaged (body {body!r:.80}, id {bank_id!r:.80}); build the bank again"
-        )
+    body, source, bank_id = header.get("body"), header.get("source"), header.get("bank_id")
+    if not (isinstance(body, dict) and isinstance(source, dict) and isinstance(bank_id, str)):
+        raise BankError(f"{path}: its header is damaged (id {bank_id!r:.80}); build the bank again")
+    name, stature = body.get("name"), body.get("stature")
+    is_body = isinstance(name, str) and isinstance(stature, float)
+    if not is_body or not _LEAST_STATURE_M < stature < _MOST_STATURE_M:
+        raise BankError(f"{path}: its header is damaged (body {body!r:.80}); build the bank again")
     scheme = source.get("views", "partial")
     if scheme not in BANK_SCHEMES:
         raise BankError(f"{path}: its views are {scheme!r:.80}, not one of {', '.join(BANK_SCHEMES)}")
