@@ -12,6 +12,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from depth_pose.core.errors import InputError
+from depth_pose.core.outputs import refuse_inputs
 from depth_pose.io.mcap_write import SkeletonWriter
 
 NOTE = "depth_pose"
@@ -23,6 +24,10 @@ class Reader(Protocol):
 
     def __iter__(self) -> Iterator[Any]:
         """Give the frames in their order."""
+
+    @property
+    def path(self) -> Path:
+        """The recording's file or folder."""
 
     @property
     def dropped(self) -> int:
@@ -81,6 +86,12 @@ class RunSummary:
     warnings: tuple[str, ...]
 
 
+def _check_stamp(stamp_ns: int) -> None:
+    """Refuse a frame that no recording could hold the answer of."""
+    if stamp_ns < 0:
+        raise InputError("its stamp is below 0: the sensor's clock was not set")
+
+
 def process_recording(
     reader: Reader,
     output: Path | str,
@@ -105,13 +116,16 @@ def process_recording(
         Called with the number of frames done.
     note : callable, optional
         Says what is to stand in the output's metadata, under `NOTE`. With it the output is whole or not
-        at all; without, Ctrl-C leaves what was done until then.
+        at all; without, what was done until Ctrl-C is left as ``NAME.partial.mcap``.
 
     Raises
     ------
     InputError
-        Where no frame of the recording can be used, or the output cannot be written.
+        Where no frame of the recording can be used, or the output is the recording or cannot be written.
+    PartlyWritten
+        After Ctrl-C, where something was done.
     """
+    refuse_inputs([output], [reader.path])
     pipeline.reset()
     sources: Counter[str] = Counter()
     refused: Counter[str] = Counter()
@@ -122,6 +136,7 @@ def process_recording(
         for frame in reader:
             start = time.perf_counter()
             try:
+                _check_stamp(frame.stamp_ns)
                 result = pipeline.process_frame(frame)
             except InputError as error:
                 refused[str(error)] += 1

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 
 import numpy as np
@@ -65,7 +66,10 @@ def test_hash_depends_on_every_array(bank):
         seen.add(replace(bank, **{name: changed}).bank_id)
     seen.add(replace(bank, body=replace(bank.body, nodes=bank.body.nodes + 0.001)).bank_id)
     assert len(seen) == len(ARRAYS) + 2
-    assert replace(bank, source={"other": 1}).bank_id == bank.bank_id
+    for other in (replace(bank, source={"other": 1}), replace(bank, body=replace(bank.body, stature=1.7))):
+        seen.add(other.bank_id)
+    seen.add(replace(bank, body=replace(bank.body, name="another")).bank_id)
+    assert len(seen) == len(ARRAYS) + 5
 
 
 def test_a_write_that_fails_leaves_the_old_file(bank, tmp_path):
@@ -150,12 +154,35 @@ def test_foreign_header(parts, tmp_path):
     with pytest.raises(BankError, match="but 'something else'"):
         Bank.load(_write(tmp_path / "b.npz", parts, format="something else"))
     for key in ("format", "version", "bank_id", "body", "source"):
+        for value in (None, 3, "x", [], {}, {"name": [], "stature": "tall"}, {"views": ["partial"]}):
+            with pytest.raises(BankError, match=r"b\.npz: "):
+                Bank.load(_write(tmp_path / "b.npz", parts, **{key: value}))
+    for text in (b"\xff{not json", b"[1]", b"[" * 100_000, b"1" * 10_000):
+        np.savez(tmp_path / "c.npz", **{**parts, "header": np.frombuffer(text, np.uint8)})
+        with pytest.raises(BankError, match=r"c\.npz: "):
+            Bank.load(tmp_path / "c.npz")
+    for header in (np.zeros((2, 2)), np.array("text"), np.array(1)):
+        np.savez(tmp_path / "c.npz", **{**parts, "header": header})
         with pytest.raises(BankError, match="header is missing"):
-            Bank.load(_write(tmp_path / "b.npz", parts, **{key: None}))
-    parts["header"] = np.frombuffer(b"\xff{not json", np.uint8)
-    np.savez(tmp_path / "c.npz", **parts)
-    with pytest.raises(BankError, match="header is missing"):
-        Bank.load(tmp_path / "c.npz")
+            Bank.load(tmp_path / "c.npz")
+
+
+def test_what_the_header_says_belongs_to_the_id(bank, parts, tmp_path):
+    body = {"name": bank.body.name, "stature": bank.body.stature + 0.1}
+    with pytest.raises(BankError, match="does not match its hash"):
+        Bank.load(_write(tmp_path / "b.npz", parts, body=body))
+    with pytest.raises(BankError, match="does not match its hash"):
+        Bank.load(_write(tmp_path / "b.npz", parts, source={**bank.source, "views": "paper"}))
+
+
+def test_ids_of_earlier_versions_are_accepted(bank, parts, tmp_path):
+    """They left the header out; the id that counts from here on has it."""
+    digest = hashlib.sha256()
+    for name in (n for n in parts if n != "header"):
+        digest.update(f"{name}{parts[name].dtype.str}{parts[name].shape}".encode())
+        digest.update(np.ascontiguousarray(parts[name]).data)
+    old = Bank.load(_write(tmp_path / "b.npz", parts, bank_id=digest.hexdigest()[:16]))
+    assert old.bank_id == bank.bank_id
 
 
 def test_other_version(parts, tmp_path):

@@ -171,7 +171,7 @@ def test_bad_files_are_refused(tmp_path: Path, folders: tuple[Path, Path]) -> No
     with pytest.raises(InputError, match="cannot be read"):
         load_truth(tmp_path / "none.npz")
     (tmp_path / "text.npz").write_text("hello")
-    with pytest.raises(InputError, match="no truth file"):
+    with pytest.raises(InputError, match=r"as a truth file|no truth file"):
         load_truth(tmp_path / "text.npz")
     np.savez(tmp_path / "other.npz", joints=np.zeros((2, 19, 3)))
     with pytest.raises(InputError, match="no names, stamps_ns, seen"):

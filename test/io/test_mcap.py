@@ -18,7 +18,7 @@ from depth_pose.core.types import Skeleton
 from depth_pose.io import schemas
 from depth_pose.io._messages import write_camera_info, write_image
 from depth_pose.io.mcap_read import DepthReader, find_depth_topics, read_frames, read_people, read_skeletons
-from depth_pose.io.mcap_write import DepthWriter, SkeletonWriter
+from depth_pose.io.mcap_write import DepthWriter, PartlyWritten, SkeletonWriter
 
 CAMERA = Camera(64, 48, 60.0, 61.0, 31.5, 23.5)
 START = 1_700_000_000_123_456_789
@@ -185,10 +185,16 @@ def test_failed_writing_leaves_the_old_file(tmp_path: Path) -> None:
         raise ZeroDivisionError
     assert [p.name for p in tmp_path.iterdir()] == ["s.mcap"]
     assert path.read_bytes() == b"old"
-    with pytest.raises(KeyboardInterrupt), SkeletonWriter(path) as writer:
+    with pytest.raises(PartlyWritten) as stopped, SkeletonWriter(path) as writer:
         writer.write(_skeleton(0))
         raise KeyboardInterrupt
-    assert len(list(read_skeletons(path))) == 1
+    assert path.read_bytes() == b"old"
+    assert stopped.value.path == tmp_path / "s.partial.mcap"
+    assert len(list(read_skeletons(stopped.value.path))) == 1
+    with pytest.raises(KeyboardInterrupt), SkeletonWriter(path, only_whole=True) as writer:
+        writer.write(_skeleton(0))
+        raise KeyboardInterrupt
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["s.mcap", "s.partial.mcap"]
 
 
 def test_schemas_say_what_the_message_files_say() -> None:

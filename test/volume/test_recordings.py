@@ -11,9 +11,10 @@ from depth_pose.cli import main
 from depth_pose.core.errors import ConfigError, InputError
 from depth_pose.core.rotations import quat_to_matrix
 from depth_pose.core.types import Skeleton
-from depth_pose.io._messages import read_image
+from depth_pose.io._messages import _store, make, make_header, read_image, write_image
 from depth_pose.io._recording import Recording
 from depth_pose.io.mcap_read import read_skeletons
+from depth_pose.io.schemas import IMAGE
 from depth_pose.motion.procedural.dance import perform
 from depth_pose.offline import process_recording
 from depth_pose.sim.roof_cameras import RigRenderer, depth_ring, front_camera
@@ -130,6 +131,44 @@ def test_recorded_views_that_are_late_odd_or_few(rig, tmp_path):
     assert sets[3].images[1] is None
     assert any("/b: the image of camera1 is 5 x 5" in line for line in reader.warnings)
     assert any("1 times: a frame was dropped: only 1 of 3 live cameras" in line for line in reader.warnings)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "images", "says"),
+    [
+        (lambda k, i: (k, i) == (9, 1), 59, "/b: its stamp is 3600 s ahead of the others"),
+        (lambda k, i: i == 1, 40, "/b: its stamp is 3600 s ahead of the others"),
+        (lambda k, i: k >= 9, 60, None),  # the cameras' common clock was set
+    ],
+)
+def test_a_stamp_an_hour_ahead_breaks_no_other_set(rig, tmp_path, wrong, images, says):
+    good, path = np.ones((120, 160), np.uint8), tmp_path / "x.mcap"
+    cameras = Rig(rig[:3], ("/a", "/b", "/c"))
+    with ViewWriter(path) as writer:
+        for k in range(20):
+            for i, topic in enumerate(cameras.topics):
+                stamp_ns = 10**9 + k * 33_000_000 + i * 100_000
+                told_ns = stamp_ns + 3_600_000_000_000 * wrong(k, i)
+                writer._write(topic, IMAGE, stamp_ns, write_image(told_ns, topic, good))
+    reader = ViewReader(path, cameras, "silhouettes")
+    sets = list(reader)
+    assert len(sets) == 20
+    assert sum(image is not None for views in sets for image in views.images) == images
+    assert any(says in line for line in reader.warnings) if says else not reader.warnings
+
+
+def test_images_of_the_other_byte_order(rig, tmp_path):
+    depth, path = np.full((120, 160), 3.0, np.float32), tmp_path / "x.mcap"
+    millimetres = (depth * 1000).astype(">u2")
+    cameras = Rig(rig[:2], ("/a", "/b"))
+    with ViewWriter(path) as writer:
+        writer.write("/a", 10**9, "a", depth)
+        image = make(
+            IMAGE, make_header(10**9, "b"), 120, 160, "16UC1", 1, 320, millimetres.view(np.uint8).ravel()
+        )
+        writer._write("/b", IMAGE, 10**9, bytes(_store().serialize_cdr(image, IMAGE, little_endian=True)))
+    (views,) = ViewReader(path, cameras, "depth")
+    assert np.array_equal(views.images[0], views.images[1])
 
 
 def test_a_run_is_repeatable_and_in_the_rigs_world(recorded, model, tmp_path):

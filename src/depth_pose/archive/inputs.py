@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 
+from depth_pose.archive.remote import find_remote, is_remote
 from depth_pose.core.errors import ConfigError, InputError
 from depth_pose.io._formats import ENDINGS
 from depth_pose.io._recording import read_span, recording_files
@@ -43,11 +44,19 @@ class Source:
         Its name within the archive, ``ward/monday``.
     size : int
         Bytes.
+    url : str
+        Of a remote one; its path is none then.
     """
 
     path: Path
     name: str
     size: int
+    url: str = ""
+
+    @property
+    def place(self) -> str:
+        """Its URL, or its full path."""
+        return self.url or str(self.path.resolve())
 
 
 def is_one_recording(path: Path) -> bool:
@@ -97,7 +106,7 @@ def find_sources(inputs: Iterable[str | Path], but: Path | None = None) -> list[
     Parameters
     ----------
     inputs : iterable of str or Path
-        Files, folders, and patterns as of `glob`, with ``**`` for folders at any depth.
+        Files, folders, and patterns as of `glob`, with ``**`` for folders at any depth; URLs of these.
     but : Path, optional
         A folder that is not looked into, for instance the output.
 
@@ -109,16 +118,33 @@ def find_sources(inputs: Iterable[str | Path], but: Path | None = None) -> list[
         Where recordings cannot be told apart by their names.
     """
     found: dict[Path, str] = {}
+    remote: list[Source] = []
     for given in inputs:
+        if is_remote(str(given)):
+            there = [Source(Path(), name, size, url) for url, name, size in find_remote(str(given), ENDING)]
+            if not there:
+                raise InputError(f"{given}: there is no {ENDING} recording")
+            remote += there
+            continue
         count = len(found)
         for path, name in _look(str(given), but.resolve() if but else None):
             found.setdefault(path, name)
         if len(found) == count and not Path(given).exists():
             raise InputError(f"{given} cannot be read: there is no such file or folder")
-    if not found:
+    if not found and not remote:
         raise InputError(f"there is no recording ({', '.join(ENDINGS)}) in {', '.join(map(str, inputs))}")
     found = _with_whole_splits(found)
-    return [Source(path, name, _size(path)) for path, name in _told_apart(found).items()]
+    local = [Source(path, name, _size(path)) for path, name in _told_apart(found).items()]
+    return _with_remote(local, remote)
+
+
+def _with_remote(local: list[Source], remote: list[Source]) -> list[Source]:
+    sources = local + list({source.url: source for source in remote}.values())
+    names = Counter(source.name for source in sources)
+    for source in remote:
+        if names[source.name] > 1:
+            raise ConfigError(f"{source.url}: another recording is called {source.name} too; run them apart")
+    return sources
 
 
 def _look(given: str, but: Path | None) -> Iterator[tuple[Path, str]]:
@@ -192,7 +218,7 @@ def _with_whole_splits(found: dict[Path, str]) -> dict[Path, str]:
 
 def _told_apart(found: dict[Path, str]) -> dict[Path, str]:
     """Name recordings by their folders too, where their names alone are the same."""
-    if max(Counter(found.values()).values()) == 1:
+    if max(Counter(found.values()).values(), default=1) == 1:
         return found
     resolved = {path: path.resolve() for path in found}
     root = Path(os.path.commonpath([p.parent for p in resolved.values()]))

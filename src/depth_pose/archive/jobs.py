@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from depth_pose import __version__
+from depth_pose.archive.remote import fetched
 from depth_pose.core.config import PipelineConfig
 from depth_pose.core.errors import BankError, ConfigError, DepthPoseError, InputError
 from depth_pose.core.workers import Tell
@@ -130,7 +131,7 @@ def work_on(name: str, recording: str, output: str, setting: Setting, tell: Tell
     name : str
         The recording's name within the archive.
     recording, output : str
-        Its file or folder; the skeletons' file.
+        Its file, folder or URL; the skeletons' file.
     setting : Setting
     tell : callable
         Is told the share that is done.
@@ -146,12 +147,13 @@ def work_on(name: str, recording: str, output: str, setting: Setting, tell: Tell
         Where no recording could be worked on here: the bank or the version is another one.
     """
     try:
-        marks = _marks(Path(recording), setting)
-        before = read_metadata(output, NOTE)
-        if before is not None and all(before.get(key) == value for key, value in marks.items()):
-            return dataclasses.replace(_remembered(name, before), state="skipped")
-        with _one_at_a_time:
-            return _process(name, recording, output, setting, marks, tell)
+        with fetched(recording) as local:
+            marks = _marks(Path(local), setting)
+            before = read_metadata(output, NOTE)
+            if before is not None and all(before.get(key) == value for key, value in marks.items()):
+                return dataclasses.replace(_remembered(name, before), state="skipped")
+            with _one_at_a_time:
+                return _process(name, local, output, setting, marks, tell)
     except (ConfigError, BankError):
         raise
     except DepthPoseError as error:

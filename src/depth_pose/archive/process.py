@@ -10,8 +10,9 @@ from pathlib import Path
 from depth_pose.archive.inputs import ENDING, Source
 from depth_pose.archive.jobs import Row, Setting, failure, work_on
 from depth_pose.core.errors import DepthPoseError, InputError
+from depth_pose.core.outputs import refuse_inputs, remove_parts
 from depth_pose.core.workers import run_each
-from depth_pose.io.mcap_write import remove_parts
+from depth_pose.io._recording import recording_files
 
 
 @dataclass(frozen=True)
@@ -67,12 +68,14 @@ def process_archive(
     ConfigError, BankError
         Where no recording could be worked on: the bank or the version of a worker is another one.
     InputError
-        Where the cluster cannot be reached, or is gone.
+        Where an output would be one of the recordings, or the cluster cannot be reached, or is gone.
     """
+    files = [file for source in sources if not source.url for file in recording_files(source.path)]
+    refuse_inputs((output_of(source, folder) for source in sources), files)
     # the largest first, so that none of them is begun when all others are done
     order = sorted(sources, key=lambda source: -source.size)
     absolute = folder.resolve()
-    tasks = [(s.name, str(s.path.resolve()), str(output_of(s, absolute)), setting) for s in order]
+    tasks = [(s.name, s.place, str(output_of(s, absolute)), setting) for s in order]
     rows: dict[str, Row] = {}
     shares = [0.0] * len(order)
     frames, size = 0, 0.0

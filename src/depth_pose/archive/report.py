@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import csv
 import math
-import os
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
 from depth_pose.archive.jobs import Row
 from depth_pose.core.errors import InputError
+from depth_pose.core.outputs import new_text_file
 
 REPORT = "report.csv"
 """Name of the file."""
@@ -72,8 +72,7 @@ class Report:
         """
         self._stream.close()
         order = list(order)
-        part = self.path.with_name(f".{self.path.name}.part")
-        with part.open("w", newline="") as stream:
+        with new_text_file(self.path, newline="") as stream:
             writer = csv.writer(stream)
             writer.writerow(COLUMNS)
             for name in order:
@@ -81,7 +80,6 @@ class Report:
                     writer.writerow(_cells(self.rows[name]))
                 elif name in self._before:
                     writer.writerow(self._before[name].values())
-        os.replace(part, self.path)
         return [self.rows[name] for name in order if name in self.rows]
 
 

@@ -19,11 +19,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.body.body import Body
+from depth_pose.core.arrays import DamagedArrays, load_arrays
 from depth_pose.core.errors import BankError
+from depth_pose.core.outputs import new_file
+from depth_pose.core.reading import parse_json
 from depth_pose.core.rotations import quat_to_matrix
 
 FORMAT = "depth_pose exemplar bank"
 FORMAT_VERSION = 1
+
+BANK_SCHEMES = ("partial", "paper")
+"""Those of `depth_pose.bank.views.SCHEMES` that banks are made with."""
+
+_LEAST_STATURE_M, _MOST_STATURE_M = 0.3, 3.0
+"""Bodies of a bank are between these heights; as `depth_pose.body.files` has it."""
 
 _SHAPES: dict[str, tuple[str, tuple[int | str, ...]]] = {
     "body_vertices": ("float64", ("V", 3)),
@@ -85,12 +94,22 @@ class Bank:
 
     @cached_property
     def bank_id(self) -> str:
-        """Hash of the content, 16 hexadecimal digits."""
+        """Hash of the content and of what the header says of it, 16 hexadecimal digits."""
+        digest = self._digest()
+        digest.update(json.dumps([self._about()], sort_keys=True).encode())
+        return digest.hexdigest()[:16]
+
+    def _digest(self) -> hashlib._Hash:
+        """Hash the arrays."""
         digest = hashlib.sha256()
         for name, array in self._arrays().items():
             digest.update(f"{name}{array.dtype.str}{array.shape}".encode())
             digest.update(np.ascontiguousarray(array).data)
-        return digest.hexdigest()[:16]
+        return digest
+
+    def _about(self) -> dict[str, Any]:
+        """Give what the header says."""
+        return {"body": {"name": self.body.name, "stature": float(self.body.stature)}, "source": self.source}
 
     @property
     def poses(self) -> int:
@@ -104,7 +123,7 @@ class Bank:
 
     @property
     def view_scheme(self) -> str:
-        """How its views were made, a name of `depth_pose.bank.views.SCHEMES`: inputs take the same axes."""
+        """How its views were made, one of `BANK_SCHEMES`: inputs take the same axes."""
         return str(self.source.get("views", "partial"))
 
     def rotations(self, exemplar: int) -> NDArray[np.float64]:
@@ -113,23 +132,15 @@ class Bank:
 
     def save(self, path: str | Path) -> None:
         """Write the bank; the file appears whole or not at all."""
-        path = Path(path)
-        path.parent.mkdir(parents=True, exist_ok=True)
         header = {
             "format": FORMAT,
             "version": FORMAT_VERSION,
             "bank_id": self.bank_id,
-            "body": {"name": self.body.name, "stature": self.body.stature},
-            "source": self.source,
+            **self._about(),
         }
         text = np.frombuffer(json.dumps(header).encode(), np.uint8)
-        part = path.with_name(f".{path.name}.{os.getpid()}.part")
-        try:
-            with part.open("wb") as file:
-                np.savez(file, header=text, **self._arrays())  # type: ignore[arg-type]
-            part.replace(path)
-        finally:
-            part.unlink(missing_ok=True)
+        with new_file(path) as stream:
+            np.savez(stream, header=text, **self._arrays())  # type: ignore[arg-type]
 
     @classmethod
     def load(cls, path: str | Path) -> Bank:
@@ -144,7 +155,8 @@ class Bank:
         body = _read_body(path, header["body"], arrays)
         views = {k: v for k, v in arrays.items() if not k.startswith("body_")}
         bank = cls(body=body, source=header["source"], **views)
-        if bank.bank_id != header["bank_id"]:
+        # earlier versions left the header out of it
+        if header["bank_id"] not in (bank.bank_id, bank._digest().hexdigest()[:16]):
             raise BankError(f"{path}: the content does not match its hash; build the bank again")
         return bank
 
@@ -154,24 +166,43 @@ def _read(path: Path) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
     if not path.is_file():
         raise BankError(f"{path}: no such bank; make it with `depth-pose bank build -o {path}`")
     try:
-        with np.load(path, allow_pickle=False) as file:
-            arrays = {name: file[name] for name in file.files}
-    except Exception as error:  # damaged archives and headers raise a dozen kinds
+        arrays = load_arrays(path)
+    except DamagedArrays as error:
         raise BankError(f"{path}: not a readable bank file ({error}); build the bank again") from error
-    try:
-        header = json.loads(bytes(arrays.pop("header")))
-        found, version = header["format"], header["version"]
-        header["body"]["name"], header["body"]["stature"], header["source"], header["bank_id"]
-    except (KeyError, TypeError, ValueError) as error:
-        raise BankError(f"{path}: this is not a bank of depth_pose: its header is missing") from error
+    header = _read_header(path, arrays.pop("header", None))
+    found, version = header.get("format"), header.get("version")
     if found != FORMAT:
         raise BankError(f"{path}: this is not a bank of depth_pose but {found!r}")
     if version != FORMAT_VERSION:
         raise BankError(
             f"{path}: bank format {version}; this version reads {FORMAT_VERSION}: build the bank again"
         )
+    _check_header(path, header)
     _check_arrays(path, arrays)
-    return header, arrays
+    return header, {name: arrays[name] for name in _SHAPES}
+
+
+def _read_header(path: Path, stored: NDArray[Any] | None) -> dict[str, Any]:
+    if stored is None or stored.dtype != np.uint8 or stored.ndim != 1:
+        raise BankError(f"{path}: this is not a bank of depth_pose: its header is missing")
+    header = parse_json(f"{path}: the header", stored.tobytes().decode(errors="replace"), BankError)
+    if not isinstance(header, dict):
+        raise BankError(f"{path}: this is not a bank of depth_pose: its header is {type(header).__name__}")
+    return header
+
+
+def _check_header(path: Path, header: dict[str, Any]) -> None:
+    """Refuse a header whose fields are missing or of other types."""
+    body, source, bank_id = header.get("body"), header.get("source"), header.get("bank_id")
+    if not (isinstance(body, dict) and isinstance(source, dict) and isinstance(bank_id, str)):
+        raise BankError(f"{path}: its header is damaged (id {bank_id!r:.80}); build the bank again")
+    name, stature = body.get("name"), body.get("stature")
+    is_body = isinstance(name, str) and isinstance(stature, float)
+    if not is_body or not _LEAST_STATURE_M < stature < _MOST_STATURE_M:
+        raise BankError(f"{path}: its header is damaged (body {body!r:.80}); build the bank again")
+    scheme = source.get("views", "partial")
+    if scheme not in BANK_SCHEMES:
+        raise BankError(f"{path}: its views are {scheme!r:.80}, not one of {', '.join(BANK_SCHEMES)}")
 
 
 def _read_body(path: str | Path, header: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> Body:
@@ -185,7 +216,7 @@ def _read_body(path: str | Path, header: dict[str, Any], arrays: dict[str, NDArr
             faces=faces,
             weights=arrays["body_weights"],
             nodes=arrays["body_nodes"],
-            stature=float(header["stature"]),
+            stature=header["stature"],
         )
     except ValueError as error:
         raise BankError(f"{path}: its body is not one ({error}); build the bank again") from error

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import zipfile
 from pathlib import Path
-
-import numpy as np
 
 from depth_pose.bank.bank import Bank
 from depth_pose.body.bodies import find_body
 from depth_pose.body.body import Body
+from depth_pose.core.arrays import array_names
 
 
 def find_body_or_bank(name: str) -> Body:
@@ -25,13 +23,5 @@ def find_body_or_bank(name: str) -> Body:
         Where it is a damaged bank.
     """
     path = Path(name)
-    return Bank.load(path).body if path.suffix.lower() == ".npz" and _is_bank(path) else find_body(name)
-
-
-def _is_bank(path: Path) -> bool:
-    """Whether a file has the arrays of a bank's body; false where it cannot be read."""
-    try:
-        with np.load(path, allow_pickle=False) as file:
-            return "body_vertices" in file.files
-    except (OSError, ValueError, EOFError, zipfile.BadZipFile):
-        return False
+    is_bank = path.suffix.lower() == ".npz" and "body_vertices" in array_names(path)
+    return Bank.load(path).body if is_bank else find_body(name)

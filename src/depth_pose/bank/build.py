@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from scipy.sparse.linalg import eigsh
 from threadpoolctl import threadpool_limits
 
-from depth_pose.bank.bank import Bank
-from depth_pose.bank.views import BANK_SCHEMES, PoseViews, render_views
+from depth_pose.bank.bank import BANK_SCHEMES, Bank
+from depth_pose.bank.views import PoseViews, render_views
 from depth_pose.body.body import Body
 from depth_pose.core.errors import ConfigError
 from depth_pose.core.options import Checked, option

@@ -156,9 +156,6 @@ def paper_axes(points: Array) -> tuple[CanonicalAxes, ...]:
 SCHEMES = {"partial": partial_views, "paper": paper_views, "paper-mirrored": paper_mirrored_views}
 """Cameras of a posed body by the scheme's name."""
 
-BANK_SCHEMES = ("partial", "paper")
-"""Schemes that a bank can be built with."""
-
 AXES = {"partial": canonical_axes, "paper": paper_axes, "paper-mirrored": paper_axes}
 """Canonical axes of an input by the scheme of the bank that it is matched with."""
 

@@ -11,7 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.body.build import BUILD_NAMES, MOST
-from depth_pose.core.errors import ConfigError
+from depth_pose.core.errors import ConfigError, InputError
+from depth_pose.core.outputs import new_text_file
+from depth_pose.core.reading import parse_json, read_text
 
 FORMAT = "depth_pose build"
 FORMAT_VERSION = 1
@@ -52,10 +54,8 @@ def save_build(path: Path | str, known: KnownBuild) -> None:
         "frames": known.frames,
         "parts": parts,
     }
-    try:
-        Path(path).write_text(json.dumps(content, indent=2) + "\n")
-    except OSError as error:
-        raise ConfigError(f"{path}: the build cannot be written: {error.strerror}") from error
+    with new_text_file(path) as stream:
+        stream.write(json.dumps(content, indent=2) + "\n")
 
 
 def load_build(path: Path | str) -> KnownBuild:
@@ -67,11 +67,10 @@ def load_build(path: Path | str) -> KnownBuild:
         Where the file cannot be read, is no build, lacks a part, or a value is out of its range.
     """
     try:
-        content = json.loads(Path(path).read_text())
-    except OSError as error:
-        raise ConfigError(f"{path}: the build cannot be read: {error.strerror}") from error
-    except ValueError as error:
-        raise ConfigError(f"{path} is no build: it is not JSON ({error})") from error
+        text = read_text(path)
+    except InputError as error:
+        raise ConfigError(f"{path}: the build cannot be read: {error}") from error
+    content = parse_json(path, text)
     if not isinstance(content, dict) or content.get("format") != FORMAT:
         raise ConfigError(f"{path} is no build; depth-pose run --save-build FILE writes one")
     if content.get("version") != FORMAT_VERSION:

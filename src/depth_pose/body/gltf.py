@@ -8,10 +8,11 @@ person faces is told from head, hips and shoulders, so the file's axes and unit 
 from __future__ import annotations
 
 import base64
-import struct
+import warnings
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from urllib.parse import unquote
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,7 @@ from depth_pose.body.rig_nodes import bone_owners, model_turn, place_nodes
 from depth_pose.body.rigged import RiggedMesh, rigged_body
 from depth_pose.body.source_motion import SourceMotion
 from depth_pose.core.errors import InputError
+from depth_pose.core.reading import open_ordinary
 from depth_pose.core.skeleton import NODES
 
 Array = NDArray[np.float64]
@@ -31,6 +33,15 @@ _TYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126:
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 _SAME = 1e-5
 """Vertices nearer than this share of the body's size are one; set by hand, a hundredth of a millimetre."""
+
+
+_MOST_BYTES = 1 << 28
+"""Largest file, and its buffers together: 256 MiB; those of people in games and films have 1 to 50. Set by
+hand, as all limits here."""
+_MOST_VERTICES = 1_000_000
+"""Those of people have 5,000 to 200,000."""
+_MOST_BONES, _MOST_NODES, _MOST_DEPTH = 2000, 100_000, 1000
+"""Those of people have 20 to 200 bones."""
 
 
 @dataclass(frozen=True)
@@ -52,12 +63,18 @@ def load_gltf_body(path: Path) -> Body:
         Where the file cannot be read, has no skinned triangles, or a bone is not found by its name.
     """
     try:
-        document, buffers = _read(path)
-        skin = document.skins[_skinned_nodes(path, document)[0].skin]
-        mesh, rig = _mesh(path, document, buffers), _rig(path, document, buffers, skin)
-    except (OSError, ValueError, LookupError, TypeError, AttributeError, struct.error) as error:
-        reason = f"{type(error).__name__}: {error}"
-        raise InputError(f"{path} cannot be read as glTF 2.0 ({reason}); export it as .glb") from error
+        return _load(path)
+    except InputError:
+        raise
+    except Exception as error:  # whatever a document may lack or hold
+        reason = " ".join(f"{type(error).__name__}: {error}".split())
+        raise InputError(f"{path} cannot be read as glTF 2.0 ({reason:.200}); export it as .glb") from error
+
+
+def _load(path: Path) -> Body:
+    document, buffers = _read(path)
+    skin = document.skins[_skinned_nodes(path, document)[0].skin]
+    mesh, rig = _mesh(path, document, buffers), _rig(path, document, buffers, skin)
     found = find_joints(rig)
     heads = rig.rest_positions()
     turn = model_turn(rig.name, heads, found)
@@ -73,15 +90,40 @@ def load_gltf_body(path: Path) -> Body:
 
 def _read(path: Path) -> tuple[GLTF2, list[bytes]]:
     """Give the document and its buffers."""
-    document = GLTF2.load(path)
+    with open_ordinary(path, _MOST_BYTES) as stream:
+        content = stream.read()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # what is odd in other parts of the document
+        if path.suffix.lower() == ".glb":
+            document = GLTF2.load_from_bytes(content)
+        else:
+            document = GLTF2.gltf_from_json(content.decode("utf-8-sig"))
+    for what, items in (("buffers", document.buffers), ("nodes", document.nodes)):
+        if len(items) > _MOST_NODES:
+            raise InputError(f"{path} has {len(items)} {what}; at most {_MOST_NODES} are read")
     uris = [buffer.uri for buffer in document.buffers]
-    return document, [document.binary_blob() if uri is None else _read_uri(path, uri) for uri in uris]
+    inside = document.binary_blob()
+    buffers: list[bytes] = []
+    for uri in uris:
+        buffers.append(inside if uri is None else _read_uri(path, uri))
+        if sum(map(len, buffers)) > _MOST_BYTES:
+            raise InputError(f"{path}: its buffers are larger than {_MOST_BYTES >> 20} MiB together")
+    return document, buffers
 
 
 def _read_uri(path: Path, uri: str) -> bytes:
+    """Read a buffer: of the document itself, or of a file in its folder or below."""
     if uri.startswith("data:"):
         return base64.b64decode(uri.split(",", 1)[1])
-    return (path.parent / uri).read_bytes()
+    folder = path.parent.resolve()
+    beside = (folder / unquote(uri)).resolve()
+    if not beside.is_relative_to(folder):
+        raise InputError(f"{path}: its buffer {uri!r:.200} is outside of its folder, and is not read")
+    try:
+        with open_ordinary(beside, _MOST_BYTES) as stream:
+            return stream.read()
+    except InputError as error:
+        raise InputError(f"{path} cannot be read as glTF 2.0: {error}") from error
 
 
 def _array(document: GLTF2, buffers: list[bytes], number: int) -> NDArray[Any]:
@@ -92,6 +134,8 @@ def _array(document: GLTF2, buffers: list[bytes], number: int) -> NDArray[Any]:
     view = document.bufferViews[accessor.bufferView]
     dtype, width = np.dtype(_TYPES[accessor.componentType]), _WIDTHS[accessor.type]
     start, step = view.byteOffset + accessor.byteOffset, view.byteStride or width * dtype.itemsize
+    if accessor.count > 3 * _MOST_VERTICES:  # the corners of as many triangles, and more
+        raise InputError(f"an array of {accessor.count} is too long; at most {3 * _MOST_VERTICES} are read")
     shape, strides = (accessor.count, width), (step, dtype.itemsize)
     array = np.ndarray(shape, dtype, buffers[view.buffer], start, strides)
     return array / np.iinfo(dtype).max if accessor.normalized else array.copy()
@@ -107,12 +151,13 @@ def _skinned_nodes(path: Path, document: GLTF2) -> list[Node]:
 
 def _mesh(path: Path, document: GLTF2, buffers: list[bytes]) -> _Skinned:
     """Put all triangles of one skin together; vertices that textures' seams double become one."""
-    parts = [
-        _part(document, buffers, primitive)
-        for node in _skinned_nodes(path, document)
-        for primitive in document.meshes[node.mesh].primitives
-        if primitive.mode == TRIANGLES and primitive.attributes.JOINTS_0 is not None
-    ]
+    parts: list[_Skinned] = []
+    for node in _skinned_nodes(path, document):
+        for primitive in document.meshes[node.mesh].primitives:
+            if primitive.mode == TRIANGLES and primitive.attributes.JOINTS_0 is not None:
+                parts.append(_part(document, buffers, primitive))
+                if sum(len(part.vertices) for part in parts) > _MOST_VERTICES:
+                    raise InputError(f"{path} has over {_MOST_VERTICES} vertices; make its mesh coarser")
     if not parts:
         raise InputError(f"{path} has no skinned triangles")
     first = np.cumsum([0] + [len(p.vertices) for p in parts])
@@ -120,6 +165,8 @@ def _mesh(path: Path, document: GLTF2, buffers: list[bytes]) -> _Skinned:
     vertices, bones, weights = (
         np.concatenate([getattr(p, name) for p in parts]) for name in ("vertices", "bones", "weights")
     )
+    if not np.isfinite(vertices).all() or not np.isfinite(weights).all():
+        raise InputError(f"{path} has vertices or weights that are not finite")
     size = np.ptp(vertices[:, 1]) + np.ptp(vertices[:, 2])
     places = np.round(vertices / (_SAME * size))
     _, kept, number = np.unique(places, axis=0, return_index=True, return_inverse=True)
@@ -146,17 +193,22 @@ def _part(document: GLTF2, buffers: list[bytes], primitive: Primitive) -> _Skinn
 def _rig(path: Path, document: GLTF2, buffers: list[bytes], skin: Skin) -> SourceMotion:
     """Give the bones in the bind pose, parents before children, and in the skin's numbering."""
     bones, nodes = skin.joints, document.nodes
+    if len(bones) > _MOST_BONES:
+        raise InputError(f"{path}: its rig has {len(bones)} bones; at most {_MOST_BONES} are read")
     if skin.inverseBindMatrices is None:
         raise InputError(f"{path}: its rig has no bind pose (inverseBindMatrices)")
     inverse = _array(document, buffers, skin.inverseBindMatrices).astype(np.float64)
     heads: Array = np.linalg.inv(inverse.reshape(-1, 4, 4).transpose(0, 2, 1))[:, :3, 3].astype(np.float64)
     above = {child: k for k, node in enumerate(nodes) for child in node.children}
+    number = {bone: k for k, bone in enumerate(bones)}
     parents = np.full(len(bones), -1)
     for k, bone in enumerate(bones):
-        parent = above.get(bone)
-        while parent is not None and parent not in bones:
-            parent = above.get(parent)
-        parents[k] = -1 if parent is None else bones.index(parent)
+        parent, steps = above.get(bone), 0
+        while parent is not None and parent not in number:
+            parent, steps = above.get(parent), steps + 1
+            if steps > _MOST_DEPTH:
+                raise InputError(f"{path}: its nodes lie in a circle, or over {_MOST_DEPTH} deep")
+        parents[k] = -1 if parent is None else number[parent]
     if (parents >= np.arange(len(bones))).any():
         raise InputError(f"{path}: bones come before their parents; export the rig again")
     return SourceMotion(

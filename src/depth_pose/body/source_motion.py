@@ -3,11 +3,38 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from depth_pose.core.errors import InputError
+
 Array = NDArray[np.float64]
+
+MOST_MOTION_BYTES = 1 << 28
+"""Largest file of motion, 256 MiB: an hour of 60 channels at 120 frames a second. Set by hand."""
+
+MOST_JOINTS = 1000
+"""Those of people have 20 to 200 joints, fingers and face included. Set by hand."""
+
+MOST_ROTATIONS = 20_000_000
+"""Frames times joints: an hour of 46 joints at 120 frames a second, 1.4 GB. Set by hand."""
+
+
+def check_motion_size(path: Path | str, frames: int, joints: int) -> None:
+    """Refuse motion of more frames and joints than can honestly be, before it is made.
+
+    Raises
+    ------
+    InputError
+        Where there are too many.
+    """
+    if joints > MOST_JOINTS or frames * joints > MOST_ROTATIONS:
+        raise InputError(
+            f"{path}: {frames} frames of {joints} joints are too many; at most {MOST_JOINTS} joints, and "
+            f"{MOST_ROTATIONS} of frames times joints, are read: cut it into parts"
+        )
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ Each command's module imports what it works with inside the command, so that hel
 from __future__ import annotations
 
 import sys
+from io import TextIOWrapper
 
 import typer
 
@@ -71,6 +72,9 @@ app.add_typer(volume_app, name="volume")
 
 def main() -> None:
     """Run the command; errors of ours are one line, exit code 1; 2 for a wrong setting, 3 for damage."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, TextIOWrapper):  # what the terminal has no letter for is no reason to stop
+            stream.reconfigure(errors="backslashreplace")
     try:
         with exit_on_damage():
             app(prog_name="depth-pose")
@@ -79,9 +83,13 @@ def main() -> None:
         sys.exit(2 if isinstance(error, ConfigError) else 1)
     except BrokenPipeError:
         sys.exit(1)
+    except OSError as error:  # a full disk, a folder that must not be read
+        reason = f"{error.filename}: {error.strerror}" if error.filename else str(error)
+        errors.print(f"[bold red]error:[/bold red] {_plain(reason)}", highlight=False, soft_wrap=True)
+        sys.exit(1)
 
 
-def _plain(error: Exception) -> str:
+def _plain(error: Exception | str) -> str:
     from rich.markup import escape
 
     return escape(str(error))

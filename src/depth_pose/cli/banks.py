@@ -10,6 +10,7 @@ import typer
 
 from depth_pose.cli.console import console, errors, print_facts, progress_bar
 from depth_pose.core.errors import ConfigError
+from depth_pose.core.outputs import check_targets
 
 if TYPE_CHECKING:
     from depth_pose.bank import Bank
@@ -83,6 +84,9 @@ def build(
 
     if with_embedded and mocap is None:
         raise ConfigError("--with-embedded says what to add to --mocap, which is not given")
+    path = output or default_bank_path()
+    is_file = body not in ("embedded", "anny")
+    check_targets([path], [mocap, body if is_file else None])
     chosen: dict[str, Any] = {"poses": poses, "seed": seed, "views": views}
     config = BuildConfig(**{name: value for name, value in chosen.items() if value is not None})
     start = time.monotonic()
@@ -93,7 +97,6 @@ def build(
         bank = build_bank(
             made, sources.poses.rotations, config, source, lambda done, _: update(done), workers, scheduler
         )
-    path = output or default_bank_path()
     bank.save(path)
     _print_files(sources.reports)
     _print_bank(path, bank)
@@ -129,8 +132,10 @@ def info(
     depth-pose bank info my_bank.npz --sheet exemplars.png
     """
     from depth_pose.bank import Bank, default_bank_path
+    from depth_pose.evaluate.pictures import check_picture
 
     path = file or default_bank_path()
+    check_picture(sheet, [path])
     bank = Bank.load(path)
     _print_bank(path, bank)
     if sheet is not None:
@@ -161,7 +166,9 @@ def check(
     """
     from depth_pose.bank import Bank, default_bank_path
     from depth_pose.evaluate.bank_check import match_frames, save_check
+    from depth_pose.evaluate.pictures import check_picture
 
+    check_picture(output, [recording, bank or default_bank_path()])
     loaded = Bank.load(bank or default_bank_path())
     with progress_bar("matching", frames) as update:
         matched = match_frames(loaded, recording, frames, candidates, depth_topic, update)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -14,8 +13,9 @@ from rich.console import Console
 from rich.markup import escape
 
 from depth_pose.core.config import SHORT_NAMES, PipelineConfig
-from depth_pose.core.errors import ConfigError, InputError
+from depth_pose.core.errors import ConfigError
 from depth_pose.core.options import Sections, options
+from depth_pose.core.reading import parse_json, parse_yaml, read_text
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -24,6 +24,9 @@ console = Console()
 errors = Console(stderr=True)
 
 _LEAST_LINE_GAP_S = 2.0
+
+STOPPED = 130
+"""Exit code after Ctrl-C, as shells have it."""
 
 
 def setting(config: type, name: str, *flags: str) -> Any:
@@ -60,21 +63,23 @@ def read_settings(path: Path, config: type[Sections] = PipelineConfig) -> dict[s
     ConfigError
         Where it is no mapping of mappings.
     """
-    try:
-        text = path.read_text()
-    except OSError as error:
-        raise InputError(f"{path} cannot be read: {error.strerror}") from error
-    values = _parse(path, text)
+    text = read_text(path)
+    values = parse_json(path, text) if path.suffix.lower() == ".json" else parse_yaml(path, text)
     if values is None:
         return {}
     if isinstance(values, Mapping) and "/**" in values:
         inside = values["/**"]
-        everything = inside.get("ros__parameters", {}) if isinstance(inside, Mapping) else {}
+        everything = inside.get("ros__parameters") if isinstance(inside, Mapping) else None
+        if not isinstance(everything, Mapping) or not all(isinstance(name, str) for name in everything):
+            raise ConfigError(f"{path}: /** is to hold ros__parameters, a mapping of names to values")
         sections = config().as_mapping()
         everything = dict(_long_name(name, value) for name, value in everything.items())
         values = _nested({k: v for k, v in everything.items() if k.partition(".")[0] in sections})
     if not isinstance(values, Mapping) or not all(isinstance(part, Mapping) for part in values.values()):
         raise ConfigError(f"{path} is to hold settings by step, for instance 'segment: {{near: 0.5}}'")
+    odd = [name for part in values.values() for name in part if not isinstance(name, str)]
+    if odd:
+        raise ConfigError(f"{path}: {odd[0]!r} is no setting's name")
     return {str(name): dict(part) for name, part in values.items()}
 
 
@@ -83,20 +88,6 @@ def _long_name(name: str, value: Any) -> tuple[str, Any]:
     if name in SHORT_NAMES and not isinstance(value, Mapping):
         return ".".join(SHORT_NAMES[name]), value
     return name, value
-
-
-def _parse(path: Path, text: str) -> Any:
-    if path.suffix.lower() == ".json":
-        try:
-            return json.loads(text)
-        except ValueError as error:
-            raise ConfigError(f"{path} is not JSON: {error}") from error
-    import yaml
-
-    try:
-        return yaml.safe_load(text)
-    except yaml.YAMLError as error:
-        raise ConfigError(f"{path} is not YAML: {' '.join(str(error).split())}") from error
 
 
 def _nested(flat: Mapping[str, Any]) -> dict[str, Any]:
@@ -191,6 +182,11 @@ def print_facts(title: str, facts: Iterable[tuple[str, str]]) -> None:
     for name, value in facts:
         table.add_row(escape(name), escape(value))
     console.print(table)
+
+
+def tell_stopped(stopped: BaseException) -> None:
+    """Say what Ctrl-C has left."""
+    errors.print(f"stopped; {stopped}", highlight=False, markup=False, soft_wrap=True)
 
 
 def warn(lines: Iterable[str]) -> None:

@@ -14,6 +14,7 @@ from depth_pose.cli.damage import LENIENT_HELP, be_lenient
 from depth_pose.cli.images import IMAGE_FPS, IMAGE_INTRINSICS, IMAGE_SCALE
 from depth_pose.core.config import FollowConfig, RefineConfig, SegmentConfig
 from depth_pose.core.errors import ConfigError, DepthPoseError
+from depth_pose.core.outputs import check_targets
 from depth_pose.io.damage import tell_damage
 from depth_pose.io.image_options import ImageOptions
 
@@ -29,6 +30,7 @@ def add_to(app: typer.Typer) -> None:
 def call_ros(module: str, function: str, *arguments: Any, **options: Any) -> Any:
     """Call a function of one of our modules that need ROS."""
     try:
+        importlib.import_module("depth_pose.ros.process.logs").ensure_log_folder()
         found = importlib.import_module(f"depth_pose.ros.{module}")
         return getattr(found, function)(*arguments, **options)
     except ModuleNotFoundError as error:
@@ -198,6 +200,7 @@ def record(
 
     depth-pose record -o all.mcap --seconds 30
     """
+    check_targets([output])
     console.print("recording, Ctrl-C ends" if seconds is None else f"recording {seconds:g} s")
     counts = call_ros("transport.bag", "record", output, topics or None, seconds=seconds)
     if not counts:

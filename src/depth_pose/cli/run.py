@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from depth_pose.cli.console import (
+    STOPPED,
     archive_bar,
     console,
     errors,
@@ -19,12 +20,14 @@ from depth_pose.cli.console import (
     progress_bar,
     read_settings,
     setting,
+    tell_stopped,
     warn,
 )
 from depth_pose.cli.damage import LENIENT_HELP, be_lenient, warn_of
 from depth_pose.cli.images import IMAGE_FPS, IMAGE_INTRINSICS, IMAGE_SCALE
 from depth_pose.core.config import FollowConfig, PersonalConfig, PipelineConfig, RefineConfig, SegmentConfig
 from depth_pose.core.errors import ConfigError, InputError
+from depth_pose.core.outputs import check_targets
 from depth_pose.io.damage import tell_damage
 from depth_pose.io.image_options import ImageOptions
 
@@ -35,9 +38,6 @@ if TYPE_CHECKING:
 
 _MOST_ROWS = 40
 """Recordings in the table that is printed; of more, those with warnings. ``report.csv`` has them all."""
-
-_STOPPED = 130
-"""Exit code after Ctrl-C, as shells have it."""
 
 
 def add_to(app: typer.Typer) -> None:
@@ -124,6 +124,8 @@ def run(
 
     depth-pose run recordings/ -o skeletons/ --workers 8
 
+    depth-pose run https://lab.example/ward/ -o skeletons/
+
     depth-pose run 'ward/**/depth_*.mcap' more.mcap -o skeletons/ --cluster tcp://head:8786
     """
     be_lenient(lenient)
@@ -144,6 +146,7 @@ def run(
             raise ConfigError(
                 "--cluster is for several recordings; with one, let -o be a folder that is there"
             )
+        check_targets([output, save_build], [recordings[0], bank, params, config.build.file or None])
         _run_one(Path(recordings[0]), output, bank, depth_topic, images, config, save_build)
     else:
         if save_build is not None:
@@ -157,8 +160,9 @@ def run(
 def _is_one(recordings: list[str], output: Path) -> bool:
     """Whether one recording is to go to one file."""
     from depth_pose.archive.inputs import is_one_recording
+    from depth_pose.archive.remote import is_remote
 
-    if len(recordings) > 1 or output.is_dir():
+    if len(recordings) > 1 or output.is_dir() or is_remote(recordings[0]):
         return False
     path = Path(recordings[0])
     if not path.exists():
@@ -177,6 +181,7 @@ def _run_one(
 ) -> None:
     """Run one recording to one file."""
     from depth_pose.io.mcap_read import DepthReader
+    from depth_pose.io.mcap_write import PartlyWritten
 
     reader = DepthReader(recording, depth_topic, images, tell=False)
 
@@ -187,8 +192,12 @@ def _run_one(
     with console.status("loading the bank and compiling the kernels"):
         pipeline = PosePipeline(Bank.load(bank or default_bank_path()), config)
         pipeline.warm_up()
-    with progress_bar(recording.name, len(reader)) as update:
-        summary = process_recording(reader, output, pipeline, update)
+    try:
+        with progress_bar(recording.name, len(reader)) as update:
+            summary = process_recording(reader, output, pipeline, update)
+    except PartlyWritten as stopped:
+        tell_stopped(stopped)
+        raise typer.Exit(STOPPED) from None
     warn_of(summary.warnings, reader.damage)
     if save_build is not None:
         _save_build(save_build, pipeline.refiner.builds.best_known())
@@ -207,7 +216,7 @@ def _run_one(
         ("skeletons", sources or "none"),
         ("time per frame", f"{summary.median_ms:.1f} ms (95 % below {summary.p95_ms:.1f} ms)"),
     ]
-    print_facts(f"{recording} → {output}", facts)
+    print_facts(f"{recording} -> {output}", facts)
 
 
 def _save_build(path: Path, known: KnownBuild | None) -> None:
@@ -231,16 +240,18 @@ def _run_archive(
 ) -> None:
     """Run many recordings to a folder."""
     from depth_pose.archive.inputs import find_sources
+    from depth_pose.archive.report import REPORT, Report
+    from depth_pose.archive.sheet import SHEET
 
     if workers is not None and cluster is not None:
         raise ConfigError("--workers are processes of this machine, --cluster has its own; give one of them")
     sources = find_sources(inputs, folder)
     if folder.suffix == ".mcap" or folder.is_file():
         raise ConfigError(f"the skeletons of several recordings go to a folder; {folder} is a file's name")
+    check_targets([folder / REPORT, folder / SHEET], [bank])
 
     from depth_pose.archive.jobs import Setting
     from depth_pose.archive.process import Progress, process_archive
-    from depth_pose.archive.report import REPORT, Report
     from depth_pose.bank import Bank, default_bank_path
 
     bank_id = Bank.load(bank or default_bank_path()).bank_id
@@ -261,7 +272,7 @@ def _run_archive(
         errors.print(
             f"stopped; {len(rows)} of {len(sources)} recordings are done, the same command goes on from there"
         )
-        raise typer.Exit(_STOPPED) from None
+        raise typer.Exit(STOPPED) from None
     except BaseException:
         report.finish(names)
         raise
@@ -282,7 +293,10 @@ def _draw(
 
     if all(row.state != "done" for row in rows):
         return
-    made = [source for source, row in zip(sources, rows, strict=True) if row.state != "failed" and row.people]
+    here = [(source, row) for source, row in zip(sources, rows, strict=True) if not source.url]
+    made = [source for source, row in here if row.state != "failed" and row.people]
+    if not made:
+        return
     try:
         with console.status("drawing the sheet"):
             save_archive_sheet(made, folder, folder / SHEET, depth_topic, images)

@@ -54,6 +54,9 @@ def evaluate(
 
     depth-pose eval joints_2d.json out.mcap --recording in.mcap
     """
+    from depth_pose.evaluate.pictures import check_picture
+
+    check_picture(plot, [truth, predicted, recording])
     if truth.suffix == ".json":
         _evaluate_2d(truth, predicted, recording, topic or SKELETON_TOPIC, as_json)
         return
@@ -203,6 +206,8 @@ def overlay(
     depth-pose overlay sim.mcap out.mcap -o picture.png --truth sim.npz --frames 12
     """
     from depth_pose.evaluate.overlay import save_overlay
+    from depth_pose.evaluate.pictures import check_picture
 
+    check_picture(output, [recording, skeletons, truth])
     save_overlay(recording, skeletons, output, frames, truth, depth_topic=depth_topic, skeleton_topic=topic)
     console.print(f"wrote {output}", soft_wrap=True, highlight=False)

@@ -9,6 +9,7 @@ import typer
 
 from depth_pose.cli.console import given, print_facts, progress_bar, setting
 from depth_pose.core.errors import ConfigError
+from depth_pose.core.outputs import check_targets
 from depth_pose.sim.config import Person, Placement, Room
 
 if TYPE_CHECKING:
@@ -78,6 +79,8 @@ def simulate(
 
     depth-pose simulate -o room.mcap --room --people 3 --seed 7
     """
+    if output.suffix != ".mcap":
+        raise ConfigError(f"{output} is to be a recording: its name must end in .mcap")
     chosen = given(
         stature=stature,
         girth=girth,
@@ -96,8 +99,11 @@ def simulate(
         unused = [*given(motion=motion, sensor=sensor), *chosen, *placed, *shell]
         if unused:
             raise ConfigError(f"--room draws all from --seed; leave out --{unused[0].replace('_', '-')}")
+        check_targets([output, output.with_suffix(".npz")])
         _simulate_room(output, 2 if people is None else people, width or _ROOM_WIDTH_PX, seconds, seed)
         return
+    is_file = motion is not None and motion.lower().endswith(".bvh")
+    check_targets([output, output.with_suffix(".npz")], [motion if is_file else None])
     stage = _stage(sensor or "tof", width, Placement(**placed), Room(**shell))
     _simulate_person(output, Person(**chosen), stage, motion or "play", seconds, seed)
 

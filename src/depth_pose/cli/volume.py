@@ -8,9 +8,19 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from depth_pose.cli.console import console, given, print_facts, progress_bar, read_settings, setting
+from depth_pose.cli.console import (
+    STOPPED,
+    console,
+    given,
+    print_facts,
+    progress_bar,
+    read_settings,
+    setting,
+    tell_stopped,
+)
 from depth_pose.cli.damage import warn_of
 from depth_pose.core.errors import ConfigError
+from depth_pose.core.outputs import check_targets
 from depth_pose.volume.config import LearnConfig, SpaceConfig, TrackConfig, ViewsConfig, VolumeConfig
 
 if TYPE_CHECKING:
@@ -146,8 +156,11 @@ def train(
 
     depth-pose volume train --input depth -o one_camera.npz
     """
+    from depth_pose.evaluate.pictures import check_picture
     from depth_pose.volume_learn.training import PERFORMANCES, dance_clips
 
+    check_targets([output, plot], [*(motion or []), rig, params])
+    check_picture(plot)
     start = time.monotonic()
     config = _settings(params, learn=given(iterations=iterations, latent=latent), space=given(voxel=voxel))
     clips = [_captured(path) for path in motion or []] or dance_clips(dance, performances or PERFORMANCES)
@@ -198,12 +211,14 @@ def run(
 
     depth-pose volume run dance.mcap --rig rig.yaml --model swing.npz -o skeletons.mcap
     """
+    from depth_pose.io.mcap_write import PartlyWritten
     from depth_pose.offline import process_recording
     from depth_pose.volume.model import VolumeModel
     from depth_pose.volume.pipeline import VolumePipeline
     from depth_pose.volume.recordings import ViewReader
     from depth_pose.volume.rigfile import load_rig
 
+    check_targets([output], [recording, model, rig, params])
     config = _settings(
         params, space=given(voxel=voxel), views=given(cut_out=cut_out),
         track=given(particles=particles, likelihood=likelihood, stature=stature, refine=refine),
@@ -213,11 +228,15 @@ def run(
     with console.status("loading the model and compiling the kernels"):
         pipeline = VolumePipeline(learned, cameras, config)
         pipeline.warm_up()
-    with progress_bar(recording.name, None) as update:
-        summary = process_recording(reader, output, pipeline, update)
+    try:
+        with progress_bar(recording.name, None) as update:
+            summary = process_recording(reader, output, pipeline, update)
+    except PartlyWritten as stopped:
+        tell_stopped(stopped)
+        raise typer.Exit(STOPPED) from None
     warn_of(summary.warnings, reader.damage)
     print_facts(
-        f"{recording} → {output}",
+        f"{recording} -> {output}",
         [
             ("frames", str(summary.frames)),
             ("answered", str(summary.answered)),
@@ -298,11 +317,15 @@ def demo(
 
     depth-pose volume demo --model depth.npz --input depth --cameras 2 --garment robe --record dance.mcap
     """
+    from depth_pose.evaluate.pictures import check_picture
     from depth_pose.volume.model import VolumeModel
     from depth_pose.volume_learn.figures import save_report
     from depth_pose.volume_learn.report import report_rows, track_performance
     from depth_pose.volume_learn.training import dance_clips
 
+    beside = record.with_suffix(".yaml") if record else None
+    check_targets([output, record, beside], [model])
+    check_picture(output)
     learned = (
         VolumeModel.load(model)
         if model

@@ -1,7 +1,8 @@
 """Projection and back-projection for kernels; a camera is a `depth_pose.core.camera.Camera`."""
 
 import numpy as np
-from numba import njit
+
+from depth_pose.core.kernels import njit
 
 
 @njit(cache=True, inline="always")

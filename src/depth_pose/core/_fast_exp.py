@@ -7,7 +7,8 @@ as weights need, `gauss` in more, where the answer is to be exact and its tail c
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from depth_pose.core.kernels import njit
 
 CUT = 16.0
 """`gauss` is 0 from here on, that is beyond 5.7 sigma (1e-7)."""

@@ -8,9 +8,9 @@ thousands of faces a frame the wrong guesses cost more than the sums.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from depth_pose.core._camera_kernels import project
+from depth_pose.core.kernels import njit
 
 NEAR_M = 0.05
 """What is nearer to the camera than this is not drawn, metres: no sensor sees it."""

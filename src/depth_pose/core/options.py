@@ -97,7 +97,10 @@ def _as(kind: type, value: Any, where: str) -> Any:
     if kind is tuple and isinstance(value, Sequence) and not isinstance(value, str):
         return tuple(_as(float, one, where) for one in value)
     if kind is float and isinstance(value, int) and not isinstance(value, bool):
-        return float(value)
+        try:
+            return float(value)
+        except OverflowError:
+            raise ConfigError(f"{where} is larger than any number of its kind") from None
     if type(value) is not kind:
         wanted = "a list of numbers" if kind is tuple else f"of type {kind.__name__}"
         raise ConfigError(f"{where} is {value!r}; it must be {wanted}")

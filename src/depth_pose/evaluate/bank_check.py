@@ -16,6 +16,7 @@ from depth_pose.core.errors import InputError
 from depth_pose.core.skeleton import JOINT_NODES
 from depth_pose.core.types import DepthFrame, PoseMatch
 from depth_pose.evaluate.bank_sheet import draw_depth
+from depth_pose.evaluate.pictures import save_picture
 from depth_pose.fit.articulated import candidate_pose
 from depth_pose.fit.rendered_depth import DepthComparer
 from depth_pose.io.mcap_read import DepthReader
@@ -150,8 +151,7 @@ def save_check(matched: Matched, bank: Bank, path: str | Path, title: str = "") 
         fontsize=9,
         va="center",
     )
-    Path(path).parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, facecolor=_DARK)
+    save_picture(figure, path, facecolor=_DARK)
 
 
 def _draw_match(panels: list[Any], frame: MatchedFrame, match: PoseMatch | None, bank: Bank) -> None:

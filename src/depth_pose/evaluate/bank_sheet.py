@@ -15,6 +15,7 @@ from depth_pose.core.camera import Camera
 from depth_pose.core.rotations import R_CAMERA_FACING_MODEL, quat_to_matrix
 from depth_pose.core.skeleton import BONES, JOINT_NODES
 from depth_pose.evaluate.overlay import bone_colour
+from depth_pose.evaluate.pictures import save_picture
 from depth_pose.evaluate.shading import shade_depth
 
 _PIXELS = 150
@@ -61,8 +62,7 @@ def save_contact_sheet(bank: Bank, path: str | Path, count: int = 48) -> None:
         _draw_exemplar(axes, bank, exemplar, i % bank.views)
     title = f"{len(chosen)} of {bank.poses} poses, one of {bank.views} views each; bank {bank.bank_id}"
     figure.text(0.006, (1 + top) / 2, title, color="white", fontsize=9, va="center")
-    Path(path).parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, facecolor=_DARK)
+    save_picture(figure, path, facecolor=_DARK)
 
 
 def exemplar_depth(bank: Bank, exemplar: int, view: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

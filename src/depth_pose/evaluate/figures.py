@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from depth_pose.evaluate.pictures import save_picture
 from depth_pose.evaluate.score import Score
 
 LEFT, RIGHT, MIDDLE = "#f08a24", "#1f9bcf", "#8a8f98"
@@ -65,5 +66,4 @@ def save_joint_errors(score: Score, path: Path | str, title: str = "") -> None:
     )
     axes.set_title(f"{title}\n{numbers}" if title else numbers, fontsize=10, loc="left")
     figure.tight_layout()
-    Path(path).parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path)
+    save_picture(figure, path)

@@ -14,6 +14,7 @@ from depth_pose.core.errors import InputError
 from depth_pose.core.skeleton import BONES, JOINT_INDEX, JOINTS, JointState
 from depth_pose.core.types import DepthFrame, Skeleton
 from depth_pose.evaluate.figures import LEFT, MIDDLE, RIGHT
+from depth_pose.evaluate.pictures import save_picture
 from depth_pose.evaluate.score_people import WEAK_SHARE
 from depth_pose.evaluate.shading import shade_depth
 from depth_pose.evaluate.truth import STAMP_TOLERANCE_NS, KnownPeople, load_known_people
@@ -153,8 +154,7 @@ def draw_sheet(panels: list[Panel], path: Path, title: str) -> None:
     for i, panel in enumerate(panels):
         _draw_panel(figure.add_subplot(grid[divmod(i, columns)]), panel, width / height)
     _draw_legend(figure, title, any(len(p.truth) for p in panels))
-    path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, facecolor=figure.get_facecolor())
+    save_picture(figure, path, facecolor=figure.get_facecolor())
 
 
 def _draw_panel(axes: Any, panel: Panel, aspect: float) -> None:

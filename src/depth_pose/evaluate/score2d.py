@@ -6,7 +6,6 @@ joints' ``[u, v, visibility]``. Distances are told as shares of the person's hei
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,11 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.errors import InputError
+from depth_pose.core.reading import parse_json, read_text
 from depth_pose.core.skeleton import JOINT_INDEX
 from depth_pose.core.types import DepthFrame, Skeleton
 from depth_pose.evaluate.overlay import project
 from depth_pose.io.mcap_read import DepthReader, read_skeletons
 from depth_pose.io.schemas import SKELETON_TOPIC
+
+_MOST_BYTES = 1 << 28
+"""Largest reference file: 256 MiB, some ten hours at 30 frames a second. Set by hand."""
 
 LEAST_VISIBILITY = 0.5
 """Reference joints less visible than this are not scored."""
@@ -111,17 +114,13 @@ def score_2d(
 
 
 def _load_reference(path: Path) -> list[dict[str, list[float]]]:
-    try:
-        known = json.loads(path.read_text())
-    except OSError as error:
-        raise InputError(f"{path} cannot be read: {error.strerror}") from error
-    except ValueError as error:
-        raise InputError(f"{path} is not JSON: {error}") from error
+    known = parse_json(path, read_text(path, _MOST_BYTES), InputError)
     if not isinstance(known, list) or not all(isinstance(frame, dict) for frame in known):
         raise InputError(f"{path} is to be a list with one mapping of joints per frame")
     for i, frame in enumerate(known):
         for name, values in frame.items():
-            if name not in JOINT_INDEX or not isinstance(values, list) or len(values) != 3:
+            fits = isinstance(values, list) and all(type(v) in (int, float) for v in values)
+            if name not in JOINT_INDEX or not fits or len(values) != 3:
                 raise InputError(f"{path}: frame {i}: {name} is to be a joint with [u, v, visibility]")
     return known
 

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from depth_pose.core.arrays import DamagedArrays, load_arrays
 from depth_pose.core.errors import InputError
 
 STAMP_TOLERANCE_NS = 2_000_000
@@ -133,15 +134,16 @@ def pair_files(truth: Path, predicted: Path) -> list[tuple[Path, Path]]:
 def _read(path: Path | str) -> tuple[dict[str, NDArray[np.generic]], tuple[str, ...]]:
     """Read and check the arrays of a file, and the joints' names."""
     try:
-        with np.load(path, allow_pickle=False) as file:
-            missing = [name for name in _FIELDS if name not in file.files]
-            if missing:
-                raise InputError(f"{path} is no truth file: it has no {', '.join(missing)}")
-            fields = {name: file[name] for name in (*_FIELDS, "visible") if name in file.files}
-    except OSError as error:
-        raise InputError(f"{path} cannot be read: {error.strerror or error}") from error
-    except ValueError as error:
-        raise InputError(f"{path} is no truth file: {error}") from error
+        fields = load_arrays(path, (*_FIELDS, "visible"))
+    except DamagedArrays as error:
+        raise InputError(f"{path} cannot be read as a truth file: {error}") from error
+    missing = [name for name in _FIELDS if name not in fields]
+    if missing:
+        raise InputError(f"{path} is no truth file: it has no {', '.join(missing)}")
+    for name, array in fields.items():
+        kinds = "U" if name == "names" else "iu" if name == "stamps_ns" else "biuf"
+        if array.dtype.kind not in kinds or (array.ndim != 1 and name in ("names", "stamps_ns")):
+            raise InputError(f"{path} is no truth file: {name} is {array.dtype}{list(array.shape)}")
     names = tuple(str(name) for name in fields.pop("names"))
     _check_shapes(path, fields, names)
     return fields, names

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from depth_pose.core._rotation_kernels import multiply, rotation_between
+from depth_pose.core.kernels import njit
 
 _SHORT_M = 1e-6
 """Bones shorter than this have no direction."""

@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 
 from depth_pose.body._skin_kernels import skin
 from depth_pose.core._camera_kernels import project, ray
 from depth_pose.core._fast_exp import falling_exp
 from depth_pose.core._raster_kernels import NEAR_M, rasterize
+from depth_pose.core.kernels import njit
 from depth_pose.fit._aim_kernels import nearer_naming
 from depth_pose.fit._grid_kernels import Grid, bounds, sort_into_cells
 from depth_pose.fit._tree_kernels import Equations, add_vertex, take_step

@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 
 from depth_pose.body._skin_kernels import skin
 from depth_pose.core._camera_kernels import project, ray
 from depth_pose.core._raster_kernels import NEAR_M, rasterize
+from depth_pose.core.kernels import njit
 from depth_pose.fit._articulated_kernels import assign
 from depth_pose.fit._visibility_kernels import mark_visible, turn_normals
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 
 from depth_pose.core._fast_exp import CUT, gauss
+from depth_pose.core.kernels import njit
 from depth_pose.fit._grid_kernels import Grid, bounds, sort_into_cells
 
 _CELL_M = 0.04

@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
+
+from depth_pose.core.kernels import njit
 
 
 class Grid(NamedTuple):

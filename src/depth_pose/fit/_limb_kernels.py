@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from depth_pose.core._camera_kernels import project
+from depth_pose.core.kernels import njit
 
 _OUT = 0.3
 """What a ball counts, of its area, where nothing tells whether the limb is there: off the image, in

@@ -8,11 +8,11 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from depth_pose.body._skin_kernels import Skin
 from depth_pose.core._rotation_kernels import multiply, rotation_of
+from depth_pose.core.kernels import njit
 
 _HOLD = 1e-6
 """Added to the diagonal of the normal equations, so that what no point pulls at has a solution."""

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from depth_pose.core._camera_kernels import project
 from depth_pose.core._raster_kernels import NEAR_M
+from depth_pose.core.kernels import njit
 
 
 @njit(cache=True, fastmath=True, forceinline=True)

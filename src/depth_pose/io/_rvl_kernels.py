@@ -9,8 +9,9 @@ highest bit says that more follow; the half bytes fill 32-bit little-endian word
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from depth_pose.core.kernels import njit
 
 
 @njit(cache=True)

@@ -236,6 +236,11 @@ class DepthReader:
         return self.topic.frames
 
     @property
+    def path(self) -> Path:
+        """The recording's file or folder."""
+        return self._recording.path
+
+    @property
     def dropped(self) -> int:
         """Number of frames, since iteration began, that could not be used."""
         return self._dropped.total()

@@ -6,12 +6,10 @@ of the machine or the moment is written.
 
 from __future__ import annotations
 
-import os
-import platform
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import BinaryIO, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from mcap.writer import CompressionType, Writer
@@ -19,6 +17,7 @@ from numpy.typing import NDArray
 
 from depth_pose.core.camera import Camera
 from depth_pose.core.errors import InputError
+from depth_pose.core.outputs import NewFile
 from depth_pose.core.types import DepthFrame, Skeleton
 from depth_pose.io import schemas
 from depth_pose.io._messages import write_camera_info, write_image, write_people, write_skeleton
@@ -26,40 +25,34 @@ from depth_pose.io.schemas import DEPTH_TOPIC, PEOPLE_TOPIC, SKELETON_TOPIC
 
 _Writer = TypeVar("_Writer", bound="_RecordingWriter")
 
-_PART = ".part"
 
+class PartlyWritten(KeyboardInterrupt):
+    """Ctrl-C, after which what was written until then stands in a file of its own.
 
-def remove_parts(paths: Iterable[Path | str]) -> None:
-    """Remove what writers of these recordings that were killed have left beside them."""
-    names: dict[Path, list[str]] = {}
-    for path in map(Path, paths):
-        names.setdefault(path.parent, []).append(f".{path.name}.")
-    for folder, beginnings in names.items():
-        parts = folder.glob(f".*{_PART}") if folder.is_dir() else ()
-        for part in parts:
-            if part.name.startswith(tuple(beginnings)):
-                part.unlink(missing_ok=True)
+    Attributes
+    ----------
+    path : Path
+        That file, ``NAME.partial.mcap``.
+    """
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(f"what was done until then is in {path}")
+        self.path = path
 
 
 class _RecordingWriter:
     """A recording that stands under its name only once it is whole.
 
-    As a context manager it is closed at the end; after an error the file is left as it was
-    before. After Ctrl-C it holds what was written until then, unless it is to be whole or not at all.
+    As a context manager it is closed at the end; after an error, or Ctrl-C, the file is left as it was
+    before. What was written until Ctrl-C is kept as ``NAME.partial.mcap`` (`PartlyWritten`), unless the file
+    is to be whole or not at all.
     """
 
     def __init__(self, path: Path | str, only_whole: bool = False) -> None:
         self._path = Path(path)
         self._only_whole = only_whole
-        # nobody else's, on no machine that shares the folder
-        name = f".{self._path.name}.{platform.node()}.{os.getpid()}{_PART}"
-        self._part = self._path.with_name(name)
-        try:
-            self._path.parent.mkdir(parents=True, exist_ok=True)
-            self._stream: BinaryIO = self._part.open("wb")
-        except OSError as error:
-            raise InputError(f"{self._path} cannot be written: {error.strerror}") from error
-        self._writer = Writer(self._stream, compression=CompressionType.ZSTD)
+        self._file = NewFile(self._path)
+        self._writer = Writer(self._file.stream, compression=CompressionType.ZSTD)
         self._writer.start(profile="ros2", library="depth_pose")
         self._channels: dict[str, int] = {}
         self._counts: dict[str, int] = {}
@@ -71,13 +64,14 @@ class _RecordingWriter:
             self._counts[topic] = 0
         if stamp_ns < 0:
             raise InputError(f"{self._path}: stamp {stamp_ns} ns is below 0")
-        self._writer.add_message(
-            self._channels[topic],
-            log_time=stamp_ns,
-            publish_time=stamp_ns,
-            data=data,
-            sequence=self._counts[topic],
-        )
+        with self._file.telling():
+            self._writer.add_message(
+                self._channels[topic],
+                log_time=stamp_ns,
+                publish_time=stamp_ns,
+                data=data,
+                sequence=self._counts[topic],
+            )
         self._counts[topic] += 1
 
     def write_metadata(self, name: str, values: Mapping[str, str]) -> None:
@@ -86,15 +80,20 @@ class _RecordingWriter:
 
     def close(self) -> None:
         """Finish the file and give it its name."""
-        if not self._stream.closed:
-            self._writer.finish()  # type: ignore[no-untyped-call]
-            self._stream.close()
-            os.replace(self._part, self._path)
+        self._finish()
+        self._file.keep()
+
+    def _finish(self) -> None:
+        try:
+            with self._file.telling():
+                self._writer.finish()  # type: ignore[no-untyped-call]
+        except BaseException:
+            self.discard()
+            raise
 
     def discard(self) -> None:
         """Drop what was written."""
-        self._stream.close()
-        self._part.unlink(missing_ok=True)
+        self._file.discard()
 
     def __enter__(self: _Writer) -> _Writer:
         return self
@@ -102,8 +101,11 @@ class _RecordingWriter:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        if kind is None or (issubclass(kind, KeyboardInterrupt) and not self._only_whole):
+        if kind is None:
             self.close()
+        elif issubclass(kind, KeyboardInterrupt) and not self._only_whole and self._counts:
+            self._finish()
+            raise PartlyWritten(self._file.keep_partial()) from error
         else:
             self.discard()
 
@@ -118,7 +120,7 @@ class SkeletonWriter(_RecordingWriter):
     topic : str
         The topic's name.
     only_whole : bool
-        Leave the file as it was before after Ctrl-C too.
+        After Ctrl-C, drop what was written until then.
     """
 
     def __init__(self, path: Path | str, topic: str = SKELETON_TOPIC, only_whole: bool = False) -> None:
@@ -162,7 +164,7 @@ class DepthWriter(_RecordingWriter):
     ) -> None:
         if encoding not in ("16UC1", "32FC1"):
             raise InputError(f"{path}: encoding is {encoding!r}; it is 16UC1 or 32FC1")
-        super().__init__(path)
+        super().__init__(path, only_whole=True)
         self._camera = camera
         self._frame_id = frame_id
         self._topic = topic

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from depth_pose.core.kernels import njit
 from depth_pose.core.skeleton import NODE_INDEX, NODE_PARENTS
 
 Array = NDArray[np.float64]

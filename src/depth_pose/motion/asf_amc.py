@@ -16,8 +16,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.body.source_motion import SourceMotion
+from depth_pose.body.source_motion import MOST_MOTION_BYTES, SourceMotion, check_motion_size
 from depth_pose.core.errors import InputError
+from depth_pose.core.reading import read_text
 from depth_pose.core.rotations import rotation_x, rotation_y, rotation_z
 from depth_pose.motion.clip import Clip
 
@@ -77,14 +78,12 @@ def parse_asf_amc(asf: str | Path, amc: str | Path) -> SourceMotion:
     """Read an Acclaim motion as it is, on its own skeleton, in its own units and axes."""
     skeleton = _parse_asf(Path(asf))
     frames = _parse_amc(Path(amc), skeleton)
+    check_motion_size(amc, len(frames["root"]), 2 * len(skeleton.bones))
     return _assemble(Path(amc).stem, skeleton, frames)
 
 
 def _lines(path: Path) -> Iterator[tuple[int, list[str]]]:
-    try:
-        text = path.read_text(encoding="utf-8", errors="replace")
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}") from error
+    text = read_text(path, MOST_MOTION_BYTES, errors="replace")
     for number, line in enumerate(text.splitlines(), start=1):
         words = line.split("#")[0].replace("(", " ").replace(")", " ").split()
         if words:
@@ -104,6 +103,9 @@ def _parse_asf(path: Path) -> _Skeleton:
     loose = [n for n, b in skeleton.bones.items() if n != "root" and b.parent not in skeleton.bones]
     if len(skeleton.bones) < 2 or loose:
         raise InputError(f"{path}: not a complete skeleton; bones outside of the hierarchy: {loose[:5]}")
+    for name, bone in skeleton.bones.items():
+        if not np.isfinite([*bone.direction, bone.length, *bone.axis.ravel()]).all():
+            raise InputError(f"{path}: the bone {name!r:.80} has a value that is not finite")
     return skeleton
 
 
@@ -142,6 +144,8 @@ class _AsfParser:
 def _root_line(words: list[str], skeleton: _Skeleton) -> None:
     if words[0].lower() == "order":
         skeleton.root_order = tuple(w.lower() for w in words[1:])
+        if len(words) != 7 or set(skeleton.root_order) != {"tx", "ty", "tz", "rx", "ry", "rz"}:
+            raise ValueError("the root's order is to name tx, ty, tz, rx, ry, rz")
     elif words[0].lower() == "orientation" and any(float(w) for w in words[1:4]):
         # Every frame gives the root's own; a rest pose that is turned besides is not in use.
         raise ValueError("a root orientation other than zero is not supported")
@@ -150,12 +154,12 @@ def _root_line(words: list[str], skeleton: _Skeleton) -> None:
 def _bone_line(words: list[str], bone: _Bone, degrees: bool) -> None:
     key = words[0].lower()
     if key == "direction":
-        bone.direction = np.array([float(w) for w in words[1:4]])
+        bone.direction = np.array([float(words[k]) for k in (1, 2, 3)])
     elif key == "length":
         bone.length = float(words[1])
     elif key == "axis":
         order = words[4].lower() if len(words) > 4 else "xyz"
-        bone.axis = _compose(order, np.array([[float(w) for w in words[1:4]]]), degrees)[0]
+        bone.axis = _compose(order, np.array([[float(words[k]) for k in (1, 2, 3)]]), degrees)[0]
     elif key == "dof":
         bone.dof = tuple(w.lower() for w in words[1:])
 
@@ -193,7 +197,11 @@ def _parse_amc(path: Path, skeleton: _Skeleton) -> dict[str, Array]:
         raise InputError(
             f"{path}: {frames} frames, incomplete for {short[:5]}; the file is cut off or damaged"
         )
-    return {name: np.array(rows) for name, rows in values.items()}
+    frames_of = {name: np.array(rows) for name, rows in values.items()}
+    for name, rows in frames_of.items():
+        if not np.isfinite(rows).all():
+            raise InputError(f"{path}: {name!r:.80} has values that are not finite")
+    return frames_of
 
 
 def _assemble(name: str, skeleton: _Skeleton, frames: dict[str, Array]) -> SourceMotion:

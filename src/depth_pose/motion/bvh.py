@@ -14,8 +14,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.body.source_motion import SourceMotion
+from depth_pose.body.source_motion import MOST_MOTION_BYTES, SourceMotion, check_motion_size
 from depth_pose.core.errors import InputError
+from depth_pose.core.reading import read_text
 from depth_pose.core.rotations import rotation_x, rotation_y, rotation_z
 from depth_pose.motion.clip import Clip
 
@@ -59,17 +60,16 @@ def read_bvh(path: str | Path) -> Clip:
 def parse_bvh(path: str | Path) -> SourceMotion:
     """Read a BVH file as it is, on its own skeleton, in its own units and axes."""
     path = Path(path)
-    try:
-        text = path.read_text(encoding="utf-8", errors="replace")
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}") from error
+    text = read_text(path, MOST_MOTION_BYTES, errors="replace")
     head, keyword, motion = text.partition("MOTION")
     if not head.lstrip().startswith("HIERARCHY"):
         raise InputError(f"{path}: line 1: not a BVH file, it does not begin with HIERARCHY")
     if not keyword:
         raise InputError(f"{path}: no MOTION section; the file is cut off or not BVH")
     hierarchy = _parse_hierarchy(head, path)
-    frame_s, values = _parse_motion(motion, sum(map(len, hierarchy.channels)), path, head.count("\n") + 1)
+    frames, frame_s, numbers = _parse_motion_head(motion, path, head.count("\n") + 1)
+    check_motion_size(path, frames, len(hierarchy.joints))
+    values = _parse_values(numbers, frames, sum(map(len, hierarchy.channels)), path)
     return _assemble(path.stem, hierarchy, frame_s, values)
 
 
@@ -91,6 +91,8 @@ def _parse_hierarchy(head: str, path: Path) -> _Hierarchy:
         raise InputError(f"{path}: HIERARCHY: {len(stack)} joints are not closed; the file is damaged")
     if not out.joints:
         raise InputError(f"{path}: HIERARCHY: there are no joints")
+    if not np.isfinite(np.array(out.offsets)).all():
+        raise InputError(f"{path}: HIERARCHY: an OFFSET is not finite")
     return out
 
 
@@ -137,7 +139,8 @@ def _parse_line(words: list[str], out: _Hierarchy, stack: list[int], pending: st
     return None
 
 
-def _parse_motion(text: str, width: int, path: Path, line: int) -> tuple[float, Array]:
+def _parse_motion_head(text: str, path: Path, line: int) -> tuple[int, float, str]:
+    """Give the number of frames, the seconds between them, and the text of their values."""
     lines = text.strip().split("\n", 2)
     try:
         frames = int(lines[0].split(":")[1])
@@ -148,8 +151,14 @@ def _parse_motion(text: str, width: int, path: Path, line: int) -> tuple[float, 
         ) from error
     if frames < 1 or not 0 < frame_s < 10:
         raise InputError(f"{path}: MOTION: {frames} frames of {frame_s} s make no motion")
+    return frames, frame_s, lines[2] if len(lines) > 2 else ""
+
+
+def _parse_values(text: str, frames: int, width: int, path: Path) -> Array:
+    if width == 0:
+        raise InputError(f"{path}: HIERARCHY: no joint has channels, so nothing moves")
     try:
-        values = np.array(lines[2].split() if len(lines) > 2 else [], dtype=np.float64)
+        values = np.array(text.split(), dtype=np.float64)
     except ValueError as error:
         raise InputError(f"{path}: MOTION: a value is not a number ({error})") from error
     if values.size != frames * width:
@@ -159,7 +168,7 @@ def _parse_motion(text: str, width: int, path: Path, line: int) -> tuple[float, 
         )
     if not np.isfinite(values).all():
         raise InputError(f"{path}: MOTION: there are values that are not finite")
-    return frame_s, values.reshape(frames, width)
+    return values.reshape(frames, width)
 
 
 def _assemble(name: str, hierarchy: _Hierarchy, frame_s: float, values: Array) -> SourceMotion:

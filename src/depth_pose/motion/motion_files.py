@@ -60,6 +60,10 @@ class FileReport:
         )
 
 
+_BAD_FILE = (InputError, ValueError, LookupError, TypeError, ArithmeticError, OSError)
+"""What one bad file may raise; it must not end the reading of the others."""
+
+
 @dataclass(frozen=True)
 class LoadedMotion:
     """The motion found in a folder.
@@ -146,8 +150,8 @@ def load_motion_dir(
         try:
             clip, report = _load_file(file, max_fps)
             clips.append(clip)
-        except InputError as error:
-            report = FileReport(file, 0, 0.0, str(error), refused=True)
+        except _BAD_FILE as error:
+            report = FileReport(file, 0, 0.0, " ".join(str(error).split()), refused=True)
         reports.append(report)
         if progress is not None:
             progress((i + 1) / len(found))

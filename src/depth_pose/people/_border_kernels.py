@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from depth_pose.core.kernels import njit
 from depth_pose.core.types import BACKGROUND, HIDDEN
 
 _FLOOR_STEPS = 2.0

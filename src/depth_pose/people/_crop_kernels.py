@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from depth_pose.core.kernels import njit
 from depth_pose.people._finder_kernels import bounded, near_second
 
 SIDE = 80

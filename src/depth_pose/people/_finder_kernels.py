@@ -8,11 +8,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from depth_pose.core._camera_kernels import ray
 from depth_pose.core.camera import Camera
+from depth_pose.core.kernels import njit
 
 ROWS, COLS = 120, 160
 """Size of the net's image, pixels."""

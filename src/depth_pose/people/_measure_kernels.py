@@ -6,9 +6,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from depth_pose.core._camera_kernels import ray
+from depth_pose.core.kernels import njit
 from depth_pose.people._finder_kernels import COLS
 
 _SAME_M = 0.1

@@ -6,7 +6,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from depth_pose.core.kernels import njit
 
 _SAME_M = 0.1
 """Pixels of two grids that differ by less in depth show the same surface."""

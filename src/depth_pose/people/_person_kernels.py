@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from numba import njit
-
+from depth_pose.core.kernels import njit
 from depth_pose.core.types import BACKGROUND, HIDDEN, PERSON, UNKNOWN
 
 _BESIDE_M = 0.15

@@ -8,10 +8,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from depth_pose.core._camera_kernels import ray
+from depth_pose.core.kernels import njit
 from depth_pose.people._finder_kernels import COLS
 
 _CELL_M = 0.1

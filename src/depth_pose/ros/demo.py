@@ -261,15 +261,11 @@ def _simulated(console: Console) -> Path:
     path = Path("bags/demo.mcap")
     if path.is_file() and path.with_suffix(".npz").is_file():
         return path
-    partial = path.with_name("demo.partial.mcap")
-    path.parent.mkdir(parents=True, exist_ok=True)
     stage = Stage()
     clip = load_motion("play", stage.sensor.fps, 10.0)
     with Progress(console=console, transient=True) as bar:
         task = bar.add_task("simulating a time-of-flight sensor", total=len(clip))
-        simulate(partial, make_body(), clip, stage, progress=lambda done, _: bar.update(task, completed=done))
-    partial.with_suffix(".npz").replace(path.with_suffix(".npz"))
-    partial.replace(path)
+        simulate(path, make_body(), clip, stage, progress=lambda done, _: bar.update(task, completed=done))
     console.print(f"simulated a person in front of a time-of-flight sensor: {path}")
     return path
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from depth_pose.core._camera_kernels import project, ray
+from depth_pose.core.kernels import njit
 
 
 @njit(cache=True)

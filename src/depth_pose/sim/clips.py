@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.camera import Camera
+from depth_pose.core.outputs import new_file
 from depth_pose.core.skeleton import JOINTS
 from depth_pose.io.mcap_write import DepthWriter
 from depth_pose.sim.furniture import make_board, make_chair, make_pillar, make_plant, make_shelf
@@ -123,19 +124,19 @@ def sample_clip(
 
 def write_clip(path: Path, clip: RoomClip) -> None:
     """Write a video to ``NAME.mcap`` and its truth to ``NAME.npz`` beside it."""
-    with DepthWriter(path, clip.camera, FRAME_ID) as writer:
+    c = clip.camera
+    with new_file(path.with_suffix(".npz")) as beside, DepthWriter(path, c, FRAME_ID) as writer:
         for stamp, depth in zip(clip.stamps_ns, clip.depth, strict=True):
             writer.write(int(stamp), depth)
-    c = clip.camera
-    np.savez_compressed(
-        path.with_suffix(".npz"),
-        joints=clip.joints,
-        stamps_ns=clip.stamps_ns,
-        names=np.array(JOINTS),
-        K=np.array([[c.fx, 0, c.cx], [0, c.fy, c.cy], [0, 0, 1.0]]),
-        seen=clip.seen,
-        visible=clip.visible,
-    )
+        np.savez_compressed(
+            beside,
+            joints=clip.joints,
+            stamps_ns=clip.stamps_ns,
+            names=np.array(JOINTS),
+            K=np.array([[c.fx, 0, c.cx], [0, c.fy, c.cy], [0, 0, 1.0]]),
+            seen=clip.seen,
+            visible=clip.visible,
+        )
 
 
 def _stage(rng: np.random.Generator, width: int) -> tuple[View, Room]:

@@ -11,12 +11,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.errors import ConfigError
+from depth_pose.core.outputs import new_file
 from depth_pose.core.skeleton import ADULT_STATURE_M, JOINT_NODES, JOINTS, NODE_INDEX, rest_nodes
 from depth_pose.io.mcap_write import DepthWriter
 from depth_pose.sim.config import Placement, Room
@@ -55,10 +56,10 @@ class Truth:
     K: NDArray[np.float64]
     box: NDArray[np.float64]
 
-    def save(self, path: Path) -> None:
+    def save(self, stream: BinaryIO) -> None:
         """Write the truth file."""
         np.savez_compressed(
-            path,
+            stream,
             joints=self.joints,
             stamps_ns=self.stamps_ns,
             names=np.array(JOINTS),
@@ -122,7 +123,8 @@ def simulate(
     joints = np.zeros((frames, len(JOINTS), 3))
     seen = np.zeros((frames, len(JOINTS)), bool)
     box = np.array([[np.inf] * 3, [-np.inf] * 3])
-    with DepthWriter(path, stage.sensor.camera, FRAME_ID) as writer:
+    camera = stage.sensor.camera
+    with new_file(path.with_suffix(".npz")) as beside, DepthWriter(path, camera, FRAME_ID) as writer:
         for i in range(frames):
             posed = body.pose(clip.rotations[i], roots[i])
             vertices = transform(T_camera_model, posed.vertices)
@@ -135,8 +137,8 @@ def simulate(
             )
             if progress:
                 progress(i + 1, frames)
-    truth = Truth(joints.astype(np.float32), stamps, seen, stage.sensor.camera.matrix(), box.ravel())
-    truth.save(path.with_suffix(".npz"))
+        truth = Truth(joints.astype(np.float32), stamps, seen, camera.matrix(), box.ravel())
+        truth.save(beside)
     return truth
 
 

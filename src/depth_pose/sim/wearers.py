@@ -71,7 +71,7 @@ def record_views(
     """
     topics = [f"/{c.name}/{'silhouette' if kind == 'silhouettes' else 'depth'}" for c in cameras]
     renderer = RigRenderer(cameras)
-    with ViewWriter(path) as writer:
+    with ViewWriter(path, only_whole=True) as writer:
         for i, (meshes, _) in enumerate(dressed_frames(wearer, clip)):
             stamp_ns = START_NS + round(i * 1e9 / clip.fps)
             for camera, topic, image in zip(cameras, topics, renderer.images(meshes, kind), strict=True):

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 
 from depth_pose.core._camera_kernels import project
+from depth_pose.core.kernels import njit
 from depth_pose.core.types import BACKGROUND, PERSON
 
 _SEEN, _OCCLUDED, _OUTSIDE = 0, 1, 2

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from depth_pose.core._camera_kernels import ray
 from depth_pose.core._fast_exp import falling_exp
+from depth_pose.core.kernels import njit
 
 CUT = 0.6
 """Neighbours farther than this share of the support h do not count: theta(0.6 h) = exp(-5.8)."""

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from depth_pose.body._skin_kernels import skin
 from depth_pose.core._raster_kernels import compare, rasterize
 from depth_pose.core._rotation_kernels import matrix_of, multiply
+from depth_pose.core.kernels import njit
 
 _multiply = njit(fastmath=True, forceinline=True)(multiply.py_func)
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from depth_pose.core.kernels import njit
 
 BLOCK = 512
 """Entries whose bounds are computed together; all of a block's sums stay in the fastest cache."""

@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from depth_pose.body._skin_kernels import skin
+from depth_pose.core.kernels import njit
 from depth_pose.fit._articulated_kernels import USUAL_POINTS, Surface, add_points, assign
 from depth_pose.fit._tree_kernels import Equations, take_step
 from depth_pose.fit._visibility_kernels import turn_normals

@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from depth_pose.core._camera_kernels import project
+from depth_pose.core.kernels import njit
 
 OUTSIDE = -1
 """Entry of the tables where a camera does not see a voxel: it has no say there."""

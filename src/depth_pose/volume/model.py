@@ -6,7 +6,6 @@ The file is a plain ``.npz`` of arrays and one JSON text; nothing in it is execu
 from __future__ import annotations
 
 import json
-import zipfile
 from dataclasses import dataclass, fields
 from functools import cached_property
 from pathlib import Path
@@ -15,7 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.core.errors import InputError
+from depth_pose.core.arrays import DamagedArrays, load_arrays
+from depth_pose.core.errors import ConfigError, InputError
+from depth_pose.core.outputs import new_file
 from depth_pose.volume.descriptor import Bins
 from depth_pose.volume.gp import Kernel, Regression
 from depth_pose.volume.gpdm import chain_rows
@@ -26,6 +27,21 @@ Array = NDArray[np.float64]
 
 FORMAT = "depth_pose volume model"
 VERSION = 1
+
+INPUTS = ("silhouettes", "depth")
+
+_META: dict[str, Any] = {
+    "bins": list, "fps": (int, float), "noise_floor": (int, float), "input": str, "about": str,
+    "performances": list, "frames": int, "wearers": int, "statures": list,
+}  # fmt: skip
+_DIMENSIONS = {
+    "latent": 2, "lengths": 1, "volumes": 3, "spread": 1, "poses": 3, "rotations": 4, "space_mean": 1,
+    "space_whiten": 2, "space_basis": 2, "pose_mean": 1, "pose_basis": 2, "volume_kernel": 1,
+    "motion_kernel": 1, "recall_kernel": 1, "pose_kernel": 1, "trust": 1,
+}  # fmt: skip
+_MOST_FPS = 1000.0
+_MOST_BINS = 1024
+"""Bins in one direction; the paper has at most 16, and 128 fine ones. Set by hand."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,8 +158,7 @@ class VolumeModel:
         """Write the file."""
         arrays = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "meta"}
         text = json.dumps({"format": FORMAT, "version": VERSION, **self.meta}, sort_keys=True)
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with path.open("wb") as file:
+        with new_file(path) as file:
             np.savez_compressed(file, meta=np.frombuffer(text.encode(), np.uint8), **arrays)
 
     @classmethod
@@ -156,14 +171,13 @@ class VolumeModel:
             Where it is missing, damaged, of another kind or of another version.
         """
         try:
-            with np.load(path, allow_pickle=False) as file:
-                arrays = {name: file[name] for name in file.files}
-        except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
+            arrays = load_arrays(path)
+        except DamagedArrays as error:
             raise InputError(f"{path} cannot be read as a volume model: {error}") from error
         try:
             meta = json.loads(bytes(arrays.pop("meta")).decode())
             kind, version = meta.pop("format"), meta.pop("version")
-        except (KeyError, ValueError, AttributeError) as error:
+        except (KeyError, ValueError, AttributeError, TypeError, RecursionError) as error:
             raise InputError(f"{path} is no volume model: it does not say what it is") from error
         if kind != FORMAT or version != VERSION:
             raise InputError(
@@ -180,6 +194,7 @@ class VolumeModel:
 
     def check(self, where: str) -> None:
         """Raise InputError where arrays do not fit together or are not finite."""
+        self._check_kinds(where)
         n = len(self.latent)
         q, size = self.space_basis.shape[1], self.bins.size
         wanted = {
@@ -197,3 +212,37 @@ class VolumeModel:
                 raise InputError(f"{where}: the array {f.name} holds what is no number")
         if int(self.lengths.sum()) != n:
             raise InputError(f"{where}: the performances have {int(self.lengths.sum())} frames, not {n}")
+
+    def _check_kinds(self, where: str) -> None:
+        """Raise InputError where what the file says of itself, or an array, is of another kind."""
+        try:
+            self._check_meta()
+        except (KeyError, TypeError, ValueError, ConfigError) as error:
+            raise InputError(f"{where}: what it says of itself is damaged: {error}") from error
+        for name, dimensions in _DIMENSIONS.items():
+            array = getattr(self, name)
+            kind = np.int64 if name == "lengths" else np.float64
+            if array.dtype != kind or array.ndim != dimensions or array.size == 0:
+                raise InputError(
+                    f"{where}: the array {name} is {array.dtype}{list(array.shape)}; "
+                    f"it must be {kind.__name__}, of {dimensions} dimensions"
+                )
+        for name in ("volume_kernel", "motion_kernel", "recall_kernel", "pose_kernel"):
+            if len(getattr(self, name)) not in (3, 4):
+                raise InputError(f"{where}: the array {name} must have 3 or 4 numbers")
+        if self.lengths.min() < 1:
+            raise InputError(f"{where}: a performance has {int(self.lengths.min())} frames")
+
+    def _check_meta(self) -> None:
+        """Raise one of several errors where ``meta`` is of another kind."""
+        meta = self.meta
+        for name, kind in _META.items():
+            if not isinstance(meta[name], kind) or isinstance(meta[name], bool):
+                raise TypeError(f"{name} is {meta[name]!r:.80}")
+        if meta["input"] not in INPUTS or not 0 < self.fps < _MOST_FPS:
+            raise ValueError(f"it sees {meta['input']!r:.80} at {self.fps} frames a second")
+        if any(type(number) is not int or not 0 < number <= _MOST_BINS for number in meta["bins"]):
+            raise ValueError(f"the bins are {meta['bins']!r:.80}")
+        if any(type(value) not in (int, float) for value in meta["statures"]):
+            raise TypeError("a stature is no number")
+        _ = self.bins  # checks itself

@@ -7,12 +7,15 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from depth_pose.core.errors import InputError
-from depth_pose.io._messages import read_image
+from depth_pose.io._messages import ImageMessage, read_image
 from depth_pose.io._recording import Recording
 from depth_pose.volume.config import ViewsConfig
 from depth_pose.volume.decode import decode_views
 from depth_pose.volume.rigfile import Rig
 from depth_pose.volume.synchroniser import Synchroniser, ViewSet
+
+_SURE_AHEAD = 3
+"""Images in succession from which on a later time is believed that only one camera has. Set by hand."""
 
 
 class ViewReader:
@@ -56,6 +59,11 @@ class ViewReader:
         return self._recording.damage
 
     @property
+    def path(self) -> Path:
+        """The recording's file or folder."""
+        return self._recording.path
+
+    @property
     def warnings(self) -> list[str]:
         """What went wrong since iteration began."""
         return [*self.damage, *(f"{count} times: {what}" for what, count in self._wrong.items())]
@@ -80,6 +88,8 @@ class ViewReader:
             self._config.gone_after * 1e9,
             0.0,
         )
+        newest_ns: int | None = None
+        ahead: list[tuple[int, ImageMessage]] = []
         for message in self._recording.messages(*self._index):
             try:
                 image = read_image(message.data)
@@ -87,13 +97,31 @@ class ViewReader:
                 self._complain(message.topic, error)
                 continue
             now = message.log_time_ns * 1e-9
-            if held.is_back(image.stamp_ns):
-                yield from self._decoded(held.take_all(), held, now)
-            held.add(self._index[message.topic], image.stamp_ns, image, now)
-            yield from self._decoded(held.take_all(image.stamp_ns - hold_ns), held, now)
+            arrived = [(self._index[message.topic], image)]
+            if newest_ns is not None and image.stamp_ns - newest_ns > hold_ns:
+                ahead += arrived
+                if len({camera for camera, _ in ahead}) < 2 and len(ahead) < _SURE_AHEAD:
+                    continue
+                ahead, arrived = [], ahead
+            self._refuse_ahead(ahead, newest_ns)
+            ahead.clear()
+            for camera, image in arrived:
+                is_back = held.is_back(image.stamp_ns)
+                if is_back:
+                    yield from self._decoded(held.take_all(), held, now)
+                newest_ns = max(image.stamp_ns, image.stamp_ns if is_back else newest_ns or 0)
+                held.add(camera, image.stamp_ns, image, now)
+                yield from self._decoded(held.take_all(image.stamp_ns - hold_ns), held, now)
+        self._refuse_ahead(ahead, newest_ns)
         yield from self._decoded(held.take_all(), held, now)
         for camera, count in held.late.items():
             self._wrong[f"{self._rig.topics[camera]} came too late for its set of views"] += count
+
+    def _refuse_ahead(self, ahead: Iterable[tuple[int, ImageMessage]], newest_ns: int | None) -> None:
+        """Leave out images that claim to be of a later time than the others; a camera's clock is wrong."""
+        for camera, image in ahead:
+            seconds = (image.stamp_ns - (newest_ns or 0)) * 1e-9
+            self._wrong[f"{self._rig.topics[camera]}: its stamp is {seconds:.0f} s ahead of the others"] += 1
 
     def _decoded(self, sets: Iterable[ViewSet], held: Synchroniser, now: float) -> Iterator[ViewSet]:
         gone = len(held.gone(now))

@@ -23,7 +23,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.camera import Camera
-from depth_pose.core.errors import ConfigError, InputError
+from depth_pose.core.errors import ConfigError
+from depth_pose.core.outputs import new_text_file
+from depth_pose.core.reading import parse_yaml, read_text
 from depth_pose.volume.rig import RigCamera
 
 _UPRIGHT: dict[str, NDArray[np.float64]] = {
@@ -74,14 +76,7 @@ def load_rig(path: Path) -> Rig:
     ConfigError
         Where a field is missing, unknown or of the wrong form; the message names it.
     """
-    import yaml
-
-    try:
-        values = yaml.safe_load(path.read_text())
-    except OSError as error:
-        raise InputError(f"{path} cannot be read: {error.strerror}") from error
-    except yaml.YAMLError as error:
-        raise ConfigError(f"{path} is not YAML: {' '.join(str(error).split())}") from error
+    values = parse_yaml(path, read_text(path))
     if not isinstance(values, dict) or not isinstance(values.get("cameras"), list) or not values["cameras"]:
         raise ConfigError(f"{path}: it must hold a list 'cameras'")
     up = str(values.get("up", "z"))
@@ -138,5 +133,5 @@ def save_rig(path: Path, cameras: Sequence[RigCamera], topics: Sequence[str], up
         }
         for c, topic in zip(cameras, topics, strict=True)
     ]
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(yaml.safe_dump({"up": up, "cameras": entries}, sort_keys=False, default_flow_style=None))
+    with new_text_file(path) as stream:
+        yaml.safe_dump({"up": up, "cameras": entries}, stream, sort_keys=False, default_flow_style=None)

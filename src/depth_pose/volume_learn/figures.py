@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from depth_pose.core.skeleton import BONES, JOINTS
 from depth_pose.evaluate.figures import side_colour
+from depth_pose.evaluate.pictures import save_picture
 from depth_pose.volume.gp import Kernel, Regression
 from depth_pose.volume.model import VolumeModel
 from depth_pose.volume.pipeline import VolumePose
@@ -36,8 +37,7 @@ def _figure(width: float, height: float) -> Any:
 
 
 def _save(figure: Any, path: Path) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, bbox_inches="tight")
+    save_picture(figure, path, bbox_inches="tight")
 
 
 def _plane(latent: Array) -> tuple[Array, Array]:

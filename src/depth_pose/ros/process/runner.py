@@ -38,6 +38,7 @@ def run_node(make: Callable[[], Any], args: Sequence[str] | None = None) -> int:
     from rclpy.signals import SignalHandlerOptions, install_signal_handlers
 
     from depth_pose.core.errors import BankError, ConfigError
+    from depth_pose.ros.process.logs import ensure_log_folder
 
     node = None
     try:
@@ -45,6 +46,7 @@ def run_node(make: Callable[[], Any], args: Sequence[str] | None = None) -> int:
             make.arguments = args  # type: ignore[attr-defined]
         else:
             known = list(args) if args is not None else None
+            ensure_log_folder()
             rclpy.init(args=known, signal_handler_options=SignalHandlerOptions.NO)
         node = make()
         install_signal_handlers(SignalHandlerOptions.ALL)

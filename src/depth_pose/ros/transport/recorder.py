@@ -13,6 +13,7 @@ from typing import Any
 
 import depth_pose
 from depth_pose.core.errors import InputError
+from depth_pose.core.outputs import NewFile
 from depth_pose.ros.process.runner import on_stop
 from depth_pose.ros.transport.recorded_qos import qos_text
 
@@ -38,7 +39,8 @@ class Recorder:
     Parameters
     ----------
     output : path
-        MCAP file; an existing one is replaced with the first message.
+        MCAP file. Until it is finished it is ``NAME.partial.mcap``; then an existing one is replaced,
+        unless nothing was recorded.
     topics : sequence of str, optional
         Topics to record; all but `rosout` and parameter events by default.
     on_message : callable, optional
@@ -88,15 +90,8 @@ class Recorder:
         """
         from mcap.writer import CompressionType, Writer
 
-        if self._output.exists() and not self._output.is_file():
-            raise InputError(f"cannot write {self._output}: it is no file")
-        try:
-            self._output.parent.mkdir(parents=True, exist_ok=True)
-            self._part = self._output.with_name(f".{self._output.name}.{os.getpid()}{_PART}")
-            self._stream = self._part.open("xb")
-        except OSError as e:
-            raise InputError(f"cannot write {self._output}: {e.strerror}") from e
-        self._writer = Writer(self._stream, compression=CompressionType.ZSTD)
+        self._file = NewFile(self._output, visible=True)
+        self._writer = Writer(self._file.stream, compression=CompressionType.ZSTD)
         self._writer.start(profile="ros2", library=f"depth_pose {depth_pose.__version__}")
         self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
         self._thread.start()
@@ -107,13 +102,18 @@ class Recorder:
         if self._thread is not None:
             self._thread.join()
             self._thread = None
-            self._writer.finish()
-            self._stream.close()
-            if not self.counts:
-                self._part.unlink(missing_ok=True)
+            self._finish()
         if self._error is not None:
             raise self._error
         return self.counts
+
+    def _finish(self) -> None:
+        with self._file.telling():
+            self._writer.finish()
+        if self._counts:
+            self._file.keep()
+        else:
+            self._file.discard()
 
     def wait_for(self, topic: str, count: int, timeout_s: float = 10.0) -> bool:
         """Wait until `count` messages of a topic are recorded; False if they do not come in time."""

@@ -1,0 +1,122 @@
+"""Recordings on remote storage, by their URLs: fetched one by one, worked on, removed.
+
+`fsspec`, which Dask brings, knows the kinds of storage: ``http``, ``s3``, ``gs``, ``ftp``, ``sftp`` and more,
+each with a package of its own. A recording is copied as a whole to a temporary folder of the worker: its
+index stands at its end, and its content is what says whether it was done before.
+"""
+
+from __future__ import annotations
+
+import re
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from glob import has_magic
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+from depth_pose.core.errors import ConfigError, InputError
+
+_URL = re.compile(r"[a-z][a-z0-9+.-]+://", re.IGNORECASE)
+
+_SILENT_S = 60.0
+"""A server that sends nothing for so long has failed; the whole may take any time. Set by hand."""
+
+
+def is_remote(text: str) -> bool:
+    """Whether an input is a URL."""
+    return _URL.match(text) is not None
+
+
+def find_remote(url: str, ending: str) -> list[tuple[str, str, int]]:
+    """Find the recordings that a URL means: a file, a folder's, or those of a pattern.
+
+    Parameters
+    ----------
+    url : str
+    ending : str
+        Of recordings' names in folders and patterns.
+
+    Returns
+    -------
+    list of (str, str, int)
+        URL, name within the archive, and size in bytes, 0 where the storage does not tell it.
+
+    Raises
+    ------
+    InputError
+        Where the storage does not answer, or there is no such file.
+    ConfigError
+        Where what reads this kind of storage is not installed.
+    """
+    storage, path = _open(url)
+    try:
+        if has_magic(path):
+            fixed = path[: re.search(r"[*?\[]", path).start()].rpartition("/")[0]  # type: ignore[union-attr]
+            paths = storage.glob(path)
+        elif path.endswith(ending) or (storage.isfile(path) and not storage.isdir(path)):
+            fixed, paths = path.rpartition("/")[0], [path] if storage.exists(path) else []
+        else:
+            fixed, paths = path.rstrip("/"), storage.find(path)
+        return [
+            (storage.unstrip_protocol(found), name, storage.size(found) or 0)
+            for found in sorted(paths)
+            if found.endswith(ending) and (name := _name(found, fixed)) is not None
+        ]
+    except Exception as error:  # each kind of storage raises its own
+        raise InputError(f"{url} cannot be read: {_reason(error)}") from error
+
+
+def _name(path: str, fixed: str) -> str | None:
+    """Give a recording's name below a folder; None for what a server claims to be elsewhere."""
+    if not path.startswith(f"{fixed}/"):
+        return None
+    name = PurePosixPath(path[len(fixed) + 1 :]).with_suffix("")
+    return None if ".." in name.parts or name.is_absolute() else str(name)
+
+
+def _open(url: str) -> tuple[Any, str]:
+    """Give the storage of a URL, and the path there."""
+    missing = "reading {} needs more than is installed ({}): pip install 'depth_pose[remote]'"
+    try:
+        from fsspec.core import url_to_fs
+    except ImportError as error:
+        raise ConfigError(missing.format(url, error)) from error
+    options: dict[str, Any] = {}
+    try:
+        if url.lower().startswith("http"):
+            from aiohttp import ClientTimeout
+
+            options["client_kwargs"] = {"timeout": ClientTimeout(total=None, sock_read=_SILENT_S)}
+        storage, path = url_to_fs(url, **options)
+    except ImportError as error:
+        raise ConfigError(missing.format(url, error)) from error
+    except Exception as error:  # an unknown kind, missing credentials
+        raise InputError(f"{url} cannot be read: {_reason(error)}") from error
+    return storage, path
+
+
+def _reason(error: Exception) -> str:
+    return " ".join(str(error).split()) or type(error).__name__
+
+
+@contextmanager
+def fetched(recording: str) -> Iterator[str]:
+    """Give a recording's local path: its own, or that of a copy that is removed afterwards.
+
+    Raises
+    ------
+    InputError
+        Where it cannot be fetched.
+    """
+    if not is_remote(recording):
+        yield recording
+        return
+    storage, path = _open(recording)
+    with tempfile.TemporaryDirectory(prefix="depth_pose-") as folder:
+        local = Path(folder) / (PurePosixPath(path).name or "recording")
+        try:
+            storage.get_file(path, str(local))
+        except Exception as error:  # each kind of storage raises its own
+            raise InputError(f"{recording} cannot be fetched: {_reason(error)}") from error
+        yield str(local)

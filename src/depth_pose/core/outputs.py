@@ -1,0 +1,306 @@
+"""Files that are written: whole or not at all, and never over what is read.
+
+Everything that writes a file goes through here. `check_targets` refuses, before the work, what cannot
+or must not be written; `new_file` and `new_text_file` give a stream to a temporary file of one's own
+in the target's folder, which takes the target's name once it is whole:
+
+    check_targets([picture], inputs=[recording])
+    ...
+    with new_file(picture) as stream:
+        figure.savefig(stream, format="png")
+
+After an error, or Ctrl-C, the target is as it was before. A temporary file is locked while somebody
+writes it, so that what a killed process left is known and removed by the next one.
+"""
+
+from __future__ import annotations
+
+import errno
+import fcntl
+import io
+import os
+import secrets
+import stat
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import BinaryIO, TextIO
+
+from depth_pose.core.errors import InputError
+
+_PART = ".part"
+_PARTIAL = ".partial"
+_TRIAL_BYTES = 1 << 16
+"""So much is written on trial before the work: a full disk may still take an empty file. Set by hand."""
+
+_DISK_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EFBIG, errno.EIO, errno.ESTALE)
+"""Errors of a system call that only what is written can be the cause of."""
+
+AnyPath = Path | str
+
+
+def check_targets(targets: Iterable[AnyPath | None], inputs: Iterable[AnyPath | None] = ()) -> None:
+    """Refuse files that cannot or must not be written, before any work.
+
+    Parameters
+    ----------
+    targets : iterable of path
+        Files that are to be written; None for those that are not asked for. Their folders are made.
+    inputs : iterable of path
+        Files, or folders of files, that are read; None for those that were not given.
+
+    Raises
+    ------
+    InputError
+        Where a target is an input, by whatever name or link; is given twice; is a folder or a device; or
+        where its folder cannot be written, or has no space.
+    """
+    wanted = [Path(target) for target in targets if target is not None]
+    refuse_inputs(wanted, inputs)
+    seen: set[str] = set()
+    for path in wanted:
+        _check_kind(path)
+        place = os.path.join(os.path.realpath(path.parent), path.name)
+        if place in seen:
+            raise InputError(f"{path} is to be written twice: give each output a name of its own")
+        seen.add(place)
+        with NewFile(path) as trial:
+            trial.stream.write(bytes(_TRIAL_BYTES))
+            trial.stream.flush()
+            trial.discard()
+
+
+def refuse_inputs(targets: Iterable[AnyPath], inputs: Iterable[AnyPath | None]) -> None:
+    """Refuse files that are to be written and are read too, by whatever name or link.
+
+    Parameters
+    ----------
+    targets, inputs : iterable of path
+        As of `check_targets`, which does this and more; this looks only at what is there.
+
+    Raises
+    ------
+    InputError
+        Where a target is an input.
+    """
+    read = {identity: path for path in inputs if path is not None for identity in _identities(Path(path))}
+    for path in map(Path, targets):
+        for identity in () if os.path.isdir(path) else _identities(path):
+            if identity in read:
+                raise InputError(
+                    f"{path} is both read and to be written ({read[identity]}): give the output another name"
+                )
+
+
+def _identities(path: Path) -> Iterator[tuple[int, int]]:
+    """Give device and inode of a file, or of those in a folder; nothing where there is none."""
+    with suppress(OSError):
+        for file in path.iterdir() if os.path.isdir(path) else [path]:
+            found = file.stat()
+            yield found.st_dev, found.st_ino
+
+
+def _check_kind(path: Path) -> None:
+    """Refuse what is there and no ordinary file."""
+    try:
+        mode = path.stat().st_mode
+    except FileNotFoundError:
+        return
+    except OSError as error:
+        raise _unwritable(path, error) from error
+    if stat.S_ISDIR(mode):
+        raise InputError(f"{path} cannot be written: it is a folder; give a file's name")
+    if not stat.S_ISREG(mode):
+        raise InputError(f"{path} cannot be written: it is a device or a pipe, not a file")
+
+
+def _unwritable(path: Path, error: OSError) -> InputError:
+    return InputError(f"{path} cannot be written: {error.strerror or error}")
+
+
+class NewFile:
+    """A file that stands under its name only once it is whole.
+
+    As a context manager it is kept at the end, and discarded after an error. `keep`, `keep_partial` and
+    `discard` end it before; after one of them the others do nothing.
+
+    Parameters
+    ----------
+    path : path
+        The file; folders are made, a file that is there is replaced once the new one is whole. A
+        symbolic link is replaced itself; what it leads to stays as it is.
+    visible : bool
+        Write under ``NAME.partial.mcap`` from the start, and leave that where the process is killed: for
+        what cannot be made once more, like a live recording.
+
+    Attributes
+    ----------
+    stream : binary stream
+        Takes the content.
+
+    Raises
+    ------
+    InputError
+        Where the file cannot be written, now or later.
+    """
+
+    def __init__(self, path: AnyPath, visible: bool = False) -> None:
+        self.path = Path(path)
+        self._visible, self._ended = visible, False
+        _check_kind(self.path)
+        try:
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            if not visible:
+                remove_parts([self.path])
+            self._part, number = _open_partial(self.path) if visible else _open_part(self.path)
+        except OSError as error:
+            raise _unwritable(self.path, error) from error
+        self.stream: BinaryIO = os.fdopen(number, "w+b")
+
+    def keep(self) -> None:
+        """Finish the file and give it its name."""
+        if not self._ended:
+            self._finish()
+            os.replace(self._part, self.path)
+
+    def keep_partial(self) -> Path:
+        """Finish what there is under a name that says so, ``NAME.partial.mcap``; gives it."""
+        self._finish()
+        if self._visible:
+            return self._part
+        partial, number = _open_partial(self.path)  # a name that nobody has
+        os.close(number)
+        os.replace(self._part, partial)
+        return partial
+
+    def _finish(self) -> None:
+        try:
+            with self.telling():
+                self.stream.flush()
+                with suppress(OSError):  # where the system cannot; a full disk has been told by now
+                    os.fsync(self.stream.fileno())
+                self.stream.close()
+        except BaseException:
+            self.discard()
+            raise
+        self._ended = True
+
+    def discard(self) -> None:
+        """Drop what was written."""
+        if not self._ended:
+            self._ended = True
+            with suppress(OSError):  # of a full disk, for what is still to be flushed
+                self.stream.close()
+            self._part.unlink(missing_ok=True)
+
+    @contextmanager
+    def telling(self) -> Iterator[None]:
+        """Say of which file a full or failing disk is the trouble: `InputError` instead of OSError."""
+        try:
+            yield
+        except OSError as error:
+            if error.errno in _DISK_ERRORS:
+                raise _unwritable(self.path, error) from error
+            raise
+
+    def __enter__(self) -> NewFile:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _: object) -> None:
+        if kind is None:
+            self.keep()
+            return
+        self.discard()
+        if isinstance(error, OSError):
+            with self.telling():
+                raise error
+
+
+def _open_part(path: Path) -> tuple[Path, int]:
+    """Open a new, locked, hidden file beside the target; gives its path and its descriptor."""
+    while True:
+        part = path.with_name(f".{path.name}.{secrets.token_hex(6)}{_PART}")
+        number = _create(part)
+        if os.fstat(number).st_nlink:  # else somebody has removed it before it was locked
+            return part, number
+        os.close(number)
+
+
+def _open_partial(path: Path) -> tuple[Path, int]:
+    """Open a new file ``NAME.partial.mcap``, or ``NAME.partial2.mcap``, that was not there before."""
+    count = 1
+    while True:
+        partial = path.with_name(f"{path.stem}{_PARTIAL}{count if count > 1 else ''}{path.suffix}")
+        try:
+            return partial, _create(partial)
+        except FileExistsError:
+            count += 1
+
+
+def _create(path: Path) -> int:
+    """Create and lock a file that was not there; no link is followed."""
+    number = os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC, 0o666)
+    with suppress(OSError):  # some file systems have no locks
+        fcntl.flock(number, fcntl.LOCK_EX)
+    return number
+
+
+def remove_parts(paths: Iterable[AnyPath]) -> None:
+    """Remove what writers of these files that were killed have left beside them."""
+    names: dict[Path, list[str]] = {}
+    for path in map(Path, paths):
+        names.setdefault(path.parent, []).append(f".{path.name}.")
+    for folder, beginnings in names.items():
+        with suppress(OSError):
+            for part in list(folder.glob(f".*{_PART}")):
+                if part.name.startswith(tuple(beginnings)):
+                    _remove_if_left(part)
+
+
+def _remove_if_left(part: Path) -> None:
+    """Remove a temporary file that nobody holds a lock on."""
+    with suppress(OSError):
+        number = os.open(part, os.O_RDWR | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
+        try:
+            fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            part.unlink()
+        finally:
+            os.close(number)
+
+
+@contextmanager
+def new_file(path: AnyPath) -> Iterator[BinaryIO]:
+    """Write a file of bytes that stands under its name only once it is whole.
+
+    Parameters
+    ----------
+    path : path
+        As of `NewFile`.
+
+    Yields
+    ------
+    binary stream
+
+    Raises
+    ------
+    InputError
+        Where the file cannot be written.
+    """
+    with NewFile(path) as file:
+        yield file.stream
+
+
+@contextmanager
+def new_text_file(path: AnyPath, newline: str | None = None) -> Iterator[TextIO]:
+    """Write a file of UTF-8 text that stands under its name only once it is whole; as `new_file`.
+
+    ``newline`` is as of `open`; the `csv` module wants "".
+    """
+    with NewFile(path) as file:
+        text = io.TextIOWrapper(file.stream, encoding="utf-8", newline=newline, write_through=True)
+        try:
+            yield text
+            text.flush()
+        finally:
+            with suppress(OSError, ValueError):
+                text.detach()

@@ -1,0 +1,47 @@
+"""A folder of one's own, for what is only kept to be quicker, where the usual ones cannot be written."""
+
+from __future__ import annotations
+
+import os
+import stat
+import tempfile
+from contextlib import suppress
+from pathlib import Path
+
+
+def is_writable(folder: Path) -> bool:
+    """Whether files can be made in a folder; it is made where it is missing."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            return True
+    except OSError:
+        return False
+
+
+def private_folder(name: str) -> Path | None:
+    """Give a folder below the system's for temporary files that only this user can read and write.
+
+    It is the same for all processes of the user, so that what one of them keeps serves the others. Where
+    somebody else has taken that name, it is a new one.
+
+    Parameters
+    ----------
+    name : str
+        Of the folder within it.
+
+    Returns
+    -------
+    Path or None
+        None where there is no place at all.
+    """
+    try:
+        own = Path(tempfile.gettempdir()) / f"depth_pose-{os.geteuid()}"
+        with suppress(FileExistsError):
+            own.mkdir(mode=0o700)
+        found = own.lstat()
+        if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.geteuid() or found.st_mode & 0o077:
+            own = Path(tempfile.mkdtemp(prefix="depth_pose-"))
+    except OSError:
+        return None
+    return own / name if is_writable(own / name) else None

@@ -1,0 +1,59 @@
+"""Pictures as files: whole or not at all, in a format that is known before the work."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from depth_pose.core.errors import ConfigError
+from depth_pose.core.outputs import check_targets, new_file
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+FORMATS = ("png", "jpg", "jpeg", "webp", "tif", "tiff", "pdf", "svg")
+
+
+def check_picture(path: Path | str | None, inputs: Iterable[Path | str | None] = ()) -> None:
+    """Refuse a picture that cannot be written, before any work; nothing where None is asked for.
+
+    Parameters
+    ----------
+    path : path, optional
+    inputs : iterable of path
+        As of `depth_pose.core.outputs.check_targets`.
+
+    Raises
+    ------
+    ConfigError
+        Where its name ends in no format that is known.
+    InputError
+        As of `depth_pose.core.outputs.check_targets`.
+    """
+    if path is not None:
+        _format_of(Path(path))
+        check_targets([path], inputs)
+
+
+def save_picture(figure: Figure, path: Path | str, **options: Any) -> None:
+    """Write a figure; its name's ending says the format, PNG where it has none.
+
+    Parameters
+    ----------
+    figure : matplotlib.figure.Figure
+    path : path
+        The file; folders are made.
+    **options
+        Of ``Figure.savefig``.
+    """
+    ending = _format_of(Path(path))
+    with new_file(path) as stream:
+        figure.savefig(stream, format=ending, **options)
+
+
+def _format_of(path: Path) -> str:
+    ending = path.suffix[1:].lower() or "png"
+    if ending not in FORMATS:
+        raise ConfigError(f"{path}: pictures are of the formats {', '.join(FORMATS)}, not {ending}")
+    return ending

@@ -1,0 +1,110 @@
+"""Recordings on a server: a real one, of Python's own, in a process of its own."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from small_archive import CLIPS
+
+from depth_pose.archive.inputs import find_sources
+from depth_pose.archive.jobs import Setting
+from depth_pose.archive.process import process_archive
+from depth_pose.archive.remote import fetched, find_remote, is_remote
+from depth_pose.core.errors import ConfigError, InputError
+
+
+@pytest.fixture(scope="module")
+def served(clips: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The clips in two folders, one that is no recording, and what is none of them."""
+    folder = tmp_path_factory.mktemp("served")
+    (folder / "ward").mkdir()
+    for k, clip in enumerate(sorted(clips.glob("*.mcap"))):
+        shutil.copy(clip, folder / ("ward" if k % 2 else ".") / clip.name)
+    (folder / "ward" / "bad.mcap").write_bytes(b"no recording")
+    (folder / "readme.txt").write_text("hello")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def server(served: Path) -> Iterator[str]:
+    command = [sys.executable, "-u", "-m", "http.server", "0", "--bind", "127.0.0.1", "-d", str(served)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as process:
+        assert process.stdout is not None
+        line = process.stdout.readline()
+        port = re.search(r"port (\d+)", line)
+        assert port is not None, line
+        yield f"http://127.0.0.1:{port[1]}"
+        process.terminate()
+
+
+def test_what_a_url_means(server: str, served: Path) -> None:
+    assert is_remote(server) and is_remote("s3://bucket/a") and not is_remote("a/b.mcap")
+    everything = find_sources([f"{server}/"])
+    names = {"clip_0", "clip_2", "clip_4", "ward/clip_1", "ward/clip_3", "ward/bad"}
+    assert {source.name for source in everything} == names
+    assert all(s.size == (served / f"{s.name}.mcap").stat().st_size for s in everything)
+    assert [s.name for s in find_sources([f"{server}/ward/clip_1.mcap"])] == ["clip_1"]
+    assert {s.name for s in find_sources([f"{server}/ward/*.mcap"])} == {"clip_1", "clip_3", "bad"}
+    assert [s.name for s in find_sources([f"file://{served}/clip_0.mcap"])] == ["clip_0"]
+    mixed = find_sources([str(served / "clip_0.mcap"), f"{server}/ward/clip_1.mcap"])
+    assert [s.place for s in mixed] == [str(served / "clip_0.mcap"), f"{server}/ward/clip_1.mcap"]
+    with pytest.raises(ConfigError, match="another recording is called clip_0"):
+        find_sources([str(served / "clip_0.mcap"), f"{server}/clip_0.mcap"])
+    for url in (f"{server}/none.mcap", f"{server}/none/", "http://127.0.0.1:1/", "nosuch://a/b.mcap"):
+        with pytest.raises(InputError, match=re.escape(url)):
+            find_sources([url])
+
+
+def test_names_from_a_server_stay_in_the_folder(server: str) -> None:
+    from depth_pose.archive.remote import _name
+
+    assert _name("http://a/b/c.mcap", "http://a/b") == "c"
+    for path in ("http://a/b/../../c.mcap", "http://a/b//etc/c.mcap", "http://other/c.mcap"):
+        assert _name(path, "http://a/b") is None
+
+
+def test_skeletons_of_remote_recordings_are_the_same(
+    server: str, setting: Setting, alone: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two workers; the copies are gone afterwards, and what is done is skipped by its content."""
+    temporary = tmp_path / "tmp"
+    temporary.mkdir()
+    monkeypatch.setenv("TMPDIR", str(temporary))
+    monkeypatch.setattr(tempfile, "tempdir", None)
+    sources = find_sources([f"{server}/"])
+    rows = process_archive(sources, tmp_path / "out", setting, workers=2)
+    states = {row.file: row.state for row in rows}
+    assert states.pop("ward/bad") == "failed"
+    assert len(states) == CLIPS and set(states.values()) == {"done"}
+    for name in states:
+        found = tmp_path / "out" / f"{name}.mcap"
+        assert messages_of(found) == messages_of(alone / f"{Path(name).name}.mcap")
+    assert not [p for p in temporary.iterdir() if p.name.startswith("depth_pose-") and p.suffix == ".mcap"]
+    assert not list(temporary.rglob("*.mcap"))
+    again = process_archive(sources, tmp_path / "out", setting, workers=0)
+    assert {row.state for row in again if row.file != "ward/bad"} == {"skipped"}
+
+
+def messages_of(path: Path) -> list[bytes]:
+    from depth_pose.io._recording import Recording
+
+    recording = Recording(path)
+    return [message.data for message in recording.messages(*sorted(recording.topics))]
+
+
+def test_a_server_that_stops(server: str) -> None:
+    (source,) = find_sources([f"{server}/clip_0.mcap"])
+    with fetched(source.url) as local:
+        assert Path(local).name == "clip_0.mcap"
+        assert Path(local).stat().st_size == source.size
+    assert not Path(local).exists()
+    with pytest.raises(InputError, match="cannot be fetched"), fetched(f"{server}/gone.mcap"):
+        pass
+    assert find_remote(f"{server}/readme.txt", ".mcap") == []

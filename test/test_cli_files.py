@@ -1,0 +1,150 @@
+"""What the commands do to files: nothing that is there is lost, and trouble is said before the work."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import depth_pose
+from depth_pose.cli import main
+from depth_pose.core.camera import Camera
+from depth_pose.io.mcap_read import read_people
+from depth_pose.io.mcap_write import DepthWriter
+
+_MANY = 10_000
+"""Frames of a recording that takes half a minute."""
+
+_WITH_CTRL_C = """
+import signal
+from depth_pose.cli import main
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background job has it ignored
+main()
+"""
+
+_SOURCE = str(Path(depth_pose.__file__).parents[1])
+
+
+def _command(*arguments: str | Path) -> list[str]:
+    return [sys.executable, "-m", "depth_pose.cli", *map(str, arguments)]
+
+
+def _environment(**more: str) -> dict[str, str]:
+    path = os.pathsep.join(filter(None, [_SOURCE, os.environ.get("PYTHONPATH", "")]))
+    return {**os.environ, "PYTHONPATH": path, "COLUMNS": "200", "NO_COLOR": "1", **more}
+
+
+def _call(*arguments: str | Path, cwd: Path | None = None, **more: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        _command(*arguments),
+        capture_output=True,
+        text=True,
+        errors="replace",
+        timeout=300,
+        cwd=cwd,
+        env=_environment(**more),
+    )
+
+
+def _record(path: Path, frames: int = 1) -> Path:
+    with DepthWriter(path, Camera(64, 48, 60.0, 60.0, 31.5, 23.5), "optical") as writer:
+        for i in range(frames):
+            writer.write(1 + i * 40_000_000, np.full((48, 64), 2.0, np.float32))
+    return path
+
+
+def _is_one_line(done: subprocess.CompletedProcess[str], says: str) -> None:
+    assert done.returncode in (1, 2), done.stdout + done.stderr
+    assert says in done.stderr, done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1, done.stderr
+
+
+def test_run_never_writes_over_what_it_reads(tmp_path: Path, bank_path: Path) -> None:
+    recording = _record(tmp_path / "in.mcap")
+    before = recording.read_bytes()
+    (tmp_path / "link.mcap").symlink_to(recording)
+    os.link(recording, tmp_path / "hard.mcap")
+    for output in ("in.mcap", "./in.mcap", "link.mcap", "hard.mcap"):
+        done = _call("run", "in.mcap", "-o", output, "--bank", bank_path, cwd=tmp_path)
+        _is_one_line(done, "both read and to be written")
+    done = _call("run", "in.mcap", "-o", ".", "--bank", bank_path, cwd=tmp_path)  # as an archive
+    _is_one_line(done, "both read and to be written")
+    done = _call("run", "in.mcap", "-o", "o.mcap", "--save-build", "in.mcap", cwd=tmp_path)
+    _is_one_line(done, "both read and to be written")
+    assert recording.read_bytes() == before
+    assert not (tmp_path / "o.mcap").exists()
+
+
+@pytest.mark.parametrize("arguments", [
+    ("run", "in.mcap", "-o", "{}"),
+    ("simulate", "-o", "{}.mcap"),
+    ("record", "-o", "{}"),
+    ("bank", "build", "-o", "{}"),
+    ("bank", "info", "--sheet", "{}"),
+    ("bank", "check", "in.mcap", "-o", "{}"),
+    ("eval", "a.npz", "b.mcap", "--plot", "{}"),
+    ("overlay", "in.mcap", "b.mcap", "-o", "{}"),
+    ("volume", "train", "-o", "{}"),
+    ("volume", "run", "in.mcap", "-m", "a.npz", "--rig", "r.yaml", "-o", "{}"),
+    ("volume", "demo", "-o", "{}"),
+], ids=" ".join)  # fmt: skip
+def test_every_writing_command_looks_at_its_target_first(
+    tmp_path: Path,
+    arguments: tuple[str, ...],
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """What else is missing (a bank, a model, ROS) would be told first if the work began."""
+    _record(tmp_path / "in.mcap")
+    cases = {"/proc/nothing/x": "cannot be written", "in.mcap/x": "cannot be written"}
+    if not arguments[-1].endswith(".mcap"):
+        cases["/dev/null"] = "it is a device or a pipe"
+        os.mkdir(tmp_path / "folder")
+        if arguments[0] != "run":  # which takes it for an archive's
+            cases["folder"] = "it is a folder"
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "200")
+    for target, says in cases.items():
+        monkeypatch.setattr(sys, "argv", ["depth-pose", *(a.format(target) for a in arguments)])
+        with pytest.raises(SystemExit) as end:
+            main()
+        told = capsys.readouterr().err
+        assert end.value.code == 1, told
+        assert says in told
+        assert len(told.strip().splitlines()) == 1, told
+    assert sorted(p.name for p in tmp_path.iterdir() if p.name != "folder") == ["in.mcap"]
+
+
+def test_ctrl_c_keeps_the_earlier_output(tmp_path: Path, bank_path: Path) -> None:
+    recording = _record(tmp_path / "in.mcap", _MANY)
+    (tmp_path / "out.mcap").write_bytes(b"good")
+    arguments = ["run", recording, "-o", tmp_path / "out.mcap", "--bank", bank_path]
+    command = [sys.executable, "-c", _WITH_CTRL_C, *map(str, arguments)]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=_environment()) as process:
+        assert process.stderr is not None
+        for line in process.stderr:  # until it says how far it is
+            if line.startswith("in.mcap: "):
+                break
+        process.send_signal(signal.SIGINT)
+        told = process.stderr.read()
+    assert process.returncode == 130, told
+    assert "out.partial.mcap" in told.strip().splitlines()[-1]
+    assert (tmp_path / "out.mcap").read_bytes() == b"good"
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["in.mcap", "out.mcap", "out.partial.mcap"]
+    assert 0 < len(list(read_people(tmp_path / "out.partial.mcap"))) < _MANY
+
+
+def test_output_that_has_no_unicode(tmp_path: Path) -> None:
+    name = "Übung→\udcff.mcap"
+    for encoding in ("ascii", "latin-1", "utf-8"):
+        done = _call("run", name, "-o", "out.mcap", cwd=tmp_path, PYTHONIOENCODING=encoding, LC_ALL="C")
+        _is_one_line(done, "cannot be read")
+    done = _call("simulate", "-o", "Größe.mcap", "--seconds", "0.04", "--motion", "wave",
+                 cwd=tmp_path, PYTHONIOENCODING="ascii", LC_ALL="C")  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "Größe.mcap").exists()
