@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import contextlib
+import ctypes
+import os
 import signal
 import sys
 import threading
@@ -12,8 +14,14 @@ from typing import Any
 EXIT_CONFIG = 2
 """Exit code where the configuration or the bank cannot be used: starting again will not help."""
 
+END_WITH_PARENT = "DEPTH_POSE_END_WITH_PARENT"
+"""Environment variable; where it is set, a node ends with the process that started it, as launch's do."""
+
 STOPS = (signal.SIGINT, signal.SIGTERM)
 """Signals that ask a process to stop."""
+
+_PR_SET_PDEATHSIG = 1
+"""Of Linux' prctl: the signal that a process gets when its parent dies."""
 
 
 def run_node(make: Callable[[], Any], args: Sequence[str] | None = None) -> int:
@@ -33,6 +41,8 @@ def run_node(make: Callable[[], Any], args: Sequence[str] | None = None) -> int:
     """
     for number in STOPS:
         signal.signal(number, _stop)
+    if os.environ.get(END_WITH_PARENT):
+        end_with_parent()
     import rclpy  # after the handlers: a stop during these imports must be clean, too
     from rclpy.executors import ExternalShutdownException
     from rclpy.signals import SignalHandlerOptions, install_signal_handlers
@@ -81,6 +91,11 @@ def _spin(node: Any) -> None:
                 node.process_pending()
     finally:
         executor.shutdown(timeout_sec=0.2)
+
+
+def end_with_parent() -> None:
+    """Have the kernel send this process SIGTERM when the one that started it is gone."""
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
 
 
 @contextlib.contextmanager
