@@ -12,6 +12,8 @@ import threading
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NoReturn
 
+from depth_pose.ros import PRIVATE_UMASK
+
 EXIT_CONFIG = 2
 """Exit code where the configuration or the bank cannot be used: starting again will not help."""
 
@@ -42,6 +44,7 @@ def run_node(make: Callable[[], Any], args: Sequence[str] | None = None) -> int:
     """
     for number in STOPS:
         signal.signal(number, _stop)
+    os.umask(PRIVATE_UMASK)
     if os.environ.get(END_WITH_PARENT):
         end_with_parent()
     code = _run(make, args)
