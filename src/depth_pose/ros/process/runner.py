@@ -12,6 +12,7 @@ import threading
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NoReturn
 
+from depth_pose.core.errors import BankError, ConfigError
 from depth_pose.ros import PRIVATE_UMASK
 
 EXIT_CONFIG = 2
@@ -67,8 +68,6 @@ def _run(make: Callable[[], Any], args: Sequence[str] | None) -> int:
     from rclpy.executors import ExternalShutdownException
     from rclpy.signals import SignalHandlerOptions, install_signal_handlers
 
-    from depth_pose.core.errors import BankError, ConfigError
-
     node = None
     try:
         if rclpy.ok():  # it joined early
@@ -106,11 +105,22 @@ def _spin(node: Any) -> None:
     executor.add_node(node)
     try:
         while rclpy.ok():
-            executor.spin_once()
-            while node.has_pending:
-                node.process_pending()
+            _take_a_turn(executor, node)
     finally:
         executor.shutdown(timeout_sec=0.2)
+
+
+def _take_a_turn(executor: Any, node: Any) -> None:
+    from rclpy.executors import ExternalShutdownException
+
+    try:
+        executor.spin_once()
+        while node.has_pending:
+            node.process_pending()
+    except (ExternalShutdownException, BankError, ConfigError):
+        raise
+    except Exception as e:  # as where what came is no message of its type
+        node.survive(e, "taking a message")
 
 
 def end_with_parent() -> None:
