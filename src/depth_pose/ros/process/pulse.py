@@ -13,7 +13,7 @@ import time
 BEAT_S = 0.25
 """Seconds between two signs of life. Set by hand: a tenth of the patience."""
 
-PATIENCE_S = 2.5
+PATIENCE_S = 3.0
 """Seconds without one after which a process counts as hung.
 
 Twenty busy programs on two cores made the longest silence 0.5 s. With the spare, which takes over in half a
