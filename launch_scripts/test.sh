@@ -13,6 +13,7 @@ source launch_scripts/helpers/bank.sh
 ensure_bank
 
 # Nodes of other programs, and of another run of this one, are not to be heard.
-export ROS_DOMAIN_ID=$((1 + RANDOM % 100)) ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST
+export ROS_DOMAIN_ID=$((1 + RANDOM % 100)) ROS_AUTOMATIC_DISCOVERY_RANGE=SYSTEM_DEFAULT
+export FASTRTPS_DEFAULT_PROFILES_FILE=$PWD/src/depth_pose/ros/fastdds_local.xml
 say "Running the tests"
 exec .venv/bin/python -m pytest -q "$@"

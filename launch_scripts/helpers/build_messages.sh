@@ -16,7 +16,7 @@ rm -rf "$work"
 mkdir -p "$work"
 cd "$work"
 "$venv/bin/colcon" --log-base "$work/log" build \
-    --base-paths "$root/ros_ws/src" --packages-select depth_pose_msgs \
+    --base-paths "$root/ros_ws/src/depth_pose_msgs" \
     --build-base "$work/build" --merge-install --install-base "$venv" \
     --event-handlers console_direct- console_cohesion- \
     --cmake-args -G Ninja -DBUILD_TESTING=OFF -DCMAKE_BUILD_TYPE=Release \

@@ -39,9 +39,10 @@ def test_values_beyond_the_range_are_refused_by_name(section):
             is_list = isinstance(default, tuple)
             return (float(value),) * len(default) if is_list else type(default)(value)
 
+        room = {"near": {"far": 50.0}, "far": {"near": 0.0}}.get(o.name, {})
         for value in (o.low, o.high):
             if value is not None:
-                section(**{o.name: like_default(value)})
+                section(**{o.name: like_default(value)} | room)
         if o.low is not None:
             with pytest.raises(ConfigError, match=rf"{section.__name__}\.{o.name} is .*least"):
                 section(**{o.name: like_default(o.low - 1)})
@@ -51,6 +52,12 @@ def test_values_beyond_the_range_are_refused_by_name(section):
         if o.choices:
             with pytest.raises(ConfigError, match="it is one of"):
                 section(**{o.name: "nonsense"})
+
+
+@pytest.mark.parametrize(("near", "far"), [(9.0, 8.0), (3.0, 3.0)])
+def test_near_beyond_far_is_refused(near, far):
+    with pytest.raises(ConfigError, match="nothing lies between"):
+        SegmentConfig(near=near, far=far)
 
 
 def test_nan_is_refused():

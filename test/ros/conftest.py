@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from depth_pose.ros import LOCAL_PROFILE_PATH, PROFILE_VARIABLE
+
 if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:  # as in a shell's background job,
     signal.signal(signal.SIGINT, signal.default_int_handler)  # and so in all that the tests start
 
@@ -22,7 +24,8 @@ def domain(monkeypatch):
     """A domain that nobody else is on, for this process and its children."""
     number = random.SystemRandom().randrange(1, 101)
     monkeypatch.setenv("ROS_DOMAIN_ID", str(number))
-    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    monkeypatch.setenv(PROFILE_VARIABLE, str(LOCAL_PROFILE_PATH))
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "SYSTEM_DEFAULT")
     monkeypatch.setenv("PYTHONUNBUFFERED", "1")
     path = os.pathsep.join(filter(None, [str(SOURCE), str(HERE), os.environ.get("PYTHONPATH")]))
     monkeypatch.setenv("PYTHONPATH", path)

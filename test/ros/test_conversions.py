@@ -137,8 +137,8 @@ def test_a_source_that_there_is_not_is_refused(skeleton):
 
 def test_matches_round_trip_is_exact(rng, people):
     candidates = tuple(
-        Candidate(i, i + 1, rng.normal(size=4), rng.normal(size=3), rng.random(), rng.random())
-        for i in range(4)
+        Candidate(i, i + 1, q / np.linalg.norm(q), rng.normal(size=3), rng.random(), rng.random())
+        for i, q in enumerate(rng.normal(size=(4, 4)))
     )
     matches = PoseMatch("body_5", "bank-hash", 1 / 3, candidates), PoseMatch("body_6", "", 0.0, ())
     msg = over_the_wire(c.matches_to_msg(matches, people))

@@ -189,6 +189,41 @@ def test_camera_info_that_is_sent_once(start, peer, frames):
     peer.until(lambda: answers, what="the answer")
 
 
+@pytest.mark.parametrize("kept", [False, True], ids=["volatile", "kept"])
+def test_camera_info_is_asked_for_with_a_qos_that_the_driver_has(start, peer, frames, kept):
+    """One subscription, and none that is incompatible: neither the driver nor `ros2 doctor` complains."""
+    from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+
+    qos = QoSProfile(
+        depth=1,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL if kept else DurabilityPolicy.VOLATILE,
+        reliability=ReliabilityPolicy.RELIABLE if kept else ReliabilityPolicy.BEST_EFFORT,
+    )
+    infos = peer.node.create_publisher(CameraInfo, INFO, qos)
+    process = start("-m", "depth_pose.ros.nodes.denoise_node")
+    process.wait_for("is ready", 60.0)
+    peer.spin(1.5)
+    (asked,) = [s.qos_profile for s in peer.node.get_subscriptions_info_by_topic(INFO)]
+    assert (asked.durability, asked.reliability) == (qos.durability, qos.reliability)
+    answers = peer.listen(PointCloud2, POINTS)
+    images = peer.publisher(Image, IMAGE, RELIABLE)
+    infos.publish(info_msg(frames[0]))
+    images.publish(image_msg(frames[0]))
+    peer.until(lambda: answers, what="the answer")
+
+
+def test_mount_is_refused_for_one_node_alone(start, peer):
+    from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
+    from rcl_interfaces.srv import SetParameters
+
+    process = start("-m", "depth_pose.ros.nodes.denoise_node")
+    process.wait_for("is ready", 60.0)
+    value = ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=90.0)
+    request = SetParameters.Request(parameters=[Parameter(name="mount.roll", value=value)])
+    result = peer.call(SetParameters, "/depth_pose/denoise/set_parameters", request).results[0]
+    assert not result.successful and "read-only" in result.reason
+
+
 def test_latency_by_the_clock_of_a_recording(start, peer, frames, tmp_path):
     """Stamps of years ago give no latency, but with ``use_sim_time`` and ``/clock`` they do."""
     path = tmp_path / "small.mcap"

@@ -157,6 +157,33 @@ def test_a_killed_node(live, peer, name):
     note(f"{name} node killed (-9)", "it is started again; the others go on", again - killed, lost)
 
 
+@pytest.mark.parametrize("name", ["matcher", "spare"])
+def test_a_hung_process(live, peer, name):
+    """SIGSTOP: it lives, and answers nothing. It is killed and replaced, within 5 s on a free machine."""
+    suite, _, heard, lines = live
+    peer.until(lambda: suite.is_ready("spare"), 4 * PATIENCE_S, "the spare process")
+    pid, stopped = suite.pid(name), time.monotonic()
+    os.kill(pid, signal.SIGSTOP)
+    peer.until(
+        lambda: any(f"[{name}] gave no sign of life" in line for line in lines),
+        PATIENCE_S,
+        lambda: f"the end of the {name} that hangs:\n" + "\n".join(lines),
+    )
+    peer.until(
+        lambda: suite.pid(name) not in (None, pid) and suite.is_ready(name),
+        4 * PATIENCE_S,
+        lambda: f"another {name}:\n" + "\n".join(lines),
+    )
+    settled = time.monotonic()
+    peer.until(lambda: max(heard.came.values()) > settled, PATIENCE_S, "skeletons again")
+    assert not Path(f"/proc/{pid}").exists()
+    assert suite.restarts == {n: int(n == name) for n in NODES}
+    if name != "spare":
+        note(
+            f"{name} node hangs (SIGSTOP)", "it is killed and started again", gap(heard, settled)[1] - stopped
+        )
+
+
 def test_the_host_is_killed(live, peer):
     """All nodes end with the process that forked them, and all are started again."""
     suite, _, heard, lines = live

@@ -3,6 +3,9 @@
 import ast
 import importlib.util
 import re
+import subprocess
+import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -12,7 +15,8 @@ from depth_pose.core.config import PipelineConfig
 from depth_pose.ros.nodes.parameters import EVERYWHERE
 from depth_pose.ros.process import NODES
 
-SCRIPTS = Path(__file__).parents[2] / "launch_scripts"
+ROOT = Path(__file__).parents[2]
+SCRIPTS = ROOT / "launch_scripts"
 
 
 def test_example_parameters_are_valid():
@@ -29,25 +33,75 @@ def test_launch_file_parses():
     assert "generate_launch_description" in functions
 
 
-def test_launch_file_starts_modules_that_exist():
-    (pattern,) = re.findall(r'f"(depth_pose\.[^"]+)"', (SCRIPTS / "depth_pose.launch.py").read_text())
-    for name in NODES:
-        assert importlib.util.find_spec(pattern.format(name=name)) is not None
+def test_launch_file_starts_programs_that_exist():
+    """By package and name, so that each runs in the interpreter that colcon wrote into it."""
+    text = (SCRIPTS / "depth_pose.launch.py").read_text()
+    assert 'package="depth_pose"' in text and 'executable=f"{name}_node"' in text
+    scripts = re.findall(
+        r'^(\w+_node) = "([\w.]+):main"', (ROOT / "pyproject.toml").read_text(), re.MULTILINE
+    )
+    assert {f"{name}_node" for name in NODES} <= {name for name, _ in scripts}
+    assert all(importlib.util.find_spec(module) is not None for _, module in scripts)
 
 
-def test_launch_file_runs_where_launch_is_there():
-    """With `launch_ros` the description is made for real: four nodes with the sensor's parameters."""
-    pytest.importorskip("launch_ros", reason="launch comes with ROS 2 from apt")
-    from launch import LaunchContext
+def launch(*arguments, tmp_path):
+    """Start ``ros2 launch`` with the installed package; gives the process and its log."""
+    log = tmp_path / "launch.log"
+    with log.open("wb") as stream:
+        command = [Path(sys.prefix) / "bin" / "ros2", "launch", "depth_pose", "depth_pose.launch.py"]
+        return subprocess.Popen([*command, *arguments], stdout=stream, stderr=subprocess.STDOUT), log
 
-    spec = importlib.util.spec_from_file_location("depth_pose_launch", SCRIPTS / "depth_pose.launch.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    context = LaunchContext()
-    values = {name: default for name, (default, _) in module.ARGUMENTS.items()}
-    context.launch_configurations.update(values | {"sensor": "realsense"})
-    assert len(module.make_nodes(context)) == 4
-    assert module.generate_launch_description().entities
+
+@pytest.fixture
+def installed():
+    """Skip where ``ros2 launch`` is not, or the package has not been built with colcon."""
+    pytest.importorskip("ros2launch", reason="launch comes with ROS 2 from apt")
+    packages = pytest.importorskip("ament_index_python.packages")
+    try:
+        prefix = Path(packages.get_package_prefix("depth_pose"))
+    except packages.PackageNotFoundError:
+        pytest.skip("depth_pose has not been built with colcon in this environment")
+    return prefix
+
+
+@pytest.mark.parametrize(
+    ("argument", "said"),
+    [("sensor:=webcam", "realsense"), ("params_file:=/none.yaml", "there is no parameter file /none.yaml")],
+)
+def test_what_is_wrong_is_refused_by_launch(installed, tmp_path, argument, said):
+    process, log = launch(argument, tmp_path=tmp_path)
+    assert process.wait(30.0) == 1
+    assert said in log.read_text()
+
+
+def test_a_refused_setting_ends_the_launch(installed, domain, tmp_path):
+    params = tmp_path / "params.yaml"
+    params.write_text("/**:\n  ros__parameters:\n    segment:\n      naer: 0.5\n")
+    process, log = launch(f"params_file:={params}", tmp_path=tmp_path)
+    process.wait(90.0)
+    assert "segment.naer" in log.read_text()
+    assert log.read_text().count("process started") == len(NODES)  # none a second time
+
+
+def test_sigterm_to_launch_leaves_no_orphan(installed, domain, tmp_path):
+    process, log = launch("namespace:=left", tmp_path=tmp_path)
+    deadline = time.monotonic() + 120.0
+    while log.read_text().count("is ready") < len(NODES):
+        assert process.poll() is None and time.monotonic() < deadline, log.read_text()
+        time.sleep(0.2)
+    text = log.read_text()
+    found = dict(re.findall(r"\[(\w+)_node-\d\]: process started with pid \[(\d+)\]", text))
+    assert set(found) == set(NODES)  # the log tells them apart
+    program = installed / "lib" / "depth_pose" / "refine_node"
+    shebang = program.read_text().splitlines()[0].removeprefix("#!")
+    started = Path(f"/proc/{found['refine']}/cmdline").read_bytes().split(b"\0")[0].decode()
+    assert started == shebang  # the environment's interpreter, not that of ros2
+    process.terminate()
+    process.wait(15.0)
+    deadline = time.monotonic() + 5.0
+    while any(Path(f"/proc/{pid}").exists() for pid in found.values()):
+        assert time.monotonic() < deadline, "orphans"
+        time.sleep(0.05)
 
 
 def test_launch_file_sets_parameters_that_the_nodes_have():

@@ -150,10 +150,25 @@ def test_parameters_have_ranges_and_can_be_set(trial, peer):
     assert not put("queue", 3).successful
     assert put("zone", "1:4.5").successful  # one of the names without a section
     assert not put("zone", "near").successful
+    beyond = put("segment.near", 9.0)  # farther than segment.far
+    assert not beyond.successful and "nothing lies between" in beyond.reason
     a.publish(image(1))
     b.publish(image(1))
     peer.until(lambda: answers, what="the answer")
     assert answers[0].frame_id == "100 0"
+
+
+def test_bytes_that_are_no_message_do_not_end_it(trial, peer):
+    """What decodes to no message of the type, as another program may send, is survived and counted."""
+    process, answers, a, b = trial()
+    for rubbish in (b"", b"\x00\x01\x00\x00", b"\x00\x01\x00\x00" + b"\xff" * 40, bytes(range(64))):
+        a.publish(rubbish)
+        b.publish(rubbish)
+        peer.spin(0.05)
+    assert process.process.poll() is None, process.output
+    a.publish(image(1))
+    b.publish(image(1))
+    peer.until(lambda: answers, what=lambda: "the answer:\n" + process.output)
 
 
 @pytest.mark.parametrize(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import math
+import os
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -29,6 +30,7 @@ def add_to(app: typer.Typer) -> None:
 
 def call_ros(module: str, function: str, *arguments: Any, **options: Any) -> Any:
     """Call a function of one of our modules that need ROS."""
+    os.umask(0o077)  # depth images of people lie in shared memory, and in files: nobody else's
     try:
         importlib.import_module("depth_pose.ros.process.logs").ensure_log_folder()
         found = importlib.import_module(f"depth_pose.ros.{module}")
@@ -62,6 +64,13 @@ def up(
     zone: Annotated[str | None, setting(SegmentConfig, "zone")] = None,
     follow: Annotated[str | None, setting(FollowConfig, "whom", "--follow")] = None,
     sim_time: Annotated[bool, typer.Option("--sim-time", help="Take the time from /clock.")] = False,
+    remap: Annotated[
+        list[str] | None,
+        typer.Option("--remap", "-r", help="ROS' rule FROM:=TO for a name; may be repeated.", metavar="RULE"),
+    ] = None,
+    local: Annotated[
+        bool, typer.Option("--local", help="Keep to this machine: loopback sockets, no multicast.")
+    ] = False,
 ) -> None:
     """Run the four nodes: a depth sensor's topics in, everybody on /depth_pose/skeletons out.
 
@@ -76,6 +85,8 @@ def up(
     depth-pose up --zone 1:4.5 --follow nearest
 
     depth-pose up --params my.yaml --bank my_bank.npz
+
+    depth-pose up -r __ns:=/left --params left.yaml
     """
     parameters: dict[str, Any] = {
         name: value
@@ -91,7 +102,8 @@ def up(
     }
     if sim_time:
         parameters["use_sim_time"] = True
-    code = call_ros("process.supervisor", "up", params, sensor, bank, parameters=parameters)
+    options = {"parameters": parameters, "remap": remap or (), "local": local}
+    code = call_ros("process.supervisor", "up", params, sensor, bank, **options)
     raise typer.Exit(code)
 
 

@@ -65,6 +65,10 @@ class SegmentConfig(Checked):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if self.near >= self.far:
+            raise ConfigError(
+                f"SegmentConfig.near is {self.near:g} m and far {self.far:g} m: nothing lies between"
+            )
         parse_zone(self.zone)
 
 

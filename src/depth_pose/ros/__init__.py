@@ -2,7 +2,8 @@
 
 Importing it names the shipped Fast DDS profile (`fastdds.xml`) in the environment, unless
 the user has named one: Fast DDS reads that variable once, so it has to stand there before
-the first participant is made, and child processes inherit it.
+the first participant is made, and child processes inherit it. `stay_local` names the
+one for this machine alone.
 """
 
 from __future__ import annotations
@@ -10,10 +11,36 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+from depth_pose.core.errors import ConfigError
+
 PROFILE_VARIABLE = "FASTRTPS_DEFAULT_PROFILES_FILE"
 """What Fast DDS reads; a value that the user has set is kept."""
 
 PROFILE_PATH = Path(__file__).with_name("fastdds.xml")
-"""Shared memory of 32 MiB with messages up to 8 MiB, beside UDP; quick discovery."""
+"""Shared memory of 32 MiB with messages up to 8 MiB, beside UDP with buffers of 4 MiB; quick discovery."""
+
+LOCAL_PROFILE_PATH = Path(__file__).with_name("fastdds_local.xml")
+"""The same on the loopback interface alone, without multicast: nothing outside this machine can reach it."""
+
+PRIVATE_UMASK = 0o077
+"""For all processes that hold depth images: nobody else's account may read their shared memory."""
+
+_RANGE_VARIABLE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 
 os.environ.setdefault(PROFILE_VARIABLE, str(PROFILE_PATH))
+
+
+def stay_local() -> None:
+    """Have this process and its children use the loopback interface alone; before rclpy is initialised.
+
+    Raises
+    ------
+    ConfigError
+        If the user has named a profile of their own, which would say otherwise.
+    """
+    if os.environ[PROFILE_VARIABLE] not in (str(PROFILE_PATH), str(LOCAL_PROFILE_PATH)):
+        raise ConfigError(
+            f"{PROFILE_VARIABLE} names a profile of yours; unset it to stay local, or see to it there"
+        )
+    os.environ[PROFILE_VARIABLE] = str(LOCAL_PROFILE_PATH)
+    os.environ[_RANGE_VARIABLE] = "SYSTEM_DEFAULT"  # any other opens sockets beside those of the profile

@@ -20,6 +20,7 @@ import numpy as np
 from depth_pose.io._recording import RawMessage
 from depth_pose.io.mcap_read import DepthReader, DepthTopic, read_people
 from depth_pose.io.schemas import PEOPLE_TOPIC, POINT_CLOUD, SKELETON_TOPIC
+from depth_pose.ros import PROFILE_PATH, PROFILE_VARIABLE, stay_local
 from depth_pose.ros.process.supervisor import Suite
 from depth_pose.ros.transport.bag import Player, Recorder, header_stamp_ns
 from depth_pose.ros.transport.player import Played
@@ -244,7 +245,11 @@ def run_demo(recording: Path | str | None = None, output: Path | str = Path("res
 
 def _choose_domain(console: Console) -> None:
     """Keep to this machine, and apart from other nodes on the same topics, unless the user chose."""
-    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    if (
+        os.environ[PROFILE_VARIABLE] == str(PROFILE_PATH)
+        and "ROS_AUTOMATIC_DISCOVERY_RANGE" not in os.environ
+    ):
+        stay_local()
     if "ROS_DOMAIN_ID" not in os.environ:
         os.environ["ROS_DOMAIN_ID"] = str(random.randint(1, 100))
         console.print(f"topics are in ROS_DOMAIN_ID={os.environ['ROS_DOMAIN_ID']}, on this machine only")

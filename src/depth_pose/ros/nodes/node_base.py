@@ -13,6 +13,7 @@ import time
 import traceback
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any, ClassVar, Protocol
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -22,7 +23,6 @@ from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
-from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 from threadpoolctl import threadpool_limits
 
@@ -46,6 +46,8 @@ from depth_pose.ros.transport.intake import (
     Intake,
     frame_qos,
 )
+from depth_pose.ros.transport.latched import LatchedTopic
+from depth_pose.ros.transport.losses import BusyTimes
 
 __all__ = ["Drop", "Held", "Input", "Stage", "StageNode"]
 
@@ -94,6 +96,7 @@ class StageNode(LifecycleNode, ABC):
         threadpool_limits(1)  # the processes share the cores; and sums as `PosePipeline` makes them
         super().__init__(name, namespace="depth_pose", cli_args=self.arguments)
         self.figures = Figures()
+        self.busy = BusyTimes()
         self.stage: Any = None
         self.is_active = False
         self._intake: FrameSource | None = None
@@ -102,6 +105,7 @@ class StageNode(LifecycleNode, ABC):
         self._outputs: list[Publisher] = []
         self._sources: list[Subscription] = []
         self._opened: list[Publisher | Subscription] = []
+        self._latched: list[LatchedTopic] = []
         self._watches: tuple[CrowdWatch, SilenceWatch] | None = None
         declare(self, (*COMMON, *self.SETTINGS), self.SECTIONS, self.CONFIG)
         self.lossless: bool = self.value("reliable")
@@ -183,23 +187,34 @@ class StageNode(LifecycleNode, ABC):
     def listen(self, kind: type, topic: str, callback: Callable[[Any], None]) -> Subscription:
         """Subscribe to a topic of the suite's own that is no part of a frame."""
         qos = frame_qos(self.queue, self.lossless)
-        made = self.create_subscription(kind, topic, callback, qos, event_callbacks=NO_EVENTS)
+        made = self.create_subscription(
+            kind, topic, partial(self.guard, topic, callback), qos, event_callbacks=NO_EVENTS
+        )
         self._opened.append(made)
         self._sources.append(made)
         return made
 
     def latch(self, kind: type, topic: str, callback: Callable[[Any], None], depth: int = 1) -> None:
         """Subscribe to what may be sent with every frame, or once and for all, by up to ``depth`` senders."""
-        once = QoSProfile(
-            depth=depth,
-            history=HistoryPolicy.KEEP_LAST,
-            reliability=ReliabilityPolicy.RELIABLE,
-            durability=DurabilityPolicy.TRANSIENT_LOCAL,
-        )
-        self._opened += [
-            self.create_subscription(kind, topic, callback, qos, event_callbacks=NO_EVENTS)
-            for qos in (frame_qos(1, self.lossless), once)
-        ]
+        take = partial(self.guard, topic, callback)
+        self._latched.append(LatchedTopic(self, kind, topic, take, depth))
+
+    def guard(self, topic: str, call: Callable[..., None], *arguments: Any) -> None:
+        """Call what takes a message: whatever it was, the node lives, and what is bad is counted."""
+        try:
+            call(*arguments)
+        except ConfigError:  # the settings are wrong, not the message
+            raise
+        except InputError as e:
+            self.drop("bad input", f"{topic}: {e}")
+        except Exception as e:
+            self.survive(e, topic)
+
+    def survive(self, error: Exception, where: str) -> None:
+        """Log and count an error that nobody expected, unless it comes of being told to stop."""
+        if self.context.ok():
+            self.get_logger().error(traceback.format_exc(), throttle_duration_sec=LOG_EVERY_S)
+            self.drop("error", f"{where}: {type(error).__name__}: {error}")
 
     def drop(self, reason: str, detail: str, count: int = 1) -> None:
         """Count frames without an answer, and log it now and then."""
@@ -292,7 +307,9 @@ class StageNode(LifecycleNode, ABC):
                 self.destroy_publisher(entity)
             else:
                 self.destroy_subscription(entity)
-        self._opened, self._outputs, self._sources = [], [], []
+        for topic in self._latched:
+            topic.close()
+        self._opened, self._outputs, self._sources, self._latched = [], [], [], []
         self._intake = self._watches = self.stage = None
 
     # Frames
@@ -317,7 +334,7 @@ class StageNode(LifecycleNode, ABC):
 
     def process(self, messages: tuple[Any, ...]) -> None:
         """Answer a whole frame, or count why not; whatever happens, the node lives."""
-        started = time.perf_counter()
+        started, began_ns = time.perf_counter(), time.time_ns()
         try:
             self.answer(*messages)
         except Held:
@@ -330,15 +347,14 @@ class StageNode(LifecycleNode, ABC):
         except BankError as e:
             self.drop("other bank", str(e))
         except Exception as e:  # a node outlives every frame
-            if not self.context.ok():
-                return  # told to stop meanwhile
-            self.get_logger().error(traceback.format_exc(), throttle_duration_sec=LOG_EVERY_S)
-            self.drop("error", f"{type(e).__name__}: {e}")
+            self.survive(e, "answering a frame")
             self._reset_stage()
         else:
             now_ns = self.get_clock().now().nanoseconds
             latency_s = (now_ns - self.stamp_ns(*messages)) / 1e9
             self.figures.answer(time.perf_counter() - started, latency_s)
+        finally:
+            self.busy.add(began_ns, time.time_ns())
 
     def _reset_stage(self) -> None:
         try:
@@ -384,6 +400,8 @@ class StageNode(LifecycleNode, ABC):
             self.get_logger().info(f"{self.get_name()} {READY}: listens to {topics}")
 
     def _watch(self) -> None:
+        for topic in self._latched:
+            topic.check()
         if self._watches is not None and self.is_active:
             self._watches[1].check()
 

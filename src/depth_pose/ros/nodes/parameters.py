@@ -28,6 +28,9 @@ SECTIONS: tuple[str, ...] = tuple(f.name for f in fields(PipelineConfig))
 """Sections of `PipelineConfig`."""
 
 
+FIXED_SECTIONS: tuple[str, ...] = ("mount",)
+"""Sections that several nodes must agree on: set at the start for all, refused for one alone later."""
+
 COMMON: tuple[Setting, ...] = (
     Setting("queue", 1, "Frames that may wait; 1: the newest wins", 1, 10000),
     Setting(
@@ -89,7 +92,8 @@ def declare(
         _declare(node, given, s.name, s.default, describe(s.help, s.default, s.low, s.high, s.read_only))
     for section in sections:
         for o in options(_section_class(section, config)):
-            descriptor = describe(o.help, o.default, o.low, o.high, False, o.unit, o.choices)
+            fixed = section in FIXED_SECTIONS
+            descriptor = describe(o.help, o.default, o.low, o.high, fixed, o.unit, o.choices)
             _declare(node, given, parameter_name(section, o.name), o.default, descriptor)
 
 

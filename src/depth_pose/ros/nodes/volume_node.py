@@ -1,7 +1,7 @@
 """Node: silhouettes of several cameras, or depth images of one or more -> pose in loose clothing.
 
-``/depth_pose/skeleton`` (source VOLUME) in the world frame, and ``/depth_pose/joint_states`` with the
-anatomical angles. Images of one time are brought together by their stamps; a camera that is late is
+``/depth_pose/skeleton`` (source VOLUME) in the world frame, ``/depth_pose/markers`` for viewers, and
+``/depth_pose/joint_states`` with the anatomical angles. Images of one time are brought together by their stamps; a camera that is late is
 not waited for longer than ``views.patience``, one that is gone not at all, and ``/diagnostics`` says so. The
 newest set of views wins.
 """
@@ -17,6 +17,7 @@ import numpy as np
 from depth_pose_msgs.msg import Skeleton as SkeletonMsg
 from diagnostic_msgs.msg import DiagnosticStatus
 from sensor_msgs.msg import Image, JointState
+from visualization_msgs.msg import MarkerArray
 
 from depth_pose.body.angles import ANGLES
 from depth_pose.core.errors import ConfigError, InputError
@@ -24,6 +25,7 @@ from depth_pose.ros.nodes.node_base import Drop, StageNode
 from depth_pose.ros.process.runner import run_node
 from depth_pose.ros.setting import Setting
 from depth_pose.ros.transport.conversions import make_header, skeleton_to_msg
+from depth_pose.ros.transport.drawing import skeletons_to_markers
 from depth_pose.ros.transport.intake import LOG_EVERY_S, Input
 from depth_pose.ros.transport.rig_source import RIG_SETTINGS, RigSource
 from depth_pose.ros.transport.view_sets import ViewSetIntake
@@ -79,6 +81,7 @@ class VolumeNode(StageNode):
     def open_outputs(self) -> None:
         """Publish what other programs read: reliable, which suits every subscriber."""
         self._skeletons = self.publisher(SkeletonMsg, "skeleton", reliable=True)
+        self._markers = self.publisher(MarkerArray, "markers", reliable=True, counted=False)
         self._states = self.publisher(JointState, "joint_states", reliable=True, counted=False)
 
     def inputs(self) -> Sequence[Input]:
@@ -113,6 +116,9 @@ class VolumeNode(StageNode):
 
     def _publish(self, pose: VolumePose, stamp_ns: int) -> None:
         self._skeletons.publish(skeleton_to_msg(pose.skeleton))
+        if self._markers.get_subscription_count():
+            shown = [] if pose.skeleton.is_lost else [pose.skeleton]
+            self._markers.publish(skeletons_to_markers(shown, stamp_ns, self._frame))
         self.figures.counts[f"source {pose.skeleton.source.name}"] += 1
         for camera in pose.disregarded:
             self.figures.counts[f"shows nobody: {self._rig.topics[camera]}"] += 1

@@ -13,7 +13,6 @@ instead of 0.4 s to replace a node, and 804 MB instead of 550 MB. Without the sp
 from __future__ import annotations
 
 import contextlib
-import ctypes
 import faulthandler
 import fcntl
 import gc
@@ -32,7 +31,8 @@ from pathlib import Path
 from typing import Any
 
 from depth_pose.ros.process import EVENT, NODES, READY
-from depth_pose.ros.process.runner import EXIT_CONFIG
+from depth_pose.ros.process.pulse import PATIENCE_S, Pulse
+from depth_pose.ros.process.runner import EXIT_CONFIG, end_with_parent, leave
 
 _CONSUMERS = {"denoise": 3, "matcher": 1, "refine": 1, "recovery": 1}
 """Nodes of the suite that subscribe to what each publishes; it is ready once they have."""
@@ -49,9 +49,6 @@ _LOOK_EVERY_S, _STOP_PATIENCE_S = 0.1, 5.0
 _SHARED_MEMORY, _YOUNG_S = Path("/dev/shm"), 0.5
 """Where Fast DDS keeps its segments; a lock file younger than this, in seconds, may yet be locked."""
 
-_PR_SET_PDEATHSIG = 1
-"""Of Linux' prctl: the signal that a process gets when its parent dies."""
-
 
 class _Process:
     """A forked process: a node; or, without arguments, the spare, which joins the ROS graph and waits."""
@@ -61,16 +58,16 @@ class _Process:
         self.restarts, self.delay_s, self.retry_s = 0, 0.0, 0.0
         self.last_lines, self._rest = deque[str](maxlen=20), b""
         self.socket, theirs = socket.socketpair()
+        self.pulse = Pulse()
         self._take_name(name)
         host = os.getpid()
         self.pid = os.fork()
         if self.pid == 0:
             for standard in range(3):
                 os.dup2(theirs.fileno(), standard)
-            ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
-            code = _run(name, arguments) if os.getppid() == host else 0
-            gc.collect()  # what is left of the node lets go of its shared memory
-            os._exit(code)  # taking everything down one by one would first copy all that is shared
+            end_with_parent()
+            self.pulse.start()
+            leave(_run(name, arguments) if os.getppid() == host else 0)
         theirs.close()
 
     def _take_name(self, name: str) -> None:
@@ -95,6 +92,12 @@ class _Process:
             _say(f"[{self.name}] {self.last_lines[-1]}")
         if not data:
             self.code = os.waitstatus_to_exitcode(os.waitpid(self.pid, 0)[1])
+
+    def kill_if_hung(self) -> None:
+        """End a process that gives no sign of life once it was ready; its end brings another."""
+        if self.code is None and self.pulse.silent_s() > PATIENCE_S and self.is_ready:
+            _say(f"[{self.name}] gave no sign of life for {PATIENCE_S:.1f} s; it is killed")
+            os.kill(self.pid, signal.SIGKILL)
 
     def plan_retry(self) -> None:
         """Start a node that has ended again: at once at first, ever later where it goes on dying."""
@@ -202,8 +205,10 @@ class _Host:
             _say(EVENT + json.dumps({"processes": state}))
 
     def _look(self) -> None:
-        """See to what comes."""
+        """See to what comes, and to what does not."""
         self._tell_state()
+        for process in self._processes.values():
+            process.kill_if_hung()
         for key, _ in self._selector.select(_LOOK_EVERY_S):
             if key.data is not None:
                 key.data.read()

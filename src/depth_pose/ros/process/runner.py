@@ -3,17 +3,29 @@
 from __future__ import annotations
 
 import contextlib
+import ctypes
+import gc
+import os
 import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any
+from typing import Any, NoReturn
+
+from depth_pose.core.errors import BankError, ConfigError
+from depth_pose.ros import PRIVATE_UMASK
 
 EXIT_CONFIG = 2
 """Exit code where the configuration or the bank cannot be used: starting again will not help."""
 
+END_WITH_PARENT = "DEPTH_POSE_END_WITH_PARENT"
+"""Environment variable; where it is set, a node ends with the process that started it, as launch's do."""
+
 STOPS = (signal.SIGINT, signal.SIGTERM)
 """Signals that ask a process to stop."""
+
+_PR_SET_PDEATHSIG = 1
+"""Of Linux' prctl: the signal that a process gets when its parent dies."""
 
 
 def run_node(make: Callable[[], Any], args: Sequence[str] | None = None) -> int:
@@ -24,7 +36,7 @@ def run_node(make: Callable[[], Any], args: Sequence[str] | None = None) -> int:
     make : callable
         Gives the `depth_pose.ros.nodes.node_base.StageNode`; called once rclpy is initialised.
     args : sequence of str, optional
-        Command line with ``--ros-args``; the process' own if None.
+        Command line with ``--ros-args``; the process' own if None, and then the process ends here.
 
     Returns
     -------
@@ -33,11 +45,29 @@ def run_node(make: Callable[[], Any], args: Sequence[str] | None = None) -> int:
     """
     for number in STOPS:
         signal.signal(number, _stop)
+    os.umask(PRIVATE_UMASK)
+    if os.environ.get(END_WITH_PARENT):
+        end_with_parent()
+    code = _run(make, args)
+    if args is None:
+        leave(code)
+    return code
+
+
+def leave(code: int) -> NoReturn:
+    """End the process without taking everything down one by one, which takes seconds; nothing is lost."""
+    gc.collect()  # what is left of the node lets go of its shared memory
+    with contextlib.suppress(OSError):
+        sys.stdout.flush()
+        sys.stderr.flush()
+    os._exit(code)
+
+
+def _run(make: Callable[[], Any], args: Sequence[str] | None) -> int:
     import rclpy  # after the handlers: a stop during these imports must be clean, too
     from rclpy.executors import ExternalShutdownException
     from rclpy.signals import SignalHandlerOptions, install_signal_handlers
 
-    from depth_pose.core.errors import BankError, ConfigError
     from depth_pose.ros.process.logs import ensure_log_folder
 
     node = None
@@ -78,11 +108,27 @@ def _spin(node: Any) -> None:
     executor.add_node(node)
     try:
         while rclpy.ok():
-            executor.spin_once()
-            while node.has_pending:
-                node.process_pending()
+            _take_a_turn(executor, node)
     finally:
         executor.shutdown(timeout_sec=0.2)
+
+
+def _take_a_turn(executor: Any, node: Any) -> None:
+    from rclpy.executors import ExternalShutdownException
+
+    try:
+        executor.spin_once()
+        while node.has_pending:
+            node.process_pending()
+    except (ExternalShutdownException, BankError, ConfigError):
+        raise
+    except Exception as e:  # as where what came is no message of its type
+        node.survive(e, "taking a message")
+
+
+def end_with_parent() -> None:
+    """Have the kernel send this process SIGTERM when the one that started it is gone."""
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
 
 
 @contextlib.contextmanager

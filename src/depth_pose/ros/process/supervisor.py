@@ -30,6 +30,7 @@ from types import TracebackType
 from typing import Any, NamedTuple
 
 from depth_pose.core.errors import ConfigError, DepthPoseError
+from depth_pose.ros import PRIVATE_UMASK, stay_local
 from depth_pose.ros.process import EVENT, NODES
 from depth_pose.ros.process.runner import on_stop
 
@@ -80,6 +81,8 @@ class Suite:
         the files.
     nodes : sequence of str
         Which of `NODES` to run.
+    remap : sequence of str
+        ROS' rules for names, e.g. ``("__ns:=/left",)`` for a second suite in the same domain.
     sink : callable
         Gets every line of output, with ``[name] `` in front; prints it by default.
 
@@ -97,13 +100,14 @@ class Suite:
         *,
         parameters: Mapping[str, Any] | None = None,
         nodes: Sequence[str] = NODES,
+        remap: Sequence[str] = (),
         sink: Callable[[str], None] | None = None,
     ) -> None:
         self.failure: DepthPoseError | None = None
         self._job = json.dumps({
             "bank": str(Path(bank).absolute()) if bank is not None else "",
             "nodes": list(nodes),
-            "arguments": _ros_arguments(params_file, sensor, bank, parameters or {}),
+            "arguments": _ros_arguments(params_file, sensor, bank, parameters or {}, remap),
         })  # fmt: skip
         self._names, self._sink = tuple(nodes), sink or _print
         self._states: dict[str, _State] = {}
@@ -193,6 +197,7 @@ class Suite:
             text=True,
             errors="replace",
             env=os.environ | alone,
+            umask=PRIVATE_UMASK,  # other accounts may not read the shared memory
             start_new_session=True,
         )
 
@@ -233,10 +238,12 @@ def up(
     bank: str | Path | None = None,
     *,
     parameters: Mapping[str, Any] | None = None,
+    remap: Sequence[str] = (),
+    local: bool = False,
 ) -> int:
     """Run the four nodes until SIGINT or SIGTERM; signals are heard in the main thread.
 
-    Parameters are those of `Suite`.
+    Parameters are those of `Suite`; ``local`` keeps all of it to this machine (`depth_pose.ros.stay_local`).
 
     Returns
     -------
@@ -249,24 +256,31 @@ def up(
         If a node cannot start.
     """
     stop = threading.Event()
-    suite = Suite(params_file, sensor, bank, parameters=parameters)
+    if local:
+        stay_local()
+    suite = Suite(params_file, sensor, bank, parameters=parameters, remap=remap)
     with on_stop(stop.set):
         suite.start()
         try:
-            _watch(suite, stop)
+            _watch(suite, stop, _namespace(remap))
         finally:
             codes = suite.stop()
     return 0 if not any(codes.values()) else 1
 
 
-def _watch(suite: Suite, stop: threading.Event) -> None:
+def _namespace(remap: Sequence[str]) -> str:
+    rules = dict(rule.partition(":=")[::2] for rule in remap)
+    return rules.get("__ns", "depth_pose").strip("/")
+
+
+def _watch(suite: Suite, stop: threading.Event, namespace: str) -> None:
     told = False
     while not stop.wait(0.1):
         if suite.failure is not None:
             raise suite.failure
         if not told and all(map(suite.is_ready, NODES)):
             told = True
-            _print("all nodes are ready; skeletons come on /depth_pose/skeleton, Ctrl-C ends")
+            _print(f"all nodes are ready; skeletons come on /{namespace}/skeletons, Ctrl-C ends")
 
 
 def _ros_arguments(
@@ -274,8 +288,13 @@ def _ros_arguments(
     sensor: str | None,
     bank: str | Path | None,
     parameters: Mapping[str, Any],
+    remap: Sequence[str] = (),
 ) -> list[str]:
     arguments: list[str] = []
+    for rule in remap:
+        if not all(rule.partition(":=")[::2]):
+            raise ConfigError(f"{rule!r} renames nothing; write FROM:=TO, e.g. __ns:=/left")
+        arguments += ["-r", rule]
     if sensor is not None:
         if sensor not in sensor_names():
             raise ConfigError(f"no sensor {sensor!r} is known; there are {', '.join(sensor_names())}")

@@ -19,6 +19,7 @@ from depth_pose_msgs.msg import People as PeopleMsg
 from depth_pose_msgs.msg import PoseMatch as PoseMatchMsg
 from depth_pose_msgs.msg import Skeleton as SkeletonMsg
 from geometry_msgs.msg import Point, Quaternion, Transform, Vector3
+from numpy.typing import ArrayLike, NDArray
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image, PointCloud2, PointField
 from std_msgs.msg import Header
 
@@ -53,6 +54,9 @@ _FIELDS = [
     PointField(name="label", offset=12, datatype=PointField.UINT8, count=1),
 ]
 _NS_PER_S = 1_000_000_000
+
+_FARTHEST_M = 1e3
+"""Metres; no depth sensor sees farther, and numbers beyond overflow where they are squared."""
 
 
 def stamp_to_ns(stamp: Time) -> int:
@@ -132,11 +136,12 @@ def msgs_to_people(points: PointCloud2, people: PeopleMsg) -> People:
             f"the people's points have {len(points.data)} bytes of data, not the {size} little-endian ones "
             f"of their {points.width} x {points.height} points"
         )
-    if (people.width, people.height) != (points.width, points.height) or not people.fx > 0.0 < people.fy:
+    if (people.width, people.height) != (points.width, points.height) or not people.fx >= 1.0 <= people.fy:
         raise InputError(
             f"the people message speaks of a grid of {people.width} x {people.height} with focal lengths "
             f"{people.fx:g}, {people.fy:g}; the points have {points.width} x {points.height}"
         )
+    _sane("the camera", [people.fx, people.fy, people.cx, people.cy], 1e6)
     packed = np.frombuffer(points.data, np.uint8).reshape(points.height, points.width, 16)
     xyz = np.ascontiguousarray(packed[..., :12]).view("<f4")
     return see_people(
@@ -156,7 +161,23 @@ def _msg_to_found(msg: FoundPersonMsg) -> FoundPerson:
         raise InputError(
             f"{msg.body_id} has {len(proposals)} numbers of proposed joints, not {3 * len(confidence)}"
         )
+    _sane(f"the proposed joints of {msg.body_id}", proposals)
     return FoundPerson(msg.label, msg.body_id, msg.probability, proposals.reshape(-1, 3), confidence)
+
+
+def _sane(what: str, numbers: ArrayLike, most: float = _FARTHEST_M) -> NDArray[np.float64]:
+    """Give numbers as an array.
+
+    Raises
+    ------
+    InputError
+        If one is NaN or so large that no sensor can have meant it.
+    """
+    array = np.asarray(numbers, np.float64)
+    if not (np.abs(array) <= most).all():
+        odd = array.ravel()[~(np.abs(array.ravel()) <= most)][0]
+        raise InputError(f"{what} has the number {odd:g}")
+    return array
 
 
 # --- what sensors publish ------------------------------------------------------------------
@@ -238,7 +259,16 @@ def _candidate_to_msg(candidate: Candidate) -> CandidateMsg:
 
 
 def msg_to_matches(msg: PoseMatchArray) -> tuple[PoseMatch, ...]:
-    """Give the matches of a message, equal to those that were sent."""
+    """Give the matches of a message, equal to those that were sent.
+
+    Raises
+    ------
+    InputError
+        If a number is none that a match can have.
+    """
+    for m in msg.matches:
+        if m.candidates and not 0.01 < m.scale < 100.0:
+            raise InputError(f"the scale of {m.body_id} is {m.scale:g}")
     return tuple(
         PoseMatch(
             body_id=m.body_id,
@@ -252,11 +282,14 @@ def msg_to_matches(msg: PoseMatchArray) -> tuple[PoseMatch, ...]:
 
 def _msg_to_candidate(msg: CandidateMsg) -> Candidate:
     t, q = msg.transform.translation, msg.transform.rotation
+    turn = _sane("the turn of a match", [q.x, q.y, q.z, q.w], 2.0)
+    if not 0.5 < float(turn @ turn) < 2.0:
+        raise InputError(f"the turn of a match is no quaternion: its length is {np.linalg.norm(turn):g}")
     return Candidate(
         exemplar=msg.exemplar,
         view=msg.view,
-        quat_xyzw=np.array([q.x, q.y, q.z, q.w]),
-        translation=np.array([t.x, t.y, t.z]),
+        quat_xyzw=turn,
+        translation=_sane("the place of a match", [t.x, t.y, t.z]),
         distance=msg.distance,
         score=msg.score,
     )
@@ -316,14 +349,17 @@ def msg_to_skeleton(msg: SkeletonMsg) -> Skeleton:
         source=_source_of(msg.source),
         confidence=msg.confidence,
         residual=msg.residual,
-        scale=msg.scale,
-        positions=np.array([(j.position.x, j.position.y, j.position.z) for j in joints]).reshape(count, 3),
-        quats_xyzw=np.array(
-            [(j.orientation.x, j.orientation.y, j.orientation.z, j.orientation.w) for j in joints]
+        scale=float(_sane(f"the scale of {msg.body_id}", msg.scale, 100.0)),
+        positions=_sane(
+            f"a joint of {msg.body_id}", [(j.position.x, j.position.y, j.position.z) for j in joints]
+        ).reshape(count, 3),
+        quats_xyzw=_sane(
+            f"the turn of a joint of {msg.body_id}",
+            [(j.orientation.x, j.orientation.y, j.orientation.z, j.orientation.w) for j in joints],
         ).reshape(count, 4),
         joint_confidence=np.array([j.confidence for j in joints], np.float32),
         joint_states=np.array([j.state for j in joints], np.uint8),
-        build=np.array(msg.build, np.float32),
+        build=_sane(f"the build of {msg.body_id}", msg.build, 100.0).astype(np.float32),
     )
 
 

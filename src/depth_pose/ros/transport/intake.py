@@ -12,6 +12,7 @@ from rclpy.subscription import Subscription
 
 from depth_pose.core.errors import DepthPoseError
 from depth_pose.ros.transport.conversions import stamp_to_ns
+from depth_pose.ros.transport.losses import BusyTimes, count_lost
 from depth_pose.ros.transport.pairing import Pairer
 
 PAIR_DEPTH = 64
@@ -57,6 +58,8 @@ class Taker(Protocol):
         Frames that may wait.
     is_active : bool
         Whether frames are answered.
+    busy : BusyTimes
+        When it was at work on a frame.
     create_subscription, destroy_subscription, resolve_topic_name, count_publishers, get_logger
         As every node of rclpy has them.
     """
@@ -64,6 +67,7 @@ class Taker(Protocol):
     lossless: bool
     queue: int
     is_active: bool
+    busy: BusyTimes
     create_subscription: Callable[..., Subscription]
     destroy_subscription: Callable[[Subscription], bool]
     resolve_topic_name: Callable[[str], str]
@@ -81,6 +85,9 @@ class Taker(Protocol):
 
     def process(self, messages: tuple[Any, ...]) -> None:
         """Answer a whole frame."""
+
+    def guard(self, topic: str, call: Callable[..., None], *arguments: Any) -> None:
+        """Call what takes a message, and outlive what comes of it."""
 
 
 class FrameSource(Protocol):
@@ -172,7 +179,7 @@ class Intake:
         """Drop what waits and what is known of earlier messages."""
         self._pending: tuple[Any, ...] | None = None
         self._last_stamp_ns: int | None = None
-        self._sequences: dict[int, int] = {}
+        self._last_taken: dict[int, dict[str, Any]] = {}
         if self._pairer is not None:
             self._pairer.clear()
 
@@ -213,12 +220,15 @@ class Intake:
         return take
 
     def _take(self, index: int, message: Any, info: dict[str, Any]) -> None:
+        self._node.guard(self.inputs[index].topic, self._add, index, message, info)
+
+    def _add(self, index: int, message: Any, info: dict[str, Any]) -> None:
         self.arrivals += 1
         self._node.heard(self.inputs[index].topic)
         if not self._node.is_active:
             self._node.count("ignored while paused")
             return
-        self._count_missed(index, info.get("publication_sequence_number"))
+        self._count_missed(index, info)
         stamp_ns = stamp_to_ns(message.header.stamp)
         if index == 0 and not self._is_new(stamp_ns):
             return
@@ -232,17 +242,27 @@ class Intake:
             self._node.drop("overtaken", "a newer frame came before this one was begun")
         self._pending = whole
 
-    def _count_missed(self, index: int, sequence: int | None) -> None:
+    def _count_missed(self, index: int, info: dict[str, Any]) -> None:
         """Count what the publisher sent and this node never saw, by the publisher's own numbers."""
+        sequence = info.get("publication_sequence_number")
         if not sequence:
             return
-        last = self._sequences.get(index)
-        self._sequences[index] = sequence
+        last = self._last_taken.get(index)
+        self._last_taken[index] = info
         topic = self.inputs[index].topic
         # each publisher counts for itself: the numbers of several say nothing
-        if last is not None and sequence > last + 1 and self._node.count_publishers(topic) == 1:
-            what = f"{topic} brought newer ones while this node was busy"
-            self._node.drop("missed", what, sequence - last - 1)
+        if (
+            last is None
+            or sequence <= last["publication_sequence_number"] + 1
+            or self._node.count_publishers(topic) != 1
+        ):
+            return
+        busy, lost = count_lost(last, info, self._node.busy)
+        if busy:
+            self._node.drop("missed", f"{topic} brought newer ones while this node was busy", busy)
+        if lost:
+            what = f"{topic} sent it, and it never came though this node waited: docs/network.md, buffers"
+            self._node.drop("lost in transport", what, lost)
 
     def _is_new(self, stamp_ns: int) -> bool:
         last, self._last_stamp_ns = self._last_stamp_ns, stamp_ns

@@ -95,7 +95,7 @@ class ViewSetIntake:
 
     def _callback(self, camera: int) -> Callable[..., None]:
         def take(data: bytes, info: dict[str, Any]) -> None:  # rclpy counts the arguments
-            self._add(camera, data, info)
+            self._node.guard(self.inputs[camera].topic, self._add, camera, data, info)
             self._take_others()
             self._check()
 
@@ -111,7 +111,7 @@ class ViewSetIntake:
     def _take_all(self) -> None:
         for camera, subscription in enumerate(self._subscriptions):
             for data, info in waiting(subscription):
-                self._add(camera, data, info)
+                self._node.guard(self.inputs[camera].topic, self._add, camera, data, info)
 
     def _take_others(self) -> None:
         """Take what has come from all cameras, and what comes presently."""

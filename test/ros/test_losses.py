@@ -1,0 +1,49 @@
+"""What a node missed: told apart by when it came, or would have come."""
+
+import itertools
+
+import pytest
+
+from depth_pose.ros.transport.losses import BusyTimes, count_lost
+
+PERIOD, DELAY = 33_000_000, 4_000_000
+
+
+def message(number, offset_ns=0):
+    """Give what rclpy tells of a sensor's message; its clock may be another machine's."""
+    sent = 10**18 + number * PERIOD
+    return {
+        "publication_sequence_number": number,
+        "source_timestamp": sent + offset_ns,
+        "received_timestamp": sent + DELAY,
+    }
+
+
+@pytest.mark.parametrize("offset_ns", [0, 5_000_000_000, -7_000_000_000], ids=["same", "ahead", "behind"])
+def test_what_came_while_the_node_was_busy(offset_ns):
+    busy = BusyTimes()
+    begin = 10**18 + PERIOD + DELAY
+    busy.add(begin, begin + 3 * PERIOD)  # busy with frame 1; 2 and 3 come meanwhile, and 4 wins
+    assert count_lost(message(1, offset_ns), message(4, offset_ns), busy) == (2, 0)
+
+
+@pytest.mark.parametrize("missing", [1, 5])
+def test_what_never_came_to_a_node_that_waited(missing):
+    busy = BusyTimes()
+    begin = 10**18 + PERIOD + DELAY
+    busy.add(begin, begin + PERIOD // 3)
+    assert count_lost(message(1), message(missing + 2), busy) == (0, missing)
+
+
+def test_both():
+    busy = BusyTimes()
+    begin = 10**18 + PERIOD + DELAY
+    busy.add(begin, begin + int(1.5 * PERIOD))  # 2 comes within, 3 and 4 do not
+    assert count_lost(message(1), message(5), busy) == (1, 2)
+
+
+def test_only_the_last_busy_times_are_kept():
+    busy = BusyTimes()
+    for begin in itertools.islice(itertools.count(0, 10), 1000):
+        busy.add(begin, begin + 5)
+    assert busy.covers(9993) and not busy.covers(9997) and not busy.covers(3)

@@ -1,0 +1,132 @@
+"""What listens where, who may read what, and two suites side by side: real sockets, real accounts."""
+
+import os
+import shutil
+import socket
+import stat
+import struct
+import subprocess
+import threading
+import time
+from pathlib import Path
+
+import pytest
+import scene
+from depth_pose_msgs.msg import SkeletonArray
+from peer import RELIABLE, SENSOR
+from sensor_msgs.msg import CameraInfo, Image
+from test_denoise_node import image_msg, info_msg
+
+from depth_pose.core.errors import ConfigError
+from depth_pose.ros import LOCAL_PROFILE_PATH, PROFILE_PATH, PROFILE_VARIABLE, stay_local
+from depth_pose.ros.process.supervisor import NODES, Suite
+from depth_pose.ros.transport.conversions import ns_to_stamp
+
+
+def udp_addresses(pid):
+    """Give the local addresses of a process' UDP sockets."""
+    links = {os.readlink(f) for f in Path(f"/proc/{pid}/fd").iterdir() if f.exists()}
+    rows = [line.split() for line in Path("/proc/net/udp").read_text().splitlines()[1:]]
+    hexes = [row[1].partition(":")[0] for row in rows if f"socket:[{row[9]}]" in links]
+    return {socket.inet_ntoa(struct.pack("<I", int(text, 16))) for text in hexes}
+
+
+def segments(pid):
+    """Give the shared memory that a process has open."""
+    links = {os.readlink(f) for f in Path(f"/proc/{pid}/fd").iterdir() if f.exists()}
+    return [Path(f) for f in links if f.startswith("/dev/shm/") and Path(f).exists()]
+
+
+def read_as_nobody(paths):
+    """Try to read files by an account without rights; gives what came of each, or nothing where it cannot."""
+    code = (
+        "import sys\n"
+        "for path in sys.argv[1:]:\n"
+        "    try:\n        open(path, 'rb').read(1); print('read')\n"
+        "    except PermissionError:\n        print('refused')\n"
+    )
+    if os.getuid() != 0 or not shutil.which("setpriv"):
+        return []
+    nobody = ["setpriv", "--reuid", "65534", "--clear-groups", "env", "-i", "python3", "-c", code]
+    return subprocess.run([*nobody, *paths], capture_output=True, text=True, timeout=30).stdout.split()
+
+
+def test_a_local_suite_is_this_machine_s_and_this_account_s(domain, tmp_path):
+    """Sockets on the loopback interface alone; shared memory that no other account can read."""
+    assert os.environ[PROFILE_VARIABLE] == str(LOCAL_PROFILE_PATH)
+    with Suite(nodes=["denoise"], sink=str) as suite:
+        assert udp_addresses(suite.pid("denoise")) == {"127.0.0.1"}
+        found = segments(suite.pid("denoise"))
+        assert found
+        assert {stat.S_IMODE(f.stat().st_mode) for f in found} == {0o600}
+        assert set(read_as_nobody(found)) <= {"refused"}
+
+
+def test_the_default_profile_listens_to_the_network(domain, monkeypatch):
+    monkeypatch.setenv(PROFILE_VARIABLE, str(PROFILE_PATH))
+    with Suite(nodes=["denoise"], sink=str) as suite:
+        assert "0.0.0.0" in udp_addresses(suite.pid("denoise"))
+
+
+def test_staying_local_does_not_override_a_profile_of_the_user(monkeypatch):
+    monkeypatch.setenv(PROFILE_VARIABLE, "/somewhere/mine.xml")
+    with pytest.raises(ConfigError, match="profile of yours"):
+        stay_local()
+
+
+def test_a_rule_that_renames_nothing_is_refused():
+    with pytest.raises(ConfigError, match="__ns:=/left"):
+        Suite(remap=["/left"])
+
+
+class Camera:
+    """A sensor of its own topics, at ten frames a second."""
+
+    def __init__(self, peer, side):
+        self.images = peer.node.create_publisher(Image, f"/{side}/depth", SENSOR)
+        self.infos = peer.node.create_publisher(CameraInfo, f"/{side}/info", SENSOR)
+        self.frames = [(image_msg(f), info_msg(f)) for f in scene.frames(10)]
+        self.frame_id = f"{side}_optical"
+        self.stop = threading.Event()
+        self.thread = threading.Thread(target=self.run, daemon=True)
+        self.thread.start()
+
+    def run(self):
+        while True:
+            for image, info in self.frames:
+                image.header.stamp = info.header.stamp = ns_to_stamp(time.time_ns())
+                image.header.frame_id = self.frame_id
+                self.infos.publish(info)
+                self.images.publish(image)
+                if self.stop.wait(0.1):
+                    return
+
+
+def test_two_suites_in_one_domain_each_follow_their_camera(domain, peer, bank_path):
+    """``up -r __ns:=/left`` and ``/right``: both answer, each with its own camera's frames alone."""
+    suites, heard, cameras = [], {}, []
+    try:
+        for side in ("left", "right"):
+            remap = (
+                f"__ns:=/{side}",
+                f"/camera/depth/image_raw:=/{side}/depth",
+                f"/camera/depth/camera_info:=/{side}/info",
+            )
+            suites.append(Suite(bank=bank_path, remap=remap, sink=str))
+            suites[-1].start()
+            heard[side] = peer.listen(SkeletonArray, f"/{side}/skeletons", RELIABLE)
+        for suite, side in zip(suites, heard, strict=True):
+            suite.wait_ready()
+            cameras.append(Camera(peer, side))
+        peer.until(lambda: all(len(h) > 5 for h in heard.values()), 60.0, "both suites' skeletons")
+    finally:
+        for camera in cameras:
+            camera.stop.set()
+            camera.thread.join(5.0)
+        codes = [suite.stop() for suite in suites]
+    for side, messages in heard.items():
+        assert {m.header.frame_id for m in messages} == {f"{side}_optical"}
+        assert any(m.skeletons for m in messages)
+    assert codes == [dict.fromkeys(NODES, 0)] * 2
+    names = {name for name, _ in peer.node.get_topic_names_and_types()}
+    assert not [n for n in names if n.startswith("/depth_pose/s")]  # nothing of the two is left where one was

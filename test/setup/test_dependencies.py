@@ -1,0 +1,91 @@
+"""One list of dependencies, pyproject.toml's, serves pip, apt and rosdep."""
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+PACKAGE = ROOT / "ros_ws" / "src" / "depth_pose"
+MESSAGES = ROOT / "ros_ws" / "src" / "depth_pose_msgs"
+
+NOBLE = {
+    "matplotlib": ("python3-matplotlib", "3.6.3"),
+    "numpy": ("python3-numpy", "1.26.4"),
+    "pillow": ("python3-pil", "10.2.0"),
+    "pyyaml": ("python3-yaml", "6.0.1"),
+    "rich": ("python3-rich", "13.7.1"),
+    "scipy": ("python3-scipy", "1.11.4"),
+}
+"""Libraries of Ubuntu 24.04 that are new enough: their rosdep keys and versions there.
+
+Its typer is 0.9, which does not know ``str | None``, its numba 0.58: these come with pip.
+"""
+
+
+def requirements():
+    """Give what the set-up's script prints: name and specifier of every dependency."""
+    done = subprocess.run(
+        [sys.executable, ROOT / "launch_scripts" / "helpers" / "requirements.py", "dependencies"],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    lines = [re.match(r"([\w-]+)\s*([^;\s]*)", line) for line in done.stdout.splitlines()]
+    return {m.group(1): m.group(2) for m in lines}
+
+
+def depends(folder):
+    root = ElementTree.parse(folder / "package.xml").getroot()
+    return {e.text for e in root if e.tag in ("depend", "exec_depend", "buildtool_depend")}
+
+
+def imported():
+    """Give the packages outside the standard library that the sources import, by their import names."""
+    text = "\n".join(p.read_text() for p in (ROOT / "src").rglob("*.py"))
+    names = set(re.findall(r"^\s*(?:from|import) (\w+)", text, re.MULTILINE))
+    return names - set(sys.stdlib_module_names) - {"depth_pose"}
+
+
+def test_what_apt_serves_is_new_enough_and_declared():
+    wanted = requirements()
+    for name, (key, version) in NOBLE.items():
+        least = re.search(r">=([\d.]+)", wanted[name]).group(1)
+        assert [int(n) for n in version.split(".")] >= [int(n) for n in least.split(".")], name
+        assert key in depends(ROOT) & depends(PACKAGE), name
+
+
+def test_manifests_name_nothing_else():
+    for folder in (ROOT, PACKAGE):
+        assert {d for d in depends(folder) if d.startswith("python3-")} == {k for k, _ in NOBLE.values()}
+    both = (depends(PACKAGE) | depends(MESSAGES)) - {"depth_pose_msgs"}
+    assert depends(ROOT) == both, "the manifest at the top is what rosdep installs for both packages"
+
+
+@pytest.mark.parametrize("module", ["threadpoolctl", "mcap", "numba", "onnxruntime", "typer", "rosbags"])
+def test_what_the_sources_import_is_in_the_list(module):
+    assert module in imported() and module in requirements()
+
+
+def test_readme_installs_the_list():
+    text = (ROOT / "README.md").read_text()
+    assert "requirements.py dependencies >/tmp/depth_pose.txt" in text
+    assert "pip install -r /tmp/depth_pose.txt" in text
+    for line in re.findall(r"^(?:\$ )?pip install (.*)$", text, re.MULTILINE):
+        assert line.startswith("-r "), "a list of its own would drift"
+
+
+def test_open3d_is_one_that_needs_nothing_of_the_system():
+    wanted = requirements()
+    assert wanted["open3d"] == wanted["open3d-cpu"] == "==0.19.0"
+
+
+def test_ros_packages_are_declared():
+    """Every ROS package that the sources import stands in package.xml."""
+    text = "\n".join(p.read_text() for p in (ROOT / "src" / "depth_pose" / "ros").rglob("*.py"))
+    found = set(re.findall(r"^\s*(?:from|import) (rclpy|\w+_(?:msgs|interfaces))\b", text, re.MULTILINE))
+    optional = {"tf2_msgs", "hri_msgs"}  # used only where they are there
+    assert found - optional <= depends(PACKAGE)
