@@ -12,6 +12,7 @@ import typer
 from depth_pose import __version__
 from depth_pose.cli.banks import app as bank_app
 from depth_pose.cli.console import console, errors
+from depth_pose.cli.export import add_to as add_export
 from depth_pose.cli.live import add_to as add_live
 from depth_pose.cli.run import add_to as add_run
 from depth_pose.cli.scoring import add_to as add_scoring
@@ -49,6 +50,8 @@ def _main(
 
     [bold]Look at them:[/bold]  depth-pose overlay in.mcap out.mcap -o picture.png
 
+    [bold]Take them along:[/bold]  depth-pose export out.mcap -o motion.bvh
+
     [bold]Live, on a sensor's topics:[/bold]  depth-pose up
 
     [bold]Without a sensor:[/bold]  depth-pose simulate -o bags/sim.mcap
@@ -59,6 +62,7 @@ add_run(app)
 add_live(app)
 add_simulation(app)
 add_scoring(app)
+add_export(app)
 app.add_typer(bank_app, name="bank")
 app.add_typer(volume_app, name="volume")
 
