@@ -17,6 +17,7 @@ from depth_pose.cli.live import add_to as add_live
 from depth_pose.cli.run import add_to as add_run
 from depth_pose.cli.scoring import add_to as add_scoring
 from depth_pose.cli.simulation import add_to as add_simulation
+from depth_pose.cli.view import add_to as add_view
 from depth_pose.cli.volume import app as volume_app
 from depth_pose.core.errors import ConfigError, DepthPoseError
 
@@ -50,6 +51,8 @@ def _main(
 
     [bold]Look at them:[/bold]  depth-pose overlay in.mcap out.mcap -o picture.png
 
+    [bold]In a browser:[/bold]  depth-pose view in.mcap out.mcap
+
     [bold]Take them along:[/bold]  depth-pose export out.mcap -o motion.bvh
 
     [bold]Live, on a sensor's topics:[/bold]  depth-pose up
@@ -62,6 +65,7 @@ add_run(app)
 add_live(app)
 add_simulation(app)
 add_scoring(app)
+add_view(app)
 add_export(app)
 app.add_typer(bank_app, name="bank")
 app.add_typer(volume_app, name="volume")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -124,17 +125,25 @@ def read_tracks(path: Path | str, topic: str = PEOPLE_TOPIC) -> Tracks:
     InputError
         Where the recording has no skeletons on the topic.
     """
-    messages = {m.stamp_ns: m for m in read_people(path, topic)}
-    if not messages:
+    frame_id, frames = "", {}
+    for message in read_people(path, topic):
+        frame_id = frame_id or message.frame_id
+        frames[message.stamp_ns] = message.skeletons
+    if not frames:
         raise InputError(f"{path} has no messages on {topic}")
-    stamps_ns = np.array(sorted(messages), np.int64)
+    return tracks_of(frames, frame_id)
+
+
+def tracks_of(frames: Mapping[int, Sequence[Skeleton]], frame_id: str) -> Tracks:
+    """Sort frames, at least one, by people; ``frames`` has everybody by stamp."""
+    stamps_ns = np.array(sorted(frames), np.int64)
     seen: dict[str, dict[int, Skeleton]] = {}
     for i, stamp in enumerate(stamps_ns):
-        for skeleton in messages[int(stamp)].skeletons:
+        for skeleton in frames[int(stamp)]:
             if not skeleton.is_lost:
                 seen.setdefault(skeleton.body_id, {})[i] = skeleton
-    people = tuple(_track(who, frames, stamps_ns) for who, frames in seen.items())
-    return Tracks(stamps_ns, messages[int(stamps_ns[0])].frame_id, people)
+    people = tuple(_track(who, shown, stamps_ns) for who, shown in seen.items())
+    return Tracks(stamps_ns, frame_id, people)
 
 
 def _track(body_id: str, frames: dict[int, Skeleton], stamps_ns: NDArray[np.int64]) -> Track:
