@@ -25,10 +25,10 @@ def skeleton_at(x, z, body_id="body_1", confidence=0.8, hidden=0):
     nodes = posed(rotations, aside=x, distance=z).nodes
     states = np.zeros(19, np.uint8)
     states[:hidden] = JointState.OCCLUDED
-    return Skeleton(
-        START_NS, "optical", body_id, Source.REFINED, confidence, 0.01, 1.0, nodes[JOINT_NODES],
-        matrix_to_quat((R_CAMERA_FACING_MODEL @ rotations)[JOINT_NODES]), np.full(19, 0.5, np.float32), states,
-    )  # fmt: skip
+    quats = matrix_to_quat((R_CAMERA_FACING_MODEL @ rotations)[JOINT_NODES])
+    sure = np.full(19, 0.5, np.float32)
+    found = (Source.REFINED, confidence, 0.01, 1.0, nodes[JOINT_NODES], quats, sure, states)
+    return Skeleton(START_NS, "optical", body_id, *found)
 
 
 def loaded(count):

@@ -32,13 +32,14 @@ RATE_HZ = 15.0
 _TABLE_S = 0.4
 _CLIP_HZ = 10.0
 _PICTURE = (960, 540)
-_RENDER_S = 20.0
-"""Seconds that a browser may take for a picture."""
+_RENDER_S = 60.0
+"""Seconds that a browser may take for a picture; one without a graphics card takes ten."""
 
 _FOLLOW = ("first", "nearest", "centre")
 _LABELS = {
     "points": "depth points",
     "skeletons": "skeletons",
+    "names": "names",
     "bodies": "fitted bodies",
     "trails": "trails of hands",
     "floor": "floor",
@@ -108,6 +109,7 @@ class Viewer:
         self._moment: Moment | None = None
         self._must_draw = False
         self._stopping = threading.Event()
+        self._running = threading.RLock()
         self.server.gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False)
         self.server.scene.set_background_image(np.full((2, 2, 3), (18, 21, 27), np.uint8))
         self._scene = Scene(self.server, mesh_of)
@@ -121,6 +123,10 @@ class Viewer:
 
     def run(self) -> None:
         """Show frames until `stop`."""
+        with self._running:
+            self._run()
+
+    def _run(self) -> None:
         last, told = time.monotonic(), 0.0
         while not self._stopping.wait(1.0 / RATE_HZ):
             now = time.monotonic()
@@ -135,7 +141,8 @@ class Viewer:
     def stop(self) -> None:
         """End `run` and the server."""
         self._stopping.set()
-        self.server.stop()
+        with self._running:  # until the frame that is being drawn is there
+            self.server.stop()
 
     # Frames
 

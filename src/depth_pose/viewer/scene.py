@@ -38,6 +38,7 @@ class Wishes:
 
     points: bool = True
     skeletons: bool = True
+    names: bool = True
     bodies: bool = False
     trails: bool = False
     floor: bool = True
@@ -177,9 +178,9 @@ class _Figure:
 
     def show(self, skeleton: Skeleton, wishes: Wishes, mesh_of: Any) -> None:
         """Draw them as they are: hidden joints hollow and smaller, joints and bones by confidence."""
-        handles = (self._joints, self._hidden, self._bones, self._name)
-        for handle in handles:
+        for handle in (self._joints, self._hidden, self._bones):
             handle.visible = wishes.skeletons
+        self._name.visible = wishes.names
         at = skeleton.positions.astype(np.float32)
         colour = colours.of_confidence(skeleton.joint_confidence)
         seen = skeleton.joint_states == JointState.SEEN
