@@ -26,6 +26,9 @@ _HELD = 32
 _UNANSWERED_NS = 1_000_000_000
 """Depth this much newer than the newest skeletons is shown without any."""
 
+_BARE_EVERY_NS = 100_000_000
+"""Time between frames that are shown without skeletons; these may still come."""
+
 _LOOK_S = 0.5
 _ANSWER_S = 2.0
 """Seconds for a node to answer a service."""
@@ -81,7 +84,7 @@ class Watch:
         self._depth: OrderedDict[int, bytes] = OrderedDict()
         self._skeletons: OrderedDict[int, bytes] = OrderedDict()
         self._nodes: dict[str, tuple[float, NodeState]] = {}
-        self._info, self._kind, self._shown_ns = b"", "", 0
+        self._info, self._kind, self._shown = b"", "", (0, False)
         self._subscribed = False
         self._clients: dict[str, Any] = {}
         self._stopping = threading.Event()
@@ -123,11 +126,11 @@ class Watch:
             last = next(reversed(self._depth), 0)
             answered = bool(stamp) and last - stamp < _UNANSWERED_NS
             stamp = stamp if answered else last
-            if stamp == self._shown_ns or stamp == 0:
+            if (stamp, answered) == self._shown or stamp == 0:
                 return None
-            if not answered and last - self._shown_ns < _UNANSWERED_NS / 10:
+            if not answered and last - self._shown[0] < _BARE_EVERY_NS:
                 return None
-            depth, people, self._shown_ns = self._depth[stamp], self._skeletons.get(stamp), stamp
+            depth, people, self._shown = self._depth[stamp], self._skeletons.get(stamp), (stamp, answered)
         try:
             frame = self._frame(depth)
             return Heard(frame, None if people is None else read_people(people).skeletons)
@@ -228,7 +231,7 @@ class Watch:
         with self._lock:
             if kept and stamp < next(reversed(kept)):  # the recording begins again
                 kept.clear()
-                self._shown_ns = 0
+                self._shown = (0, False)
             kept[stamp] = data
             while len(kept) > _HELD:
                 kept.popitem(last=False)

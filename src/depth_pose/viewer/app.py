@@ -180,7 +180,7 @@ class Viewer:
         """Look over the sensor's shoulder into the room."""
         T = self._scene.T_world_camera
         eye = T @ np.array([-1.6, -1.1, -1.4, 1.0])
-        target = T @ np.array([0.0, 0.1, 2.8, 1.0])
+        target = T @ np.array([0.6, 0.1, 2.8, 1.0])  # the panel covers the right
         camera = self.server.initial_camera
         camera.up, camera.position, camera.look_at = (0.0, 0.0, 1.0), tuple(eye[:3]), tuple(target[:3])
         for client in self.server.get_clients().values():

@@ -43,3 +43,9 @@ def of_distance(points: NDArray[np.float32]) -> NDArray[np.uint8]:
     """Grey of points (N, 3) by their distance along the optical axis; (N, 3)."""
     share = np.clip((points[:, 2:] - _SPAN_M[0]) / (_SPAN_M[1] - _SPAN_M[0]), 0, 1)
     return np.asarray(_NEAR + share * (_FAR - _NEAR)).astype(np.uint8)
+
+
+def as_light(colour: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Turn colours as on a screen (sRGB) into amounts of light, which lines and repeated shapes take."""
+    light = np.power(colour / 255.0, 2.2)
+    return np.asarray(np.rint(255 * light)).astype(np.uint8)

@@ -19,7 +19,7 @@ from depth_pose.viewer.moments import Moment, owners
 
 Array = NDArray[np.float64]
 
-_JOINT_M, _HIDDEN_M = 0.028, 0.022
+_JOINT_M, _HIDDEN_M = 0.035, 0.026
 """Radii of joints that are seen and of those that are hidden."""
 _BONE_M = 0.016
 _TRAIL_S = 1.5
@@ -182,7 +182,7 @@ class _Figure:
             handle.visible = wishes.skeletons
         self._name.visible = wishes.names
         at = skeleton.positions.astype(np.float32)
-        colour = colours.of_confidence(skeleton.joint_confidence)
+        colour = colours.as_light(colours.of_confidence(skeleton.joint_confidence))
         seen = skeleton.joint_states == JointState.SEEN
         for handle, which, size in ((self._joints, seen, _JOINT_M), (self._hidden, ~seen, _HIDDEN_M)):
             handle.batched_positions, handle.batched_colors = at, colour
@@ -192,7 +192,7 @@ class _Figure:
         self._bones.points = at[ends]
         mine = colours.of_person(skeleton.body_id).astype(np.float32)
         shade = (0.35 + 0.65 * np.clip(np.nan_to_num(sure), 0, 1))[:, None] * mine
-        self._bones.colors = np.repeat(shade.astype(np.uint8)[:, None], 2, axis=1)
+        self._bones.colors = np.repeat(colours.as_light(shade.astype(np.uint8))[:, None], 2, axis=1)
         self._name.position = tuple((at[JOINT_INDEX["head"]] + (0, -0.25, 0)).tolist())
         self._name.text = f"{skeleton.body_id} {skeleton.confidence:.2f}"
         self._show_mesh(skeleton, wishes.bodies and mesh_of is not None, mesh_of)
@@ -221,7 +221,7 @@ class _Figure:
             return
         way = np.stack(hands).astype(np.float32)
         lines = np.stack([way[:-1], way[1:]], axis=2).reshape(-1, 2, 3)
-        colour = np.tile(colours.of_person(self._body_id), (len(lines), 2, 1))
+        colour = np.tile(colours.as_light(colours.of_person(self._body_id)), (len(lines), 2, 1))
         if self._trail is None:
             self._trail = self._scene.add_line_segments(f"{self._path}/trail", lines, colour, thickness=0.01)
         self._trail.points, self._trail.colors, self._trail.visible = lines, colour, True
