@@ -35,6 +35,9 @@ _PICTURE = (960, 540)
 _RENDER_S = 60.0
 """Seconds that a browser may take for a picture; one without a graphics card takes ten."""
 
+_EYE, _TARGET = (-1.4, 1.5, 1.2), (2.8, -0.6, -0.5)
+"""Where one looks from and to, from the sensor: forward, left, up, metres; the panel covers the right."""
+
 _FOLLOW = ("first", "nearest", "centre")
 _LABELS = {
     "points": "depth points",
@@ -46,6 +49,7 @@ _LABELS = {
     "camera": "camera",
 }
 
+Place = tuple[float, float, float]
 MeshOf = Callable[[Skeleton], tuple[NDArray[np.float64], NDArray[np.int32]]]
 
 
@@ -114,6 +118,7 @@ class Viewer:
         self.server.scene.set_background_image(np.full((2, 2, 3), (18, 21, 27), np.uint8))
         self._scene = Scene(self.server, mesh_of)
         self._aim_cameras()
+        self.server.on_client_connect(self._aim)
         self._make_panel(mesh_of is not None)
 
     @property
@@ -178,14 +183,22 @@ class Viewer:
 
     def _aim_cameras(self) -> None:
         """Look over the sensor's shoulder into the room."""
-        T = self._scene.T_world_camera
-        eye = T @ np.array([-1.6, -1.1, -1.4, 1.0])
-        target = T @ np.array([0.6, 0.1, 2.8, 1.0])  # the panel covers the right
+        eye, target = self._view()
         camera = self.server.initial_camera
-        camera.up, camera.position, camera.look_at = (0.0, 0.0, 1.0), tuple(eye[:3]), tuple(target[:3])
+        camera.up, camera.position, camera.look_at = (0.0, 0.0, 1.0), eye, target
         for client in self.server.get_clients().values():
-            client.camera.up_direction = (0.0, 0.0, 1.0)
-            client.camera.position, client.camera.look_at = tuple(eye[:3]), tuple(target[:3])
+            self._aim(client)
+
+    def _aim(self, client: Any) -> None:
+        eye, target = self._view()
+        client.camera.up_direction = (0.0, 0.0, 1.0)
+        client.camera.position, client.camera.look_at = eye, target
+
+    def _view(self) -> tuple[Place, Place]:
+        """Give where to look from, and to."""
+        x, y, z = (float(v) for v in self._scene.T_world_camera[:3, 3])
+        (a, b, c), (d, e, f) = _EYE, _TARGET
+        return (x + a, y + b, z + c), (x + d, y + e, z + f)
 
     # The panel
 
