@@ -20,7 +20,7 @@ from depth_pose.core.skeleton import BONES
 from depth_pose.viewer import app as viewer_app
 from depth_pose.viewer.app import Viewer
 from depth_pose.viewer.source import RecordedSource
-from synthetic import CAMERA, START_NS, STEP_NS, draw, mesh, posed, to_frame, varied
+from synthetic import CAMERA, START_NS, STEP_NS, draw, mesh, posed, room, to_frame, varied
 
 CHROMIUM = os.environ.get("DEPTH_POSE_CHROMIUM", "")
 BROWSER = ("--no-sandbox", "--no-zygote", "--use-gl=angle", "--use-angle=swiftshader")
@@ -115,6 +115,35 @@ def test_it_says_what_to_install(monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "viser", None)
     with pytest.raises(DepthPoseError, match="pip install 'viser"):
         viewer_app.import_viser()
+
+
+def test_a_recording_without_skeletons_has_them_found(bank_path, tmp_path):
+    """As ``depth-pose view in.mcap`` does."""
+    from depth_pose.cli.view import _recorded
+    from depth_pose.io.mcap_write import DepthWriter
+
+    with DepthWriter(tmp_path / "in.mcap", CAMERA, "optical") as writer:
+        for i in range(6):
+            person = draw(mesh(posed(varied(1, 5.0), distance=2.5)))
+            depth = np.fmin(np.where(person > 0, person, np.inf), room())
+            writer.write(START_NS + i * STEP_NS, depth.astype(np.float32))
+    source = _recorded(tmp_path / "in.mcap", None, bank_path, None, "", 4000)
+    source.start()
+    source.wait()
+    assert source.error == ""
+    (found,) = source.moment(5).skeletons
+    assert found.positions[0, 2] == pytest.approx(2.5, abs=0.15)
+
+
+def test_an_open_door_is_said(capsys):
+    from depth_pose.cli.view import _tell_address
+
+    _tell_address("127.0.0.1", 8080)
+    assert "open to other machines" not in capsys.readouterr().out
+    _tell_address("0.0.0.0", 8080)
+    said = capsys.readouterr().out
+    assert "http://localhost:8080" in said
+    assert "open to other machines" in said
 
 
 # In a browser
