@@ -22,6 +22,7 @@ ALLOWED_SKIPS = (
     r"the extra 'anny' is not installed$",  # 5 GB
     r"tf2_msgs is installed$",  # what is told without it
     r"launch comes with ROS 2 from apt$",
+    r"needs a Chromium\b",  # that DEPTH_POSE_CHROMIUM names, and playwright
 )
 """Why a test may be skipped. For any other reason it fails: an install that lacks something is not whole."""
 

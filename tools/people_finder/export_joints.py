@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+
 from export import JOINT_CODE, JOINT_FEATURES, export_joint_net, hash_code, write_settings
 
 

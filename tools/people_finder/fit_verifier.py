@@ -13,7 +13,6 @@ from typing import Annotated, Any
 import numpy as np
 import torch
 import typer
-from export import export_net, write_settings
 from numpy.typing import NDArray
 from rich.progress import track
 from scenes import Scenes, list_shards, load_scenes
@@ -22,6 +21,7 @@ from torch import Tensor
 from depth_pose.core.camera import Camera
 from depth_pose.core.types import DepthFrame
 from depth_pose.people.finder import PeopleFinder, reduce_frame
+from export import export_net, write_settings
 
 _LEAST_SHARE = 0.5
 _MOST_PEOPLE = 6

@@ -14,11 +14,13 @@ from depth_pose import __version__
 from depth_pose.cli.banks import app as bank_app
 from depth_pose.cli.console import console, errors
 from depth_pose.cli.damage import LENIENT_HELP, be_lenient, exit_on_damage
+from depth_pose.cli.export import add_to as add_export
 from depth_pose.cli.info import add_to as add_info
 from depth_pose.cli.live import add_to as add_live
 from depth_pose.cli.run import add_to as add_run
 from depth_pose.cli.scoring import add_to as add_scoring
 from depth_pose.cli.simulation import add_to as add_simulation
+from depth_pose.cli.view import add_to as add_view
 from depth_pose.cli.volume import app as volume_app
 from depth_pose.core.errors import ConfigError, DepthPoseError
 
@@ -55,6 +57,10 @@ def _main(
 
     [bold]Look at them:[/bold]  depth-pose overlay in.mcap out.mcap -o picture.png
 
+    [bold]In a browser:[/bold]  depth-pose view in.mcap out.mcap
+
+    [bold]Take them along:[/bold]  depth-pose export out.mcap -o motion.bvh
+
     [bold]Live, on a sensor's topics:[/bold]  depth-pose up
 
     [bold]Without a sensor:[/bold]  depth-pose simulate -o bags/sim.mcap
@@ -66,6 +72,8 @@ add_info(app)
 add_live(app)
 add_simulation(app)
 add_scoring(app)
+add_view(app)
+add_export(app)
 app.add_typer(bank_app, name="bank")
 app.add_typer(volume_app, name="volume")
 

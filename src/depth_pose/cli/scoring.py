@@ -189,22 +189,33 @@ def _mm(value: float) -> str:
 def overlay(
     recording: Annotated[Path, typer.Argument(help="MCAP recording of a depth camera.")],
     skeletons: Annotated[Path, typer.Argument(help="Recording of its skeletons.")],
-    output: Annotated[Path, typer.Option("--output", "-o", help="The picture (PNG).")],
-    frames: Annotated[int, typer.Option(min=1, max=60, help="How many frames to show.")] = 6,
+    output: Annotated[Path, typer.Option("--output", "-o", help="The picture: PNG, or a GIF, which moves.")],
+    frames: Annotated[int, typer.Option(min=1, max=60, help="How many frames a PNG shows.")] = 6,
+    seconds: Annotated[float, typer.Option(min=0.1, max=60.0, help="How much of it a GIF shows.")] = 6.0,
     truth: Annotated[Path | None, typer.Option(help="Truth file (.npz) to draw beside.")] = None,
     depth_topic: Annotated[
         str | None, typer.Option(help="Depth images or point cloud.", show_default="the only one")
     ] = None,
     topic: Annotated[str, typer.Option(help="The skeletons' topic.")] = PEOPLE_TOPIC,
 ) -> None:
-    """Draw skeletons over the depth of several frames.
+    """Draw skeletons over the depth of several frames, or as a picture that moves.
 
     [bold]Examples:[/bold]
 
     depth-pose overlay in.mcap out.mcap -o picture.png
 
     depth-pose overlay sim.mcap out.mcap -o picture.png --truth sim.npz --frames 12
+
+    depth-pose overlay in.mcap out.mcap -o moving.gif --seconds 4
     """
+    if output.suffix.lower() == ".gif":
+        if truth is not None:
+            raise typer.BadParameter("--truth is drawn into a PNG; a GIF has the skeletons alone")
+        from depth_pose.evaluate.animation import save_animation
+
+        save_animation(recording, skeletons, output, seconds, depth_topic=depth_topic, skeleton_topic=topic)
+        console.print(f"wrote {output}", soft_wrap=True, highlight=False)
+        return
     from depth_pose.evaluate.overlay import save_overlay
     from depth_pose.evaluate.pictures import check_picture
 

@@ -1,0 +1,118 @@
+"""``depth-pose export``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.markup import escape
+
+from depth_pose.cli.console import console
+from depth_pose.io.schemas import PEOPLE_TOPIC
+
+if TYPE_CHECKING:
+    from depth_pose.export import Exported
+    from depth_pose.export.tracks import Track
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command()(export)
+
+
+def export(
+    skeletons: Annotated[Path, typer.Argument(help="Recording of skeletons, as `depth-pose run` writes it.")],
+    output: Annotated[
+        Path, typer.Option("--output", "-o", help="The file; its ending is the format: .bvh .trc .csv .npz")
+    ],
+    person: Annotated[
+        list[str] | None, typer.Option(help="Only who has this body_id; may be repeated.")
+    ] = None,
+    fill: Annotated[
+        bool, typer.Option("--fill", help="Bridge gaps: straight from the pose before to the one after.")
+    ] = False,
+    world: Annotated[
+        str, typer.Option(help="camera, or floor: floor at z = 0, x forward, y left, z up (REP-103).")
+    ] = "camera",
+    recording: Annotated[
+        Path | None,
+        typer.Option(
+            help="With --world floor: the depth recording, to find the floor in.",
+            show_default="the floor is told from people's feet",
+        ),
+    ] = None,
+    unit: Annotated[
+        str | None, typer.Option(help="m, cm or mm, of .bvh and .trc.", show_default="m of .bvh, mm of .trc")
+    ] = None,
+    topic: Annotated[str, typer.Option(help="The skeletons' topic.")] = PEOPLE_TOPIC,
+    depth_topic: Annotated[
+        str | None, typer.Option(help="Depth images or point cloud.", show_default="the only one")
+    ] = None,
+) -> None:
+    """Write skeletons for other tools: .bvh for animation, .trc for OpenSim, .csv, .npz.
+
+    A .bvh or .trc holds one person; of several each gets a file, NAME_ID.bvh. Its bones have the lengths
+    of that person. y is up in both, as their importers expect it; they turn z up themselves. .csv and
+    .npz hold everybody, in metres, in the sensor's optical frame (x right, y down, z forward) or the floor's.
+
+    Gaps in which a person was not found are told. Without --fill .bvh keeps the last pose, .trc has empty
+    cells, .csv no rows and .npz NaN.
+
+    [bold]Examples:[/bold]
+
+    depth-pose run in.mcap -o out.mcap
+
+    depth-pose export out.mcap -o dance.bvh --world floor --recording in.mcap
+
+    depth-pose export out.mcap -o gait.trc --world floor --fill
+
+    depth-pose export out.mcap -o joints.csv
+
+    depth-pose export out.mcap -o joints.npz --person person_1
+    """
+    from depth_pose.export import export_skeletons
+    from depth_pose.export.tracks import describe_gaps
+
+    result = export_skeletons(
+        skeletons,
+        output,
+        people=person or (),
+        fill=fill,
+        world=world,
+        recording=recording,
+        unit=unit,
+        topic=topic,
+        depth_topic=depth_topic,
+    )
+    if result.floor is not None:
+        height, how = result.floor.height, result.floor.source
+        _say(f"the floor, told by {how}, lies {height:.2f} m below the sensor")
+        if recording is not None and how == "feet":
+            _say("[yellow]note:[/yellow] too little floor is seen in the depth images; feet told it")
+    for file in result.files:
+        _say(f"wrote {escape(str(file.path))}: {file.frames} frames at {file.rate_hz:.1f} a second")
+        for track in file.tracks:
+            _say(f"  {escape(_describe(track, file))}")
+            gaps = describe_gaps(track)
+            if gaps:
+                _say(f"  [yellow]{escape(_treated(file.path.suffix.lower(), fill))}[/yellow] {gaps}")
+
+
+def _describe(track: Track, file: Exported) -> str:
+    since = (int(track.stamps_ns[0]) - file.start_ns) * 1e-9
+    return (
+        f"{track.body_id}: {int(track.present.sum())} frames, {track.seconds:.2f} s"
+        f" from second {since:.2f}, frame {round(since * file.rate_hz) + 1}, on"
+    )
+
+
+def _treated(kind: str, fill: bool) -> str:
+    """Say what became of gaps."""
+    if fill:
+        return "bridged"
+    return {".bvh": "held", ".trc": "left empty", ".csv": "left out", ".npz": "NaN"}[kind]
+
+
+def _say(line: str) -> None:
+    console.print(line, highlight=False, soft_wrap=True)

@@ -1,0 +1,141 @@
+"""``depth-pose view``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.markup import escape
+
+from depth_pose.cli.console import console
+from depth_pose.io.schemas import PEOPLE_TOPIC
+
+if TYPE_CHECKING:
+    from depth_pose.viewer.app import MeshOf
+    from depth_pose.viewer.source import RecordedSource
+
+_LOOPBACK = ("127.0.0.1", "localhost", "::1")
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command()(view)
+
+
+def view(
+    recording: Annotated[
+        Path | None,
+        typer.Argument(help="MCAP recording of a depth camera.", show_default="the running nodes"),
+    ] = None,
+    skeletons: Annotated[
+        Path | None,
+        typer.Argument(help="Recording of its skeletons.", show_default="they are found meanwhile"),
+    ] = None,
+    port: Annotated[int, typer.Option(min=0, max=65535, help="Where the browser connects; 0: any.")] = 8080,
+    host: Annotated[
+        str, typer.Option(help="Address to listen on; 0.0.0.0 lets other machines look.")
+    ] = "127.0.0.1",
+    pictures: Annotated[Path, typer.Option(help="Folder of screenshots and clips.")] = Path("results"),
+    points: Annotated[
+        int, typer.Option(min=100, max=1_000_000, help="Points of a frame that are shown, at most.")
+    ] = 20_000,
+    bank: Annotated[
+        Path | None, typer.Option(help="Exemplar bank, whose body is shown.", show_default="the set-up's")
+    ] = None,
+    depth_topic: Annotated[
+        str | None,
+        typer.Option(
+            help="Depth images or point cloud.", show_default="the only one; live: the denoise node's"
+        ),
+    ] = None,
+    topic: Annotated[str, typer.Option(help="The skeletons' topic in their recording.")] = PEOPLE_TOPIC,
+) -> None:
+    """Look at people and depth in a browser: of the running nodes, or of a recording.
+
+    Prints an address; open it in any browser on this machine. In a recording play, pause, scrub and set
+    the speed; live, the panel shows how the nodes do, and follow, zone and nearest set their parameters.
+    Without SKELETONS the recording's people are found while it is shown, which keeps nothing.
+
+    Other machines cannot connect unless --host says so: there is no password.
+
+    [bold]Examples:[/bold]
+
+    depth-pose view
+
+    depth-pose view in.mcap out.mcap
+
+    depth-pose view in.mcap
+
+    depth-pose view in.mcap out.mcap --host 0.0.0.0 --port 9000
+    """
+    from depth_pose.viewer.app import Viewer, import_viser
+    from depth_pose.viewer.source import LiveSource
+
+    import_viser()
+    source: LiveSource | RecordedSource
+    if recording is None:
+        from depth_pose.cli.live import call_ros
+
+        watch = call_ros("watch", "start_watch", depth_topic)
+        source, stop = LiveSource(watch, points), watch.stop
+    else:
+        source = _recorded(recording, skeletons, bank, depth_topic, topic, points)
+        source.start()
+        stop = source.stop
+    viewer = None
+    try:
+        viewer = Viewer(source, host=host, port=port, pictures=pictures, mesh_of=_bodies(bank))
+        _tell_address(host, viewer.port)
+        viewer.run()
+    except KeyboardInterrupt:
+        pass
+    finally:
+        if viewer is not None:
+            viewer.stop()
+        stop()
+
+
+def _recorded(
+    recording: Path,
+    skeletons: Path | None,
+    bank: Path | None,
+    depth_topic: str | None,
+    topic: str,
+    points: int,
+) -> RecordedSource:
+    from depth_pose.io.mcap_read import DepthReader, read_people
+    from depth_pose.viewer.source import RecordedSource
+
+    reader = DepthReader(recording, depth_topic)
+    if skeletons is not None:
+        known = {m.stamp_ns: m.skeletons for m in read_people(skeletons, topic)}
+        return RecordedSource(reader, lambda frame: known.get(frame.stamp_ns), points)
+    from depth_pose.bank import Bank, default_bank_path
+    from depth_pose.pipeline import PosePipeline
+
+    with console.status("loading the bank and compiling the kernels"):
+        pipeline = PosePipeline(Bank.load(bank or default_bank_path()))
+        pipeline.warm_up()
+    return RecordedSource(reader, lambda frame: pipeline.process_frame(frame).skeletons, points)
+
+
+def _bodies(bank: Path | None) -> MeshOf | None:
+    """Give what makes fitted bodies; None without a bank."""
+    from depth_pose.bank import default_bank_path
+    from depth_pose.viewer.bodies import BodyMaker
+
+    path = bank or default_bank_path()
+    return BodyMaker(path) if bank is not None or path.is_file() else None
+
+
+def _tell_address(host: str, port: int) -> None:
+    shown = "localhost" if host in (*_LOOPBACK, "0.0.0.0", "::") else host
+    console.print(f"open http://{escape(shown)}:{port} in a browser; Ctrl-C ends", highlight=False)
+    if host not in _LOOPBACK:
+        console.print(
+            f"[yellow]note:[/yellow] {escape(host)} is open to other machines; whoever reaches port {port} "
+            "sees the room and can change what is shown, without a password",
+            highlight=False,
+            soft_wrap=True,
+        )

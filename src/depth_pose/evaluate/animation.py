@@ -1,0 +1,192 @@
+"""Pictures that move: skeletons over the depth of a recording, frame by frame, as a GIF."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw
+
+from depth_pose.core.camera import Camera
+from depth_pose.core.skeleton import BONES, JointState
+from depth_pose.core.types import DepthFrame, Skeleton
+from depth_pose.evaluate.figures import LEFT, MIDDLE, RIGHT
+from depth_pose.evaluate.overlay import bone_colour, project
+from depth_pose.evaluate.shading import shade_depth
+from depth_pose.io.mcap_read import DepthReader, read_people
+from depth_pose.io.schemas import PEOPLE_TOPIC
+
+_FINE = 2
+"""Pictures are drawn this many times larger and made smaller, for smooth lines."""
+_COLOURS = 40
+"""Colours of the depth; those of bones and joints come on top."""
+_STEPS = 9
+"""Colours of confidence."""
+_NOISE_M, _NOISE_SHARE = 0.03, 0.02
+"""What depth changes by from frame to frame where nothing moves, about three times the sensors' noise."""
+_MOST_MISSING = 8
+"""So many pictures long a pixel that returns nothing is drawn as before. Set by hand."""
+_BACKGROUND = "#0b0d10"
+_LIGHT = "#f4f4f4"
+
+
+def save_animation(
+    recording_path: Path | str,
+    skeleton_path: Path | str,
+    gif_path: Path | str,
+    seconds: float = 6.0,
+    rate_hz: float = 8.0,
+    width: int = 400,
+    *,
+    depth_topic: str | None = None,
+    skeleton_topic: str = PEOPLE_TOPIC,
+) -> int:
+    """Draw the skeletons over the depth as an animated GIF, in the recording's own time.
+
+    Bones are orange on the person's left and blue on the right; joints go from red to green with
+    confidence and are hollow where hidden.
+
+    Parameters
+    ----------
+    recording_path, skeleton_path : Path or str
+        The depth recording, and that of its skeletons.
+    gif_path : Path or str
+        The picture; folders are made.
+    seconds : float
+        Of the recording from its start, at most.
+    rate_hz : float
+        Pictures a second, at most as many as the recording has frames.
+    width : int
+        Of the pictures, pixels.
+    depth_topic, skeleton_topic : str, optional
+        The topics.
+
+    Returns
+    -------
+    int
+        Number of pictures.
+    """
+    answers = {s.stamp_ns: s.skeletons for s in read_people(skeleton_path, skeleton_topic)}
+    frames = list(_spaced(DepthReader(recording_path, depth_topic), seconds, 1.0 / rate_hz))
+    near, far = _range(frames)
+    calm = _Calm()
+    pictures = []
+    for frame in frames:
+        shown = calm.take(frame.depth)
+        pictures.append(_draw(shown, frame.camera, answers.get(frame.stamp_ns, ()), width, (near, far)))
+    path = Path(gif_path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    table = _shared_table(pictures)
+    drawn = [picture.quantize(palette=table, dither=Image.Dither.NONE) for picture in pictures]
+    step_ms = round(1000 / rate_hz)
+    drawn[0].save(path, save_all=True, append_images=drawn[1:], duration=step_ms, loop=0, optimize=True)
+    return len(drawn)
+
+
+def _spaced(reader: DepthReader, seconds: float, step_s: float) -> Iterator[DepthFrame]:
+    """Give the frames nearest after even times."""
+    start_ns, given = None, 0
+    for frame in reader:
+        start_ns = frame.stamp_ns if start_ns is None else start_ns
+        passed = (frame.stamp_ns - start_ns) * 1e-9
+        if passed > seconds:
+            return
+        if passed >= given * step_s - 1e-3:
+            given += 1
+            yield frame
+
+
+def _range(frames: Sequence[DepthFrame]) -> tuple[float, float]:
+    """Distances that the colours span, the same in all pictures."""
+    known = np.concatenate([f.depth[(f.depth > 0) & np.isfinite(f.depth)][::50] for f in frames])
+    low, high = np.percentile(known, [2, 97]) if known.size else (0.5, 5.0)
+    return float(low), float(high)
+
+
+class _Calm:
+    """Depth in which what stands still is drawn as before: noise would flicker, and fill the file."""
+
+    def __init__(self) -> None:
+        self._shown: NDArray[np.float32] | None = None
+        self._missing = np.zeros(0)
+
+    def take(self, depth: NDArray[np.float32]) -> NDArray[np.float32]:
+        depth = np.nan_to_num(depth)
+        if self._shown is None:
+            self._shown, self._missing = depth, np.zeros(depth.shape)
+            return depth
+        before = self._shown
+        self._missing = np.where(depth > 0, 0, self._missing + 1)
+        calm = np.abs(depth - before) < _NOISE_M + _NOISE_SHARE * before
+        calm |= (depth <= 0) & (self._missing <= _MOST_MISSING)
+        self._shown = np.where(calm, before, depth)
+        return self._shown
+
+
+def _draw(
+    depth: NDArray[np.float32],
+    camera: Camera,
+    skeletons: Sequence[Skeleton],
+    width: int,
+    span: tuple[float, float],
+) -> Image.Image:
+    ends = np.array([[0.0, 0.0, span[0] + 0.35], [0.0, 0.0, span[1] - 0.45]])
+    shaded = (255 * shade_depth(depth, ends)).astype(np.uint8)
+    height = round(width * shaded.shape[0] / shaded.shape[1])
+    large = (width * _FINE, height * _FINE)
+    picture = Image.fromarray(shaded).resize(large, Image.Resampling.BILINEAR)
+    pen = ImageDraw.Draw(picture)
+    for skeleton in sorted(skeletons, key=lambda s: -float(s.positions[0, 2])):
+        _draw_skeleton(pen, skeleton, camera, large[0] / camera.width)
+    return picture.resize((width, height), Image.Resampling.LANCZOS)
+
+
+def _draw_skeleton(pen: ImageDraw.ImageDraw, skeleton: Skeleton, camera: Camera, zoom: float) -> None:
+    from matplotlib import colormaps
+
+    pixels = (project(skeleton.positions, camera) + 0.5) * zoom
+    thick = max(2, round(2.2 * _FINE))
+    order = sorted(BONES, key=lambda bone: -float(np.nansum(skeleton.positions[list(bone), 2])))
+    for a, b in order:
+        if not np.isfinite(pixels[[a, b]]).all():
+            continue
+        line = [tuple(pixels[a]), tuple(pixels[b])]
+        colour = bone_colour(b) if bone_colour(b) != MIDDLE else _LIGHT
+        pen.line(line, fill=_BACKGROUND, width=thick + 2 * _FINE)
+        pen.line(line, fill=colour, width=thick)
+    sure = colormaps["RdYlGn"](np.clip(skeleton.joint_confidence.astype(float), 0, 1), bytes=True)
+    for pixel, colour, state in zip(pixels, sure, skeleton.joint_states, strict=True):
+        if np.isfinite(pixel).all():
+            _draw_joint(pen, pixel, tuple(int(c) for c in colour[:3]), state == JointState.SEEN)
+
+
+def _draw_joint(
+    pen: ImageDraw.ImageDraw, pixel: NDArray[np.float64], colour: tuple[int, ...], seen: bool
+) -> None:
+    size = 2.4 * _FINE
+    box = (*(pixel - size), *(pixel + size))
+    if seen:
+        pen.ellipse(box, fill=colour, outline=_BACKGROUND, width=1)
+    else:
+        pen.ellipse(box, fill=_BACKGROUND, outline=colour, width=_FINE)
+
+
+def _shared_table(pictures: Sequence[Image.Image]) -> Image.Image:
+    """Find one table of colours for all pictures, so that nothing flickers; bones and joints are in it."""
+    from matplotlib import colormaps
+    from PIL import ImageColor
+
+    few = pictures[:: max(1, len(pictures) // 8)]
+    sample = Image.new("RGB", (few[0].width, few[0].height * len(few)))
+    for i, picture in enumerate(few):
+        sample.paste(picture, (0, i * picture.height))
+    found = sample.quantize(_COLOURS, method=Image.Quantize.MEDIANCUT).getpalette() or []
+    colours = found[: 3 * _COLOURS]
+    for name in (LEFT, RIGHT, _LIGHT, _BACKGROUND):
+        colours += ImageColor.getrgb(name)
+    colours += colormaps["RdYlGn"](np.linspace(0, 1, _STEPS), bytes=True)[:, :3].ravel().tolist()
+    table = Image.new("P", (1, 1))
+    table.putpalette(colours)
+    return table

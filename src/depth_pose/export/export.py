@@ -1,0 +1,231 @@
+"""A recording of skeletons to files that other tools open."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from depth_pose.core.errors import ConfigError, InputError
+from depth_pose.export.bvh import bvh_text
+from depth_pose.export.floor import Floor, floor_of_depth, floor_of_feet, some_frames
+from depth_pose.export.tables import csv_text, npz_arrays
+from depth_pose.export.tracks import Track, Tracks, even, even_step_s, fill_gaps, held, in_world, read_tracks
+from depth_pose.export.trc import trc_text
+from depth_pose.io.mcap_read import DepthReader
+from depth_pose.io.schemas import PEOPLE_TOPIC
+
+FORMATS = {
+    ".bvh": "animation (Blender, MotionBuilder, Unity and others); a file a person",
+    ".trc": "OpenSim and biomechanics; a file a person",
+    ".csv": "spreadsheets, R, pandas; a row a joint a frame a person",
+    ".npz": "NumPy; arrays over frames and people",
+}
+"""Formats by the ending of the file's name, and what each is for."""
+
+UNITS = {"m": 1.0, "cm": 100.0, "mm": 1000.0}
+"""Units of length, in a metre."""
+
+FLOOR_FRAME = "floor"
+"""Name of the frame on the floor."""
+
+_USUAL_UNIT = {".bvh": "m", ".trc": "mm"}
+_A_FILE_A_PERSON = (".bvh", ".trc")
+
+_T_UP_OPTICAL = np.diag([1.0, -1.0, -1.0, 1.0])
+"""The optical frame turned to y up, z towards the viewer: who faces the sensor faces the viewer."""
+_T_UP_WORLD = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
+"""REP-103's z up turned to y up, as importers turn it back: (x, y, z) goes to (x, z, -y)."""
+
+
+@dataclass(frozen=True)
+class Exported:
+    """One file that was written.
+
+    Attributes
+    ----------
+    path : Path
+    tracks : tuple of Track
+        Whom it holds, as they were found, before gaps were bridged.
+    frames : int
+        Frames in the file.
+    rate_hz : float
+        Frames a second; of CSV and NPZ the recording's mean.
+    start_ns : int
+        Stamp of the recording's first frame. A file of one person begins with their first frame.
+    """
+
+    path: Path
+    tracks: tuple[Track, ...]
+    frames: int
+    rate_hz: float
+    start_ns: int
+
+
+@dataclass(frozen=True)
+class ExportResult:
+    """What an export wrote, and the floor that it stands on, if it does."""
+
+    files: tuple[Exported, ...]
+    floor: Floor | None
+
+
+def export_skeletons(
+    skeletons: Path | str,
+    output: Path | str,
+    *,
+    people: Sequence[str] = (),
+    fill: bool = False,
+    world: str = "camera",
+    recording: Path | str | None = None,
+    unit: str | None = None,
+    topic: str = PEOPLE_TOPIC,
+    depth_topic: str | None = None,
+) -> ExportResult:
+    """Write a recording's skeletons in the format that the output's name ends with.
+
+    Parameters
+    ----------
+    skeletons : Path or str
+        The recording of skeletons.
+    output : Path or str
+        The file; of formats that hold one person, NAME_ID.bvh for each where there are several.
+    people : sequence of str
+        Only these ``body_id``; all if empty.
+    fill : bool
+        Bridge gaps. Without it BVH holds the last pose, TRC has empty cells, CSV no rows, NPZ NaN.
+    world : str
+        ``camera``, or ``floor``: z up, the origin on the floor below the sensor.
+    recording : Path or str, optional
+        The depth recording, in which the floor is found exactly; without it, it is told from feet.
+    unit : str, optional
+        ``m``, ``cm`` or ``mm`` of BVH (m) and TRC (mm); the others are in metres.
+    topic, depth_topic : str, optional
+        The topics.
+
+    Raises
+    ------
+    InputError
+        Where a recording cannot be used, has nobody, or the file cannot be written.
+    ConfigError
+        Where the format, the unit or the world is none of the known ones.
+    """
+    output = Path(output)
+    kind = output.suffix.lower()
+    _check(output, kind, world, unit, recording)
+    found = _chosen(read_tracks(skeletons, topic), people, skeletons)
+    floor = _floor(found, recording, depth_topic) if world == "floor" else None
+    tracks = found if floor is None else _on_floor(found, floor)
+    if kind in _A_FILE_A_PERSON:
+        unit = unit or _USUAL_UNIT[kind]
+        return ExportResult(_write_each(output, kind, tracks, fill, unit, floor), floor)
+    shown = replace(tracks, people=tuple(map(fill_gaps, tracks.people))) if fill else tracks
+    if kind == ".csv":
+        text = csv_text(shown)
+        _write_text(output, text)
+    else:
+        arrays = npz_arrays(shown, floor.T_world_camera() if floor else None)
+        with new_file(output) as stream:
+            np.savez_compressed(stream, **arrays)  # type: ignore[arg-type]
+    span = max(float(tracks.stamps_ns[-1] - tracks.stamps_ns[0]) * 1e-9, 1e-9)
+    rate, start_ns = (len(tracks.stamps_ns) - 1) / span, int(tracks.stamps_ns[0])
+    return ExportResult((Exported(output, tracks.people, len(tracks.stamps_ns), rate, start_ns),), floor)
+
+
+@contextmanager
+def new_file(path: Path) -> Iterator[BinaryIO]:
+    """Give a stream to a file of another name, which takes its own once it is whole."""
+    part = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with part.open("wb") as stream:
+            yield stream
+        os.replace(part, path)
+    except OSError as error:
+        raise InputError(f"{path} cannot be written: {error.strerror}") from error
+    finally:
+        with suppress(OSError):
+            part.unlink()
+
+
+def _write_text(path: Path, text: str) -> None:
+    with new_file(path) as stream:
+        stream.write(text.encode())
+
+
+def _check(output: Path, kind: str, world: str, unit: str | None, recording: Path | str | None) -> None:
+    if kind not in FORMATS:
+        raise ConfigError(
+            f"{output}: the format is told by the name's end; it is one of {', '.join(FORMATS)}"
+        )
+    if world not in ("camera", "floor"):
+        raise ConfigError(f"the world is {world!r}; it is camera or floor")
+    if unit is not None and unit not in UNITS:
+        raise ConfigError(f"the unit is {unit!r}; it is one of {', '.join(UNITS)}")
+    if unit is not None and kind not in _USUAL_UNIT and unit != "m":
+        raise ConfigError(f"{kind} files are in metres; the unit is for {' and '.join(_USUAL_UNIT)}")
+    if recording is not None and world != "floor":
+        raise ConfigError("the depth recording tells the floor; it goes with the world floor")
+
+
+def _chosen(tracks: Tracks, people: Sequence[str], source: Path | str) -> Tracks:
+    known = [track.body_id for track in tracks.people]
+    missing = [who for who in people if who not in known]
+    if missing:
+        raise InputError(
+            f"{source} has nobody with the id {missing[0]}; it has {', '.join(known) or 'nobody'}"
+        )
+    if not known:
+        raise InputError(
+            f"{source} shows nobody in {len(tracks.stamps_ns)} frames; there is nothing to write"
+        )
+    return replace(tracks, people=tuple(t for t in tracks.people if not people or t.body_id in people))
+
+
+def _floor(tracks: Tracks, recording: Path | str | None, depth_topic: str | None) -> Floor:
+    guess = floor_of_feet(tracks.people)
+    if recording is None:
+        return guess
+    reader = DepthReader(recording, depth_topic)
+    found = floor_of_depth(some_frames(reader, len(reader)), guess)
+    return guess if found is None else found
+
+
+def _on_floor(tracks: Tracks, floor: Floor) -> Tracks:
+    turned = tuple(in_world(track, floor.T_world_camera(), FLOOR_FRAME) for track in tracks.people)
+    return replace(tracks, people=turned, frame_id=FLOOR_FRAME)
+
+
+def _write_each(
+    output: Path, kind: str, tracks: Tracks, fill: bool, unit: str, floor: Floor | None
+) -> tuple[Exported, ...]:
+    """Write a file a person, y up."""
+    T_up: NDArray[np.float64] = _T_UP_OPTICAL if floor is None else _T_UP_WORLD
+    step_s = even_step_s(tracks.stamps_ns)
+    written = []
+    for track in tracks.people:
+        path = output if len(tracks.people) == 1 else _path_of(output, track.body_id)
+        motion = even(in_world(track, T_up, track.frame_id), step_s)
+        if fill:
+            motion = fill_gaps(motion)
+        elif kind == ".bvh":
+            motion = held(motion)
+        if kind == ".bvh":
+            text = bvh_text(motion, step_s, UNITS[unit])
+        else:
+            text = trc_text(motion, step_s, path.name, unit, UNITS[unit])
+        _write_text(path, text)
+        written.append(Exported(path, (track,), len(motion), 1 / step_s, int(tracks.stamps_ns[0])))
+    return tuple(written)
+
+
+def _path_of(output: Path, body_id: str) -> Path:
+    name = re.sub(r"[^\w.-]", "_", body_id)
+    return output.with_name(f"{output.stem}_{name}{output.suffix}")

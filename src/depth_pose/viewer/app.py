@@ -1,0 +1,367 @@
+"""The viewer's server: one loop that shows the newest frame, and the panel that steers it."""
+
+from __future__ import annotations
+
+import io
+import threading
+import time
+from collections.abc import Callable
+from contextlib import redirect_stdout
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from depth_pose.core.config import FollowConfig
+from depth_pose.core.errors import ConfigError, DepthPoseError
+from depth_pose.core.types import Skeleton
+from depth_pose.core.zone import Zone, parse_zone
+from depth_pose.steps.follow import Follower
+from depth_pose.viewer.figures import chosen, nodes_table, people_table
+from depth_pose.viewer.moments import Moment
+from depth_pose.viewer.pictures import free_name, save_gif, save_png
+from depth_pose.viewer.room import FloorSeeker
+from depth_pose.viewer.scene import Scene, Wishes
+from depth_pose.viewer.source import LiveSource, RecordedSource
+
+RATE_HZ = 15.0
+"""Frames that are drawn a second, at most. Set by hand: beyond it a browser over a network falls behind."""
+
+_TABLE_S = 0.4
+_CLIP_HZ = 10.0
+_PICTURE = (960, 540)
+_RENDER_S = 60.0
+"""Seconds that a browser may take for a picture; one without a graphics card takes ten."""
+
+_EYE, _TARGET = (-1.4, 1.5, 1.2), (2.8, -0.6, -0.5)
+"""Where one looks from and to, from the sensor: forward, left, up, metres; the panel covers the right."""
+
+_FOLLOW = ("first", "nearest", "centre")
+_LABELS = {
+    "points": "depth points",
+    "skeletons": "skeletons",
+    "names": "names",
+    "bodies": "fitted bodies",
+    "trails": "trails of hands",
+    "floor": "floor",
+    "camera": "camera",
+}
+
+Place = tuple[float, float, float]
+MeshOf = Callable[[Skeleton], tuple[NDArray[np.float64], NDArray[np.int32]]]
+
+
+def import_viser() -> Any:
+    """Import viser.
+
+    Raises
+    ------
+    DepthPoseError
+        Where it is not installed; says how to.
+    """
+    try:
+        import viser
+    except ModuleNotFoundError as error:
+        raise DepthPoseError(
+            "the viewer needs viser, which is not installed; run: pip install 'viser>=1.0' "
+            "(the extra 'view' of depth_pose), or bash launch_scripts/setup.sh"
+        ) from error
+    return viser
+
+
+class Viewer:
+    """The browser viewer of a recording or of running nodes.
+
+    Parameters
+    ----------
+    source : RecordedSource or LiveSource
+    host, port
+        Where browsers connect to; port 0 takes any.
+    pictures : Path
+        Folder of screenshots and clips.
+    mesh_of : callable, optional
+        Gives a person's fitted body.
+
+    Attributes
+    ----------
+    server : viser.ViserServer
+    drawn : int
+        Frames that were drawn.
+    """
+
+    def __init__(
+        self,
+        source: RecordedSource | LiveSource,
+        *,
+        host: str = "127.0.0.1",
+        port: int = 8080,
+        pictures: Path = Path("results"),
+        mesh_of: MeshOf | None = None,
+    ) -> None:
+        with redirect_stdout(io.StringIO()):  # it prints its addresses, and so do we
+            self.server = import_viser().ViserServer(host=host, port=port, label="depth_pose", verbose=False)
+        self.drawn = 0
+        self._recorded = source if isinstance(source, RecordedSource) else None
+        self._live = source if isinstance(source, LiveSource) else None
+        self._pictures = pictures
+        self._floor = FloorSeeker()
+        self._follower = Follower(FollowConfig())
+        self._zone, self._most = Zone(), 0
+        self._lock = threading.RLock()
+        self._moment: Moment | None = None
+        self._must_draw = False
+        self._stopping = threading.Event()
+        self._running = threading.RLock()
+        self.server.gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False)
+        self.server.scene.set_background_image(np.full((2, 2, 3), (18, 21, 27), np.uint8))
+        self._scene = Scene(self.server, mesh_of)
+        self._aim_cameras()
+        self.server.on_client_connect(self._aim)
+        self._make_panel(mesh_of is not None)
+
+    @property
+    def port(self) -> int:
+        """The port that browsers connect to."""
+        return int(self.server.get_port())
+
+    def run(self) -> None:
+        """Show frames until `stop`."""
+        with self._running:
+            self._run()
+
+    def _run(self) -> None:
+        last, told = time.monotonic(), 0.0
+        while not self._stopping.wait(1.0 / RATE_HZ):
+            now = time.monotonic()
+            moment = self._next(now - last)
+            last = now
+            if moment is not None and (moment is not self._moment or self._must_draw):
+                self._draw(moment)
+            if now - told > _TABLE_S:
+                told = now
+                self._tell()
+
+    def stop(self) -> None:
+        """End `run` and the server."""
+        self._stopping.set()
+        with self._running:  # until the frame that is being drawn is there
+            self.server.stop()
+
+    # Frames
+
+    def _next(self, passed_s: float) -> Moment | None:
+        if self._live is not None:
+            return self._live.newest() or (self._moment if self._must_draw else None)
+        assert self._recorded is not None
+        playback = self._recorded.playback
+        if not len(playback):
+            return None
+        before = playback.index
+        playback.advance(passed_s)
+        if playback.index < before:
+            self._scene.forget_trails()
+        return self._recorded.moment(playback.index)
+
+    def _draw(self, moment: Moment) -> None:
+        with self._lock:
+            self._must_draw = False
+            self._moment = moment
+            found = self._floor.add(moment)
+            if found is not None:
+                self._scene.place(found)
+                self._aim_cameras()
+            self._scene.show(moment, self._shown(moment))
+            self.drawn += 1
+
+    def _shown(self, moment: Moment) -> tuple[Skeleton, ...]:
+        """Give the people to draw. Running nodes choose by themselves."""
+        if self._live is not None:
+            return moment.skeletons or ()
+        return chosen(moment.skeletons or (), self._zone, self._most)
+
+    def _aim_cameras(self) -> None:
+        """Look over the sensor's shoulder into the room."""
+        eye, target = self._view()
+        camera = self.server.initial_camera
+        camera.up, camera.position, camera.look_at = (0.0, 0.0, 1.0), eye, target
+        for client in self.server.get_clients().values():
+            self._aim(client)
+
+    def _aim(self, client: Any) -> None:
+        eye, target = self._view()
+        client.camera.up_direction = (0.0, 0.0, 1.0)
+        client.camera.position, client.camera.look_at = eye, target
+
+    def _view(self) -> tuple[Place, Place]:
+        """Give where to look from, and to."""
+        x, y, z = (float(v) for v in self._scene.T_world_camera[:3, 3])
+        (a, b, c), (d, e, f) = _EYE, _TARGET
+        return (x + a, y + b, z + c), (x + d, y + e, z + f)
+
+    # The panel
+
+    def _make_panel(self, with_bodies: bool) -> None:
+        gui = self.server.gui
+        if self._recorded is not None:
+            self._make_player(self._recorded)
+        with gui.add_folder("people"):
+            self._people_text = gui.add_markdown("*waiting for the first frame*")
+        with gui.add_folder("show"):
+            for field in fields(Wishes):
+                if field.name == "bodies" and not with_bodies:
+                    continue
+                value = getattr(self._scene.wishes, field.name)
+                self._on_change(gui.add_checkbox(_LABELS[field.name], value), self._set_wish, field.name)
+        self._make_choices()
+        with gui.add_folder("pictures"):
+            gui.add_button("screenshot").on_click(self._take_picture)
+            self._clip_s = gui.add_slider("seconds of a clip", 1, 10, 1, 3)
+            gui.add_button("clip").on_click(self._take_clip)
+        if self._live is not None:
+            with gui.add_folder("nodes"):
+                self._nodes_text = gui.add_markdown(nodes_table(()))
+
+    def _make_player(self, source: RecordedSource) -> None:
+        gui, playback = self.server.gui, source.playback
+        with gui.add_folder("play"):
+            self._time_text = gui.add_markdown("*reading*")
+            self._scrub = gui.add_slider("frame", 0, 1, 1, 0)
+            play = gui.add_checkbox("playing", True)
+            speed = gui.add_dropdown("speed", ("0.1", "0.25", "0.5", "1", "2", "4"), initial_value="1")
+            step = gui.add_button_group("step", ("−1", "+1", "start"))
+        self._play_box = play
+
+        @self._scrub.on_update
+        def _(event: Any) -> None:
+            if event.client is not None:  # not our own updates
+                with self._lock:
+                    playback.seek(int(self._scrub.value))
+                    playback.playing = self._play_box.value = False
+                    self._scene.forget_trails()
+
+        @play.on_update
+        def _(_: Any) -> None:
+            playback.playing = bool(play.value)
+
+        @speed.on_update
+        def _(_: Any) -> None:
+            playback.speed = float(speed.value)
+
+        @step.on_click
+        def _(_: Any) -> None:
+            with self._lock:
+                if step.value == "start":
+                    playback.seek(0)
+                else:
+                    playback.step(1 if step.value == "+1" else -1)
+                    play.value = False
+
+    def _make_choices(self) -> None:
+        gui = self.server.gui
+        with gui.add_folder("choose"):
+            follow = gui.add_dropdown("follow", _FOLLOW, initial_value="first", hint="whom the ● marks")
+            zone = gui.add_text("zone", "", hint="1:4.5 distances, or -1:1,0.5:3 a box in x and z, metres")
+            most = gui.add_slider("nearest", 0, 10, 1, 0, hint="so many people at most; 0: all")
+            self._choice_text = gui.add_markdown("")
+        self._on_change(follow, self._choose, "follow")
+        self._on_change(zone, self._choose, "zone")
+        self._on_change(most, self._choose, "people")
+
+    def _on_change(self, handle: Any, call: Callable[[str, Any], None], name: str) -> None:
+        handle.on_update(lambda _: call(name, handle.value))
+
+    def _set_wish(self, name: str, value: bool) -> None:
+        with self._lock:
+            setattr(self._scene.wishes, name, bool(value))
+            self._must_draw = True
+
+    def _choose(self, name: str, value: str | int) -> None:
+        """Choose people: among those of a recording, or by the nodes' parameters."""
+        try:
+            with self._lock:
+                if name == "zone":
+                    self._zone = parse_zone(str(value))
+                elif name == "people":
+                    self._most = int(value)
+                else:
+                    self._follower = Follower(FollowConfig(whom=str(value)))
+                self._must_draw = True
+            said = "" if self._live is None else self._live.set(name, value)
+        except ConfigError as error:
+            said = str(error)
+        self._choice_text.content = said
+
+    def _tell(self) -> None:
+        """Bring the tables up to date."""
+        if self._live is not None:
+            _set(self._nodes_text, nodes_table(self._live.nodes()))
+        if self._recorded is not None:
+            self._tell_time(self._recorded)
+        moment = self._moment
+        if moment is None:
+            return
+        shown = None if moment.skeletons is None else self._shown(moment)
+        followed = self._follower.choose(shown or (), moment.stamp_ns, "").body_id
+        _set(self._people_text, people_table(shown, followed))
+
+    def _tell_time(self, source: RecordedSource) -> None:
+        playback = source.playback
+        if not len(playback):
+            _set(self._time_text, source.error or "*reading*")
+            return
+        state = "" if playback.is_whole else ", reading on"
+        _set(self._time_text, f"{playback.seconds:.2f} s, {len(playback)} frames{state} {source.error}")
+        if self._scrub.max != max(1, len(playback) - 1):
+            self._scrub.max = max(1, len(playback) - 1)
+        if self._scrub.value != playback.index and playback.playing:
+            self._scrub.value = playback.index
+
+    # Pictures
+
+    def _take_picture(self, event: Any) -> None:
+        if event.client is None:
+            return
+        width, height = _PICTURE
+        picture = event.client.get_render(height, width, transport_format="png", timeout=_RENDER_S)
+        path = free_name(self._pictures, ".png")
+        save_png(path, picture)
+        self._hand_over(event.client, path)
+
+    def _take_clip(self, event: Any) -> None:
+        """Take the next seconds: frame by frame of a recording, as they come of running nodes."""
+        if event.client is None:
+            return
+        frames = round(float(self._clip_s.value) * _CLIP_HZ)
+        width, height = _PICTURE[0] // 2, _PICTURE[1] // 2
+        pictures = []
+        playback = self._recorded.playback if self._recorded else None
+        was_playing = playback is not None and playback.playing
+        started = time.monotonic()
+        for i in range(frames):
+            if playback is not None and self._recorded is not None:
+                with self._lock:
+                    playback.playing = True
+                    playback.advance(1.0 / _CLIP_HZ if i else 0.0)
+                    playback.playing = False
+                self._draw(self._recorded.moment(playback.index))
+            pictures.append(
+                event.client.get_render(height, width, transport_format="jpeg", timeout=_RENDER_S)
+            )
+        passed = 1.0 / _CLIP_HZ if playback is not None else (time.monotonic() - started) / frames
+        if playback is not None:
+            playback.playing = was_playing
+        path = free_name(self._pictures, ".gif")
+        save_gif(path, pictures, passed)
+        self._hand_over(event.client, path)
+
+    def _hand_over(self, client: Any, path: Path) -> None:
+        """Say where a picture is, and give it to the browser, which may be on another machine."""
+        client.send_file_download(path.name, path.read_bytes())
+        client.add_notification("saved", str(path.resolve()), auto_close_seconds=6.0)
+
+
+def _set(text: Any, content: str) -> None:
+    if text.content != content:
+        text.content = content

@@ -1,0 +1,75 @@
+"""Where a recording's playback is: play, pause, scrub, speed. Plain Python."""
+
+from __future__ import annotations
+
+import bisect
+
+
+class Playback:
+    """A position in a recording that moves with time, over as many frames as are loaded.
+
+    Attributes
+    ----------
+    playing : bool
+    speed : float
+        1 is as recorded.
+    loop : bool
+        Begin again at the end, once all is loaded.
+    """
+
+    def __init__(self) -> None:
+        self.playing = True
+        self.speed = 1.0
+        self.loop = True
+        self._stamps_ns: list[int] = []
+        self._at_ns = 0.0
+        self._is_whole = False
+
+    def add(self, stamp_ns: int) -> None:
+        """Take note of a further frame; one whose stamp lies before the last is put right after it."""
+        if not self._stamps_ns:
+            self._at_ns = stamp_ns
+        self._stamps_ns.append(max(stamp_ns, self._stamps_ns[-1] + 1) if self._stamps_ns else stamp_ns)
+
+    def finish(self) -> None:
+        """Take note that all frames are there."""
+        self._is_whole = True
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether all frames are there."""
+        return self._is_whole
+
+    def __len__(self) -> int:
+        """Give the number of frames that are loaded."""
+        return len(self._stamps_ns)
+
+    @property
+    def index(self) -> int:
+        """Number of the frame to show."""
+        return max(0, bisect.bisect_right(self._stamps_ns, self._at_ns) - 1)
+
+    @property
+    def seconds(self) -> float:
+        """Time of that frame since the first."""
+        return (self._stamps_ns[self.index] - self._stamps_ns[0]) * 1e-9 if self._stamps_ns else 0.0
+
+    def seek(self, index: int) -> None:
+        """Go to a frame."""
+        if self._stamps_ns:
+            self._at_ns = self._stamps_ns[min(max(index, 0), len(self._stamps_ns) - 1)]
+
+    def step(self, frames: int) -> None:
+        """Pause, and go some frames on, or back."""
+        self.playing = False
+        self.seek(self.index + frames)
+
+    def advance(self, seconds: float) -> None:
+        """Let time pass; at the end of what is loaded it waits, at that of the recording it begins again."""
+        if not self.playing or not self._stamps_ns:
+            return
+        self._at_ns += seconds * self.speed * 1e9
+        last = self._stamps_ns[-1]
+        if self._at_ns > last:
+            at_start = self._is_whole and self.loop and len(self._stamps_ns) > 1
+            self._at_ns = self._stamps_ns[0] if at_start else last

@@ -1,0 +1,44 @@
+"""The floor of what is being watched, found from the first frames that show somebody standing on it."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from depth_pose.core.errors import InputError
+from depth_pose.core.types import DepthFrame, Skeleton
+from depth_pose.export.floor import Floor, floor_of_depth, floor_of_feet
+from depth_pose.export.tracks import tracks_of
+from depth_pose.viewer.moments import Moment
+
+_FRAMES = 15
+"""Frames with somebody in view that the floor is told from; feet move little in fewer. Set by hand."""
+_IMAGES = 6
+
+
+class FloorSeeker:
+    """Gathers frames until they tell the floor; then it is done."""
+
+    def __init__(self) -> None:
+        self._people: dict[int, tuple[Skeleton, ...]] = {}
+        self._images: list[DepthFrame] = []
+        self.floor: Floor | None = None
+
+    def add(self, moment: Moment) -> NDArray[np.float64] | None:
+        """Take a frame; gives ``T_world_camera`` once, when the floor is found."""
+        if self.floor is not None or not moment.skeletons or moment.stamp_ns in self._people:
+            return None
+        self._people[moment.stamp_ns] = moment.skeletons
+        if len(self._images) < _IMAGES:
+            depth = moment.depth_mm.astype(np.float32) * np.float32(1e-3)
+            self._images.append(DepthFrame(moment.stamp_ns, "", depth, moment.camera))
+        if len(self._people) < _FRAMES:
+            return None
+        try:
+            guess = floor_of_feet(tracks_of(self._people, "").people)
+        except InputError:  # no feet so far
+            self._people.clear()
+            self._images.clear()
+            return None
+        self.floor = floor_of_depth(self._images, guess) or guess
+        return self.floor.T_world_camera()

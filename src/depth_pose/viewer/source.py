@@ -1,0 +1,103 @@
+"""Where frames come from: a recording that is read ahead in a thread, or running nodes."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterable, Sequence
+from typing import TYPE_CHECKING
+
+from depth_pose.core.errors import DepthPoseError
+from depth_pose.core.types import DepthFrame, Skeleton
+from depth_pose.viewer.moments import Moment, keep
+from depth_pose.viewer.playback import Playback
+
+if TYPE_CHECKING:
+    from depth_pose.ros.watch import NodeState, Watch
+
+Answer = Callable[[DepthFrame], tuple[Skeleton, ...] | None]
+"""Everybody's skeletons in a frame; None where there is no answer."""
+
+
+class LiveSource:
+    """Running nodes.
+
+    Parameters
+    ----------
+    watch : Watch
+        Started; it listens to them.
+    most_points : int
+        Points kept of a frame.
+    """
+
+    def __init__(self, watch: Watch, most_points: int) -> None:
+        self._watch, self._most_points = watch, most_points
+
+    def newest(self) -> Moment | None:
+        """Give the newest frame that was not given before."""
+        heard = self._watch.newest()
+        return None if heard is None else keep(heard.frame, heard.skeletons, self._most_points)
+
+    def nodes(self) -> Sequence[NodeState]:
+        """Give what each node last told of itself."""
+        return self._watch.nodes()
+
+    def set(self, name: str, value: str | int) -> str:
+        """Set ``follow``, ``zone`` or ``people`` of the nodes; gives what went wrong, or nothing."""
+        return self._watch.set(name, value)
+
+
+class RecordedSource:
+    """A recording's frames, read ahead in a thread, and the playback over them.
+
+    Parameters
+    ----------
+    frames : iterable of DepthFrame
+    answer : callable
+        Gives everybody's skeletons in a frame: read from a file, or found by the pipeline.
+    most_points : int
+        Points kept of a frame.
+
+    Attributes
+    ----------
+    playback : Playback
+    error : str
+        What ended the reading early; empty if nothing did.
+    """
+
+    def __init__(self, frames: Iterable[DepthFrame], answer: Answer, most_points: int) -> None:
+        self.playback = Playback()
+        self.error = ""
+        self._frames, self._answer, self._most_points = frames, answer, most_points
+        self._moments: list[Moment] = []
+        self._stopping = False
+        self._thread = threading.Thread(target=self._read, name="reader", daemon=True)
+
+    def start(self) -> None:
+        """Begin to read."""
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End reading, after the frame that is being answered."""
+        self._stopping = True
+        if self._thread.is_alive():
+            self._thread.join()
+
+    def wait(self) -> None:
+        """Wait until all is read."""
+        self._thread.join()
+
+    def moment(self, index: int) -> Moment:
+        """Give a frame."""
+        return self._moments[index]
+
+    def _read(self) -> None:
+        try:
+            for frame in self._frames:
+                if self._stopping:
+                    return
+                self._moments.append(keep(frame, self._answer(frame), self._most_points))
+                self.playback.add(frame.stamp_ns)
+        except DepthPoseError as error:
+            self.error = str(error)
+        finally:
+            self.playback.finish()

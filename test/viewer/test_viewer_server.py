@@ -1,0 +1,212 @@
+"""The viewer's server: what it puts into the scene, who may connect, and the page in a real browser."""
+
+from __future__ import annotations
+
+import os
+import re
+import socket
+import threading
+import time
+import urllib.request
+from pathlib import Path
+
+import numpy as np
+import pytest
+from test_viewer_parts import skeleton_at
+
+from depth_pose.core.errors import DepthPoseError
+from depth_pose.core.rotations import quat_to_matrix
+from depth_pose.core.skeleton import BONES
+from depth_pose.viewer import app as viewer_app
+from depth_pose.viewer.app import Viewer
+from depth_pose.viewer.source import RecordedSource
+from synthetic import CAMERA, START_NS, STEP_NS, draw, mesh, posed, room, to_frame, varied
+
+CHROMIUM = os.environ.get("DEPTH_POSE_CHROMIUM", "")
+BROWSER = ("--no-sandbox", "--no-zygote", "--use-gl=angle", "--use-angle=swiftshader")
+BROWSER += ("--enable-unsafe-swiftshader", "--ignore-gpu-blocklist", "--lang=en-US")
+FRAMES = 20
+
+
+def frames():
+    """Somebody and a wall, as a depth camera sees them."""
+    for i in range(FRAMES):
+        person = draw(mesh(posed(varied(1, 5.0), distance=3.0, aside=0.3)))
+        depth = np.fmin(np.where(person > 0, person, np.inf), 4.5)
+        yield to_frame(depth, START_NS + i * STEP_NS)
+
+
+def people(frame):
+    return (skeleton_at(0.3, 3.0, hidden=3), skeleton_at(-0.6, 3.5, "body_2"))
+
+
+@pytest.fixture
+def viewer(tmp_path):
+    source = RecordedSource(list(frames()), people, 3000)
+    source.start()
+    source.wait()
+    viewer = Viewer(source, port=0, pictures=tmp_path / "pictures")
+    thread = threading.Thread(target=viewer.run, daemon=True)
+    thread.start()
+    yield viewer
+    viewer.stop()
+    thread.join(10)
+    assert not thread.is_alive()
+
+
+def wait_for(true, seconds=20.0):
+    end = time.monotonic() + seconds
+    while not true():
+        assert time.monotonic() < end, "nothing came"
+        time.sleep(0.05)
+
+
+def handle(viewer, name):
+    return viewer.server.scene.get_handle_by_name(name)
+
+
+def test_the_scene_has_everybody(viewer):
+    wait_for(lambda: viewer.drawn > 2)
+    for skeleton in people(None):
+        bones = handle(viewer, f"/sensor/people/{skeleton.body_id}/bones")
+        np.testing.assert_allclose(bones.points, skeleton.positions[np.array(BONES)], atol=1e-5)
+        seen = handle(viewer, f"/sensor/people/{skeleton.body_id}/joints").batched_scales > 1e-3
+        hollow = handle(viewer, f"/sensor/people/{skeleton.body_id}/hidden").batched_scales > 1e-3
+        np.testing.assert_array_equal(seen, skeleton.joint_states == 0)
+        np.testing.assert_array_equal(seen, ~hollow)
+    points = np.asarray(handle(viewer, "/sensor/points").points, np.float32)
+    assert len(points) > 1000
+    assert points[:, 2].max() == pytest.approx(4.5, abs=0.01)
+
+
+def test_the_floor_comes_from_their_feet(viewer):
+    wait_for(lambda: handle(viewer, "/floor").visible)
+    turn = quat_to_matrix(np.roll(np.array(handle(viewer, "/sensor").wxyz, float), -1))
+    up = turn @ np.array([0.0, -1.0, 0.0])
+    assert up[2] > 0.99
+    assert handle(viewer, "/sensor").position[2] == pytest.approx(0.9, abs=0.1)
+
+
+def test_whom_one_chooses_is_shown(viewer):
+    wait_for(lambda: viewer.drawn > 2)
+    viewer._choose("people", 1)
+    wait_for(lambda: handle(viewer, "/sensor/people/body_2/bones") is None)
+    assert handle(viewer, "/sensor/people/body_1/bones") is not None
+    viewer._choose("people", 0)
+    viewer._choose("zone", "3.4:9")
+    wait_for(lambda: handle(viewer, "/sensor/people/body_1/bones") is None)
+    viewer._choose("zone", "what?")
+    assert "zone is 'what?'" in viewer._choice_text.content
+
+
+def test_the_page_is_served_to_this_machine_only(viewer):
+    with urllib.request.urlopen(f"http://127.0.0.1:{viewer.port}/", timeout=10) as page:
+        assert b"<html" in page.read(2000).lower()
+    others = {info[4][0] for info in socket.getaddrinfo(socket.gethostname(), None, socket.AF_INET)} - {
+        "127.0.0.1"
+    }
+    for address in others:
+        if not address.startswith("127."):
+            with pytest.raises(OSError):
+                socket.create_connection((address, viewer.port), timeout=2).close()
+
+
+def test_it_says_what_to_install(monkeypatch):
+    monkeypatch.setitem(__import__("sys").modules, "viser", None)
+    with pytest.raises(DepthPoseError, match="pip install 'viser"):
+        viewer_app.import_viser()
+
+
+def test_a_recording_without_skeletons_has_them_found(bank_path, tmp_path):
+    """As ``depth-pose view in.mcap`` does."""
+    from depth_pose.cli.view import _recorded
+    from depth_pose.io.mcap_write import DepthWriter
+
+    with DepthWriter(tmp_path / "in.mcap", CAMERA, "optical") as writer:
+        for i in range(6):
+            person = draw(mesh(posed(varied(1, 5.0), distance=2.5)))
+            depth = np.fmin(np.where(person > 0, person, np.inf), room())
+            writer.write(START_NS + i * STEP_NS, depth.astype(np.float32))
+    source = _recorded(tmp_path / "in.mcap", None, bank_path, None, "", 4000)
+    source.start()
+    source.wait()
+    assert source.error == ""
+    (found,) = source.moment(5).skeletons
+    assert found.positions[0, 2] == pytest.approx(2.5, abs=0.15)
+
+
+def test_an_open_door_is_said(capsys):
+    from depth_pose.cli.view import _tell_address
+
+    _tell_address("127.0.0.1", 8080)
+    assert "open to other machines" not in capsys.readouterr().out
+    _tell_address("0.0.0.0", 8080)
+    said = capsys.readouterr().out
+    assert "http://localhost:8080" in said
+    assert "open to other machines" in said
+
+
+# In a browser
+
+
+@pytest.fixture
+def page(viewer):
+    if not CHROMIUM:
+        pytest.skip("needs a Chromium: set DEPTH_POSE_CHROMIUM to its path, and pip install playwright")
+    from playwright.sync_api import sync_playwright
+
+    wait_for(lambda: viewer.drawn > 2)
+    with sync_playwright() as p:
+        environment = {"LANG": "en_US.UTF-8", "HOME": str(Path.home())}
+        browser = p.chromium.launch(executable_path=CHROMIUM, args=list(BROWSER), env=environment)
+        page = browser.new_page(viewport={"width": 640, "height": 640}, locale="en-US")
+        page.problems = []
+        page.on("pageerror", lambda error: page.problems.append(str(error)))
+        page.on("console", lambda m: page.problems.append(m.text) if m.type == "error" else None)
+        page.goto(f"http://127.0.0.1:{viewer.port}/")
+        page.get_by_text("depth points").wait_for(timeout=60_000)
+        yield page
+        browser.close()
+
+
+def test_a_browser_shows_the_skeletons_where_they_are(viewer, page):
+    """Seen from the sensor, all that is drawn of skeletons lies on the bones, and covers the joints."""
+    for wish in ("points", "names", "floor", "camera"):
+        viewer._set_wish(wish, False)
+    page.get_by_label("playing").dispatch_event("click")
+    wait_for(lambda: not viewer._recorded.playback.playing)
+    (client,) = viewer.server.get_clients().values()
+    root = handle(viewer, "/sensor")
+    fov = 2 * np.arctan2(72, 190.0)
+    size = {"height": 288, "width": 352, "transport_format": "png", "timeout": 90.0}
+    place = {"wxyz": root.wxyz, "position": root.position, "fov": fov}
+    picture = client.get_render(**size, **place)[..., :3].astype(int)
+    drawn = np.abs(picture - picture[0, 0]).sum(axis=2) > 60
+    v, u = np.nonzero(drawn)
+    assert len(u) > 300
+    near = np.full(len(u), np.inf)
+    for skeleton in people(None):
+        pixels = 2 * CAMERA.project(skeleton.positions) + 0.5
+        inside = (pixels > 4).all(axis=1) & (pixels < (348, 284)).all(axis=1)
+        for x, y in pixels[inside]:
+            assert drawn[int(y) - 3 : int(y) + 4, int(x) - 3 : int(x) + 4].any(), (skeleton.body_id, x, y)
+        for a, b in BONES:
+            share = np.linspace(0, 1, 30)[:, None]
+            line = pixels[a] + share * (pixels[b] - pixels[a])
+            near = np.minimum(near, np.hypot(line[:, :1] - u, line[:, 1:] - v).min(axis=0))
+    assert (near < 8).mean() > 0.97, "nothing is drawn elsewhere"
+    assert page.problems == []
+
+
+def test_the_controls_of_the_page_work(viewer, page, tmp_path):
+    page.get_by_label("playing").dispatch_event("click")
+    wait_for(lambda: not viewer._recorded.playback.playing)
+    before = viewer._recorded.playback.index
+    page.get_by_role("button", name="+1").dispatch_event("click")
+    wait_for(lambda: viewer._recorded.playback.index in (before + 1, FRAMES - 1))
+    page.get_by_label("depth points").dispatch_event("click")
+    wait_for(lambda: not handle(viewer, "/sensor/points").visible)
+    page.get_by_role("button", name="screenshot").dispatch_event("click")
+    wait_for(lambda: list((tmp_path / "pictures").glob("view_*.png")), 90.0)
+    assert re.match(r"view_001.png", next((tmp_path / "pictures").iterdir()).name)
+    assert page.problems == []
