@@ -64,8 +64,7 @@ def test_ros_dependencies_are_declared():
     declared = {e.text for e in ElementTree.parse(ROOT / "package.xml").iter("exec_depend")}
     text = "\n".join(p.read_text() for p in (ROOT / "src" / "depth_pose" / "ros").rglob("*.py"))
     imported = set(re.findall(r"^\s*(?:from|import) (rclpy|\w+_(?:msgs|interfaces))\b", text, re.MULTILINE))
-    optional = {"tf2_msgs"}  # used only where it is there
-    assert imported - optional <= declared
+    assert imported <= declared
 
 
 def test_message_constants_are_the_core_s():
