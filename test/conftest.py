@@ -20,7 +20,6 @@ SEED = 1
 ALLOWED_SKIPS = (
     r"needs \.\./shared\b",  # data that is handed out beside the project
     r"the extra 'anny' is not installed$",  # 5 GB
-    r"tf2_msgs is installed$",  # what is told without it
     r"launch comes with ROS 2 from apt$",
 )
 """Why a test may be skipped. For any other reason it fails: an install that lacks something is not whole."""
