@@ -9,7 +9,7 @@ import synthetic as syn
 from depth_pose.core.config import SegmentConfig
 from depth_pose.core.rotations import rotation_x
 from depth_pose.core.types import DepthFrame
-from depth_pose.people.floor import Floor, FloorFinder, find_floor
+from depth_pose.people.floor import Floor, FloorFinder
 
 RAYS = np.dstack(
     [
@@ -47,24 +47,24 @@ def room(height, down_deg, table=None):
     return depth, -down
 
 
-@pytest.mark.parametrize(("height", "down"), [(0.7, 0.0), (1.1, 5.0), (2.2, 25.0), (2.4, 45.0), (0.8, -5.0)])
+@pytest.mark.parametrize(("height", "down"), [(0.7, 0.0), (1.1, 5.0), (2.2, 25.0), (2.4, 45.0), (0.7, -3.0)])
 @pytest.mark.parametrize("noise", [0.0, 0.008])
 def test_floor_of_a_room(height, down, noise):
     depth, up = room(height, down)
     depth = depth + noise * np.random.default_rng(1).standard_normal(depth.shape)
-    floor = find_floor(frame(depth), SegmentConfig())
+    floor = FloorFinder(SegmentConfig()).find(frame(depth))
     assert np.degrees(np.arccos(np.clip(floor.up @ up, -1, 1))) < 1.0
     assert floor.height == pytest.approx(height, abs=0.03)
 
 
 def test_a_table_is_not_the_floor():
     depth, _ = room(1.6, 20.0, table=0.75)
-    assert find_floor(frame(depth), SegmentConfig()).height == pytest.approx(1.6, abs=0.03)
+    assert FloorFinder(SegmentConfig()).find(frame(depth)).height == pytest.approx(1.6, abs=0.03)
 
 
 def test_no_floor_no_answer():
     for depth in (plane([0, 0, 1], 3.0), np.full(RAYS.shape[:2], np.inf), plane([0, -1, 0], 1.2)):
-        assert find_floor(frame(depth), SegmentConfig()) is None
+        assert FloorFinder(SegmentConfig()).find(frame(depth)) is None
 
 
 def test_it_stays_until_it_has_moved():

@@ -178,7 +178,7 @@ def _limb(
     hang = hang if sign > 0 else mirror_rotation(hang)
     toward = forward * lower + _STRAIGHT * (rotations[names[0]] @ (hang.T @ _FORWARD))
     x = _unit(toward - (toward @ up) * up)
-    upper = np.stack([x, np.cross(up, x), up], axis=1)
+    upper = np.stack([x, _cross(up, x), up], axis=1)
     bend = float(np.arctan2(lower @ x, -(lower @ up)))
     under = upper @ _turn(-bend)
     return _Limb(upper, bend, [(upper, start), (under, middle), (under, end)])
@@ -215,6 +215,11 @@ def _hip_angles(R: Array, sign: float) -> tuple[float, float, float]:
 def _turn(angle: float) -> Array:
     """Rotation about y."""
     return rotation_y(np.array(angle))
+
+
+def _cross(a: Array, b: Array) -> Array:
+    """Cross product; for single vectors ten times as quick as numpy's."""
+    return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
 
 
 def _unit(vector: Array) -> Array:

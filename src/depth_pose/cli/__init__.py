@@ -13,6 +13,7 @@ from depth_pose import __version__
 from depth_pose.cli.banks import app as bank_app
 from depth_pose.cli.console import console, errors
 from depth_pose.cli.live import add_to as add_live
+from depth_pose.cli.look import add_to as add_look
 from depth_pose.cli.run import add_to as add_run
 from depth_pose.cli.scoring import add_to as add_scoring
 from depth_pose.cli.simulation import add_to as add_simulation
@@ -57,6 +58,7 @@ def _main(
 
 add_run(app)
 add_live(app)
+add_look(app)
 add_simulation(app)
 add_scoring(app)
 app.add_typer(bank_app, name="bank")

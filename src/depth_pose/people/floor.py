@@ -63,7 +63,7 @@ class Floor:
 
 
 class FloorFinder:
-    """Finds the floor in single frames, and keeps it while it stays where it is.
+    """Finds the floor, and keeps it while it stays where it is.
 
     Attributes
     ----------
@@ -79,13 +79,14 @@ class FloorFinder:
         """Forget the floor."""
         self.floor: Floor | None = None
         self._new: Floor | None = None
+        self._planes = PlaneFinder()
 
     def update(self, frame: DepthFrame) -> bool:
         """Look for the floor in a frame; gives whether `floor` has changed.
 
         Another floor counts once it is seen twice in turn, so that nobody who walks past moves it.
         """
-        seen = find_floor(frame, self._config)
+        seen = self.find(frame)
         if seen is None or (self.floor is not None and seen.is_like(self.floor)):
             self._new = None
             return False
@@ -95,21 +96,18 @@ class FloorFinder:
         self.floor, self._new = seen, None
         return True
 
+    def find(self, frame: DepthFrame) -> Floor | None:
+        """Find the floor in one frame; None where none is seen.
 
-def find_floor(frame: DepthFrame, config: SegmentConfig) -> Floor | None:
-    """Find the floor in one upright frame; None where none is seen.
-
-    Parameters
-    ----------
-    frame : DepthFrame
-        Its image's upper border is up, roughly.
-    config : SegmentConfig
-        Nearest and farthest distance.
-    """
-    depth, camera = reduce_frame(frame, config)
-    floors = []
-    for plane in PlaneFinder().find(camera.back_project(depth), camera):
-        up, height = (-plane[:3], float(plane[3])) if plane[3] > 0.0 else (plane[:3], float(-plane[3]))
-        if -up[1] > np.cos(np.radians(_TILT_DEG)) and height > _LEAST_HEIGHT_M:
-            floors.append(Floor(up, height))
-    return max(floors, key=lambda floor: floor.height, default=None)
+        Parameters
+        ----------
+        frame : DepthFrame
+            Its image's upper border is up, roughly. Planes seen before are tried first.
+        """
+        depth, camera = reduce_frame(frame, self._config)
+        floors = []
+        for plane in self._planes.find(camera.back_project(depth), camera):
+            up, height = (-plane[:3], float(plane[3])) if plane[3] > 0.0 else (plane[:3], float(-plane[3]))
+            if -up[1] > np.cos(np.radians(_TILT_DEG)) and height > _LEAST_HEIGHT_M:
+                floors.append(Floor(up, height))
+        return max(floors, key=lambda floor: floor.height, default=None)

@@ -73,7 +73,7 @@ class RecoveryNode(BankNode):
         self._followed.publish(skeleton_to_msg(followed))
         if self._markers.get_subscription_count():
             self._markers.publish(skeletons_to_markers(skeletons, people.stamp_ns, frame_id))
-        if self._transforms is not None:
+        if self._transforms is not None and self._transforms.is_heard:
             self._transforms.tell(skeletons_to_transforms(skeletons, followed, self.value("tf_prefix")))
         if self._rep155 is not None:
             self._rep155.tell(skeletons, frame_id, upright, people)

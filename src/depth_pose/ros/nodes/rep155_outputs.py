@@ -22,7 +22,7 @@ from depth_pose.core.skeleton import JointState as Seen
 from depth_pose.core.types import Skeleton
 from depth_pose.people.person import People
 from depth_pose.ros.transport.conversions import make_header
-from depth_pose.ros.transport.tf import LATCHED, Transforms, stamped
+from depth_pose.ros.transport.tf import LATCHED, Transforms, stamped, stamped_all
 
 if TYPE_CHECKING:
     from depth_pose.ros.nodes.node_base import StageNode
@@ -94,10 +94,11 @@ class Rep155Outputs:
             body_id = self._prefix + skeleton.body_id
             ids.append(body_id)
             topics = self._topics(body_id, skeleton)
-            posture = posture_of(skeleton, topics.sizes)
-            frames += body_frames(body_id, skeleton, posture)
-            names = [f"{name}_{body_id}" for name in JOINTS]
-            topics.states.publish(JointState(header=header, name=names, position=posture.angles.tolist()))
+            if self._transforms.is_heard or topics.states.get_subscription_count():
+                posture = posture_of(skeleton, topics.sizes)
+                frames += body_frames(body_id, skeleton, posture)
+                names = [f"{name}_{body_id}" for name in JOINTS]
+                topics.states.publish(JointState(header=header, name=names, position=posture.angles.tolist()))
             if topics.skeleton2d.get_subscription_count():
                 points = key_points(seen, people.camera).tolist()
                 topics.skeleton2d.publish(
@@ -167,12 +168,12 @@ class _BodyTopics:
 
 def body_frames(body_id: str, skeleton: Skeleton, posture: Posture) -> list[Any]:
     """Frames of somebody's links: ``body_ID`` in the sensor's frame, the others in that one."""
-    T_body_camera = np.linalg.inv(posture.frames[0])
-    root = f"{LINKS[0]}_{body_id}"
-    out = [stamped(skeleton.stamp_ns, skeleton.frame_id, root, posture.frames[0])]
-    for name, T_camera_link in zip(LINKS[1:], posture.frames[1:], strict=True):
-        out.append(stamped(skeleton.stamp_ns, root, f"{name}_{body_id}", T_body_camera @ T_camera_link))
-    return out
+    names = [f"{name}_{body_id}" for name in LINKS]
+    T_body_link = np.linalg.inv(posture.frames[0]) @ posture.frames[1:]
+    return [
+        stamped(skeleton.stamp_ns, skeleton.frame_id, names[0], posture.frames[0]),
+        *stamped_all(skeleton.stamp_ns, names[0], names[1:], T_body_link),
+    ]
 
 
 def key_points(skeleton: Skeleton, camera: Camera) -> NDArray[np.float64]:

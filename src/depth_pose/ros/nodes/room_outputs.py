@@ -10,6 +10,7 @@ from geometry_msgs.msg import PoseStamped
 from numpy.typing import NDArray
 from sensor_msgs.msg import Image
 
+from depth_pose.core.camera import Camera
 from depth_pose.core.config import MountConfig
 from depth_pose.core.types import DepthFrame
 from depth_pose.people.floor import FloorFinder
@@ -48,6 +49,12 @@ class RoomOutputs:
         self._statics = Transforms(node, "the parameter tf", static=True) if self._tf else None
         self._upright: tuple[str, float] | None = None
         self._take_settings()
+        if self._tf:  # loads the kernels
+            FloorFinder(self._config.segment).find(
+                DepthFrame(
+                    0, "", np.full((96, 128), 2.0, np.float32), Camera(128, 96, 110.0, 110.0, 63.5, 47.5)
+                )
+            )
 
     def _take_settings(self) -> None:
         self._config = self._node.config

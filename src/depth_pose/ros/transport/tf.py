@@ -9,6 +9,7 @@ import numpy as np
 from geometry_msgs.msg import Point, Pose, Quaternion, Transform, TransformStamped, Vector3
 from numpy.typing import NDArray
 from rclpy.qos import DurabilityPolicy, QoSProfile
+from std_msgs.msg import Header
 
 from depth_pose.core.errors import ConfigError
 from depth_pose.core.rotations import matrix_to_quat
@@ -68,6 +69,11 @@ class Transforms:
         topic, qos = ("/tf_static", LATCHED) if static else ("/tf", TF_QUEUE)
         self._publisher = node.open_publisher(self._message, topic, qos)
 
+    @property
+    def is_heard(self) -> bool:
+        """Whether somebody listens."""
+        return bool(self._publisher.get_subscription_count())
+
     def tell(self, transforms: Iterable[TransformStamped]) -> None:
         """Publish them in one message."""
         told = list(transforms)
@@ -79,23 +85,32 @@ class Transforms:
 
 def stamped(stamp_ns: int, parent: str, child: str, T_parent_child: NDArray[np.float64]) -> TransformStamped:
     """Message of a transform (4, 4)."""
-    x, y, z = T_parent_child[:3, 3].tolist()
+    return stamped_all(stamp_ns, parent, [child], T_parent_child[None])[0]
+
+
+def stamped_all(
+    stamp_ns: int, parent: str, children: Sequence[str], T_parent_child: NDArray[np.float64]
+) -> list[TransformStamped]:
+    """Messages of several transforms (N, 4, 4) in one frame."""
+    header = make_header(stamp_ns, parent)
+    quats = matrix_to_quat(T_parent_child[:, :3, :3])
+    rows = zip(children, T_parent_child[:, :3, 3].tolist(), quats.tolist(), strict=True)
+    return [_transform(header, name, place, quat) for name, place, quat in rows]
+
+
+def _transform(header: Header, child: str, place: list[float], quat_xyzw: list[float]) -> TransformStamped:
+    (x, y, z), (a, b, c, d) = place, quat_xyzw
     return TransformStamped(
-        header=make_header(stamp_ns, parent),
+        header=header,
         child_frame_id=child,
-        transform=Transform(translation=Vector3(x=x, y=y, z=z), rotation=_quaternion(T_parent_child[:3, :3])),
+        transform=Transform(translation=Vector3(x=x, y=y, z=z), rotation=Quaternion(x=a, y=b, z=c, w=d)),
     )
 
 
 def pose_of(T: NDArray[np.float64]) -> Pose:
     """Message of a pose (4, 4)."""
-    x, y, z = T[:3, 3].tolist()
-    return Pose(position=Point(x=x, y=y, z=z), orientation=_quaternion(T[:3, :3]))
-
-
-def _quaternion(rotation: NDArray[np.float64]) -> Quaternion:
-    x, y, z, w = matrix_to_quat(rotation).ravel().tolist()
-    return Quaternion(x=x, y=y, z=z, w=w)
+    (x, y, z), (a, b, c, d) = T[:3, 3].tolist(), matrix_to_quat(T[:3, :3]).ravel().tolist()
+    return Pose(position=Point(x=x, y=y, z=z), orientation=Quaternion(x=a, y=b, z=c, w=d))
 
 
 def skeletons_to_transforms(
@@ -120,14 +135,4 @@ def skeletons_to_transforms(
 def _transforms(skeleton: Skeleton, prefix: str) -> list[TransformStamped]:
     header = make_header(skeleton.stamp_ns, skeleton.frame_id)
     rows = zip(JOINTS, skeleton.positions.tolist(), skeleton.quats_xyzw.tolist(), strict=False)
-    return [
-        TransformStamped(
-            header=header,
-            child_frame_id=prefix + name,
-            transform=Transform(
-                translation=Vector3(x=p[0], y=p[1], z=p[2]),
-                rotation=Quaternion(x=q[0], y=q[1], z=q[2], w=q[3]),
-            ),
-        )
-        for name, p, q in rows
-    ]
+    return [_transform(header, prefix + name, p, q) for name, p, q in rows]
