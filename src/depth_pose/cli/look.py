@@ -18,7 +18,7 @@ def add_to(app: typer.Typer) -> None:
 
 
 _EVERY = Annotated[float, typer.Option(min=0.05, help="Seconds between two lines.")]
-_COUNT = Annotated[int | None, typer.Option(min=1, help="Stop after so many lines.", show_default="Ctrl-C")]
+_COUNT = Annotated[int | None, typer.Option(min=1, help="Stop after so many answers.", show_default="Ctrl-C")]
 
 
 def hz(
@@ -83,9 +83,12 @@ def tf(
 
 
 def _first(watched: Any, count: int | None) -> Any:
-    for k, told in enumerate(watched, 1):
+    """Give what is told until so much was known; what is not known yet does not count."""
+    known = 0
+    for told in watched:
         yield told
-        if k == count:
+        known += told is not None
+        if known == count:
             return
 
 
