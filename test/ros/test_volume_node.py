@@ -192,7 +192,7 @@ def test_sixty_frames_a_second_and_what_cameras_do(start, peer, model_path, imag
 
 @pytest.mark.parametrize("told_by", ["parameter", "/tf_static"])
 def test_cameras_from_camera_info_and_extrinsics(start, peer, model_path, images, rig, told_by):
-    """Without a rig file: topics, CameraInfo, and the optical frames' poses, as parameters or on /tf_static."""
+    """Without a rig file: topics, CameraInfo, and the cameras' poses, as parameters or on /tf_static."""
     silhouettes, _ = images
     topics = [f"/camera{i}/silhouette" for i in range(CAMERAS)]
     poses, transforms = [], []
