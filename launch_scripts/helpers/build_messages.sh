@@ -9,17 +9,15 @@ set -euo pipefail
 
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)
 venv=$(cd "$1" && pwd)
+source "$root/launch_scripts/helpers/missing_interfaces.sh"
 work=$venv/depth_pose_build
 
 unset PYTHONPATH PYTHONHOME COLCON_PREFIX_PATH LD_LIBRARY_PATH _ROS_WHEELS_BOOTSTRAP_COMPLETE
 export VIRTUAL_ENV=$venv PATH=$venv/bin:$PATH AMENT_PREFIX_PATH=$venv CMAKE_PREFIX_PATH=$venv
 
 paths=("$root/ros_ws/src") packages=(depth_pose_msgs)
-for name in tf2_msgs hri_msgs; do
-    there=$venv/share/$name/package.xml
-    if [ ! -e "$there" ] || cmp -s "$there" "$root/ros_ws/wheel_only/$name/package.xml"; then
-        paths+=("$root/ros_ws/wheel_only/$name") packages+=("$name")
-    fi
+for name in $(missing_interfaces "$venv" "$root/ros_ws/wheel_only"); do
+    paths+=("$root/ros_ws/wheel_only/$name") packages+=("$name")
 done
 
 rm -rf "$work"
