@@ -1,5 +1,6 @@
 """`/tf`, REP-155's topics, the floor and the labels, from the real nodes over real DDS."""
 
+from dataclasses import replace
 from xml.etree import ElementTree
 
 import numpy as np
@@ -137,13 +138,18 @@ def test_rep_155(start, bank_path, peer, fitted):
         abs(got.x * scene.CAMERA.width - 0.5 - u) < 0.01 and abs(got.y * scene.CAMERA.height - 0.5 - v) < 0.01
     )
     assert message.skeleton[Skeleton2D.LEFT_EYE].c == 0.0 < got.c
+
+    people, _ = fitted[-1]
+    gone = replace(people, stamp_ns=people.stamp_ns + 5_000_000_000, persons=())
+    inputs.send(gone, ())
+    peer.until(lambda: not tracked[-1].ids, what="a frame without anybody")
+    peer.until(lambda: not peer.node.count_publishers(f"{root}/joint_states"), what="the end of the topics")
+    assert (tracked[-1].header.frame_id, stamp_to_ns(tracked[-1].header.stamp)) == ("optical", gone.stamp_ns)
     assert "Traceback" not in process.output
 
 
 def later(fitted):
     """The same frames a second later, as a recording that goes on."""
-    from dataclasses import replace
-
     out = []
     for people, bodies in fitted:
         stamp = people.stamp_ns + 240_000_000

@@ -256,7 +256,7 @@ def make_urdf(body_id: str, sizes: Sizes) -> str:
         made.ball_joint("body", names, (0, sign * s.hip, 0), axes)
         made.lower(letter, ("hip", "knee", "ankle"), s.thigh, s.shank)
     ElementTree.indent(robot)
-    return ElementTree.tostring(robot, encoding="unicode", xml_declaration=True)
+    return '<?xml version="1.0"?>\n' + ElementTree.tostring(robot, encoding="unicode")
 
 
 class _Urdf:
