@@ -84,8 +84,8 @@ version=$("$venv/bin/python" -V)
 ros_key=$( (echo "$version"; sed -n '/^ros = \[/,/^test = \[/p' pyproject.toml) | digest)
 messages_key=$( (
     echo "$ros_key"
-    find ros_ws/src/depth_pose_msgs launch_scripts/helpers/build_messages.sh launch_scripts/helpers/drop_wheel_includes.cmake \
-        -type f | LC_ALL=C sort | xargs sha256sum
+    find ros_ws/src/depth_pose_msgs ros_ws/wheel_only launch_scripts/helpers/build_messages.sh \
+        launch_scripts/helpers/missing_interfaces.sh launch_scripts/helpers/drop_wheel_includes.cmake -type f | LC_ALL=C sort | xargs sha256sum
 ) | digest)
 packages_key=$( (echo "$version"; sed '/^\[tool\.pytest/,$d' pyproject.toml) | digest)
 

@@ -20,7 +20,7 @@ SEED = 1
 ALLOWED_SKIPS = (
     r"needs \.\./shared\b",  # data that is handed out beside the project
     r"the extra 'anny' is not installed$",  # 5 GB
-    r"tf2_msgs is installed$",  # what is told without it
+    r"Node\.js is not installed$",  # draws the example's web page
     r"launch comes with ROS 2 from apt$",
     r"needs a Chromium\b",  # that DEPTH_POSE_CHROMIUM names, and playwright
 )

@@ -9,7 +9,7 @@ from depth_pose.core.skeleton import BONES, JOINTS, JointState, Source
 from depth_pose.core.types import HIDDEN, Candidate, Fitted, FoundPerson, PoseMatch, Skeleton
 from depth_pose.people.person import see_people
 from depth_pose.ros.transport import conversions as c
-from depth_pose.ros.transport import drawing
+from depth_pose.ros.transport import drawing, tf
 
 
 def over_the_wire(message):
@@ -247,10 +247,10 @@ def test_mesh_marker(rng):
 
 
 def test_transforms(skeleton):
-    transforms = drawing.skeletons_to_transforms([skeleton], skeleton, "left/")
+    transforms = tf.skeletons_to_transforms([skeleton], skeleton, "left/")
     own = [f"left/{skeleton.body_id}_{name}" for name in JOINTS]
     assert [t.child_frame_id for t in transforms] == ["left/" + name for name in JOINTS] + own
     t = transforms[4].transform
     assert [t.translation.x, t.translation.y, t.translation.z] == skeleton.positions[4].tolist()
     assert t.rotation.w == skeleton.quats_xyzw[4, 3]
-    assert not drawing.skeletons_to_transforms([], Skeleton.lost(1, "optical"))
+    assert not tf.skeletons_to_transforms([], Skeleton.lost(1, "optical"))

@@ -1,6 +1,6 @@
-"""Where cameras are, from the messages that say it; `/tf_static` itself needs tf2_msgs."""
+"""Where cameras are, from the messages that say it."""
 
-import importlib.util
+import sys
 
 import numpy as np
 import pytest
@@ -10,6 +10,7 @@ from std_msgs.msg import Header
 from depth_pose.core.errors import ConfigError
 from depth_pose.core.rotations import matrix_to_quat, rotvec_to_matrix
 from depth_pose.ros.transport.rig_source import add_transforms, given_extrinsics
+from depth_pose.ros.transport.tf import tf_message
 from depth_pose.volume.transform_tree import TransformTree
 
 
@@ -50,9 +51,8 @@ def test_extrinsics_of_a_parameter():
         given_extrinsics(pose, 2)
 
 
-@pytest.mark.skipif(importlib.util.find_spec("tf2_msgs") is not None, reason="tf2_msgs is installed")
-def test_without_tf2_msgs_it_says_what_to_give_instead():
-    from depth_pose.ros.transport.rig_source import _tf_message
-
-    with pytest.raises(ConfigError, match=r"ros-jazzy-tf2-msgs.*give the parameter rig or extrinsics"):
-        _tf_message()
+def test_without_tf2_msgs_it_says_what_to_give_instead(monkeypatch):
+    monkeypatch.setitem(sys.modules, "tf2_msgs", None)  # as where it is not installed
+    monkeypatch.delitem(sys.modules, "tf2_msgs.msg", raising=False)
+    with pytest.raises(ConfigError, match=r"give the parameter rig or extrinsics.*ros-jazzy-tf2-msgs"):
+        tf_message("the cameras' places (else give the parameter rig or extrinsics)")

@@ -1,6 +1,5 @@
 """The four nodes over real DDS give what the pipeline gives in one process."""
 
-import importlib.util
 import os
 import signal
 
@@ -124,15 +123,6 @@ def test_frames_matched_with_another_bank_are_dropped(start, bank_path, peer):
     foreign = [Match(p.body_id, "foreign", 1.0, ()) for p in people.persons]
     matches.publish(matches_to_msg(foreign, people))
     process.wait_for("dropped, other bank", 10.0)
-
-
-def test_tf_needs_its_messages(start, bank_path):
-    if importlib.util.find_spec("tf2_msgs") is not None:
-        pytest.skip("tf2_msgs is installed")
-    arguments = ("--ros-args", "-p", "tf:=true", "-p", f"bank:={bank_path}")
-    process = start("-m", "depth_pose.ros.nodes.recovery_node", *arguments)
-    assert process.process.wait(60.0) == 2
-    assert "ros-jazzy-tf2-msgs" in process.output
 
 
 def test_a_damaged_bank_is_refused(start, tmp_path):

@@ -17,6 +17,7 @@ from depth_pose.cli.damage import LENIENT_HELP, be_lenient, exit_on_damage
 from depth_pose.cli.export import add_to as add_export
 from depth_pose.cli.info import add_to as add_info
 from depth_pose.cli.live import add_to as add_live
+from depth_pose.cli.look import add_to as add_look
 from depth_pose.cli.run import add_to as add_run
 from depth_pose.cli.scoring import add_to as add_scoring
 from depth_pose.cli.simulation import add_to as add_simulation
@@ -70,6 +71,7 @@ def _main(
 add_run(app)
 add_info(app)
 add_live(app)
+add_look(app)
 add_simulation(app)
 add_scoring(app)
 add_view(app)

@@ -38,6 +38,27 @@ class PlaneFinder:
         self._known: list[Array] = []
         self._frames = 0
 
+    def find(self, points: NDArray[np.float32], camera: Camera) -> list[Array]:
+        """Find large planes.
+
+        Parameters
+        ----------
+        points, camera
+            As in `mark`.
+
+        Returns
+        -------
+        list of (4,) float64
+            Unit normal n and offset d of each plane, ``n . p = d``, camera frame, metres.
+        """
+        room = _Samples.draw(points, camera)
+        found = [plane for known in self._known if (plane := room.take(known)) is not None]
+        if len(found) < len(self._known) or self._frames % _SEARCH_EVERY == 0:
+            found += _search(room, _MAX_PLANES - len(found))
+        self._known = found
+        self._frames += 1
+        return found
+
     def mark(self, points: NDArray[np.float32], camera: Camera) -> NDArray[np.bool_]:
         """Mark the pixels of large planes.
 
@@ -52,12 +73,7 @@ class PlaneFinder:
         -------
         (h, w) bool
         """
-        room = _Samples.draw(points, camera)
-        found = [plane for known in self._known if (plane := room.take(known)) is not None]
-        if len(found) < len(self._known) or self._frames % _SEARCH_EVERY == 0:
-            found += _search(room, _MAX_PLANES - len(found))
-        self._known = found
-        self._frames += 1
+        found = self.find(points, camera)
         marked = np.zeros(points.shape[:2], np.bool_)
         for plane in found:
             kernels.mark_plane(points, plane, 1.5 * _TOLERANCE, 3, marked)

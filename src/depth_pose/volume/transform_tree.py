@@ -40,6 +40,10 @@ class TransformTree:
         """Add a frame, or move it."""
         self._parents[child.lstrip("/")] = (parent.lstrip("/"), T_parent_child)
 
+    def parents(self) -> dict[str, str]:
+        """Give every frame that has a parent, with it."""
+        return {child: parent for child, (parent, _) in self._parents.items()}
+
     def find(self, target: str, source: str) -> Array | None:
         """Give ``T_target_source`` (4, 4); None where no chain of frames joins them, or one is a circle."""
         root, T_root_source = self._climb(source.lstrip("/"))

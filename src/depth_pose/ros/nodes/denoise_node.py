@@ -14,6 +14,7 @@ from depth_pose.core.config import PipelineConfig
 from depth_pose.io.compressed import TOPIC_ENDING
 from depth_pose.ros.nodes.node_base import Held, Input, StageNode
 from depth_pose.ros.nodes.parameters import DENOISE
+from depth_pose.ros.nodes.room_outputs import RoomOutputs
 from depth_pose.ros.process.runner import run_node
 from depth_pose.ros.process.warm_stages import make
 from depth_pose.ros.transport.conversions import image_to_frame, msg_to_frame, people_to_msgs
@@ -40,6 +41,7 @@ class DenoiseNode(StageNode):
         """Publish people's points, and who they are."""
         self._points = self.publisher(PointCloud2, "points")
         self._people = self.publisher(People, "people")
+        self._room = RoomOutputs(self)
 
     def inputs(self) -> Sequence[Input]:
         """Listen to a cloud, or to an image and its CameraInfo."""
@@ -69,6 +71,7 @@ class DenoiseNode(StageNode):
         points, people = people_to_msgs(found)
         self._points.publish(points)
         self._people.publish(people)
+        self._room.tell(frame, upright, found)
         self.figures.values["people"] = len(people.people)
         self.figures.values["people cut off or half hidden"] = sum(
             p.is_cut_below or p.is_cut_beside for p in found.persons

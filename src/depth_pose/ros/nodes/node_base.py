@@ -184,6 +184,18 @@ class StageNode(LifecycleNode, ABC):
             self._outputs.append(made)
         return made
 
+    def open_publisher(self, kind: type, topic: str, qos: QoSProfile | int) -> Publisher:
+        """Make a publisher that is no output of frames; it closes with the others."""
+        quiet = PublisherEventCallbacks(use_default_callbacks=False)
+        made = self.create_publisher(kind, topic, qos, event_callbacks=quiet)
+        self._opened.append(made)
+        return made
+
+    def close_publisher(self, publisher: Publisher) -> None:
+        """Close one that `open_publisher` made."""
+        self._opened.remove(publisher)
+        self.destroy_publisher(publisher)
+
     def listen(self, kind: type, topic: str, callback: Callable[[Any], None]) -> Subscription:
         """Subscribe to a topic of the suite's own that is no part of a frame."""
         qos = frame_qos(self.queue, self.lossless)

@@ -48,7 +48,13 @@ COMMON: tuple[Setting, ...] = (
 
 BANK = Setting("bank", "", "Exemplar bank file; empty: the one that the set-up built")
 
+TF: tuple[Setting, ...] = (
+    Setting("tf", False, "Broadcast every joint on /tf, and the floor on /tf_static"),
+    Setting("tf_prefix", "", "Put before the joints' names on /tf, for more than one camera"),
+)
+
 DENOISE: tuple[Setting, ...] = (
+    *TF,
     Setting(
         "image_topic",
         "/camera/depth/image_raw",
@@ -65,8 +71,8 @@ REFINE: tuple[Setting, ...] = (
 )
 RECOVERY: tuple[Setting, ...] = (
     BANK,
-    Setting("tf", False, "Broadcast every joint on /tf"),
-    Setting("tf_prefix", "", "Put before the joints' names on /tf, for more than one camera"),
+    *TF,
+    Setting("rep155", False, "Publish everybody as REP-155 says: /humans/bodies/..., and frames on /tf"),
 )
 EVERYWHERE: frozenset[str] = frozenset(s.name for s in (*COMMON, *DENOISE, *REFINE, *RECOVERY)) | {
     "use_sim_time",

@@ -4,18 +4,17 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from typing import Any
 
 from depth_pose_msgs.msg import FittedArray, People, Skeleton, SkeletonArray
 from sensor_msgs.msg import PointCloud2
 from visualization_msgs.msg import MarkerArray
 
 from depth_pose.core.config import PipelineConfig
-from depth_pose.core.errors import ConfigError
 from depth_pose.core.types import Skeleton as SkeletonData
 from depth_pose.ros.nodes.bank_node import BankNode
 from depth_pose.ros.nodes.node_base import Input
 from depth_pose.ros.nodes.parameters import RECOVERY
+from depth_pose.ros.nodes.rep155_outputs import Rep155Outputs
 from depth_pose.ros.process.runner import run_node
 from depth_pose.ros.process.warm_stages import make
 from depth_pose.ros.transport.conversions import (
@@ -24,7 +23,8 @@ from depth_pose.ros.transport.conversions import (
     skeleton_to_msg,
     skeletons_to_msg,
 )
-from depth_pose.ros.transport.drawing import skeletons_to_markers, skeletons_to_transforms
+from depth_pose.ros.transport.drawing import skeletons_to_markers
+from depth_pose.ros.transport.tf import Transforms, skeletons_to_transforms
 from depth_pose.steps.follow import Follower
 from depth_pose.steps.mount import sensor_frame, turn_back
 from depth_pose.steps.recover import Recoverer
@@ -49,11 +49,9 @@ class RecoveryNode(BankNode):
         self._skeletons = self.publisher(SkeletonArray, "skeletons", reliable=True)
         self._followed = self.publisher(Skeleton, "skeleton", reliable=True, counted=False)
         self._markers = self.publisher(MarkerArray, "markers", reliable=True, counted=False)
-        self._transforms = None
-        if self.value("tf"):
-            message = _tf_message()
-            self._transforms = self.create_publisher(message, "/tf", 10)
-            self._tf_message = message
+        prefix = self.value("tf_prefix")
+        self._transforms = Transforms(self, "the parameter tf") if self.value("tf") else None
+        self._rep155 = Rep155Outputs(self, self.bank.body, prefix) if self.value("rep155") else None
 
     def inputs(self) -> Sequence[Input]:
         """Pair the points with the bodies fitted to them."""
@@ -75,9 +73,10 @@ class RecoveryNode(BankNode):
         self._followed.publish(skeleton_to_msg(followed))
         if self._markers.get_subscription_count():
             self._markers.publish(skeletons_to_markers(skeletons, people.stamp_ns, frame_id))
-        if self._transforms is not None:
-            transforms = skeletons_to_transforms(skeletons, followed, self.value("tf_prefix"))
-            self._transforms.publish(self._tf_message(transforms=transforms))
+        if self._transforms is not None and self._transforms.is_heard:
+            self._transforms.tell(skeletons_to_transforms(skeletons, followed, self.value("tf_prefix")))
+        if self._rep155 is not None:
+            self._rep155.tell(skeletons, frame_id, upright, people)
         self._note(followed, len(skeletons))
 
     def _note(self, followed: SkeletonData, people: int) -> None:
@@ -89,17 +88,6 @@ class RecoveryNode(BankNode):
         self.figures.values["recoveries"] = self.stage.recoveries
         for kind, count in self.stage.failures.items():
             self.figures.values[f"failures {kind}"] = count
-
-
-def _tf_message() -> Any:
-    try:
-        from tf2_msgs.msg import TFMessage
-    except ImportError as e:
-        raise ConfigError(
-            "parameter tf is true, but the package tf2_msgs is not installed; it comes with apt's "
-            "ros-jazzy-tf2-msgs"
-        ) from e
-    return TFMessage
 
 
 def main(args: Sequence[str] | None = None) -> int:

@@ -1,4 +1,4 @@
-"""Skeleton and body surface as ``visualization_msgs``, and as TF frames.
+"""Skeleton and body surface as ``visualization_msgs``.
 
 Both markers carry a short lifetime, so that a viewer clears them when skeletons stop.
 """
@@ -9,12 +9,12 @@ from collections.abc import Sequence
 
 import numpy as np
 from builtin_interfaces.msg import Duration
-from geometry_msgs.msg import Point, Quaternion, Transform, TransformStamped, Vector3
+from geometry_msgs.msg import Point, Vector3
 from numpy.typing import NDArray
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
-from depth_pose.core.skeleton import BONES, JOINT_INDEX, JOINTS, JointState
+from depth_pose.core.skeleton import BONES, JOINT_INDEX, JointState
 from depth_pose.core.types import Skeleton
 from depth_pose.ros.transport.conversions import make_header
 
@@ -95,38 +95,3 @@ def _marker(stamp_ns: int, frame_id: str, namespace: str, kind: int, action: int
     marker.color = ColorRGBA(r=1.0, g=1.0, b=1.0, a=1.0)
     marker.lifetime = Duration(sec=0, nanosec=LIFETIME_NS)
     return marker
-
-
-def skeletons_to_transforms(
-    skeletons: Sequence[Skeleton], followed: Skeleton, prefix: str = ""
-) -> list[TransformStamped]:
-    """Camera frame to every joint of everybody, named ``BODY_ID_joint``; of the one followed also ``joint``.
-
-    Parameters
-    ----------
-    skeletons : sequence of Skeleton
-    followed : Skeleton
-        May be lost.
-    prefix : str
-        Put before all names.
-    """
-    out = _transforms(followed, prefix)
-    for skeleton in skeletons:
-        out += _transforms(skeleton, f"{prefix}{skeleton.body_id}_")
-    return out
-
-
-def _transforms(skeleton: Skeleton, prefix: str) -> list[TransformStamped]:
-    header = make_header(skeleton.stamp_ns, skeleton.frame_id)
-    rows = zip(JOINTS, skeleton.positions.tolist(), skeleton.quats_xyzw.tolist(), strict=False)
-    return [
-        TransformStamped(
-            header=header,
-            child_frame_id=prefix + name,
-            transform=Transform(
-                translation=Vector3(x=p[0], y=p[1], z=p[2]),
-                rotation=Quaternion(x=q[0], y=q[1], z=q[2], w=q[3]),
-            ),
-        )
-        for name, p, q in rows
-    ]

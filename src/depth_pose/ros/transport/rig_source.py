@@ -16,6 +16,7 @@ from depth_pose.core.errors import ConfigError, DepthPoseError
 from depth_pose.io.decode import camera_from_info
 from depth_pose.ros.setting import Setting
 from depth_pose.ros.transport.intake import LOG_EVERY_S
+from depth_pose.ros.transport.tf import tf_message
 from depth_pose.volume.rig import RigCamera
 from depth_pose.volume.rigfile import Rig, load_rig, upright_from
 from depth_pose.volume.transform_tree import TransformTree, pose_matrix
@@ -76,7 +77,8 @@ class RigSource:
         if len(infos) != len(self.topics):
             raise ConfigError(f"info_topics has {len(infos)} names; there are {len(self.topics)} topics")
         if self._poses is None:
-            self._node.latch(_tf_message(), "/tf_static", self._take_transforms, _SENDERS)
+            message = tf_message("the cameras' places (else give the parameter rig or extrinsics)")
+            self._node.latch(message, "/tf_static", self._take_transforms, _SENDERS)
         for i, topic in enumerate(infos):
             self._node.latch(CameraInfo, topic, partial(self._take_info, i))
 
@@ -150,14 +152,3 @@ def given_extrinsics(values: Sequence[float], cameras: int) -> list[Array] | Non
             "x y z qx qy qz qw of each optical frame in the world"
         )
     return [pose_matrix(values[7 * i : 7 * i + 7]) for i in range(cameras)]
-
-
-def _tf_message() -> Any:
-    try:
-        from tf2_msgs.msg import TFMessage
-    except ImportError as error:
-        raise ConfigError(
-            "the cameras' places are unknown: static transforms need the package tf2_msgs, which is not "
-            "installed (apt's ros-jazzy-tf2-msgs); give the parameter rig or extrinsics"
-        ) from error
-    return TFMessage

@@ -1,0 +1,113 @@
+"""The floor: the lowest large plane below the sensor that is more level than upright."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from depth_pose.core.config import SegmentConfig
+from depth_pose.core.types import DepthFrame
+from depth_pose.people.planes import PlaneFinder
+from depth_pose.people.working_grid import reduce_frame
+
+Array = NDArray[np.float64]
+
+_TILT_DEG = 60.0
+"""Farther than this off the image's upward direction a plane is a wall. A sensor may so look down by this
+much; of one that looks straight down the image does not say where up is."""
+
+_LEAST_HEIGHT_M = 0.15
+"""Nearer below the sensor than this lies what it stands on; set by hand."""
+
+_TURNED_DEG, _MOVED_M = 1.0, 0.03
+"""A floor that differs by more than this from the one known is another; by hand, above what noise does
+(docs/tf.md)."""
+
+
+@dataclass(frozen=True)
+class Floor:
+    """The floor's plane.
+
+    Attributes
+    ----------
+    up : (3,) float64
+        Unit normal, towards the sensor, camera frame.
+    height : float
+        Of the sensor above it, metres.
+    """
+
+    up: Array
+    height: float
+
+    @property
+    def T_camera_floor(self) -> Array:
+        """Frame on the floor straight below the sensor: z up, x where it looks, y to its left; (4, 4)."""
+        look = np.array([0.0, 0.0, 1.0])
+        ahead = look - (look @ self.up) * self.up
+        ahead /= np.linalg.norm(ahead)
+        T = np.eye(4)
+        T[:3, :3] = np.stack([ahead, np.cross(self.up, ahead), self.up], axis=1)
+        T[:3, 3] = -self.height * self.up
+        return T
+
+    def is_like(self, other: Floor) -> bool:
+        """Whether it is the same floor, but for noise."""
+        turned = np.degrees(np.arccos(np.clip(self.up @ other.up, -1.0, 1.0)))
+        return bool(turned < _TURNED_DEG and abs(self.height - other.height) < _MOVED_M)
+
+    def turned(self, rotation: Array) -> Floor:
+        """Give the same floor in a frame that is turned: ``rotation`` (3, 3) takes vectors there."""
+        return Floor(rotation @ self.up, self.height)
+
+
+class FloorFinder:
+    """Finds the floor, and keeps it while it stays where it is.
+
+    Attributes
+    ----------
+    floor : Floor or None
+        The one that is known.
+    """
+
+    def __init__(self, config: SegmentConfig) -> None:
+        self._config = config
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the floor."""
+        self.floor: Floor | None = None
+        self._new: Floor | None = None
+        self._planes = PlaneFinder()
+
+    def update(self, frame: DepthFrame) -> bool:
+        """Look for the floor in a frame; gives whether `floor` has changed.
+
+        Another floor counts once it is seen twice in turn, so that nobody who walks past moves it.
+        """
+        seen = self.find(frame)
+        if seen is None or (self.floor is not None and seen.is_like(self.floor)):
+            self._new = None
+            return False
+        if self.floor is not None and (self._new is None or not seen.is_like(self._new)):
+            self._new = seen
+            return False
+        self.floor, self._new = seen, None
+        return True
+
+    def find(self, frame: DepthFrame) -> Floor | None:
+        """Find the floor in one frame; None where none is seen.
+
+        Parameters
+        ----------
+        frame : DepthFrame
+            Its image's upper border is up, roughly. Planes seen before are tried first.
+        """
+        depth, camera = reduce_frame(frame, self._config)
+        floors = []
+        for plane in self._planes.find(camera.back_project(depth), camera):
+            up, height = (-plane[:3], float(plane[3])) if plane[3] > 0.0 else (plane[:3], float(-plane[3]))
+            if -up[1] > np.cos(np.radians(_TILT_DEG)) and height > _LEAST_HEIGHT_M:
+                floors.append(Floor(up, height))
+        return max(floors, key=lambda floor: floor.height, default=None)

@@ -1,0 +1,119 @@
+"""What the denoise node tells beside the people: label images, the floor, and its own frames' places."""
+
+from __future__ import annotations
+
+import importlib.util
+from typing import TYPE_CHECKING
+
+import numpy as np
+from geometry_msgs.msg import PoseStamped
+from numpy.typing import NDArray
+from sensor_msgs.msg import Image
+
+from depth_pose.core.camera import Camera
+from depth_pose.core.config import MountConfig
+from depth_pose.core.types import DepthFrame
+from depth_pose.people.floor import FloorFinder
+from depth_pose.people.person import People
+from depth_pose.ros.transport.conversions import make_header
+from depth_pose.ros.transport.tf import LATCHED, Transforms, pose_of, stamped
+from depth_pose.steps.label_image import draw_labels
+from depth_pose.steps.mount import UPRIGHT, rotation_sensor_upright
+
+if TYPE_CHECKING:
+    from depth_pose.ros.nodes.node_base import StageNode
+
+FLOOR = "floor"
+"""Name of the floor's frame, after the prefix."""
+
+FLOOR_EVERY_NS = 1_000_000_000
+"""Between two looks at the floor, nanoseconds of the frames' stamps."""
+
+
+class RoomOutputs:
+    """Publishes ``labels`` and ``floor``, and on ``/tf_static`` the floor and the upright frame.
+
+    Labels are drawn while somebody listens; the floor is looked for while somebody listens or ``tf`` is set.
+
+    Parameters
+    ----------
+    node : StageNode
+        With the parameters of `depth_pose.ros.nodes.parameters.TF`, and ``config``.
+    """
+
+    def __init__(self, node: StageNode) -> None:
+        self._node = node
+        self._labels = node.publisher(Image, "labels", reliable=True, counted=False)
+        self._floor = node.open_publisher(PoseStamped, "floor", LATCHED)
+        self._tf, self._prefix = bool(node.value("tf")), str(node.value("tf_prefix"))
+        self._statics = Transforms(node, "the parameter tf", static=True) if self._tf else None
+        self._upright: tuple[str, float] | None = None
+        self._take_settings()
+        if self._tf:  # loads the kernels
+            FloorFinder(self._config.segment).find(
+                DepthFrame(
+                    0, "", np.full((96, 128), 2.0, np.float32), Camera(128, 96, 110.0, 110.0, 63.5, 47.5)
+                )
+            )
+
+    def _take_settings(self) -> None:
+        self._config = self._node.config
+        self._mount: MountConfig = self._config.mount
+        self._finder = FloorFinder(self._config.segment)
+        self._looked_ns: int | None = None
+
+    def tell(self, frame: DepthFrame, upright: DepthFrame, people: People) -> None:
+        """Publish what is asked for of one frame.
+
+        Parameters
+        ----------
+        frame, upright : DepthFrame
+            As the sensor gave it, and as the steps take it.
+        people : People
+            Of this frame.
+        """
+        if self._node.config is not self._config:
+            self._take_settings()
+        if self._labels.get_subscription_count():
+            self._labels.publish(labels_to_msg(draw_labels(people, frame, self._mount), frame))
+        if self._tf or self._floor.get_subscription_count():
+            self._look_down(frame, upright)
+        if (frame.frame_id, self._mount.roll) != self._upright:
+            self._tell_upright(frame)
+
+    def _look_down(self, frame: DepthFrame, upright: DepthFrame) -> None:
+        if self._looked_ns is not None and 0 <= frame.stamp_ns - self._looked_ns < FLOOR_EVERY_NS:
+            return
+        self._looked_ns = frame.stamp_ns
+        if not self._finder.update(upright) or self._finder.floor is None:
+            return
+        T_sensor_floor = self._finder.floor.turned(rotation_sensor_upright(self._mount.roll)).T_camera_floor
+        header = make_header(frame.stamp_ns, frame.frame_id)
+        self._floor.publish(PoseStamped(header=header, pose=pose_of(T_sensor_floor)))
+        if self._statics is not None and self._tf:
+            name = self._prefix + FLOOR
+            self._statics.tell([stamped(frame.stamp_ns, frame.frame_id, name, T_sensor_floor)])
+
+    def _tell_upright(self, frame: DepthFrame) -> None:
+        """Say where the frame of people's points and matches is, if it is not the sensor's own."""
+        self._upright = frame.frame_id, self._mount.roll
+        if self._mount.roll % 360.0 == 0.0 or importlib.util.find_spec("tf2_msgs") is None:
+            return
+        if self._statics is None:
+            self._statics = Transforms(self._node, "the upright frame", static=True)
+        T = np.eye(4)
+        T[:3, :3] = rotation_sensor_upright(self._mount.roll)
+        self._statics.tell([stamped(frame.stamp_ns, frame.frame_id, frame.frame_id + UPRIGHT, T)])
+
+
+def labels_to_msg(labels: NDArray[np.uint8], frame: DepthFrame) -> Image:
+    """Message of a label image, with the stamp and the frame of the depth image."""
+    height, width = labels.shape
+    return Image(
+        header=make_header(frame.stamp_ns, frame.frame_id),
+        height=height,
+        width=width,
+        encoding="mono8",
+        step=width,
+        data=labels.tobytes(),
+    )

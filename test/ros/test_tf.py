@@ -1,0 +1,256 @@
+"""`/tf`, REP-155's topics, the floor and the labels, from the real nodes over real DDS."""
+
+from dataclasses import replace
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+import scene
+from depth_pose_msgs.msg import FittedArray, People, SkeletonArray
+from geometry_msgs.msg import PoseStamped
+from hri_msgs.msg import IdsList, Skeleton2D
+from peer import RELIABLE
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from sensor_msgs.msg import CameraInfo, Image, JointState, PointCloud2
+from std_msgs.msg import String
+from tf2_msgs.msg import TFMessage
+
+from depth_pose.body.human_model import JOINTS, LINKS
+from depth_pose.core.rotations import quat_to_matrix
+from depth_pose.core.skeleton import JOINTS as OURS
+from depth_pose.pipeline import PosePipeline
+from depth_pose.ros.transport.conversions import (
+    fitted_to_msg,
+    make_header,
+    msg_to_skeleton,
+    people_to_msgs,
+    stamp_to_ns,
+)
+from depth_pose.steps.label_image import person_number
+
+LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+def recovery(start, bank_path, *parameters):
+    arguments = [a for p in (f"bank:={bank_path}", *parameters) for a in ("-p", p)]
+    process = start("-m", "depth_pose.ros.nodes.recovery_node", "--ros-args", *arguments)
+    process.wait_for("is ready", 120.0)
+    return process
+
+
+@pytest.fixture(scope="module")
+def fitted(bank):
+    """The people of some frames, and the bodies fitted to them."""
+    pipeline = PosePipeline(bank)
+    out = []
+    for frame in scene.frames(6):
+        people = pipeline.extractor.extract(frame)
+        out.append((people, pipeline.refiner.refine(people, pipeline.matcher.match(people))))
+    return out
+
+
+class Inputs:
+    """Publishes what the recovery node listens to."""
+
+    def __init__(self, peer):
+        self._out = [
+            peer.publisher(kind, f"/depth_pose/{name}")
+            for kind, name in (
+                (PointCloud2, "points"),
+                (People, "people"),
+                (FittedArray, "skeletons_refined"),
+            )
+        ]
+
+    def send(self, people, fitted):
+        points, found = people_to_msgs(people)
+        for publisher, message in zip(self._out, (points, found, fitted_to_msg(fitted, people)), strict=True):
+            publisher.publish(message)
+
+
+def by_child(message):
+    return {t.child_frame_id: t for t in message.transforms}
+
+
+def matrix(transform):
+    t, q = transform.transform.translation, transform.transform.rotation
+    T = np.eye(4)
+    T[:3, :3], T[:3, 3] = quat_to_matrix(np.array([q.x, q.y, q.z, q.w])), (t.x, t.y, t.z)
+    return T
+
+
+def answers(peer, inputs, fitted, kind, topic, qos=RELIABLE):
+    """Send frames until something is heard."""
+    heard = peer.listen(kind, topic, qos)
+    peer.spin(0.3)
+    for people, bodies in fitted:
+        inputs.send(people, bodies)
+        peer.spin(0.1)
+    peer.until(lambda: heard, what=topic)
+    return heard
+
+
+def test_every_joint_on_tf(start, bank_path, peer, fitted):
+    recovery(start, bank_path, "tf:=true", "tf_prefix:=left_")
+    skeletons = peer.listen(SkeletonArray, "/depth_pose/skeletons", RELIABLE)
+    told = answers(peer, Inputs(peer), fitted, TFMessage, "/tf")
+    people = {stamp_to_ns(m.header.stamp): m.skeletons for m in skeletons}
+    message = next(m for m in reversed(told) if m.transforms)
+    first = message.transforms[0]
+    skeleton = msg_to_skeleton(people[stamp_to_ns(first.header.stamp)][0])
+    found = by_child(message)
+    assert set(found) == {f"left_{n}" for n in OURS} | {f"left_{skeleton.body_id}_{n}" for n in OURS}
+    assert {t.header.frame_id for t in message.transforms} == {"optical"}
+    wrist = matrix(found[f"left_{skeleton.body_id}_left_wrist"])
+    assert np.array_equal(wrist[:3, 3], skeleton.positions[OURS.index("left_wrist")])
+
+
+def test_rep_155(start, bank_path, peer, fitted):
+    process = recovery(start, bank_path, "rep155:=true", "tf_prefix:=a_")
+    inputs = Inputs(peer)
+    skeletons = peer.listen(SkeletonArray, "/depth_pose/skeletons", RELIABLE)
+    tf = peer.listen(TFMessage, "/tf", RELIABLE)
+    tracked = answers(peer, inputs, fitted, IdsList, "/humans/bodies/tracked")
+    (body_id,) = next(m.ids for m in reversed(tracked) if m.ids)
+    assert body_id == f"a_{skeletons[-1].skeletons[0].body_id}"
+    root = f"/humans/bodies/{body_id}"
+    states = peer.listen(JointState, f"{root}/joint_states", RELIABLE)
+    points = answers(peer, inputs, later(fitted), Skeleton2D, f"{root}/skeleton2d")
+    (urdf,) = answers(peer, inputs, [], String, f"{root}/urdf", LATCHED)
+
+    robot = ElementTree.fromstring(urdf.data)
+    turning = {j.get("name") for j in robot.iter("joint") if j.get("type") == "revolute"}
+    assert set(states[-1].name) == turning == {f"{n}_{body_id}" for n in JOINTS}
+    assert np.isfinite(states[-1].position).all() and len(states[-1].position) == len(JOINTS)
+
+    frames = by_child(next(m for m in reversed(tf) if m.transforms))
+    assert set(frames) == {f"{n}_{body_id}" for n in LINKS}
+    parents = {child: t.header.frame_id for child, t in frames.items()}
+    assert parents.pop(f"body_{body_id}") == "optical" and set(parents.values()) == {f"body_{body_id}"}
+
+    message = points[-1]
+    stamp = message.header.stamp
+    skeleton = next(m for m in skeletons if m.header.stamp == stamp).skeletons[0]
+    neck = next(j.position for j in skeleton.joints if j.name == "neck")
+    u, v = scene.CAMERA.project(np.array([neck.x, neck.y, neck.z]))
+    got = message.skeleton[Skeleton2D.NECK]
+    assert (
+        abs(got.x * scene.CAMERA.width - 0.5 - u) < 0.01 and abs(got.y * scene.CAMERA.height - 0.5 - v) < 0.01
+    )
+    assert message.skeleton[Skeleton2D.LEFT_EYE].c == 0.0 < got.c
+
+    people, _ = fitted[-1]
+    gone = replace(people, stamp_ns=people.stamp_ns + 5_000_000_000, persons=())
+    inputs.send(gone, ())
+    peer.until(lambda: not tracked[-1].ids, what="a frame without anybody")
+    peer.until(lambda: not peer.node.count_publishers(f"{root}/joint_states"), what="the end of the topics")
+    assert (tracked[-1].header.frame_id, stamp_to_ns(tracked[-1].header.stamp)) == ("optical", gone.stamp_ns)
+    assert "Traceback" not in process.output
+
+
+def later(fitted):
+    """The same frames a second later, as a recording that goes on."""
+    out = []
+    for people, bodies in fitted:
+        stamp = people.stamp_ns + 240_000_000
+        persons = tuple(replace(p, stamp_ns=stamp) for p in people.persons)
+        moved = tuple(replace(f, skeleton=replace(f.skeleton, stamp_ns=stamp)) for f in bodies)
+        out.append((replace(people, stamp_ns=stamp, persons=persons), moved))
+    return out
+
+
+def test_rep_155_refuses_a_prefix_that_is_no_name(start, bank_path):
+    arguments = ("-p", "rep155:=true", "-p", "tf_prefix:=left/", "-p", f"bank:={bank_path}")
+    process = start("-m", "depth_pose.ros.nodes.recovery_node", "--ros-args", *arguments)
+    assert process.process.wait(60.0) == 2
+    assert "letters, digits and _" in process.output
+
+
+@pytest.mark.parametrize(("parameter", "package"), [("tf", "tf2-msgs"), ("rep155", "hri-msgs")])
+def test_what_is_missing_is_said(start, bank_path, parameter, package):
+    """As where ROS came from apt without the package: Python does not find it."""
+    code = (
+        f"import sys; sys.modules['{package.replace('-', '_')}'] = None; "
+        "from depth_pose.ros.nodes.recovery_node import main; sys.exit(main())"
+    )
+    process = start("-c", code, "--ros-args", "-p", f"{parameter}:=true", "-p", f"bank:={bank_path}")
+    assert process.process.wait(60.0) == 2
+    assert f"ros-jazzy-{package}" in process.output and "Traceback" not in process.output
+
+
+def camera_info():
+    c = scene.CAMERA
+    k = [c.fx, 0.0, c.cx, 0.0, c.fy, c.cy, 0.0, 0.0, 1.0]
+    return CameraInfo(width=c.width, height=c.height, k=k, distortion_model="plumb_bob", d=[0.0] * 5)
+
+
+def image_of(frame, depth):
+    height, width = depth.shape
+    return Image(
+        header=make_header(frame.stamp_ns, "optical"),
+        height=height,
+        width=width,
+        encoding="32FC1",
+        step=4 * width,
+        data=depth.astype("<f4").tobytes(),
+    )
+
+
+def on_a_floor(frame, height=0.9):
+    """The same view with a level floor below the camera."""
+    c = frame.camera
+    slope = (np.arange(c.height) - c.cy) / c.fy
+    with np.errstate(divide="ignore"):
+        floor = np.where(slope > 0, height / slope, np.inf)[:, None]
+    return np.minimum(frame.depth, floor).astype(np.float32)
+
+
+@pytest.mark.parametrize("roll", [0.0, 180.0])
+def test_floor_and_labels(start, peer, roll):
+    process = start(
+        *("-m", "depth_pose.ros.nodes.denoise_node", "--ros-args"),
+        *("-p", "tf:=true", "-p", f"mount.roll:={roll}"),
+    )
+    process.wait_for("is ready", 120.0)
+    images = peer.publisher(Image, "/camera/depth/image_raw")
+    infos = peer.publisher(CameraInfo, "/camera/depth/camera_info")
+    labels = peer.listen(Image, "/depth_pose/labels", RELIABLE)
+    statics = peer.listen(TFMessage, "/tf_static", LATCHED)
+    floors = peer.listen(PoseStamped, "/depth_pose/floor", LATCHED)
+    peer.spin(0.5)
+    infos.publish(camera_info())
+    frames = list(scene.frames(4))
+    for frame in frames:
+        depth = on_a_floor(frame)
+        images.publish(image_of(frame, depth[::-1, ::-1] if roll else depth))
+        peer.spin(0.2)
+    wanted = {"floor", *(["optical_upright"] if roll else [])}
+    peer.until(
+        lambda: labels and floors and statics and set(by_child(statics[-1])) == wanted,
+        what=lambda: f"labels and floor: {process.output}",
+    )
+
+    frame = next(f for f in frames if f.stamp_ns == stamp_to_ns(labels[-1].header.stamp))
+    assert (labels[-1].encoding, labels[-1].header.frame_id) == ("mono8", "optical")
+    got = np.frombuffer(labels[-1].data, np.uint8).reshape(labels[-1].height, labels[-1].width)
+    got = got[::-1, ::-1] if roll else got
+    person = frame.depth < 4.0
+    assert set(np.unique(got)) == {0, 1}  # body_1
+    overlap = ((got == 1) & person).sum() / ((got == 1) | person).sum()
+    assert overlap > 0.85
+
+    known = by_child(statics[-1])
+    T = matrix(known["floor"])
+    up = -1.0 if not roll else 1.0
+    assert known["floor"].header.frame_id == floors[-1].header.frame_id == "optical"
+    assert np.allclose(T[:3, 2], [0, up, 0], atol=0.03)  # z is up
+    assert np.allclose(T[:3, 3], [0, -0.9 * up, 0], atol=0.05)  # on the floor, below the sensor
+    assert T[2, 0] > 0.99  # x is where the sensor looks
+    place = floors[-1].pose.position
+    assert np.allclose([place.x, place.y, place.z], T[:3, 3])
+    if roll:
+        assert np.allclose(matrix(known["optical_upright"])[:3, :3], np.diag([-1.0, -1.0, 1.0]))
+
+
+def test_numbers_of_people():
+    assert [person_number(f"body_{n}") for n in (1, 7, 254, 255)] == [1, 7, 254, 1]
