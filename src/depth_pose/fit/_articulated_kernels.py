@@ -37,6 +37,10 @@ _BEHIND_M = 0.05
 """A vertex is seen if it lies at most this far behind the rendered depth, metres; set by hand, not swept."""
 
 
+_LOOK_EVERY = 2
+"""Iterations between two looks at which vertices are seen. Every time: 26.9 mm on six development clips;
+every second time: 26.6, and a fit takes a fifth less."""
+
 _ELSEWHERE_M = 0.15
 """A joint this far from its proposal is pulled a quarter as much as its gap says, a farther one less:
 one of the two is elsewhere; set by hand, not swept."""
@@ -233,15 +237,18 @@ def fit(target, body, settings, sigmas, scale, rotations, root):
     coarse, count = target.coarse, body.normals.shape[0]
     surface = Surface(np.empty((count, 3)), np.empty((count, 3)), body.skin.influence[:, 0])
     nodes, zbuffer = np.empty(body.skin.nodes.shape), np.empty(coarse.depth.shape, np.float32)
-    mass, pull, visible = np.empty(count), np.empty((count, 3)), np.empty(count, np.bool_)
+    mass, pull = np.empty(count), np.empty((count, 3))
+    seen, visible = np.empty(count, np.bool_), np.empty(count, np.bool_)
     equations = Equations(np.empty((nodes.shape[0], 6, 6)), np.empty((nodes.shape[0], 6)))
     moved = np.zeros(body.above.shape[0])
     for k in range(sigmas.shape[0]):
         stride = _THIN if sigmas[k] > settings.coarse_sigma else 1
         skin(body.skin, rotations, root, scale, surface.vertices, nodes)
         turn_normals(body.normals, body.skin.influence, rotations, surface.normals)
-        rasterize(surface.vertices, body.skin.faces, coarse.camera, zbuffer)
-        mark_visible(surface.vertices, surface.normals, zbuffer, coarse.camera, _BEHIND_M, visible)
+        if k % _LOOK_EVERY == 0:
+            rasterize(surface.vertices, body.skin.faces, coarse.camera, zbuffer)
+            mark_visible(surface.vertices, surface.normals, zbuffer, coarse.camera, _BEHIND_M, seen)
+        visible[:] = seen
         if stride > 1:  # half of the vertices will do for a part of the points
             visible[k % 2 :: 2] = False
         assign(target.points, stride, surface.vertices, visible, sigmas[k], settings.outlier, mass, pull)
