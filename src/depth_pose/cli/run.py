@@ -67,6 +67,9 @@ def run(
     save_build: Annotated[
         Path | None, typer.Option(help="Write the build of whom most was seen, JSON.", metavar="FILE")
     ] = None,
+    markers: Annotated[
+        bool, typer.Option("--markers", help="Write standard markers, too, for Foxglove and RViz.")
+    ] = False,
     raw: Annotated[bool, typer.Option("--raw", help="Do not filter the joints over time.")] = False,
     params: Annotated[
         Path | None,
@@ -111,6 +114,8 @@ def run(
 
     depth-pose run other.mcap -o out.mcap --build me.json
 
+    depth-pose run in.mcap -o out.mcap --markers
+
     depth-pose run recordings/ -o skeletons/ --workers 8
 
     depth-pose run 'ward/**/depth_*.mcap' more.mcap -o skeletons/ --cluster tcp://head:8786
@@ -131,8 +136,10 @@ def run(
             raise ConfigError(
                 "--cluster is for several recordings; with one, let -o be a folder that is there"
             )
-        _run_one(Path(recordings[0]), output, bank, depth_topic, config, save_build)
+        _run_one(Path(recordings[0]), output, bank, depth_topic, config, save_build, markers)
     else:
+        if markers:
+            raise ConfigError("--markers is for one recording that goes to one file")
         if save_build is not None:
             raise ConfigError("--save-build is for one recording that goes to one file")
         if config.build.file:
@@ -160,6 +167,7 @@ def _run_one(
     depth_topic: str | None,
     config: PipelineConfig,
     save_build: Path | None,
+    markers: bool = False,
 ) -> None:
     """Run one recording to one file."""
     from depth_pose.io.mcap_read import DepthReader
@@ -174,7 +182,7 @@ def _run_one(
         pipeline = PosePipeline(Bank.load(bank or default_bank_path()), config)
         pipeline.warm_up()
     with progress_bar(recording.name, len(reader)) as update:
-        summary = process_recording(reader, output, pipeline, update)
+        summary = process_recording(reader, output, pipeline, update, markers=markers)
     warn(summary.warnings)
     if save_build is not None:
         _save_build(save_build, pipeline.refiner.builds.best_known())

@@ -1,9 +1,9 @@
 """Node: silhouettes of several cameras, or depth images of one or more -> pose in loose clothing.
 
 ``/depth_pose/skeleton`` (source VOLUME) in the world frame, ``/depth_pose/markers`` for viewers, and
-``/depth_pose/joint_states`` with the anatomical angles. Images of one time are brought together by their stamps; a camera that is late is
-not waited for longer than ``views.patience``, one that is gone not at all, and ``/diagnostics`` says so. The
-newest set of views wins.
+``/depth_pose/joint_states`` with the anatomical angles. Images of one time are brought together by their
+stamps; a camera that is late is not waited for longer than ``views.patience``, one that is gone not at all,
+and ``/diagnostics`` says so. The newest set of views wins.
 """
 
 from __future__ import annotations
