@@ -1,4 +1,4 @@
-"""Depth images from one machine to another: how many arrive, with whose buffers.
+"""Depth images from one machine to another: how many arrive with the kernel's buffers and the profile's.
 
     sudo python benchmarks/network.py
 

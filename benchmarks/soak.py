@@ -1,15 +1,17 @@
 """Play a recording over and over to the live nodes, and see whether memory or latency grow.
 
-    python benchmarks/soak.py --minutes 30 -o soak
-    python benchmarks/soak.py --minutes 10 --stall 20
+    python benchmarks/soak.py --hours 8 -o soak
+    python benchmarks/soak.py --hours 0.05 --stall 20
 
-A recording of 15 frames a second loops; once in two seconds the memory of every process is read, and
-every skeleton's latency is taken from the moment its frame was sent. Growth is that of the resident set:
-a page that is no longer shared with the host moves the proportional set size, but is no new one.
-With ``--stall`` one node after another is stopped for two seconds, so that the queues before it fill, as
-they do where the processor is taken away. Written are ``soak.npz``, ``soak.png`` and a table: slope of
-each process' memory after the first tenth, and the 95th percentile of the latency in the first and in the
-last tenth.
+A recording of 15 frames a second loops, in which three people walk about, hide and cross; each turn they are
+gone and come anew. Two others listen to everybody's points: one takes half a second for each cloud, the other
+stops reading for good after a minute (SIGSTOP). Once in two seconds the memory of every process is read, and
+every answer's latency is taken from the moment its frame was sent. Growth is that of the resident set: a
+page that is no longer shared with the host moves the proportional set size, but is no new one. With
+``--stall`` one node after another is stopped for two seconds, so that the queues before it fill, as they do
+where the processor is taken away. Written are ``soak.npz``, ``soak.png`` and a table: slope of each
+process' memory after the first tenth, people in view, and the 95th percentile of the latency in the first
+and in the last tenth.
 """
 
 from __future__ import annotations
@@ -19,6 +21,8 @@ import itertools
 import os
 import random
 import signal
+import subprocess
+import sys
 import threading
 import time
 from pathlib import Path
@@ -29,12 +33,16 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 
-os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+from depth_pose.io._messages import read_people
+from depth_pose.io.schemas import PEOPLE_TOPIC
+from depth_pose.ros import stay_local
+
 os.environ.setdefault("ROS_DOMAIN_ID", str(random.SystemRandom().randrange(1, 101)))
 
 FPS = 15.0
-SECONDS = 20.0
+SECONDS, PEOPLE, WIDTH = 20.0, 3, 320
 EVERY_S, STALL_S = 2.0, 2.0
+SLOW_S, DEAF_AFTER_S = 0.5, 60.0
 
 
 def memory_bytes(pid: int | None, kind: str = "Rss:") -> float:
@@ -65,6 +73,27 @@ def make_recording(path: Path) -> None:
     simulate(path, Person().body(), load_motion("play", FPS, SECONDS), stage)
 
 
+def make_room(path: Path) -> None:
+    """Simulate people who walk about in a room, hide and cross."""
+    from depth_pose.sim.clips import sample_clip, write_clip
+
+    write_clip(path, sample_clip(np.random.default_rng(5), round(SECONDS * FPS), FPS, PEOPLE, WIDTH))
+
+
+def listen_slowly() -> None:
+    """Be a subscriber that takes long for each cloud; a process of its own."""
+    import rclpy
+    from rclpy.qos import qos_profile_sensor_data
+    from sensor_msgs.msg import PointCloud2
+
+    rclpy.init()
+    node = rclpy.create_node("slow_listener")
+    node.create_subscription(
+        PointCloud2, "/depth_pose/points", lambda _: time.sleep(SLOW_S), qos_profile_sensor_data
+    )
+    rclpy.spin(node)
+
+
 class Soak:
     """What was seen while it ran."""
 
@@ -72,6 +101,7 @@ class Soak:
         self.sent: dict[int, int] = {}
         self.frames = 0
         self.latency: list[tuple[float, float]] = []
+        self.people: list[int] = []
         self.memory: list[tuple[float, ...]] = []
         self.shared_mb = float("nan")
         self.started = time.monotonic()
@@ -87,6 +117,7 @@ class Soak:
                 self.frames += 1
 
         def received(topic: str, data: bytes, now_ns: int) -> None:
+            self.people.append(len(read_people(data).skeletons))
             went = self.sent.pop(header_stamp_ns(data), None)
             if went is not None:
                 self.latency.append((time.monotonic() - self.started, (now_ns - went) / 1e9))
@@ -94,17 +125,20 @@ class Soak:
         topics = ["/camera/depth/image_raw", "/camera/depth/camera_info"]
         suite = Suite(bank=bank, parameters={"use_sim_time": True}, sink=lambda line: None)
         written = recording.with_name("soak_skeletons.mcap")
-        with suite, Recorder(written, ["/depth_pose/skeleton"], on_message=received) as recorder:
+        with suite, Recorder(written, [PEOPLE_TOPIC], on_message=received) as recorder:
             recorder.wait_subscribed()
             player = Player(recording, loop=True, topics=topics, wait_for_subscribers=topics, on_message=sent)
             self.started = time.monotonic()
             playing = threading.Thread(target=player.run, daemon=True)
             playing.start()
+            slow, deaf = (subprocess.Popen([sys.executable, __file__, "--listen"]) for _ in range(2))
             stalled, next_stall = itertools.cycle(NODES), stall_s or float("inf")
             while (now := time.monotonic() - self.started) < 60 * minutes:
                 pids = [*map(suite.pid, NODES), suite.pid("spare"), suite.pid("host")]
                 self.memory.append((now, *map(memory_bytes, pids)))
-                print(f"\r{now / 60:.1f} min, {len(self.latency)} skeletons", end="", flush=True)
+                print(f"\r{now / 60:.1f} min, {len(self.latency)} answers", end="", flush=True)
+                if now > DEAF_AFTER_S:
+                    os.kill(deaf.pid, signal.SIGSTOP)
                 if now > next_stall and (pid := suite.pid(next(stalled))) is not None:
                     next_stall += stall_s
                     os.kill(pid, signal.SIGSTOP)
@@ -114,6 +148,9 @@ class Soak:
             self.shared_mb = sum(memory_bytes(pid, "Pss:") for pid in pids) / 1e6
             player.stop()
             playing.join(10.0)
+            for listener in (slow, deaf):
+                listener.kill()
+                listener.wait(5.0)
             restarts = suite.restarts
         written.unlink()
         return restarts
@@ -146,24 +183,31 @@ def report(soak: Soak, restarts: dict[str, int], output: Path) -> None:
     bottom.set(xlabel="minutes", ylabel="latency, ms", ylim=(0, 3 * max(p95)))
     bottom.legend(loc="upper right")
     figure.savefig(output.with_suffix(".png"), dpi=110)
-    print(f"skeletons {len(latency)}, {len(latency) / max(soak.frames, 1):.1%} of the frames sent")
+    print(f"answers {len(latency)}, {len(latency) / max(soak.frames, 1):.1%} of the frames sent")
+    print(
+        f"people in a frame: {min(soak.people)} to {max(soak.people)}, {np.mean(soak.people):.2f} on average"
+    )
     print(f"latency, 95 %: {p95[0]:.1f} ms in the first tenth, {p95[1]:.1f} ms in the last")
 
 
 def main() -> None:
     """Run."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("--minutes", type=float, default=30.0)
+    parser.add_argument("--hours", type=float, default=0.5)
+    parser.add_argument("--listen", action="store_true", help="be the slow listener (the script starts it)")
     parser.add_argument("--stall", type=float, default=0.0, help="seconds between stopped nodes; 0: none")
     parser.add_argument("--bank", help="exemplar bank; the set-up's by default")
     parser.add_argument("--recording", type=Path, help="MCAP file to loop; simulated by default")
     parser.add_argument("-o", "--output", type=Path, default=Path("soak"))
     arguments = parser.parse_args()
+    stay_local()
+    if arguments.listen:
+        listen_slowly()
     recording = arguments.recording or arguments.output.with_name("soak_input.mcap")
     if not recording.is_file():
-        make_recording(recording)
+        make_room(recording)
     soak = Soak()
-    restarts = soak.run(recording, arguments.bank, arguments.minutes, arguments.stall)
+    restarts = soak.run(recording, arguments.bank, 60.0 * arguments.hours, arguments.stall)
     report(soak, restarts, arguments.output)
 
 

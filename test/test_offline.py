@@ -6,10 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from mcap_ros2.reader import read_ros2_messages
 
 from depth_pose.bank import Bank, build_bank
 from depth_pose.bank.build import BuildConfig
 from depth_pose.body.procedural import make_body
+from depth_pose.io.markers import MARKERS_TOPIC
 from depth_pose.io.mcap_read import DepthReader, read_skeletons
 from depth_pose.io.mcap_write import DepthWriter
 from depth_pose.motion.procedural.generator import make_poses
@@ -58,3 +60,7 @@ def test_every_frame_is_answered_the_same_each_time(tmp_path: Path, bank: Bank, 
     assert all(s.positions.shape == (19, 3) for s in skeletons[:FRAMES])
     process_recording(DepthReader(recording), tmp_path / "b.mcap", PosePipeline(bank))
     assert (tmp_path / "a.mcap").read_bytes() == (tmp_path / "b.mcap").read_bytes()
+    process_recording(DepthReader(recording), tmp_path / "m.mcap", PosePipeline(bank), markers=True)
+    drawn = list(read_ros2_messages(tmp_path / "m.mcap", topics=[MARKERS_TOPIC]))
+    assert [m.log_time_ns for m in drawn] == [s.stamp_ns for s in skeletons]
+    assert [len(m.ros_msg.markers) > 1 for m in drawn[:FRAMES]] == [not s.is_lost for s in skeletons[:FRAMES]]

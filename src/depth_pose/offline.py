@@ -98,6 +98,8 @@ def process_recording(
     pipeline: Method,
     progress: Callable[[int], None] | None = None,
     note: Callable[[RunSummary], Mapping[str, str]] | None = None,
+    *,
+    markers: bool = False,
 ) -> RunSummary:
     """Run the pipeline over a recording and write its skeletons.
 
@@ -117,6 +119,8 @@ def process_recording(
     note : callable, optional
         Says what is to stand in the output's metadata, under `NOTE`. With it the output is whole or not
         at all; without, what was done until Ctrl-C is left as ``NAME.partial.mcap``.
+    markers : bool
+        Whether standard markers are written, too, for viewers that know no skeletons.
 
     Raises
     ------
@@ -145,6 +149,8 @@ def process_recording(
             followed, everybody = result.skeleton, result.skeletons
             writer.write_people(everybody, followed.stamp_ns, followed.frame_id)
             writer.write(followed)
+            if markers:
+                writer.write_markers(everybody, followed.stamp_ns, followed.frame_id)
             sources.update(s.source.name for s in everybody)
             confidences += [s.confidence for s in everybody]
             empty += not everybody

@@ -10,6 +10,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from peer import RELIABLE
 from sensor_msgs.msg import CameraInfo, Image, JointState
 from tf2_msgs.msg import TFMessage
+from visualization_msgs.msg import MarkerArray
 
 from depth_pose.body.angles import ANGLE_INDEX, ANGLES, angles_from_rotations
 from depth_pose.body.procedural import BodyShape
@@ -86,6 +87,7 @@ class Rehearsal:
         self.peer, self.process = peer, process
         self.skeletons = peer.listen(Skeleton, "/depth_pose/skeleton", RELIABLE)
         self.states = peer.listen(JointState, "/depth_pose/joint_states", RELIABLE)
+        self.markers = peer.listen(MarkerArray, "/depth_pose/markers", RELIABLE)
         self.told = peer.listen(DiagnosticArray, "/diagnostics", RELIABLE)
         self.cameras = [peer.publisher(Image, f"/camera{i}/silhouette") for i in range(count)]
         peer.spin(0.3)
@@ -144,6 +146,8 @@ def test_sixty_frames_a_second_and_what_cameras_do(start, peer, model_path, imag
     dots = np.abs(np.einsum("jk,jk->j", truth, last.quats_xyzw[[0, 2]]))
     assert np.degrees(2 * np.arccos(np.clip(dots, 0, 1))).max() < 30.0
     assert 1.3 < last.positions[4, 2] < 1.8  # the head is up
+    joints = live.markers[-1].markers[1]
+    assert joints.header.frame_id == "map" and len(joints.points) == 19
     state = live.states[-1]
     assert list(state.name) == list(ANGLES) and state.header.frame_id == "map"
     elbow = ANGLE_INDEX["left_elbow_flexion"]

@@ -75,6 +75,9 @@ def run(
     save_build: Annotated[
         Path | None, typer.Option(help="Write the build of whom most was seen, JSON.", metavar="FILE")
     ] = None,
+    markers: Annotated[
+        bool, typer.Option("--markers", help="Write standard markers, too, for Foxglove and RViz.")
+    ] = False,
     raw: Annotated[bool, typer.Option("--raw", help="Do not filter the joints over time.")] = False,
     params: Annotated[
         Path | None,
@@ -122,6 +125,8 @@ def run(
 
     depth-pose run other.mcap -o out.mcap --build me.json
 
+    depth-pose run in.mcap -o out.mcap --markers
+
     depth-pose run recordings/ -o skeletons/ --workers 8
 
     depth-pose run https://lab.example/ward/ -o skeletons/
@@ -147,8 +152,10 @@ def run(
                 "--cluster is for several recordings; with one, let -o be a folder that is there"
             )
         check_targets([output, save_build], [recordings[0], bank, params, config.build.file or None])
-        _run_one(Path(recordings[0]), output, bank, depth_topic, images, config, save_build)
+        _run_one(Path(recordings[0]), output, bank, depth_topic, images, config, save_build, markers)
     else:
+        if markers:
+            raise ConfigError("--markers is for one recording that goes to one file")
         if save_build is not None:
             raise ConfigError("--save-build is for one recording that goes to one file")
         if config.build.file:
@@ -178,6 +185,7 @@ def _run_one(
     images: ImageOptions,
     config: PipelineConfig,
     save_build: Path | None,
+    markers: bool = False,
 ) -> None:
     """Run one recording to one file."""
     from depth_pose.io.mcap_read import DepthReader
@@ -194,7 +202,7 @@ def _run_one(
         pipeline.warm_up()
     try:
         with progress_bar(recording.name, len(reader)) as update:
-            summary = process_recording(reader, output, pipeline, update)
+            summary = process_recording(reader, output, pipeline, update, markers=markers)
     except PartlyWritten as stopped:
         tell_stopped(stopped)
         raise typer.Exit(STOPPED) from None

@@ -19,7 +19,7 @@ from depth_pose.core.camera import Camera
 from depth_pose.core.errors import InputError
 from depth_pose.core.outputs import NewFile
 from depth_pose.core.types import DepthFrame, Skeleton
-from depth_pose.io import schemas
+from depth_pose.io import markers, schemas
 from depth_pose.io._messages import write_camera_info, write_image, write_people, write_skeleton
 from depth_pose.io.schemas import DEPTH_TOPIC, PEOPLE_TOPIC, SKELETON_TOPIC
 
@@ -57,9 +57,10 @@ class _RecordingWriter:
         self._channels: dict[str, int] = {}
         self._counts: dict[str, int] = {}
 
-    def _write(self, topic: str, kind: str, stamp_ns: int, data: bytes) -> None:
+    def _write(self, topic: str, kind: str, stamp_ns: int, data: bytes, text: str = "") -> None:
         if topic not in self._channels:
-            schema = self._writer.register_schema(kind, "ros2msg", schemas.schema_text(kind).encode())
+            text = text or schemas.schema_text(kind)
+            schema = self._writer.register_schema(kind, "ros2msg", text.encode())
             self._channels[topic] = self._writer.register_channel(topic, "cdr", schema)
             self._counts[topic] = 0
         if stamp_ns < 0:
@@ -135,6 +136,11 @@ class SkeletonWriter(_RecordingWriter):
         """Add everybody in a frame, on `PEOPLE_TOPIC`."""
         data = write_people(skeletons, stamp_ns, frame_id)
         self._write(PEOPLE_TOPIC, schemas.SKELETON_ARRAY, stamp_ns, data)
+
+    def write_markers(self, skeletons: Sequence[Skeleton], stamp_ns: int, frame_id: str) -> None:
+        """Add everybody's markers, on `markers.MARKERS_TOPIC`."""
+        data = markers.write_markers(skeletons, stamp_ns, frame_id)
+        self._write(markers.MARKERS_TOPIC, markers.MARKER_ARRAY, stamp_ns, data, markers.definition())
 
 
 class DepthWriter(_RecordingWriter):

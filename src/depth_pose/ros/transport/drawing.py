@@ -16,20 +16,10 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from depth_pose.core.skeleton import BONES, JOINT_INDEX, JointState
 from depth_pose.core.types import Skeleton
+from depth_pose.io.markers import BONE_WIDTH_M, COLOURS, JOINT_SIZE_M, LIFETIME_NS, NAME_SIZE_M
 from depth_pose.ros.transport.conversions import make_header
 
-LIFETIME_NS = 500_000_000
-"""How long a viewer keeps a marker, nanoseconds."""
-
-_COLOURS = {
-    JointState.SEEN: ColorRGBA(r=0.10, g=0.80, b=0.30, a=1.0),
-    JointState.OCCLUDED: ColorRGBA(r=0.95, g=0.65, b=0.10, a=1.0),
-    JointState.OUTSIDE_IMAGE: ColorRGBA(r=0.55, g=0.55, b=0.60, a=1.0),
-    JointState.LOST: ColorRGBA(r=0.85, g=0.15, b=0.15, a=1.0),
-}
-_BONE_WIDTH_M = 0.02
-_JOINT_SIZE_M = 0.05
-_NAME_SIZE_M = 0.12
+_COLOURS = {state: ColorRGBA(r=r, g=g, b=b, a=1.0) for state, (r, g, b) in COLOURS.items()}
 
 
 def skeletons_to_markers(skeletons: Sequence[Skeleton], stamp_ns: int, frame_id: str) -> MarkerArray:
@@ -51,16 +41,16 @@ def _skeleton_markers(skeleton: Skeleton) -> list[Marker]:
     joints, bones = marker("joints", Marker.SPHERE_LIST), marker("bones", Marker.LINE_LIST)
     points = [Point(x=x, y=y, z=z) for x, y, z in skeleton.positions.tolist()]
     colours = [_COLOURS[JointState(state)] for state in skeleton.joint_states.tolist()]
-    joints.scale = Vector3(x=_JOINT_SIZE_M, y=_JOINT_SIZE_M, z=_JOINT_SIZE_M)
+    joints.scale = Vector3(x=JOINT_SIZE_M, y=JOINT_SIZE_M, z=JOINT_SIZE_M)
     joints.points, joints.colors = points, colours
-    bones.scale = Vector3(x=_BONE_WIDTH_M, y=0.0, z=0.0)
+    bones.scale = Vector3(x=BONE_WIDTH_M, y=0.0, z=0.0)
     bones.points = [points[end] for bone in BONES for end in bone]
     bones.colors = [colours[child] for _, child in BONES for _ in range(2)]
     name = marker("name", Marker.TEXT_VIEW_FACING)
     name.text = skeleton.body_id
-    name.scale.z = _NAME_SIZE_M
+    name.scale.z = NAME_SIZE_M
     x, y, z = skeleton.positions[JOINT_INDEX["head"]].tolist()
-    name.pose.position = Point(x=x, y=y - 2.0 * _NAME_SIZE_M, z=z)
+    name.pose.position = Point(x=x, y=y - 2.0 * NAME_SIZE_M, z=z)
     return [joints, bones, name]
 
 
