@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 from test_viewer_parts import skeleton_at
 
 from depth_pose.core.errors import DepthPoseError
@@ -209,4 +210,14 @@ def test_the_controls_of_the_page_work(viewer, page, tmp_path):
     page.get_by_role("button", name="screenshot").dispatch_event("click")
     wait_for(lambda: list((tmp_path / "pictures").glob("view_*.png")), 90.0)
     assert re.match(r"view_001.png", next((tmp_path / "pictures").iterdir()).name)
+    assert page.problems == []
+
+
+def test_a_clip_is_saved(viewer, page, tmp_path):
+    viewer._clip_s.value = 1
+    page.get_by_role("button", name="clip", exact=True).dispatch_event("click")
+    wait_for(lambda: list((tmp_path / "pictures").glob("view_*.gif")), 240.0)
+    with Image.open(tmp_path / "pictures" / "view_001.gif") as clip:
+        assert clip.n_frames > 1
+        assert clip.size == (480, 270)
     assert page.problems == []

@@ -1,7 +1,7 @@
 """What a viewer hears of running nodes: the newest depth, everybody's skeletons, diagnostics.
 
 Messages are taken as bytes and kept; only those that are shown are decoded. All subscriptions are best
-effort with a queue of one, so no node ever waits for a viewer.
+effort with short queues, so no node ever waits for a viewer.
 """
 
 from __future__ import annotations
@@ -25,6 +25,9 @@ _HELD = 32
 
 _UNANSWERED_NS = 1_000_000_000
 """Depth this much newer than the newest skeletons is shown without any."""
+
+_QUEUE = 8
+"""Messages of a topic that may wait for the viewer; skeletons whose depth image was lost are not shown."""
 
 _BARE_EVERY_NS = 100_000_000
 """Time between frames that are shown without skeletons; these may still come."""
@@ -102,7 +105,7 @@ class Watch:
         self._context = Context()
         rclpy.init(context=self._context, args=[])
         self._node = rclpy.create_node("viewer", namespace=self._namespace, context=self._context)
-        self._qos = frame_qos(1, False)
+        self._qos = frame_qos(_QUEUE, False)
         self._node.create_subscription(
             SkeletonArray, f"/{self._namespace}/skeletons", self._take_skeletons, self._qos, raw=True
         )
