@@ -21,6 +21,16 @@ much; of one that looks straight down the image does not say where up is."""
 _LEAST_HEIGHT_M = 0.15
 """Nearer below the sensor than this lies what it stands on; set by hand."""
 
+_BANDS_M = (0.04, 0.03, 0.02, 0.02)
+"""Half the thickness of the layer that the floor is fitted to, round by round: wider than a sensor's noise at
+4 m, thinner than a foot. In a simulated room seen from .9 m up the height came out 2 cm off instead of 4."""
+
+_LEAST_POINTS = 100
+"""With fewer points than this the plane stays as it was found."""
+
+_MOST_POINTS = 6000
+"""About so many points of a frame are taken."""
+
 _TURNED_DEG, _MOVED_M = 1.0, 0.03
 """A floor that differs by more than this from the one known is another; by hand, above what noise does
 (docs/tf.md)."""
@@ -105,9 +115,30 @@ class FloorFinder:
             Its image's upper border is up, roughly. Planes seen before are tried first.
         """
         depth, camera = reduce_frame(frame, self._config)
+        points = camera.back_project(depth)
         floors = []
-        for plane in self._planes.find(camera.back_project(depth), camera):
+        for plane in self._planes.find(points, camera):
             up, height = (-plane[:3], float(plane[3])) if plane[3] > 0.0 else (plane[:3], float(-plane[3]))
             if -up[1] > np.cos(np.radians(_TILT_DEG)) and height > _LEAST_HEIGHT_M:
                 floors.append(Floor(up, height))
-        return max(floors, key=lambda floor: floor.height, default=None)
+        if not floors:
+            return None
+        return _fit(points[depth > 0.0], max(floors, key=lambda floor: floor.height))
+
+
+def _fit(points: NDArray[np.float32], floor: Floor) -> Floor:
+    """Fit the plane again to all points (N, 3) that lie close to it, ever closer.
+
+    The height is that below the sensor, often metres before the first floor that is seen: half a degree, by
+    which the few samples of `PlaneFinder` may be off, is 4 cm there.
+    """
+    points = points[:: max(1, len(points) // _MOST_POINTS)]
+    for band_m in _BANDS_M:
+        near = points[np.abs(points @ floor.up + floor.height) < band_m].astype(np.float64)
+        if len(near) < _LEAST_POINTS:
+            break
+        middle = near.mean(axis=0)
+        up = np.linalg.eigh((near - middle).T @ (near - middle))[1][:, 0]
+        up = -up if up @ floor.up < 0.0 else up
+        floor = Floor(up, float(-up @ middle))
+    return floor
