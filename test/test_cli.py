@@ -24,6 +24,7 @@ from depth_pose.io.mcap_write import DepthWriter
 
 COMMANDS = (
     "run",
+    "info",
     "up",
     "play",
     "record",

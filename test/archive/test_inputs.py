@@ -120,5 +120,42 @@ def test_parts_given_one_by_one_are_one_recording(archive):
 def test_nothing_there(tmp_path):
     with pytest.raises(InputError, match="no such file"):
         find_sources([tmp_path / "none.mcap"])
-    with pytest.raises(InputError, match=r"no \.mcap recording in"):
+    with pytest.raises(InputError, match=r"no recording \(\.mcap, \.db3, \.bag\) in"):
         find_sources([tmp_path])
+
+
+def test_other_formats_and_folders_of_images(tmp_path):
+    for name in ("a.db3", "b.bag", "c.txt"):
+        (tmp_path / name).write_bytes(b"1")
+    for name in ("with", "without"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "1.png").write_bytes(b"1")
+    (tmp_path / "with/camera.json").write_text("{}")
+    assert names(find_sources([tmp_path])) == ["a", "b", "with"]
+    assert names(find_sources([tmp_path / "without"])) == ["without"]
+    assert is_one_recording(tmp_path / "without") and not is_one_recording(tmp_path)
+    (tmp_path / "without/x.bag").write_bytes(b"1")
+    assert names(find_sources([tmp_path / "without"])) == ["x"]
+
+
+def test_pipes_are_refused_at_once(tmp_path):
+    import os
+
+    from depth_pose.archive.jobs import content_hash
+
+    for name in ("a_1.mcap", "a_2.mcap"):
+        os.mkfifo(tmp_path / name)
+    assert names(find_sources([tmp_path])) == ["a_1", "a_2"]
+    with pytest.raises(InputError, match="a pipe, a device"):
+        content_hash(tmp_path / "a_1.mcap")
+
+
+def test_another_camera_is_another_recording(tmp_path):
+    from depth_pose.archive.jobs import content_hash
+
+    (tmp_path / "1.png").write_bytes(b"1")
+    hashes = {content_hash(tmp_path)}
+    for text in ("{}", '{"fx": 1}'):
+        (tmp_path / "camera.json").write_text(text)
+        hashes.add(content_hash(tmp_path))
+    assert len(hashes) == 3

@@ -34,7 +34,7 @@ import numpy as np
 
 HERE = Path(__file__).parent
 SOURCE = HERE.parents[1] / "src"
-sys.path[:0] = [str(SOURCE)] if str(SOURCE) not in sys.path else []
+sys.path[:0] = [str(HERE), *([] if str(SOURCE) in sys.path else [str(SOURCE)])]
 
 from depth_pose.core.errors import DepthPoseError  # noqa: E402
 
@@ -76,7 +76,7 @@ def from_file(read: Callable[[Path], object], name: str = "input") -> Callable[[
 
     def decode(data: bytes) -> object:
         path = Path(tempfile.gettempdir()) / f"fuzz_{os.getpid()}" / name
-        path.parent.mkdir(exist_ok=True)
+        path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes(data)
         return read(path)
 
@@ -302,23 +302,54 @@ def _load(file: Path) -> tuple[Decoder, ...]:
     return decoders
 
 
-def attack(name: str, file: Path, count: int = COUNT, seed: int = 1, keep: Path | None = None) -> Outcome:
-    """Try a decoder's inputs in a process of its own."""
+def attack(
+    names: Sequence[str], file: Path, count: int = COUNT, seed: int = 1, keep: Path | None = None
+) -> Iterator[tuple[str, Outcome]]:
+    """Try the inputs of a file's decoders, each in a process of its own; gives their outcomes."""
     with tempfile.TemporaryDirectory(prefix="fuzz_") as folder:
-        report = Path(folder) / "report"
-        command = [sys.executable, __file__, name, "--child", str(file), "--count", str(count)]
-        command += ["--seed", str(seed), "--report", str(report)]
+        command = [sys.executable, __file__, *names, "--child", str(file), "--count", str(count)]
+        command += ["--seed", str(seed), "--reports", folder]
         command += ["--keep", str(keep)] if keep else []
         environment = {**os.environ, "TMPDIR": folder, "PYTHONWARNINGS": "ignore"}
-        done = subprocess.run(command, env=environment, capture_output=True, text=True)
-        with contextlib.suppress(OSError):
-            found = json.loads(report.with_suffix(".json").read_text())
-            return Outcome(**{**found, "crashes": Counter(found["crashes"])})
-        number = struct.unpack("<Q", report.read_bytes())[0] if report.exists() else -1
-        last = "\n".join(done.stderr.splitlines()[-12:])
-        why = f"input {number}: it hung" if "Timeout" in done.stderr else f"exit code {done.returncode}"
-        what = f"{why}\n{last}" if number >= 0 else f"its seeds cannot be read\n{last}"
-        return Outcome(max(number, 0), crashes=Counter([what]), examples={what: number})
+        started = subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True)
+        with started as done:
+            assert done.stdout is not None
+            for line in done.stdout:
+                name, code = line.split()
+                yield name, _outcome(Path(folder) / name, int(code))
+        if done.returncode:
+            raise SystemExit(f"{file} cannot be run")
+
+
+def _outcome(report: Path, code: int) -> Outcome:
+    """Read what a decoder's process has left."""
+    with contextlib.suppress(OSError):
+        found = json.loads(report.with_suffix(".json").read_text())
+        return Outcome(**{**found, "crashes": Counter(found["crashes"])})
+    said = report.with_suffix(".err").read_text()
+    number = struct.unpack("<Q", report.read_bytes())[0] if report.exists() else -1
+    last = "\n".join(said.splitlines()[-12:])
+    why = f"input {number}: it hung" if "Timeout" in said else f"exit code {code}"
+    what = f"{why}\n{last}" if number >= 0 else f"its seeds cannot be read\n{last}"
+    return Outcome(max(number, 0), crashes=Counter([what]), examples={what: number})
+
+
+def _be_child(given: argparse.Namespace) -> None:
+    """Load a file of decoders once, and fork a process for each; tells which has ended, and how."""
+    decoders = {decoder.name: decoder for decoder in _load(given.child)}
+    for name in given.names:
+        report = given.reports / name
+        process = os.fork()
+        if not process:
+            with report.with_suffix(".err").open("wb") as said:
+                os.dup2(said.fileno(), 2)
+            try:
+                _attack(decoders[name], given.count, given.seed, report, given.keep)
+            except BaseException:
+                traceback.print_exc()
+                os._exit(1)
+            os._exit(0)
+        print(name, os.waitstatus_to_exitcode(os.waitpid(process, 0)[1]), flush=True)
 
 
 def rows(names: Sequence[str], count: int, seed: int, keep: Path | None) -> Iterator[tuple[str, Outcome]]:
@@ -327,8 +358,9 @@ def rows(names: Sequence[str], count: int, seed: int, keep: Path | None) -> Iter
     unknown = set(names) - set(found)
     if unknown:
         raise SystemExit(f"there is no decoder {', '.join(sorted(unknown))}; there are {', '.join(found)}")
-    for name in names or found:
-        yield name, attack(name, found[name], count, seed, keep)
+    wanted = names or list(found)
+    for file in dict.fromkeys(found[name] for name in wanted):
+        yield from attack([name for name in wanted if found[name] == file], file, count, seed, keep)
 
 
 def main() -> None:
@@ -339,11 +371,10 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--keep", type=Path, help="folder for an input of each crash")
     parser.add_argument("--child", type=Path, help=argparse.SUPPRESS)
-    parser.add_argument("--report", type=Path, help=argparse.SUPPRESS)
+    parser.add_argument("--reports", type=Path, help=argparse.SUPPRESS)
     given = parser.parse_args()
     if given.child:
-        (decoder,) = (d for d in _load(given.child) if d.name == given.names[0])
-        _attack(decoder, given.count, given.seed, given.report, given.keep)
+        _be_child(given)
         return
     bad = 0
     print("| decoder | inputs | answers | clean errors | crashes | slowest, ms | memory, MB |")

@@ -235,3 +235,48 @@ def test_nothing_in_front_is_refused() -> None:
         frame_from_cloud(np.array([[0.0, 0, -1], [1, 1, np.nan]]), 0, "x")
     one = frame_from_cloud(np.array([[0.1, 0.1, 2.0]]), 0, "x")
     assert (one.depth > 0).sum() == 1
+
+
+@pytest.mark.parametrize(
+    ("k", "size", "says"),
+    [
+        ((5e-324, 0, 320, 0, 500, 240, 0, 0, 1), (640, 480), "focal lengths"),
+        ((500, 0, 320, 0, 1e300, 240, 0, 0, 1), (640, 480), "focal lengths"),
+        ((20, 0, 320, 0, 20, 240, 0, 0, 1), (640, 480), "between 32 and 32000"),
+        ((33000, 0, 320, 0, 33000, 240, 0, 0, 1), (640, 480), "between 32 and 32000"),
+        ((50, 0, 320, 0, 500, 240, 0, 0, 1), (640, 480), "focal lengths"),
+        ((8192, 0, 4096, 0, 8192, 1, 0, 0, 1), (8192, 2), "16 times"),
+        ((8192, 0, 4096, 0, 8192, 1, 0, 0, 1), (100_000, 2), "too large"),
+    ],
+)
+def test_extreme_cameras_are_refused(k: tuple[float, ...], size: tuple[int, int], says: str) -> None:
+    with pytest.raises(InputError, match=says):
+        camera_from_info(k, (), *size)
+
+
+def test_cameras_at_the_bounds_are_taken() -> None:
+    for focal in (32.0, 32000.0):
+        assert camera_from_info((focal, 0, 320, 0, focal, 240, 0, 0, 1), (), 640, 480).fx == focal
+
+
+def test_rectifying_the_largest_image_takes_little_memory() -> None:
+    import tracemalloc
+
+    camera = Camera(4096, 4096, 3000.0, 3000.0, 2048.0, 2048.0)
+    depth = np.ones((4096, 4096), np.float32)
+    tracemalloc.start()
+    out = rectify_depth(depth, camera, (0.1, 0.01, 0.0, 0.0, 0.0))
+    most = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert out[2048, 2048] == 1.0
+    assert most < 15 * depth.size  # bytes; the image and what is kept are 13 a pixel
+
+
+def test_rectifications_that_are_kept_are_bounded() -> None:
+    from depth_pose.io import decode
+
+    depth = np.ones((512, 1024), np.float32)
+    for i in range(80):
+        rectify_depth(depth, Camera(1024, 512, 900.0 + i, 900.0, 512.0, 256.0), (0.1, 0.0, 0.0, 0.0))
+    assert sum(s.size for s, _ in decode._rectifications.values()) <= decode.MAX_PIXELS
+    assert len(decode._rectifications) > 8

@@ -47,7 +47,7 @@ def test_what_is_played_and_recorded_again_is_the_same(recording, tmp_path, doma
     with Recorder(again, [IMAGE, INFO]) as recorder:
         played = play(recording, rate=4.0, wait_for_subscribers=[IMAGE, INFO])
         assert recorder.wait_for(IMAGE, FRAMES) and recorder.wait_for(INFO, FRAMES)
-    assert played.messages == {IMAGE: FRAMES, INFO: FRAMES} and not played.truncated
+    assert played.messages == {IMAGE: FRAMES, INFO: FRAMES} and not played.damage
     assert recorded_bytes(again) == recorded_bytes(recording)
     names = {m.channel.topic: m.schema.name for m in read_ros2_messages(again)}
     assert names == {IMAGE: "sensor_msgs/msg/Image", INFO: "sensor_msgs/msg/CameraInfo"}
@@ -105,7 +105,7 @@ def test_truncated_recording_plays_to_its_last_whole_chunk(tmp_path, domain, pee
         wait_for_subscribers=["/numbers"],
         on_message=lambda message, wall_ns: sent.append(message.data),
     ).run()
-    assert result.truncated
+    assert "ends too early" in result.damage[0]
     assert 100 < len(sent) == result.messages["/numbers"] < 3000
     assert sent == recorded_bytes(path)["/numbers"][: len(sent)]
 
@@ -115,7 +115,7 @@ def test_what_cannot_be_played_is_said(recording, tmp_path, domain):
         play(tmp_path / "none.mcap")
     text = tmp_path / "text.mcap"
     text.write_text("this is no recording" * 10)
-    with pytest.raises(InputError, match="not an MCAP"):
+    with pytest.raises(InputError, match="not a recording"):
         play(text)
     with pytest.raises(InputError, match="/camera/depth/image_raw"):
         play(recording, topics=["/nothing"])

@@ -2,7 +2,8 @@
 
 A folder is one recording where it has rosbag2's ``metadata.yaml``, or where its files carry on from one
 another: the same name but for its last number, the same topics, each beginning where the one before
-ends. Any other folder holds recordings, and folders.
+ends. Where images are in it, and no recordings, it is one if it was given itself or has their camera in a
+``camera.json``. Any other folder holds recordings, and folders.
 """
 
 from __future__ import annotations
@@ -18,10 +19,13 @@ from pathlib import Path
 
 from depth_pose.archive.remote import find_remote, is_remote
 from depth_pose.core.errors import ConfigError, InputError
+from depth_pose.io._formats import ENDINGS
 from depth_pose.io._recording import read_span, recording_files
+from depth_pose.io._rosbag2_folder import METADATA
+from depth_pose.io.image_folder import CAMERA_FILE, image_files
 
-METADATA = "metadata.yaml"
 ENDING = ".mcap"
+"""Of the skeletons' files."""
 
 _MOST_GAP_NS = 1_000_000_000
 """Most time between the parts of one recording, nanoseconds: rosbag2 loses none between them, people who
@@ -35,7 +39,7 @@ class Source:
     Attributes
     ----------
     path : Path
-        An MCAP file, or the folder of a recording's parts.
+        A file, or the folder of a recording's parts or images.
     name : str
         Its name within the archive, ``ward/monday``.
     size : int
@@ -57,21 +61,31 @@ class Source:
 
 def is_one_recording(path: Path) -> bool:
     """Whether a path is one recording: a file, or a folder of one recording's parts."""
-    if not path.is_dir() or _is_split(path):
+    if not path.is_dir() or _is_split(path) or _is_of_images(path):
         return True
-    return len(recording_files(path)) == 1 and not _has_recordings_below(path)
+    return len(_recordings_in(path)) == 1 and not _has_recordings_below(path)
 
 
 def _is_split(folder: Path) -> bool:
     """Whether a folder holds the parts of one recording."""
     if (folder / METADATA).exists():
         return True
-    files = recording_files(folder)
-    return len(files) > 1 and _carry_on(files) and not _has_recordings_below(folder)
+    files = sorted(folder.glob(f"*{ENDING}"))
+    return len(files) > 1 and _carry_on(recording_files(folder)) and not _has_recordings_below(folder)
 
 
 def _has_recordings_below(folder: Path) -> bool:
-    return any(any(inside.rglob(f"*{ENDING}")) for inside in _folders(folder))
+    return any(any(inside.rglob(f"*{e}")) for inside in _folders(folder) for e in ENDINGS)
+
+
+def _recordings_in(folder: Path) -> list[Path]:
+    """Give the files of a folder that are recordings by their names."""
+    return sorted(file for ending in ENDINGS for file in folder.glob(f"*{ending}"))
+
+
+def _is_of_images(folder: Path) -> bool:
+    """Whether a folder holds images, and no recordings."""
+    return not _recordings_in(folder) and not _has_recordings_below(folder) and bool(image_files(folder))
 
 
 def _carry_on(files: Sequence[Path]) -> bool:
@@ -92,7 +106,7 @@ def find_sources(inputs: Iterable[str | Path], but: Path | None = None) -> list[
     Parameters
     ----------
     inputs : iterable of str or Path
-        MCAP files, folders, and patterns as of `glob`, with ``**`` for folders at any depth; URLs of these.
+        Files, folders, and patterns as of `glob`, with ``**`` for folders at any depth; URLs of these.
     but : Path, optional
         A folder that is not looked into, for instance the output.
 
@@ -118,7 +132,7 @@ def find_sources(inputs: Iterable[str | Path], but: Path | None = None) -> list[
         if len(found) == count and not Path(given).exists():
             raise InputError(f"{given} cannot be read: there is no such file or folder")
     if not found and not remote:
-        raise InputError(f"there is no {ENDING} recording in {', '.join(map(str, inputs))}")
+        raise InputError(f"there is no recording ({', '.join(ENDINGS)}) in {', '.join(map(str, inputs))}")
     found = _with_whole_splits(found)
     local = [Source(path, name, _size(path)) for path, name in _told_apart(found).items()]
     return _with_remote(local, remote)
@@ -136,7 +150,9 @@ def _with_remote(local: list[Source], remote: list[Source]) -> list[Source]:
 def _look(given: str, but: Path | None) -> Iterator[tuple[Path, str]]:
     """Give the recordings of one input with their names."""
     path = Path(given)
-    if path.is_dir():
+    if path.is_dir() and _is_of_images(path):
+        yield path, _name(path, path)
+    elif path.is_dir():
         yield from _walk(path, path, but)
     elif path.exists():
         yield path, path.stem
@@ -145,7 +161,7 @@ def _look(given: str, but: Path | None) -> Iterator[tuple[Path, str]]:
         for match in sorted(map(Path, glob.glob(given, recursive=True))):
             if match.is_dir():
                 yield from _walk(match, fixed, but)
-            elif match.suffix == ENDING and not _is_within(match, but):
+            elif match.suffix in ENDINGS and not _is_within(match, but):
                 yield match, _name(match, fixed)
 
 
@@ -162,10 +178,10 @@ def _fixed_part(pattern: str) -> Path:
 def _walk(folder: Path, root: Path, but: Path | None) -> Iterator[tuple[Path, str]]:
     if _is_within(folder, but):
         return
-    if _is_split(folder):
+    if _is_split(folder) or ((folder / CAMERA_FILE).is_file() and _is_of_images(folder)):
         yield folder, _name(folder, root)
         return
-    for file in sorted(folder.glob(f"*{ENDING}")):
+    for file in _recordings_in(folder):
         yield file, _name(file, root)
     for inside in sorted(_folders(folder)):
         yield from _walk(inside, root, but)

@@ -14,8 +14,8 @@ import platform
 import threading
 import time
 import traceback
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -25,7 +25,9 @@ from depth_pose.archive.remote import fetched
 from depth_pose.core.config import PipelineConfig
 from depth_pose.core.errors import BankError, ConfigError, DepthPoseError, InputError
 from depth_pose.core.workers import Tell
-from depth_pose.io._recording import read_metadata, recording_files
+from depth_pose.io._recording import open_regular, read_metadata, recording_files
+from depth_pose.io.image_folder import CAMERA_FILE
+from depth_pose.io.image_options import ImageOptions
 from depth_pose.offline import NOTE, RunSummary, process_recording
 
 if TYPE_CHECKING:
@@ -50,6 +52,8 @@ class Setting:
     config : PipelineConfig
     depth_topic : str or None
         The depth topic; None for the only one there is.
+    images : ImageOptions
+        What folders of images do not say.
     version : str
         Of this package; another one is refused.
     """
@@ -58,6 +62,7 @@ class Setting:
     bank_id: str
     config: PipelineConfig
     depth_topic: str | None = None
+    images: ImageOptions = field(default_factory=ImageOptions)
     version: str = __version__
 
     @cached_property
@@ -66,7 +71,10 @@ class Setting:
         settings = self.config.as_mapping()
         if self.config.build.file:  # what is in it counts, not its name
             settings["build"]["file"] = _hash_of_build(self.config.build.file)
-        text = json.dumps([settings, self.depth_topic], sort_keys=True)
+        given = [settings, self.depth_topic]
+        if self.images != ImageOptions():
+            given.append(dataclasses.asdict(self.images))
+        text = json.dumps(given, sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
@@ -97,6 +105,8 @@ class Row:
         Median time of a frame in the pipeline, milliseconds; NaN where it was not measured.
     warnings : tuple of str
         What went wrong; where it failed, why.
+    damage : tuple of str
+        Those of the warnings that say that the recording could not be read as a whole.
     seconds : float
         Time for all of it, reading and writing too; NaN where it was not measured.
     """
@@ -109,6 +119,7 @@ class Row:
     confidence: float = math.nan
     ms: float = math.nan
     warnings: tuple[str, ...] = ()
+    damage: tuple[str, ...] = ()
     seconds: float = math.nan
 
 
@@ -165,7 +176,7 @@ def _process(
 ) -> Row:
     from depth_pose.io.mcap_read import DepthReader
 
-    reader = DepthReader(recording, setting.depth_topic)
+    reader = DepthReader(recording, setting.depth_topic, setting.images, tell=False)
     pipeline = _pipeline(setting)
     pipeline.restart()
     start = told = time.monotonic()
@@ -178,15 +189,15 @@ def _process(
             tell(done / max(len(reader), 1))
 
     def note(summary: RunSummary) -> dict[str, str]:
-        return {**marks, "row": json.dumps(_facts(summary))}
+        return {**marks, "row": json.dumps(_facts(summary, reader.damage))}
 
     summary = process_recording(reader, output, pipeline, progress, note)
     took = time.monotonic() - start
-    row = Row(name, "done", **_facts(summary))
+    row = Row(name, "done", **_facts(summary, reader.damage))
     return dataclasses.replace(row, ms=summary.median_ms, seconds=took, warnings=summary.warnings)
 
 
-def _facts(summary: RunSummary) -> dict[str, Any]:
+def _facts(summary: RunSummary, damage: Sequence[str]) -> dict[str, Any]:
     """Give what stands of a summary in the output: nothing that another run would find otherwise."""
     return {
         "frames": summary.frames,
@@ -194,12 +205,14 @@ def _facts(summary: RunSummary) -> dict[str, Any]:
         "answered": summary.answered,
         "confidence": summary.confidence,
         "warnings": summary.warnings,
+        "damage": tuple(damage),
     }
 
 
 def _remembered(name: str, note: Mapping[str, str]) -> Row:
     facts = json.loads(note["row"])
-    return Row(name, "skipped", **{**facts, "warnings": tuple(facts["warnings"])})
+    lists = {key: tuple(facts.get(key, ())) for key in ("warnings", "damage")}
+    return Row(name, "skipped", **{**facts, **lists})
 
 
 def _marks(recording: Path, setting: Setting) -> dict[str, str]:
@@ -221,7 +234,9 @@ def content_hash(recording: Path) -> str:
     digest = hashlib.blake2b(digest_size=16)
     files = recording_files(recording)
     if not files:
-        raise InputError(f"{recording} has no .mcap files in it")
+        raise InputError(f"{recording} has no recording in it")
+    if (recording / CAMERA_FILE).is_file():
+        files = [*files, recording / CAMERA_FILE]
     for file in files:
         size = file.stat().st_size
         digest.update(size.to_bytes(8, "little"))
@@ -229,7 +244,7 @@ def content_hash(recording: Path) -> str:
         starts = {last * k // (_BLOCKS - 1) for k in range(_BLOCKS)}
         if size <= _BLOCK * _BLOCKS:
             starts = set(range(0, size, _BLOCK))
-        with file.open("rb") as stream:
+        with open_regular(file) as stream:
             for start in sorted(starts):
                 stream.seek(start)
                 digest.update(stream.read(_BLOCK))

@@ -9,6 +9,7 @@ from pathlib import Path
 from depth_pose.archive.inputs import Source
 from depth_pose.archive.process import output_of
 from depth_pose.evaluate.overlay import NOBODY, Panel, draw_sheet
+from depth_pose.io.image_options import ImageOptions
 from depth_pose.io.mcap_read import DepthReader, read_people
 
 SHEET = "sheet.png"
@@ -21,7 +22,11 @@ worth. Set by hand."""
 
 
 def save_archive_sheet(
-    sources: Sequence[Source], folder: Path, path: Path, depth_topic: str | None = None
+    sources: Sequence[Source],
+    folder: Path,
+    path: Path,
+    depth_topic: str | None = None,
+    images: ImageOptions | None = None,
 ) -> int:
     """Draw one frame each of at most 24 recordings, evenly spread over all that have skeletons.
 
@@ -37,6 +42,8 @@ def save_archive_sheet(
         The picture.
     depth_topic : str, optional
         The depth topic.
+    images : ImageOptions, optional
+        What folders of images do not say.
 
     Returns
     -------
@@ -50,20 +57,22 @@ def save_archive_sheet(
     """
     count = min(len(sources), _MOST_PANELS)
     chosen = [sources[k * len(sources) // count] for k in range(count)]
-    panels = [p for p in (_panel(source, folder, depth_topic) for source in chosen) if p is not None]
+    panels = [p for p in (_panel(source, folder, depth_topic, images) for source in chosen) if p is not None]
     if panels:
         draw_sheet(panels, path, f"{len(panels)} of {len(sources)} recordings")
     return len(panels)
 
 
-def _panel(source: Source, folder: Path, depth_topic: str | None) -> Panel | None:
+def _panel(
+    source: Source, folder: Path, depth_topic: str | None, images: ImageOptions | None
+) -> Panel | None:
     answers = list(islice(read_people(output_of(source, folder)), _LOOK_AT))
     most = max((len(a.skeletons) for a in answers), default=0)
     if most == 0:
         return None
     best = [a for a in answers if len(a.skeletons) == most]
     answer = best[len(best) // 2]
-    for frame in DepthReader(source.path, depth_topic):
+    for frame in DepthReader(source.path, depth_topic, images, tell=False):
         if frame.stamp_ns == answer.stamp_ns:
             seconds = (frame.stamp_ns - answers[0].stamp_ns) * 1e-9
             return Panel(frame, tuple(answer.skeletons), NOBODY, seconds, source.name)

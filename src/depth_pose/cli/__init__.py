@@ -13,6 +13,8 @@ import typer
 from depth_pose import __version__
 from depth_pose.cli.banks import app as bank_app
 from depth_pose.cli.console import console, errors
+from depth_pose.cli.damage import LENIENT_HELP, be_lenient, exit_on_damage
+from depth_pose.cli.info import add_to as add_info
 from depth_pose.cli.live import add_to as add_live
 from depth_pose.cli.run import add_to as add_run
 from depth_pose.cli.scoring import add_to as add_scoring
@@ -41,10 +43,13 @@ def _main(
     version: bool = typer.Option(
         False, "--version", is_eager=True, callback=_print_version, help="Print the version."
     ),
+    lenient: bool = typer.Option(False, "--lenient", callback=be_lenient, help=LENIENT_HELP),
 ) -> None:
     """3D human pose from a depth sensor's topic, or a recording of one, on a CPU.
 
     [bold]Skeletons of a recording:[/bold]  depth-pose run in.mcap -o out.mcap
+
+    [bold]What is in a recording:[/bold]  depth-pose info in.mcap
 
     [bold]Of many recordings:[/bold]  depth-pose run recordings/ -o skeletons/
 
@@ -57,6 +62,7 @@ def _main(
 
 
 add_run(app)
+add_info(app)
 add_live(app)
 add_simulation(app)
 add_scoring(app)
@@ -65,12 +71,13 @@ app.add_typer(volume_app, name="volume")
 
 
 def main() -> None:
-    """Run the command; errors of ours are one line, exit code 1, or 2 for a wrong setting."""
+    """Run the command; errors of ours are one line, exit code 1; 2 for a wrong setting, 3 for damage."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):  # what the terminal has no letter for is no reason to stop
             stream.reconfigure(errors="backslashreplace")
     try:
-        app(prog_name="depth-pose")
+        with exit_on_damage():
+            app(prog_name="depth-pose")
     except DepthPoseError as error:
         errors.print(f"[bold red]error:[/bold red] {_plain(error)}", highlight=False, soft_wrap=True)
         sys.exit(2 if isinstance(error, ConfigError) else 1)

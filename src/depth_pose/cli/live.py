@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import importlib
+import math
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from depth_pose.cli.console import console, print_facts, setting
+from depth_pose.cli.damage import LENIENT_HELP, be_lenient
+from depth_pose.cli.images import IMAGE_FPS, IMAGE_INTRINSICS, IMAGE_SCALE
 from depth_pose.core.config import FollowConfig, RefineConfig, SegmentConfig
-from depth_pose.core.errors import DepthPoseError
+from depth_pose.core.errors import ConfigError, DepthPoseError
 from depth_pose.core.outputs import check_targets
+from depth_pose.io.damage import tell_damage
+from depth_pose.io.image_options import ImageOptions
 
 _ROS_PACKAGES = ("rclpy", "builtin_interfaces", "rosidl_runtime_py", "rpyutils")
 
@@ -125,24 +130,59 @@ def _tell_states(states: dict[str, str]) -> None:
 
 
 def play(
-    bag: Annotated[Path, typer.Argument(help="MCAP recording.")],
+    bag: Annotated[
+        Path, typer.Argument(help="Recording: MCAP, .db3, ROS 1's .bag, a folder of parts or of images.")
+    ],
     rate: Annotated[float, typer.Option(min=0.01, max=100.0, help="Speed; 2 is twice as fast.")] = 1.0,
     loop: Annotated[bool, typer.Option("--loop", help="Start again at the end.")] = False,
     clock: Annotated[bool, typer.Option(help="Publish /clock.")] = True,
     topic: Annotated[list[str] | None, typer.Option(help="Play this topic; may be repeated.")] = None,
+    remap: Annotated[
+        list[str] | None, typer.Option(help="Rename a topic; may be repeated.", metavar="OLD:=NEW")
+    ] = None,
+    delay: Annotated[float, typer.Option(min=0.0, help="Seconds to wait before the first message.")] = 0.0,
+    wait_for: Annotated[
+        int, typer.Option(min=0, help="Begin when there are so many subscribers.", metavar="N")
+    ] = 0,
+    intrinsics: Annotated[str | None, IMAGE_INTRINSICS] = None,
+    depth_scale: Annotated[float | None, IMAGE_SCALE] = None,
+    fps: Annotated[float | None, IMAGE_FPS] = None,
+    lenient: Annotated[bool, typer.Option("--lenient", help=LENIENT_HELP)] = False,
 ) -> None:
     """Publish a recording in its own time.
+
+    Topics that were latched when they were recorded are so again. The first message waits until nodes that
+    run already have found the topics, a second or so.
 
     [bold]Examples:[/bold]
 
     depth-pose play in.mcap
 
     depth-pose play in.mcap --rate 0.5 --loop
+
+    depth-pose play rosbag2_folder/ --remap /kinect/depth:=/camera/depth/image_raw --wait-for 1
     """
-    played = call_ros("transport.bag", "play", bag, rate=rate, loop=loop, clock=clock, topics=topic or None)
+    be_lenient(lenient)
+    options: dict[str, Any] = {"rate": rate, "loop": loop, "clock": clock, "topics": topic or None}
+    options |= {"remap": _renamed(remap or []), "delay_s": delay, "wait_for": wait_for}
+    options |= {"wait_s": math.inf if wait_for else 10.0}
+    options["images"] = ImageOptions.parse(intrinsics, depth_scale, fps)
+    played = call_ros("transport.bag", "play", bag, **options)
     rows = [(name, f"{count} messages") for name, count in sorted(played.messages.items())]
     rows += [(name, f"not played: {reason}") for name, reason in sorted(played.skipped.items())]
     print_facts(f"{bag}: {played.wall_s:.2f} s", rows)
+    tell_damage(played.damage)
+
+
+def _renamed(rules: list[str]) -> dict[str, str]:
+    """Read rules as ROS has them, ``/old:=/new``."""
+    named = {}
+    for rule in rules:
+        old, is_rule, new = rule.partition(":=")
+        if not (old and is_rule and new):
+            raise ConfigError(f"--remap is {rule!r}; it is OLD:=NEW")
+        named[old] = new
+    return named
 
 
 def record(
@@ -163,6 +203,8 @@ def record(
     check_targets([output])
     console.print("recording, Ctrl-C ends" if seconds is None else f"recording {seconds:g} s")
     counts = call_ros("transport.bag", "record", output, topics or None, seconds=seconds)
+    if not counts:
+        raise DepthPoseError(f"nothing came that could be recorded; {output} is not written")
     print_facts(str(output), [(name, f"{count} messages") for name, count in sorted(counts.items())])
 
 

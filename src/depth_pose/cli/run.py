@@ -23,9 +23,13 @@ from depth_pose.cli.console import (
     tell_stopped,
     warn,
 )
+from depth_pose.cli.damage import LENIENT_HELP, be_lenient, warn_of
+from depth_pose.cli.images import IMAGE_FPS, IMAGE_INTRINSICS, IMAGE_SCALE
 from depth_pose.core.config import FollowConfig, PersonalConfig, PipelineConfig, RefineConfig, SegmentConfig
 from depth_pose.core.errors import ConfigError, InputError
 from depth_pose.core.outputs import check_targets
+from depth_pose.io.damage import tell_damage
+from depth_pose.io.image_options import ImageOptions
 
 if TYPE_CHECKING:
     from depth_pose.archive.inputs import Source
@@ -45,7 +49,8 @@ def run(
     recordings: Annotated[
         list[str],
         typer.Argument(
-            help="MCAP recordings of a camera: files, folders, patterns, folders of one recording's parts.",
+            help="Recordings of a camera (MCAP, .db3, ROS 1's .bag, folders of images): files, folders, "
+            "patterns, folders of one recording's parts.",
             metavar="IN",
             show_default=False,
         ),
@@ -58,6 +63,9 @@ def run(
     depth_topic: Annotated[
         str | None, typer.Option(help="Depth images or point cloud.", show_default="the only one")
     ] = None,
+    intrinsics: Annotated[str | None, IMAGE_INTRINSICS] = None,
+    depth_scale: Annotated[float | None, IMAGE_SCALE] = None,
+    fps: Annotated[float | None, IMAGE_FPS] = None,
     near: Annotated[float | None, setting(SegmentConfig, "near")] = None,
     far: Annotated[float | None, setting(SegmentConfig, "far")] = None,
     people: Annotated[int | None, setting(SegmentConfig, "most_people", "--people")] = None,
@@ -84,6 +92,7 @@ def run(
             help="Of several recordings: work on the cluster of this Dask scheduler.", metavar="ADDRESS"
         ),
     ] = None,
+    lenient: Annotated[bool, typer.Option("--lenient", help=LENIENT_HELP)] = False,
 ) -> None:
     """Find everybody's skeleton in every depth frame of a recording, or of many.
 
@@ -93,13 +102,15 @@ def run(
 
     Of several recordings, or with an output that is a folder, each one's skeletons go to FOLDER/NAME.mcap.
     What is done already is skipped, so that the same command goes on where it was stopped. FOLDER/report.csv
-    has a line for each; the exit code is 1 where one of them failed.
+    has a line for each; the exit code is 1 where one of them failed, 3 where one is damaged.
 
     [bold]Examples:[/bold]
 
     depth-pose run in.mcap -o out.mcap
 
     depth-pose run in.mcap -o out.mcap --depth-topic /camera/aligned_depth_to_color/image_raw
+
+    depth-pose run images/ -o out.mcap --intrinsics 525,525,319.5,239.5 --depth-scale 0.0002 --fps 30
 
     depth-pose run in.mcap -o out.mcap --near 1 --far 4.5 --method cpd --raw
 
@@ -117,6 +128,7 @@ def run(
 
     depth-pose run 'ward/**/depth_*.mcap' more.mcap -o skeletons/ --cluster tcp://head:8786
     """
+    be_lenient(lenient)
     values = read_settings(params) if params else {}
     for section, chosen in (
         ("segment", given(near=near, far=far, most_people=people, zone=zone)),
@@ -128,20 +140,21 @@ def run(
         if chosen:
             values.setdefault(section, {}).update(chosen)
     config = PipelineConfig.from_mapping(values)
+    images = ImageOptions.parse(intrinsics, depth_scale, fps)
     if _is_one(recordings, output):
         if cluster is not None:
             raise ConfigError(
                 "--cluster is for several recordings; with one, let -o be a folder that is there"
             )
         check_targets([output, save_build], [recordings[0], bank, params, config.build.file or None])
-        _run_one(Path(recordings[0]), output, bank, depth_topic, config, save_build)
+        _run_one(Path(recordings[0]), output, bank, depth_topic, images, config, save_build)
     else:
         if save_build is not None:
             raise ConfigError("--save-build is for one recording that goes to one file")
         if config.build.file:
             values["build"]["file"] = str(Path(config.build.file).resolve())
             config = PipelineConfig.from_mapping(values)
-        _run_archive(recordings, output, bank, depth_topic, config, workers, cluster)
+        _run_archive(recordings, output, bank, depth_topic, images, config, workers, cluster)
 
 
 def _is_one(recordings: list[str], output: Path) -> bool:
@@ -162,6 +175,7 @@ def _run_one(
     output: Path,
     bank: Path | None,
     depth_topic: str | None,
+    images: ImageOptions,
     config: PipelineConfig,
     save_build: Path | None,
 ) -> None:
@@ -169,7 +183,7 @@ def _run_one(
     from depth_pose.io.mcap_read import DepthReader
     from depth_pose.io.mcap_write import PartlyWritten
 
-    reader = DepthReader(recording, depth_topic)
+    reader = DepthReader(recording, depth_topic, images, tell=False)
 
     from depth_pose.bank import Bank, default_bank_path
     from depth_pose.offline import process_recording
@@ -184,7 +198,7 @@ def _run_one(
     except PartlyWritten as stopped:
         tell_stopped(stopped)
         raise typer.Exit(STOPPED) from None
-    warn(summary.warnings)
+    warn_of(summary.warnings, reader.damage)
     if save_build is not None:
         _save_build(save_build, pipeline.refiner.builds.best_known())
     facts = [
@@ -219,6 +233,7 @@ def _run_archive(
     folder: Path,
     bank: Path | None,
     depth_topic: str | None,
+    images: ImageOptions,
     config: PipelineConfig,
     workers: int | None,
     cluster: str | None,
@@ -240,7 +255,7 @@ def _run_archive(
     from depth_pose.bank import Bank, default_bank_path
 
     bank_id = Bank.load(bank or default_bank_path()).bank_id
-    setting = Setting(str(bank.resolve()) if bank else None, bank_id, config, depth_topic)
+    setting = Setting(str(bank.resolve()) if bank else None, bank_id, config, depth_topic, images)
     report = Report(folder / REPORT)
     size = sum(source.size for source in sources)
     names = [source.name for source in sources]
@@ -263,13 +278,16 @@ def _run_archive(
         raise
     rows = report.finish(names)
     _print_rows(rows)
-    _draw(sources, rows, folder, depth_topic)
+    _draw(sources, rows, folder, depth_topic, images)
     _print_total(rows, folder, time.monotonic() - start)
     if any(row.state == "failed" for row in rows):
         raise typer.Exit(1)
+    tell_damage(f"{row.file}: {line}" for row in rows for line in row.damage)
 
 
-def _draw(sources: list[Source], rows: list[Row], folder: Path, depth_topic: str | None) -> None:
+def _draw(
+    sources: list[Source], rows: list[Row], folder: Path, depth_topic: str | None, images: ImageOptions
+) -> None:
     """Draw the sheet anew where anything is new."""
     from depth_pose.archive.sheet import SHEET, save_archive_sheet
 
@@ -281,7 +299,7 @@ def _draw(sources: list[Source], rows: list[Row], folder: Path, depth_topic: str
         return
     try:
         with console.status("drawing the sheet"):
-            save_archive_sheet(made, folder, folder / SHEET, depth_topic)
+            save_archive_sheet(made, folder, folder / SHEET, depth_topic, images)
     except InputError as error:
         warn([f"no picture: {error}"])
 
@@ -311,7 +329,7 @@ def _print_rows(rows: list[Row]) -> None:
             *numbers,
         )
     console.print(table)
-    warn(f"{row.file}: {line}" for row in warned for line in row.warnings)
+    warn(f"{row.file}: {line}" for row in warned for line in row.warnings if line not in row.damage)
 
 
 def _print_total(rows: list[Row], folder: Path, seconds: float) -> None:

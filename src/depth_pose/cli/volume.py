@@ -17,8 +17,8 @@ from depth_pose.cli.console import (
     read_settings,
     setting,
     tell_stopped,
-    warn,
 )
+from depth_pose.cli.damage import warn_of
 from depth_pose.core.errors import ConfigError
 from depth_pose.core.outputs import check_targets
 from depth_pose.volume.config import LearnConfig, SpaceConfig, TrackConfig, ViewsConfig, VolumeConfig
@@ -234,7 +234,7 @@ def run(
     except PartlyWritten as stopped:
         tell_stopped(stopped)
         raise typer.Exit(STOPPED) from None
-    warn(summary.warnings)
+    warn_of(summary.warnings, reader.damage)
     print_facts(
         f"{recording} -> {output}",
         [

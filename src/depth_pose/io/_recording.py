@@ -1,163 +1,125 @@
-"""An MCAP recording as topics and serialised messages; also one that was cut short.
+"""A recording as topics and serialised messages, whatever its format; also one that was damaged or cut short.
 
-This is the one reader of recordings: frames are decoded from it, and the nodes' topics played from it.
+This is the one reader of recordings: frames are decoded from it, skeletons read, and topics played.
 """
 
 from __future__ import annotations
 
 import re
-import struct
-from collections.abc import Iterator
+import stat
+from collections import Counter
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 
-from mcap.exceptions import McapError
-from mcap.reader import NonSeekingReader, SeekingReader
-from mcap.records import Schema
-
 from depth_pose.core.errors import InputError
+from depth_pose.io import _mcap_records as mcap
+from depth_pose.io._formats import ENDINGS, READ, open_file
+from depth_pose.io._rosbag2_folder import (
+    METADATA,
+    PACKED,
+    Metadata,
+    PackedMessages,
+    Unpacker,
+    missing_counts,
+    read_metadata_file,
+)
+from depth_pose.io._topics import DamageError, RawMessage, RecordingFile, Topic
+from depth_pose.io.image_folder import IMAGE_ENDINGS, ImageFolder, image_files
+from depth_pose.io.image_options import ImageOptions
 
-_MAGIC = b"\x89MCAP0\r\n"
-
-
-def _damage_types() -> tuple[type[Exception], ...]:
-    """Give what reading a damaged file may raise."""
-    types: list[type[Exception]] = [McapError, ValueError, struct.error, KeyError, OverflowError, OSError]
-    types += [RuntimeError, EOFError]  # lz4
-    try:
-        from zstandard import ZstdError
-    except ImportError:
-        return tuple(types)
-    return (*types, ZstdError)
-
-
-_DAMAGE = _damage_types()
-
-
-@dataclass(frozen=True)
-class Topic:
-    """A topic of a recording: its name, message type, number of messages, and the type's definition."""
-
-    name: str
-    kind: str
-    count: int
-    definition: str = ""
-
-
-@dataclass(frozen=True)
-class RawMessage:
-    """One message as it was recorded: CDR bytes and log time, nanoseconds."""
-
-    topic: str
-    log_time_ns: int
-    data: bytes
+__all__ = ["RawMessage", "Recording", "Span", "Topic", "read_metadata", "read_span", "recording_files"]
 
 
 class Recording:
-    """An MCAP file, or a folder of them as rosbag2 writes it.
+    """A recording: a file, or a folder of the files of one, or of images.
 
     Parameters
     ----------
     path : Path or str
-        The file or folder.
+        MCAP, rosbag2's .db3, ROS 1's .bag, a folder of these, or a folder of PNG or NPY depth images.
+    images : ImageOptions, optional
+        What a folder of images does not say.
 
     Attributes
     ----------
     topics : dict of str to Topic
-        Those in ROS 2's encoding.
-    damage : list of str
-        What could not be read, one line for each file that ends too early; empty if all is well.
+        Those whose messages are, or become, ROS 2's.
+    others : dict of str to str
+        Topics that cannot be read, and why.
 
     Raises
     ------
     InputError
-        Where there is no such file, or it is no MCAP file.
+        Where there is no such file, or it is no recording.
     """
 
-    def __init__(self, path: Path | str) -> None:
+    def __init__(self, path: Path | str, images: ImageOptions | None = None) -> None:
         self.path = Path(path)
-        self.damage: list[str] = []
         self.topics: dict[str, Topic] = {}
+        self.others: dict[str, str] = {}
         self._first: dict[str, RawMessage] = {}
-        self._indexed: dict[Path, bool] = {}
-        for file in _files(self.path):
-            self._indexed[file] = self._read_index(file) or self._scan(file)
+        self._said: Mapping[str, int] = {}  # messages by topic, as metadata.yaml has it
+        self._damage: list[str] = []
+        self._unpacked = Unpacker()
+        self._files = self._open(images or ImageOptions())
+        for file in self._files:
+            for topic in file.topics:
+                self._add(topic)
+            self.others.update(file.others)
 
-    def _add(self, name: str, schema: Schema, count: int) -> None:
-        before = self.topics[name].count if name in self.topics else 0
-        self.topics[name] = Topic(name, schema.name, before + count, schema.data.decode(errors="replace"))
+    def _open(self, images: ImageOptions) -> list[RecordingFile]:
+        if not self.path.is_dir():
+            head = _head(self.path)
+            path = self._unpacked(self.path)
+            file = open_file(path, head if path == self.path else _head(path))
+            return [PackedMessages(file, path) if _is_packed(self.path) else file]
+        if (self.path / METADATA).is_file():
+            return self._open_rosbag2(read_metadata_file(self.path))
+        files = recording_files(self.path)
+        if not files:
+            raise InputError(f"{self.path} has no recording in it; what can be read is {READ}")
+        if files[0].suffix.lower() in IMAGE_ENDINGS:
+            return [ImageFolder(self.path, images)]
+        return [open_file(file, _head(file)) for file in files]
 
-    def _read_index(self, file: Path) -> bool:
-        """Take the topics from the file's summary; False where it has no usable one."""
-        with file.open("rb") as stream:
-            try:
-                summary = SeekingReader(stream, record_size_limit=file.stat().st_size).get_summary()
-            except _DAMAGE:
-                return False
-        if summary is None or summary.statistics is None or not summary.chunk_indexes:
-            return False
-        counts = summary.statistics.channel_message_counts
-        if not set(counts) <= set(summary.channels):
-            return False
-        for number, channel in summary.channels.items():
-            schema = summary.schemas.get(channel.schema_id)
-            if schema is not None and channel.message_encoding == "cdr":
-                self._add(channel.topic, schema, counts.get(number, 0))
-        return True
+    def _open_rosbag2(self, metadata: Metadata) -> list[RecordingFile]:
+        files: list[RecordingFile] = []
+        self._said = metadata.counts
+        for path in metadata.files:
+            if not path.exists():
+                self._damage.append(f"{path} is not there; {self.path / METADATA} names it")
+                continue
+            if path.suffix == PACKED:
+                _head(path)
+            path = self._unpacked(path)
+            file = open_file(path, _head(path))
+            files.append(PackedMessages(file, path) if metadata.is_packed else file)
+        if not files:
+            raise InputError("; ".join(self._damage) or f"{self.path / METADATA} names no files")
+        return files
 
-    def _scan(self, file: Path) -> bool:
-        """Take the topics from all messages of a file without a usable summary; gives False."""
-        whole = False
-        messages = 0
-        with file.open("rb") as stream:
-            try:
-                reader = NonSeekingReader(stream, record_size_limit=file.stat().st_size)
-                for schema, channel, message in reader.iter_messages(log_time_order=False):
-                    messages += 1
-                    if schema is None or channel.message_encoding != "cdr":
-                        continue
-                    self._add(channel.topic, schema, 1)
-                    if channel.topic not in self._first:
-                        raw = RawMessage(channel.topic, message.log_time, message.data)
-                        self._first[channel.topic] = raw
-                whole = True
-            except _DAMAGE:
-                pass
-        if not whole:
-            self.damage.append(f"{file} ends too early; the first {messages} messages are readable")
-        return False
+    def _add(self, topic: Topic) -> None:
+        before = self.topics.get(topic.name)
+        count = topic.count + (before.count if before else 0)
+        self.topics[topic.name] = Topic(topic.name, topic.kind, count, topic.definition, topic.qos)
 
     def messages(self, *topics: str) -> Iterator[RawMessage]:
-        """Give the topics' messages, by log time; in the file's order where it has no index."""
-        for file, indexed in self._indexed.items():
-            with file.open("rb") as stream:
-                yield from self._messages_of(file, stream, indexed, topics)
-
-    def _messages_of(
-        self, file: Path, stream: BinaryIO, indexed: bool, topics: tuple[str, ...]
-    ) -> Iterator[RawMessage]:
-        limit = file.stat().st_size
-        reader = (
-            SeekingReader(stream, validate_crcs=True, record_size_limit=limit)
-            if indexed
-            else NonSeekingReader(stream, record_size_limit=limit)
-        )
-        messages = reader.iter_messages(topics=list(topics), log_time_order=indexed)
-        read = 0
-        while True:
-            try:
-                _, channel, message = next(messages)
-            except StopIteration:
-                return
-            except _DAMAGE as error:
-                if indexed:  # a scan has said so already
-                    line = f"{file} is damaged after {read} messages of {', '.join(topics)}: {error}"
-                    if line not in self.damage:
-                        self.damage.append(line)
-                return
-            read += 1
-            yield RawMessage(channel.topic, message.log_time, message.data)
+        """Give the topics' messages by log time, file after file."""
+        if not self._said:
+            for file in self._files:
+                yield from file.messages(topics)
+            return
+        read: Counter[str] = Counter()
+        for file in self._files:
+            for message in file.messages(topics):
+                read[message.topic] += 1
+                yield message
+        missing = missing_counts(self._said, read, topics)
+        if missing and not self.damage:
+            counts = ", ".join(f"{n} of {of} on {topic}" for topic, (n, of) in sorted(missing.items()))
+            self._damage.append(f"{self.path} gave of the messages that {METADATA} counts {counts}")
 
     def first(self, topic: str) -> RawMessage | None:
         """Give the topic's first message, or None."""
@@ -167,15 +129,26 @@ class Recording:
                 break
         return self._first.get(topic)
 
+    @property
+    def damage(self) -> list[str]:
+        """What could not be read, as far as reading has come: a line for each file that is damaged."""
+        return self._damage + [line for file in self._files for line in file.damage]
+
 
 def read_metadata(path: Path | str, name: str) -> dict[str, str] | None:
     """Give the named metadata record of an MCAP file; None where there is no such file or record."""
     try:
-        with Path(path).open("rb") as stream:
-            reader = SeekingReader(stream, record_size_limit=Path(path).stat().st_size)
-            return next((record.metadata for record in reader.iter_metadata() if record.name == name), None)
-    except _DAMAGE:
-        return None
+        with open_regular(Path(path)) as stream:
+            if stream.read(len(mcap.MAGIC)) != mcap.MAGIC:
+                return None
+            summary = mcap.read_summary(stream)
+            for index in summary.metadata if summary else ():
+                if index.name == name:
+                    found: dict[str, str] = mcap.read_metadata_record(stream, index).metadata
+                    return found
+    except (DamageError, InputError, OSError):
+        pass
+    return None
 
 
 @dataclass(frozen=True)
@@ -190,9 +163,11 @@ class Span:
 def read_span(path: Path | str) -> Span | None:
     """Give the span of an MCAP file; None where it has no summary to read it from."""
     try:
-        with Path(path).open("rb") as stream:
-            summary = SeekingReader(stream, record_size_limit=Path(path).stat().st_size).get_summary()
-    except _DAMAGE:
+        with open_regular(Path(path)) as stream:
+            if stream.read(len(mcap.MAGIC)) != mcap.MAGIC:
+                return None
+            summary = mcap.read_summary(stream)
+    except (DamageError, InputError, OSError):
         return None
     if summary is None or summary.statistics is None:
         return None
@@ -202,25 +177,54 @@ def read_span(path: Path | str) -> Span | None:
 
 
 def recording_files(path: Path) -> list[Path]:
-    """Give the MCAP files of a recording, in their order."""
-    return sorted(path.glob("*.mcap"), key=_by_number) if path.is_dir() else [path]
-
-
-def _files(path: Path) -> list[Path]:
-    """Give the MCAP files of a path, checked to be such."""
-    files = recording_files(path)
-    if not files:
-        raise InputError(f"{path} has no .mcap files in it")
-    for file in files:
+    """Give the files of a recording, in their order; of a folder those of one format, images last."""
+    if not path.is_dir():
+        return [path]
+    if (path / METADATA).is_file():
         try:
-            with file.open("rb") as stream:
-                magic = stream.read(len(_MAGIC))
-        except OSError as error:
-            raise InputError(f"{file} cannot be read: {error.strerror}") from error
-        if magic != _MAGIC:
-            hint = "; convert it with 'ros2 bag convert'" if magic.startswith(b"SQLite") else ""
-            raise InputError(f"{file} is not an MCAP recording{hint}")
-    return files
+            named = [file for file in read_metadata_file(path).files if file.exists()]
+        except InputError:
+            named = []
+        if named:
+            return named
+    for ending in ENDINGS:
+        files = sorted(path.glob(f"*{ending}"), key=_by_number)
+        if files:
+            return files
+    return image_files(path)
+
+
+def _is_packed(file: Path) -> bool:
+    """Whether a file is one of a folder that packs each message."""
+    try:
+        found = read_metadata_file(file.parent) if (file.parent / METADATA).is_file() else None
+    except InputError:
+        return False
+    return found is not None and found.is_packed and file in found.files
+
+
+def _head(file: Path) -> bytes:
+    """Give a file's first bytes."""
+    try:
+        with open_regular(file) as stream:
+            return stream.read(64)
+    except OSError as error:
+        raise InputError(f"{file} cannot be read: {error.strerror}") from error
+
+
+def open_regular(file: Path) -> BinaryIO:
+    """Open a file for reading; pipes and devices, which may never end, are not opened.
+
+    Raises
+    ------
+    InputError
+        Where it is one of those.
+    OSError
+        Where it cannot be opened.
+    """
+    if not stat.S_ISREG(file.stat().st_mode):
+        raise InputError(f"{file} cannot be read: it is a pipe, a device or the like, not a file")
+    return file.open("rb")
 
 
 def _by_number(file: Path) -> tuple[list[int], str]:

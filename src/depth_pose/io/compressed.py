@@ -17,7 +17,7 @@ from PIL import Image
 
 from depth_pose.core.errors import InputError
 from depth_pose.io import _rvl_kernels as kernels
-from depth_pose.io.decode import _check_size
+from depth_pose.io.decode import check_size
 
 TOPIC_ENDING = "/compressedDepth"
 """How topics of this transport end."""
@@ -57,7 +57,7 @@ def decode_compressed_depth(format: str, data: bytes | memoryview | NDArray[np.u
         raise InputError(f"compressed image: data has {len(data)} bytes, which is too few")
     _, a, b = _HEADER.unpack_from(data)
     body = data[_HEADER.size :]
-    pixels = _decode_png(body) if body.startswith(_PNG) else _decode_rvl(body)
+    pixels = decode_png(body) if body.startswith(_PNG) else _decode_rvl(body)
     if encoding != "32FC1":
         return pixels.astype(np.float32) / np.float32(1000.0)
     coded = pixels.astype(np.float32)
@@ -68,7 +68,7 @@ def decode_compressed_depth(format: str, data: bytes | memoryview | NDArray[np.u
 
 def _decode_rvl(body: bytes) -> NDArray[np.uint16]:
     width, height = struct.unpack_from("<II", body)
-    _check_size("compressed image", height, width)
+    check_size("compressed image", height, width)
     words = np.frombuffer(body, "<u4", (len(body) - 8) // 4, 8)
     shifts = np.arange(28, -4, -4, dtype=np.uint32)
     nibbles = ((words[:, None] >> shifts) & 15).astype(np.uint8).ravel()
@@ -78,11 +78,17 @@ def _decode_rvl(body: bytes) -> NDArray[np.uint16]:
     return out.reshape(height, width)
 
 
-def _decode_png(body: bytes) -> NDArray[np.uint16]:
-    """Decode a PNG of one 16-bit channel (ISO/IEC 15948)."""
+def decode_png(body: bytes) -> NDArray[np.uint16]:
+    """Decode a PNG of one 16-bit channel (ISO/IEC 15948), (H, W).
+
+    Raises
+    ------
+    InputError
+        Where it is none, damaged or too large.
+    """
     try:
         with Image.open(io.BytesIO(body), formats=["PNG"]) as image:
-            _check_size("compressed image", image.height, image.width)
+            check_size("compressed image", image.height, image.width)
             if not image.mode.startswith("I"):
                 raise InputError(f"compressed image: the PNG is not one 16-bit channel ({image.mode})")
             return np.asarray(image).astype(np.uint16)

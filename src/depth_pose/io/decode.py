@@ -10,7 +10,6 @@ A depth image holds the distance along the optical axis. With the pinhole camera
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,17 +32,44 @@ _POINT_TYPES = {7: "f4", 8: "f8"}
 _DISTORTION_LENGTHS = {"plumb_bob": (4, 5), "rational_polynomial": (8,), "equidistant": (4,)}
 """Coefficients that each model of ``sensor_msgs/distortion_models`` may have."""
 
+_LEAST_FOCAL, _MOST_FOCAL = 0.05, 50.0
+"""Bounds of the focal lengths, of the image's longer side: views of 169 and of 1.1 degrees. Sensors have 0.4
+(fisheye) to 5 (long range). Set by hand."""
+
+_MOST_ASPECT = 8.0
+"""Most that the focal lengths may differ by, as a factor: images binned in one direction have 2.
+Set by hand."""
+
+_MOST_ELONGATED = 16
+"""Most that an image's longer side may be of its shorter one. Of 8192 x 2 pixels a frame takes 20 s, of
+8192 x 512 less than 0.1 s."""
+
+_BAND = 64
+"""Rows that are rectified at a time. Set by hand; not swept."""
+
+_KEPT_PIXELS = MAX_PIXELS
+"""Pixels of rectifications that are kept, of 9 bytes each: those of 54 cameras of 640 x 480. Set by hand."""
+
 _FIT_TOLERANCE_PX = 0.5
 """A cloud whose points miss a pinhole camera's pixels by more, root mean square, has no such camera."""
 
 
-def _check_size(what: str, height: int, width: int, max_width: int = MAX_SIDE) -> None:
+def check_size(what: str, height: int, width: int, max_width: int = MAX_SIDE) -> None:
+    """Refuse sizes of images and clouds that are empty, or too large to be one."""
     if height < 1 or width < 1:
         raise InputError(f"{what} is empty: width is {width}, height is {height}")
     if height > MAX_SIDE or width > max_width or height * width > MAX_PIXELS:
         raise InputError(
             f"{what} is too large: width is {width}, height is {height}; "
             f"the most is {max_width} x {MAX_SIDE} and {MAX_PIXELS} in all"
+        )
+
+
+def _check_shape(what: str, height: int, width: int) -> None:
+    if max(height, width) > _MOST_ELONGATED * min(height, width):
+        raise InputError(
+            f"{what}: width is {width}, height is {height}; a camera's image is at most "
+            f"{_MOST_ELONGATED} times as long as high"
         )
 
 
@@ -93,7 +119,7 @@ def decode_depth(
         raise InputError(
             f"image: encoding is {encoding!r}; a depth image has one of {', '.join(_DEPTH_TYPES)}"
         )
-    _check_size("image", height, width)
+    check_size("image", height, width)
     kind = np.dtype(("<", ">")[bool(is_bigendian)] + _DEPTH_TYPES[encoding])
     raw = np.frombuffer(data, np.uint8)
     _check_bytes("image", raw.nbytes, height, step, width * kind.itemsize, "step")
@@ -133,7 +159,8 @@ def camera_from_info(
     InputError
         Where a field is empty, zero or contradictory.
     """
-    _check_size("camera_info", height, width)
+    check_size("camera_info", height, width)
+    _check_shape("camera_info", height, width)
     values = np.asarray(k, np.float64).ravel()
     if values.size != 9:
         raise InputError(f"camera_info: k has {values.size} numbers; it has 9")
@@ -144,6 +171,12 @@ def camera_from_info(
         raise InputError(
             f"camera_info: the focal lengths k[0], k[4] are {fx:g}, {fy:g}; they must be above 0 "
             "(the camera is not calibrated)"
+        )
+    low, high = (factor * max(width, height) for factor in (_LEAST_FOCAL, _MOST_FOCAL))
+    if not (low <= min(fx, fy) and max(fx, fy) <= high and max(fx, fy) <= _MOST_ASPECT * min(fx, fy)):
+        raise InputError(
+            f"camera_info: the focal lengths k[0], k[4] are {fx:g}, {fy:g} pixels; those of an image of "
+            f"{width} x {height} lie between {low:g} and {high:g}, and differ little"
         )
     if abs(skew) > 1e-6 * fx:
         raise InputError(f"camera_info: k[1] is {skew:g}; a skewed image is not supported")
@@ -212,22 +245,49 @@ def rectify_depth(
     coefficients = _distortion(d, distortion_model)
     if not coefficients:
         return depth
-    source, inside = _rectification(camera, coefficients, distortion_model)
-    return np.where(inside, depth.ravel()[source], np.float32(0.0))
+    source, outside = _rectification(camera, coefficients, distortion_model)
+    rectified: NDArray[np.float32] = depth.ravel()[source]
+    rectified[outside] = 0.0
+    return rectified
 
 
-@lru_cache(maxsize=8)
 def _rectification(
     camera: Camera, d: tuple[float, ...], model: str
 ) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-    """Index of the distorted pixel that each ideal pixel sees, and whether there is one, (H, W)."""
-    v, u = np.mgrid[: camera.height, : camera.width].astype(np.float64)
-    a, b = distort((u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, d, model)
-    column = np.rint(camera.fx * a + camera.cx)
-    row = np.rint(camera.fy * b + camera.cy)
-    inside = (column >= 0) & (column < camera.width) & (row >= 0) & (row < camera.height)
-    source = np.where(inside, row * camera.width + column, 0).astype(np.int64)
-    return source, inside
+    """Index of the distorted pixel that each ideal pixel sees, and whether there is none, (H, W)."""
+    key = (camera, d, model)
+    if key not in _rectifications:
+        made = _make_rectification(camera, d, model)
+        size = made[0].size
+        while _rectifications and size + sum(s.size for s, _ in _rectifications.values()) > _KEPT_PIXELS:
+            _rectifications.pop(next(iter(_rectifications)), None)
+        _rectifications[key] = made
+    return _rectifications[key]
+
+
+_rectifications: dict[tuple[Camera, tuple[float, ...], str], tuple[NDArray[np.int64], NDArray[np.bool_]]] = {}
+"""Those of the last cameras, up to `_KEPT_PIXELS`."""
+
+
+def _make_rectification(
+    camera: Camera, d: tuple[float, ...], model: str
+) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    """Work in bands of rows: what is between, in float64, is many times the size of the image."""
+    source = np.zeros((camera.height, camera.width), np.int64)
+    outside = np.zeros((camera.height, camera.width), np.bool_)
+    u = np.arange(camera.width, dtype=np.float64)
+    for first in range(0, camera.height, _BAND):
+        band = slice(first, min(first + _BAND, camera.height))
+        v = np.arange(band.start, band.stop, dtype=np.float64)[:, None]
+        with np.errstate(all="ignore"):  # where a lens has no image; it is not inside then
+            rays = np.broadcast_arrays((u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy)
+            a, b = distort(rays[0], rays[1], d, model)
+            column = np.rint(camera.fx * a + camera.cx)
+            row = np.rint(camera.fy * b + camera.cy)
+        inside = (column >= 0) & (column < camera.width) & (row >= 0) & (row < camera.height)
+        source[band] = np.where(inside, row * camera.width + column, 0)
+        outside[band] = ~inside
+    return source, outside
 
 
 def distort(
@@ -298,7 +358,7 @@ def decode_points(
     (height, width, 3) float32
         Metres; NaN as in the message.
     """
-    _check_size("cloud", height, width, max_width=MAX_PIXELS)
+    check_size("cloud", height, width, max_width=MAX_PIXELS)
     order = ("<", ">")[bool(is_bigendian)]
     raw = np.frombuffer(data, np.uint8)
     _check_bytes("cloud", raw.nbytes, height, row_step, width * point_step, "row_step")
@@ -342,6 +402,7 @@ def camera_from_points(points: NDArray[np.floating]) -> Camera:
     from depth_pose.io import _cloud_kernels as kernels
 
     height, width = points.shape[:2]
+    _check_shape("cloud", height, width)
     sums, ends = np.empty((2, 5)), np.empty((2, 2), np.int64)
     count = kernels.pinhole_sums(points, sums, ends)
     lines = []

@@ -7,18 +7,23 @@ CameraInfo beside them, or point clouds.
 from __future__ import annotations
 
 import logging
+import re
+import struct
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+
+import numpy as np
 
 from depth_pose.core.errors import InputError
 from depth_pose.core.types import DepthFrame, Skeleton
 from depth_pose.io import schemas
 from depth_pose.io._messages import SkeletonsMessage, read_image, read_message, read_skeleton, stamp_of
 from depth_pose.io._messages import read_people as read_people_message
-from depth_pose.io._recording import RawMessage, Recording
+from depth_pose.io._recording import RawMessage, Recording, Topic
 from depth_pose.io.compressed import TOPIC_ENDING, decode_compressed_depth
+from depth_pose.io.damage import tell_damage
 from depth_pose.io.decode import (
     camera_from_info,
     decode_depth,
@@ -26,11 +31,17 @@ from depth_pose.io.decode import (
     frame_from_cloud,
     rectify_depth,
 )
+from depth_pose.io.image_options import ImageOptions
 from depth_pose.io.schemas import PEOPLE_TOPIC, SKELETON_TOPIC
 
 _log = logging.getLogger(__name__)
 _DEPTH_ENCODINGS = ("16UC1", "mono16", "32FC1")
 _OWN_TOPICS = "/depth_pose/"
+_MOST_TOPICS = 20
+"""Topics that an error lists. Set by hand."""
+_ZSTD = b"\x28\xb5\x2f\xfd"
+_REALSENSE = re.compile(r"(/device_\d+/sensor_\d+)/Depth_\d+/image/data")
+"""Where librealsense puts depth images; their unit is an option of their sensor."""
 
 
 @dataclass(frozen=True)
@@ -97,6 +108,8 @@ def _info_topic(recording: Recording, image_topic: str) -> str:
     while namespace:
         if f"{namespace}/camera_info" in infos:
             return f"{namespace}/camera_info"
+        if f"{namespace}/info/camera_info" in infos:  # as librealsense records
+            return f"{namespace}/info/camera_info"
         inside = [name for name in infos if name.rpartition("/")[0] == namespace]
         if len(inside) == 1:
             return inside[0]
@@ -117,12 +130,16 @@ def _choose(recording: Recording, wanted: str | None) -> DepthTopic:
             return _with_info(recording, choice[0])
     if topics:
         names = ", ".join(t.name for t in topics)
-        raise InputError(f"{recording.path} has {len(topics)} depth topics: {names}; choose one")
+        raise InputError(
+            f"{recording.path} has {len(topics)} depth topics: {names}; choose one with --depth-topic TOPIC"
+        )
     raise InputError(f"{recording.path} has no depth image or point cloud; {_listing(recording)}")
 
 
 def _named_topic(recording: Recording, name: str) -> DepthTopic:
     topic = recording.topics.get(name) or recording.topics.get("/" + name)
+    if topic is None and name in recording.others:
+        raise InputError(f"{recording.path}: {name} cannot be read: {recording.others[name]}")
     if topic is None or topic.count == 0:
         choices = ", ".join(t.name for t in _depth_topics(recording)) or "none"
         raise InputError(f"{recording.path} has no messages on {name}; its depth topics are: {choices}")
@@ -145,8 +162,34 @@ def _with_info(recording: Recording, topic: DepthTopic) -> DepthTopic:
 
 
 def _listing(recording: Recording) -> str:
-    topics = [f"{t.name} ({t.kind})" for t in sorted(recording.topics.values(), key=lambda t: t.name)]
-    return "it has " + (", ".join(topics) if topics else "no topics")
+    """Say what topics there are, and why each is no depth."""
+    topics = {t.name: _what_it_is(recording, t) for t in recording.topics.values()} | recording.others
+    lines = [f"{name} ({what})" for name, what in sorted(topics.items())]
+    if len(lines) > _MOST_TOPICS:
+        lines[_MOST_TOPICS:] = [f"and {len(lines) - _MOST_TOPICS} more"]
+    listing = "it has " + (", ".join(lines) if lines else "no topics")
+    return "; ".join([listing, *recording.damage])
+
+
+def _what_it_is(recording: Recording, topic: Topic) -> str:
+    """Say what a topic holds, and of images why they are no depth."""
+    kind = topic.kind
+    if topic.count == 0:
+        return f"{kind} without messages"
+    if kind == schemas.COMPRESSED and not topic.name.endswith(TOPIC_ENDING):
+        return f"{kind}, which holds colours; depth is on topics that end in {TOPIC_ENDING}"
+    if kind != schemas.IMAGE:
+        return kind
+    message = recording.first(topic.name)
+    if message is None:
+        return f"{kind} that cannot be read"
+    if message.data.startswith(_ZSTD):
+        return f"{kind}, each packed by itself; give the folder with the metadata.yaml that says so"
+    try:
+        encoding = read_image(message.data).encoding
+    except InputError:
+        return f"{kind} that cannot be read"
+    return kind if encoding in _DEPTH_ENCODINGS else f"{kind} of {encoding[:20]}, which is no depth"
 
 
 class DepthReader:
@@ -155,9 +198,13 @@ class DepthReader:
     Parameters
     ----------
     path : Path or str
-        An MCAP file, or a folder of them.
+        A recording: MCAP, .db3, ROS 1's .bag, a folder of these, or a folder of depth images.
     depth_topic : str, optional
         The topic; by default the only one there is.
+    images : ImageOptions, optional
+        What a folder of images does not say: its camera, depth unit, frame rate.
+    tell : bool
+        Tell damage on `depth_pose.io.damage.DAMAGE_LOG` at the end; `damage` has it in any case.
 
     Attributes
     ----------
@@ -171,9 +218,17 @@ class DepthReader:
         iteration) not one of its frames can be used.
     """
 
-    def __init__(self, path: Path | str, depth_topic: str | None = None) -> None:
-        self._recording = Recording(path)
+    def __init__(
+        self,
+        path: Path | str,
+        depth_topic: str | None = None,
+        images: ImageOptions | None = None,
+        tell: bool = True,
+    ) -> None:
+        self._recording = Recording(path, images)
+        self._tell = tell
         self.topic = _choose(self._recording, depth_topic)
+        self._unit_mm = _realsense_unit_mm(self._recording, self.topic.name)
         self._dropped: Counter[str] = Counter()
 
     def __len__(self) -> int:
@@ -191,9 +246,14 @@ class DepthReader:
         return self._dropped.total()
 
     @property
+    def damage(self) -> list[str]:
+        """What of the recording cannot be read, as far as reading has come, one line a file."""
+        return self._recording.damage
+
+    @property
     def warnings(self) -> list[str]:
         """What went wrong since iteration began, one line each with its count."""
-        lines = list(self._recording.damage)
+        lines = self.damage
         for reason, count in self._dropped.items():
             frames = "1 frame was" if count == 1 else f"{count} frames were"
             lines.append(f"{frames} dropped: {self._recording.path}: {self.topic.name}: {reason}")
@@ -214,6 +274,8 @@ class DepthReader:
                 continue
             used += 1
             yield frame
+        if self._tell and used:
+            tell_damage(self.damage)
         if not used:
             raise InputError("; ".join(self.warnings) or f"{self._recording.path} has no frames")
 
@@ -226,7 +288,21 @@ class DepthReader:
             return frame_of_cloud(message.data)
         if info is None:
             raise InputError(f"no CameraInfo on {self.topic.info_topic}")
-        return frame_of_image(message.data, self.topic.kind, info.data)
+        frame = frame_of_image(message.data, self.topic.kind, info.data)
+        if self._unit_mm != 1.0:
+            frame = replace(frame, depth=frame.depth * np.float32(self._unit_mm))
+        return frame
+
+
+def _realsense_unit_mm(recording: Recording, topic: str) -> float:
+    """Give the unit of librealsense's depth images, millimetres; 1 for all others."""
+    found = _REALSENSE.fullmatch(topic)
+    unit = recording.first(f"{found[1]}/option/Depth_Units/value") if found else None
+    if unit is None or len(unit.data) != 8:
+        return 1.0
+    (metres,) = struct.unpack("<f", unit.data[4:])  # std_msgs/Float32
+    mm = round(float(metres) * 1e3, 6)
+    return mm if 1e-3 <= mm <= 1e3 else 1.0
 
 
 def frame_of_image(data: bytes, kind: str, info_data: bytes) -> DepthFrame:
@@ -251,28 +327,29 @@ def frame_of_cloud(data: bytes) -> DepthFrame:
     return frame_from_cloud(points, stamp_of(cloud), cloud.header.frame_id)
 
 
-def read_frames(path: Path | str, depth_topic: str | None = None) -> Iterator[DepthFrame]:
+def read_frames(
+    path: Path | str, depth_topic: str | None = None, images: ImageOptions | None = None
+) -> Iterator[DepthFrame]:
     """Give the depth frames of a recording, in order; what was dropped is logged at the end.
 
     Parameters
     ----------
-    path : Path or str
-        An MCAP file, or a folder of them.
-    depth_topic : str, optional
-        The topic; by default the only one there is.
+    path, depth_topic, images
+        As of `DepthReader`.
 
     Raises
     ------
     InputError
         As `DepthReader`; at the call where the recording or its topics are at fault.
     """
-    return _logged(DepthReader(path, depth_topic))
+    return _logged(DepthReader(path, depth_topic, images))
 
 
 def _logged(reader: DepthReader) -> Iterator[DepthFrame]:
     yield from reader
     for line in reader.warnings:
-        _log.warning("%s", line)
+        if line not in reader.damage:
+            _log.warning("%s", line)
 
 
 def read_skeletons(path: Path | str, topic: str = SKELETON_TOPIC) -> Iterator[Skeleton]:
@@ -292,7 +369,7 @@ def read_skeletons(path: Path | str, topic: str = SKELETON_TOPIC) -> Iterator[Sk
     """
     recording = Recording(path)
     _require(recording, topic, schemas.SKELETON)
-    definition = recording.topics[topic].definition
+    definition = recording.topics[topic].definition or schemas.BUILD_LINE
     return (read_skeleton(data, definition) for data in _data_of(recording, topic))
 
 
@@ -316,11 +393,12 @@ def read_people(path: Path | str, topic: str = PEOPLE_TOPIC) -> Iterator[Skeleto
     recording = Recording(path)
     found = recording.topics.get(topic)
     if found is not None and found.kind == schemas.SKELETON:
-        return (_alone(read_skeleton(data, found.definition)) for data in _data_of(recording, topic))
+        text = found.definition or schemas.BUILD_LINE
+        return (_alone(read_skeleton(data, text)) for data in _data_of(recording, topic))
     if topic == PEOPLE_TOPIC and found is None and SKELETON_TOPIC in recording.topics:
         return read_people(path, SKELETON_TOPIC)
     _require(recording, topic, schemas.SKELETON_ARRAY)
-    definition = recording.topics[topic].definition
+    definition = recording.topics[topic].definition or schemas.BUILD_LINE
     return (read_people_message(data, definition) for data in _data_of(recording, topic))
 
 
@@ -342,5 +420,4 @@ def _require(recording: Recording, topic: str, kind: str) -> None:
 def _data_of(recording: Recording, topic: str) -> Iterator[bytes]:
     for message in recording.messages(topic):
         yield message.data
-    for line in recording.damage:
-        _log.warning("%s", line)
+    tell_damage(recording.damage)

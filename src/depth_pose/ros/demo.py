@@ -201,7 +201,7 @@ def _rate(times_ns: dict[int, int]) -> float:
 
 def _damage(played: Played) -> tuple[str, ...]:
     lines = [f"{topic} was not played: {why}" for topic, why in played.skipped.items()]
-    return (*lines, "the recording ends early") if played.truncated else tuple(lines)
+    return (*lines, *played.damage)
 
 
 def run_demo(recording: Path | str | None = None, output: Path | str = Path("results")) -> int:

@@ -59,9 +59,14 @@ class ViewReader:
         return self._recording.path
 
     @property
+    def damage(self) -> list[str]:
+        """What of the recording cannot be read, as far as reading has come, one line a file."""
+        return self._recording.damage
+
+    @property
     def warnings(self) -> list[str]:
         """What went wrong since iteration began."""
-        return [*self._recording.damage, *(f"{count} times: {what}" for what, count in self._wrong.items())]
+        return [*self.damage, *(f"{count} times: {what}" for what, count in self._wrong.items())]
 
     def __iter__(self) -> Iterator[ViewSet]:
         """Give the views in the order of their stamps, decoded; None for a camera that brought none."""

@@ -1,4 +1,4 @@
-"""MCAP -> topics: the recorded bytes as they are, at the recorded times, with ``/clock``."""
+"""A recording -> topics: the recorded bytes as they are, at the recorded times, with ``/clock``."""
 
 from __future__ import annotations
 
@@ -14,13 +14,19 @@ from typing import Any
 
 from depth_pose.core.errors import InputError
 from depth_pose.io._recording import RawMessage, Recording
+from depth_pose.io.image_options import ImageOptions
 from depth_pose.ros.process.runner import on_stop
+from depth_pose.ros.transport.recorded_qos import is_latched
 
 CLOCK_HZ = 40.0
 """``/clock`` messages a second of wall time, beside one before every recorded message."""
 
 _DEPTH = 100
 """Messages that wait for a reliable subscriber that is slow."""
+
+_DISCOVER_S, _MOST_DISCOVER_S = 1.0, 5.0
+"""Seconds that nodes which run already have to find the publishers, least and most, where nobody is waited
+for. On one machine they took 0.1 to 0.6 s. Set by hand."""
 
 _SETTLE_S, _MOST_SETTLE_S = 0.2, 2.0
 """Seconds, least and most, between the last subscriber's discovery and the first message.
@@ -50,8 +56,8 @@ class Played:
         From the first message to the last.
     worst_delay_s : float
         Longest time by which a message came later than it should.
-    truncated : bool
-        Whether a file is damaged; then it was played up to its last whole chunk.
+    damage : tuple of str
+        What of the recording could not be read, and so was not played; one line a file.
     skipped : dict of str to str
         Topics that could not be played, and why.
     """
@@ -60,7 +66,7 @@ class Played:
     rounds: int = 0
     wall_s: float = 0.0
     worst_delay_s: float = 0.0
-    truncated: bool = False
+    damage: tuple[str, ...] = ()
     skipped: dict[str, str] = field(default_factory=dict)
 
 
@@ -70,7 +76,7 @@ class Player:
     Parameters
     ----------
     path : path
-        MCAP file with messages in CDR, or a folder of them.
+        A recording, of any format that `depth_pose.io._recording.Recording` reads.
     rate : float
         Speed; 2 is twice as fast.
     loop : bool
@@ -83,8 +89,14 @@ class Player:
         New names of topics.
     wait_for_subscribers : sequence of str
         Published topics (new names) that must have a subscriber before the start.
+    wait_for : int
+        So many subscribers, of all topics together, must there be before the start.
     wait_s : float
         How long to wait for them.
+    delay_s : float
+        How long to wait at least, from the publishers' making to the first message.
+    images : ImageOptions, optional
+        What a folder of images does not say.
     on_message : callable, optional
         Told every message just published and the wall time, ``time.time_ns()``.
     """
@@ -99,14 +111,18 @@ class Player:
         topics: Sequence[str] | None = None,
         remap: dict[str, str] | None = None,
         wait_for_subscribers: Sequence[str] = (),
+        wait_for: int = 0,
         wait_s: float = 10.0,
+        delay_s: float = 0.0,
+        images: ImageOptions | None = None,
         on_message: Callable[[RawMessage, int], None] | None = None,
     ) -> None:
         if not rate > 0.0:
             raise InputError(f"the rate is {rate}; it must be above 0")
         self._path, self._rate, self._loop, self._clock = Path(path), rate, loop, clock
-        self._topics, self._remap = topics, remap or {}
-        self._wait_for, self._wait_s = tuple(wait_for_subscribers), wait_s
+        self._topics, self._remap, self._images = topics, remap or {}, images
+        self._wait_for, self._wait_count = tuple(wait_for_subscribers), wait_for
+        self._wait_s, self._delay_s = wait_s, delay_s
         self._on_message = on_message
         self._stop = threading.Event()
         self._result = Played()
@@ -128,7 +144,7 @@ class Player:
         import rclpy
         from rclpy.context import Context
 
-        self._recording = Recording(self._path)
+        self._recording = Recording(self._path, self._images)
         context = Context()
         rclpy.init(context=context, args=[])
         try:
@@ -142,13 +158,18 @@ class Player:
         return self._result
 
     def _make_publishers(self) -> None:
-        from rclpy.qos import QoSProfile
+        from rclpy.exceptions import InvalidTopicNameException
+        from rclpy.qos import DurabilityPolicy, QoSProfile
         from rosgraph_msgs.msg import Clock
 
         from depth_pose.ros.transport.message_text import message_class
 
         if self._clock:
             self._clock_publisher = self._node.create_publisher(Clock, "/clock", 10)
+        unknown = set(self._remap) - set(self._recording.topics)
+        if unknown:
+            raise InputError(f"{self._path} has no topic {', '.join(sorted(unknown))} that could be renamed")
+        self._result.skipped.update(self._recording.others if self._topics is None else {})
         for topic, type_name in self._topic_types().items():
             if self._clock and topic == "/clock":
                 self._result.skipped[topic] = "the clock comes from the log times"
@@ -160,7 +181,13 @@ class Player:
                 continue
             name = self._remap.get(topic, topic)
             # reliable suits every subscriber; those that ask for best effort get that
-            self._publishers[topic] = self._node.create_publisher(kind, name, QoSProfile(depth=_DEPTH))
+            qos = QoSProfile(depth=_DEPTH)
+            if is_latched(topic, self._recording.topics[topic].qos):
+                qos.durability = DurabilityPolicy.TRANSIENT_LOCAL
+            try:
+                self._publishers[topic] = self._node.create_publisher(kind, name, qos)
+            except (ValueError, TypeError, InvalidTopicNameException) as e:
+                raise InputError(f"{name} cannot be a topic: {e}") from e
         if not self._publishers:
             why = "; ".join(f"{t}: {w}" for t, w in self._result.skipped.items())
             raise InputError(f"{self._path} has no topic that could be played; {why or 'none was found'}")
@@ -169,6 +196,9 @@ class Player:
         """Topics to play and their message types."""
         found = {topic.name: topic.kind for topic in self._recording.topics.values()}
         missing = [t for t in self._topics or () if t not in found]
+        for topic in missing:
+            if topic in self._recording.others:
+                raise InputError(f"{self._path}: {topic} cannot be played: {self._recording.others[topic]}")
         if missing:
             there = ", ".join(sorted(found)) or "none in ROS 2's encoding"
             raise InputError(f"{self._path} has no topic {', '.join(missing)}; it has {there}")
@@ -178,20 +208,39 @@ class Player:
         missing = set(self._wait_for) - {p.topic_name for p in self._publishers.values()}
         if missing:
             raise InputError(f"{self._path} does not play {', '.join(sorted(missing))}")
-        started = time.monotonic()
+        started = changed = time.monotonic()
+        counts: list[int] = []
         while not self._stop.is_set():
-            alone = [
-                p.topic_name
-                for p in self._publishers.values()
-                if p.topic_name in self._wait_for and not p.get_subscription_count()
-            ]
-            took = time.monotonic() - started
-            if not alone:
-                self._stop.wait(min(max(took, _SETTLE_S), _MOST_SETTLE_S) if self._wait_for else 0.0)
+            now = time.monotonic()
+            before, counts = counts, [p.get_subscription_count() for p in self._publishers.values()]
+            changed = now if counts != before else changed
+            lacking = self._lacking()
+            if not lacking and self._is_settled(now - started, changed - started):
                 return
-            if took > self._wait_s:
-                raise InputError(f"nobody subscribed to {', '.join(alone)} within {self._wait_s:g} s")
+            if lacking and now - started > self._wait_s:
+                raise InputError(f"nobody subscribed to {lacking} within {self._wait_s:g} s")
             time.sleep(0.02)
+
+    def _lacking(self) -> str:
+        """Say which subscribers are still to come."""
+        published = [p for p in self._publishers.values() if not p.get_subscription_count()]
+        alone = [p.topic_name for p in published if p.topic_name in self._wait_for]
+        if alone:
+            return ", ".join(alone)
+        count = sum(p.get_subscription_count() for p in self._publishers.values())
+        return f"its topics but {count} of {self._wait_count}" if count < self._wait_count else ""
+
+    def _is_settled(self, took_s: float, changed_s: float) -> bool:
+        """Whether those who subscribe will get the first message: nobody has come for a while.
+
+        Where somebody is waited for, as long as that took; else as long as discovery takes.
+        """
+        if took_s < self._delay_s:
+            return False
+        if self._wait_for or self._wait_count:
+            return took_s - changed_s >= min(max(changed_s, _SETTLE_S), _MOST_SETTLE_S)
+        quiet_s = took_s - changed_s
+        return took_s >= _MOST_DISCOVER_S or (took_s >= _DISCOVER_S and quiet_s >= _SETTLE_S)
 
     def _await_acknowledgement(self) -> None:
         """Wait until reliable subscribers have all: what is on its way is lost with its publisher."""
@@ -223,7 +272,7 @@ class Player:
                 if self._stop.is_set():
                     return
                 self._publish(message, due_s)
-        self._result.truncated = bool(self._recording.damage)
+        self._result.damage = tuple(self._recording.damage)
 
     def _publish(self, message: RawMessage, due_s: float) -> None:
         self._tick(message.log_time_ns)

@@ -14,6 +14,7 @@ import depth_pose
 from depth_pose.core.errors import InputError
 from depth_pose.core.outputs import NewFile
 from depth_pose.ros.process.runner import on_stop
+from depth_pose.ros.transport.recorded_qos import qos_text
 
 _LOOK_EVERY_S = 0.05
 """Seconds between two looks for new topics. Set by hand."""
@@ -37,7 +38,7 @@ class Recorder:
     ----------
     output : path
         MCAP file. Until it is finished it is ``NAME.partial.mcap``; then an existing one is replaced,
-        unless nothing was recorded.
+        unless nothing was recorded, which leaves no file.
     topics : sequence of str, optional
         Topics to record; all but `rosout` and parameter events by default.
     on_message : callable, optional
@@ -94,7 +95,7 @@ class Recorder:
         self._thread.start()
 
     def stop(self) -> Counter[str]:
-        """Finish the file; gives the messages recorded by topic."""
+        """Finish the file; gives the messages recorded by topic, without any of which there is no file."""
         self._stopping.set()
         if self._thread is not None:
             self._thread.join()
@@ -107,7 +108,7 @@ class Recorder:
     def _finish(self) -> None:
         with self._file.telling():
             self._writer.finish()
-        if self._counts or not self._output.exists():
+        if self._counts:
             self._file.keep()
         else:
             self._file.discard()
@@ -187,7 +188,9 @@ class Recorder:
             return
         if types[0] not in self._schemas:
             self._schemas[types[0]] = self._writer.register_schema(types[0], "ros2msg", text.encode())
-        self._channels[topic] = self._writer.register_channel(topic, "cdr", self._schemas[types[0]])
+        offered = {"offered_qos_profiles": qos_text([p.qos_profile for p in publishers])}
+        schema = self._schemas[types[0]]
+        self._channels[topic] = self._writer.register_channel(topic, "cdr", schema, offered)
 
         def take(data: bytes) -> None:
             self._write(topic, data)

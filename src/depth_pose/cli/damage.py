@@ -1,0 +1,70 @@
+"""A command that read a damaged recording says so, and its exit code does, unless ``--lenient`` was given."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+
+from depth_pose.cli.console import errors, warn
+from depth_pose.io.damage import DAMAGE_LOG, tell_damage
+
+DAMAGED = 3
+"""Exit code where a recording could not be read as a whole."""
+
+LENIENT_HELP = "Damaged recordings are read as far as can be; do not exit with an error for it."
+
+
+class _Watch(logging.Handler):
+    """Prints damage, each line once, and keeps in mind that there was some."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.lines: list[str] = []
+        self.lenient = False
+
+    def emit(self, record: logging.LogRecord) -> None:
+        line = record.getMessage()
+        if line not in self.lines:
+            self.lines.append(line)
+            warn([line])
+
+
+_watch = _Watch()
+
+
+def be_lenient(wanted: bool = True) -> None:
+    """Let damage not be an error, if that is wanted."""
+    _watch.lenient = _watch.lenient or wanted
+
+
+def warn_of(lines: Iterable[str], damage: Iterable[str]) -> None:
+    """Print warnings, of which some are of damage."""
+    damage = list(damage)
+    warn(line for line in lines if line not in damage)
+    tell_damage(damage)
+
+
+@contextmanager
+def exit_on_damage() -> Iterator[None]:
+    """Let the command inside end with `DAMAGED` where it would end well in spite of damage."""
+    _watch.lines.clear()
+    _watch.lenient = False
+    DAMAGE_LOG.addHandler(_watch)
+    DAMAGE_LOG.propagate = False
+    try:
+        yield
+    except SystemExit as end:
+        if end.code or not _watch.lines or _watch.lenient:
+            raise
+        count = len(_watch.lines)
+        what = "a recording is" if count == 1 else f"{count} recordings are"
+        errors.print(
+            f"[bold red]error:[/bold red] {what} damaged; what could be read was used (--lenient accepts it)",
+            highlight=False,
+            soft_wrap=True,
+        )
+        raise SystemExit(DAMAGED) from None
+    finally:
+        DAMAGE_LOG.removeHandler(_watch)
+        DAMAGE_LOG.propagate = True

@@ -1,0 +1,78 @@
+"""``depth-pose info``: what is in a recording."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from depth_pose.cli.console import print_facts, warn
+from depth_pose.cli.damage import LENIENT_HELP, be_lenient
+from depth_pose.cli.images import IMAGE_FPS, IMAGE_INTRINSICS, IMAGE_SCALE
+from depth_pose.core.errors import InputError
+from depth_pose.io.damage import tell_damage
+from depth_pose.io.image_options import ImageOptions
+
+if TYPE_CHECKING:
+    from depth_pose.io._recording import Recording
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command()(info)
+
+
+def info(
+    recording: Annotated[
+        Path, typer.Argument(help="Recording: MCAP, .db3, ROS 1's .bag, a folder of parts or of images.")
+    ],
+    intrinsics: Annotated[str | None, IMAGE_INTRINSICS] = None,
+    depth_scale: Annotated[float | None, IMAGE_SCALE] = None,
+    fps: Annotated[float | None, IMAGE_FPS] = None,
+    lenient: Annotated[bool, typer.Option("--lenient", help=LENIENT_HELP)] = False,
+) -> None:
+    """Say what is in a recording, which topic is its depth, and whether all of it can be read.
+
+    [bold]Examples:[/bold]
+
+    depth-pose info in.mcap
+
+    depth-pose info rosbag2_folder/
+    """
+    from depth_pose.io._recording import Recording
+
+    be_lenient(lenient)
+    images = ImageOptions.parse(intrinsics, depth_scale, fps)
+    found = Recording(recording, images)
+    read = dict.fromkeys(found.topics, 0)
+    times = []
+    for message in found.messages(*found.topics):
+        read[message.topic] += 1
+        times.append(message.log_time_ns)
+    rows = [
+        (topic.name, f"{read[topic.name]} messages, {topic.kind}")
+        for topic in sorted(found.topics.values(), key=lambda topic: topic.name)
+    ]
+    rows += [(name, f"cannot be read: {why}") for name, why in sorted(found.others.items())]
+    rows.append(("length", f"{(max(times) - min(times)) / 1e9:.2f} s" if times else "no messages"))
+    print_facts(str(recording), [*rows, *_depth(found, images)])
+    tell_damage(found.damage)
+
+
+def _depth(recording: Recording, images: ImageOptions) -> list[tuple[str, str]]:
+    """Say what depth frames come of the recording, by the first of them."""
+    from depth_pose.io.mcap_read import DepthReader
+
+    try:
+        reader = DepthReader(recording.path, images=images, tell=False)
+        frame = next(iter(reader))
+    except InputError as error:
+        warn([str(error)])
+        return []
+    camera = frame.camera
+    return [
+        ("depth", reader.topic.name),
+        ("image", f"{camera.width} x {camera.height}, frame {frame.frame_id!r}"),
+        ("camera", f"fx {camera.fx:.2f}, fy {camera.fy:.2f}, cx {camera.cx:.2f}, cy {camera.cy:.2f} pixels"),
+    ]

@@ -1,0 +1,76 @@
+"""Formats of recordings by what a file begins with: those that are read, and what to do about others."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from depth_pose.core.errors import InputError
+from depth_pose.io._topics import RecordingFile
+
+ENDINGS = (".mcap", ".db3", ".bag")
+"""Files that are looked for in folders."""
+
+READ = "MCAP, rosbag2's .db3, ROS 1's .bag (RealSense's too), folders of these or of PNG or NPY depth images"
+"""What can be read."""
+
+_IMAGES = (
+    "export its depth images as 16-bit PNG into a folder, and give that folder with --intrinsics FX,FY,CX,CY"
+)
+
+_FOREIGN: tuple[tuple[bytes, str, str], ...] = (
+    (b"NI10", "OpenNI's .oni", f"{_IMAGES}; or play it through openni2_camera and record that"),
+    (
+        b"\x1a\x45\xdf\xa3",
+        "a Matroska file (.mkv, as Azure Kinect records)",
+        "play it through azure_kinect_ros_driver (recording_file:=FILE) and record that with "
+        f"'depth-pose record'; or {_IMAGES}",
+    ),
+    (b"#ROSBAG V1", "a ROS bag of before 2010", "convert it with 'rosbag fix' of ROS 1"),
+    (b"\x28\xb5\x2f\xfd", "packed with zstd", "unpack it first: zstd -d FILE"),
+    (b"\x1f\x8b", "packed with gzip", "unpack it first: gunzip FILE"),
+    (b"BZh", "packed with bzip2", "unpack it first: bunzip2 FILE"),
+    (b"\xfd7zXZ", "packed with xz", "unpack it first: unxz FILE"),
+    (b"PK\x03\x04", "a zip file", "unpack it first"),
+    (b"\x89PNG", "one image", "give the folder of all images, with --intrinsics FX,FY,CX,CY"),
+    (b"\x93NUMPY", "one array", "give the folder of all of them, with --intrinsics FX,FY,CX,CY"),
+    (b"ply", "one point cloud", "record clouds as PointCloud2 messages"),
+    (b"# .PCD", "one point cloud", "record clouds as PointCloud2 messages"),
+    (b"RIFF", "a video of colours (.avi)", "depth is needed"),
+)
+"""Beginnings of files that are not read, what these are, and what to do."""
+
+_FOREIGN_ENDINGS = {
+    ".svo": ("a ZED recording", f"with the ZED SDK, {_IMAGES}"),
+    ".svo2": ("a ZED recording", f"with the ZED SDK, {_IMAGES}"),
+    ".klg": ("a Kintinuous log", _IMAGES),
+    ".rrd": ("a Rerun recording", "record topics instead"),
+    ".xef": ("a Kinect Studio recording", f"with Kinect Studio, {_IMAGES}"),
+    ".mp4": ("a video of colours", "depth is needed"),
+}
+
+
+def open_file(file: Path, head: bytes) -> RecordingFile:
+    """Open a file of a recording, by the bytes that it begins with."""
+    from depth_pose.io import _db3_file, _mcap_records, _ros1_file
+
+    if head.startswith(_mcap_records.MAGIC):
+        from depth_pose.io._mcap_file import McapFile
+
+        return McapFile(file)
+    if head.startswith(_db3_file.MAGIC):
+        return _db3_file.Db3File(file)
+    if head.startswith(_ros1_file.MAGIC):
+        return _ros1_file.Ros1File(file)
+    raise InputError(_why_not(file, head))
+
+
+def _why_not(file: Path, head: bytes) -> str:
+    if not head:
+        return f"{file} is not a recording: it is empty"
+    for beginning, what, todo in _FOREIGN:
+        if head.startswith(beginning):
+            return f"{file} cannot be read: it is {what}; {todo}"
+    if head[4:8] == b"ftyp" or file.suffix.lower() in _FOREIGN_ENDINGS:
+        what, todo = _FOREIGN_ENDINGS.get(file.suffix.lower(), _FOREIGN_ENDINGS[".mp4"])
+        return f"{file} cannot be read: it is {what}; {todo}"
+    return f"{file} is not a recording that can be read; those are {READ}"

@@ -1,0 +1,238 @@
+"""The records of an MCAP file, read with nothing taken on trust: lengths, sizes and checksums are held first.
+
+Layout and names are those of the MCAP specification (mcap.dev/spec). What cannot be read raises
+`DamageError`; nothing is allocated that the file's own size, or `MAX_CHUNK`, does not allow.
+"""
+
+from __future__ import annotations
+
+import os
+import struct
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from io import BytesIO
+from typing import Any, BinaryIO, NamedTuple
+
+import lz4.frame
+import zstandard
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
+from mcap.opcode import Opcode
+from mcap.records import Channel, ChunkIndex, Metadata, MetadataIndex, Schema, Statistics
+
+from depth_pose.io._topics import MAX_CHUNK, DamageError
+
+MAGIC = b"\x89MCAP0\r\n"
+
+RECORD = struct.Struct("<BQ")
+"""What begins each record: its kind, and the length of what follows."""
+
+_FOOTER = struct.Struct("<BQQQI")
+_CHUNK = struct.Struct("<QQQI")
+_MESSAGE = struct.Struct("<HIQQ")
+_LENGTH = struct.Struct("<Q")
+
+
+class Message(NamedTuple):
+    """A message: the number of its channel, log time in nanoseconds, and bytes."""
+
+    channel: int
+    log_time_ns: int
+    data: bytes
+
+
+@dataclass
+class Summary:
+    """What a file says of itself at its end."""
+
+    schemas: dict[int, Schema] = field(default_factory=dict)
+    channels: dict[int, Channel] = field(default_factory=dict)
+    chunks: list[ChunkIndex] = field(default_factory=list)
+    metadata: list[MetadataIndex] = field(default_factory=list)
+    statistics: Statistics | None = None
+
+
+def size_of(stream: BinaryIO) -> int:
+    """Size of an open file, bytes."""
+    return os.fstat(stream.fileno()).st_size
+
+
+def is_finished(stream: BinaryIO) -> bool:
+    """Whether a file ends as one does that was closed."""
+    size = size_of(stream)
+    stream.seek(max(size - len(MAGIC), 0))
+    return size > len(MAGIC) and stream.read(len(MAGIC)) == MAGIC
+
+
+def read_summary(stream: BinaryIO) -> Summary | None:
+    """Read what a finished file says of itself; None where it says nothing.
+
+    Raises
+    ------
+    DamageError
+        Where it cannot be read, or its checksum is wrong.
+    """
+    size = size_of(stream)
+    end = size - len(MAGIC) - _FOOTER.size
+    if end < len(MAGIC):
+        raise DamageError("it has no footer")
+    stream.seek(end)
+    footer = stream.read(_FOOTER.size)
+    kind, length, start, _, crc = _FOOTER.unpack(footer)
+    if kind != Opcode.FOOTER or length != _FOOTER.size - RECORD.size:
+        raise DamageError("its footer is damaged")
+    if start == 0:
+        return None
+    if not len(MAGIC) <= start <= end:
+        raise DamageError("its footer points outside the file")
+    stream.seek(start)
+    data = stream.read(end - start)
+    if crc and zlib.crc32(footer[:-4], zlib.crc32(data)) != crc:
+        raise DamageError("the checksum of its index is wrong")
+    summary = Summary()
+    for kind, body in records(data):
+        take(summary, kind, body)
+    return summary
+
+
+def take(summary: Summary, kind: int, body: bytes) -> None:
+    """Add a record to a summary."""
+    if kind == Opcode.SCHEMA:
+        schema = parse(Schema, body)
+        summary.schemas[schema.id] = schema
+    elif kind == Opcode.CHANNEL:
+        channel = parse(Channel, body)
+        summary.channels[channel.id] = channel
+    elif kind == Opcode.CHUNK_INDEX:
+        summary.chunks.append(parse(ChunkIndex, body))
+    elif kind == Opcode.METADATA_INDEX:
+        summary.metadata.append(parse(MetadataIndex, body))
+    elif kind == Opcode.STATISTICS:
+        summary.statistics = parse(Statistics, body)
+
+
+def parse(kind: Any, body: bytes) -> Any:
+    """Read a record of one of mcap's classes."""
+    try:
+        return kind.read(ReadDataStream(BytesIO(body)))
+    except (McapError, struct.error, ValueError) as error:
+        raise DamageError(f"a {kind.__name__} record cannot be read") from error
+
+
+def records(data: bytes) -> Iterator[tuple[int, bytes]]:
+    """Give kind and content of the records in some bytes."""
+    at, size = 0, len(data)
+    while at < size:
+        if at + RECORD.size > size:
+            raise DamageError("a record is cut off")
+        kind, length = RECORD.unpack_from(data, at)
+        at += RECORD.size
+        if length > size - at:
+            raise DamageError("a record is longer than what it is in")
+        yield kind, data[at : at + length]
+        at += length
+
+
+def read_metadata_record(stream: BinaryIO, index: MetadataIndex) -> Any:
+    """Read the metadata record that an index points to."""
+    if index.offset > size_of(stream) or index.length > size_of(stream) - index.offset:
+        raise DamageError("an index points outside the file")
+    stream.seek(index.offset)
+    for kind, body in records(stream.read(index.length)):
+        if kind == Opcode.METADATA:
+            return parse(Metadata, body)
+    raise DamageError("there is no metadata where the index says")
+
+
+def read_record_head(stream: BinaryIO, at: int) -> tuple[int, int]:
+    """Give a record's kind and the length of its content, which is in the file as a whole."""
+    stream.seek(at)
+    head = stream.read(RECORD.size)
+    if len(head) < RECORD.size:
+        raise DamageError("the file ends there")
+    kind, length = RECORD.unpack(head)
+    if length > size_of(stream) - at - RECORD.size:
+        raise DamageError("a record is longer than the file")
+    return kind, length
+
+
+def read_chunk(stream: BinaryIO, at: int) -> tuple[int, int, bytes]:
+    """Read a chunk; gives first and last log time, and its unpacked records, whose checksum is right."""
+    kind, length = read_record_head(stream, at)
+    if kind != Opcode.CHUNK:
+        raise DamageError("there is no chunk where the index says")
+    return open_chunk(stream.read(_bounded(length)))
+
+
+def _bounded(size: int) -> int:
+    if size > MAX_CHUNK:
+        raise DamageError(f"a chunk of {size} bytes is more than the {MAX_CHUNK >> 20} MiB that are taken")
+    return size
+
+
+def open_chunk(body: bytes) -> tuple[int, int, bytes]:
+    """Unpack a chunk's content; gives first and last log time, and its records."""
+    try:
+        first_ns, last_ns, size, crc = _CHUNK.unpack_from(body)
+        (named,) = struct.unpack_from("<I", body, _CHUNK.size)
+        at = _CHUNK.size + 4 + named
+        (packed,) = _LENGTH.unpack_from(body, at)
+    except struct.error as error:
+        raise DamageError("a chunk is too short") from error
+    at += _LENGTH.size
+    if packed != len(body) - at:
+        raise DamageError("a chunk's length is wrong")
+    data = _unpack(body[_CHUNK.size + 4 : at - _LENGTH.size], memoryview(body)[at:], _bounded(size))
+    if len(data) != size:
+        raise DamageError(f"a chunk of {size} bytes unpacks to {len(data)}")
+    if crc and zlib.crc32(data) != crc:
+        raise DamageError("a chunk's checksum is wrong")
+    return first_ns, last_ns, data
+
+
+def _unpack(name: bytes, packed: memoryview, size: int) -> bytes:
+    """Decompress to at most as many bytes as are declared."""
+    try:
+        if name == b"zstd":
+            declared = zstandard.frame_content_size(packed)
+            if declared not in (-1, size):
+                raise DamageError(f"a chunk of {size} bytes unpacks to {declared}")
+            return zstandard.ZstdDecompressor().decompress(packed, max_output_size=max(size, 1))
+        if name == b"lz4":
+            return bytes(lz4.frame.LZ4FrameDecompressor().decompress(packed, max_length=size))
+    except (zstandard.ZstdError, RuntimeError, EOFError, ValueError) as error:
+        raise DamageError("a chunk cannot be unpacked") from error
+    if name:
+        raise DamageError(f"a chunk is packed with {name.decode(errors='replace')[:20]!r}, not zstd or lz4")
+    return bytes(packed)
+
+
+def messages(data: bytes, summary: Summary | None = None) -> list[Message]:
+    """Give the messages in a chunk's records; schemas and channels among them go to the summary."""
+    found = []
+    at, size = 0, len(data)
+    while at < size:
+        if at + RECORD.size > size:
+            raise DamageError("a record is cut off")
+        kind, length = RECORD.unpack_from(data, at)
+        at += RECORD.size
+        if length > size - at:
+            raise DamageError("a record is longer than what it is in")
+        if kind == Opcode.MESSAGE:
+            if length < _MESSAGE.size:
+                raise DamageError("a message is cut off")
+            channel, _, log_time_ns, _ = _MESSAGE.unpack_from(data, at)
+            found.append(Message(channel, log_time_ns, data[at + _MESSAGE.size : at + length]))
+        elif summary is not None and kind in (Opcode.SCHEMA, Opcode.CHANNEL):
+            take(summary, kind, data[at : at + length])
+        at += length
+    return found
+
+
+def message_head(body: bytes) -> tuple[int, int]:
+    """Channel and log time of a message record's content, of which the beginning is enough."""
+    if len(body) < _MESSAGE.size:
+        raise DamageError("a message is cut off")
+    channel, _, log_time_ns, _ = _MESSAGE.unpack_from(body)
+    return channel, log_time_ns

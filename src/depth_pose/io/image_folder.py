@@ -1,0 +1,208 @@
+"""A folder of depth images, PNG or NPY, as a recording: `ImageOptions` say what the files do not.
+
+What is not given is taken from ``camera.json`` in the folder, if there is one: ``fx``, ``fy``, ``cx``,
+``cy``, ``depth_scale``, ``fps``.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import math
+import re
+import tokenize
+from collections.abc import Iterable, Iterator
+from dataclasses import fields, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from depth_pose.core.camera import Camera
+from depth_pose.core.errors import InputError
+from depth_pose.io import schemas
+from depth_pose.io._messages import write_camera_info, write_image
+from depth_pose.io._topics import RawMessage, Topic, counted
+from depth_pose.io.compressed import decode_png
+from depth_pose.io.decode import check_size
+from depth_pose.io.image_options import ImageOptions
+
+CAMERA_FILE = "camera.json"
+IMAGE_ENDINGS = (".png", ".npy")
+
+FRAME_ID = "camera_depth_optical_frame"
+"""The images' frame; files name none."""
+
+INFO_TOPIC = schemas.DEPTH_TOPIC.rpartition("/")[0] + "/camera_info"
+
+_FPS = 30.0
+"""Frames a second where nobody says: that of most sensors. Set by hand."""
+
+_START_NS = 1_000_000_000
+"""Stamp of the first image; 0 would be no time at all in ROS."""
+
+_NPY_ERRORS: tuple[type[Exception], ...] = (ValueError, EOFError, SyntaxError, TypeError, OverflowError)
+_NPY_ERRORS += (RecursionError, MemoryError, tokenize.TokenError)
+"""What NumPy raises of files that are no arrays."""
+
+_MOST_BYTES = 128 << 20
+"""The most bytes of an image's file. Set by hand."""
+
+
+def image_files(folder: Path) -> list[Path]:
+    """Give a folder's depth images, or those of ``depth`` in it, in their order; empty if there are none."""
+    for inside in (folder, folder / "depth"):
+        if inside.is_dir():
+            files = [p for p in inside.iterdir() if p.suffix.lower() in IMAGE_ENDINGS and p.is_file()]
+            named = [p for p in files if "depth" in p.stem.lower()]
+            if files:
+                return sorted(named or files, key=_natural)
+    return []
+
+
+def _natural(path: Path) -> tuple[list[int], str]:
+    seconds = _seconds_ns(path.stem)
+    numbers = [seconds] if seconds is not None else [int(n) for n in re.findall(r"\d+", path.stem)]
+    return numbers, path.name
+
+
+def _seconds_ns(name: str) -> int | None:
+    """Read a name that is seconds with a fraction, nanoseconds; None where it is another."""
+    found = re.fullmatch(r"(\d{1,10})\.(\d{1,9})", name)
+    return int(found[1]) * 1_000_000_000 + int(found[2].ljust(9, "0")) if found else None
+
+
+class ImageFolder:
+    """A folder of depth images.
+
+    Parameters
+    ----------
+    folder : Path
+    options : ImageOptions
+
+    Attributes
+    ----------
+    topics : list of Topic
+        The images' and their camera's.
+    others : dict
+        Empty.
+
+    Raises
+    ------
+    InputError
+        Where the camera is not known, or the first image cannot be read.
+    """
+
+    def __init__(self, folder: Path, options: ImageOptions) -> None:
+        self.others: dict[str, str] = {}
+        self._files = image_files(folder)
+        self._folder = folder
+        given = _completed(options, folder)
+        if given.fx is None or given.fy is None or given.cx is None or given.cy is None:
+            raise InputError(
+                f"{folder} is a folder of images, which do not say their camera: "
+                f"give --intrinsics FX,FY,CX,CY (pixels), or write {folder / CAMERA_FILE}"
+            )
+        self._scale = given.depth_scale
+        self._stamps = _stamps(self._files, given.fps)
+        height, width = self._first_size()
+        self._camera = Camera(width, height, given.fx, given.fy, given.cx, given.cy)
+        self._bad: dict[str, str] = {}
+        count = len(self._files)
+        self.topics = [
+            Topic(schemas.DEPTH_TOPIC, schemas.IMAGE, count, schemas.schema_text(schemas.IMAGE)),
+            Topic(INFO_TOPIC, schemas.CAMERA_INFO, count, schemas.schema_text(schemas.CAMERA_INFO)),
+        ]
+
+    def _first_size(self) -> tuple[int, int]:
+        """Size of the first image that can be read."""
+        for file in self._files[:-1]:
+            with contextlib.suppress(InputError):
+                height, width = _read(file, self._scale).shape
+                return height, width
+        height, width = _read(self._files[-1], self._scale).shape
+        return height, width
+
+    def messages(self, topics: Iterable[str]) -> Iterator[RawMessage]:
+        """Give the images and their camera as messages, in order."""
+        wanted = set(topics)
+        for file, stamp_ns in zip(self._files, self._stamps, strict=True):
+            if INFO_TOPIC in wanted:
+                info = write_camera_info(stamp_ns, FRAME_ID, self._camera)
+                yield RawMessage(INFO_TOPIC, stamp_ns, info)
+            if schemas.DEPTH_TOPIC in wanted:
+                try:
+                    pixels = _read(file, self._scale)
+                except InputError as error:
+                    self._bad[file.name] = str(error)
+                    continue
+                yield RawMessage(schemas.DEPTH_TOPIC, stamp_ns, write_image(stamp_ns, FRAME_ID, pixels))
+
+    @property
+    def damage(self) -> list[str]:
+        """What could not be read, as far as reading has come: one line, or none."""
+        if not self._bad:
+            return []
+        first = next(iter(self._bad.values()))
+        return [
+            f"{self._folder} has {counted(len(self._bad), 'damaged image')}, left out (the first: {first})"
+        ]
+
+
+def _completed(options: ImageOptions, folder: Path) -> ImageOptions:
+    """Add what the folder's own file says."""
+    path = folder / CAMERA_FILE
+    if not path.is_file():
+        return options
+    names = [field.name for field in fields(ImageOptions)]
+    try:
+        if path.stat().st_size > 1 << 16:
+            raise ValueError("it is too large")
+        found = json.loads(path.read_text())
+        said = {name: float(found[name]) for name in names if name in found}
+    except (OSError, ValueError, TypeError, OverflowError, RecursionError) as error:
+        raise InputError(f"{path} cannot be read: {error}") from error
+    if not all(map(math.isfinite, said.values())):
+        raise InputError(f"{path}: all numbers must be finite")
+    return replace(options, **{n: v for n, v in said.items() if getattr(options, n) is None})
+
+
+def _stamps(files: list[Path], fps: float | None) -> list[int]:
+    """Give the images' times, nanoseconds."""
+    if fps is None:
+        times = [_seconds_ns(file.stem) for file in files]
+        known = [time for time in times if time is not None]
+        if len(known) == len(files) and known == sorted(set(known)):
+            return known
+    return [_START_NS + round(i * 1e9 / (fps or _FPS)) for i in range(len(files))]
+
+
+def _read(file: Path, scale: float | None) -> NDArray[np.generic]:
+    """Read an image: uint16 millimetres, or float32 metres."""
+    try:
+        if file.stat().st_size > _MOST_BYTES:
+            raise InputError(f"{file} is too large")
+        pixels = decode_png(file.read_bytes()) if file.suffix.lower() == ".png" else _read_npy(file)
+    except OSError as error:
+        raise InputError(f"{file} cannot be read: {error.strerror or error}") from error
+    except InputError as error:
+        raise InputError(f"{file}: {error}") from error
+    if scale is None:
+        scale = 1.0 if pixels.dtype.kind == "f" else 0.001
+    if pixels.dtype == np.uint16 and scale == 0.001:
+        return pixels
+    with np.errstate(over="ignore", invalid="ignore"):
+        return (pixels.astype(np.float64) * scale).astype(np.float32)
+
+
+def _read_npy(file: Path) -> NDArray[np.generic]:
+    try:  # mapped, so that nothing is allocated that the file does not hold
+        pixels = np.load(file, mmap_mode="r", allow_pickle=False)
+    except _NPY_ERRORS as error:
+        raise InputError(f"no NPY array: {' '.join(str(error).split())[:200]}") from error
+    if pixels.ndim == 3 and pixels.shape[2] == 1:
+        pixels = pixels[..., 0]
+    if pixels.ndim != 2 or pixels.dtype.kind not in "uif":
+        raise InputError(f"the array is {pixels.dtype}{list(pixels.shape)}; depth is one number a pixel")
+    check_size("image", *pixels.shape)
+    return np.array(pixels, pixels.dtype.newbyteorder("="))

@@ -1,0 +1,193 @@
+"""Playing what others recorded, as it was offered; recording so that nothing is lost that was there."""
+
+import threading
+
+import numpy as np
+import pytest
+import scene
+from geometry_msgs.msg import TransformStamped
+from mcap.reader import make_reader
+from mcap.writer import Writer
+from peer import RELIABLE
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.serialization import serialize_message
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
+from rosbags.rosbag2 import Reader as Rosbags2Reader
+from rosbags.rosbag2 import Writer as Rosbags2Writer
+from rosbags.typesys import Stores, get_typestore
+from sensor_msgs.msg import CameraInfo, Image
+from std_msgs.msg import Header
+
+from depth_pose.core.errors import InputError
+from depth_pose.io._recording import Recording
+from depth_pose.io.image_options import ImageOptions
+from depth_pose.io.mcap_write import DepthWriter
+from depth_pose.ros.transport.bag import Player, Recorder
+from depth_pose.ros.transport.conversions import make_header, stamp_to_ns
+from depth_pose.ros.transport.recorded_qos import is_latched
+
+IMAGE, INFO = "/camera/depth/image_raw", "/camera/depth/camera_info"
+FRAMES = 20
+LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory):
+    path = tmp_path_factory.mktemp("bag") / "small.mcap"
+    with DepthWriter(path, scene.CAMERA, "optical") as writer:
+        for frame in scene.frames(FRAMES):
+            writer.write_frame(frame)
+    return path
+
+
+@pytest.fixture(params=["mcap", "sqlite3, messages packed"])
+def folder(request, recording, tmp_path):
+    """The same as a folder of rosbag2."""
+    plugin = StoragePlugin.MCAP if request.param == "mcap" else StoragePlugin.SQLITE3
+    writer = Rosbags2Writer(tmp_path / "bag", version=9, storage_plugin=plugin)
+    if plugin == StoragePlugin.SQLITE3:
+        writer.set_compression(CompressionMode.MESSAGE, CompressionFormat.ZSTD)
+    whole = Recording(recording)
+    store = get_typestore(Stores.ROS2_JAZZY)
+    with writer:
+        made = {n: writer.add_connection(n, t.kind, typestore=store) for n, t in whole.topics.items()}
+        for message in whole.messages(*whole.topics):
+            writer.write(made[message.topic], message.log_time_ns, message.data)
+    return tmp_path / "bag"
+
+
+def test_folders_are_played_and_topics_renamed(folder, peer):
+    images = peer.listen(Image, "/left/depth", RELIABLE)
+    player = Player(folder, rate=10.0, remap={IMAGE: "/left/depth"}, wait_for=1)
+    thread = threading.Thread(target=lambda: setattr(player, "result", player.run()))
+    thread.start()
+    peer.until(lambda: len(images) == FRAMES, what="all images")
+    thread.join(10.0)
+    assert player.result.messages == {IMAGE: FRAMES, INFO: FRAMES} and not player.result.damage
+    wanted = [frame.stamp_ns for frame in scene.frames(FRAMES)]
+    assert [stamp_to_ns(m.header.stamp) for m in images] == wanted
+
+
+def test_images_of_a_folder_are_played(tmp_path, peer):
+    for i in range(3):
+        np.save(tmp_path / f"{i}.npy", np.full((48, 64), 1000 + i, np.uint16))
+    images = peer.listen(Image, IMAGE, RELIABLE)
+    player = Player(tmp_path, wait_for_subscribers=[IMAGE], images=ImageOptions(60, 60, 31.5, 23.5))
+    thread = threading.Thread(target=player.run)
+    thread.start()
+    peer.until(lambda: len(images) == 3, what="all images")
+    thread.join(10.0)
+    assert [np.frombuffer(m.data, "<u2")[0] for m in images] == [1000, 1001, 1002]
+
+
+def test_nothing_is_lost_to_nodes_that_run_already(recording, peer):
+    """Without being told to wait for anybody."""
+    images, infos = peer.listen(Image, IMAGE, RELIABLE), peer.listen(CameraInfo, INFO, RELIABLE)
+    peer.spin(0.5)
+    thread = threading.Thread(target=lambda: play_here(recording))
+    thread.start()
+    peer.until(lambda: len(images) == len(infos) == FRAMES, what=lambda: f"{len(images)} images, all")
+    thread.join(10.0)
+
+
+def play_here(recording):
+    return Player(recording, rate=2.0).run()
+
+
+def test_waiting_for_a_number_of_subscribers(recording, peer):
+    peer.listen(Image, IMAGE, RELIABLE)
+    with pytest.raises(InputError, match="1 of 2"):
+        Player(recording, wait_for=2, wait_s=1.0).run()
+    with pytest.raises(InputError, match="no topic /nothing that could be renamed"):
+        Player(recording, remap={"/nothing": "/a"}).run()
+    with pytest.raises(InputError, match="cannot be a topic"):
+        Player(recording, remap={IMAGE: "/a b"}).run()
+
+
+def test_the_delay_is_kept(recording, domain):
+    import time
+
+    started, first = time.monotonic(), []
+    player = Player(recording, rate=50.0, delay_s=2.0, on_message=lambda *_: first.append(time.monotonic()))
+    player.run()
+    assert first[0] - started >= 2.0
+
+
+def _static_transforms(path, qos):
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start("ros2")
+        schema = writer.register_schema("geometry_msgs/msg/TransformStamped", "ros2msg", b"")
+        offered = {"offered_qos_profiles": qos} if qos else {}
+        for topic in ("/latched", "/tf_static", "/fleeting"):
+            metadata = offered if topic == "/latched" else {}
+            channel = writer.register_channel(topic, "cdr", schema, metadata)
+            message = TransformStamped(child_frame_id=topic)
+            writer.add_message(channel, 0, serialize_message(message), 0)
+        writer.add_message(channel, 4_000_000_000, serialize_message(message), 0)
+        writer.finish()
+    return path
+
+
+@pytest.mark.parametrize("durability", ["transient_local", "1"])
+def test_what_was_latched_is_so_again(tmp_path, peer, durability):
+    """Who comes after the only message has it."""
+    path = _static_transforms(tmp_path / "a.mcap", f"- history: 1\n  durability: {durability}\n")
+    began = threading.Event()
+    player = Player(path, on_message=lambda *_: began.set())
+    thread = threading.Thread(target=player.run)
+    thread.start()
+    assert began.wait(10.0)
+    heard = [peer.listen(TransformStamped, topic, LATCHED) for topic in ("/latched", "/tf_static")]
+    peer.until(lambda: all(heard), what="both transforms")
+    player.stop()
+    thread.join(10.0)
+    assert [h[0].child_frame_id for h in heard] == ["/latched", "/tf_static"]
+
+
+def test_texts_of_profiles():
+    assert is_latched("/tf_static", "") and not is_latched("/a", "")
+    assert is_latched("/a", "- durability: 1") and not is_latched("/tf_static", "- durability: 2")
+    assert not is_latched("/a", "- durability: 1\n- durability: volatile")
+    for text in ("[", "a: b", "- 1", "&a [*a", "- {durability: [1]}", "\0"):
+        assert not is_latched("/a", text)
+
+
+def test_what_is_recorded_says_what_was_offered(tmp_path, peer):
+    path = tmp_path / "out.mcap"
+    latched = peer.node.create_publisher(Header, "/latched", LATCHED)
+    best_effort = QoSProfile(depth=3, reliability=ReliabilityPolicy.BEST_EFFORT)
+    fast = peer.node.create_publisher(Header, "/fast", best_effort)
+    with Recorder(path, ["/latched", "/fast"]) as recorder:
+        assert recorder.wait_subscribed()
+        for publisher in (latched, fast):
+            publisher.publish(Header(stamp=make_header(1, "").stamp))
+        assert recorder.wait_for("/latched", 1) and recorder.wait_for("/fast", 1)
+    topics = Recording(path).topics
+    assert is_latched("/latched", topics["/latched"].qos)
+    assert not is_latched("/fast", topics["/fast"].qos)
+    with Rosbags2Reader(path) as reader:  # somebody else's reader
+        offered = {c.topic: c.ext.offered_qos_profiles[0] for c in reader.connections}
+    assert offered["/latched"].durability.name == "TRANSIENT_LOCAL"
+    assert offered["/fast"].reliability.name == "BEST_EFFORT"
+    assert offered["/fast"].durability.name == "VOLATILE"
+
+
+def test_an_existing_file_stays_until_there_is_something_to_write(tmp_path, peer):
+    path = tmp_path / "out.mcap"
+    path.write_bytes(b"old")
+    with Recorder(path, ["/numbers"]):
+        assert path.read_bytes() == b"old"
+    assert path.read_bytes() == b"old" and list(tmp_path.iterdir()) == [path]
+    numbers = peer.node.create_publisher(Header, "/numbers", RELIABLE)
+    with Recorder(path, ["/numbers"]) as recorder:
+        assert recorder.wait_subscribed()
+        assert path.read_bytes() == b"old"
+        numbers.publish(Header())
+        assert recorder.wait_for("/numbers", 1)
+        assert path.read_bytes() != b"old"
+    assert list(tmp_path.iterdir()) == [path]
+    with path.open("rb") as stream:
+        assert len(list(make_reader(stream).iter_messages())) == 1
+    with pytest.raises(InputError, match="it is no file"):
+        Recorder("/dev/null").start()

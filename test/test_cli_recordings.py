@@ -1,0 +1,140 @@
+"""The commands on damaged recordings, and on recordings of all formats."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from depth_pose.cli import main
+from depth_pose.core.camera import Camera
+from depth_pose.io.mcap_read import read_people
+from depth_pose.io.mcap_write import DepthWriter
+
+CAMERA = Camera(64, 48, 60.0, 60.0, 31.5, 23.5)
+
+
+@dataclass(frozen=True)
+class Done:
+    """How a command ended."""
+
+    code: int
+    out: str
+    err: str
+
+
+@pytest.fixture
+def call(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], bank_path: Path
+) -> Callable[..., Done]:
+    """Call `main` in this process."""
+    monkeypatch.setenv("COLUMNS", "200")
+    monkeypatch.setenv("NO_COLOR", "1")
+    monkeypatch.setenv("DEPTH_POSE_BANK", str(bank_path))
+
+    def run(*arguments: str | Path) -> Done:
+        monkeypatch.setattr(sys, "argv", ["depth-pose", *map(str, arguments)])
+        capsys.readouterr()
+        try:
+            main()
+            code = 0
+        except SystemExit as end:
+            code = end.code or 0
+        captured = capsys.readouterr()
+        return Done(code, captured.out, captured.err)
+
+    return run
+
+
+def _write(path: Path, frames: int = 300) -> Path:
+    rng = np.random.default_rng(0)
+    with DepthWriter(path, CAMERA, "optical") as writer:
+        for i in range(frames):
+            writer.write(i * 40_000_000, rng.uniform(2.0, 4.0, (48, 64)).astype(np.float32))
+    return path
+
+
+def _damage(path: Path) -> Path:
+    data = bytearray(path.read_bytes())
+    data[len(data) // 3] ^= 8
+    path.write_bytes(data)
+    return path
+
+
+def test_run_on_a_damaged_recording(tmp_path: Path, call: Callable[..., Done]) -> None:
+    path, output = _damage(_write(tmp_path / "in.mcap")), tmp_path / "out.mcap"
+    done = call("run", path, "-o", output)
+    assert done.code == 3
+    assert done.err.count("1 damaged chunk, left out") == 1 and str(path) in done.err
+    assert "error: a recording is damaged" in done.err
+    assert 0 < len(list(read_people(output))) < 300
+    for arguments in (("run", path, "-o", output, "--lenient"), ("--lenient", "run", path, "-o", output)):
+        done = call(*arguments)
+        assert done.code == 0 and "1 damaged chunk" in done.err and "error" not in done.err
+    done = call("run", _write(tmp_path / "whole.mcap", 3), "-o", output)
+    assert done.code == 0 and done.err == ""
+
+
+def test_run_on_many_of_which_one_is_damaged(tmp_path: Path, call: Callable[..., Done]) -> None:
+    (tmp_path / "in").mkdir()
+    _write(tmp_path / "in/whole.mcap", 3)
+    _damage(_write(tmp_path / "in/damaged.mcap"))
+    for again in range(2):  # the second time all is done already
+        done = call("run", tmp_path / "in", "-o", tmp_path / "out", "--workers", "0")
+        assert done.code == 3, again
+        assert "damaged.mcap has 1 damaged chunk" in done.err
+    assert call("run", tmp_path / "in", "-o", tmp_path / "out", "--lenient").code == 0
+
+
+def test_reading_skeletons_of_a_damaged_recording(tmp_path: Path, call: Callable[..., Done]) -> None:
+    recording, skeletons = _write(tmp_path / "in.mcap"), tmp_path / "out.mcap"
+    assert call("run", recording, "-o", skeletons).code == 0
+    done = call("overlay", recording, skeletons, "-o", tmp_path / "a.png")
+    assert done.code == 0, done.err
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(skeletons.read_bytes()[:-30])
+    done = call("overlay", recording, cut, "-o", tmp_path / "a.png")
+    assert done.code == 3 and "cut.mcap ends too early" in done.err
+    assert call("--lenient", "overlay", recording, cut, "-o", tmp_path / "a.png").code == 0
+
+
+def test_a_folder_of_images_gives_the_skeletons_of_its_recording(
+    tmp_path: Path, call: Callable[..., Done]
+) -> None:
+    """The same file, byte for byte, by options and by camera.json, alone and among others."""
+    images = tmp_path / "images"
+    images.mkdir()
+    depth = np.random.default_rng(0).integers(2000, 4000, (5, 48, 64)).astype(np.uint16)
+    with DepthWriter(tmp_path / "in.mcap", CAMERA, "camera_depth_optical_frame") as writer:
+        for i in range(5):
+            np.save(images / f"{i}.npy", depth[i])
+            writer.write(1_000_000_000 + i * 40_000_000, depth[i] / np.float32(1000))
+    assert call("run", tmp_path / "in.mcap", "-o", tmp_path / "wanted.mcap").code == 0
+    wanted = (tmp_path / "wanted.mcap").read_bytes()
+    done = call("run", images, "-o", tmp_path / "a.mcap")
+    assert done.code == 1 and "--intrinsics" in done.err
+    options = ("--intrinsics", "60,60,31.5,23.5", "--fps", "25")
+    done = call("run", images, "-o", tmp_path / "a.mcap", *options)
+    assert done.code == 0, done.err
+    assert (tmp_path / "a.mcap").read_bytes() == wanted
+    (images / "camera.json").write_text('{"fx": 60, "fy": 60, "cx": 31.5, "cy": 23.5, "fps": 25}')
+    assert call("run", images, "-o", tmp_path / "b.mcap").code == 0
+    assert (tmp_path / "b.mcap").read_bytes() == wanted
+    assert call("run", images, "-o", tmp_path / "c.mcap", "--fps", "0").code == 2
+
+
+def test_info(tmp_path: Path, call: Callable[..., Done]) -> None:
+    path = _write(tmp_path / "in.mcap")
+    done = call("info", path)
+    assert done.code == 0 and done.err == ""
+    assert "300 messages, sensor_msgs/msg/Image" in done.out and "11.96 s" in done.out
+    assert "64 x 48" in done.out and "fx 60.00" in done.out
+    done = call("info", _damage(path))
+    assert done.code == 3 and "1 damaged chunk" in done.err
+    assert call("info", path, "--lenient").code == 0
+    done = call("info", tmp_path / "none.mcap")
+    assert done.code == 1 and "No such file" in done.err
