@@ -25,7 +25,8 @@ def njit(*functions: Callable[..., Any], **options: Any) -> Any:
     """Compile a function as `numba.njit` does, without ``cache`` where there is no folder for it."""
     if not _HAS_CACHE:
         options.pop("cache", None)
-    return numba.njit(*functions, **options)
+    compile_it: Any = numba.njit
+    return compile_it(*functions, **options)
 
 
 def _find_cache() -> bool:
@@ -42,7 +43,8 @@ def _find_cache() -> bool:
     if own is None:
         return False
     os.environ["NUMBA_CACHE_DIR"] = str(own)  # for the processes that this one starts
-    numba.config.CACHE_DIR = str(own)
+    config: Any = numba.config
+    config.CACHE_DIR = str(own)
     return True
 
 
@@ -75,4 +77,4 @@ class _CheckedFiles(caching.IndexDataCacheFile):  # type: ignore[misc]
 
 
 _HAS_CACHE = _find_cache()
-caching.IndexDataCacheFile = _CheckedFiles
+caching.IndexDataCacheFile = _CheckedFiles  # type: ignore[misc]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import threading
 import time
 from collections import Counter
@@ -26,7 +25,6 @@ _SETTLE_S = 0.2
 _QUEUE = 1000
 """Messages of a topic that may wait to be written. Set by hand."""
 
-_PART = ".part"
 _INTERNAL = ("/parameter_events", "/rosout")
 
 
@@ -40,7 +38,7 @@ class Recorder:
     ----------
     output : path
         MCAP file. Until it is finished it is ``NAME.partial.mcap``; then an existing one is replaced,
-        unless nothing was recorded.
+        unless nothing was recorded, which leaves no file.
     topics : sequence of str, optional
         Topics to record; all but `rosout` and parameter events by default.
     on_message : callable, optional
@@ -204,8 +202,6 @@ class Recorder:
     def _write(self, topic: str, data: bytes) -> None:
         now_ns = time.time_ns()
         with self._changed:
-            if not self._counts:  # only now is there something to put in the place of what was there
-                os.replace(self._part, self._output)
             sequence = self._counts[topic]
             self._writer.add_message(self._channels[topic], now_ns, data, now_ns, sequence)
             self._counts[topic] += 1
