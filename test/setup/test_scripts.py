@@ -153,9 +153,10 @@ def test_an_environment_of_the_user_s_is_left_alone(tmp_path):
 def test_unknown_options_and_recordings_are_refused():
     done = subprocess.run(["/bin/bash", SCRIPTS / "setup.sh", "--tests"], capture_output=True, text=True)
     assert (done.returncode, done.stderr) == (1, "setup.sh knows no option --tests; it has --test\n")
-    done = subprocess.run(["/bin/bash", SCRIPTS / "demo.sh", "nothing.mcap"], capture_output=True, text=True)
-    assert done.returncode == 1
-    assert "There is no recording nothing.mcap" in done.stderr
+    for arguments in (["nothing.mcap"], ["--view", "nothing.mcap"]):
+        done = subprocess.run(["/bin/bash", SCRIPTS / "demo.sh", *arguments], capture_output=True, text=True)
+        assert done.returncode == 1
+        assert "There is no recording nothing.mcap" in done.stderr
 
 
 def test_a_failed_job_shows_its_last_words(tmp_path):

@@ -56,8 +56,8 @@ def export(
     of that person. y is up in both, as their importers expect it; they turn z up themselves. .csv and
     .npz hold everybody, in metres, in the sensor's optical frame (x right, y down, z forward) or the floor's.
 
-    Gaps in which a person was not found are told. Without --fill .bvh keeps the last pose, .trc has empty
-    cells, .csv no rows and .npz NaN.
+    Gaps in which a person was not found are told. Without --fill .bvh keeps the last pose, .trc and
+    .npz have NaN, .csv no rows.
 
     [bold]Examples:[/bold]
 
@@ -69,7 +69,7 @@ def export(
 
     depth-pose export out.mcap -o joints.csv
 
-    depth-pose export out.mcap -o joints.npz --person person_1
+    depth-pose export out.mcap -o joints.npz --person body_1
     """
     from depth_pose.export import export_skeletons
     from depth_pose.export.tracks import describe_gaps
@@ -111,7 +111,7 @@ def _treated(kind: str, fill: bool) -> str:
     """Say what became of gaps."""
     if fill:
         return "bridged"
-    return {".bvh": "held", ".trc": "left empty", ".csv": "left out", ".npz": "NaN"}[kind]
+    return {".bvh": "held", ".trc": "NaN", ".csv": "left out", ".npz": "NaN"}[kind]
 
 
 def _say(line: str) -> None:

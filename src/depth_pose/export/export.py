@@ -100,7 +100,7 @@ def export_skeletons(
     people : sequence of str
         Only these ``body_id``; all if empty.
     fill : bool
-        Bridge gaps. Without it BVH holds the last pose, TRC has empty cells, CSV no rows, NPZ NaN.
+        Bridge gaps. Without it BVH holds the last pose, TRC and NPZ have NaN, CSV no rows.
     world : str
         ``camera``, or ``floor``: z up, the origin on the floor below the sensor.
     recording : Path or str, optional

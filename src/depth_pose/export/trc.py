@@ -1,7 +1,7 @@
 """Writer of track row column files (.trc), as OpenSim reads markers.
 
 The format: *Marker (.trc) Files*, OpenSim documentation (simtk-confluence.stanford.edu). Columns are
-separated by tabs; what is not known is left empty.
+separated by tabs. What is not known is ``NaN``: OpenSim refuses a line that ends in empty cells.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from depth_pose.export.tracks import Track
 
 
 def trc_text(track: Track, step_s: float, name: str, unit: str, factor: float) -> str:
-    """Make a TRC file's text of a motion at an even rate; gaps are empty.
+    """Make a TRC file's text of a motion at an even rate; gaps are NaN.
 
     Parameters
     ----------
