@@ -210,3 +210,30 @@ def test_no_flipped_bit_gives_a_wrong_frame_or_is_kept_quiet(tmp_path: Path, opt
         assert damage or numbers == list(range(6)), at
         quiet += not damage
     assert quiet < 100  # what is not read, such as the message indexes
+
+
+def test_an_index_that_names_a_chunk_many_times_is_not_followed(tmp_path: Path) -> None:
+    """Or a small file could be read for ever."""
+    import io
+    import struct
+    import zlib
+
+    from mcap.data_stream import RecordBuilder
+    from mcap.reader import make_reader
+
+    path = write(tmp_path / "a.mcap")
+    summary = make_reader(io.BytesIO(path.read_bytes())).get_summary()
+    start, _ = summary_place(path)
+    builder = RecordBuilder()
+    for chunk in summary.chunk_indexes[:1] * 5000:
+        chunk.write(builder)
+    summary.statistics.chunk_count = 5000
+    for record in (*summary.schemas.values(), *summary.channels.values(), summary.statistics):
+        record.write(builder)
+    body = builder.end()
+    footer = struct.pack("<BQQQ", Opcode.FOOTER, 20, start, 0)
+    end = footer + struct.pack("<I", zlib.crc32(footer, zlib.crc32(body))) + b"\x89MCAP0\r\n"
+    path.write_bytes(path.read_bytes()[:start] + body + end)
+    numbers, damage = _read(path)
+    assert numbers == list(range(FRAMES))
+    assert "names chunks twice" in damage[0]

@@ -10,6 +10,7 @@ from __future__ import annotations
 import zlib
 from collections import Counter
 from collections.abc import Iterable, Iterator
+from itertools import pairwise
 from pathlib import Path
 from typing import BinaryIO
 
@@ -18,7 +19,7 @@ from mcap.records import Channel
 
 from depth_pose.io import _mcap_records as mcap
 from depth_pose.io._mcap_records import Summary
-from depth_pose.io._topics import MAX_CHUNK, DamageError, Place, RawMessage, Topic, counted, in_order
+from depth_pose.io._topics import DamageError, Place, RawMessage, Topic, counted, in_order
 
 _RUN = 4 << 20
 """Messages outside chunks are read in runs of about so many bytes. Set by hand."""
@@ -84,8 +85,7 @@ class McapFile:
             self._said[found.channels[number].topic] += count
         if not found.chunks or len(found.chunks) != statistics.chunk_count:
             return False
-        self._summary = found
-        self._places = [
+        places = [
             Place(
                 chunk.message_start_time,
                 chunk.message_end_time,
@@ -95,6 +95,10 @@ class McapFile:
             )
             for chunk in found.chunks
         ]
+        if not _are_apart(places):  # or a small file could be read for ever
+            self._faults.append("was read without its index: it names chunks twice")
+            return False
+        self._summary, self._places = found, places
         return True
 
     def _scan(self, stream: BinaryIO) -> None:
@@ -119,30 +123,27 @@ class McapFile:
         self._close_run(run)
 
     def _scan_record(self, stream: BinaryIO, kind: int, at: int, length: int, run: list[Place]) -> None:
-        if kind == Opcode.CHUNK:
-            self._scan_chunk(stream, at, length)
-        elif kind in (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE):
-            try:
-                if kind == Opcode.MESSAGE:
-                    channel, time_ns = mcap.message_head(stream.read(min(length, 64)))
-                    end = at + mcap.RECORD.size + length
-                    self._found[channel] += 1
-                    if run and (end - run[0].start > _RUN or at != run[-1].end):
-                        self._close_run(run)
-                    run.append(Place(time_ns, time_ns, at, end, None, is_chunk=False))
-                else:
-                    body = stream.read(min(length, MAX_CHUNK))
-                    mcap.take(self._summary, kind, body)
-            except DamageError as error:
-                self._bad[at] = str(error)
-
-    def _scan_chunk(self, stream: BinaryIO, at: int, length: int) -> None:
         try:
-            _, _, data = mcap.read_chunk(stream, at)
-            found = mcap.messages(data, self._summary)
+            if kind == Opcode.CHUNK:
+                self._scan_chunk(stream, at, length)
+            elif kind == Opcode.MESSAGE:
+                self._scan_message(stream, at, mcap.bounded(length), run)
+            elif kind in (Opcode.SCHEMA, Opcode.CHANNEL):
+                mcap.take(self._summary, kind, stream.read(mcap.bounded(length)))
         except DamageError as error:
             self._bad[at] = str(error)
-            return
+
+    def _scan_message(self, stream: BinaryIO, at: int, length: int, run: list[Place]) -> None:
+        """Add a message that is in no chunk to the run of those before it."""
+        channel, time_ns = mcap.message_head(stream.read(min(length, 64)))
+        end = at + mcap.RECORD.size + length
+        self._found[channel] += 1
+        if run and (end - run[0].start > _RUN or at != run[-1].end):
+            self._close_run(run)
+        run.append(Place(time_ns, time_ns, at, end, None, is_chunk=False))
+
+    def _scan_chunk(self, stream: BinaryIO, at: int, length: int) -> None:
+        found = mcap.messages(mcap.read_chunk(stream, at)[2], self._summary)
         if found:
             times = [message.log_time_ns for message in found]
             channels = Counter(message.channel for message in found)
@@ -208,7 +209,11 @@ class McapFile:
     def messages(self, topics: Iterable[str]) -> Iterator[RawMessage]:
         """Give the topics' messages by log time; those of one time in the file's order."""
         wanted = set(topics)
-        numbers = {n: c.topic for n, c in self._summary.channels.items() if c.topic in wanted}
+        numbers = {
+            number: channel.topic
+            for number, channel in self._summary.channels.items()
+            if channel.topic in wanted and (channel.message_encoding == "cdr" or number in self._ros1)
+        }
         read: Counter[str] = Counter()
         with self.path.open("rb") as stream:
             places = [p for p in self._places if p.channels is None or p.channels & numbers.keys()]
@@ -263,6 +268,12 @@ class McapFile:
         elif parts and self._found:
             parts.append(f"gave {counted(self._found.total(), 'message')}")
         return [f"{self.path} {'; '.join(parts)}"] if parts else []
+
+
+def _are_apart(places: list[Place]) -> bool:
+    """Whether no two places have bytes of the file in common."""
+    order = sorted(places, key=lambda place: place.start)
+    return all(before.end <= after.start for before, after in pairwise(order))
 
 
 def _why_not(channel: Channel) -> str:

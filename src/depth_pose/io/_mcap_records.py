@@ -162,10 +162,11 @@ def read_chunk(stream: BinaryIO, at: int) -> tuple[int, int, bytes]:
     kind, length = read_record_head(stream, at)
     if kind != Opcode.CHUNK:
         raise DamageError("there is no chunk where the index says")
-    return open_chunk(stream.read(_bounded(length)))
+    return open_chunk(stream.read(bounded(length)))
 
 
-def _bounded(size: int) -> int:
+def bounded(size: int) -> int:
+    """Give a size back, if it is not more than `MAX_CHUNK`."""
     if size > MAX_CHUNK:
         raise DamageError(f"a chunk of {size} bytes is more than the {MAX_CHUNK >> 20} MiB that are taken")
     return size
@@ -183,7 +184,7 @@ def open_chunk(body: bytes) -> tuple[int, int, bytes]:
     at += _LENGTH.size
     if packed != len(body) - at:
         raise DamageError("a chunk's length is wrong")
-    data = _unpack(body[_CHUNK.size + 4 : at - _LENGTH.size], memoryview(body)[at:], _bounded(size))
+    data = _unpack(body[_CHUNK.size + 4 : at - _LENGTH.size], memoryview(body)[at:], bounded(size))
     if len(data) != size:
         raise DamageError(f"a chunk of {size} bytes unpacks to {len(data)}")
     if crc and zlib.crc32(data) != crc:
