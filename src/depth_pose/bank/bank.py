@@ -197,8 +197,8 @@ def _check_header(path: Path, header: dict[str, Any]) -> None:
     if not (isinstance(body, dict) and isinstance(source, dict) and isinstance(bank_id, str)):
         raise BankError(f"{path}: its header is damaged (id {bank_id!r:.80}); build the bank again")
     name, stature = body.get("name"), body.get("stature")
-    is_body = isinstance(name, str) and isinstance(stature, float)
-    if not is_body or not _LEAST_STATURE_M < stature < _MOST_STATURE_M:
+    is_tall = isinstance(stature, float) and _LEAST_STATURE_M < stature < _MOST_STATURE_M
+    if not (isinstance(name, str) and is_tall):
         raise BankError(f"{path}: its header is damaged (body {body!r:.80}); build the bank again")
     scheme = source.get("views", "partial")
     if scheme not in BANK_SCHEMES:
