@@ -319,7 +319,7 @@ def tilted_room(path, pitch_deg, wall=True):
 def test_feet_tell_the_floor(tmp_path):
     floor = floor_of_feet(read_tracks(standing(tmp_path / "walk.mcap")).people)
     assert floor.height == pytest.approx(CAMERA_HEIGHT, abs=0.06)
-    assert np.degrees(np.arccos(-floor.normal[1])) < 4.0
+    assert np.degrees(np.arccos(-floor.up[1])) < 4.0
 
 
 def test_depth_tells_the_floor_exactly(tmp_path):
@@ -328,7 +328,7 @@ def test_depth_tells_the_floor_exactly(tmp_path):
     assert result.floor.source == "depth images"
     assert result.floor.height == pytest.approx(CAMERA_HEIGHT, abs=0.01)
     down = np.array([0.0, np.cos(np.radians(3.0)), np.sin(np.radians(3.0))])
-    assert np.degrees(np.arccos(-result.floor.normal @ down)) < 0.3
+    assert np.degrees(np.arccos(-result.floor.up @ down)) < 0.3
     data = np.load(tmp_path / "walk.npz")
     assert str(data["frame_id"]) == "floor"
     back = (data["positions"][:, 0] - data["T_world_camera"][:3, 3]) @ data["T_world_camera"][:3, :3]

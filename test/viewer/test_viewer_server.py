@@ -55,7 +55,7 @@ def viewer(tmp_path):
     assert not thread.is_alive()
 
 
-def wait_for(true, seconds=20.0):
+def wait_for(true, seconds=60.0):
     end = time.monotonic() + seconds
     while not true():
         assert time.monotonic() < end, "nothing came"

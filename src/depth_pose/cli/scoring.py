@@ -211,8 +211,10 @@ def overlay(
     if output.suffix.lower() == ".gif":
         if truth is not None:
             raise typer.BadParameter("--truth is drawn into a PNG; a GIF has the skeletons alone")
+        from depth_pose.core.outputs import check_targets
         from depth_pose.evaluate.animation import save_animation
 
+        check_targets([output], [recording, skeletons])
         save_animation(recording, skeletons, output, seconds, depth_topic=depth_topic, skeleton_topic=topic)
         console.print(f"wrote {output}", soft_wrap=True, highlight=False)
         return

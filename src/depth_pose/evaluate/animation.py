@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
 from depth_pose.core.camera import Camera
+from depth_pose.core.outputs import new_file
 from depth_pose.core.skeleton import BONES, JointState
 from depth_pose.core.types import DepthFrame, Skeleton
 from depth_pose.evaluate.figures import LEFT, MIDDLE, RIGHT
@@ -76,12 +77,12 @@ def save_animation(
     for frame in frames:
         shown = calm.take(frame.depth)
         pictures.append(_draw(shown, frame.camera, answers.get(frame.stamp_ns, ()), width, (near, far)))
-    path = Path(gif_path)
-    path.parent.mkdir(parents=True, exist_ok=True)
     table = _shared_table(pictures)
     drawn = [picture.quantize(palette=table, dither=Image.Dither.NONE) for picture in pictures]
     step_ms = round(1000 / rate_hz)
-    drawn[0].save(path, save_all=True, append_images=drawn[1:], duration=step_ms, loop=0, optimize=True)
+    kind = {"save_all": True, "append_images": drawn[1:], "duration": step_ms, "loop": 0, "optimize": True}
+    with new_file(gif_path) as stream:
+        drawn[0].save(stream, format="GIF", **kind)
     return len(drawn)
 
 

@@ -2,25 +2,24 @@
 
 from __future__ import annotations
 
-import os
 import re
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.errors import ConfigError, InputError
+from depth_pose.core.outputs import check_targets, new_file, new_text_file
 from depth_pose.export.bvh import bvh_text
-from depth_pose.export.floor import Floor, floor_of_depth, floor_of_feet, some_frames
+from depth_pose.export.floor import floor_of_depth, floor_of_feet, some_frames
 from depth_pose.export.tables import csv_text, npz_arrays
 from depth_pose.export.tracks import Track, Tracks, even, even_step_s, fill_gaps, held, in_world, read_tracks
 from depth_pose.export.trc import trc_text
 from depth_pose.io.mcap_read import DepthReader
 from depth_pose.io.schemas import PEOPLE_TOPIC
+from depth_pose.people.floor import Floor
 
 FORMATS = {
     ".bvh": "animation (Blender, MotionBuilder, Unity and others); a file a person",
@@ -120,6 +119,7 @@ def export_skeletons(
     output = Path(output)
     kind = output.suffix.lower()
     _check(output, kind, world, unit, recording)
+    check_targets([output], [skeletons, recording])
     found = _chosen(read_tracks(skeletons, topic), people, skeletons)
     floor = _floor(found, recording, depth_topic) if world == "floor" else None
     tracks = found if floor is None else _on_floor(found, floor)
@@ -131,7 +131,7 @@ def export_skeletons(
         text = csv_text(shown)
         _write_text(output, text)
     else:
-        arrays = npz_arrays(shown, floor.T_world_camera() if floor else None)
+        arrays = npz_arrays(shown, floor.T_floor_camera if floor else None)
         with new_file(output) as stream:
             np.savez_compressed(stream, **arrays)  # type: ignore[arg-type]
     span = max(float(tracks.stamps_ns[-1] - tracks.stamps_ns[0]) * 1e-9, 1e-9)
@@ -139,25 +139,9 @@ def export_skeletons(
     return ExportResult((Exported(output, tracks.people, len(tracks.stamps_ns), rate, start_ns),), floor)
 
 
-@contextmanager
-def new_file(path: Path) -> Iterator[BinaryIO]:
-    """Give a stream to a file of another name, which takes its own once it is whole."""
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with part.open("wb") as stream:
-            yield stream
-        os.replace(part, path)
-    except OSError as error:
-        raise InputError(f"{path} cannot be written: {error.strerror}") from error
-    finally:
-        with suppress(OSError):
-            part.unlink()
-
-
 def _write_text(path: Path, text: str) -> None:
-    with new_file(path) as stream:
-        stream.write(text.encode())
+    with new_text_file(path, newline="") as stream:
+        stream.write(text)
 
 
 def _check(output: Path, kind: str, world: str, unit: str | None, recording: Path | str | None) -> None:
@@ -199,7 +183,7 @@ def _floor(tracks: Tracks, recording: Path | str | None, depth_topic: str | None
 
 
 def _on_floor(tracks: Tracks, floor: Floor) -> Tracks:
-    turned = tuple(in_world(track, floor.T_world_camera(), FLOOR_FRAME) for track in tracks.people)
+    turned = tuple(in_world(track, floor.T_floor_camera, FLOOR_FRAME) for track in tracks.people)
     return replace(tracks, people=turned, frame_id=FLOOR_FRAME)
 
 

@@ -1,8 +1,7 @@
 """The floor that people stand on, from their skeletons and, where it is given, the depth recording.
 
 Feet say roughly where the floor is: a toe base lies .044 of the stature above it (`rest_nodes`), and a
-trunk that stands says which way is up. The depth images then say it exactly: points near that plane
-are fitted by least squares, with a tolerance that shrinks to that of `depth_pose.people.planes`.
+trunk that stands says which way is up. The depth images then say it exactly (`depth_pose.people.floor`).
 
 The world is REP-103's: x forward (where the sensor looks), y to the left, z up, the origin on the floor
 below the sensor.
@@ -11,15 +10,16 @@ below the sensor.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from depth_pose.core.config import SegmentConfig
 from depth_pose.core.errors import InputError
 from depth_pose.core.skeleton import ADULT_STATURE_M, JOINT_INDEX, rest_nodes
 from depth_pose.core.types import DepthFrame
 from depth_pose.export.tracks import Track
+from depth_pose.people.floor import Floor, FloorFinder
 
 Array = NDArray[np.float64]
 
@@ -33,45 +33,9 @@ _UP_SPREAD = 0.07
 """How far a standing trunk leans on average over a recording, radians (4 degrees). Set by hand."""
 _ROUNDS = 8
 _FRAMES = 12
-_POINTS_A_FRAME = 20_000
-_LEAST_POINTS = 2_000
-"""Of all frames' points, so many must lie on the floor; it is 1 % of those looked at."""
-_LEVEL_COS = np.cos(np.radians(40.0))
-"""Surfaces tilted more than this against the guess are not floor; noise tilts patches of it. Set by hand."""
-_FIRST_TOLERANCE, _LAST_TOLERANCE = 0.12, 0.012
-"""Distance from the plane as a share of the range. The first allows for feet's guess: 5 degrees and 10 cm
-at 3 m; the last is that of `depth_pose.people.planes`."""
-
-
-@dataclass(frozen=True)
-class Floor:
-    """A floor in the camera frame: points x on it have ``normal @ x + height = 0``.
-
-    Attributes
-    ----------
-    normal : (3,) float64
-        Up, unit length.
-    height : float
-        Of the camera above it, metres.
-    source : str
-        What it was found from.
-    """
-
-    normal: Array
-    height: float
-    source: str
-
-    def T_world_camera(self) -> Array:
-        """Transform from the camera to the world on the floor, (4, 4)."""
-        forward = np.array([0.0, 0.0, 1.0])
-        if abs(self.normal[2]) > np.cos(np.radians(10.0)):  # straight down: forward is the image's up
-            forward = np.array([0.0, -1.0, 0.0])
-        x = forward - (forward @ self.normal) * self.normal
-        x /= np.linalg.norm(x)
-        out = np.eye(4)
-        out[:3, :3] = np.stack([x, np.cross(self.normal, x), self.normal])
-        out[2, 3] = self.height
-        return out
+_SAME_COS, _SAME_M = np.cos(np.radians(20.0)), 0.4
+"""A floor in the images this near to what feet say is theirs: feet err by 5 degrees and 10 cm, a table stands
+higher. Set by hand."""
 
 
 def floor_of_feet(tracks: Iterable[Track]) -> Floor:
@@ -148,48 +112,25 @@ def floor_of_depth(frames: Iterable[DepthFrame], guess: Floor) -> Floor | None:
     frames : iterable of DepthFrame
         A dozen, spread over the recording, are enough; see `some_frames`.
     guess : Floor
+
+    Returns
+    -------
+    Floor or None
+        The middle of those that `FloorFinder` sees near the guess.
     """
-    points = np.concatenate([_level_points(frame, guess.normal) for frame in frames] or [np.zeros((0, 3))])
-    normal, height = guess.normal, guess.height
-    for tolerance in np.geomspace(_FIRST_TOLERANCE, _LAST_TOLERANCE, _ROUNDS):
-        near = np.abs(points @ normal + height) < tolerance * np.linalg.norm(points, axis=1)
-        if near.sum() < _LEAST_POINTS:
-            return None
-        weights = 1.0 / np.linalg.norm(points[near], axis=1)  # noise goes with the range
-        middle = np.average(points[near], axis=0, weights=weights**2)
-        spread = (points[near] - middle) * weights[:, None]
-        normal = np.linalg.eigh(spread.T @ spread)[1][:, 0]
-        normal = normal if normal @ guess.normal > 0 else -normal
-        height = float(-normal @ middle)
-    if normal @ guess.normal < np.cos(np.radians(20.0)):
+    finder = FloorFinder(SegmentConfig())
+    seen = [floor for frame in frames if (floor := finder.find(frame)) is not None]
+    near = [f for f in seen if f.up @ guess.up > _SAME_COS and abs(f.height - guess.height) < _SAME_M]
+    if not near:
         return None
-    return Floor(np.asarray(normal), height, "depth images")
+    up = _unit(np.median([f.up for f in near], axis=0))
+    return Floor(np.asarray(up), float(np.median([f.height for f in near])))
 
 
 def some_frames(frames: Iterable[DepthFrame], count: int) -> list[DepthFrame]:
     """Take a dozen frames, spread over a recording of so many."""
     step = max(1, count // _FRAMES)
     return [frame for i, frame in enumerate(frames) if i % step == 0][:_FRAMES]
-
-
-def _level_points(frame: DepthFrame, up: Array) -> Array:
-    """Points of surfaces that lie about level, evenly thinned; walls and legs would pull at their corners."""
-    from scipy.ndimage import uniform_filter
-
-    reach = max(2, frame.depth.shape[0] // 72)
-    known = np.isfinite(frame.depth) & (frame.depth > 0)
-    points = frame.camera.back_project(frame.depth).astype(np.float64)
-    share = uniform_filter(known.astype(np.float64), 2 * reach + 1)
-    smooth = uniform_filter(np.where(known[..., None], points, 0.0), (2 * reach + 1, 2 * reach + 1, 1))
-    smooth /= np.maximum(share, 1e-9)[..., None]
-    normals = np.zeros_like(smooth)
-    down = smooth[2 * reach :, reach:-reach] - smooth[: -2 * reach, reach:-reach]
-    right = smooth[reach:-reach, 2 * reach :] - smooth[reach:-reach, : -2 * reach]
-    normals[reach:-reach, reach:-reach] = _unit(np.cross(right, down))
-    level = known & (np.abs(normals @ up) > _LEVEL_COS)
-    rows, columns = np.nonzero(level)
-    step = max(1, len(rows) // _POINTS_A_FRAME)
-    return np.asarray(points[rows[::step], columns[::step]])
 
 
 def _unit(vectors: Array) -> Array:

@@ -18,6 +18,9 @@ _TILT_DEG = 60.0
 """Farther than this off the image's upward direction a plane is a wall. A sensor may so look down by this
 much; of one that looks straight down the image does not say where up is."""
 
+_STRAIGHT = np.cos(np.radians(10.0))
+"""Of the angle between the axis of a sensor that looks straight down and the vertical."""
+
 _LEAST_HEIGHT_M = 0.15
 """Nearer below the sensor than this lies what it stands on; set by hand."""
 
@@ -46,21 +49,31 @@ class Floor:
         Unit normal, towards the sensor, camera frame.
     height : float
         Of the sensor above it, metres.
+    source : str
+        What it was found from.
     """
 
     up: Array
     height: float
+    source: str = "depth images"
 
     @property
     def T_camera_floor(self) -> Array:
         """Frame on the floor straight below the sensor: z up, x where it looks, y to its left; (4, 4)."""
         look = np.array([0.0, 0.0, 1.0])
+        if abs(self.up[2]) > _STRAIGHT:  # down, or up: ahead is the image's upper border
+            look = np.array([0.0, -1.0, 0.0])
         ahead = look - (look @ self.up) * self.up
         ahead /= np.linalg.norm(ahead)
         T = np.eye(4)
         T[:3, :3] = np.stack([ahead, np.cross(self.up, ahead), self.up], axis=1)
         T[:3, 3] = -self.height * self.up
         return T
+
+    @property
+    def T_floor_camera(self) -> Array:
+        """From the camera's frame to that on the floor, (4, 4)."""
+        return np.linalg.inv(self.T_camera_floor)
 
     def is_like(self, other: Floor) -> bool:
         """Whether it is the same floor, but for noise."""
@@ -69,7 +82,7 @@ class Floor:
 
     def turned(self, rotation: Array) -> Floor:
         """Give the same floor in a frame that is turned: ``rotation`` (3, 3) takes vectors there."""
-        return Floor(rotation @ self.up, self.height)
+        return Floor(rotation @ self.up, self.height, self.source)
 
 
 class FloorFinder:

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.export.export import new_file
+from depth_pose.core.outputs import new_file
 
 Picture = NDArray[np.uint8]
 

@@ -7,8 +7,9 @@ from numpy.typing import NDArray
 
 from depth_pose.core.errors import InputError
 from depth_pose.core.types import DepthFrame, Skeleton
-from depth_pose.export.floor import Floor, floor_of_depth, floor_of_feet
+from depth_pose.export.floor import floor_of_depth, floor_of_feet
 from depth_pose.export.tracks import tracks_of
+from depth_pose.people.floor import Floor
 from depth_pose.viewer.moments import Moment
 
 _FRAMES = 15
@@ -41,4 +42,4 @@ class FloorSeeker:
             self._images.clear()
             return None
         self.floor = floor_of_depth(self._images, guess) or guess
-        return self.floor.T_world_camera()
+        return self.floor.T_floor_camera
