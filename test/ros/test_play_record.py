@@ -185,9 +185,10 @@ def test_an_existing_file_stays_until_there_is_something_to_write(tmp_path, peer
         assert path.read_bytes() == b"old"
         numbers.publish(Header())
         assert recorder.wait_for("/numbers", 1)
-        assert path.read_bytes() != b"old"
+        assert path.read_bytes() == b"old"
+    assert path.read_bytes() != b"old"
     assert list(tmp_path.iterdir()) == [path]
     with path.open("rb") as stream:
         assert len(list(make_reader(stream).iter_messages())) == 1
-    with pytest.raises(InputError, match="it is no file"):
+    with pytest.raises(InputError, match="device"):
         Recorder("/dev/null").start()

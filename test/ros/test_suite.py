@@ -58,14 +58,14 @@ def listeners(told):
 
 
 def test_live_equals_offline(recording, bank_path, peer):
-    # so narrow a limit that some frames are recovered: their poses go back to the refiner
-    pipeline = PosePipeline(Bank.load(bank_path), PipelineConfig(recover=RecoverConfig(score_rise=0.005)))
+    # so strict a limit that some frames are recovered: their poses go back to the refiner
+    pipeline = PosePipeline(Bank.load(bank_path), PipelineConfig(recover=RecoverConfig(min_confidence=1.0)))
     expected = [pipeline.process_frame(frame) for frame in read_frames(recording)]
     assert sum(not r.skeleton.is_lost for r in expected) >= FRAMES - 2
     assert sum(r.skeleton.source == Source.RECOVERED for r in expected) >= 3
 
     lines = []
-    lossless = {"reliable": True, "queue": 200, "recover.score_rise": 0.005}
+    lossless = {"reliable": True, "queue": 200, "recover.min_confidence": 1.0}
     with Suite(bank=bank_path, parameters=lossless, sink=lines.append) as suite:
         told = peer.listen(DiagnosticArray, "/diagnostics", 200)
         skeletons = peer.listen(Skeleton, "/depth_pose/skeleton", 200)
