@@ -80,9 +80,9 @@ def save_animation(
     table = _shared_table(pictures)
     drawn = [picture.quantize(palette=table, dither=Image.Dither.NONE) for picture in pictures]
     step_ms = round(1000 / rate_hz)
-    kind = {"save_all": True, "append_images": drawn[1:], "duration": step_ms, "loop": 0, "optimize": True}
+    how = {"save_all": True, "append_images": drawn[1:], "duration": step_ms, "loop": 0, "optimize": True}
     with new_file(gif_path) as stream:
-        drawn[0].save(stream, format="GIF", **kind)
+        drawn[0].save(stream, format="GIF", **how)
     return len(drawn)
 
 

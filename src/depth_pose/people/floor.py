@@ -73,7 +73,7 @@ class Floor:
     @property
     def T_floor_camera(self) -> Array:
         """From the camera's frame to that on the floor, (4, 4)."""
-        return np.linalg.inv(self.T_camera_floor)
+        return np.asarray(np.linalg.inv(self.T_camera_floor))
 
     def is_like(self, other: Floor) -> bool:
         """Whether it is the same floor, but for noise."""
