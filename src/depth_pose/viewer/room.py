@@ -14,6 +14,8 @@ from depth_pose.viewer.moments import Moment
 
 _FRAMES = 15
 """Frames with somebody in view that the floor is told from; feet move little in fewer. Set by hand."""
+_LOOKS = 3 * _FRAMES
+"""After so many looks those that there are must do: a short recording that begins again has no others."""
 _IMAGES = 6
 
 
@@ -23,23 +25,26 @@ class FloorSeeker:
     def __init__(self) -> None:
         self._people: dict[int, tuple[Skeleton, ...]] = {}
         self._images: list[DepthFrame] = []
+        self._looks = 0
         self.floor: Floor | None = None
 
     def add(self, moment: Moment) -> NDArray[np.float64] | None:
         """Take a frame; gives ``T_world_camera`` once, when the floor is found."""
-        if self.floor is not None or not moment.skeletons or moment.stamp_ns in self._people:
+        if self.floor is not None or not moment.skeletons:
             return None
-        self._people[moment.stamp_ns] = moment.skeletons
-        if len(self._images) < _IMAGES:
+        self._looks += 1
+        if len(self._images) < _IMAGES and moment.stamp_ns not in self._people:
             depth = moment.depth_mm.astype(np.float32) * np.float32(1e-3)
             self._images.append(DepthFrame(moment.stamp_ns, "", depth, moment.camera))
-        if len(self._people) < _FRAMES:
+        self._people[moment.stamp_ns] = moment.skeletons
+        if len(self._people) < _FRAMES and self._looks < _LOOKS:
             return None
         try:
             guess = floor_of_feet(tracks_of(self._people, "").people)
         except InputError:  # no feet so far
             self._people.clear()
             self._images.clear()
+            self._looks = 0
             return None
         self.floor = floor_of_depth(self._images, guess) or guess
         return self.floor.T_floor_camera
