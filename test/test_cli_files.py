@@ -14,8 +14,8 @@ import pytest
 import depth_pose
 from depth_pose.cli import main
 from depth_pose.core.camera import Camera
-from depth_pose.io.mcap_read import read_people
 from depth_pose.io.mcap_write import DepthWriter
+from depth_pose.io.skeleton_read import read_people
 
 _MANY = 10_000
 """Frames of a recording that takes half a minute."""

@@ -12,8 +12,8 @@ import pytest
 
 from depth_pose.cli import main
 from depth_pose.core.camera import Camera
-from depth_pose.io.mcap_read import read_people
 from depth_pose.io.mcap_write import DepthWriter
+from depth_pose.io.skeleton_read import read_people
 
 CAMERA = Camera(64, 48, 60.0, 60.0, 31.5, 23.5)
 

@@ -12,8 +12,9 @@ from depth_pose.bank import Bank, build_bank
 from depth_pose.bank.build import BuildConfig
 from depth_pose.body.procedural import make_body
 from depth_pose.io.markers import MARKERS_TOPIC
-from depth_pose.io.mcap_read import DepthReader, read_skeletons
+from depth_pose.io.mcap_read import DepthReader
 from depth_pose.io.mcap_write import DepthWriter
+from depth_pose.io.skeleton_read import read_skeletons
 from depth_pose.motion.procedural.generator import make_poses
 from depth_pose.offline import process_recording
 from depth_pose.pipeline import PosePipeline

@@ -7,15 +7,9 @@ import pytest
 
 from depth_pose.core.camera import Camera
 from depth_pose.core.errors import InputError
-from depth_pose.io.decode import (
-    camera_from_info,
-    camera_from_points,
-    decode_depth,
-    decode_points,
-    distort,
-    frame_from_cloud,
-    rectify_depth,
-)
+from depth_pose.io.calibration import camera_from_info, distort, rectify_depth
+from depth_pose.io.clouds import camera_from_points, decode_points, frame_from_cloud
+from depth_pose.io.decode import decode_depth
 
 K = (225.0, 0.0, 87.5, 0.0, 225.0, 71.5, 0.0, 0.0, 1.0)
 
@@ -273,10 +267,10 @@ def test_rectifying_the_largest_image_takes_little_memory() -> None:
 
 
 def test_rectifications_that_are_kept_are_bounded() -> None:
-    from depth_pose.io import decode
+    from depth_pose.io import calibration
 
     depth = np.ones((512, 1024), np.float32)
     for i in range(80):
         rectify_depth(depth, Camera(1024, 512, 900.0 + i, 900.0, 512.0, 256.0), (0.1, 0.0, 0.0, 0.0))
-    assert sum(s.size for s, _ in decode._rectifications.values()) <= decode.MAX_PIXELS
-    assert len(decode._rectifications) > 8
+    assert sum(s.size for s, _ in calibration._rectifications.values()) <= calibration.MAX_PIXELS
+    assert len(calibration._rectifications) > 8

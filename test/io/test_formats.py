@@ -22,7 +22,8 @@ from depth_pose.core.types import DepthFrame
 from depth_pose.io import schemas
 from depth_pose.io._recording import Recording
 from depth_pose.io.image_options import ImageOptions
-from depth_pose.io.mcap_read import DepthReader, read_frames, read_people, read_skeletons
+from depth_pose.io.mcap_read import DepthReader, read_frames
+from depth_pose.io.skeleton_read import read_people, read_skeletons
 
 FRAMES = 12
 JAZZY, NOETIC = get_typestore(Stores.ROS2_JAZZY), get_typestore(Stores.ROS1_NOETIC)

@@ -17,8 +17,10 @@ from depth_pose.core.skeleton import JOINTS, Source
 from depth_pose.core.types import Skeleton
 from depth_pose.io import schemas
 from depth_pose.io._messages import write_camera_info, write_image
-from depth_pose.io.mcap_read import DepthReader, find_depth_topics, read_frames, read_people, read_skeletons
+from depth_pose.io.depth_topics import find_depth_topics
+from depth_pose.io.mcap_read import DepthReader, read_frames
 from depth_pose.io.mcap_write import DepthWriter, PartlyWritten, SkeletonWriter
+from depth_pose.io.skeleton_read import read_people, read_skeletons
 
 CAMERA = Camera(64, 48, 60.0, 61.0, 31.5, 23.5)
 START = 1_700_000_000_123_456_789

@@ -17,7 +17,7 @@ from depth_pose.body.procedural import BodyShape
 from depth_pose.core.camera import Camera
 from depth_pose.core.rotations import matrix_to_quat
 from depth_pose.core.skeleton import Source
-from depth_pose.io.mcap_read import read_skeletons
+from depth_pose.io.skeleton_read import read_skeletons
 from depth_pose.motion.procedural.dance import perform
 from depth_pose.offline import process_recording
 from depth_pose.ros.nodes.lifecycle import set_active

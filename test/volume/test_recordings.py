@@ -13,8 +13,8 @@ from depth_pose.core.rotations import quat_to_matrix
 from depth_pose.core.types import Skeleton
 from depth_pose.io._messages import _store, make, make_header, read_image, write_image
 from depth_pose.io._recording import Recording
-from depth_pose.io.mcap_read import read_skeletons
 from depth_pose.io.schemas import IMAGE
+from depth_pose.io.skeleton_read import read_skeletons
 from depth_pose.motion.procedural.dance import perform
 from depth_pose.offline import process_recording
 from depth_pose.sim.roof_cameras import RigRenderer, depth_ring, front_camera

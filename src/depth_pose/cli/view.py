@@ -104,7 +104,8 @@ def _recorded(
     topic: str,
     points: int,
 ) -> RecordedSource:
-    from depth_pose.io.mcap_read import DepthReader, read_people
+    from depth_pose.io.mcap_read import DepthReader
+    from depth_pose.io.skeleton_read import read_people
     from depth_pose.viewer.source import RecordedSource
 
     reader = DepthReader(recording, depth_topic)

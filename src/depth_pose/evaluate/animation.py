@@ -16,8 +16,9 @@ from depth_pose.core.types import DepthFrame, Skeleton
 from depth_pose.evaluate.figures import LEFT, MIDDLE, RIGHT
 from depth_pose.evaluate.overlay import bone_colour, project
 from depth_pose.evaluate.shading import shade_depth
-from depth_pose.io.mcap_read import DepthReader, read_people
+from depth_pose.io.mcap_read import DepthReader
 from depth_pose.io.schemas import PEOPLE_TOPIC
+from depth_pose.io.skeleton_read import read_people
 
 _FINE = 2
 """Pictures are drawn this many times larger and made smaller, for smooth lines."""

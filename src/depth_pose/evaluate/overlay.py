@@ -18,8 +18,9 @@ from depth_pose.evaluate.pictures import save_picture
 from depth_pose.evaluate.score_people import WEAK_SHARE
 from depth_pose.evaluate.shading import shade_depth
 from depth_pose.evaluate.truth import STAMP_TOLERANCE_NS, KnownPeople, load_known_people
-from depth_pose.io.mcap_read import DepthReader, read_people
+from depth_pose.io.mcap_read import DepthReader
 from depth_pose.io.schemas import PEOPLE_TOPIC
+from depth_pose.io.skeleton_read import read_people
 
 _PANEL_INCHES = (2.9, 3.6)
 _MOST_COLUMNS = 6

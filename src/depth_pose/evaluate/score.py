@@ -23,8 +23,8 @@ from numpy.typing import NDArray
 from depth_pose.core.errors import InputError
 from depth_pose.core.skeleton import JOINTS
 from depth_pose.evaluate.truth import STAMP_TOLERANCE_NS, KnownJoints, load_truth, pair_files
-from depth_pose.io.mcap_read import read_skeletons
 from depth_pose.io.schemas import SKELETON_TOPIC
+from depth_pose.io.skeleton_read import read_skeletons
 
 THRESHOLDS_M = (0.02, 0.03, 0.05, 0.07, 0.10, 0.15, 0.20)
 """Distances at which shares of joints are given, metres."""

@@ -18,8 +18,9 @@ from depth_pose.core.reading import parse_json, read_text
 from depth_pose.core.skeleton import JOINT_INDEX
 from depth_pose.core.types import DepthFrame, Skeleton
 from depth_pose.evaluate.overlay import project
-from depth_pose.io.mcap_read import DepthReader, read_skeletons
+from depth_pose.io.mcap_read import DepthReader
 from depth_pose.io.schemas import SKELETON_TOPIC
+from depth_pose.io.skeleton_read import read_skeletons
 
 _MOST_BYTES = 1 << 28
 """Largest reference file: 256 MiB, some ten hours at 30 frames a second. Set by hand."""

@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 from depth_pose.core.skeleton import JOINT_INDEX
 from depth_pose.core.types import Skeleton
 from depth_pose.evaluate.truth import STAMP_TOLERANCE_NS, KnownPeople, load_known_people, pair_files
-from depth_pose.io.mcap_read import read_people
 from depth_pose.io.schemas import PEOPLE_TOPIC
+from depth_pose.io.skeleton_read import read_people
 
 ASKED_SHARE = 0.3
 """Visible share from which a person is asked for; that of the development data's scorer."""

@@ -13,8 +13,8 @@ from depth_pose.core.errors import InputError
 from depth_pose.core.rotations import matrix_to_quat, quat_to_matrix
 from depth_pose.core.skeleton import JOINTS, JointState, Source
 from depth_pose.core.types import Skeleton
-from depth_pose.io.mcap_read import read_people
 from depth_pose.io.schemas import PEOPLE_TOPIC
+from depth_pose.io.skeleton_read import read_people
 
 Array = NDArray[np.float64]
 

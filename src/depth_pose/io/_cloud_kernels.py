@@ -1,4 +1,4 @@
-"""Compiled sums over an organised cloud; `depth_pose.io.decode` says what they are for."""
+"""Compiled sums over an organised cloud; `depth_pose.io.clouds` says what they are for."""
 
 from __future__ import annotations
 

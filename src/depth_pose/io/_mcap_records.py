@@ -120,8 +120,8 @@ def parse(kind: Any, body: bytes) -> Any:
         raise DamageError(f"a {kind.__name__} record cannot be read") from error
 
 
-def records(data: bytes) -> Iterator[tuple[int, bytes]]:
-    """Give kind and content of the records in some bytes."""
+def spans(data: bytes) -> Iterator[tuple[int, int, int]]:
+    """Give kind, and beginning and end of the content, of the records in some bytes."""
     at, size = 0, len(data)
     while at < size:
         if at + RECORD.size > size:
@@ -130,8 +130,13 @@ def records(data: bytes) -> Iterator[tuple[int, bytes]]:
         at += RECORD.size
         if length > size - at:
             raise DamageError("a record is longer than what it is in")
-        yield kind, data[at : at + length]
+        yield kind, at, at + length
         at += length
+
+
+def records(data: bytes) -> Iterator[tuple[int, bytes]]:
+    """Give kind and content of the records in some bytes."""
+    return ((kind, data[begin:end]) for kind, begin, end in spans(data))
 
 
 def read_metadata_record(stream: BinaryIO, index: MetadataIndex) -> Any:
@@ -212,22 +217,14 @@ def _unpack(name: bytes, packed: memoryview, size: int) -> bytes:
 def messages(data: bytes, summary: Summary | None = None) -> list[Message]:
     """Give the messages in a chunk's records; schemas and channels among them go to the summary."""
     found = []
-    at, size = 0, len(data)
-    while at < size:
-        if at + RECORD.size > size:
-            raise DamageError("a record is cut off")
-        kind, length = RECORD.unpack_from(data, at)
-        at += RECORD.size
-        if length > size - at:
-            raise DamageError("a record is longer than what it is in")
+    for kind, begin, end in spans(data):
         if kind == Opcode.MESSAGE:
-            if length < _MESSAGE.size:
+            if end - begin < _MESSAGE.size:
                 raise DamageError("a message is cut off")
-            channel, _, log_time_ns, _ = _MESSAGE.unpack_from(data, at)
-            found.append(Message(channel, log_time_ns, data[at + _MESSAGE.size : at + length]))
+            channel, _, log_time_ns, _ = _MESSAGE.unpack_from(data, begin)
+            found.append(Message(channel, log_time_ns, data[begin + _MESSAGE.size : end]))
         elif summary is not None and kind in (Opcode.SCHEMA, Opcode.CHANNEL):
-            take(summary, kind, data[at : at + length])
-        at += length
+            take(summary, kind, data[begin:end])
     return found
 
 

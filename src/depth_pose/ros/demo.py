@@ -18,8 +18,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from depth_pose.io._recording import RawMessage
-from depth_pose.io.mcap_read import DepthReader, DepthTopic, read_people
+from depth_pose.io.depth_topics import DepthTopic
+from depth_pose.io.mcap_read import DepthReader
 from depth_pose.io.schemas import PEOPLE_TOPIC, POINT_CLOUD, SKELETON_TOPIC
+from depth_pose.io.skeleton_read import read_people
 from depth_pose.ros import PROFILE_PATH, PROFILE_VARIABLE, stay_local
 from depth_pose.ros.process.supervisor import Suite
 from depth_pose.ros.transport.bag import Player, Recorder, header_stamp_ns

@@ -27,14 +27,10 @@ from depth_pose.core.camera import Camera
 from depth_pose.core.errors import InputError
 from depth_pose.core.skeleton import JOINT_INDEX, JOINTS, Source
 from depth_pose.core.types import Candidate, DepthFrame, Fitted, FoundPerson, PoseMatch, Skeleton
+from depth_pose.io.calibration import camera_from_info, rectify_depth
+from depth_pose.io.clouds import decode_points, frame_from_cloud
 from depth_pose.io.compressed import decode_compressed_depth
-from depth_pose.io.decode import (
-    camera_from_info,
-    decode_depth,
-    decode_points,
-    frame_from_cloud,
-    rectify_depth,
-)
+from depth_pose.io.decode import decode_depth
 from depth_pose.people.person import People, see_people
 
 POINT_DTYPE = np.dtype(

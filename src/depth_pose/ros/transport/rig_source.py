@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from sensor_msgs.msg import CameraInfo
 
 from depth_pose.core.errors import ConfigError, DepthPoseError
-from depth_pose.io.decode import camera_from_info
+from depth_pose.io.calibration import camera_from_info
 from depth_pose.ros.setting import Setting
 from depth_pose.ros.transport.intake import LOG_EVERY_S
 from depth_pose.ros.transport.tf import tf_message

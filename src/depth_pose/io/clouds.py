@@ -1,0 +1,158 @@
+"""Point clouds: from message fields to points, and to the depth image that a camera of theirs would see.
+
+The functions take plain fields, not messages, so that the nodes and the readers of
+recordings share them. What cannot be used raises `InputError` naming the field and its value.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from depth_pose.core.camera import Camera
+from depth_pose.core.errors import InputError
+from depth_pose.core.types import DepthFrame
+from depth_pose.io._virtual_camera import project_cloud
+from depth_pose.io.decode import MAX_PIXELS, check_bytes, check_shape, check_size
+
+_POINT_TYPES = {7: "f4", 8: "f8"}
+"""NumPy's types of those of `sensor_msgs/PointField`'s numbers that a coordinate may have."""
+
+_FIT_TOLERANCE_PX = 0.5
+"""A cloud whose points miss a pinhole camera's pixels by more, root mean square, has no such camera."""
+
+
+def decode_points(
+    data: bytes | bytearray | memoryview | NDArray[np.uint8],
+    height: int,
+    width: int,
+    point_step: int,
+    row_step: int,
+    fields: Mapping[str, tuple[int, int]],
+    is_bigendian: bool | int = False,
+) -> NDArray[np.float32]:
+    """Read x, y, z of a ``sensor_msgs/PointCloud2``.
+
+    Parameters
+    ----------
+    data : bytes-like
+        The cloud's bytes, ``height * row_step`` of them.
+    height, width : int
+        Rows and columns; one row where the cloud is not organised.
+    point_step, row_step : int
+        Bytes of a point and of a row.
+    fields : mapping of str to (int, int)
+        Offset and datatype (`PointField`'s numbers) of each field.
+    is_bigendian : bool or int
+        Byte order.
+
+    Returns
+    -------
+    (height, width, 3) float32
+        Metres; NaN as in the message.
+    """
+    check_size("cloud", height, width, max_width=MAX_PIXELS)
+    order = ("<", ">")[bool(is_bigendian)]
+    raw = np.frombuffer(data, np.uint8)
+    check_bytes("cloud", raw.nbytes, height, row_step, width * point_step, "row_step")
+    points = np.empty((height, width, 3), np.float32)
+    for axis, name in enumerate("xyz"):
+        if name not in fields:
+            raise InputError(f"cloud has no field {name!r}; it has {', '.join(fields) or 'none'}")
+        offset, datatype = fields[name]
+        if datatype not in _POINT_TYPES:
+            raise InputError(
+                f"cloud: field {name!r} has datatype {datatype}; it is 7 (FLOAT32) or 8 (FLOAT64)"
+            )
+        kind = np.dtype(order + _POINT_TYPES[datatype])
+        if offset < 0 or offset + kind.itemsize > point_step:
+            raise InputError(
+                f"cloud: field {name!r} at offset {offset} does not fit into point_step {point_step}"
+            )
+        points[..., axis] = np.ndarray(
+            (height, width), kind, buffer=raw, offset=offset, strides=(row_step, point_step)
+        )
+    return points
+
+
+def camera_from_points(points: NDArray[np.floating]) -> Camera:
+    """Find the pinhole camera whose pixels an organised cloud's points are.
+
+    Least squares in float64 of ``u = fx x/z + cx`` and ``v = fy y/z + cy`` over the points.
+
+    Parameters
+    ----------
+    points : (h, w, 3) float
+        Points in the optical frame, metres; NaN or z <= 0 where there is none.
+
+    Raises
+    ------
+    InputError
+        Where there are too few points, or no pinhole camera sees them so.
+    """
+    if points.ndim != 3 or points.shape[2] != 3:
+        raise InputError(f"cloud has shape {points.shape}; an organised one has (height, width, 3)")
+    from depth_pose.io import _cloud_kernels as kernels
+
+    height, width = points.shape[:2]
+    check_shape("cloud", height, width)
+    sums, ends = np.empty((2, 5)), np.empty((2, 2), np.int64)
+    count = kernels.pinhole_sums(points, sums, ends)
+    lines = []
+    for name, size, (low, high), row in zip(("columns", "rows"), (width, height), ends, sums, strict=True):
+        if count < 3 or high - low < 2:
+            raise InputError(f"cloud: {count} points are too few to find the camera from its {name}")
+        ratio, pixel, ratio2, both, pixel2 = (row / count).tolist()
+        spread = max(ratio2 - ratio * ratio, 1e-30)
+        focal = (both - ratio * pixel) / spread
+        error = float(np.sqrt(max(0.0, pixel2 - pixel * pixel - focal * focal * spread)))
+        if not focal > 0 or not error < _FIT_TOLERANCE_PX:
+            raise InputError(
+                f"cloud: its {name} are not those of a pinhole camera looking along z "
+                f"(focal length {focal:.3g} px, error {error:.2g} px)"
+            )
+        lines.append((focal, 0.5 * size + pixel - focal * ratio))
+    (fx, cx), (fy, cy) = lines
+    return Camera(width=width, height=height, fx=fx, fy=fy, cx=cx, cy=cy)
+
+
+def frame_from_cloud(points: NDArray[np.floating], stamp_ns: int, frame_id: str) -> DepthFrame:
+    """Make a depth image of a cloud.
+
+    An organised cloud of a pinhole camera keeps its pixels. Any other is projected into a
+    virtual pinhole camera at the origin of its frame, nearest point first, with as many
+    pixels as suit its density.
+
+    Parameters
+    ----------
+    points : (h, w, 3) or (n, 3) float
+        Points in an optical frame (x right, y down, z forward), metres; NaN where there is none.
+    stamp_ns : int
+    frame_id : str
+
+    Raises
+    ------
+    InputError
+        Where no point lies in front of the camera.
+    """
+    if points.ndim not in (2, 3) or points.shape[-1] != 3:
+        raise InputError(f"cloud has shape {points.shape}; it has (height, width, 3) or (n, 3)")
+    flat = points.reshape(-1, 3)
+    flat = flat[np.isfinite(flat).all(axis=1) & (flat[:, 2] > 0)]
+    if len(flat) == 0:
+        raise InputError(
+            "cloud has no point with z > 0: its frame must be an optical one (x right, y down, z forward)"
+        )
+    if points.ndim == 3 and min(points.shape[:2]) > 1:
+        try:
+            camera = camera_from_points(points)
+        except InputError:
+            pass  # organised, but by something else than a pinhole camera
+        else:
+            depth = points[..., 2].astype(np.float32)
+            depth[~(np.isfinite(points).all(axis=2) & (depth > 0))] = 0.0
+            return DepthFrame(stamp_ns, frame_id, depth, camera)
+    depth, camera = project_cloud(flat)
+    return DepthFrame(stamp_ns, frame_id, depth, camera)

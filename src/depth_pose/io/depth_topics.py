@@ -1,0 +1,171 @@
+"""Which topics of a recording depth frames can be made from.
+
+They are found by what they hold, not by their names: images of a depth encoding with a CameraInfo
+beside them, or point clouds.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from depth_pose.core.errors import InputError
+from depth_pose.io import schemas
+from depth_pose.io._messages import read_image
+from depth_pose.io._recording import Recording, Topic
+from depth_pose.io.compressed import TOPIC_ENDING
+
+_DEPTH_ENCODINGS = ("16UC1", "mono16", "32FC1")
+_OWN_TOPICS = "/depth_pose/"
+_MOST_TOPICS = 20
+"""Topics that an error lists. Set by hand."""
+_ZSTD = b"\x28\xb5\x2f\xfd"
+
+
+@dataclass(frozen=True)
+class DepthTopic:
+    """A topic that depth frames can be made from.
+
+    Attributes
+    ----------
+    name : str
+    kind : str
+        ``sensor_msgs/msg/Image``, ``CompressedImage`` or ``PointCloud2``.
+    info_topic : str
+        The CameraInfo topic that belongs to it; empty for a cloud.
+    frames : int
+        How many messages the recording has; for one cut short, how many are readable.
+    """
+
+    name: str
+    kind: str
+    info_topic: str
+    frames: int
+
+
+def find_depth_topics(path: Path | str) -> tuple[DepthTopic, ...]:
+    """List the topics of a recording that depth frames can be made from.
+
+    Raises
+    ------
+    InputError
+        Where the file is missing or no MCAP recording.
+    """
+    return depth_topics(Recording(path))
+
+
+def depth_topics(recording: Recording) -> tuple[DepthTopic, ...]:
+    """List the topics of an open recording that depth frames can be made from."""
+    found = []
+    for topic in recording.topics.values():
+        if topic.count == 0:
+            continue
+        is_image = topic.kind == schemas.IMAGE and _is_depth_image(recording, topic.name)
+        is_compressed = topic.kind == schemas.COMPRESSED and topic.name.endswith(TOPIC_ENDING)
+        if is_image or is_compressed:
+            info = _info_topic(recording, topic.name)
+            found.append(DepthTopic(topic.name, topic.kind, info, topic.count))
+        elif topic.kind == schemas.POINT_CLOUD and not topic.name.startswith(_OWN_TOPICS):
+            found.append(DepthTopic(topic.name, topic.kind, "", topic.count))
+    return tuple(sorted(found, key=lambda topic: topic.name))
+
+
+def _is_depth_image(recording: Recording, topic: str) -> bool:
+    message = recording.first(topic)
+    if message is None:
+        return False
+    try:
+        return read_image(message.data).encoding in _DEPTH_ENCODINGS
+    except InputError:
+        return False
+
+
+def _info_topic(recording: Recording, image_topic: str) -> str:
+    """Name the CameraInfo topic beside an image topic, or in the nearest namespace above; else ''."""
+    infos = [t.name for t in recording.topics.values() if t.kind == schemas.CAMERA_INFO and t.count > 0]
+    namespace = image_topic
+    while namespace:
+        if f"{namespace}/camera_info" in infos:
+            return f"{namespace}/camera_info"
+        if f"{namespace}/info/camera_info" in infos:  # as librealsense records
+            return f"{namespace}/info/camera_info"
+        inside = [name for name in infos if name.rpartition("/")[0] == namespace]
+        if len(inside) == 1:
+            return inside[0]
+        namespace = namespace.rpartition("/")[0]
+    return infos[0] if len(infos) == 1 else ""
+
+
+def choose_depth_topic(recording: Recording, wanted: str | None) -> DepthTopic:
+    """Pick the depth topic: the one wanted, else the only image, else the only cloud."""
+    if wanted is not None:
+        return _named_topic(recording, wanted)
+    topics = depth_topics(recording)
+    images = [t for t in topics if t.kind == schemas.IMAGE]
+    images = images or [t for t in topics if t.kind == schemas.COMPRESSED]
+    named = [t for t in images if "depth" in t.name.lower()]
+    for choice in (images, named, list(topics) if not images else []):
+        if len(choice) == 1:
+            return _with_info(recording, choice[0])
+    if topics:
+        names = ", ".join(t.name for t in topics)
+        raise InputError(
+            f"{recording.path} has {len(topics)} depth topics: {names}; choose one with --depth-topic TOPIC"
+        )
+    raise InputError(f"{recording.path} has no depth image or point cloud; {describe_topics(recording)}")
+
+
+def _named_topic(recording: Recording, name: str) -> DepthTopic:
+    topic = recording.topics.get(name) or recording.topics.get("/" + name)
+    if topic is None and name in recording.others:
+        raise InputError(f"{recording.path}: {name} cannot be read: {recording.others[name]}")
+    if topic is None or topic.count == 0:
+        choices = ", ".join(t.name for t in depth_topics(recording)) or "none"
+        raise InputError(f"{recording.path} has no messages on {name}; its depth topics are: {choices}")
+    if topic.kind == schemas.POINT_CLOUD:
+        return DepthTopic(topic.name, topic.kind, "", topic.count)
+    if topic.kind not in (schemas.IMAGE, schemas.COMPRESSED):
+        raise InputError(f"{recording.path}: {name} is a {topic.kind}; depth is an Image or PointCloud2")
+    info = _info_topic(recording, topic.name)
+    return _with_info(recording, DepthTopic(topic.name, topic.kind, info, topic.count))
+
+
+def _with_info(recording: Recording, topic: DepthTopic) -> DepthTopic:
+    if topic.kind != schemas.POINT_CLOUD and not topic.info_topic:
+        beside = topic.name.rpartition("/")[0] + "/camera_info"
+        raise InputError(
+            f"{recording.path}: {topic.name} has no CameraInfo; record {beside} with it "
+            f"({describe_topics(recording)})"
+        )
+    return topic
+
+
+def describe_topics(recording: Recording) -> str:
+    """Say what topics there are, and why each is no depth."""
+    topics = {t.name: _what_it_is(recording, t) for t in recording.topics.values()} | recording.others
+    lines = [f"{name} ({what})" for name, what in sorted(topics.items())]
+    if len(lines) > _MOST_TOPICS:
+        lines[_MOST_TOPICS:] = [f"and {len(lines) - _MOST_TOPICS} more"]
+    listing = "it has " + (", ".join(lines) if lines else "no topics")
+    return "; ".join([listing, *recording.damage])
+
+
+def _what_it_is(recording: Recording, topic: Topic) -> str:
+    """Say what a topic holds, and of images why they are no depth."""
+    kind = topic.kind
+    if topic.count == 0:
+        return f"{kind} without messages"
+    if kind == schemas.COMPRESSED and not topic.name.endswith(TOPIC_ENDING):
+        return f"{kind}, which holds colours; depth is on topics that end in {TOPIC_ENDING}"
+    if kind != schemas.IMAGE:
+        return kind
+    message = recording.first(topic.name)
+    if message is None:
+        return f"{kind} that cannot be read"
+    if message.data.startswith(_ZSTD):
+        return f"{kind}, each packed by itself; give the folder with the metadata.yaml that says so"
+    try:
+        encoding = read_image(message.data).encoding
+    except InputError:
+        return f"{kind} that cannot be read"
+    return kind if encoding in _DEPTH_ENCODINGS else f"{kind} of {encoding[:20]}, which is no depth"

@@ -1,0 +1,87 @@
+"""Reading the skeletons of a recording."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from depth_pose.core.errors import InputError
+from depth_pose.core.types import Skeleton
+from depth_pose.io import schemas
+from depth_pose.io._messages import SkeletonsMessage, read_skeleton
+from depth_pose.io._messages import read_people as read_people_message
+from depth_pose.io._recording import Recording
+from depth_pose.io.damage import tell_damage
+from depth_pose.io.depth_topics import describe_topics
+from depth_pose.io.schemas import PEOPLE_TOPIC, SKELETON_TOPIC
+
+
+def read_skeletons(path: Path | str, topic: str = SKELETON_TOPIC) -> Iterator[Skeleton]:
+    """Give the skeletons of a recording, in order.
+
+    Parameters
+    ----------
+    path : Path or str
+        An MCAP file, or a folder of them.
+    topic : str
+        The topic's name.
+
+    Raises
+    ------
+    InputError
+        Where the recording has no such topic.
+    """
+    recording = Recording(path)
+    _require(recording, topic, schemas.SKELETON)
+    definition = recording.topics[topic].definition or schemas.BUILD_LINE
+    return (read_skeleton(data, definition) for data in _data_of(recording, topic))
+
+
+def read_people(path: Path | str, topic: str = PEOPLE_TOPIC) -> Iterator[SkeletonsMessage]:
+    """Give everybody's skeletons, frame by frame, in order.
+
+    A recording without such a topic that has `SKELETON_TOPIC` gives the one person there.
+
+    Parameters
+    ----------
+    path : Path or str
+        An MCAP file, or a folder of them.
+    topic : str
+        The topic's name.
+
+    Raises
+    ------
+    InputError
+        Where the recording has neither topic.
+    """
+    recording = Recording(path)
+    found = recording.topics.get(topic)
+    if found is not None and found.kind == schemas.SKELETON:
+        text = found.definition or schemas.BUILD_LINE
+        return (_alone(read_skeleton(data, text)) for data in _data_of(recording, topic))
+    if topic == PEOPLE_TOPIC and found is None and SKELETON_TOPIC in recording.topics:
+        return read_people(path, SKELETON_TOPIC)
+    _require(recording, topic, schemas.SKELETON_ARRAY)
+    definition = recording.topics[topic].definition or schemas.BUILD_LINE
+    return (read_people_message(data, definition) for data in _data_of(recording, topic))
+
+
+def _alone(skeleton: Skeleton) -> SkeletonsMessage:
+    shown = () if skeleton.is_lost else (skeleton,)
+    return SkeletonsMessage(skeleton.stamp_ns, skeleton.frame_id, shown)
+
+
+def _require(recording: Recording, topic: str, kind: str) -> None:
+    found = recording.topics.get(topic)
+    if found is None or found.kind != kind:
+        others = [t.name for t in recording.topics.values() if t.kind == kind]
+        raise InputError(
+            f"{recording.path} has no skeletons on {topic}"
+            + (f"; it has {', '.join(others)}" if others else f"; {describe_topics(recording)}")
+        )
+
+
+def _data_of(recording: Recording, topic: str) -> Iterator[bytes]:
+    for message in recording.messages(topic):
+        yield message.data
+    tell_damage(recording.damage)
