@@ -79,6 +79,7 @@ class Scene:
             section_color=(105, 112, 126),
         )
         self._frustum: Any = None
+        self._is_odd = False
         self._has_floor = False
         self._turn(_T_LEVEL)
         self._grid.visible = False
@@ -108,6 +109,11 @@ class Scene:
                     figure = self._people[skeleton.body_id] = _Figure(self._server, skeleton.body_id)
                 figure.show(skeleton, self.wishes, self._mesh_of)
                 figure.show_trail(self._trail(skeleton), self.wishes.trails)
+
+    def settle(self) -> None:
+        """Have the browser draw once more: names, and what is new, it places one picture late."""
+        self._is_odd = not self._is_odd
+        self._cloud.point_size = _POINT_M * (1.0 + 1e-4 * self._is_odd)
 
     def forget_trails(self) -> None:
         """Drop the trails, where time jumps."""
@@ -194,7 +200,6 @@ class _Figure:
         shade = (0.35 + 0.65 * np.clip(np.nan_to_num(sure), 0, 1))[:, None] * mine
         self._bones.colors = np.repeat(colours.as_light(shade.astype(np.uint8))[:, None], 2, axis=1)
         self._name.position = tuple((at[JOINT_INDEX["head"]] + (0, -0.25, 0)).tolist())
-        self._name.text = f"{skeleton.body_id} {skeleton.confidence:.2f}"
         self._show_mesh(skeleton, wishes.bodies and mesh_of is not None, mesh_of)
 
     def _show_mesh(self, skeleton: Skeleton, wanted: bool, mesh_of: Any) -> None:
