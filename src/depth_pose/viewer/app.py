@@ -188,7 +188,7 @@ class Viewer:
     def _shown(self, moment: Moment) -> tuple[Skeleton, ...]:
         """Give the people to draw. Running nodes choose by themselves."""
         if self._live is not None:
-            return moment.skeletons or ()
+            return self._live.people(moment)
         return chosen(moment.skeletons or (), self._zone, self._most)
 
     def _aim_cameras(self) -> None:
@@ -314,7 +314,7 @@ class Viewer:
             return
         shown = None if moment.skeletons is None else self._shown(moment)
         followed = self._follower.choose(shown or (), moment.stamp_ns, "").body_id
-        _set(self._people_text, people_table(shown, followed))
+        _set(self._people_text, people_table(shown, followed, moment.stamp_ns))
 
     def _tell_time(self, source: RecordedSource) -> None:
         playback = source.playback
