@@ -33,10 +33,11 @@ QUEUE = 10
 KEPT_NS = 3_000_000_000
 """How long somebody's topics stay after they were last seen, nanoseconds: longer than an id is kept."""
 
-TRACKED_NS = 500_000_000
+TRACKED_NS = 1_000_000_000
 """How long somebody stays in ``tracked`` after a frame without them, nanoseconds. A client drops all that it
 has of a body that is not in the list, and listens anew when it is again: without this pyhri lost and found
-people 20 times in 4 s of a room where they hide each other. As long a gap as streams may have; set by hand.
+people 20 times in 4 s of a room where they hide each other, on busy nodes, which take turns. Of three people
+these answer each every third frame. Set by hand.
 """
 
 KEY_POINTS: tuple[str, ...] = (
