@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import hashlib
 import re
 from collections.abc import Generator
@@ -26,7 +27,19 @@ ALLOWED_SKIPS = (
 )
 """Why a test may be skipped. For any other reason it fails: an install that lacks something is not whole."""
 
-_PACKAGE = Path(__file__).parents[1] / "src" / "depth_pose"
+ALONE = ("ros/", "fuzz/test_fuzz_nodes", "viewer/")
+"""Tests that start nodes and servers and watch the clock: one at a time."""
+
+_HERE = Path(__file__).parent
+_PACKAGE = _HERE.parent / "src" / "depth_pose"
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Group tests for ``--dist loadgroup``: those of a file, which share fixtures, and `ALONE`."""
+    for item in items:
+        file = item.path.relative_to(_HERE).as_posix()
+        item.add_marker(pytest.mark.xdist_group("alone" if file.startswith(ALONE) else file))
 
 
 @pytest.hookimpl(wrapper=True)
@@ -78,12 +91,14 @@ def bank_path(body, pytestconfig, tmp_path_factory):
     cache = getattr(pytestconfig, "cache", None)
     folder = cache.mkdir("depth_pose_bank") if cache else tmp_path_factory.mktemp("bank")
     path = folder / f"{_sources_hash()}.npz"
-    if not path.exists():
-        for old in folder.glob("*.npz"):
-            old.unlink(missing_ok=True)
-        poses = make_poses(POSES, seed=SEED)
-        source = {"poses": "procedural", "count": POSES, "seed": SEED}
-        build_bank(body, poses.rotations, BuildConfig(dimensions=32), source, workers=0).save(path)
+    with (folder / "lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)  # of two processes that run tests one builds it
+        if not path.exists():
+            for old in folder.glob("*.npz"):
+                old.unlink(missing_ok=True)
+            poses = make_poses(POSES, seed=SEED)
+            source = {"poses": "procedural", "count": POSES, "seed": SEED}
+            build_bank(body, poses.rotations, BuildConfig(dimensions=32), source, workers=0).save(path)
     return path
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -41,10 +42,20 @@ def _run(script: Path, **environment: str) -> list[str]:
     return done.stdout.split()
 
 
-@pytest.fixture
-def script(tmp_path: Path) -> Path:
-    (tmp_path / "kernel.py").write_text(_KERNEL)
-    return tmp_path / "kernel.py"
+@pytest.fixture(scope="module")
+def script(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("script") / "kernel.py"
+    path.write_text(_KERNEL)
+    return path
+
+
+@pytest.fixture(scope="module")
+def whole(script: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A cache with the kernel in it."""
+    folder = tmp_path_factory.mktemp("whole") / "cache"
+    assert _run(script, NUMBA_CACHE_DIR=str(folder))[:2] == ["285", "0"]
+    assert _run(script, NUMBA_CACHE_DIR=str(folder))[:2] == ["285", "1"]
+    return folder
 
 
 def _cut(content: bytes) -> bytes:
@@ -77,10 +88,9 @@ def _swap_code(content: bytes) -> bytes:
     ],
 )
 def test_a_damaged_cache_is_made_anew(
-    script: Path, tmp_path: Path, endings: tuple[str, ...], damage: Callable[[bytes], bytes]
+    script: Path, whole: Path, tmp_path: Path, endings: tuple[str, ...], damage: Callable[[bytes], bytes]
 ) -> None:
-    folder = tmp_path / "cache"
-    assert _run(script, NUMBA_CACHE_DIR=str(folder))[:2] == ["285", "0"]
+    folder = Path(shutil.copytree(whole, tmp_path / "cache"))
     files = [file for ending in endings for file in folder.rglob(f"*{ending}")]
     assert len(files) == len(endings)
     for file in files:

@@ -140,6 +140,13 @@ def test_rep_155(start, bank_path, peer, fitted):
     assert message.skeleton[Skeleton2D.LEFT_EYE].c == 0.0 < got.c
 
     people, _ = fitted[-1]
+    away = replace(people, stamp_ns=stamp_to_ns(tracked[-1].header.stamp) + 200_000_000, persons=())
+    inputs.send(away, ())
+    peer.until(lambda: stamp_to_ns(tracked[-1].header.stamp) == away.stamp_ns, what="a frame without them")
+    assert list(tracked[-1].ids) == [body_id], "who is gone for a moment stays in the list"
+    peer.until(lambda: stamp_to_ns(skeletons[-1].header.stamp) == away.stamp_ns, what="its skeletons")
+    assert not skeletons[-1].skeletons
+
     gone = replace(people, stamp_ns=people.stamp_ns + 5_000_000_000, persons=())
     inputs.send(gone, ())
     peer.until(lambda: not tracked[-1].ids, what="a frame without anybody")

@@ -74,7 +74,7 @@ def test_depth_is_shown_with_the_skeletons_of_its_stamp(watch, peer):
         assert shown.frame.depth[3, 4] == pytest.approx(2.0 + i)
         (found,) = shown.skeletons
         np.testing.assert_array_equal(found.positions, skeleton(stamp).positions)
-    late = STAMP + 2_000_000_000
+    late = STAMP + 3_000_000_000
     images.publish(image(late, depth))
     peer.until(lambda: heard.append(watch.newest()) or heard[-1] is not None)
     assert heard[-1].skeletons is None, "depth that nobody answers is shown bare"

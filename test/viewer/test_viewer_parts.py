@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from PIL import Image
@@ -13,10 +15,10 @@ from depth_pose.core.zone import parse_zone
 from depth_pose.ros.watch import NodeState
 from depth_pose.viewer import colours
 from depth_pose.viewer.figures import chosen, nodes_table, people_table
-from depth_pose.viewer.moments import keep, owners
+from depth_pose.viewer.moments import Moment, keep, owners
 from depth_pose.viewer.pictures import free_name, save_gif, save_png
 from depth_pose.viewer.playback import Playback
-from depth_pose.viewer.source import RecordedSource
+from depth_pose.viewer.source import Recent, RecordedSource
 from synthetic import CAMERA, START_NS, STEP_NS, posed, varied
 
 
@@ -126,6 +128,23 @@ def test_the_table_says_who_is_there():
     assert "0.66" in row
     assert "15/19" in row
     assert people_table((), "") != people_table(None, "")
+    later = people_table([skeleton_at(0.0, 3.0)], "", START_NS + 200_000_000)
+    assert "| 0.2 s ago |" in later and "ago" not in people_table([skeleton_at(0.0, 3.0)], "", START_NS)
+
+
+def test_who_had_no_turn_is_shown_for_a_second():
+    """As by nodes that answer one person a frame."""
+
+    depth = np.zeros((144, 176), np.uint16)
+    recent, shown = Recent(), []
+    for step, body_id in ((0, "body_10"), (1, "body_2"), (20, "body_3"), (26, "body_3"), (0, "body_1")):
+        stamp = START_NS + step * STEP_NS
+        people = (replace(skeleton_at(0.0, 3.0, body_id), stamp_ns=stamp),)
+        recent.add(people)
+        shown.append([s.body_id for s in recent.people(Moment(stamp, depth, CAMERA, people))])
+    assert shown[:2] == [["body_10"], ["body_2", "body_10"]]
+    assert shown[2:4] == [["body_2", "body_3", "body_10"], ["body_2", "body_3"]]
+    assert shown[4] == ["body_1"], "time went back"
 
 
 def test_the_table_of_nodes_has_drops_by_reason():

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import os
 import re
 import socket
 import threading
 import time
 import urllib.request
-from pathlib import Path
 
 import numpy as np
 import pytest
 from PIL import Image
 from test_viewer_parts import skeleton_at
 
+from browser import assert_shows, page_of
 from depth_pose.core.errors import DepthPoseError
 from depth_pose.core.rotations import quat_to_matrix
 from depth_pose.core.skeleton import BONES
@@ -23,9 +22,6 @@ from depth_pose.viewer.app import Viewer
 from depth_pose.viewer.source import RecordedSource
 from synthetic import CAMERA, START_NS, STEP_NS, draw, mesh, posed, room, to_frame, varied
 
-CHROMIUM = os.environ.get("DEPTH_POSE_CHROMIUM", "")
-BROWSER = ("--no-sandbox", "--no-zygote", "--use-gl=angle", "--use-angle=swiftshader")
-BROWSER += ("--enable-unsafe-swiftshader", "--ignore-gpu-blocklist", "--lang=en-US")
 FRAMES = 20
 
 
@@ -152,50 +148,17 @@ def test_an_open_door_is_said(capsys):
 
 @pytest.fixture
 def page(viewer):
-    if not CHROMIUM:
-        pytest.skip("needs a Chromium: set DEPTH_POSE_CHROMIUM to its path, and pip install playwright")
-    from playwright.sync_api import sync_playwright
-
     wait_for(lambda: viewer.drawn > 2)
-    with sync_playwright() as p:
-        environment = {"LANG": "en_US.UTF-8", "HOME": str(Path.home())}
-        browser = p.chromium.launch(executable_path=CHROMIUM, args=list(BROWSER), env=environment)
-        page = browser.new_page(viewport={"width": 640, "height": 640}, locale="en-US")
-        page.problems = []
-        page.on("pageerror", lambda error: page.problems.append(str(error)))
-        page.on("console", lambda m: page.problems.append(m.text) if m.type == "error" else None)
-        page.goto(f"http://127.0.0.1:{viewer.port}/")
-        page.get_by_text("depth points").wait_for(timeout=60_000)
+    with page_of(viewer) as page:
         yield page
-        browser.close()
 
 
 def test_a_browser_shows_the_skeletons_where_they_are(viewer, page):
-    """Seen from the sensor, all that is drawn of skeletons lies on the bones, and covers the joints."""
     for wish in ("points", "names", "floor", "camera"):
         viewer._set_wish(wish, False)
     page.get_by_label("playing").dispatch_event("click")
     wait_for(lambda: not viewer._recorded.playback.playing)
-    (client,) = viewer.server.get_clients().values()
-    root = handle(viewer, "/sensor")
-    fov = 2 * np.arctan2(72, 190.0)
-    size = {"height": 288, "width": 352, "transport_format": "png", "timeout": 90.0}
-    place = {"wxyz": root.wxyz, "position": root.position, "fov": fov}
-    picture = client.get_render(**size, **place)[..., :3].astype(int)
-    drawn = np.abs(picture - picture[0, 0]).sum(axis=2) > 60
-    v, u = np.nonzero(drawn)
-    assert len(u) > 300
-    near = np.full(len(u), np.inf)
-    for skeleton in people(None):
-        pixels = 2 * CAMERA.project(skeleton.positions) + 0.5
-        inside = (pixels > 4).all(axis=1) & (pixels < (348, 284)).all(axis=1)
-        for x, y in pixels[inside]:
-            assert drawn[int(y) - 3 : int(y) + 4, int(x) - 3 : int(x) + 4].any(), (skeleton.body_id, x, y)
-        for a, b in BONES:
-            share = np.linspace(0, 1, 30)[:, None]
-            line = pixels[a] + share * (pixels[b] - pixels[a])
-            near = np.minimum(near, np.hypot(line[:, :1] - u, line[:, 1:] - v).min(axis=0))
-    assert (near < 8).mean() > 0.97, "nothing is drawn elsewhere"
+    assert_shows(viewer, CAMERA, [skeleton.positions for skeleton in people(None)])
     assert page.problems == []
 
 

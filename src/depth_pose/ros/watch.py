@@ -20,11 +20,13 @@ from depth_pose.io._messages import read_people
 from depth_pose.io.mcap_read import frame_of_cloud, frame_of_image
 from depth_pose.ros.transport.bag import header_stamp_ns
 
-_HELD = 32
-"""Depth messages that wait for their skeletons: two seconds of 15 frames, more than the nodes take."""
+_HELD, _HELD_BYTES = 64, 64 << 20
+"""Depth messages that wait for their skeletons, at most, and the memory that they may take: two seconds of
+640 x 480 with 16 bits at 30 a second."""
 
-_UNANSWERED_NS = 1_000_000_000
-"""Depth this much newer than the newest skeletons is shown without any."""
+_UNANSWERED_NS = 2_000_000_000
+"""Depth this much newer than the newest skeletons is shown without any. Nodes on free cores take a tenth of
+a second; on cores that others keep busy more than one was seen."""
 
 _QUEUE = 8
 """Messages of a topic that may wait for the viewer; skeletons whose depth image was lost are not shown."""
@@ -236,7 +238,8 @@ class Watch:
                 kept.clear()
                 self._shown = (0, False)
             kept[stamp] = data
-            while len(kept) > _HELD:
+            most = min(_HELD, max(1, _HELD_BYTES // len(data)))
+            while len(kept) > most:
                 kept.popitem(last=False)
 
     def _take_diagnostics(self, message: Any) -> None:

@@ -21,13 +21,14 @@ from depth_pose.core.zone import Zone, parse_zone
 from depth_pose.steps.follow import Follower
 from depth_pose.viewer.figures import chosen, nodes_table, people_table
 from depth_pose.viewer.moments import Moment
+from depth_pose.viewer.pace import Pace
 from depth_pose.viewer.pictures import free_name, save_gif, save_png
 from depth_pose.viewer.room import FloorSeeker
 from depth_pose.viewer.scene import Scene, Wishes
 from depth_pose.viewer.source import LiveSource, RecordedSource
 
 RATE_HZ = 15.0
-"""Frames that are drawn a second, at most. Set by hand: beyond it a browser over a network falls behind."""
+"""Frames that are drawn a second, at most; fewer where a browser takes longer. Set by hand."""
 
 _TABLE_S = 0.4
 _CLIP_HZ = 10.0
@@ -65,7 +66,7 @@ def import_viser() -> Any:
         import viser
     except ModuleNotFoundError as error:
         raise DepthPoseError(
-            "the viewer needs viser, which is not installed; run: pip install 'viser>=1.0' "
+            "the viewer needs viser, which is not installed; run: pip install 'viser>=1.1' "
             "(the extra 'view' of depth_pose), or bash launch_scripts/setup.sh"
         ) from error
     return viser
@@ -103,6 +104,7 @@ class Viewer:
         with redirect_stdout(io.StringIO()):  # it prints its addresses, and so do we
             self.server = import_viser().ViserServer(host=host, port=port, label="depth_pose", verbose=False)
         self.drawn = 0
+        self._pace = Pace(self.server)
         self._recorded = source if isinstance(source, RecordedSource) else None
         self._live = source if isinstance(source, LiveSource) else None
         self._pictures = pictures
@@ -132,13 +134,20 @@ class Viewer:
             self._run()
 
     def _run(self) -> None:
-        last, told = time.monotonic(), 0.0
+        last, told, is_settled = time.monotonic(), 0.0, True
         while not self._stopping.wait(1.0 / RATE_HZ):
+            if not self._pace.is_free():
+                continue
             now = time.monotonic()
             moment = self._next(now - last)
             last = now
             if moment is not None and (moment is not self._moment or self._must_draw):
                 self._draw(moment)
+                self._pace.sent()
+                is_settled = False
+            elif not is_settled:
+                self._scene.settle()
+                is_settled = True
             if now - told > _TABLE_S:
                 told = now
                 self._tell()
@@ -146,6 +155,7 @@ class Viewer:
     def stop(self) -> None:
         """End `run` and the server."""
         self._stopping.set()
+        self._pace.stop()
         with self._running:  # until the frame that is being drawn is there
             self.server.stop()
 
@@ -178,7 +188,7 @@ class Viewer:
     def _shown(self, moment: Moment) -> tuple[Skeleton, ...]:
         """Give the people to draw. Running nodes choose by themselves."""
         if self._live is not None:
-            return moment.skeletons or ()
+            return self._live.people(moment)
         return chosen(moment.skeletons or (), self._zone, self._most)
 
     def _aim_cameras(self) -> None:
@@ -304,7 +314,7 @@ class Viewer:
             return
         shown = None if moment.skeletons is None else self._shown(moment)
         followed = self._follower.choose(shown or (), moment.stamp_ns, "").body_id
-        _set(self._people_text, people_table(shown, followed))
+        _set(self._people_text, people_table(shown, followed, moment.stamp_ns))
 
     def _tell_time(self, source: RecordedSource) -> None:
         playback = source.playback

@@ -30,8 +30,8 @@ def chosen(skeletons: Sequence[Skeleton], zone: Zone, most: int) -> tuple[Skelet
     return tuple(inside)
 
 
-def people_table(skeletons: Sequence[Skeleton] | None, followed: str) -> str:
-    """Make the table of people, Markdown."""
+def people_table(skeletons: Sequence[Skeleton] | None, followed: str, stamp_ns: int | None = None) -> str:
+    """Make the table of people, Markdown; of a frame of that stamp it tells who is older."""
     if skeletons is None:
         return "*no answer to this frame*"
     if not skeletons:
@@ -40,9 +40,11 @@ def people_table(skeletons: Sequence[Skeleton] | None, followed: str) -> str:
     for s in skeletons:
         seen = int((s.joint_states == JointState.SEEN).sum())
         mark = "●" if s.body_id == followed else ""
+        is_old = stamp_ns is not None and s.stamp_ns != stamp_ns
+        state = f"{(stamp_ns - s.stamp_ns) * 1e-9:.1f} s ago" if is_old else s.source.name.lower()
         lines.append(
             f"| {mark} | {s.body_id} | {distance_m(s):.1f} m | {_size(s)} | {s.confidence:.2f} "
-            f"| {s.source.name.lower()} | {seen}/{len(s.positions)} |"
+            f"| {state} | {seen}/{len(s.positions)} |"
         )
     return "\n".join([*lines, "", "● followed, \\* own build known"])
 

@@ -25,6 +25,8 @@ _BONE_M = 0.016
 _TRAIL_S = 1.5
 _POINT_M = 0.012
 _HANDS = (JOINT_INDEX["left_wrist"], JOINT_INDEX["right_wrist"])
+_OLD_LIGHT = 0.6
+"""Light of people of an earlier frame."""
 _NOTHING = 1e-4
 """Size of what is not to be seen."""
 
@@ -79,6 +81,7 @@ class Scene:
             section_color=(105, 112, 126),
         )
         self._frustum: Any = None
+        self._is_odd = False
         self._has_floor = False
         self._turn(_T_LEVEL)
         self._grid.visible = False
@@ -106,8 +109,13 @@ class Scene:
                 figure = self._people.get(skeleton.body_id)
                 if figure is None:
                     figure = self._people[skeleton.body_id] = _Figure(self._server, skeleton.body_id)
-                figure.show(skeleton, self.wishes, self._mesh_of)
+                figure.show(skeleton, self.wishes, self._mesh_of, skeleton.stamp_ns == moment.stamp_ns)
                 figure.show_trail(self._trail(skeleton), self.wishes.trails)
+
+    def settle(self) -> None:
+        """Have the browser draw once more: names, and what is new, it places one picture late."""
+        self._is_odd = not self._is_odd
+        self._cloud.point_size = _POINT_M * (1.0 + 1e-4 * self._is_odd)
 
     def forget_trails(self) -> None:
         """Drop the trails, where time jumps."""
@@ -176,13 +184,17 @@ class _Figure:
             if handle is not None:
                 handle.remove()
 
-    def show(self, skeleton: Skeleton, wishes: Wishes, mesh_of: Any) -> None:
-        """Draw them as they are: hidden joints hollow and smaller, joints and bones by confidence."""
+    def show(self, skeleton: Skeleton, wishes: Wishes, mesh_of: Any, is_new: bool) -> None:
+        """Draw them as they are: hidden joints hollow and smaller, joints and bones by confidence.
+
+        Who is not of this frame is darker.
+        """
         for handle in (self._joints, self._hidden, self._bones):
             handle.visible = wishes.skeletons
         self._name.visible = wishes.names
         at = skeleton.positions.astype(np.float32)
-        colour = colours.as_light(colours.of_confidence(skeleton.joint_confidence))
+        light = 1.0 if is_new else _OLD_LIGHT
+        colour = colours.as_light((light * colours.of_confidence(skeleton.joint_confidence)).astype(np.uint8))
         seen = skeleton.joint_states == JointState.SEEN
         for handle, which, size in ((self._joints, seen, _JOINT_M), (self._hidden, ~seen, _HIDDEN_M)):
             handle.batched_positions, handle.batched_colors = at, colour
@@ -191,10 +203,9 @@ class _Figure:
         sure = skeleton.joint_confidence[ends].min(axis=1)
         self._bones.points = at[ends]
         mine = colours.of_person(skeleton.body_id).astype(np.float32)
-        shade = (0.35 + 0.65 * np.clip(np.nan_to_num(sure), 0, 1))[:, None] * mine
+        shade = light * (0.35 + 0.65 * np.clip(np.nan_to_num(sure), 0, 1))[:, None] * mine
         self._bones.colors = np.repeat(colours.as_light(shade.astype(np.uint8))[:, None], 2, axis=1)
         self._name.position = tuple((at[JOINT_INDEX["head"]] + (0, -0.25, 0)).tolist())
-        self._name.text = f"{skeleton.body_id} {skeleton.confidence:.2f}"
         self._show_mesh(skeleton, wishes.bodies and mesh_of is not None, mesh_of)
 
     def _show_mesh(self, skeleton: Skeleton, wanted: bool, mesh_of: Any) -> None:

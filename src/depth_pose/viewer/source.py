@@ -18,6 +18,31 @@ Answer = Callable[[DepthFrame], tuple[Skeleton, ...] | None]
 """Everybody's skeletons in a frame; None where there is no answer."""
 
 
+_RECENT_NS = 1_000_000_000
+"""How long somebody is shown whom the nodes did not answer since: busy ones take turns, and of three people
+answer each every third frame. Set by hand."""
+
+
+class Recent:
+    """Who was answered a moment ago."""
+
+    def __init__(self) -> None:
+        self._last: dict[str, Skeleton] = {}
+
+    def add(self, skeletons: Iterable[Skeleton]) -> None:
+        """Take a frame's answer."""
+        self._last.update({s.body_id: s for s in skeletons})
+
+    def people(self, moment: Moment) -> tuple[Skeleton, ...]:
+        """Give everybody in a frame, and who was answered shortly before it; none where it got no answer."""
+        now = moment.stamp_ns
+        self._last = {k: s for k, s in self._last.items() if 0 <= now - s.stamp_ns <= _RECENT_NS}
+        if moment.skeletons is None:
+            return ()
+        known = {**self._last, **{s.body_id: s for s in moment.skeletons}}
+        return tuple(known[k] for k in sorted(known, key=lambda k: (len(k), k)))
+
+
 class LiveSource:
     """Running nodes.
 
@@ -31,11 +56,19 @@ class LiveSource:
 
     def __init__(self, watch: Watch, most_points: int) -> None:
         self._watch, self._most_points = watch, most_points
+        self._recent = Recent()
 
     def newest(self) -> Moment | None:
         """Give the newest frame that was not given before."""
         heard = self._watch.newest()
-        return None if heard is None else keep(heard.frame, heard.skeletons, self._most_points)
+        if heard is None:
+            return None
+        self._recent.add(heard.skeletons or ())
+        return keep(heard.frame, heard.skeletons, self._most_points)
+
+    def people(self, moment: Moment) -> tuple[Skeleton, ...]:
+        """Give everybody in a frame, and who was answered a moment before it."""
+        return self._recent.people(moment)
 
     def nodes(self) -> Sequence[NodeState]:
         """Give what each node last told of itself."""

@@ -1,0 +1,106 @@
+"""Frames no faster than browsers show them.
+
+A browser takes from the network whatever comes and keeps it until it can draw; so one that draws slowly
+would fall behind, and its memory grow. Hence each is asked, after a frame, for something that it answers
+in turn, after what it got before: a value of its local storage. Until then no other frame is sent.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from typing import Any
+
+_PATIENCE_S = 5.0
+"""A browser that takes longer is no longer waited for, until it answers: it may be asleep. Set by hand;
+one without a graphics card, on cores that are busy, takes two."""
+
+_GIVE_UP_S = 60.0
+"""Then it is asked anew."""
+
+_AFTER_S = 0.03
+"""A question goes out this long after its frame: the frame waits for up to a sixtieth of a second."""
+
+
+class Pace:
+    """Waits for the browsers of a server.
+
+    Parameters
+    ----------
+    server : viser.ViserServer
+    """
+
+    def __init__(self, server: Any) -> None:
+        self._server = server
+        self._lock = threading.Lock()
+        self._readers: dict[int, _Reader] = {}
+
+    def is_free(self) -> bool:
+        """Tell whether a further frame may be sent: those who are waited for have shown the last one."""
+        with self._lock:
+            return not any(reader.is_awaited() for reader in self._readers.values())
+
+    def sent(self) -> None:
+        """Take note that a frame was sent."""
+        clients = self._server.get_clients()
+        with self._lock:
+            for gone in self._readers.keys() - clients.keys():
+                self._readers.pop(gone).stop()
+            for number in clients:
+                if number not in self._readers:
+                    self._readers[number] = _Reader(self._server, number)
+                self._readers[number].ask()
+
+    def stop(self) -> None:
+        """Wait for nobody any more."""
+        with self._lock:
+            for reader in self._readers.values():
+                reader.stop()
+            self._readers.clear()
+
+
+class _Reader:
+    """One browser; asks it in a thread of its own."""
+
+    def __init__(self, server: Any, number: int) -> None:
+        self._server, self._number = server, number
+        self._asked_s: float | None = None  # since when an answer is missing
+        self._wanted, self._stopping = threading.Event(), False
+        threading.Thread(target=self._run, name="pace", daemon=True).start()
+
+    def is_awaited(self) -> bool:
+        asked = self._asked_s
+        return asked is not None and time.monotonic() - asked < _PATIENCE_S
+
+    def ask(self) -> None:
+        if self._asked_s is None:
+            self._asked_s = time.monotonic()
+            self._wanted.set()
+
+    def stop(self) -> None:
+        self._stopping = True
+        self._wanted.set()
+
+    def _run(self) -> None:
+        while True:
+            self._wanted.wait()
+            self._wanted.clear()
+            if self._stopping:
+                return
+            time.sleep(_AFTER_S)
+            while not self._stopping and not self._answers():
+                pass
+            self._asked_s = None
+
+    def _answers(self) -> bool:
+        """Ask, and wait; false where nothing came in time."""
+        client = self._server.get_clients().get(self._number)
+        if client is None:
+            return True
+        try:
+            client.local_storage.get_item("depth_pose", timeout=_GIVE_UP_S)
+        except TimeoutError:
+            return False
+        except RuntimeError:  # gone; or it has no local storage, which is an answer, too
+            pass
+        return True

@@ -1,0 +1,107 @@
+"""The viewer on running nodes: from depth over real DDS to what is in the scene, and in a real browser."""
+
+from __future__ import annotations
+
+import threading
+import time
+
+import numpy as np
+import pytest
+import scene
+
+from browser import assert_shows, page_of
+from depth_pose.core.skeleton import BONES
+from depth_pose.io.mcap_read import read_frames
+from depth_pose.io.mcap_write import DepthWriter
+from depth_pose.io.skeleton_read import read_people
+from depth_pose.ros.process.supervisor import Suite
+from depth_pose.ros.transport.bag import Recorder, play
+from depth_pose.ros.watch import Watch
+from depth_pose.viewer.app import Viewer
+from depth_pose.viewer.source import LiveSource
+
+IMAGE, INFO, PEOPLE = "/camera/depth/image_raw", "/camera/depth/camera_info", "/depth_pose/skeletons"
+FRAMES = 30
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory):
+    path = tmp_path_factory.mktemp("live") / "small.mcap"
+    with DepthWriter(path, scene.CAMERA, "optical") as writer:
+        for frame in scene.frames(FRAMES):
+            writer.write_frame(frame)
+    return path
+
+
+@pytest.fixture
+def suite(domain, bank_path):
+    lossless = {"reliable": True, "queue": 200}  # or the nodes leave out frames on a busy machine
+    with Suite(bank=bank_path, parameters=lossless, sink=lambda line: None) as suite:
+        yield suite
+
+
+@pytest.fixture
+def viewer(suite, tmp_path):
+    """One that listens to the nodes, and finds the depth topic by itself."""
+    watch = Watch()
+    watch.start()
+    viewer = Viewer(LiveSource(watch, 4000), port=0, pictures=tmp_path / "pictures")
+    thread = threading.Thread(target=viewer.run, daemon=True)
+    thread.start()
+    yield viewer
+    viewer.stop()
+    thread.join(10)
+    watch.stop()
+
+
+def wait_for(true, what, seconds=60.0):
+    end = time.monotonic() + seconds
+    while not true():
+        assert time.monotonic() < end, f"{what} did not come"
+        time.sleep(0.05)
+
+
+def joints_shown(viewer):
+    """Joints (19, 3) of everybody in the scene, of the frame that is shown."""
+    return [s.positions for s in viewer._moment.skeletons or ()] if viewer._moment else []
+
+
+def show(recording, tmp_path):
+    """Play the recording, slowly, to the nodes and the viewer; gives what the nodes answered."""
+    out = tmp_path / "out.mcap"
+    with Recorder(out, [PEOPLE]) as recorder:
+        recorder.wait_subscribed()
+        play(recording, rate=0.5, wait_for_subscribers=[IMAGE, IMAGE, INFO, INFO])
+        before = -1
+        while recorder.counts[PEOPLE] > before:
+            before = recorder.counts[PEOPLE]
+            time.sleep(2.0)
+    assert before > FRAMES // 2, "answers"
+    return {m.stamp_ns: m.skeletons for m in read_people(out, PEOPLE)}
+
+
+def test_the_scene_shows_what_the_nodes_answer(viewer, recording, tmp_path):
+    answers = show(recording, tmp_path)
+    assert viewer.drawn > 5
+    moment = viewer._moment
+    (found,) = answers[moment.stamp_ns]
+    bones = viewer.server.scene.get_handle_by_name(f"/sensor/people/{found.body_id}/bones")
+    np.testing.assert_allclose(bones.points, found.positions[np.array(BONES)], atol=1e-5)
+    depth = next(f.depth for f in read_frames(recording) if f.stamp_ns == moment.stamp_ns)
+    points = np.asarray(viewer.server.scene.get_handle_by_name("/sensor/points").points, np.float32)
+    assert points[:, 2].min() == pytest.approx(depth[depth > 0].min(), abs=0.1)
+    wait_for(lambda: "denoise" in viewer._nodes_text.content, "the table of nodes")
+    assert found.body_id in viewer._people_text.content
+
+
+def test_a_browser_shows_people_live(viewer, recording, tmp_path):
+    with page_of(viewer) as page:
+        for wish in ("points", "names", "floor", "camera"):
+            viewer._set_wish(wish, False)
+        answers = show(recording, tmp_path)
+        moment = viewer._moment
+        (found,) = answers[moment.stamp_ns]
+        page.get_by_text(found.body_id).first.wait_for(timeout=30_000)
+        wait_for(viewer._pace.is_free, "the browser's answer")
+        assert_shows(viewer, scene.CAMERA, joints_shown(viewer))
+        assert page.problems == []
