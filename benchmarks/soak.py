@@ -3,8 +3,7 @@
     python benchmarks/soak.py --hours 8 -o soak
     python benchmarks/soak.py --hours 0.05 --stall 20
 
-A recording of 15 frames a second loops, in which three people walk about, hide and cross; each turn they are
-gone and come anew. Two others listen to everybody's points: one takes half a second for each cloud, the other
+A recording loops, in which three people walk about, hide and cross; each turn they are gone and come anew. Two others listen to everybody's points: one takes half a second for each cloud, the other
 stops reading for good after a minute (SIGSTOP). Once in two seconds the memory of every process is read, and
 every answer's latency is taken from the moment its frame was sent. Growth is that of the resident set: a
 page that is no longer shared with the host moves the proportional set size, but is no new one. With
@@ -73,11 +72,11 @@ def make_recording(path: Path) -> None:
     simulate(path, Person().body(), load_motion("play", FPS, SECONDS), stage)
 
 
-def make_room(path: Path) -> None:
+def make_room(path: Path, fps: float) -> None:
     """Simulate people who walk about in a room, hide and cross."""
     from depth_pose.sim.clips import sample_clip, write_clip
 
-    write_clip(path, sample_clip(np.random.default_rng(5), round(SECONDS * FPS), FPS, PEOPLE, WIDTH))
+    write_clip(path, sample_clip(np.random.default_rng(5), round(SECONDS * fps), fps, PEOPLE, WIDTH))
 
 
 def listen_slowly() -> None:
@@ -197,6 +196,7 @@ def main() -> None:
     parser.add_argument("--listen", action="store_true", help="be the slow listener (the script starts it)")
     parser.add_argument("--stall", type=float, default=0.0, help="seconds between stopped nodes; 0: none")
     parser.add_argument("--bank", help="exemplar bank; the set-up's by default")
+    parser.add_argument("--fps", type=float, default=15.0, help="frames a second of the simulated recording")
     parser.add_argument("--recording", type=Path, help="MCAP file to loop; simulated by default")
     parser.add_argument("-o", "--output", type=Path, default=Path("soak"))
     arguments = parser.parse_args()
@@ -205,7 +205,7 @@ def main() -> None:
         listen_slowly()
     recording = arguments.recording or arguments.output.with_name("soak_input.mcap")
     if not recording.is_file():
-        make_room(recording)
+        make_room(recording, arguments.fps)
     soak = Soak()
     restarts = soak.run(recording, arguments.bank, 60.0 * arguments.hours, arguments.stall)
     report(soak, restarts, arguments.output)
