@@ -103,6 +103,12 @@ def gap(heard, around_s):
     return after - before, after
 
 
+def longest(heard, since_s):
+    """Longest time without a skeleton that ended after a moment, in seconds."""
+    times = sorted(heard.came.values())
+    return max(after - before for before, after in itertools.pairwise(times) if after > since_s)
+
+
 @pytest.fixture
 def live(bank_path, peer):
     """A suite that answers a sensor's frames."""
@@ -157,12 +163,13 @@ def test_a_killed_node(live, peer, name):
     note(f"{name} node killed (-9)", "it is started again; the others go on", again - killed, lost)
 
 
-@pytest.mark.parametrize("name", ["matcher", "spare"])
+@pytest.mark.parametrize("name", ["matcher", "spare", "host"])
 def test_a_hung_process(live, peer, name):
     """SIGSTOP: it lives, and answers nothing. It is killed and replaced, within 5 s on a free machine."""
     suite, _, heard, lines = live
-    peer.until(lambda: suite.is_ready("spare"), 4 * PATIENCE_S, "the spare process")
-    pid, stopped = suite.pid(name), time.monotonic()
+    for deputy in ("spare", "second host"):
+        peer.until(lambda d=deputy: suite.is_ready(d), 4 * PATIENCE_S, f"the {deputy}")
+    pid, nodes, stopped = suite.pid(name), [suite.pid(n) for n in NODES], time.monotonic()
     os.kill(pid, signal.SIGSTOP)
     peer.until(
         lambda: any(f"[{name}] gave no sign of life" in line for line in lines),
@@ -178,26 +185,52 @@ def test_a_hung_process(live, peer, name):
     peer.until(lambda: max(heard.came.values()) > settled, PATIENCE_S, "skeletons again")
     assert not Path(f"/proc/{pid}").exists()
     assert suite.restarts == {n: int(n == name) for n in NODES}
-    if name != "spare":
-        note(
-            f"{name} node hangs (SIGSTOP)", "it is killed and started again", gap(heard, settled)[1] - stopped
-        )
+    if name == "matcher":
+        seen = "it is killed, and the spare takes its place"
+        note("a node hangs (SIGSTOP)", seen, gap(heard, settled)[1] - stopped)
+    else:
+        assert [suite.pid(n) for n in NODES] == nodes
+        note(f"{name} hangs (SIGSTOP)", "it is killed and replaced; the nodes go on", longest(heard, stopped))
 
 
 def test_the_host_is_killed(live, peer):
-    """All nodes end with the process that forked them, and all are started again."""
+    """The nodes go on; a second host, forked from the first, takes its place, and a third the second's."""
     suite, _, heard, lines = live
-    host, nodes = suite.pid("host"), [suite.pid(name) for name in NODES]
-    os.kill(host, signal.SIGKILL)
-    killed = time.monotonic()
-    peer.until(lambda: suite.restarts == dict.fromkeys(NODES, 1), PATIENCE_S, "the restart")
-    peer.until(lambda: all(map(suite.is_ready, NODES)), 4 * PATIENCE_S, lambda: "\n".join(lines))
+    nodes, killed = [suite.pid(name) for name in NODES], time.monotonic()
+    for _ in range(2):
+        peer.until(lambda: suite.is_ready("second host"), 4 * PATIENCE_S, "the second host")
+        host, second = suite.pid("host"), suite.pid("second host")
+        os.kill(host, signal.SIGKILL)
+        peer.until(lambda h=host: suite.pid("host") not in (None, h), PATIENCE_S, lambda: "\n".join(lines))
+        assert suite.pid("host") == second and not Path(f"/proc/{host}").exists()
+    settled = time.monotonic()
+    peer.until(lambda: max(heard.came.values()) > settled, PATIENCE_S, "skeletons")
+    assert [suite.pid(name) for name in NODES] == nodes
+    assert not any("Traceback" in line for line in lines), "\n".join(lines)
+    note("host killed (-9), twice", "another takes its place; the nodes go on", longest(heard, killed))
+
+
+@pytest.mark.parametrize(
+    "killed", [NODES, ("host", "second host", "matcher")], ids=["nodes", "hosts and matcher"]
+)
+def test_several_are_killed_at_once(live, peer, killed):
+    """All that were killed are there again, and only they are new."""
+    suite, _, heard, lines = live
+    for deputy in ("spare", "second host"):
+        peer.until(lambda d=deputy: suite.is_ready(d), 4 * PATIENCE_S, f"the {deputy}")
+    before, since = {n: suite.pid(n) for n in (*NODES, "host")}, time.monotonic()
+    for pid in [suite.pid(n) for n in killed]:
+        os.kill(pid, signal.SIGKILL)
+    peer.until(
+        lambda: all(
+            suite.is_ready(n) and (suite.pid(n) != pid) == (n in killed) for n, pid in before.items()
+        ),
+        4 * PATIENCE_S,
+        lambda: "all processes:\n" + "\n".join(lines),
+    )
     settled = time.monotonic()
     peer.until(lambda: max(heard.came.values()) > settled, PATIENCE_S, "skeletons again")
-    assert not set(nodes) & {suite.pid(name) for name in NODES}
-    assert not any(Path(f"/proc/{pid}").exists() for pid in (host, *nodes))
-    assert not any("Traceback" in line for line in lines), "\n".join(lines)
-    note("host killed (-9)", "all nodes end, and are started again", gap(heard, settled)[1] - killed)
+    note(f"{' and '.join(killed)} killed (-9)", "they are replaced", longest(heard, since))
 
 
 def test_a_looping_recording(bank_path, peer, tmp_path):
