@@ -7,6 +7,7 @@ import json
 import os
 import signal
 import socket
+import subprocess
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
@@ -47,6 +48,7 @@ class Child:
     """
 
     def __init__(self, name: str) -> None:
+        self._program: subprocess.Popen[bytes] | None = None
         self.pid: int | None = None
         self.code: int | None = None
         self._last_lines, self._rest = deque[str](maxlen=20), b""
@@ -62,19 +64,19 @@ class Child:
     def spawned(cls, name: str, command: Sequence[str], environment: dict[str, str]) -> Child:
         """Start a program; Ctrl-C does not reach it."""
         child = cls(name)
-        standard = [(os.POSIX_SPAWN_DUP2, child.theirs.fileno(), number) for number in range(3)]
-        child.pid = os.posix_spawn(command[0], command, environment, file_actions=standard, setsid=True)
-        child.theirs.close()
+        with child.theirs as end:
+            child._program = subprocess.Popen(
+                command, stdin=end, stdout=end, stderr=end, env=environment, start_new_session=True
+            )
+        child.pid = child._program.pid
         return child
 
     @classmethod
     def forked(cls, name: str, arguments: Sequence[str], host: Child) -> Child:
         """Have a host fork a process; where that is gone, this one has ended, too."""
         child = cls(name)
-        with contextlib.suppress(OSError):
-            request = json.dumps([name, arguments]).encode()
-            socket.send_fds(host.socket, [request], [child.theirs.fileno()])
-        child.theirs.close()
+        with child.theirs as end, contextlib.suppress(OSError):
+            socket.send_fds(host.socket, [json.dumps([name, arguments]).encode()], [end.fileno()])
         return child
 
     def follow(self, last: Child) -> None:
@@ -106,10 +108,15 @@ class Child:
             self.is_ready = self.is_ready or READY in line
             sink(f"[{self.name}] {line}")
         if not data:
-            self.code = -signal.SIGKILL  # with its host, before it was there
-            with contextlib.suppress(ChildProcessError):
-                if self.pid is not None:
-                    self.code = os.waitstatus_to_exitcode(os.waitpid(self.pid, 0)[1])
+            self.code = self._exit_code()
+
+    def _exit_code(self) -> int:
+        if self._program is not None:
+            return self._program.wait()
+        with contextlib.suppress(ChildProcessError):
+            if self.pid is not None:
+                return os.waitstatus_to_exitcode(os.waitpid(self.pid, 0)[1])
+        return -signal.SIGKILL  # with its host, before it was there
 
     @property
     def last_words(self) -> str:
