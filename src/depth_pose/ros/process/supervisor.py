@@ -40,6 +40,8 @@ __all__ = ["NODES", "SENSORS_PATH", "NodeDiedError", "Suite", "sensor_names", "u
 SENSORS_PATH = Path(__file__).parents[1] / "sensors"
 """Parameter files of known sensor drivers, NAME.yaml."""
 
+_HOST_MODULE = "depth_pose.ros.process.host"
+
 _CONSUMERS = {"denoise": 3, "matcher": 1, "refine": 1, "recovery": 1}
 """Nodes of the suite that subscribe to what each publishes; it is ready once they have."""
 
@@ -113,7 +115,7 @@ class Suite:
         return {n: self._children[n].restarts if n in self._children else 0 for n in self._arguments}
 
     def pid(self, name: str) -> int | None:
-        """Process id of a node, of the "spare" or of the "host"; None while it is down."""
+        """Process id of a node, the "spare", the "host" or the "second host"; None while it is down."""
         child = self._children.get(name)
         return child.pid if child is not None and child.code is None else None
 
@@ -212,14 +214,7 @@ class Suite:
         if name == HOST:
             # a process with threads of its own cannot fork
             alone = {"PYTHONUNBUFFERED": "1", "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
-            command = [
-                sys.executable,
-                "-W",
-                "ignore:This process",
-                "-m",
-                "depth_pose.ros.process.host",
-                self._bank,
-            ]
+            command = [sys.executable, "-W", "ignore:This process", "-m", _HOST_MODULE, self._bank]
             child = Child.spawned(name, command, os.environ | alone)
         else:
             child = Child.forked(name, self._arguments.get(name, []), self._children[HOST])
