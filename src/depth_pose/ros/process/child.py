@@ -66,7 +66,12 @@ class Child:
         child = cls(name)
         with child.theirs as end:
             child._program = subprocess.Popen(
-                command, stdin=end, stdout=end, stderr=end, env=environment, start_new_session=True
+                command,
+                stdin=end.fileno(),
+                stdout=end.fileno(),
+                stderr=end.fileno(),
+                env=environment,
+                start_new_session=True,
             )
         child.pid = child._program.pid
         return child
