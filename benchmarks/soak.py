@@ -3,15 +3,14 @@
     python benchmarks/soak.py --hours 8 -o soak
     python benchmarks/soak.py --hours 0.05 --stall 20
 
-A recording of 15 frames a second loops, in which three people walk about, hide and cross; each turn they are
-gone and come anew. Two others listen to everybody's points: one takes half a second for each cloud, the other
-stops reading for good after a minute (SIGSTOP). Once in two seconds the memory of every process is read, and
-every answer's latency is taken from the moment its frame was sent. Growth is that of the resident set: a
-page that is no longer shared with the host moves the proportional set size, but is no new one. With
-``--stall`` one node after another is stopped for two seconds, so that the queues before it fill, as they do
-where the processor is taken away. Written are ``soak.npz``, ``soak.png`` and a table: slope of each
-process' memory after the first tenth, people in view, and the 95th percentile of the latency in the first
-and in the last tenth.
+A recording loops, in which three people walk about, hide and cross; each turn they are gone and come anew.
+Two others listen to everybody's points: one takes half a second for each cloud, the other stops reading for
+good after a minute (SIGSTOP). Once in two seconds the memory of every process is read, and every answer's
+latency is taken from the moment its frame was sent. Growth is that of the resident set: a page that is no
+longer shared with the host moves the proportional set size, but is no new one. With ``--stall`` one node
+after another is stopped for two seconds, so that the queues before it fill, as they do where the processor
+is taken away. Written are ``soak.npz``, ``soak.png`` and a table: slope of each process' memory after the
+first tenth, people in view, and the 95th percentile of the latency in the first and in the last tenth.
 """
 
 from __future__ import annotations
@@ -36,12 +35,14 @@ import numpy as np
 from depth_pose.io._messages import read_people
 from depth_pose.io.schemas import PEOPLE_TOPIC
 from depth_pose.ros import stay_local
+from depth_pose.ros.process import HOST, NODES, SECOND_HOST, SPARE
 
 os.environ.setdefault("ROS_DOMAIN_ID", str(random.SystemRandom().randrange(1, 101)))
 
 FPS = 15.0
 SECONDS, PEOPLE, WIDTH = 20.0, 3, 320
 EVERY_S, STALL_S = 2.0, 2.0
+OTHERS = SPARE, HOST, SECOND_HOST
 SLOW_S, DEAF_AFTER_S = 0.5, 60.0
 
 
@@ -73,11 +74,11 @@ def make_recording(path: Path) -> None:
     simulate(path, Person().body(), load_motion("play", FPS, SECONDS), stage)
 
 
-def make_room(path: Path) -> None:
+def make_room(path: Path, fps: float) -> None:
     """Simulate people who walk about in a room, hide and cross."""
     from depth_pose.sim.clips import sample_clip, write_clip
 
-    write_clip(path, sample_clip(np.random.default_rng(5), round(SECONDS * FPS), FPS, PEOPLE, WIDTH))
+    write_clip(path, sample_clip(np.random.default_rng(5), round(SECONDS * fps), fps, PEOPLE, WIDTH))
 
 
 def listen_slowly() -> None:
@@ -108,7 +109,7 @@ class Soak:
 
     def run(self, recording: Path, bank: str | None, minutes: float, stall_s: float) -> dict[str, int]:
         """Play; gives the restarts."""
-        from depth_pose.ros.process.supervisor import NODES, Suite
+        from depth_pose.ros.process.supervisor import Suite
         from depth_pose.ros.transport.bag import Player, Recorder, header_stamp_ns
 
         def sent(message: object, now_ns: int) -> None:
@@ -134,7 +135,7 @@ class Soak:
             slow, deaf = (subprocess.Popen([sys.executable, __file__, "--listen"]) for _ in range(2))
             stalled, next_stall = itertools.cycle(NODES), stall_s or float("inf")
             while (now := time.monotonic() - self.started) < 60 * minutes:
-                pids = [*map(suite.pid, NODES), suite.pid("spare"), suite.pid("host")]
+                pids = [suite.pid(name) for name in (*NODES, *OTHERS)]
                 self.memory.append((now, *map(memory_bytes, pids)))
                 print(f"\r{now / 60:.1f} min, {len(self.latency)} answers", end="", flush=True)
                 if now > DEAF_AFTER_S:
@@ -160,7 +161,7 @@ def report(soak: Soak, restarts: dict[str, int], output: Path) -> None:
     """Draw, and print the table."""
     memory, latency = np.array(soak.memory), np.array(soak.latency)
     np.savez_compressed(output.with_suffix(".npz"), memory=memory, latency=latency)
-    names = [*restarts, "spare", "host"]
+    names = [*restarts, *OTHERS]
     end = memory[-1, 0]
     parts = [latency[latency[:, 0] < end / 10, 1], latency[latency[:, 0] > end * 0.9, 1]]
     p95 = [1e3 * float(np.percentile(part, 95)) for part in parts]
@@ -197,6 +198,7 @@ def main() -> None:
     parser.add_argument("--listen", action="store_true", help="be the slow listener (the script starts it)")
     parser.add_argument("--stall", type=float, default=0.0, help="seconds between stopped nodes; 0: none")
     parser.add_argument("--bank", help="exemplar bank; the set-up's by default")
+    parser.add_argument("--fps", type=float, default=15.0, help="frames a second of the simulated recording")
     parser.add_argument("--recording", type=Path, help="MCAP file to loop; simulated by default")
     parser.add_argument("-o", "--output", type=Path, default=Path("soak"))
     arguments = parser.parse_args()
@@ -205,7 +207,7 @@ def main() -> None:
         listen_slowly()
     recording = arguments.recording or arguments.output.with_name("soak_input.mcap")
     if not recording.is_file():
-        make_room(recording)
+        make_room(recording, arguments.fps)
     soak = Soak()
     restarts = soak.run(recording, arguments.bank, 60.0 * arguments.hours, arguments.stall)
     report(soak, restarts, arguments.output)

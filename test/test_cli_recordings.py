@@ -9,10 +9,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from mcap.writer import Writer
 
 from depth_pose.cli import main
 from depth_pose.core.camera import Camera
+from depth_pose.io import schemas
+from depth_pose.io._messages import write_camera_info, write_image
 from depth_pose.io.mcap_write import DepthWriter
+from depth_pose.io.schemas import DEPTH_TOPIC
 from depth_pose.io.skeleton_read import read_people
 
 CAMERA = Camera(64, 48, 60.0, 60.0, 31.5, 23.5)
@@ -77,6 +81,33 @@ def test_run_on_a_damaged_recording(tmp_path: Path, call: Callable[..., Done]) -
         assert done.code == 0 and "1 damaged chunk" in done.err and "error" not in done.err
     done = call("run", _write(tmp_path / "whole.mcap", 3), "-o", output)
     assert done.code == 0 and done.err == ""
+
+
+def test_one_bad_stamp_is_a_counted_drop(tmp_path: Path, call: Callable[..., Done]) -> None:
+    recording, output = tmp_path / "in.mcap", tmp_path / "out.mcap"
+    with recording.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start("ros2", "test")
+        kinds = (
+            (DEPTH_TOPIC, schemas.IMAGE),
+            (DEPTH_TOPIC.replace("image_raw", "camera_info"), schemas.CAMERA_INFO),
+        )
+        channels = [
+            writer.register_channel(
+                topic, "cdr", writer.register_schema(kind, "ros2msg", schemas.schema_text(kind).encode())
+            )
+            for topic, kind in kinds
+        ]
+        for i, ns in enumerate((0, 40_000_000, -1, 120_000_000)):
+            image = write_image(ns, "optical", np.full((48, 64), 2000, np.uint16))
+            for channel, data in zip(
+                channels, (image, write_camera_info(ns, "optical", CAMERA)), strict=True
+            ):
+                writer.add_message(channel, i, data, i)
+        writer.finish()
+    done = call("run", recording, "-o", output)
+    assert done.code == 0 and "stamp is below 0" in done.err, done.err
+    assert [message.stamp_ns for message in read_people(output)] == [0, 40_000_000, 120_000_000]
 
 
 def test_run_on_many_of_which_one_is_damaged(tmp_path: Path, call: Callable[..., Done]) -> None:

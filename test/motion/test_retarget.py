@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -103,6 +104,15 @@ def test_acclaim_files_that_do_not_fit(tmp_path, clip, old, new, said) -> None:
             parse_asf_amc(asf, amc)
     else:
         parse_asf_amc(asf, amc)  # an unknown keyword is no reason to refuse
+
+
+def test_hips_in_one_place_are_no_person(tmp_path, clip) -> None:
+    path = write_bvh(tmp_path / "a.bvh", clip, MIXAMO, "mixamorig:{Side}{part}", "ZXY", 0.01, None)
+    source = parse_bvh(path)
+    joint, offsets = find_joints(source), source.offsets.copy()
+    offsets[joint["left_hip"]] = offsets[joint["right_hip"]]
+    with pytest.raises(InputError, match="not a standing person"):
+        retarget(replace(source, offsets=offsets))
 
 
 def test_cut_off_motion_is_refused(tmp_path, clip) -> None:

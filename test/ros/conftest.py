@@ -46,14 +46,14 @@ class Running:
     def output(self):
         return self._log_path.read_text(errors="replace")
 
-    def wait_for(self, text, timeout_s=20.0):
+    def wait_for(self, text, timeout_s=60.0):
         deadline = time.monotonic() + timeout_s
         while text not in self.output:
             assert self.process.poll() is None, f"ended with {self.process.returncode}:\n{self.output}"
             assert time.monotonic() < deadline, f"no {text!r} in {timeout_s} s:\n{self.output}"
             time.sleep(0.02)
 
-    def end(self, number, timeout_s=5.0):
+    def end(self, number, timeout_s=20.0):
         """Send a signal; give exit code and seconds it took."""
         started = time.monotonic()
         self.process.send_signal(number)

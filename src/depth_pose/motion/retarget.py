@@ -111,7 +111,7 @@ def _rest_axes(name: str, rest: Array, joint: dict[str, int]) -> Array:
     left = rest[joint["left_hip"]] - rest[joint["right_hip"]]
     up = rest[joint["head"]] - (rest[joint["left_knee"]] + rest[joint["right_knee"]]) / 2
     up, left = _snap(up), _snap(left)
-    if abs(up @ left) > 0.5:
+    if not (abs(up @ left) <= 0.5 and left.any() and up.any()):
         raise InputError(f"{name}: the rest pose is not a standing person (hips {left}, up {up})")
     left = left - (left @ up) * up
     left /= np.linalg.norm(left)

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from depth_pose.core.camera import Camera
 from depth_pose.core.config import MountConfig
+from depth_pose.core.errors import InputError
 from depth_pose.core.rotations import matrix_to_quat, quat_to_matrix
 from depth_pose.core.types import DepthFrame, Skeleton
 
@@ -42,6 +43,22 @@ def turn_upright(frame: DepthFrame, config: MountConfig) -> DepthFrame:
 def sensor_frame(frame_id: str, config: MountConfig) -> str:
     """Give the name of the sensor's frame from that of the upright one."""
     return frame_id if config.roll % 360.0 == 0.0 else frame_id.removesuffix(UPRIGHT)
+
+
+def check_turned(frame_id: str, config: MountConfig) -> None:
+    """See to it that what comes of a rolled sensor has been turned upright, with the same setting.
+
+    Without a roll nothing is turned back: then results stay in the frame that they say they are in.
+
+    Raises
+    ------
+    InputError
+        If it has not been.
+    """
+    if config.roll % 360.0 != 0.0 and not frame_id.endswith(UPRIGHT):
+        raise InputError(
+            f"mount.roll is {config.roll:g} here, and {frame_id!r} not turned upright: set it for all nodes"
+        )
 
 
 def turn_back(skeleton: Skeleton, config: MountConfig) -> Skeleton:

@@ -26,7 +26,7 @@ from depth_pose.ros.transport.conversions import (
 from depth_pose.ros.transport.drawing import skeletons_to_markers
 from depth_pose.ros.transport.tf import Transforms, skeletons_to_transforms
 from depth_pose.steps.follow import Follower
-from depth_pose.steps.mount import sensor_frame, turn_back
+from depth_pose.steps.mount import check_turned, sensor_frame, turn_back
 from depth_pose.steps.recover import Recoverer
 
 
@@ -64,6 +64,7 @@ class RecoveryNode(BankNode):
     def answer(self, points: PointCloud2, found: People, fitted: FittedArray) -> None:
         """Check, recover and smooth the people of one frame."""
         people, mount = msgs_to_people(points, found), self.config.mount
+        check_turned(people.frame_id, mount)
         upright = self.stage.recover(people, msg_to_fitted(fitted))
         skeletons = [turn_back(s, mount) for s in upright]
         frame_id = sensor_frame(people.frame_id, mount)

@@ -26,7 +26,7 @@ from depth_pose.ros.transport.conversions import (
     stamp_to_ns,
 )
 from depth_pose.ros.transport.drawing import mesh_to_marker
-from depth_pose.steps.mount import turn_forth
+from depth_pose.steps.mount import check_turned, turn_forth
 from depth_pose.steps.refine import Refiner
 
 PATIENCE_S = 2.0
@@ -78,6 +78,7 @@ class RefineNode(BankNode):
             self._held.append((points, found, matches))
             raise Held
         people = msgs_to_people(points, found)
+        check_turned(people.frame_id, self.config.mount)
         fitted = self.stage.refine(people, msg_to_matches(matches))
         self._awaited_ns, self._awaited_since_s = people.stamp_ns, time.monotonic()
         self._fitted.publish(fitted_to_msg(fitted, people))

@@ -5,8 +5,14 @@ from __future__ import annotations
 NODES: tuple[str, ...] = ("denoise", "matcher", "refine", "recovery")
 """The nodes, in the order that a frame passes them."""
 
-READY = "is ready"
-"""A node logs this once it is active and its connections stand."""
+HOST, SECOND_HOST, SPARE = "host", "second host", "spare"
+"""The process that forks the others, one that waits to take its place, and one to take a node's."""
 
-EVENT = "\x1e"
-"""A line of the host's that begins with this (ASCII's record separator) holds JSON."""
+READY = "is ready"
+"""A process prints this once it can do its work: a node when it is active and its connections stand."""
+
+PID = "\x1e"
+"""A forked process' first line: this (ASCII's record separator), and its process id."""
+
+BEAT, BEAT_S = b"\0", 0.25
+"""Sign of life among what a process prints, and the seconds between two: a tenth of the patience, by hand."""

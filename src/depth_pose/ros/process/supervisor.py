@@ -7,44 +7,49 @@
                                             # all four have ended here
 
 `up` is the same as a command that runs until SIGINT or SIGTERM. Each node is a process, forked from one
-that has everything loaded, the host (`depth_pose.ros.process.host`), which also starts again a node that
-dies: at once at first, and up to 10 s later when it goes on dying. One more process is forked as a spare,
-which takes the place of a node that dies. A node's output appears with its name in front. If the host dies,
-so do the nodes, and all are started again; if the supervisor is killed, all end.
+that has everything loaded, the host (`depth_pose.ros.process.host`). A process that dies or hangs is started
+again: at once at first, and up to 10 s later when it goes on dying. One more process is forked as a spare,
+which takes the place of such a node, and a second host, which takes the place of the first. A process' output
+appears with its name in front. If the supervisor is killed, all end.
 """
 
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import json
 import os
-import signal
-import subprocess
+import selectors
 import sys
 import threading
 import time
-from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import Any, NamedTuple
+from typing import Any
 
 from depth_pose.core.errors import ConfigError, DepthPoseError
-from depth_pose.ros import PRIVATE_UMASK, stay_local
-from depth_pose.ros.process import EVENT, NODES
-from depth_pose.ros.process.runner import on_stop
+from depth_pose.ros import stay_local
+from depth_pose.ros.process import HOST, NODES, SECOND_HOST, SPARE
+from depth_pose.ros.process.child import Child
+from depth_pose.ros.process.leftovers import remove_leftovers
+from depth_pose.ros.process.runner import EXIT_CONFIG, on_stop
 
 __all__ = ["NODES", "SENSORS_PATH", "NodeDiedError", "Suite", "sensor_names", "up"]
 
 SENSORS_PATH = Path(__file__).parents[1] / "sensors"
 """Parameter files of known sensor drivers, NAME.yaml."""
 
-_STOP_PATIENCE_S = 8.0
-"""Seconds until a host that does not end is killed; it gives its nodes less. Set by hand."""
+_HOST_MODULE = "depth_pose.ros.process.host"
 
+_CONSUMERS = {"denoise": 3, "matcher": 1, "refine": 1, "recovery": 1}
+"""Nodes of the suite that subscribe to what each publishes; it is ready once they have."""
 
-_KILLED = -signal.SIGKILL
-"""Exit code of a node whose host was killed."""
+_LOOK_EVERY_S, _STOP_PATIENCE_S = 0.1, 5.0
+"""Seconds between looks where there is no news, and until a process that does not end is killed."""
+
+_PR_SET_CHILD_SUBREAPER = 36
+"""Of Linux' prctl: processes whose parent has ended become this one's, which then learns how they end."""
 
 
 class NodeDiedError(DepthPoseError):
@@ -54,15 +59,6 @@ class NodeDiedError(DepthPoseError):
 def sensor_names() -> list[str]:
     """Sensors that `up` and `Suite` know by name."""
     return sorted(p.stem for p in SENSORS_PATH.glob("*.yaml"))
-
-
-class _State(NamedTuple):
-    """What the host tells of a process."""
-
-    pid: int | None = None
-    is_ready: bool = False
-    restarts: int = 0
-    code: int | None = None
 
 
 class Suite:
@@ -104,41 +100,35 @@ class Suite:
         sink: Callable[[str], None] | None = None,
     ) -> None:
         self.failure: DepthPoseError | None = None
-        self._job = json.dumps({
-            "bank": str(Path(bank).absolute()) if bank is not None else "",
-            "nodes": list(nodes),
-            "arguments": _ros_arguments(params_file, sensor, bank, parameters or {}, remap),
-        })  # fmt: skip
-        self._names, self._sink = tuple(nodes), sink or _print
-        self._states: dict[str, _State] = {}
-        self._host: subprocess.Popen[str] | None = None
-        self._hosts_died, self._last_lines = 0, deque[str](maxlen=20)
+        self._bank = str(Path(bank).absolute()) if bank is not None else ""
+        given = _ros_arguments(params_file, sensor, bank, parameters or {}, remap)
+        self._arguments = {name: ["--ros-args", *_links(name, nodes), *given] for name in nodes}
+        self._sink = sink or _print
+        self._children: dict[str, Child] = {}
+        self._selector = selectors.DefaultSelector()
         self._stopping = threading.Event()
-        self._thread = threading.Thread(target=self._follow, name="supervisor", daemon=True)
+        self._thread = threading.Thread(target=self._run, name="supervisor", daemon=True)
 
     @property
     def restarts(self) -> dict[str, int]:
         """How often each node was started again."""
-        return {n: self._hosts_died + self._state(n).restarts for n in self._names}
+        return {n: self._children[n].restarts if n in self._children else 0 for n in self._arguments}
 
     def pid(self, name: str) -> int | None:
-        """Process id of a node, of the "spare" or of the "host"; None while it is down."""
-        if name == "host":
-            return self._host.pid if self._host is not None and self._host.poll() is None else None
-        return self._state(name).pid if self._state(name).code is None else None
+        """Process id of a node, the "spare", the "host" or the "second host"; None while it is down."""
+        child = self._children.get(name)
+        return child.pid if child is not None and child.code is None else None
 
     def is_ready(self, name: str) -> bool:
         """Whether a node has said so since it was last started; the spare could then take over at once."""
-        return self._state(name).is_ready and self._state(name).code is None
-
-    def _state(self, name: str) -> _State:
-        return self._states.get(name, _State())
+        child = self._children.get(name)
+        return child is not None and child.is_ready and child.code is None
 
     def start(self) -> None:
         """Start all nodes; returns at once, see `wait_ready`."""
         if self._thread.ident is not None:
             raise DepthPoseError("this suite has been started; make a new one")
-        self._host = self._start_host()
+        ctypes.CDLL(None).prctl(_PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0)
         self._thread.start()
 
     def wait_ready(self, timeout_s: float = 300.0) -> None:
@@ -154,23 +144,22 @@ class Suite:
             If a node ends before it is ready, or none of this happens in time.
         """
         deadline_s = time.monotonic() + timeout_s
-        for name in self._names:
+        for name in self._arguments:
             while not self.is_ready(name):
                 if self.failure is not None:
                     raise self.failure
                 if time.monotonic() > deadline_s:
-                    raise self._with_last_words(f"the {name} was not ready in {timeout_s:.0f} s")
+                    said = self._children[name].last_words if name in self._children else ""
+                    raise NodeDiedError(f"the {name} was not ready in {timeout_s:.0f} s:\n{said}")
                 time.sleep(0.02)
 
     def stop(self) -> dict[str, int]:
         """End all nodes; gives their exit codes, 0 where they ended cleanly."""
         self._stopping.set()
-        deadline_s = time.monotonic() + _STOP_PATIENCE_S
-        while self._host is not None and self._thread.is_alive():
-            late = time.monotonic() > deadline_s
-            self._host.kill() if late else self._host.terminate()
-            self._thread.join(0.5)
-        return {n: _KILLED if s.code is None else s.code for n, s in self._states.items() if n in self._names}
+        if self._thread.ident is not None:
+            self._thread.join()
+        there = {n: c for n, c in self._children.items() if n in self._arguments and c.pid is not None}
+        return {n: c.code or 0 for n, c in there.items()}
 
     def __enter__(self) -> Suite:
         self.start()
@@ -186,50 +175,74 @@ class Suite:
     ) -> None:
         self.stop()
 
-    def _start_host(self) -> subprocess.Popen[str]:
-        # a process with threads of its own cannot fork; Ctrl-C reaches the supervisor only
-        alone = {"PYTHONUNBUFFERED": "1", "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
-        return subprocess.Popen(
-            [sys.executable, "-W", "ignore:This process", "-m", "depth_pose.ros.process.host", self._job],
-            stdin=subprocess.PIPE,  # closed by our death, which ends the host
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-            errors="replace",
-            env=os.environ | alone,
-            umask=PRIVATE_UMASK,  # other accounts may not read the shared memory
-            start_new_session=True,
-        )
+    # In a thread of its own
 
-    def _follow(self) -> None:
-        """Read what the host says, in a thread of its own; start it again where it was killed."""
-        while self._host is not None:
-            self._last_lines.clear()
-            with self._host as host:
-                for line in host.stdout or ():
-                    if line.startswith(EVENT):
-                        self._take(json.loads(line[1:]))
-                    else:
-                        self._last_lines.append(line.rstrip("\n"))
-                        self._sink(self._last_lines[-1])
-            code = host.returncode
-            if self._stopping.is_set() or self.failure is not None:
-                return
-            if not self._states:
-                self.failure = self._with_last_words(f"the host ended with code {code} while it loaded")
-                return
-            self._sink(f"[host] ended with code {code}; starting it and all nodes again")
-            self._hosts_died, self._states = self._hosts_died + 1, {}
-            self._host = self._start_host()
+    def _run(self) -> None:
+        while not self._stopping.is_set() and self.failure is None:
+            for name in (HOST, *self._arguments):
+                self._look_after(name)
+            if all(child.is_ready for child in self._children.values()):
+                for name in (SECOND_HOST, SPARE):
+                    if name not in self._children:
+                        self._start(name)
+            self._look()
+        deadline_s = time.monotonic() + _STOP_PATIENCE_S
+        for child in self._children.values():
+            child.end()
+        while any(child.code is None for child in self._children.values()):
+            self._look()
+            if time.monotonic() > deadline_s:
+                for child in self._children.values():
+                    child.kill()
+        remove_leftovers()
 
-    def _with_last_words(self, what: str) -> NodeDiedError:
-        return NodeDiedError("\n".join([f"{what}:", *(self._last_lines or ["nothing was said"])]))
-
-    def _take(self, event: dict[str, Any]) -> None:
-        if "processes" in event:
-            self._states = {name: _State(*state) for name, state in event["processes"].items()}
+    def _look_after(self, name: str) -> None:
+        """Start a process; where it has ended, its deputy takes its place if there is one."""
+        last = self._children.get(name)
+        if last is not None and (last.code is None or time.monotonic() < last.retry_s):
+            return
+        deputy = self._children.get(SECOND_HOST if name == HOST else SPARE)
+        if last is not None and deputy is not None and deputy.is_ready:
+            self._children[name] = self._children.pop(deputy.name)
+            deputy.become(name, self._arguments.get(name, []))
         else:
-            self.failure = (ConfigError if event["refused"] else NodeDiedError)(event["why"])
+            self._start(name)
+        if last is not None:
+            self._children[name].follow(last)
+
+    def _start(self, name: str) -> None:
+        if name == HOST:
+            # a process with threads of its own cannot fork
+            alone = {"PYTHONUNBUFFERED": "1", "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+            command = [sys.executable, "-W", "ignore:This process", "-m", _HOST_MODULE, self._bank]
+            child = Child.spawned(name, command, os.environ | alone)
+        else:
+            child = Child.forked(name, self._arguments.get(name, []), self._children[HOST])
+        self._children[name] = child
+        self._selector.register(child.socket, selectors.EVENT_READ, child)
+
+    def _look(self) -> None:
+        """See to what comes, and to what does not."""
+        for key, _ in self._selector.select(_LOOK_EVERY_S):
+            key.data.read(self._sink)
+        for child in list(self._children.values()):
+            child.kill_if_hung(self._sink)
+            if child.code is not None and child.socket.fileno() >= 0:
+                self._selector.unregister(child.socket)
+                child.socket.close()
+                remove_leftovers()
+                if not self._stopping.is_set() and self.failure is None:
+                    self._take_end(child)
+
+    def _take_end(self, child: Child) -> None:
+        if child.name in (SECOND_HOST, SPARE):
+            del self._children[child.name]
+        elif child.code == EXIT_CONFIG or (child.restarts == 0 and not child.is_ready and child.pid):
+            kind = ConfigError if child.code == EXIT_CONFIG else NodeDiedError
+            what = f"the {child.name} ended with code {child.code} before it was ready"
+            self.failure = kind(f"{what}:\n{child.last_words}")
+        else:
+            child.plan_retry(self._sink)
 
 
 def up(
@@ -281,6 +294,13 @@ def _watch(suite: Suite, stop: threading.Event, namespace: str) -> None:
         if not told and all(map(suite.is_ready, NODES)):
             told = True
             _print(f"all nodes are ready; skeletons come on /{namespace}/skeletons, Ctrl-C ends")
+
+
+def _links(name: str, nodes: Sequence[str]) -> list[str]:
+    """Say whom a node waits for before it is ready."""
+    whole = set(nodes) == set(NODES)
+    consumers = _CONSUMERS[name] if whole else 0
+    return ["-p", f"consumers:={consumers}", "-p", f"producers:={str(whole).lower()}"]
 
 
 def _ros_arguments(
