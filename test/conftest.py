@@ -7,6 +7,7 @@ import hashlib
 import re
 from collections.abc import Generator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -27,19 +28,22 @@ ALLOWED_SKIPS = (
 )
 """Why a test may be skipped. For any other reason it fails: an install that lacks something is not whole."""
 
-ALONE = ("ros/", "fuzz/test_fuzz_nodes", "viewer/")
+ALONE = ("test/ros/", "test/fuzz/test_fuzz_nodes", "test/viewer/")
 """Tests that start nodes and servers and watch the clock: one at a time."""
 
-_HERE = Path(__file__).parent
-_PACKAGE = _HERE.parent / "src" / "depth_pose"
+_PACKAGE = Path(__file__).parents[1] / "src" / "depth_pose"
 
 
-@pytest.hookimpl(tryfirst=True)
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Group tests for ``--dist loadgroup``: those of a file, which share fixtures, and `ALONE`."""
-    for item in items:
-        file = item.path.relative_to(_HERE).as_posix()
-        item.add_marker(pytest.mark.xdist_group("alone" if file.startswith(ALONE) else file))
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """Have ``pytest -n 2`` keep the tests of a file together, which share fixtures, and `ALONE`."""
+    from xdist.scheduler import LoadScopeScheduling
+
+    class ByFile(LoadScopeScheduling):
+        def _split_scope(self, nodeid: str) -> str:
+            return "alone" if nodeid.startswith(ALONE) else nodeid.partition("::")[0]
+
+    return ByFile(config, log)
 
 
 @pytest.hookimpl(wrapper=True)

@@ -40,8 +40,9 @@ def people_table(skeletons: Sequence[Skeleton] | None, followed: str, stamp_ns: 
     for s in skeletons:
         seen = int((s.joint_states == JointState.SEEN).sum())
         mark = "●" if s.body_id == followed else ""
-        is_old = stamp_ns is not None and s.stamp_ns != stamp_ns
-        state = f"{(stamp_ns - s.stamp_ns) * 1e-9:.1f} s ago" if is_old else s.source.name.lower()
+        state = s.source.name.lower()
+        if stamp_ns is not None and s.stamp_ns != stamp_ns:
+            state = f"{(stamp_ns - s.stamp_ns) * 1e-9:.1f} s ago"
         lines.append(
             f"| {mark} | {s.body_id} | {distance_m(s):.1f} m | {_size(s)} | {s.confidence:.2f} "
             f"| {state} | {seen}/{len(s.positions)} |"
