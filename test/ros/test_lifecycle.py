@@ -99,7 +99,7 @@ def test_a_refused_configuration_leaves_the_node_there(start, peer, tmp_path):
         "-p",
         f"bank:={bank}",
     )  # fmt: skip
-    peer.until(lambda: peer.node.count_publishers("/diagnostics"), 30.0, what="the node")
+    peer.until(lambda: peer.node.count_publishers("/diagnostics"), 60.0, what="the node")
     with pytest.raises(DepthPoseError, match="refused"):
         set_active(True, ["matcher"])
     assert str(bank) in process.output and process.process.poll() is None
