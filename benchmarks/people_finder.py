@@ -6,7 +6,7 @@
 Each room is one frame by itself: no tracks. A person is found if half of a detection's pixels are theirs
 and its torso lies within 0.4 m of theirs; a detection that is nobody's is false, and counts for the kind of
 thing that most of its pixels show. Prints tables in Markdown: who is found, by how much of them shows, by
-sensor and by distance; what false ones stand on; whether the probability means what it says; joints; time.
+sensor and by distance; what false ones stand on; whether the probability means what it says; time.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ import numpy as np
 from rich.progress import track
 
 from depth_pose.core.config import SegmentConfig
-from depth_pose.core.skeleton import JOINT_INDEX, JOINTS
+from depth_pose.core.skeleton import JOINT_INDEX
 from depth_pose.core.types import DepthFrame
 from depth_pose.people.finder import Detections, PeopleFinder, load_weights
 from depth_pose.sim.scenes import Scene, sample_scene
@@ -60,7 +60,6 @@ class Tally:
     """Probability; whether it is a person."""
 
     false_kinds: list[tuple[float, Kind]] = field(default_factory=list)
-    joint_errors: list[np.ndarray] = field(default_factory=list)
     milliseconds: list[float] = field(default_factory=list)
     frames: int = 0
 
@@ -101,9 +100,6 @@ def score(tally: Tally, scene: Scene, found: Detections) -> None:
             best[k] = person.probability
             truth = (owner == k + 1) & (found.depth > 0)
             tally.overlaps.append(float((own & truth).sum() / max(1, (own | truth).sum())))
-            if scene.visible[k] > SHOWN[2]:
-                error = np.linalg.norm(person.joints - scene.joints[k], axis=1)
-                tally.joint_errors.append(np.where(scene.seen[k], error, np.nan))
         elif not (shares >= OWN_SHARE).any():
             things = np.bincount(kind[own], minlength=len(Kind))
             tally.false_kinds.append((person.probability, Kind(int(things.argmax()))))
@@ -175,15 +171,6 @@ def reliability(tally: Tally) -> str:
     )
 
 
-def joints(tally: Tally) -> str:
-    """Give the median error of the joints of people who show by more than .6."""
-    errors = 1e3 * np.array(tally.joint_errors)
-    kinds = [n.split("_")[-1] for n in JOINTS]
-    names = list(dict.fromkeys(kinds))
-    medians = [f"{np.nanmedian(errors[:, [k == n for k in kinds]]):.0f}" for n in names]
-    return table(names, [medians])
-
-
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(
@@ -208,8 +195,6 @@ def main() -> None:
     print(by_group(tally, config.start), "\n")
     print(by_thing(tally, (config.keep, config.start, 0.8)), "\n")
     print(reliability(tally), "\n")
-    print("Seen joints of people who show by more than .6, median error, mm:\n")
-    print(joints(tally), "\n")
     low, median, high = np.percentile(tally.overlaps, (10, 50, 90))
     print(f"Overlap with the truth: median {median:.2f} ({low:.2f} to {high:.2f}). ", end="")
     print(f"Processor time {np.median(tally.milliseconds):.1f} ms a frame (320 wide), median.")
