@@ -36,7 +36,10 @@ JOINT_CODE = (
     "joint_losses.py",
     "scenes.py",
     "crops.py",
+    "find_sightings.py",
+    "sightings.py",
     "train_joints.py",
+    "export_joints.py",
     "optimise.py",
 )
 JOINT_FEATURES = "src/depth_pose/people/_crop_kernels.py"
@@ -65,9 +68,9 @@ class _Seen(nn.Module):
 
 
 def export_joint_net(checkpoint: Path, target: Path) -> bytes:
-    """Write a checkpoint of the second look as ONNX: ``joints``, ``log_error``, ``behind``."""
+    """Write a checkpoint of the second look as ONNX: ``joints``, ``log_error``, ``behind``, ``person``."""
     shape = (crop_kernels.CHANNELS, crop_kernels.SIDE, crop_kernels.SIDE)
-    return _export(_load(JointNet(), checkpoint), target, shape, ["joints", "log_error", "behind"])
+    return _export(_load(JointNet(), checkpoint), target, shape, ["joints", "log_error", "behind", "person"])
 
 
 def _load(net: nn.Module, checkpoint: Path) -> nn.Module:

@@ -15,13 +15,16 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from make_scenes import Style
 from rich.console import Console
 
 _HERE = Path(__file__).resolve().parent
 _TRAIN_SEED, _CHECK_SEED = 1, 900_001
 _STUDIO_TRAIN_SEED, _STUDIO_CHECK_SEED = 2, 900_002
+_ALIKE_TRAIN_SEED, _ALIKE_CHECK_SEED = 3, 900_003
+_ALIKE, _ALIKE_CHECKS = 7_500, 750
 _IMAGES, _BATCH, _RATE = 240_000, 16, 2e-3
-_CROPS = 150_000
+_CROPS = 160_000
 
 app = typer.Typer(add_completion=False)
 
@@ -36,22 +39,33 @@ def main(
 ) -> None:
     """Make scenes, train the finder, fit the verifier, train the second look."""
     train, check = folder / "train", folder / "val"
-    call("make_scenes.py", "-o", train, "--count", scenes, "--seed", _TRAIN_SEED, "--workers", workers)
-    call("make_scenes.py", "-o", check, "--count", checks, "--seed", _CHECK_SEED, "--workers", workers)
-    studios = ("--studios", "--workers", workers)
-    call("make_scenes.py", "-o", train, "--count", scenes // 12, "--seed", _STUDIO_TRAIN_SEED, *studios)
-    call("make_scenes.py", "-o", check, "--count", checks // 4, "--seed", _STUDIO_CHECK_SEED, *studios)
+    alike, alike_check = folder / "lookalikes" / "train", folder / "lookalikes" / "val"
+    for place, style, count, made_from in (
+        (train, Style.ROOMS, scenes, _TRAIN_SEED),
+        (check, Style.ROOMS, checks, _CHECK_SEED),
+        (train, Style.STUDIOS, scenes // 12, _STUDIO_TRAIN_SEED),
+        (check, Style.STUDIOS, checks // 4, _STUDIO_CHECK_SEED),
+        (alike, Style.LOOKALIKES, _ALIKE, _ALIKE_TRAIN_SEED),
+        (alike_check, Style.LOOKALIKES, _ALIKE_CHECKS, _ALIKE_CHECK_SEED),
+    ):
+        how = ("--style", style.value, "--seed", made_from, "--workers", workers)
+        call("make_scenes.py", "-o", place, "--count", count, *how)
     people = folder / "people"
     if not (people / "last.pt").exists():
         cycle = ("--images", _IMAGES, "--batch", _BATCH, "--rate", _RATE)
         call("train.py", train, people, *cycle, "--seed", seed)
     note = f"{scenes} scenes, {_IMAGES} images, seed {seed}"
     call("fit_verifier.py", people / "last.pt", check, folder / "weights", "--note", note)
+    found, found_apart = folder / "sightings_train.npz", folder / "sightings_val.npz"
+    for file, places in ((found, (train, alike)), (found_apart, (check, alike_check))):
+        if not file.exists():
+            call("find_sightings.py", folder / "weights", file, *places)
     joints = folder / "joints"
     if not (joints / "last.pt").exists():
-        call("train_joints.py", train, joints, "--check", check, "--images", _CROPS, "--seed", seed)
+        apart = ("--check", check, "--others", found_apart)
+        call("train_joints.py", train, found, joints, *apart, "--images", _CROPS, "--seed", seed)
     note = f"{scenes} scenes, {_CROPS} crops, seed {seed}"
-    call("export_joints.py", joints / "last.pt", folder / "weights", "--note", note)
+    call("export_joints.py", joints / "last.pt", found_apart, folder / "weights", "--note", note)
 
 
 def call(script: str, *arguments: object) -> None:

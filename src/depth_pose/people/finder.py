@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -226,7 +227,7 @@ def _join_parts(found: Clusters, number: NDArray[np.uint8]) -> None:
         number[k + 1] = number[found.neighbour[k] + 1]
 
 
-def load_weights() -> tuple[bytes, dict[str, Any]]:
-    """Read the net that ships, and what lies beside it."""
-    settings = json.loads(read_weights("people_finder.json"))
-    return read_weights("people_finder.onnx"), settings
+def load_weights(folder: Path | None = None) -> tuple[bytes, dict[str, Any]]:
+    """Read the net that ships, or that of a folder, and what lies beside it."""
+    settings = json.loads(read_weights("people_finder.json", folder))
+    return read_weights("people_finder.onnx", folder), settings
