@@ -4,7 +4,7 @@
     python tools/people_finder/make_weights.py build/people_finder
 
 What is there already is kept, so that it can be run again. The result is in FOLDER/weights; copy it to
-src/depth_pose/people/weights to ship it. It takes about an hour and a half on 2 free cores.
+src/depth_pose/people/weights to ship it. It takes about two hours on 2 cores.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _STUDIO_TRAIN_SEED, _STUDIO_CHECK_SEED = 2, 900_002
 _ALIKE_TRAIN_SEED, _ALIKE_CHECK_SEED = 3, 900_003
 _ALIKE, _ALIKE_CHECKS = 7_500, 750
 _IMAGES, _BATCH, _RATE = 240_000, 16, 2e-3
-_CROPS = 160_000
+_CROPS, _CROPS_AGAIN = 160_000, 140_000
 
 app = typer.Typer(add_completion=False)
 
@@ -60,12 +60,27 @@ def main(
     for file, places in ((found, (train, alike)), (found_apart, (check, alike_check))):
         if not file.exists():
             call("find_sightings.py", folder / "weights", file, *places)
-    joints = folder / "joints"
+    joints, again = folder / "joints", folder / "joints_again"
+    apart = ("--check", check, "--others", found_apart)
     if not (joints / "last.pt").exists():
-        apart = ("--check", check, "--others", found_apart)
-        call("train_joints.py", train, found, joints, *apart, "--images", _CROPS, "--seed", seed)
-    note = f"{scenes} scenes, {_CROPS} crops, seed {seed}"
-    call("export_joints.py", joints / "last.pt", found_apart, folder / "weights", "--note", note)
+        call(
+            "train_joints.py",
+            train,
+            found,
+            joints,
+            *apart,
+            "--images",
+            _CROPS,
+            "--rate",
+            _RATE,
+            "--seed",
+            seed,
+        )
+    if not (again / "last.pt").exists():
+        cycle = ("--images", _CROPS_AGAIN, "--rate", 0.5 * _RATE, "--seed", seed + 1)
+        call("train_joints.py", train, found, again, *apart, *cycle, "--start", joints / "last.pt")
+    note = f"{scenes} scenes, {_ALIKE} of lookalikes, {_CROPS} and {_CROPS_AGAIN} crops, seed {seed}"
+    call("export_joints.py", again / "last.pt", found_apart, folder / "weights", "--note", note)
 
 
 def call(script: str, *arguments: object) -> None:

@@ -16,6 +16,10 @@ from depth_pose.people.finder import Detection, Detections
 from depth_pose.people.joint_finder import JointFinder
 from depth_pose.people.segmentation import Segmentation, Sighting
 
+_CHANGE_M, _MOST_CHANGED, _NEWS = 0.15, 0.4, 0.3
+"""What is nearer by so much was not there before, metres; not if this share of the image changed, when the
+camera moved; and the share of somebody's pixels that makes them news. Set by hand; not swept."""
+
 
 class LearnedSegmenter:
     """Finds everybody by two looks: at the image, and at each who may be a person.
@@ -31,10 +35,12 @@ class LearnedSegmenter:
         self.config = config
         self._candidates = CandidateFinder(config, weights)
         self._joints = JointFinder(weights)
+        self.reset()
 
     def reset(self) -> None:
         """Forget the room."""
         self._candidates.reset()
+        self._before = np.zeros((0, 0), np.float32)
 
     def warm_up(self) -> None:
         """Compile every kernel, and load the net."""
@@ -46,7 +52,8 @@ class LearnedSegmenter:
     def segment(self, frame: DepthFrame) -> Segmentation:
         """Label every pixel of the working grid."""
         found, labels = self._candidates.find(frame)
-        sightings = [self._look_closer(found, labels, person) for person in found.people]
+        news = self._news(found.depth)
+        sightings = [self._look_closer(found, labels, person, news) for person in found.people]
         sure = tuple(s for s in sightings if s.probability >= self.config.keep)
         for thing in sightings:
             if thing.probability < self.config.keep:
@@ -60,7 +67,23 @@ class LearnedSegmenter:
             out_of_range=found.out_of_range,
         )
 
-    def _look_closer(self, found: Detections, labels: NDArray[np.uint8], person: Detection) -> Sighting:
+    def _news(self, depth: NDArray[np.float32]) -> NDArray[np.bool_]:
+        """Say which pixels show something nearer than in the frame before; none where all has changed."""
+        before, self._before = self._before, depth
+        if before.shape != depth.shape:
+            return np.zeros(depth.shape, np.bool_)
+        known = (before > 0) & (depth > 0)
+        changed = known & (np.abs(before - depth) > _CHANGE_M)
+        is_another_view = changed.sum() > _MOST_CHANGED * known.sum()
+        return changed & (depth < before) & ~is_another_view
+
+    def _look_closer(
+        self,
+        found: Detections,
+        labels: NDArray[np.uint8],
+        person: Detection,
+        news: NDArray[np.bool_],
+    ) -> Sighting:
         """Propose a person's joints from a crop around them, and say whether it is one."""
         seen = self._joints.find(
             found.depth, labels, found.camera, person.label, person.torso, person.probability
@@ -71,4 +94,5 @@ class LearnedSegmenter:
             probability=seen.probability,
             proposals=seen.joints.astype(np.float32),
             proposal_confidence=seen.confidence,
+            is_news=bool(news[labels == person.label].mean() >= _NEWS) if news.any() else False,
         )
