@@ -37,6 +37,7 @@ from depth_pose.bank import Bank, default_bank_path
 from depth_pose.bank.canonical import describe
 from depth_pose.bank.views import AXES
 from depth_pose.body.body import Body
+from depth_pose.body.build import BUILD_NAMES
 from depth_pose.body.normals import vertex_normals
 from depth_pose.core.camera import Camera
 from depth_pose.core.config import DenoiseConfig, FittingConfig, MatchConfig, SegmentConfig
@@ -197,6 +198,7 @@ def compare_fits(bank: Bank, made: list[Scene]) -> list[Peer]:
     body, normals = bank.body, vertex_normals(bank.body)
     extractor, matcher = PeopleExtractor(SegmentConfig(), DenoiseConfig()), Matcher(bank, MatchConfig())
     fitter, watches = SkinnedFitter(body, FittingConfig()), [_Stopwatch(), _Stopwatch()]
+    usual = np.zeros(len(BUILD_NAMES), np.float32)
     errors: list[list[float]] = [[], [], []]
     estimate = o3d.pipelines.registration.TransformationEstimationPointToPlane()
     criteria = o3d.pipelines.registration.ICPConvergenceCriteria(max_iteration=_ICP_ITERATIONS)
@@ -207,7 +209,7 @@ def compare_fits(bank: Bank, made: list[Scene]) -> list[Peer]:
         posed = body.pose(start.rotations, start.root, start.scale)
 
         def articulated(person=person, start=start):
-            frame = fitter.fit_to(person, body)
+            frame = fitter.fit_to(person, body, usual)
             return frame.finish(frame.rough(frame.glance(start).pose)).nodes
 
         def rigid(person=person, start=start, posed=posed):

@@ -12,11 +12,14 @@ import pytest
 import synthetic as syn
 from depth_pose.core.config import SegmentConfig
 from depth_pose.core.skeleton import JOINT_INDEX, JOINT_NODES
+from depth_pose.core.types import BACKGROUND, HIDDEN, DepthFrame
 from depth_pose.people import _crop_kernels as kernels
 from depth_pose.people._crop_kernels import Look
-from depth_pose.people.joint_finder import JointFinder
+from depth_pose.people.finder import PeopleFinder
+from depth_pose.people.joint_finder import JointFinder, PersonOdds
 from depth_pose.people.learned_segmenter import LearnedSegmenter
 from depth_pose.people.net import read_weights
+from depth_pose.sim.scenes import sample_scene
 
 TRUNK = [JOINT_INDEX[n] for n in ("pelvis", "spine", "chest", "neck", "head")]
 
@@ -64,9 +67,35 @@ def test_same_frame_same_bits():
 @pytest.mark.parametrize("torso", [(0.0, 0.0, 0.3), (4.0, -3.0, 1.0), (0.0, 0.0, 9.0)])
 def test_where_nobody_is_it_answers_in_numbers(torso):
     blank = np.zeros((syn.CAMERA.height, syn.CAMERA.width), np.float32)
-    seen = JointFinder().find(blank, blank.astype(np.uint8), syn.CAMERA, 1, np.array(torso))
+    seen = JointFinder().find(blank, blank.astype(np.uint8), syn.CAMERA, 1, np.array(torso), 0.5)
     assert np.isfinite(seen.joints).all()
     assert (seen.error > 0).all()
+    assert 0 < seen.probability < 1
+
+
+def test_both_looks_count_for_whether_it_is_a_person():
+    odds = PersonOdds(*json.loads(read_weights("joint_finder.json"))["person"])
+    by_first = [odds.probability(p, 0.0) for p in (0.0, 0.2, 0.6, 1.0)]
+    by_second = [odds.probability(0.5, logit) for logit in (-4.0, 0.0, 4.0)]
+    assert by_first == sorted(by_first)
+    assert by_second == sorted(by_second)
+    assert by_second[0] < 0.3 < 0.7 < by_second[-1]
+
+
+def test_second_look_tells_coats_and_heaps_from_people():
+    finder, segmenter = PeopleFinder(SegmentConfig()), LearnedSegmenter(SegmentConfig())
+    first = second = 0
+    for k in range(40):
+        scene = sample_scene(np.random.default_rng([31, k]), people=0, studio=False, lookalikes=True)
+        frame = DepthFrame(0, "", scene.depth, scene.camera)
+        segmenter.reset()
+        seen = segmenter.segment(frame)
+        first += sum(p.probability >= 0.6 for p in finder.find(frame).people)
+        second += sum(p.probability >= 0.6 for p in seen.sightings)
+        labels = {p.label for p in seen.sightings}
+        assert set(np.unique(seen.labels)) - {BACKGROUND, HIDDEN} <= labels  # things are background
+    assert first > 0
+    assert second <= first / 2
 
 
 def test_a_point_comes_back_from_the_crop():

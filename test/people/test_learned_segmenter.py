@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -29,6 +31,23 @@ def test_hands_and_feet_are_the_person_s(frame: int) -> None:
     labels = LearnedSegmenter(SegmentConfig()).segment(shown).labels
     assert (labels[true] == PERSON).mean() > 0.98
     assert not (labels[~true] == PERSON).any()
+
+
+def test_who_was_not_there_before_is_news_and_another_view_is_not() -> None:
+    segmenter, room = LearnedSegmenter(SegmentConfig()), seen(0, [])
+    there = seen(0, [person(0, -0.5, 3.2)])
+
+    def is_news(frame):
+        (sighting,) = segmenter.segment(frame).sightings
+        return sighting.is_news
+
+    assert not is_news(there)  # nothing was seen before
+    assert not is_news(there)
+    segmenter.segment(room)
+    assert is_news(there)
+    assert not is_news(there)
+    segmenter.segment(replace(room, depth=room.depth + 1.0))
+    assert not is_news(there)
 
 
 def bar(left: int, right: int, z: float = 2.0):

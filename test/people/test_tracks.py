@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -27,7 +29,7 @@ def of_size(stature: float, x: float) -> Sighting:
 
 @pytest.fixture
 def tracks() -> PeopleTracks:
-    return PeopleTracks(start=0.6, keep=0.3)
+    return PeopleTracks(start=0.6, sure=0.6, keep=0.3)
 
 
 def test_two_who_pass_each_other_keep_their_names(tracks) -> None:
@@ -40,6 +42,21 @@ def test_two_who_pass_each_other_keep_their_names(tracks) -> None:
         if k and rng.random() < 0.5:
             shown, expected = shown[::-1], expected[::-1]
         assert tracks.assign(shown, k * STEP_NS) == tuple(expected)
+
+
+def test_who_is_not_sure_is_believed_once_they_move() -> None:
+    """A coat stays where it is; somebody takes a step; somebody else was not there before."""
+    tracks = PeopleTracks(start=0.6, sure=0.85, keep=0.2)
+    for k in range(30):
+        coat, walker = at(-1.5 + 0.02 * (-1) ** k, probability=0.8), at(0.02 * k, probability=0.7)
+        expected = (None, None if k < 13 else "body_1")
+        assert tracks.assign([coat, walker], k * STEP_NS) == expected
+    new = replace(at(1.8, probability=0.7), is_news=True)
+    assert tracks.assign([at(-1.5, probability=0.9), at(0.6), new], 30 * STEP_NS) == (
+        "body_2",
+        "body_1",
+        "body_3",
+    )
 
 
 def test_one_hides_the_other_while_they_pass(tracks) -> None:
@@ -174,7 +191,7 @@ def test_the_same_again_gives_the_same() -> None:
     """Twelve who mill about, with some who are missed: names repeat in a second run."""
 
     def run() -> list[tuple[str | None, ...]]:
-        rng, tracks = np.random.default_rng(3), PeopleTracks(0.6, 0.3)
+        rng, tracks = np.random.default_rng(3), PeopleTracks(0.6, 0.6, 0.3)
         places = rng.uniform(-3, 3, (12, 2)) + [0.0, 5.0]
         out = []
         for k in range(100):
@@ -187,7 +204,7 @@ def test_the_same_again_gives_the_same() -> None:
 
 
 def test_no_two_in_a_frame_share_a_name() -> None:
-    rng, tracks = np.random.default_rng(4), PeopleTracks(0.6, 0.3)
+    rng, tracks = np.random.default_rng(4), PeopleTracks(0.6, 0.6, 0.3)
     for k in range(200):
         shown = [at(*rng.uniform(-1, 1, 2) + [0.0, 3.0]) for _ in range(rng.integers(0, 6))]
         names = [n for n in tracks.assign(shown, k * STEP_NS) if n is not None]

@@ -161,3 +161,15 @@ def test_things_stand_on_the_floor(maker) -> None:
         assert thing.vertices[:, 1].max() < 3.5
         assert len(thing.faces) == len(thing.kind) == len(thing.albedo)
         assert thing.faces.max() < len(thing.vertices)
+
+
+def test_lookalikes_are_things_and_change_nothing_else():
+    rooms = [
+        sample_scene(np.random.default_rng([11, i]), people=0, studio=False, lookalikes=True)
+        for i in range(6)
+    ]
+    kinds = np.concatenate([np.unique(r.kind[r.depth > 0]) for r in rooms])
+    assert not any(r.person.any() for r in rooms)
+    assert Kind.COATS in kinds
+    again = sample_scene(np.random.default_rng([11, 0]), people=0, studio=False, lookalikes=True)
+    np.testing.assert_array_equal(again.depth, rooms[0].depth)

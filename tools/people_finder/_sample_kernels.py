@@ -153,3 +153,30 @@ def drape(grid, labels, person, share, hang, smooth, rows, cols):
                             total += grid[a, b]
                             count += 1
                 grid[i, j] = total / count
+
+
+@njit(cache=True)
+def choose_cells(grid, rows, cols, side, cells):
+    """For blocks of ``side`` x ``side`` pixels, the pixel that stands for each; -1 where all are holes.
+
+    It is the pixel at the lower quarter of the block's depths, so that what is in front is kept.
+    """
+    keep = side * side // 4 + 1
+    flat, least = np.empty(keep, np.int64), np.empty(keep, np.float32)
+    for i in range(cells.shape[0]):
+        for j in range(cells.shape[1]):
+            count = 0
+            for a in range(i * side, min(rows, (i + 1) * side)):
+                for b in range(j * side, min(cols, (j + 1) * side)):
+                    z = grid[a, b]
+                    if z <= 0.0:
+                        continue
+                    count += 1
+                    if count > keep and z >= least[keep - 1]:
+                        continue
+                    k = min(count, keep) - 1
+                    while k > 0 and least[k - 1] > z:
+                        least[k], flat[k] = least[k - 1], flat[k - 1]
+                        k -= 1
+                    least[k], flat[k] = z, a * COLS + b
+            cells[i, j] = flat[count // 4] if count > 0 else -1

@@ -41,13 +41,39 @@ class CropBatch:
     features : (B, C, H, W) float32
     joints : (B, J, 3) float32
         In the crop's coordinates, metres; named as if all people faced the camera.
+        Not finite where they are not known, as for a thing.
     side : (B,) float32
         How surely the person is seen from behind: -1 (from the front) to 1.
+    person : (B,) float32
+        1 for a person, 0 for a thing, NaN where the mask tells too easily.
     """
 
     features: NDArray[np.float32]
     joints: NDArray[np.float32]
     side: NDArray[np.float32]
+    person: NDArray[np.float32]
+
+    @classmethod
+    def empty(cls, n: int) -> CropBatch:
+        """Make room for some samples."""
+        return cls(
+            np.empty((n, CHANNELS, SIDE, SIDE), np.float32),
+            np.full((n, len(JOINTS), 3), np.nan, np.float32),
+            np.zeros(n, np.float32),
+            np.full(n, np.nan, np.float32),
+        )
+
+    def place(self, k: int, joints: NDArray[np.float64], look: Look) -> None:
+        """Say where the joints (J, 3) of sample ``k`` are, camera frame, metres."""
+        places = np.empty((len(JOINTS), 3))
+        to_crop(joints, look, places)
+        if look.flip < 0:
+            places = places[MIRROR_JOINTS]
+        shown = places + np.array([0.0, 0.0, look.z])
+        shown[:, :2] *= shown[:, 2:] / look.z  # as points, for who is seen from behind
+        side = float(seen_from_behind(shown[None].astype(np.float32))[0])
+        self.joints[k] = places[MIRROR_JOINTS] if side > 0 else places
+        self.side[k] = side
 
 
 class CropSampler:
@@ -64,11 +90,7 @@ class CropSampler:
     def batch(self, which: NDArray[np.int64], rng: np.random.Generator | None) -> CropBatch:
         """Make crops of some people; who is hidden by the changes is shown without."""
         n = len(which)
-        out = CropBatch(
-            np.empty((n, CHANNELS, SIDE, SIDE), np.float32),
-            np.empty((n, len(JOINTS), 3), np.float32),
-            np.empty(n, np.float32),
-        )
+        out = CropBatch.empty(n)
         for k, person in enumerate(which):
             if not self._fill(int(person), rng, out, k):
                 self._fill(int(person), None, out, k)
@@ -93,15 +115,7 @@ class CropSampler:
         if rng is not None and int((whose == own).sum()) < _LEAST_PIXELS:
             return False
         fill_features(grid, whose, own, look, out.features[k])
-        places = np.empty((len(JOINTS), 3))
-        to_crop(joints, look, places)
-        if look.flip < 0:
-            places = places[MIRROR_JOINTS]
-        shown = places + np.array([0.0, 0.0, look.z])
-        shown[:, :2] *= shown[:, 2:] / look.z  # as points, for who is seen from behind
-        side = float(seen_from_behind(shown[None].astype(np.float32))[0])
-        out.joints[k] = places[MIRROR_JOINTS] if side > 0 else places
-        out.side[k] = side
+        out.place(k, joints, look)
         return True
 
 

@@ -14,7 +14,7 @@ import torch
 from joint_net import JointNet
 from net import FinderNet
 from onnx import TensorProto, helper, numpy_helper
-from torch import nn
+from torch import Tensor, nn
 
 from depth_pose.people import _crop_kernels as crop_kernels
 from depth_pose.people._finder_kernels import CHANNELS, COLS, ROWS
@@ -36,7 +36,10 @@ JOINT_CODE = (
     "joint_losses.py",
     "scenes.py",
     "crops.py",
+    "find_sightings.py",
+    "sightings.py",
     "train_joints.py",
+    "export_joints.py",
     "optimise.py",
 )
 JOINT_FEATURES = "src/depth_pose/people/_crop_kernels.py"
@@ -46,20 +49,36 @@ _FEW = 256
 
 
 def export_net(checkpoint: Path, target: Path) -> bytes:
-    """Write a checkpoint as ONNX; its three outputs are ``mask``, ``torso``, ``joints``."""
-    return _export(FinderNet(), checkpoint, target, (CHANNELS, ROWS, COLS), ["mask", "torso", "joints"])
+    """Write a checkpoint as ONNX: ``mask`` and ``torso``; votes for joints only help to train."""
+    net = _Seen(_load(FinderNet(), checkpoint))
+    return _export(net, target, (CHANNELS, ROWS, COLS), ["mask", "torso"])
+
+
+class _Seen(nn.Module):
+    """The outputs of a finder's net that the run time asks for."""
+
+    def __init__(self, net: nn.Module) -> None:
+        super().__init__()
+        self.net = net
+
+    def forward(self, x: Tensor) -> tuple[Tensor, Tensor]:
+        """Give mask logits and torso votes."""
+        mask, torso, _ = self.net(x)
+        return mask, torso
 
 
 def export_joint_net(checkpoint: Path, target: Path) -> bytes:
-    """Write a checkpoint of the second look as ONNX: ``joints``, ``log_error``, ``behind``."""
+    """Write a checkpoint of the second look as ONNX: ``joints``, ``log_error``, ``behind``, ``person``."""
     shape = (crop_kernels.CHANNELS, crop_kernels.SIDE, crop_kernels.SIDE)
-    return _export(JointNet(), checkpoint, target, shape, ["joints", "log_error", "behind"])
+    return _export(_load(JointNet(), checkpoint), target, shape, ["joints", "log_error", "behind", "person"])
 
 
-def _export(
-    net: nn.Module, checkpoint: Path, target: Path, shape: tuple[int, int, int], outputs: list[str]
-) -> bytes:
+def _load(net: nn.Module, checkpoint: Path) -> nn.Module:
     net.load_state_dict(torch.load(checkpoint, weights_only=True))
+    return net
+
+
+def _export(net: nn.Module, target: Path, shape: tuple[int, int, int], outputs: list[str]) -> bytes:
     net = net.eval().to(memory_format=torch.contiguous_format)
     target.parent.mkdir(parents=True, exist_ok=True)
     with warnings.catch_warnings():

@@ -1,6 +1,6 @@
-"""Write a checkpoint of the second look as what ships.
+"""Write a checkpoint of the second look as what ships, with the odds that join it to the finder's answer.
 
-python tools/people_finder/export_joints.py runs/joints/last.pt src/depth_pose/people/weights
+python tools/people_finder/export_joints.py runs/joints/last.pt sightings/val.npz build/weights
 """
 
 from __future__ import annotations
@@ -8,20 +8,51 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 import typer
+from numpy.typing import NDArray
+from sightings import Sightings
 
+from depth_pose.people.joint_finder import logit_of
+from depth_pose.people.net import open_net
 from export import JOINT_CODE, JOINT_FEATURES, export_joint_net, hash_code, write_settings
+
+_STEPS, _RIDGE = 30, 1e-3
+
+
+def logits_of(model: bytes, found: Sightings) -> NDArray[np.float64]:
+    """Give the logits of both looks, (N, 2)."""
+    session = open_net(model)
+    second = [
+        session.run(["person"], {"features": found.batch(np.array([k]), None).features})[0].item()
+        for k in range(len(found))
+    ]
+    return np.stack([[logit_of(float(p)) for p in found.probability], second], axis=1)
+
+
+def fit_odds(logits: NDArray[np.float64], is_person: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """Logistic regression by Newton's method; gives the weights of the logits, and the bias."""
+    x = np.column_stack([logits, np.ones(len(logits))])
+    weights = np.zeros(x.shape[1])
+    for _ in range(_STEPS):
+        p = 1.0 / (1.0 + np.exp(-x @ weights))
+        curvature = (x * (p * (1.0 - p))[:, None]).T @ x + _RIDGE * np.eye(x.shape[1])
+        weights -= np.linalg.solve(curvature, x.T @ (p - is_person) + _RIDGE * weights)
+    return weights
 
 
 def main(
     checkpoint: Annotated[Path, typer.Argument(help="Weights of the net (.pt)")],
+    sightings: Annotated[Path, typer.Argument(help="Sightings that it was not trained on (.npz)")],
     out: Annotated[Path, typer.Argument(help="Folder for joint_finder.onnx and .json")],
     note: Annotated[str, typer.Option(help="How the net was trained, for the record")] = "",
 ) -> None:
     """Write the net, and what made it beside it."""
     model = export_joint_net(checkpoint, out / "joint_finder.onnx")
+    found = Sightings.load(sightings)
+    person = fit_odds(logits_of(model, found), found.is_person)
     code = hash_code(JOINT_CODE, JOINT_FEATURES)
-    write_settings(out / "joint_finder.json", model, code, training=note)
+    write_settings(out / "joint_finder.json", model, code, training=note, person=person.tolist())
 
 
 if __name__ == "__main__":

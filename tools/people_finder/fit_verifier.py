@@ -65,7 +65,7 @@ def collect(finder: PeopleFinder, scenes: Scenes) -> Examples:
             image = reduce_frame(frame)
             _, found = finder.cluster(image)
             truth = truth_on_grid(shown, image.stride, found.labels.shape)
-            is_person = whose(found.labels, truth, len(found.torsos))
+            _, is_person = whose(found.labels, truth, len(found.torsos))
             measures += list(found.measures[is_person >= 0])
             person += list(is_person[is_person >= 0])
     return Examples(np.array(measures), np.array(person, bool))
@@ -84,8 +84,13 @@ def looks(
         yield DepthFrame(0, "", np.where(person > 0, frame.depth, np.float32(0)), camera), person
 
 
-def whose(labels: NDArray[np.uint8], truth: NDArray[np.uint8], count: int) -> NDArray[np.int64]:
-    """Say of each cluster whether it is a person (1), or not (0); -1 for one without a pixel."""
+def whose(
+    labels: NDArray[np.uint8], truth: NDArray[np.uint8], count: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Say of each cluster who it is, from 0, and whether it is a person (1) or not (0).
+
+    It is -1 for one without a pixel.
+    """
     shown = np.zeros((count + 1, _MOST_PEOPLE + 1), np.int64)
     np.add.at(shown, (labels, truth), 1)
     shown = shown[1:]
@@ -94,7 +99,7 @@ def whose(labels: NDArray[np.uint8], truth: NDArray[np.uint8], count: int) -> ND
     most = np.array([shown[owner == k, 1 + k].max() for k in owner], np.int64).reshape(count)
     pixels = shown.sum(axis=1)
     answer = ((theirs >= _LEAST_SHARE * pixels) & (theirs == most)).astype(np.int64)
-    return np.where(pixels > 0, answer, -1)
+    return owner, np.where(pixels > 0, answer, -1)
 
 
 def fit(examples: Examples, seed: int) -> dict[str, Any]:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import torch
+from joint_net import Answer
 from torch import Tensor
 from torch.nn import functional
 
@@ -11,22 +14,31 @@ from depth_pose.people.joint_finder import LEAST_ERROR_M
 
 _BEHIND_WEIGHT = 0.5
 _PLACE_WEIGHT = 0.5
+_PERSON_WEIGHT = 1.0
 
 _NEAR_M = 0.08
 """Deviation of the weights that votes should have about their joint, metres."""
 
 
-def joint_loss(
-    outputs: tuple[Tensor, Tensor, Tensor, Tensor], cells: Tensor, truth: Tensor, side: Tensor
-) -> tuple[Tensor, dict[str, float]]:
-    """Sum the losses; shapes as `joint_net.JointNet.vote` and `crops.CropBatch`.
+class Truth(NamedTuple):
+    """What a batch of crops shows; shapes as `crops.CropBatch`."""
+
+    joints: Tensor
+    side: Tensor
+    person: Tensor
+
+
+def joint_loss(answer: Answer, cells: Tensor, truth: Truth) -> tuple[Tensor, dict[str, float]]:
+    """Sum the losses: joints where they are known, person or thing where that is asked.
 
     The votes' mean alone teaches too slowly whose votes should count; so cells near a joint are told to
     vote for it. ``cells`` (cells, 2) is where they are, metres.
     Joints are named by the side of the image. Who is seen from the side may be named either way, as long
     as the answer to "seen from behind" fits: the better of both counts.
     """
-    joints, log_error, behind, log_weights = outputs
+    shown = truth.joints.isfinite().all(dim=(1, 2))
+    joints, log_error, behind, _, log_weights = (part[shown] for part in answer)
+    places, side = truth.joints[shown], truth.side[shown]
     width = LEAST_ERROR_M + torch.exp(log_error.clamp(-6, 2))
 
     def unlikelihood(target: Tensor) -> Tensor:
@@ -34,12 +46,15 @@ def joint_loss(
         place = _place_loss(log_weights, cells, target)
         return (distance / width + 3 * torch.log(width) + _PLACE_WEIGHT * place).mean(dim=1)
 
-    named, mirrored = unlikelihood(truth), unlikelihood(truth[:, MIRROR_JOINTS])
+    named, mirrored = unlikelihood(places), unlikelihood(places[:, MIRROR_JOINTS])
     other = (mirrored < named) & (side.abs() < 1)
     loss = torch.where(other, mirrored, named).mean()
     from_behind = ((side > 0) ^ other).float()
     loss_behind = functional.binary_cross_entropy_with_logits(behind, from_behind)
-    return loss + _BEHIND_WEIGHT * loss_behind, {"joints": loss.item(), "behind": loss_behind.item()}
+    asked = truth.person.isfinite()
+    loss_person = functional.binary_cross_entropy_with_logits(answer.person[asked], truth.person[asked])
+    parts = {"joints": loss.item(), "behind": loss_behind.item(), "person": loss_person.item()}
+    return loss + _BEHIND_WEIGHT * loss_behind + _PERSON_WEIGHT * loss_person, parts
 
 
 def _place_loss(log_weights: Tensor, cells: Tensor, target: Tensor) -> Tensor:

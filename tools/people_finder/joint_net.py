@@ -1,4 +1,4 @@
-"""The net of the second look: a crop around one person to their joints.
+"""The net of the second look: a crop around one person to their joints, and to whether it is a person.
 
 Every cell of the crop votes for every joint and says how much its vote counts; the joint is where the
 votes' mean lies (as the anchors of Xiong et al. 2019, *A2J: anchor-to-joint regression network*, and the
@@ -6,6 +6,8 @@ expected place of Sun et al. 2018, *Integral human pose regression*).
 """
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import torch
 from net import ConvUnit, Residual
@@ -18,6 +20,32 @@ from depth_pose.people._crop_kernels import CELL_M, CHANNELS, SIDE
 _CELLS = SIDE // 4
 _HEAD_WIDTH = 96
 """Channels before the votes; no fewer than what they have to say."""
+
+
+_PERSON_WIDTH = 64
+"""Channels from which it is said whether this is a person."""
+
+
+class Answer(NamedTuple):
+    """What the net says.
+
+    Attributes
+    ----------
+    joints : (N, J, 3)
+        In the crop's coordinates, metres.
+    log_error : (N, J)
+        Logarithms of their errors.
+    behind, person : (N,)
+        Logits of being seen from behind, and of being a person.
+    log_weights : (N, J, cells)
+        Logarithms of the weights of the cells' votes.
+    """
+
+    joints: Tensor
+    log_error: Tensor
+    behind: Tensor
+    person: Tensor
+    log_weights: Tensor
 
 
 class JointNet(nn.Module):
@@ -40,13 +68,15 @@ class JointNet(nn.Module):
         n = len(JOINTS)
         # votes (metres), weights of the votes, logarithms of the joints' errors, logit of seen from behind
         self.votes = nn.Sequential(ConvUnit(b, _HEAD_WIDTH), nn.Conv2d(_HEAD_WIDTH, 5 * n + 1, 1))
+        self.look = ConvUnit(c, _PERSON_WIDTH)
+        self.person = nn.Linear(2 * _PERSON_WIDTH, 1)
         place = (torch.arange(_CELLS) + 0.5 - _CELLS / 2) * 4 * CELL_M
         across, down = place.expand(_CELLS, _CELLS), place[:, None].expand(_CELLS, _CELLS)
         cells = torch.stack([across, down, torch.zeros(_CELLS, _CELLS)]).reshape(1, 1, 3, -1)
         self.register_buffer("cells", cells, persistent=False)
 
-    def vote(self, x: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-        """As `forward`, and last the logarithms of the weights of the cells' votes (N, J, cells)."""
+    def vote(self, x: Tensor) -> Answer:
+        """Answer with all that training asks for."""
         x4 = self.down4(self.stem(x))
         x8 = self.down8(x4)
         y4 = self.up4(self.squeeze(torch.cat([x4, functional.interpolate(x8, scale_factor=2)], 1)))
@@ -57,8 +87,10 @@ class JointNet(nn.Module):
         offsets = votes[:, : 3 * n].unflatten(1, (n, 3)) + self.cells
         joints = (offsets * weights[:, :, None]).sum(dim=-1)
         errors = (votes[:, 4 * n : 5 * n] * weights).sum(dim=-1)
-        return joints, errors, votes[:, -1].mean(dim=-1), log_weights
+        seen = self.look(x8).float().flatten(2)
+        person = self.person(torch.cat([seen.mean(dim=-1), seen.amax(dim=-1)], 1).to(x8.dtype))[:, 0].float()
+        return Answer(joints, errors, votes[:, -1].mean(dim=-1), person, log_weights)
 
-    def forward(self, x: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """Give joints (N, J, 3) in the crop's coordinates, logarithms of their errors (N, J), logit (N,)."""
-        return self.vote(x)[:3]
+    def forward(self, x: Tensor) -> tuple[Tensor, ...]:
+        """Answer without the weights of votes."""
+        return tuple(self.vote(x)[:4])

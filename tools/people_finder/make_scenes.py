@@ -28,6 +28,7 @@ import zipfile
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -47,20 +48,29 @@ ROWS, COLUMNS = 240, 320
 app = typer.Typer(add_completion=False)
 
 
-def make_scene(seed: int, index: int, studio: bool | None = None) -> Scene:
+class Style(StrEnum):
+    """What scenes there are; the value is the first part of their files' names."""
+
+    ROOMS = "scenes"
+    STUDIOS = "studios"
+    LOOKALIKES = "lookalikes"
+
+
+def make_scene(seed: int, index: int, style: Style = Style.ROOMS) -> Scene:
     """Make scene number `index` of a seed."""
-    return sample_scene(
-        np.random.default_rng(np.random.SeedSequence([seed, index])), width=COLUMNS, studio=studio
-    )
+    rng = np.random.default_rng(np.random.SeedSequence([seed, index]))
+    if style is Style.LOOKALIKES:
+        return sample_scene(rng, width=COLUMNS, people=0, studio=False, lookalikes=True)
+    return sample_scene(rng, width=COLUMNS, studio=True if style is Style.STUDIOS else None)
 
 
-def make_shard(folder: Path, seed: int, studio: bool | None, first: int, count: int) -> int:
+def make_shard(folder: Path, seed: int, style: Style, first: int, count: int) -> int:
     """Make a file of scenes, unless it is there; gives how many."""
-    path = folder / f"{'studios' if studio else 'scenes'}_{first:07d}.npz"
+    path = folder / f"{style.value}_{first:07d}.npz"
     if path.exists():
         return count
     with threadpool_limits(1):  # more threads only wait for each other on images this small
-        arrays = _stack([make_scene(seed, i, studio) for i in range(first, first + count)])
+        arrays = _stack([make_scene(seed, i, style) for i in range(first, first + count)])
     arrays["index"] = np.arange(first, first + count)
     part = path.with_name(f".{path.name}.{os.getpid()}.part")
     _save(part, arrays)
@@ -110,7 +120,9 @@ def main(
     first: Annotated[int, typer.Option(min=0, help="Number of the first scene")] = 0,
     seed: Annotated[int, typer.Option(min=0, help="Seed of all scenes")] = 1,
     workers: Annotated[int, typer.Option(min=1, help="Processes")] = 1,
-    studios: Annotated[bool, typer.Option(help="Only people before a plain wall or nothing")] = False,
+    style: Annotated[
+        Style, typer.Option(help="Rooms; studios: people before a plain wall; lookalikes: nobody, but coats")
+    ] = Style.ROOMS,
 ) -> None:
     """Make scenes; shards that are there already are kept, so that it can be run again."""
     out.mkdir(parents=True, exist_ok=True)
@@ -119,21 +131,19 @@ def main(
     columns = (TextColumn("scenes"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns) as progress:
         task = progress.add_task("scenes", total=count)
-        for done in _made(
-            out, seed, True if studios else None, list(zip(starts, sizes, strict=True)), workers
-        ):
+        for done in _made(out, seed, style, list(zip(starts, sizes, strict=True)), workers):
             progress.advance(task, done)
 
 
 def _made(
-    folder: Path, seed: int, studio: bool | None, shards: list[tuple[int, int]], workers: int
+    folder: Path, seed: int, style: Style, shards: list[tuple[int, int]], workers: int
 ) -> Iterator[int]:
     """Make shards, in as many processes; gives the size of each when it is done."""
     if workers == 1:
-        yield from (make_shard(folder, seed, studio, *shard) for shard in shards)
+        yield from (make_shard(folder, seed, style, *shard) for shard in shards)
         return
     with _pool(workers) as pool:
-        for job in as_completed([pool.submit(make_shard, folder, seed, studio, *shard) for shard in shards]):
+        for job in as_completed([pool.submit(make_shard, folder, seed, style, *shard) for shard in shards]):
             yield job.result()
 
 

@@ -6,7 +6,15 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from _sample_kernels import Cut, cell_labels, drape, fill_joint_offsets, fill_offsets, reduce_scene
+from _sample_kernels import (
+    Cut,
+    cell_labels,
+    choose_cells,
+    drape,
+    fill_joint_offsets,
+    fill_offsets,
+    reduce_scene,
+)
 from numpy.typing import NDArray
 
 from depth_pose.core.camera import Camera
@@ -16,7 +24,6 @@ from depth_pose.people._finder_kernels import (
     COLS,
     ROWS,
     NetImage,
-    choose_cells,
     fill_features,
 )
 

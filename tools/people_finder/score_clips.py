@@ -42,7 +42,6 @@ class Seen:
     columns: NDArray[np.float64]
     rows: NDArray[np.float64]
     torso: NDArray[np.float64]
-    joints: NDArray[np.float64]
 
 
 def look(found: Detections, person: Detection, frame: DepthFrame) -> Seen | None:
@@ -61,7 +60,6 @@ def look(found: Detections, person: Detection, frame: DepthFrame) -> Seen | None
         cols,
         rows,
         person.torso,
-        person.joints,
     )
 
 
@@ -120,10 +118,7 @@ def score_joints(seen: list[Seen], joints: NDArray[np.float64], visible: NDArray
             n = min(near)[1]
             taken.add(n)
             count["found"] += 1
-            error = np.linalg.norm(seen[n].joints - joints[k], axis=1)
             count["torso_mm"] += 1000 * min(near)[0]
-            count["joint_mm"] += 1000 * float(error.mean())
-            count["wrist_mm"] += 1000 * float(error[[7, 10]].mean())
     for n, s in enumerate(seen):
         if n in taken:
             continue
@@ -189,8 +184,7 @@ def line(name: str, c: Counter) -> str:
         f"{name:14s} frames {c['frames']:4d} asked {c['asked']:4d} "
         f"recall {c['found'] / max(c['asked'], 1):.3f} "
         f"false {c['false']:3d} = {c['false'] / max(c['frames'], 1):.3f} double {c['double']:3d} "
-        f"empty {c['empty_hit']}/{c['empty']} torso {c['torso_mm'] / n:.0f} joints {c['joint_mm'] / n:.0f} "
-        f"wrists {c['wrist_mm'] / n:.0f} mm"
+        f"empty {c['empty_hit']}/{c['empty']} torso {c['torso_mm'] / n:.0f} mm"
     )
 
 

@@ -37,6 +37,9 @@ class SegmentConfig(Checked):
         choices=("learned", "planes"),
     )
     start: float = option(0.6, "Least probability of a person who is followed from now on", low=0.0, high=1.0)
+    sure: float = option(
+        0.85, "Who is less probable than this is believed once they have moved", low=0.0, high=1.0
+    )
     keep: float = option(0.2, "Least probability of a person who is followed already", low=0.0, high=1.0)
     near: float = option(0.4, "Ignore anything nearer than this", unit="m", low=0.0, high=20.0)
     far: float = option(8.0, "Ignore anything farther than this", unit="m", low=0.1, high=50.0)

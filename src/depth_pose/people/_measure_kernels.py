@@ -14,8 +14,8 @@ from depth_pose.people._finder_kernels import COLS
 _SAME_M = 0.1
 """Pixels of two grids that differ by less in depth show the same surface."""
 
-MEASURES = 28
-"""What `measure_clusters`, `measure_joints` and `measure_neighbours` tell of a cluster."""
+MEASURES = 20
+"""What `measure_clusters` and `measure_neighbours` tell of a cluster."""
 
 _ALONE_M = 2.0
 """Distance that a cluster without a neighbour is said to be from one."""
@@ -31,7 +31,7 @@ def distance2(a, b):
 def measure_clusters(image, mask, torso, votes, owner, modes, out):
     """Measure what tells persons from things: see the lines below.
 
-    ``out`` (P, MEASURES), the last ones of which the other two fill.
+    ``out`` (P, MEASURES), the last ones of which `measure_neighbours` fills.
     """
     grid, rows, cols, camera = image.depth, image.rows, image.cols, image.camera
     flat, points, areas = votes.flat, votes.points, votes.areas
@@ -95,38 +95,8 @@ def measure_clusters(image, mask, torso, votes, owner, modes, out):
 
 
 @njit(cache=True)
-def measure_joints(seen, modes, image, mask, parts, out):
-    """Fill the measures of the joints, from 16 on.
-
-    ``parts``: indices of pelvis, neck, head, both shoulders, both hips, and the number of joints.
-    """
-    pelvis, neck, head, left, right, hip_left, hip_right = parts
-    joints, width, spread = seen.joints, seen.width, seen.spread
-    rows, cols, camera = image.rows, image.cols, image.camera
-    n = joints.shape[1]
-    for p in range(joints.shape[0]):
-        q = joints[p]
-        total, inside = 0.0, 0
-        for m in range(n):
-            total += width[p, m]
-            z = max(q[m, 2], 0.1)
-            i = int(q[m, 1] / z * camera.fy + camera.cy + 0.5)
-            j = int(q[m, 0] / z * camera.fx + camera.cx + 0.5)
-            inside += i >= 0 and j >= 0 and i < rows and j < cols and mask[i, j] > -0.6
-        out[p, 16] = total / n
-        out[p, 17] = inside / n
-        out[p, 18] = width[p, head]
-        out[p, 19] = spread[p, head]
-        out[p, 20] = 0.5 * (spread[p, pelvis] + spread[p, neck])
-        trunk = 0.25 * (q[left] + q[right] + q[hip_left] + q[hip_right])
-        out[p, 21] = np.sqrt(distance2(trunk, modes[p]))
-        out[p, 22] = np.sqrt(distance2(q[pelvis], q[neck]))
-        out[p, 23] = np.sqrt(distance2(q[left], q[right]))
-
-
-@njit(cache=True)
 def measure_neighbours(image, labels, modes, out, neighbour):
-    """Fill the measures, from 24 on, of each cluster beside the nearest one with more area.
+    """Fill the measures, from 16 on, of each cluster beside the nearest one with more area.
 
     A part of a person whose votes went astray touches the rest and is small. ``neighbour`` (P,) becomes
     that other cluster, -1 for none within `_ALONE_M`.
@@ -152,10 +122,10 @@ def measure_neighbours(image, labels, modes, out, neighbour):
             away = np.sqrt(distance2(modes[p], modes[q]))
             if q != p and away < best and (out[q, 6] > out[p, 6] or (out[q, 6] == out[p, 6] and q < p)):
                 best, neighbour[p] = away, q
-        out[p, 24], out[p, 25], out[p, 26], out[p, 27] = _ALONE_M, _ALONE_M, 0.0, 0.0
+        out[p, 16], out[p, 17], out[p, 18], out[p, 19] = _ALONE_M, _ALONE_M, 0.0, 0.0
         q = neighbour[p]
         if q >= 0:
-            out[p, 24] = best
-            out[p, 25] = np.hypot(modes[p, 0] - modes[q, 0], modes[p, 1] - modes[q, 1])
-            out[p, 26] = contact[p + 1, q + 1] / np.exp(0.5 * out[p, 7])
-            out[p, 27] = out[q, 6] - out[p, 6]
+            out[p, 16] = best
+            out[p, 17] = np.hypot(modes[p, 0] - modes[q, 0], modes[p, 1] - modes[q, 1])
+            out[p, 18] = contact[p + 1, q + 1] / np.exp(0.5 * out[p, 7])
+            out[p, 19] = out[q, 6] - out[p, 6]

@@ -1,4 +1,4 @@
-"""Compiled loops from the net's votes for torsos and joints to clusters; `depth_pose.people.finder` says why.
+"""Compiled loops from the net's votes for torsos to clusters; `depth_pose.people.finder` says why.
 
 ``image`` is a `NetImage`. Flat indices count its pixels, row by row, `COLS` to a row.
 """
@@ -56,25 +56,6 @@ class TorsoVotes(NamedTuple):
     def first(self, count: int) -> TorsoVotes:
         """Give the first ``count`` of them, not copied."""
         return TorsoVotes(self.flat[:count], self.points[:count], self.weights[:count], self.areas[:count])
-
-
-class SeenJoints(NamedTuple):
-    """Where the joints of each cluster seem to be.
-
-    Attributes
-    ----------
-    joints : (P, J, 3) float64
-        Camera frame, metres.
-    width, spread : (P, J) float64
-        Mean error that the votes claim, and how far they lie apart, metres.
-    behind : (P,) float64
-        Probability that the person is seen from behind.
-    """
-
-    joints: NDArray[np.float64]
-    width: NDArray[np.float64]
-    spread: NDArray[np.float64]
-    behind: NDArray[np.float64]
 
 
 @njit(cache=True)
@@ -190,67 +171,3 @@ def assign_votes(flat, votes, modes, reach, labels, owner):
             if d < best:
                 best, owner[k] = d, m + 1
         labels[flat[k] // COLS, flat[k] % COLS] = owner[k]
-
-
-@njit(cache=True)
-def gather_joints(image, labels, cells, votes, out):
-    """Where each cluster's cells see its joints.
-
-    ``votes`` (4 J + 1, h, w): offsets, logarithms of their errors, logit of being seen from behind. A
-    joint is the mean of the votes weighed by one over their squared error, taken again with those off
-    the mean weighing less. Fills ``out`` (SeenJoints).
-    """
-    grid, camera = image.depth, image.camera
-    joints, width, spread, behind = out
-    count, n = joints.shape[:2]
-    cast = np.zeros(count)
-    behind[:] = 0.0
-    total = np.zeros((count, n))
-    first = np.zeros((count, n, 3))
-    for turn in range(2):
-        total[:] = 0.0
-        joints[:], width[:], spread[:] = 0.0, 0.0, 0.0
-        for i in range(cells.shape[0]):
-            for j in range(cells.shape[1]):
-                at = cells[i, j]
-                if at < 0:
-                    continue
-                a, b = at // COLS, at % COLS
-                p = labels[a, b] - 1
-                if p < 0:
-                    continue
-                z = grid[a, b]
-                x, y = ray(camera, b, a)
-                x, y = x * z, y * z
-                if turn == 0:
-                    behind[p] += votes[4 * n, i, j]
-                    cast[p] += 1.0
-                for m in range(n):
-                    u = x + votes[3 * m, i, j]
-                    v = y + votes[3 * m + 1, i, j]
-                    w = z + votes[3 * m + 2, i, j]
-                    error = 0.02 + np.exp(min(2.0, max(-6.0, votes[3 * n + m, i, j])))
-                    weight = 1.0 / (error * error)
-                    if turn == 1:
-                        off = (
-                            (u - first[p, m, 0]) ** 2 + (v - first[p, m, 1]) ** 2 + (w - first[p, m, 2]) ** 2
-                        )
-                        weight /= 1.0 + off / (0.15 * 0.15)
-                        spread[p, m] += weight * off
-                    total[p, m] += weight
-                    joints[p, m, 0] += weight * u
-                    joints[p, m, 1] += weight * v
-                    joints[p, m, 2] += weight * w
-                    width[p, m] += weight * error
-        for p in range(count):
-            for m in range(n):
-                if total[p, m] > 0.0:
-                    for a in range(3):
-                        joints[p, m, a] /= total[p, m]
-                    width[p, m] /= total[p, m]
-                    spread[p, m] = np.sqrt(spread[p, m] / total[p, m])
-                else:
-                    width[p, m], spread[p, m] = 2.0, 2.0
-        first[:] = joints
-    for p in range(count):
-        behind[p] = 1.0 / (1.0 + np.exp(-behind[p] / max(cast[p], 1.0)))

@@ -1,7 +1,7 @@
-"""Gather what the people finder's net votes for: clusters around torsos, and their joints.
+"""Gather what the people finder's net votes for: clusters around torsos.
 
 Votes for one torso gather, so people are split by where they are, not by what touches (Hough voting as in
-Leibe et al. 2008; votes for joints from every pixel as in Shotton et al. 2013 and Girshick et al. 2011).
+Leibe et al. 2008, from every pixel as in Girshick et al. 2011).
 """
 
 from __future__ import annotations
@@ -11,19 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.core.skeleton import JOINT_INDEX, JOINTS, MIRROR_JOINTS
 from depth_pose.people import _finder_kernels as grid
 from depth_pose.people import _measure_kernels as measuring
 from depth_pose.people import _vote_kernels as kernels
 from depth_pose.people._finder_kernels import NetImage
-
-_PARTS = tuple(
-    JOINT_INDEX[name]
-    for name in ("pelvis", "neck", "head", "left_shoulder", "right_shoulder", "left_hip", "right_hip")
-)
-
-_CELL = 4
-"""Side of the cells that vote for joints, pixels of the net's image."""
 
 _LEAST_LOGIT = -0.62
 """A pixel votes from a probability of .35 on (the trial's; .3 to .4 made no difference)."""
@@ -50,7 +41,6 @@ class Clusters:
     labels : (ROWS, COLS) uint8
         From 1; 0: nobody.
     torsos : (P, 3) float64
-    joints : (P, 19, 3) float64
     measures : (P, MEASURES) float64
         What the verifier asks for.
     neighbour : (P,) int64
@@ -59,7 +49,6 @@ class Clusters:
 
     labels: NDArray[np.uint8]
     torsos: NDArray[np.float64]
-    joints: NDArray[np.float64]
     measures: NDArray[np.float64]
     neighbour: NDArray[np.int64]
 
@@ -71,7 +60,6 @@ class VoteGatherer:
         shape = (grid.ROWS, grid.COLS)
         size = shape[0] * shape[1]
         self._density = np.zeros(int(np.prod(kernels.CELLS)))
-        self._cells = np.empty((shape[0] // _CELL, shape[1] // _CELL), np.int64)
         self._owner = np.zeros(size, np.int64)
         self._votes = kernels.TorsoVotes(
             flat=np.zeros(size, np.int64),
@@ -85,14 +73,13 @@ class VoteGatherer:
         image: NetImage,
         mask: NDArray[np.float32],
         torso: NDArray[np.float32],
-        joint_votes: NDArray[np.float32],
     ) -> Clusters:
-        """Find where votes for torsos gather, and what those who cast them say of the joints.
+        """Find where votes for torsos gather, and measure those who cast them.
 
         Parameters
         ----------
         image : NetImage
-        mask, torso, joint_votes : (ROWS, COLS), (4, ROWS, COLS), (77, ROWS / 4, COLS / 4) float32
+        mask, torso : (ROWS, COLS), (4, ROWS, COLS) float32
             What the net says.
         """
         n = kernels.collect_votes(image, mask, torso, _LEAST_LOGIT, self._votes)
@@ -111,16 +98,9 @@ class VoteGatherer:
         modes = modes[:count]
         labels, owner = np.zeros(mask.shape, np.uint8), self._owner[:n]
         kernels.assign_votes(votes.flat, votes.points, modes, _REACH_M, labels, owner)
-        size = (count, len(JOINTS))
-        seen = kernels.SeenJoints(np.empty((*size, 3)), np.empty(size), np.empty(size), np.empty(count))
         measures = np.empty((count, measuring.MEASURES))
         neighbour = np.empty(count, np.int64)
         if count > 0:
-            grid.choose_cells(image.depth, image.rows, image.cols, _CELL, self._cells)
-            kernels.gather_joints(image, labels, self._cells, joint_votes, seen)
             measuring.measure_clusters(image, mask, torso, votes, owner, modes, measures)
-            measuring.measure_joints(seen, modes, image, mask, _PARTS, measures)
             measuring.measure_neighbours(image, labels, modes, measures, neighbour)
-        joints, away = seen.joints, seen.behind > 0.5
-        joints[away] = joints[away][:, MIRROR_JOINTS]
-        return Clusters(labels, modes, joints, measures, neighbour)
+        return Clusters(labels, modes, measures, neighbour)

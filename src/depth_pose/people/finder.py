@@ -1,8 +1,8 @@
 """Find everybody in a depth image, with a small net that was trained on simulated rooms.
 
 Sec. 4 of the paper cuts one person out with two distances. Here a net says of every pixel of a
-reduced image whether it shows a person, where that person's torso is, and, of every fourth, where
-their joints are, all in metres from the point that it sees. Votes for one torso gather, so people
+reduced image whether it shows a person, and where that person's torso is, in metres from the point
+that it sees. Votes for one torso gather, so people
 are split by where they are, not by what touches (`depth_pose.people.clusters`). What is measured of
 each cluster then tells people from things (`depth_pose.people.verifier`). Last, the people are
 carried to the grid that the later steps work on, along the edges of the depth
@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -38,10 +39,10 @@ _NEAR_M, _FAR_M = 0.2, 12.0
 _LEAST_PIXELS = 12
 """Fewer pixels of the working grid than this are nobody."""
 
-_CONTACT, _LEAST_CONTACT = 26, 0.3
+_CONTACT, _LEAST_CONTACT = 18, 0.3
 """Measure of how much a cluster touches its neighbour, and how much makes it a part of them."""
 
-_MEAN, _SURE, _JUMP, _ASIDE, _SMALLER = 0, 1, 12, 25, 27
+_MEAN, _SURE, _JUMP, _ASIDE, _SMALLER = 0, 1, 12, 17, 19
 """Measures: mean probability, share of sure pixels, share of the edge with a jump in depth; distance aside of
 the neighbour, and how much smaller (natural logarithm)."""
 
@@ -61,15 +62,11 @@ class Detection:
         That this is a person.
     torso : (3,) float64
         Middle of shoulders and hips, camera frame, metres.
-    joints : (19, 3) float64
-        Where the joints seem to be, hidden ones too, camera frame, metres; left and right may be swapped.
-        `depth_pose.people.joint_finder` knows better.
     """
 
     label: int
     probability: float
     torso: NDArray[np.float64]
-    joints: NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -192,7 +189,7 @@ class PeopleFinder:
         labels = carry_people(image, number[found.labels], net_chance, depth, camera)
         pixels = np.bincount(labels.ravel(), minlength=len(chosen) + 1)
         people = tuple(
-            Detection(n, float(probability[k]), found.torsos[k], found.joints[k])
+            Detection(n, float(probability[k]), found.torsos[k])
             for n, k in enumerate(chosen, start=1)
             if pixels[n] >= _LEAST_PIXELS
         )
@@ -208,8 +205,8 @@ class PeopleFinder:
         clusters : Clusters
         """
         kernels.fill_features(image, self._sums, self._counts, self._features[0])
-        mask, torso, votes = (o[0] for o in self._session.run(None, {self._input: self._features}))
-        return mask[0], self._gatherer.gather(image, mask[0], torso, votes)
+        mask, torso = (o[0] for o in self._session.run(None, {self._input: self._features}))
+        return mask[0], self._gatherer.gather(image, mask[0], torso)
 
 
 def _is_halo(measures: NDArray[np.float64]) -> NDArray[np.bool_]:
@@ -230,7 +227,7 @@ def _join_parts(found: Clusters, number: NDArray[np.uint8]) -> None:
         number[k + 1] = number[found.neighbour[k] + 1]
 
 
-def load_weights() -> tuple[bytes, dict[str, Any]]:
-    """Read the net that ships, and what lies beside it."""
-    settings = json.loads(read_weights("people_finder.json"))
-    return read_weights("people_finder.onnx"), settings
+def load_weights(folder: Path | None = None) -> tuple[bytes, dict[str, Any]]:
+    """Read the net that ships, or that of a folder, and what lies beside it."""
+    settings = json.loads(read_weights("people_finder.json", folder))
+    return read_weights("people_finder.onnx", folder), settings

@@ -2,40 +2,45 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.camera import Camera
 from depth_pose.core.config import SegmentConfig
 from depth_pose.core.types import BACKGROUND, HIDDEN, DepthFrame
-from depth_pose.people import _border_kernels as kernels
 from depth_pose.people import working_grid
-from depth_pose.people.finder import Detection, Detections, PeopleFinder
+from depth_pose.people.candidates import CandidateFinder
+from depth_pose.people.finder import Detection, Detections
 from depth_pose.people.joint_finder import JointFinder
-from depth_pose.people.planes import PlaneFinder
 from depth_pose.people.segmentation import Segmentation, Sighting
+
+_CHANGE_M, _MOST_CHANGED, _NEWS = 0.15, 0.4, 0.3
+"""What is nearer by so much was not there before, metres; not if this share of the image changed, when the
+camera moved; and the share of somebody's pixels that makes them news. Set by hand; not swept."""
 
 
 class LearnedSegmenter:
-    """Finds everybody by `depth_pose.people.finder`; remembers the room's large planes.
+    """Finds everybody by two looks: at the image, and at each who may be a person.
 
-    What the net says is completed along surfaces: hands and feet that it missed go on from somebody's
-    surface.
-
-    Attributes
+    Parameters
     ----------
-    finder : PeopleFinder
+    config : SegmentConfig
+    weights : path, optional
+        A folder of nets in place of those that ship.
     """
 
-    def __init__(self, config: SegmentConfig) -> None:
+    def __init__(self, config: SegmentConfig, weights: Path | None = None) -> None:
         self.config = config
-        self.finder = PeopleFinder(config)
-        self._joints = JointFinder()
-        self._planes = PlaneFinder()
+        self._candidates = CandidateFinder(config, weights)
+        self._joints = JointFinder(weights)
+        self.reset()
 
     def reset(self) -> None:
         """Forget the room."""
-        self._planes.reset()
+        self._candidates.reset()
+        self._before = np.zeros((0, 0), np.float32)
 
     def warm_up(self) -> None:
         """Compile every kernel, and load the net."""
@@ -46,53 +51,48 @@ class LearnedSegmenter:
 
     def segment(self, frame: DepthFrame) -> Segmentation:
         """Label every pixel of the working grid."""
-        found = self.finder.find(frame)
-        labels = self._complete(found)
+        found, labels = self._candidates.find(frame)
+        news = self._news(found.depth)
+        sightings = [self._look_closer(found, labels, person, news) for person in found.people]
+        sure = tuple(s for s in sightings if s.probability >= self.config.keep)
+        for thing in sightings:
+            if thing.probability < self.config.keep:
+                labels[labels == thing.label] = BACKGROUND
         is_person = (labels != BACKGROUND) & (labels != HIDDEN)
         return Segmentation(
             depth=np.where(is_person, found.depth, np.float32(0)),
             labels=labels,
             camera=found.camera,
-            sightings=tuple(self._look_closer(found, labels, person) for person in found.people),
+            sightings=sure,
             out_of_range=found.out_of_range,
         )
 
-    def _look_closer(self, found: Detections, labels: NDArray[np.uint8], person: Detection) -> Sighting:
-        """Propose a person's joints from a crop around them."""
-        seen = self._joints.find(found.depth, labels, found.camera, person.label, person.torso)
+    def _news(self, depth: NDArray[np.float32]) -> NDArray[np.bool_]:
+        """Say which pixels show something nearer than in the frame before; none where all has changed."""
+        before, self._before = self._before, depth
+        if before.shape != depth.shape:
+            return np.zeros(depth.shape, np.bool_)
+        known = (before > 0) & (depth > 0)
+        changed = known & (np.abs(before - depth) > _CHANGE_M)
+        is_another_view = changed.sum() > _MOST_CHANGED * known.sum()
+        return changed & (depth < before) & ~is_another_view
+
+    def _look_closer(
+        self,
+        found: Detections,
+        labels: NDArray[np.uint8],
+        person: Detection,
+        news: NDArray[np.bool_],
+    ) -> Sighting:
+        """Propose a person's joints from a crop around them, and say whether it is one."""
+        seen = self._joints.find(
+            found.depth, labels, found.camera, person.label, person.torso, person.probability
+        )
         return Sighting(
             label=person.label,
             place=person.torso,
-            probability=person.probability,
+            probability=seen.probability,
             proposals=seen.joints.astype(np.float32),
             proposal_confidence=seen.confidence,
+            is_news=bool(news[labels == person.label].mean() >= _NEWS) if news.any() else False,
         )
-
-    def _complete(self, found: Detections) -> NDArray[np.uint8]:
-        """Add limbs that the net missed, drop flying pixels, mark what may hide more of people."""
-        depth, camera, jump = found.depth, found.camera, self.config.depth_jump
-        labels = found.labels.copy()
-        if found.people:
-            kernels.attach_limbs(depth, labels, found.chance, camera, _HAND)
-            planes = self._planes.mark(camera.back_project(depth), camera)
-            free = np.where(planes & (labels == BACKGROUND), np.float32(0), depth)
-            kernels.attach_limbs(free, labels, found.chance, camera, kernels.LimbLimits(jump, **_LIMB))
-        kernels.mark_unsupported(depth, labels, jump, self.config.min_support)
-        missing = depth == 0
-        if missing.mean() < _CUT_AWAY:
-            labels[missing] = HIDDEN
-        kernels.mark_nearer(depth, labels, camera, jump)
-        return labels
-
-
-_HAND = kernels.LimbLimits(jump=0.06, area=0.07, width=np.inf, chance=0.15)
-"""What goes on from somebody is theirs, of whatever shape and wherever it lies, if it is small and likely.
-This area and chance gave the best overlap with the truth on 160 simulated scenes."""
-
-_LIMB = {"area": 0.15, "width": 0.13, "chance": 0.05}
-"""Away from floor and walls it may be larger and less likely: most that the net misses of a person, square
-metres, is an arm and a half, seen from the side; by hand, the chance of .02, .05 and .1 on the development
-clips. Without, three people who walk about were 68 mm off instead of 40."""
-
-_CUT_AWAY = 0.5
-"""Where more of an image is missing than this share, the background was cut away: it is free space."""

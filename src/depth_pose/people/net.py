@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from importlib import resources
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -23,6 +24,6 @@ def open_net(model: bytes) -> InferenceSession:
     return onnxruntime.InferenceSession(model, options, providers=["CPUExecutionProvider"])
 
 
-def read_weights(name: str) -> bytes:
-    """Read a file of those that ship with the package."""
-    return (resources.files("depth_pose.people") / "weights" / name).read_bytes()
+def read_weights(name: str, folder: Path | None = None) -> bytes:
+    """Read a file of weights: of those in a folder, or of those that ship with the package."""
+    return ((folder or resources.files("depth_pose.people") / "weights") / name).read_bytes()

@@ -28,6 +28,8 @@ class Sighting:
     proposals : (J, 3) float32
         Where the finder sees their joints, camera frame, metres; no rows where it does not say.
     proposal_confidence : (J,) float32
+    is_news : bool
+        Whether much of them was not there in the frame before, while the room was.
     """
 
     label: int
@@ -35,6 +37,7 @@ class Sighting:
     probability: float
     proposals: NDArray[np.float32]
     proposal_confidence: NDArray[np.float32]
+    is_news: bool = False
 
     @property
     def length(self) -> float:

@@ -35,6 +35,9 @@ _DOUBT = 0.5
 """Sightings' worth of doubt that everybody begins with; by hand: a thing that the finder takes for a person
 in one frame, at .9, comes out below .6."""
 
+_MOVED_M = 0.25
+"""Who has come so far from where they were first seen is no thing, metres: a coat's place is told to 5 cm."""
+
 _COASTING_S = 0.7
 """Time after which a hidden person is no longer expected to walk on, seconds."""
 
@@ -52,10 +55,13 @@ _LENGTH_SHARE = 0.1
 
 @dataclass
 class _Track:
-    number: int
+    """Somebody who is followed; their number is 0 until they are believed to be a person."""
+
+    first: NDArray[np.float64]
     seen_ns: int
     place: NDArray[np.float64]
     velocity: NDArray[np.float64]
+    number: int = 0
     sightings: int = 0
     evidence: float = 0.0
     length: float = 0.0
@@ -99,12 +105,13 @@ class PeopleTracks:
 
     Parameters
     ----------
-    start, keep : float
-        Least probability with which somebody is followed from now on, and is still believed in.
+    start, sure, keep : float
+        Least probability with which somebody is followed from now on; is believed in at once, while others
+        must move first; and is still believed in.
     """
 
-    def __init__(self, start: float, keep: float) -> None:
-        self._start, self._keep = start, keep
+    def __init__(self, start: float, sure: float, keep: float) -> None:
+        self._start, self._sure, self._keep = start, sure, keep
         self._guard = StampGuard()
         self._count = 0
         self.reset()
@@ -135,17 +142,26 @@ class PeopleTracks:
             self.reset()
         self._tracks = [t for t in self._tracks if stamp_ns - t.seen_ns <= MEMORY_NS]
         names: list[str | None] = [None] * len(sightings)
+        seen: set[int] = set()
         for track, k in self._pair(sightings, stamp_ns):
-            track.see(sightings[k], stamp_ns)
-            names[k] = _name(track)
+            seen.add(k)
+            names[k] = self._see(track, sightings[k], stamp_ns)
         for k, sighting in enumerate(sightings):
-            if names[k] is None and sighting.probability >= self._start:
-                self._count += 1
-                track = _Track(self._count, stamp_ns, sighting.place, np.zeros(3))
-                track.see(sighting, stamp_ns)
+            if k not in seen and sighting.probability >= self._start:
+                track = _Track(sighting.place, stamp_ns, sighting.place, np.zeros(3))
                 self._tracks.append(track)
-                names[k] = _name(track)
+                names[k] = self._see(track, sighting, stamp_ns)
         return tuple(names)
+
+    def _see(self, track: _Track, sighting: Sighting, stamp_ns: int) -> str | None:
+        """Follow somebody on; gives their name if they are believed to be a person."""
+        track.see(sighting, stamp_ns)
+        has_moved = sighting.is_news or np.hypot(*(track.place - track.first)[[0, 2]]) >= _MOVED_M
+        is_likely = sighting.probability >= (self._start if has_moved else self._sure)
+        if track.number == 0 and is_likely:
+            self._count += 1
+            track.number = self._count
+        return _name(track) if track.number > 0 else None
 
     def probability(self, body_id: str) -> float:
         """Chance that somebody who is followed is a person, after all sightings; 0 for nobody."""

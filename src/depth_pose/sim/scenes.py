@@ -19,6 +19,7 @@ from depth_pose.core.camera import Camera
 from depth_pose.core.skeleton import JOINT_INDEX
 from depth_pose.sim.figures import Figure, sample_figure
 from depth_pose.sim.furniture import make_bed, make_chair, make_sofa, make_stool, make_table
+from depth_pose.sim.lookalikes import add_lookalikes
 from depth_pose.sim.rooms import Room, add_backdrop, furnish, make_room
 from depth_pose.sim.scene_noise import SceneSensor, Shown, measure, sample_sensor
 from depth_pose.sim.scene_view import View, draw, look, silhouette_area
@@ -102,7 +103,12 @@ class Placed:
 
 
 def sample_scene(
-    rng: np.random.Generator, *, width: int = 320, people: int | None = None, studio: bool | None = None
+    rng: np.random.Generator,
+    *,
+    width: int = 320,
+    people: int | None = None,
+    studio: bool | None = None,
+    lookalikes: bool = False,
 ) -> Scene:
     """Make a random scene.
 
@@ -117,6 +123,8 @@ def sample_scene(
         are fewer.
     studio : bool, optional
         Whether people stand before a plain wall or nothing; drawn where not given.
+    lookalikes : bool
+        Whether a room gets many things that look like people.
     """
     if people is None:
         shares = _NOBODY_SHARE, *((1 - _NOBODY_SHARE) * np.array(_PEOPLE_SHARES))
@@ -129,6 +137,8 @@ def sample_scene(
         add_backdrop(room, rng, [float(p[:, 2].max()) for p in points])
     else:
         spread = view.camera.width / (2 * view.camera.fx)
+        if lookalikes:
+            add_lookalikes(room, rng, spread, min(room.walls.back, 5.0))
         furnish(room, rng, points, spread, min(room.walls.back, 9.0))
     return render(view, triangulate(room.shapes, rng), persons, sample_sensor(rng), rng)
 

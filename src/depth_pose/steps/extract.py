@@ -55,7 +55,7 @@ class PeopleExtractor:
     ) -> None:
         self.segmenter: Segmenter = _METHODS[segment.method](segment)
         self._denoise = denoise
-        self._tracks = PeopleTracks(segment.start, segment.keep)
+        self._tracks = PeopleTracks(segment.start, segment.sure, segment.keep)
         self.choice = PeopleChoice(
             parse_zone(segment.zone), segment.most_people, rotation_sensor_upright(mount.roll)
         )

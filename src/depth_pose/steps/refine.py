@@ -165,7 +165,7 @@ class Refiner:
             return Fitted(Skeleton.lost(person.stamp_ns, person.frame_id, person.body_id), 1.0)
         kept = self._kept[person.body_id]
         personal = self.builds.of(person.body_id, match.scale, self._match_config.scale > 0.0)
-        fitter = self._fitter.fit_to(person, self._space.body(personal.build))
+        fitter = self._fitter.fit_to(person, self._space.body(personal.build), personal.build)
         best = self._fit_best(person, replace(match, scale=personal.scale), kept, fitter)
         kept.previous, self.meshes[person.body_id] = best.body.pose, best.body.vertices
         fitted = Fitted(self._skeleton(person, best, personal.build), best.comparison.score)

@@ -1,0 +1,79 @@
+"""Who may be a person in a depth image, with all that is theirs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from depth_pose.core.config import SegmentConfig
+from depth_pose.core.types import BACKGROUND, HIDDEN, DepthFrame
+from depth_pose.people import _border_kernels as kernels
+from depth_pose.people.finder import Detections, PeopleFinder, load_weights
+from depth_pose.people.planes import PlaneFinder
+
+
+class CandidateFinder:
+    """Finds everybody by `depth_pose.people.finder`; remembers the room's large planes.
+
+    What the net says is completed along surfaces: hands and feet that it missed go on from somebody's
+    surface.
+
+    Parameters
+    ----------
+    config : SegmentConfig
+    weights : path, optional
+        A folder with a net in place of the one that ships.
+    """
+
+    def __init__(self, config: SegmentConfig, weights: Path | None = None) -> None:
+        self._config = config
+        self._finder = PeopleFinder(config, *load_weights(weights))
+        self._planes = PlaneFinder()
+
+    def reset(self) -> None:
+        """Forget the room."""
+        self._planes.reset()
+
+    def find(self, frame: DepthFrame) -> tuple[Detections, NDArray[np.uint8]]:
+        """Find who may be a person.
+
+        Returns
+        -------
+        found : Detections
+        labels : (h, w) uint8
+            Their numbers on the working grid, with the limbs that the net missed, and
+            `depth_pose.core.types.HIDDEN` for what may hide more of them.
+        """
+        found = self._finder.find(frame)
+        return found, self._complete(found)
+
+    def _complete(self, found: Detections) -> NDArray[np.uint8]:
+        """Add limbs that the net missed, drop flying pixels, mark what may hide more of people."""
+        depth, camera, jump = found.depth, found.camera, self._config.depth_jump
+        labels = found.labels.copy()
+        if found.people:
+            kernels.attach_limbs(depth, labels, found.chance, camera, _HAND)
+            planes = self._planes.mark(camera.back_project(depth), camera)
+            free = np.where(planes & (labels == BACKGROUND), np.float32(0), depth)
+            kernels.attach_limbs(free, labels, found.chance, camera, kernels.LimbLimits(jump, **_LIMB))
+        kernels.mark_unsupported(depth, labels, jump, self._config.min_support)
+        missing = depth == 0
+        if missing.mean() < _CUT_AWAY:
+            labels[missing] = HIDDEN
+        kernels.mark_nearer(depth, labels, camera, jump)
+        return labels
+
+
+_HAND = kernels.LimbLimits(jump=0.06, area=0.07, width=np.inf, chance=0.15)
+"""What goes on from somebody is theirs, of whatever shape and wherever it lies, if it is small and likely.
+This area and chance gave the best overlap with the truth on 160 simulated scenes."""
+
+_LIMB = {"area": 0.15, "width": 0.13, "chance": 0.05}
+"""Away from floor and walls it may be larger and less likely: most that the net misses of a person, square
+metres, is an arm and a half, seen from the side; by hand, the chance of .02, .05 and .1 on the development
+clips. Without, three people who walk about were 68 mm off instead of 40."""
+
+_CUT_AWAY = 0.5
+"""Where more of an image is missing than this share, the background was cut away: it is free space."""

@@ -1,0 +1,138 @@
+"""Keep what the people finder finds in simulated scenes, people and things: the second look learns from it.
+
+    python tools/people_finder/find_sightings.py weights sightings.npz scenes/train lookalikes/train
+
+Every look at a scene is another: mirrored, a part of it as if the view were narrower, a room without people
+in another size. The first look at each is the scene as it is. The file holds, of N sightings:
+
+=========== ===================== ======================================================================
+depth       (N, 80, 80) uint16    crop around the torso, millimetres; 0 where nothing returned
+whose       (N, 80, 80) uint8     1 theirs, 0 not, 255 outside the image
+torso       (N, 3) float32        where the finder sees it, metres, optical frame
+probability (N,) float32          the finder's, that this is a person
+is_person   (N,) bool             half of its pixels are one person's, and none has more of theirs
+joints      (N, 19, 3) float32    of that person, metres, optical frame; NaN for a thing
+=========== ===================== ======================================================================
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+from fit_verifier import frame_of, truth_on_grid, whose
+from numpy.typing import NDArray
+from rich.progress import track
+from scenes import Scenes, list_shards, load_scenes
+
+from depth_pose.core.config import SegmentConfig
+from depth_pose.core.skeleton import JOINTS, MIRROR_JOINTS
+from depth_pose.core.types import DepthFrame
+from depth_pose.people._crop_kernels import SIDE, Look, sample_crop
+from depth_pose.people.candidates import CandidateFinder
+
+_LEAST = 0.05
+"""Probability below which the finder is sure enough by itself."""
+
+_NARROWEST = 0.4
+"""Share of a scene's width and height that a look shows at least."""
+
+_SMALLEST, _LARGEST = 0.6, 1.4
+"""Sizes of a room without people."""
+
+_OUTSIDE = 255
+
+
+@dataclass(frozen=True)
+class Shot:
+    """One look at a scene: a frame, who is where in it, and where everybody's joints are, (P, 19, 3)."""
+
+    frame: DepthFrame
+    person: NDArray[np.uint8]
+    joints: NDArray[np.float32]
+
+
+def shoot(scenes: Scenes, k: int, rng: np.random.Generator | None) -> Shot:
+    """Look at a scene; changed at random with ``rng``."""
+    frame, joints = frame_of(scenes, k), scenes.joints[k]
+    camera = frame.camera
+    person = scenes.person[k, : camera.height, : camera.width]
+    if rng is None:
+        return Shot(frame, person, joints)
+    depth = frame.depth
+    if not person.any():
+        depth = depth * np.float32(np.exp(rng.uniform(np.log(_SMALLEST), np.log(_LARGEST))))
+    if rng.random() < 0.5:
+        depth, person = depth[:, ::-1], person[:, ::-1]
+        joints = joints[:, MIRROR_JOINTS] * np.array([-1, 1, 1], np.float32)
+        camera = camera._replace(cx=camera.width - 1 - camera.cx)
+    if rng.random() < 0.6:
+        share = rng.uniform(_NARROWEST, 1.0)
+        h, w = int(share * camera.height), int(share * camera.width)
+        top, left = int(rng.integers(0, camera.height - h + 1)), int(rng.integers(0, camera.width - w + 1))
+        part = np.s_[top : top + h, left : left + w]
+        depth, person = depth[part], person[part]
+        camera = camera._replace(width=w, height=h, cx=camera.cx - left, cy=camera.cy - top)
+    return Shot(DepthFrame(0, "", np.ascontiguousarray(depth), camera), person, joints)
+
+
+class Collector:
+    """Gathers what a finder finds."""
+
+    def __init__(self, weights: Path) -> None:
+        self._candidates = CandidateFinder(SegmentConfig(keep=_LEAST), weights)
+        self.rows: list[tuple[NDArray, ...]] = []
+
+    def add(self, shot: Shot) -> None:
+        """Look at one frame."""
+        self._candidates.reset()
+        found, labels = self._candidates.find(shot.frame)
+        truth = truth_on_grid(shot.person, shot.frame.camera.fx / found.camera.fx, labels.shape)
+        count = max((p.label for p in found.people), default=0)
+        owner, is_person = whose(np.where(labels <= count, labels, 0), truth, count)
+        for person in found.people:
+            k = person.label - 1
+            if is_person[k] < 0:
+                continue
+            grid, theirs = np.empty((SIDE, SIDE), np.float32), np.empty((SIDE, SIDE), np.int64)
+            sample_crop(found.depth, labels, found.camera, Look(*person.torso.tolist()), grid, theirs)
+            mask = np.where(theirs < 0, _OUTSIDE, theirs == person.label).astype(np.uint8)
+            joints = shot.joints[owner[k]] if is_person[k] else np.full((len(JOINTS), 3), np.nan, np.float32)
+            millimetres = np.rint(1000 * grid).astype(np.uint16)
+            torso = person.torso.astype(np.float32)
+            probability = np.float32(person.probability)
+            self.rows.append((millimetres, mask, torso, probability, np.bool_(is_person[k]), joints))
+
+    def save(self, path: Path) -> None:
+        """Write all."""
+        names = ("depth", "whose", "torso", "probability", "is_person", "joints")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        np.savez(path, **{n: np.array(c) for n, c in zip(names, zip(*self.rows, strict=True), strict=True)})
+
+
+def main(
+    weights: Annotated[Path, typer.Argument(help="Folder of the finder's weights")],
+    out: Annotated[Path, typer.Argument(help="File to write (.npz)")],
+    scenes: Annotated[list[Path], typer.Argument(help="Folders of shards from make_scenes.py")],
+    looks: Annotated[int, typer.Option(help="Looks at each scene")] = 2,
+    seed: Annotated[int, typer.Option(help="Start of the random numbers of each folder")] = 5,
+) -> None:
+    """Find people in scenes, and keep what was found."""
+    collector = Collector(weights)
+    for folder in scenes:
+        rng = np.random.default_rng(seed)
+        for shard in track(list_shards(folder), f"sightings of {folder.name}"):
+            loaded = load_scenes([shard])
+            for k in range(len(loaded)):
+                for n in range(looks):
+                    collector.add(shoot(loaded, k, rng if n else None))
+    collector.save(out)
+    persons = sum(bool(row[4]) for row in collector.rows)
+    print(f"{len(collector.rows)} sightings: {persons} people, {len(collector.rows) - persons} things")
+
+
+if __name__ == "__main__":
+    typer.run(main)

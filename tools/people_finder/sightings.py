@@ -1,0 +1,73 @@
+"""What the finder found in scenes, as training samples of the second look."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from crops import CropBatch
+from numpy.typing import NDArray
+
+from depth_pose.people._crop_kernels import Look, fill_features
+
+_OUTSIDE = 255
+
+
+@dataclass(frozen=True)
+class Sightings:
+    """People and things that the finder took for people; ``find_sightings.py`` says what is what."""
+
+    depth: NDArray[np.uint16]
+    whose: NDArray[np.uint8]
+    torso: NDArray[np.float32]
+    probability: NDArray[np.float32]
+    is_person: NDArray[np.bool_]
+    joints: NDArray[np.float32]
+
+    @classmethod
+    def load(cls, path: Path) -> Sightings:
+        """Read a file."""
+        with np.load(path) as z:
+            return cls(*(z[n] for n in cls.__dataclass_fields__))
+
+    def __len__(self) -> int:
+        return len(self.depth)
+
+    def draw(self, count: int, rng: np.random.Generator) -> NDArray[np.int64]:
+        """Draw some at random, half of them people."""
+        kinds = np.flatnonzero(self.is_person), np.flatnonzero(~self.is_person)
+        return np.concatenate([rng.choice(kind, count // 2) for kind in kinds])
+
+    def batch(self, which: NDArray[np.int64], rng: np.random.Generator | None) -> CropBatch:
+        """Make crops; with ``rng`` mirrored and spoiled at random, without as they are."""
+        out = CropBatch.empty(len(which))
+        for k, n in enumerate(which):
+            grid = self.depth[n] * np.float32(0.001)
+            whose = np.where(self.whose[n] == _OUTSIDE, -1, self.whose[n].astype(np.int64))
+            x, y, z = self.torso[n].tolist()
+            joints = self.joints[n].astype(np.float64)
+            flip = 1.0
+            if rng is not None:
+                spoil_crop(grid, whose, rng)
+                if rng.random() < 0.5:
+                    flip, grid, whose = -1.0, grid[:, ::-1], whose[:, ::-1]
+            look = Look(x, y, z, flip=flip)
+            fill_features(grid, whose, 1, look, out.features[k])
+            out.person[k] = float(self.is_person[n])
+            if self.is_person[n]:
+                out.place(k, joints, look)
+        return out
+
+
+def spoil_crop(grid: NDArray[np.float32], whose: NDArray[np.int64], rng: np.random.Generator) -> None:
+    """Take the background away, make holes and noise: each now and then."""
+    if rng.random() < 0.08:
+        grid[whose == 0] = 0
+    if rng.random() < 0.25:
+        grid[rng.random(grid.shape, np.float32) < rng.uniform(0, 0.2)] = 0
+    if rng.random() < 0.3:
+        noise = rng.standard_normal(grid.shape, np.float32) * np.float32(rng.uniform(0, 0.004))
+        grid += noise * grid * grid
+    np.maximum(grid, 0, out=grid)
+    whose[(whose > 0) & (grid == 0)] = 0
