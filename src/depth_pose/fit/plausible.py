@@ -9,7 +9,7 @@ standard deviations, is
 
 with all :math:`n` coordinates :math:`x` of its joints (P. Mahalanobis, *On the generalized distance in
 statistics*, 1936). Of skeletons that were off by more than 60 mm on development clips the true pose had
-the smaller distance in 66 of 66 frames; up to 30 mm the two do not differ. So it says nothing up to what
+the smaller distance in 67 of 69 frames; up to 30 mm the two do not differ. So it says nothing up to what
 is usual, and more and more beyond.
 """
 
