@@ -36,9 +36,9 @@ _HALFWAY = 0.5
 """Share of the way to their mean: of 0.5 and 1 the better one (above)."""
 
 _HARDLY_SEEN = 0.5
-"""The first bone that leaves the image goes all of that way if this share of it or more is out of it, else less:
-what is seen of it says where it points (a simulated clip whose ankles are just below the border: 28 mm without
-this, 18 with it)."""
+"""The first bone that leaves the image goes all of that way if this share of it or more is out of it, else
+less: what is seen of it says where it points (a simulated clip whose ankles are just below the border: 28 mm
+without this, 18 with it)."""
 
 _UNSEEN = 0.1
 """Weight of joints out of the image but for the leg's own, beside 1 of the others; not swept."""
