@@ -9,12 +9,14 @@ import synthetic as syn
 from depth_pose.core.camera import Camera
 from depth_pose.core.skeleton import NODE_INDEX
 from depth_pose.fit import _limb_kernels as kernels
+from depth_pose.fit._reach_kernels import reach
 from depth_pose.fit.articulated import ArticulatedFitter, BodyPose, FitTarget, nearest_person_pixels
-from depth_pose.fit.limbs import LimbSearch
+from depth_pose.fit.limbs import LimbSearch, _may_be_legs
 from depth_pose.fit.rendered_depth import DepthComparer, Observation
 from depth_pose.people.person import thin
 
 DOWN = syn.rotation("z", -38.0), syn.rotation("z", 38.0)
+FORWARD = syn.rotation("x", -20.0) @ syn.rotation("y", -60.0)
 BAND = 0.12
 
 
@@ -36,8 +38,9 @@ def search(bank):
             {"left_shoulder": DOWN[0], "right_shoulder": DOWN[1], "left_hip": syn.rotation("z", 50.0)},
             ["left_ankle"],
         ),
+        ({"left_shoulder": FORWARD, "right_shoulder": DOWN[1]}, ["left_wrist"]),
     ],
-    ids=["left arm", "right arm", "both arms", "left leg"],
+    ids=["left arm", "right arm", "both arms", "left leg", "arm forward"],
 )
 def test_wrong_limbs_are_replaced(body, search, true, moved):
     """The body stands with its limbs down where the input has them raised."""
@@ -47,7 +50,7 @@ def test_wrong_limbs_are_replaced(body, search, true, moved):
     wrong = BodyPose(syn.FACING @ syn.arms_down(), posed.nodes[0], 1.0)
     standing = body.pose(wrong.rotations, wrong.root)
     proposals = search.propose(wrong, standing.vertices, comparer)
-    assert 1 <= len(proposals) <= 4
+    assert 1 <= len(proposals) <= 5
     target = FitTarget.prepare(thin(person.points, 800), person.full, person.coarse)
     fitter = ArticulatedFitter(body)
 
@@ -94,6 +97,33 @@ def test_proposals_change_nothing_but_limbs(body, search):
         assert p.scale == 0.98
         r = p.rotations
         np.testing.assert_allclose(r @ r.transpose(0, 2, 1), np.broadcast_to(np.eye(3), r.shape), atol=1e-5)
+
+
+def test_limbs_reach(search):
+    """Bent limbs keep their bones, and end where they are to, or as far toward it as they can."""
+    pair = search._pairs[0]
+    samples, rotations = pair.limbs[0].samples, pair.rotations[0]
+    targets = np.array([[0.3, 0.1, 0.3], [0.2, -0.2, 0.1], [0.5, 0.3, 2.0]])
+    balls, turned = np.empty((6, 9, 3)), np.empty((6, *rotations.shape[1:]))
+    reach(samples, rotations, 1, targets, 2, balls, turned)
+    starts = 1.5 * balls[:, 0] - 0.5 * balls[:, 2]
+    for k, target in enumerate(np.repeat(targets, 2, axis=0)):
+        line = (balls[k, 5] - starts[k]) / np.linalg.norm(balls[k, 5] - starts[k])
+        np.testing.assert_allclose(line, (target - starts[k]) / np.linalg.norm(target - starts[k]), atol=1e-9)
+        if k < 4:
+            np.testing.assert_allclose(balls[k, 5], target, atol=1e-9)
+        # the segments turn as their bones do
+        for bone, (a, b) in enumerate(((None, 2), (2, 5), (5, 8))):
+            begin = starts[k] if a is None else balls[k, a]
+            rest = pair.ends[0, bone] if bone else pair.ends[0, 0]
+            np.testing.assert_allclose(turned[k, 1 + bone] @ rest, balls[k, b] - begin, atol=1e-6)
+
+
+def test_no_leg_explains_a_chairs_back(body, search):
+    """What lies behind the trunk at its height is no leg; before it, or below, it may be one."""
+    pose = BodyPose(syn.FACING @ syn.arms_down(), np.array([0.0, 0.0, 3.0]), 1.0)
+    points = np.array([[0.0, -0.3, 3.3], [0.0, -0.3, 2.6], [0.0, 0.4, 3.3]], np.float32)
+    np.testing.assert_array_equal(_may_be_legs(points, pose), [False, True, True])
 
 
 def test_pair_costs_twin():

@@ -105,7 +105,7 @@ def test_a_wrong_pose_that_converged_gives_way(bank):
     posed, people = scene(bank, 208)
     refiner = refiner_of(bank)
     errors = []
-    for k, start in enumerate([candidate(75)] * 8 + [candidate(208, 35.0, (0.08, 0.05, 3.1))]):
+    for k, start in enumerate([candidate(75, 200.0)] * 8 + [candidate(208, 35.0, (0.08, 0.05, 3.1))]):
         now = syn.restamped(people, people.stamp_ns + k * syn.STEP_NS)
         skeleton = refined(refiner, now, start)
         errors.append(syn.joint_error(skeleton.positions, posed.nodes[JOINT_NODES]))

@@ -25,6 +25,7 @@ from depth_pose.core.rotations import quat_to_matrix
 from depth_pose.core.skeleton import MIRROR_NODES, NODE_INDEX, forward_kinematics, mirror_rotations
 from depth_pose.core.types import PERSON
 from depth_pose.fit import _limb_kernels as kernels
+from depth_pose.fit._reach_kernels import reach
 from depth_pose.fit.articulated import BodyPose, nearest_person_pixels
 from depth_pose.fit.rendered_depth import DepthComparer, Observation
 
@@ -47,6 +48,13 @@ _POSES = 6000
 _EXPLAINED_M = 0.045
 """Depth difference, metres, below which the body explains a pixel; set by hand, not swept."""
 
+_BEFORE_M = 0.1
+"""Unexplained points that lie this far before the body count three times: what else lies there, beside the
+person, may be a thing; nothing but a limb is between them and the camera."""
+
+_SEAT_M = 0.05
+"""Behind the trunk, points this far above the pelvis are no legs, but a chair's back, metres at scale 1."""
+
 _MOST_POINTS = 24
 """Unexplained points that configurations are put against, so that the time is bounded; not swept."""
 
@@ -55,6 +63,15 @@ _FEWEST_POINTS = 5
 
 _SETTINGS = kernels.LimbSettings(tolerance=0.15, keep=4.0, fitting=200, best=24)
 """Set by hand, not swept; ``keep`` is in pixels of the coarse grid, for each limb."""
+
+_REACHING = 3
+"""Configurations that are bent so that they end at each unexplained point: those that end nearest to it."""
+
+_UNDER_SKIN_M = 0.03
+"""Wrist and ankle lie so far behind the surface, metres."""
+
+_BENT_SETTINGS = _SETTINGS._replace(best=8)
+"""The same for those."""
 
 _APART_M = 0.08
 """Limbs of which no ball is this far from its like are the same, metres; set by hand, not swept."""
@@ -80,6 +97,10 @@ class _LimbPair:
         Balls of the left and of the right one.
     faces : (F, 3)
         Faces of the body without both limbs.
+    first : int
+        Which of the nodes that turn the first bone begins at.
+    reaches : bool
+        Whether the limbs are bent to reach for points, as arms are.
     """
 
     proposals: int
@@ -90,6 +111,8 @@ class _LimbPair:
     rotations: NDArray[np.float64]
     limbs: tuple[kernels.Limb, kernels.Limb]
     faces: NDArray[np.int32]
+    first: int
+    reaches: bool
 
 
 class LimbSearch:
@@ -139,32 +162,73 @@ def _exchange(
     """Put the best pairs of configurations on a pose; none where the input shows nothing of them."""
     if not _in_view(nodes[pair.bones], comparer.observation):
         return []
-    points = _unexplained(vertices, pair.faces, comparer)
+    points, before = _unexplained(vertices, pair.faces, comparer)
+    if not pair.reaches:
+        possible = _may_be_legs(points, pose)
+        points, before = points[possible], before[possible]
     if len(points) < _FEWEST_POINTS:
         return []
     weight = int(np.ceil(len(points) / _MOST_POINTS))  # of each point that is left
-    columns = np.ascontiguousarray(points[::weight].T, np.float32)
+    points, before = points[::weight], before[::weight]
+    columns = np.ascontiguousarray(np.concatenate([points, points[before], points[before]]).T, np.float32)
     anchor = kernels.Anchor(pose.rotations[pair.anchor], nodes[pair.anchor], pose.scale)
-    scored = []
+    scored, turned = [], []
     for side in range(2):
         own = np.empty(pair.limbs[side].samples.shape[1:])
         kernels.place_own_balls(
             pose.rotations, nodes, pair.bones[side], pair.ends[side], _SHARES, pose.scale, own
         )
-        scored.append(kernels.score_limbs(
-            pair.limbs[side], own, anchor, comparer.observation, nearest, columns, weight, _SETTINGS,
-        ))  # fmt: skip
+        limb, rotations = pair.limbs[side], pair.rotations[side]
+        seen = own, anchor, comparer.observation, nearest, columns, weight
+        found = kernels.score_limbs(limb, *seen, _SETTINGS)
+        if pair.reaches:
+            bent, rotations = _reaching(pair, side, anchor, points)
+            others = kernels.score_limbs(bent, *seen, _BENT_SETTINGS)
+            # the last is the limb as it is, which stays the last
+            found = tuple(np.concatenate([o[:-1], f]) for o, f in zip(others, found, strict=True))
+            found[0][: len(others[0]) - 1] += len(limb.samples)
+        scored.append(found)
+        turned.append(rotations)
     numbers, costs, covers, centres = zip(*scored, strict=True)
     total = kernels.pair_costs(costs[0], covers[0], costs[1], covers[1], weight)
+    known = len(pair.rotations[0])
+    bent_left, bent_right = (n >= known for n in numbers)
+    bent_left[-1] = bent_right[-1] = False
+    is_bent = bent_left[:, None] | bent_right
+    unbent = np.where(is_bent, np.inf, total)
+    chosen = list(kernels.best_pairs(unbent, centres[0], centres[1], pair.proposals, _APART_M))
+    if is_bent.any():
+        chosen.append(np.array(np.divmod(np.where(is_bent, total, np.inf).argmin(), total.shape[1])))
     proposals = []
-    for rows in kernels.best_pairs(total, centres[0], centres[1], pair.proposals, _APART_M):
+    for rows in chosen:
         rotations = pose.rotations.copy()
         for side in range(2):
-            number = int(numbers[side][rows[side]])
-            if number < len(pair.rotations[side]):  # else the limb as it is
-                rotations[pair.nodes[side]] = pose.rotations[pair.anchor] @ pair.rotations[side, number]
+            if rows[side] < len(numbers[side]) - 1:  # else the limb as it is
+                local = turned[side][numbers[side][rows[side]]]
+                rotations[pair.nodes[side]] = pose.rotations[pair.anchor] @ local
         proposals.append(BodyPose(rotations, pose.root, pose.scale))
     return proposals
+
+
+def _may_be_legs(points: NDArray[np.float32], pose: BodyPose) -> NDArray[np.bool_]:
+    """Tell of points (P, 3) whether legs may be there: no leg is at the height of the trunk and behind it."""
+    local = (points - pose.root) @ pose.rotations[NODE_INDEX["pelvis"]] / pose.scale
+    return np.asarray((local[:, 1] < _SEAT_M) | (local[:, 2] > 0.0))
+
+
+def _reaching(
+    pair: _LimbPair, side: int, anchor: kernels.Anchor, points: NDArray[np.float32]
+) -> tuple[kernels.Limb, NDArray[np.float64]]:
+    """Give a limb that reaches for points (P, 3), and the rotations of all configurations, its own last."""
+    limb, rotations = pair.limbs[side], pair.rotations[side]
+    deeper = points * (1.0 + _UNDER_SKIN_M / points[:, 2:])
+    targets = (deeper - anchor.origin) @ anchor.rotation / anchor.scale
+    known, count = len(limb.samples), _REACHING * len(points)
+    samples = np.empty((count, *limb.samples.shape[1:]))
+    turned = np.empty((known + count, *rotations.shape[1:]))
+    turned[:known] = rotations
+    reach(limb.samples, rotations, pair.first, targets, _REACHING, samples, turned[known:])
+    return limb._replace(samples=samples), turned
 
 
 def _in_view(joints: NDArray[np.float64], observed: Observation) -> bool:
@@ -176,12 +240,13 @@ def _in_view(joints: NDArray[np.float64], observed: Observation) -> bool:
 
 def _unexplained(
     vertices: NDArray[np.float64], faces: NDArray[np.int32], comparer: DepthComparer
-) -> NDArray[np.float32]:
-    """Observed points, shape (P, 3), that a part of the body does not explain."""
+) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+    """Observed points, shape (P, 3), that a part of the body does not explain; which lie before it."""
     drawn = comparer.render(vertices, faces)
     o = comparer.observation
     left = (o.labels == PERSON) & ~(np.abs(drawn - o.depth) < _EXPLAINED_M)
-    return o.camera.back_project(o.depth)[left]
+    before = drawn[left] - o.depth[left] > _BEFORE_M
+    return o.camera.back_project(o.depth)[left], before & np.isfinite(drawn[left])
 
 
 def _make_pair(
@@ -217,6 +282,8 @@ def _make_pair(
         rotations=np.stack([local, flip[:, None] * local * flip]),
         limbs=(kernels.Limb(samples, radii, areas), kernels.Limb(samples * flip, radii, areas)),
         faces=_without(body, np.concatenate(side)),
+        first=turned.index(sampled[0]),
+        reaches=anchor_name == "chest",
     )
 
 

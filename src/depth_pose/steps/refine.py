@@ -26,7 +26,9 @@ from depth_pose.core.skeleton import JOINT_NODES, Source
 from depth_pose.core.types import Candidate, Fitted, PoseMatch, Skeleton
 from depth_pose.fit.aim import aim_legs, from_proposals
 from depth_pose.fit.articulated import BodyPose, FittedBody, candidate_pose
+from depth_pose.fit.beyond import LegsBeyond
 from depth_pose.fit.limbs import LimbSearch
+from depth_pose.fit.plausible import PosePrior
 from depth_pose.fit.rendered_depth import Comparison, DepthComparer
 from depth_pose.fit.skeleton_pose import pose_from_skeleton
 from depth_pose.people.memory import PerPerson
@@ -54,14 +56,18 @@ _AWAY_WEIGHT = 1.0
 
 Of 0, 0.3, 1 and 3 on 15 development clips (37.9, 37.7, 37.1, 38.2 mm), and office and corridor."""
 
+_ODD_WEIGHT = 0.2
+"""Score of a pose that is more unusual than poses are, for each standard deviation (`PosePrior.excess`)."""
+
 
 @dataclass(frozen=True)
 class _Compared:
-    """A fitted body, how it compares with the input, and how far it is from the proposals, metres."""
+    """A fitted body, how it compares with the input, how far it is from proposals, metres, and how odd."""
 
     body: FittedBody
     comparison: Comparison
     away: float
+    odd: float
 
 
 @dataclass
@@ -94,6 +100,8 @@ class Refiner:
         fitting = fitting or FittingConfig()
         self._fitter = FITTERS[config.method](bank.body, fitting)
         self._limbs = LimbSearch(bank)
+        self._prior = PosePrior(bank)
+        self._beyond = LegsBeyond(bank)
         self._space = BuildSpace(bank.body)
         self.builds = BuildLearner(self._space, fitting.build, fitting.fit)
         self._kept = PerPerson(_Kept, MAX_STAMP_GAP_NS)
@@ -165,11 +173,14 @@ class Refiner:
             return Fitted(Skeleton.lost(person.stamp_ns, person.frame_id, person.body_id), 1.0)
         kept = self._kept[person.body_id]
         personal = self.builds.of(person.body_id, match.scale, self._match_config.scale > 0.0)
-        fitter = self._fitter.fit_to(person, self._space.body(personal.build), personal.build)
+        body = self._space.body(personal.build)
+        fitter = self._fitter.fit_to(person, body, personal.build)
         best = self._fit_best(person, replace(match, scale=personal.scale), kept, fitter)
-        kept.previous, self.meshes[person.body_id] = best.body.pose, best.body.vertices
+        kept.previous = pose = best.body.pose
+        best = replace(best, body=self._beyond.settle(body, best.body, person.camera))
+        self.meshes[person.body_id] = best.body.vertices
         fitted = Fitted(self._skeleton(person, best, personal.build), best.comparison.score)
-        self.builds.learn(personal, fitter.seen(), best.body.pose, fitted.score, person.stamp_ns)
+        self.builds.learn(personal, fitter.seen(), pose, fitted.score, person.stamp_ns)
         return fitted
 
     def _fit_best(self, person: Person, match: PoseMatch, kept: _Kept, fitter: FrameFitter) -> _Compared:
@@ -178,7 +189,12 @@ class Refiner:
 
         def ranked(bodies: Iterable[FittedBody]) -> list[_Compared]:
             compared = (
-                _Compared(b, comparer.compare(b.vertices, self._faces), from_proposals(b.nodes, person.found))
+                _Compared(
+                    b,
+                    comparer.compare(b.vertices, self._faces),
+                    from_proposals(b.nodes, person.found),
+                    self._prior.excess(b.nodes, b.pose.scale),
+                )
                 for b in bodies
             )
             return sorted(compared, key=_score)
@@ -241,5 +257,5 @@ class Refiner:
 
 
 def _score(fitted: _Compared) -> float:
-    """Disagreement of rendered depth, and with the proposals."""
-    return fitted.comparison.score + _AWAY_WEIGHT * fitted.away
+    """Disagreement of rendered depth, with the proposals, and with how people hold themselves."""
+    return fitted.comparison.score + _AWAY_WEIGHT * fitted.away + _ODD_WEIGHT * fitted.odd

@@ -1,0 +1,128 @@
+"""What the parts are worth: the whole pipeline, and with one part left out at a time.
+
+    python benchmarks/ablation.py --clips 12
+    python benchmarks/ablation.py --data DATA --bank mine=my_bank.npz
+
+Runs over simulated people of other builds than the bank's (those of ``benchmarks/confidence.py``: both
+sensors, views and motions at random), or over a folder of recordings with truth files. Prints, for each
+variant, the mean joint error in mm, the share of joints within 10 cm (a frame without an answer is a miss)
+and the processor time of a frame, as a table in Markdown. With ``--bank`` other banks are rows of the table
+as well: one of only some motions shows what the others are worth.
+"""
+
+from __future__ import annotations
+
+import os
+
+for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ[variable] = "1"
+
+import argparse
+import tempfile
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from bank_common import recordings
+from confidence import simulated
+
+from depth_pose.bank import Bank, default_bank_path
+from depth_pose.core.config import (
+    FitConfig,
+    MatchConfig,
+    PersonalConfig,
+    PipelineConfig,
+    RecoverConfig,
+    RefineConfig,
+)
+from depth_pose.core.types import DepthFrame
+from depth_pose.evaluate.truth import load_truth
+from depth_pose.io.mcap_read import DepthReader
+from depth_pose.people.person import People
+from depth_pose.pipeline import PosePipeline
+from depth_pose.steps.extract import PeopleExtractor
+
+CONFIGS = {
+    "all": PipelineConfig(),
+    "no personal build": PipelineConfig(build=PersonalConfig(personal=False)),
+    "no pull to the second look's joints": PipelineConfig(fit=FitConfig(proposal_weight=0.0)),
+    "no pose of the frame before": PipelineConfig(refine=RefineConfig(track=False)),
+    "no recovery": PipelineConfig(recover=RecoverConfig(enabled=False)),
+    "a quarter of the shortlist": PipelineConfig(match=MatchConfig(shortlist=32)),
+}
+NO_SECOND_LOOK = "no second look at all"
+
+
+class FirstLook(PeopleExtractor):
+    """Finds people without a second look: nobody proposes joints."""
+
+    def extract(self, frame: DepthFrame) -> People:
+        """Give the people of a frame, without proposals."""
+        people = super().extract(frame)
+        nothing = np.zeros((0, 3), np.float32)
+        persons = (
+            replace(p, found=replace(p.found, proposals=nothing, proposal_confidence=nothing[:, 0]))
+            for p in people.persons
+        )
+        return replace(people, persons=tuple(persons))
+
+
+def make_pipelines(banks: dict[str, Bank]) -> dict[str, PosePipeline]:
+    """Make the pipelines of all variants: of the first bank all, of others the whole one."""
+    first = next(iter(banks.values()))
+    pipelines = {name: PosePipeline(first, config) for name, config in CONFIGS.items()}
+    config = CONFIGS["all"]
+    pipelines[NO_SECOND_LOOK] = PosePipeline(first, config)
+    pipelines[NO_SECOND_LOOK].extractor = FirstLook(config.segment, config.denoise, config.mount)
+    for name, bank in list(banks.items())[1:]:
+        pipelines[f"bank {name}"] = PosePipeline(bank, config)
+    return pipelines
+
+
+def run(pipeline: PosePipeline, path: Path) -> tuple[np.ndarray, np.ndarray]:
+    """Give joint errors (F, 19), metres, NaN without an answer, and processor times (F,), seconds."""
+    errors, times = [], []
+    truth = load_truth(path.with_suffix(".npz"))
+    pipeline.reset()
+    for frame in DepthReader(path):
+        start = time.process_time()
+        skeleton = pipeline.process_frame(frame).skeleton
+        times.append(time.process_time() - start)
+        known = truth.joints[int(np.argmin(np.abs(truth.stamps_ns - frame.stamp_ns)))]
+        off = np.full(len(known), np.nan)
+        errors.append(off if skeleton.is_lost else np.linalg.norm(skeleton.positions - known, axis=1))
+    return np.array(errors), np.array(times)
+
+
+def main() -> None:
+    """Run and report."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--clips", type=int, default=12, help="simulated clips")
+    parser.add_argument("--data", type=Path, help="recordings with truth files instead")
+    parser.add_argument("--bank", nargs="*", default=[], metavar="NAME=FILE", help="more banks")
+    arguments = parser.parse_args()
+    banks = {"": Bank.load(default_bank_path())}
+    for text in arguments.bank:
+        name, _, file = text.partition("=")
+        banks[name] = Bank.load(file)
+    pipelines = make_pipelines(banks)
+    next(iter(pipelines.values())).warm_up()
+    found: dict[str, list[tuple[np.ndarray, np.ndarray]]] = {name: [] for name in pipelines}
+    with tempfile.TemporaryDirectory() as folder:
+        clips = recordings(arguments.data, 10_000) if arguments.data else ()
+        for path in clips or simulated(Path(folder), arguments.clips, []):
+            for name, pipeline in pipelines.items():
+                found[name].append(run(pipeline, path))
+            print(f"{path.stem} done", flush=True)
+    print("| | mm | within 10 cm | ms a frame |\n|---|---|---|---|")
+    for name, parts in found.items():
+        errors, times = (np.concatenate(column) for column in zip(*parts, strict=True))
+        share, middle = (errors < 0.1).mean(), 1e3 * np.median(times)
+        print(f"| {name} | {1e3 * np.nanmean(errors):.1f} | {share:.3f} | {middle:.0f} |")
+
+
+if __name__ == "__main__":
+    main()
