@@ -38,7 +38,7 @@ class SegmentConfig(Checked):
     )
     start: float = option(0.6, "Least probability of a person who is followed from now on", low=0.0, high=1.0)
     sure: float = option(
-        0.85, "Who is less probable than this is believed once they have moved", low=0.0, high=1.0
+        0.9, "Who is less probable than this is believed once they have moved", low=0.0, high=1.0
     )
     keep: float = option(0.2, "Least probability of a person who is followed already", low=0.0, high=1.0)
     near: float = option(0.4, "Ignore anything nearer than this", unit="m", low=0.0, high=20.0)

@@ -85,6 +85,7 @@ class LearnedSegmenter:
         news: NDArray[np.bool_],
     ) -> Sighting:
         """Propose a person's joints from a crop around them, and say whether it is one."""
+        own = labels == person.label
         seen = self._joints.find(
             found.depth, labels, found.camera, person.label, person.torso, person.probability
         )
@@ -94,5 +95,5 @@ class LearnedSegmenter:
             probability=seen.probability,
             proposals=seen.joints.astype(np.float32),
             proposal_confidence=seen.confidence,
-            is_news=bool(news[labels == person.label].mean() >= _NEWS) if news.any() else False,
+            is_news=bool(np.count_nonzero(news & own) > _NEWS * np.count_nonzero(own)),
         )
