@@ -9,6 +9,7 @@ import synthetic as syn
 from depth_pose.core.skeleton import NODE_INDEX
 from depth_pose.fit.articulated import BodyPose, FittedBody
 from depth_pose.fit.beyond import LegsBeyond
+from depth_pose.fit.plausible import usual_joints
 
 KNEE_BENT = {"left_knee": syn.rotation("x", 35.0)}
 LEFT = [NODE_INDEX[f"left_{n}"] for n in ("ankle", "foot")]
@@ -16,7 +17,7 @@ LEFT = [NODE_INDEX[f"left_{n}"] for n in ("ankle", "foot")]
 
 @pytest.fixture(scope="module")
 def legs(bank):
-    return LegsBeyond(bank)
+    return LegsBeyond(usual_joints(bank))
 
 
 def _fitted(body, down_m, **turned):

@@ -8,12 +8,12 @@ import pytest
 import synthetic as syn
 from depth_pose.core.skeleton import JOINT_NODES, MIRROR_JOINTS, forward_kinematics
 from depth_pose.fit import _plausible_kernels as kernels
-from depth_pose.fit.plausible import PosePrior
+from depth_pose.fit.plausible import PosePrior, usual_joints
 
 
 @pytest.fixture(scope="module")
 def prior(bank):
-    return PosePrior(bank)
+    return PosePrior(usual_joints(bank))
 
 
 def _nodes(body, rotations, turn=None, root=(0.0, 0.0, 3.0), scale=1.0):

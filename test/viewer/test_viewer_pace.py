@@ -17,7 +17,7 @@ from websockets.sync.client import connect
 from depth_pose.core.camera import Camera
 from depth_pose.core.types import DepthFrame
 from depth_pose.viewer import pace
-from depth_pose.viewer.app import RATE_HZ, Viewer
+from depth_pose.viewer.app import RATE_HZ
 from depth_pose.viewer.source import RecordedSource
 
 CAMERA = Camera(width=80, height=60, fx=80.0, fy=80.0, cx=40.0, cy=30.0)
@@ -67,20 +67,11 @@ def wait_for(true, seconds=30.0):
 
 
 @pytest.fixture
-def viewer(tmp_path):
+def viewer(start_viewer):
     """One that shows a recording which goes on and on."""
     depth = np.full((CAMERA.height, CAMERA.width), 2.0, np.float32)
     frames = [DepthFrame(i * 66_000_000 + 1, "optical", depth + 0.01 * i, CAMERA) for i in range(60)]
-    source = RecordedSource(frames, lambda frame: (), 2000)
-    source.start()
-    source.wait()
-    viewer = Viewer(source, port=0, pictures=tmp_path)
-    thread = threading.Thread(target=viewer.run, daemon=True)
-    thread.start()
-    yield viewer
-    viewer.stop()
-    thread.join(10)
-    assert not thread.is_alive()
+    return start_viewer(RecordedSource(frames, lambda frame: (), 2000))
 
 
 @pytest.fixture

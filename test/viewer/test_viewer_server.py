@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import socket
-import threading
 import time
 import urllib.request
 
@@ -18,7 +17,6 @@ from depth_pose.core.errors import DepthPoseError
 from depth_pose.core.rotations import quat_to_matrix
 from depth_pose.core.skeleton import BONES
 from depth_pose.viewer import app as viewer_app
-from depth_pose.viewer.app import Viewer
 from depth_pose.viewer.source import RecordedSource
 from synthetic import CAMERA, START_NS, STEP_NS, draw, mesh, posed, room, to_frame, varied
 
@@ -38,17 +36,8 @@ def people(frame):
 
 
 @pytest.fixture
-def viewer(tmp_path):
-    source = RecordedSource(list(frames()), people, 3000)
-    source.start()
-    source.wait()
-    viewer = Viewer(source, port=0, pictures=tmp_path / "pictures")
-    thread = threading.Thread(target=viewer.run, daemon=True)
-    thread.start()
-    yield viewer
-    viewer.stop()
-    thread.join(10)
-    assert not thread.is_alive()
+def viewer(start_viewer):
+    return start_viewer(RecordedSource(list(frames()), people, 3000))
 
 
 def wait_for(true, seconds=60.0):

@@ -12,11 +12,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.bank.bank import Bank
 from depth_pose.body.body import Body
 from depth_pose.core.camera import Camera
-from depth_pose.core.rotations import quat_to_matrix
-from depth_pose.core.skeleton import JOINT_INDEX, JOINT_NODES, MIRROR_JOINTS, forward_kinematics
+from depth_pose.core.skeleton import JOINT_INDEX, JOINT_NODES
 from depth_pose.fit import _aim_kernels as aim
 from depth_pose.fit import _plausible_kernels as kernels
 from depth_pose.fit.articulated import BodyPose, FittedBody
@@ -25,9 +23,6 @@ _LEGS = tuple(
     tuple(JOINT_INDEX[f"{side}_{name}"] for name in ("hip", "knee", "ankle", "foot"))
     for side in ("left", "right")
 )
-
-_POSES = 6000
-"""Poses of the bank, evenly spread, that are looked through, and as many mirrored ones; not swept."""
 
 _NEIGHBOURS = 40
 """Poses that are most like the rest of the body, of which the mean is taken; not swept."""
@@ -53,17 +48,13 @@ class LegsBeyond:
 
     Parameters
     ----------
-    bank : Bank
+    usual : (N, 19, 3) float64
+        `depth_pose.fit.plausible.usual_joints` of a bank.
     """
 
-    def __init__(self, bank: Bank) -> None:
-        step = max(1, bank.poses // _POSES)
-        rotations = quat_to_matrix(bank.pose_quats[::step].astype(np.float64))
-        nodes = forward_kinematics(rotations, np.zeros((len(rotations), 3)), bank.body.nodes)
-        joints = kernels.in_trunk_axes_all(nodes[:, JOINT_NODES])
-        joints = np.concatenate([joints, joints[:, MIRROR_JOINTS] * np.array([-1.0, 1.0, 1.0])])
-        self._joints = joints.astype(np.float32)
-        self._rows = self._joints.reshape(len(joints), -1)
+    def __init__(self, usual: NDArray[np.float64]) -> None:
+        self._joints = usual.astype(np.float32)
+        self._rows = self._joints.reshape(len(usual), -1)
         self._squares = (self._joints**2).sum(axis=2)
 
     def settle(self, body: Body, fitted: FittedBody, camera: Camera) -> FittedBody:

@@ -30,7 +30,16 @@ _NOISE_M = 0.02
 """Joints vary by this beside what the bank says, metres."""
 
 _POSES = 6000
-"""Poses of the bank, evenly spread, that mean and covariance are taken from."""
+"""Poses of the bank, evenly spread, that stand for all; not swept."""
+
+
+def usual_joints(bank: Bank) -> NDArray[np.float64]:
+    """Give joints (N, 19, 3) of a bank's poses and their mirror images, in trunk axes, metres."""
+    step = max(1, bank.poses // _POSES)
+    rotations = quat_to_matrix(bank.pose_quats[::step].astype(np.float64))
+    nodes = forward_kinematics(rotations, np.zeros((len(rotations), 3)), bank.body.nodes)
+    joints = kernels.in_trunk_axes_all(nodes[:, JOINT_NODES])
+    return np.concatenate([joints, joints[:, MIRROR_JOINTS] * np.array([-1.0, 1.0, 1.0])])
 
 
 class PosePrior:
@@ -38,16 +47,12 @@ class PosePrior:
 
     Parameters
     ----------
-    bank : Bank
+    usual : (N, 19, 3) float64
+        `usual_joints` of a bank.
     """
 
-    def __init__(self, bank: Bank) -> None:
-        step = max(1, bank.poses // _POSES)
-        rotations = quat_to_matrix(bank.pose_quats[::step].astype(np.float64))
-        nodes = forward_kinematics(rotations, np.zeros((len(rotations), 3)), bank.body.nodes)
-        joints = kernels.in_trunk_axes_all(nodes[:, JOINT_NODES])
-        joints = np.concatenate([joints, joints[:, MIRROR_JOINTS] * np.array([-1.0, 1.0, 1.0])])
-        rows = joints.reshape(len(joints), -1)
+    def __init__(self, usual: NDArray[np.float64]) -> None:
+        rows = usual.reshape(len(usual), -1)
         self._mean = rows.mean(axis=0)
         covariance = np.cov(rows.T) + _NOISE_M**2 * np.eye(rows.shape[1])
         self._whiten = np.ascontiguousarray(np.linalg.inv(np.linalg.cholesky(covariance)))

@@ -28,7 +28,7 @@ from depth_pose.fit.aim import aim_legs, from_proposals
 from depth_pose.fit.articulated import BodyPose, FittedBody, candidate_pose
 from depth_pose.fit.beyond import LegsBeyond
 from depth_pose.fit.limbs import LimbSearch
-from depth_pose.fit.plausible import PosePrior
+from depth_pose.fit.plausible import PosePrior, usual_joints
 from depth_pose.fit.rendered_depth import Comparison, DepthComparer
 from depth_pose.fit.skeleton_pose import pose_from_skeleton
 from depth_pose.people.memory import PerPerson
@@ -100,8 +100,8 @@ class Refiner:
         fitting = fitting or FittingConfig()
         self._fitter = FITTERS[config.method](bank.body, fitting)
         self._limbs = LimbSearch(bank)
-        self._prior = PosePrior(bank)
-        self._beyond = LegsBeyond(bank)
+        usual = usual_joints(bank)
+        self._prior, self._beyond = PosePrior(usual), LegsBeyond(usual)
         self._space = BuildSpace(bank.body)
         self.builds = BuildLearner(self._space, fitting.build, fitting.fit)
         self._kept = PerPerson(_Kept, MAX_STAMP_GAP_NS)
