@@ -245,6 +245,7 @@ def _save_build(path: Path, known: KnownBuild | None) -> None:
         warn([f"{path} is not written: nobody was seen well enough to learn their build"])
     else:
         save_build(path, known)
+        console.print(f"wrote {path}", highlight=False, markup=False, soft_wrap=True)
 
 
 def _run_archive(

@@ -210,6 +210,8 @@ def overlay(
 ) -> None:
     """Draw skeletons over the depth of several frames, or as a picture that moves.
 
+    Above a frame stand its time, the skeleton's source and its confidence, and with --truth the mean error.
+
     [bold]Examples:[/bold]
 
     depth-pose overlay in.mcap out.mcap -o picture.png
