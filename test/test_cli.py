@@ -6,6 +6,7 @@ import json
 import os
 import subprocess
 import sys
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,7 +16,7 @@ import pytest
 
 import depth_pose
 from depth_pose.cli import main
-from depth_pose.cli.console import read_settings
+from depth_pose.cli.console import loading, read_settings
 from depth_pose.core.camera import Camera
 from depth_pose.core.config import MatchConfig, PipelineConfig, SegmentConfig
 from depth_pose.core.errors import ConfigError, InputError
@@ -26,19 +27,27 @@ COMMANDS = (
     "run",
     "info",
     "up",
+    "pause",
+    "resume",
     "play",
     "record",
     "demo",
+    "hz",
+    "tf",
     "simulate",
     "eval",
     "overlay",
+    "view",
+    "export",
     "bank",
     "bank build",
     "bank info",
+    "bank check",
     "volume",
     "volume train",
     "volume info",
     "volume run",
+    "volume live",
     "volume demo",
 )
 
@@ -243,6 +252,18 @@ def test_simulated_room_is_scored_for_everybody(tmp_path: Path, call: Callable[.
     assert "30.0" in table
     pictures = (tmp_path / "p.mcap", "-o", tmp_path / "o.png", "--truth", tmp_path / "r.npz")
     assert call("overlay", tmp_path / "r.mcap", *pictures).returncode == 0
+
+
+def test_long_loading_is_told_where_there_is_no_terminal(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with loading("the bank"):
+        pass
+    assert capsys.readouterr().err == ""
+    monkeypatch.setattr(sys.modules[loading.__module__], "_LONG_S", 0.01)
+    with loading("the bank"):
+        time.sleep(0.5)
+    assert capsys.readouterr().err.startswith("loading the bank and compiling the kernels")
 
 
 def test_settings_files(tmp_path: Path) -> None:

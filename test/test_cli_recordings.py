@@ -158,6 +158,17 @@ def test_a_folder_of_images_gives_the_skeletons_of_its_recording(
     assert call("run", images, "-o", tmp_path / "c.mcap", "--fps", "0").code == 2
 
 
+def test_an_output_that_ends_in_a_slash_is_a_folder(tmp_path: Path, call: Callable[..., Done]) -> None:
+    (tmp_path / "in").mkdir()
+    with DepthWriter(tmp_path / "in/day.mcap", CAMERA, "optical") as writer:
+        writer.write(1_000_000_000, np.full((48, 64), 2.0, np.float32))
+    done = call("run", tmp_path / "in", "-o", f"{tmp_path}/out/", "--workers", "0")
+    assert done.code == 0, done.err
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {"day.mcap", "report.csv"}
+    assert call("run", tmp_path / "in", "-o", tmp_path / "one").code == 0
+    assert (tmp_path / "one").is_file()
+
+
 def test_info(tmp_path: Path, call: Callable[..., Done]) -> None:
     path = _write(tmp_path / "in.mcap")
     done = call("info", path)

@@ -70,6 +70,16 @@ def test_functions_of_a_row_carry_its_label(paper: str, number: int) -> None:
         assert (paper, number) in labels_of(docstrings(path)[name]), f"{name} does not say {paper} {number}"
 
 
+def test_a_comment_marks_the_lines_of_each_equation() -> None:
+    marks: dict[tuple[str, int], set[str]] = {}
+    for file in sorted((ROOT / "src" / "depth_pose").rglob("*.py")):
+        for paper, number in re.findall(r"# (Ye|Hirai) et al\. eq\. (\d+):", file.read_text()):
+            marks.setdefault((paper, int(number)), set()).add(str(file.relative_to(ROOT)))
+    assert sorted(marks) == sorted(EQUATIONS)
+    for key, files in marks.items():
+        assert files <= {path for _, path in rows()[key]}, f"{key} is marked in {files}"
+
+
 def test_every_label_in_the_code_is_on_the_page() -> None:
     for file in sorted((ROOT / "src" / "depth_pose").rglob("*.py")):
         path = str(file.relative_to(ROOT))

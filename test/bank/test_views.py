@@ -7,15 +7,20 @@ import pytest
 
 import synthetic as syn
 from depth_pose.bank.canonical import canonical_axes, describe
-from depth_pose.bank.views import DISTANCE_M, VIEWS, cast_view, render_views, view_directions, view_rotation
+from depth_pose.bank.views import (
+    DISTANCE_M,
+    VIEWS,
+    View,
+    cast_views,
+    make_scene,
+    render_views,
+    view_directions,
+    view_rotation,
+)
 
 
-def _scene(vertices, faces):
-    import open3d as o3d
-
-    scene = o3d.t.geometry.RaycastingScene(nthreads=1)
-    scene.add_triangles(vertices.astype(np.float32), faces.astype(np.uint32))
-    return scene
+def _cast(body, vertices, rotation, target):
+    return next(cast_views(make_scene(vertices, body.faces), vertices, [View(rotation, target, True)]))
 
 
 @pytest.mark.parametrize("azimuth", [0.0, 1.0, np.pi / 2, 4.0])
@@ -51,7 +56,7 @@ def test_directions_go_all_round_and_differ_between_poses():
 def test_partial_cloud_lies_on_the_side_that_the_camera_sees(body):
     vertices = body.pose(syn.arms_down(), np.zeros(3)).vertices
     rotation, target = view_rotation(0.7, 0.2), vertices.mean(axis=0)
-    points = cast_view(_scene(vertices, body.faces), vertices, rotation, target)
+    points = _cast(body, vertices, rotation, target)
     assert 400 < len(points) < 6000
     model = (points - [0.0, 0.0, DISTANCE_M]) @ rotation + target
     low, high = vertices.min(axis=0), vertices.max(axis=0)
@@ -84,7 +89,7 @@ def test_rendered_views_are_described_in_their_own_axes(body):
     vertices = body.pose(rotations[1], np.zeros(3)).vertices
     azimuth, elevation = view_directions(5)[3]
     rotation, target = view_rotation(azimuth, elevation), vertices.mean(axis=0)
-    points = cast_view(_scene(vertices, body.faces), vertices, rotation, target)
+    points = _cast(body, vertices, rotation, target)
     axes = canonical_axes(points)[0]
     np.testing.assert_array_equal(views.descriptors[1, 3], describe(points, axes).astype(np.float16))
     # x_canonical = R_canonical_model (x_model - origin)

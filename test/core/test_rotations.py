@@ -15,7 +15,14 @@ from depth_pose.core.rotations import (
     rotation_y,
     rotation_z,
     rotvec_to_matrix,
+    unit_vectors,
 )
+
+
+def test_unit_vectors():
+    vectors = np.array([[[3.0, 0.0, 4.0], [0.0, -2.0, 0.0]], [[1e-6, 0.0, 0.0], [0.0, 0.0, 0.0]]])
+    wanted = [[[0.6, 0.0, 0.8], [0.0, -1.0, 0.0]], [[1.0, 0.0, 0.0], [0.0, 0.0, 0.0]]]
+    np.testing.assert_allclose(unit_vectors(vectors), wanted, atol=1e-12)
 
 
 @pytest.fixture

@@ -17,7 +17,8 @@ from depth_pose.core.skeleton import JOINTS, Source
 from depth_pose.core.types import Skeleton
 from depth_pose.io import schemas
 from depth_pose.io._messages import write_camera_info, write_image
-from depth_pose.io.depth_topics import find_depth_topics
+from depth_pose.io._recording import Recording
+from depth_pose.io.depth_topics import depth_topics
 from depth_pose.io.mcap_read import DepthReader, read_frames
 from depth_pose.io.mcap_write import DepthWriter, PartlyWritten, SkeletonWriter
 from depth_pose.io.skeleton_read import read_people, read_skeletons
@@ -256,7 +257,7 @@ def test_the_only_depth_topic_is_found_among_others(tmp_path: Path) -> None:
         tmp_path / "a.mcap",
         [colour, infrared, _info(1, topic="/camera/color/camera_info"), _info(1), _image(2)],
     )
-    (topic,) = find_depth_topics(path)
+    (topic,) = depth_topics(Recording(path))
     assert (topic.name, topic.info_topic, topic.frames) == ("/d/image", "/d/camera_info", 1)
 
 

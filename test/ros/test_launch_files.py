@@ -11,19 +11,25 @@ from pathlib import Path
 import pytest
 from yaml import safe_load
 
+from depth_pose.cli.console import read_settings
 from depth_pose.core.config import PipelineConfig
-from depth_pose.ros.nodes.parameters import EVERYWHERE
+from depth_pose.ros.nodes.parameters import EVERYWHERE, parameter_name
 from depth_pose.ros.process import NODES
 
 ROOT = Path(__file__).parents[2]
 SCRIPTS = ROOT / "launch_scripts"
+DEFAULTS = PipelineConfig().as_mapping()
 
 
 def test_example_parameters_are_valid():
+    """For nodes, which know each setting by one name, and for `depth-pose run --params`."""
     values = safe_load((SCRIPTS / "params.yaml").read_text())["/**"]["ros__parameters"]
     sections = {k: v for k, v in values.items() if isinstance(v, dict)}
-    assert PipelineConfig.from_mapping(sections) == PipelineConfig()  # it shows the defaults
-    assert set(values) - set(sections) <= EVERYWHERE
+    names = {f"{section}.{key}" for section, part in sections.items() for key in part}
+    known = {parameter_name(section, key) for section, part in DEFAULTS.items() for key in part}
+    assert names | (set(values) - set(sections)) <= EVERYWHERE | known
+    settings = read_settings(SCRIPTS / "params.yaml")
+    assert PipelineConfig.from_mapping(settings) == PipelineConfig()  # it shows the defaults
 
 
 def test_launch_file_parses():

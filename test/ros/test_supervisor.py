@@ -62,6 +62,10 @@ def test_what_cannot_start_is_said(domain, tmp_path):
     params.write_text("/**:\n  ros__parameters:\n    segment:\n      naer: 0.5\n")
     with pytest.raises(ConfigError, match=r"segment\.naer"), Suite(params, nodes=["denoise"], sink=str):
         pass
+    params.write_text("/**:\n  ros__parameters:\n    follow:\n      whom: nearest\n")
+    says = r"follow\.whom is named follow"
+    with pytest.raises(ConfigError, match=says), Suite(params, nodes=["recovery"], sink=str):
+        pass
     with pytest.raises(ConfigError, match="realsense"):
         Suite(sensor="webcam")
     with pytest.raises(ConfigError, match="no parameter file"):

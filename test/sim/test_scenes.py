@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -5,6 +7,7 @@ from depth_pose.core.skeleton import JOINT_INDEX
 from depth_pose.core.types import Camera
 from depth_pose.sim._scene_kernels import cast_shadow
 from depth_pose.sim.furniture import AT_WALLS, STANDING
+from depth_pose.sim.noise import NO_NOISE
 from depth_pose.sim.scene_noise import SceneSensor, Shown, measure, sample_sensor
 from depth_pose.sim.scene_view import draw, look, silhouette_area
 from depth_pose.sim.scenes import MOST_PEOPLE, Scene, sample_scene
@@ -99,10 +102,8 @@ def test_the_depth_buffer_agrees_with_cast_rays() -> None:
     made = triangulate(thing, rng)
     points = made.vertices * [1, -1, 1]
     drawn = draw(points, made.faces, CAMERA)
-    model = SENSORS["tof"]
-    rays = VirtualSensor(
-        type(model)(**{**vars(model), "camera": CAMERA, "near": 0.05, "far": 100.0}), 0
-    ).render_ideal([(points.astype(np.float32), made.faces.astype(np.uint32))])
+    model = replace(SENSORS["tof"], camera=CAMERA, near=0.05, far=100.0, noise=NO_NOISE)
+    rays = VirtualSensor(model, 0).render([(points.astype(np.float32), made.faces.astype(np.uint32))])
     assert np.mean(np.isclose(drawn.depth, rays, atol=0.01)) > 0.985
     assert (drawn.face >= 0).mean() > 0.5
 

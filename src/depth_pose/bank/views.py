@@ -208,11 +208,6 @@ def make_scene(vertices: Array, faces: NDArray[np.int32]) -> Any:
     return scene
 
 
-def cast_view(scene: Any, vertices: Array, rotation: Array, target: Array) -> Array:
-    """Cast rays at a scene from one direction; `cast_views` says what comes back."""
-    return next(cast_views(scene, vertices, [View(rotation, target, True)]))
-
-
 def cast_views(scene: Any, vertices: Array, views: list[View]) -> Iterator[Array]:
     """Cast rays at a mesh from every view, all of them at once.
 

@@ -153,10 +153,12 @@ def check(
     frames: Annotated[int, typer.Option(min=1, max=50, help="Frames, spread over the recording.")] = 6,
     candidates: Annotated[int, typer.Option(min=1, max=10, help="Matches shown beside each.")] = 3,
     depth_topic: Annotated[
-        str | None, typer.Option(help="The depth images or clouds.", show_default="found")
+        str | None, typer.Option(help="Depth images or point cloud.", show_default="the only one")
     ] = None,
 ) -> None:
     """Draw inputs beside their best matches in a bank.
+
+    A match's score is the disagreement of rendered and observed depth, 0 to 1: lower is better.
 
     [bold]Examples:[/bold]
 

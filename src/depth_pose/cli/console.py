@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -24,6 +25,9 @@ console = Console()
 errors = Console(stderr=True)
 
 _LEAST_LINE_GAP_S = 2.0
+
+_LONG_S = 10.0
+"""Seconds of loading after which an output that is no terminal is told of it; set by hand."""
 
 STOPPED = 130
 """Exit code after Ctrl-C, as shells have it."""
@@ -170,6 +174,23 @@ def _line_printer(what: str, total: int | None) -> Callable[[float], None]:
             errors.print(f"{what}: {10 * tenth} %, {now - start:.0f} s", highlight=False, markup=False)
 
     return update
+
+
+@contextmanager
+def loading(what: str) -> Iterator[None]:
+    """Tell of loading and compiling kernels: at once on a terminal, else by a line once it takes long."""
+    text = f"loading {what} and compiling the kernels: seconds, the first time minutes"
+    if console.is_terminal:
+        with console.status(text):
+            yield
+        return
+    tell = threading.Timer(_LONG_S, errors.print, [text], {"highlight": False, "soft_wrap": True})
+    tell.daemon = True
+    tell.start()
+    try:
+        yield
+    finally:
+        tell.cancel()
 
 
 def print_facts(title: str, facts: Iterable[tuple[str, str]]) -> None:

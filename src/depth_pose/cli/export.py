@@ -90,6 +90,8 @@ def export(
         _say(f"the floor, told by {how}, lies {height:.2f} m below the sensor")
         if recording is not None and how == "feet":
             _say("[yellow]note:[/yellow] too little floor is seen in the depth images; feet told it")
+        elif recording is None:
+            _say("[yellow]note:[/yellow] that is rough; with --recording IN it is found in the depth images")
     for file in result.files:
         _say(f"wrote {escape(str(file.path))}: {file.frames} frames at {file.rate_hz:.1f} a second")
         for track in file.tracks:

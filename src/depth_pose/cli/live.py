@@ -109,7 +109,10 @@ def up(
 
 def pause(
     namespace: Annotated[str, typer.Option(help="Where the nodes lie.")] = "depth_pose",
-    node: Annotated[list[str] | None, typer.Option(help="Only this one; again for more.")] = None,
+    node: Annotated[
+        list[str] | None,
+        typer.Option(help="Only denoise, matcher, refine, recovery or volume; again for more."),
+    ] = None,
 ) -> None:
     """Pause the running nodes: they answer no frames and take no time, but keep all that they loaded.
 
@@ -126,7 +129,10 @@ def pause(
 
 def resume(
     namespace: Annotated[str, typer.Option(help="Where the nodes lie.")] = "depth_pose",
-    node: Annotated[list[str] | None, typer.Option(help="Only this one; again for more.")] = None,
+    node: Annotated[
+        list[str] | None,
+        typer.Option(help="Only denoise, matcher, refine, recovery or volume; again for more."),
+    ] = None,
 ) -> None:
     """Resume nodes that were paused, or that were started with the parameter autostart false.
 

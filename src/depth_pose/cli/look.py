@@ -67,7 +67,8 @@ def tf(
         frames = call_ros("transport.look", "list_frames", every)
         if not frames:
             raise InputError(
-                "no frame is broadcast; start the nodes with the parameter tf: true, or rep155: true"
+                "no frame is broadcast: nobody is in view yet, or the nodes run without the parameter "
+                "tf: true, or rep155: true"
             )
         if frame is None:
             print_facts("frames", sorted((child, f"in {above}") for child, above in frames.items()))

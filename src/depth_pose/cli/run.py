@@ -16,6 +16,7 @@ from depth_pose.cli.console import (
     console,
     errors,
     given,
+    loading,
     print_facts,
     progress_bar,
     read_settings,
@@ -56,7 +57,13 @@ def run(
         ),
     ],
     output: Annotated[
-        Path, typer.Option("--output", "-o", help="The skeletons' recording; of several, their folder.")
+        str,
+        typer.Option(
+            "--output",
+            "-o",
+            help="The skeletons' recording; of several, their folder. A name that ends in / is a folder.",
+            metavar="OUT",
+        ),
     ],
     method: Annotated[str | None, setting(RefineConfig, "method")] = None,
     bank: Annotated[Path | None, typer.Option(help="Exemplar bank.", show_default="the set-up's")] = None,
@@ -103,6 +110,9 @@ def run(
     view, the first is empty and the second has no joints. The same recording gives the same file, byte for
     byte.
 
+    A skeleton is REFINED, fitted to its frame, or RECOVERED, carried over from the frame before where that
+    fit failed; that one is less sure.
+
     Of several recordings, or with an output that is a folder, each one's skeletons go to FOLDER/NAME.mcap.
     What is done already is skipped, so that the same command goes on where it was stopped. FOLDER/report.csv
     has a line for each; the exit code is 1 where one of them failed, 3 where one is damaged.
@@ -146,13 +156,14 @@ def run(
             values.setdefault(section, {}).update(chosen)
     config = PipelineConfig.from_mapping(values)
     images = ImageOptions.parse(intrinsics, depth_scale, fps)
-    if _is_one(recordings, output):
+    target = Path(output)
+    if not output.endswith("/") and _is_one(recordings, target):
         if cluster is not None:
             raise ConfigError(
-                "--cluster is for several recordings; with one, let -o be a folder that is there"
+                "--cluster is for several recordings; with one, let -o be a folder (its name ends in /)"
             )
-        check_targets([output, save_build], [recordings[0], bank, params, config.build.file or None])
-        _run_one(Path(recordings[0]), output, bank, depth_topic, images, config, save_build, markers)
+        check_targets([target, save_build], [recordings[0], bank, params, config.build.file or None])
+        _run_one(Path(recordings[0]), target, bank, depth_topic, images, config, save_build, markers)
     else:
         if markers:
             raise ConfigError("--markers is for one recording that goes to one file")
@@ -161,7 +172,7 @@ def run(
         if config.build.file:
             values["build"]["file"] = str(Path(config.build.file).resolve())
             config = PipelineConfig.from_mapping(values)
-        _run_archive(recordings, output, bank, depth_topic, images, config, workers, cluster)
+        _run_archive(recordings, target, bank, depth_topic, images, config, workers, cluster)
 
 
 def _is_one(recordings: list[str], output: Path) -> bool:
@@ -197,7 +208,7 @@ def _run_one(
     from depth_pose.offline import process_recording
     from depth_pose.pipeline import PosePipeline
 
-    with console.status("loading the bank and compiling the kernels"):
+    with loading("the bank"):
         pipeline = PosePipeline(Bank.load(bank or default_bank_path()), config)
         pipeline.warm_up()
     try:
@@ -234,6 +245,7 @@ def _save_build(path: Path, known: KnownBuild | None) -> None:
         warn([f"{path} is not written: nobody was seen well enough to learn their build"])
     else:
         save_build(path, known)
+        console.print(f"wrote {path}", highlight=False, markup=False, soft_wrap=True)
 
 
 def _run_archive(

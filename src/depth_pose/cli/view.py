@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.markup import escape
 
-from depth_pose.cli.console import console
+from depth_pose.cli.console import console, loading
 from depth_pose.io.schemas import PEOPLE_TOPIC
 
 if TYPE_CHECKING:
@@ -26,7 +26,10 @@ def add_to(app: typer.Typer) -> None:
 def view(
     recording: Annotated[
         Path | None,
-        typer.Argument(help="MCAP recording of a depth camera.", show_default="the running nodes"),
+        typer.Argument(
+            help="Recording of a depth camera, of any format that `run` takes.",
+            show_default="the running nodes",
+        ),
     ] = None,
     skeletons: Annotated[
         Path | None,
@@ -115,7 +118,7 @@ def _recorded(
     from depth_pose.bank import Bank, default_bank_path
     from depth_pose.pipeline import PosePipeline
 
-    with console.status("loading the bank and compiling the kernels"):
+    with loading("the bank"):
         pipeline = PosePipeline(Bank.load(bank or default_bank_path()))
         pipeline.warm_up()
     return RecordedSource(reader, lambda frame: pipeline.process_frame(frame).skeletons, points)

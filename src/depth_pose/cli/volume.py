@@ -12,6 +12,7 @@ from depth_pose.cli.console import (
     STOPPED,
     console,
     given,
+    loading,
     print_facts,
     progress_bar,
     read_settings,
@@ -190,7 +191,7 @@ def info(file: Annotated[Path, typer.Argument(help="The model file.")]) -> None:
 
 @app.command()
 def run(
-    recording: Annotated[Path, typer.Argument(help="MCAP recording of silhouettes or depth images.")],
+    recording: Annotated[Path, typer.Argument(help="Recording of silhouettes or depth images.")],
     output: Annotated[Path, typer.Option("--output", "-o", help="The skeletons' recording.")],
     model: Annotated[Path, typer.Option("--model", "-m", help="The model file.")],
     rig: Annotated[Path, typer.Option("--rig", help="Cameras, their calibration and topics.")],
@@ -225,7 +226,7 @@ def run(
     )  # fmt: skip
     learned, cameras = VolumeModel.load(model), load_rig(rig)
     reader = ViewReader(recording, cameras, learned.meta["input"], config.views)
-    with console.status("loading the model and compiling the kernels"):
+    with loading("the model"):
         pipeline = VolumePipeline(learned, cameras, config)
         pipeline.warm_up()
     try:

@@ -89,6 +89,11 @@ def _axis_rotation(angle: Array, i: int, j: int) -> Array:
     return out
 
 
+def unit_vectors(vectors: Array) -> Array:
+    """Directions (..., 3) of vectors, of length 1; vectors shorter than 1e-9 stay short."""
+    return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-9))
+
+
 def rotation_between(source: Array, target: Array) -> Array:
     """Smallest rotations that turn unit vectors into others, (..., 3) to (..., 3, 3)."""
     x, y, z = (source[..., a] for a in range(3))

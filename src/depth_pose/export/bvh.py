@@ -20,7 +20,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.core.rotations import quat_to_matrix, rotation_between
+from depth_pose.core.rotations import quat_to_matrix, rotation_between, unit_vectors
 from depth_pose.core.skeleton import JOINT_INDEX, JOINT_NODES, NODE_INDEX, NODE_PARENTS, NODES, rest_nodes
 from depth_pose.export.tracks import Track
 
@@ -85,16 +85,12 @@ def segment_rotations(track: Track, offsets: Array) -> Array:
         children = np.flatnonzero(node == NODE_PARENTS)
         if len(children) == 1:
             (child,) = children
-            bone = _unit(rotations[:, node] @ offsets[child])
-            aim = rotation_between(bone, _unit(found[:, child] - posed[:, node]))
+            bone = unit_vectors(rotations[:, node] @ offsets[child])
+            aim = rotation_between(bone, unit_vectors(found[:, child] - posed[:, node]))
             rotations[:, node] = aim @ rotations[:, node]
         for child in children:
             posed[:, child] = posed[:, node] + rotations[:, node] @ offsets[child]
     return rotations
-
-
-def _unit(vectors: Array) -> Array:
-    return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-9))
 
 
 def bvh_text(track: Track, step_s: float, factor: float = 1.0) -> str:
@@ -150,7 +146,7 @@ def _end(node: int, offsets: Array) -> Array:
     stature = np.linalg.norm(offsets[ankle]) / np.linalg.norm(average[ankle] - average[knee])
     share = np.array(_ENDS[NODES[node].rpartition("_")[2]])
     if NODES[node].endswith("wrist"):
-        return np.asarray(stature * share[0] * _unit(offsets[node]))
+        return np.asarray(stature * share[0] * unit_vectors(offsets[node]))
     return np.asarray(stature * share)
 
 

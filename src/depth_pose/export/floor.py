@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from depth_pose.core.config import SegmentConfig
 from depth_pose.core.errors import InputError
+from depth_pose.core.rotations import unit_vectors
 from depth_pose.core.skeleton import ADULT_STATURE_M, JOINT_INDEX, rest_nodes
 from depth_pose.core.types import DepthFrame
 from depth_pose.export.tracks import Track
@@ -61,14 +62,16 @@ def _up(tracks: list[Track]) -> Array:
     standing, trunks = [], []
     for track in tracks:
         at = {name: track.positions[track.present, i] for name, i in JOINT_INDEX.items()}
-        trunk = _unit(at["neck"] - at["pelvis"])
-        shanks = [np.sum(trunk * _unit(at[f"{s}_hip"] - at[f"{s}_ankle"]), axis=1) for s in ("left", "right")]
+        trunk = unit_vectors(at["neck"] - at["pelvis"])
+        shanks = [
+            np.sum(trunk * unit_vectors(at[f"{s}_hip"] - at[f"{s}_ankle"]), axis=1) for s in ("left", "right")
+        ]
         trunks.append(trunk)
         standing.append(trunk[np.min(shanks, axis=0) > _STANDING_COS])
     for some in (standing, trunks):
         found = np.concatenate(some) if some else np.zeros((0, 3))
         if len(found):
-            return np.asarray(_unit(np.median(found, axis=0)))
+            return np.asarray(unit_vectors(np.median(found, axis=0)))
     raise InputError("the recording has no skeletons to tell the floor from")
 
 
@@ -88,7 +91,7 @@ def _toes(track: Track, up: Array) -> tuple[Array, Array]:
 def _settled(points: Array, up: Array) -> Floor:
     """Fit a plane to points on the floor, pulled to a direction of up; jumps count little."""
     forward = np.array([0.0, 0.0, 1.0]) if abs(up[2]) < 0.9 else np.array([0.0, -1.0, 0.0])
-    first = _unit(forward - (forward @ up) * up)
+    first = unit_vectors(forward - (forward @ up) * up)
     second = np.cross(up, first)
     middle = points.mean(axis=0)
     flat = np.stack([(points - middle) @ first, (points - middle) @ second, np.ones(len(points))], axis=1)
@@ -99,7 +102,7 @@ def _settled(points: Array, up: Array) -> Floor:
         weight = 1.0 / (1.0 + ((above - flat @ slope) / _FEET_SPREAD_M) ** 2) ** 2
         normal_matrix = flat.T @ (weight[:, None] * flat) + prior
         slope = np.linalg.solve(normal_matrix, flat.T @ (weight * above))
-    normal = _unit(up - slope[0] * first - slope[1] * second)
+    normal = unit_vectors(up - slope[0] * first - slope[1] * second)
     on_it = middle + slope[2] * up
     return Floor(np.asarray(normal), float(-normal @ on_it), "feet")
 
@@ -123,7 +126,7 @@ def floor_of_depth(frames: Iterable[DepthFrame], guess: Floor) -> Floor | None:
     near = [f for f in seen if f.up @ guess.up > _SAME_COS and abs(f.height - guess.height) < _SAME_M]
     if not near:
         return None
-    up = _unit(np.median([f.up for f in near], axis=0))
+    up = unit_vectors(np.median([f.up for f in near], axis=0))
     return Floor(np.asarray(up), float(np.median([f.height for f in near])))
 
 
@@ -131,7 +134,3 @@ def some_frames(frames: Iterable[DepthFrame], count: int) -> list[DepthFrame]:
     """Take a dozen frames, spread over a recording of so many."""
     step = max(1, count // _FRAMES)
     return [frame for i, frame in enumerate(frames) if i % step == 0][:_FRAMES]
-
-
-def _unit(vectors: Array) -> Array:
-    return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-9))

@@ -89,6 +89,7 @@ class LaplacianCompleter:
             )
         w = weights[self._order]
         right = w[:, None] * (targets - vertices)[self._order]
+        # Ye et al. eq. 7: its normal equations, solved for the displacement of every vertex
         kernels.factorise(self._matrix, w + _HOLD, self._pattern, self._factor)
         kernels.substitute(self._pattern, self._factor, right)
         out = np.empty_like(right)

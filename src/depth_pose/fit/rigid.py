@@ -60,6 +60,7 @@ def fit_rigid(source: Array, target: Array, weights: Array) -> RigidTransform:
     mean_s, mean_t = share @ source, share @ target
     products = (target[:, :, None] * source[:, None, :]).reshape(len(source), 9)
     second = (share @ products).reshape(*share.shape[:-1], 3, 3)
+    # Ye et al. eq. 8: the best rotation, from the singular vectors of the covariance
     u, _, vt = np.linalg.svd(second - mean_t[..., :, None] * mean_s[..., None, :])
     u[..., :, 2] *= np.sign(np.linalg.det(u) * np.linalg.det(vt))[..., None]
     rotation = u @ vt

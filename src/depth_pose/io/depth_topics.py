@@ -7,7 +7,6 @@ beside them, or point clouds.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 
 from depth_pose.core.errors import InputError
 from depth_pose.io import schemas
@@ -41,17 +40,6 @@ class DepthTopic:
     kind: str
     info_topic: str
     frames: int
-
-
-def find_depth_topics(path: Path | str) -> tuple[DepthTopic, ...]:
-    """List the topics of a recording that depth frames can be made from.
-
-    Raises
-    ------
-    InputError
-        Where the file is missing or no MCAP recording.
-    """
-    return depth_topics(Recording(path))
 
 
 def depth_topics(recording: Recording) -> tuple[DepthTopic, ...]:

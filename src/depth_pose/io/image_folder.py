@@ -101,7 +101,8 @@ class ImageFolder:
         if given.fx is None or given.fy is None or given.cx is None or given.cy is None:
             raise InputError(
                 f"{folder} is a folder of images, which do not say their camera: "
-                f"give --intrinsics FX,FY,CX,CY (pixels), or write {folder / CAMERA_FILE}"
+                f"write {folder / CAMERA_FILE} (fx, fy, cx, cy in pixels), or give run, info or play "
+                "--intrinsics FX,FY,CX,CY"
             )
         self._scale = given.depth_scale
         self._stamps = _stamps(self._files, given.fps)

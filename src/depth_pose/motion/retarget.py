@@ -19,7 +19,7 @@ from depth_pose.body.joint_names import find_joints, joints_between
 from depth_pose.body.limits import violation
 from depth_pose.body.source_motion import SourceMotion
 from depth_pose.core.errors import InputError
-from depth_pose.core.rotations import mirror_rotation, nearest_rotation, rotation_between
+from depth_pose.core.rotations import mirror_rotation, nearest_rotation, rotation_between, unit_vectors
 from depth_pose.core.skeleton import NODE_INDEX, rest_nodes
 from depth_pose.motion.clip import Clip
 from depth_pose.motion.contact import pelvis_height
@@ -197,13 +197,9 @@ def _piece(
     return nearest_rotation(np.einsum("j,tjab->tab", share, turn[:, chain]))
 
 
-def _unit(vector: Array) -> Array:
-    return np.asarray(vector / np.maximum(np.linalg.norm(vector, axis=-1, keepdims=True), 1e-9))
-
-
 def _aimed(rest_direction: Array, turn: Array, direction: Array) -> Array:
     """Rotation from hanging whose -y has the given direction, its twist that of the recording."""
-    rest_to_source = rotation_between(np.array([0.0, -1.0, 0.0]), _unit(rest_direction))
+    rest_to_source = rotation_between(np.array([0.0, -1.0, 0.0]), unit_vectors(rest_direction))
     carried = turn @ rest_to_source
     return rotation_between(-carried[..., :, 1], direction) @ carried
 
@@ -232,11 +228,11 @@ def _hinged(first: Array, second: Array, sign: float) -> Array:
 
 def _arm(at: dict[str, Array], rest: dict[str, Array], turn: dict[str, Array]) -> dict[str, Array]:
     upper_rest, fore_rest = rest["elbow"] - rest["shoulder"], rest["wrist"] - rest["elbow"]
-    fore_direction = _unit(at["wrist"] - at["elbow"])
-    upper = _aimed(upper_rest, turn["shoulder"], _unit(at["elbow"] - at["shoulder"]))
+    fore_direction = unit_vectors(at["wrist"] - at["elbow"])
+    upper = _aimed(upper_rest, turn["shoulder"], unit_vectors(at["elbow"] - at["shoulder"]))
     upper = _hinged(upper, fore_direction, -1.0)
     fore = _aimed(fore_rest, turn["elbow"], fore_direction)
-    hand = turn["wrist"] @ rotation_between(np.array([0.0, -1.0, 0.0]), _unit(fore_rest))
+    hand = turn["wrist"] @ rotation_between(np.array([0.0, -1.0, 0.0]), unit_vectors(fore_rest))
     return {
         "clavicle": turn.get("clavicle", turn["chest"]),
         "shoulder": upper @ HANG["shoulder"],
@@ -246,8 +242,8 @@ def _arm(at: dict[str, Array], rest: dict[str, Array], turn: dict[str, Array]) -
 
 
 def _leg(at: dict[str, Array], rest: dict[str, Array], turn: dict[str, Array]) -> dict[str, Array]:
-    shank_direction = _unit(at["ankle"] - at["knee"])
-    thigh = _aimed(rest["knee"] - rest["hip"], turn["hip"], _unit(at["knee"] - at["hip"]))
+    shank_direction = unit_vectors(at["ankle"] - at["knee"])
+    thigh = _aimed(rest["knee"] - rest["hip"], turn["hip"], unit_vectors(at["knee"] - at["hip"]))
     thigh = _hinged(thigh, shank_direction, 1.0)
     shank = rotation_between(-thigh[..., :, 1], shank_direction) @ thigh
     foot = _foot(rest, turn["ankle"])
@@ -258,8 +254,8 @@ def _foot(rest: dict[str, Array], turn: Array) -> Array:
     if "toe" not in rest:
         return turn
     ours = rest_nodes()
-    ours_direction = _unit(ours[NODE_INDEX["left_foot"]] - ours[NODE_INDEX["left_ankle"]])
-    theirs = _unit(rest["toe"] - rest["ankle"])
+    ours_direction = unit_vectors(ours[NODE_INDEX["left_foot"]] - ours[NODE_INDEX["left_ankle"]])
+    theirs = unit_vectors(rest["toe"] - rest["ankle"])
     if theirs @ ours_direction > np.cos(np.radians(_FLAT_DEG)):
         # Both rest poses have the feet flat on the floor; their slopes differ with the ankles' heights.
         yaw = rotation_between(_level(ours_direction), _level(theirs))
@@ -268,7 +264,7 @@ def _foot(rest: dict[str, Array], turn: Array) -> Array:
 
 
 def _level(direction: Array) -> Array:
-    return _unit(direction * np.array([1.0, 0.0, 1.0]))
+    return unit_vectors(direction * np.array([1.0, 0.0, 1.0]))
 
 
 def _roots(rotations: Array, place: Array, joint: dict[str, int], scale: float) -> Array:

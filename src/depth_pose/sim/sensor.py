@@ -121,10 +121,6 @@ class VirtualSensor:
         depth, incidence_cos = self._cast(_scene(meshes))
         return add_noise(depth, incidence_cos, self.model.noise, self._rng)
 
-    def render_ideal(self, meshes: Sequence[Mesh]) -> NDArray[np.float32]:
-        """Measure a scene without noise, but with the sensor's range and shadow, (H, W), metres."""
-        return self._cast(_scene(meshes))[0]
-
     def _cast(self, scene: Any) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """Depth and cosine of the incidence angle, both (H, W)."""
         from open3d import core

@@ -94,6 +94,7 @@ def project_first(depth, camera, h, step):
             lanes = np.uint64((2 * reach_x + _LANES) // _LANES * _LANES)
             own = i * width + j % step * part + pad + j // step
             x0, y0, z0 = x[own], y[own], z[own]
+            # Ye et al. eq. 1: the mean of the neighbours' depths, weighted by theta of their distance
             total, weight = np.float32(0.0), np.float32(0.0)
             for a in range(i - reach_y * step, i + reach_y * step + 1, step):
                 if a < 0 or a >= rows or last[a] < j - reach_x * step or first[a] > j + reach_x * step:
@@ -131,8 +132,9 @@ def project_next(original, depth, camera, h, mu, step):
                     zs = depth[a, b]
                     if zs <= 0.0:
                         continue
+                    # Ye et al. eq. 4: a projected point lies at its depth on its pixel's ray
                     sx, sy = ray(camera, b, a)
-                    # alpha: distance of the projected neighbour from the original point
+                    # Ye et al. eq. 5: alpha, distance of the projected neighbour from the original point
                     dx, dy, dz = sx * zs - rx * z0, sy * zs - ry * z0, zs - z0
                     r2 = max(dx * dx + dy * dy + dz * dz, _LEAST_SQUARE)
                     w = theta(np.float32(inverse * r2)) / np.sqrt(r2)
@@ -140,12 +142,13 @@ def project_next(original, depth, camera, h, mu, step):
                     weight += w
                     if a == i and b == j:
                         continue
-                    # beta, with |d eta / d r| = r^2 for eta(r) = r^3 / 3
+                    # Ye et al. eq. 5: beta, with |d eta / d r| = r^2 for eta(r) = r^3 / 3
                     dx, dy, dz = sx * zs - rx * z, sy * zs - ry * z, zs - z
                     r2 = max(dx * dx + dy * dy + dz * dz, _LEAST_SQUARE)
                     w = theta(np.float32(inverse * r2)) * np.sqrt(r2)
                     push += w * (z - zs)
                     push_weight += w
+            # Ye et al. eq. 3: attraction, and repulsion by the signed difference in z
             out[i, j] = total / weight
             if push_weight > 0.0:
                 out[i, j] += mu * push / push_weight

@@ -102,6 +102,7 @@ class PeopleExtractor:
             for s, name in zip(seen.sightings, chosen, strict=True)
             if name is not None
         )
+        # Ye et al. eq. 2: x and y follow the depth along the pixel's ray
         points = seen.camera.back_project(depth)
         return see_people(frame.stamp_ns, frame.frame_id, seen.camera, points, labels, found)
 

@@ -72,6 +72,7 @@ class SubspaceSearch:
         head[: len(point[:_HEAD])] = point[:_HEAD]
         rest_norm = np.float32(np.linalg.norm(point[_HEAD:]))
         bounds, best = self._bounds, self._best
+        # Ye et al. eq. 6: the least distances in the subspace, exactly
         kernels.bound_distances(self._head, self._steps, self._rest_norms, head, rest_norm, bounds, best)
         kernels.search(self.table, bounds, self._slack, best, point, distances, entries)
         return Nearest(entries, np.sqrt(distances))

@@ -101,6 +101,7 @@ def learn_dynamics(
         by_x[before] += weight * motion.inputs
         by_x[after] += weight * (motion.solved @ went)
         by_x[starts] += x[starts]
+        # Hirai et al. eq. 3: minus the logarithm of the posterior, up to a constant
         value = volume.value + weight * motion.value + 0.5 * float((x[starts] ** 2).sum())
         # p(theta) ~ 1 / theta for s, w, l and for the noise's precision
         signs = np.array([1.0, 1.0, -1.0])

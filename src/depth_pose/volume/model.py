@@ -125,6 +125,7 @@ class VolumeModel:
         training points as its basis. V is the descriptor space, not the descriptor.
         """
         kernel = Kernel.from_array(self.volume_kernel)
+        # Hirai et al. eq. 2: from X to V
         made = tuple(Regression(self.latent, v, kernel) for v in self.volumes)
         for other in made[1:]:  # they differ in their outputs only
             other.__dict__["inverse"] = made[0].inverse
@@ -147,6 +148,7 @@ class VolumeModel:
         """X to the next X (Hirai et al. eq. 1), the weights marginalised as in `to_volume`."""
         before, after, _ = chain_rows([int(n) for n in self.lengths])
         kernel = Kernel.from_array(self.motion_kernel)
+        # Hirai et al. eq. 1: from X to the next X
         return Regression(self.latent[before], self.latent[after], kernel, float(self.meta["noise_floor"]))
 
     def views_of(self, steps: Array | NDArray[np.int64], seen_from: float) -> NDArray[np.int64]:

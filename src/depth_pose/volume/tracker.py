@@ -204,6 +204,7 @@ class LatentTracker:
         recalled = self.model.to_latent[view].predict(components)
         variance = self.model.to_volume[0].variance(recalled)
         prior = float(np.exp(self.model.volume_kernel[0]))
+        # Hirai et al. eq. 4: distance from the regressed point, and how unlike the training it is
         return np.asarray(
             2.0 * square_distances(points, recalled) / LATENT_NU + 2.0 * variance / (LATENT_W * prior)
         )

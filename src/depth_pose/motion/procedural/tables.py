@@ -9,8 +9,6 @@ from __future__ import annotations
 
 Table = tuple[tuple[float, dict[str, float]], ...]
 
-_L, _R = "left_", "right_"
-
 
 def _arm(side: str, flexion: float, abduction: float, twist: float, elbow: float) -> dict[str, float]:
     return {

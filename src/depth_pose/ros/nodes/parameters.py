@@ -159,11 +159,13 @@ def _refuse_unknown(
     known |= {*_names(sections, config), *_names(SECTIONS, PipelineConfig)}
     unknown = sorted(n for n in given if n not in known and not n.startswith("qos_overrides."))
     if unknown:
-        raise ConfigError(
-            f"no node of depth_pose has the parameter {', '.join(unknown)}; settings are named "
-            f"SECTION.NAME with the sections {', '.join(dict.fromkeys([*SECTIONS, *sections]))}, "
-            "e.g. segment.near"
+        names = {".".join(setting): short for short, setting in SHORT_NAMES.items()}
+        hint = ", ".join(f"{n} is named {names[n]}" for n in unknown if n in names)
+        hint = hint or (
+            "settings are named SECTION.NAME with the sections "
+            f"{', '.join(dict.fromkeys([*SECTIONS, *sections]))}, e.g. segment.near"
         )
+        raise ConfigError(f"no node of depth_pose has the parameter {', '.join(unknown)}; {hint}")
 
 
 def _names(sections: Sequence[str], config: type[Sections]) -> Iterator[str]:

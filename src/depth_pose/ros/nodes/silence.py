@@ -116,7 +116,8 @@ class SilenceWatch:
         wanted = watched.type_name
         if not found:
             others = [name for name, kinds in self._node.get_topic_names_and_types() if wanted in kinds]
-            others = sorted(set(others) - {topic})
+            own = {publisher.topic_name for publisher in self._node.publishers}
+            others = sorted(set(others) - own - {topic})
             there = f"; topics of that type: {', '.join(others)}" if others else ""
             return f"nobody publishes {topic} ({wanted}){there}"
         types = sorted({p.topic_type for p in found})  # type: ignore[attr-defined]
