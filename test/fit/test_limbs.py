@@ -9,7 +9,7 @@ import synthetic as syn
 from depth_pose.core.camera import Camera
 from depth_pose.core.skeleton import NODE_INDEX
 from depth_pose.fit import _limb_kernels as kernels
-from depth_pose.fit._reach_kernels import reach
+from depth_pose.fit._reach_kernels import Limbs, reach
 from depth_pose.fit.articulated import ArticulatedFitter, BodyPose, FitTarget, nearest_person_pixels
 from depth_pose.fit.limbs import LimbSearch, _may_be_legs
 from depth_pose.fit.rendered_depth import DepthComparer, Observation
@@ -105,7 +105,7 @@ def test_limbs_reach(search):
     samples, rotations = pair.limbs[0].samples, pair.rotations[0]
     targets = np.array([[0.3, 0.1, 0.3], [0.2, -0.2, 0.1], [0.5, 0.3, 2.0]])
     balls, turned = np.empty((6, 9, 3)), np.empty((6, *rotations.shape[1:]))
-    reach(samples, rotations, 1, targets, 2, balls, turned)
+    reach(Limbs(samples, pair.tips[0], rotations, 1), targets, 2, balls, turned)
     starts = 1.5 * balls[:, 0] - 0.5 * balls[:, 2]
     for k, target in enumerate(np.repeat(targets, 2, axis=0)):
         line = (balls[k, 5] - starts[k]) / np.linalg.norm(balls[k, 5] - starts[k])

@@ -20,9 +20,8 @@ class Triangles(Protocol):
 
 def vertex_normals(mesh: Triangles) -> NDArray[np.float64]:
     """Outward unit normals of the vertices, (V, 3), weighted by the faces' areas; 0 where no face is."""
-    corners = mesh.vertices[mesh.faces]
-    face = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    from depth_pose.body._skin_kernels import add_face_normals  # numba only for those who compute
+
     total = np.zeros_like(mesh.vertices)
-    for k in range(3):
-        np.add.at(total, mesh.faces[:, k], face)
+    add_face_normals(mesh.vertices, mesh.faces, total)
     return np.asarray(total / np.maximum(np.linalg.norm(total, axis=1, keepdims=True), 1e-12))

@@ -144,3 +144,20 @@ def compare(zbuffer, depth, labels, band, out):
     if drawn_count > 0 and seen_count > 0:
         out[3] = seen_j / seen_count - drawn_j / drawn_count
         out[4] = seen_i / seen_count - drawn_i / drawn_count
+
+
+@njit(cache=True)
+def score_mesh(vertices, faces, observed, band, zbuffer, out):
+    """Render a mesh and compare it with an observation.
+
+    Writes to ``out``: the score and the mean |dz| as `compare` does, and the translation that would bring
+    the silhouettes and the mean depths together, metres.
+    """
+    camera, z = observed.camera, 0.0
+    rasterize(vertices, faces, camera, zbuffer)
+    compare(zbuffer, observed.depth, observed.labels, band, out)
+    for i in range(vertices.shape[0]):
+        z += vertices[i, 2]
+    z /= vertices.shape[0]
+    deeper = out[2]
+    out[2], out[3], out[4] = out[3] * z / camera.fx, out[4] * z / camera.fy, deeper

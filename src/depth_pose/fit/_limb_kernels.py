@@ -7,8 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.core._camera_kernels import project
+from depth_pose.core._camera_kernels import project, ray
 from depth_pose.core.kernels import njit
+from depth_pose.core.types import PERSON
 
 _OUT = 0.3
 """What a ball counts, of its area, where nothing tells whether the limb is there: off the image, in
@@ -60,6 +61,52 @@ class LimbSettings(NamedTuple):
     keep: float
     fitting: int
     best: int
+
+
+@njit(cache=True)
+def is_in_view(nodes, bones, camera):
+    """Whether at least half of some nodes of a left and a right limb, ``bones`` (2, m), lie in the image."""
+    inside = 0
+    for side in range(2):
+        for n in range(bones.shape[1]):
+            x, y, z = nodes[bones[side, n]]
+            u, v = project(camera, x, y, z)
+            inside += u > 0 and v > 0 and u < camera.width and v < camera.height
+    return inside >= 0.5 * bones.size
+
+
+@njit(cache=True)
+def unexplained(drawn, observed, explained, ahead):
+    """Find observed points that a drawn part of the body does not explain.
+
+    Parameters
+    ----------
+    drawn : (h, w) float32
+        Its depth, infinite where there is none.
+    observed : Observation
+    explained, ahead : float
+        Below this difference of depths a point is; from this on it lies before the body. Metres.
+
+    Returns
+    -------
+    points : (P, 3) float32
+    is_before : (P,) bool
+    """
+    depth, labels, camera = observed.depth, observed.labels, observed.camera
+    rows, cols = depth.shape
+    points, before = np.empty((depth.size, 3), np.float32), np.empty(depth.size, np.bool_)
+    count = 0
+    for i in range(rows):
+        for j in range(cols):
+            z = depth[i, j]
+            gap = drawn[i, j] - z
+            if labels[i, j] != PERSON or abs(gap) < np.float32(explained):
+                continue
+            x, y = ray(camera, j, i)
+            points[count, 0], points[count, 1], points[count, 2] = x * z, y * z, z
+            before[count] = gap > np.float32(ahead) and np.isfinite(gap)
+            count += 1
+    return points[:count].copy(), before[:count].copy()
 
 
 @njit(cache=True, fastmath=True, forceinline=True)
@@ -180,7 +227,9 @@ def score_limbs(limb, own, anchor, observed, nearest, points, weight, settings):
 def _least(values, count):
     """Places of the ``count`` least values, ascending, and last that of the last value in any case."""
     own = values.shape[0] - 1
-    order = np.argsort(values, kind="mergesort")[:count]
+    limit = np.partition(values, count - 1)[count - 1] if count <= own else np.inf
+    near = np.flatnonzero(values <= limit)
+    order = near[np.argsort(values[near], kind="mergesort")][:count]
     return np.append(order[order != own], own)
 
 

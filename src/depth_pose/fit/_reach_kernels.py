@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
+from numpy.typing import NDArray
 
 from depth_pose.core._rotation_kernels import multiply, rotation_between
 from depth_pose.core.kernels import njit
@@ -14,8 +17,29 @@ _FOLDED_M = 0.02
 """A limb is not folded together more closely than this beyond the difference of its bones' lengths."""
 
 
+class Limbs(NamedTuple):
+    """Known limbs.
+
+    Attributes
+    ----------
+    samples : (L, 9, 3) float64
+        Balls at a third, two thirds and the end of three bones (`depth_pose.fit.limbs`), metres at scale 1.
+    tips : (3, L) float64
+        Where the second of these bones ends, in columns.
+    rotations : (L, n, 3, 3) float64
+        Of the segments that a limb turns.
+    first : int
+        Which of them is the first of the three bones.
+    """
+
+    samples: NDArray[np.float64]
+    tips: NDArray[np.float64]
+    rotations: NDArray[np.float64]
+    first: int
+
+
 @njit(cache=True)
-def reach(samples, rotations, first, targets, count, out_samples, out_rotations):
+def reach(known, targets, count, out_samples, out_rotations):
     """Bend the ``count`` limbs whose ends are nearest to each target so that they end there.
 
     The plane of the bend turns along with the line from the limb's beginning to its end, so that elbow or
@@ -23,27 +47,22 @@ def reach(samples, rotations, first, targets, count, out_samples, out_rotations)
 
     Parameters
     ----------
-    samples : (L, 9, 3)
-        Balls of limbs at a third, two thirds and the end of three bones (`depth_pose.fit.limbs`).
-    rotations : (L, n, 3, 3)
-        Of the segments that a limb turns.
-    first : int
-        Which of them is the first of the three bones.
+    known : Limbs
     targets : (P, 3)
         In the frame of the samples.
     count : int
     out_samples, out_rotations : (P * count, 9, 3), (P * count, n, 3, 3)
         Written.
     """
+    samples, tips, rotations, first = known.samples, known.tips, known.rotations, known.first
     limbs = samples.shape[0]
     gaps = np.empty(limbs)
     turn, upper, lower = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
     row = 0
     for p in range(targets.shape[0]):
+        x, y, z = targets[p, 0], targets[p, 1], targets[p, 2]
         for k in range(limbs):
-            gaps[k] = 0.0
-            for a in range(3):
-                gaps[k] += (samples[k, 5, a] - targets[p, a]) ** 2
+            gaps[k] = (tips[0, k] - x) ** 2 + (tips[1, k] - y) ** 2 + (tips[2, k] - z) ** 2
         for _ in range(count):
             k = int(np.argmin(gaps))
             gaps[k] = np.inf

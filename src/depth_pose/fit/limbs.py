@@ -23,11 +23,10 @@ from depth_pose.body.body import Body
 from depth_pose.core.farthest_points import farthest_rows
 from depth_pose.core.rotations import quat_to_matrix
 from depth_pose.core.skeleton import MIRROR_NODES, NODE_INDEX, forward_kinematics, mirror_rotations
-from depth_pose.core.types import PERSON
 from depth_pose.fit import _limb_kernels as kernels
-from depth_pose.fit._reach_kernels import reach
+from depth_pose.fit._reach_kernels import Limbs, reach
 from depth_pose.fit.articulated import BodyPose, nearest_person_pixels
-from depth_pose.fit.rendered_depth import DepthComparer, Observation
+from depth_pose.fit.rendered_depth import DepthComparer
 
 _LIMBS: tuple[tuple[int, str, tuple[str, ...], tuple[str, ...]], ...] = (
     (3, "chest", ("clavicle", "shoulder", "elbow", "wrist"), ("shoulder", "elbow", "wrist")),
@@ -95,6 +94,8 @@ class _LimbPair:
         ``R_anchor_segment`` of each node's segment.
     limbs : tuple of Limb
         Balls of the left and of the right one.
+    tips : (2, 3, L)
+        Where their second bone ends, in columns: the wrist or the ankle.
     faces : (F, 3)
         Faces of the body without both limbs.
     first : int
@@ -110,6 +111,7 @@ class _LimbPair:
     ends: NDArray[np.float64]
     rotations: NDArray[np.float64]
     limbs: tuple[kernels.Limb, kernels.Limb]
+    tips: NDArray[np.float64]
     faces: NDArray[np.int32]
     first: int
     reaches: bool
@@ -160,9 +162,10 @@ def _exchange(
     nearest: NDArray[np.int32],
 ) -> list[BodyPose]:
     """Put the best pairs of configurations on a pose; none where the input shows nothing of them."""
-    if not _in_view(nodes[pair.bones], comparer.observation):
+    if not kernels.is_in_view(nodes, pair.bones, comparer.observation.camera):
         return []
-    points, before = _unexplained(vertices, pair.faces, comparer)
+    drawn = comparer.render(vertices, pair.faces)
+    points, before = kernels.unexplained(drawn, comparer.observation, _EXPLAINED_M, _BEFORE_M)
     if not pair.reaches:
         possible = _may_be_legs(points, pose)
         points, before = points[possible], before[possible]
@@ -172,26 +175,26 @@ def _exchange(
     points, before = points[::weight], before[::weight]
     columns = np.ascontiguousarray(np.concatenate([points, points[before], points[before]]).T, np.float32)
     anchor = kernels.Anchor(pose.rotations[pair.anchor], nodes[pair.anchor], pose.scale)
-    scored, turned = [], []
+    scored, bent_turns = [], []
+    known = len(pair.rotations[0])
     for side in range(2):
         own = np.empty(pair.limbs[side].samples.shape[1:])
         kernels.place_own_balls(
             pose.rotations, nodes, pair.bones[side], pair.ends[side], _SHARES, pose.scale, own
         )
-        limb, rotations = pair.limbs[side], pair.rotations[side]
+        limb = pair.limbs[side]
         seen = own, anchor, comparer.observation, nearest, columns, weight
         found = kernels.score_limbs(limb, *seen, _SETTINGS)
         if pair.reaches:
-            bent, rotations = _reaching(pair, side, anchor, points)
+            bent, turns = _reaching(pair, side, anchor, points)
+            bent_turns.append(turns)
             others = kernels.score_limbs(bent, *seen, _BENT_SETTINGS)
             # the last is the limb as it is, which stays the last
             found = tuple(np.concatenate([o[:-1], f]) for o, f in zip(others, found, strict=True))
-            found[0][: len(others[0]) - 1] += len(limb.samples)
+            found[0][: len(others[0]) - 1] += known
         scored.append(found)
-        turned.append(rotations)
     numbers, costs, covers, centres = zip(*scored, strict=True)
     total = kernels.pair_costs(costs[0], covers[0], costs[1], covers[1], weight)
-    known = len(pair.rotations[0])
     bent_left, bent_right = (n >= known for n in numbers)
     bent_left[-1] = bent_right[-1] = False
     is_bent = bent_left[:, None] | bent_right
@@ -204,7 +207,9 @@ def _exchange(
         rotations = pose.rotations.copy()
         for side in range(2):
             if rows[side] < len(numbers[side]) - 1:  # else the limb as it is
-                local = turned[side][numbers[side][rows[side]]]
+                number = numbers[side][rows[side]]
+                turns = pair.rotations[side] if number < known else bent_turns[side]
+                local = turns[number if number < known else number - known]
                 rotations[pair.nodes[side]] = pose.rotations[pair.anchor] @ local
         proposals.append(BodyPose(rotations, pose.root, pose.scale))
     return proposals
@@ -219,34 +224,15 @@ def _may_be_legs(points: NDArray[np.float32], pose: BodyPose) -> NDArray[np.bool
 def _reaching(
     pair: _LimbPair, side: int, anchor: kernels.Anchor, points: NDArray[np.float32]
 ) -> tuple[kernels.Limb, NDArray[np.float64]]:
-    """Give a limb that reaches for points (P, 3), and the rotations of all configurations, its own last."""
+    """Give limbs that reach for points (P, 3), and the rotations of their segments."""
     limb, rotations = pair.limbs[side], pair.rotations[side]
     deeper = points * (1.0 + _UNDER_SKIN_M / points[:, 2:])
     targets = (deeper - anchor.origin) @ anchor.rotation / anchor.scale
-    known, count = len(limb.samples), _REACHING * len(points)
-    samples = np.empty((count, *limb.samples.shape[1:]))
-    turned = np.empty((known + count, *rotations.shape[1:]))
-    turned[:known] = rotations
-    reach(limb.samples, rotations, pair.first, targets, _REACHING, samples, turned[known:])
+    samples = np.empty((_REACHING * len(points), *limb.samples.shape[1:]))
+    turned = np.empty((len(samples), *rotations.shape[1:]))
+    known = Limbs(limb.samples, pair.tips[side], rotations, pair.first)
+    reach(known, targets, _REACHING, samples, turned)
     return limb._replace(samples=samples), turned
-
-
-def _in_view(joints: NDArray[np.float64], observed: Observation) -> bool:
-    """Tell whether at least half of a pair of limbs' joints (2, m, 3) lie inside the window."""
-    rows, cols = observed.depth.shape
-    u, v = np.moveaxis(observed.camera.project(joints), -1, 0)
-    return bool(((u > 0) & (v > 0) & (u < cols) & (v < rows)).mean() >= 0.5)
-
-
-def _unexplained(
-    vertices: NDArray[np.float64], faces: NDArray[np.int32], comparer: DepthComparer
-) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    """Observed points, shape (P, 3), that a part of the body does not explain; which lie before it."""
-    drawn = comparer.render(vertices, faces)
-    o = comparer.observation
-    left = (o.labels == PERSON) & ~(np.abs(drawn - o.depth) < _EXPLAINED_M)
-    before = drawn[left] - o.depth[left] > _BEFORE_M
-    return o.camera.back_project(o.depth)[left], before & np.isfinite(drawn[left])
 
 
 def _make_pair(
@@ -281,6 +267,7 @@ def _make_pair(
         ends=np.stack([ends, ends * flip]),
         rotations=np.stack([local, flip[:, None] * local * flip]),
         limbs=(kernels.Limb(samples, radii, areas), kernels.Limb(samples * flip, radii, areas)),
+        tips=np.stack([samples[:, 5].T, (samples * flip)[:, 5].T]),
         faces=_without(body, np.concatenate(side)),
         first=turned.index(sampled[0]),
         reaches=anchor_name == "chest",

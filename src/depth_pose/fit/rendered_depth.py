@@ -90,10 +90,6 @@ class DepthComparer:
 
     def compare(self, vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> Comparison:
         """Render a mesh in the camera frame and compare it with the observation."""
-        self.render(vertices, faces)
-        o = self.observation
-        kernels.compare(self.zbuffer, o.depth, o.labels, self._band, self._sums)
-        score, gap, dz, du, dv = self._sums.tolist()
-        z = float(vertices[:, 2].mean())
-        shift = np.array([du * z / o.camera.fx, dv * z / o.camera.fy, dz])
-        return Comparison(score=score, gap=gap, shift=shift)
+        kernels.score_mesh(vertices, faces, self.observation, self._band, self.zbuffer, self._sums)
+        score, gap = self._sums[:2].tolist()
+        return Comparison(score=score, gap=gap, shift=self._sums[2:].copy())

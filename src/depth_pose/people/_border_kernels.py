@@ -119,11 +119,12 @@ def attach_limbs(depth, labels, chance, camera, limits):
     rows, cols = depth.shape
     size = rows * cols
     seen = np.zeros(size, np.uint8)  # 1: on the present surface, 2: on one that is too large
+    is_beside = beside_anybody(labels).ravel()
     flat_depth, flat, flat_chance = depth.ravel(), labels.ravel(), chance.ravel()
     queue = np.empty(size, np.int64)
     pixel = 1.0 / (camera.fx * camera.fy)
     for start in range(size):
-        if flat[start] != BACKGROUND or flat_depth[start] <= 0.0 or seen[start] != 0:
+        if not is_beside[start] or flat[start] != BACKGROUND or flat_depth[start] <= 0.0 or seen[start] != 0:
             continue
         owner = beside_person(flat_depth, flat, start, cols, limits.jump)
         if owner == BACKGROUND:
@@ -161,6 +162,20 @@ def attach_limbs(depth, labels, chance, camera, limits):
             if is_theirs:
                 flat[queue[n]] = owner
             seen[queue[n]] = 0 if is_theirs else 2
+
+
+@njit(cache=True)
+def beside_anybody(labels):
+    """Mark the pixels that have a person's pixel among their eight neighbours, and people's own, (h, w)."""
+    rows, cols = labels.shape
+    marked = np.zeros((rows, cols), np.bool_)
+    for i in range(rows):
+        for j in range(cols):
+            if labels[i, j] != BACKGROUND and labels[i, j] != HIDDEN:
+                for a in range(max(0, i - 1), min(rows, i + 2)):
+                    for b in range(max(0, j - 1), min(cols, j + 2)):
+                        marked[a, b] = True
+    return marked
 
 
 @njit(cache=True)

@@ -57,6 +57,9 @@ def sample_crop(depth, labels, camera, look, grid, whose):
 
     What lies outside the image gets no depth and the label -1.
     """
+    if look.sin == 0.0:  # rows and columns stay rows and columns
+        _sample_level(depth, labels, camera, look, grid, whose)
+        return
     height, width = depth.shape
     px, py = CELL_M * camera.fx / look.z, CELL_M * camera.fy / look.z
     u0, v0 = camera.fx * look.x / look.z + camera.cx, camera.fy * look.y / look.z + camera.cy
@@ -74,15 +77,60 @@ def sample_crop(depth, labels, camera, look, grid, whose):
                     u, v = u - u % look.coarse, v - v % look.coarse
                     z[k], who[k] = depth[v, u], labels[v, u]
                     count += 1
-            grid[i, j], whose[i, j] = np.float32(0.0), -1
-            if count < 2:
-                continue
-            grid[i, j], whose[i, j] = near_second(z[0], z[1], z[2], z[3], _NEAR, _FAR), 0
-            if grid[i, j] > np.float32(0.0):
-                closest = np.float32(np.inf)
-                for k in range(4):
-                    if z[k] > np.float32(0.0) and abs(z[k] - grid[i, j]) < closest:
-                        closest, whose[i, j] = abs(z[k] - grid[i, j]), who[k]
+            _join_samples(z, who, count, i, j, grid, whose)
+
+
+@njit(cache=True)
+def _sample_level(depth, labels, camera, look, grid, whose):
+    """Do the same where the crop is not turned: places are found by row and column."""
+    height, width = depth.shape
+    px, py = CELL_M * camera.fx / look.z, CELL_M * camera.fy / look.z
+    u0, v0 = camera.fx * look.x / look.z + camera.cx, camera.fy * look.y / look.z + camera.cy
+    us, vs = np.empty(2 * SIDE, np.int64), np.empty(2 * SIDE, np.int64)
+    for n in range(2 * SIDE):
+        middle = 0.5 * n - 0.25 - 0.5 * (SIDE - 1)
+        u = int(np.floor(u0 + px * (look.cos * look.flip * middle) + 0.5))
+        v = int(np.floor(v0 + py * (look.cos * middle) + 0.5))
+        us[n] = u - u % look.coarse if 0 <= u < width else -1
+        vs[n] = v - v % look.coarse if 0 <= v < height else -1
+    z, who = np.empty(4, np.float32), np.empty(4, np.int64)
+    for i in range(SIDE):
+        for j in range(SIDE):
+            left, right, top, bottom = us[2 * j], us[2 * j + 1], vs[2 * i], vs[2 * i + 1]
+            if left >= 0 and right >= 0 and top >= 0 and bottom >= 0:
+                own = labels[top, left]
+                others = own == labels[top, right] and own == labels[bottom, left]
+                if others and own == labels[bottom, right]:
+                    middle = near_second(
+                        depth[top, left], depth[top, right], depth[bottom, left], depth[bottom, right],
+                        _NEAR, _FAR,
+                    )  # fmt: skip
+                    grid[i, j], whose[i, j] = middle, own if middle > np.float32(0.0) else 0
+                    continue
+            count = 0
+            for k in range(4):
+                u, v = us[2 * j + k % 2], vs[2 * i + k // 2]
+                z[k], who[k] = np.float32(0.0), -1
+                if u >= 0 and v >= 0:
+                    z[k], who[k] = depth[v, u], labels[v, u]
+                    count += 1
+            _join_samples(z, who, count, i, j, grid, whose)
+
+
+@njit(cache=True)
+def _join_samples(z, who, count, i, j, grid, whose):
+    """Give a pixel of the crop the depth of its four samples, and the label of the nearest of them."""
+    grid[i, j], whose[i, j] = np.float32(0.0), -1
+    if count < 2:
+        return
+    middle = near_second(z[0], z[1], z[2], z[3], _NEAR, _FAR)
+    grid[i, j], whose[i, j] = middle, 0
+    if middle <= np.float32(0.0):
+        return
+    closest = np.float32(np.inf)
+    for k in range(4):
+        if z[k] > np.float32(0.0) and abs(z[k] - middle) < closest:
+            closest, whose[i, j] = abs(z[k] - middle), who[k]
 
 
 @njit(cache=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from depth_pose.body._skin_kernels import skin
-from depth_pose.core._raster_kernels import compare, rasterize
+from depth_pose.core._raster_kernels import score_mesh
 from depth_pose.core._rotation_kernels import matrix_of, multiply
 from depth_pose.core.kernels import njit
 
@@ -34,7 +34,7 @@ def score(placed, pose_quats, body, scale, observed, band):
     Writes ``scores``; ``shifts``, the translations that would bring silhouettes and mean depths
     together; and ``nodes``, in the camera frame.
     """
-    camera, count = observed.camera, body.nodes.shape[0]
+    count = body.nodes.shape[0]
     local, turned = np.empty((3, 3)), np.empty((count, 3, 3))
     vertices, sums = np.empty(body.vertices.shape), np.empty(5)
     zbuffer = np.empty(observed.depth.shape, np.float32)
@@ -43,12 +43,5 @@ def score(placed, pose_quats, body, scale, observed, band):
             matrix_of(pose_quats[placed.exemplars[k], n], local)
             multiply(placed.rotations[k], local, turned[n])
         skin(body, turned, placed.translations[k], scale, vertices, placed.nodes[k])
-        rasterize(vertices, body.faces, camera, zbuffer)
-        compare(zbuffer, observed.depth, observed.labels, band, sums)
-        z = 0.0
-        for i in range(vertices.shape[0]):
-            z += vertices[i, 2]
-        z /= vertices.shape[0]
-        shift = placed.shifts[k]
-        placed.scores[k] = sums[0]
-        shift[0], shift[1], shift[2] = sums[3] * z / camera.fx, sums[4] * z / camera.fy, sums[2]
+        score_mesh(vertices, body.faces, observed, band, zbuffer, sums)
+        placed.scores[k], placed.shifts[k] = sums[0], sums[2:]

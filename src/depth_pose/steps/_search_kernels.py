@@ -33,6 +33,33 @@ def bound_distances(head, steps, rest_norms, gamma, gamma_rest, bounds, best):
         best[block] = start + np.argmin(out)
 
 
+@njit(cache=True, fastmath=True)
+def joint_distances(squares, local, weights, pulls, out):
+    """Weighted squared distances of known joints from some others, but for what is the same for all.
+
+    Parameters
+    ----------
+    squares, local : (J, N), (3 J, N) float32
+        Squared lengths, and coordinates, of the joints of N poses.
+    weights, pulls : (R, J), (R, 3 J) float32
+        What each joint counts; weight times twice the coordinates, of R others.
+    out : (R, N) float32
+        Written.
+    """
+    count = squares.shape[1]
+    for start in range(0, count, BLOCK):
+        end = min(start + BLOCK, count)
+        for r in range(out.shape[0]):
+            total = out[r, start:end]
+            total[:] = np.float32(0.0)
+            for k in range(squares.shape[0]):
+                w, square = weights[r, k], squares[k, start:end]
+                a, b, c = pulls[r, 3 * k], pulls[r, 3 * k + 1], pulls[r, 3 * k + 2]
+                x, y, z = local[3 * k, start:end], local[3 * k + 1, start:end], local[3 * k + 2, start:end]
+                for i in range(total.shape[0]):
+                    total[i] += w * square[i] - (a * x[i] + b * y[i] + c * z[i])
+
+
 @njit(cache=True, fastmath=True, forceinline=True)
 def squared_distance(entry, gamma):
     """Squared distance in all dimensions."""

@@ -235,10 +235,10 @@ class Matcher:
 
     def _keep_different(self, placed: Placed) -> tuple[Candidate, ...]:
         """Give the best few that are different poses."""
+        gaps = np.linalg.norm(placed.nodes[:, None] - placed.nodes, axis=3).mean(axis=2)
         kept: list[int] = []
-        for k in range(len(placed.scores)):
-            gaps = np.linalg.norm(placed.nodes[k] - placed.nodes[kept], axis=2).mean(axis=1)
-            if (gaps > _SAME_POSE_M).all():
+        for k in range(len(gaps)):
+            if (gaps[k, kept] > _SAME_POSE_M).all():
                 kept.append(k)
             if len(kept) == self.config.keep:
                 break

@@ -21,6 +21,7 @@ from depth_pose.core.skeleton import (
     forward_kinematics,
 )
 from depth_pose.core.types import FoundPerson
+from depth_pose.steps import _search_kernels as kernels
 from depth_pose.steps.placing import Placed, unscored
 
 _LEFT = [JOINT_INDEX["left_shoulder"], JOINT_INDEX["left_hip"]]
@@ -78,8 +79,9 @@ class ProposedExemplars:
         """Give the exemplars (2, `_LAID`) that are nearest to joints (2, 19, 3), trunk on trunk."""
         axes, middle = _trunk(named)
         local = ((named - middle[:, None]) @ axes) / scale
-        pull = (weights[:, :, None] * local).reshape(2, -1).astype(np.float32)
-        distance = weights.astype(np.float32) @ self._squares - 2.0 * (pull @ self._local)
+        pulls = (2.0 * weights[:, :, None] * local).reshape(2, -1).astype(np.float32)
+        distance = np.empty((2, self._local.shape[1]), np.float32)
+        kernels.joint_distances(self._squares, self._local, weights.astype(np.float32), pulls, distance)
         count = min(_LAID, distance.shape[1])
         return np.argpartition(distance, count - 1, axis=1)[:, :count]
 
