@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -95,6 +97,37 @@ def test_a_poor_fit_makes_every_joint_less_certain():
     assert (poor < good).all()
 
 
+def test_a_joint_where_the_finder_proposes_it_is_more_certain():
+    """And one that is proposed elsewhere, surely, is less; the farther, the less, up to 40 cm."""
+    body = syn.posed(syn.arms_down())
+    person = syn.to_person(syn.draw(syn.mesh(body)))
+    joints, j = body.nodes[JOINT_NODES], JOINT_INDEX["left_wrist"]
+
+    def confidence(away, sure):
+        proposals = (joints + np.array([away, 0.0, 0.0])).astype(np.float32)
+        found = replace(
+            person.found, proposals=proposals, proposal_confidence=np.full(len(JOINTS), sure, np.float32)
+        )
+        return report_joints(joints, 1.0, replace(person, found=found), SCORE).confidence[j]
+
+    assert confidence(0.0, 0.9) > confidence(0.2, 0.9) > confidence(0.4, 0.9)
+    assert confidence(0.4, 0.9) == pytest.approx(confidence(0.8, 0.9))
+    assert confidence(0.0, 0.9) > confidence(0.0, 0.5) > confidence(0.0, 0.0)
+    without = report_joints(joints, 1.0, person, SCORE).confidence[j]
+    assert confidence(0.0, 0.0) < without < confidence(0.0, 0.5)
+
+
+def test_what_lies_outside_the_image_is_no_free_space():
+    """Of a shank whose lower half the image does not show, the shown half alone is looked at."""
+    body = syn.posed(syn.arms_down(), distance=1.9)
+    person = syn.to_person(syn.draw(syn.mesh(body)))
+    found = look_at_joints(body.nodes[JOINT_NODES], 1.0, person)
+    free = list(SIGNS).index("segment in free space")
+    for name in ("left_ankle", "right_ankle", "left_foot", "right_foot"):
+        assert found.states[JOINT_INDEX[name]] == JointState.OUTSIDE_IMAGE
+        assert found.signs[JOINT_INDEX[name], free] == 0.0
+
+
 def test_signs_and_confidence_follow_the_formulas():
     """The kernel against plain numpy: labels and gaps at the joint, and at six places of the segment."""
     body = syn.posed(syn.arms_down(), turn=60.0)
@@ -125,7 +158,7 @@ def test_signs_and_confidence_follow_the_formulas():
             min(abs(g) / 0.07, 2.0) for (_, g), f, h in zip(looked, free, hidden, strict=True) if not (f or h)
         ]
         np.testing.assert_allclose(
-            found.signs[j, 5:], [np.mean(free), np.mean(hidden), sum(gaps) / 6], atol=1e-6, err_msg=name
+            found.signs[j, 5:8], [np.mean(free), np.mean(hidden), sum(gaps) / 6], atol=1e-6, err_msg=name
         )
         gap = looked[0][1]
         alone = [hidden[0], 0.0, free[0], 0.0, 0.0]

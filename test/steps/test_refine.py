@@ -13,8 +13,10 @@ from depth_pose.core.errors import BankError
 from depth_pose.core.rotations import matrix_to_quat, quat_to_matrix
 from depth_pose.core.skeleton import JOINT_NODES, JointState, Source
 from depth_pose.core.types import Candidate, PoseMatch
+from depth_pose.fit.articulated import BodyPose, FittedBody
+from depth_pose.fit.rendered_depth import Comparison
 from depth_pose.steps.match import Matcher
-from depth_pose.steps.refine import Refiner
+from depth_pose.steps.refine import Refiner, _Compared, _Kept, _settle
 
 
 def refiner_of(bank, **settings):
@@ -110,6 +112,29 @@ def test_a_wrong_pose_that_converged_gives_way(bank):
         skeleton = refined(refiner, now, start)
         errors.append(syn.joint_error(skeleton.positions, posed.nodes[JOINT_NODES]))
     assert errors[-1] < 0.04 < 0.06 < errors[-2]
+
+
+def test_a_pose_far_from_the_kept_one_has_to_be_better_by_enough_or_for_a_while(bank):
+    """Sums of how much better it was, over frames in a row; one that is near answers at once."""
+    rotations = bank.rotations(0)
+
+    def fitted(score, aside):
+        posed = bank.body.pose(rotations, np.array([aside, 0.0, 3.0]))
+        pose = BodyPose(rotations, np.array([aside, 0.0, 3.0]), 1.0)
+        comparison = Comparison(score, 0.0, np.zeros(3))
+        return _Compared(FittedBody(pose, posed.vertices, posed.nodes), comparison, 0.0, 0.0)
+
+    old, near = fitted(0.30, 0.0), fitted(0.29, 0.02)
+    kept, far = _Kept(), fitted(0.27, 0.1)
+    assert _settle(kept, near, old) is near
+    assert [_settle(kept, far, old) is far for _ in range(4)] == [False, True, False, True]
+    assert _settle(kept, far, old) is old
+    assert _settle(kept, fitted(0.31, 0.1), old) is old  # it was better once only
+    assert _settle(kept, far, old) is old
+    much = fitted(0.2, 0.1)
+    assert _settle(_Kept(), much, old) is much
+    assert _settle(_Kept(), far, None) is _settle(_Kept(), far) is far
+    assert _settle(_Kept(), None, old) is old
 
 
 @pytest.mark.parametrize("step_ns", [-1, 600_000_000])

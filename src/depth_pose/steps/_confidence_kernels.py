@@ -16,6 +16,16 @@ _SEEN, _OCCLUDED, _OUTSIDE = 0, 1, 2
 _SAMPLES = 6
 """Places looked at along a limb segment."""
 
+_FAR_OUTSIDE = 2.0
+"""Farther outside the image than this, in units of ``hidden_behind``, a joint is no less known. Of 5 and 2
+the better one on people who sit or are near (docs/accuracy.md)."""
+
+
+@njit(cache=True)
+def _is_outside(u: Any, v: Any, camera: Any) -> Any:
+    """Tell whether a pixel position lies outside the image."""
+    return not (-0.5 <= u < camera.width - 0.5 and -0.5 <= v < camera.height - 0.5)
+
 
 @njit(cache=True)
 def _look(x: Any, y: Any, z: Any, below: Any, window: Any) -> Any:
@@ -41,7 +51,7 @@ def look_at_joints(
     states: Any,
     signs: Any,
 ) -> None:
-    """Write the states (19,) and the signs (19, 8) of joints, in the order of `confidence.SIGNS`.
+    """Write the states (19,) and the first 8 signs (19, 10) of joints, in the order of `confidence.SIGNS`.
 
     ``camera`` is that of the whole image, ``window`` (`depth_pose.fit.rendered_depth.Observation`) what is
     known around the person.
@@ -52,11 +62,11 @@ def look_at_joints(
         x, y, z = positions[j]
         u, v = project(camera, x, y, z)
         states[j] = _SEEN
-        if not (-0.5 <= u < width - 0.5 and -0.5 <= v < height - 0.5):
+        if _is_outside(u, v, camera):
             states[j] = _OUTSIDE
             du = max(0.0, -0.5 - u, u - width + 0.5) * z / camera.fx
             dv = max(0.0, -0.5 - v, v - height + 0.5) * z / camera.fy
-            signs[j, 1] = min(np.sqrt(du * du + dv * dv) / hidden_behind, 5.0)
+            signs[j, 1] = min(np.sqrt(du * du + dv * dv) / hidden_behind, _FAR_OUTSIDE)
         else:
             label, gap = _look(x, y, z, below[j], window)
             if label == BACKGROUND:
@@ -70,13 +80,13 @@ def look_at_joints(
         p = parents[j]
         for s in range(_SAMPLES):
             t = s / _SAMPLES
-            label, gap = _look(
-                x + t * (positions[p, 0] - x),
-                y + t * (positions[p, 1] - y),
-                z + t * (positions[p, 2] - z),
-                below[j] + t * (below[p] - below[j]),
-                window,
-            )
+            at_x = x + t * (positions[p, 0] - x)
+            at_y = y + t * (positions[p, 1] - y)
+            at_z = z + t * (positions[p, 2] - z)
+            u, v = project(camera, at_x, at_y, at_z)
+            if _is_outside(u, v, camera):  # nobody looked there: that is no free space
+                continue
+            label, gap = _look(at_x, at_y, at_z, below[j] + t * (below[p] - below[j]), window)
             if label == BACKGROUND:
                 signs[j, 5] += 1.0 / _SAMPLES
             elif label != PERSON or gap > hidden_behind:

@@ -2,7 +2,8 @@ r"""How sure a skeleton and each of its joints are, and how each joint was seen.
 
 A joint's confidence is the chance that it lies within 10 cm of where it should. Its log-odds are
 a sum: a term for the kind of joint, terms for what is seen at the joint and along the segment of
-the limb that ends there (`SIGNS`), and one for the fit's rendered-depth score,
+the limb that ends there, and of how far the finder's second look sees the joint from there (`SIGNS`), and one
+for the fit's rendered-depth score,
 
 .. math:: \log\frac{p_j}{1 - p_j} = k_j + \sum_i w_i\, s_{ij} + w\, \mathrm{score}
 
@@ -18,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.skeleton import JOINT_INDEX, JOINTS
-from depth_pose.core.types import Fitted
+from depth_pose.core.types import Fitted, FoundPerson
 from depth_pose.people.person import Person
 from depth_pose.steps import _confidence_kernels as kernels
 
@@ -42,32 +43,41 @@ _TOWARD = {
 
 SIGNS = {
     "hidden": 0.17,
-    "outside": -0.21,
+    "outside": -2.28,
     "in free space": 0.57,
     "before the surface": 0.09,
     "behind the surface": 0.10,
     "segment in free space": -2.83,
     "segment hidden": -3.62,
     "segment off the surface": -2.71,
+    "away from the proposal": -0.52,
+    "sure of the proposal": 3.89,
 }
 """Log-odds of what is seen. Hidden, in free space: 0 or 1. Outside: how far beyond the image's border,
-in units of 7 cm, at most 5. Before or behind: how far the joint is from where it should lie under the surface
+in units of 7 cm, at most 2. Before or behind: how far the joint is from where it should lie under the surface
 seen, in those units, at most 2. Of the segment: the shares of it in free space and hidden, and the mean
-distance of the rest."""
+distance of the rest. Of the proposal: how sure the finder is of it, 0 to 1, and that times how far the joint
+lies from it, in units of 10 cm, at most 4."""
+
+_APART_UNIT_M, _MOST_APART = 0.1, 4.0
+
+_WITHOUT_PROPOSALS = (0.0, 0.11)
+"""Signs of the proposal where nobody proposes joints: with them the chance is what it was before these were
+among the signs, fitted to what is seen alone."""
 
 KINDS = {
-    "pelvis": 8.29,
-    "spine": 8.55,
-    "chest": 9.16,
-    "neck": 8.48,
-    "head": 8.67,
-    "shoulder": 8.05,
-    "elbow": 5.44,
-    "wrist": 3.73,
-    "hip": 7.96,
-    "knee": 6.47,
-    "ankle": 5.25,
-    "foot": 5.19,
+    "pelvis": 7.87,
+    "spine": 8.13,
+    "chest": 8.74,
+    "neck": 8.06,
+    "head": 8.25,
+    "shoulder": 7.63,
+    "elbow": 5.02,
+    "wrist": 3.31,
+    "hip": 7.54,
+    "knee": 6.05,
+    "ankle": 4.83,
+    "foot": 4.77,
 }
 """Log-odds of each kind of joint."""
 
@@ -106,7 +116,7 @@ _SIGN_ODDS = np.array(list(SIGNS.values()))
 
 @dataclass(frozen=True)
 class JointSigns:
-    """How each joint was seen: states (19,) uint8, and the figures of `SIGNS`, (19, 8)."""
+    """How each joint was seen: states (19,) uint8, and the figures of `SIGNS`, (19, 10)."""
 
     states: NDArray[np.uint8]
     signs: NDArray[np.float64]
@@ -185,7 +195,17 @@ def look_at_joints(positions: NDArray[np.float64], scale: float, person: Person)
         states,
         signs,
     )
+    signs[:, -2:] = _proposal_signs(positions, person.found)
     return JointSigns(states, signs)
+
+
+def _proposal_signs(positions: NDArray[np.float64], found: FoundPerson) -> NDArray[np.float64]:
+    """Give how far joints (19, 3) are from where they are proposed, and how sure the finder is, (19, 2)."""
+    if len(found.proposals) != len(positions):
+        return np.tile(_WITHOUT_PROPOSALS, (len(positions), 1))
+    sure = found.proposal_confidence.astype(np.float64)
+    apart = np.linalg.norm(positions - found.proposals, axis=1) / _APART_UNIT_M
+    return np.stack([np.minimum(apart, _MOST_APART) * sure, sure], axis=1)
 
 
 def report_joints(positions: NDArray[np.float64], scale: float, person: Person, score: float) -> JointReport:

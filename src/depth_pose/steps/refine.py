@@ -6,7 +6,8 @@ exemplar's visible vertices, Laplacian completion of the mesh and joints from co
 (`depth_pose.fit.completion`). Two poses contend, and the one whose rendered depth agrees
 best wins: the matcher's candidates, and the pose of the frame before. Tracking alone loses arms and
 does not find them again; but a pose that has converged over many frames agrees better than any new
-one, however wrong it is, until that is fitted as well. So each side is fitted by itself.
+one, however wrong it is, until that is fitted as well. So each side is fitted by itself. Where the two then
+are far apart, the fresh one answers once it was better by enough, over as many frames as that takes.
 """
 
 from __future__ import annotations
@@ -49,6 +50,13 @@ _NEARLY = 0.02
 
 With 0.04 it is no better, and takes longer, on 31 development clips (27.1 and 27.3 mm on average)."""
 
+_LEAD = 0.04
+"""A fresh pose that differs from the kept one answers once its score was so much lower, summed over frames
+in a row. Of 0, 0.02 and 0.04 on people of our own (docs/accuracy.md)."""
+
+_SAME_M = 0.05
+"""Poses whose joints are less far apart than this, on average, do not differ; set by hand, not swept."""
+
 _AWAY_WEIGHT = 1.0
 """Score, per metre, of joints that lie away from where they are proposed (`from_proposals`).
 
@@ -70,11 +78,22 @@ class _Compared:
 
 @dataclass
 class _Kept:
-    """What is kept of one person's last frame: the pose, the recovered one, and whose turn it is."""
+    """What is kept of one person's last frame.
+
+    Attributes
+    ----------
+    previous : BodyPose or None
+    recovered : BodyPose or None
+    turn : int
+        Whose turn it is to try other limbs.
+    lead : float
+        By how much a fresh pose that did not answer was better, summed over the last frames.
+    """
 
     previous: BodyPose | None = None
     recovered: BodyPose | None = None
     turn: int = 0
+    lead: float = 0.0
 
 
 class Refiner:
@@ -221,7 +240,8 @@ class Refiner:
         else:
             sides[0] = search_limbs(sides[0], _FIRST_ROUNDS)
         enough = min(map(_score, sides)) + _NEARLY
-        return ranked(fitter.finish(s.body) for s in sides if _score(s) <= enough)[0]
+        finished = [ranked([fitter.finish(s.body)])[0] if _score(s) <= enough else None for s in sides]
+        return _settle(kept, *finished)
 
     def _kept_starts(self, kept: _Kept, scale: float) -> list[BodyPose]:
         """Give what is kept of the frame before: its pose, and the recovered one, which is used up."""
@@ -248,6 +268,27 @@ class Refiner:
             joint_states=report.states,
             build=build,
         )
+
+
+def _settle(kept: _Kept, fresh: _Compared | None, old: _Compared | None = None) -> _Compared:
+    """Give the better of what became of fresh and kept starts; a fresh pose that differs has to last.
+
+    Of two poses far apart that agree almost as well the kept one is right more often: a single frame's score
+    says less than that other frames led there.
+    """
+    before, kept.lead = kept.lead, 0.0
+    if fresh is None or old is None:
+        best = fresh or old
+        assert best is not None, "the better side is always finished"
+        return best
+    better = _score(old) - _score(fresh)
+    gaps = fresh.body.nodes[JOINT_NODES] - old.body.nodes[JOINT_NODES]
+    if better <= 0.0 or np.linalg.norm(gaps, axis=1).mean() < _SAME_M:
+        return fresh if better > 0.0 else old
+    if before + better > _LEAD:
+        return fresh
+    kept.lead = before + better
+    return old
 
 
 def _score(fitted: _Compared) -> float:
