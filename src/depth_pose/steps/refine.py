@@ -45,10 +45,8 @@ _ROUGH = 2
 _FIRST_ROUNDS = 4
 """Rounds of the limb search while there is no previous pose to start from."""
 
-_NEARLY = 0.02
-"""The side that agrees less well is fitted finely as well if its score is at most this much higher.
-
-With 0.04 it is no better, and takes longer, on 31 development clips (27.1 and 27.3 mm on average)."""
+_NEARLY = 0.04
+"""The side that agrees less well is fitted finely as well if its score is at most this much higher."""
 
 _LEAD = 0.04
 """A fresh pose that differs from the kept one answers once its score was so much lower, summed over frames
