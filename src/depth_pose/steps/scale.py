@@ -24,9 +24,9 @@ SCALES = 0.6 * 1.04 ** np.arange(-3, 18)
 _RARE = 1.0
 """Score of people taller than 1.75 m, times the square of the logarithm of how much: .01 at 1.93 m.
 
-Loose clothes make people look larger than they are. Without, two of eight real people seemed to be 2.05 m tall and
-their feet lay below the image of them; with 3, eleven people of random builds, two of whom are that tall, are off by
-22.7 mm instead of 21.6 (docs/accuracy.md)."""
+Loose clothes make people look larger than they are. Without, two of eight real people seemed to be 2.05 m
+tall and their feet lay below the image of them; with 3, eleven people of random builds, two of whom are that
+tall, are off by 22.7 mm instead of 21.6 (docs/accuracy.md)."""
 
 _RARITY = _RARE * np.maximum(np.log(SCALES), 0.0) ** 2
 
