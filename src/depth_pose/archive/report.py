@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import math
 from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -63,14 +64,18 @@ class Report:
             line = self._before[row.file]
             row = replace(row, ms=_value(line["ms_per_frame"]), seconds=_value(line["seconds"]))
         self.rows[row.file] = row
-        self._writer.writerow(_cells(row))
+        try:
+            self._writer.writerow(_cells(row))
+        except OSError as error:
+            raise InputError(f"{self.path} cannot be written: {error.strerror}") from error
 
     def finish(self, order: Iterable[str]) -> list[Row]:
         """Write the recordings in this order, and give the rows of those that were reached.
 
         Of those that were not, the lines of the report before are kept.
         """
-        self._stream.close()
+        with suppress(OSError):  # of a full disk, for a line that has been told to fail
+            self._stream.close()
         order = list(order)
         with new_text_file(self.path, newline="") as stream:
             writer = csv.writer(stream)
