@@ -215,9 +215,16 @@ def _remembered(name: str, note: Mapping[str, str]) -> Row | None:
     """Give the row of what was done before; None where its output tells of none."""
     try:
         facts = json.loads(note["row"])
-        counts = {key: int(facts[key]) for key in ("frames", "people", "answered")}
-        lists = {key: tuple(map(str, facts[key])) for key in ("warnings", "damage")}
-        return Row(name, "skipped", confidence=float(facts["confidence"]), **counts, **lists)
+        return Row(
+            name,
+            "skipped",
+            frames=int(facts["frames"]),
+            people=int(facts["people"]),
+            answered=int(facts["answered"]),
+            confidence=float(facts["confidence"]),
+            warnings=tuple(map(str, facts["warnings"])),
+            damage=tuple(map(str, facts["damage"])),
+        )
     except (KeyError, TypeError, ValueError, OverflowError, RecursionError):
         return None
 
