@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 from small_archive import CLIPS
 
+from depth_pose.archive import remote
 from depth_pose.archive.inputs import find_sources
 from depth_pose.archive.jobs import Setting
 from depth_pose.archive.process import process_archive
@@ -60,6 +61,58 @@ def test_what_a_url_means(server: str, served: Path) -> None:
     for url in (f"{server}/none.mcap", f"{server}/none/", "http://127.0.0.1:1/", "nosuch://a/b.mcap"):
         with pytest.raises(InputError, match=re.escape(url)):
             find_sources([url])
+
+
+_ENDLESS = """
+import http.server
+
+class Endless(http.server.BaseHTTPRequestHandler):
+    protocol_version = "HTTP/1.1"
+
+    def do_HEAD(self):
+        self.send_response(200)
+        self.send_header("Transfer-Encoding", "chunked")
+        self.end_headers()
+
+    def do_GET(self):
+        if self.path.startswith("/away"):
+            self.send_response(302)
+            self.send_header("Location", "file:///etc/passwd")
+            self.send_header("Content-Length", "0")
+            return self.end_headers()
+        self.do_HEAD()
+        while True:
+            self.wfile.write(b"10000\\r\\n" + bytes(65536) + b"\\r\\n")
+
+server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), Endless)
+print(server.server_port, flush=True)
+server.serve_forever()
+"""
+
+
+@pytest.fixture
+def hostile() -> Iterator[str]:
+    """A server that never ends what it sends, or leads to the reader's own files."""
+    command = [sys.executable, "-u", "-c", _ENDLESS]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as process:
+        assert process.stdout is not None
+        yield f"http://127.0.0.1:{process.stdout.readline().strip()}"
+        process.terminate()
+
+
+def test_an_endless_body_leaves_room_for_others(
+    hostile: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    monkeypatch.setattr(remote, "_SPARE_BYTES", shutil.disk_usage(tmp_path).free - (8 << 20))
+    with pytest.raises(InputError, match=r"cannot be fetched.*MiB left"), fetched(f"{hostile}/a.mcap"):
+        pass
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_server_does_not_lead_to_our_own_files(hostile: str) -> None:
+    with pytest.raises(InputError), fetched(f"{hostile}/away.mcap"):
+        pass
 
 
 def test_names_from_a_server_stay_in_the_folder(server: str) -> None:

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from rclpy.serialization import deserialize_message, serialize_message
@@ -133,6 +135,16 @@ def test_a_source_that_there_is_not_is_refused(skeleton):
     msg.source = 77
     with pytest.raises(InputError, match="source is 77"):
         c.msg_to_skeleton(msg)
+
+
+@pytest.mark.parametrize("field, value, says", [
+    ("joint_states", np.full(19, 250, np.uint8), "has the state 250"),
+    ("build", np.zeros(2, np.float32), "has 2 numbers"),
+    ("build", np.full(13, np.nan, np.float32), "has the number nan"),
+])  # fmt: skip
+def test_numbers_that_no_skeleton_has_are_refused(skeleton, field, value, says):
+    with pytest.raises(InputError, match=says):
+        c.msg_to_skeleton(c.skeleton_to_msg(replace(skeleton, **{field: value})))
 
 
 def test_matches_round_trip_is_exact(rng, people):

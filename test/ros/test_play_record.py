@@ -1,6 +1,7 @@
 """Playing what others recorded, as it was offered; recording so that nothing is lost that was there."""
 
 import threading
+import time
 
 import numpy as np
 import pytest
@@ -105,8 +106,6 @@ def test_waiting_for_a_number_of_subscribers(recording, peer):
 
 
 def test_the_delay_is_kept(recording, domain):
-    import time
-
     started, first = time.monotonic(), []
     player = Player(recording, rate=50.0, delay_s=2.0, on_message=lambda *_: first.append(time.monotonic()))
     player.run()
@@ -192,3 +191,40 @@ def test_an_existing_file_stays_until_there_is_something_to_write(tmp_path, peer
         assert len(list(make_reader(stream).iter_messages())) == 1
     with pytest.raises(InputError, match="device"):
         Recorder("/dev/null").start()
+
+
+_ON_A_SMALL_DISK = """
+import resource, sys
+from depth_pose.cli import main
+from depth_pose.core import outputs
+outputs._TRIAL_BYTES = 1
+resource.setrlimit(resource.RLIMIT_FSIZE, (3_000_000, 3_000_000))
+sys.argv = ["depth-pose", "record", "-o", sys.argv[1], "--seconds", "60", "/noise"]
+main()
+"""
+
+
+def test_a_disk_that_fills_up_ends_a_recording_and_what_came_before_is_there(tmp_path, peer, start):
+    path, partial = tmp_path / "out.mcap", tmp_path / "out.partial.mcap"
+    path.write_bytes(b"old")
+    rng = np.random.default_rng(1)
+    noise = peer.node.create_publisher(Image, "/noise", RELIABLE)
+    recording = start("-c", _ON_A_SMALL_DISK, path)
+    began = time.monotonic()
+    while recording.process.poll() is None:
+        data = rng.integers(0, 256, 200_000, np.uint8).tobytes()  # which does not pack
+        noise.publish(Image(height=400, width=500, step=500, encoding="mono8", data=data))
+        peer.spin(0.02)
+        assert time.monotonic() - began < 50.0, recording.output
+    assert recording.process.returncode == 1
+    (line,) = [x for x in recording.output.splitlines() if x.startswith("error:")]
+    assert "out.mcap cannot be written: File too large; what was recorded before that is in" in line
+    assert "Traceback" not in recording.output
+    assert path.read_bytes() == b"old" and sorted(tmp_path.glob("*.mcap")) == [path, partial]
+    assert "ends too early" in read_damaged(partial)
+
+
+def read_damaged(path):
+    recording = Recording(path)
+    assert list(recording.messages("/noise")), "not one message can be read"
+    return " ".join(recording.damage)

@@ -10,6 +10,7 @@ import pytest
 
 from depth_pose.core.config import PipelineConfig
 from depth_pose.core.errors import ConfigError
+from depth_pose.ros.process import child
 from depth_pose.ros.process.supervisor import Suite, sensor_names
 
 
@@ -38,14 +39,27 @@ def test_a_killed_node_is_started_again(domain, peer):
         suite.wait_ready(30.0)
         second = suite.pid("denoise")
         assert second not in (None, first)
-        peer.until(lambda: peer.node.count_publishers("/depth_pose/points"), what="the new node's topic")
         os.kill(second, signal.SIGKILL)
         wait_until(lambda: suite.restarts["denoise"] == 2, 5.0, "the second restart")
         suite.wait_ready(30.0)
+        peer.until(lambda: peer.node.count_publishers("/depth_pose/points"), what="the new node's topic")
         assert suite.stop() == {"denoise": 0}
     assert not alive(first) and not alive(second)
     ends = [line.partition("with ")[2] for line in lines if "starting it again" in line]
     assert ends == ["code -9; starting it again at once", "code -9; starting it again in 0.1 s"]
+
+
+def test_only_a_node_that_dies_young_again_and_again_waits(domain):
+    """One that was ready for a while is replaced at once, however often; that also ends an earlier wait."""
+    lines, healthy_s = [], child._HEALTHY_S + 0.2
+    with Suite(nodes=["denoise"], sink=lines.append) as suite:
+        for count, lived_s in enumerate((healthy_s, healthy_s, 0.0, 0.0, healthy_s), start=1):
+            time.sleep(lived_s)
+            os.kill(suite.pid("denoise"), signal.SIGKILL)
+            wait_until(lambda n=count: suite.restarts["denoise"] == n, 10.0, "the restart")
+            suite.wait_ready(30.0)
+    ends = [line.partition("starting it again ")[2] for line in lines if "starting it again" in line]
+    assert ends == ["at once", "at once", "in 0.1 s", "in 0.2 s", "at once"]
 
 
 def test_it_ends_at_once_while_it_loads(domain):

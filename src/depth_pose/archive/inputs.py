@@ -159,6 +159,8 @@ def _look(given: str, but: Path | None) -> Iterator[tuple[Path, str]]:
     elif glob.has_magic(given):
         fixed = _fixed_part(given)
         for match in sorted(map(Path, glob.glob(given, recursive=True))):
+            if _is_in_circle(match, fixed):
+                continue
             if match.is_dir():
                 yield from _walk(match, fixed, but)
             elif match.suffix in ENDINGS and not _is_within(match, but):
@@ -175,8 +177,14 @@ def _fixed_part(pattern: str) -> Path:
     return fixed
 
 
+def _is_in_circle(path: Path, root: Path) -> bool:
+    """Whether a path leads through the same folder twice below a root, by a link to a folder above."""
+    above = [folder.resolve() for folder in path.parents if folder == root or root in folder.parents]
+    return len({*above, path.resolve()}) <= len(above)
+
+
 def _walk(folder: Path, root: Path, but: Path | None) -> Iterator[tuple[Path, str]]:
-    if _is_within(folder, but):
+    if _is_within(folder, but) or _is_in_circle(folder, root):
         return
     if _is_split(folder) or ((folder / CAMERA_FILE).is_file() and _is_of_images(folder)):
         yield folder, _name(folder, root)
@@ -231,4 +239,8 @@ def _told_apart(found: dict[Path, str]) -> dict[Path, str]:
 
 
 def _size(path: Path) -> int:
-    return sum(file.stat().st_size for file in recording_files(path))
+    """Bytes of a recording; 0 where it cannot be looked at, which its own row of the report will say."""
+    try:
+        return sum(file.stat().st_size for file in recording_files(path))
+    except OSError:
+        return 0

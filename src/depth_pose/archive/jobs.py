@@ -151,7 +151,9 @@ def work_on(name: str, recording: str, output: str, setting: Setting, tell: Tell
             marks = _marks(Path(local), setting)
             before = read_metadata(output, NOTE)
             if before is not None and all(before.get(key) == value for key, value in marks.items()):
-                return dataclasses.replace(_remembered(name, before), state="skipped")
+                row = _remembered(name, before)
+                if row is not None:
+                    return row
             with _one_at_a_time:
                 return _process(name, local, output, setting, marks, tell)
     except (ConfigError, BankError):
@@ -209,10 +211,22 @@ def _facts(summary: RunSummary, damage: Sequence[str]) -> dict[str, Any]:
     }
 
 
-def _remembered(name: str, note: Mapping[str, str]) -> Row:
-    facts = json.loads(note["row"])
-    lists = {key: tuple(facts.get(key, ())) for key in ("warnings", "damage")}
-    return Row(name, "skipped", **{**facts, **lists})
+def _remembered(name: str, note: Mapping[str, str]) -> Row | None:
+    """Give the row of what was done before; None where its output tells of none."""
+    try:
+        facts = json.loads(note["row"])
+        return Row(
+            name,
+            "skipped",
+            frames=int(facts["frames"]),
+            people=int(facts["people"]),
+            answered=int(facts["answered"]),
+            confidence=float(facts["confidence"]),
+            warnings=tuple(map(str, facts["warnings"])),
+            damage=tuple(map(str, facts["damage"])),
+        )
+    except (KeyError, TypeError, ValueError, OverflowError, RecursionError):
+        return None
 
 
 def _marks(recording: Path, setting: Setting) -> dict[str, str]:

@@ -8,6 +8,7 @@ index stands at its end, and its content is what says whether it was done before
 from __future__ import annotations
 
 import re
+import shutil
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -18,6 +19,10 @@ from typing import Any
 from depth_pose.core.errors import ConfigError, InputError
 
 _URL = re.compile(r"[a-z][a-z0-9+.-]+://", re.IGNORECASE)
+
+_SPARE_BYTES = 256 << 20
+"""So much is left free of the folder for temporary files, whatever a server sends: others work there, too.
+Set by hand."""
 
 _SILENT_S = 60.0
 """A server that sends nothing for so long has failed; the whole may take any time. Set by hand."""
@@ -100,6 +105,22 @@ def _reason(error: Exception) -> str:
     return " ".join(str(error).split()) or type(error).__name__
 
 
+def _watching_room(folder: Path) -> Any:
+    """Make what `fsspec` tells of each piece that has come; it ends a copy for which there is no room."""
+    from fsspec.callbacks import Callback
+
+    class Room(Callback):  # type: ignore[misc, unused-ignore]
+        def relative_update(self, inc: int = 1) -> None:
+            super().relative_update(inc)
+            if shutil.disk_usage(folder).free < _SPARE_BYTES:
+                raise InputError(
+                    f"{folder.parent} has less than {_SPARE_BYTES >> 20} MiB left after {self.value} bytes; "
+                    "TMPDIR may name another folder for temporary files"
+                )
+
+    return Room()
+
+
 @contextmanager
 def fetched(recording: str) -> Iterator[str]:
     """Give a recording's local path: its own, or that of a copy that is removed afterwards.
@@ -116,7 +137,7 @@ def fetched(recording: str) -> Iterator[str]:
     with tempfile.TemporaryDirectory(prefix="depth_pose-") as folder:
         local = Path(folder) / (PurePosixPath(path).name or "recording")
         try:
-            storage.get_file(path, str(local))
+            storage.get_file(path, str(local), callback=_watching_room(Path(folder)))
         except Exception as error:  # each kind of storage raises its own
             raise InputError(f"{recording} cannot be fetched: {_reason(error)}") from error
         yield str(local)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import math
 from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -50,7 +51,7 @@ class Report:
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             is_new = not path.exists()
-            self._stream = path.open("a", newline="", buffering=1)
+            self._stream = path.open("a", encoding="utf-8", newline="", buffering=1)
         except OSError as error:
             raise InputError(f"{path} cannot be written: {error.strerror}") from error
         self._writer = csv.writer(self._stream)
@@ -59,18 +60,22 @@ class Report:
 
     def add(self, row: Row) -> None:
         """Add the row of a recording that is done."""
-        if row.state == "skipped" and row.file in self._before:
-            line = self._before[row.file]
+        if row.state == "skipped" and _plain(row.file) in self._before:
+            line = self._before[_plain(row.file)]
             row = replace(row, ms=_value(line["ms_per_frame"]), seconds=_value(line["seconds"]))
         self.rows[row.file] = row
-        self._writer.writerow(_cells(row))
+        try:
+            self._writer.writerow(_cells(row))
+        except OSError as error:
+            raise InputError(f"{self.path} cannot be written: {error.strerror}") from error
 
     def finish(self, order: Iterable[str]) -> list[Row]:
         """Write the recordings in this order, and give the rows of those that were reached.
 
         Of those that were not, the lines of the report before are kept.
         """
-        self._stream.close()
+        with suppress(OSError):  # of a full disk, for a line that has been told to fail
+            self._stream.close()
         order = list(order)
         with new_text_file(self.path, newline="") as stream:
             writer = csv.writer(stream)
@@ -78,8 +83,8 @@ class Report:
             for name in order:
                 if name in self.rows:
                     writer.writerow(_cells(self.rows[name]))
-                elif name in self._before:
-                    writer.writerow(self._before[name].values())
+                elif _plain(name) in self._before:
+                    writer.writerow(self._before[_plain(name)].values())
         return [self.rows[name] for name in order if name in self.rows]
 
 
@@ -87,14 +92,19 @@ def _cells(row: Row) -> list[str]:
     failed = row.state == "failed"
     counts = ["", "", ""] if failed else [str(n) for n in (row.frames, row.people, row.answered)]
     return [
-        row.file,
+        _plain(row.file),
         row.state,
         *counts,
         _number(row.confidence, 3),
         _number(row.ms, 2),
         _number(row.seconds, 2),
-        "; ".join(row.warnings),
+        _plain("; ".join(row.warnings)),
     ]
+
+
+def _plain(text: str) -> str:
+    """Give text as a report has it: bytes of a file's name that are not UTF-8 by their numbers."""
+    return text.encode("utf-8", "backslashreplace").decode()
 
 
 def _number(value: float, digits: int) -> str:
@@ -111,7 +121,7 @@ def _value(text: str) -> float:
 def _read_lines(path: Path) -> dict[str, dict[str, str]]:
     """Read a report's lines, the last of each recording; none where there is no report, or another file."""
     try:
-        with path.open(newline="") as stream:
+        with path.open(encoding="utf-8", newline="") as stream:
             lines = csv.DictReader(stream)
             if tuple(lines.fieldnames or ()) != COLUMNS:
                 return {}

@@ -298,30 +298,32 @@ def _run_archive(
         raise
     rows = report.finish(names)
     _print_rows(rows)
-    _draw(sources, rows, folder, depth_topic, images)
+    is_drawn = _draw(sources, rows, folder, depth_topic, images)
     _print_total(rows, folder, time.monotonic() - start)
-    if any(row.state == "failed" for row in rows):
+    if not is_drawn or any(row.state == "failed" for row in rows):
         raise typer.Exit(1)
     tell_damage(f"{row.file}: {line}" for row in rows for line in row.damage)
 
 
 def _draw(
     sources: list[Source], rows: list[Row], folder: Path, depth_topic: str | None, images: ImageOptions
-) -> None:
-    """Draw the sheet anew where anything is new."""
+) -> bool:
+    """Draw the sheet anew where anything is new; gives False where it should be there, and is not."""
     from depth_pose.archive.sheet import SHEET, save_archive_sheet
 
     if all(row.state != "done" for row in rows):
-        return
+        return True
     here = [(source, row) for source, row in zip(sources, rows, strict=True) if not source.url]
     made = [source for source, row in here if row.state != "failed" and row.people]
     if not made:
-        return
+        return True
     try:
         with console.status("drawing the sheet"):
             save_archive_sheet(made, folder, folder / SHEET, depth_topic, images)
     except InputError as error:
         warn([f"no picture: {error}"])
+        return False
+    return True
 
 
 def _print_rows(rows: list[Row]) -> None:

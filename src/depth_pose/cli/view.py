@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from depth_pose.viewer.app import MeshOf
     from depth_pose.viewer.source import RecordedSource
 
-_LOOPBACK = ("127.0.0.1", "localhost", "::1")
-
 
 def add_to(app: typer.Typer) -> None:
     """Add the command."""
@@ -134,9 +132,11 @@ def _bodies(bank: Path | None) -> MeshOf | None:
 
 
 def _tell_address(host: str, port: int) -> None:
-    shown = "localhost" if host in (*_LOOPBACK, "0.0.0.0", "::") else host
+    from depth_pose.viewer.gate import LOOPBACK
+
+    shown = "localhost" if host in (*LOOPBACK, "0.0.0.0", "::") else host
     console.print(f"open http://{escape(shown)}:{port} in a browser; Ctrl-C ends", highlight=False)
-    if host not in _LOOPBACK:
+    if host not in LOOPBACK:
         console.print(
             f"[yellow]note:[/yellow] {escape(host)} is open to other machines; whoever reaches port {port} "
             "sees the room and can change what is shown, without a password",

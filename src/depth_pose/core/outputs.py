@@ -121,8 +121,8 @@ def _unwritable(path: Path, error: OSError) -> InputError:
 class NewFile:
     """A file that stands under its name only once it is whole.
 
-    As a context manager it is kept at the end, and discarded after an error. `keep`, `keep_partial` and
-    `discard` end it before; after one of them the others do nothing.
+    As a context manager it is kept at the end, and discarded after an error. `keep`, `keep_partial`, `leave`
+    and `discard` end it before; after one of them the others do nothing.
 
     Parameters
     ----------
@@ -184,6 +184,13 @@ class NewFile:
             self.discard()
             raise
         self._ended = True
+
+    def leave(self) -> Path:
+        """Leave what of a visible file has reached the disk, where the rest cannot be written; gives it."""
+        self._ended = True
+        with suppress(OSError):
+            self.stream.close()
+        return self._part
 
     def discard(self) -> None:
         """Drop what was written."""

@@ -116,6 +116,10 @@ class PoseMatch:
     candidates: tuple[Candidate, ...]
 
 
+BUILD_SIZE = 13
+"""Numbers of a person's build: those of `depth_pose.body.build.BUILD_NAMES`."""
+
+
 @dataclass(frozen=True)
 class Skeleton:
     """One person's pose in one frame; with source LOST all arrays are empty (0 joints).

@@ -16,7 +16,7 @@ from depth_pose.core.errors import InputError
 from depth_pose.core.skeleton import JOINT_NODES
 from depth_pose.core.types import DepthFrame, PoseMatch
 from depth_pose.evaluate.bank_sheet import draw_depth
-from depth_pose.evaluate.pictures import save_picture
+from depth_pose.evaluate.pictures import plain_text, save_picture
 from depth_pose.fit.articulated import candidate_pose
 from depth_pose.fit.rendered_depth import DepthComparer
 from depth_pose.io.mcap_read import DepthReader
@@ -146,7 +146,7 @@ def save_check(matched: Matched, bank: Bank, path: str | Path, title: str = "") 
     figure.text(
         0.008,
         (1 + top) / 2,
-        f"{title}: input, and the best matches in bank {bank.bank_id}",
+        f"{plain_text(title)}: input, and the best matches in bank {bank.bank_id}",
         color="white",
         fontsize=9,
         va="center",

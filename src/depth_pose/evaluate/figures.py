@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from depth_pose.evaluate.pictures import save_picture
+from depth_pose.evaluate.pictures import plain_text, save_picture
 from depth_pose.evaluate.score import Score
 
 LEFT, RIGHT, MIDDLE = "#f08a24", "#1f9bcf", "#8a8f98"
@@ -64,6 +64,6 @@ def save_joint_errors(score: Score, path: Path | str, title: str = "") -> None:
         f"{score.mean_error_mm:.1f} mm, offset-free {score.offset_free_mm:.1f} mm, "
         f"within 10 cm {score.pck10:.1%}, coverage {score.coverage:.1%} of {score.frames} frames"
     )
-    axes.set_title(f"{title}\n{numbers}" if title else numbers, fontsize=10, loc="left")
+    axes.set_title(f"{plain_text(title)}\n{numbers}" if title else numbers, fontsize=10, loc="left")
     figure.tight_layout()
     save_picture(figure, path)

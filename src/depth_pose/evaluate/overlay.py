@@ -14,7 +14,7 @@ from depth_pose.core.errors import InputError
 from depth_pose.core.skeleton import BONES, JOINT_INDEX, JOINTS, JointState
 from depth_pose.core.types import DepthFrame, Skeleton
 from depth_pose.evaluate.figures import LEFT, MIDDLE, RIGHT
-from depth_pose.evaluate.pictures import save_picture
+from depth_pose.evaluate.pictures import plain_text, save_picture
 from depth_pose.evaluate.score_people import WEAK_SHARE
 from depth_pose.evaluate.shading import shade_depth
 from depth_pose.evaluate.truth import STAMP_TOLERANCE_NS, KnownPeople, load_known_people
@@ -228,7 +228,7 @@ def _draw_skeleton(axes: Any, skeleton: Skeleton, camera: Camera) -> None:
 def _draw_name(axes: Any, skeleton: Skeleton, camera: Camera) -> None:
     """Write who it is, and how sure that is, above the head."""
     u, v = project(skeleton.positions[JOINT_INDEX["head"]], camera)
-    text = f"{skeleton.body_id} {skeleton.confidence:.2f}"
+    text = f"{plain_text(skeleton.body_id)} {skeleton.confidence:.2f}"
     box = {"facecolor": _DARK, "alpha": 0.6, "edgecolor": "none", "pad": 1.5}
     style = {"color": "white", "fontsize": 7, "ha": "center", "va": "bottom", "zorder": 6, "clip_on": True}
     axes.annotate(text, (u, v), (0, 9), textcoords="offset points", bbox=box, **style)
@@ -236,7 +236,7 @@ def _draw_name(axes: Any, skeleton: Skeleton, camera: Camera) -> None:
 
 def _label(axes: Any, panel: Panel) -> None:
     """Write the time, and what was found."""
-    text, skeletons = f"{panel.name}  {panel.seconds:.2f} s  ".lstrip(), panel.skeletons
+    text, skeletons = f"{plain_text(panel.name)}  {panel.seconds:.2f} s  ".lstrip(), panel.skeletons
     if skeletons is None:
         text += "no answer"
     elif not skeletons:
@@ -278,4 +278,6 @@ def _draw_legend(figure: Any, title: str, with_truth: bool) -> None:
         columnspacing=1.3,
     )
     above = 0.16 if figure.get_figwidth() > _LEAST_COLUMNS_FOR_ONE_LINE * _PANEL_INCHES[0] - 0.1 else 0.47
-    figure.text(0.008, above / figure.get_figheight(), title, color="white", fontsize=10, va="center")
+    figure.text(
+        0.008, above / figure.get_figheight(), plain_text(title), color="white", fontsize=10, va="center"
+    )

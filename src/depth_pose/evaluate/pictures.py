@@ -12,6 +12,9 @@ from depth_pose.core.outputs import check_targets, new_file
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+_LONGEST_NAME = 100
+"""Letters of a name that are drawn. Set by hand."""
+
 FORMATS = ("png", "jpg", "jpeg", "webp", "tif", "tiff", "pdf", "svg")
 
 
@@ -50,6 +53,14 @@ def save_picture(figure: Figure, path: Path | str, **options: Any) -> None:
     ending = _format_of(Path(path))
     with new_file(path) as stream:
         figure.savefig(stream, format=ending, **options)
+
+
+def plain_text(name: str) -> str:
+    """Give a name of a file or a person as it can be drawn: no formula, nothing unprintable, an end."""
+    shown = name.encode("utf-8", "backslashreplace").decode()
+    shown = "".join(letter if letter.isprintable() else " " for letter in shown)
+    shown = shown if len(shown) <= _LONGEST_NAME else f"{shown[:_LONGEST_NAME]}…"
+    return shown.replace("$", r"\$")
 
 
 def _format_of(path: Path) -> str:

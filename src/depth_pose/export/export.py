@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import count
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,17 @@ from depth_pose.core.outputs import check_targets, new_file, new_text_file
 from depth_pose.export.bvh import bvh_text
 from depth_pose.export.floor import floor_of_depth, floor_of_feet, some_frames
 from depth_pose.export.tables import csv_text, npz_arrays
-from depth_pose.export.tracks import Track, Tracks, even, even_step_s, fill_gaps, held, in_world, read_tracks
+from depth_pose.export.tracks import (
+    MOST_FRAMES,
+    Track,
+    Tracks,
+    even,
+    even_step_s,
+    fill_gaps,
+    held,
+    in_world,
+    read_tracks,
+)
 from depth_pose.export.trc import trc_text
 from depth_pose.io.mcap_read import DepthReader
 from depth_pose.io.schemas import PEOPLE_TOPIC
@@ -125,8 +136,14 @@ def export_skeletons(
     tracks = found if floor is None else _on_floor(found, floor)
     if kind in _A_FILE_A_PERSON:
         unit = unit or _USUAL_UNIT[kind]
+        check_targets(_paths_of(output, tracks), [skeletons, recording])
         return ExportResult(_write_each(output, kind, tracks, fill, unit, floor), floor)
     shown = replace(tracks, people=tuple(map(fill_gaps, tracks.people))) if fill else tracks
+    if kind == ".npz" and len(shown.stamps_ns) * len(shown.people) > MOST_FRAMES:
+        raise InputError(
+            f"{output} would hold {len(shown.stamps_ns)} frames of {len(shown.people)} people each; at most "
+            f"{MOST_FRAMES} are written: choose people with --person, or write .csv"
+        )
     if kind == ".csv":
         text = csv_text(shown)
         _write_text(output, text)
@@ -194,8 +211,7 @@ def _write_each(
     T_up: NDArray[np.float64] = _T_UP_OPTICAL if floor is None else _T_UP_WORLD
     step_s = even_step_s(tracks.stamps_ns)
     written = []
-    for track in tracks.people:
-        path = output if len(tracks.people) == 1 else _path_of(output, track.body_id)
+    for track, path in zip(tracks.people, _paths_of(output, tracks), strict=True):
         motion = even(in_world(track, T_up, track.frame_id), step_s)
         if fill:
             motion = fill_gaps(motion)
@@ -210,6 +226,13 @@ def _write_each(
     return tuple(written)
 
 
-def _path_of(output: Path, body_id: str) -> Path:
-    name = re.sub(r"[^\w.-]", "_", body_id)
-    return output.with_name(f"{output.stem}_{name}{output.suffix}")
+def _paths_of(output: Path, tracks: Tracks) -> list[Path]:
+    """Name each person's file, no two alike, whatever the ids are."""
+    if len(tracks.people) == 1:
+        return [output]
+    names: dict[str, None] = {}
+    for track in tracks.people:
+        plain = re.sub(r"[^\w.-]", "_", track.body_id)
+        numbered = (f"{plain}_{n}" for n in count(2))
+        names[plain if plain not in names else next(name for name in numbered if name not in names)] = None
+    return [output.with_name(f"{output.stem}_{name}{output.suffix}") for name in names]

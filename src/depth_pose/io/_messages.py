@@ -21,7 +21,7 @@ from rosbags.typesys.store import Typestore
 from depth_pose.core.camera import Camera
 from depth_pose.core.errors import InputError
 from depth_pose.core.skeleton import JOINT_INDEX, JOINTS, JointState, Source
-from depth_pose.core.types import Skeleton
+from depth_pose.core.types import BUILD_SIZE, Skeleton
 from depth_pose.io import schemas
 
 
@@ -124,6 +124,9 @@ def read_people(data: bytes, definition: str = schemas.BUILD_LINE) -> SkeletonsM
 def _skeleton_of(m: Any) -> Skeleton:
     if m.source not in tuple(Source):
         raise InputError(f"Skeleton: source is {m.source}; it is one of 0 to {max(Source)}")
+    build = np.array(getattr(m, "build", ()), np.float32)
+    if len(build) not in (0, BUILD_SIZE):
+        raise InputError(f"Skeleton: the build has {len(build)} numbers; it is none, or {BUILD_SIZE}")
     size = len(JOINTS) if m.joints else 0
     positions = np.full((size, 3), np.nan)
     quats = np.full((size, 4), np.nan)
@@ -131,6 +134,8 @@ def _skeleton_of(m: Any) -> Skeleton:
     states = np.full(size, JointState.LOST, np.uint8)
     for joint in m.joints:
         index = JOINT_INDEX.get(joint.name)
+        if joint.state not in tuple(JointState):
+            raise InputError(f"Joint: state is {joint.state}; it is one of 0 to {max(JointState)}")
         if index is not None:
             at, turn = joint.position, joint.orientation
             positions[index] = at.x, at.y, at.z
@@ -148,7 +153,7 @@ def _skeleton_of(m: Any) -> Skeleton:
         quats,
         confidence,
         states,
-        np.array(getattr(m, "build", ()), np.float32),
+        build,
     )
 
 

@@ -6,8 +6,9 @@ import io
 import threading
 import time
 from collections.abc import Callable
-from contextlib import redirect_stdout
+from contextlib import redirect_stdout, suppress
 from dataclasses import fields
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,7 @@ from depth_pose.core.types import Skeleton
 from depth_pose.core.zone import Zone, parse_zone
 from depth_pose.steps.follow import Follower
 from depth_pose.viewer.figures import chosen, nodes_table, people_table
+from depth_pose.viewer.gate import own_pages_only
 from depth_pose.viewer.moments import Moment
 from depth_pose.viewer.pace import Pace
 from depth_pose.viewer.pictures import free_name, save_gif, save_png
@@ -40,6 +42,10 @@ _EYE, _TARGET = (-1.4, 1.5, 1.2), (2.8, -0.6, -0.5)
 """Where one looks from and to, from the sensor: forward, left, up, metres; the panel covers the right."""
 
 _FOLLOW = ("first", "nearest", "centre")
+_SPEEDS = ("0.1", "0.25", "0.5", "1", "2", "4")
+_CLIP_S = (1, 10)
+"""Seconds that a clip may have, least and most."""
+
 _LABELS = {
     "points": "depth points",
     "skeletons": "skeletons",
@@ -101,7 +107,7 @@ class Viewer:
         pictures: Path = Path("results"),
         mesh_of: MeshOf | None = None,
     ) -> None:
-        with redirect_stdout(io.StringIO()):  # it prints its addresses, and so do we
+        with redirect_stdout(io.StringIO()), own_pages_only(host):  # it prints its addresses, and so do we
             self.server = import_viser().ViserServer(host=host, port=port, label="depth_pose", verbose=False)
         self.drawn = 0
         self._pace = Pace(self.server)
@@ -111,7 +117,7 @@ class Viewer:
         self._floor = FloorSeeker()
         self._follower = Follower(FollowConfig())
         self._zone, self._most = Zone(), 0
-        self._lock = threading.RLock()
+        self._lock, self._taking = threading.RLock(), threading.Lock()
         self._moment: Moment | None = None
         self._must_draw = False
         self._stopping = threading.Event()
@@ -226,9 +232,9 @@ class Viewer:
                 self._on_change(gui.add_checkbox(_LABELS[field.name], value), self._set_wish, field.name)
         self._make_choices()
         with gui.add_folder("pictures"):
-            gui.add_button("screenshot").on_click(self._take_picture)
-            self._clip_s = gui.add_slider("seconds of a clip", 1, 10, 1, 3)
-            gui.add_button("clip").on_click(self._take_clip)
+            gui.add_button("screenshot").on_click(partial(self._take, self._take_picture))
+            self._clip_s = gui.add_slider("seconds of a clip", *_CLIP_S, 1, 3)
+            gui.add_button("clip").on_click(partial(self._take, self._take_clip))
         if self._live is not None:
             with gui.add_folder("nodes"):
                 self._nodes_text = gui.add_markdown(nodes_table(()))
@@ -239,7 +245,7 @@ class Viewer:
             self._time_text = gui.add_markdown("*reading*")
             self._scrub = gui.add_slider("frame", 0, 1, 1, 0)
             play = gui.add_checkbox("playing", True)
-            speed = gui.add_dropdown("speed", ("0.1", "0.25", "0.5", "1", "2", "4"), initial_value="1")
+            speed = gui.add_dropdown("speed", _SPEEDS, initial_value="1")
             step = gui.add_button_group("step", ("−1", "+1", "start"))
         self._play_box = play
 
@@ -257,7 +263,8 @@ class Viewer:
 
         @speed.on_update
         def _(_: Any) -> None:
-            playback.speed = float(speed.value)
+            if speed.value in _SPEEDS:  # else no page of ours has sent it
+                playback.speed = float(speed.value)
 
         @step.on_click
         def _(_: Any) -> None:
@@ -299,7 +306,7 @@ class Viewer:
                     self._follower = Follower(FollowConfig(whom=str(value)))
                 self._must_draw = True
             said = "" if self._live is None else self._live.set(name, value)
-        except ConfigError as error:
+        except (ConfigError, ValueError) as error:  # what no page of ours sends, too
             said = str(error)
         self._choice_text.content = said
 
@@ -330,9 +337,22 @@ class Viewer:
 
     # Pictures
 
-    def _take_picture(self, event: Any) -> None:
+    def _take(self, take: Callable[[Any], None], event: Any) -> None:
+        """Take a picture or a clip for a browser, one at a time, and tell it where that cannot be."""
         if event.client is None:
             return
+        if not self._taking.acquire(blocking=False):
+            _tell_client(event.client, "not taken", "another picture is being taken")
+            return
+        try:
+            take(event)
+        except (DepthPoseError, OSError, RuntimeError, TimeoutError) as error:
+            # a full disk, a browser that is gone, or one that gives no picture
+            _tell_client(event.client, "not taken", " ".join(str(error).split()) or type(error).__name__)
+        finally:
+            self._taking.release()
+
+    def _take_picture(self, event: Any) -> None:
         width, height = _PICTURE
         picture = event.client.get_render(height, width, transport_format="png", timeout=_RENDER_S)
         path = free_name(self._pictures, ".png")
@@ -341,27 +361,28 @@ class Viewer:
 
     def _take_clip(self, event: Any) -> None:
         """Take the next seconds: frame by frame of a recording, as they come of running nodes."""
-        if event.client is None:
-            return
-        frames = round(float(self._clip_s.value) * _CLIP_HZ)
+        least, most = _CLIP_S
+        frames = round(min(max(float(self._clip_s.value), least), most) * _CLIP_HZ)
         width, height = _PICTURE[0] // 2, _PICTURE[1] // 2
         pictures = []
         playback = self._recorded.playback if self._recorded else None
         was_playing = playback is not None and playback.playing
         started = time.monotonic()
-        for i in range(frames):
-            if playback is not None and self._recorded is not None:
-                with self._lock:
-                    playback.playing = True
-                    playback.advance(1.0 / _CLIP_HZ if i else 0.0)
-                    playback.playing = False
-                self._draw(self._recorded.moment(playback.index))
-            pictures.append(
-                event.client.get_render(height, width, transport_format="jpeg", timeout=_RENDER_S)
-            )
+        try:
+            for i in range(frames):
+                if playback is not None and self._recorded is not None:
+                    with self._lock:
+                        playback.playing = True
+                        playback.advance(1.0 / _CLIP_HZ if i else 0.0)
+                        playback.playing = False
+                    self._draw(self._recorded.moment(playback.index))
+                pictures.append(
+                    event.client.get_render(height, width, transport_format="jpeg", timeout=_RENDER_S)
+                )
+        finally:
+            if playback is not None:
+                playback.playing = was_playing
         passed = 1.0 / _CLIP_HZ if playback is not None else (time.monotonic() - started) / frames
-        if playback is not None:
-            playback.playing = was_playing
         path = free_name(self._pictures, ".gif")
         save_gif(path, pictures, passed)
         self._hand_over(event.client, path)
@@ -369,7 +390,13 @@ class Viewer:
     def _hand_over(self, client: Any, path: Path) -> None:
         """Say where a picture is, and give it to the browser, which may be on another machine."""
         client.send_file_download(path.name, path.read_bytes())
-        client.add_notification("saved", str(path.resolve()), auto_close_seconds=6.0)
+        _tell_client(client, "saved", str(path.resolve()))
+
+
+def _tell_client(client: Any, title: str, body: str) -> None:
+    """Tell a browser, unless it is gone."""
+    with suppress(RuntimeError):
+        client.add_notification(title, body, auto_close_seconds=6.0)
 
 
 def _set(text: Any, content: str) -> None:

@@ -46,12 +46,17 @@ def learn_model(
     progress : callable, optional
     about : str
         What the model is trained on, for people.
+
+    Raises
+    ------
+    ConfigError
+        Where the performances do not suit each other, or are fewer frames than latent dimensions.
     """
     config = config or LearnConfig()
     tell = progress or (lambda what, done, of: None)
     everybody = [person for wearers in views for person in wearers]
     first = everybody[0]
-    _check(everybody)
+    _check(everybody, config.latent)
     bins = Bins()
     tell("descriptors", 0, 1)
     aligned = [[_aligned(person, bins) for person in wearers] for wearers in views]
@@ -113,8 +118,11 @@ def _learn_poses(
     return poses, space, learn_regression(latent, np.concatenate(list(poses), axis=1)).kernel
 
 
-def _check(everybody: Sequence[Sequence[Performance]]) -> None:
+def _check(everybody: Sequence[Sequence[Performance]], latent: int) -> None:
     first = everybody[0]
+    frames = sum(len(p) for p in first)
+    if frames <= latent:
+        raise ConfigError(f"{frames} frames are too few for {latent} latent dimensions: give more, or fewer")
     for person in everybody:
         if [len(p) for p in person] != [len(p) for p in first] or any(
             not np.allclose(a.rotations, b.rotations) for a, b in zip(person, first, strict=True)

@@ -12,7 +12,7 @@ from __future__ import annotations
 import time
 import traceback
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any, ClassVar, Protocol
 
@@ -155,6 +155,15 @@ class StageNode(LifecycleNode, ABC):
     def stamp_ns(self, *messages: Any) -> int:
         """Give the stamp of a frame."""
         return stamp_to_ns(messages[0].header.stamp)
+
+    def check_config(self, config: Any, changes: Mapping[str, Any]) -> None:
+        """Refuse settings that are set while the node runs, by name, for more than their range.
+
+        Raises
+        ------
+        ConfigError
+            Where the stage could not be made of them.
+        """
 
     def forget(self) -> None:
         """Drop messages that a sub-class keeps; called when the node is paused or cleaned up."""
@@ -378,8 +387,9 @@ class StageNode(LifecycleNode, ABC):
     # Parameters
 
     def _check_parameters(self, parameters: list[Parameter]) -> SetParametersResult:
+        changes = {p.name: p.value for p in parameters}
         try:
-            read_config(self, self.SECTIONS, {p.name: p.value for p in parameters}, self.CONFIG)
+            self.check_config(read_config(self, self.SECTIONS, changes, self.CONFIG), changes)
         except ConfigError as e:
             return SetParametersResult(successful=False, reason=str(e))
         return SetParametersResult(successful=True)

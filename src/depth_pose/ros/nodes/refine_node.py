@@ -5,13 +5,14 @@ from __future__ import annotations
 import sys
 import time
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from depth_pose_msgs.msg import FittedArray, People, PoseMatchArray, SkeletonArray
 from sensor_msgs.msg import PointCloud2
 from visualization_msgs.msg import Marker
 
+from depth_pose.body.build_file import load_build
 from depth_pose.core.config import PipelineConfig
 from depth_pose.ros.nodes.bank_node import BankNode
 from depth_pose.ros.nodes.node_base import Held, Input
@@ -56,6 +57,11 @@ class RefineNode(BankNode):
     def make_stage(self, config: PipelineConfig) -> Refiner:
         """Make the refiner."""
         return make(Refiner, self.bank, config.refine, config.match, config.fitting)
+
+    def check_config(self, config: PipelineConfig, changes: Mapping[str, Any]) -> None:
+        """Refuse a build that cannot be read."""
+        if changes.get("build"):
+            load_build(config.build.file)
 
     def open_outputs(self) -> None:
         """Publish the fitted bodies, and their meshes while somebody listens."""

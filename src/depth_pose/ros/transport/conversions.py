@@ -25,8 +25,8 @@ from std_msgs.msg import Header
 
 from depth_pose.core.camera import Camera
 from depth_pose.core.errors import InputError
-from depth_pose.core.skeleton import JOINT_INDEX, JOINTS, Source
-from depth_pose.core.types import Candidate, DepthFrame, Fitted, FoundPerson, PoseMatch, Skeleton
+from depth_pose.core.skeleton import JOINT_INDEX, JOINTS, JointState, Source
+from depth_pose.core.types import BUILD_SIZE, Candidate, DepthFrame, Fitted, FoundPerson, PoseMatch, Skeleton
 from depth_pose.io.calibration import camera_from_info, rectify_depth
 from depth_pose.io.clouds import decode_points, frame_from_cloud
 from depth_pose.io.compressed import decode_compressed_depth
@@ -50,6 +50,7 @@ _FIELDS = [
     PointField(name="label", offset=12, datatype=PointField.UINT8, count=1),
 ]
 _NS_PER_S = 1_000_000_000
+_STATES = frozenset(map(int, JointState))
 
 _FARTHEST_M = 1e3
 """Metres; no depth sensor sees farther, and numbers beyond overflow where they are squared."""
@@ -328,7 +329,8 @@ def msg_to_skeleton(msg: SkeletonMsg) -> Skeleton:
     Raises
     ------
     InputError
-        If there are joints, but not the 19 of `depth_pose.core.skeleton.JOINTS`.
+        If there are joints, but not the 19 of `depth_pose.core.skeleton.JOINTS`, or a number is none that a
+        skeleton can have.
     """
     count = len(msg.joints)
     names = [joint.name for joint in msg.joints]
@@ -338,6 +340,15 @@ def msg_to_skeleton(msg: SkeletonMsg) -> Skeleton:
             f"the skeleton has {count} joints; missing or unknown: {', '.join(odd) or 'doubles'}"
         )
     joints = sorted(msg.joints, key=lambda joint: JOINT_INDEX[joint.name])
+    odd_state = [joint.state for joint in joints if joint.state not in _STATES]
+    if odd_state:
+        raise InputError(
+            f"a joint of {msg.body_id} has the state {odd_state[0]}; it is one of 0 to {max(_STATES)}"
+        )
+    if len(msg.build) not in (0, BUILD_SIZE):
+        raise InputError(
+            f"the build of {msg.body_id} has {len(msg.build)} numbers; it is none, or {BUILD_SIZE}"
+        )
     return Skeleton(
         stamp_ns=stamp_to_ns(msg.header.stamp),
         frame_id=msg.header.frame_id,

@@ -38,7 +38,8 @@ class Recorder:
     ----------
     output : path
         MCAP file. Until it is finished it is ``NAME.partial.mcap``; then an existing one is replaced,
-        unless nothing was recorded, which leaves no file.
+        unless nothing was recorded, which leaves no file. Where the disk fills up the recording ends, and
+        what came before is left under that name.
     topics : sequence of str, optional
         Topics to record; all but `rosout` and parameter events by default.
     on_message : callable, optional
@@ -78,6 +79,11 @@ class Recorder:
         """Topics that cannot be recorded, and why."""
         return dict(self._refused)
 
+    @property
+    def is_running(self) -> bool:
+        """Whether it still records; a full disk ends it before `stop`, which then says so."""
+        return self._thread is not None and self._thread.is_alive()
+
     def start(self) -> None:
         """Open the file and begin.
 
@@ -106,12 +112,18 @@ class Recorder:
         return self.counts
 
     def _finish(self) -> None:
-        with self._file.telling():
-            self._writer.finish()
-        if self._counts:
-            self._file.keep()
-        else:
+        try:
+            with self._file.telling():
+                self._writer.finish()
+        except InputError as error:
+            self._error = self._error or error
+        if not self._counts:
             self._file.discard()
+        elif isinstance(self._error, InputError):
+            left = self._file.leave()
+            self._error = InputError(f"{self._error}; what was recorded before that is in {left}")
+        else:
+            self._file.keep()
 
     def wait_for(self, topic: str, count: int, timeout_s: float = 10.0) -> bool:
         """Wait until `count` messages of a topic are recorded; False if they do not come in time."""
@@ -203,7 +215,8 @@ class Recorder:
         now_ns = time.time_ns()
         with self._changed:
             sequence = self._counts[topic]
-            self._writer.add_message(self._channels[topic], now_ns, data, now_ns, sequence)
+            with self._file.telling():
+                self._writer.add_message(self._channels[topic], now_ns, data, now_ns, sequence)
             self._counts[topic] += 1
             self._changed.notify_all()
         if self._on_message is not None:
@@ -249,7 +262,7 @@ def record(
     done = threading.Event()
     deadline = time.monotonic() + seconds if seconds is not None else float("inf")
     with on_stop(done.set), Recorder(output, topics) as recorder:
-        while not done.wait(0.05) and time.monotonic() < deadline:
+        while not done.wait(0.05) and time.monotonic() < deadline and recorder.is_running:
             if until is not None and until(recorder.counts):
                 break
     return recorder.counts

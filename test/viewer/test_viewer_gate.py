@@ -1,0 +1,128 @@
+"""Who may connect to the viewer, and what a hostile page can do: nothing that stops it for others."""
+
+from __future__ import annotations
+
+import logging
+import resource
+import time
+import urllib.error
+import urllib.request
+
+import pytest
+from raw_browser import raw_browser
+from test_viewer_server import frames, people
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+
+from depth_pose.viewer.gate import refusal
+from depth_pose.viewer.source import RecordedSource
+
+
+@pytest.fixture
+def viewer(start_viewer):
+    return start_viewer(RecordedSource(list(frames()), people, 3000))
+
+
+def wait_for(true, seconds=30.0):
+    end = time.monotonic() + seconds
+    while not true():
+        assert time.monotonic() < end, "nothing came"
+        time.sleep(0.05)
+
+
+def is_alive(viewer):
+    """Whether it still draws frames for a page of its own."""
+    before = viewer.drawn
+    with raw_browser(viewer, origin=f"http://127.0.0.1:{viewer.port}") as page:
+        wait_for(lambda: page.hear() and viewer.drawn > before + 2)
+
+
+@pytest.mark.parametrize(("host", "origin", "is_local", "is_served"), [
+    ("localhost:8080", None, True, True),  # a program
+    ("localhost:8080", "http://localhost:8080", True, True),
+    ("127.0.0.1:8080", "http://127.0.0.1:8080", True, True),
+    ("[::1]:8080", "http://[::1]:8080", True, True),
+    ("localhost:9000", "http://localhost:9000", True, True),  # ssh -L 9000:localhost:8080
+    ("localhost:8080", "https://evil.example", True, False),
+    ("localhost:8080", "http://localhost:3000", True, False),  # another server of this machine
+    ("localhost:8080", "null", True, False),  # a sandboxed frame, a file
+    ("localhost:8080", "http://[", True, False),
+    ("evil.example:8080", "http://evil.example:8080", True, False),  # DNS rebinding
+    ("localhost.evil.example", None, True, False),
+    ("", None, True, False),
+    ("robot.local:8080", "http://robot.local:8080", False, True),  # --host
+    ("robot.local:8080", "http://evil.example", False, False),
+])  # fmt: skip
+def test_only_pages_of_its_own_are_served(host, origin, is_local, is_served):
+    assert (refusal([host], [origin] if origin else [], is_local) == "") == is_served
+
+
+def test_a_page_of_another_site_sees_nothing(viewer):
+    """The browser itself says where the page is from that asks."""
+    for origin in ("http://evil.example", "null", f"http://localhost:{viewer.port + 1}"):
+        with pytest.raises(InvalidStatus, match="403"), raw_browser(viewer, origin=origin):
+            pass
+    request = urllib.request.Request(f"http://127.0.0.1:{viewer.port}/", headers={"Host": "evil.example"})
+    with pytest.raises(urllib.error.HTTPError, match="403"):
+        urllib.request.urlopen(request, timeout=10)
+    is_alive(viewer)
+
+
+def test_what_no_page_sends_stops_nothing(viewer):
+    logging.getLogger("websockets.server").setLevel(logging.CRITICAL)
+    wait_for(lambda: viewer.drawn > 2)
+    for data in (b"\x00\xff garbage", b"", b"\x90", "text", b"x" * (51 << 20)):
+        with raw_browser(viewer) as page, pytest.raises(ConnectionClosed):
+            page.socket.send(data)
+            while True:
+                page.socket.recv(5.0)
+    handles = viewer.server.gui._gui_input_handle_from_uuid.values()
+    odd = ("abc", 1e9, -5, float("nan"), 1e308, None, [1, 2], {"a": 1}, True, "x" * 100_000)
+    with raw_browser(viewer) as page:
+        for handle in handles:
+            if hasattr(handle, "_impl") and not handle._impl.is_button:
+                for value in odd:
+                    page.set(handle, value)
+        page.hear()
+    assert viewer._recorded.playback.speed == 1.0
+    viewer._recorded.playback.playing = True
+    is_alive(viewer)
+
+
+def test_many_browsers_that_do_not_listen_stop_nothing(viewer):
+    pages = [raw_browser(viewer) for _ in range(30)]
+    for page in pages:
+        page.__enter__()
+    try:
+        is_alive(viewer)
+    finally:
+        for page in pages:
+            page.__exit__(None, None, None)
+
+
+def button(viewer, label):
+    handles = viewer.server.gui._gui_input_handle_from_uuid.values()
+    return next(h for h in handles if getattr(h, "label", "") == label)
+
+
+def told(page, title):
+    """What notifications of this title a page has got by now."""
+    return [m["props"]["body"] for m in page.hear() if m.get("props", {}).get("title") == title]
+
+
+def test_a_picture_on_a_full_disk_is_told_to_the_browser(viewer, tmp_path):
+    wait_for(lambda: viewer.drawn > 2)
+    unlimited = resource.getrlimit(resource.RLIMIT_FSIZE)
+    with raw_browser(viewer) as page:
+        page.hear()
+        resource.setrlimit(resource.RLIMIT_FSIZE, (2000, unlimited[1]))
+        try:
+            page.set(button(viewer, "screenshot"), True)
+            said = []
+            wait_for(lambda: said.extend(told(page, "not taken")) or said)
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, unlimited)
+        assert "view_001.png cannot be written: File too large" in said[0]
+        assert not any((tmp_path / "pictures").iterdir())
+        page.set(button(viewer, "screenshot"), True)
+        wait_for(lambda: told(page, "saved"))
+    assert [p.name for p in (tmp_path / "pictures").iterdir()] == ["view_001.png"]
