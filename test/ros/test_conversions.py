@@ -1,7 +1,10 @@
+import time
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from depth_pose_msgs.msg import FittedArray, SkeletonArray
+from depth_pose_msgs.msg import Skeleton as SkeletonMsg
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import CameraInfo, Image, PointCloud2, PointField
 
@@ -145,6 +148,24 @@ def test_a_source_that_there_is_not_is_refused(skeleton):
 def test_numbers_that_no_skeleton_has_are_refused(skeleton, field, value, says):
     with pytest.raises(InputError, match=says):
         c.msg_to_skeleton(c.skeleton_to_msg(replace(skeleton, **{field: value})))
+
+
+def test_more_people_than_labels_or_one_of_them_twice_are_refused(skeleton, people, rng):
+    def fitted(ids):
+        return c.fitted_to_msg([Fitted(replace(skeleton, body_id=i), 0.5) for i in ids], people)
+
+    def matches(ids):
+        return c.matches_to_msg([PoseMatch(i, "bank", 1.0, ()) for i in ids], people)
+
+    for make, read in ((fitted, c.msg_to_fitted), (matches, c.msg_to_matches)):
+        assert len(read(make(["a", "b"]))) == 2
+        with pytest.raises(InputError, match="have 'a' twice"):
+            read(make(["a", "b", "a"]))
+    crowd = SkeletonArray(skeletons=[SkeletonMsg(body_id=str(i)) for i in range(100_000)])
+    started = time.monotonic()
+    with pytest.raises(InputError, match="of 100000 people; at most 255"):
+        c.msg_to_fitted(FittedArray(skeletons=crowd.skeletons, scores=[0.0] * 100_000))
+    assert time.monotonic() - started < 5.0
 
 
 def test_matches_round_trip_is_exact(rng, people):

@@ -216,6 +216,28 @@ def test_the_host_is_killed(live, peer):
 )
 def test_several_are_killed_at_once(live, peer, killed):
     """All that were killed are there again, and only they are new."""
+    kill_at_once(live, peer, killed)
+
+
+def test_all_are_killed_after_one_was_again_and_again(live, peer):
+    """Nobody waits who was ready for a while: not the one either that had been killed three times before."""
+    suite, _, _, lines = live
+    for count in range(1, 4):
+        peer.until(lambda: suite.is_ready("spare"), 4 * PATIENCE_S, "the spare")
+        peer.spin(2.0)
+        os.kill(suite.pid("matcher"), signal.SIGKILL)
+        peer.until(
+            lambda n=count: suite.restarts["matcher"] == n and suite.is_ready("matcher"),
+            4 * PATIENCE_S,
+            lambda: "the matcher:\n" + "\n".join(lines),
+        )
+    peer.spin(2.0)
+    kill_at_once(live, peer, NODES, ", after one of them three times")
+    ends = [line for line in lines if "starting it again" in line]
+    assert len(ends) == 3 + len(NODES) and all(line.endswith("at once") for line in ends), ends
+
+
+def kill_at_once(live, peer, killed, also=""):
     suite, _, heard, lines = live
     for deputy in ("spare", "second host"):
         peer.until(lambda d=deputy: suite.is_ready(d), 4 * PATIENCE_S, f"the {deputy}")
@@ -231,7 +253,7 @@ def test_several_are_killed_at_once(live, peer, killed):
     )
     settled = time.monotonic()
     peer.until(lambda: max(heard.came.values()) > settled, PATIENCE_S, "skeletons again")
-    note(f"{' and '.join(killed)} killed (-9)", "they are replaced", longest(heard, since))
+    note(f"{' and '.join(killed)} killed (-9){also}", "they are replaced", longest(heard, since))
 
 
 def turns(stamps):

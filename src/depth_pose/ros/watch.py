@@ -24,6 +24,9 @@ _HELD, _HELD_BYTES = 64, 64 << 20
 """Depth messages that wait for their skeletons, at most, and the memory that they may take: two seconds of
 640 x 480 with 16 bits at 30 a second."""
 
+_MOST_BYTES = 2 << 20
+"""A message of skeletons may have: 255 people of 2 kB each, and some room."""
+
 _UNANSWERED_NS = 2_000_000_000
 """Depth this much newer than the newest skeletons is shown without any. Nodes on free cores take a tenth of
 a second; on cores that others keep busy more than one was seen."""
@@ -229,6 +232,12 @@ class Watch:
         self._info = data
 
     def _take_skeletons(self, data: bytes) -> None:
+        if len(data) > _MOST_BYTES:  # reading it would take the viewer minutes
+            self._node.get_logger().warning(
+                f"skeletons of {len(data)} bytes are not shown; more than {_MOST_BYTES} no frame's can be",
+                throttle_duration_sec=5.0,
+            )
+            return
         self._hold(self._skeletons, data)
 
     def _hold(self, kept: OrderedDict[int, bytes], data: bytes) -> None:

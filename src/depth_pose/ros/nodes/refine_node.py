@@ -20,6 +20,7 @@ from depth_pose.ros.nodes.parameters import REFINE
 from depth_pose.ros.process.runner import run_node
 from depth_pose.ros.process.warm_stages import make
 from depth_pose.ros.transport.conversions import (
+    check_people,
     fitted_to_msg,
     msg_to_matches,
     msg_to_skeleton,
@@ -99,6 +100,7 @@ class RefineNode(BankNode):
         if not self.is_active or stamp_to_ns(message.header.stamp) != self._awaited_ns:
             return
         self._awaited_ns = None
+        check_people("skeletons", [s.body_id for s in message.skeletons])
         answers = [turn_forth(msg_to_skeleton(s), self.config.mount) for s in message.skeletons]
         self.stage.take_answer(answers)
         self._begin_held()

@@ -52,6 +52,9 @@ _FIELDS = [
 _NS_PER_S = 1_000_000_000
 _STATES = frozenset(map(int, JointState))
 
+MOST_PEOPLE = 255
+"""People of one frame: their labels in the points are 1 to 255."""
+
 _FARTHEST_M = 1e3
 """Metres; no depth sensor sees farther, and numbers beyond overflow where they are squared."""
 
@@ -139,6 +142,7 @@ def msgs_to_people(points: PointCloud2, people: PeopleMsg) -> People:
             f"{people.fx:g}, {people.fy:g}; the points have {points.width} x {points.height}"
         )
     _sane("the camera", [people.fx, people.fy, people.cx, people.cy], 1e6)
+    check_people("people", [found.body_id for found in people.people])
     packed = np.frombuffer(points.data, np.uint8).reshape(points.height, points.width, 16)
     xyz = np.ascontiguousarray(packed[..., :12]).view("<f4")
     return see_people(
@@ -160,6 +164,20 @@ def _msg_to_found(msg: FoundPersonMsg) -> FoundPerson:
         )
     _sane(f"the proposed joints of {msg.body_id}", proposals)
     return FoundPerson(msg.label, msg.body_id, msg.probability, proposals.reshape(-1, 3), confidence)
+
+
+def check_people(what: str, body_ids: Sequence[str]) -> None:
+    """Refuse a message of more people than there are labels, before they are read, or of one of them twice.
+
+    Raises
+    ------
+    InputError
+    """
+    if len(body_ids) > MOST_PEOPLE:
+        raise InputError(f"the {what} are of {len(body_ids)} people; at most {MOST_PEOPLE} can be in a frame")
+    if len(set(body_ids)) < len(body_ids):
+        twice = next(b for i, b in enumerate(body_ids) if b in body_ids[:i])
+        raise InputError(f"the {what} have {twice!r} twice")
 
 
 def _sane(what: str, numbers: ArrayLike, most: float = _FARTHEST_M) -> NDArray[np.float64]:
@@ -263,6 +281,7 @@ def msg_to_matches(msg: PoseMatchArray) -> tuple[PoseMatch, ...]:
     InputError
         If a number is none that a match can have.
     """
+    check_people("matches", [m.body_id for m in msg.matches])
     for m in msg.matches:
         if m.candidates and not 0.01 < m.scale < 100.0:
             raise InputError(f"the scale of {m.body_id} is {m.scale:g}")
@@ -396,6 +415,7 @@ def msg_to_fitted(msg: FittedArray) -> tuple[Fitted, ...]:
     """
     if len(msg.scores) != len(msg.skeletons):
         raise InputError(f"there are {len(msg.scores)} scores of {len(msg.skeletons)} skeletons")
+    check_people("skeletons", [s.body_id for s in msg.skeletons])
     return tuple(
         Fitted(msg_to_skeleton(s), score) for s, score in zip(msg.skeletons, msg.scores, strict=True)
     )
