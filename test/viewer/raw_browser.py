@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import time
 from contextlib import contextmanager
 
 import msgspec
@@ -41,20 +42,21 @@ class RawBrowser:
         """Do as a page does whose control gets a value; a button takes True."""
         self.send({"type": "GuiUpdateMessage", "uuid": handle._impl.uuid, "updates": {"value": value}})
 
-    def hear(self, timeout_s=0.2):
-        """Take what has come; a picture that is asked for is sent."""
-        heard = []
-        while True:
+    def hear(self, seconds=0.2):
+        """Take what comes for a while; a picture that is asked for is sent."""
+        heard, end = [], time.monotonic() + seconds
+        while (left_s := end - time.monotonic()) > 0.0:
             try:
-                data = self.socket.recv(timeout_s)
+                data = self.socket.recv(left_s)
             except TimeoutError:
-                return heard
+                break
             size = int.from_bytes(data[8:16], "little")
             inner = zstandard.ZstdDecompressor().decompress(data[16 : 16 + size])
             for message in msgspec.msgpack.decode(inner)["messages"]:
                 heard.append(message)
                 if message["type"] == "GetRenderRequestMessage":
                     self._show(message)
+        return heard
 
     def _show(self, request):
         picture = io.BytesIO()
