@@ -117,13 +117,13 @@ class TimedFinder:
 def measure(pipeline: PosePipeline, frames: list[DepthFrame]) -> tuple[np.ndarray, np.ndarray]:
     """Processor time of each stage on each frame, (T, 5), milliseconds; how many were answered (T,)."""
     pipeline.reset()
-    segmenter = pipeline.extractor.segmenter
-    finder = segmenter.finder
-    timed = segmenter.finder = TimedFinder(finder)
+    candidates = pipeline.extractor.segmenter.candidates
+    finder = candidates.finder
+    timed = candidates.finder = TimedFinder(finder)
     times, people = np.empty((len(frames), len(STAGES))), np.empty(len(frames), int)
     for i, frame in enumerate(frames):
         times[i], people[i] = _measure_frame(pipeline, frame, timed)
-    segmenter.finder = finder
+    candidates.finder = finder
     return times, people
 
 
@@ -152,7 +152,8 @@ def measure_all(bank: Bank, recordings: Sequence[Path], methods: Sequence[str] =
             camera = frames[0].camera
             pipeline.process_frame(frames[0])
             times = measure(pipeline, frames)
-            measured.append(StageTimes(f"{camera.width}x{camera.height}", method, *times))
+            where = ", a room" if path.stem.startswith("room") else ""
+            measured.append(StageTimes(f"{camera.width}x{camera.height}{where}", method, *times))
     return measured
 
 

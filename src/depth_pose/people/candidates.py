@@ -25,11 +25,15 @@ class CandidateFinder:
     config : SegmentConfig
     weights : path, optional
         A folder with a net in place of the one that ships.
+
+    Attributes
+    ----------
+    finder : PeopleFinder
     """
 
     def __init__(self, config: SegmentConfig, weights: Path | None = None) -> None:
         self._config = config
-        self._finder = PeopleFinder(config, *load_weights(weights))
+        self.finder = PeopleFinder(config, *load_weights(weights))
         self._planes = PlaneFinder()
 
     def reset(self) -> None:
@@ -46,7 +50,7 @@ class CandidateFinder:
             Their numbers on the working grid, with the limbs that the net missed, and
             `depth_pose.core.types.HIDDEN` for what may hide more of them.
         """
-        found = self._finder.find(frame)
+        found = self.finder.find(frame)
         return found, self._complete(found)
 
     def _complete(self, found: Detections) -> NDArray[np.uint8]:

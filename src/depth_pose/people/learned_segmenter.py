@@ -29,17 +29,22 @@ class LearnedSegmenter:
     config : SegmentConfig
     weights : path, optional
         A folder of nets in place of those that ship.
+
+    Attributes
+    ----------
+    candidates : CandidateFinder
+        The first look.
     """
 
     def __init__(self, config: SegmentConfig, weights: Path | None = None) -> None:
         self.config = config
-        self._candidates = CandidateFinder(config, weights)
+        self.candidates = CandidateFinder(config, weights)
         self._joints = JointFinder(weights)
         self.reset()
 
     def reset(self) -> None:
         """Forget the room."""
-        self._candidates.reset()
+        self.candidates.reset()
         self._before = np.zeros((0, 0), np.float32)
 
     def warm_up(self) -> None:
@@ -51,7 +56,7 @@ class LearnedSegmenter:
 
     def segment(self, frame: DepthFrame) -> Segmentation:
         """Label every pixel of the working grid."""
-        found, labels = self._candidates.find(frame)
+        found, labels = self.candidates.find(frame)
         news = self._news(found.depth)
         sightings = [self._look_closer(found, labels, person, news) for person in found.people]
         sure = tuple(s for s in sightings if s.probability >= self.config.keep)
