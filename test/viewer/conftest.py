@@ -6,8 +6,10 @@ import contextlib
 import threading
 
 import pytest
+from viewer_scene import frames, people
 
 from depth_pose.viewer.app import Viewer
+from depth_pose.viewer.source import RecordedSource
 
 
 @pytest.fixture
@@ -25,6 +27,12 @@ def start_viewer(tmp_path):
             return viewer
 
         yield start
+
+
+@pytest.fixture
+def viewer(start_viewer):
+    """A viewer of two people before a wall."""
+    return start_viewer(RecordedSource(list(frames()), people, 3000))
 
 
 def _end(viewer, thread):

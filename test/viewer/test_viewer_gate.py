@@ -4,29 +4,15 @@ from __future__ import annotations
 
 import logging
 import resource
-import time
 import urllib.error
 import urllib.request
 
 import pytest
 from raw_browser import raw_browser
-from test_viewer_server import frames, people
+from viewer_scene import wait_for
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from depth_pose.viewer.gate import refusal
-from depth_pose.viewer.source import RecordedSource
-
-
-@pytest.fixture
-def viewer(start_viewer):
-    return start_viewer(RecordedSource(list(frames()), people, 3000))
-
-
-def wait_for(true, seconds=30.0):
-    end = time.monotonic() + seconds
-    while not true():
-        assert time.monotonic() < end, "nothing came"
-        time.sleep(0.05)
 
 
 def is_alive(viewer):

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import viser
 import zstandard
+from viewer_scene import wait_for
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
@@ -57,13 +58,6 @@ class Reader:
             self.may_answer.wait()
             asked = message["request_uuid"]
             self._send("LocalStorageGetItemResponseMessage", value=None, error=None, request_uuid=asked)
-
-
-def wait_for(true, seconds=30.0):
-    end = time.monotonic() + seconds
-    while not true():
-        assert time.monotonic() < end, "it did not come"
-        time.sleep(0.02)
 
 
 @pytest.fixture

@@ -4,47 +4,19 @@ from __future__ import annotations
 
 import re
 import socket
-import time
 import urllib.request
 
 import numpy as np
 import pytest
 from PIL import Image
-from test_viewer_parts import skeleton_at
+from viewer_scene import FRAMES, people, wait_for
 
 from browser import assert_shows, page_of
 from depth_pose.core.errors import DepthPoseError
 from depth_pose.core.rotations import quat_to_matrix
 from depth_pose.core.skeleton import BONES
 from depth_pose.viewer import app as viewer_app
-from depth_pose.viewer.source import RecordedSource
-from synthetic import CAMERA, START_NS, STEP_NS, draw, mesh, posed, room, to_frame, varied
-
-FRAMES = 20
-
-
-def frames():
-    """Somebody and a wall, as a depth camera sees them."""
-    for i in range(FRAMES):
-        person = draw(mesh(posed(varied(1, 5.0), distance=3.0, aside=0.3)))
-        depth = np.fmin(np.where(person > 0, person, np.inf), 4.5)
-        yield to_frame(depth, START_NS + i * STEP_NS)
-
-
-def people(frame):
-    return (skeleton_at(0.3, 3.0, hidden=3), skeleton_at(-0.6, 3.5, "body_2"))
-
-
-@pytest.fixture
-def viewer(start_viewer):
-    return start_viewer(RecordedSource(list(frames()), people, 3000))
-
-
-def wait_for(true, seconds=60.0):
-    end = time.monotonic() + seconds
-    while not true():
-        assert time.monotonic() < end, "nothing came"
-        time.sleep(0.05)
+from synthetic import CAMERA, START_NS, STEP_NS, draw, mesh, posed, room, varied
 
 
 def handle(viewer, name):

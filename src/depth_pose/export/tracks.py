@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from depth_pose.core.errors import InputError
 from depth_pose.core.rotations import matrix_to_quat, quat_to_matrix
 from depth_pose.core.skeleton import JOINTS, JointState, Source
-from depth_pose.core.types import Skeleton
+from depth_pose.core.types import BUILD_SIZE, Skeleton
 from depth_pose.io.schemas import PEOPLE_TOPIC
 from depth_pose.io.skeleton_read import read_people
 
@@ -33,7 +33,6 @@ ARRAYS = (
 )
 """Names of a track's arrays over frames, beside the stamps."""
 
-_BUILD_PARTS = 13
 _LONGEST_STEP = 1.5
 """Of the usual time between frames: what lies farther apart has a gap between it. A frame that is
 missing doubles the time; jitter of stamps stays below a half. Set by hand."""
@@ -188,7 +187,7 @@ def _empty(body_id: str, frame_id: str, stamps_ns: NDArray[np.int64]) -> Track:
         nothing.copy(),
         nothing.copy(),
         np.full(count, Source.LOST, np.uint8),
-        np.full((count, _BUILD_PARTS), np.nan, np.float32),
+        np.full((count, BUILD_SIZE), np.nan, np.float32),
     )
 
 

@@ -65,13 +65,10 @@ class Comparison:
         Disagreement, 0 to 1.
     gap : float
         Mean depth difference where both are, each at most the band, metres.
-    shift : (3,) float64
-        Translation of the mesh that brings the mean depths and silhouettes together, metres.
     """
 
     score: float
     gap: float
-    shift: NDArray[np.float64]
 
 
 class DepthComparer:
@@ -92,4 +89,4 @@ class DepthComparer:
         """Render a mesh in the camera frame and compare it with the observation."""
         kernels.score_mesh(vertices, faces, self.observation, self._band, self.zbuffer, self._sums)
         score, gap = self._sums[:2].tolist()
-        return Comparison(score=score, gap=gap, shift=self._sums[2:].copy())
+        return Comparison(score=score, gap=gap)
