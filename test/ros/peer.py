@@ -4,8 +4,10 @@ import os
 import time
 
 import rclpy
+from rcl_interfaces.srv import SetParameters
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
 RELIABLE = QoSProfile(depth=1000)
@@ -61,3 +63,9 @@ class Peer:
         future = client.call_async(request)
         self.until(future.done, timeout_s, name)
         return future.result()
+
+    def set(self, node, **values):
+        """Set parameters of a running node, ``__`` for the dot in their names."""
+        wanted = [Parameter(n.replace("__", "."), value=v).to_parameter_msg() for n, v in values.items()]
+        answer = self.call(SetParameters, f"{node}/set_parameters", SetParameters.Request(parameters=wanted))
+        assert all(r.successful for r in answer.results), answer.results
