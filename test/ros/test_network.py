@@ -118,7 +118,7 @@ def test_two_suites_in_one_domain_each_follow_their_camera(domain, peer, bank_pa
         for suite, side in zip(suites, heard, strict=True):
             suite.wait_ready()
             cameras.append(Camera(peer, side))
-        peer.until(lambda: all(len(h) > 5 for h in heard.values()), 60.0, "both suites' skeletons")
+        peer.until(lambda: all(len(h) > 5 for h in heard.values()), what="both suites' skeletons")
     finally:
         for camera in cameras:
             camera.stop.set()
