@@ -10,6 +10,9 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
+from depth_pose.core.errors import DepthPoseError
+from depth_pose.ros.nodes.lifecycle import set_active
+
 RELIABLE = QoSProfile(depth=1000)
 SENSOR = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
 HEARING = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -43,6 +46,17 @@ def within(seconds, attempt, tries=3):
         if took[-1] < patient(seconds):
             return
     raise AssertionError(f"it took {took} s, and not {seconds}")
+
+
+def bring(active, nodes):
+    """Pause or resume, again where a node's services were not found in the seconds that takes at most."""
+    for left in reversed(range(10)):
+        try:
+            return set_active(active, nodes)
+        except DepthPoseError as error:  # noqa: PERF203
+            if "is the node running" not in str(error) or not left:
+                raise
+    raise AssertionError
 
 
 class Peer:

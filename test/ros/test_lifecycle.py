@@ -6,7 +6,7 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
-from peer import HEARING, RELIABLE
+from peer import HEARING, RELIABLE, bring
 from sensor_msgs.msg import Image
 from std_msgs.msg import Header
 
@@ -50,14 +50,14 @@ def test_pauses_and_resumes(start, peer):
     sender = Sender(peer)
     peer.until(lambda: sender.send(1) or answers, what="an answer")
 
-    assert set_active(False, ["trial"]) == {"trial": "inactive"}
+    assert bring(False, ["trial"]) == {"trial": "inactive"}
     paused = sender.stamp
     statuses = peer.listen(DiagnosticArray, "/diagnostics", RELIABLE)
     sender.send()
     peer.until(lambda: statuses and statuses[-1].status[0].message == "is paused", what="the diagnostics")
     assert all(m.stamp.nanosec <= paused for m in answers)  # some may have been under way
 
-    assert set_active(True, ["trial"]) == {"trial": "active"}
+    assert bring(True, ["trial"]) == {"trial": "active"}
     answers.clear()
     peer.until(lambda: sender.send(1) or answers, what="an answer after the pause")
     assert answers[0].stamp.nanosec > paused + 3
@@ -80,7 +80,7 @@ def test_waits_for_a_manager_and_lets_go_when_cleaned_up(start, peer):
     assert change(peer, Transition.TRANSITION_CLEANUP)
     peer.until(lambda: not peer.node.count_subscribers(A), what="the end of its subscription")
     peer.until(lambda: not peer.node.count_publishers(ANSWER), what="the end of its publisher")
-    assert set_active(True, ["trial"]) == {"trial": "active"}  # configures it first
+    assert bring(True, ["trial"]) == {"trial": "active"}  # configures it first
     answers = peer.listen(Header, ANSWER, HEARING)
     sender = Sender(peer)
     peer.until(lambda: sender.send(1) or answers, what="an answer")

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from depth_pose_msgs.msg import Skeleton
 from diagnostic_msgs.msg import DiagnosticArray
-from peer import RELIABLE
+from peer import RELIABLE, bring
 from sensor_msgs.msg import CameraInfo, Image, JointState
 from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import MarkerArray
@@ -20,7 +20,6 @@ from depth_pose.core.skeleton import Source
 from depth_pose.io.skeleton_read import read_skeletons
 from depth_pose.motion.procedural.dance import perform
 from depth_pose.offline import process_recording
-from depth_pose.ros.nodes.lifecycle import set_active
 from depth_pose.ros.transport.conversions import make_header, msg_to_skeleton
 from depth_pose.ros.transport.tf import LATCHED, stamped
 from depth_pose.sim.clothing import Garment
@@ -196,11 +195,20 @@ def test_sixty_frames_a_second_and_what_cameras_do(start, peer, model_path, imag
     # it comes back; another is late
     live.play_until_told(silhouettes, "all cameras are there")
     before = int(live.value("late: /camera5/silhouette") or 0)
-    shown = silhouettes[live.next % len(silhouettes)]
-    stamp = live.show(live.next, shown, [c for c in range(CAMERAS) if c != 5])
-    peer.until(lambda: any(msg_to_skeleton(s).stamp_ns == stamp for s in live.skeletons), what="an answer")
-    live.show(live.next, shown, [5])
-    peer.until(lambda: int(live.value("late: /camera5/silhouette") or 0) > before, what="the count")
+
+    def show_one_late():
+        live.next += 1
+        shown = silhouettes[live.next % len(silhouettes)]
+        stamp = live.show(live.next, shown, [c for c in range(CAMERAS) if c != 5])
+        deadline = time.monotonic() + 2.0
+        while time.monotonic() < deadline and stamp not in [
+            msg_to_skeleton(s).stamp_ns for s in live.skeletons
+        ]:
+            peer.executor.spin_once(timeout_sec=0.02)
+        live.show(live.next, shown, [5])
+
+    late = lambda: int(live.value("late: /camera5/silhouette") or 0) > before  # noqa: E731
+    peer.ask(show_one_late, late, what="the count", every_s=2.0)
     process.wait_for("is late: its time was answered without it")
     live.next += 1
 
@@ -290,18 +298,23 @@ class DepthRehearsal(Rehearsal):
         depths = self.renderer.depths([*self.scenes[index % len(self.scenes)], self.room])
         self.shown.append(depths)
         stamp_ns = START_NS + index * 33_000_000
-        for c in range(len(self.rig)) if cameras is None else cameras:
-            shown = change(c, depths[c]) if change else depths[c]
-            message = Image(
-                height=shown.shape[0], width=shown.shape[1], encoding="32FC1", step=4 * shown.shape[1],
-                data=shown.tobytes(),
-            )  # fmt: skip
-            message.header = make_header(stamp_ns, self.rig[c].name)
-            self.cameras[c].publish(message)
-        self.peer.until(
+
+        def send():  # what was lost; an image that is there already changes nothing
+            for c in range(len(self.rig)) if cameras is None else cameras:
+                shown = change(c, depths[c]) if change else depths[c]
+                message = Image(
+                    height=shown.shape[0], width=shown.shape[1], encoding="32FC1", step=4 * shown.shape[1],
+                    data=shown.tobytes(),
+                )  # fmt: skip
+                message.header = make_header(stamp_ns, self.rig[c].name)
+                self.cameras[c].publish(message)
+
+        self.peer.ask(
+            send,
             lambda: any(msg_to_skeleton(s).stamp_ns == stamp_ns for s in self.skeletons),
-            timeout_s=90.0, what=lambda: f"an answer to {index}:\n{self.process.output}\n it",
-        )  # fmt: skip
+            what=lambda: f"an answer to {index}:\n{self.process.output}\n it",
+            every_s=3.0,
+        )
         return msg_to_skeleton(self.skeletons[-1])
 
 
@@ -368,15 +381,15 @@ def test_paused_and_resumed(start, peer, model_path, images, rig_path):
     command = ["-m", "depth_pose.cli", "volume", "live", "--model", model_path, "--rig", rig_path]
     process = start(*command, "--params", params, "--voxel", 0.03)
     peer.until(lambda: peer.node.count_publishers("/diagnostics"), 240.0, "the node")
-    assert set_active(True, ["volume"]) == {"volume": "active"}
+    assert bring(True, ["volume"]) == {"volume": "active"}
     live = Rehearsal(peer, process)
     live.play(silhouettes, lambda: live.skeletons)
-    assert set_active(False, ["volume"]) == {"volume": "inactive"}
+    assert bring(False, ["volume"]) == {"volume": "inactive"}
     paused_ns = START_NS + round(live.next * 1e9 / FPS)
     live.play(silhouettes, lambda: int(live.value("ignored while paused") or 0) > 10 * CAMERAS)
     assert all(msg_to_skeleton(s).stamp_ns < paused_ns for s in live.skeletons)
     peer.until(lambda: live.messages()[-1] == "is paused", what="its word")
-    assert set_active(True, ["volume"]) == {"volume": "active"}
+    assert bring(True, ["volume"]) == {"volume": "active"}
     live.skeletons.clear()
     live.play(silhouettes, lambda: live.skeletons)
 

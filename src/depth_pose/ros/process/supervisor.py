@@ -330,5 +330,5 @@ def _ros_arguments(
 
 
 def _print(line: str) -> None:
-    with contextlib.suppress(BrokenPipeError):
+    with contextlib.suppress(OSError):  # nobody reads it, or the disk that it goes to is full
         print(line, flush=True)
