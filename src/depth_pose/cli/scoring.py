@@ -121,9 +121,8 @@ def _evaluate_people(truth: Path, predicted: Path, topic: str, as_json: bool) ->
     if as_json:
         _print_json(scores)
         return
-    names = ("frames", "asked", "recall", "preci-\nsion", "false", "swit-\nches", "IDF1")
-    names = (*names, "mean\nmm", "PCK\n10 cm")
-    table = _table("people", "sequence", names)
+    counts = ("frames", "asked", "recall", "preci-\nsion", "false", "swit-\nches", "IDF1")
+    table = _table("people", "sequence", (*counts, "mean\nmm", "PCK\n10 cm"))
     for name, s in [*scores.sequences.items(), ("all", scores.total)]:
         found = (str(s.frames), str(s.asked), _share(s.recall), _share(s.precision), str(s.false))
         table.add_row(name, *found, str(s.switches), _share(s.idf1), _mm(s.mean_error_mm), _share(s.pck10))
