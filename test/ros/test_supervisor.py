@@ -10,7 +10,7 @@ import pytest
 
 from depth_pose.core.config import PipelineConfig
 from depth_pose.core.errors import ConfigError
-from depth_pose.ros.process import child
+from depth_pose.ros.process import supervisor
 from depth_pose.ros.process.supervisor import Suite, sensor_names
 
 
@@ -51,7 +51,7 @@ def test_a_killed_node_is_started_again(domain, peer):
 
 def test_only_a_node_that_dies_young_again_and_again_waits(domain):
     """One that was ready for a while is replaced at once, however often; that also ends an earlier wait."""
-    lines, healthy_s = [], child._HEALTHY_S + 0.2
+    lines, healthy_s = [], supervisor._HEALTHY_S + 0.2
     with Suite(nodes=["denoise"], sink=lines.append) as suite:
         for count, lived_s in enumerate((healthy_s, healthy_s, 0.0, 0.0, healthy_s), start=1):
             time.sleep(lived_s)

@@ -22,7 +22,7 @@ def sample_frame() -> DepthFrame:
     rotations = np.tile(R_CAMERA_FACING_MODEL, (len(NODE_INDEX), 1, 1))
     for side, sign in (("left", 1.0), ("right", -1.0)):
         for node in ("shoulder", "elbow", "wrist"):
-            rotations[NODE_INDEX[f"{side}_{node}"]] = R_CAMERA_FACING_MODEL @ rotation_z(0.6 * sign)
+            rotations[NODE_INDEX[f"{side}_{node}"]] = R_CAMERA_FACING_MODEL @ rotation_z(np.array(0.6 * sign))
     posed = body.pose(rotations, np.array([0.0, 0.0, _PERSON_M]))
     depth = np.empty((_CAMERA.height, _CAMERA.width), np.float32)
     kernels.rasterize(posed.vertices, body.faces, _CAMERA, depth)

@@ -6,7 +6,8 @@ NODES: tuple[str, ...] = ("denoise", "matcher", "refine", "recovery")
 """The nodes, in the order that a frame passes them."""
 
 HOST, SECOND_HOST, SPARE = "host", "second host", "spare"
-"""The process that forks the others, one that waits to take its place, and one to take a node's."""
+"""The process that forks the others, one that waits to take its place, and those that wait to take a node's:
+``spare 1`` and so on, one for each node."""
 
 READY = "is ready"
 """A process prints this once it can do its work: a node when it is active and its connections stand."""

@@ -82,7 +82,7 @@ def _be_node(name: str, arguments: list[str]) -> int:
     threading.Thread(target=_watch_supervisor, name="pulse", daemon=True).start()
     joined = None
     try:
-        if name == SPARE:
+        if name.startswith(SPARE):
             rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
             joined = rclpy.create_node(
                 f"spare_{os.getpid()}",
