@@ -22,13 +22,14 @@ from test_denoise_node import image_msg, info_msg
 
 from depth_pose.core.config import MAX_STAMP_GAP_NS
 from depth_pose.io.mcap_write import DepthWriter
-from depth_pose.ros.process.supervisor import NODES, Suite
+from depth_pose.ros.process import NODES, SECOND_HOST, SPARES
+from depth_pose.ros.process.supervisor import Suite
 from depth_pose.ros.transport.bag import Player
 from depth_pose.ros.transport.conversions import ns_to_stamp, stamp_to_ns
 
 IMAGE, INFO = "/camera/depth/image_raw", "/camera/depth/camera_info"
 FPS = 15.0
-DEPUTIES = ("second host", *(f"spare {number + 1}" for number in range(len(NODES))))
+DEPUTIES = (SECOND_HOST, *SPARES)
 PATIENCE_S = 30.0
 """Hard limit of every wait; how long it took is noted, and decides nothing here."""
 
@@ -245,7 +246,7 @@ def test_all_are_killed_after_one_was_again_and_again(live, peer):
 def kill_at_once(live, peer, killed, also=""):
     suite, _, heard, lines = live
     await_deputies(suite, peer)
-    spares = {suite.pid(name) for name in DEPUTIES[1:]}
+    spares = {suite.pid(name) for name in SPARES}
     before, since = {n: suite.pid(n) for n in (*NODES, "host")}, time.monotonic()
     for pid in [suite.pid(n) for n in killed]:
         os.kill(pid, signal.SIGKILL)

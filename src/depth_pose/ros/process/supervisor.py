@@ -23,7 +23,7 @@ import os
 import sys
 import threading
 import time
-from collections import Counter, defaultdict
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from multiprocessing.connection import wait
 from pathlib import Path
@@ -32,7 +32,7 @@ from typing import Any
 
 from depth_pose.core.errors import ConfigError, DepthPoseError
 from depth_pose.ros import stay_local
-from depth_pose.ros.process import HOST, NODES, SECOND_HOST, SPARE
+from depth_pose.ros.process import HOST, NODES, SECOND_HOST, SPARES
 from depth_pose.ros.process.child import Child
 from depth_pose.ros.process.leftovers import remove_leftovers
 from depth_pose.ros.process.runner import EXIT_CONFIG, on_stop
@@ -119,12 +119,12 @@ class Suite:
         self._bank = str(Path(bank).absolute()) if bank is not None else ""
         given = _ros_arguments(params_file, sensor, bank, parameters or {}, remap)
         self._arguments = {name: ["--ros-args", *_links(name, nodes), *given] for name in nodes}
-        self._spares = [f"{SPARE} {count}" for count, _ in enumerate(nodes, start=1)]
+        self._spares = SPARES[: len(nodes)]
         self._sink = sink or _print
         self._children: dict[str, Child] = {}
         self._restarts: Counter[str] = Counter()
-        self._due_s: defaultdict[str, float] = defaultdict(float)
-        self._delay_s: defaultdict[str, float] = defaultdict(float)
+        self._due_s: dict[str, float] = {}
+        self._delay_s: dict[str, float] = {}
         self._looked_s = time.monotonic()
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._run, name="supervisor", daemon=True)
@@ -222,7 +222,7 @@ class Suite:
             self._start(name)
         elif last.code is not None and time.monotonic() >= self._due_s[name]:
             self._restarts[name] += 1
-            deputy = next(filter(self.is_ready, [SECOND_HOST] if name == HOST else self._spares), None)
+            deputy = next(filter(self.is_ready, (SECOND_HOST,) if name == HOST else self._spares), None)
             if deputy is None:
                 self._start(name)
             else:
@@ -257,7 +257,7 @@ class Suite:
     def _take_end(self, child: Child) -> None:
         """Have another started: at once, or ever later where one after the other dies young."""
         name, was_ready = child.name, child.ready_s < math.inf
-        if name not in (HOST, *self._arguments):
+        if name in (SECOND_HOST, *self._spares):
             del self._children[name]
         elif child.code == EXIT_CONFIG or not (was_ready or self._restarts[name] or child.pid is None):
             kind = ConfigError if child.code == EXIT_CONFIG else NodeDiedError
@@ -265,7 +265,7 @@ class Suite:
             self.failure = kind(f"{what}:\n{_last_words(child)}")
         else:
             lived_s = time.monotonic() - child.silent_s - child.ready_s
-            wait_s = self._delay_s[name] if lived_s < _HEALTHY_S else 0.0
+            wait_s = self._delay_s.get(name, 0.0) if lived_s < _HEALTHY_S else 0.0
             after = f"in {wait_s:.1f} s" if wait_s else "at once"
             self._sink(f"[{name}] ended with code {child.code}; starting it again {after}")
             self._due_s[name] = time.monotonic() + wait_s
@@ -299,35 +299,26 @@ def up(
     if local:
         stay_local()
     suite = Suite(params_file, sensor, bank, parameters=parameters, remap=remap)
+    namespace = dict(rule.partition(":=")[::2] for rule in remap).get("__ns", "depth_pose").strip("/")
+    ready = f"all nodes are ready; skeletons come on /{namespace}/skeletons, Ctrl-C ends"
     with on_stop(stop.set):
         suite.start()
         try:
-            _watch(suite, stop, _namespace(remap))
+            while not stop.wait(0.1) and suite.failure is None:
+                if ready and all(map(suite.is_ready, NODES)):
+                    _print(ready)
+                    ready = ""
         finally:
             codes = suite.stop()
+    if suite.failure is not None:
+        raise suite.failure
     return 0 if not any(codes.values()) else 1
-
-
-def _namespace(remap: Sequence[str]) -> str:
-    rules = dict(rule.partition(":=")[::2] for rule in remap)
-    return rules.get("__ns", "depth_pose").strip("/")
-
-
-def _watch(suite: Suite, stop: threading.Event, namespace: str) -> None:
-    told = False
-    while not stop.wait(0.1):
-        if suite.failure is not None:
-            raise suite.failure
-        if not told and all(map(suite.is_ready, NODES)):
-            told = True
-            _print(f"all nodes are ready; skeletons come on /{namespace}/skeletons, Ctrl-C ends")
 
 
 def _links(name: str, nodes: Sequence[str]) -> list[str]:
     """Say whom a node waits for before it is ready."""
     whole = set(nodes) == set(NODES)
-    consumers = _CONSUMERS[name] if whole else 0
-    return ["-p", f"consumers:={consumers}", "-p", f"producers:={str(whole).lower()}"]
+    return ["-p", f"consumers:={_CONSUMERS[name] * whole}", "-p", f"producers:={str(whole).lower()}"]
 
 
 def _ros_arguments(
