@@ -26,6 +26,7 @@ from typing import Any
 from depth_pose.ros import PRIVATE_UMASK
 from depth_pose.ros.process import BEAT, BEAT_S, NODES, PID, READY, SECOND_HOST, SPARES
 from depth_pose.ros.process.runner import leave
+from depth_pose.ros.process.shared_memory import keep_private
 
 
 def serve() -> int:
@@ -87,6 +88,7 @@ def _be_node(name: str, arguments: list[str]) -> int:
                 enable_rosout=False,
                 start_parameter_services=False,
             )
+            keep_private()
             print(f"{joined.get_name()} {READY} to become a node", flush=True)
             name, arguments = json.loads(sys.stdin.readline() or sys.exit(0))
         return _module(name).main(arguments)
@@ -118,6 +120,6 @@ def load(bank: str) -> None:
 
 if __name__ == "__main__":
     faulthandler.enable()  # a crash says where
-    os.umask(PRIVATE_UMASK)  # other accounts may not read the shared memory
+    os.umask(PRIVATE_UMASK)
     load(sys.argv[1])
     leave(serve())

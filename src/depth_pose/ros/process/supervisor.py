@@ -34,8 +34,8 @@ from depth_pose.core.errors import ConfigError, DepthPoseError
 from depth_pose.ros import stay_local
 from depth_pose.ros.process import HOST, NODES, SECOND_HOST, SPARES
 from depth_pose.ros.process.child import Child
-from depth_pose.ros.process.leftovers import remove_leftovers
 from depth_pose.ros.process.runner import EXIT_CONFIG, on_stop
+from depth_pose.ros.process.shared_memory import remove_leftovers
 
 __all__ = ["NODES", "SENSORS_PATH", "NodeDiedError", "Suite", "sensor_names", "up"]
 
