@@ -218,7 +218,8 @@ def main() -> None:
     from soak import make_recording
 
     from depth_pose.io.mcap_read import read_frames
-    from depth_pose.ros.process.supervisor import NODES, Suite
+    from depth_pose.ros.process import HOST, NODES, SECOND_HOST, SPARES
+    from depth_pose.ros.process.supervisor import Suite
 
     recording = arguments.recording or arguments.output.with_name("live_input.mcap")
     if not recording.is_file():
@@ -234,8 +235,7 @@ def main() -> None:
         for fps in arguments.fps:
             print(f"{fps:g} frames a second for {arguments.seconds:g} s ...", flush=True)
             runs.append(bench.play(fps, arguments.seconds, suite))
-        pids = {name: suite.pid(name) for name in NODES}
-        pids |= {"spare": suite.pid("spare"), "host": suite.pid("host")}
+        pids = {name: suite.pid(name) for name in (*NODES, *SPARES, HOST, SECOND_HOST)}
         memory = {name: pss_mb(pid) for name, pid in pids.items() if pid is not None}
     print(f"\n{len(frames)} frames of {frames[0].camera.width} x {frames[0].camera.height}, {recording.name}")
     print(f"start, from nothing to all nodes ready: {start_s:.1f} s; load average {os.getloadavg()[0]:.1f}")

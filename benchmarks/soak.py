@@ -35,14 +35,14 @@ import numpy as np
 from depth_pose.io._messages import read_people
 from depth_pose.io.schemas import PEOPLE_TOPIC
 from depth_pose.ros import stay_local
-from depth_pose.ros.process import HOST, NODES, SECOND_HOST, SPARE
+from depth_pose.ros.process import HOST, NODES, SECOND_HOST, SPARES
 
 os.environ.setdefault("ROS_DOMAIN_ID", str(random.SystemRandom().randrange(1, 101)))
 
 FPS = 15.0
 SECONDS, PEOPLE, WIDTH = 20.0, 3, 320
 EVERY_S, STALL_S = 2.0, 2.0
-OTHERS = SPARE, HOST, SECOND_HOST
+OTHERS = *SPARES, HOST, SECOND_HOST
 SLOW_S, DEAF_AFTER_S = 0.5, 60.0
 
 

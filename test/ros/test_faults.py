@@ -22,12 +22,14 @@ from test_denoise_node import image_msg, info_msg
 
 from depth_pose.core.config import MAX_STAMP_GAP_NS
 from depth_pose.io.mcap_write import DepthWriter
-from depth_pose.ros.process.supervisor import NODES, Suite
+from depth_pose.ros.process import NODES, SECOND_HOST, SPARES
+from depth_pose.ros.process.supervisor import Suite
 from depth_pose.ros.transport.bag import Player
 from depth_pose.ros.transport.conversions import ns_to_stamp, stamp_to_ns
 
 IMAGE, INFO = "/camera/depth/image_raw", "/camera/depth/camera_info"
 FPS = 15.0
+DEPUTIES = (SECOND_HOST, *SPARES)
 PATIENCE_S = 120.0
 """Hard limit of every wait; how long it took is noted, and decides nothing here."""
 
@@ -128,12 +130,17 @@ def own_segments(pid):
     return [Path(f.removesuffix("_el")) for f in locks]
 
 
+def await_deputies(suite, peer):
+    for deputy in DEPUTIES:
+        peer.until(lambda d=deputy: suite.is_ready(d), PATIENCE_S, f"the {deputy}")
+
+
 @pytest.mark.parametrize("name", NODES)
 def test_a_killed_node(live, peer, name):
     """kill -9 of each node while the others go on: skeletons again, without anybody's help."""
     suite, sensor, heard, lines = live
-    peer.until(lambda: suite.is_ready("spare"), PATIENCE_S, "the spare process")
-    spare = suite.pid("spare")
+    await_deputies(suite, peer)
+    spare = suite.pid("spare 1")
     pid, killed = suite.pid(name), time.monotonic()
     left = own_segments(pid)
     os.kill(pid, signal.SIGKILL)
@@ -150,7 +157,7 @@ def test_a_killed_node(live, peer, name):
     assert suite.pid(name) == spare
     assert suite.restarts == {n: int(n == name) for n in NODES}
     peer.until(
-        lambda: suite.is_ready("spare") and suite.pid("spare") != spare,
+        lambda: suite.is_ready("spare 1") and suite.pid("spare 1") != spare,
         PATIENCE_S,
         "the next spare process",
     )
@@ -164,12 +171,11 @@ def test_a_killed_node(live, peer, name):
     note(f"{name} node killed (-9)", "it is started again; the others go on", again - killed, lost)
 
 
-@pytest.mark.parametrize("name", ["matcher", "spare", "host"])
+@pytest.mark.parametrize("name", ["matcher", "spare 1", "host"])
 def test_a_hung_process(live, peer, name):
     """SIGSTOP: it lives, and answers nothing. It is killed and replaced, within 5 s on a free machine."""
     suite, _, heard, lines = live
-    for deputy in ("spare", "second host"):
-        peer.until(lambda d=deputy: suite.is_ready(d), PATIENCE_S, f"the {deputy}")
+    await_deputies(suite, peer)
     pid, nodes, stopped = suite.pid(name), [suite.pid(n) for n in NODES], time.monotonic()
     os.kill(pid, signal.SIGSTOP)
     peer.until(
@@ -187,7 +193,7 @@ def test_a_hung_process(live, peer, name):
     assert not Path(f"/proc/{pid}").exists()
     assert suite.restarts == {n: int(n == name) for n in NODES}
     if name == "matcher":
-        seen = "it is killed, and the spare takes its place"
+        seen = "it is killed, and a spare takes its place"
         note("a node hangs (SIGSTOP)", seen, gap(heard, settled)[1] - stopped)
     else:
         assert [suite.pid(n) for n in NODES] == nodes
@@ -223,7 +229,7 @@ def test_all_are_killed_after_one_was_again_and_again(live, peer):
     """Nobody waits who was ready for a while: not the one either that had been killed three times before."""
     suite, _, _, lines = live
     for count in range(1, 4):
-        peer.until(lambda: suite.is_ready("spare"), PATIENCE_S, "the spare")
+        await_deputies(suite, peer)
         peer.spin(2.0)
         os.kill(suite.pid("matcher"), signal.SIGKILL)
         peer.until(
@@ -239,8 +245,8 @@ def test_all_are_killed_after_one_was_again_and_again(live, peer):
 
 def kill_at_once(live, peer, killed, also=""):
     suite, _, heard, lines = live
-    for deputy in ("spare", "second host"):
-        peer.until(lambda d=deputy: suite.is_ready(d), PATIENCE_S, f"the {deputy}")
+    await_deputies(suite, peer)
+    spares = {suite.pid(name) for name in SPARES}
     before, since = {n: suite.pid(n) for n in (*NODES, "host")}, time.monotonic()
     for pid in [suite.pid(n) for n in killed]:
         os.kill(pid, signal.SIGKILL)
@@ -252,6 +258,7 @@ def kill_at_once(live, peer, killed, also=""):
         lambda: "all processes:\n" + "\n".join(lines),
     )
     settled = time.monotonic()
+    assert {suite.pid(name) for name in NODES if name in killed} <= spares
     peer.until(lambda: max(heard.came.values()) > settled, PATIENCE_S, "skeletons again")
     note(f"{' and '.join(killed)} killed (-9){also}", "they are replaced", longest(heard, since))
 

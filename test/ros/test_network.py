@@ -18,6 +18,7 @@ from sensor_msgs.msg import CameraInfo, Image
 from test_denoise_node import image_msg, info_msg
 
 from depth_pose.core.errors import ConfigError
+from depth_pose.io.mcap_write import DepthWriter
 from depth_pose.ros import LOCAL_PROFILE_PATH, PROFILE_PATH, PROFILE_VARIABLE, stay_local
 from depth_pose.ros.process.supervisor import NODES, Suite
 from depth_pose.ros.transport.conversions import ns_to_stamp
@@ -32,9 +33,10 @@ def udp_addresses(pid):
 
 
 def segments(pid):
-    """Give the shared memory that a process has open."""
+    """Give the shared memory of a process, and its locks, which it holds open."""
     links = {os.readlink(f) for f in Path(f"/proc/{pid}/fd").iterdir() if f.exists()}
-    return [Path(f) for f in links if f.startswith("/dev/shm/") and Path(f).exists()]
+    locks = {f for f in links if f.startswith("/dev/shm/fastrtps_") and Path(f).exists()}
+    return [Path(f) for f in locks | {f.removesuffix("_el") for f in locks}]
 
 
 def read_as_nobody(paths):
@@ -56,10 +58,31 @@ def test_a_local_suite_is_this_machine_s_and_this_account_s(domain, tmp_path):
     assert os.environ[PROFILE_VARIABLE] == str(LOCAL_PROFILE_PATH)
     with Suite(nodes=["denoise"], sink=str) as suite:
         assert udp_addresses(suite.pid("denoise")) == {"127.0.0.1"}
-        found = segments(suite.pid("denoise"))
-        assert found
-        assert {stat.S_IMODE(f.stat().st_mode) for f in found} == {0o600}
-        assert set(read_as_nobody(found)) <= {"refused"}
+        while not suite.is_ready("spare 1"):
+            time.sleep(0.1)
+        for name in ("denoise", "spare 1"):
+            check_private(segments(suite.pid(name)))
+
+
+def check_private(found):
+    assert any(f.stat().st_size > 1 << 20 for f in found), "the messages' own"
+    assert {stat.S_IMODE(f.stat().st_mode) for f in found} == {0o600}
+    assert set(read_as_nobody(found)) <= {"refused"}
+
+
+def test_what_is_played_is_this_account_s(start, tmp_path):
+    """A recording's images lie in the player's shared memory."""
+    path = tmp_path / "small.mcap"
+    with DepthWriter(path, scene.CAMERA, "optical") as writer:
+        for frame in scene.frames(3):
+            writer.write_frame(frame)
+    player = start("-m", "depth_pose.cli", "play", path, "--wait-for", 1)
+    deadline = time.monotonic() + 60.0
+    while not segments(player.process.pid):
+        assert time.monotonic() < deadline, player.output
+        time.sleep(0.05)
+    time.sleep(0.5)
+    check_private(segments(player.process.pid))
 
 
 def test_the_default_profile_listens_to_the_network(domain, monkeypatch):

@@ -11,7 +11,7 @@ from peer import LIMIT_S, within
 
 from depth_pose.core.config import PipelineConfig
 from depth_pose.core.errors import ConfigError
-from depth_pose.ros.process import child
+from depth_pose.ros.process import supervisor
 from depth_pose.ros.process.supervisor import Suite, sensor_names
 
 
@@ -36,7 +36,7 @@ YOUNG = ("_HEALTHY_S", 3600.0)
 
 def test_a_killed_node_is_started_again(domain, peer, monkeypatch):
     lines = []
-    monkeypatch.setattr(child, *YOUNG)
+    monkeypatch.setattr(supervisor, *YOUNG)
     with Suite(nodes=["denoise"], sink=lines.append) as suite:
         assert any(line.startswith("[denoise] ") and "is ready" in line for line in lines)
         first = suite.pid("denoise")
@@ -62,9 +62,9 @@ def test_only_a_node_that_dies_young_again_and_again_waits(domain):
         for count, young in enumerate((False, False, True, True, False), start=1):
             with pytest.MonkeyPatch.context() as patch:
                 if young:
-                    patch.setattr(child, *YOUNG)
+                    patch.setattr(supervisor, *YOUNG)
                 else:
-                    time.sleep(child._HEALTHY_S + 0.2)
+                    time.sleep(supervisor._HEALTHY_S + 0.2)
                 os.kill(suite.pid("denoise"), signal.SIGKILL)
                 wait_until(lambda n=count: suite.restarts["denoise"] == n, "the restart")
             suite.wait_ready()

@@ -53,3 +53,32 @@ def test_the_host_has_no_threads_of_its_own_and_is_on_no_graph(bank_path):
         said.append(ran.stdout.split())
         assert said[-1], ran.stderr
     assert said[0] == said[1] and said[0][1] == "False"
+
+
+KERNELS_AFTER = """
+import sys
+from depth_pose.ros.process import host
+host.load(sys.argv[1])
+import scene
+from depth_pose.bank import Bank
+from depth_pose.pipeline import PosePipeline
+
+def loaded():
+    return {
+        (name, key): len(value.overloads)
+        for name, module in list(sys.modules.items()) if name.startswith("depth_pose.")
+        for key, value in vars(module).items() if hasattr(value, "overloads")
+    }
+
+pipeline, before = PosePipeline(Bank.load(sys.argv[1])), loaded()
+answers = [len(pipeline.process_frame(frame).skeletons) for frame in scene.frames(8)]
+print(answers, sorted(key for key, count in loaded().items() if count != before.get(key, 0)))
+"""
+
+
+def test_the_first_frames_load_no_kernel(domain, bank_path):
+    """What a forked node loads itself, it loads while somebody waits for its first answer."""
+    ran = subprocess.run(
+        [sys.executable, "-c", KERNELS_AFTER, str(bank_path)], capture_output=True, text=True
+    )
+    assert ran.stdout.split("\n")[0] == "[1, 1, 1, 1, 1, 1, 1, 1] []", ran.stdout + ran.stderr

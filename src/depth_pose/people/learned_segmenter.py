@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.core.camera import Camera
 from depth_pose.core.config import SegmentConfig
 from depth_pose.core.types import BACKGROUND, HIDDEN, DepthFrame
 from depth_pose.people import working_grid
 from depth_pose.people.candidates import CandidateFinder
 from depth_pose.people.finder import Detection, Detections
 from depth_pose.people.joint_finder import JointFinder
+from depth_pose.people.sample_frame import sample_frame
 from depth_pose.people.segmentation import Segmentation, Sighting
 
 _CHANGE_M, _MOST_CHANGED, _NEWS = 0.15, 0.4, 0.3
@@ -50,9 +50,8 @@ class LearnedSegmenter:
     def warm_up(self) -> None:
         """Compile every kernel, and load the net."""
         working_grid.warm_up(self.config)
-        rows, cols = np.mgrid[:120, :160]
-        depth = np.where(np.hypot(rows - 60, 3.0 * (cols - 80)) < 50, 2.0, 4.0).astype(np.float32)
-        self.segment(DepthFrame(0, "", depth, Camera(160, 120, 140.0, 140.0, 79.5, 59.5)))
+        self.segment(sample_frame())
+        self.reset()
 
     def segment(self, frame: DepthFrame) -> Segmentation:
         """Label every pixel of the working grid."""

@@ -17,13 +17,13 @@ PROFILE_VARIABLE = "FASTRTPS_DEFAULT_PROFILES_FILE"
 """What Fast DDS reads; a value that the user has set is kept."""
 
 PROFILE_PATH = Path(__file__).with_name("fastdds.xml")
-"""Shared memory of 32 MiB with messages up to 8 MiB, beside UDP with buffers of 4 MiB; quick discovery."""
+"""Shared memory of 16 MiB with messages up to 8 MiB, beside UDP with buffers of 4 MiB; quick discovery."""
 
 LOCAL_PROFILE_PATH = Path(__file__).with_name("fastdds_local.xml")
 """The same on the loopback interface alone, without multicast: nothing outside this machine can reach it."""
 
 PRIVATE_UMASK = 0o077
-"""For all processes that hold depth images: nobody else's account may read their shared memory."""
+"""For all processes that hold depth images: nobody else's account may read their files."""
 
 _RANGE_VARIABLE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 

@@ -34,6 +34,7 @@ from depth_pose.ros.nodes.counts import Figures
 from depth_pose.ros.nodes.parameters import COMMON, declare, holds_setting, read_config
 from depth_pose.ros.nodes.silence import CrowdWatch, SilenceWatch
 from depth_pose.ros.process import READY
+from depth_pose.ros.process.shared_memory import keep_private
 from depth_pose.ros.process.warm_stages import is_warm
 from depth_pose.ros.setting import Setting
 from depth_pose.ros.transport.conversions import stamp_to_ns
@@ -96,6 +97,7 @@ class StageNode(LifecycleNode, ABC):
     def __init__(self, name: str) -> None:
         threadpool_limits(1)  # the processes share the cores; and sums as `PosePipeline` makes them
         super().__init__(name, namespace="depth_pose", cli_args=self.arguments)
+        keep_private()
         self.figures = Figures()
         self.busy = BusyTimes()
         self.stage: Any = None

@@ -5,8 +5,11 @@ from __future__ import annotations
 NODES: tuple[str, ...] = ("denoise", "matcher", "refine", "recovery")
 """The nodes, in the order that a frame passes them."""
 
-HOST, SECOND_HOST, SPARE = "host", "second host", "spare"
-"""The process that forks the others, one that waits to take its place, and one to take a node's."""
+HOST, SECOND_HOST = "host", "second host"
+"""The process that forks the others, and one that waits to take its place."""
+
+SPARES: tuple[str, ...] = tuple(f"spare {number + 1}" for number in range(len(NODES)))
+"""Those that wait to take a node's place, as many as there are nodes."""
 
 READY = "is ready"
 """A process prints this once it can do its work: a node when it is active and its connections stand."""

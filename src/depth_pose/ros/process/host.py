@@ -5,9 +5,6 @@ at once, and shares this memory until it writes to it. A fork takes only one thr
 imported here, and never initialised. (The import starts two threads of LTTng, the tracer: forked nodes
 cannot be traced.) All that is forked, another host among it, is the supervisor's: each has a connection to
 it for what it prints and its signs of life, ends when that ends, and outlives this host.
-
-Measured against this (2 cores, busy): plain processes take 15 s instead of 6 s to start, 1.7 to 2.5 s
-instead of 0.4 s to replace a node, and 804 MB instead of 550 MB.
 """
 
 from __future__ import annotations
@@ -24,11 +21,12 @@ import socket
 import sys
 import threading
 import traceback
-from collections.abc import Callable
+from typing import Any
 
 from depth_pose.ros import PRIVATE_UMASK
-from depth_pose.ros.process import BEAT, BEAT_S, NODES, PID, READY, SECOND_HOST, SPARE
+from depth_pose.ros.process import BEAT, BEAT_S, NODES, PID, READY, SECOND_HOST, SPARES
 from depth_pose.ros.process.runner import leave
+from depth_pose.ros.process.shared_memory import keep_private
 
 
 def serve() -> int:
@@ -82,7 +80,7 @@ def _be_node(name: str, arguments: list[str]) -> int:
     threading.Thread(target=_watch_supervisor, name="pulse", daemon=True).start()
     joined = None
     try:
-        if name == SPARE:
+        if name in SPARES:
             rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
             joined = rclpy.create_node(
                 f"spare_{os.getpid()}",
@@ -90,9 +88,10 @@ def _be_node(name: str, arguments: list[str]) -> int:
                 enable_rosout=False,
                 start_parameter_services=False,
             )
+            keep_private()
             print(f"{joined.get_name()} {READY} to become a node", flush=True)
             name, arguments = json.loads(sys.stdin.readline() or sys.exit(0))
-        return _main(name)(arguments)
+        return _module(name).main(arguments)
     except SystemExit:  # told to stop before it was a node
         if joined is not None:
             joined.destroy_node()  # else shared memory would be left behind
@@ -103,9 +102,8 @@ def _be_node(name: str, arguments: list[str]) -> int:
         return 1
 
 
-def _main(name: str) -> Callable[[list[str]], int]:
-    main: Callable[[list[str]], int] = importlib.import_module(f"depth_pose.ros.nodes.{name}_node").main
-    return main
+def _module(name: str) -> Any:
+    return importlib.import_module(f"depth_pose.ros.nodes.{name}_node")
 
 
 def load(bank: str) -> None:
@@ -115,13 +113,13 @@ def load(bank: str) -> None:
 
     make_ahead(bank)
     for name in NODES:
-        _main(name)
+        _module(name)
     gc.freeze()  # what is here stays; a collection that wrote to it would end the sharing
     gc.enable()
 
 
 if __name__ == "__main__":
     faulthandler.enable()  # a crash says where
-    os.umask(PRIVATE_UMASK)  # other accounts may not read the shared memory
+    os.umask(PRIVATE_UMASK)
     load(sys.argv[1])
     leave(serve())

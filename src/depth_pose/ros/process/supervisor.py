@@ -8,8 +8,8 @@
 
 `up` is the same as a command that runs until SIGINT or SIGTERM. Each node is a process, forked from one
 that has everything loaded, the host (`depth_pose.ros.process.host`). A process that dies or hangs is started
-again: at once at first, and up to 10 s later when it goes on dying. One more process is forked as a spare,
-which takes the place of such a node, and a second host, which takes the place of the first. A process' output
+again: at once at first, and up to 10 s later when it goes on dying. As many more are forked as spares, which
+take the places of such nodes, and a second host, which takes the place of the first. What a process prints
 appears with its name in front. If the supervisor is killed, all end.
 """
 
@@ -18,22 +18,24 @@ from __future__ import annotations
 import contextlib
 import ctypes
 import json
+import math
 import os
-import selectors
 import sys
 import threading
 import time
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
+from multiprocessing.connection import wait
 from pathlib import Path
 from types import TracebackType
 from typing import Any
 
 from depth_pose.core.errors import ConfigError, DepthPoseError
 from depth_pose.ros import stay_local
-from depth_pose.ros.process import HOST, NODES, SECOND_HOST, SPARE
+from depth_pose.ros.process import HOST, NODES, SECOND_HOST, SPARES
 from depth_pose.ros.process.child import Child
-from depth_pose.ros.process.leftovers import remove_leftovers
 from depth_pose.ros.process.runner import EXIT_CONFIG, on_stop
+from depth_pose.ros.process.shared_memory import remove_leftovers
 
 __all__ = ["NODES", "SENSORS_PATH", "NodeDiedError", "Suite", "sensor_names", "up"]
 
@@ -47,6 +49,20 @@ _CONSUMERS = {"denoise": 3, "matcher": 1, "refine": 1, "recovery": 1}
 
 _LOOK_EVERY_S, _STOP_PATIENCE_S = 0.1, 5.0
 """Seconds between looks where there is no news, and until a process that does not end is killed."""
+
+_LONGEST_LOOK_S = 0.5
+"""Seconds that one look can add to a silence: a machine that was itself paused proves nothing."""
+
+_FIRST_DELAY_S, _MAX_DELAY_S = 0.1, 10.0
+"""Seconds before a process is started again that died young twice; it doubles up to the most. Set by hand."""
+
+_HEALTHY_S = 1.5
+"""Seconds; a process that was ready so long before its last sign of life is started again at once.
+
+What a bug or a frame ends, it ends while it loads or with its first frames. One that lived a little longer
+each time would cost 0.08 of a core: 0.2 s of processor time each (matcher, killed six times, 1.6 s after it
+was ready).
+"""
 
 _PR_SET_CHILD_SUBREAPER = 36
 """Of Linux' prctl: processes whose parent has ended become this one's, which then learns how they end."""
@@ -103,26 +119,30 @@ class Suite:
         self._bank = str(Path(bank).absolute()) if bank is not None else ""
         given = _ros_arguments(params_file, sensor, bank, parameters or {}, remap)
         self._arguments = {name: ["--ros-args", *_links(name, nodes), *given] for name in nodes}
+        self._spares = SPARES[: len(nodes)]
         self._sink = sink or _print
         self._children: dict[str, Child] = {}
-        self._selector = selectors.DefaultSelector()
+        self._restarts: Counter[str] = Counter()
+        self._due_s: dict[str, float] = {}
+        self._delay_s: dict[str, float] = {}
+        self._looked_s = time.monotonic()
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._run, name="supervisor", daemon=True)
 
     @property
     def restarts(self) -> dict[str, int]:
         """How often each node was started again."""
-        return {n: self._children[n].restarts if n in self._children else 0 for n in self._arguments}
+        return {name: self._restarts[name] for name in self._arguments}
 
     def pid(self, name: str) -> int | None:
-        """Process id of a node, the "spare", the "host" or the "second host"; None while it is down."""
+        """Process id of a node, "spare 1" ..., the "host" or the "second host"; None while it is down."""
         child = self._children.get(name)
         return child.pid if child is not None and child.code is None else None
 
     def is_ready(self, name: str) -> bool:
-        """Whether a node has said so since it was last started; the spare could then take over at once."""
+        """Whether a node has said so since it was last started; a spare could then take over at once."""
         child = self._children.get(name)
-        return child is not None and child.is_ready and child.code is None
+        return child is not None and child.ready_s < math.inf and child.code is None
 
     def start(self) -> None:
         """Start all nodes; returns at once, see `wait_ready`."""
@@ -144,14 +164,14 @@ class Suite:
             If a node ends before it is ready, or none of this happens in time.
         """
         deadline_s = time.monotonic() + timeout_s
-        for name in self._arguments:
-            while not self.is_ready(name):
-                if self.failure is not None:
-                    raise self.failure
-                if time.monotonic() > deadline_s:
-                    said = self._children[name].last_words if name in self._children else ""
-                    raise NodeDiedError(f"the {name} was not ready in {timeout_s:.0f} s:\n{said}")
-                time.sleep(0.02)
+        while missing := [name for name in self._arguments if not self.is_ready(name)]:
+            if self.failure is not None:
+                raise self.failure
+            if time.monotonic() > deadline_s:
+                child = self._children.get(missing[0])
+                said = _last_words(child) if child is not None else ""
+                raise NodeDiedError(f"the {missing[0]} was not ready in {timeout_s:.0f} s:\n{said}")
+            time.sleep(0.02)
 
     def stop(self) -> dict[str, int]:
         """End all nodes; gives their exit codes, 0 where they ended cleanly."""
@@ -181,14 +201,13 @@ class Suite:
         while not self._stopping.is_set() and self.failure is None:
             for name in (HOST, *self._arguments):
                 self._look_after(name)
-            if all(child.is_ready for child in self._children.values()):
-                for name in (SECOND_HOST, SPARE):
-                    if name not in self._children:
-                        self._start(name)
+            if all(map(self.is_ready, self._children)):  # one deputy after the other: frames go first
+                for name in [n for n in (SECOND_HOST, *self._spares) if n not in self._children][:1]:
+                    self._start(name)
             self._look()
-        deadline_s = time.monotonic() + _STOP_PATIENCE_S
         for child in self._children.values():
             child.end()
+        deadline_s = time.monotonic() + _STOP_PATIENCE_S
         while any(child.code is None for child in self._children.values()):
             self._look()
             if time.monotonic() > deadline_s:
@@ -197,52 +216,60 @@ class Suite:
         remove_leftovers()
 
     def _look_after(self, name: str) -> None:
-        """Start a process; where it has ended, its deputy takes its place if there is one."""
+        """Start a process; where it has ended, a deputy takes its place if one is ready."""
         last = self._children.get(name)
-        if last is not None and (last.code is None or time.monotonic() < last.retry_s):
-            return
-        deputy = self._children.get(SECOND_HOST if name == HOST else SPARE)
-        if last is not None and deputy is not None and deputy.is_ready:
-            self._children[name] = self._children.pop(deputy.name)
-            deputy.become(name, self._arguments.get(name, []))
-        else:
+        if last is None:
             self._start(name)
-        if last is not None:
-            self._children[name].follow(last)
+        elif last.code is not None and time.monotonic() >= self._due_s[name]:
+            self._restarts[name] += 1
+            deputy = next(filter(self.is_ready, (SECOND_HOST,) if name == HOST else self._spares), None)
+            if deputy is None:
+                self._start(name)
+            else:
+                self._children[name] = self._children.pop(deputy)
+                self._children[name].become(name, self._arguments.get(name, []))
 
     def _start(self, name: str) -> None:
+        child = Child(name)
         if name == HOST:
             # a process with threads of its own cannot fork
             alone = {"PYTHONUNBUFFERED": "1", "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
             command = [sys.executable, "-W", "ignore:This process", "-m", _HOST_MODULE, self._bank]
-            child = Child.spawned(name, command, os.environ | alone)
+            child.spawn(command, os.environ | alone)
         else:
-            child = Child.forked(name, self._arguments.get(name, []), self._children[HOST])
+            child.fork(self._children[HOST], self._arguments.get(name, []))
         self._children[name] = child
-        self._selector.register(child.socket, selectors.EVENT_READ, child)
 
     def _look(self) -> None:
         """See to what comes, and to what does not."""
-        for key, _ in self._selector.select(_LOOK_EVERY_S):
-            key.data.read(self._sink)
-        for child in list(self._children.values()):
-            child.kill_if_hung(self._sink)
-            if child.code is not None and child.socket.fileno() >= 0:
-                self._selector.unregister(child.socket)
-                child.socket.close()
+        alive = [child for child in self._children.values() if child.code is None]
+        news: Sequence[Any] = wait(alive, _LOOK_EVERY_S)
+        waited_s, self._looked_s = time.monotonic() - self._looked_s, time.monotonic()
+        for child in alive:
+            if child in news:
+                child.read(self._sink)
+            child.kill_if_hung(min(waited_s, _LONGEST_LOOK_S), self._sink)
+            if child.code is not None:
                 remove_leftovers()
                 if not self._stopping.is_set() and self.failure is None:
                     self._take_end(child)
 
     def _take_end(self, child: Child) -> None:
-        if child.name in (SECOND_HOST, SPARE):
-            del self._children[child.name]
-        elif child.code == EXIT_CONFIG or (child.restarts == 0 and not child.is_ready and child.pid):
+        """Have another started: at once, or ever later where one after the other dies young."""
+        name, was_ready = child.name, child.ready_s < math.inf
+        if name in (SECOND_HOST, *self._spares):
+            del self._children[name]
+        elif child.code == EXIT_CONFIG or not (was_ready or self._restarts[name] or child.pid is None):
             kind = ConfigError if child.code == EXIT_CONFIG else NodeDiedError
-            what = f"the {child.name} ended with code {child.code} before it was ready"
-            self.failure = kind(f"{what}:\n{child.last_words}")
+            what = f"the {name} ended with code {child.code} before it was ready"
+            self.failure = kind(f"{what}:\n{_last_words(child)}")
         else:
-            child.plan_retry(self._sink)
+            lived_s = time.monotonic() - child.silent_s - child.ready_s
+            wait_s = self._delay_s.get(name, 0.0) if lived_s < _HEALTHY_S else 0.0
+            after = f"in {wait_s:.1f} s" if wait_s else "at once"
+            self._sink(f"[{name}] ended with code {child.code}; starting it again {after}")
+            self._due_s[name] = time.monotonic() + wait_s
+            self._delay_s[name] = min(max(_FIRST_DELAY_S, 2.0 * wait_s), _MAX_DELAY_S)
 
 
 def up(
@@ -272,35 +299,26 @@ def up(
     if local:
         stay_local()
     suite = Suite(params_file, sensor, bank, parameters=parameters, remap=remap)
+    namespace = dict(rule.partition(":=")[::2] for rule in remap).get("__ns", "depth_pose").strip("/")
+    ready = f"all nodes are ready; skeletons come on /{namespace}/skeletons, Ctrl-C ends"
     with on_stop(stop.set):
         suite.start()
         try:
-            _watch(suite, stop, _namespace(remap))
+            while not stop.wait(0.1) and suite.failure is None:
+                if ready and all(map(suite.is_ready, NODES)):
+                    _print(ready)
+                    ready = ""
         finally:
             codes = suite.stop()
+    if suite.failure is not None:
+        raise suite.failure
     return 0 if not any(codes.values()) else 1
-
-
-def _namespace(remap: Sequence[str]) -> str:
-    rules = dict(rule.partition(":=")[::2] for rule in remap)
-    return rules.get("__ns", "depth_pose").strip("/")
-
-
-def _watch(suite: Suite, stop: threading.Event, namespace: str) -> None:
-    told = False
-    while not stop.wait(0.1):
-        if suite.failure is not None:
-            raise suite.failure
-        if not told and all(map(suite.is_ready, NODES)):
-            told = True
-            _print(f"all nodes are ready; skeletons come on /{namespace}/skeletons, Ctrl-C ends")
 
 
 def _links(name: str, nodes: Sequence[str]) -> list[str]:
     """Say whom a node waits for before it is ready."""
     whole = set(nodes) == set(NODES)
-    consumers = _CONSUMERS[name] if whole else 0
-    return ["-p", f"consumers:={consumers}", "-p", f"producers:={str(whole).lower()}"]
+    return ["-p", f"consumers:={_CONSUMERS[name] * whole}", "-p", f"producers:={str(whole).lower()}"]
 
 
 def _ros_arguments(
@@ -327,6 +345,10 @@ def _ros_arguments(
     for name, value in values.items():
         arguments += ["-p", f"{name}:={json.dumps(value)}"]  # which is YAML
     return arguments
+
+
+def _last_words(child: Child) -> str:
+    return "\n".join(child.last_lines) or "it said nothing"
 
 
 def _print(line: str) -> None:

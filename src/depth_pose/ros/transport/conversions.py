@@ -125,7 +125,7 @@ def msgs_to_people(points: PointCloud2, people: PeopleMsg) -> People:
     Raises
     ------
     InputError
-        If the layout is another one, or the data are shorter than they should be.
+        If the layout is another one, the data are shorter than they should be, or a point is no place.
     """
     layout = [(f.name, f.offset, f.datatype) for f in points.fields]
     if layout != [(f.name, f.offset, f.datatype) for f in _FIELDS] or points.point_step != 16:
@@ -149,12 +149,14 @@ def msgs_to_people(points: PointCloud2, people: PeopleMsg) -> People:
     check_people("people", [found.body_id for found in people.people])
     packed = np.frombuffer(points.data, np.uint8).reshape(points.height, points.width, 16)
     xyz = np.ascontiguousarray(packed[..., :12]).view("<f4")
+    labels = np.ascontiguousarray(packed[..., 12])
+    _sane("a person's points", xyz[np.isin(labels, [found.label for found in people.people])])
     return see_people(
         stamp_to_ns(points.header.stamp),
         points.header.frame_id,
         Camera(people.width, people.height, people.fx, people.fy, people.cx, people.cy),
         xyz.astype(np.float32, copy=False),
-        np.ascontiguousarray(packed[..., 12]),
+        labels,
         [_msg_to_found(found) for found in people.people],
     )
 

@@ -16,6 +16,7 @@ from depth_pose.core.errors import InputError
 from depth_pose.io._recording import RawMessage, Recording
 from depth_pose.io.image_options import ImageOptions
 from depth_pose.ros.process.runner import on_stop
+from depth_pose.ros.process.shared_memory import keep_private
 from depth_pose.ros.transport.recorded_qos import is_latched
 
 CLOCK_HZ = 40.0
@@ -152,6 +153,7 @@ class Player:
         rclpy.init(context=context, args=[])
         try:
             self._node = rclpy.create_node("player", namespace="depth_pose", context=context)
+            keep_private()
             self._make_publishers()
             self._await_subscribers()
             self._play_rounds()

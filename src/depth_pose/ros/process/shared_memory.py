@@ -1,0 +1,43 @@
+"""Shared memory of Fast DDS: nobody else's to read, and removed where killed processes leave it behind.
+
+Fast DDS keeps 16 MiB of /dev/shm for each process (`depth_pose.ros.PROFILE_PATH`), and beside it a lock file
+that the process holds as long as it lives.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import time
+from pathlib import Path
+
+_FOLDER, _LOCK, _YOUNG_S = Path("/dev/shm"), "_el", 0.5
+"""Where it is, what ends a lock's name, and seconds for which a lock file may not yet be locked."""
+
+
+def keep_private() -> None:
+    """Let no other account read this process' shared memory; called at once when it has joined the graph.
+
+    Fast DDS gives everybody leave to read it, whatever the umask is: boost sets 0644 once a file is made.
+    """
+    for link in Path("/proc/self/fd").iterdir():
+        with contextlib.suppress(OSError):  # closed meanwhile
+            lock = link.readlink()
+            if lock.parent == _FOLDER and lock.match(f"fastrtps_*{_LOCK}"):
+                lock.with_name(lock.name.removesuffix(_LOCK)).chmod(0o600)
+
+
+def remove_leftovers() -> None:
+    """Remove segments whose owner is gone (``fastdds shm clean`` does what is done here).
+
+    Ports stay: others write to them, and whoever takes one over tells them so; a port that is gone they would
+    miss only after a second.
+    """
+    for lock in _FOLDER.glob(f"fastrtps_*{_LOCK}"):
+        if "port" in lock.name:
+            continue
+        with contextlib.suppress(OSError), lock.open("r+b") as handle:  # else another user's, or gone
+            if time.time() - lock.stat().st_mtime > _YOUNG_S:
+                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)  # fails where the owner lives
+                lock.with_name(lock.name.removesuffix(_LOCK)).unlink(missing_ok=True)
+                lock.unlink(missing_ok=True)

@@ -1,0 +1,107 @@
+"""Decoders of the messages between the nodes: everybody on the same domain may send them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from decoders_messages import skeleton
+from depth_pose_msgs.msg import FittedArray, People, PoseMatchArray, SkeletonArray
+from harness import Decoder
+from rclpy.serialization import deserialize_message, serialize_message
+from sensor_msgs.msg import PointCloud2
+
+from depth_pose.core.camera import Camera
+from depth_pose.core.errors import DepthPoseError
+from depth_pose.core.types import Candidate, Fitted, FoundPerson, PoseMatch
+from depth_pose.people.person import see_people
+from depth_pose.ros.transport import conversions
+
+CAMERA = Camera(32, 24, 30.0, 30.0, 15.5, 11.5)
+
+
+def everybody() -> Any:
+    """Two people side by side."""
+    labels = np.zeros((24, 32), np.uint8)
+    labels[4:20, 3:12], labels[4:20, 18:28] = 1, 2
+    points = CAMERA.back_project(np.where(labels > 0, np.float32(2.0), np.float32(0.0)))
+    rng = np.random.default_rng(0)
+    found = [
+        FoundPerson(n, f"body_{n}", 0.9, rng.normal(size=(19, 3)).astype("f4"), rng.random(19).astype("f4"))
+        for n in (1, 2)
+    ]
+    return see_people(7, "optical", CAMERA, points, labels, found)
+
+
+PEOPLE = everybody()
+POINTS, FOUND = conversions.people_to_msgs(PEOPLE)
+
+
+def matches() -> list[bytes]:
+    """A match for each of them."""
+    one = Candidate(3, 1, np.array([1.0, 0.0, 0.0, 0.0]), np.array([0.0, 0.0, 2.0]), 0.1, 0.5)
+    of_all = [PoseMatch(f"body_{n}", "bank", 1.0, (one, one)) for n in (1, 2)]
+    return [serialize_message(conversions.matches_to_msg(of_all, PEOPLE))]
+
+
+def fitted() -> list[bytes]:
+    """A fitted body for each of them."""
+    return [
+        serialize_message(
+            conversions.fitted_to_msg(
+                [Fitted(replace(skeleton(n), body_id=f"body_{n}"), 0.5) for n in (1, 2)], PEOPLE
+            )
+        )
+    ]
+
+
+def skeletons() -> list[bytes]:
+    """Everybody's skeletons."""
+    return [serialize_message(conversions.skeletons_to_msg([skeleton(), skeleton(1)], 7, "optical"))]
+
+
+def _reader(kind: type, convert: Callable[[Any], object]) -> Callable[[bytes], object]:
+    """Read a message as nodes do: what is none of its type is counted where it is taken."""
+
+    def read(data: bytes) -> object:
+        try:
+            message = deserialize_message(data, kind)
+        except Exception as e:  # rclpy has no error of its own for it
+            raise DepthPoseError(str(e)) from e
+        answer = convert(message)
+        _check_finite(answer)
+        return answer
+
+    return read
+
+
+def _check_finite(answer: object) -> None:
+    """Refuse places that are none; what a node works with is finite."""
+    for one in answer if isinstance(answer, tuple) else ():
+        for name in ("positions", "quats_xyzw"):
+            values = getattr(getattr(one, "skeleton", one), name, np.zeros(1))
+            if not np.isfinite(values).all():
+                raise ArithmeticError(f"{name} are not finite")
+
+
+DECODERS = (
+    Decoder(
+        "node_points",
+        lambda: [serialize_message(POINTS)],
+        _reader(PointCloud2, lambda m: conversions.msgs_to_people(m, FOUND)),
+    ),
+    Decoder(
+        "node_people",
+        lambda: [serialize_message(FOUND)],
+        _reader(People, lambda m: conversions.msgs_to_people(POINTS, m)),
+    ),
+    Decoder("node_matches", matches, _reader(PoseMatchArray, conversions.msg_to_matches)),
+    Decoder("node_fitted", fitted, _reader(FittedArray, conversions.msg_to_fitted)),
+    Decoder(
+        "node_skeletons",
+        skeletons,
+        _reader(SkeletonArray, lambda m: tuple(map(conversions.msg_to_skeleton, m.skeletons))),
+    ),
+)
