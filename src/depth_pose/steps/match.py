@@ -34,6 +34,7 @@ from depth_pose.steps.placing import (
     place_exemplars,
 )
 from depth_pose.steps.proposed import ProposedExemplars
+from depth_pose.steps.resting import LastMatch
 from depth_pose.steps.scale import SCALES, ScaleFinder
 from depth_pose.steps.search import SubspaceSearch
 from depth_pose.steps.short_fits import TrialFits
@@ -114,10 +115,14 @@ class Matcher:
         self._proposed = ProposedExemplars(bank)
         self._fitter = ArticulatedFitter(bank.body, fit)
         self._sizes = PerPerson(lambda: _Size(ScaleFinder(self._fitter, config.score_band)))
+        self._last = PerPerson(self._new_match)
+        self._people = 0
 
     def reset(self) -> None:
         """Forget everybody's size."""
         self._sizes.reset()
+        self._last.reset()
+        self._people = 0
 
     def warm_up(self) -> None:
         """Compile every kernel."""
@@ -136,12 +141,27 @@ class Matcher:
             One for each person who is served (`Turns`).
         """
         self._sizes.begin(people.stamp_ns)
+        self._last.begin(people.stamp_ns)
         served = self.turns.take(people.persons)
         return tuple(self._match(person, self._sizes[person.body_id]) for person in served)
 
+    def _new_match(self) -> LastMatch:
+        """Begin with somebody new; people are searched for in turn."""
+        self._people += 1
+        return LastMatch(self.config.search_every, self._people)
+
     def _match(self, person: Person, size: _Size) -> PoseMatch:
-        """Find the exemplars nearest to one person."""
+        """Give the exemplars nearest to one person: searched for now, or carried along."""
         self._await_whole(person, size)
+        last = self._last[person.body_id]
+        if self._is_known(size.finder) and (carried := last.carried(person)) is not None:
+            return carried
+        match = self._search_for(person, size)
+        last.keep(person, match)
+        return match
+
+    def _search_for(self, person: Person, size: _Size) -> PoseMatch:
+        """Find the exemplars nearest to one person."""
         is_new = size.finder.frames == 0
         scale = self._scale(person, size.finder)
         rough = self._compare_roughly(person, scale, self.config.shortlist)
