@@ -24,6 +24,7 @@ from depth_pose.fit.rendered_depth import Observation
 from depth_pose.people.memory import PerPerson
 from depth_pose.people.person import People, Person, thin_image
 from depth_pose.people.turns import Turns
+from depth_pose.steps._match_kernels import keep_different
 from depth_pose.steps.cut_off import UprightExemplars, head_axes
 from depth_pose.steps.placing import (
     ExemplarRenderer,
@@ -255,13 +256,7 @@ class Matcher:
 
     def _keep_different(self, placed: Placed) -> tuple[Candidate, ...]:
         """Give the best few that are different poses."""
-        gaps = np.linalg.norm(placed.nodes[:, None] - placed.nodes, axis=3).mean(axis=2)
-        kept: list[int] = []
-        for k in range(len(gaps)):
-            if (gaps[k, kept] > _SAME_POSE_M).all():
-                kept.append(k)
-            if len(kept) == self.config.keep:
-                break
+        kept = keep_different(placed.nodes, _SAME_POSE_M, self.config.keep)
         quats = matrix_to_quat(placed.rotations[kept])
         return tuple(
             Candidate(
