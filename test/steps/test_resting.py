@@ -77,3 +77,26 @@ def test_a_reset_forgets_whose_turn_it_is(bank, people) -> None:
     told = [searches(matcher, people, 5)]
     matcher.reset()
     assert searches(matcher, people, 5) == told[0]
+
+
+def cut(people: People, is_cut: bool) -> People:
+    """The same people, with or without something that cuts them off below."""
+    return replace(people, persons=tuple(replace(p, is_cut_below=is_cut) for p in people.persons))
+
+
+def test_the_size_is_not_sought_anew_whenever_the_image_wavers(bank, people) -> None:
+    matcher = Matcher(bank, MatchConfig(scale_frames=3, search_every=1))
+    frames = []
+    for k in range(16):
+        matcher.match(cut(syn.restamped(people, k * 33_000_000), is_cut=k % 3 == 1))
+        frames.append(matcher._sizes["body_1"].finder.frames)
+    assert frames[2:] == [3] * 14
+
+
+def test_the_size_is_sought_anew_once_somebody_is_whole_for_good(bank, people) -> None:
+    matcher = Matcher(bank, MatchConfig(scale_frames=3, search_every=1))
+    frames = []
+    for k in range(12):
+        matcher.match(cut(syn.restamped(people, k * 33_000_000), is_cut=k < 4))
+        frames.append(matcher._sizes["body_1"].finder.frames)
+    assert frames == [1, 2, 3, 3, 3, 3, 3, 3, 1, 2, 3, 3]

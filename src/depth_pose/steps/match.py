@@ -54,6 +54,10 @@ _CORRECTED = 8
 _MORE = 1.2
 """How much more must be seen of a person who is cut off before their size is found again."""
 
+_WHOLE_FRAMES = 5
+"""Frames in a row in which a person who was cut off is whole before their size is found again: the finder's
+answer wavers from frame to frame where somebody stands behind furniture. Set by hand, not swept."""
+
 _NEARLY = 0.04
 """Best matches that face opposite ways and whose scores differ by less are told apart by fits."""
 
@@ -86,14 +90,17 @@ class _Size:
         Whether it was found while the image's border may have cut the person off.
     shown : float
         Most that was seen of them meanwhile: points times squared distance.
+    whole : int
+        Frames in a row in which nothing cut them off.
     """
 
     def __init__(self, finder: ScaleFinder) -> None:
-        self.finder, self.is_partial, self.shown = finder, False, 0.0
+        self.finder = finder
+        self.reset()
 
     def reset(self) -> None:
         self.finder.reset()
-        self.is_partial, self.shown = False, 0.0
+        self.is_partial, self.shown, self.whole = False, 0.0, 0
 
 
 class Matcher:
@@ -177,14 +184,18 @@ class Matcher:
 
     def _await_whole(self, person: Person, size: _Size) -> None:
         """Find the size of a person of whom a part is cut off or hidden anew, as more is seen of them."""
-        if person.is_cut_beside or person.is_cut_below:
-            size.is_partial = size.is_partial or not self._is_known(size.finder)
-            shown = len(person.points) * float(np.median(person.points[:, 2])) ** 2
-            if size.is_partial and shown > _MORE * size.shown:
-                size.finder.reset()
-                size.shown = shown
-        elif size.is_partial:
-            size.reset()
+        if not (person.is_cut_beside or person.is_cut_below):
+            size.whole += 1
+            if size.is_partial and size.whole >= _WHOLE_FRAMES:
+                size.reset()
+            return
+        size.whole = 0
+        shown = len(person.points) * float(np.median(person.points[:, 2])) ** 2
+        if size.is_partial and shown > _MORE * size.shown:
+            size.finder.reset()
+            size.shown = shown
+        elif not size.is_partial and not self._is_known(size.finder):
+            size.is_partial, size.shown = True, shown
 
     def _scale(self, person: Person, finder: ScaleFinder) -> float:
         """Give the person's size: as configured, or found over the frames so far."""
