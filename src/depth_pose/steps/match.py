@@ -123,14 +123,12 @@ class Matcher:
         self._proposed = ProposedExemplars(bank)
         self._fitter = ArticulatedFitter(bank.body, fit)
         self._sizes = PerPerson(lambda: _Size(ScaleFinder(self._fitter, config.score_band)))
-        self._last = PerPerson(self._new_match)
-        self._people = 0
+        self._last = PerPerson(lambda: LastMatch(config.search_every))
 
     def reset(self) -> None:
         """Forget everybody's size."""
         self._sizes.reset()
         self._last.reset()
-        self._people = 0
 
     def warm_up(self) -> None:
         """Compile every kernel."""
@@ -153,17 +151,14 @@ class Matcher:
         served = self.turns.take(people.persons)
         return tuple(self._match(person, self._sizes[person.body_id]) for person in served)
 
-    def _new_match(self) -> LastMatch:
-        """Begin with somebody new; people are searched for in turn."""
-        self._people += 1
-        return LastMatch(self.config.search_every, self._people)
-
     def _match(self, person: Person, size: _Size) -> PoseMatch:
         """Give the exemplars nearest to one person: searched for now, or carried along."""
         self._await_whole(person, size)
         last = self._last[person.body_id]
-        if self._is_known(size.finder) and (carried := last.carried(person)) is not None:
-            return carried
+        if self._is_known(size.finder):
+            carried = last.carried(person, self._scale(person, size.finder))
+            if carried is not None:
+                return carried
         match = self._search_for(person, size)
         last.keep(person, match)
         return match

@@ -22,23 +22,24 @@ class LastMatch:
     Parameters
     ----------
     every : int
-        Frames from one search to the next.
-    turn : int
-        The first rest is shorter by so many frames (modulo ``every``), so that people take turns.
+        Frames from one search to the next. The first rest may be shorter: people whose ids follow each other
+        take turns.
     """
 
-    def __init__(self, every: int, turn: int) -> None:
+    def __init__(self, every: int) -> None:
         self._every = every
-        self._age = turn % every
+        self._age = 0
         self._match: PoseMatch | None = None
         self._middle: NDArray[np.float64] = np.zeros(3)
 
-    def carried(self, person: Person) -> PoseMatch | None:
+    def carried(self, person: Person, scale: float) -> PoseMatch | None:
         """Give the last match, moved to where the person is; None where it is time to search.
 
         Parameters
         ----------
         person : Person
+        scale : float
+            Their size as it is known by now.
         """
         if self._match is None:
             return None
@@ -48,10 +49,12 @@ class LastMatch:
             return None
         shift = _middle(person) - self._middle
         candidates = (replace(c, translation=c.translation + shift) for c in self._match.candidates)
-        return replace(self._match, candidates=tuple(candidates))
+        return replace(self._match, scale=scale, candidates=tuple(candidates))
 
     def keep(self, person: Person, match: PoseMatch) -> None:
         """Keep what a search found."""
+        if self._match is None:
+            self._age = sum(person.body_id.encode()) % self._every
         self._match, self._middle = match, _middle(person)
 
 
