@@ -50,6 +50,7 @@ CONFIGS = {
     "no pose of the frame before": PipelineConfig(refine=RefineConfig(track=False)),
     "no recovery": PipelineConfig(recover=RecoverConfig(enabled=False)),
     "a quarter of the shortlist": PipelineConfig(match=MatchConfig(shortlist=32)),
+    "a search in every frame": PipelineConfig(match=MatchConfig(search_every=1)),
 }
 NO_SECOND_LOOK = "no second look at all"
 

@@ -71,7 +71,7 @@ def recordings(folder: Path, largest_width: int = 200) -> list[Path]:
 
 def find_scale(bank: Bank, people: list[People]) -> float:
     """Size that the matcher finds over its first frames."""
-    matcher = Matcher(bank, MatchConfig())
+    matcher = Matcher(bank, MatchConfig(search_every=1))
     scale = 1.0
     for frame in people[: MatchConfig().scale_frames]:
         for match in matcher.match(frame):

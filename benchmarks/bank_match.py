@@ -37,7 +37,7 @@ def measure(bank: Bank, recorded: list[Recording], shortlist: int) -> dict[str, 
     rows = []
     for number, recording in enumerate(recorded):
         scale = find_scale(bank, recording.people)
-        matcher = Matcher(bank, MatchConfig(scale=scale, shortlist=shortlist))
+        matcher = Matcher(bank, MatchConfig(scale=scale, shortlist=shortlist, search_every=1))
         for people, known in zip(recording.people, recording.joints, strict=True):
             start = time.thread_time()
             matches = matcher.match(people)

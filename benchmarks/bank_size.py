@@ -39,7 +39,7 @@ def measure(bank: Bank, recorded: list[Recording], scales: list[float]) -> list[
     refiner = Refiner(bank, RefineConfig(track=False), MatchConfig())
     rows = []
     for recording, scale in zip(recorded, scales, strict=True):
-        matcher = Matcher(bank, MatchConfig(scale=scale))
+        matcher = Matcher(bank, MatchConfig(scale=scale, search_every=1))
         for people, known in zip(recording.people, recording.joints, strict=True):
             start = time.thread_time()
             matches = matcher.match(people)

@@ -196,7 +196,10 @@ def compare_search(bank: Bank, made: list[Scene]) -> list[Peer]:
 def compare_fits(bank: Bank, made: list[Scene]) -> list[Peer]:
     """Fit from the matcher's best exemplar, articulated and rigid."""
     body, normals = bank.body, vertex_normals(bank.body)
-    extractor, matcher = PeopleExtractor(SegmentConfig(), DenoiseConfig()), Matcher(bank, MatchConfig())
+    extractor, matcher = (
+        PeopleExtractor(SegmentConfig(), DenoiseConfig()),
+        Matcher(bank, MatchConfig(search_every=1)),
+    )
     fitter, watches = SkinnedFitter(body, FittingConfig()), [_Stopwatch(), _Stopwatch()]
     usual = np.zeros(len(BUILD_NAMES), np.float32)
     errors: list[list[float]] = [[], [], []]

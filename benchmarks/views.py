@@ -76,7 +76,7 @@ def watch(body: Body, clip: Clip, place: Placement, folder: Path, step: int) -> 
 
 def measure(bank: Bank, recording: Recording, scale: float) -> Result:
     """Match and refine every frame by itself."""
-    matcher = Matcher(bank, MatchConfig(scale=scale))
+    matcher = Matcher(bank, MatchConfig(scale=scale, search_every=1))
     refiner = Refiner(bank, RefineConfig(track=False), MatchConfig())
     rows = []
     for people, known in zip(recording.people, recording.joints, strict=True):

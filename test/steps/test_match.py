@@ -18,7 +18,7 @@ from depth_pose.steps.placing import join
 
 @pytest.fixture(scope="module")
 def matcher(bank):
-    return Matcher(bank, MatchConfig(scale=1.0))
+    return Matcher(bank, MatchConfig(scale=1.0, search_every=1))
 
 
 def seen_as_in_the_bank(bank, exemplar, view, roll=0.0):

@@ -258,8 +258,14 @@ def test_carried_poses_are_compared_as_the_fits_were(run) -> None:
         for k in range(4):
             (seen,) = pipeline.process_frame(frame_of(k)).refined
         stage = Recoverer(the_bank(), RecoverConfig(), SmoothConfig(enabled=False), match)
-        carried = stage._carry(_Past(run[3].people.persons[0], seen), run[4].people.persons[0])
-        assert carried.score == pytest.approx(seen.score, abs=0.3 * seen.score)
+        past, person = _Past(run[3].people.persons[0], seen), run[4].people.persons[0]
+        as_it_was = stage._carry(past, person, 1.0)
+        registered = stage._carry(past, person, as_it_was.score - 0.01)  # nearly good enough: more is tried
+        assert (registered.skeleton.positions != as_it_was.skeleton.positions).any()
+        for carried in (as_it_was, registered):
+            assert carried.score == pytest.approx(seen.score, abs=0.3 * seen.score)
+        hopeless = stage._carry(past, person, as_it_was.score - 0.1)
+        assert (hopeless.skeleton.positions == as_it_was.skeleton.positions).all()
 
 
 def test_first_frame_is_given_even_if_doubtful_but_not_trusted(run) -> None:

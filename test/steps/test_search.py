@@ -67,3 +67,10 @@ def test_bounds_are_below_the_distances_and_rule_out_nearly_all():
     assert (bounds < np.sort(squares)[20]).mean() < 0.05
     blocks = [np.argmin(bounds[i : i + kernels.BLOCK]) + i for i in range(0, len(table), kernels.BLOCK)]
     np.testing.assert_array_equal(best, blocks)
+
+
+def test_the_least_of_each_row_come_in_order_and_of_equal_ones_the_first() -> None:
+    rng = np.random.default_rng(3)
+    rows = rng.integers(0, 200, (3, 500)).astype(np.float32)
+    least = kernels.least_of_rows(rows, 16)
+    np.testing.assert_array_equal(least, np.argsort(rows, axis=1, kind="stable")[:, :16])

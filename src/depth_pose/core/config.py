@@ -102,6 +102,12 @@ class MatchConfig(Checked):
         128, "Nearest exemplars in the subspace that are compared by rendered depth", low=1, high=4096
     )
     keep: int = option(3, "Candidates handed to the refinement", low=1, high=64)
+    search_every: int = option(
+        2,
+        "Frames from one search for a person's exemplars to the next, once their size is known",
+        low=1,
+        high=100,
+    )
     score_band: float = option(
         0.12, "Depth difference that counts as a full mismatch", unit="m", low=0.01, high=1.0
     )

@@ -94,7 +94,7 @@ def match_frames(
     """
     config = PipelineConfig()
     extractor = PeopleExtractor(config.segment, config.denoise)
-    matcher = Matcher(bank, MatchConfig(keep=candidates))
+    matcher = Matcher(bank, MatchConfig(keep=candidates, search_every=1))
     found = []
     for number, frame, shown in _near_chosen(DepthReader(recording, depth_topic), frames):
         people = extractor.extract(frame)

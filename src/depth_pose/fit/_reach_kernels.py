@@ -56,16 +56,21 @@ def reach(known, targets, count, out_samples, out_rotations):
     """
     samples, tips, rotations, first = known.samples, known.tips, known.rotations, known.first
     limbs = samples.shape[0]
-    gaps = np.empty(limbs)
+    gaps, nearest = np.empty(count), np.empty(count, np.int64)
     turn, upper, lower = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
     row = 0
     for p in range(targets.shape[0]):
         x, y, z = targets[p, 0], targets[p, 1], targets[p, 2]
+        gaps[:] = np.inf
         for k in range(limbs):
-            gaps[k] = (tips[0, k] - x) ** 2 + (tips[1, k] - y) ** 2 + (tips[2, k] - z) ** 2
-        for _ in range(count):
-            k = int(np.argmin(gaps))
-            gaps[k] = np.inf
+            gap = (tips[0, k] - x) ** 2 + (tips[1, k] - y) ** 2 + (tips[2, k] - z) ** 2
+            if gap < gaps[count - 1]:  # into the list, which is in ascending order
+                at = count - 1
+                while at > 0 and gaps[at - 1] > gap:
+                    gaps[at], nearest[at] = gaps[at - 1], nearest[at - 1]
+                    at -= 1
+                gaps[at], nearest[at] = gap, k
+        for k in nearest:
             limb = samples[k]
             start = 1.5 * limb[0] - 0.5 * limb[2]
             own_upper, own_lower = limb[2] - start, limb[5] - limb[2]

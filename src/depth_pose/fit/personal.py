@@ -111,8 +111,10 @@ class BuildEvidence:
         kernels.add_up(target, articulation, self._shapes, own, settings, self._sigma, nodes, sums)
         sums.motion[:, :, 7 + _FOOT] = sums.build[1 + _FOOT] = sums.build[:, 1 + _FOOT] = 0.0
         motions = _segment_motions(articulation.free, nodes - pose.root)
-        joint = np.einsum("nip,nij->pj", motions, sums.motion[:, :, 6:])
-        inertia = np.einsum("nip,nij,njq->pq", motions, sums.motion[:, :, :6], motions, optimize=True)
+        moved = (sums.motion[:, :, :6].transpose(0, 2, 1) @ motions).reshape(-1, motions.shape[2])
+        rows = motions.reshape(moved.shape)
+        joint = rows.T @ sums.motion[:, :, 6:].reshape(len(rows), -1)
+        inertia = rows.T @ moved
         hold = np.full(len(inertia), settings.damping)
         hold[3:] += settings.prior * np.repeat(articulation.stiffness, 3)
         inertia[np.diag_indices_from(inertia)] += len(target.points) / USUAL_POINTS * hold

@@ -29,24 +29,23 @@ def reduce_depth(depth, stride, jump, near, far):
     near, far, jump = np.float32(near), np.float32(far), np.float32(jump)
     out = np.zeros((rows, cols), np.float32)
     columns = np.empty((4, cols * stride), np.float32)  # count, sum, least, greatest
+    blocks = np.empty((4, cols), np.float32)
     mixed, counts = np.empty(cols, np.int64), np.empty(cols, np.int64)
     values, means = np.empty((stride * stride, cols), np.float32), np.empty(cols, np.float32)
     for i in range(rows):
         part = depth[i * stride : (i + 1) * stride]
         sum_columns(part, near, far, columns)
+        if stride == 2:  # as most are: with a number that is known the loop is vectorised
+            sum_blocks(columns, 2, blocks)
+        else:
+            sum_blocks(columns, stride, blocks)
+        mean_blocks(blocks, np.float32(0.5 * stride * stride), out[i])
         found = 0
         for j in range(cols):
-            n, total, least, most = np.float32(0.0), np.float32(0.0), np.float32(np.inf), np.float32(0.0)
-            for b in range(j * stride, (j + 1) * stride):
-                n += columns[0, b]
-                total += columns[1, b]
-                least, most = min(least, columns[2, b]), max(most, columns[3, b])
-            if 2 * n < stride * stride or n == 0:
-                continue
-            out[i, j] = total / n
-            if most - least > jump:  # more than one surface
-                mixed[found], counts[found] = j, int(n)
-                found += 1
+            mixed[found], counts[found] = j, int(blocks[0, j])
+            found += (blocks[3, j] - blocks[2, j] > jump) & (out[i, j] > 0)  # more than one surface
+        if found == 0:
+            continue
         for a in range(stride):
             for b in range(stride):
                 row, here = part[a], values[a * stride + b]
@@ -58,6 +57,28 @@ def reduce_depth(depth, stride, jump, near, far):
         for k in range(found):
             out[i, mixed[k]] = means[k]
     return out
+
+
+@njit(cache=True, inline="always")
+def sum_blocks(columns, stride, out):
+    """Count, sum, least and greatest depth of each ``stride`` columns of (4, w), into ``out`` (4, cols)."""
+    count, total, least, most = out[0], out[1], out[2], out[3]
+    for j in range(out.shape[1]):
+        n, s, low, high = np.float32(0.0), np.float32(0.0), np.float32(np.inf), np.float32(0.0)
+        for b in range(stride):
+            n += columns[0, j * stride + b]
+            s += columns[1, j * stride + b]
+            low, high = min(low, columns[2, j * stride + b]), max(high, columns[3, j * stride + b])
+        count[j], total[j], least[j], most[j] = n, s, low, high
+
+
+@njit(cache=True)
+def mean_blocks(blocks, fewest, out):
+    """Mean of each block with at least ``fewest`` valid pixels, which is above 0; 0 of the others."""
+    count, total = blocks[0], blocks[1]
+    for j in range(out.shape[0]):
+        mean = total[j] / max(count[j], np.float32(1.0))
+        out[j] = mean if count[j] >= fewest else np.float32(0.0)
 
 
 @njit(cache=True)

@@ -45,3 +45,27 @@ def score(placed, pose_quats, body, scale, observed, band):
         skin(body, turned, placed.translations[k], scale, vertices, placed.nodes[k])
         score_mesh(vertices, body.faces, observed, band, zbuffer, sums)
         placed.scores[k], placed.shifts[k] = sums[0], sums[2:]
+
+
+@njit(cache=True)
+def keep_different(nodes, apart, most):
+    """Give the first ``most`` poses, nodes (K, 21, 3), that are farther than ``apart`` from those before.
+
+    The distance of two poses is the mean distance of their nodes, metres.
+    """
+    kept, count = np.empty(most, np.int64), 0
+    for k in range(nodes.shape[0]):
+        is_new = True
+        for other in kept[:count]:
+            total = 0.0
+            for n in range(nodes.shape[1]):
+                x, y = nodes[k, n, 0] - nodes[other, n, 0], nodes[k, n, 1] - nodes[other, n, 1]
+                z = nodes[k, n, 2] - nodes[other, n, 2]
+                total += np.sqrt(x * x + y * y + z * z)
+            is_new &= total > apart * nodes.shape[1]
+        if is_new:
+            kept[count] = k
+            count += 1
+        if count == most:
+            break
+    return kept[:count]

@@ -60,6 +60,21 @@ def joint_distances(squares, local, weights, pulls, out):
                     total[i] += w * square[i] - (a * x[i] + b * y[i] + c * z[i])
 
 
+@njit(cache=True)
+def least_of_rows(values, count):
+    """Numbers (R, count) of the least of each row of (R, N), ascending; of equal ones the first."""
+    out, kept = np.empty((values.shape[0], count), np.int64), np.empty(count, values.dtype)
+    for r in range(values.shape[0]):
+        kept[:] = np.inf
+        out[r] = -1
+        filled = 0
+        for i in range(values.shape[1]):
+            if filled < count or values[r, i] < kept[count - 1]:
+                insert(values[r, i], i, kept, out[r], filled)
+                filled = min(filled + 1, count)
+    return out
+
+
 @njit(cache=True, fastmath=True, forceinline=True)
 def squared_distance(entry, gamma):
     """Squared distance in all dimensions."""

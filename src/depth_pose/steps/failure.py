@@ -13,14 +13,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.body.angles import ANGLES, HANG, angles_from_rotations
+from depth_pose.body.angles import ANGLES, HANG
 from depth_pose.body.body import Body
-from depth_pose.body.limits import violation
 from depth_pose.core.config import RecoverConfig
 from depth_pose.core.rotations import rotation_y
 from depth_pose.core.skeleton import BONES, JOINT_NODES, JOINTS, NODE_INDEX
 from depth_pose.core.types import Fitted, Skeleton
 from depth_pose.fit.skeleton_pose import pose_from_skeleton
+from depth_pose.steps import _failure_kernels as kernels
 
 KINDS: tuple[str, ...] = (
     "no_pose",
@@ -41,15 +41,8 @@ _UNKNOWN_PERSON = 2.0
 _LEAST_CHANGE_M = 0.06
 """A bone that changes by less is no failure, however short it is."""
 
-_JUDGED = np.array(
-    [
-        any(part in name for part in ("spine", "chest", "shoulder_", "elbow", "hip_", "knee"))
-        and "shoulder_twist" not in name
-        for name in ANGLES
-    ]
-)
-"""Angles that show a failure; hands, feet, head and the arms' twist are seen too poorly to tell."""
-
+_HANGS = tuple(np.stack([HANG[n] for n in names]) for names in (("shoulder", "elbow"), ("hip", "knee")))
+"""Rotations from rest to hanging of a left arm's and a left leg's upper and lower segment, (2, 3, 3) each."""
 
 _BENT = 0.5
 """Sine of the bend from which on elbow and knee tell the twist of the segment above."""
@@ -193,4 +186,11 @@ def limit_excess(body: Body, skeleton: Skeleton) -> NDArray[np.float64]:
         x, _, z = frame.T @ rotations[lower] @ (bone / np.linalg.norm(bone)) * forward
         if np.hypot(x, z) > _BENT:
             rotations[upper] = frame @ rotation_y(np.arctan2(x, z)) @ rest_to_hanging
-    return np.where(_JUDGED, violation(angles_from_rotations(rotations)), 0.0)
+    return excess_of(rotations)
+
+
+def excess_of(rotations: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Give how far each judged angle of (21, 3, 3) against the pelvis is beyond its limit, degrees, (47,)."""
+    excess = np.empty(len(ANGLES))
+    kernels.limit_excess(np.ascontiguousarray(rotations), *_HANGS, excess)
+    return excess

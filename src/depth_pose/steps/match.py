@@ -24,6 +24,7 @@ from depth_pose.fit.rendered_depth import Observation
 from depth_pose.people.memory import PerPerson
 from depth_pose.people.person import People, Person, thin_image
 from depth_pose.people.turns import Turns
+from depth_pose.steps._match_kernels import keep_different
 from depth_pose.steps.cut_off import UprightExemplars, head_axes
 from depth_pose.steps.placing import (
     ExemplarRenderer,
@@ -34,6 +35,7 @@ from depth_pose.steps.placing import (
     place_exemplars,
 )
 from depth_pose.steps.proposed import ProposedExemplars
+from depth_pose.steps.resting import LastMatch
 from depth_pose.steps.scale import SCALES, ScaleFinder
 from depth_pose.steps.search import SubspaceSearch
 from depth_pose.steps.short_fits import TrialFits
@@ -51,6 +53,10 @@ _CORRECTED = 8
 
 _MORE = 1.2
 """How much more must be seen of a person who is cut off before their size is found again."""
+
+_WHOLE_FRAMES = 5
+"""Frames in a row in which a person who was cut off is whole before their size is found again: the finder's
+answer wavers from frame to frame where somebody stands behind furniture. Set by hand, not swept."""
 
 _NEARLY = 0.04
 """Best matches that face opposite ways and whose scores differ by less are told apart by fits."""
@@ -84,14 +90,17 @@ class _Size:
         Whether it was found while the image's border may have cut the person off.
     shown : float
         Most that was seen of them meanwhile: points times squared distance.
+    whole : int
+        Frames in a row in which nothing cut them off.
     """
 
     def __init__(self, finder: ScaleFinder) -> None:
-        self.finder, self.is_partial, self.shown = finder, False, 0.0
+        self.finder = finder
+        self.reset()
 
     def reset(self) -> None:
         self.finder.reset()
-        self.is_partial, self.shown = False, 0.0
+        self.is_partial, self.shown, self.whole = False, 0.0, 0
 
 
 class Matcher:
@@ -114,10 +123,12 @@ class Matcher:
         self._proposed = ProposedExemplars(bank)
         self._fitter = ArticulatedFitter(bank.body, fit)
         self._sizes = PerPerson(lambda: _Size(ScaleFinder(self._fitter, config.score_band)))
+        self._last = PerPerson(lambda: LastMatch(config.search_every))
 
     def reset(self) -> None:
         """Forget everybody's size."""
         self._sizes.reset()
+        self._last.reset()
 
     def warm_up(self) -> None:
         """Compile every kernel."""
@@ -136,12 +147,24 @@ class Matcher:
             One for each person who is served (`Turns`).
         """
         self._sizes.begin(people.stamp_ns)
+        self._last.begin(people.stamp_ns)
         served = self.turns.take(people.persons)
         return tuple(self._match(person, self._sizes[person.body_id]) for person in served)
 
     def _match(self, person: Person, size: _Size) -> PoseMatch:
-        """Find the exemplars nearest to one person."""
+        """Give the exemplars nearest to one person: searched for now, or carried along."""
         self._await_whole(person, size)
+        last = self._last[person.body_id]
+        if self._is_known(size.finder):
+            carried = last.carried(person, self._scale(person, size.finder))
+            if carried is not None:
+                return carried
+        match = self._search_for(person, size)
+        last.keep(person, match)
+        return match
+
+    def _search_for(self, person: Person, size: _Size) -> PoseMatch:
+        """Find the exemplars nearest to one person."""
         is_new = size.finder.frames == 0
         scale = self._scale(person, size.finder)
         rough = self._compare_roughly(person, scale, self.config.shortlist)
@@ -156,14 +179,18 @@ class Matcher:
 
     def _await_whole(self, person: Person, size: _Size) -> None:
         """Find the size of a person of whom a part is cut off or hidden anew, as more is seen of them."""
-        if person.is_cut_beside or person.is_cut_below:
-            size.is_partial = size.is_partial or not self._is_known(size.finder)
-            shown = len(person.points) * float(np.median(person.points[:, 2])) ** 2
-            if size.is_partial and shown > _MORE * size.shown:
-                size.finder.reset()
-                size.shown = shown
-        elif size.is_partial:
-            size.reset()
+        if not (person.is_cut_beside or person.is_cut_below):
+            size.whole += 1
+            if size.is_partial and size.whole >= _WHOLE_FRAMES:
+                size.reset()
+            return
+        size.whole = 0
+        shown = len(person.points) * float(np.median(person.points[:, 2])) ** 2
+        if size.is_partial and shown > _MORE * size.shown:
+            size.finder.reset()
+            size.shown = shown
+        elif not size.is_partial and not self._is_known(size.finder):
+            size.is_partial, size.shown = True, shown
 
     def _scale(self, person: Person, finder: ScaleFinder) -> float:
         """Give the person's size: as configured, or found over the frames so far."""
@@ -235,13 +262,7 @@ class Matcher:
 
     def _keep_different(self, placed: Placed) -> tuple[Candidate, ...]:
         """Give the best few that are different poses."""
-        gaps = np.linalg.norm(placed.nodes[:, None] - placed.nodes, axis=3).mean(axis=2)
-        kept: list[int] = []
-        for k in range(len(gaps)):
-            if (gaps[k, kept] > _SAME_POSE_M).all():
-                kept.append(k)
-            if len(kept) == self.config.keep:
-                break
+        kept = keep_different(placed.nodes, _SAME_POSE_M, self.config.keep)
         quats = matrix_to_quat(placed.rotations[kept])
         return tuple(
             Candidate(

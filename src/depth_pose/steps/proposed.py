@@ -83,7 +83,7 @@ class ProposedExemplars:
         distance = np.empty((2, self._local.shape[1]), np.float32)
         kernels.joint_distances(self._squares, self._local, weights.astype(np.float32), pulls, distance)
         count = min(_LAID, distance.shape[1])
-        return np.argpartition(distance, count - 1, axis=1)[:, :count]
+        return np.asarray(kernels.least_of_rows(distance, count))
 
 
 def _both(values: NDArray[np.float64]) -> NDArray[np.float64]:
