@@ -187,7 +187,7 @@ def may_start(flat, at):
 
 @njit(cache=True)
 def follow_surface(flat, start, camera, limits):
-    """Follow what is nobody's from a pixel; give the number of pixels in the queue, negative if it is no limb.
+    """Follow what is nobody's from a pixel; give how many pixels are in the queue, negative if it is no limb.
 
     No limb is what is larger than ``limits.area``, wider than ``limits.width``, or meets what is no limb.
     """

@@ -175,7 +175,7 @@ def assign_votes(flat, votes, modes, reach, labels, owner):
 
 @njit(cache=True)
 def claim_pixels(image, mask, torso, least, torsos, reach):
-    """Say of every pixel with a mask logit of at least ``least`` whose torso it votes for, (ROWS, COLS) uint8.
+    """Say whose torso each pixel with a mask logit of ``least`` or more votes for, (ROWS, COLS) uint8.
 
     From 1, in the order of ``torsos`` (P, 3); 0 where the vote lies farther than ``reach`` from all of them.
     """

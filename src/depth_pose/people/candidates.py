@@ -81,7 +81,7 @@ metres, is an arm and a half, seen from the side; by hand, the chance of .02, .0
 clips. Without, three people who walk about were 68 mm off instead of 40."""
 
 _APART = _LIMB | {"chance": 0.5}
-"""What touches nobody, most of which votes for somebody's torso, is theirs as well (a share in place of a chance).
+"""What touches nobody and mostly votes for somebody's torso is theirs as well (a share in place of a chance).
 
 Shanks below a desk: 88.8 to 46.6 mm on that clip. With .7 it is 51.8; in 1200 simulated rooms there is hardly
 any such surface, right or wrong (docs/people_finder.md)."""

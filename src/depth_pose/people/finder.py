@@ -43,7 +43,7 @@ _LEAST_PIXELS = 12
 _CLAIM_LOGIT, _CLAIM_M = -2.0, 0.17
 """From a probability of .12 on, what votes for a place so near to somebody's torso, metres, may be theirs.
 
-Shanks below a desk, which the net gives .24, vote for .09 to .14 m beside the torso, a chair's parts for .22."""
+Shanks below a desk, to which the net gives .24, vote for .09 to .14 m beside the torso, chairs for .22."""
 
 _CONTACT, _LEAST_CONTACT = 18, 0.3
 """Measure of how much a cluster touches its neighbour, and how much makes it a part of them."""
