@@ -16,7 +16,8 @@ share of frames whose mean error is below 10 cm.
 
 With ``--rooms`` several people go about in furnished rooms (``depth-pose simulate --room``). Prints the
 figures of a skeleton's confidence: the chance that those of its joints that are seen are within 10 cm, on
-average, of those of somebody who is there. It is fitted to every other clip, of rooms and of one person each, and checked on the rest.
+average, of those of somebody who is there. It is fitted to every other clip, of rooms and of one person each,
+and checked on the rest.
 """
 
 from __future__ import annotations
@@ -159,9 +160,10 @@ def measure(pipeline: PosePipeline, path: Path) -> Answers:
         signs = look_at_joints(skeleton.positions, skeleton.scale, person).signs
         score = np.full((len(JOINTS), 1), fitted.score)
         design = np.concatenate([kinds, signs, score], axis=1)
+        of_seen = error[joints_that_count(skeleton.joint_states)].mean()
         rows.append(
-            (error < RIGHT_M, skeleton.joint_confidence, design,
-             error[joints_that_count(skeleton.joint_states)].mean() < RIGHT_M, skeleton.confidence, skeleton.source == Source.RECOVERED, skeleton.joint_states)
+            (error < RIGHT_M, skeleton.joint_confidence, design, of_seen < RIGHT_M,
+             skeleton.confidence, skeleton.source == Source.RECOVERED, skeleton.joint_states)
         )  # fmt: skip
     return Answers(*(np.array(column) for column in zip(*rows, strict=True))) if rows else _nothing()
 
