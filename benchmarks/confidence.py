@@ -15,8 +15,9 @@ against the share that is right, as the package states it now; and the skeletons
 share of frames whose mean error is below 10 cm.
 
 With ``--rooms`` several people go about in furnished rooms (``depth-pose simulate --room``). Prints the
-figures of a skeleton's confidence: the chance that its joints are within 10 cm, on average, of somebody who
-is there. It is fitted to every other clip, of rooms and of one person each, and checked on the rest.
+figures of a skeleton's confidence: the chance that those of its joints that are seen are within 10 cm, on
+average, of those of somebody who is there. It is fitted to every other clip, of rooms and of one person each,
+and checked on the rest.
 """
 
 from __future__ import annotations
@@ -46,7 +47,15 @@ from depth_pose.sim.config import Person, Placement, Room
 from depth_pose.sim.motion import load_motion
 from depth_pose.sim.sensor import SENSORS
 from depth_pose.sim.simulate import Stage, simulate
-from depth_pose.steps.confidence import KINDS, SCORE, SIGNS, SKELETON_SIGNS, look_at_joints, skeleton_signs
+from depth_pose.steps.confidence import (
+    KINDS,
+    SCORE,
+    SIGNS,
+    SKELETON_SIGNS,
+    joints_that_count,
+    look_at_joints,
+    skeleton_signs,
+)
 
 RIGHT_M = 0.1
 NOBODY_M = 0.4
@@ -75,7 +84,7 @@ class Answers:
     design : (F, 19, 23)
         What the confidence is made from: kind of joint, signs, score.
     frame_right, frame_stated : (F,)
-        Mean error below 10 cm; the skeleton's confidence.
+        Mean error of the joints seen below 10 cm; the skeleton's confidence.
     recovered : (F,) bool
     states : (F, 19) uint8
         `depth_pose.core.skeleton.JointState`.
@@ -151,8 +160,9 @@ def measure(pipeline: PosePipeline, path: Path) -> Answers:
         signs = look_at_joints(skeleton.positions, skeleton.scale, person).signs
         score = np.full((len(JOINTS), 1), fitted.score)
         design = np.concatenate([kinds, signs, score], axis=1)
+        of_seen = error[joints_that_count(skeleton.joint_states)].mean()
         rows.append(
-            (error < RIGHT_M, skeleton.joint_confidence, design, error.mean() < RIGHT_M,
+            (error < RIGHT_M, skeleton.joint_confidence, design, of_seen < RIGHT_M,
              skeleton.confidence, skeleton.source == Source.RECOVERED, skeleton.joint_states)
         )  # fmt: skip
     return Answers(*(np.array(column) for column in zip(*rows, strict=True))) if rows else _nothing()
@@ -168,7 +178,7 @@ class RoomAnswers:
         `depth_pose.steps.confidence.skeleton_signs`.
     stated : (S,)
     right : (S,) bool
-        Mean error to somebody who is there below 10 cm.
+        Mean error, of the joints seen, to somebody who is there below 10 cm.
     nobody : (S,) bool
         Farther than 40 cm, on average, from everybody.
     clip : (S,) int
@@ -206,7 +216,8 @@ def _rows(
     pipeline.reset()
     for frame, known in zip(frames, joints, strict=True):
         for skeleton, signs in _with_signs(pipeline.process_frame(frame)):
-            error = np.linalg.norm(skeleton.positions - known, axis=2).mean(axis=1).min(initial=np.inf)
+            errors = np.linalg.norm(skeleton.positions - known, axis=2)
+            error = errors[:, joints_that_count(skeleton.joint_states)].mean(axis=1).min(initial=np.inf)
             yield signs, skeleton.confidence, error < RIGHT_M, error > NOBODY_M, clip
 
 
@@ -336,7 +347,7 @@ def draw(measured: dict[str, Answers], path: Path) -> None:
     for column, (title, stated, right) in enumerate(
         (
             ("joints: within 10 cm", "stated", "right"),
-            ("skeletons: mean error below 10 cm", "frame_stated", "frame_right"),
+            ("skeletons: mean error of what is seen below 10 cm", "frame_stated", "frame_right"),
         )
     ):
         top, bottom = axes[:, column]

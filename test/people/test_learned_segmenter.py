@@ -10,7 +10,7 @@ import pytest
 from crowd import CAMERA, person, seen
 from depth_pose.core.config import SegmentConfig
 from depth_pose.core.types import PERSON
-from depth_pose.people._border_kernels import LimbLimits, attach_limbs
+from depth_pose.people._border_kernels import LimbLimits, attach_apart, attach_limbs
 from depth_pose.people.learned_segmenter import LearnedSegmenter
 
 JUMP_M = SegmentConfig().depth_jump
@@ -94,3 +94,26 @@ def test_what_is_broad_or_unlikely_is_not_taken() -> None:
     np.testing.assert_array_equal(take_ends(depth, people, chance=0.01), people)
     depth[50:80, 20:40] = 2.0  # 0.35 m by 0.24 m
     np.testing.assert_array_equal(take_ends(depth, people), people)
+
+
+def test_what_is_apart_is_taken_if_most_of_it_votes_for_somebody() -> None:
+    """A shank below a desk; not what touches somebody, is large, or is another's."""
+    limits = LIMITS._replace(chance=0.5)
+    depth = bar(40, 80)
+    people = np.zeros(depth.shape, np.uint8)
+    people[20:40, 40:80] = 2
+
+    def taken(depth, votes, whose=2):
+        labels, claims = people.copy(), np.zeros(people.shape, np.uint8)
+        claims[60:68, 40 : 40 + votes] = whose
+        attach_apart(depth, labels, claims, CAMERA, limits)
+        np.testing.assert_array_equal(labels[:50], people[:50])
+        return labels[60:68, 40:80]
+
+    assert (taken(depth, 30) == 2).all()
+    assert (taken(depth, 30, whose=1) == 1).all()
+    assert not taken(depth, 10).any()
+    assert not taken(depth, 0).any()
+    assert not taken(np.minimum(depth, bar(0, 160)), 30).any()
+    depth[20:60, 60:70] = 2.0  # goes on from somebody: `attach_limbs` has judged it
+    assert not taken(depth, 30).any()

@@ -8,7 +8,7 @@ from depth_pose.core.camera import Camera
 from depth_pose.core.types import DepthFrame
 from depth_pose.people import _outline_kernels as kernels
 from depth_pose.people.finder import reduce_frame
-from depth_pose.people.outline import carry_people, spread_chance
+from depth_pose.people.outline import carry_people, spread
 
 CAMERA = Camera(176, 144, 160.0, 160.0, 87.5, 71.5)
 
@@ -51,12 +51,12 @@ def test_pixels_inside_people_need_no_weighing():
 
 def test_chance_comes_from_the_nearest_net_pixel():
     _, _, image, _, chance = two_discs()
-    spread = spread_chance(chance, image, CAMERA)
-    assert spread.shape == (144, 176)
+    wide = spread(chance, image, CAMERA)
+    assert wide.shape == (144, 176)
     for i, j in ((0, 0), (70, 90), (143, 175), (20, 133)):
         u = (j - CAMERA.cx) / CAMERA.fx * image.camera.fx + image.camera.cx
         v = (i - CAMERA.cy) / CAMERA.fy * image.camera.fy + image.camera.cy
-        assert spread[i, j] == chance[min(round(v), image.rows - 1), min(round(u), image.cols - 1)]
+        assert wide[i, j] == chance[min(round(v), image.rows - 1), min(round(u), image.cols - 1)]
 
 
 def test_labels_grow_along_a_surface_and_not_over_an_edge():

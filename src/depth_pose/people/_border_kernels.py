@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -108,6 +108,24 @@ class LimbLimits(NamedTuple):
     chance: float
 
 
+class Surfaces(NamedTuple):
+    """Flat images in which surfaces are followed, all (h * w,).
+
+    Attributes
+    ----------
+    depth, labels : float32, uint8
+    seen : uint8
+        1: on the present surface, 2: on one that is nobody's limb.
+    queue : int64
+        Pixels of the present surface.
+    """
+
+    depth: Any
+    labels: Any
+    seen: Any
+    queue: Any
+
+
 @njit(cache=True)
 def attach_limbs(depth, labels, chance, camera, limits):
     """Give people the small surfaces that go on from theirs: limbs that the net took for something else.
@@ -116,52 +134,104 @@ def attach_limbs(depth, labels, chance, camera, limits):
     in ``depth``, in which floor and walls are 0. A surface of less than ``limits.area`` square metres and
     of a limb's width and chance is theirs; all else is furniture and stays nobody's.
     """
-    rows, cols = depth.shape
-    size = rows * cols
-    seen = np.zeros(size, np.uint8)  # 1: on the present surface, 2: on one that is too large
-    is_beside = beside_anybody(labels).ravel()
-    flat_depth, flat, flat_chance = depth.ravel(), labels.ravel(), chance.ravel()
-    queue = np.empty(size, np.int64)
-    pixel = 1.0 / (camera.fx * camera.fy)
-    for start in range(size):
-        if not is_beside[start] or flat[start] != BACKGROUND or flat_depth[start] <= 0.0 or seen[start] != 0:
+    flat = flat_surfaces(depth, labels)
+    is_beside, flat_chance, cols = beside_anybody(labels).ravel(), chance.ravel(), depth.shape[1]
+    for start in range(flat.seen.size):
+        if not is_beside[start] or not may_start(flat, start):
             continue
-        owner = beside_person(flat_depth, flat, start, cols, limits.jump)
+        owner = beside_person(flat.depth, flat.labels, start, cols, limits.jump)
         if owner == BACKGROUND:
             continue
-        queue[0], seen[start] = start, 1
-        first, last, area, total = 0, 1, 0.0, 0.0
-        is_small = True
-        while first < last and is_small:
-            at = queue[first]
-            first += 1
-            area += flat_depth[at] * flat_depth[at] * pixel
-            total += flat_chance[at]
-            is_small = area <= limits.area
-            i, j = at // cols, at % cols
-            for a in range(max(0, i - 1), min(rows, i + 2)):
-                for b in range(max(0, j - 1), min(cols, j + 2)):
-                    k = a * cols + b
-                    if flat[k] != BACKGROUND or flat_depth[k] <= 0.0 or seen[k] == 1:
-                        continue
-                    if abs(flat_depth[k] - flat_depth[at]) > limits.jump:
-                        continue
-                    if seen[k] == 2:
-                        is_small = False
-                    else:
-                        queue[last], seen[k] = k, 1
-                        last += 1
-        far, i, j = 0.0, start // cols, start % cols
-        for n in range(last):
-            across = (queue[n] % cols - j) / camera.fx
-            along = (queue[n] // cols - i) / camera.fy
-            far = max(far, flat_depth[queue[n]] * np.sqrt(across * across + along * along))
-        is_thin = area <= limits.width * (far + limits.width)
-        is_theirs = is_small and is_thin and total >= limits.chance * last
-        for n in range(last):
-            if is_theirs:
-                flat[queue[n]] = owner
-            seen[queue[n]] = 0 if is_theirs else 2
+        count = follow_surface(flat, start, camera, limits)
+        total = 0.0
+        for n in range(count):
+            total += flat_chance[flat.queue[n]]
+        settle_surface(flat, count, owner if count > 0 and total >= limits.chance * count else BACKGROUND)
+
+
+@njit(cache=True)
+def attach_apart(depth, labels, claims, camera, limits):
+    """Give people the small surfaces by themselves that vote for them: shanks below a desk.
+
+    As `attach_limbs`, but for surfaces that touch nobody. ``claims`` (h, w) says for whose torso a pixel
+    votes, 0 for nobody's; ``limits.chance`` is the least share of a surface that votes for one.
+    """
+    flat = flat_surfaces(depth, labels)
+    votes, cols = claims.ravel(), depth.shape[1]
+    for start in range(flat.seen.size):
+        owner = votes[start]
+        if owner == 0 or not may_start(flat, start):
+            continue
+        count = follow_surface(flat, start, camera, limits)
+        total, is_apart = 0, True
+        for n in range(count):
+            at = flat.queue[n]
+            total += votes[at] == owner
+            is_apart &= beside_person(flat.depth, flat.labels, at, cols, limits.jump) == BACKGROUND
+        is_theirs = count > 0 and is_apart and total >= limits.chance * count
+        settle_surface(flat, count, owner if is_theirs else BACKGROUND)
+
+
+@njit(cache=True)
+def flat_surfaces(depth, labels):
+    """Begin to follow surfaces; ``labels`` (contiguous) are written through."""
+    size = depth.size
+    return Surfaces(depth.ravel(), labels.ravel(), np.zeros(size, np.uint8), np.empty(size, np.int64))
+
+
+@njit(cache=True)
+def may_start(flat, at):
+    """Whether a pixel is nobody's, has a depth, and was not followed."""
+    return flat.labels[at] == BACKGROUND and flat.depth[at] > 0.0 and flat.seen[at] == 0
+
+
+@njit(cache=True)
+def follow_surface(flat, start, camera, limits):
+    """Follow what is nobody's from a pixel; give how many pixels are in the queue, negative if it is no limb.
+
+    No limb is what is larger than ``limits.area``, wider than ``limits.width``, or meets what is no limb.
+    """
+    rows, cols = camera.height, camera.width
+    pixel = 1.0 / (camera.fx * camera.fy)
+    queue, seen = flat.queue, flat.seen
+    queue[0], seen[start] = start, 1
+    first, last, area = 0, 1, 0.0
+    is_small = True
+    while first < last and is_small:
+        at = queue[first]
+        first += 1
+        area += flat.depth[at] * flat.depth[at] * pixel
+        is_small = area <= limits.area
+        i, j = at // cols, at % cols
+        for a in range(max(0, i - 1), min(rows, i + 2)):
+            for b in range(max(0, j - 1), min(cols, j + 2)):
+                k = a * cols + b
+                if flat.labels[k] != BACKGROUND or flat.depth[k] <= 0.0 or seen[k] == 1:
+                    continue
+                if abs(flat.depth[k] - flat.depth[at]) > limits.jump:
+                    continue
+                if seen[k] == 2:
+                    is_small = False
+                else:
+                    queue[last], seen[k] = k, 1
+                    last += 1
+    far, i, j = 0.0, start // cols, start % cols
+    for n in range(last):
+        across = (queue[n] % cols - j) / camera.fx
+        along = (queue[n] // cols - i) / camera.fy
+        far = max(far, flat.depth[queue[n]] * np.sqrt(across * across + along * along))
+    is_thin = area <= limits.width * (far + limits.width)
+    return last if is_small and is_thin else -last
+
+
+@njit(cache=True)
+def settle_surface(flat, count, owner):
+    """Give the surface that was followed to somebody, or leave it as nobody's (`BACKGROUND`)."""
+    for n in range(abs(count)):
+        at = flat.queue[n]
+        if owner != BACKGROUND:
+            flat.labels[at] = owner
+        flat.seen[at] = 0 if owner != BACKGROUND else 2
 
 
 @njit(cache=True)

@@ -171,3 +171,28 @@ def assign_votes(flat, votes, modes, reach, labels, owner):
             if d < best:
                 best, owner[k] = d, m + 1
         labels[flat[k] // COLS, flat[k] % COLS] = owner[k]
+
+
+@njit(cache=True)
+def claim_pixels(image, mask, torso, least, torsos, reach):
+    """Say whose torso each pixel with a mask logit of ``least`` or more votes for, (ROWS, COLS) uint8.
+
+    From 1, in the order of ``torsos`` (P, 3); 0 where the vote lies farther than ``reach`` from all of them.
+    """
+    claims = np.zeros(mask.shape, np.uint8)
+    vote = np.empty(3)
+    for i in range(image.rows):
+        for j in range(image.cols):
+            z = image.depth[i, j]
+            if z <= 0.0 or mask[i, j] < least:
+                continue
+            x, y = ray(image.camera, j, i)
+            vote[0] = x * z + torso[0, i, j]
+            vote[1] = y * z + torso[1, i, j]
+            vote[2] = z + torso[2, i, j]
+            best = reach * reach
+            for p in range(torsos.shape[0]):
+                d = apart2(vote, torsos[p])
+                if d < best:
+                    best, claims[i, j] = d, p + 1
+    return claims

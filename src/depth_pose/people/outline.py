@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -60,10 +62,10 @@ def carry_people(
     return labels
 
 
-def spread_chance(net_chance: NDArray[np.float32], image: NetImage, camera: Camera) -> NDArray[np.float32]:
-    """Give every pixel of another grid of the same camera the chance of the nearest net pixel."""
+def spread(net_values: NDArray[Any], image: NetImage, camera: Camera) -> NDArray[Any]:
+    """Give every pixel of another grid of the same camera what the nearest net pixel holds."""
     ratio = image.camera.fx / camera.fx
     rows = np.rint((np.arange(camera.height) - camera.cy) * ratio + image.camera.cy).astype(np.int64)
     cols = np.rint((np.arange(camera.width) - camera.cx) * ratio + image.camera.cx).astype(np.int64)
     rows, cols = rows.clip(0, image.rows - 1), cols.clip(0, image.cols - 1)
-    return net_chance.take(rows, axis=0).take(cols, axis=1)
+    return net_values.take(rows, axis=0).take(cols, axis=1)

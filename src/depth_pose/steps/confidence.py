@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.core.skeleton import JOINT_INDEX, JOINTS
+from depth_pose.core.skeleton import JOINT_INDEX, JOINTS, JointState
 from depth_pose.core.types import Fitted, FoundPerson
 from depth_pose.people.person import Person
 from depth_pose.steps import _confidence_kernels as kernels
@@ -98,6 +98,9 @@ SKELETON_SIGNS = {
 ``benchmarks/confidence.py --rooms``. The distance from the finder's proposals is weighed by how sure
 they are; that of rendered depth is in the joints' confidence."""
 
+_LEAST_SEEN = 4
+"""Where fewer joints are seen, a skeleton's confidence speaks of all of them."""
+
 _FAR_APART_M = 0.5
 _LEAST_CHANCE = 0.01
 _SKELETON_ODDS = np.array(list(SKELETON_SIGNS.values()))
@@ -141,17 +144,26 @@ def fit_confidence(score: float) -> float:
 def skeleton_signs(person: Person, fitted: Fitted) -> NDArray[np.float64]:
     """Give what the confidence of a skeleton is made from, (4,): `SKELETON_SIGNS`."""
     skeleton, found = fitted.skeleton, person.found
+    seen = joints_that_count(skeleton.joint_states)
     gap = 0.0
     if len(found.proposals) == len(skeleton.positions):
-        trust = found.proposal_confidence.astype(np.float64)
+        trust = seen * found.proposal_confidence.astype(np.float64)
         apart = np.linalg.norm(skeleton.positions - found.proposals, axis=1)
         gap = float(np.minimum(apart, _FAR_APART_M) @ trust / max(float(trust.sum()), 1e-6))
-    joints = float(skeleton.joint_confidence.mean())
+    joints = float(skeleton.joint_confidence[seen].mean())
     return np.array([1.0, _log_odds(found.probability), _log_odds(joints), gap])
 
 
+def joints_that_count(states: NDArray[np.uint8]) -> NDArray[np.bool_]:
+    """Say which joints (19,) a skeleton's confidence speaks of: those seen; all where hardly any are."""
+    seen = states == JointState.SEEN
+    return seen if seen.sum() >= _LEAST_SEEN else np.ones_like(seen)
+
+
 def skeleton_confidence(person: Person, fitted: Fitted) -> float:
-    """Chance, 0 to 1, that this is a person and that the joints lie within 10 cm on average.
+    """Chance, 0 to 1, that this is a person and that the joints seen lie within 10 cm on average.
+
+    Legs that a desk or the image's border hides do not count: what is known of them stands with the joints.
 
     Parameters
     ----------
