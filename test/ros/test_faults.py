@@ -345,7 +345,7 @@ def test_the_frame_rate_changes(live, peer):
     note("frame rate changes (15, 5, 25)", "followed; the same body id", 0.0, 0)
 
 
-BURN = "import time\nend = time.monotonic() + {s}\nwhile time.monotonic() < end: sum(range(10000))"
+BURN = "while True: sum(range(10000))"
 
 
 def test_another_program_takes_the_processor(live, peer):
@@ -353,15 +353,20 @@ def test_another_program_takes_the_processor(live, peer):
     _, sensor, heard, lines = live
     sensor.fps = 30.0
     count = len(os.sched_getaffinity(0)) + 1
-    burners = [subprocess.Popen([sys.executable, "-c", BURN.format(s=6)]) for _ in range(count)]
-    since = time.monotonic()
-    peer.spin(6.0)
-    for burner in burners:
-        burner.wait(PATIENCE_S)
-    ended = time.monotonic()
+    burners = [subprocess.Popen([sys.executable, "-c", BURN]) for _ in range(count)]
+    since, ended = time.monotonic(), float("inf")
 
     def under_load():
         return [(t, heard.came[s]) for s, t in sensor.sent.items() if s in heard.came and since <= t < ended]
+
+    try:
+        peer.spin(6.0)
+        peer.until(lambda: len(under_load()) > 2, PATIENCE_S, lambda: "\n".join(lines))
+    finally:
+        for burner in burners:
+            burner.kill()
+            burner.wait(PATIENCE_S)
+    ended = time.monotonic()
 
     def is_over():
         """The latency is again what it was at its worst, or better."""
@@ -372,7 +377,6 @@ def test_another_program_takes_the_processor(live, peer):
     peer.until(is_over, PATIENCE_S, lambda: "\n".join(lines))
     under = sorted(came - sent for sent, came in under_load())
     came = sorted(came for _, came in under_load())
-    assert len(under) > 2, "\n".join(lines)
     pause = max(b - a for a, b in itertools.pairwise(came))
     # four stages, each with one frame that it works at and one that waits; a queue that grew would end here
     assert under[-1] < max(2.0, 8.0 * pause)
