@@ -22,7 +22,7 @@ Twenty busy programs on two cores made the longest silence 0.5 s. With the spare
 second, a hung node is replaced within 5 s.
 """
 
-_LONGEST_LOOK_S = 0.5
+LONGEST_LOOK_S = 0.5
 """Seconds that one look can add to a silence: a machine that was itself paused proves nothing."""
 
 _FIRST_DELAY_S, _MAX_DELAY_S = 0.1, 10.0
@@ -150,7 +150,7 @@ class Child:
     def kill_if_hung(self, sink: Callable[[str], None]) -> None:
         """End a process that gives no sign of life once it was ready; its end brings another."""
         now_s = time.monotonic()
-        self._silent_s += min(now_s - self._looked_s, _LONGEST_LOOK_S)
+        self._silent_s += min(now_s - self._looked_s, LONGEST_LOOK_S)
         self._looked_s = now_s
         if self.is_ready and self._silent_s > PATIENCE_S:
             sink(f"[{self.name}] gave no sign of life for {PATIENCE_S:.1f} s; it is killed")

@@ -31,7 +31,7 @@ from typing import Any
 from depth_pose.core.errors import ConfigError, DepthPoseError
 from depth_pose.ros import stay_local
 from depth_pose.ros.process import HOST, NODES, SECOND_HOST, SPARE
-from depth_pose.ros.process.child import Child
+from depth_pose.ros.process.child import LONGEST_LOOK_S, Child
 from depth_pose.ros.process.leftovers import remove_leftovers
 from depth_pose.ros.process.runner import EXIT_CONFIG, on_stop
 
@@ -186,12 +186,14 @@ class Suite:
                     if name not in self._children:
                         self._start(name)
             self._look()
-        deadline_s = time.monotonic() + _STOP_PATIENCE_S
         for child in self._children.values():
             child.end()
+        waited_s, looked_s = 0.0, time.monotonic()
         while any(child.code is None for child in self._children.values()):
             self._look()
-            if time.monotonic() > deadline_s:
+            last_s, looked_s = looked_s, time.monotonic()
+            waited_s += min(looked_s - last_s, LONGEST_LOOK_S)
+            if waited_s > _STOP_PATIENCE_S:
                 for child in self._children.values():
                     child.kill()
         remove_leftovers()
