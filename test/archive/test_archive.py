@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import dataclasses
 import os
@@ -139,7 +140,7 @@ def test_a_cluster_loses_a_worker(clips, setting, here, tmp_path):
         address = cluster.scheduler_address
         rows = process_archive(find_sources([clips]), tmp_path, setting, scheduler=address, collect=kill_one)
         assert killed
-        assert killed[0] not in client.run(os.getpid).values()
+        assert killed[0] not in client.run(os.getpid, on_error="ignore").values()
     assert {row.state for row in rows} <= {"done", "skipped"}
     for clip in here.glob("*.mcap"):
         assert (tmp_path / clip.name).read_bytes() == clip.read_bytes()
@@ -177,21 +178,23 @@ def wait_until(reached, seconds):
 @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGKILL])
 def test_stopped_and_gone_on(clips, bank_path, here, tmp_path, how):
     """Ctrl-C, which goes to all processes, and a kill -9 of the first: no orphans, whole files, go on."""
-    archive, out = Path(shutil.copytree(clips, tmp_path / "archive")), tmp_path / "out"
-    command = (archive, "-o", out, "--bank", bank_path, "--workers", "1")
-    run = start(*command)
-    wait_until(lambda: list(out.glob("*.mcap")) or run.poll() is not None, 120)
+    archive = Path(shutil.copytree(clips, tmp_path / "archive"))
+    for attempt in range(10):
+        out = tmp_path / f"out{attempt}"
+        command = (archive, "-o", out, "--bank", bank_path, "--workers", "1")
+        run = start(*command)
+        wait_until(lambda out=out, run=run: list(out.glob("*.mcap")) or run.poll() is not None, 120)
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(run.pid, how) if how == signal.SIGINT else os.kill(run.pid, how)
+        text, _ = run.communicate(timeout=120)
+        wait_until(lambda run=run: processes_of(run.pid) == 0, 120)
+        made = {path.name: path.read_bytes() for path in out.glob("*.mcap")}
+        if len(made) < CLIPS:  # else this process stood still until all was done
+            break
+    assert 0 < len(made) < CLIPS
     if how == signal.SIGINT:
-        os.killpg(run.pid, how)
-        text, _ = run.communicate(timeout=30)
         assert run.returncode == 130, text
         assert "the same command goes on" in text
-    else:
-        run.kill()
-        run.communicate(timeout=30)
-    wait_until(lambda: processes_of(run.pid) == 0, 20)
-    made = {path.name: path.read_bytes() for path in out.glob("*.mcap")}
-    assert 0 < len(made) < CLIPS
     for name, content in made.items():
         assert content == (here / name).read_bytes()
     (archive / "bad.mcap").write_bytes(b"no recording")

@@ -46,14 +46,14 @@ class Running:
     def output(self):
         return self._log_path.read_text(errors="replace")
 
-    def wait_for(self, text, timeout_s=60.0):
+    def wait_for(self, text, timeout_s=120.0):
         deadline = time.monotonic() + timeout_s
         while text not in self.output:
             assert self.process.poll() is None, f"ended with {self.process.returncode}:\n{self.output}"
             assert time.monotonic() < deadline, f"no {text!r} in {timeout_s} s:\n{self.output}"
             time.sleep(0.02)
 
-    def end(self, number, timeout_s=20.0):
+    def end(self, number, timeout_s=60.0):
         """Send a signal; give exit code and seconds it took."""
         started = time.monotonic()
         self.process.send_signal(number)
@@ -74,7 +74,7 @@ def start(domain, tmp_path):
     for r in running:
         if r.process.poll() is None:
             r.process.kill()
-            r.process.wait(5.0)
+            r.process.wait(30.0)
 
 
 @pytest.fixture

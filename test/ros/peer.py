@@ -4,17 +4,59 @@ import os
 import time
 
 import rclpy
+from rcl_interfaces.srv import SetParameters
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile, ReliabilityPolicy
+
+from depth_pose.core.errors import DepthPoseError
+from depth_pose.ros.nodes.lifecycle import set_active
 
 RELIABLE = QoSProfile(depth=1000)
 SENSOR = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
+HEARING = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
+"""As a sensor's, for who must miss nothing even after it stood still for seconds."""
+
+LIMIT_S = 120.0
+"""Hard limit of every wait for what must come: it tells that something is wrong, not how fast it is."""
 
 
 def patient(seconds):
     """Seconds that something may take which takes at most so long where each process has a core."""
     return seconds * max(1.0, os.getloadavg()[0] / len(os.sched_getaffinity(0)))
+
+
+def within(seconds, attempt, tries=3):
+    """Hold that something takes at most so long: one of a few attempts must.
+
+    A virtual machine's core may stand still for a second or two, and nobody on it can tell.
+
+    Parameters
+    ----------
+    seconds : float
+        Where each process has a core.
+    attempt : callable
+        Does it; gives the seconds that it took.
+    tries : int
+    """
+    took = []
+    for _ in range(tries):
+        took.append(attempt())
+        if took[-1] < patient(seconds):
+            return
+    raise AssertionError(f"it took {took} s, and not {seconds}")
+
+
+def bring(active, nodes):
+    """Pause or resume, again where a node's services were not found in the seconds that takes at most."""
+    for left in reversed(range(10)):
+        try:
+            return set_active(active, nodes)
+        except DepthPoseError as error:  # noqa: PERF203
+            if "is the node running" not in str(error) or not left:
+                raise
+    raise AssertionError
 
 
 class Peer:
@@ -31,7 +73,7 @@ class Peer:
         self.executor.shutdown()
         rclpy.try_shutdown(context=self.context)
 
-    def listen(self, kind, topic, qos=SENSOR):
+    def listen(self, kind, topic, qos=HEARING):
         self.heard[topic] = []
         self.node.create_subscription(kind, topic, self.heard[topic].append, qos)
         return self.heard[topic]
@@ -42,7 +84,7 @@ class Peer:
         self.spin(0.2)  # the publisher finds the subscriber first
         return made
 
-    def until(self, condition, timeout_s=30.0, what="it"):
+    def until(self, condition, timeout_s=LIMIT_S, what="it"):
         deadline = time.monotonic() + timeout_s
         while not condition():
             assert time.monotonic() < deadline, (
@@ -55,9 +97,27 @@ class Peer:
         while time.monotonic() < deadline:
             self.executor.spin_once(timeout_sec=0.02)
 
-    def call(self, kind, name, request, timeout_s=30.0):
+    def ask(self, send, condition, what="it", every_s=1.0):
+        """Send, and again where nothing came of it: what is best effort may be lost while nodes meet."""
+        deadline = time.monotonic() + LIMIT_S
+        while True:
+            send()
+            again = time.monotonic() + every_s
+            while time.monotonic() < again:
+                if condition():
+                    return
+                self.executor.spin_once(timeout_sec=0.02)
+            assert time.monotonic() < deadline, f"{what() if callable(what) else what} did not come"
+
+    def call(self, kind, name, request, timeout_s=LIMIT_S):
         client = self.node.create_client(kind, name)
         self.until(client.service_is_ready, timeout_s, name)
         future = client.call_async(request)
         self.until(future.done, timeout_s, name)
         return future.result()
+
+    def set(self, node, **values):
+        """Set parameters of a running node, ``__`` for the dot in their names."""
+        wanted = [Parameter(n.replace("__", "."), value=v).to_parameter_msg() for n, v in values.items()]
+        answer = self.call(SetParameters, f"{node}/set_parameters", SetParameters.Request(parameters=wanted))
+        assert all(r.successful for r in answer.results), answer.results

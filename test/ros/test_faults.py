@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 import scene
 from depth_pose_msgs.msg import Skeleton
-from peer import SENSOR
+from peer import HEARING, SENSOR
 from sensor_msgs.msg import CameraInfo, Image
 from test_denoise_node import image_msg, info_msg
 
@@ -30,7 +30,7 @@ from depth_pose.ros.transport.conversions import ns_to_stamp, stamp_to_ns
 IMAGE, INFO = "/camera/depth/image_raw", "/camera/depth/camera_info"
 FPS = 15.0
 DEPUTIES = (SECOND_HOST, *SPARES)
-PATIENCE_S = 30.0
+PATIENCE_S = 120.0
 """Hard limit of every wait; how long it took is noted, and decides nothing here."""
 
 
@@ -71,7 +71,7 @@ class Sensor:
 
     def stop(self):
         self._stop.set()
-        self._thread.join(5.0)
+        self._thread.join(PATIENCE_S)
 
     def unplug(self):
         self.stop()
@@ -86,7 +86,7 @@ class Heard:
         self.came = {}
         self.stamps = []
         self.sources = []
-        peer.node.create_subscription(Skeleton, "/depth_pose/skeleton", self._take, SENSOR)
+        peer.node.create_subscription(Skeleton, "/depth_pose/skeleton", self._take, HEARING)
 
     def _take(self, skeleton):
         self.stamps.append(stamp_to_ns(skeleton.header.stamp))
@@ -118,7 +118,7 @@ def live(bank_path, peer):
     lines = []
     with Suite(bank=bank_path, sink=lines.append) as suite:
         heard, sensor = Heard(peer), Sensor(peer).start()
-        peer.until(lambda: len(heard.came) > 8, 20.0, lambda: "skeletons:\n" + "\n".join(lines))
+        peer.until(lambda: len(heard.came) > 8, PATIENCE_S, lambda: "skeletons:\n" + "\n".join(lines))
         yield suite, sensor, heard, lines
         sensor.stop()
 
@@ -132,7 +132,7 @@ def own_segments(pid):
 
 def await_deputies(suite, peer):
     for deputy in DEPUTIES:
-        peer.until(lambda d=deputy: suite.is_ready(d), 4 * PATIENCE_S, f"the {deputy}")
+        peer.until(lambda d=deputy: suite.is_ready(d), PATIENCE_S, f"the {deputy}")
 
 
 @pytest.mark.parametrize("name", NODES)
@@ -158,7 +158,7 @@ def test_a_killed_node(live, peer, name):
     assert suite.restarts == {n: int(n == name) for n in NODES}
     peer.until(
         lambda: suite.is_ready("spare 1") and suite.pid("spare 1") != spare,
-        4 * PATIENCE_S,
+        PATIENCE_S,
         "the next spare process",
     )
     assert left
@@ -185,7 +185,7 @@ def test_a_hung_process(live, peer, name):
     )
     peer.until(
         lambda: suite.pid(name) not in (None, pid) and suite.is_ready(name),
-        4 * PATIENCE_S,
+        PATIENCE_S,
         lambda: f"another {name}:\n" + "\n".join(lines),
     )
     settled = time.monotonic()
@@ -205,7 +205,7 @@ def test_the_host_is_killed(live, peer):
     suite, _, heard, lines = live
     nodes, killed = [suite.pid(name) for name in NODES], time.monotonic()
     for _ in range(2):
-        peer.until(lambda: suite.is_ready("second host"), 4 * PATIENCE_S, "the second host")
+        peer.until(lambda: suite.is_ready("second host"), PATIENCE_S, "the second host")
         host, second = suite.pid("host"), suite.pid("second host")
         os.kill(host, signal.SIGKILL)
         peer.until(lambda h=host: suite.pid("host") not in (None, h), PATIENCE_S, lambda: "\n".join(lines))
@@ -234,7 +234,7 @@ def test_all_are_killed_after_one_was_again_and_again(live, peer):
         os.kill(suite.pid("matcher"), signal.SIGKILL)
         peer.until(
             lambda n=count: suite.restarts["matcher"] == n and suite.is_ready("matcher"),
-            4 * PATIENCE_S,
+            PATIENCE_S,
             lambda: "the matcher:\n" + "\n".join(lines),
         )
     peer.spin(2.0)
@@ -254,7 +254,7 @@ def kill_at_once(live, peer, killed, also=""):
         lambda: all(
             suite.is_ready(n) and (suite.pid(n) != pid) == (n in killed) for n, pid in before.items()
         ),
-        4 * PATIENCE_S,
+        PATIENCE_S,
         lambda: "all processes:\n" + "\n".join(lines),
     )
     settled = time.monotonic()
@@ -285,16 +285,21 @@ def test_a_looping_recording(bank_path, peer, tmp_path):
         player = Player(path, loop=True, rate=0.6, wait_for_subscribers=[IMAGE, INFO], on_message=told)
         playing = threading.Thread(target=player.run, daemon=True)
         playing.start()
+
+        def ids():
+            return {body for source, body in heard.sources if source != Skeleton.LOST}
+
+        # nothing says that it is the same person as before a jump
         peer.until(
-            lambda: len(sent) >= 65 and turns(heard.stamps) >= 3, 2 * PATIENCE_S, lambda: "\n".join(lines)
+            lambda: len(sent) >= 65 and turns(heard.stamps) >= 3 and len(ids()) >= 3,
+            PATIENCE_S,
+            lambda: f"{ids()}\n" + "\n".join(lines),
         )
         player.stop()
-        playing.join(10.0)
+        playing.join(PATIENCE_S)
         peer.spin(0.5)
     assert any("went back" in line for line in lines)
     assert not any("Traceback" in line for line in lines), "\n".join(lines)
-    ids = {body for source, body in heard.sources if source != Skeleton.LOST}
-    assert len(ids) >= 3  # nothing says that it is the same person as before the jump
     lost = len(sent) - len(heard.stamps)
     note("recording that loops", "stamps going back are told; tracking starts anew", 0.0, lost)
 
@@ -303,7 +308,7 @@ def test_a_sensor_that_is_unplugged_and_comes_back(live, peer):
     """Nothing comes for six seconds: that is told; with the first frame after it all is as before."""
     suite, sensor, heard, lines = live
     sensor.unplug()
-    peer.until(lambda: any("nobody publishes" in x for x in lines), 15.0, "the warning")
+    peer.until(lambda: any("nobody publishes" in x for x in lines), PATIENCE_S, "the warning")
     warning = next(x for x in lines if "nobody publishes" in x)
     assert "/depth_pose/labels" not in warning  # of the same type, but the node's own
     assert not any("Traceback" in line for line in lines), "\n".join(lines)
@@ -354,16 +359,23 @@ def test_another_program_takes_the_processor(live, peer):
     for burner in burners:
         burner.wait(PATIENCE_S)
     ended = time.monotonic()
-    peer.until(lambda: len(heard.latency_s(sensor, ended)) > 10, PATIENCE_S, lambda: "\n".join(lines))
-    after = heard.latency_s(sensor, ended)
-    under = [heard.came[s] - t for s, t in sensor.sent.items() if s in heard.came and since <= t < ended]
-    under.sort()
-    came = sorted(heard.came[s] for s, t in sensor.sent.items() if s in heard.came and since <= t < ended)
-    pause = max(b - a for a, b in itertools.pairwise(came))
+
+    def under_load():
+        return [(t, heard.came[s]) for s, t in sensor.sent.items() if s in heard.came and since <= t < ended]
+
+    def is_over():
+        """The latency is again what it was at its worst, or better."""
+        after = heard.latency_s(sensor, ended)
+        worst = max((came - sent for sent, came in under_load()), default=0.0)
+        return len(after) > 10 and after[len(after) // 2] <= worst + 0.05
+
+    peer.until(is_over, PATIENCE_S, lambda: "\n".join(lines))
+    under = sorted(came - sent for sent, came in under_load())
+    came = sorted(came for _, came in under_load())
     assert len(under) > 2, "\n".join(lines)
+    pause = max(b - a for a, b in itertools.pairwise(came))
     # four stages, each with one frame that it works at and one that waits; a queue that grew would end here
     assert under[-1] < max(2.0, 8.0 * pause)
-    assert after[len(after) // 2] <= under[-1] + 0.05
     sent = sum(since <= t < ended for t in sensor.sent.values())
     median, worst = under[len(under) // 2], under[-1]
     seen = f"frames dropped; latency median {1e3 * median:.0f} ms, worst {1e3 * worst:.0f} ms"

@@ -50,11 +50,11 @@ def viewer(suite, tmp_path):
     thread.start()
     yield viewer
     viewer.stop()
-    thread.join(10)
+    thread.join(60)
     watch.stop()
 
 
-def wait_for(true, what, seconds=60.0):
+def wait_for(true, what, seconds=120.0):
     end = time.monotonic() + seconds
     while not true():
         assert time.monotonic() < end, f"{what} did not come"
@@ -66,12 +66,26 @@ def joints_shown(viewer):
     return [s.positions for s in viewer._moment.skeletons or ()] if viewer._moment else []
 
 
-def show(recording, tmp_path):
-    """Play the recording, slowly, to the nodes and the viewer; gives what the nodes answered."""
+def show(viewer, recording, tmp_path):
+    """Play the recording, slowly, to the nodes and the viewer; gives what is shown, and its skeleton.
+
+    Again where the viewer, which leaves out what it has no time for, was left with nothing to show.
+    """
+    for _ in range(10):
+        answers = play_once(recording, tmp_path)
+        wait_for(lambda: viewer._moment is not None, "something to show")
+        moment = viewer._moment
+        (found,) = answers[moment.stamp_ns]
+        if viewer.drawn > 5 and [s.body_id for s in moment.skeletons or ()] == [found.body_id]:
+            return moment, found
+    raise AssertionError("the viewer does not show what the nodes answer")
+
+
+def play_once(recording, tmp_path):
     out = tmp_path / "out.mcap"
     with Recorder(out, [PEOPLE]) as recorder:
-        recorder.wait_subscribed()
-        play(recording, rate=0.5, wait_for_subscribers=[IMAGE, IMAGE, INFO, INFO])
+        assert recorder.wait_subscribed(timeout_s=120.0)
+        play(recording, rate=0.5, wait_for_subscribers=[IMAGE, IMAGE, INFO, INFO], wait_s=120.0)
         before = -1
         while recorder.counts[PEOPLE] > before:
             before = recorder.counts[PEOPLE]
@@ -81,12 +95,10 @@ def show(recording, tmp_path):
 
 
 def test_the_scene_shows_what_the_nodes_answer(viewer, recording, tmp_path):
-    answers = show(recording, tmp_path)
-    assert viewer.drawn > 5
-    moment = viewer._moment
-    (found,) = answers[moment.stamp_ns]
+    moment, found = show(viewer, recording, tmp_path)
     bones = viewer.server.scene.get_handle_by_name(f"/sensor/people/{found.body_id}/bones")
-    np.testing.assert_allclose(bones.points, found.positions[np.array(BONES)], atol=1e-5)
+    wanted = found.positions[np.array(BONES)]
+    wait_for(lambda: np.allclose(bones.points, wanted, rtol=0.0, atol=1e-5), "the bones of what is shown")
     depth = next(f.depth for f in read_frames(recording) if f.stamp_ns == moment.stamp_ns)
     points = np.asarray(viewer.server.scene.get_handle_by_name("/sensor/points").points, np.float32)
     assert points[:, 2].min() == pytest.approx(depth[depth > 0].min(), abs=0.1)
@@ -98,9 +110,7 @@ def test_a_browser_shows_people_live(viewer, recording, tmp_path):
     with page_of(viewer) as page:
         for wish in ("points", "names", "floor", "camera"):
             viewer._set_wish(wish, False)
-        answers = show(recording, tmp_path)
-        moment = viewer._moment
-        (found,) = answers[moment.stamp_ns]
+        _, found = show(viewer, recording, tmp_path)
         page.get_by_text(found.body_id).first.wait_for(timeout=30_000)
         wait_for(viewer._pace.is_free, "the browser's answer")
         assert_shows(viewer, scene.CAMERA, joints_shown(viewer))

@@ -7,6 +7,7 @@ import time
 
 import numpy as np
 import pytest
+from peer import LIMIT_S, within
 from rclpy.qos import QoSProfile
 from std_msgs.msg import String
 from tf2_msgs.msg import TFMessage
@@ -42,10 +43,15 @@ def beat():
 def test_hz(start, peer, beat):
     out = peer.node.create_publisher(String, "/words", QoSProfile(depth=10))
     beat(lambda: out.publish(String(data="word")), 20)
-    process = command(start, "hz", "/words", "--count", "3")
-    assert process.process.wait(60.0) == 0, process.output
-    rates = [float(r) for r in re.findall(r"average rate: ([\d.]+)", process.output)]
-    assert len(rates) == 3 and 10.0 < np.median(rates) < 21.0
+
+    def attempt():
+        process = command(start, "hz", "/words", "--count", "3")
+        assert process.process.wait(LIMIT_S) == 0, process.output
+        rates = [float(r) for r in re.findall(r"average rate: ([\d.]+)", process.output)]
+        assert len(rates) == 3
+        return 10.0 < np.median(rates) < 21.0
+
+    assert any(attempt() for _ in range(10))  # where neither of the two stood still meanwhile
 
 
 def test_tf(start, peer, beat):
@@ -63,26 +69,33 @@ def test_tf(start, peer, beat):
 
     beat(move, 20)
     process = command(start, "tf", "body_1_left_wrist", "--in", "floor", "--count", "1", "--every", "0.5")
-    assert process.process.wait(60.0) == 0, process.output
+    assert process.process.wait(LIMIT_S) == 0, process.output
     assert "- Translation: [2.000, -1.000, 1.500]" in process.output
     assert "- Rotation: in RPY (degree) [0.000, 0.000, -90.000]" in process.output.replace("-0.000", "0.000")
-    process = command(start, "tf", "--every", "2")
-    assert process.process.wait(60.0) == 0, process.output
-    assert re.search(r"body_1_left_wrist\W+in optical", process.output)
-    assert re.search(r"floor\W+in optical", process.output)
+    for listens_s in ("2", "4", "8", "16"):  # where that is long enough to hear of both
+        process = command(start, "tf", "--every", listens_s)
+        process.process.wait(LIMIT_S)
+        told = [re.search(rf"{name}\W+in optical", process.output) for name in ("body_1_left_wrist", "floor")]
+        if all(told):
+            break
+    assert process.process.returncode == 0 and all(told), process.output
 
 
 def test_tf_says_that_there_is_nothing(start):
     process = command(start, "tf", "--every", "0.5")
-    assert process.process.wait(60.0) == 1
+    assert process.process.wait(LIMIT_S) == 1
     assert "parameter tf: true" in process.output
 
 
 def test_it_ends_when_told(start):
-    process = command(start, "hz", "/nothing", "--every", "0.3")
-    process.wait_for("nothing came", 60.0)
-    code, took = process.end(signal.SIGINT)
-    assert code == 0 and took < 3.0
+    def attempt():
+        process = command(start, "hz", "/nothing", "--every", "0.3")
+        process.wait_for("nothing came")
+        code, took = process.end(signal.SIGINT)
+        assert code == 0
+        return took
+
+    within(3.0, attempt)
 
 
 def test_roll_pitch_yaw():

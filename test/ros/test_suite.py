@@ -7,7 +7,7 @@ import pytest
 import scene
 from depth_pose_msgs.msg import People, PoseMatchArray, Skeleton, SkeletonArray
 from diagnostic_msgs.msg import DiagnosticArray
-from peer import SENSOR
+from peer import LIMIT_S
 from sensor_msgs.msg import PointCloud2
 
 from depth_pose.bank import Bank
@@ -73,15 +73,15 @@ def test_live_equals_offline(recording, bank_path, peer):
         matches = peer.listen(PoseMatchArray, "/depth_pose/match", 200)
         # a publisher finds its subscribers first: the nodes tell how many listen to them
         wanted = {"matcher": 2, "recovery": 2}  # recovery: this test and the refine node
-        peer.until(lambda: wanted.items() <= listeners(told).items(), 30.0, "this test as a listener")
-        play(recording, rate=2.0, wait_for_subscribers=[IMAGE, INFO])
+        peer.until(lambda: wanted.items() <= listeners(told).items(), what="this test as a listener")
+        play(recording, rate=2.0, wait_for_subscribers=[IMAGE, INFO], wait_s=LIMIT_S)
 
         def said():
             came = {stamp_to_ns(s.header.stamp) for s in skeletons}
             missing = [k for k, r in enumerate(expected) if r.skeleton.stamp_ns not in came]
             return f"the skeletons of frames {missing}:\n" + "\n".join(lines)
 
-        peer.until(lambda: min(map(len, (skeletons, everybody, matches))) >= FRAMES, 30.0, said)
+        peer.until(lambda: min(map(len, (skeletons, everybody, matches))) >= FRAMES, what=said)
         assert suite.stop() == dict.fromkeys(("denoise", "matcher", "refine", "recovery"), 0)
     for message, want in zip(matches, expected, strict=True):
         for got, match in zip(msg_to_matches(message), want.matches, strict=True):
@@ -98,36 +98,39 @@ def test_suite_survives_a_killed_node_and_a_loop(recording, bank_path, peer):
     """With the middle of the chain killed while a recording plays, skeletons come again."""
     lines = []
     with Suite(bank=bank_path, sink=lines.append) as suite:
-        skeletons = peer.listen(Skeleton, "/depth_pose/skeleton", SENSOR)
-        play(recording, wait_for_subscribers=[IMAGE, INFO])
-        peer.until(lambda: skeletons, what="skeletons:\n" + "\n".join(lines))
+        skeletons = peer.listen(Skeleton, "/depth_pose/skeleton")
+
+        def show():
+            play(recording, wait_for_subscribers=[IMAGE, INFO], wait_s=LIMIT_S)
+
+        peer.ask(show, lambda: skeletons, lambda: "\n".join(lines) + "\nskeletons", every_s=10.0)
         os.kill(suite.pid("refine"), signal.SIGKILL)
         peer.until(lambda: suite.restarts["refine"] == 1, what="the restart")
-        suite.wait_ready(60.0)
+        suite.wait_ready()
         skeletons.clear()
-        play(recording, wait_for_subscribers=[IMAGE, INFO])
-        peer.until(lambda: skeletons, what="skeletons again:\n" + "\n".join(lines))
+        peer.ask(show, lambda: skeletons, lambda: "\n".join(lines) + "\nskeletons again", every_s=10.0)
         assert suite.restarts == {"denoise": 0, "matcher": 0, "refine": 1, "recovery": 0}
 
 
 def test_frames_matched_with_another_bank_are_dropped(start, bank_path, peer):
     process = start("-m", "depth_pose.ros.nodes.refine_node", "--ros-args", "-p", f"bank:={bank_path}")
-    process.wait_for("is ready", 120.0)
+    process.wait_for("is ready")
     clouds = peer.publisher(PointCloud2, "/depth_pose/points")
     found = peer.publisher(People, "/depth_pose/people")
     matches = peer.publisher(PoseMatchArray, "/depth_pose/match")
     people = PeopleExtractor(SegmentConfig(), DenoiseConfig()).extract(next(scene.frames(1)))
     points, who = people_to_msgs(people)
-    clouds.publish(points)
-    found.publish(who)
-    foreign = [Match(p.body_id, "foreign", 1.0, ()) for p in people.persons]
-    matches.publish(matches_to_msg(foreign, people))
-    process.wait_for("dropped, other bank", 10.0)
+    foreign = matches_to_msg([Match(p.body_id, "foreign", 1.0, ()) for p in people.persons], people)
+    peer.ask(
+        lambda: (clouds.publish(points), found.publish(who), matches.publish(foreign)),
+        lambda: "dropped, other bank" in process.output,
+        what=lambda: f"the drop:\n{process.output}\nit",
+    )
 
 
 def test_a_damaged_bank_is_refused(start, tmp_path):
     bank = tmp_path / "bank.npz"
     bank.write_bytes(b"nonsense" * 100)
     process = start("-m", "depth_pose.ros.nodes.matcher_node", "--ros-args", "-p", f"bank:={bank}")
-    assert process.process.wait(60.0) == 2
+    assert process.process.wait(LIMIT_S) == 2
     assert str(bank) in process.output and "Traceback" not in process.output

@@ -7,6 +7,7 @@ import sys
 import time
 
 import pytest
+from peer import LIMIT_S, within
 
 from depth_pose.core.config import PipelineConfig
 from depth_pose.core.errors import ConfigError
@@ -22,26 +23,31 @@ def alive(pid):
         return False
 
 
-def wait_until(condition, timeout_s, what):
-    deadline = time.monotonic() + timeout_s
+def wait_until(condition, what):
+    deadline = time.monotonic() + LIMIT_S
     while not condition():
-        assert time.monotonic() < deadline, f"{what} took longer than {timeout_s} s"
+        assert time.monotonic() < deadline, f"{what} took longer than {LIMIT_S} s"
         time.sleep(0.02)
 
 
-def test_a_killed_node_is_started_again(domain, peer):
+YOUNG = ("_HEALTHY_S", 3600.0)
+"""With this a node died young, however long the machine stood still since it was ready."""
+
+
+def test_a_killed_node_is_started_again(domain, peer, monkeypatch):
     lines = []
+    monkeypatch.setattr(supervisor, *YOUNG)
     with Suite(nodes=["denoise"], sink=lines.append) as suite:
         assert any(line.startswith("[denoise] ") and "is ready" in line for line in lines)
         first = suite.pid("denoise")
         os.kill(first, signal.SIGKILL)
-        wait_until(lambda: suite.restarts["denoise"] == 1, 5.0, "the restart")
-        suite.wait_ready(30.0)
+        wait_until(lambda: suite.restarts["denoise"] == 1, "the restart")
+        suite.wait_ready()
         second = suite.pid("denoise")
         assert second not in (None, first)
         os.kill(second, signal.SIGKILL)
-        wait_until(lambda: suite.restarts["denoise"] == 2, 5.0, "the second restart")
-        suite.wait_ready(30.0)
+        wait_until(lambda: suite.restarts["denoise"] == 2, "the second restart")
+        suite.wait_ready()
         peer.until(lambda: peer.node.count_publishers("/depth_pose/points"), what="the new node's topic")
         assert suite.stop() == {"denoise": 0}
     assert not alive(first) and not alive(second)
@@ -51,24 +57,33 @@ def test_a_killed_node_is_started_again(domain, peer):
 
 def test_only_a_node_that_dies_young_again_and_again_waits(domain):
     """One that was ready for a while is replaced at once, however often; that also ends an earlier wait."""
-    lines, healthy_s = [], supervisor._HEALTHY_S + 0.2
+    lines = []
     with Suite(nodes=["denoise"], sink=lines.append) as suite:
-        for count, lived_s in enumerate((healthy_s, healthy_s, 0.0, 0.0, healthy_s), start=1):
-            time.sleep(lived_s)
-            os.kill(suite.pid("denoise"), signal.SIGKILL)
-            wait_until(lambda n=count: suite.restarts["denoise"] == n, 10.0, "the restart")
-            suite.wait_ready(30.0)
+        for count, young in enumerate((False, False, True, True, False), start=1):
+            with pytest.MonkeyPatch.context() as patch:
+                if young:
+                    patch.setattr(supervisor, *YOUNG)
+                else:
+                    time.sleep(supervisor._HEALTHY_S + 0.2)
+                os.kill(suite.pid("denoise"), signal.SIGKILL)
+                wait_until(lambda n=count: suite.restarts["denoise"] == n, "the restart")
+            suite.wait_ready()
     ends = [line.partition("starting it again ")[2] for line in lines if "starting it again" in line]
     assert ends == ["at once", "at once", "in 0.1 s", "in 0.2 s", "at once"]
 
 
 def test_it_ends_at_once_while_it_loads(domain):
-    suite = Suite(nodes=["denoise"], sink=str)
-    suite.start()
-    wait_until(lambda: suite.pid("host"), 5.0, "the host")
-    host, started = suite.pid("host"), time.monotonic()
-    assert suite.stop() == {}
-    assert time.monotonic() - started < 1.0 and not alive(host)
+    def attempt():
+        suite = Suite(nodes=["denoise"], sink=str)
+        suite.start()
+        wait_until(lambda: suite.pid("host"), "the host")
+        host, started = suite.pid("host"), time.monotonic()
+        codes = suite.stop()
+        took = time.monotonic() - started
+        assert not alive(host) and codes in ({}, {"denoise": 0})  # loaded meanwhile, if this stood still
+        return took
+
+    within(1.0, attempt)
 
 
 def test_what_cannot_start_is_said(domain, tmp_path):
@@ -109,16 +124,22 @@ def test_nodes_end_when_the_supervisor_is_killed(domain):
     code = (
         "import time; from depth_pose.ros.process.supervisor import Suite\n"
         "suite = Suite(nodes=['denoise'], sink=lambda line: None)\n"
-        "suite.start(); suite.wait_ready(60); print(suite.pid('denoise'), flush=True); time.sleep(60)"
+        "suite.start(); suite.wait_ready(); print(suite.pid('denoise'), flush=True); time.sleep(600)"
     )
-    supervisor = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
-    try:
-        pid = int(supervisor.stdout.readline())
-        assert alive(pid)
-    finally:
-        supervisor.kill()
-        supervisor.wait(5.0)
-    wait_until(lambda: not alive(pid), 2.0, "the end of the node")
+
+    def attempt():
+        supervisor = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
+        try:
+            pid = int(supervisor.stdout.readline())
+            assert alive(pid)
+        finally:
+            supervisor.kill()
+            supervisor.wait(LIMIT_S)
+        killed = time.monotonic()
+        wait_until(lambda: not alive(pid), "the end of the node")
+        return time.monotonic() - killed
+
+    within(2.0, attempt)
 
 
 def test_up_ends_cleanly(start, bank_path):
@@ -127,6 +148,6 @@ def test_up_ends_cleanly(start, bank_path):
     )
     process = start("-c", code)
     process.wait_for("all nodes are ready", 300.0)
-    code, _ = process.end(signal.SIGINT, timeout_s=20.0)
+    code, _ = process.end(signal.SIGINT)
     assert code == 0, process.output  # a node that had to be killed would make it 1
     assert "Traceback" not in process.output

@@ -9,7 +9,7 @@ import scene
 from depth_pose_msgs.msg import FittedArray, People, SkeletonArray
 from geometry_msgs.msg import PoseStamped
 from hri_msgs.msg import IdsList, Skeleton2D
-from peer import RELIABLE
+from peer import LIMIT_S, RELIABLE
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import CameraInfo, Image, JointState, PointCloud2
 from std_msgs.msg import String
@@ -34,7 +34,7 @@ LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 def recovery(start, bank_path, *parameters):
     arguments = [a for p in (f"bank:={bank_path}", *parameters) for a in ("-p", p)]
     process = start("-m", "depth_pose.ros.nodes.recovery_node", "--ros-args", *arguments)
-    process.wait_for("is ready", 120.0)
+    process.wait_for("is ready")
     return process
 
 
@@ -53,6 +53,7 @@ class Inputs:
     """Publishes what the recovery node listens to."""
 
     def __init__(self, peer):
+        self.peer, self.rounds = peer, 0
         self._out = [
             peer.publisher(kind, f"/depth_pose/{name}")
             for kind, name in (
@@ -67,6 +68,14 @@ class Inputs:
         for publisher, message in zip(self._out, (points, found, fitted_to_msg(fitted, people)), strict=True):
             publisher.publish(message)
 
+    def play(self, fitted):
+        """Send frames; each time it is called a little later, as a recording that goes on."""
+        for people, bodies in later(fitted, self.rounds * len(fitted) * scene.STEP_NS):
+            self.send(people, bodies)
+            self.peer.spin(0.1)
+            self.newest_ns = people.stamp_ns
+        self.rounds += 1
+
 
 def by_child(message):
     return {t.child_frame_id: t for t in message.transforms}
@@ -79,24 +88,25 @@ def matrix(transform):
     return T
 
 
-def answers(peer, inputs, fitted, kind, topic, qos=RELIABLE):
+def answers(peer, inputs, fitted, kind, topic, qos=RELIABLE, holds=bool):
     """Send frames until something is heard."""
     heard = peer.listen(kind, topic, qos)
     peer.spin(0.3)
-    for people, bodies in fitted:
-        inputs.send(people, bodies)
-        peer.spin(0.1)
-    peer.until(lambda: heard, what=topic)
+    if not fitted:
+        peer.until(lambda: heard, what=topic)
+        return heard
+    peer.ask(lambda: inputs.play(fitted), lambda: heard and holds(heard), what=topic, every_s=0.2)
     return heard
 
 
 def test_every_joint_on_tf(start, bank_path, peer, fitted):
     recovery(start, bank_path, "tf:=true", "tf_prefix:=left_")
     skeletons = peer.listen(SkeletonArray, "/depth_pose/skeletons", RELIABLE)
-    told = answers(peer, Inputs(peer), fitted, TFMessage, "/tf")
-    people = {stamp_to_ns(m.header.stamp): m.skeletons for m in skeletons}
+    told = answers(peer, Inputs(peer), fitted, TFMessage, "/tf", holds=lambda h: any(m.transforms for m in h))
     message = next(m for m in reversed(told) if m.transforms)
     first = message.transforms[0]
+    peer.until(lambda: any(m.header.stamp == first.header.stamp for m in skeletons), what="its skeletons")
+    people = {stamp_to_ns(m.header.stamp): m.skeletons for m in skeletons}
     skeleton = msg_to_skeleton(people[stamp_to_ns(first.header.stamp)][0])
     found = by_child(message)
     assert set(found) == {f"left_{n}" for n in OURS} | {f"left_{skeleton.body_id}_{n}" for n in OURS}
@@ -110,12 +120,13 @@ def test_rep_155(start, bank_path, peer, fitted):
     inputs = Inputs(peer)
     skeletons = peer.listen(SkeletonArray, "/depth_pose/skeletons", RELIABLE)
     tf = peer.listen(TFMessage, "/tf", RELIABLE)
-    tracked = answers(peer, inputs, fitted, IdsList, "/humans/bodies/tracked")
+    somebody = lambda heard: any(m.ids for m in heard) and skeletons and skeletons[-1].skeletons  # noqa: E731
+    tracked = answers(peer, inputs, fitted, IdsList, "/humans/bodies/tracked", holds=somebody)
     (body_id,) = next(m.ids for m in reversed(tracked) if m.ids)
     assert body_id == f"a_{skeletons[-1].skeletons[0].body_id}"
     root = f"/humans/bodies/{body_id}"
     states = peer.listen(JointState, f"{root}/joint_states", RELIABLE)
-    points = answers(peer, inputs, later(fitted), Skeleton2D, f"{root}/skeleton2d")
+    points = answers(peer, inputs, fitted, Skeleton2D, f"{root}/skeleton2d", holds=lambda _: states)
     (urdf,) = answers(peer, inputs, [], String, f"{root}/urdf", LATCHED)
 
     robot = ElementTree.fromstring(urdf.data)
@@ -130,6 +141,7 @@ def test_rep_155(start, bank_path, peer, fitted):
 
     message = points[-1]
     stamp = message.header.stamp
+    peer.until(lambda: any(m.header.stamp == stamp for m in skeletons), what="its skeletons")
     skeleton = next(m for m in skeletons if m.header.stamp == stamp).skeletons[0]
     neck = next(j.position for j in skeleton.joints if j.name == "neck")
     u, v = scene.CAMERA.project(np.array([neck.x, neck.y, neck.z]))
@@ -140,26 +152,33 @@ def test_rep_155(start, bank_path, peer, fitted):
     assert message.skeleton[Skeleton2D.LEFT_EYE].c == 0.0 < got.c
 
     people, _ = fitted[-1]
+    peer.ask(
+        lambda: inputs.play(fitted),
+        lambda: stamp_to_ns(tracked[-1].header.stamp) == inputs.newest_ns,
+        what="an answer to the last that was sent",
+    )
     away = replace(people, stamp_ns=stamp_to_ns(tracked[-1].header.stamp) + 200_000_000, persons=())
-    inputs.send(away, ())
-    peer.until(lambda: stamp_to_ns(tracked[-1].header.stamp) == away.stamp_ns, what="a frame without them")
+    peer.ask(
+        lambda: inputs.send(away, ()),
+        lambda: stamp_to_ns(tracked[-1].header.stamp) == away.stamp_ns,
+        what="a frame without them",
+    )
     assert list(tracked[-1].ids) == [body_id], "who is gone for a moment stays in the list"
     peer.until(lambda: stamp_to_ns(skeletons[-1].header.stamp) == away.stamp_ns, what="its skeletons")
     assert not skeletons[-1].skeletons
 
-    gone = replace(people, stamp_ns=people.stamp_ns + 5_000_000_000, persons=())
-    inputs.send(gone, ())
-    peer.until(lambda: not tracked[-1].ids, what="a frame without anybody")
+    gone = replace(people, stamp_ns=away.stamp_ns + 5_000_000_000, persons=())
+    peer.ask(lambda: inputs.send(gone, ()), lambda: not tracked[-1].ids, what="a frame without anybody")
     peer.until(lambda: not peer.node.count_publishers(f"{root}/joint_states"), what="the end of the topics")
     assert (tracked[-1].header.frame_id, stamp_to_ns(tracked[-1].header.stamp)) == ("optical", gone.stamp_ns)
     assert "Traceback" not in process.output
 
 
-def later(fitted):
-    """The same frames a second later, as a recording that goes on."""
+def later(fitted, by_ns):
+    """The same frames at later times."""
     out = []
     for people, bodies in fitted:
-        stamp = people.stamp_ns + 240_000_000
+        stamp = people.stamp_ns + by_ns
         persons = tuple(replace(p, stamp_ns=stamp) for p in people.persons)
         moved = tuple(replace(f, skeleton=replace(f.skeleton, stamp_ns=stamp)) for f in bodies)
         out.append((replace(people, stamp_ns=stamp, persons=persons), moved))
@@ -169,7 +188,7 @@ def later(fitted):
 def test_rep_155_refuses_a_prefix_that_is_no_name(start, bank_path):
     arguments = ("-p", "rep155:=true", "-p", "tf_prefix:=left/", "-p", f"bank:={bank_path}")
     process = start("-m", "depth_pose.ros.nodes.recovery_node", "--ros-args", *arguments)
-    assert process.process.wait(60.0) == 2
+    assert process.process.wait(LIMIT_S) == 2
     assert "letters, digits and _" in process.output
 
 
@@ -181,7 +200,7 @@ def test_what_is_missing_is_said(start, bank_path, parameter, package):
         "from depth_pose.ros.nodes.recovery_node import main; sys.exit(main())"
     )
     process = start("-c", code, "--ros-args", "-p", f"{parameter}:=true", "-p", f"bank:={bank_path}")
-    assert process.process.wait(60.0) == 2
+    assert process.process.wait(LIMIT_S) == 2
     assert f"ros-jazzy-{package}" in process.output and "Traceback" not in process.output
 
 
@@ -216,8 +235,10 @@ def test_a_roll_that_one_node_alone_is_told_of(start, bank_path, peer, fitted):
     """Turning back what was never turned would be wrong; the frame is dropped, with what to do."""
     process = recovery(start, bank_path, "mount.roll:=180.0")
     skeletons = peer.listen(SkeletonArray, "/depth_pose/skeletons")
-    Inputs(peer).send(*fitted[-1])
-    process.wait_for("set it for all nodes", 10.0)
+    inputs = Inputs(peer)
+    peer.ask(
+        lambda: inputs.send(*fitted[-1]), lambda: "set it for all nodes" in process.output, what="its word"
+    )
     assert "dropped, bad input" in process.output and not skeletons
 
 
@@ -227,26 +248,33 @@ def test_floor_and_labels(start, peer, roll):
         *("-m", "depth_pose.ros.nodes.denoise_node", "--ros-args"),
         *("-p", "tf:=true", "-p", f"mount.roll:={roll}"),
     )
-    process.wait_for("is ready", 120.0)
+    process.wait_for("is ready")
     images = peer.publisher(Image, "/camera/depth/image_raw")
     infos = peer.publisher(CameraInfo, "/camera/depth/camera_info")
     labels = peer.listen(Image, "/depth_pose/labels", RELIABLE)
     statics = peer.listen(TFMessage, "/tf_static", LATCHED)
     floors = peer.listen(PoseStamped, "/depth_pose/floor", LATCHED)
     peer.spin(0.5)
-    infos.publish(camera_info())
     frames = list(scene.frames(4))
-    for frame in frames:
-        depth = on_a_floor(frame)
-        images.publish(image_of(frame, depth[::-1, ::-1] if roll else depth))
-        peer.spin(0.2)
+    sent = []
+
+    def show():
+        infos.publish(camera_info())
+        for frame in frames:  # a recording that goes on
+            sent.append(replace(frame, stamp_ns=scene.START_NS + len(sent) * scene.STEP_NS))
+            depth = on_a_floor(frame)
+            images.publish(image_of(sent[-1], depth[::-1, ::-1] if roll else depth))
+            peer.spin(0.2)
+
     wanted = {"floor", *(["optical_upright"] if roll else [])}
-    peer.until(
+    peer.ask(
+        show,
         lambda: labels and floors and statics and set(by_child(statics[-1])) == wanted,
         what=lambda: f"labels and floor: {process.output}",
+        every_s=0.2,
     )
 
-    frame = next(f for f in frames if f.stamp_ns == stamp_to_ns(labels[-1].header.stamp))
+    frame = next(f for f in sent if f.stamp_ns == stamp_to_ns(labels[-1].header.stamp))
     assert (labels[-1].encoding, labels[-1].header.frame_id) == ("mono8", "optical")
     got = np.frombuffer(labels[-1].data, np.uint8).reshape(labels[-1].height, labels[-1].width)
     got = got[::-1, ::-1] if roll else got

@@ -37,5 +37,5 @@ def viewer(start_viewer):
 
 def _end(viewer, thread):
     viewer.stop()
-    thread.join(10)
+    thread.join(60)
     assert not thread.is_alive()

@@ -58,7 +58,7 @@ def test_whom_one_chooses_is_shown(viewer):
 
 
 def test_the_page_is_served_to_this_machine_only(viewer):
-    with urllib.request.urlopen(f"http://127.0.0.1:{viewer.port}/", timeout=10) as page:
+    with urllib.request.urlopen(f"http://127.0.0.1:{viewer.port}/", timeout=60) as page:
         assert b"<html" in page.read(2000).lower()
     others = {info[4][0] for info in socket.getaddrinfo(socket.gethostname(), None, socket.AF_INET)} - {
         "127.0.0.1"

@@ -25,7 +25,7 @@ def people(frame):
     return (skeleton_at(0.3, 3.0, hidden=3), skeleton_at(-0.6, 3.5, "body_2"))
 
 
-def wait_for(true, seconds=60.0):
+def wait_for(true, seconds=120.0):
     """Wait until something is true."""
     end = time.monotonic() + seconds
     while not true():

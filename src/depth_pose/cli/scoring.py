@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -12,6 +13,8 @@ from depth_pose.cli.console import console, print_facts
 from depth_pose.io.schemas import PEOPLE_TOPIC, SKELETON_TOPIC
 
 if TYPE_CHECKING:
+    from rich.table import Table
+
     from depth_pose.evaluate.score import Score
 
 
@@ -112,31 +115,31 @@ def _evaluate_2d(reference: Path, predicted: Path, recording: Path | None, topic
 
 
 def _evaluate_people(truth: Path, predicted: Path, topic: str, as_json: bool) -> None:
-    from rich.table import Table
-
     from depth_pose.evaluate.score_people import score_people
 
     scores = score_people(truth, predicted, topic)
     if as_json:
         _print_json(scores)
         return
-    table = Table("sequence", title="people", title_justify="left", title_style="bold")
-    for name in (
-        "frames",
-        "asked",
-        "recall",
-        "precision",
-        "false",
-        "switches",
-        "IDF1",
-        "mean mm",
-        "PCK 10 cm",
-    ):
-        table.add_column(name, justify="right")
+    counts = ("frames", "asked", "recall", "preci-\nsion", "false", "swit-\nches", "IDF1")
+    table = _table("people", "sequence", (*counts, "mean\nmm", "PCK\n10 cm"))
     for name, s in [*scores.sequences.items(), ("all", scores.total)]:
         found = (str(s.frames), str(s.asked), _share(s.recall), _share(s.precision), str(s.false))
         table.add_row(name, *found, str(s.switches), _share(s.idf1), _mm(s.mean_error_mm), _share(s.pck10))
     console.print(table)
+
+
+def _table(title: str, first: str, columns: Iterable[str]) -> Table:
+    """Make a table of numbers that fits 80 columns: a name too long for that goes on in the next line."""
+    from rich import box
+    from rich.table import Table
+
+    table = Table(title=title, title_justify="left", title_style="bold", box=box.SIMPLE_HEAD)
+    table.padding, table.pad_edge = (0, 1, 0, 0), False
+    table.add_column(first, overflow="fold")
+    for name in columns:
+        table.add_column(name, justify="right", no_wrap=True)
+    return table
 
 
 def _share(value: float) -> str:
@@ -157,11 +160,8 @@ def _print_json(result: Any) -> None:
 
 
 def _print_score(score: Score) -> None:
-    from rich.table import Table
-
-    sequences = Table("sequence", title="sequences", title_justify="left", title_style="bold")
-    for name in ("frames", "coverage", "mean mm", "median mm", "95 % mm", "PCK 10 cm"):
-        sequences.add_column(name, justify="right")
+    columns = ("frames", "coverage", "mean mm", "median mm", "95 % mm", "PCK 10 cm")
+    sequences = _table("sequences", "sequence", columns)
     for name, s in score.sequences.items():
         values = (
             f"{s.coverage:.3f}",
@@ -171,22 +171,24 @@ def _print_score(score: Score) -> None:
             f"{s.pck10:.3f}",
         )
         sequences.add_row(name, str(s.frames), *values)
-    joints = Table("joint", title="joints", title_justify="left", title_style="bold")
-    for name in ("mean mm", "offset-free mm", "PCK 10 cm"):
-        joints.add_column(name, justify="right")
+    joints = _table("joints", "joint", ("mean mm", "offset-free mm", "PCK 10 cm"))
     for name, j in score.joints.items():
         joints.add_row(name, _mm(j.mean_error_mm), _mm(j.offset_free_mm), f"{j.pck10:.3f}")
-    shares = Table("within", title="PCK: share of joints", title_justify="left", title_style="bold")
-    for threshold in score.pck:
-        shares.add_column(f"{threshold * 100:.0f} cm", justify="right")
-    shares.add_row("", *(f"{share:.3f}" for share in score.pck.values()))
+    thresholds = [f"{threshold * 100:.0f} cm" for threshold in score.pck]
+    shares = _table("PCK: share of joints", "within", thresholds)
+    shares.add_row("share", *(f"{share:.3f}" for share in score.pck.values()))
     for table in (sequences, joints, shares):
         console.print(table)
-    console.print(
-        f"frames {score.frames}  coverage {score.coverage:.3f}  mean error {_mm(score.mean_error_mm)} mm  "
-        f"per sequence {_mm(score.per_sequence_mean_mm)} mm  offset-free {_mm(score.offset_free_mm)} mm  "
-        f"seen {_mm(score.seen_mm)} mm  hidden {_mm(score.hidden_mm)} mm  PCK 10 cm {score.pck10:.4f}",
-        soft_wrap=True,
+    print_facts(
+        "all",
+        [
+            ("frames", f"{score.frames}, of which answered {score.coverage:.1%}"),
+            ("mean error", f"{_mm(score.mean_error_mm)} mm"),
+            ("mean of the sequences", f"{_mm(score.per_sequence_mean_mm)} mm"),
+            ("offset-free", f"{_mm(score.offset_free_mm)} mm"),
+            ("of joints that are", f"seen {_mm(score.seen_mm)} mm, hidden {_mm(score.hidden_mm)} mm"),
+            ("PCK 10 cm", f"{score.pck10:.4f}"),
+        ],
     )
 
 

@@ -107,6 +107,14 @@ def _as(kind: type, value: Any, where: str) -> Any:
     return value
 
 
+def _section(name: str, config: type[T], values: Mapping[str, Any]) -> T:
+    """Make one section; what is wrong with it is said by the section's name, as parameter files have it."""
+    try:
+        return from_mapping(config, values)
+    except ConfigError as error:
+        raise ConfigError(str(error).replace(config.__name__, name)) from None
+
+
 class Sections:
     """Base of configurations that are made of others, one field for each."""
 
@@ -117,7 +125,7 @@ class Sections:
         unknown = sorted(set(values) - set(sections))
         if unknown:
             raise ConfigError(f"no such section: {', '.join(unknown)}; there are {', '.join(sections)}")
-        return cls(**{name: from_mapping(sections[name], part) for name, part in values.items()})
+        return cls(**{name: _section(name, sections[name], part) for name, part in values.items()})
 
     def as_mapping(self) -> dict[str, dict[str, Any]]:
         """Give every setting, nested by step."""

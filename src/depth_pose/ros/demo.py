@@ -10,13 +10,14 @@ import os
 import random
 import time
 from collections.abc import Callable
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from depth_pose.core.outputs import check_targets
 from depth_pose.io._recording import RawMessage
 from depth_pose.io.depth_topics import DepthTopic
 from depth_pose.io.mcap_read import DepthReader
@@ -230,19 +231,26 @@ def run_demo(recording: Path | str | None = None, output: Path | str = Path("res
     recording = Path(recording) if recording is not None else _simulated(console)
     skeletons = Path(output) / f"{recording.stem}_skeleton.mcap"
     log = Path(output) / f"{recording.stem}_nodes.log"
+    picture = Path(output) / f"{recording.stem}.png"
     frames = len(DepthReader(recording))
+    check_targets([skeletons, log, picture], inputs=[recording])
     _choose_domain(console)
-    Path(output).mkdir(parents=True, exist_ok=True)
-    with log.open("w") as stream, _progress(console, frames) as (on_ready, progress):
-        result = replay_live(
-            recording,
-            skeletons,
-            on_ready=on_ready,
-            progress=progress,
-            sink=lambda line: print(line, file=stream, flush=True),
-        )
-    _finish(console, result, Path(output) / f"{recording.stem}.png", log)
+    with _log(log) as sink, _progress(console, frames) as (on_ready, progress):
+        result = replay_live(recording, skeletons, on_ready=on_ready, progress=progress, sink=sink)
+    _finish(console, result, picture, log)
     return 0 if result.answered else 1
+
+
+@contextmanager
+def _log(path: Path) -> Iterator[Callable[[str], None]]:
+    """Give what writes lines to a file at once; a disk that is full ends the skeletons' file, and says so."""
+    with path.open("wb", buffering=0) as stream:
+
+        def write(line: str) -> None:
+            with suppress(OSError):
+                stream.write(line.encode(errors="replace") + b"\n")
+
+        yield write
 
 
 def _choose_domain(console: Console) -> None:
@@ -310,7 +318,6 @@ def _finish(console: Console, result: DemoResult, picture: Path, log: Path) -> N
     errors: Score | None = None
     if result.answered:
         errors = score(known, result.skeletons) if known else None
-        save_overlay(result.recording, result.skeletons, picture, truth_path=known)
     console.print(_table(result, errors))
     for line in result.damage:
         console.print(f"note: {line}", highlight=False, soft_wrap=True)
@@ -318,6 +325,7 @@ def _finish(console: Console, result: DemoResult, picture: Path, log: Path) -> N
         console.print(f"what the nodes said: {log}", highlight=False, soft_wrap=True)
     if result.answered:
         console.print(f"skeletons: {result.skeletons}", highlight=False, soft_wrap=True)
+        save_overlay(result.recording, result.skeletons, picture, truth_path=known)
         console.print(f"picture:   {picture}", highlight=False, soft_wrap=True)
 
 

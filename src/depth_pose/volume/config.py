@@ -87,7 +87,7 @@ class ViewsConfig(Checked):
         0.004, "Stamps that differ by at most this are of one set of views", unit="s", low=0.0, high=1.0
     )
     patience: float = option(
-        0.012, "Live: how long a set waits for a late camera", unit="s", low=0.0, high=1.0
+        0.012, "Live: how long a set waits for a late camera", unit="s", low=0.0, high=10.0
     )
     gone_after: float = option(
         0.5, "A camera silent for this long is gone and not waited for", unit="s", low=0.05, high=60.0

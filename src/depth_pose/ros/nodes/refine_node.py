@@ -100,10 +100,12 @@ class RefineNode(BankNode):
         if not self.is_active or stamp_to_ns(message.header.stamp) != self._awaited_ns:
             return
         self._awaited_ns = None
-        check_people("skeletons", [s.body_id for s in message.skeletons])
-        answers = [turn_forth(msg_to_skeleton(s), self.config.mount) for s in message.skeletons]
-        self.stage.take_answer(answers)
-        self._begin_held()
+        try:
+            check_people("skeletons", [s.body_id for s in message.skeletons])
+            answers = [turn_forth(msg_to_skeleton(s), self.config.mount) for s in message.skeletons]
+            self.stage.take_answer(answers)
+        finally:  # whatever the answer was, frames wait for it
+            self._begin_held()
 
     def _go_on(self) -> None:
         """Do without an answer that does not come."""

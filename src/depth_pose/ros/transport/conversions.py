@@ -7,6 +7,7 @@ residual, scale and the joints' confidence) hold values that the core has alread
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 
 import numpy as np
@@ -51,6 +52,9 @@ _FIELDS = [
 ]
 _NS_PER_S = 1_000_000_000
 _STATES = frozenset(map(int, JointState))
+
+_BODY_ID = re.compile("[A-Za-z0-9_]{1,64}")
+"""What ROS takes in names of topics and tf2 in those of frames; the denoise node's are ``body_NUMBER``."""
 
 MOST_PEOPLE = 255
 """People of one frame: their labels in the points are 1 to 255."""
@@ -169,7 +173,9 @@ def _msg_to_found(msg: FoundPersonMsg) -> FoundPerson:
 
 
 def check_people(what: str, body_ids: Sequence[str]) -> None:
-    """Refuse a message of more people than there are labels, before they are read, or of one of them twice.
+    """Refuse a message of people that are none, before they are read.
+
+    There are no more than labels, none of them twice, and frames and topics can be named by their ids.
 
     Raises
     ------
@@ -180,6 +186,11 @@ def check_people(what: str, body_ids: Sequence[str]) -> None:
     if len(set(body_ids)) < len(body_ids):
         twice = next(b for i, b in enumerate(body_ids) if b in body_ids[:i])
         raise InputError(f"the {what} have {twice!r} twice")
+    odd = [b for b in body_ids if not _BODY_ID.fullmatch(b)]
+    if odd:
+        raise InputError(
+            f"the {what} have the id {odd[0][:80]!r}; an id is of letters, digits and _, 1 to 64 of them"
+        )
 
 
 def _sane(what: str, numbers: ArrayLike, most: float = _FARTHEST_M) -> NDArray[np.float64]:

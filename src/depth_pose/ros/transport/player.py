@@ -36,6 +36,9 @@ A publisher finds a subscriber before the subscriber finds the publisher, and wh
 lost. The busier the machine, the longer that takes: as long as the discovery took. Set by hand.
 """
 
+_LONGEST_LOOK_S = 0.1
+"""Seconds that one look for subscribers can add to these times: while the machine stood still nobody met."""
+
 _ACKNOWLEDGED_S = 5.0
 """Seconds that reliable subscribers have to acknowledge the last messages. Set by hand."""
 
@@ -210,16 +213,18 @@ class Player:
         missing = set(self._wait_for) - {p.topic_name for p in self._publishers.values()}
         if missing:
             raise InputError(f"{self._path} does not play {', '.join(sorted(missing))}")
-        started = changed = time.monotonic()
+        started = looked = time.monotonic()
+        took_s = changed_s = 0.0
         counts: list[int] = []
         while not self._stop.is_set():
-            now = time.monotonic()
+            last, looked = looked, time.monotonic()
+            took_s += min(looked - last, _LONGEST_LOOK_S)
             before, counts = counts, [p.get_subscription_count() for p in self._publishers.values()]
-            changed = now if counts != before else changed
+            changed_s = took_s if counts != before else changed_s
             lacking = self._lacking()
-            if not lacking and self._is_settled(now - started, changed - started):
+            if not lacking and looked - started >= self._delay_s and self._is_settled(took_s, changed_s):
                 return
-            if lacking and now - started > self._wait_s:
+            if lacking and took_s > self._wait_s:
                 raise InputError(f"nobody subscribed to {lacking} within {self._wait_s:g} s")
             time.sleep(0.02)
 
@@ -237,8 +242,6 @@ class Player:
 
         Where somebody is waited for, as long as that took; else as long as discovery takes.
         """
-        if took_s < self._delay_s:
-            return False
         if self._wait_for or self._wait_count:
             return took_s - changed_s >= min(max(changed_s, _SETTLE_S), _MOST_SETTLE_S)
         quiet_s = took_s - changed_s

@@ -22,6 +22,9 @@ _LOOK_EVERY_S = 0.05
 _SETTLE_S = 0.2
 """Seconds after both sides should have found each other: a publisher may find the recorder last."""
 
+_DRAIN_S = 2.0
+"""Most seconds, once told to stop, for what has come by then. Set by hand."""
+
 _QUEUE = 1000
 """Messages of a topic that may wait to be written. Set by hand."""
 
@@ -169,11 +172,19 @@ class Recorder:
                     self._look()
                     looked_s = time.monotonic()
                 executor.spin_once(timeout_sec=_LOOK_EVERY_S)
+            self._drain(executor)
             executor.shutdown()
         except BaseException as e:
             self._error = e
         finally:
             rclpy.try_shutdown(context=context)
+
+    def _drain(self, executor: Any) -> None:
+        """Take what had come when it was told to stop."""
+        before, deadline = -1, time.monotonic() + _DRAIN_S
+        while self._counts.total() > before and time.monotonic() < deadline:
+            before = self._counts.total()
+            executor.spin_once(timeout_sec=0.0)
 
     def _look(self) -> None:
         """Subscribe to what has appeared."""

@@ -150,7 +150,7 @@ class ViewSetIntake:
             self._overtaken(self.synchroniser.overtaken - before)
         if not self.synchroniser.is_waiting:
             self._timer.cancel()
-        elif self._timer.is_canceled():
+        elif self._timer.is_canceled() or self._timer.timer_period_ns != round(1e9 * self._period_s()):
             self._timer.timer_period_ns = round(1e9 * self._period_s())
             self._timer.reset()
         if views is None:
