@@ -121,7 +121,7 @@ def test_a_pose_far_from_the_kept_one_has_to_be_better_by_enough_or_for_a_while(
     def fitted(score, aside):
         posed = bank.body.pose(rotations, np.array([aside, 0.0, 3.0]))
         pose = BodyPose(rotations, np.array([aside, 0.0, 3.0]), 1.0)
-        comparison = Comparison(score, 0.0, np.zeros(3))
+        comparison = Comparison(score, 0.0)
         return _Compared(FittedBody(pose, posed.vertices, posed.nodes), comparison, 0.0, 0.0)
 
     old, near = fitted(0.30, 0.0), fitted(0.29, 0.02)
