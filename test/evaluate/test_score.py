@@ -148,7 +148,7 @@ def test_folders_and_files(folders: tuple[Path, Path]) -> None:
 @pytest.mark.skipif(not SHARED_SCORER.exists(), reason="needs ../shared/tools, which is not in the project")
 def test_same_numbers_as_the_reference_scorer(folders: tuple[Path, Path]) -> None:
     command = [sys.executable, "-W", "ignore", str(SHARED_SCORER), *map(str, folders), "--per-joint"]
-    text = subprocess.run(command, capture_output=True, text=True, check=True, timeout=60).stdout
+    text = subprocess.run(command, capture_output=True, text=True, check=True, timeout=300).stdout
     result = score(*folders)
     last = dict(zip(*[iter(text.splitlines()[-1].split())] * 2, strict=True))
     assert int(last.pop("frames")) == result.frames

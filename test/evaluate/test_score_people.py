@@ -164,7 +164,7 @@ def folders(tmp_path: Path) -> tuple[Path, Path]:
 @pytest.mark.skipif(not SHARED_SCORER.exists(), reason="needs ../shared/tools, which is not in the project")
 def test_same_numbers_as_the_reference_scorer(folders: tuple[Path, Path]) -> None:
     command = [sys.executable, "-W", "ignore", str(SHARED_SCORER), *map(str, folders)]
-    text = subprocess.run(command, capture_output=True, text=True, check=True, timeout=60).stdout
+    text = subprocess.run(command, capture_output=True, text=True, check=True, timeout=300).stdout
     numbers = dict(zip(*[iter(text.splitlines()[-1].split())] * 2, strict=True))
     total = score_people(*folders).total
     assert int(numbers["asked"]) == total.asked

@@ -296,7 +296,7 @@ def test_a_looping_recording(bank_path, peer, tmp_path):
             lambda: f"{ids()}\n" + "\n".join(lines),
         )
         player.stop()
-        playing.join(10.0)
+        playing.join(PATIENCE_S)
         peer.spin(0.5)
     assert any("went back" in line for line in lines)
     assert not any("Traceback" in line for line in lines), "\n".join(lines)

@@ -9,6 +9,7 @@ import time
 from pathlib import Path
 
 import pytest
+from peer import LIMIT_S
 from yaml import safe_load
 
 from depth_pose.cli.console import read_settings
@@ -76,7 +77,7 @@ def installed():
 )
 def test_what_is_wrong_is_refused_by_launch(installed, tmp_path, argument, said):
     process, log = launch(argument, tmp_path=tmp_path)
-    assert process.wait(30.0) == 1
+    assert process.wait(LIMIT_S) == 1
     assert said in log.read_text()
 
 
@@ -84,14 +85,14 @@ def test_a_refused_setting_ends_the_launch(installed, domain, tmp_path):
     params = tmp_path / "params.yaml"
     params.write_text("/**:\n  ros__parameters:\n    segment:\n      naer: 0.5\n")
     process, log = launch(f"params_file:={params}", tmp_path=tmp_path)
-    process.wait(90.0)
+    process.wait(2 * LIMIT_S)
     assert "segment.naer" in log.read_text()
     assert log.read_text().count("process started") == len(NODES)  # none a second time
 
 
 def test_sigterm_to_launch_leaves_no_orphan(installed, domain, tmp_path):
     process, log = launch("namespace:=left", tmp_path=tmp_path)
-    deadline = time.monotonic() + 120.0
+    deadline = time.monotonic() + 2 * LIMIT_S
     while log.read_text().count("is ready") < len(NODES):
         assert process.poll() is None and time.monotonic() < deadline, log.read_text()
         time.sleep(0.2)
@@ -103,8 +104,8 @@ def test_sigterm_to_launch_leaves_no_orphan(installed, domain, tmp_path):
     started = Path(f"/proc/{found['refine']}/cmdline").read_bytes().split(b"\0")[0].decode()
     assert started == shebang  # the environment's interpreter, not that of ros2
     process.terminate()
-    process.wait(15.0)
-    deadline = time.monotonic() + 5.0
+    process.wait(LIMIT_S)
+    deadline = time.monotonic() + LIMIT_S
     while any(Path(f"/proc/{pid}").exists() for pid in found.values()):
         assert time.monotonic() < deadline, "orphans"
         time.sleep(0.05)

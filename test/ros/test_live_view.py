@@ -50,7 +50,7 @@ def viewer(suite, tmp_path):
     thread.start()
     yield viewer
     viewer.stop()
-    thread.join(10)
+    thread.join(60)
     watch.stop()
 
 

@@ -50,7 +50,7 @@ def read_as_nobody(paths):
     if os.getuid() != 0 or not shutil.which("setpriv"):
         return []
     nobody = ["setpriv", "--reuid", "65534", "--clear-groups", "env", "-i", "python3", "-c", code]
-    return subprocess.run([*nobody, *paths], capture_output=True, text=True, timeout=30).stdout.split()
+    return subprocess.run([*nobody, *paths], capture_output=True, text=True, timeout=120).stdout.split()
 
 
 def test_a_local_suite_is_this_machine_s_and_this_account_s(domain, tmp_path):
@@ -145,7 +145,7 @@ def test_two_suites_in_one_domain_each_follow_their_camera(domain, peer, bank_pa
     finally:
         for camera in cameras:
             camera.stop.set()
-            camera.thread.join(5.0)
+            camera.thread.join(60.0)
         codes = [suite.stop() for suite in suites]
     for side, messages in heard.items():
         assert {m.header.frame_id for m in messages} == {f"{side}_optical"}

@@ -21,7 +21,7 @@ def bash(script, path, **environment):
         env={"PATH": str(path), "HOME": os.environ.get("HOME", "/"), **environment},
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=300,
     )
 
 

@@ -30,7 +30,7 @@ def add_to(app: typer.Typer) -> None:
 
 def call_ros(module: str, function: str, *arguments: Any, **options: Any) -> Any:
     """Call a function of one of our modules that need ROS."""
-    os.umask(0o077)  # depth images of people lie in shared memory, and in files: nobody else's
+    os.umask(0o077)  # what is recorded of people is nobody else's
     try:
         importlib.import_module("depth_pose.ros.process.logs").ensure_log_folder()
         found = importlib.import_module(f"depth_pose.ros.{module}")

@@ -17,6 +17,10 @@ from rclpy.task import Future
 from depth_pose.core.errors import DepthPoseError
 from depth_pose.ros.process import NODES
 
+_FIND_S, _LONGEST_LOOK_S = 5.0, 0.2
+"""Seconds to find a node's services, of which one look is at most so long: while the machine stood still
+nobody met. Set by hand."""
+
 _STEPS = {
     (State.PRIMARY_STATE_UNCONFIGURED, True): Transition.TRANSITION_CONFIGURE,
     (State.PRIMARY_STATE_INACTIVE, True): Transition.TRANSITION_ACTIVATE,
@@ -91,9 +95,11 @@ class _Caller:
     def _call(self, kind: type, name: str, request: Any) -> Any:
         client = self._node.create_client(kind, name)
         deadline = time.monotonic() + self._timeout_s
-        patience = min(deadline, time.monotonic() + 5.0)
+        looked, waited_s = time.monotonic(), 0.0
         while not client.service_is_ready():
-            if time.monotonic() > patience:
+            last, looked = looked, time.monotonic()
+            waited_s += min(looked - last, _LONGEST_LOOK_S)
+            if waited_s > min(_FIND_S, self._timeout_s):
                 raise DepthPoseError(f"there is no service {name}; is the node running in this domain?")
             self._executor.spin_once(timeout_sec=0.05)
         future: Future = client.call_async(request)

@@ -51,7 +51,7 @@ _LOOK_EVERY_S, _STOP_PATIENCE_S = 0.1, 5.0
 """Seconds between looks where there is no news, and until a process that does not end is killed."""
 
 _LONGEST_LOOK_S = 0.5
-"""Seconds that one look can add to a silence: a machine that was itself paused proves nothing."""
+"""Seconds that one look can add to a silence or a wait: a machine that was itself paused proves nothing."""
 
 _FIRST_DELAY_S, _MAX_DELAY_S = 0.1, 10.0
 """Seconds before a process is started again that died young twice; it doubles up to the most. Set by hand."""
@@ -207,10 +207,10 @@ class Suite:
             self._look()
         for child in self._children.values():
             child.end()
-        deadline_s = time.monotonic() + _STOP_PATIENCE_S
+        waited_s = 0.0
         while any(child.code is None for child in self._children.values()):
-            self._look()
-            if time.monotonic() > deadline_s:
+            waited_s += self._look()
+            if waited_s > _STOP_PATIENCE_S:
                 for child in self._children.values():
                     child.kill()
         remove_leftovers()
@@ -240,19 +240,21 @@ class Suite:
             child.fork(self._children[HOST], self._arguments.get(name, []))
         self._children[name] = child
 
-    def _look(self) -> None:
-        """See to what comes, and to what does not."""
+    def _look(self) -> float:
+        """See to what comes, and to what does not; gives the seconds that it took, as far as they count."""
         alive = [child for child in self._children.values() if child.code is None]
         news: Sequence[Any] = wait(alive, _LOOK_EVERY_S)
-        waited_s, self._looked_s = time.monotonic() - self._looked_s, time.monotonic()
+        last_s, self._looked_s = self._looked_s, time.monotonic()
+        waited_s = min(self._looked_s - last_s, _LONGEST_LOOK_S)
         for child in alive:
             if child in news:
                 child.read(self._sink)
-            child.kill_if_hung(min(waited_s, _LONGEST_LOOK_S), self._sink)
+            child.kill_if_hung(waited_s, self._sink)
             if child.code is not None:
                 remove_leftovers()
                 if not self._stopping.is_set() and self.failure is None:
                     self._take_end(child)
+        return waited_s
 
     def _take_end(self, child: Child) -> None:
         """Have another started: at once, or ever later where one after the other dies young."""
