@@ -71,11 +71,11 @@ def test_timing_and_clock(recording, peer):
         thread.start()
         peer.until(lambda: len(arrivals) == FRAMES, what="all images")
         thread.join(LIMIT_S)
-        peer.until(lambda: clock and stamp_to_ns(clock[-1].clock) == last_ns, what="the last clock")
+        peer.spin(0.3)
         took_s = (arrivals[-1] - arrivals[0], player.result.wall_s)
         times = [stamp_to_ns(c.clock) for c in clock]
-        assert times == sorted(times) and min(took_s) > length - 0.05 - player.result.worst_delay_s
-        is_whole = len(times) > FRAMES and times[0] <= scene.START_NS + scene.STEP_NS
+        assert times == sorted(times) and player.result.wall_s > length - 0.05
+        is_whole = len(times) > FRAMES and times[0] <= scene.START_NS + scene.STEP_NS and times[-1] == last_ns
         return is_whole and took_s == pytest.approx((length, length), abs=0.05)
 
     last_ns = scene.START_NS + (FRAMES - 1) * scene.STEP_NS

@@ -8,7 +8,7 @@ import scene
 from depth_pose_msgs.msg import FittedArray, FoundPerson, People, PoseMatchArray, Skeleton, SkeletonArray
 from diagnostic_msgs.msg import DiagnosticArray
 from hri_msgs.msg import IdsList
-from peer import RELIABLE
+from peer import HEARING, RELIABLE, SENSOR
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import PointCloud2
 
@@ -174,20 +174,27 @@ def test_each_is_refused_with_a_clear_message(valid, name):
 class Node:
     """One node, live, its publishers, and what it tells."""
 
-    def __init__(self, name, start, peer, bank_path):
+    def __init__(self, name, start, peer, bank_path, lossless=False):
         self.name, self.peer, self.number = name, peer, 0
         given = ["-p", f"bank:={bank_path}"]
+        given += ["-p", "reliable:=true", "-p", "queue:=100"] if lossless else []
+        qos = RELIABLE if lossless else SENSOR
         given += ["-p", "rep155:=true", "-p", "tf:=true"] if name == "recovery" else []
         self.process = start("-m", f"depth_pose.ros.nodes.{name}_node", "--ros-args", *given)
         self.process.wait_for("is ready", 240.0)
-        self.answers = peer.listen(KINDS[OUTPUTS[name]], f"/depth_pose/{OUTPUTS[name]}")
+        hears = RELIABLE if lossless else HEARING
+        self.answers = peer.listen(KINDS[OUTPUTS[name]], f"/depth_pose/{OUTPUTS[name]}", hears)
         self.told = peer.listen(DiagnosticArray, "/diagnostics", RELIABLE)
         topics = [*INPUTS[name], *(["skeletons"] if name == "refine" else [])]
-        self.out = {t: peer.publisher(KINDS[t], f"/depth_pose/{t}") for t in topics}
+        self.out = {t: peer.publisher(KINDS[t], f"/depth_pose/{t}", qos) for t in topics}
+        peer.until(lambda: self.told_of("listeners") > 0, what="its word that this test listens")
+
+    def told_of(self, what):
+        """A count of its last diagnostics."""
+        return int({v.key: v.value for s in self.told[-1:] for v in s.status[0].values}.get(what, 0))
 
     def dropped(self, reason):
-        values = {v.key: v.value for s in self.told[-1:] for v in s.status[0].values}
-        return int(values.get(f"dropped: {reason}", 0))
+        return self.told_of(f"dropped: {reason}")
 
     def send(self, valid, change=None):
         """Send a frame of the next stamp; gives it."""
@@ -261,6 +268,20 @@ def test_odd_answers_do_not_stop_the_refine_node(valid, start, peer, bank_path):
     node.answer(valid)
     assert node.dropped("error") == 0 and "Traceback" not in node.process.output
     assert "dropped, bad input: skeletons: the skeletons have the id" in node.process.output
+
+
+def test_an_odd_answer_lets_a_lossless_node_go_on(valid, start, peer, bank_path):
+    """Frames wait there for what the recovery node makes of the one before: also where that is refused."""
+    node = Node("refine", start, peer, bank_path, lossless=True)
+    stamps = [node.send(valid)]
+    peer.until(lambda: node.is_answered(stamps[0]), what=lambda: node.process.output)
+    for k in range(3):
+        stamps.append(node.send(valid))  # is kept, or answered where this took longer than it waits
+        peer.spin(0.2)
+        odd = changed(valid, ["skeletons"], named("skeletons", "a/b"), stamps[k])["skeletons"]
+        node.out["skeletons"].publish(odd)
+        peer.until(lambda k=k: node.is_answered(stamps[k + 1]), what=lambda: node.process.output)
+    assert [stamp_to_ns(m.header.stamp) for m in node.answers] == stamps
 
 
 def test_only_names_that_topics_can_have_are_tracked(valid, start, peer, bank_path):

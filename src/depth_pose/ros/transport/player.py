@@ -252,7 +252,8 @@ class Player:
         from rclpy.duration import Duration
 
         deadline = time.monotonic() + (0.0 if self._stop.is_set() else _ACKNOWLEDGED_S)
-        for publisher in self._publishers.values():
+        clock = [self._clock_publisher] if self._clock else []
+        for publisher in (*self._publishers.values(), *clock):
             publisher.wait_for_all_acked(Duration(seconds=max(0.0, deadline - time.monotonic())))
 
     def _play_rounds(self) -> None:
