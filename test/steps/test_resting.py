@@ -22,9 +22,9 @@ def people(bank) -> People:
     return syn.to_people(syn.draw((posed.vertices, bank.body.faces)))
 
 
-def shifted(people: People, k: int) -> People:
+def shifted(people: People, k: int, step_ns: int = 33_000_000) -> People:
     """The same people k steps farther on: their points alone, so that a search answers something else."""
-    stamped = syn.restamped(people, k * 33_000_000)
+    stamped = syn.restamped(people, k * step_ns)
     return replace(
         stamped, persons=tuple(replace(p, points=p.points + k * _SHIFT_M) for p in stamped.persons)
     )
@@ -37,12 +37,12 @@ def named(people: People, *body_ids: str) -> People:
     return replace(people, persons=persons)
 
 
-def searches(matcher: Matcher, people: People, frames: int) -> list[list[bool]]:
+def searches(matcher: Matcher, people: People, frames: int, step_ns: int = 33_000_000) -> list[list[bool]]:
     """Say of each frame and person whether exemplars were searched for, or went along."""
     before: dict[str, np.ndarray] = {}
     out = []
     for k in range(frames):
-        now = {m.body_id: m.candidates[0].translation for m in matcher.match(shifted(people, k))}
+        now = {m.body_id: m.candidates[0].translation for m in matcher.match(shifted(people, k, step_ns))}
         out.append(
             [b not in before or not np.allclose(t - before[b], _SHIFT_M, atol=1e-9) for b, t in now.items()]
         )
@@ -70,6 +70,15 @@ def test_two_people_take_turns(bank, people) -> None:
 def test_every_frame_is_searched_where_that_is_asked_for_or_the_size_is_not_known(bank, people) -> None:
     for config in (MatchConfig(scale=1.0, search_every=1), MatchConfig(scale_frames=5, search_every=4)):
         assert searches(Matcher(bank, config), people, 4) == [[True]] * 4
+
+
+def test_candidates_are_not_carried_for_long(bank, people) -> None:
+    for step_ns, told in ((33_000_000, [True, False, False, True]), (66_000_000, [True, False, True, False])):
+        matcher = Matcher(bank, MatchConfig(scale=1.0, search_every=3))
+        found = searches(matcher, named(people, "body_0"), 4, step_ns)
+        assert [f for (f,) in found] == told
+    matcher = Matcher(bank, MatchConfig(scale=1.0, search_every=3))
+    assert searches(matcher, people, 3, 200_000_000) == [[True]] * 3
 
 
 def test_a_reset_forgets_whose_turn_it_is(bank, people) -> None:

@@ -15,6 +15,11 @@ from numpy.typing import NDArray
 from depth_pose.core.types import PoseMatch
 from depth_pose.people.person import Person
 
+_LONGEST_NS = 100_000_000
+"""Candidates are carried along for so long, nanoseconds: at a few frames a second people move too far. In the
+corridor, 5 frames a second, a search in every second frame cost 1 to 3 points of PCK.10; at 25 and 30 frames
+a second it costs nothing that can be told (docs/accuracy.md)."""
+
 
 class LastMatch:
     """What was matched for one person, and when they are searched for again.
@@ -30,6 +35,7 @@ class LastMatch:
         self._every = every
         self._age = 0
         self._match: PoseMatch | None = None
+        self._stamp_ns = 0
         self._middle: NDArray[np.float64] = np.zeros(3)
 
     def carried(self, person: Person, scale: float) -> PoseMatch | None:
@@ -44,7 +50,7 @@ class LastMatch:
         if self._match is None:
             return None
         self._age += 1
-        if self._age >= self._every:
+        if self._age >= self._every or person.stamp_ns - self._stamp_ns > _LONGEST_NS:
             self._age = 0
             return None
         shift = _middle(person) - self._middle
@@ -55,7 +61,7 @@ class LastMatch:
         """Keep what a search found."""
         if self._match is None:
             self._age = sum(person.body_id.encode()) % self._every
-        self._match, self._middle = match, _middle(person)
+        self._match, self._stamp_ns, self._middle = match, person.stamp_ns, _middle(person)
 
 
 def _middle(person: Person) -> NDArray[np.float64]:
