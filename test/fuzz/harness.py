@@ -19,6 +19,7 @@ import json
 import logging
 import os
 import resource
+import signal
 import struct
 import subprocess
 import sys
@@ -42,7 +43,11 @@ COUNT = 10_000
 """Inputs of each decoder, unless told otherwise."""
 
 LIMIT_S = 5.0
-"""Longest that one input may take, seconds: a hundred times what a good one takes."""
+"""Longest that one input may take, seconds of processor time: a hundred times what a good one takes."""
+
+_STUCK_S = 60.0
+"""Seconds by the clock after which an input hangs: one that waits takes no processor time, but a machine that
+stands still for a while proves nothing."""
 
 LIMIT_MB = 768
 """Memory that a decoder may take beyond what it has once it read its seeds, MB."""
@@ -227,17 +232,20 @@ def _attack(decoder: Decoder, count: int, seed: int, report: Path, keep: Path | 
         decoder.decode(data)  # must be readable; kernels are compiled, libraries loaded
     used = _memory_mb()
     _limit_memory(LIMIT_MB)
+    faulthandler.register(signal.SIGPROF, chain=True)  # says where, and ends the process
     outcome = Outcome()
     with report.open("wb", buffering=0) as progress:
         for number in range(count):
             data = make_input(seeds, seed, number)
             progress.seek(0)
             progress.write(struct.pack("<Q", number))
-            faulthandler.dump_traceback_later(LIMIT_S, exit=True)
+            faulthandler.dump_traceback_later(_STUCK_S, exit=True)
+            signal.setitimer(signal.ITIMER_PROF, LIMIT_S)
             start = time.perf_counter()
             crash = _try(decoder, data, outcome)
             outcome.slowest_ms = max(outcome.slowest_ms, 1e3 * (time.perf_counter() - start))
             faulthandler.cancel_dump_traceback_later()
+            signal.setitimer(signal.ITIMER_PROF, 0.0)
             outcome.inputs += 1
             if crash is not None:
                 _note(outcome, crash, number, data, decoder, keep)
@@ -329,7 +337,8 @@ def _outcome(report: Path, code: int) -> Outcome:
     said = report.with_suffix(".err").read_text()
     number = struct.unpack("<Q", report.read_bytes())[0] if report.exists() else -1
     last = "\n".join(said.splitlines()[-12:])
-    why = f"input {number}: it hung" if "Timeout" in said else f"exit code {code}"
+    hung = "Timeout" in said or code == -signal.SIGPROF
+    why = f"input {number}: it hung" if hung else f"exit code {code}"
     what = f"{why}\n{last}" if number >= 0 else f"its seeds cannot be read\n{last}"
     return Outcome(max(number, 0), crashes=Counter([what]), examples={what: number})
 
