@@ -54,7 +54,7 @@ def skeleton(rng):
     return Skeleton(
         5_000_000_001,
         "optical",
-        "person-3",
+        "person_3",
         Source.RECOVERED,
         float(np.float32(0.7)),
         float(np.float32(0.0123)),
@@ -199,7 +199,7 @@ def test_fitted_round_trip_is_exact(skeleton, people):
 
 def test_everybody_in_one_message(skeleton):
     msg = over_the_wire(c.skeletons_to_msg([skeleton, skeleton], 7, "optical"))
-    assert [s.body_id for s in msg.skeletons] == ["person-3", "person-3"]
+    assert [s.body_id for s in msg.skeletons] == ["person_3", "person_3"]
     assert not c.skeletons_to_msg([], 7, "optical").skeletons
 
 

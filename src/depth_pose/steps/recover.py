@@ -38,7 +38,7 @@ from depth_pose.fit.temporal import TemporalCarrier
 from depth_pose.people.memory import PerPerson
 from depth_pose.people.person import People, Person, thin
 from depth_pose.steps.confidence import fit_confidence, report_joints, skeleton_confidence
-from depth_pose.steps.failure import KINDS, FailureCheck
+from depth_pose.steps.failure import KINDS, FailureCheck, excess_of
 from depth_pose.steps.smooth import JointFilter
 from depth_pose.steps.warm_up import sample_people
 
@@ -165,6 +165,7 @@ class Recoverer:
             pose = self._fit(self._target(person), start, self.bank.body)
             nodes = self.bank.body.pose(pose.rotations, pose.root, pose.scale).nodes
             report_joints(nodes[JOINT_NODES], pose.scale, person, 0.0)
+            excess_of(pose.rotations)
 
     def recover(self, people: People, fitted: Iterable[Fitted]) -> tuple[Skeleton, ...]:
         """Check refined skeletons, recover where they failed, and filter.
