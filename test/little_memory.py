@@ -18,3 +18,14 @@ def little_memory(megabytes: int = 512) -> Iterator[None]:
         yield
     finally:
         resource.setrlimit(resource.RLIMIT_AS, before)
+
+
+def yaml_bombs() -> tuple[str, str]:
+    """Two kilobytes of YAML that stand for 9^29 values: by lists of lists, and by keys that are merged."""
+
+    def nine(i: int) -> str:
+        return ",".join([f"*a{i - 1}"] * 9)
+
+    lists = "a0: &a0 [1]\n" + "".join(f"a{i}: &a{i} [{nine(i)}]\n" for i in range(1, 30))
+    merged = "a0: &a0 {x: 1}\n" + "".join(f"a{i}: &a{i} {{<<: [{nine(i)}]}}\n" for i in range(1, 30))
+    return lists, merged

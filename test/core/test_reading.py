@@ -15,10 +15,18 @@ import pytest
 from depth_pose.bank.sources import gather_poses
 from depth_pose.core.arrays import DamagedArrays, array_names, load_arrays
 from depth_pose.core.errors import ConfigError, InputError
-from depth_pose.core.reading import MOST_SETTINGS_BYTES, MOST_VALUES, parse_json, parse_yaml, read_text
+from depth_pose.core.reading import (
+    MOST_SETTINGS_BYTES,
+    MOST_VALUES,
+    parse_json,
+    parse_long_yaml,
+    parse_yaml,
+    read_text,
+)
+from depth_pose.io._recording import Recording
 from depth_pose.motion.bvh import read_bvh
 from depth_pose.sim.motion import load_motion
-from little_memory import little_memory
+from little_memory import little_memory, yaml_bombs
 from motion_writers import write_bvh
 
 
@@ -113,10 +121,7 @@ def test_yaml_is_bounded(tmp_path: Path) -> None:
         "b": [1, 2],
         "c": {"d": 1},
     }
-    nine = lambda i: ",".join([f"*a{i - 1}"] * 9)  # noqa: E731
-    laughs = "a0: &a0 [1]\n" + "".join(f"a{i}: &a{i} [{nine(i)}]\n" for i in range(1, 30))
-    merges = "a0: &a0 {x: 1}\n" + "".join(f"a{i}: &a{i} {{<<: [{nine(i)}]}}\n" for i in range(1, 30))
-    for text in (laughs, merges, "- 1\n" * (MOST_VALUES + 1)):
+    for text in (*yaml_bombs(), "- 1\n" * (MOST_VALUES + 1)):
         with little_memory(), pytest.raises(ConfigError, match=f"it holds over {MOST_VALUES} values"):
             parse_yaml("f", text)
     odd = ("a: &x [*x]", "[" * 5000, "a: 2001-99-99", "? [a]\n: 1", "a: !!python/name:os.system",
@@ -125,6 +130,20 @@ def test_yaml_is_bounded(tmp_path: Path) -> None:
         with pytest.raises(ConfigError, match=r"^f is not YAML: ") as refused:
             parse_yaml("f", text)
         assert "\n" not in str(refused.value)
+
+
+def test_yaml_of_recordings_is_bounded(tmp_path: Path) -> None:
+    """Lists may be long where programs write them; aliases count."""
+    assert len(parse_long_yaml("f", "- 1\n" * (MOST_VALUES + 1))) == MOST_VALUES + 1
+    assert parse_long_yaml("f", "a: &x [1, 2]\nb: *x\n")["b"] == [1, 2]
+    told = "rosbag2_bagfile_information: {relative_file_paths: *a29, topics_with_message_count: []}\n"
+    for bomb in yaml_bombs():
+        (tmp_path / "metadata.yaml").write_text(bomb + told)
+        with (
+            little_memory(),
+            pytest.raises(InputError, match=rf"it holds over {MOST_VALUES} values.*reindex"),
+        ):
+            Recording(tmp_path)
 
 
 def test_json_is_bounded() -> None:
