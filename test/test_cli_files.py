@@ -170,6 +170,55 @@ def test_every_writing_command_looks_at_its_target_first(
     assert sorted(p.name for p in tmp_path.iterdir() if p.name != "folder") == ["in.mcap"]
 
 
+@pytest.mark.parametrize("arguments", [
+    ("run", "pipe.mcap", "-o", "o.mcap"),
+    ("run", "in.mcap", "-o", "o.mcap", "--bank", "pipe.npz"),
+    ("run", "in.mcap", "-o", "o.mcap", "--params", "pipe.yaml"),
+    ("run", "in.mcap", "-o", "o.mcap", "--build", "pipe.json"),
+    ("run", "in.mcap", "b.mcap", "-o", "many", "--workers", "0", "--build", "pipe.json"),
+    ("info", "pipe.mcap"),
+    ("export", "pipe.mcap", "-o", "o.csv"),
+    ("overlay", "in.mcap", "pipe.mcap", "-o", "o.png"),
+    ("eval", "pipe.npz", "in.mcap"),
+    ("bank", "info", "pipe.npz"),
+    ("bank", "check", "pipe.mcap", "-o", "o.png"),
+    ("simulate", "-o", "o.mcap", "--motion", "pipe.bvh"),
+    ("volume", "info", "pipe.npz"),
+    ("view", "pipe.mcap"),
+    ("play", "pipe.mcap"),
+    ("up", "--params", "pipe.yaml"),
+], ids=" ".join)  # fmt: skip
+def test_no_command_waits_for_a_pipe(
+    tmp_path: Path,
+    bank_path: Path,
+    arguments: tuple[str, ...],
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    for name in ("in.mcap", "b.mcap"):
+        _record(tmp_path / name)
+    for ending in ("mcap", "npz", "yaml", "json", "bvh"):
+        os.mkfifo(tmp_path / f"pipe.{ending}")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "200")
+    monkeypatch.setenv("DEPTH_POSE_BANK", str(bank_path))
+    monkeypatch.setattr(sys, "argv", ["depth-pose", *arguments])
+
+    def end_it(*_: object) -> None:
+        raise AssertionError(f"waits: {arguments}")
+
+    before = signal.signal(signal.SIGALRM, end_it)
+    signal.alarm(60)
+    try:
+        with pytest.raises(SystemExit) as end:
+            main()
+    finally:
+        signal.alarm(0)
+        signal.signal(signal.SIGALRM, before)
+    told = capsys.readouterr().err
+    assert end.value.code in (1, 2) and "pipe." in told and "Traceback" not in told, told
+
+
 def test_ctrl_c_keeps_the_earlier_output(tmp_path: Path, bank_path: Path) -> None:
     recording = _record(tmp_path / "in.mcap", _MANY)
     (tmp_path / "out.mcap").write_bytes(b"good")
