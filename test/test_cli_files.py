@@ -81,6 +81,56 @@ def test_run_never_writes_over_what_it_reads(tmp_path: Path, bank_path: Path) ->
 
 
 @pytest.mark.parametrize("arguments", [
+    ("run", "in.mcap", "-o", "{a.yaml}", "--params", "a.yaml"),
+    ("run", "in.mcap", "-o", "{b.npz}", "--bank", "b.npz"),
+    ("run", "in.mcap", "-o", "o.mcap", "--save-build", "{b.npz}", "--bank", "b.npz"),
+    ("run", "in.mcap", "b.mcap", "-o", ".", "--workers", "0"),
+    ("export", "in.mcap", "-o", "{in.mcap}"),
+    ("bank", "build", "-o", "{b.npz}", "--body", "b.npz"),
+    ("bank", "info", "b.npz", "--sheet", "{b.npz}"),
+    ("bank", "check", "in.mcap", "-o", "{in.mcap}"),
+    ("eval", "b.npz", "b.mcap", "--plot", "{b.npz}"),
+    ("eval", "b.npz", "b.mcap", "--plot", "{b.mcap}"),
+    ("overlay", "in.mcap", "b.mcap", "-o", "{in.mcap}"),
+    ("overlay", "in.mcap", "b.mcap", "-o", "{b.mcap}"),
+    ("volume", "run", "in.mcap", "-m", "b.npz", "--rig", "a.yaml", "-o", "{in.mcap}"),
+    ("volume", "run", "in.mcap", "-m", "b.npz", "--rig", "a.yaml", "-o", "{a.yaml}"),
+    ("volume", "demo", "-m", "b.npz", "-o", "{b.npz}"),
+], ids=" ".join)  # fmt: skip
+@pytest.mark.parametrize("by", ["symlink_to", "hardlink_to"])
+def test_no_command_writes_over_what_it_reads(
+    tmp_path: Path,
+    arguments: tuple[str, ...],
+    by: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """Recordings, banks, models and settings, under another name that ends as an output's does."""
+    _record(tmp_path / "in.mcap")
+    for name in ("b.mcap", "b.npz"):
+        (tmp_path / name).write_bytes((tmp_path / "in.mcap").read_bytes() + name.encode())
+    (tmp_path / "a.yaml").write_text("{}\n")
+    ending = {"export": ".csv", "run": ".mcap"}.get(arguments[0], ".npz" if "build" in arguments else ".png")
+    given = []
+    for argument in arguments:
+        if argument.startswith("{"):
+            link = tmp_path / f"link{ending}"
+            getattr(link, by)(tmp_path / argument.strip("{}"))
+            argument = link.name
+        given.append(argument)
+    before = {p.name: p.read_bytes() for p in tmp_path.iterdir()}
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "200")
+    monkeypatch.setattr(sys, "argv", ["depth-pose", *given])
+    with pytest.raises(SystemExit) as end:
+        main()
+    told = capsys.readouterr().err
+    assert end.value.code == 1 and "both read and to be written" in told, told
+    left = {p.name: p.read_bytes() for p in tmp_path.iterdir() if p.name != "report.csv"}
+    assert left == before
+
+
+@pytest.mark.parametrize("arguments", [
     ("run", "in.mcap", "-o", "{}"),
     ("simulate", "-o", "{}.mcap"),
     ("record", "-o", "{}"),
@@ -120,6 +170,55 @@ def test_every_writing_command_looks_at_its_target_first(
     assert sorted(p.name for p in tmp_path.iterdir() if p.name != "folder") == ["in.mcap"]
 
 
+@pytest.mark.parametrize("arguments", [
+    ("run", "pipe.mcap", "-o", "o.mcap"),
+    ("run", "in.mcap", "-o", "o.mcap", "--bank", "pipe.npz"),
+    ("run", "in.mcap", "-o", "o.mcap", "--params", "pipe.yaml"),
+    ("run", "in.mcap", "-o", "o.mcap", "--build", "pipe.json"),
+    ("run", "in.mcap", "b.mcap", "-o", "many", "--workers", "0", "--build", "pipe.json"),
+    ("info", "pipe.mcap"),
+    ("export", "pipe.mcap", "-o", "o.csv"),
+    ("overlay", "in.mcap", "pipe.mcap", "-o", "o.png"),
+    ("eval", "pipe.npz", "in.mcap"),
+    ("bank", "info", "pipe.npz"),
+    ("bank", "check", "pipe.mcap", "-o", "o.png"),
+    ("simulate", "-o", "o.mcap", "--motion", "pipe.bvh"),
+    ("volume", "info", "pipe.npz"),
+    ("view", "pipe.mcap"),
+    ("play", "pipe.mcap"),
+    ("up", "--params", "pipe.yaml"),
+], ids=" ".join)  # fmt: skip
+def test_no_command_waits_for_a_pipe(
+    tmp_path: Path,
+    bank_path: Path,
+    arguments: tuple[str, ...],
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    for name in ("in.mcap", "b.mcap"):
+        _record(tmp_path / name)
+    for ending in ("mcap", "npz", "yaml", "json", "bvh"):
+        os.mkfifo(tmp_path / f"pipe.{ending}")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "200")
+    monkeypatch.setenv("DEPTH_POSE_BANK", str(bank_path))
+    monkeypatch.setattr(sys, "argv", ["depth-pose", *arguments])
+
+    def end_it(*_: object) -> None:
+        raise AssertionError(f"waits: {arguments}")
+
+    before = signal.signal(signal.SIGALRM, end_it)
+    signal.alarm(60)
+    try:
+        with pytest.raises(SystemExit) as end:
+            main()
+    finally:
+        signal.alarm(0)
+        signal.signal(signal.SIGALRM, before)
+    told = capsys.readouterr().err
+    assert end.value.code in (1, 2) and "pipe." in told and "Traceback" not in told, told
+
+
 def test_ctrl_c_keeps_the_earlier_output(tmp_path: Path, bank_path: Path) -> None:
     recording = _record(tmp_path / "in.mcap", _MANY)
     (tmp_path / "out.mcap").write_bytes(b"good")
@@ -148,3 +247,23 @@ def test_output_that_has_no_unicode(tmp_path: Path) -> None:
                  cwd=tmp_path, PYTHONIOENCODING="ascii", LC_ALL="C")  # fmt: skip
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "Größe.mcap").exists()
+    for what in (("info", "Größe.mcap"), ("--help",), ("run", "--help")):
+        done = _call(*what, cwd=tmp_path, PYTHONIOENCODING="ascii", LC_ALL="C")
+        assert done.returncode == 0 and not done.stderr, done.stderr
+        assert done.stdout.isascii() and len(done.stdout) > 200
+
+
+def test_nothing_needs_a_home(tmp_path: Path, bank_path: Path) -> None:
+    """A service's account has none, or none that it can write."""
+    homes = dict.fromkeys(("HOME", "XDG_CACHE_HOME", "XDG_CONFIG_HOME", "MPLCONFIGDIR"), "/proc/nothing")
+    homes |= {"TMPDIR": str(tmp_path)}
+    for arguments in (
+        ("simulate", "-o", "in.mcap", "--seconds", "0.08", "--motion", "wave"),
+        ("run", "in.mcap", "-o", "out.mcap", "--bank", bank_path),
+        ("eval", "in.npz", "out.mcap", "--plot", "plot.png"),
+    ):
+        done = _call(*arguments, cwd=tmp_path, **homes)
+        assert done.returncode == 0, done.stderr
+        assert "Traceback" not in done.stderr
+    assert len(list(read_people(tmp_path / "out.mcap"))) == 2
+    assert (tmp_path / "plot.png").stat().st_size > 10_000

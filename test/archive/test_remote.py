@@ -63,18 +63,31 @@ def test_what_a_url_means(server: str, served: Path) -> None:
             find_sources([url])
 
 
+_OUTSIDE = ("../up", "/../up", "a/../../up", "/etc/up", "//etc/up", "http://other/up", "%2e%2e/up", "..%2fup")
+"""Names of recordings that a listing leads to, elsewhere; as links are written they may be encoded."""
+
 _ENDLESS = """
-import http.server
+import http.server, sys
+NAMES = sys.argv[1:]
 
 class Endless(http.server.BaseHTTPRequestHandler):
     protocol_version = "HTTP/1.1"
 
     def do_HEAD(self):
+        if self.path.startswith("/list"):
+            return self.do_GET()
         self.send_response(200)
         self.send_header("Transfer-Encoding", "chunked")
         self.end_headers()
 
     def do_GET(self):
+        if self.path.startswith("/list"):
+            body = "".join(f'<a href="{name}.mcap">x</a>' for name in NAMES).encode()
+            self.send_response(200)
+            self.send_header("Content-Type", "text/html")
+            self.send_header("Content-Length", str(len(body)))
+            self.end_headers()
+            return self.wfile.write(body) if self.command == "GET" else None
         if self.path.startswith("/away"):
             self.send_response(302)
             self.send_header("Location", "file:///etc/passwd")
@@ -93,7 +106,7 @@ server.serve_forever()
 @pytest.fixture
 def hostile() -> Iterator[str]:
     """A server that never ends what it sends, or leads to the reader's own files."""
-    command = [sys.executable, "-u", "-c", _ENDLESS]
+    command = [sys.executable, "-u", "-c", _ENDLESS, *_OUTSIDE, "good"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as process:
         assert process.stdout is not None
         yield f"http://127.0.0.1:{process.stdout.readline().strip()}"
@@ -111,11 +124,20 @@ def test_an_endless_body_leaves_room_for_others(
 
 
 def test_a_server_does_not_lead_to_our_own_files(hostile: str) -> None:
-    with pytest.raises(InputError), fetched(f"{hostile}/away.mcap"):
+    with pytest.raises(InputError, match=r"away\.mcap cannot be fetched"), fetched(f"{hostile}/away.mcap"):
         pass
 
 
-def test_names_from_a_server_stay_in_the_folder(server: str) -> None:
+@pytest.mark.parametrize("pattern", ["", "*.mcap", "**/*.mcap"])
+def test_names_from_a_server_stay_in_the_folder(hostile: str, tmp_path: Path, pattern: str) -> None:
+    names = [source.name for source in find_sources([f"{hostile}/list/{pattern}"])]
+    assert "good" in names
+    out = tmp_path / "out"
+    for name in names:
+        assert (out / f"{name}.mcap").resolve().is_relative_to(out.resolve()), name
+
+
+def test_names_that_lead_elsewhere_are_none() -> None:
     from depth_pose.archive.remote import _name
 
     assert _name("http://a/b/c.mcap", "http://a/b") == "c"

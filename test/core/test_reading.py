@@ -4,12 +4,9 @@ from __future__ import annotations
 
 import io
 import os
-import resource
 import subprocess
 import sys
 import zipfile
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -18,22 +15,19 @@ import pytest
 from depth_pose.bank.sources import gather_poses
 from depth_pose.core.arrays import DamagedArrays, array_names, load_arrays
 from depth_pose.core.errors import ConfigError, InputError
-from depth_pose.core.reading import MOST_SETTINGS_BYTES, MOST_VALUES, parse_json, parse_yaml, read_text
+from depth_pose.core.reading import (
+    MOST_SETTINGS_BYTES,
+    MOST_VALUES,
+    parse_json,
+    parse_long_yaml,
+    parse_yaml,
+    read_text,
+)
+from depth_pose.io._recording import Recording
 from depth_pose.motion.bvh import read_bvh
 from depth_pose.sim.motion import load_motion
+from little_memory import little_memory, yaml_bombs
 from motion_writers import write_bvh
-
-
-@contextmanager
-def _little_memory(megabytes: int = 512) -> Iterator[None]:
-    """Let this process take so much more and no more."""
-    pages = int(Path("/proc/self/statm").read_text().split()[0])
-    before = resource.getrlimit(resource.RLIMIT_AS)
-    resource.setrlimit(resource.RLIMIT_AS, (pages * resource.getpagesize() + (megabytes << 20), before[1]))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_AS, before)
 
 
 def _bomb(path: Path, shape: str, zeros: int) -> Path:
@@ -78,7 +72,7 @@ def test_bombs_are_refused_without_memory(tmp_path: Path) -> None:
     more = _bomb(tmp_path / "more.npz", "(4,)", 768 << 20)
     odd = [_bomb(tmp_path / f"{k}.npz", shape, 0) for k, shape in enumerate(("(-1,)", "(2**70,)", "(1,)*70"))]
     for path in (zeros, claims, more, *odd):
-        with _little_memory(), pytest.raises(DamagedArrays):
+        with little_memory(), pytest.raises(DamagedArrays):
             load_arrays(path)
     with pytest.raises(DamagedArrays, match=r"declared as 805 MB; at most 268 MB fit it"):
         load_arrays(zeros)
@@ -127,11 +121,8 @@ def test_yaml_is_bounded(tmp_path: Path) -> None:
         "b": [1, 2],
         "c": {"d": 1},
     }
-    nine = lambda i: ",".join([f"*a{i - 1}"] * 9)  # noqa: E731
-    laughs = "a0: &a0 [1]\n" + "".join(f"a{i}: &a{i} [{nine(i)}]\n" for i in range(1, 30))
-    merges = "a0: &a0 {x: 1}\n" + "".join(f"a{i}: &a{i} {{<<: [{nine(i)}]}}\n" for i in range(1, 30))
-    for text in (laughs, merges, "- 1\n" * (MOST_VALUES + 1)):
-        with _little_memory(), pytest.raises(ConfigError, match=f"it holds over {MOST_VALUES} values"):
+    for text in (*yaml_bombs(), "- 1\n" * (MOST_VALUES + 1)):
+        with little_memory(), pytest.raises(ConfigError, match=f"it holds over {MOST_VALUES} values"):
             parse_yaml("f", text)
     odd = ("a: &x [*x]", "[" * 5000, "a: 2001-99-99", "? [a]\n: 1", "a: !!python/name:os.system",
            "a: " + "1" * 5000, "a: !!int ''", "a: [", "\x00")  # fmt: skip
@@ -139,6 +130,20 @@ def test_yaml_is_bounded(tmp_path: Path) -> None:
         with pytest.raises(ConfigError, match=r"^f is not YAML: ") as refused:
             parse_yaml("f", text)
         assert "\n" not in str(refused.value)
+
+
+def test_yaml_of_recordings_is_bounded(tmp_path: Path) -> None:
+    """Lists may be long where programs write them; aliases count."""
+    assert len(parse_long_yaml("f", "- 1\n" * (MOST_VALUES + 1))) == MOST_VALUES + 1
+    assert parse_long_yaml("f", "a: &x [1, 2]\nb: *x\n")["b"] == [1, 2]
+    told = "rosbag2_bagfile_information: {relative_file_paths: *a29, topics_with_message_count: []}\n"
+    for bomb in yaml_bombs():
+        (tmp_path / "metadata.yaml").write_text(bomb + told)
+        with (
+            little_memory(),
+            pytest.raises(InputError, match=rf"it holds over {MOST_VALUES} values.*reindex"),
+        ):
+            Recording(tmp_path)
 
 
 def test_json_is_bounded() -> None:
@@ -150,7 +155,7 @@ def test_json_is_bounded() -> None:
 def test_motion_of_forty_million_frames_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "a.bvh"
     path.write_text("HIERARCHY\nROOT a\n{\nOFFSET 0 0 0\n}\nMOTION\nFrames: 40000000\nFrame Time: 0.01\n")
-    with _little_memory(), pytest.raises(InputError, match="40000000 frames of 1 joints are too many"):
+    with little_memory(), pytest.raises(InputError, match="40000000 frames of 1 joints are too many"):
         read_bvh(path)
     path.write_text(path.read_text().replace("40000000", "4"))
     with pytest.raises(InputError, match="no joint has channels"):

@@ -6,6 +6,7 @@ import socket
 import stat
 import struct
 import subprocess
+import sys
 import threading
 import time
 from pathlib import Path
@@ -24,12 +25,24 @@ from depth_pose.ros.process.supervisor import NODES, Suite
 from depth_pose.ros.transport.conversions import ns_to_stamp
 
 
-def udp_addresses(pid):
-    """Give the local addresses of a process' UDP sockets."""
+def addresses(pid):
+    """Give the local addresses of a process' sockets of the network, of every kind."""
     links = {os.readlink(f) for f in Path(f"/proc/{pid}/fd").iterdir() if f.exists()}
-    rows = [line.split() for line in Path("/proc/net/udp").read_text().splitlines()[1:]]
-    hexes = [row[1].partition(":")[0] for row in rows if f"socket:[{row[9]}]" in links]
-    return {socket.inet_ntoa(struct.pack("<I", int(text, 16))) for text in hexes}
+    found = set()
+    for kind in ("udp", "udp6", "udplite", "udplite6", "tcp", "tcp6", "raw", "raw6"):
+        table = Path(f"/proc/net/{kind}")
+        rows = [line.split() for line in table.read_text().splitlines()[1:]] if table.exists() else []
+        hexes = [row[1].partition(":")[0] for row in rows if f"socket:[{row[9]}]" in links]
+        found |= {socket.inet_ntoa(struct.pack("<I", int(h, 16))) if len(h) == 8 else h for h in hexes}
+    return found
+
+
+def processes(pid):
+    """Give a process and all that it has started."""
+    for children in Path(f"/proc/{pid}/task").glob("*/children"):
+        for child in children.read_text().split():
+            yield from processes(int(child))
+    yield pid
 
 
 def segments(pid):
@@ -56,12 +69,43 @@ def read_as_nobody(paths):
 def test_a_local_suite_is_this_machine_s_and_this_account_s(domain, tmp_path):
     """Sockets on the loopback interface alone; shared memory that no other account can read."""
     assert os.environ[PROFILE_VARIABLE] == str(LOCAL_PROFILE_PATH)
+    earlier = {*processes(os.getpid())}  # what other tests have left here
     with Suite(nodes=["denoise"], sink=str) as suite:
-        assert udp_addresses(suite.pid("denoise")) == {"127.0.0.1"}
+        assert addresses(suite.pid("denoise")) == {"127.0.0.1"}
         while not suite.is_ready("spare 1"):
             time.sleep(0.1)
         for name in ("denoise", "spare 1"):
             check_private(segments(suite.pid(name)))
+        everyone = {*processes(os.getpid())} - earlier
+        assert {suite.pid("denoise"), suite.pid("spare 1")} < everyone
+        assert set().union(*map(addresses, everyone)) == {"127.0.0.1"}
+
+
+_GROUPS = """
+import fcntl, socket, struct, time
+from pathlib import Path
+with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as any_socket:  # lo: up, and with multicast
+    fcntl.ioctl(any_socket, 0x8914, struct.pack("16sh", b"lo", 0x1 | 0x40 | 0x1000))
+import rclpy
+rclpy.init()
+node = rclpy.create_node("listener")
+print("239.255.0.1" if "0100FFEF" in Path("/proc/net/igmp").read_text() else "no group")
+"""
+
+
+@pytest.mark.parametrize(
+    ("profile", "group"), [(LOCAL_PROFILE_PATH, "no group"), (PROFILE_PATH, "239.255.0.1")]
+)
+def test_a_local_suite_joins_no_multicast_group(domain, monkeypatch, profile, group):
+    """In a network of its own, where nobody else can have joined one; the usual profile joins one."""
+    monkeypatch.setenv(PROFILE_VARIABLE, str(profile))
+    own_network = ["unshare", "--net", *([] if os.getuid() == 0 else ["--map-root-user"])]
+    done = subprocess.run(
+        [*own_network, sys.executable, "-c", _GROUPS], capture_output=True, text=True, timeout=120
+    )
+    if "unshare" in done.stderr:  # a container, or a kernel, that does not let this account make networks
+        return
+    assert group in done.stdout, done.stdout + done.stderr
 
 
 def check_private(found):
@@ -88,7 +132,7 @@ def test_what_is_played_is_this_account_s(start, tmp_path):
 def test_the_default_profile_listens_to_the_network(domain, monkeypatch):
     monkeypatch.setenv(PROFILE_VARIABLE, str(PROFILE_PATH))
     with Suite(nodes=["denoise"], sink=str) as suite:
-        assert "0.0.0.0" in udp_addresses(suite.pid("denoise"))
+        assert "0.0.0.0" in addresses(suite.pid("denoise"))
 
 
 def test_staying_local_does_not_override_a_profile_of_the_user(monkeypatch):

@@ -26,6 +26,7 @@ from depth_pose.io.mcap_write import DepthWriter
 from depth_pose.ros.transport.bag import Player, Recorder
 from depth_pose.ros.transport.conversions import make_header, stamp_to_ns
 from depth_pose.ros.transport.recorded_qos import is_latched
+from little_memory import little_memory, yaml_bombs
 
 IMAGE, INFO = "/camera/depth/image_raw", "/camera/depth/camera_info"
 FRAMES = 20
@@ -158,6 +159,9 @@ def test_texts_of_profiles():
     assert not is_latched("/a", "- durability: 1\n- durability: volatile")
     for text in ("[", "a: b", "- 1", "&a [*a", "- {durability: [1]}", "\0"):
         assert not is_latched("/a", text)
+    for bomb in yaml_bombs():
+        with little_memory():
+            assert is_latched("/tf_static", bomb) and not is_latched("/a", bomb)
 
 
 def test_what_is_recorded_says_what_was_offered(tmp_path, peer):

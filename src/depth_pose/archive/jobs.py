@@ -24,6 +24,7 @@ from depth_pose import __version__
 from depth_pose.archive.remote import fetched
 from depth_pose.core.config import PipelineConfig
 from depth_pose.core.errors import BankError, ConfigError, DepthPoseError, InputError
+from depth_pose.core.reading import MOST_SETTINGS_BYTES, open_ordinary
 from depth_pose.core.workers import Tell
 from depth_pose.io._recording import open_regular, read_metadata, recording_files
 from depth_pose.io.image_folder import CAMERA_FILE
@@ -80,7 +81,10 @@ class Setting:
 
 def _hash_of_build(path: str) -> str:
     try:
-        return hashlib.sha256(Path(path).read_bytes()).hexdigest()
+        with open_ordinary(path, MOST_SETTINGS_BYTES) as stream:
+            return hashlib.sha256(stream.read()).hexdigest()
+    except InputError as error:
+        raise ConfigError(f"{path}: the build cannot be read: {error}") from error
     except OSError as error:
         raise ConfigError(f"{path}: the build cannot be read: {error.strerror}") from error
 

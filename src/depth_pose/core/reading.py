@@ -129,6 +129,25 @@ def parse_yaml(path: Path | str, text: str) -> Any:
         raise ConfigError(f"{path} is not YAML: {_one_line(error)}") from error
 
 
+def parse_long_yaml(path: Path | str, text: str) -> Any:
+    """Parse YAML that programs write, of whatever length; with aliases in it, as `parse_yaml` does.
+
+    Raises
+    ------
+    ConfigError
+        Where it is no YAML, or its aliases stand for too much.
+    """
+    import yaml
+
+    loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+    try:
+        if not any(isinstance(event, yaml.AliasEvent) for event in yaml.parse(text, loader)):
+            return yaml.load(text, loader)
+    except (yaml.YAMLError, *_PARSER_ERRORS) as error:
+        raise ConfigError(f"{path} is not YAML: {_one_line(error)}") from error
+    return parse_yaml(path, text)
+
+
 def _one_line(error: Exception) -> str:
     text = " ".join(str(error).split()) or type(error).__name__
     return "its nesting is too deep" if isinstance(error, RecursionError) else text

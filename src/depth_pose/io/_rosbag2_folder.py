@@ -9,7 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path, PurePath
 from typing import Any
 
-from depth_pose.core.errors import InputError
+from depth_pose.core.errors import DepthPoseError, InputError
+from depth_pose.core.reading import parse_long_yaml, read_text
 from depth_pose.io._topics import MAX_CHUNK, RawMessage, RecordingFile, Topic, counted
 
 METADATA = "metadata.yaml"
@@ -51,13 +52,9 @@ def read_metadata_file(folder: Path) -> Metadata:
     InputError
         Where it cannot be read; the message says how to make it anew.
     """
-    import yaml
-
     path = folder / METADATA
     try:
-        if path.stat().st_size > _MOST_METADATA:
-            raise ValueError("it is too large")
-        found = yaml.load(path.read_bytes(), getattr(yaml, "CSafeLoader", yaml.SafeLoader))
+        found = parse_long_yaml(path, read_text(path, _MOST_METADATA))
         info = found["rosbag2_bagfile_information"]
         names = [PurePath(str(name)).name for name in info["relative_file_paths"]]
         counts = {
@@ -65,19 +62,10 @@ def read_metadata_file(folder: Path) -> Metadata:
             for entry in info["topics_with_message_count"]
         }
         mode = str(info.get("compression_mode") or "").lower()
-    except (
-        OSError,
-        yaml.YAMLError,
-        ValueError,
-        TypeError,
-        KeyError,
-        AttributeError,
-        RecursionError,
-    ) as error:
+    except (DepthPoseError, ValueError, TypeError, KeyError, AttributeError) as error:
         text = " ".join(str(error).split())
-        raise InputError(
-            f"{path} cannot be read: {text}; 'ros2 bag reindex {folder}' makes it anew"
-        ) from error
+        said = text if isinstance(error, DepthPoseError) else f"{path} cannot be read: {text}"
+        raise InputError(f"{said}; 'ros2 bag reindex {folder}' makes it anew") from error
     return Metadata(tuple(folder / name for name in names), counts, mode == "message")
 
 

@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from depth_pose.core.errors import ConfigError
+from depth_pose.core.reading import parse_yaml
+
 _LATCHED = ("/tf_static", "/robot_description")
 """Topics that are kept for who comes later, also where a recording does not say so (REP 105, urdf)."""
 
@@ -39,11 +42,9 @@ def _duration_text(duration: Any) -> str:
 
 def is_latched(topic: str, text: str) -> bool:
     """Whether a topic's messages were kept for subscribers that come later (transient local)."""
-    import yaml
-
     try:
-        profiles = yaml.safe_load(text[:_MOST_TEXT])
-    except (yaml.YAMLError, ValueError, RecursionError):
+        profiles = parse_yaml(topic, text[:_MOST_TEXT])
+    except ConfigError:
         profiles = None
     if not isinstance(profiles, list) or not profiles:
         return topic in _LATCHED
