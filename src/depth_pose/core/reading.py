@@ -23,6 +23,9 @@ MOST_VALUES = 20_000
 """Most values of a YAML file, counted as often as aliases repeat them; one of 100 cameras has 4,000. Set by
 hand."""
 
+_DEEPEST = 100
+"""Most values of YAML within each other, where programs write it; rosbag2's has 6. Set by hand."""
+
 _PARSER_ERRORS = (ValueError, LookupError, TypeError, AttributeError, OverflowError, RecursionError)
 """What parsers raise beside errors of their own: dates that are none, numbers too long, nesting too deep."""
 
@@ -141,11 +144,16 @@ def parse_long_yaml(path: Path | str, text: str) -> Any:
 
     loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
     try:
-        if not any(isinstance(event, yaml.AliasEvent) for event in yaml.parse(text, loader)):
-            return yaml.load(text, loader)
+        depth = 0
+        for event in yaml.parse(text, loader):
+            if isinstance(event, yaml.AliasEvent):
+                return parse_yaml(path, text)
+            depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
+            if depth > _DEEPEST:  # its time grows as the square of the depth
+                raise RecursionError
+        return yaml.load(text, loader)
     except (yaml.YAMLError, *_PARSER_ERRORS) as error:
         raise ConfigError(f"{path} is not YAML: {_one_line(error)}") from error
-    return parse_yaml(path, text)
 
 
 def _one_line(error: Exception) -> str:
