@@ -172,7 +172,7 @@ def report(soak: Soak, restarts: dict[str, int], output: Path) -> None:
         top.plot(memory[:, 0] / 60, memory[:, k] / 1e6, label=f"{name}, {slope:+.1f} MB an hour")
         print(f"{name:12s} {memory[-1, k] / 1e6:6.0f} MB, {slope:+.2f} MB an hour")
     print(f"all, what they share counted once: {soak.shared_mb:.0f} MB; restarts: {restarts}")
-    top.set(ylabel="resident memory, MB", ylim=(0, 1.1 * memory[:, 1:].max() / 1e6))
+    top.set(ylabel="resident memory, MB", ylim=(0, 1.1 * np.nanmax(memory[:, 1:]) / 1e6))
     top.legend(loc="lower right")
     bottom.plot(latency[:, 0] / 60, 1e3 * latency[:, 1], ".", ms=1, alpha=0.4, color="tab:gray")
     edges = np.linspace(0, end, 61)
