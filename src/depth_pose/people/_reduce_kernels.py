@@ -35,8 +35,10 @@ def reduce_depth(depth, stride, jump, near, far):
     for i in range(rows):
         part = depth[i * stride : (i + 1) * stride]
         sum_columns(part, near, far, columns)
-        if stride == 2:  # as most are: with a number that is known the loop is vectorised
+        if stride == 2:  # as most are; with a number that is known the loop is vectorised
             sum_blocks(columns, 2, blocks)
+        elif stride == 3:
+            sum_blocks(columns, 3, blocks)
         else:
             sum_blocks(columns, stride, blocks)
         mean_blocks(blocks, np.float32(0.5 * stride * stride), out[i])
@@ -48,15 +50,20 @@ def reduce_depth(depth, stride, jump, near, far):
             continue
         for a in range(stride):
             for b in range(stride):
-                row, here = part[a], values[a * stride + b]
-                for k in range(found):
-                    z = np.float32(row[mixed[k] * stride + b])
-                    here[k] = z if (z >= near) & (z <= far) else np.float32(np.inf)
+                take_columns(part[a], mixed[:found], stride, b, near, far, values[a * stride + b])
         sort_columns(values, found)
         mean_near_middle(values, counts[:found], jump, means)
         for k in range(found):
             out[i, mixed[k]] = means[k]
     return out
+
+
+@njit(cache=True)
+def take_columns(row, blocks, stride, offset, near, far, out):
+    """Take one pixel of each of the ``blocks`` of a row; infinite where it is not valid."""
+    for k in range(blocks.shape[0]):
+        z = np.float32(row[blocks[k] * stride + offset])
+        out[k] = z if (z >= near) & (z <= far) else np.float32(np.inf)
 
 
 @njit(cache=True, inline="always")
@@ -68,7 +75,8 @@ def sum_blocks(columns, stride, out):
         for b in range(stride):
             n += columns[0, j * stride + b]
             s += columns[1, j * stride + b]
-            low, high = min(low, columns[2, j * stride + b]), max(high, columns[3, j * stride + b])
+            less, more = columns[2, j * stride + b], columns[3, j * stride + b]
+            low, high = less if less < low else low, more if more > high else high
         count[j], total[j], least[j], most[j] = n, s, low, high
 
 
@@ -86,10 +94,16 @@ def sort_columns(values, count):
     """Sort each of the first columns of (n, k); neighbours in a row are compared and exchanged together."""
     for last in range(1, values.shape[0]):
         for at in range(last, 0, -1):
-            low, high = values[at - 1], values[at]
-            for k in range(count):
-                a, b = low[k], high[k]
-                low[k], high[k] = (a if a < b else b), (b if a < b else a)
+            order_rows(values[at - 1, :count], values[at, :count])
+
+
+@njit(cache=True)
+def order_rows(low, high):
+    """Put the lesser of two into ``low``; by itself, this loop is vectorised."""
+    for k in range(low.shape[0]):
+        a, b = low[k], high[k]
+        low[k] = a if a < b else b
+        high[k] = b if a < b else a
 
 
 @njit(cache=True)
@@ -102,13 +116,18 @@ def mean_near_middle(ordered, counts, reach, means):
     for k in range(counts.shape[0]):
         middle[k], means[k] = ordered[counts[k] // 2, k], 0.0
     for n in range(ordered.shape[0]):
-        here = ordered[n]
-        for k in range(counts.shape[0]):
-            is_near = abs(here[k] - middle[k]) <= reach
-            means[k] += here[k] if is_near else np.float32(0.0)
-            near[k] += np.float32(1.0) if is_near else np.float32(0.0)
+        add_near(ordered[n], middle, reach, means, near)
     for k in range(counts.shape[0]):
         means[k] /= near[k]
+
+
+@njit(cache=True)
+def add_near(values, middle, reach, total, count):
+    """Add and count those values that lie within ``reach`` of their ``middle``."""
+    for k in range(count.shape[0]):
+        is_near = abs(values[k] - middle[k]) <= reach
+        total[k] += values[k] if is_near else np.float32(0.0)
+        count[k] += np.float32(1.0) if is_near else np.float32(0.0)
 
 
 @njit(cache=True)
@@ -122,8 +141,8 @@ def sum_columns(depth, near, far, out):
         for b in range(width):
             z = np.float32(row[b])
             valid = (z >= near) & (z <= far)
-            here = z if valid else np.float32(0.0)
+            low, high = z if valid else np.float32(np.inf), z if valid else np.float32(0.0)
             count[b] += np.float32(1.0) if valid else np.float32(0.0)
-            total[b] += here
-            least[b] = min(least[b], z if valid else np.float32(np.inf))
-            most[b] = max(most[b], here)
+            total[b] += high
+            least[b] = low if low < least[b] else least[b]
+            most[b] = high if high > most[b] else most[b]
