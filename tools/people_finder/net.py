@@ -78,6 +78,11 @@ class FinderNet(nn.Module):
 
     def forward(self, x: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """Give mask logits (N,1,H,W), torso votes (N,4,H,W) and joint votes (N,4J+1,H/4,W/4)."""
+        mask, torso, y4 = self.packed(x)
+        return functional.pixel_shuffle(mask, 2), functional.pixel_shuffle(torso, 2), self.joints(y4)
+
+    def packed(self, x: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """Give mask (N,4,H/2,W/2) and torso votes (N,16,H/2,W/2), four pixels to one, and what joints see."""
         x2 = self.stem(x)
         x4 = self.down4(x2)
         x8 = self.down8(x4)
@@ -85,10 +90,12 @@ class FinderNet(nn.Module):
         y8 = self.up8(self.squeeze8(torch.cat([x8, _double(x16, x8)], 1)))
         y4 = self.up4(self.squeeze4(torch.cat([x4, _double(y8, x4)], 1)))
         y2 = self.up2(self.squeeze2(torch.cat([x2, _double(y4, x2)], 1)))
-        mask, torso = functional.pixel_shuffle(self.mask(y2), 2), functional.pixel_shuffle(self.torso(y2), 2)
-        return mask, torso, self.joints(y4)
+        return self.mask(y2), self.torso(y2), y4
 
 
 def _double(x: Tensor, like: Tensor) -> Tensor:
     """Double the resolution; the last row or column goes where the other has none."""
-    return functional.interpolate(x, scale_factor=2, mode="nearest")[..., : like.shape[2], : like.shape[3]]
+    doubled = functional.interpolate(x, scale_factor=2, mode="nearest")
+    if doubled.shape[2:] == like.shape[2:]:  # a cut that cuts nothing would cost time in the exported net
+        return doubled
+    return doubled[..., : like.shape[2], : like.shape[3]]

@@ -191,3 +191,14 @@ def slope(grid, i, j, down, right, rows, cols, scale):
     else:
         return np.float32(0.0)
     return bounded(rise * scale, 2.0)
+
+
+@njit(cache=True)
+def unpack(packed, out):
+    """Spread four channels to two by two pixels: ``packed`` (4 C, h, w) to ``out`` (C, 2 h, 2 w)."""
+    for c in range(out.shape[0]):
+        for i in range(packed.shape[1]):
+            for a in range(2):
+                left, right, row = packed[4 * c + 2 * a, i], packed[4 * c + 2 * a + 1, i], out[c, 2 * i + a]
+                for j in range(packed.shape[2]):
+                    row[2 * j], row[2 * j + 1] = left[j], right[j]

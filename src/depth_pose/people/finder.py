@@ -159,6 +159,7 @@ class PeopleFinder:
         self._features = np.zeros((1, kernels.CHANNELS, *shape), np.float32)
         self._sums = np.zeros((shape[0] + 1, shape[1] + 1))
         self._counts = np.zeros((shape[0] + 1, shape[1] + 1), np.int64)
+        self._torso = np.zeros((4, *shape), np.float32)
         self._gatherer = VoteGatherer()
 
     def warm_up(self) -> None:
@@ -230,7 +231,10 @@ class PeopleFinder:
 
     def _vote(self, image: NetImage) -> tuple[NDArray[np.float32], NDArray[np.float32], Clusters]:
         kernels.fill_features(image, self._sums, self._counts, self._features[0])
-        mask, torso = (o[0] for o in self._session.run(None, {self._input: self._features}))
+        packed_mask, packed_torso = self._session.run(None, {self._input: self._features})
+        mask, torso = np.empty((1, kernels.ROWS, kernels.COLS), np.float32), self._torso
+        kernels.unpack(packed_mask[0], mask)
+        kernels.unpack(packed_torso[0], torso)
         return mask[0], torso, self._gatherer.gather(image, mask[0], torso)
 
 
