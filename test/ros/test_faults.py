@@ -135,9 +135,15 @@ def await_deputies(suite, peer):
         peer.until(lambda d=deputy: suite.is_ready(d), PATIENCE_S, f"the {deputy}")
 
 
-@pytest.mark.parametrize("name", NODES)
-def test_a_killed_node(live, peer, name):
+def test_a_killed_node(live, peer):
     """kill -9 of each node while the others go on: skeletons again, without anybody's help."""
+    for count, name in enumerate(NODES, start=1):
+        kill(live, peer, name)
+        assert live[0].restarts == {n: int(n in NODES[:count]) for n in NODES}
+
+
+def kill(live, peer, name):
+    """Kill a node that never was before; a spare takes its place, and nothing of it is left."""
     suite, sensor, heard, lines = live
     await_deputies(suite, peer)
     spare = suite.pid("spare 1")
@@ -152,10 +158,9 @@ def test_a_killed_node(live, peer, name):
         lambda: f"skeletons after {name} was killed:\n" + "\n".join(lines),
     )
     _, again = gap(heard, settled)
-    peer.spin(1.0)
-    lost = sum(killed <= t <= again and s not in heard.came for s, t in sensor.sent.items())
+    peer.spin(0.5)
+    lost = sum(killed <= t <= again and s not in heard.came for s, t in list(sensor.sent.items()))
     assert suite.pid(name) == spare
-    assert suite.restarts == {n: int(n == name) for n in NODES}
     peer.until(
         lambda: suite.is_ready("spare 1") and suite.pid("spare 1") != spare,
         PATIENCE_S,
@@ -167,19 +172,27 @@ def test_a_killed_node(live, peer, name):
         PATIENCE_S,
         "the end of the shared memory that it left",
     )
-    assert all(segment.exists() for n in NODES for segment in own_segments(suite.pid(n)))
+    for n in NODES:  # and theirs is there still
+        theirs = own_segments(suite.pid(n))
+        assert theirs and all(segment.exists() for segment in theirs), n
     note(f"{name} node killed (-9)", "it is started again; the others go on", again - killed, lost)
 
 
-@pytest.mark.parametrize("name", ["matcher", "spare 1", "host"])
-def test_a_hung_process(live, peer, name):
+def test_a_hung_process(live, peer):
     """SIGSTOP: it lives, and answers nothing. It is killed and replaced, within 5 s on a free machine."""
+    for name in ("matcher", "spare 1", "host"):
+        hang(live, peer, name)
+        assert live[0].restarts == {n: int(n == "matcher") for n in NODES}
+
+
+def hang(live, peer, name):
+    """Stop a process; it is noticed after so long as docs/faults.md says, killed, and another is there."""
     suite, _, heard, lines = live
     await_deputies(suite, peer)
     pid, nodes, stopped = suite.pid(name), [suite.pid(n) for n in NODES], time.monotonic()
     os.kill(pid, signal.SIGSTOP)
     peer.until(
-        lambda: any(f"[{name}] gave no sign of life" in line for line in lines),
+        lambda: any(f"[{name}] gave no sign of life for 3.0 s" in line for line in lines),
         PATIENCE_S,
         lambda: f"the end of the {name} that hangs:\n" + "\n".join(lines),
     )
@@ -191,7 +204,6 @@ def test_a_hung_process(live, peer, name):
     settled = time.monotonic()
     peer.until(lambda: max(heard.came.values()) > settled, PATIENCE_S, "skeletons again")
     assert not Path(f"/proc/{pid}").exists()
-    assert suite.restarts == {n: int(n == name) for n in NODES}
     if name == "matcher":
         seen = "it is killed, and a spare takes its place"
         note("a node hangs (SIGSTOP)", seen, gap(heard, settled)[1] - stopped)
@@ -217,12 +229,10 @@ def test_the_host_is_killed(live, peer):
     note("host killed (-9), twice", "another takes its place; the nodes go on", longest(heard, killed))
 
 
-@pytest.mark.parametrize(
-    "killed", [NODES, ("host", "second host", "matcher")], ids=["nodes", "hosts and matcher"]
-)
-def test_several_are_killed_at_once(live, peer, killed):
+def test_several_are_killed_at_once(live, peer):
     """All that were killed are there again, and only they are new."""
-    kill_at_once(live, peer, killed)
+    kill_at_once(live, peer, NODES)
+    kill_at_once(live, peer, ("host", "second host", "matcher"))
 
 
 def test_all_are_killed_after_one_was_again_and_again(live, peer):
@@ -319,7 +329,7 @@ def test_a_sensor_that_is_unplugged_and_comes_back(live, peer):
     again.start()
     peer.until(lambda: len(heard.came) > 3, PATIENCE_S, "skeletons again")
     first = min(heard.came.values()) - plugged
-    missed = sum(s < min(heard.came) for s in again.sent)
+    missed = sum(s < min(heard.came) for s in list(again.sent))
     again.stop()
     assert set(suite.restarts.values()) == {0}
     note("sensor unplugged and back", "silence is told; skeletons with the first frames", first, missed)
@@ -334,7 +344,7 @@ def test_the_frame_rate_changes(live, peer):
         sensor.fps = fps
         peer.spin(0.5)
         since = time.monotonic()
-        peer.spin(3.0)
+        peer.spin(1.5)
         enough = lambda s=since: sum(t > s for t in heard.came.values()) >= 5  # noqa: E731
         peer.until(enough, PATIENCE_S, lambda f=fps: f"five at {f}:\n" + "\n".join(lines))
     assert not any("Traceback" in line for line in lines), "\n".join(lines)
@@ -357,7 +367,9 @@ def test_another_program_takes_the_processor(live, peer):
     since, ended = time.monotonic(), float("inf")
 
     def under_load():
-        return [(t, heard.came[s]) for s, t in sensor.sent.items() if s in heard.came and since <= t < ended]
+        return [
+            (t, heard.came[s]) for s, t in list(sensor.sent.items()) if s in heard.came and since <= t < ended
+        ]
 
     try:
         peer.spin(6.0)
@@ -380,7 +392,7 @@ def test_another_program_takes_the_processor(live, peer):
     pause = max(b - a for a, b in itertools.pairwise(came))
     # four stages, each with one frame that it works at and one that waits; a queue that grew would end here
     assert under[-1] < max(2.0, 8.0 * pause)
-    sent = sum(since <= t < ended for t in sensor.sent.values())
+    sent = sum(since <= t < ended for t in list(sensor.sent.values()))
     median, worst = under[len(under) // 2], under[-1]
     seen = f"frames dropped; latency median {1e3 * median:.0f} ms, worst {1e3 * worst:.0f} ms"
     note(f"{count} busy programs on {count - 1} cores, 30 Hz", seen, 0.0, sent - len(under))
