@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 import scene
 from depth_pose_msgs.msg import Skeleton
-from peer import HEARING, SENSOR
+from peer import HEARING, SENSOR, Peer
 from sensor_msgs.msg import CameraInfo, Image
 from test_denoise_node import image_msg, info_msg
 
@@ -48,10 +48,13 @@ class Sensor:
         self.peer, self.fps = peer, fps
         self.frames = [(image_msg(f), info_msg(f)) for f in scene.frames(25)]
         self.sent = {}
-        self.images = peer.node.create_publisher(Image, IMAGE, SENSOR)
-        self.infos = peer.node.create_publisher(CameraInfo, INFO, SENSOR)
         self._stop = threading.Event()
         self._thread = None
+        self.plug()
+
+    def plug(self):
+        self.images = self.peer.node.create_publisher(Image, IMAGE, SENSOR)
+        self.infos = self.peer.node.create_publisher(CameraInfo, INFO, SENSOR)
 
     def start(self):
         self._stop.clear()
@@ -98,6 +101,19 @@ class Heard:
         return sorted(self.came[s] - sensor.sent[s] for s in both)
 
 
+class CountingSuite(Suite):
+    """A suite whose restarts are counted from where a test begins."""
+
+    before = dict.fromkeys(NODES, 0)
+
+    @property
+    def restarts(self):
+        return {name: count - self.before[name] for name, count in super().restarts.items()}
+
+    def count_anew(self):
+        self.before = super().restarts
+
+
 def gap(heard, around_s):
     """Seconds without a skeleton that lie around a moment, and when it ended."""
     times = sorted(heard.came.values())
@@ -112,15 +128,37 @@ def longest(heard, since_s):
     return max(after - before for before, after in itertools.pairwise(times) if after > since_s)
 
 
-@pytest.fixture
-def live(bank_path, peer):
-    """A suite that answers a sensor's frames."""
+@pytest.fixture(scope="module", autouse=True)
+def domain(module_peer):
+    """That of the module's suite, and no other for each test."""
+
+
+@pytest.fixture(scope="module")
+def peer(module_peer):
+    return module_peer
+
+
+@pytest.fixture(scope="module")
+def running(bank_path, peer):
+    """A suite that answers a sensor's frames; one for all tests, which leave it as they find it."""
     lines = []
-    with Suite(bank=bank_path, sink=lines.append) as suite:
+    with CountingSuite(bank=bank_path, sink=lines.append) as suite:
         heard, sensor = Heard(peer), Sensor(peer).start()
-        peer.until(lambda: len(heard.came) > 8, PATIENCE_S, lambda: "skeletons:\n" + "\n".join(lines))
         yield suite, sensor, heard, lines
         sensor.stop()
+
+
+@pytest.fixture
+def live(running, peer):
+    """The suite with everybody at work, and nothing told or heard so far."""
+    suite, sensor, heard, lines = running
+    sensor.fps = FPS
+    await_deputies(suite, peer)
+    for kept in (lines, heard.came, heard.stamps, heard.sources):
+        kept.clear()
+    suite.count_anew()
+    peer.until(lambda: len(heard.came) > 8, PATIENCE_S, lambda: "skeletons:\n" + "\n".join(lines))
+    return running
 
 
 def own_segments(pid):
@@ -278,8 +316,15 @@ def turns(stamps):
     return 1 + sum(b < a for a, b in itertools.pairwise(stamps))
 
 
-def test_a_looping_recording(bank_path, peer, tmp_path):
+def test_a_looping_recording(bank_path, monkeypatch, tmp_path):
     """Stamps jump back at each turn: what was kept is dropped, and the frames are answered."""
+    other = int(os.environ["ROS_DOMAIN_ID"]) % 100 + 1  # than that of the suite that hears a sensor
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(other))
+    with Peer() as peer:
+        loop(bank_path, peer, tmp_path)
+
+
+def loop(bank_path, peer, tmp_path):
     path = tmp_path / "small.mcap"
     with DepthWriter(path, scene.CAMERA, "optical") as writer:
         for frame in scene.frames(20):
@@ -322,19 +367,16 @@ def test_a_sensor_that_is_unplugged_and_comes_back(live, peer):
     warning = next(x for x in lines if "nobody publishes" in x)
     assert "/depth_pose/labels" not in warning  # of the same type, but the node's own
     assert not any("Traceback" in line for line in lines), "\n".join(lines)
-    again = Sensor(peer)
-    peer.until(again.images.get_subscription_count, what="the denoise node")
+    sensor.plug()
+    peer.until(sensor.images.get_subscription_count, what="the denoise node")
     heard.came.clear()
     plugged = time.monotonic()
-    again.start()
+    sensor.start()
     peer.until(lambda: len(heard.came) > 3, PATIENCE_S, "skeletons again")
     first = min(heard.came.values()) - plugged
-    missed = sum(s < min(heard.came) for s in list(again.sent))
-    again.stop()
+    missed = sum(t >= plugged and s < min(heard.came) for s, t in list(sensor.sent.items()))
     assert set(suite.restarts.values()) == {0}
     note("sensor unplugged and back", "silence is told; skeletons with the first frames", first, missed)
-    sensor.start = lambda: None
-    sensor.stop = lambda: None
 
 
 def test_the_frame_rate_changes(live, peer):
