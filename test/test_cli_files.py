@@ -27,6 +27,22 @@ signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background
 main()
 """
 
+_CTRL_C_AT_AN_IMPORT = """
+import os, re, signal, sys
+from importlib.abc import MetaPathFinder
+module = sys.argv.pop(1)
+signal.signal(signal.SIGINT, signal.SIG_IGN if module == "ignored" else signal.default_int_handler)
+class Finder(MetaPathFinder):
+    def find_spec(self, name, path=None, target=None):
+        if name == module or module == "ignored" and name == "typer":
+            os.kill(os.getpid(), signal.SIGINT)
+            sys.stdout.write("sent")
+            sys.stdout.flush()
+sys.meta_path.insert(0, Finder())
+from depth_pose.cli import main
+sys.exit(main())
+"""
+
 _SOURCE = str(Path(depth_pose.__file__).parents[1])
 
 
@@ -48,6 +64,13 @@ def _call(*arguments: str | Path, cwd: Path | None = None, **more: str) -> subpr
         timeout=300,
         cwd=cwd,
         env=_environment(**more),
+    )
+
+
+def _call_with_ctrl_c(module: str, *arguments: str | Path, cwd: Path) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-c", _CTRL_C_AT_AN_IMPORT, module, *map(str, arguments)]
+    return subprocess.run(
+        command, capture_output=True, text=True, timeout=300, cwd=cwd, env=_environment(), check=False
     )
 
 
@@ -126,8 +149,7 @@ def test_no_command_writes_over_what_it_reads(
         main()
     told = capsys.readouterr().err
     assert end.value.code == 1 and "both read and to be written" in told, told
-    left = {p.name: p.read_bytes() for p in tmp_path.iterdir() if p.name != "report.csv"}
-    assert left == before
+    assert {p.name: p.read_bytes() for p in tmp_path.iterdir()} == before
 
 
 @pytest.mark.parametrize("arguments", [
@@ -168,6 +190,45 @@ def test_every_writing_command_looks_at_its_target_first(
         assert says in told
         assert len(told.strip().splitlines()) == 1, told
     assert sorted(p.name for p in tmp_path.iterdir() if p.name != "folder") == ["in.mcap"]
+
+
+@pytest.mark.parametrize(("arguments", "says"), [
+    (("run", "in.mcap", "b.mcap", "-o", "new/out", "--bank", "no.npz"), "no.npz: no such bank"),
+    (("run", "in.mcap", "b.mcap", "-o", "new/out", "--bank", "in.mcap"), "in.mcap"),
+    (("run", "in.mcap", "b.mcap", "-o", "new/out", "--cluster", "tcp://127.0.0.1:9"), "127.0.0.1:9"),
+    (("run", "in.mcap", "b.mcap", "-o", "new/o.mcap"), "o.mcap is a file's name"),
+    (("run", "in.mcap", "b.mcap", "-o", "new/out", "--workers", "2", "--cluster", "x"), "give one of them"),
+    (("run", "in.mcap", "-o", "new/out.mcap", "--bank", "no.npz"), "no.npz: no such bank"),
+    (("run", "none.mcap", "-o", "new/out.mcap"), "none.mcap cannot be read"),
+    (("overlay", "in.mcap", "b.mcap", "-o", "new/o.png"), "b.mcap"),
+    (("export", "in.mcap", "-o", "new/o.csv"), "in.mcap"),
+    (("volume", "run", "in.mcap", "-m", "no.npz", "--rig", "r.yaml", "-o", "new/o.mcap"), "cannot be read"),
+    (("bank", "build", "-o", "new/b.npz", "--body", "no.npz"), "no.npz"),
+], ids=lambda value: " ".join(value) if isinstance(value, tuple) else "")  # fmt: skip
+def test_nothing_is_left_by_what_is_refused(
+    tmp_path: Path,
+    bank_path: Path,
+    arguments: tuple[str, ...],
+    says: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """No folder, no report without a line; and what an earlier run has left stays."""
+    for name in ("in.mcap", "b.mcap"):
+        _record(tmp_path / name)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "200")
+    monkeypatch.setenv("DEPTH_POSE_BANK", str(bank_path))
+    monkeypatch.setattr(sys, "argv", ["depth-pose", *arguments])
+    for left in (["b.mcap", "in.mcap"], ["b.mcap", "in.mcap", "new", "new/out", "new/out/report.csv"]):
+        with pytest.raises(SystemExit) as end:
+            main()
+        told = capsys.readouterr().err
+        assert end.value.code in (1, 2) and says in told, told
+        assert sorted(str(p.relative_to(tmp_path)) for p in tmp_path.rglob("*")) == left
+        (tmp_path / "new" / "out").mkdir(parents=True, exist_ok=True)
+        (tmp_path / "new" / "out" / "report.csv").write_text("mine")
+    assert (tmp_path / "new" / "out" / "report.csv").read_text() == "mine"
 
 
 @pytest.mark.parametrize("arguments", [
@@ -236,6 +297,24 @@ def test_ctrl_c_keeps_the_earlier_output(tmp_path: Path, bank_path: Path) -> Non
     assert (tmp_path / "out.mcap").read_bytes() == b"good"
     assert sorted(p.name for p in tmp_path.iterdir()) == ["in.mcap", "out.mcap", "out.partial.mcap"]
     assert 0 < len(list(read_people(tmp_path / "out.partial.mcap"))) < _MANY
+
+
+@pytest.mark.parametrize("module", [
+    "typer", "rich.console", "depth_pose.core.config", "depth_pose.cli.run",  # what each command imports
+    "numpy", "depth_pose.io.mcap_read", "numba", "depth_pose.pipeline",  # what this one does
+])  # fmt: skip
+def test_ctrl_c_during_an_import(tmp_path: Path, bank_path: Path, module: str) -> None:
+    _record(tmp_path / "in.mcap")
+    done = _call_with_ctrl_c(module, "run", "in.mcap", "-o", "out.mcap", "--bank", bank_path, cwd=tmp_path)
+    assert done.returncode == 130, done.stderr
+    assert done.stderr.count("\n") <= 1 and "Traceback" not in done.stderr, done.stderr
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["in.mcap"]
+
+
+def test_ctrl_c_is_ignored_where_the_shell_has_it_so(tmp_path: Path) -> None:
+    done = _call_with_ctrl_c("ignored", "--version", cwd=tmp_path)
+    assert done.returncode == 0 and depth_pose.__version__ in done.stdout, done.stderr
+    assert done.stdout.startswith("sent")
 
 
 def test_output_that_has_no_unicode(tmp_path: Path) -> None:

@@ -49,6 +49,18 @@ def test_the_output_is_not_looked_into(archive):
     assert "out/a" not in names(find_sources([f"{archive}/**/*.mcap"], archive / "out"))
 
 
+def test_the_output_is_said_not_to_be_looked_into(archive):
+    day = archive / "ward"
+    for given in (day, f"{day}/*.mcap", f"{archive}/w*"):
+        with pytest.raises(
+            InputError, match=r"ward, which is the output's folder and never read: name another"
+        ):
+            find_sources([given], day)
+    with pytest.raises(InputError) as elsewhere:
+        find_sources([f"{day}/nothing*"], archive / "out")
+    assert "output's" not in str(elsewhere.value)
+
+
 @pytest.mark.parametrize(
     ("pattern", "expected"),
     [

@@ -85,14 +85,16 @@ def test_an_output_is_no_input_in_any_spelling(tmp_path: Path, monkeypatch: pyte
         with pytest.raises(InputError, match="both read and to be written"):
             check_targets([name], [tmp_path])  # a folder of recordings
     assert recording.read_bytes() == b"valuable"
-    check_targets(["out.mcap"], [recording, None])
-    assert not (tmp_path / "out.mcap").exists()
+    before = _names(tmp_path)
+    check_targets(["out.mcap", "new/folder/out.mcap"], [recording, None])
+    assert _names(tmp_path) == before
 
 
 def test_targets_that_are_no_files_are_refused(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe")
     (tmp_path / "file").write_bytes(b"")
     (tmp_path / "null").symlink_to("/dev/null")
+    (tmp_path / "nowhere").symlink_to("/nowhere/at/all")
     cases = (
         (tmp_path, "it is a folder"),
         (tmp_path / "pipe", "a device or a pipe"),
@@ -101,6 +103,8 @@ def test_targets_that_are_no_files_are_refused(tmp_path: Path) -> None:
         (tmp_path / "file" / "below", "Not a directory|File exists"),
         ("/proc/nothing/here", "cannot be written"),
         (tmp_path / ("n" * 300), "File name too long"),
+        (tmp_path / ("n" * 300) / "below", "File name too long"),
+        (tmp_path / "nowhere" / "below", "cannot be written"),
     )
     for path, reason in cases:
         with pytest.raises(InputError, match=reason):

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from depth_pose.body.build import BUILD_NAMES, BuildSpace
-from depth_pose.cli import app
+from depth_pose.cli.app import app
 from depth_pose.core.camera import Camera
 from depth_pose.core.errors import ConfigError, InputError
 from depth_pose.core.rotations import R_CAMERA_FACING_MODEL, matrix_to_quat, quat_to_matrix, rotation_y

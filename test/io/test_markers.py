@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from mcap_ros2.reader import read_ros2_messages
 
-from depth_pose.core.skeleton import BONES, JOINT_INDEX, JOINTS, JointState, Source
+from depth_pose.core.skeleton import BONES, JOINT_INDEX, JointState, Source
 from depth_pose.core.types import Skeleton
 from depth_pose.io.markers import COLOURS, MARKERS_TOPIC
 from depth_pose.io.mcap_write import SkeletonWriter
@@ -42,6 +42,22 @@ def test_everybody_is_drawn(tmp_path, count):
         assert joints.header.frame_id == "optical" and joints.header.stamp.nanosec == 500_000_000
         assert joints.ns == f"{person.body_id}/joints" and name.text == person.body_id
         assert [(p.x, p.y, p.z) for p in joints.points] == [tuple(p) for p in person.positions.tolist()]
-        hidden = joints.colors[JOINTS.index("left_wrist")]
-        assert (hidden.r, hidden.g, hidden.b) == pytest.approx(COLOURS[JointState.OCCLUDED])
-        assert len(bones.points) == len(bones.colors) == 2 * len(BONES)
+        tints = np.array([COLOURS[JointState(state)] for state in person.joint_states])
+        np.testing.assert_allclose([(c.r, c.g, c.b) for c in joints.colors], tints, atol=1e-6)
+        ends = np.array(BONES)
+        places = np.array([(p.x, p.y, p.z) for p in bones.points]).reshape(-1, 2, 3)
+        np.testing.assert_array_equal(places, person.positions[ends])
+        np.testing.assert_allclose([(c.r, c.g, c.b) for c in bones.colors[::2]], tints[ends[:, 1]], atol=1e-6)
+        assert len(bones.colors) == len(bones.points)
+        assert {c.a for marker in (joints, bones, name) for c in (marker.color, *marker.colors)} == {1.0}
+        above = name.pose.position
+        head = person.positions[JOINT_INDEX["head"]]
+        assert (above.x, above.z) == (head[0], head[2]) and 0.1 < head[1] - above.y < 0.5  # y is down
+        for marker in (joints, bones, name):
+            assert (marker.action, marker.frame_locked) == (0, False)
+            assert marker.pose.orientation.w == 1.0 and marker.scale.x + marker.scale.z > 0.0
+    assert len({marker.ns for marker in drawn}) == 3 * count  # each of its own, or one replaces the other
+
+
+def test_each_state_has_a_colour_of_its_own():
+    assert set(COLOURS) == set(JointState) and len(set(COLOURS.values())) == len(JointState)

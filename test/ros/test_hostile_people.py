@@ -7,22 +7,18 @@ import pytest
 import scene
 from depth_pose_msgs.msg import FittedArray, FoundPerson, People, PoseMatchArray, Skeleton, SkeletonArray
 from diagnostic_msgs.msg import DiagnosticArray
+from frame_messages import frame_messages
 from hri_msgs.msg import IdsList
 from peer import HEARING, RELIABLE, SENSOR
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import PointCloud2
 
 from depth_pose.core.errors import InputError
-from depth_pose.pipeline import PosePipeline
 from depth_pose.ros.transport.conversions import (
-    fitted_to_msg,
     make_header,
-    matches_to_msg,
     msg_to_fitted,
     msg_to_matches,
     msgs_to_people,
-    people_to_msgs,
-    skeletons_to_msg,
     stamp_to_ns,
 )
 
@@ -45,21 +41,7 @@ OUTPUTS = {"matcher": "match", "refine": "skeletons_refined", "recovery": "skele
 @pytest.fixture(scope="module")
 def valid(bank):
     """One frame's messages, by topic."""
-    stages = PosePipeline(bank)
-    for frame in scene.frames(4):
-        people = stages.extractor.extract(frame)
-        matches = stages.matcher.match(people)
-        fitted = stages.refiner.refine(people, matches)
-        skeletons = stages.recoverer.recover(people, fitted)
-    assert skeletons
-    points, found = people_to_msgs(people)
-    return {
-        "points": points,
-        "people": found,
-        "match": matches_to_msg(matches, people),
-        "skeletons_refined": fitted_to_msg(fitted, people),
-        "skeletons": skeletons_to_msg(skeletons, frame.stamp_ns, frame.frame_id),
-    }
+    return frame_messages(bank)
 
 
 def first(messages, topic):
@@ -204,6 +186,15 @@ class Node:
             self.out[topic].publish(message)
         return stamp_ns
 
+    def refuse(self, send, count):
+        """Send until so many were told to be refused."""
+        self.peer.ask(
+            send,
+            lambda: self.dropped("bad input") >= count,
+            what=lambda: f"the drops: {self.dropped('bad input')}\n{self.process.output}",
+            every_s=1.5,
+        )
+
     def is_answered(self, stamp_ns):
         return any(stamp_to_ns(m.header.stamp) >= stamp_ns for m in self.answers)
 
@@ -230,12 +221,7 @@ def test_a_live_node_counts_and_survives_them(name, valid, start, peer, bank_pat
             node.send(valid, change)
             peer.spin(0.1)
 
-    peer.ask(
-        send_all,
-        lambda: node.dropped("bad input") >= len(cases),
-        what=lambda: f"the drops: {node.dropped('bad input')}\n{node.process.output}",
-        every_s=1.5,
-    )
+    node.refuse(send_all, len(cases))
     assert not node.answers and node.dropped("error") == 0
     assert "dropped, bad input" in node.process.output and "Traceback" not in node.process.output
     node.answer(valid)
@@ -259,12 +245,7 @@ def test_odd_answers_do_not_stop_the_refine_node(valid, start, peer, bank_path):
             node.out["skeletons"].publish(changed(valid, ["skeletons"], change, stamp_ns)["skeletons"])
             peer.spin(0.1)
 
-    peer.ask(
-        send_all,
-        lambda: node.dropped("bad input") >= len(changes),
-        what=lambda: f"the drops: {node.dropped('bad input')}\n{node.process.output}",
-        every_s=1.5,
-    )
+    node.refuse(send_all, len(changes))
     node.answer(valid)
     assert node.dropped("error") == 0 and "Traceback" not in node.process.output
     assert "dropped, bad input: skeletons: the skeletons have the id" in node.process.output

@@ -4,7 +4,7 @@ import itertools
 
 import pytest
 
-from depth_pose.ros.transport.losses import BusyTimes, count_lost
+from depth_pose.ros.transport.losses import BUSY_TIMES_KEPT, BusyTimes, count_lost
 
 PERIOD, DELAY = 33_000_000, 4_000_000
 
@@ -42,8 +42,25 @@ def test_both():
     assert count_lost(message(1), message(5), busy) == (1, 2)
 
 
+@pytest.mark.parametrize(("early_ns", "counts"), [(4_000_000, (1, 0)), (6_000_000, (0, 1))])
+def test_what_came_just_before_a_busy_time_may_have_come_within(early_ns, counts):
+    """Stamps of a transport are a few milliseconds off."""
+    busy = BusyTimes()
+    arrival = 10**18 + 2 * PERIOD + DELAY
+    busy.add(arrival + early_ns, arrival + early_ns + 1_000_000)
+    assert count_lost(message(1), message(3), busy) == counts
+
+
+def test_nothing_is_missing_between_two_in_a_row():
+    busy = BusyTimes()
+    busy.add(0, 2 * 10**18)
+    assert count_lost(message(1), message(2), busy) == (0, 0)
+
+
 def test_only_the_last_busy_times_are_kept():
     busy = BusyTimes()
     for begin in itertools.islice(itertools.count(0, 10), 1000):
         busy.add(begin, begin + 5)
-    assert busy.covers(9993) and not busy.covers(9997) and not busy.covers(3)
+    oldest = 9990 - 10 * (BUSY_TIMES_KEPT - 1)
+    assert busy.covers(9993) and busy.covers(oldest) and busy.covers(oldest + 5)
+    assert not busy.covers(9997) and not busy.covers(oldest - 7) and not busy.covers(3)

@@ -59,10 +59,15 @@ def test_the_package_installs_what_ros2_run_and_launch_look_for(tmp_path):
     assert (prefix / "share/depth_pose/package.xml").is_file()
     assert (prefix / "share/depth_pose/launch/depth_pose.launch.py").is_file()
     package = next(prefix.glob("lib/python*/site-packages/depth_pose"))
-    installed = {p.relative_to(package) for p in package.rglob("*") if p.suffix in (".py", ".xml", ".yaml")}
-    source = ROOT / "src" / "depth_pose"
-    assert installed == {
-        p.relative_to(source) for p in source.rglob("*") if p.suffix in (".py", ".xml", ".yaml")
+    installed = files_of(package)
+    assert installed == files_of(ROOT / "src" / "depth_pose")
+    assert {".py", ".xml", ".yaml", ".npz", ".onnx"} <= {p.suffix for p in installed}
+
+
+def files_of(package):
+    """Give the files of a package, without what Python and numba keep beside them."""
+    return {
+        p.relative_to(package) for p in package.rglob("*.*") if p.parent.name != "__pycache__" and p.is_file()
     }
 
 

@@ -1,12 +1,12 @@
 """One list of dependencies, pyproject.toml's, serves pip, apt and rosdep."""
 
+import ast
 import re
 import subprocess
 import sys
+from importlib.metadata import requires
 from pathlib import Path
 from xml.etree import ElementTree
-
-import pytest
 
 ROOT = Path(__file__).parents[2]
 PACKAGE = ROOT / "ros_ws" / "src" / "depth_pose"
@@ -26,10 +26,10 @@ Its typer is 0.9, which does not know ``str | None``, its numba 0.58: these come
 """
 
 
-def requirements():
-    """Give what the set-up's script prints: name and specifier of every dependency."""
+def requirements(*names):
+    """Give what the set-up's script prints: name and specifier of every dependency, or of extras."""
     done = subprocess.run(
-        [sys.executable, ROOT / "launch_scripts" / "helpers" / "requirements.py", "dependencies"],
+        [sys.executable, ROOT / "launch_scripts/helpers/requirements.py", *(names or ["dependencies"])],
         capture_output=True,
         text=True,
         check=True,
@@ -43,10 +43,21 @@ def depends(folder):
     return {e.text for e in root if e.tag in ("depend", "exec_depend", "buildtool_depend")}
 
 
+BROUGHT = {"lz4": "mcap", "websockets": "viser", "zstandard": "mcap"}
+"""What is imported and comes with another that is in the list: that one, by the names of packages."""
+
+ROS = r"rclpy|\w+_(?:msgs|interfaces)"
+
+
 def imported():
     """Give the packages outside the standard library that the sources import, by their import names."""
-    text = "\n".join(p.read_text() for p in (ROOT / "src").rglob("*.py"))
-    names = set(re.findall(r"^\s*(?:from|import) (\w+)", text, re.MULTILINE))
+    names = set()
+    for path in (ROOT / "src").rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.Import):
+                names |= {alias.name.partition(".")[0] for alias in node.names}
+            elif isinstance(node, ast.ImportFrom) and not node.level:
+                names.add(node.module.partition(".")[0])
     return names - set(sys.stdlib_module_names) - {"depth_pose"}
 
 
@@ -65,16 +76,23 @@ def test_manifests_name_nothing_else():
     assert depends(ROOT) == both, "the manifest at the top is what rosdep installs for both packages"
 
 
-@pytest.mark.parametrize("module", ["threadpoolctl", "mcap", "numba", "onnxruntime", "typer", "rosbags"])
-def test_what_the_sources_import_is_in_the_list(module):
-    assert module in imported() and module in requirements()
+def test_what_the_sources_import_is_in_the_list():
+    names = {{"PIL": "pillow", "yaml": "pyyaml"}.get(name, name) for name in imported()}
+    ours = {name for name in names if not re.fullmatch(ROS, name)}
+    assert set(NOBLE) | {"threadpoolctl", "mcap", "numba", "onnxruntime", "typer", "rosbags"} <= ours
+    listed = requirements("dependencies", "anny", "view", "dask", "remote")
+    assert ours - set(listed) == set(BROUGHT)
+    for name, by in BROUGHT.items():
+        assert any(re.match(rf"{name}\b", line) for line in requires(by)), f"{by} no longer brings {name}"
 
 
 def test_readme_installs_the_list():
     text = (ROOT / "README.md").read_text()
     assert "requirements.py dependencies >/tmp/depth_pose.txt" in text
     assert "pip install -r /tmp/depth_pose.txt" in text
-    for line in re.findall(r"^(?:\$ )?pip install (.*)$", text, re.MULTILINE):
+    lines = re.findall(r"^(?:\$ )?(?:\S*/)?pip3? install (.*)$", text, re.MULTILINE)
+    assert lines
+    for line in lines:
         assert line.startswith("-r "), "a list of its own would drift"
 
 
@@ -87,5 +105,6 @@ def test_ros_packages_are_declared():
     """Every ROS package that the sources import stands in package.xml."""
     text = "\n".join(p.read_text() for p in (ROOT / "src" / "depth_pose" / "ros").rglob("*.py"))
     found = set(re.findall(r"^\s*(?:from|import) (rclpy|\w+_(?:msgs|interfaces))\b", text, re.MULTILINE))
+    assert {"rclpy", "sensor_msgs", "lifecycle_msgs"} <= found
     optional = {"tf2_msgs", "hri_msgs"}  # used only where they are there
     assert found - optional <= depends(PACKAGE)

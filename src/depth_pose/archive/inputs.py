@@ -117,6 +117,7 @@ def find_sources(inputs: Iterable[str | Path], but: Path | None = None) -> list[
     ConfigError
         Where recordings cannot be told apart by their names.
     """
+    inputs, but = list(inputs), but.resolve() if but else None
     found: dict[Path, str] = {}
     remote: list[Source] = []
     for given in inputs:
@@ -127,15 +128,25 @@ def find_sources(inputs: Iterable[str | Path], but: Path | None = None) -> list[
             remote += there
             continue
         count = len(found)
-        for path, name in _look(str(given), but.resolve() if but else None):
+        for path, name in _look(str(given), but):
             found.setdefault(path, name)
         if len(found) == count and not Path(given).exists():
-            raise InputError(f"{given} cannot be read: there is no such file or folder")
+            outside = _outside([given], but)
+            raise InputError(f"{given} cannot be read: there is no such file or folder{outside}")
     if not found and not remote:
-        raise InputError(f"there is no recording ({', '.join(ENDINGS)}) in {', '.join(map(str, inputs))}")
+        where = ", ".join(map(str, inputs)) + _outside(inputs, but)
+        raise InputError(f"there is no recording ({', '.join(ENDINGS)}) in {where}")
     found = _with_whole_splits(found)
     local = [Source(path, name, _size(path)) for path, name in _told_apart(found).items()]
     return _with_remote(local, remote)
+
+
+def _outside(inputs: Sequence[str | Path], but: Path | None) -> str:
+    """Say that nothing was looked for in the output's folder, where the inputs lead there."""
+    folders = [_fixed_part(str(given)) if glob.has_magic(str(given)) else Path(given) for given in inputs]
+    if but and any(_is_within(folder, but) or _is_within(but, folder.resolve()) for folder in folders):
+        return f" outside of {but}, which is the output's folder and never read: name another output folder"
+    return ""
 
 
 def _with_remote(local: list[Source], remote: list[Source]) -> list[Source]:

@@ -8,6 +8,7 @@ from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
+from typing import TextIO
 
 from depth_pose.archive.jobs import Row
 from depth_pose.core.errors import InputError
@@ -35,6 +36,8 @@ the time that the recording took, reading and writing too."""
 class Report:
     """Writes the report: a line as soon as a recording is done, all in their order at the end.
 
+    Nothing is written before there is a line.
+
     What a recording took stands in no output, so that outputs are the same each time; for those that
     were done before it is taken from the report that is there.
 
@@ -48,15 +51,7 @@ class Report:
         self.path = path
         self._before = _read_lines(path)
         self.rows: dict[str, Row] = {}
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            is_new = not path.exists()
-            self._stream = path.open("a", encoding="utf-8", newline="", buffering=1)
-        except OSError as error:
-            raise InputError(f"{path} cannot be written: {error.strerror}") from error
-        self._writer = csv.writer(self._stream)
-        if is_new:
-            self._writer.writerow(COLUMNS)
+        self._stream: TextIO | None = None
 
     def add(self, row: Row) -> None:
         """Add the row of a recording that is done."""
@@ -65,15 +60,27 @@ class Report:
             row = replace(row, ms=_value(line["ms_per_frame"]), seconds=_value(line["seconds"]))
         self.rows[row.file] = row
         try:
-            self._writer.writerow(_cells(row))
+            if self._stream is None:
+                self._stream = self._open()
+            csv.writer(self._stream).writerow(_cells(row))
         except OSError as error:
             raise InputError(f"{self.path} cannot be written: {error.strerror}") from error
+
+    def _open(self) -> TextIO:
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        is_new = not self.path.exists()
+        stream = self.path.open("a", encoding="utf-8", newline="", buffering=1)
+        if is_new:
+            csv.writer(stream).writerow(COLUMNS)
+        return stream
 
     def finish(self, order: Iterable[str]) -> list[Row]:
         """Write the recordings in this order, and give the rows of those that were reached.
 
         Of those that were not, the lines of the report before are kept.
         """
+        if self._stream is None:
+            return []
         with suppress(OSError):  # of a full disk, for a line that has been told to fail
             self._stream.close()
         order = list(order)

@@ -1,105 +1,31 @@
 """The ``depth-pose`` command.
 
-Each command's module imports what it works with inside the command, so that help is quick.
+Nothing is imported here, so that Ctrl-C is heard from the start; `depth_pose.cli.app` has the commands.
 """
 
 from __future__ import annotations
 
-import sys
-from io import TextIOWrapper
+import os
+import signal
 
-import typer
-
-from depth_pose import __version__
-from depth_pose.cli.banks import app as bank_app
-from depth_pose.cli.console import console, errors
-from depth_pose.cli.damage import LENIENT_HELP, be_lenient, exit_on_damage
-from depth_pose.cli.export import add_to as add_export
-from depth_pose.cli.info import add_to as add_info
-from depth_pose.cli.live import add_to as add_live
-from depth_pose.cli.look import add_to as add_look
-from depth_pose.cli.run import add_to as add_run
-from depth_pose.cli.scoring import add_to as add_scoring
-from depth_pose.cli.simulation import add_to as add_simulation
-from depth_pose.cli.view import add_to as add_view
-from depth_pose.cli.volume import app as volume_app
-from depth_pose.core.errors import ConfigError, DepthPoseError
-
-app = typer.Typer(
-    name="depth-pose",
-    no_args_is_help=True,
-    add_completion=False,
-    rich_markup_mode="rich",
-    pretty_exceptions_enable=False,
-    context_settings={"help_option_names": ["-h", "--help"]},
-)
-
-
-def _print_version(wanted: bool) -> None:
-    if wanted:
-        console.print(__version__)
-        raise typer.Exit
-
-
-@app.callback()
-def _main(
-    version: bool = typer.Option(
-        False, "--version", is_eager=True, callback=_print_version, help="Print the version."
-    ),
-    lenient: bool = typer.Option(False, "--lenient", callback=be_lenient, help=LENIENT_HELP),
-) -> None:
-    """3D human pose from a depth sensor's topic, or a recording of one, on a CPU.
-
-    [bold]Skeletons of a recording:[/bold]  depth-pose run in.mcap -o out.mcap
-
-    [bold]What is in a recording:[/bold]  depth-pose info in.mcap
-
-    [bold]Of many recordings:[/bold]  depth-pose run recordings/ -o skeletons/
-
-    [bold]Look at them:[/bold]  depth-pose overlay in.mcap out.mcap -o picture.png
-
-    [bold]In a browser:[/bold]  depth-pose view in.mcap out.mcap
-
-    [bold]Take them along:[/bold]  depth-pose export out.mcap -o motion.bvh
-
-    [bold]Live, on a sensor's topics:[/bold]  depth-pose up
-
-    [bold]Without a sensor:[/bold]  depth-pose simulate -o bags/sim.mcap
-    """
-
-
-add_run(app)
-add_info(app)
-add_live(app)
-add_look(app)
-add_simulation(app)
-add_scoring(app)
-add_view(app)
-add_export(app)
-app.add_typer(bank_app, name="bank")
-app.add_typer(volume_app, name="volume")
+STOPPED = 130
+"""Exit code after Ctrl-C, as shells have it."""
 
 
 def main() -> None:
-    """Run the command; errors of ours are one line, exit code 1; 2 for a wrong setting, 3 for damage."""
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, TextIOWrapper):  # what the terminal has no letter for is no reason to stop
-            stream.reconfigure(errors="backslashreplace")
+    """Run the command; Ctrl-C while it loads ends it without a word."""
+    is_heard = signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    if is_heard:  # and not ignored, as in a shell's background job
+        signal.signal(signal.SIGINT, _stop)  # a KeyboardInterrupt is lost in some modules' imports
+    from depth_pose.cli.app import run_command
+
     try:
-        with exit_on_damage():
-            app(prog_name="depth-pose")
-    except DepthPoseError as error:
-        errors.print(f"[bold red]error:[/bold red] {_plain(error)}", highlight=False, soft_wrap=True)
-        sys.exit(2 if isinstance(error, ConfigError) else 1)
-    except BrokenPipeError:
-        sys.exit(1)
-    except OSError as error:  # a full disk, a folder that must not be read
-        reason = f"{error.filename}: {error.strerror}" if error.filename else str(error)
-        errors.print(f"[bold red]error:[/bold red] {_plain(reason)}", highlight=False, soft_wrap=True)
-        sys.exit(1)
+        if is_heard:
+            signal.signal(signal.SIGINT, signal.default_int_handler)
+        run_command()
+    except KeyboardInterrupt:
+        raise SystemExit(STOPPED) from None
 
 
-def _plain(error: Exception | str) -> str:
-    from rich.markup import escape
-
-    return escape(str(error))
+def _stop(*_: object) -> None:
+    os._exit(STOPPED)

@@ -29,9 +29,6 @@ _LEAST_LINE_GAP_S = 2.0
 _LONG_S = 10.0
 """Seconds of loading after which an output that is no terminal is told of it; set by hand."""
 
-STOPPED = 130
-"""Exit code after Ctrl-C, as shells have it."""
-
 
 def setting(config: type, name: str, *flags: str) -> Any:
     """Make the command-line option of a setting, with its help, range and default.

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from depth_pose.cli import STOPPED
 from depth_pose.cli.console import (
-    STOPPED,
     archive_bar,
     console,
     errors,

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from depth_pose.cli import STOPPED
 from depth_pose.cli.console import (
-    STOPPED,
     console,
     given,
     loading,

@@ -45,7 +45,8 @@ def check_targets(targets: Iterable[AnyPath | None], inputs: Iterable[AnyPath | 
     Parameters
     ----------
     targets : iterable of path
-        Files that are to be written; None for those that are not asked for. Their folders are made.
+        Files that are to be written; None for those that are not asked for. Nothing is left of the check,
+        no folder either: whoever writes makes them.
     inputs : iterable of path
         Files, or folders of files, that are read; None for those that were not given.
 
@@ -64,10 +65,10 @@ def check_targets(targets: Iterable[AnyPath | None], inputs: Iterable[AnyPath | 
         if place in seen:
             raise InputError(f"{path} is to be written twice: give each output a name of its own")
         seen.add(place)
-        with NewFile(path) as trial:
-            trial.stream.write(bytes(_TRIAL_BYTES))
-            trial.stream.flush()
-            trial.discard()
+        try:
+            _try_to_write(path)
+        except OSError as error:
+            raise _unwritable(path, error) from error
 
 
 def refuse_inputs(targets: Iterable[AnyPath], inputs: Iterable[AnyPath | None]) -> None:
@@ -112,6 +113,28 @@ def _check_kind(path: Path) -> None:
         raise InputError(f"{path} cannot be written: it is a folder; give a file's name")
     if not stat.S_ISREG(mode):
         raise InputError(f"{path} cannot be written: it is a device or a pipe, not a file")
+
+
+def _try_to_write(path: Path) -> None:
+    """Write a little beside a target, in the nearest of its folders that is there, and remove it."""
+    folder = path.parent
+    while not _is_there(folder):
+        folder = folder.parent
+    part, number = _open_part(folder / path.name)
+    try:
+        with os.fdopen(number, "wb") as stream:
+            stream.write(bytes(_TRIAL_BYTES))
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def _is_there(path: Path) -> bool:
+    """Whether there is such a file, folder or link; OSError where it could not be made either."""
+    try:
+        path.lstat()
+    except (FileNotFoundError, NotADirectoryError):
+        return False
+    return True
 
 
 def _unwritable(path: Path, error: OSError) -> InputError:
