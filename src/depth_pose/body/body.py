@@ -8,7 +8,8 @@ posed one from `depth_pose.core.skeleton.forward_kinematics`, and s the body's s
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass, replace
+from copy import copy
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -138,8 +139,11 @@ class Body:
 
     def reshaped(self, vertices: NDArray[np.float64], nodes: NDArray[np.float64]) -> Body:
         """Give the body with another rest pose, (V, 3) and (21, 3); the rest is shared, not made again."""
-        body = replace(self, vertices=vertices, nodes=nodes)
-        body.__dict__["skin"] = self.skin._replace(vertices=vertices, nodes=nodes)
+        body = copy(self)  # not made by `__init__`, which checks the weights
+        body.__dict__.pop("normals", None)
+        body.__dict__.update(
+            vertices=vertices, nodes=nodes, skin=self.skin._replace(vertices=vertices, nodes=nodes)
+        )
         return body
 
     def content_hash(self) -> str:

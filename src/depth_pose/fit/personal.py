@@ -62,6 +62,18 @@ _FOOT = BUILD_NAMES.index("foot")
 the other bones."""
 
 
+def _lies_below() -> NDArray[np.bool_]:
+    """Tell of each node (rows) whether it is another one (columns) or lies below it, (21, 21)."""
+    below = np.eye(len(NODE_PARENTS), dtype=bool)
+    for n, parent in enumerate(NODE_PARENTS):
+        if parent >= 0:
+            below[n] |= below[parent]
+    return below
+
+
+_LIES_BELOW = _lies_below()
+
+
 class Evidence(NamedTuple):
     """What a frame says of log size and build: information (14, 14), and that times the value, (14,)."""
 
@@ -125,16 +137,16 @@ class BuildEvidence:
 
 def _segment_motions(free: NDArray[np.int64], nodes: Array) -> Array:
     """Motion of each segment, turn and shift of the root, by each parameter of the pose, (21, 6, 3 + 3 F)."""
-    out = np.zeros((len(nodes), 6, 3 + 3 * (int(free.max()) + 1)))
-    out[:, 3:, :3] = np.eye(3)
-    for n, parent in enumerate(NODE_PARENTS):
-        if parent >= 0:
-            out[n, :, 3:] = out[parent, :, 3:]
-        if free[n] >= 0:
-            at = slice(3 + 3 * int(free[n]), 6 + 3 * int(free[n]))
-            x, y, z = nodes[n]
-            out[n, :3, at] = np.eye(3)
-            out[n, 3:, at] = [[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]
+    turning = free >= 0
+    turned, moves = np.nonzero(_LIES_BELOW & turning)  # which segments turn about which nodes
+    (x, y, z), first = nodes[moves].T, 3 + 3 * free[moves]
+    out = np.zeros((len(nodes), 6, 3 + 3 * int(turning.sum())))
+    out[:, [3, 4, 5], [0, 1, 2]] = 1.0
+    for a in range(3):
+        out[turned, a, first + a] = 1.0
+    out[turned, 3, first + 1], out[turned, 3, first + 2] = -z, y
+    out[turned, 4, first], out[turned, 4, first + 2] = z, -x
+    out[turned, 5, first], out[turned, 5, first + 1] = -y, x
     return out
 
 
