@@ -244,6 +244,7 @@ def run_demo(recording: Path | str | None = None, output: Path | str = Path("res
 @contextmanager
 def _log(path: Path) -> Iterator[Callable[[str], None]]:
     """Give what writes lines to a file at once; a disk that is full ends the skeletons' file, and says so."""
+    path.parent.mkdir(parents=True, exist_ok=True)
     with path.open("wb", buffering=0) as stream:
 
         def write(line: str) -> None:
