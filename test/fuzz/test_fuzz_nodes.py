@@ -69,11 +69,37 @@ def copy_of(message):
 
 
 @pytest.fixture(scope="module")
-def valid(bank):
+def valid(bank_path):
     """Give a frame's messages, by topic, as the stages make them."""
-    from frame_messages import frame_messages
+    import scene
+    from test_denoise_node import image_msg, info_msg
 
-    return frame_messages(bank)
+    from depth_pose.bank import Bank
+    from depth_pose.pipeline import PosePipeline
+    from depth_pose.ros.transport.conversions import (
+        fitted_to_msg,
+        matches_to_msg,
+        people_to_msgs,
+        skeletons_to_msg,
+    )
+
+    stages = PosePipeline(Bank.load(bank_path))
+    for frame in scene.frames(4):
+        people = stages.extractor.extract(frame)
+        matches = stages.matcher.match(people)
+        fitted = stages.refiner.refine(people, matches)
+        skeletons = stages.recoverer.recover(people, fitted)
+    assert skeletons
+    points, found = people_to_msgs(people)
+    return {
+        "image": image_msg(frame),
+        "info": info_msg(frame),
+        "points": points,
+        "people": found,
+        "match": matches_to_msg(matches, people),
+        "skeletons_refined": fitted_to_msg(fitted, people),
+        "skeletons": skeletons_to_msg(skeletons, frame.stamp_ns, frame.frame_id),
+    }
 
 
 @pytest.fixture(scope="module")

@@ -19,8 +19,9 @@ HERE = Path(__file__).parent
 SOURCE = HERE.parents[1] / "src"
 
 
-def take_domain(monkeypatch):
-    """Give this process, and its children, a domain that nobody else is on."""
+@pytest.fixture(autouse=True)
+def domain(monkeypatch):
+    """A domain that nobody else is on, for this process and its children."""
     number = random.SystemRandom().randrange(1, 101)
     monkeypatch.setenv("ROS_DOMAIN_ID", str(number))
     monkeypatch.setenv(PROFILE_VARIABLE, str(LOCAL_PROFILE_PATH))
@@ -29,23 +30,6 @@ def take_domain(monkeypatch):
     path = os.pathsep.join(filter(None, [str(SOURCE), str(HERE), os.environ.get("PYTHONPATH")]))
     monkeypatch.setenv("PYTHONPATH", path)
     return number
-
-
-@pytest.fixture(autouse=True)
-def domain(monkeypatch):
-    """A domain of the test's own."""
-    return take_domain(monkeypatch)
-
-
-@pytest.fixture(scope="module")
-def module_peer():
-    """A node of a module's own, in a domain that its tests share; their ``domain`` is to be overridden."""
-    from peer import Peer
-
-    with pytest.MonkeyPatch.context() as patch:
-        take_domain(patch)
-        with Peer() as made:
-            yield made
 
 
 class Running:

@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 import scene
 from depth_pose_msgs.msg import Skeleton
-from peer import HEARING, SENSOR, Peer
+from peer import HEARING, SENSOR
 from sensor_msgs.msg import CameraInfo, Image
 from test_denoise_node import image_msg, info_msg
 
@@ -48,13 +48,10 @@ class Sensor:
         self.peer, self.fps = peer, fps
         self.frames = [(image_msg(f), info_msg(f)) for f in scene.frames(25)]
         self.sent = {}
+        self.images = peer.node.create_publisher(Image, IMAGE, SENSOR)
+        self.infos = peer.node.create_publisher(CameraInfo, INFO, SENSOR)
         self._stop = threading.Event()
         self._thread = None
-        self.plug()
-
-    def plug(self):
-        self.images = self.peer.node.create_publisher(Image, IMAGE, SENSOR)
-        self.infos = self.peer.node.create_publisher(CameraInfo, INFO, SENSOR)
 
     def start(self):
         self._stop.clear()
@@ -101,19 +98,6 @@ class Heard:
         return sorted(self.came[s] - sensor.sent[s] for s in both)
 
 
-class CountingSuite(Suite):
-    """A suite whose restarts are counted from where a test begins."""
-
-    before = dict.fromkeys(NODES, 0)
-
-    @property
-    def restarts(self):
-        return {name: count - self.before[name] for name, count in super().restarts.items()}
-
-    def count_anew(self):
-        self.before = super().restarts
-
-
 def gap(heard, around_s):
     """Seconds without a skeleton that lie around a moment, and when it ended."""
     times = sorted(heard.came.values())
@@ -128,37 +112,15 @@ def longest(heard, since_s):
     return max(after - before for before, after in itertools.pairwise(times) if after > since_s)
 
 
-@pytest.fixture(scope="module", autouse=True)
-def domain(module_peer):
-    """That of the module's suite, and no other for each test."""
-
-
-@pytest.fixture(scope="module")
-def peer(module_peer):
-    return module_peer
-
-
-@pytest.fixture(scope="module")
-def running(bank_path, peer):
-    """A suite that answers a sensor's frames; one for all tests, which leave it as they find it."""
+@pytest.fixture
+def live(bank_path, peer):
+    """A suite that answers a sensor's frames."""
     lines = []
-    with CountingSuite(bank=bank_path, sink=lines.append) as suite:
+    with Suite(bank=bank_path, sink=lines.append) as suite:
         heard, sensor = Heard(peer), Sensor(peer).start()
+        peer.until(lambda: len(heard.came) > 8, PATIENCE_S, lambda: "skeletons:\n" + "\n".join(lines))
         yield suite, sensor, heard, lines
         sensor.stop()
-
-
-@pytest.fixture
-def live(running, peer):
-    """The suite with everybody at work, and nothing told or heard so far."""
-    suite, sensor, heard, lines = running
-    sensor.fps = FPS
-    await_deputies(suite, peer)
-    for kept in (lines, heard.came, heard.stamps, heard.sources):
-        kept.clear()
-    suite.count_anew()
-    peer.until(lambda: len(heard.came) > 8, PATIENCE_S, lambda: "skeletons:\n" + "\n".join(lines))
-    return running
 
 
 def own_segments(pid):
@@ -173,15 +135,9 @@ def await_deputies(suite, peer):
         peer.until(lambda d=deputy: suite.is_ready(d), PATIENCE_S, f"the {deputy}")
 
 
-def test_a_killed_node(live, peer):
+@pytest.mark.parametrize("name", NODES)
+def test_a_killed_node(live, peer, name):
     """kill -9 of each node while the others go on: skeletons again, without anybody's help."""
-    for count, name in enumerate(NODES, start=1):
-        kill(live, peer, name)
-        assert live[0].restarts == {n: int(n in NODES[:count]) for n in NODES}
-
-
-def kill(live, peer, name):
-    """Kill a node that never was before; a spare takes its place, and nothing of it is left."""
     suite, sensor, heard, lines = live
     await_deputies(suite, peer)
     spare = suite.pid("spare 1")
@@ -196,9 +152,10 @@ def kill(live, peer, name):
         lambda: f"skeletons after {name} was killed:\n" + "\n".join(lines),
     )
     _, again = gap(heard, settled)
-    peer.spin(0.5)
-    lost = sum(killed <= t <= again and s not in heard.came for s, t in list(sensor.sent.items()))
+    peer.spin(1.0)
+    lost = sum(killed <= t <= again and s not in heard.came for s, t in sensor.sent.items())
     assert suite.pid(name) == spare
+    assert suite.restarts == {n: int(n == name) for n in NODES}
     peer.until(
         lambda: suite.is_ready("spare 1") and suite.pid("spare 1") != spare,
         PATIENCE_S,
@@ -210,27 +167,19 @@ def kill(live, peer, name):
         PATIENCE_S,
         "the end of the shared memory that it left",
     )
-    for n in NODES:  # and theirs is there still
-        theirs = own_segments(suite.pid(n))
-        assert theirs and all(segment.exists() for segment in theirs), n
+    assert all(segment.exists() for n in NODES for segment in own_segments(suite.pid(n)))
     note(f"{name} node killed (-9)", "it is started again; the others go on", again - killed, lost)
 
 
-def test_a_hung_process(live, peer):
+@pytest.mark.parametrize("name", ["matcher", "spare 1", "host"])
+def test_a_hung_process(live, peer, name):
     """SIGSTOP: it lives, and answers nothing. It is killed and replaced, within 5 s on a free machine."""
-    for name in ("matcher", "spare 1", "host"):
-        hang(live, peer, name)
-        assert live[0].restarts == {n: int(n == "matcher") for n in NODES}
-
-
-def hang(live, peer, name):
-    """Stop a process; it is noticed after so long as docs/faults.md says, killed, and another is there."""
     suite, _, heard, lines = live
     await_deputies(suite, peer)
     pid, nodes, stopped = suite.pid(name), [suite.pid(n) for n in NODES], time.monotonic()
     os.kill(pid, signal.SIGSTOP)
     peer.until(
-        lambda: any(f"[{name}] gave no sign of life for 3.0 s" in line for line in lines),
+        lambda: any(f"[{name}] gave no sign of life" in line for line in lines),
         PATIENCE_S,
         lambda: f"the end of the {name} that hangs:\n" + "\n".join(lines),
     )
@@ -242,6 +191,7 @@ def hang(live, peer, name):
     settled = time.monotonic()
     peer.until(lambda: max(heard.came.values()) > settled, PATIENCE_S, "skeletons again")
     assert not Path(f"/proc/{pid}").exists()
+    assert suite.restarts == {n: int(n == name) for n in NODES}
     if name == "matcher":
         seen = "it is killed, and a spare takes its place"
         note("a node hangs (SIGSTOP)", seen, gap(heard, settled)[1] - stopped)
@@ -267,10 +217,12 @@ def test_the_host_is_killed(live, peer):
     note("host killed (-9), twice", "another takes its place; the nodes go on", longest(heard, killed))
 
 
-def test_several_are_killed_at_once(live, peer):
+@pytest.mark.parametrize(
+    "killed", [NODES, ("host", "second host", "matcher")], ids=["nodes", "hosts and matcher"]
+)
+def test_several_are_killed_at_once(live, peer, killed):
     """All that were killed are there again, and only they are new."""
-    kill_at_once(live, peer, NODES)
-    kill_at_once(live, peer, ("host", "second host", "matcher"))
+    kill_at_once(live, peer, killed)
 
 
 def test_all_are_killed_after_one_was_again_and_again(live, peer):
@@ -316,15 +268,8 @@ def turns(stamps):
     return 1 + sum(b < a for a, b in itertools.pairwise(stamps))
 
 
-def test_a_looping_recording(bank_path, monkeypatch, tmp_path):
+def test_a_looping_recording(bank_path, peer, tmp_path):
     """Stamps jump back at each turn: what was kept is dropped, and the frames are answered."""
-    other = int(os.environ["ROS_DOMAIN_ID"]) % 100 + 1  # than that of the suite that hears a sensor
-    monkeypatch.setenv("ROS_DOMAIN_ID", str(other))
-    with Peer() as peer:
-        loop(bank_path, peer, tmp_path)
-
-
-def loop(bank_path, peer, tmp_path):
     path = tmp_path / "small.mcap"
     with DepthWriter(path, scene.CAMERA, "optical") as writer:
         for frame in scene.frames(20):
@@ -367,16 +312,19 @@ def test_a_sensor_that_is_unplugged_and_comes_back(live, peer):
     warning = next(x for x in lines if "nobody publishes" in x)
     assert "/depth_pose/labels" not in warning  # of the same type, but the node's own
     assert not any("Traceback" in line for line in lines), "\n".join(lines)
-    sensor.plug()
-    peer.until(sensor.images.get_subscription_count, what="the denoise node")
+    again = Sensor(peer)
+    peer.until(again.images.get_subscription_count, what="the denoise node")
     heard.came.clear()
     plugged = time.monotonic()
-    sensor.start()
+    again.start()
     peer.until(lambda: len(heard.came) > 3, PATIENCE_S, "skeletons again")
     first = min(heard.came.values()) - plugged
-    missed = sum(t >= plugged and s < min(heard.came) for s, t in list(sensor.sent.items()))
+    missed = sum(s < min(heard.came) for s in again.sent)
+    again.stop()
     assert set(suite.restarts.values()) == {0}
     note("sensor unplugged and back", "silence is told; skeletons with the first frames", first, missed)
+    sensor.start = lambda: None
+    sensor.stop = lambda: None
 
 
 def test_the_frame_rate_changes(live, peer):
@@ -386,7 +334,7 @@ def test_the_frame_rate_changes(live, peer):
         sensor.fps = fps
         peer.spin(0.5)
         since = time.monotonic()
-        peer.spin(1.5)
+        peer.spin(3.0)
         enough = lambda s=since: sum(t > s for t in heard.came.values()) >= 5  # noqa: E731
         peer.until(enough, PATIENCE_S, lambda f=fps: f"five at {f}:\n" + "\n".join(lines))
     assert not any("Traceback" in line for line in lines), "\n".join(lines)
@@ -409,9 +357,7 @@ def test_another_program_takes_the_processor(live, peer):
     since, ended = time.monotonic(), float("inf")
 
     def under_load():
-        return [
-            (t, heard.came[s]) for s, t in list(sensor.sent.items()) if s in heard.came and since <= t < ended
-        ]
+        return [(t, heard.came[s]) for s, t in sensor.sent.items() if s in heard.came and since <= t < ended]
 
     try:
         peer.spin(6.0)
@@ -434,7 +380,7 @@ def test_another_program_takes_the_processor(live, peer):
     pause = max(b - a for a, b in itertools.pairwise(came))
     # four stages, each with one frame that it works at and one that waits; a queue that grew would end here
     assert under[-1] < max(2.0, 8.0 * pause)
-    sent = sum(since <= t < ended for t in list(sensor.sent.values()))
+    sent = sum(since <= t < ended for t in sensor.sent.values())
     median, worst = under[len(under) // 2], under[-1]
     seen = f"frames dropped; latency median {1e3 * median:.0f} ms, worst {1e3 * worst:.0f} ms"
     note(f"{count} busy programs on {count - 1} cores, 30 Hz", seen, 0.0, sent - len(under))
