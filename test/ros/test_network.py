@@ -100,11 +100,11 @@ def test_a_local_suite_joins_no_multicast_group(domain, monkeypatch, profile, gr
     """In a network of its own, where nobody else can have joined one; the usual profile joins one."""
     monkeypatch.setenv(PROFILE_VARIABLE, str(profile))
     own_network = ["unshare", "--net", *([] if os.getuid() == 0 else ["--map-root-user"])]
+    if not shutil.which("unshare") or subprocess.run([*own_network, "true"], timeout=120).returncode:
+        pytest.skip("this account can make no network of its own")  # a container's, or the kernel forbids it
     done = subprocess.run(
         [*own_network, sys.executable, "-c", _GROUPS], capture_output=True, text=True, timeout=120
     )
-    if "unshare" in done.stderr:  # a container, or a kernel, that does not let this account make networks
-        return
     assert group in done.stdout, done.stdout + done.stderr
 
 
