@@ -11,7 +11,7 @@ from peer import LIMIT_S, within
 
 from depth_pose.core.config import PipelineConfig
 from depth_pose.core.errors import ConfigError
-from depth_pose.ros.process import supervisor
+from depth_pose.ros.process import child, supervisor
 from depth_pose.ros.process.supervisor import Suite, sensor_names
 
 
@@ -53,6 +53,21 @@ def test_a_killed_node_is_started_again(domain, peer, monkeypatch):
     assert not alive(first) and not alive(second)
     ends = [line.partition("with ")[2] for line in lines if "starting it again" in line]
     assert ends == ["code -9; starting it again at once", "code -9; starting it again in 0.1 s"]
+
+
+def test_a_node_that_did_not_run_joins_the_graph_again(domain, peer, monkeypatch):
+    """Others may have dropped it, and not all of Fast DDS comes back by itself: another takes its place."""
+    monkeypatch.setattr(child, "PATIENCE_S", 3600.0)
+    lines = []
+    with Suite(nodes=["denoise"], sink=lines.append) as suite:
+        first = suite.pid("denoise")
+        os.kill(first, signal.SIGSTOP)
+        time.sleep(5.0)
+        os.kill(first, signal.SIGCONT)
+        wait_until(lambda: suite.restarts["denoise"] == 1, "its end")
+        suite.wait_ready()
+        assert suite.pid("denoise") != first and not alive(first)
+    assert any("[denoise] did not run for 4.5 s or more" in line for line in lines), lines
 
 
 def test_only_a_node_that_dies_young_again_and_again_waits(domain):

@@ -12,6 +12,7 @@ import subprocess
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
+from pathlib import Path
 
 from depth_pose.ros.process import BEAT, HOST, PID, READY, SECOND_HOST
 
@@ -21,6 +22,12 @@ PATIENCE_S = 3.0
 Twenty busy programs on two cores made the longest silence 0.5 s. With a spare, which takes over in half a
 second, a hung node is replaced within 5 s.
 """
+
+_SUSPECT_S = 1.0
+"""Seconds of silence from which on it is asked whether the process could have said something; set by hand."""
+
+_TICKS_A_SECOND = os.sysconf("SC_CLK_TCK")
+"""Of the processor time in Linux' /proc/PID/task/TID/stat."""
 
 
 class Child:
@@ -34,7 +41,7 @@ class Child:
     ready_s : float
         When it said that it is ready, by the monotonic clock; before that infinity.
     silent_s : float
-        Seconds since its last sign of life.
+        Seconds since its last sign of life, without those that it waited for a processor.
     last_lines : deque of str
         What it has printed last.
     """
@@ -44,6 +51,7 @@ class Child:
         self.pid: int | None = None
         self.code: int | None = None
         self.last_lines, self._rest = deque[str](maxlen=20), b""
+        self._ran_s, self._doomed = 0.0, False
         self._socket, self._theirs = socket.socketpair()
 
     def fileno(self) -> int:
@@ -109,8 +117,22 @@ class Child:
             os.kill(self.pid, signal.SIGKILL)
 
     def kill_if_hung(self, waited_s: float, sink: Callable[[str], None]) -> None:
-        """End a process that gives no sign of life once it was ready; its end brings another."""
+        """End a process that gives no sign of life though it could, once it was ready; another follows it."""
+        if self.silent_s > _SUSPECT_S:
+            waited_s = min(waited_s, self._could_run_s())
         self.silent_s += waited_s
-        if self.silent_s > PATIENCE_S and self.ready_s < math.inf and self.code is None:
+        if self.silent_s > PATIENCE_S and self.ready_s < math.inf and self.code is None and not self._doomed:
             sink(f"[{self.name}] gave no sign of life for {PATIENCE_S:.1f} s; it is killed")
+            self._doomed = True  # on a busy machine its end takes a while
             self.kill()
+
+    def _could_run_s(self) -> float:
+        """Say how long it could run since it was last asked: not while all processors were others'."""
+        runs_s, wants_to = 0.0, False
+        for file in Path(f"/proc/{self.pid}/task").glob("*/stat"):
+            with contextlib.suppress(OSError):  # that thread has ended
+                state, *numbers = file.read_text().rpartition(")")[2].split()
+                runs_s += (int(numbers[10]) + int(numbers[11])) / _TICKS_A_SECOND
+                wants_to |= state == "R"
+        before_s, self._ran_s = self._ran_s, runs_s
+        return runs_s - before_s if wants_to else math.inf

@@ -20,6 +20,7 @@ import signal
 import socket
 import sys
 import threading
+import time
 import traceback
 from typing import Any
 
@@ -27,6 +28,15 @@ from depth_pose.ros import PRIVATE_UMASK
 from depth_pose.ros.process import BEAT, BEAT_S, NODES, PID, READY, SECOND_HOST, SPARES
 from depth_pose.ros.process.runner import leave
 from depth_pose.ros.process.shared_memory import keep_private
+
+_DROPPED_S = 4.5
+"""Seconds; others may have dropped a process that did not run for so long.
+
+Less than leaseDuration in `fastdds.xml`, 5 s, by an announcement or two.
+"""
+
+_SETTLED, _SETTLED_SPARE = 8, 4
+"""Beats in time that show that a process runs again, 2 s; spares make way sooner. Set by hand."""
 
 
 def serve() -> int:
@@ -62,12 +72,24 @@ def _beat() -> None:
         os.write(1, BEAT)
 
 
-def _watch_supervisor() -> None:
-    """Give signs of life, also while a frame takes long; end this process with the supervisor."""
+def _watch_supervisor(settled: int) -> None:
+    """Give signs of life, also while a frame takes long; end this process with the supervisor.
+
+    It also ends, for another to take its place, where it did not run for so long that others may have
+    dropped it from the ROS graph, or it them: Fast DDS does not always find all of that again. First it lets
+    `settled` beats go by in time: before that, the next one would fare no better.
+    """
     poll = select.poll()
     poll.register(0, select.POLLRDHUP)
-    while not poll.poll(1000 * BEAT_S):
+    dropped, on_time, since_s = False, 0, time.monotonic()
+    while not poll.poll(1000 * BEAT_S) and not (dropped and on_time == settled):
+        waited_s = time.monotonic() - since_s
+        dropped |= waited_s > _DROPPED_S
+        on_time = on_time + 1 if waited_s < 2.0 * BEAT_S else 0
         _beat()
+        since_s = time.monotonic()
+    if dropped:
+        print(f"did not run for {_DROPPED_S:.1f} s or more; it starts anew, to join ROS again", flush=True)
     os.kill(os.getpid(), signal.SIGTERM)
 
 
@@ -77,7 +99,8 @@ def _be_node(name: str, arguments: list[str]) -> int:
     from rclpy.signals import SignalHandlerOptions
 
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))  # until it is a node
-    threading.Thread(target=_watch_supervisor, name="pulse", daemon=True).start()
+    settled = _SETTLED_SPARE if name in SPARES else _SETTLED
+    threading.Thread(target=_watch_supervisor, args=(settled,), name="pulse", daemon=True).start()
     joined = None
     try:
         if name in SPARES:

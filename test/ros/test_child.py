@@ -1,0 +1,69 @@
+"""What counts as hung: a process that could give a sign of life and does not."""
+
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from depth_pose.ros.process.child import PATIENCE_S, Child
+
+SPIN = "print('it is ready', flush=True)\nwhile True: pass"
+
+
+@pytest.fixture
+def silent():
+    """A process that was ready, never ends, and has given no sign of life for most of the patience."""
+    child = Child("it")
+    child.spawn([sys.executable, "-c", SPIN], dict(os.environ))
+    while child.ready_s > time.monotonic():
+        child.read(lambda line: None)
+    child.silent_s = PATIENCE_S - 0.5
+    yield child
+    child.kill()
+
+
+@pytest.fixture
+def starved(silent):
+    """The same on one core with a program that goes before it."""
+    core = {min(os.sched_getaffinity(0))}
+    os.sched_setaffinity(silent.pid, core)
+    os.sched_setscheduler(silent.pid, os.SCHED_IDLE, os.sched_param(0))
+    with contextlib.suppress(OSError):  # there are no groups by session
+        Path(f"/proc/{silent.pid}/autogroup").write_text("19")
+    with subprocess.Popen([sys.executable, "-c", "while True: pass"], start_new_session=True) as first:
+        os.sched_setaffinity(first.pid, core)
+        time.sleep(0.5)
+        yield silent, first
+        first.kill()
+
+
+def watch(child, told, until):
+    """Look after it ten times a second as a supervisor does that waits for nothing."""
+    while not until():
+        time.sleep(0.1)
+        child.kill_if_hung(0.1, told.append)
+
+
+def test_who_waits_for_the_processor_does_not_hang(starved):
+    child, first = starved
+    told, ends_s = [], time.monotonic() + 2.0
+    watch(child, told, lambda: time.monotonic() > ends_s)
+    assert not told and child.silent_s < PATIENCE_S
+    first.kill()
+    watch(child, told, lambda: told)  # it could now, and does not
+    child.read(told.append)
+    assert child.code == -signal.SIGKILL and len(told) == 1
+
+
+def test_who_is_stopped_hangs_and_that_is_said_once(silent):
+    os.kill(silent.pid, signal.SIGSTOP)
+    told, ends_s = [], time.monotonic() + 1.5
+    watch(silent, told, lambda: time.monotonic() > ends_s)
+    assert told == ["[it] gave no sign of life for 3.0 s; it is killed"]
+    silent.read(told.append)
+    assert silent.code == -signal.SIGKILL
