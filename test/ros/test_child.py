@@ -9,6 +9,7 @@ import time
 from pathlib import Path
 
 import pytest
+from peer import LIMIT_S
 
 from depth_pose.ros.process.child import PATIENCE_S, Child
 
@@ -44,7 +45,9 @@ def starved(silent):
 
 def watch(child, told, until):
     """Look after it ten times a second as a supervisor does that waits for nothing."""
+    limit_s = time.monotonic() + LIMIT_S
     while not until():
+        assert time.monotonic() < limit_s, f"nothing in {LIMIT_S} s"
         time.sleep(0.1)
         child.kill_if_hung(0.1, told.append)
 

@@ -27,7 +27,7 @@ _SUSPECT_S = 1.0
 """Seconds of silence from which on it is asked whether the process could have said something; set by hand."""
 
 _TICKS_A_SECOND = os.sysconf("SC_CLK_TCK")
-"""Of the processor time in Linux' /proc/PID/task/TID/stat."""
+"""Of the processor time in Linux' /proc/PID/stat."""
 
 
 class Child:
@@ -128,11 +128,15 @@ class Child:
 
     def _could_run_s(self) -> float:
         """Say how long it could run since it was last asked: not while all processors were others'."""
-        runs_s, wants_to = 0.0, False
-        for file in Path(f"/proc/{self.pid}/task").glob("*/stat"):
-            with contextlib.suppress(OSError):  # that thread has ended
-                state, *numbers = file.read_text().rpartition(")")[2].split()
-                runs_s += (int(numbers[10]) + int(numbers[11])) / _TICKS_A_SECOND
-                wants_to |= state == "R"
-        before_s, self._ran_s = self._ran_s, runs_s
-        return runs_s - before_s if wants_to else math.inf
+        now_s, wants_to = self._ran_s, False
+        with contextlib.suppress(OSError):  # it has ended, or a thread of it
+            process = Path(f"/proc/{self.pid}")
+            now_s = sum(map(int, _stat(process)[11:13])) / _TICKS_A_SECOND
+            wants_to = any(_stat(thread)[0] == "R" for thread in (process / "task").iterdir())
+        ran_s, self._ran_s = now_s - self._ran_s, now_s
+        return ran_s if wants_to else math.inf
+
+
+def _stat(of: Path) -> list[str]:
+    """Give what Linux says of a process or thread, from its state on; user and system time are 11 and 12."""
+    return (of / "stat").read_text().rpartition(")")[2].split()
