@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 import scene
 from depth_pose_msgs.msg import Skeleton
-from peer import HEARING, SENSOR
+from peer import HEARING, SENSOR, lived_s
 from sensor_msgs.msg import CameraInfo, Image
 from test_denoise_node import image_msg, info_msg
 
@@ -135,6 +135,12 @@ def await_deputies(suite, peer):
         peer.until(lambda d=deputy: suite.is_ready(d), PATIENCE_S, f"the {deputy}")
 
 
+def await_health(suite, peer):
+    peer.until(
+        lambda: all(lived_s(suite, n) > 2.0 for n in NODES), PATIENCE_S, "that all live for two seconds"
+    )
+
+
 @pytest.mark.parametrize("name", NODES)
 def test_a_killed_node(live, peer, name):
     """kill -9 of each node while the others go on: skeletons again, without anybody's help."""
@@ -230,14 +236,14 @@ def test_all_are_killed_after_one_was_again_and_again(live, peer):
     suite, _, _, lines = live
     for count in range(1, 4):
         await_deputies(suite, peer)
-        peer.spin(2.0)
+        await_health(suite, peer)
         os.kill(suite.pid("matcher"), signal.SIGKILL)
         peer.until(
             lambda n=count: suite.restarts["matcher"] == n and suite.is_ready("matcher"),
             PATIENCE_S,
             lambda: "the matcher:\n" + "\n".join(lines),
         )
-    peer.spin(2.0)
+    await_health(suite, peer)
     kill_at_once(live, peer, NODES, ", after one of them three times")
     ends = [line for line in lines if "starting it again" in line]
     assert len(ends) == 3 + len(NODES) and all(line.endswith("at once") for line in ends), ends

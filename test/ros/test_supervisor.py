@@ -7,7 +7,7 @@ import sys
 import time
 
 import pytest
-from peer import LIMIT_S, within
+from peer import LIMIT_S, lived_s, within
 
 from depth_pose.core.config import PipelineConfig
 from depth_pose.core.errors import ConfigError
@@ -79,7 +79,8 @@ def test_only_a_node_that_dies_young_again_and_again_waits(domain):
                 if young:
                     patch.setattr(supervisor, *YOUNG)
                 else:
-                    time.sleep(supervisor._HEALTHY_S + 0.2)
+                    ripe_s = supervisor._HEALTHY_S + 0.1
+                    wait_until(lambda s=ripe_s: lived_s(suite, "denoise") > s, "that it lives so long")
                 os.kill(suite.pid("denoise"), signal.SIGKILL)
                 wait_until(lambda n=count: suite.restarts["denoise"] == n, "the restart")
             suite.wait_ready()
