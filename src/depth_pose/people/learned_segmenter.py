@@ -12,7 +12,8 @@ from depth_pose.core.types import BACKGROUND, HIDDEN, DepthFrame
 from depth_pose.people import working_grid
 from depth_pose.people.candidates import CandidateFinder
 from depth_pose.people.finder import Detection, Detections
-from depth_pose.people.joint_finder import JointFinder
+from depth_pose.people.joint_finder import JointFinder, JointProposals
+from depth_pose.people.last_looks import LastLooks
 from depth_pose.people.sample_frame import sample_frame
 from depth_pose.people.segmentation import Segmentation, Sighting
 
@@ -40,11 +41,13 @@ class LearnedSegmenter:
         self.config = config
         self.candidates = CandidateFinder(config, weights)
         self._joints = JointFinder(weights)
+        self._looks = LastLooks(config.look_every)
         self.reset()
 
     def reset(self) -> None:
         """Forget the room."""
         self.candidates.reset()
+        self._looks.reset()
         self._before = np.zeros((0, 0), np.float32)
 
     def warm_up(self) -> None:
@@ -57,7 +60,10 @@ class LearnedSegmenter:
         """Label every pixel of the working grid."""
         found, labels = self.candidates.find(frame)
         news = self._news(found.depth)
-        sightings = [self._look_closer(found, labels, person, news) for person in found.people]
+        seen = self._looks.renew(found.people, frame.stamp_ns, lambda p: self._look_closer(found, labels, p))
+        sightings = [
+            _sighting(person, looked, labels, news) for person, looked in zip(found.people, seen, strict=True)
+        ]
         sure = tuple(s for s in sightings if s.probability >= self.config.keep)
         for thing in sightings:
             if thing.probability < self.config.keep:
@@ -81,23 +87,23 @@ class LearnedSegmenter:
         is_another_view = changed.sum() > _MOST_CHANGED * known.sum()
         return changed & (depth < before) & ~is_another_view
 
-    def _look_closer(
-        self,
-        found: Detections,
-        labels: NDArray[np.uint8],
-        person: Detection,
-        news: NDArray[np.bool_],
-    ) -> Sighting:
+    def _look_closer(self, found: Detections, labels: NDArray[np.uint8], person: Detection) -> JointProposals:
         """Propose a person's joints from a crop around them, and say whether it is one."""
-        own = labels == person.label
-        seen = self._joints.find(
+        return self._joints.find(
             found.depth, labels, found.camera, person.label, person.torso, person.probability
         )
-        return Sighting(
-            label=person.label,
-            place=person.torso,
-            probability=seen.probability,
-            proposals=seen.joints.astype(np.float32),
-            proposal_confidence=seen.confidence,
-            is_news=bool(np.count_nonzero(news & own) > _NEWS * np.count_nonzero(own)),
-        )
+
+
+def _sighting(
+    person: Detection, seen: JointProposals, labels: NDArray[np.uint8], news: NDArray[np.bool_]
+) -> Sighting:
+    """Put together what both looks say of somebody."""
+    own = labels == person.label
+    return Sighting(
+        label=person.label,
+        place=person.torso,
+        probability=seen.probability,
+        proposals=seen.joints.astype(np.float32),
+        proposal_confidence=seen.confidence,
+        is_news=bool(np.count_nonzero(news & own) > _NEWS * np.count_nonzero(own)),
+    )
