@@ -29,6 +29,18 @@ class Plan(NamedTuple):
     threads: int = 1
 
 
+def arithmetic(exact: bool | None) -> torch.autocast:
+    """Give the context of a net's forward pass: bfloat16, or 32 bits throughout.
+
+    Without a choice it is bfloat16 where the processor computes with it; others only imitate it, at twice the
+    time that 32 bits take.
+    """
+    has = torch.cpu.get_capabilities()
+    if exact is None:
+        exact = not (has.get("amx_bf16") or has.get("avx512_bf16"))
+    return torch.autocast("cpu", torch.bfloat16, enabled=not exact)
+
+
 def optimise(
     make: Callable[[], Net],
     loss_of: Callable[[Net], tuple[Tensor, dict[str, float]]],

@@ -13,7 +13,7 @@ import torch
 import typer
 from losses import finder_loss
 from net import FinderNet
-from optimise import Plan, optimise
+from optimise import Plan, arithmetic, optimise
 from scenes import Sampler, list_shards, load_scenes
 from torch import Tensor
 
@@ -31,7 +31,10 @@ def train(
     start: Annotated[Path | None, typer.Option(help="Checkpoint to go on from")] = None,
     save_every: Annotated[int, typer.Option(help="Images between checkpoints")] = 40_000,
     threads: Annotated[int, typer.Option(help="Threads of torch")] = 1,
-    exact: Annotated[bool, typer.Option(help="32 bits throughout, for processors without bfloat16")] = False,
+    exact: Annotated[
+        bool | None,
+        typer.Option(help="32 bits throughout; by default where the processor has no bfloat16"),
+    ] = None,
 ) -> None:
     """Train; writes OUT/NNNNNNN.pt every so often, and OUT/last.pt.
 
@@ -41,7 +44,7 @@ def train(
 
     def step(net: FinderNet) -> tuple[Tensor, dict[str, float]]:
         inputs, truths = feed.next(batch)
-        with torch.autocast("cpu", torch.bfloat16, enabled=not exact):
+        with arithmetic(exact):
             outputs = net(inputs)
         return finder_loss(outputs, *truths)
 

@@ -15,7 +15,7 @@ from crops import CropBatch, CropSampler
 from joint_losses import Truth, joint_loss
 from joint_net import JointNet
 from numpy.typing import NDArray
-from optimise import Plan, optimise
+from optimise import Plan, arithmetic, optimise
 from scenes import list_shards, load_scenes
 from scipy.stats import rankdata
 from sightings import Sightings
@@ -44,7 +44,11 @@ def train(
     seed: Annotated[int, typer.Option(help="Start of all random numbers")] = 0,
     start: Annotated[Path | None, typer.Option(help="Checkpoint to go on from")] = None,
     save_every: Annotated[int, typer.Option(help="Crops between checkpoints")] = 40_000,
-    exact: Annotated[bool, typer.Option(help="32 bits throughout, for processors without bfloat16")] = False,
+    threads: Annotated[int, typer.Option(help="Threads of torch")] = 1,
+    exact: Annotated[
+        bool | None,
+        typer.Option(help="32 bits throughout; by default where the processor has no bfloat16"),
+    ] = None,
 ) -> None:
     """Train; writes OUT/NNNNNNN.pt every so often, and OUT/last.pt."""
     feed, found = CropFeed(scenes, seed), Sightings.load(sightings)
@@ -54,7 +58,7 @@ def train(
 
     def step(net: JointNet) -> tuple[Tensor, dict[str, float]]:
         crops = joined([feed.next(batch - _FOUND), found.batch(found.draw(_FOUND, rng), rng)])
-        with torch.autocast("cpu", torch.bfloat16, enabled=not exact):
+        with arithmetic(exact):
             answer = net.vote(to_input(crops))
         truth = Truth(*map(torch.from_numpy, (crops.joints, crops.side, crops.person)))
         return joint_loss(answer, net.cells[0, 0, :2].T, truth)
@@ -64,7 +68,7 @@ def train(
         persons = {} if found_apart is None else score_persons(net, found_apart)
         return {"people": feed.count} | joints | persons
 
-    optimise(JointNet, step, Plan(images, batch, rate, save_every, seed), out, start, remark)
+    optimise(JointNet, step, Plan(images, batch, rate, save_every, seed, threads), out, start, remark)
 
 
 def to_input(crops: CropBatch) -> Tensor:
