@@ -28,6 +28,7 @@ from depth_pose.ros import PRIVATE_UMASK
 from depth_pose.ros.process import BEAT, BEAT_S, NODES, PID, READY, SECOND_HOST, SPARES
 from depth_pose.ros.process.runner import leave
 from depth_pose.ros.process.shared_memory import keep_private
+from depth_pose.ros.process.standstill import StandstillWatch
 
 _DROPPED_S = 4.5
 """Seconds; others may have dropped a process that did not run for so long.
@@ -37,6 +38,10 @@ Less than leaseDuration in `fastdds.xml`, 5 s, by an announcement or two.
 
 _SETTLED, _SETTLED_SPARE = 8, 4
 """Beats in time that show that a process runs again, 2 s; spares make way sooner. Set by hand."""
+
+_STILL = 28
+"""Beats, 7 s, without a timer of Fast DDS: each announces its process every 0.3 s by our profiles, else every
+3 s."""
 
 
 def serve() -> int:
@@ -77,8 +82,10 @@ def _watch_supervisor(settled: int) -> None:
 
     It also ends, for another to take its place, where it did not run for so long that others may have
     dropped it from the ROS graph, or it them: Fast DDS does not always find all of that again. First it lets
-    `settled` beats go by in time: before that, the next one would fare no better.
+    `settled` beats go by in time: before that, the next one would fare no better. And it ends at once where
+    Fast DDS stands still in it.
     """
+    still = StandstillWatch(_STILL)
     poll = select.poll()
     poll.register(0, select.POLLRDHUP)
     dropped, on_time, since_s = False, 0, time.monotonic()
@@ -86,6 +93,12 @@ def _watch_supervisor(settled: int) -> None:
         waited_s = time.monotonic() - since_s
         dropped |= waited_s > _DROPPED_S
         on_time = on_time + 1 if waited_s < 2.0 * BEAT_S else 0
+        if still.look():
+            print(
+                f"receives nothing: Fast DDS has stood still for {_STILL * BEAT_S:.0f} s; it is killed",
+                flush=True,
+            )
+            os.kill(os.getpid(), signal.SIGKILL)
         _beat()
         since_s = time.monotonic()
     if dropped:
