@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import sys
+import time
 from collections import deque
 from collections.abc import Sequence
 from typing import Any
 
-from depth_pose_msgs.msg import People
+from depth_pose_msgs.msg import People, SkeletonArray
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image, PointCloud2
 
 from depth_pose.core.config import PipelineConfig
@@ -17,13 +18,23 @@ from depth_pose.ros.nodes.parameters import DENOISE
 from depth_pose.ros.nodes.room_outputs import RoomOutputs
 from depth_pose.ros.process.runner import run_node
 from depth_pose.ros.process.warm_stages import make
-from depth_pose.ros.transport.conversions import image_to_frame, msg_to_frame, people_to_msgs
+from depth_pose.ros.transport.conversions import (
+    first_stamp_ns,
+    image_to_frame,
+    msg_to_frame,
+    people_to_msgs,
+)
+from depth_pose.ros.transport.under_way import LONGEST_S, UnderWay
 from depth_pose.steps.extract import PeopleExtractor
 from depth_pose.steps.mount import turn_upright
 
 
 class DenoiseNode(StageNode):
-    """Finds the people and denoises their points (Sec. 4)."""
+    """Finds the people and denoises their points (Sec. 4).
+
+    Live, it begins no frame while several are on their way: where time is short, none of it goes into frames
+    that a later node would drop. It hears by the skeletons what has arrived.
+    """
 
     SECTIONS = ("mount", "segment", "denoise")
     SETTINGS = DENOISE
@@ -31,7 +42,11 @@ class DenoiseNode(StageNode):
     def __init__(self) -> None:
         self._info: CameraInfo | None = None
         self._held: deque[Image | CompressedImage] = deque()
+        self._waiting: Any = None
+        self._under_way = UnderWay()
         super().__init__("denoise")
+        if not self.lossless:
+            self.create_timer(LONGEST_S, self._begin_waiting, clock=self._steady)
 
     def make_stage(self, config: PipelineConfig) -> PeopleExtractor:
         """Make the extractor."""
@@ -44,7 +59,8 @@ class DenoiseNode(StageNode):
         self._room = RoomOutputs(self)
 
     def inputs(self) -> Sequence[Input]:
-        """Listen to a cloud, or to an image and its CameraInfo."""
+        """Listen to a cloud, or to an image and its CameraInfo; and to the skeletons that come of it."""
+        self.listen(SkeletonArray, "skeletons", self._take_answer, raw=True)
         cloud_topic = self.value("cloud_topic")
         if cloud_topic:
             return [Input(PointCloud2, cloud_topic, sensor=True)]
@@ -54,11 +70,18 @@ class DenoiseNode(StageNode):
         return [Input(kind, topic, sensor=True)]
 
     def forget(self) -> None:
-        """Drop the images that wait for a CameraInfo."""
+        """Drop the images that wait."""
         self._held.clear()
+        self._under_way.forget()
+        self._waiting = None
 
     def answer(self, message: Any) -> None:
         """Find the people in one frame."""
+        if self._has_enough():
+            if self._waiting is not None:
+                self.drop("overtaken", "a newer frame came before this one was begun")
+            self._waiting = message
+            raise Held
         if isinstance(message, PointCloud2):
             frame = msg_to_frame(message)
         elif self._info is None:
@@ -71,6 +94,7 @@ class DenoiseNode(StageNode):
         points, people = people_to_msgs(found)
         self._points.publish(points)
         self._people.publish(people)
+        self._under_way.begin(found.stamp_ns, time.monotonic())
         self._room.tell(frame, upright, found)
         self.figures.values["people"] = len(people.people)
         self.figures.values["people cut off or half hidden"] = sum(
@@ -78,6 +102,21 @@ class DenoiseNode(StageNode):
         )
         for reason, count in self.stage.passed_over.items():
             self.figures.values[f"ignored: {reason}"] = count
+
+    def _has_enough(self) -> bool:
+        """Say whether so many frames are on their way that the next one waits."""
+        return not self.lossless and self._under_way.is_full(time.monotonic())
+
+    def _take_answer(self, message: bytes) -> None:
+        """Note which frame has arrived."""
+        self._under_way.arrive(first_stamp_ns(message), time.monotonic())
+        self._begin_waiting()
+
+    def _begin_waiting(self) -> None:
+        """Begin the newest frame that waits, if it may."""
+        if self._waiting is not None and not self._has_enough():
+            message, self._waiting = self._waiting, None
+            self.process((message,))
 
     def _hold(self, image: Image | CompressedImage) -> None:
         """Keep an image until the first CameraInfo says what it shows."""

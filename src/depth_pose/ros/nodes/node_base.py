@@ -208,11 +208,13 @@ class StageNode(LifecycleNode, ABC):
         self._opened.remove(publisher)
         self.destroy_publisher(publisher)
 
-    def listen(self, kind: type, topic: str, callback: Callable[[Any], None]) -> Subscription:
-        """Subscribe to a topic of the suite's own that is no part of a frame."""
+    def listen(
+        self, kind: type, topic: str, callback: Callable[[Any], None], *, raw: bool = False
+    ) -> Subscription:
+        """Subscribe to a topic of the suite's own that is no part of a frame; ``raw`` gives its bytes."""
         qos = frame_qos(self.queue, self.lossless)
         made = self.create_subscription(
-            kind, topic, partial(self.guard, topic, callback), qos, event_callbacks=NO_EVENTS
+            kind, topic, partial(self.guard, topic, callback), qos, event_callbacks=NO_EVENTS, raw=raw
         )
         self._opened.append(made)
         self._sources.append(made)

@@ -8,12 +8,12 @@ nothing is received, and nobody else notices: the process itself lives.
 from __future__ import annotations
 
 import contextlib
-from pathlib import Path
+import os
 
 _TIMERS = "dds.ev."
 """How the names of these threads begin, one for each participant."""
 
-_TASKS = Path("/proc/self/task")
+_TASKS = "/proc/self/task"
 
 
 class StandstillWatch:
@@ -32,18 +32,22 @@ class StandstillWatch:
     def look(self) -> bool:
         """Look once; gives whether Fast DDS stands still."""
         seen = {}
-        for task in _TASKS.iterdir():
+        for task in os.listdir(_TASKS):
             with contextlib.suppress(OSError):  # it has ended
-                if (task / "comm").read_text().startswith(_TIMERS):
-                    wakes, waits = _wakes(task)
-                    before, idle = self._seen.get(task.name, (-1, 0))
-                    seen[task.name] = (wakes, idle + 1 if waits and wakes == before else 0)
+                if _read(task, "comm").startswith(_TIMERS):
+                    wakes, sleeps = _wakes(task)
+                    before, idle = self._seen.get(task, (-1, 0))
+                    seen[task] = (wakes, idle + 1 if sleeps and wakes == before else 0)
         self._seen = seen
         return any(idle >= self._looks for _, idle in seen.values())
 
 
-def _wakes(task: Path) -> tuple[int, bool]:
+def _wakes(task: str) -> tuple[int, bool]:
     """Say how often a thread has gone to sleep, and whether it sleeps now."""
-    lines = (line.split(":", 1) for line in (task / "status").read_text().splitlines())
-    status = {name: value.strip() for name, value in lines}
-    return int(status["voluntary_ctxt_switches"]), status["State"].startswith("S")
+    status = dict(line.split(":", 1) for line in _read(task, "status").splitlines())
+    return int(status["voluntary_ctxt_switches"]), status["State"].strip().startswith("S")
+
+
+def _read(task: str, what: str) -> str:
+    with open(f"{_TASKS}/{task}/{what}") as file:
+        return file.read()

@@ -8,6 +8,7 @@ residual, scale and the joints' confidence) hold values that the core has alread
 from __future__ import annotations
 
 import re
+import struct
 from collections.abc import Sequence
 
 import numpy as np
@@ -51,6 +52,9 @@ _FIELDS = [
     PointField(name="label", offset=12, datatype=PointField.UINT8, count=1),
 ]
 _NS_PER_S = 1_000_000_000
+_STAMP = struct.Struct("<xB2xiI")
+"""How a message that begins with a header begins: whether it is little-endian, seconds, nanoseconds."""
+
 _STATES = frozenset(map(int, JointState))
 
 _BODY_ID = re.compile("[A-Za-z0-9_]{1,64}")
@@ -66,6 +70,16 @@ _FARTHEST_M = 1e3
 def stamp_to_ns(stamp: Time) -> int:
     """Nanoseconds of a message's stamp."""
     return int(stamp.sec) * _NS_PER_S + int(stamp.nanosec)
+
+
+def first_stamp_ns(raw: bytes) -> int:
+    """Give the stamp of a message that begins with a header, of its bytes (CDR)."""
+    if len(raw) < _STAMP.size:
+        raise InputError(f"{len(raw)} bytes hold no header")
+    little, sec, nanosec = _STAMP.unpack_from(raw)
+    if not little:
+        raise InputError("it is not little-endian")
+    return int(sec) * _NS_PER_S + int(nanosec)
 
 
 def ns_to_stamp(stamp_ns: int) -> Time:

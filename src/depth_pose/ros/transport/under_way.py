@@ -1,0 +1,48 @@
+"""Which frames are on their way through the nodes: where time is short, no more are begun.
+
+What one node has worked on and the next one drops, because a newer frame came, is time lost for all.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+
+MOST = 3
+"""Frames on their way at once; 2 are as good on two cores, and keep fewer cores busy where there are more."""
+
+LONGEST_S = 0.2
+"""Seconds after which the next one is begun all the same: an answer may never come. Set by hand."""
+
+QUIET_S = 1.0
+"""Seconds without any answer after which none is waited for: who gives them may be paused. Set by hand."""
+
+
+class UnderWay:
+    """Keeps count by the answers' stamps; times are of one clock, seconds."""
+
+    def __init__(self) -> None:
+        self.forget()
+
+    def forget(self) -> None:
+        """Forget all frames."""
+        self._stamps: deque[int] = deque(maxlen=MOST)
+        self._begun_s = self._answered_s = -math.inf
+
+    def begin(self, stamp_ns: int, now_s: float) -> None:
+        """Note that a frame is on its way."""
+        if self._stamps and stamp_ns <= self._stamps[-1]:  # the clock went back
+            self._stamps.clear()
+        self._stamps.append(stamp_ns)
+        self._begun_s = now_s
+
+    def arrive(self, stamp_ns: int, now_s: float) -> None:
+        """Note that a frame was answered; those before it are not, any more."""
+        self._answered_s = now_s
+        while self._stamps and self._stamps[0] <= stamp_ns:
+            self._stamps.popleft()
+
+    def is_full(self, now_s: float) -> bool:
+        """Say whether the next frame should wait."""
+        waits = now_s - self._answered_s < QUIET_S and now_s - self._begun_s < LONGEST_S
+        return waits and len(self._stamps) == MOST
