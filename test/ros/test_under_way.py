@@ -68,6 +68,27 @@ def test_nor_where_they_have_stopped(full) -> None:
     assert not full.is_full(QUIET_S + 0.01)
 
 
+def test_a_newer_frame_takes_the_place_of_one_that_waits(full) -> None:
+    assert not full.offer("older", 0.1) and not full.offer("newer", 0.1)
+    assert full.release(0.1) is None and full.has_waiting
+    full.arrive(1, 0.1)
+    assert full.release(0.1) == "newer"
+    assert full.release(0.1) is None and not full.has_waiting
+
+
+def test_one_that_waited_is_not_begun_after_a_newer_one(full) -> None:
+    assert not full.offer("older", 0.1)
+    late_s = LONGEST_S + 0.01
+    assert full.offer("newer", late_s)
+    assert full.release(late_s) is None
+
+
+def test_what_is_forgotten_is_not_begun(full) -> None:
+    assert not full.offer("older", 0.1)
+    full.forget()
+    assert full.release(0.1) is None and full.offer("newer", 0.1)
+
+
 def test_a_clock_that_goes_back_holds_nothing_up(full) -> None:
     full.begin(-10, 0.1)
     assert not full.is_full(0.1)

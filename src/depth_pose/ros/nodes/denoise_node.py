@@ -42,7 +42,6 @@ class DenoiseNode(StageNode):
     def __init__(self) -> None:
         self._info: CameraInfo | None = None
         self._held: deque[Image | CompressedImage] = deque()
-        self._waiting: Any = None
         self._under_way = UnderWay()
         super().__init__("denoise")
         if not self.lossless:
@@ -59,8 +58,9 @@ class DenoiseNode(StageNode):
         self._room = RoomOutputs(self)
 
     def inputs(self) -> Sequence[Input]:
-        """Listen to a cloud, or to an image and its CameraInfo; and to the skeletons that come of it."""
-        self.listen(SkeletonArray, "skeletons", self._take_answer, raw=True)
+        """Listen to a cloud, or to an image and its CameraInfo; live, to the skeletons that come of it."""
+        if not self.lossless:
+            self.listen(SkeletonArray, "skeletons", self._take_answer, raw=True)
         cloud_topic = self.value("cloud_topic")
         if cloud_topic:
             return [Input(PointCloud2, cloud_topic, sensor=True)]
@@ -73,14 +73,12 @@ class DenoiseNode(StageNode):
         """Drop the images that wait."""
         self._held.clear()
         self._under_way.forget()
-        self._waiting = None
 
     def answer(self, message: Any) -> None:
         """Find the people in one frame."""
-        if self._has_enough():
-            if self._waiting is not None:
-                self.drop("overtaken", "a newer frame came before this one was begun")
-            self._waiting = message
+        if self._under_way.has_waiting:
+            self.drop("overtaken", "a newer frame came before this one was begun")
+        if not self._under_way.offer(message, time.monotonic()):
             raise Held
         if isinstance(message, PointCloud2):
             frame = msg_to_frame(message)
@@ -103,20 +101,16 @@ class DenoiseNode(StageNode):
         for reason, count in self.stage.passed_over.items():
             self.figures.values[f"ignored: {reason}"] = count
 
-    def _has_enough(self) -> bool:
-        """Say whether so many frames are on their way that the next one waits."""
-        return not self.lossless and self._under_way.is_full(time.monotonic())
-
     def _take_answer(self, message: bytes) -> None:
         """Note which frame has arrived."""
         self._under_way.arrive(first_stamp_ns(message), time.monotonic())
         self._begin_waiting()
 
     def _begin_waiting(self) -> None:
-        """Begin the newest frame that waits, if it may."""
-        if self._waiting is not None and not self._has_enough():
-            message, self._waiting = self._waiting, None
-            self.process((message,))
+        """Begin the frame that waits, if it may."""
+        waited = self._under_way.release(time.monotonic())
+        if waited is not None:
+            self.process((waited,))
 
     def _hold(self, image: Image | CompressedImage) -> None:
         """Keep an image until the first CameraInfo says what it shows."""

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from typing import Any
 
 MOST = 3
 """Frames on their way at once; 2 are as good on two cores, and keep fewer cores busy where there are more."""
@@ -19,7 +20,7 @@ QUIET_S = 1.0
 
 
 class UnderWay:
-    """Keeps count by the answers' stamps; times are of one clock, seconds."""
+    """Counts by the answers' stamps, and keeps the newest frame that waits; times in seconds of one clock."""
 
     def __init__(self) -> None:
         self.forget()
@@ -28,6 +29,24 @@ class UnderWay:
         """Forget all frames."""
         self._stamps: deque[int] = deque(maxlen=MOST)
         self._begun_s = self._answered_s = -math.inf
+        self._waiting: Any = None
+
+    @property
+    def has_waiting(self) -> bool:
+        """Whether a frame waits; whichever is offered next overtakes it."""
+        return self._waiting is not None
+
+    def offer(self, frame: Any, now_s: float) -> bool:
+        """Say whether the newest frame is begun now; if not it waits, in place of any that did."""
+        self._waiting = frame if self.is_full(now_s) else None
+        return self._waiting is None
+
+    def release(self, now_s: float) -> Any:
+        """Give the frame that waits, if it may be begun by now; else None."""
+        if self.is_full(now_s):
+            return None
+        frame, self._waiting = self._waiting, None
+        return frame
 
     def begin(self, stamp_ns: int, now_s: float) -> None:
         """Note that a frame is on its way."""
