@@ -123,8 +123,10 @@ class LimbSearch:
     def __init__(self, bank: Bank) -> None:
         step = max(1, bank.poses // _POSES)
         rotations = quat_to_matrix(bank.pose_quats[::step].astype(np.float64))
+        both = np.concatenate([rotations, mirror_rotations(rotations)])
+        nodes = forward_kinematics(both, np.zeros((len(both), 3)), bank.body.nodes)
         self._body = bank.body
-        self._pairs = tuple(_make_pair(bank.body, rotations, *limb) for limb in _LIMBS)
+        self._pairs = tuple(_make_pair(bank.body, both, nodes, *limb) for limb in _LIMBS)
 
     def propose(
         self, pose: BodyPose, vertices: NDArray[np.float64], comparer: DepthComparer
@@ -238,24 +240,23 @@ def _reaching(
 def _make_pair(
     body: Body,
     rotations: NDArray[np.float64],
+    nodes: NDArray[np.float64],
     proposals: int,
     anchor_name: str,
     turned: tuple[str, ...],
     sampled: tuple[str, ...],
 ) -> _LimbPair:
-    """Collect a limb's configurations from poses and their mirror images, and thin them."""
+    """Collect a limb's configurations from poses (and their mirror images), and thin them."""
     anchor = NODE_INDEX[anchor_name]
-    both = np.concatenate([rotations, mirror_rotations(rotations)])
-    nodes = forward_kinematics(both, np.zeros((len(both), 3)), body.nodes)
     side = [np.array([NODE_INDEX[f"{s}_{n}"] for n in turned]) for s in ("left", "right")]
-    to_anchor = both[:, anchor].transpose(0, 2, 1)
 
     bones = [NODE_INDEX[f"left_{n}"] for n in sampled]
-    joints = (nodes[:, bones] - nodes[:, anchor, None]) @ both[:, anchor]
-    keep = farthest_rows(joints.reshape(len(both), -1), _CONFIGURATIONS, start=0)
-    local = to_anchor[keep, None] @ both[np.ix_(keep, side[0])]
+    joints = (nodes[:, bones] - nodes[:, anchor, None]) @ rotations[:, anchor]
+    keep = farthest_rows(joints.reshape(len(nodes), -1), _CONFIGURATIONS, start=0)
+    kept = rotations[keep]
+    local = kept[:, anchor, None].transpose(0, 1, 3, 2) @ kept[:, side[0]]
     ends, radii, areas = _balls(body, bones)
-    samples = _ball_centres(both[keep], nodes[keep], anchor, np.array(bones), ends)
+    samples = _ball_centres(kept, nodes[keep], anchor, np.array(bones), ends)
 
     # the right limb's configurations are the left one's, mirrored
     flip = np.array([-1.0, 1.0, 1.0])

@@ -131,8 +131,10 @@ class Matcher:
         self._last.reset()
 
     def warm_up(self) -> None:
-        """Compile every kernel."""
-        Matcher(self.bank, self.config).match(sample_people(self.bank))
+        """Compile every kernel; forgets everybody's size."""
+        for person in sample_people(self.bank).persons:
+            self._match(person, self._sizes[person.body_id])
+        self.reset()
 
     def match(self, people: People) -> tuple[PoseMatch, ...]:
         """Find the exemplars nearest to each person.

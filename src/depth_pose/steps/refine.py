@@ -129,11 +129,12 @@ class Refiner:
         self.meshes: dict[str, NDArray[np.float64]] = {}
 
     def warm_up(self) -> None:
-        """Compile every kernel."""
+        """Compile every kernel; forgets all poses."""
         people = sample_people(self.bank)
         start = Candidate(0, 0, np.array([1.0, 0.0, 0.0, 0.0]), np.array([0.0, 0.0, 3.2]), 0.0, 0.0)
         matches = [PoseMatch(p.body_id, self.bank.bank_id, 1.0, (start,)) for p in people.persons]
-        Refiner(self.bank, self.config, self._match_config).refine(people, matches)
+        self.refine(people, matches)
+        self.reset()
 
     def take_answer(self, skeletons: Iterable[Skeleton]) -> None:
         """Learn what became of the frame before, after the failure check.
