@@ -17,7 +17,14 @@ from depth_pose.core.camera import Camera
 from depth_pose.core.errors import DepthPoseError
 from depth_pose.core.types import Candidate, Fitted, FoundPerson, PoseMatch
 from depth_pose.people.person import see_people
-from depth_pose.ros.transport import conversions
+from depth_pose.ros.transport.messages.matches import matches_to_msg, msg_to_matches
+from depth_pose.ros.transport.messages.people import msgs_to_people, people_to_msgs
+from depth_pose.ros.transport.messages.skeletons import (
+    fitted_to_msg,
+    msg_to_fitted,
+    msg_to_skeleton,
+    skeletons_to_msg,
+)
 
 CAMERA = Camera(32, 24, 30.0, 30.0, 15.5, 11.5)
 
@@ -36,30 +43,28 @@ def everybody() -> Any:
 
 
 PEOPLE = everybody()
-POINTS, FOUND = conversions.people_to_msgs(PEOPLE)
+POINTS, FOUND = people_to_msgs(PEOPLE)
 
 
 def matches() -> list[bytes]:
     """A match for each of them."""
     one = Candidate(3, 1, np.array([1.0, 0.0, 0.0, 0.0]), np.array([0.0, 0.0, 2.0]), 0.1, 0.5)
     of_all = [PoseMatch(f"body_{n}", "bank", 1.0, (one, one)) for n in (1, 2)]
-    return [serialize_message(conversions.matches_to_msg(of_all, PEOPLE))]
+    return [serialize_message(matches_to_msg(of_all, PEOPLE))]
 
 
 def fitted() -> list[bytes]:
     """A fitted body for each of them."""
     return [
         serialize_message(
-            conversions.fitted_to_msg(
-                [Fitted(replace(skeleton(n), body_id=f"body_{n}"), 0.5) for n in (1, 2)], PEOPLE
-            )
+            fitted_to_msg([Fitted(replace(skeleton(n), body_id=f"body_{n}"), 0.5) for n in (1, 2)], PEOPLE)
         )
     ]
 
 
 def skeletons() -> list[bytes]:
     """Everybody's skeletons."""
-    return [serialize_message(conversions.skeletons_to_msg([skeleton(), skeleton(1)], 7, "optical"))]
+    return [serialize_message(skeletons_to_msg([skeleton(), skeleton(1)], 7, "optical"))]
 
 
 def _reader(kind: type, convert: Callable[[Any], object]) -> Callable[[bytes], object]:
@@ -90,18 +95,18 @@ DECODERS = (
     Decoder(
         "node_points",
         lambda: [serialize_message(POINTS)],
-        _reader(PointCloud2, lambda m: conversions.msgs_to_people(m, FOUND)),
+        _reader(PointCloud2, lambda m: msgs_to_people(m, FOUND)),
     ),
     Decoder(
         "node_people",
         lambda: [serialize_message(FOUND)],
-        _reader(People, lambda m: conversions.msgs_to_people(POINTS, m)),
+        _reader(People, lambda m: msgs_to_people(POINTS, m)),
     ),
-    Decoder("node_matches", matches, _reader(PoseMatchArray, conversions.msg_to_matches)),
-    Decoder("node_fitted", fitted, _reader(FittedArray, conversions.msg_to_fitted)),
+    Decoder("node_matches", matches, _reader(PoseMatchArray, msg_to_matches)),
+    Decoder("node_fitted", fitted, _reader(FittedArray, msg_to_fitted)),
     Decoder(
         "node_skeletons",
         skeletons,
-        _reader(SkeletonArray, lambda m: tuple(map(conversions.msg_to_skeleton, m.skeletons))),
+        _reader(SkeletonArray, lambda m: tuple(map(msg_to_skeleton, m.skeletons))),
     ),
 )

@@ -76,12 +76,9 @@ def valid(bank_path):
 
     from depth_pose.bank import Bank
     from depth_pose.pipeline import PosePipeline
-    from depth_pose.ros.transport.conversions import (
-        fitted_to_msg,
-        matches_to_msg,
-        people_to_msgs,
-        skeletons_to_msg,
-    )
+    from depth_pose.ros.transport.messages.matches import matches_to_msg
+    from depth_pose.ros.transport.messages.people import people_to_msgs
+    from depth_pose.ros.transport.messages.skeletons import fitted_to_msg, skeletons_to_msg
 
     stages = PosePipeline(Bank.load(bank_path))
     for frame in scene.frames(4):
@@ -140,7 +137,7 @@ INPUTS = {
 
 def deliver(node, number, messages):
     """Give a frame's messages to the node's callbacks, stamped alike; what waits is answered."""
-    from depth_pose.ros.transport.conversions import ns_to_stamp
+    from depth_pose.ros.transport.messages.basics import ns_to_stamp
 
     for index, message in enumerate(messages):
         message.header.stamp = ns_to_stamp(10**18 + number * 40_000_000)

@@ -20,8 +20,8 @@ from depth_pose.core.errors import InputError
 from depth_pose.io.mcap_read import read_frames
 from depth_pose.io.mcap_write import DepthWriter
 from depth_pose.ros.transport.bag import Player, Recorder, header_stamp_ns, play
-from depth_pose.ros.transport.conversions import make_header, stamp_to_ns
 from depth_pose.ros.transport.message_text import message_text
+from depth_pose.ros.transport.messages.basics import make_header, stamp_to_ns
 
 IMAGE, INFO = "/camera/depth/image_raw", "/camera/depth/camera_info"
 FRAMES = 30

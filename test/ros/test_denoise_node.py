@@ -17,14 +17,9 @@ from depth_pose.core.config import DenoiseConfig, SegmentConfig
 from depth_pose.core.types import PERSON
 from depth_pose.io.mcap_write import DepthWriter
 from depth_pose.ros.transport.bag import play
-from depth_pose.ros.transport.conversions import (
-    POINT_DTYPE,
-    image_to_frame,
-    make_header,
-    msg_to_frame,
-    ns_to_stamp,
-    stamp_to_ns,
-)
+from depth_pose.ros.transport.messages.basics import make_header, ns_to_stamp, stamp_to_ns
+from depth_pose.ros.transport.messages.frames import image_to_frame, msg_to_frame
+from depth_pose.ros.transport.messages.people import POINT_DTYPE
 from depth_pose.steps.extract import PeopleExtractor
 
 IMAGE, INFO, POINTS = "/camera/depth/image_raw", "/camera/depth/camera_info", "/depth_pose/points"

@@ -25,7 +25,7 @@ from depth_pose.io.mcap_write import DepthWriter
 from depth_pose.ros.process import NODES, SECOND_HOST, SPARES
 from depth_pose.ros.process.supervisor import Suite
 from depth_pose.ros.transport.bag import Player
-from depth_pose.ros.transport.conversions import ns_to_stamp, stamp_to_ns
+from depth_pose.ros.transport.messages.basics import ns_to_stamp, stamp_to_ns
 
 IMAGE, INFO = "/camera/depth/image_raw", "/camera/depth/camera_info"
 FPS = 15.0

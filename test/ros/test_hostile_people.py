@@ -14,17 +14,10 @@ from sensor_msgs.msg import PointCloud2
 
 from depth_pose.core.errors import InputError
 from depth_pose.pipeline import PosePipeline
-from depth_pose.ros.transport.conversions import (
-    fitted_to_msg,
-    make_header,
-    matches_to_msg,
-    msg_to_fitted,
-    msg_to_matches,
-    msgs_to_people,
-    people_to_msgs,
-    skeletons_to_msg,
-    stamp_to_ns,
-)
+from depth_pose.ros.transport.messages.basics import make_header, stamp_to_ns
+from depth_pose.ros.transport.messages.matches import matches_to_msg, msg_to_matches
+from depth_pose.ros.transport.messages.people import msgs_to_people, people_to_msgs
+from depth_pose.ros.transport.messages.skeletons import fitted_to_msg, msg_to_fitted, skeletons_to_msg
 
 START_NS = scene.START_NS + 10**12
 KINDS = {

@@ -12,7 +12,7 @@ from std_msgs.msg import Header
 
 from depth_pose.core.errors import DepthPoseError
 from depth_pose.ros.nodes.lifecycle import set_active
-from depth_pose.ros.transport.conversions import make_header
+from depth_pose.ros.transport.messages.basics import make_header
 
 TRIAL = Path(__file__).with_name("trial_node.py")
 A, B, ANSWER = "/depth_pose/a", "/depth_pose/b", "/depth_pose/answer"

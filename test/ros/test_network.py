@@ -22,7 +22,7 @@ from depth_pose.core.errors import ConfigError
 from depth_pose.io.mcap_write import DepthWriter
 from depth_pose.ros import LOCAL_PROFILE_PATH, PROFILE_PATH, PROFILE_VARIABLE, stay_local
 from depth_pose.ros.process.supervisor import NODES, Suite
-from depth_pose.ros.transport.conversions import ns_to_stamp
+from depth_pose.ros.transport.messages.basics import ns_to_stamp
 
 
 def addresses(pid):

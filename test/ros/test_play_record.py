@@ -24,7 +24,7 @@ from depth_pose.io._recording import Recording
 from depth_pose.io.image_options import ImageOptions
 from depth_pose.io.mcap_write import DepthWriter
 from depth_pose.ros.transport.bag import Player, Recorder
-from depth_pose.ros.transport.conversions import make_header, stamp_to_ns
+from depth_pose.ros.transport.messages.basics import make_header, stamp_to_ns
 from depth_pose.ros.transport.recorded_qos import is_latched
 from little_memory import little_memory, yaml_bombs
 

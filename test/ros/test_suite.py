@@ -19,13 +19,10 @@ from depth_pose.io.mcap_write import DepthWriter
 from depth_pose.pipeline import PosePipeline
 from depth_pose.ros.process.supervisor import Suite
 from depth_pose.ros.transport.bag import play
-from depth_pose.ros.transport.conversions import (
-    matches_to_msg,
-    msg_to_matches,
-    msg_to_skeleton,
-    people_to_msgs,
-    stamp_to_ns,
-)
+from depth_pose.ros.transport.messages.basics import stamp_to_ns
+from depth_pose.ros.transport.messages.matches import matches_to_msg, msg_to_matches
+from depth_pose.ros.transport.messages.people import people_to_msgs
+from depth_pose.ros.transport.messages.skeletons import msg_to_skeleton
 from depth_pose.steps.extract import PeopleExtractor
 
 IMAGE, INFO = "/camera/depth/image_raw", "/camera/depth/camera_info"

@@ -19,13 +19,9 @@ from depth_pose.body.human_model import JOINTS, LINKS
 from depth_pose.core.rotations import quat_to_matrix
 from depth_pose.core.skeleton import JOINTS as OURS
 from depth_pose.pipeline import PosePipeline
-from depth_pose.ros.transport.conversions import (
-    fitted_to_msg,
-    make_header,
-    msg_to_skeleton,
-    people_to_msgs,
-    stamp_to_ns,
-)
+from depth_pose.ros.transport.messages.basics import make_header, stamp_to_ns
+from depth_pose.ros.transport.messages.people import people_to_msgs
+from depth_pose.ros.transport.messages.skeletons import fitted_to_msg, msg_to_skeleton
 from depth_pose.steps.label_image import person_number
 
 LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)

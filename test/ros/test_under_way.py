@@ -13,7 +13,7 @@ from sensor_msgs.msg import CameraInfo, Image, PointCloud2
 from test_denoise_node import IMAGE, INFO, POINTS, image_msg, info_msg
 
 from depth_pose.core.errors import InputError
-from depth_pose.ros.transport.conversions import first_stamp_ns, make_header, stamp_to_ns
+from depth_pose.ros.transport.messages.basics import first_stamp_ns, make_header, stamp_to_ns
 from depth_pose.ros.transport.under_way import LONGEST_S, MOST, QUIET_S, UnderWay
 
 

@@ -20,7 +20,8 @@ from depth_pose.core.skeleton import Source
 from depth_pose.io.skeleton_read import read_skeletons
 from depth_pose.motion.procedural.dance import perform
 from depth_pose.offline import process_recording
-from depth_pose.ros.transport.conversions import make_header, msg_to_skeleton
+from depth_pose.ros.transport.messages.basics import make_header
+from depth_pose.ros.transport.messages.skeletons import msg_to_skeleton
 from depth_pose.ros.transport.tf import LATCHED, stamped
 from depth_pose.sim.clothing import Garment
 from depth_pose.sim.roof_cameras import RigRenderer, depth_ring, roof_rig

@@ -13,7 +13,8 @@ from sensor_msgs.msg import CameraInfo, Image
 
 from depth_pose.core.skeleton import Source
 from depth_pose.core.types import Skeleton
-from depth_pose.ros.transport.conversions import make_header, skeletons_to_msg
+from depth_pose.ros.transport.messages.basics import make_header
+from depth_pose.ros.transport.messages.skeletons import skeletons_to_msg
 from depth_pose.ros.watch import Watch
 
 IMAGE, INFO = "/camera/depth/image_raw", "/camera/depth/camera_info"

@@ -18,12 +18,9 @@ from depth_pose.ros.nodes.parameters import DENOISE
 from depth_pose.ros.nodes.room_outputs import RoomOutputs
 from depth_pose.ros.process.runner import run_node
 from depth_pose.ros.process.warm_stages import make
-from depth_pose.ros.transport.conversions import (
-    first_stamp_ns,
-    image_to_frame,
-    msg_to_frame,
-    people_to_msgs,
-)
+from depth_pose.ros.transport.messages.basics import first_stamp_ns
+from depth_pose.ros.transport.messages.frames import image_to_frame, msg_to_frame
+from depth_pose.ros.transport.messages.people import people_to_msgs
 from depth_pose.ros.transport.under_way import LONGEST_S, UnderWay
 from depth_pose.steps.extract import PeopleExtractor
 from depth_pose.steps.mount import turn_upright

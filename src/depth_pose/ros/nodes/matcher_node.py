@@ -14,7 +14,8 @@ from depth_pose.ros.nodes.node_base import Input
 from depth_pose.ros.nodes.parameters import BANK
 from depth_pose.ros.process.runner import run_node
 from depth_pose.ros.process.warm_stages import make
-from depth_pose.ros.transport.conversions import matches_to_msg, msgs_to_people
+from depth_pose.ros.transport.messages.matches import matches_to_msg
+from depth_pose.ros.transport.messages.people import msgs_to_people
 from depth_pose.steps.match import Matcher, match_confidence
 
 

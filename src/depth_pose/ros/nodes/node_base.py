@@ -37,7 +37,6 @@ from depth_pose.ros.process import READY
 from depth_pose.ros.process.shared_memory import keep_private
 from depth_pose.ros.process.warm_stages import is_warm
 from depth_pose.ros.setting import Setting
-from depth_pose.ros.transport.conversions import stamp_to_ns
 from depth_pose.ros.transport.intake import (
     LOG_EVERY_S,
     NO_EVENTS,
@@ -50,6 +49,7 @@ from depth_pose.ros.transport.intake import (
 )
 from depth_pose.ros.transport.latched import LatchedTopic
 from depth_pose.ros.transport.losses import BusyTimes
+from depth_pose.ros.transport.messages.basics import stamp_to_ns
 
 __all__ = ["Drop", "Held", "Input", "Stage", "StageNode"]
 

@@ -17,13 +17,9 @@ from depth_pose.ros.nodes.parameters import RECOVERY
 from depth_pose.ros.nodes.rep155_outputs import Rep155Outputs
 from depth_pose.ros.process.runner import run_node
 from depth_pose.ros.process.warm_stages import make
-from depth_pose.ros.transport.conversions import (
-    msg_to_fitted,
-    msgs_to_people,
-    skeleton_to_msg,
-    skeletons_to_msg,
-)
 from depth_pose.ros.transport.drawing import skeletons_to_markers
+from depth_pose.ros.transport.messages.people import msgs_to_people
+from depth_pose.ros.transport.messages.skeletons import msg_to_fitted, skeleton_to_msg, skeletons_to_msg
 from depth_pose.ros.transport.tf import Transforms, skeletons_to_transforms
 from depth_pose.steps.follow import Follower
 from depth_pose.steps.mount import check_turned, sensor_frame, turn_back

@@ -19,15 +19,12 @@ from depth_pose.ros.nodes.node_base import Held, Input
 from depth_pose.ros.nodes.parameters import REFINE
 from depth_pose.ros.process.runner import run_node
 from depth_pose.ros.process.warm_stages import make
-from depth_pose.ros.transport.conversions import (
-    check_people,
-    fitted_to_msg,
-    msg_to_matches,
-    msg_to_skeleton,
-    msgs_to_people,
-    stamp_to_ns,
-)
 from depth_pose.ros.transport.drawing import mesh_to_marker
+from depth_pose.ros.transport.messages.basics import stamp_to_ns
+from depth_pose.ros.transport.messages.checks import check_people
+from depth_pose.ros.transport.messages.matches import msg_to_matches
+from depth_pose.ros.transport.messages.people import msgs_to_people
+from depth_pose.ros.transport.messages.skeletons import fitted_to_msg, msg_to_skeleton
 from depth_pose.steps.mount import check_turned, turn_forth
 from depth_pose.steps.refine import Refiner
 

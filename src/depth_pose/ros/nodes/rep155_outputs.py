@@ -21,7 +21,7 @@ from depth_pose.core.skeleton import JOINT_INDEX
 from depth_pose.core.skeleton import JointState as Seen
 from depth_pose.core.types import Skeleton
 from depth_pose.people.person import People
-from depth_pose.ros.transport.conversions import make_header
+from depth_pose.ros.transport.messages.basics import make_header
 from depth_pose.ros.transport.tf import LATCHED, Transforms, stamped, stamped_all
 
 if TYPE_CHECKING:

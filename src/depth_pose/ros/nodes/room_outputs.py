@@ -15,7 +15,7 @@ from depth_pose.core.config import MountConfig
 from depth_pose.core.types import DepthFrame
 from depth_pose.people.floor import FloorFinder
 from depth_pose.people.person import People
-from depth_pose.ros.transport.conversions import make_header
+from depth_pose.ros.transport.messages.basics import make_header
 from depth_pose.ros.transport.tf import LATCHED, Transforms, pose_of, stamped
 from depth_pose.steps.label_image import draw_labels
 from depth_pose.steps.mount import UPRIGHT, rotation_sensor_upright

@@ -302,7 +302,7 @@ class Player:
             return
         from rosgraph_msgs.msg import Clock
 
-        from depth_pose.ros.transport.conversions import ns_to_stamp
+        from depth_pose.ros.transport.messages.basics import ns_to_stamp
 
         self._last_tick_s = now
         self._clock_publisher.publish(Clock(clock=ns_to_stamp(now_ns)))

@@ -13,8 +13,18 @@ from depth_pose.core.errors import InputError
 from depth_pose.core.skeleton import BONES, JOINTS, JointState, Source
 from depth_pose.core.types import HIDDEN, Candidate, Fitted, FoundPerson, PoseMatch, Skeleton
 from depth_pose.people.person import see_people
-from depth_pose.ros.transport import conversions as c
 from depth_pose.ros.transport import drawing, tf
+from depth_pose.ros.transport.messages.basics import ns_to_stamp, stamp_to_ns
+from depth_pose.ros.transport.messages.frames import image_to_frame, msg_to_frame
+from depth_pose.ros.transport.messages.matches import matches_to_msg, msg_to_matches
+from depth_pose.ros.transport.messages.people import msgs_to_people, people_to_msgs
+from depth_pose.ros.transport.messages.skeletons import (
+    fitted_to_msg,
+    msg_to_fitted,
+    msg_to_skeleton,
+    skeleton_to_msg,
+    skeletons_to_msg,
+)
 
 
 def over_the_wire(message):
@@ -68,10 +78,10 @@ def skeleton(rng):
 
 
 def test_people_round_trip_is_exact(people):
-    points, who = map(over_the_wire, c.people_to_msgs(people))
+    points, who = map(over_the_wire, people_to_msgs(people))
     assert (points.point_step, points.row_step, len(points.data)) == (16, 16 * 40, 16 * 40 * 30)
     assert [(f.name, f.offset) for f in points.fields] == [("x", 0), ("y", 4), ("z", 8), ("label", 12)]
-    back = c.msgs_to_people(points, who)
+    back = msgs_to_people(points, who)
     assert (back.stamp_ns, back.frame_id, back.camera) == (people.stamp_ns, people.frame_id, people.camera)
     assert_same_bits(back.points, people.points)
     assert_same_bits(back.labels, people.labels)
@@ -100,15 +110,15 @@ def test_people_round_trip_is_exact(people):
     ],
 )
 def test_foreign_people_are_refused(people, spoil):
-    points, who = map(over_the_wire, c.people_to_msgs(people))
+    points, who = map(over_the_wire, people_to_msgs(people))
     points.fields = list(points.fields)
     spoil(points, who)
     with pytest.raises(InputError, match=r"points|joints"):
-        c.msgs_to_people(points, who)
+        msgs_to_people(points, who)
 
 
 def test_skeleton_round_trip_is_exact(skeleton):
-    back = c.msg_to_skeleton(over_the_wire(c.skeleton_to_msg(skeleton)))
+    back = msg_to_skeleton(over_the_wire(skeleton_to_msg(skeleton)))
     for name in ("stamp_ns", "frame_id", "body_id", "source", "confidence", "residual", "scale"):
         assert getattr(back, name) == getattr(skeleton, name)
     for name in ("positions", "quats_xyzw", "joint_confidence", "joint_states", "build"):
@@ -116,28 +126,28 @@ def test_skeleton_round_trip_is_exact(skeleton):
 
 
 def test_skeleton_joints_go_by_name_not_place(skeleton):
-    msg = c.skeleton_to_msg(skeleton)
+    msg = skeleton_to_msg(skeleton)
     msg.joints = list(reversed(msg.joints))
-    assert_same_bits(c.msg_to_skeleton(msg).positions, skeleton.positions)
+    assert_same_bits(msg_to_skeleton(msg).positions, skeleton.positions)
     msg.joints[0].name = "tail"
     with pytest.raises(InputError, match="tail"):
-        c.msg_to_skeleton(msg)
+        msg_to_skeleton(msg)
 
 
 def test_lost_skeleton_has_no_joints():
     lost = Skeleton.lost(-1_500_000_000, "optical")
-    msg = over_the_wire(c.skeleton_to_msg(lost))
+    msg = over_the_wire(skeleton_to_msg(lost))
     assert msg.source == msg.LOST and not msg.joints
-    back = c.msg_to_skeleton(msg)
+    back = msg_to_skeleton(msg)
     assert back.is_lost and back.positions.shape == (0, 3) and back.quats_xyzw.shape == (0, 4)
     assert back.stamp_ns == lost.stamp_ns
 
 
 def test_a_source_that_there_is_not_is_refused(skeleton):
-    msg = c.skeleton_to_msg(skeleton)
+    msg = skeleton_to_msg(skeleton)
     msg.source = 77
     with pytest.raises(InputError, match="source is 77"):
-        c.msg_to_skeleton(msg)
+        msg_to_skeleton(msg)
 
 
 @pytest.mark.parametrize("field, value, says", [
@@ -147,24 +157,24 @@ def test_a_source_that_there_is_not_is_refused(skeleton):
 ])  # fmt: skip
 def test_numbers_that_no_skeleton_has_are_refused(skeleton, field, value, says):
     with pytest.raises(InputError, match=says):
-        c.msg_to_skeleton(c.skeleton_to_msg(replace(skeleton, **{field: value})))
+        msg_to_skeleton(skeleton_to_msg(replace(skeleton, **{field: value})))
 
 
 def test_more_people_than_labels_or_one_of_them_twice_are_refused(skeleton, people, rng):
     def fitted(ids):
-        return c.fitted_to_msg([Fitted(replace(skeleton, body_id=i), 0.5) for i in ids], people)
+        return fitted_to_msg([Fitted(replace(skeleton, body_id=i), 0.5) for i in ids], people)
 
     def matches(ids):
-        return c.matches_to_msg([PoseMatch(i, "bank", 1.0, ()) for i in ids], people)
+        return matches_to_msg([PoseMatch(i, "bank", 1.0, ()) for i in ids], people)
 
-    for make, read in ((fitted, c.msg_to_fitted), (matches, c.msg_to_matches)):
+    for make, read in ((fitted, msg_to_fitted), (matches, msg_to_matches)):
         assert len(read(make(["a", "b"]))) == 2
         with pytest.raises(InputError, match="have 'a' twice"):
             read(make(["a", "b", "a"]))
     crowd = SkeletonArray(skeletons=[SkeletonMsg(body_id=str(i)) for i in range(100_000)])
     started = time.monotonic()
     with pytest.raises(InputError, match="of 100000 people; at most 255"):
-        c.msg_to_fitted(FittedArray(skeletons=crowd.skeletons, scores=[0.0] * 100_000))
+        msg_to_fitted(FittedArray(skeletons=crowd.skeletons, scores=[0.0] * 100_000))
     assert time.monotonic() - started < 5.0
 
 
@@ -174,9 +184,9 @@ def test_matches_round_trip_is_exact(rng, people):
         for i, q in enumerate(rng.normal(size=(4, 4)))
     )
     matches = PoseMatch("body_5", "bank-hash", 1 / 3, candidates), PoseMatch("body_6", "", 0.0, ())
-    msg = over_the_wire(c.matches_to_msg(matches, people))
-    assert c.stamp_to_ns(msg.header.stamp) == people.stamp_ns
-    back, empty = c.msg_to_matches(msg)
+    msg = over_the_wire(matches_to_msg(matches, people))
+    assert stamp_to_ns(msg.header.stamp) == people.stamp_ns
+    back, empty = msg_to_matches(msg)
     assert (back.body_id, back.bank_id, back.scale) == ("body_5", "bank-hash", 1 / 3)
     for a, b in zip(back.candidates, candidates, strict=True):
         assert (a.exemplar, a.view, a.distance, a.score) == (b.exemplar, b.view, b.distance, b.score)
@@ -187,25 +197,25 @@ def test_matches_round_trip_is_exact(rng, people):
 
 def test_fitted_round_trip_is_exact(skeleton, people):
     fitted = Fitted(skeleton, 1 / 3), Fitted(Skeleton.lost(5, "optical", "body_6"), 1.0)
-    msg = over_the_wire(c.fitted_to_msg(fitted, people))
-    back = c.msg_to_fitted(msg)
+    msg = over_the_wire(fitted_to_msg(fitted, people))
+    back = msg_to_fitted(msg)
     assert [f.score for f in back] == [1 / 3, 1.0]
     assert_same_bits(back[0].skeleton.positions, skeleton.positions)
     assert back[1].skeleton.is_lost and back[1].skeleton.body_id == "body_6"
     msg.scores.pop()
     with pytest.raises(InputError, match="1 scores of 2 skeletons"):
-        c.msg_to_fitted(msg)
+        msg_to_fitted(msg)
 
 
 def test_everybody_in_one_message(skeleton):
-    msg = over_the_wire(c.skeletons_to_msg([skeleton, skeleton], 7, "optical"))
+    msg = over_the_wire(skeletons_to_msg([skeleton, skeleton], 7, "optical"))
     assert [s.body_id for s in msg.skeletons] == ["person_3", "person_3"]
-    assert not c.skeletons_to_msg([], 7, "optical").skeletons
+    assert not skeletons_to_msg([], 7, "optical").skeletons
 
 
 @pytest.mark.parametrize("stamp_ns", [0, 1, 999_999_999, 1_000_000_000, -1, 2**31 * 10**9 - 1])
 def test_stamps(stamp_ns):
-    assert c.stamp_to_ns(c.ns_to_stamp(stamp_ns)) == stamp_ns
+    assert stamp_to_ns(ns_to_stamp(stamp_ns)) == stamp_ns
 
 
 def info_of(width, height):
@@ -216,16 +226,16 @@ def test_image_to_frame():
     depth_mm = np.arange(6, dtype="<u2").reshape(2, 3) * 1000
     msg = Image(height=2, width=3, encoding="16UC1", step=6, data=depth_mm.tobytes())
     msg.header.stamp.sec, msg.header.frame_id = 4, "optical"
-    frame = c.image_to_frame(over_the_wire(msg), info_of(3, 2))
+    frame = image_to_frame(over_the_wire(msg), info_of(3, 2))
     np.testing.assert_array_equal(frame.depth, depth_mm / np.float32(1000))
     assert frame.depth.dtype == np.float32
     assert (frame.stamp_ns, frame.frame_id) == (4_000_000_000, "optical")
     assert (frame.camera.fx, frame.camera.cy) == (90.0, 1.0)
     with pytest.raises(InputError, match="3 x 2"):
-        c.image_to_frame(msg, info_of(6, 4))
+        image_to_frame(msg, info_of(6, 4))
     msg.encoding = "rgb8"
     with pytest.raises(InputError, match="rgb8"):
-        c.image_to_frame(msg, info_of(3, 2))
+        image_to_frame(msg, info_of(3, 2))
 
 
 @pytest.mark.parametrize("kind", ["<f4", ">f8"])
@@ -252,7 +262,7 @@ def test_sensor_cloud_to_frame(kind):
         ],
         data=raw.tobytes(),
     )
-    frame = c.msg_to_frame(over_the_wire(msg))
+    frame = msg_to_frame(over_the_wire(msg))
     assert (frame.camera.width, frame.camera.height) == (width, height)
     assert frame.camera.fx == pytest.approx(fx, abs=1e-3)
     np.testing.assert_allclose(frame.depth, np.nan_to_num(z), atol=1e-6)

@@ -1,0 +1,46 @@
+"""What all messages share: stamps, headers, turns."""
+
+from __future__ import annotations
+
+import struct
+
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import Quaternion
+from std_msgs.msg import Header
+
+from depth_pose.core.errors import InputError
+
+_NS_PER_S = 1_000_000_000
+_STAMP = struct.Struct("<xB2xiI")
+"""How a message that begins with a header begins: whether it is little-endian, seconds, nanoseconds."""
+
+
+def stamp_to_ns(stamp: Time) -> int:
+    """Nanoseconds of a message's stamp."""
+    return int(stamp.sec) * _NS_PER_S + int(stamp.nanosec)
+
+
+def first_stamp_ns(raw: bytes) -> int:
+    """Give the stamp of a message that begins with a header, of its bytes (CDR)."""
+    if len(raw) < _STAMP.size:
+        raise InputError(f"{len(raw)} bytes hold no header")
+    little, sec, nanosec = _STAMP.unpack_from(raw)
+    if not little:
+        raise InputError("it is not little-endian")
+    return int(sec) * _NS_PER_S + int(nanosec)
+
+
+def ns_to_stamp(stamp_ns: int) -> Time:
+    """Stamp of a message from nanoseconds."""
+    return Time(sec=stamp_ns // _NS_PER_S, nanosec=stamp_ns % _NS_PER_S)
+
+
+def make_header(stamp_ns: int, frame_id: str) -> Header:
+    """Header with the given stamp and frame."""
+    return Header(stamp=ns_to_stamp(stamp_ns), frame_id=frame_id)
+
+
+def make_quaternion(xyzw: list[float]) -> Quaternion:
+    """Turn of a message from its four numbers."""
+    x, y, z, w = xyzw
+    return Quaternion(x=x, y=y, z=z, w=w)

@@ -1,0 +1,56 @@
+"""What nodes refuse in messages of each other: people twice, odd ids, numbers that no sensor can mean."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from depth_pose.core.errors import InputError
+
+_BODY_ID = re.compile("[A-Za-z0-9_]{1,64}")
+"""What ROS takes in names of topics and tf2 in those of frames; the denoise node's are ``body_NUMBER``."""
+
+MOST_PEOPLE = 255
+"""People of one frame: their labels in the points are 1 to 255."""
+
+_FARTHEST_M = 1e3
+"""Metres; no depth sensor sees farther, and numbers beyond overflow where they are squared."""
+
+
+def check_people(what: str, body_ids: Sequence[str]) -> None:
+    """Refuse a message of people that are none, before they are read.
+
+    There are no more than labels, none of them twice, and frames and topics can be named by their ids.
+
+    Raises
+    ------
+    InputError
+    """
+    if len(body_ids) > MOST_PEOPLE:
+        raise InputError(f"the {what} are of {len(body_ids)} people; at most {MOST_PEOPLE} can be in a frame")
+    if len(set(body_ids)) < len(body_ids):
+        twice = next(b for i, b in enumerate(body_ids) if b in body_ids[:i])
+        raise InputError(f"the {what} have {twice!r} twice")
+    odd = [b for b in body_ids if not _BODY_ID.fullmatch(b)]
+    if odd:
+        raise InputError(
+            f"the {what} have the id {odd[0][:80]!r}; an id is of letters, digits and _, 1 to 64 of them"
+        )
+
+
+def check_numbers(what: str, numbers: ArrayLike, most: float = _FARTHEST_M) -> NDArray[np.float64]:
+    """Give numbers as an array.
+
+    Raises
+    ------
+    InputError
+        If one is NaN or so large that no sensor can have meant it.
+    """
+    array = np.asarray(numbers, np.float64)
+    if not (np.abs(array) <= most).all():
+        odd = array.ravel()[~(np.abs(array.ravel()) <= most)][0]
+        raise InputError(f"{what} has the number {odd:g}")
+    return array
