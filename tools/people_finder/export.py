@@ -26,6 +26,7 @@ _CODE = (
     "_sample_kernels.py",
     "train.py",
     "optimise.py",
+    "replicas.py",
     "fit_verifier.py",
 )
 _FEATURES = "src/depth_pose/people/_finder_kernels.py"
@@ -41,6 +42,7 @@ JOINT_CODE = (
     "train_joints.py",
     "export_joints.py",
     "optimise.py",
+    "replicas.py",
 )
 JOINT_FEATURES = "src/depth_pose/people/_crop_kernels.py"
 

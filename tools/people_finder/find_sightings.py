@@ -24,6 +24,7 @@ from typing import Annotated
 import numpy as np
 import typer
 from fit_verifier import frame_of, truth_on_grid, whose
+from make_scenes import pool
 from numpy.typing import NDArray
 from rich.progress import track
 from scenes import Scenes, list_shards, load_scenes
@@ -106,11 +107,21 @@ class Collector:
             probability = np.float32(person.probability)
             self.rows.append((millimetres, mask, torso, probability, np.bool_(is_person[k]), joints))
 
-    def save(self, path: Path) -> None:
-        """Write all."""
-        names = ("depth", "whose", "torso", "probability", "is_person", "joints")
-        path.parent.mkdir(parents=True, exist_ok=True)
-        np.savez(path, **{n: np.array(c) for n, c in zip(names, zip(*self.rows, strict=True), strict=True)})
+
+def find_in(weights: Path, shard: Path, looks: int, seed: tuple[int, int]) -> list[tuple[NDArray, ...]]:
+    """Give the sightings in one shard."""
+    collector, loaded, rng = Collector(weights), load_scenes([shard]), np.random.default_rng(seed)
+    for k in range(len(loaded)):
+        for n in range(looks):
+            collector.add(shoot(loaded, k, rng if n else None))
+    return collector.rows
+
+
+def save(rows: list[tuple[NDArray, ...]], path: Path) -> None:
+    """Write sightings."""
+    names = ("depth", "whose", "torso", "probability", "is_person", "joints")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    np.savez(path, **{n: np.array(c) for n, c in zip(names, zip(*rows, strict=True), strict=True)})
 
 
 def main(
@@ -118,20 +129,19 @@ def main(
     out: Annotated[Path, typer.Argument(help="File to write (.npz)")],
     scenes: Annotated[list[Path], typer.Argument(help="Folders of shards from make_scenes.py")],
     looks: Annotated[int, typer.Option(help="Looks at each scene")] = 2,
-    seed: Annotated[int, typer.Option(help="Start of the random numbers of each folder")] = 5,
+    seed: Annotated[int, typer.Option(help="Start of all random numbers")] = 5,
+    workers: Annotated[int, typer.Option(min=1, help="Processes")] = 1,
 ) -> None:
     """Find people in scenes, and keep what was found."""
-    collector = Collector(weights)
-    for folder in scenes:
-        rng = np.random.default_rng(seed)
-        for shard in track(list_shards(folder), f"sightings of {folder.name}"):
-            loaded = load_scenes([shard])
-            for k in range(len(loaded)):
-                for n in range(looks):
-                    collector.add(shoot(loaded, k, rng if n else None))
-    collector.save(out)
-    persons = sum(bool(row[4]) for row in collector.rows)
-    print(f"{len(collector.rows)} sightings: {persons} people, {len(collector.rows) - persons} things")
+    shards = [shard for folder in scenes for shard in list_shards(folder)]
+    rows = []
+    with pool(workers) as processes:
+        jobs = [processes.submit(find_in, weights, s, looks, (seed, k)) for k, s in enumerate(shards)]
+        for job in track(jobs, "sightings"):  # in the order of the shards, whoever is done first
+            rows += job.result()
+    save(rows, out)
+    persons = sum(bool(row[4]) for row in rows)
+    print(f"{len(rows)} sightings: {persons} people, {len(rows) - persons} things")
 
 
 if __name__ == "__main__":

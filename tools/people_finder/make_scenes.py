@@ -142,18 +142,21 @@ def _made(
     if workers == 1:
         yield from (make_shard(folder, seed, style, *shard) for shard in shards)
         return
-    with _pool(workers) as pool:
-        for job in as_completed([pool.submit(make_shard, folder, seed, style, *shard) for shard in shards]):
+    with pool(workers) as processes:
+        for job in as_completed(
+            [processes.submit(make_shard, folder, seed, style, *shard) for shard in shards]
+        ):
             yield job.result()
 
 
 @contextmanager
-def _pool(workers: int) -> Iterator[ProcessPoolExecutor]:
-    with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as pool:
+def pool(workers: int) -> Iterator[ProcessPoolExecutor]:
+    """Give processes that end with the block, its failure included."""
+    with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as processes:
         try:
-            yield pool
+            yield processes
         except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
+            processes.shutdown(wait=False, cancel_futures=True)
             raise
 
 

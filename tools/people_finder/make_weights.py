@@ -9,7 +9,6 @@ src/depth_pose/people/weights to ship it. It takes about two hours on 2 cores.
 
 from __future__ import annotations
 
-import os
 import subprocess
 import sys
 from pathlib import Path
@@ -35,7 +34,7 @@ def main(
     folder: Annotated[Path, typer.Argument(help="Folder for scenes, checkpoints and weights (2 GB)")],
     scenes: Annotated[int, typer.Option(help="Scenes to train on")] = 18_500,
     checks: Annotated[int, typer.Option(help="Other scenes, for the verifier")] = 4_000,
-    workers: Annotated[int, typer.Option(help="Processes that make scenes, and threads that train")] = 2,
+    workers: Annotated[int, typer.Option(help="Processes")] = 2,
     seed: Annotated[int, typer.Option(help="Start of the training's random numbers")] = 1,
 ) -> None:
     """Make scenes, train the finder, fit the verifier, train the second look."""
@@ -51,34 +50,33 @@ def main(
     ):
         how = ("--style", style.value, "--seed", made_from, "--workers", workers)
         call("make_scenes.py", "-o", place, "--count", count, *how)
-    people, threads = folder / "people", ("--threads", workers)
+    people, at_once = folder / "people", ("--workers", workers)
     if not (people / "last.pt").exists():
         cycle = ("--images", _IMAGES, "--batch", _BATCH, "--rate", _RATE)
-        call("train.py", train, people, *cycle, "--seed", seed, *threads)
-    note = f"{scenes} scenes, {_IMAGES} images, seed {seed}"
+        call("train.py", train, people, *cycle, "--seed", seed, *at_once)
+    note = f"{scenes} scenes, {_IMAGES} images, seed {seed}, {workers} at once"
     call("fit_verifier.py", people / "last.pt", check, folder / "weights", "--note", note)
     found, found_apart = folder / "sightings_train.npz", folder / "sightings_val.npz"
     for file, places in ((found, (train, alike)), (found_apart, (check, alike_check))):
         if not file.exists():
-            call("find_sightings.py", folder / "weights", file, *places)
+            call("find_sightings.py", folder / "weights", file, *places, *at_once)
     joints, again = folder / "joints", folder / "joints_again"
     apart = ("--check", check, "--others", found_apart)
     if not (joints / "last.pt").exists():
         cycle = ("--images", _CROPS, "--rate", _RATE, "--seed", seed)
-        call("train_joints.py", train, found, joints, *apart, *cycle, *threads)
+        call("train_joints.py", train, found, joints, *apart, *cycle, *at_once)
     if not (again / "last.pt").exists():
         cycle = ("--images", _CROPS_AGAIN, "--rate", 0.5 * _RATE, "--seed", seed + 1)
-        call("train_joints.py", train, found, again, *apart, *cycle, *threads, "--start", joints / "last.pt")
-    note = f"{scenes} scenes, {_ALIKE} of lookalikes, {_CROPS} and {_CROPS_AGAIN} crops, seed {seed}"
+        call("train_joints.py", train, found, again, *apart, *cycle, *at_once, "--start", joints / "last.pt")
+    crops = f"{_CROPS} and {_CROPS_AGAIN} crops"
+    note = f"{scenes} scenes, {_ALIKE} of lookalikes, {crops}, seed {seed}, {workers} at once"
     call("export_joints.py", again / "last.pt", found_apart, folder / "weights", "--note", note)
 
 
 def call(script: str, *arguments: object) -> None:
     """Run one of the scripts beside this one; its failure ends all."""
     Console().rule(script)
-    # threads that wait for each other give way: beside other work they would take six times as long
-    waits = os.environ | {"OMP_WAIT_POLICY": "PASSIVE"}
-    subprocess.run([sys.executable, str(_HERE / script), *map(str, arguments)], check=True, env=waits)
+    subprocess.run([sys.executable, str(_HERE / script), *map(str, arguments)], check=True)
 
 
 if __name__ == "__main__":

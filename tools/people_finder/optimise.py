@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
 import torch
+from replicas import Replica
 from rich.progress import Progress
 from torch import Tensor, nn
 
@@ -19,14 +20,16 @@ _EMA, _WEIGHT_DECAY, _WARM_UP, _CLIP = 0.998, 1e-4, 0.05, 5.0
 
 
 class Plan(NamedTuple):
-    """How long and how fast: examples in all and in a step, highest rate, examples between checkpoints."""
+    """How long and how fast: examples in all and in a step, highest rate, examples between checkpoints.
+
+    Examples are counted over all replicas.
+    """
 
     images: int
     batch: int
     rate: float
     save_every: int
     seed: int
-    threads: int = 1
 
 
 def arithmetic(exact: bool | None) -> torch.autocast:
@@ -45,6 +48,7 @@ def optimise(
     make: Callable[[], Net],
     loss_of: Callable[[Net], tuple[Tensor, dict[str, float]]],
     plan: Plan,
+    replica: Replica,
     out: Path,
     start: Path | None,
     remark: Callable[[Net], dict[str, Any]],
@@ -56,8 +60,10 @@ def optimise(
     make : callable
         Makes the net.
     loss_of : callable
-        Gives the loss of the next batch, and its parts for the log.
+        Gives the loss of this replica's part of the next batch, and its parts for the log.
     plan : Plan
+    replica : Replica
+        Which of those that train together this is; the first one writes and tells.
     out : Path
         Folder for checkpoints and ``log.jsonl``.
     start : Path, optional
@@ -66,7 +72,6 @@ def optimise(
         Gives what else the log says of the averaged net.
     """
     torch.manual_seed(plan.seed)
-    torch.set_num_threads(plan.threads)
     out.mkdir(parents=True, exist_ok=True)
     net = make()
     if start is not None:
@@ -80,12 +85,14 @@ def optimise(
     )
     mean: dict[str, float] = {}
     saved, began = 0, time.perf_counter()
-    with Progress() as progress, (out / "log.jsonl").open("a") as log:
+    with Progress(disable=replica.rank > 0) as progress, (out / "log.jsonl").open("a") as log:
         task = progress.add_task("training", total=steps)
         for step in range(steps):
             loss, parts = loss_of(net)
             optimiser.zero_grad()
             loss.backward()
+            with torch.no_grad():
+                replica.average(p.grad for p in net.parameters())
             torch.nn.utils.clip_grad_norm_(net.parameters(), _CLIP)
             optimiser.step()
             schedule.step()
@@ -95,10 +102,14 @@ def optimise(
             done = (step + 1) * plan.batch
             if done - saved >= plan.save_every or step + 1 == steps:
                 saved = done
+                replica.average(b for b in average.buffers() if b.is_floating_point())
+                if replica.rank > 0:
+                    continue
                 torch.save(average.state_dict(), out / f"{done:07d}.pt")
                 line = {"images": done, "seconds": time.perf_counter() - began, **mean, **remark(average)}
                 print(json.dumps(line), file=log, flush=True)
-    torch.save(average.state_dict(), out / "last.pt")
+    if replica.rank == 0:
+        torch.save(average.state_dict(), out / "last.pt")
 
 
 def follow(average: nn.Module, net: nn.Module, keep: float) -> None:

@@ -8,10 +8,13 @@ from pathlib import Path
 import numpy as np
 from crops import CropBatch
 from numpy.typing import NDArray
+from replicas import Replica
 
 from depth_pose.people._crop_kernels import Look, fill_features
 
 _OUTSIDE = 255
+
+_ALONE = Replica()
 
 
 @dataclass(frozen=True)
@@ -26,10 +29,10 @@ class Sightings:
     joints: NDArray[np.float32]
 
     @classmethod
-    def load(cls, path: Path) -> Sightings:
-        """Read a file."""
+    def load(cls, path: Path, replica: Replica = _ALONE) -> Sightings:
+        """Read a replica's share of a file."""
         with np.load(path) as z:
-            return cls(*(z[n] for n in cls.__dataclass_fields__))
+            return cls(*(np.array(replica.share(z[n])) for n in cls.__dataclass_fields__))
 
     def __len__(self) -> int:
         return len(self.depth)

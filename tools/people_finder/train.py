@@ -14,6 +14,7 @@ import typer
 from losses import finder_loss
 from net import FinderNet
 from optimise import Plan, arithmetic, optimise
+from replicas import Replica, run_replicas
 from scenes import Sampler, list_shards, load_scenes
 from torch import Tensor
 
@@ -30,36 +31,40 @@ def train(
     seed: Annotated[int, typer.Option(help="Start of all random numbers")] = 0,
     start: Annotated[Path | None, typer.Option(help="Checkpoint to go on from")] = None,
     save_every: Annotated[int, typer.Option(help="Images between checkpoints")] = 40_000,
-    threads: Annotated[int, typer.Option(help="Threads of torch")] = 1,
+    workers: Annotated[int, typer.Option(help="Processes, each with its share of a batch")] = 1,
     exact: Annotated[
         bool | None,
         typer.Option(help="32 bits throughout; by default where the processor has no bfloat16"),
     ] = None,
 ) -> None:
-    """Train; writes OUT/NNNNNNN.pt every so often, and OUT/last.pt.
+    """Train; writes OUT/NNNNNNN.pt every so often, and OUT/last.pt."""
+    plan = Plan(images, batch, rate, save_every, seed)
+    run_replicas(_train, workers, scenes, out, plan, start, exact)
 
-    New shards are looked for as training goes on, so that it may begin before all are there.
-    """
-    feed = Feed(scenes, seed)
+
+def _train(
+    replica: Replica, scenes: Path, out: Path, plan: Plan, start: Path | None, exact: bool | None
+) -> None:
+    feed = Feed(scenes, plan.seed, replica)
+    size = len(replica.share(range(plan.batch)))
 
     def step(net: FinderNet) -> tuple[Tensor, dict[str, float]]:
-        inputs, truths = feed.next(batch)
+        inputs, truths = feed.next(size)
         with arithmetic(exact):
             outputs = net(inputs)
         return finder_loss(outputs, *truths)
 
-    plan = Plan(images, batch, rate, save_every, seed, threads)
-    optimise(FinderNet, step, plan, out, start, lambda _: {"scenes": feed.count})
+    optimise(FinderNet, step, plan, replica, out, start, lambda _: {"scenes": feed.count})
 
 
 class Feed:
-    """Batches from a folder of shards, each scene once a round; new shards join between rounds."""
+    """Batches from a replica's share of a folder's shards, each scene once a round."""
 
-    def __init__(self, folder: Path, seed: int) -> None:
-        self._folder = folder
-        self._rng = np.random.default_rng(seed)
-        self._known: list[Path] = []
-        self._samplers: list[Sampler] = []
+    def __init__(self, folder: Path, seed: int, replica: Replica) -> None:
+        self._rng = np.random.default_rng([seed, replica.rank])
+        self._samplers = [Sampler(load_scenes([p])) for p in replica.share(list_shards(folder))]
+        if not self._samplers:
+            raise typer.BadParameter(f"{folder} has no shards; make_scenes.py writes them")
         self._order: list[tuple[int, int]] = []
 
     @property
@@ -70,21 +75,13 @@ class Feed:
     def next(self, size: int) -> tuple[Tensor, tuple[Tensor, ...]]:
         """Give the net's input, and what `finder_loss` compares with."""
         if len(self._order) < size:
-            self._begin_round()
+            pairs = [(k, n) for k, s in enumerate(self._samplers) for n in range(len(s.scenes))]
+            self._order = [pairs[i] for i in self._rng.permutation(len(pairs))]
         chosen, self._order = self._order[:size], self._order[size:]
         parts = [self._samplers[k].batch(np.array([n]), self._rng) for k, n in chosen]
         names = ("features", "grid", "labels", "torso", "cell_labels", "joints")
         stacked = [torch.from_numpy(np.concatenate([getattr(p, n) for p in parts])) for n in names]
         return stacked[0].contiguous(memory_format=torch.channels_last), tuple(stacked[1:])
-
-    def _begin_round(self) -> None:
-        fresh = [p for p in list_shards(self._folder) if p not in self._known]
-        self._samplers += [Sampler(load_scenes([p])) for p in fresh]
-        self._known += fresh
-        pairs = [(k, n) for k, s in enumerate(self._samplers) for n in range(len(s.scenes))]
-        if not pairs:
-            raise typer.BadParameter(f"{self._folder} has no shards; make_scenes.py writes them")
-        self._order = [pairs[i] for i in self._rng.permutation(len(pairs))]
 
 
 if __name__ == "__main__":

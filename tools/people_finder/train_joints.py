@@ -16,6 +16,7 @@ from joint_losses import Truth, joint_loss
 from joint_net import JointNet
 from numpy.typing import NDArray
 from optimise import Plan, arithmetic, optimise
+from replicas import Replica, run_replicas
 from scenes import list_shards, load_scenes
 from scipy.stats import rankdata
 from sightings import Sightings
@@ -44,20 +45,37 @@ def train(
     seed: Annotated[int, typer.Option(help="Start of all random numbers")] = 0,
     start: Annotated[Path | None, typer.Option(help="Checkpoint to go on from")] = None,
     save_every: Annotated[int, typer.Option(help="Crops between checkpoints")] = 40_000,
-    threads: Annotated[int, typer.Option(help="Threads of torch")] = 1,
+    workers: Annotated[int, typer.Option(help="Processes, each with its share of a batch")] = 1,
     exact: Annotated[
         bool | None,
         typer.Option(help="32 bits throughout; by default where the processor has no bfloat16"),
     ] = None,
 ) -> None:
     """Train; writes OUT/NNNNNNN.pt every so often, and OUT/last.pt."""
-    feed, found = CropFeed(scenes, seed), Sightings.load(sightings)
+    plan = Plan(images, batch, rate, save_every, seed)
+    run_replicas(_train, workers, scenes, sightings, out, plan, check, others, start, exact)
+
+
+def _train(
+    replica: Replica,
+    scenes: Path,
+    sightings: Path,
+    out: Path,
+    plan: Plan,
+    check: Path | None,
+    others: Path | None,
+    start: Path | None,
+    exact: bool | None,
+) -> None:
+    feed, found = CropFeed(scenes, plan.seed, replica), Sightings.load(sightings, replica)
     apart = None if check is None else CropSampler(load_scenes(list_shards(check)))
     found_apart = None if others is None else Sightings.load(others)
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng([plan.seed, replica.rank])
+    of_found = len(replica.share(range(_FOUND)))
+    of_all = len(replica.share(range(plan.batch - _FOUND)))
 
     def step(net: JointNet) -> tuple[Tensor, dict[str, float]]:
-        crops = joined([feed.next(batch - _FOUND), found.batch(found.draw(_FOUND, rng), rng)])
+        crops = joined([feed.next(of_all), found.batch(found.draw(of_found, rng), rng)])
         with arithmetic(exact):
             answer = net.vote(to_input(crops))
         truth = Truth(*map(torch.from_numpy, (crops.joints, crops.side, crops.person)))
@@ -68,7 +86,7 @@ def train(
         persons = {} if found_apart is None else score_persons(net, found_apart)
         return {"people": feed.count} | joints | persons
 
-    optimise(JointNet, step, Plan(images, batch, rate, save_every, seed, threads), out, start, remark)
+    optimise(JointNet, step, plan, replica, out, start, remark)
 
 
 def to_input(crops: CropBatch) -> Tensor:
@@ -118,11 +136,11 @@ def in_order(values: NDArray[np.float32], is_person: NDArray[np.bool_]) -> float
 
 
 class CropFeed:
-    """Crops from a folder of shards, each person once a round."""
+    """Crops from a replica's share of a folder's shards, each person once a round."""
 
-    def __init__(self, folder: Path, seed: int) -> None:
-        self._rng = np.random.default_rng(seed)
-        self._samplers = [CropSampler(load_scenes([p])) for p in list_shards(folder)]
+    def __init__(self, folder: Path, seed: int, replica: Replica) -> None:
+        self._rng = np.random.default_rng([seed, replica.rank])
+        self._samplers = [CropSampler(load_scenes([p])) for p in replica.share(list_shards(folder))]
         if not self._samplers:
             raise typer.BadParameter(f"{folder} has no shards; make_scenes.py writes them")
         self._order: list[tuple[int, int]] = []
