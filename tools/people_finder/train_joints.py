@@ -68,8 +68,9 @@ def _train(
     exact: bool | None,
 ) -> None:
     feed, found = CropFeed(scenes, plan.seed, replica), Sightings.load(sightings, replica)
-    apart = None if check is None else CropSampler(load_scenes(list_shards(check)))
-    found_apart = None if others is None else Sightings.load(others)
+    tells = replica.rank == 0
+    apart = CropSampler(load_scenes(list_shards(check))) if check and tells else None
+    found_apart = Sightings.load(others) if others and tells else None
     rng = np.random.default_rng([plan.seed, replica.rank])
     of_found = len(replica.share(range(_FOUND)))
     of_all = len(replica.share(range(plan.batch - _FOUND)))
