@@ -77,6 +77,7 @@ class Peer:
 
     def __exit__(self, *_):
         self.executor.shutdown()
+        self.node.destroy_node()  # left to the garbage collector, it once took the process along
         rclpy.try_shutdown(context=self.context)
 
     def listen(self, kind, topic, qos=HEARING):
