@@ -44,7 +44,7 @@ def train(
     rate: Annotated[float, typer.Option(help="Highest learning rate")] = 2e-3,
     seed: Annotated[int, typer.Option(help="Start of all random numbers")] = 0,
     start: Annotated[Path | None, typer.Option(help="Checkpoint to go on from")] = None,
-    save_every: Annotated[int, typer.Option(help="Crops between checkpoints")] = 40_000,
+    save_every: Annotated[int, typer.Option(help="Crops between checkpoints")] = 80_000,
     workers: Annotated[int, typer.Option(help="Processes, each with its share of a batch")] = 1,
     exact: Annotated[
         bool | None,
