@@ -66,7 +66,7 @@ class PosePipeline:
         people = self.extractor.extract(turn_upright(frame, self._mount))
         # Sec. 5: canonical axes, PCA subspace, nearest exemplars (eq. 6)
         matches = self.matcher.match(people)
-        # Sec. 6: fit the body to each person's points, complete what is hidden (eqs. 7, 8)
+        # Sec. 6: fit the body to each person's points; with method cpd complete the mesh (eqs. 7, 8)
         refined = self.refiner.refine(people, matches)
         # Sec. 6: failure check, temporal registration, low-pass filter
         upright = self.recoverer.recover(people, refined)

@@ -15,7 +15,7 @@ and x and y follow the ray (eqs. 2, 4). Each further step is
    \beta_s^i = \frac{\theta(\|p_s^{(k)} - p_i^{(k)}\|)}{\|p_s^{(k)} - p_i^{(k)}\|}
    \left| \frac{\partial \eta}{\partial r} \right|, \quad \eta(r) = r^3 / 3 \qquad (5)
 
-`DenoiseConfig.iterations` 1, the default, is the first step alone, eqs. 1 and 2: eqs. 3 and 5 do nothing
+`DenoiseConfig.iterations` 1, the default, is the first step alone, eqs. 1 and 2: eqs. 3 to 5 do nothing
 then, and no point pushes another. `docs/accuracy.md` measures 1 against 3.
 
 The paper prints the repulsion with the distance between the points, which is never negative and

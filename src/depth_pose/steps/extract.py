@@ -103,6 +103,7 @@ class PeopleExtractor:
             if name is not None
         )
         # Ye et al. eq. 2: x and y follow the depth along the pixel's ray
+        # Ye et al. eq. 4: so they do where `denoise.iterations` is above 1
         points = seen.camera.back_project(depth)
         return see_people(frame.stamp_ns, frame.frame_id, seen.camera, points, labels, found)
 

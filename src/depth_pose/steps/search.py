@@ -57,7 +57,11 @@ class SubspaceSearch:
         self._best = np.empty(-(-len(self.table) // kernels.BLOCK), np.int64)
 
     def find(self, point: NDArray[np.float32], count: int) -> Nearest:
-        """Find the entries nearest to a point: Ye et al. eq. 6, for several instead of the one nearest.
+        r"""Find the entries nearest to a point: Ye et al. eq. 6, for several instead of the one nearest.
+
+        .. math:: \langle l, i \rangle = \arg\min_{l, i} \|\lambda_l^i - \gamma\| \qquad (6)
+
+        An entry :math:`\lambda_l^i` is view i of exemplar l in the subspace, :math:`\gamma` the input there.
 
         Parameters
         ----------

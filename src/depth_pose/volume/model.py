@@ -119,7 +119,9 @@ class VolumeModel:
 
     @cached_property
     def to_volume(self) -> tuple[Regression, ...]:
-        """X to V, one for each view (Hirai et al. eq. 2).
+        r"""X to V, one for each view (Hirai et al. eq. 2).
+
+        .. math:: v_t = \sum_j b_j \psi_j(x_t) + n_{v,t} \qquad (2)
 
         The weights of the basis functions are marginalised, as GPDM does it: a Gaussian process with the
         training points as its basis. V is the descriptor space, not the descriptor.
@@ -145,7 +147,10 @@ class VolumeModel:
 
     @cached_property
     def to_next(self) -> Regression:
-        """X to the next X (Hirai et al. eq. 1), the weights marginalised as in `to_volume`."""
+        r"""X to the next X (Hirai et al. eq. 1), the weights marginalised as in `to_volume`.
+
+        .. math:: x_t = \sum_i a_i \phi_i(x_{t-1}) + n_{x,t} \qquad (1)
+        """
         before, after, _ = chain_rows([int(n) for n in self.lengths])
         kernel = Kernel.from_array(self.motion_kernel)
         # Hirai et al. eq. 1: from X to the next X

@@ -174,7 +174,8 @@ class LatentTracker:
     ) -> tuple[Array, Array]:
         """Cost (n,) of each particle at its best heading, and that heading in steps.
 
-        The descriptor that a particle stands for is Hirai et al. eq. 2 without its noise.
+        The descriptor that a particle stands for is Hirai et al. eq. 2 without its noise. The least cost over
+        the headings is the maximum of Hirai et al. eq. 4, which both likelihoods have.
         """
         costs = np.zeros((len(points), len(window)))
         recall = self.config.likelihood == "latent"
@@ -193,11 +194,14 @@ class LatentTracker:
                 costs[:, at] += (square_distances(seen[view], components[at]) + rest[at]) / TEMPERATURE
         if not recall:
             costs += ((window - expected) * (2 * np.pi / self._fine) / _AZIMUTH_SIGMA) ** 2
+        # Hirai et al. eq. 4: the greatest likelihood over the azimuths is the least cost
         best = np.argmin(costs, axis=1)
         return costs[np.arange(len(points)), best], window[best].astype(np.float64)
 
     def _latent_cost(self, points: Array, components: Array, view: int) -> Array:
-        """Minus twice the logarithm of Hirai et al. eq. 4 for n particles and K headings, (n, K).
+        r"""Minus twice the logarithm of Hirai et al. eq. 4 for n particles and K headings, (n, K).
+
+        .. math:: \max_\theta \exp(-|x^\theta - x_i|^2 / \nu) \exp(-\sigma_V^2(x^\theta) / w) \qquad (4)
 
         The regressed point does not depend on the particle, so it is found once for each heading.
         """
