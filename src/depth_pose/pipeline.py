@@ -83,7 +83,10 @@ class PosePipeline:
             stage.reset()
 
     def restart(self) -> None:
-        """Forget all earlier frames and the names of people, as if new; `reset` gives no name twice."""
+        """Forget all earlier frames and the names of people, as if new; what was counted goes on.
+
+        `reset` gives no name twice.
+        """
         self.reset()
         self.extractor.restart()
 

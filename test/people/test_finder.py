@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from dataclasses import replace
 from importlib import resources
 
 import numpy as np
@@ -13,7 +14,8 @@ from depth_pose.core.camera import Camera
 from depth_pose.core.skeleton import JOINT_INDEX, JOINT_NODES
 from depth_pose.people import _finder_kernels as kernels
 from depth_pose.people import _vote_kernels as votes_of
-from depth_pose.people.finder import PeopleFinder, load_weights, reduce_frame
+from depth_pose.people.clusters import Clusters
+from depth_pose.people.finder import PeopleFinder, _join_parts, load_weights, reduce_frame
 
 CERTAIN = 0.6
 KINECT = Camera(640, 480, 575.0, 575.0, 319.5, 239.5)
@@ -146,3 +148,42 @@ def test_votes_of_two_torsos_gather_in_two_places():
     assert count == 2
     np.testing.assert_allclose(modes[np.argsort(modes[:2, 0])], truth, atol=0.02)
     assert not density.any()
+
+
+@pytest.mark.parametrize("at", range(4))
+def test_one_sample_without_a_return_is_left_out(at):
+    """NaN as 0; `min` and `max` of a kernel drop a NaN in the second place."""
+    near, far = np.float32(0.2), np.float32(12.0)
+    for missing in (0.0, np.nan):
+        samples = np.array([2.0, 2.01, 2.02, 2.03], np.float32)
+        samples[at] = missing
+        mean = np.delete(samples, at).mean()
+        assert kernels.near_second(*samples, near, far) == pytest.approx(mean, abs=1e-6)
+
+
+def test_nan_and_zero_are_the_same(finder):
+    frame = scene(syn.posed(syn.arms_down()))
+    holes = np.random.default_rng(3).random(frame.depth.shape) < 0.02
+    found = [
+        finder.find(replace(frame, depth=np.where(holes, np.float32(hole), frame.depth)))
+        for hole in (0.0, np.nan)
+    ]
+    assert len(persons(found[0])) == 1
+    np.testing.assert_array_equal(found[0].labels, found[1].labels)
+    np.testing.assert_array_equal(found[0].chance, found[1].chance)
+
+
+def test_parts_are_joined_through_parts():
+    """A hand on a forearm on a person is theirs, in whatever order they were found; people stay apart."""
+    areas, neighbour = np.array([0.01, 0.03, 0.4, 0.5]), np.array([1, 2, 3, -1])
+    for order in (np.arange(4), np.arange(4)[::-1]):
+        measures = np.zeros((4, 20))
+        measures[:, 6], measures[:3, 18] = np.log(areas[order] + 1e-4), 1.0
+        measures[:, 18] = (order < 3).astype(float)
+        where = np.argsort(order)
+        neighbours = np.array([where[neighbour[k]] if neighbour[k] >= 0 else -1 for k in order])
+        found = Clusters(np.zeros((1, 1), np.uint8), np.zeros((4, 3)), measures, neighbours)
+        number = np.zeros(5, np.uint8)
+        number[1 + where[2]], number[1 + where[3]] = 1, 2
+        _join_parts(found, number, order < 2)
+        assert number[1 + where].tolist() == [1, 1, 1, 2]

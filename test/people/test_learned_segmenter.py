@@ -9,8 +9,9 @@ import pytest
 
 from crowd import CAMERA, person, seen
 from depth_pose.core.config import SegmentConfig
-from depth_pose.core.types import PERSON
+from depth_pose.core.types import HIDDEN, PERSON
 from depth_pose.people._border_kernels import LimbLimits, attach_apart, attach_limbs
+from depth_pose.people.finder import Detection
 from depth_pose.people.learned_segmenter import LearnedSegmenter
 
 JUMP_M = SegmentConfig().depth_jump
@@ -117,3 +118,23 @@ def test_what_is_apart_is_taken_if_most_of_it_votes_for_somebody() -> None:
     assert not taken(np.minimum(depth, bar(0, 160)), 30).any()
     depth[20:60, 60:70] = 2.0  # goes on from somebody: `attach_limbs` has judged it
     assert not taken(depth, 30).any()
+
+
+def test_a_thing_that_the_second_look_refuses_still_hides(monkeypatch) -> None:
+    """A chair before somebody's legs is no free space, whatever the first look took it for."""
+    shown = seen(6, [person(6, -0.5, 3.2)], board=(40, 90, 90, 144, 2.2))
+    segmenter = LearnedSegmenter(SegmentConfig())
+    before = segmenter.segment(shown)
+    board = shown.depth < 2.3
+    assert (before.labels[board] == HIDDEN).mean() > 0.1
+    find = segmenter.candidates.find
+
+    def with_the_board(frame):
+        found, labels = find(frame)
+        labels[board] = 2
+        return replace(found, people=(*found.people, Detection(2, 0.7, np.array([-0.3, 0.4, 2.2])))), labels
+
+    monkeypatch.setattr(segmenter.candidates, "find", with_the_board)
+    after = segmenter.segment(replace(shown, stamp_ns=shown.stamp_ns + 10**9))
+    assert [s.label for s in after.sightings] == [1]  # the board is refused
+    np.testing.assert_array_equal(after.labels, before.labels)

@@ -10,6 +10,7 @@ import pytest
 import synthetic as syn
 from depth_pose.core.config import DenoiseConfig, SegmentConfig
 from depth_pose.core.types import HIDDEN, PERSON
+from depth_pose.people.person import MIN_POINTS
 from depth_pose.steps.extract import PeopleExtractor
 
 
@@ -118,6 +119,7 @@ def test_who_is_outside_the_zone_gets_no_points_of_their_own(person):
         "beyond the most": 0,
         "too near or too far": 0,
         "not sure enough": 0,
+        "too few points": 0,
     }
 
 
@@ -138,3 +140,20 @@ def test_warm_up_and_reset_change_nothing(person):
     np.testing.assert_array_equal(a.points, b.points)
     warmed.reset()
     np.testing.assert_array_equal(warmed.extract(frame).labels, a.labels)
+
+
+def test_who_shows_too_little_takes_nobody_s_place(person):
+    """Of most one, the nearest: an arm at the image's edge is not answered, who stands behind it is."""
+    frame = syn.to_frame(np.minimum(person, syn.room()))
+    extractor = PeopleExtractor(SegmentConfig(most_people=1), DenoiseConfig())
+    seen = extractor.segmenter.segment(frame)
+    (sighting,) = seen.sightings
+    labels = seen.labels.copy()
+    rows, columns = np.nonzero(labels == sighting.label)
+    labels[rows[: MIN_POINTS // 2], columns[: MIN_POINTS // 2]] = 9
+    arm = replace(sighting, label=9, place=0.5 * sighting.place)
+    extractor.segmenter.segment = lambda _: replace(seen, labels=labels, sightings=(sighting, arm))
+    people = extractor.extract(frame)
+    assert [p.found.label for p in people.persons] == [sighting.label]
+    assert extractor.passed_over["too few points"] == 1
+    assert extractor.passed_over["beyond the most"] == 0

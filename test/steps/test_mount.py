@@ -10,7 +10,8 @@ import pytest
 from crowd import person, seen
 from depth_pose.core.camera import Camera
 from depth_pose.core.config import MatchConfig, MountConfig, PipelineConfig, SmoothConfig
-from depth_pose.core.types import DepthFrame
+from depth_pose.core.types import HIDDEN, DepthFrame
+from depth_pose.people.learned_segmenter import LearnedSegmenter
 from depth_pose.pipeline import PosePipeline
 from depth_pose.steps.mount import rotation_sensor_upright, turn_back, turn_forth, turn_upright
 
@@ -81,3 +82,16 @@ def test_poses_come_in_the_sensor_s_own_frame(bank, roll) -> None:
     again = turn_back(turn_forth(skeleton, config.mount), config.mount)
     np.testing.assert_allclose(again.positions, skeleton.positions, atol=1e-12)
     np.testing.assert_allclose(np.abs((again.quats_xyzw * skeleton.quats_xyzw).sum(axis=1)), 1.0, atol=1e-9)
+
+
+def test_blank_corners_are_no_background_that_was_cut_away() -> None:
+    """Of a sensor rolled by 45 degrees half of the upright image is blank; holes are still holes."""
+    frame = seen(3, [person(3, 0.0, 3.0)])
+    depth = frame.depth.copy()
+    depth[:, :20] = 0.0  # an eighth of it returns nothing
+    config = MountConfig(roll=45.0)
+    turned = turn_upright(replace(frame, depth=depth), config)
+    assert turned.filled == pytest.approx(np.mean(turn_upright(frame, config).depth > 0), abs=0.01)
+    assert (turned.depth == 0).mean() > 0.5
+    segmentation = LearnedSegmenter(PipelineConfig().segment).segment(turned)
+    assert (segmentation.labels == HIDDEN).mean() > 0.5

@@ -29,12 +29,15 @@ class DepthFrame:
     depth : (H, W) float32
         Distance along the optical axis, metres; 0 or NaN where nothing returned.
     camera : Camera
+    filled : float
+        Share of the image that the sensor sees; less than 1 where it was turned.
     """
 
     stamp_ns: int
     frame_id: str
     depth: NDArray[np.float32]
     camera: Camera
+    filled: float = 1.0
 
 
 BACKGROUND, PERSON, UNKNOWN = 0, 1, 2

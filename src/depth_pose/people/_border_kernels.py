@@ -67,8 +67,9 @@ def mark_nearer(depth, labels, camera, gap):
             if labels[i, j] in (BACKGROUND, HIDDEN):
                 continue
             z = depth[i, j]
-            reach, step = int(_HIDES_M * camera.fx / z), max(gap, _FLOOR_STEPS * z * z / camera.fy)
+            step = max(gap, _FLOOR_STEPS * z * z / camera.fy)
             for way in range(4):
+                reach = int(_HIDES_M * (camera.fy if way < 2 else camera.fx) / z)
                 di = 1 if way == 0 else -1 if way == 1 else 0
                 dj = 1 if way == 2 else -1 if way == 3 else 0
                 before, is_behind = z, False

@@ -87,8 +87,9 @@ def near_second(a, b, c, d, near, far):
     low, high, low2, high2 = min(a, b), max(a, b), min(c, d), max(c, d)
     least, most = min(low, low2), max(high, high2)
     middle = min(max(low, low2), min(high, high2))
-    if least >= near and most <= far and most - least <= np.float32(_RISE_M) * middle:
-        return (a + b + c + d) / np.float32(4.0)  # as most pixels are: all four valid, and one surface
+    total = a + b + c + d  # NaN where any is: `min` and `max` may miss it
+    if total == total and least >= near and most <= far and most - least <= np.float32(_RISE_M) * middle:
+        return total / np.float32(4.0)  # as most pixels are: all four valid, and one surface
     count, total = 0, np.float32(0.0)
     least, second, most = np.float32(np.inf), np.float32(np.inf), np.float32(0.0)
     for z in (a, b, c, d):

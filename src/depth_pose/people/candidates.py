@@ -51,9 +51,9 @@ class CandidateFinder:
             `depth_pose.core.types.HIDDEN` for what may hide more of them.
         """
         found = self.finder.find(frame)
-        return found, self._complete(found)
+        return found, self._complete(found, frame.filled)
 
-    def _complete(self, found: Detections) -> NDArray[np.uint8]:
+    def _complete(self, found: Detections, filled: float) -> NDArray[np.uint8]:
         """Add limbs that the net missed, drop flying pixels, mark what may hide more of people."""
         depth, camera, jump = found.depth, found.camera, self._config.depth_jump
         labels = found.labels.copy()
@@ -65,7 +65,7 @@ class CandidateFinder:
             kernels.attach_apart(free, labels, found.claims, camera, kernels.LimbLimits(jump, **_APART))
         kernels.mark_unsupported(depth, labels, jump, self._config.min_support)
         missing = depth == 0
-        if missing.mean() < _CUT_AWAY:
+        if missing.mean() < 1.0 - filled * (1.0 - _CUT_AWAY):
             labels[missing] = HIDDEN
         kernels.mark_nearer(depth, labels, camera, jump)
         return labels

@@ -48,9 +48,9 @@ Shanks below a desk, to which the net gives .24, vote for .09 to .14 m beside th
 _CONTACT, _LEAST_CONTACT = 18, 0.3
 """Measure of how much a cluster touches its neighbour, and how much makes it a part of them."""
 
-_MEAN, _SURE, _JUMP, _ASIDE, _SMALLER = 0, 1, 12, 17, 19
-"""Measures: mean probability, share of sure pixels, share of the edge with a jump in depth; distance aside of
-the neighbour, and how much smaller (natural logarithm)."""
+_MEAN, _SURE, _AREA, _JUMP, _ASIDE, _SMALLER = 0, 1, 6, 12, 17, 19
+"""Measures: mean probability, share of sure pixels, logarithm of the area, share of the edge with a jump in
+depth; distance aside of the neighbour, and how much smaller (natural logarithm)."""
 
 _HALO_MEAN, _HALO_SURE, _HALO_JUMP, _HALO_ASIDE_M, _HALO_SMALLER = 0.6, 0.1, 0.25, 0.65, 0.7
 """Set by the clusters on the wall behind the people of the development clips; no person was like that."""
@@ -194,7 +194,7 @@ class PeopleFinder:
         chosen = np.flatnonzero(likely)[np.argsort(distance[likely], kind="stable")]
         number = np.zeros(len(distance) + 1, np.uint8)
         number[chosen + 1] = np.arange(1, len(chosen) + 1)
-        _join_parts(found, number)
+        _join_parts(found, number, probability < self.config.keep)
         net_chance = np.reciprocal(1.0 + np.exp(-mask), dtype=np.float32)
         labels = carry_people(image, number[found.labels], net_chance, depth, camera)
         pixels = np.bincount(labels.ravel(), minlength=len(chosen) + 1)
@@ -249,10 +249,11 @@ def _is_halo(measures: NDArray[np.float64]) -> NDArray[np.bool_]:
     return beside & unsure & (measures[:, _JUMP] < _HALO_JUMP)
 
 
-def _join_parts(found: Clusters, number: NDArray[np.uint8]) -> None:
-    """Give the pixels of clusters that are no persons to the person whom they touch."""
-    parts = found.measures[:, _CONTACT] >= _LEAST_CONTACT
-    for k in np.flatnonzero(parts & (number[1:] == 0) & (found.neighbour >= 0)):
+def _join_parts(found: Clusters, number: NDArray[np.uint8], may_join: NDArray[np.bool_]) -> None:
+    """Give the pixels of clusters that are no persons to whom they touch, through others as well."""
+    parts = may_join & (found.measures[:, _CONTACT] >= _LEAST_CONTACT) & (found.neighbour >= 0)
+    largest_first = np.argsort(-found.measures[:, _AREA], kind="stable")  # a neighbour is larger
+    for k in largest_first[parts[largest_first]]:
         number[k + 1] = number[found.neighbour[k] + 1]
 
 

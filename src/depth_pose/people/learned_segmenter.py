@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from depth_pose.core.config import SegmentConfig
 from depth_pose.core.types import BACKGROUND, HIDDEN, DepthFrame
 from depth_pose.people import working_grid
+from depth_pose.people._border_kernels import mark_nearer
 from depth_pose.people.candidates import CandidateFinder
 from depth_pose.people.finder import Detection, Detections
 from depth_pose.people.joint_finder import JointFinder, JointProposals
@@ -68,6 +69,8 @@ class LearnedSegmenter:
         for thing in sightings:
             if thing.probability < self.config.keep:
                 labels[labels == thing.label] = BACKGROUND
+        if len(sure) < len(sightings):  # a thing before somebody may hide more of them
+            mark_nearer(found.depth, labels, found.camera, self.config.depth_jump)
         is_person = (labels != BACKGROUND) & (labels != HIDDEN)
         return Segmentation(
             depth=np.where(is_person, found.depth, np.float32(0)),

@@ -166,9 +166,9 @@ def _hides_knees(own: NDArray[np.uint8], camera: Camera, proposals: NDArray[np.f
         if not z > 0.0:
             continue
         u, v = camera.project(np.array([x, y, z])).tolist()
-        reach = _KNEE_M * camera.fx / z
-        top, left = max(0, round(v - reach)), max(0, round(u - reach))
-        window = own[top : max(0, round(v + reach) + 1), left : max(0, round(u + reach) + 1)]
+        aside, along = _KNEE_M * camera.fx / z, _KNEE_M * camera.fy / z
+        top, left = max(0, round(v - along)), max(0, round(u - aside))
+        window = own[top : max(0, round(v + along) + 1), left : max(0, round(u + aside) + 1)]
         if (window == PERSON).any():
             return False
     return True

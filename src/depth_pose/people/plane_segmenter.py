@@ -87,7 +87,7 @@ class PlaneSegmenter:
             nearer = foreground & (depth < np.median(depth[person]))
             labels[nearer] = HIDDEN
             missing = depth == 0
-            if missing.mean() < 0.5:  # else the recording's background was cut away
+            if missing.mean() < 1.0 - 0.5 * frame.filled:  # else the recording's background was cut away
                 labels[missing] = HIDDEN
             labels[person] = PERSON
             kernels.mark_mixed(depth, labels, PERSON, HIDDEN, 2.0 * config.depth_jump)

@@ -14,7 +14,7 @@ from depth_pose.core.types import HIDDEN, DepthFrame, FoundPerson
 from depth_pose.core.zone import parse_zone
 from depth_pose.people.choice import PeopleChoice
 from depth_pose.people.learned_segmenter import LearnedSegmenter
-from depth_pose.people.person import People, see_people
+from depth_pose.people.person import MIN_POINTS, People, see_people
 from depth_pose.people.plane_segmenter import PlaneSegmenter
 from depth_pose.people.segmentation import Segmenter
 from depth_pose.people.tracks import PeopleTracks
@@ -43,8 +43,8 @@ class PeopleExtractor:
         Finds people, and keeps what it needs from frame to frame.
     choice : PeopleChoice
     passed_over : Counter of str
-        Over all frames, who was seen and not answered: ``too near or too far``, ``not sure enough``, and what
-        `PeopleChoice` left out.
+        Over all frames, who was seen and not answered: ``too near or too far``, ``not sure enough``,
+        ``too few points``, and what `PeopleChoice` left out.
     """
 
     def __init__(
@@ -93,9 +93,15 @@ class PeopleExtractor:
         depth = denoise_depth(seen.depth, seen.camera, self._denoise)
         labels = np.where((seen.depth > 0) & (depth <= 0), np.uint8(HIDDEN), seen.labels)
         names = self._tracks.assign(seen.sightings, frame.stamp_ns)
-        chosen = self.choice.choose(names, [s.place for s in seen.sightings])
+        points_of = np.bincount(labels.ravel(), minlength=HIDDEN + 1)
+        shown = [
+            name if points_of[s.label] >= MIN_POINTS else None
+            for s, name in zip(seen.sightings, names, strict=True)
+        ]
+        chosen = self.choice.choose(shown, [s.place for s in seen.sightings])
         self.passed_over["too near or too far"] += seen.out_of_range
         self.passed_over["not sure enough"] += names.count(None)
+        self.passed_over["too few points"] += shown.count(None) - names.count(None)
         self.passed_over.update(self.choice.left_out)
         found = (
             FoundPerson(s.label, name, self._probability(name), s.proposals, s.proposal_confidence)

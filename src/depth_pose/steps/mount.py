@@ -37,7 +37,7 @@ def turn_upright(frame: DepthFrame, config: MountConfig) -> DepthFrame:
         return frame
     camera, source, inside = _lookup(frame.camera, config.roll)
     depth = np.where(inside, frame.depth.ravel()[source], np.float32(0.0))
-    return DepthFrame(frame.stamp_ns, frame.frame_id + UPRIGHT, depth, camera)
+    return DepthFrame(frame.stamp_ns, frame.frame_id + UPRIGHT, depth, camera, float(inside.mean()))
 
 
 def sensor_frame(frame_id: str, config: MountConfig) -> str:
