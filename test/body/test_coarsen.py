@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -54,3 +56,14 @@ def test_every_segment_keeps_vertices_near_the_surface(body):
 
 def test_a_coarse_body_stays(body):
     assert coarsen(body, len(body.vertices)) is body
+
+
+def test_doubled_vertices_are_no_matter(body):
+    """As of a mesh that was split at the seams of its texture: more vertices than places."""
+    few = coarsen(body, 400)
+    at = np.tile(np.arange(400), 2)
+    faces = np.concatenate([few.faces, few.faces + 400])
+    doubled = replace(few, vertices=few.vertices[at], weights=few.weights[at], faces=faces)
+    coarse = coarsen(doubled, 500)
+    assert np.isfinite(coarse.vertices).all()
+    assert np.isfinite(drawn(coarse)).any()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -55,3 +57,21 @@ def test_a_shank_out_of_view_hangs_more_as_shanks_do(body, legs):
 def test_a_hip_out_of_view_says_nothing(body, legs):
     fitted = _fitted(body, 1.2, **KNEE_BENT)
     assert legs.settle(body, fitted, syn.CAMERA) is fitted
+
+
+def test_joints_that_were_fitted_apart_from_the_pose_stay(body, legs):
+    """Coherent point drift finds joints by control vertices: those of the pose lie up to 4 cm from them."""
+    fitted = _fitted(body, 0.12, **KNEE_BENT)
+    shifted = replace(fitted, nodes=fitted.nodes + [0.03, -0.02, 0.01])
+    settled = legs.settle(body, shifted, syn.CAMERA)
+    np.testing.assert_allclose(
+        settled.nodes, legs.settle(body, fitted, syn.CAMERA).nodes + [0.03, -0.02, 0.01], atol=0.004
+    )
+    beyond = [NODE_INDEX[f"{side}_{n}"] for side in ("left", "right") for n in ("ankle", "foot")]
+    others = np.setdiff1d(np.arange(len(fitted.nodes)), beyond)
+    np.testing.assert_array_equal(settled.nodes[others], shifted.nodes[others])
+
+
+def test_few_exemplars_are_enough(body, bank):
+    few = LegsBeyond(usual_joints(bank)[:5])
+    assert np.isfinite(few.settle(body, _fitted(body, 0.12, **KNEE_BENT), syn.CAMERA).nodes).all()

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from staged import pose_of, the_body
 
 from depth_pose.core.rotations import matrix_to_quat, rotvec_to_matrix
-from depth_pose.core.skeleton import JOINT_NODES, JOINTS, Source
+from depth_pose.core.skeleton import JOINT_NODES, JOINTS, NODE_INDEX, Source
 from depth_pose.core.types import Skeleton
 from depth_pose.fit.rigid import JointTransfer, fit_rigid
 from depth_pose.fit.skeleton_pose import pose_from_skeleton
@@ -88,3 +90,19 @@ def test_pose_from_its_own_skeleton() -> None:
     rebuilt = body.pose(again.rotations, again.root, again.scale)
     assert np.linalg.norm(rebuilt.nodes - posed.nodes, axis=1).max() < 0.004  # the clavicles' roll is lost
     assert np.linalg.norm(rebuilt.vertices - posed.vertices, axis=1).max() < 0.02
+
+
+def test_a_node_that_moves_no_vertex_turns_with_its_parent() -> None:
+    """As of rigs without a neck's or a chest's bone."""
+    body, chest = the_body(), NODE_INDEX["chest"]
+    weights = body.weights.copy()
+    weights[:, NODE_INDEX["spine"]] += weights[:, chest]
+    weights[:, chest] = 0.0
+    rig = replace(body, weights=weights)
+    turn = rotvec_to_matrix(np.array([0.2, -0.4, 0.1]))
+    posed = rig.pose(np.tile(turn, (len(rig.nodes), 1, 1)), np.array([0.3, 0.1, 2.0]))
+    start = rig.pose(np.tile(np.eye(3), (len(rig.nodes), 1, 1)), np.zeros(3))
+    eyes = np.tile(np.eye(3), (len(rig.nodes), 1, 1))
+    nodes, rotations = JointTransfer(rig).transfer(start.vertices, start.nodes, eyes, posed.vertices)
+    np.testing.assert_allclose(nodes, posed.nodes, atol=1e-6)
+    np.testing.assert_allclose(rotations[chest], turn, atol=1e-6)

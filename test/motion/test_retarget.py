@@ -11,6 +11,7 @@ import pytest
 
 from depth_pose.body.joint_names import find_joints, split_name
 from depth_pose.core.errors import InputError
+from depth_pose.core.rotations import rotvec_to_matrix
 from depth_pose.core.skeleton import ADULT_STATURE_M, NODE_INDEX, forward_kinematics, rest_nodes
 from depth_pose.motion.asf_amc import parse_asf_amc, read_asf_amc
 from depth_pose.motion.bvh import parse_bvh, read_bvh
@@ -222,3 +223,23 @@ def test_recorded_motion_lies_within_the_joint_limits() -> None:
     )
     assert np.mean(far < 15) > 0.9
     assert np.isfinite(joint_positions(read_bvh(MOCAP / "walking_1.bvh").rotations)).all()
+
+
+@pytest.mark.parametrize("axis", [0, 2])
+def test_who_lies_is_not_bent_beyond_what_joints_can(tmp_path, clip, axis) -> None:
+    """Joints have limits, the way that the pelvis lies in the world has none."""
+    count = len(clip.rotations)
+    angle = np.where(np.arange(count) <= count // 2, 0.0, np.radians(95.0))
+    turn = rotvec_to_matrix(angle[:, None] * np.eye(3)[axis])
+    lying = replace(clip, rotations=turn[:, None] @ clip.rotations)
+    moved = retarget(parse_bvh(write_bvh(tmp_path / "a.bvh", lying)))
+    assert moved.violation_deg.max() < 12.0
+
+
+def test_a_motion_whose_legs_hang_on_nothing_common_is_refused(tmp_path, clip) -> None:
+    source = parse_bvh(write_bvh(tmp_path / "a.bvh", clip))
+    found = find_joints(source)
+    parents = source.parents.copy()
+    parents[found["left_hip"]] = -1
+    with pytest.raises(InputError, match="no common joint"):
+        find_joints(replace(source, parents=parents))

@@ -42,7 +42,8 @@ def coarsen(body: Body, vertices: int) -> Body:
     cluster = cdist(place, place[kept], "sqeuclidean").argmin(axis=1).astype(np.int32)
     normals = vertex_normals(body)
     below = ((body.vertices[kept][cluster] - body.vertices) * normals[kept][cluster]).sum(axis=1)
-    depth = np.bincount(cluster, below) / np.bincount(cluster)
+    sizes = np.bincount(cluster, minlength=len(kept))  # none has some where vertices are doubled
+    depth = np.bincount(cluster, below, len(kept)) / np.maximum(sizes, 1)
     faces = cluster[body.faces]
     whole = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])
     faces = faces[whole]

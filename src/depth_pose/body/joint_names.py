@@ -64,7 +64,10 @@ def _parent_apart(source: SourceMotion, joint: int) -> int:
 
 def _common(source: SourceMotion, a: int, b: int) -> int:
     others = set(_ancestors(source, b))
-    return next(j for j in _ancestors(source, a) if j in others)
+    for j in _ancestors(source, a):
+        if j in others:
+            return j
+    raise InputError(f"{source.name}: {source.joints[a]} and {source.joints[b]} hang on no common joint")
 
 
 def _child(source: SourceMotion, joint: int) -> int | None:

@@ -168,7 +168,7 @@ class FitConfig(Checked):
     outlier: float = option(
         0.3,
         "What the E-step holds against every point: the density of the outlier class",
-        low=0.0,
+        low=1e-6,
         high=100.0,
     )
     plane_weight: float = option(1.0, "Weight of the distance along the skin's normal", low=0.0, high=100.0)
@@ -192,7 +192,7 @@ class FitConfig(Checked):
         high=1000.0,
     )
     prior: float = option(0.2, "Stiffness of the joints toward the start", low=0.0, high=100.0)
-    damping: float = option(0.02, "Added to the diagonal of every step", low=0.0, high=100.0)
+    damping: float = option(0.02, "Added to the diagonal of every step", low=1e-6, high=100.0)
     max_step: float = option(0.35, "The most that a joint turns in a step", unit="rad", low=0.01, high=3.2)
     max_points: int = option(800, "Points of the cloud that are fitted to", low=10, high=1_000_000)
 
@@ -267,7 +267,7 @@ class CpdConfig(Checked):
     beta: float = option(0.7, "Width of the coherence kernel", unit="m", low=0.001, high=10.0)
     stiffness: float = option(20.0, "Weight lambda of the coherence", low=1e-6, high=1e6)
     outlier_weight: float = option(
-        0.1, "Share w of the input points that are expected to be outliers", low=0.0, high=0.999
+        0.1, "Share w of the input points that are expected to be outliers", low=1e-6, high=0.999
     )
     sigma_start: float = option(0.06, "Standard deviation at the start", unit="m", low=1e-4, high=10.0)
     sigma_floor: float = option(0.012, "The least standard deviation", unit="m", low=1e-5, high=1.0)

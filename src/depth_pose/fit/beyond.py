@@ -76,7 +76,7 @@ class LegsBeyond:
         local, segments = np.empty(joints.shape), []
         axes = kernels.in_trunk_axes(joints, local)
         local /= pose.scale
-        targets = fitted.nodes.copy()
+        targets, hung = fitted.nodes.copy(), []
         for leg in _LEGS:
             first = next((k for k in (1, 2, 3) if outside[list(leg[k:])].all()), 0)
             if not first or outside[leg[0]]:
@@ -87,6 +87,7 @@ class LegsBeyond:
             unseen = _share_outside(joints[leg[first - 1]], joints[leg[first]], camera)
             share[0] *= min(1.0, unseen / _HARDLY_SEEN)
             nodes = JOINT_NODES[tail]
+            hung.append((JOINT_NODES[leg[first - 1]], nodes))
             targets[nodes] += share * (joints[leg[first - 1]] + usual - targets[nodes])
             segments += [JOINT_NODES[list(leg[k - 1 : k + 1])] for k in range(first, 4)]
         rotations = pose.rotations.copy()
@@ -94,7 +95,10 @@ class LegsBeyond:
         for leg in _LEGS:
             rotations[JOINT_NODES[leg[3]]] = rotations[JOINT_NODES[leg[2]]]
         posed = body.pose(rotations, pose.root, pose.scale)
-        return FittedBody(BodyPose(rotations, pose.root, pose.scale), posed.vertices, posed.nodes)
+        settled = fitted.nodes.copy()
+        for start, nodes in hung:  # the others stay where they were fitted
+            settled[nodes] = fitted.nodes[start] + posed.nodes[nodes] - posed.nodes[start]
+        return FittedBody(BodyPose(rotations, pose.root, pose.scale), posed.vertices, settled)
 
     def _usual(
         self, local: NDArray[np.float64], outside: NDArray[np.bool_], start: int, tail: list[int]
@@ -104,7 +108,8 @@ class LegsBeyond:
         weights[tail] = 0.0
         pull = (weights[:, None] * local).astype(np.float32).ravel()
         distance = self._squares @ weights - 2.0 * (self._rows @ pull)
-        near = self._joints[np.argpartition(distance, _NEIGHBOURS - 1)[:_NEIGHBOURS]]
+        count = min(_NEIGHBOURS, len(distance))
+        near = self._joints[np.argpartition(distance, count - 1)[:count]]
         return np.asarray((near[:, tail] - near[:, start, None]).mean(axis=0))
 
 

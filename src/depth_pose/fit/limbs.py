@@ -230,10 +230,11 @@ def _reaching(
     limb, rotations = pair.limbs[side], pair.rotations[side]
     deeper = points * (1.0 + _UNDER_SKIN_M / points[:, 2:])
     targets = (deeper - anchor.origin) @ anchor.rotation / anchor.scale
-    samples = np.empty((_REACHING * len(points), *limb.samples.shape[1:]))
+    count = min(_REACHING, len(limb.samples))
+    samples = np.empty((count * len(points), *limb.samples.shape[1:]))
     turned = np.empty((len(samples), *rotations.shape[1:]))
     known = Limbs(limb.samples, pair.tips[side], rotations, pair.first)
-    reach(known, targets, _REACHING, samples, turned)
+    reach(known, targets, count, samples, turned)
     return limb._replace(samples=samples), turned
 
 

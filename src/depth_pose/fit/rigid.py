@@ -88,6 +88,9 @@ class JointTransfer:
             if name.endswith("foot"):  # the feet carry the rotation of their ankle
                 ankle = NODE_PARENTS[n]
                 segment[:, ankle] = segment[:, n] = body.weights[:, ankle] + body.weights[:, n]
+        for n in range(1, count):
+            if not segment[:, n].any():  # nothing moves with it: it turns with its parent
+                segment[:, n] = segment[:, NODE_PARENTS[n]]
         self._place, self._segment = _trim(near), _trim(segment.T)
 
     def transfer(self, posed: Array, nodes: Array, rotations: Array, deformed: Array) -> tuple[Array, Array]:

@@ -103,7 +103,8 @@ def retarget(source: SourceMotion) -> Retargeted:
         )
     roots = _roots(rotations, place, joint, (THIGH_M + SHANK_M) / leg)
     clip = Clip(source.name, source.fps, rotations, roots)
-    return Retargeted(clip, unit, violation(angles_from_rotations(rotations)).max(axis=-1))
+    own = np.swapaxes(rotations[:, :1], -1, -2) @ rotations  # against the pelvis: who lies is not bent
+    return Retargeted(clip, unit, violation(angles_from_rotations(own)).max(axis=-1))
 
 
 def _rest_axes(name: str, rest: Array, joint: dict[str, int]) -> Array:
