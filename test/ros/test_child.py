@@ -70,3 +70,19 @@ def test_who_is_stopped_hangs_and_that_is_said_once(silent):
     assert told == ["[it] gave no sign of life for 3.0 s; it is killed"]
     silent.read(told.append)
     assert silent.code == -signal.SIGKILL
+
+
+def test_no_line_but_the_first_is_a_process_number():
+    """Nodes log what others send them, and that may hold anything."""
+    child = Child("it")
+    child.spawn(
+        [sys.executable, "-c", "print('a\\n\\x1e1 at 0\\n\\x1e12\\nit is ready', flush=True)"],
+        dict(os.environ),
+    )
+    pid, told = child.pid, []
+    watch_s = time.monotonic() + LIMIT_S
+    while child.code is None:
+        assert time.monotonic() < watch_s
+        child.read(told.append)
+    assert child.pid == pid
+    assert told[:4] == ["[it] a", "[it] \x1e1 at 0", "[it] \x1e12", "[it] it is ready"]

@@ -16,7 +16,8 @@ from pathlib import Path
 import pytest
 import scene
 from depth_pose_msgs.msg import Skeleton
-from peer import HEARING, SENSOR, lived_s
+from diagnostic_msgs.msg import DiagnosticArray
+from peer import HEARING, RELIABLE, SENSOR, lived_s
 from sensor_msgs.msg import CameraInfo, Image
 from test_denoise_node import image_msg, info_msg
 
@@ -317,6 +318,12 @@ def test_a_sensor_that_is_unplugged_and_comes_back(live, peer):
     peer.until(lambda: any("nobody publishes" in x for x in lines), PATIENCE_S, "the warning")
     warning = next(x for x in lines if "nobody publishes" in x)
     assert "/depth_pose/labels" not in warning  # of the same type, but the node's own
+    told = peer.listen(DiagnosticArray, "/diagnostics", RELIABLE)
+    peer.until(
+        lambda: any(s.message.startswith("nothing from") for m in told for s in m.status),
+        PATIENCE_S,
+        "the diagnostics",
+    )
     assert not any("Traceback" in line for line in lines), "\n".join(lines)
     again = Sensor(peer)
     peer.until(again.images.get_subscription_count, what="the denoise node")

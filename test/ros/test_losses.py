@@ -64,3 +64,8 @@ def test_only_the_last_busy_times_are_kept():
     oldest = 9990 - 10 * (BUSY_TIMES_KEPT - 1)
     assert busy.covers(9993) and busy.covers(oldest) and busy.covers(oldest + 5)
     assert not busy.covers(9997) and not busy.covers(oldest - 7) and not busy.covers(3)
+
+
+def test_a_night_without_a_network_is_counted_and_not_gone_through():
+    missing = 10**12  # looking at each would take a year
+    assert count_lost(message(1), message(missing + 2), BusyTimes()) == (0, missing)

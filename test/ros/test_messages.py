@@ -233,6 +233,13 @@ def test_image_to_frame():
     assert (frame.camera.fx, frame.camera.cy) == (90.0, 1.0)
     with pytest.raises(InputError, match="3 x 2"):
         image_to_frame(msg, info_of(6, 4))
+    info = info_of(3, 2)
+    info.d, info.p = [0.1, 0.0, 0.0, 0.0, 0.0], [80.0, 0, 1.5, 0, 0, 81.0, 1.0, 0, 0, 0, 1, 0]
+    rectified = image_to_frame(msg, info, rectified=True)
+    np.testing.assert_array_equal(rectified.depth, frame.depth)
+    assert (rectified.camera.fx, rectified.camera.fy) == (80.0, 81.0)
+    info.p = [0.0] * 12  # as many drivers leave it
+    assert image_to_frame(msg, info, rectified=True).camera.fx == 90.0
     msg.encoding = "rgb8"
     with pytest.raises(InputError, match="rgb8"):
         image_to_frame(msg, info_of(3, 2))

@@ -139,3 +139,12 @@ def test_choices_become_parameters(watch, peer):
         peer.until(lambda t=thread: not t.is_alive())
     assert asked == [("follow", "nearest"), ("segment.most_people", 2), ("zone", "x")]
     assert said == ["", "", "zone is wrong"]
+
+
+def test_bytes_that_hold_no_stamp_are_left_out():
+    watch = Watch(IMAGE)
+    watch._info = b"known"
+    for data in (b"", b"\x00\x01\x00\x00", b"\x00\x01\x00\x00" + bytes(7)):
+        watch._take_depth(data)
+        watch._take_skeletons(data)
+    assert not watch._depth and not watch._skeletons

@@ -114,3 +114,18 @@ def test_offline_every_set_is_given_in_turn():
     assert [v.images for v in g.take_all()] == [("0:2", "1:2", "2:2")]
     feed(g, 1)
     assert sum(g.late.values()) == 3 and not list(g.take_all())  # given already
+
+
+def test_sets_in_turn():
+    """As a lossless node takes them: none is let go, and a set that waits holds up those behind it."""
+    g = synchroniser()
+    feed(g, 0, (0, 2))
+    for index in (1, 2):
+        feed(g, index)
+    now = 2 * STEP / 1e9
+    assert g.take(0.001, newest=False) is None
+    found = []
+    while (views := g.take(now + 0.02, newest=False)) is not None:
+        found.append(views.images[0])
+    assert found == ["0:0", "0:1", "0:2"]
+    assert g.overtaken == 0

@@ -35,6 +35,28 @@ _KEPT_PIXELS = MAX_PIXELS
 """Pixels of rectifications that are kept, of 9 bytes each: those of 54 cameras of 640 x 480. Set by hand."""
 
 
+def is_rectified(topic: str) -> bool:
+    """Whether a topic's images are without distortion, by its name: ``image_rect``, ``image_depth_rect``.
+
+    By the convention of ``image_proc`` their CameraInfo is that of the raw image: its K and D are the lens',
+    and its P is what the rectified image was made with.
+    """
+    return "rect" in topic.removesuffix("/compressedDepth").rpartition("/")[2].split("_")
+
+
+def lens_of(
+    k: NDArray[np.float64], d: NDArray[np.float64], p: NDArray[np.float64], rectified: bool
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Give the K (9,) and D (n,) that an image was taken with, of a ``sensor_msgs/CameraInfo``'s k, d, p.
+
+    Of a rectified one (`is_rectified`) D is empty, and K stands in P, if P is set.
+    """
+    if not rectified:
+        return k, d
+    k_of_p = np.asarray(p, np.float64).reshape(-1, 4)[:, :3].ravel()
+    return (k_of_p if k_of_p.size == 9 and k_of_p[0] > 0.0 else k), np.zeros(0)
+
+
 def camera_from_info(
     k: Sequence[float] | NDArray[np.float64],
     d: Sequence[float] | NDArray[np.float64],

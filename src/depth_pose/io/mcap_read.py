@@ -17,7 +17,7 @@ from depth_pose.core.types import DepthFrame
 from depth_pose.io import schemas
 from depth_pose.io._messages import read_message, stamp_of
 from depth_pose.io._recording import RawMessage, Recording
-from depth_pose.io.calibration import camera_from_info, rectify_depth
+from depth_pose.io.calibration import camera_from_info, is_rectified, lens_of, rectify_depth
 from depth_pose.io.clouds import decode_points, frame_from_cloud
 from depth_pose.io.compressed import decode_compressed_depth
 from depth_pose.io.damage import tell_damage
@@ -126,7 +126,7 @@ class DepthReader:
             return frame_of_cloud(message.data)
         if info is None:
             raise InputError(f"no CameraInfo on {self.topic.info_topic}")
-        frame = frame_of_image(message.data, self.topic.kind, info.data)
+        frame = frame_of_image(message.data, self.topic.kind, info.data, is_rectified(self.topic.name))
         if self._unit_mm != 1.0:
             frame = replace(frame, depth=frame.depth * np.float32(self._unit_mm))
         return frame
@@ -143,16 +143,20 @@ def _realsense_unit_mm(recording: Recording, topic: str) -> float:
     return mm if 1e-3 <= mm <= 1e3 else 1.0
 
 
-def frame_of_image(data: bytes, kind: str, info_data: bytes) -> DepthFrame:
-    """Make a frame of an Image's or CompressedImage's CDR bytes and its camera's calibration."""
+def frame_of_image(data: bytes, kind: str, info_data: bytes, rectified: bool = False) -> DepthFrame:
+    """Make a frame of an Image's or CompressedImage's CDR bytes and its camera's calibration.
+
+    A rectified image (`depth_pose.io.calibration.is_rectified`) is taken as it is.
+    """
     image, info = read_message(data, kind), read_message(info_data, schemas.CAMERA_INFO)
     if kind == schemas.COMPRESSED:
         depth = decode_compressed_depth(image.format, image.data)
     else:
         size = (image.height, image.width, image.step, image.encoding)
         depth = decode_depth(image.data, *size, image.is_bigendian)
-    camera = camera_from_info(info.k, info.d, info.width, info.height, info.distortion_model)
-    depth = rectify_depth(depth, camera, info.d, info.distortion_model)
+    k, d = lens_of(info.k, info.d, info.p, rectified)
+    camera = camera_from_info(k, d, info.width, info.height, info.distortion_model)
+    depth = rectify_depth(depth, camera, d, info.distortion_model)
     return DepthFrame(stamp_of(image), image.header.frame_id, depth, camera)
 
 

@@ -17,6 +17,7 @@ from depth_pose.core.errors import InputError
 from depth_pose.core.types import DepthFrame, Skeleton
 from depth_pose.io import schemas
 from depth_pose.io._messages import read_people
+from depth_pose.io.calibration import is_rectified
 from depth_pose.io.mcap_read import frame_of_cloud, frame_of_image
 from depth_pose.ros.transport.bag import header_stamp_ns
 
@@ -26,6 +27,9 @@ _HELD, _HELD_BYTES = 64, 64 << 20
 
 _MOST_BYTES = 2 << 20
 """A message of skeletons may have: 255 people of 2 kB each, and some room."""
+
+_LEAST_BYTES = 12
+"""What the stamp of a message takes; a shorter one is none."""
 
 _UNANSWERED_NS = 2_000_000_000
 """Depth this much newer than the newest skeletons is shown without any. Nodes on free cores take a tenth of
@@ -93,7 +97,7 @@ class Watch:
         self._skeletons: OrderedDict[int, bytes] = OrderedDict()
         self._nodes: dict[str, tuple[float, NodeState]] = {}
         self._info, self._kind, self._shown = b"", "", (0, False)
-        self._subscribed = False
+        self._subscribed = self._rectified = False
         self._clients: dict[str, Any] = {}
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._run, name="watch", daemon=True)
@@ -167,7 +171,7 @@ class Watch:
     def _frame(self, data: bytes) -> DepthFrame:
         if self._kind == schemas.POINT_CLOUD:
             return frame_of_cloud(data)
-        return frame_of_image(data, self._kind, self._info)
+        return frame_of_image(data, self._kind, self._info, self._rectified)
 
     # The thread
 
@@ -218,7 +222,7 @@ class Watch:
         known = [kind for kind in types if kind in kinds]
         if not known:
             return
-        self._kind, self._subscribed = known[0], True
+        self._kind, self._subscribed, self._rectified = known[0], True, is_rectified(topic)
         create = self._node.create_subscription
         create(kinds[self._kind], topic, self._take_depth, self._qos, raw=True)
         if self._kind != schemas.POINT_CLOUD:
@@ -241,6 +245,8 @@ class Watch:
         self._hold(self._skeletons, data)
 
     def _hold(self, kept: OrderedDict[int, bytes], data: bytes) -> None:
+        if len(data) < _LEAST_BYTES:
+            return
         stamp = header_stamp_ns(data)
         with self._lock:
             if kept and stamp < next(reversed(kept)):  # the recording begins again

@@ -110,8 +110,8 @@ class Synchroniser:
         """Whether a stamp lies so far back that the cameras' clock was set anew."""
         return self._done_ns is not None and stamp_ns < self._done_ns - self.config.gone_after * 1e9
 
-    def take(self, now: float) -> ViewSet | None:
-        """Give the newest set that is whole or has waited long enough; older ones are let go."""
+    def take(self, now: float, newest: bool = True) -> ViewSet | None:
+        """Give the newest set that is whole or has waited long enough, older ones are let go; or the first."""
         waited_for, patience = self._waited_for(now), self.config.patience
         ready = [
             stamp
@@ -120,7 +120,9 @@ class Synchroniser:
         ]
         if not ready:
             return None
-        stamp = max(ready)
+        stamp = max(ready) if newest else min(self._held)
+        if stamp not in ready:
+            return None
         for old in [s for s in self._held if s < stamp]:
             del self._held[old], self._since[old]
             self.overtaken += 1

@@ -12,6 +12,7 @@ from depth_pose_msgs.msg import People, SkeletonArray
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image, PointCloud2
 
 from depth_pose.core.config import PipelineConfig
+from depth_pose.io.calibration import is_rectified
 from depth_pose.io.compressed import TOPIC_ENDING
 from depth_pose.ros.nodes.node_base import Held, Input, StageNode
 from depth_pose.ros.nodes.parameters import DENOISE
@@ -38,6 +39,7 @@ class DenoiseNode(StageNode):
 
     def __init__(self) -> None:
         self._info: CameraInfo | None = None
+        self._rectified = False
         self._held: deque[Image | CompressedImage] = deque()
         self._under_way = UnderWay()
         super().__init__("denoise")
@@ -63,6 +65,7 @@ class DenoiseNode(StageNode):
             return [Input(PointCloud2, cloud_topic, sensor=True)]
         self.latch(CameraInfo, self.value("info_topic"), self._take_info)
         topic = self.value("image_topic")
+        self._rectified = is_rectified(self.resolve_topic_name(topic))
         kind = CompressedImage if topic.endswith(TOPIC_ENDING) else Image
         return [Input(kind, topic, sensor=True)]
 
@@ -83,7 +86,7 @@ class DenoiseNode(StageNode):
             self._hold(message)
             raise Held
         else:
-            frame = image_to_frame(message, self._info)
+            frame = image_to_frame(message, self._info, self._rectified)
         upright = turn_upright(frame, self.config.mount)
         found = self.stage.extract(upright)
         points, people = people_to_msgs(found)

@@ -69,9 +69,10 @@ class Rep155Outputs:
     """
 
     def __init__(self, node: StageNode, body: Body, prefix: str) -> None:
-        if not re.fullmatch(r"[A-Za-z0-9_]*", prefix):
+        if not re.fullmatch(r"([A-Za-z_][A-Za-z0-9_]*)?", prefix):
             raise ConfigError(
-                f"tf_prefix is {prefix!r}; with rep155 topics are named by it: give letters, digits and _"
+                f"tf_prefix is {prefix!r}; with rep155 topics are named by it: "
+                "give letters, digits and _, no digit first"
             )
         self._node, self._prefix, self._space = node, prefix, BuildSpace(body)
         self._ids, self._skeleton2d, self._point = _hri_messages()

@@ -72,7 +72,7 @@ class SilenceWatch:
     Attributes
     ----------
     silent : list of str
-        Topics with publishers from which nothing comes.
+        Topics from which nothing comes, or that nobody publishes.
     """
 
     def __init__(self, node: Node, inputs: Sequence[Input], *, reliable: bool = False) -> None:
@@ -106,8 +106,7 @@ class SilenceWatch:
             since = max(watched.published or self._started, watched.heard or self._started)
             if now - since < patience:
                 continue
-            if found:
-                self.silent.append(topic)
+            self.silent.append(topic)
             if now - watched.warned >= REPEAT_S:
                 watched.warned = now
                 self._node.get_logger().warning(self._explain(topic, watched, found, now - since))

@@ -88,7 +88,7 @@ class Child:
         lines = (self._rest + data.replace(BEAT, b"")).split(b"\n")
         self._rest = lines.pop() if data or not lines[-1] else b""
         for line in (raw.decode(errors="replace") for raw in lines):
-            if line.startswith(PID):
+            if self.pid is None and line.startswith(PID):  # its first line, and no other
                 self.pid = int(line[1:])
                 continue
             self.last_lines.append(line)

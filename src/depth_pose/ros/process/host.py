@@ -26,6 +26,7 @@ from typing import Any
 
 from depth_pose.ros import PRIVATE_UMASK
 from depth_pose.ros.process import BEAT, BEAT_S, NODES, PID, READY, SECOND_HOST, SPARES
+from depth_pose.ros.process.logs import ensure_log_folder
 from depth_pose.ros.process.runner import leave
 from depth_pose.ros.process.shared_memory import keep_private
 from depth_pose.ros.process.standstill import StandstillWatch
@@ -155,5 +156,6 @@ def load(bank: str) -> None:
 if __name__ == "__main__":
     faulthandler.enable()  # a crash says where
     os.umask(PRIVATE_UMASK)
+    ensure_log_folder()
     load(sys.argv[1])
     leave(serve())

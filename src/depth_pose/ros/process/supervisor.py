@@ -54,6 +54,7 @@ _LONGEST_LOOK_S = 0.5
 """Seconds that one look can add to a silence or a wait: a machine that was itself paused proves nothing."""
 
 _FIRST_DELAY_S, _MAX_DELAY_S = 0.1, 10.0
+_DEPUTY_DELAY_S = 1.0
 """Seconds before a process is started again that died young twice; it doubles up to the most. Set by hand."""
 
 _HEALTHY_S = 1.5
@@ -202,7 +203,8 @@ class Suite:
             for name in (HOST, *self._arguments):
                 self._look_after(name)
             if all(map(self.is_ready, self._children)):  # one deputy after the other: frames go first
-                for name in [n for n in (SECOND_HOST, *self._spares) if n not in self._children][:1]:
+                missing = [n for n in (SECOND_HOST, *self._spares) if n not in self._children]
+                for name in [n for n in missing if time.monotonic() >= self._due_s.get(n, 0.0)][:1]:
                     self._start(name)
             self._look()
         for child in self._children.values():
@@ -261,6 +263,7 @@ class Suite:
         name, was_ready = child.name, child.ready_s < math.inf
         if name in (SECOND_HOST, *self._spares):
             del self._children[name]
+            self._due_s[name] = time.monotonic() + (0.0 if was_ready else _DEPUTY_DELAY_S)
         elif child.code == EXIT_CONFIG or not (was_ready or self._restarts[name] or child.pid is None):
             kind = ConfigError if child.code == EXIT_CONFIG else NodeDiedError
             what = f"the {name} ended with code {child.code} before it was ready"

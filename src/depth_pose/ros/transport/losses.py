@@ -8,6 +8,9 @@ from typing import Any
 BUSY_TIMES_KEPT = 64
 """Busy times that are remembered, two seconds' worth at 30 frames a second."""
 
+_MOST_LOOKED_FOR = 1000
+"""Of more frames that are missing, as after hours without a network, the rest was never there."""
+
 
 class BusyTimes:
     """When a node was busy with a frame, nanoseconds of the system's clock; plain Python, no ROS."""
@@ -53,6 +56,6 @@ def count_lost(
     under_way_ns = after["received_timestamp"] - after["source_timestamp"]
     while_busy = sum(
         any(busy.covers(sent_ns + k * step_ns + under_way_ns + off) for off in (-slack_ns, 0, slack_ns))
-        for k in range(1, missing + 1)
+        for k in range(1, min(missing, _MOST_LOOKED_FOR) + 1)
     )
     return while_busy, missing - while_busy

@@ -100,9 +100,7 @@ class RigSource:
     def _take_transforms(self, message: Any) -> None:
         if self.rig is not None:
             return
-        try:
-            add_transforms(self._tree, message.transforms)
-        except ConfigError as error:
+        for error in add_transforms(self._tree, message.transforms):
             self._complain("/tf_static", error)
         self._try()
 
@@ -134,12 +132,18 @@ class RigSource:
         self._done(self.rig)
 
 
-def add_transforms(tree: TransformTree, transforms: Sequence[TransformStamped]) -> None:
-    """Add the transforms of one message of ``/tf_static``."""
-    for t in transforms:
-        p, q = t.transform.translation, t.transform.rotation
-        T_parent_child = pose_matrix([p.x, p.y, p.z, q.x, q.y, q.z, q.w])
-        tree.add(t.header.frame_id, t.child_frame_id, T_parent_child)
+def add_transforms(tree: TransformTree, transforms: Sequence[TransformStamped]) -> list[ConfigError]:
+    """Add the transforms of one message of ``/tf_static``; gives what is wrong with others."""
+    return [error for t in transforms if (error := _add_transform(tree, t)) is not None]
+
+
+def _add_transform(tree: TransformTree, t: TransformStamped) -> ConfigError | None:
+    p, q = t.transform.translation, t.transform.rotation
+    try:
+        tree.add(t.header.frame_id, t.child_frame_id, pose_matrix([p.x, p.y, p.z, q.x, q.y, q.z, q.w]))
+    except ConfigError as error:
+        return error
+    return None
 
 
 def given_extrinsics(values: Sequence[float], cameras: int) -> list[Array] | None:

@@ -145,7 +145,7 @@ class ViewSetIntake:
 
     def _check(self) -> None:
         before = self.synchroniser.overtaken
-        views = self.synchroniser.take(time.monotonic())
+        views = self.synchroniser.take(time.monotonic(), newest=not self._node.lossless)
         if self.synchroniser.overtaken > before:
             self._overtaken(self.synchroniser.overtaken - before)
         if not self.synchroniser.is_waiting:
@@ -155,8 +155,10 @@ class ViewSetIntake:
             self._timer.reset()
         if views is None:
             return
-        if self._node.lossless:
-            self._node.process((views,))
+        if self._node.lossless:  # every set in turn
+            while views is not None:
+                self._node.process((views,))
+                views = self.synchroniser.take(time.monotonic(), newest=False)
             return
         if self._pending is not None:
             self._overtaken(1)

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import numpy as np
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image, PointCloud2
 
 from depth_pose.core.types import DepthFrame
-from depth_pose.io.calibration import camera_from_info, rectify_depth
+from depth_pose.io.calibration import camera_from_info, lens_of, rectify_depth
 from depth_pose.io.clouds import decode_points, frame_from_cloud
 from depth_pose.io.compressed import decode_compressed_depth
 from depth_pose.io.decode import decode_depth
 from depth_pose.ros.transport.messages.basics import stamp_to_ns
 
 
-def image_to_frame(msg: Image | CompressedImage, info: CameraInfo) -> DepthFrame:
+def image_to_frame(msg: Image | CompressedImage, info: CameraInfo, rectified: bool = False) -> DepthFrame:
     """Depth frame of an image, compressed or not, and its ``CameraInfo``, without the lens' distortion.
+
+    A rectified image (`depth_pose.io.calibration.is_rectified`) has none.
 
     Raises
     ------
@@ -26,11 +29,12 @@ def image_to_frame(msg: Image | CompressedImage, info: CameraInfo) -> DepthFrame
         depth = decode_depth(
             memoryview(msg.data), msg.height, msg.width, msg.step, msg.encoding, bool(msg.is_bigendian)
         )
-    camera = camera_from_info(info.k, info.d, info.width, info.height, info.distortion_model)
+    k, d = lens_of(info.k, np.asarray(info.d), info.p, rectified)
+    camera = camera_from_info(k, d, info.width, info.height, info.distortion_model)
     return DepthFrame(
         stamp_ns=stamp_to_ns(msg.header.stamp),
         frame_id=msg.header.frame_id,
-        depth=rectify_depth(depth, camera, info.d, info.distortion_model),
+        depth=rectify_depth(depth, camera, d, info.distortion_model),
         camera=camera,
     )
 
