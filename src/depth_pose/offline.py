@@ -159,6 +159,8 @@ def process_recording(
                 progress(len(times_ms) + refused.total() + reader.dropped)
         dropped = reader.dropped + refused.total()
         reasons = [f"{count} frames were dropped: {reason}" for reason, count in refused.items()]
+        if refused and not times_ms:
+            raise InputError(f"{reader.path}: " + "; ".join((*reader.warnings, *reasons)))
         summary = RunSummary(
             frames=len(times_ms) + dropped,
             answered=len(times_ms) - empty,

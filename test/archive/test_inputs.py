@@ -171,3 +171,31 @@ def test_another_camera_is_another_recording(tmp_path):
         (tmp_path / "camera.json").write_text(text)
         hashes.add(content_hash(tmp_path))
     assert len(hashes) == 3
+
+
+def test_an_output_inside_the_recording_changes_nothing(tmp_path):
+    """The same command again goes on where it was stopped: what it made is no recording of the folder."""
+    for number, start in ((0, 1), (1, 5.1)):
+        record(tmp_path / "parts" / f"night_{number}.mcap", start, start + 4)
+    (tmp_path / "images").mkdir()
+    (tmp_path / "images/1.png").write_bytes(b"1")
+    for folder in ("parts", "images"):
+        out = tmp_path / folder / "skeletons"
+        for _ in range(2):
+            assert names(find_sources([tmp_path / folder], out)) == [folder]
+            record(out / f"{folder}.mcap", 1, 5)
+    with pytest.raises(InputError, match="output's folder"):
+        find_sources([tmp_path / "images"], tmp_path / "images")
+
+
+def test_inputs_may_overlap(archive, monkeypatch):
+    monkeypatch.chdir(archive)
+    assert names(find_sources(["*.mcap", "a*.mcap", str(archive / "a.mcap"), "ward"])) == [
+        *("a", "b"),
+        *("clip_1", "clip_2"),
+    ]
+
+
+def test_a_folder_with_a_recording_s_name_is_looked_into(tmp_path):
+    record(tmp_path / "day.mcap" / "one.mcap", 1, 5)
+    assert names(find_sources([tmp_path])) == ["day.mcap/one"]

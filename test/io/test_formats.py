@@ -427,3 +427,26 @@ def test_skeletons_of_a_database(tmp_path: Path, has_definitions: bool) -> None:
     for got in (*people.skeletons, followed):
         np.testing.assert_array_equal(got.positions, _skeleton(1).positions)
         np.testing.assert_array_equal(got.build, _skeleton(1).build)
+
+
+def test_a_bad_camera_is_said_with_its_file(tmp_path: Path) -> None:
+    path = _pngs(tmp_path / "a")
+    camera = {"fx": 60, "fy": 61, "cx": 31.5, "cy": 23.5}
+    (path / "camera.json").write_text(json.dumps(camera | {"fps": 0}))
+    with pytest.raises(InputError, match=r"camera\.json.*fps"):
+        DepthReader(path)
+    (path / "camera.json").write_text("\ufeff" + json.dumps(camera))
+    assert next(iter(DepthReader(path))).camera == CAMERA
+
+
+def test_names_and_archives_that_are_no_images_times(tmp_path: Path) -> None:
+    path = tmp_path / "a"
+    path.mkdir()
+    for name in ("4000000000.25", "4000000000.75"):  # more seconds than a stamp holds
+        np.save(path / f"{name}.npy", np.full((48, 64), 2.0, np.float32))
+    with (path / "5000000000.5.npy").open("wb") as stream:
+        np.savez(stream, depth=np.ones((48, 64)))
+    (path / "6000000000.5.npy").write_bytes(b"PK\x03\x04 no archive")
+    reader = DepthReader(path, images=GIVEN)
+    assert [f.stamp_ns for f in reader] == [1_000_000_000, 1_000_000_000 + STEP_NS]
+    assert "2 damaged images, left out" in reader.damage[0]

@@ -377,6 +377,46 @@ def test_folder_of_a_split_recording(tmp_path: Path) -> None:
     assert len(reader) == 3
 
 
+def test_a_folder_of_several_recordings_is_not_one(tmp_path: Path) -> None:
+    """Two days' skeletons would be taken for one person's."""
+    for name, stamps in (("monday", (1, 5)), ("tuesday", (2, 6))):
+        with DepthWriter(tmp_path / f"{name}.mcap", CAMERA, "optical") as writer:
+            for stamp in stamps:
+                writer.write(stamp, np.ones((48, 64), np.float32))
+    with pytest.raises(InputError, match="several recordings"):
+        Recording(tmp_path)
+    (tmp_path / "tuesday.mcap").rename(tmp_path / "monday_2.mcap")
+    (tmp_path / "monday.mcap").rename(tmp_path / "monday_1.mcap")
+    with pytest.raises(InputError, match="several recordings"):  # the second begins before the first ends
+        Recording(tmp_path)
+
+
+def test_rectified_images_are_not_rectified_again(tmp_path: Path) -> None:
+    """By their topics' names; K and D are the lens', P is what they were made with."""
+    depth = np.linspace(1.0, 3.0, 48 * 64, dtype=np.float32).reshape(48, 64)
+    frames = {}
+    for topic in ("/kinect2/sd/image_depth", "/kinect2/sd/image_depth_rect"):
+        path = tmp_path / f"{topic.rpartition('/')[2]}.mcap"
+        with path.open("wb") as stream:
+            writer = Ros2Writer(stream)
+            image = writer.register_msgdef(schemas.IMAGE, schemas.schema_text(schemas.IMAGE))
+            info = writer.register_msgdef(schemas.CAMERA_INFO, schemas.schema_text(schemas.CAMERA_INFO))
+            header = {"stamp": {"sec": 1, "nanosec": 0}, "frame_id": "optical"}
+            size = {"height": 48, "width": 64}
+            k, p = [60.0, 0, 31.5, 0, 61.0, 23.5, 0, 0, 1], [55.0, 0, 31.0, 0, 0, 56.0, 23.0, 0, 0, 0, 1, 0]
+            told = {"d": [0.3, 0.1, 0, 0, 0.0], "k": k, "p": p, "distortion_model": "plumb_bob"}
+            writer.write_message("/kinect2/sd/camera_info", info, {"header": header, **size, **told}, 0, 0)
+            pixels = {"encoding": "32FC1", "step": 256, "data": depth.tobytes()}
+            writer.write_message(topic, image, {"header": header, **size, **pixels}, 1, 1)
+            writer.finish()
+        (frames[topic],) = DepthReader(path)
+    raw, rectified = frames.values()
+    np.testing.assert_array_equal(rectified.depth, depth)
+    assert rectified.camera == Camera(64, 48, 55.0, 56.0, 31.0, 23.0)
+    assert raw.camera == CAMERA
+    assert not np.array_equal(raw.depth, depth)
+
+
 def test_point_clouds_are_read(tmp_path: Path) -> None:
     v, u = np.mgrid[:48, :64].astype(np.float32)
     points = np.stack([(u - 31.5) / 60 * 2, (v - 23.5) / 61 * 2, np.full_like(u, 2)], axis=-1)

@@ -66,26 +66,29 @@ def is_one_recording(path: Path) -> bool:
     return len(_recordings_in(path)) == 1 and not _has_recordings_below(path)
 
 
-def _is_split(folder: Path) -> bool:
+def _is_split(folder: Path, but: Path | None = None) -> bool:
     """Whether a folder holds the parts of one recording."""
     if (folder / METADATA).exists():
         return True
     files = sorted(folder.glob(f"*{ENDING}"))
-    return len(files) > 1 and _carry_on(recording_files(folder)) and not _has_recordings_below(folder)
+    return len(files) > 1 and _carry_on(recording_files(folder)) and not _has_recordings_below(folder, but)
 
 
-def _has_recordings_below(folder: Path) -> bool:
-    return any(any(inside.rglob(f"*{e}")) for inside in _folders(folder) for e in ENDINGS)
+def _has_recordings_below(folder: Path, but: Path | None = None) -> bool:
+    below = (file for inside in _folders(folder) for e in ENDINGS for file in inside.rglob(f"*{e}"))
+    return any(not _is_within(file, but) for file in below)
 
 
 def _recordings_in(folder: Path) -> list[Path]:
     """Give the files of a folder that are recordings by their names."""
-    return sorted(file for ending in ENDINGS for file in folder.glob(f"*{ending}"))
+    return sorted(p for ending in ENDINGS for p in folder.glob(f"*{ending}") if not p.is_dir())
 
 
-def _is_of_images(folder: Path) -> bool:
+def _is_of_images(folder: Path, but: Path | None = None) -> bool:
     """Whether a folder holds images, and no recordings."""
-    return not _recordings_in(folder) and not _has_recordings_below(folder) and bool(image_files(folder))
+    if _recordings_in(folder) or _has_recordings_below(folder, but):
+        return False
+    return bool(image_files(folder))
 
 
 def _carry_on(files: Sequence[Path]) -> bool:
@@ -119,18 +122,21 @@ def find_sources(inputs: Iterable[str | Path], but: Path | None = None) -> list[
     """
     inputs, but = list(inputs), but.resolve() if but else None
     found: dict[Path, str] = {}
+    known: set[Path] = set()
     remote: list[Source] = []
     for given in inputs:
         if is_remote(str(given)):
-            there = [Source(Path(), name, size, url) for url, name, size in find_remote(str(given), ENDING)]
-            if not there:
+            far = [Source(Path(), name, size, url) for url, name, size in find_remote(str(given), ENDING)]
+            if not far:
                 raise InputError(f"{given}: there is no {ENDING} recording")
-            remote += there
+            remote += far
             continue
-        count = len(found)
-        for path, name in _look(str(given), but):
-            found.setdefault(path, name)
-        if len(found) == count and not Path(given).exists():
+        there = list(_look(str(given), but))
+        for path, name in there:
+            if path.resolve() not in known:
+                known.add(path.resolve())
+                found[path] = name
+        if not there and not Path(given).exists():
             outside = _outside([given], but)
             raise InputError(f"{given} cannot be read: there is no such file or folder{outside}")
     if not found and not remote:
@@ -161,7 +167,7 @@ def _with_remote(local: list[Source], remote: list[Source]) -> list[Source]:
 def _look(given: str, but: Path | None) -> Iterator[tuple[Path, str]]:
     """Give the recordings of one input with their names."""
     path = Path(given)
-    if path.is_dir() and _is_of_images(path):
+    if path.is_dir() and not _is_within(path, but) and _is_of_images(path, but):
         yield path, _name(path, path)
     elif path.is_dir():
         yield from _walk(path, path, but)
@@ -197,7 +203,7 @@ def _is_in_circle(path: Path, root: Path) -> bool:
 def _walk(folder: Path, root: Path, but: Path | None) -> Iterator[tuple[Path, str]]:
     if _is_within(folder, but) or _is_in_circle(folder, root):
         return
-    if _is_split(folder) or ((folder / CAMERA_FILE).is_file() and _is_of_images(folder)):
+    if _is_split(folder, but) or ((folder / CAMERA_FILE).is_file() and _is_of_images(folder, but)):
         yield folder, _name(folder, root)
         return
     for file in _recordings_in(folder):

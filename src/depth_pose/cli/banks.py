@@ -142,7 +142,7 @@ def info(
         from depth_pose.evaluate.bank_sheet import save_contact_sheet
 
         save_contact_sheet(bank, sheet, count)
-        console.print(f"wrote {sheet}", highlight=False)
+        console.print(f"wrote {sheet}", highlight=False, markup=False)
 
 
 @app.command()
@@ -177,7 +177,7 @@ def check(
     save_check(matched, loaded, output, recording.stem)
     for line in matched.lines():
         console.print(line, highlight=False)
-    console.print(f"wrote {output}", highlight=False)
+    console.print(f"wrote {output}", highlight=False, markup=False)
 
 
 def _print_files(reports: tuple[FileReport, ...]) -> None:

@@ -44,6 +44,9 @@ def evaluate(
     recording: Annotated[
         Path | None, typer.Option(help="The depth recording, needed with a .json of pixels.")
     ] = None,
+    depth_topic: Annotated[
+        str | None, typer.Option(help="With --recording: its depth topic.", show_default="the only one")
+    ] = None,
 ) -> None:
     """Score skeletons against known joints.
 
@@ -69,7 +72,9 @@ def evaluate(
 
     check_picture(plot, [truth, predicted, recording])
     if truth.suffix == ".json":
-        _evaluate_2d(truth, predicted, recording, topic or SKELETON_TOPIC, as_json)
+        if plot:
+            raise typer.BadParameter("--plot draws joints that are known in space; this truth is of pixels")
+        _evaluate_2d(truth, predicted, recording, topic or SKELETON_TOPIC, depth_topic, as_json)
         return
     from depth_pose.evaluate.truth import tells_of_people
 
@@ -91,12 +96,19 @@ def evaluate(
         save_joint_errors(result, plot, truth.stem)
 
 
-def _evaluate_2d(reference: Path, predicted: Path, recording: Path | None, topic: str, as_json: bool) -> None:
+def _evaluate_2d(
+    reference: Path,
+    predicted: Path,
+    recording: Path | None,
+    topic: str,
+    depth_topic: str | None,
+    as_json: bool,
+) -> None:
     from depth_pose.evaluate.score2d import score_2d
 
     if recording is None:
         raise typer.BadParameter("a .json of pixels needs the depth recording too: --recording FILE")
-    result = score_2d(recording, predicted, reference, topic)
+    result = score_2d(recording, predicted, reference, topic, depth_topic)
     if as_json:
         _print_json(result)
         return
@@ -230,11 +242,11 @@ def overlay(
 
         check_targets([output], [recording, skeletons])
         save_animation(recording, skeletons, output, seconds, depth_topic=depth_topic, skeleton_topic=topic)
-        console.print(f"wrote {output}", soft_wrap=True, highlight=False)
+        console.print(f"wrote {output}", soft_wrap=True, highlight=False, markup=False)
         return
     from depth_pose.evaluate.overlay import save_overlay
     from depth_pose.evaluate.pictures import check_picture
 
     check_picture(output, [recording, skeletons, truth])
     save_overlay(recording, skeletons, output, frames, truth, depth_topic=depth_topic, skeleton_topic=topic)
-    console.print(f"wrote {output}", soft_wrap=True, highlight=False)
+    console.print(f"wrote {output}", soft_wrap=True, highlight=False, markup=False)

@@ -154,6 +154,6 @@ def _simulate_room(output: Path, people: int, width: int, seconds: float, seed: 
         ("images", f"{clip.camera.width} x {clip.camera.height}"),
         ("truth", str(output.with_suffix(".npz"))),
     ]
-    if people:
+    if clip.visible.size:
         facts.insert(1, ("visible of a person", f"{clip.visible.mean():.0%} on average"))
     print_facts(str(output), facts)

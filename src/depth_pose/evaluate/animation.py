@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image, ImageDraw
+from PIL import Image, ImageDraw, ImageOps
 
 from depth_pose.core.camera import Camera
 from depth_pose.core.outputs import new_file
@@ -74,10 +74,11 @@ def save_animation(
     frames = list(_spaced(DepthReader(recording_path, depth_topic), seconds, 1.0 / rate_hz))
     near, far = _range(frames)
     calm = _Calm()
-    pictures = []
+    pictures: list[Image.Image] = []
     for frame in frames:
         shown = calm.take(frame.depth)
-        pictures.append(_draw(shown, frame.camera, answers.get(frame.stamp_ns, ()), width, (near, far)))
+        picture = _draw(shown, frame.camera, answers.get(frame.stamp_ns, ()), width, (near, far))
+        pictures.append(ImageOps.pad(picture, pictures[0].size, color=_BACKGROUND) if pictures else picture)
     table = _shared_table(pictures)
     drawn = [picture.quantize(palette=table, dither=Image.Dither.NONE) for picture in pictures]
     step_ms = round(1000 / rate_hz)
@@ -116,7 +117,7 @@ class _Calm:
 
     def take(self, depth: NDArray[np.float32]) -> NDArray[np.float32]:
         depth = np.nan_to_num(depth)
-        if self._shown is None:
+        if self._shown is None or self._shown.shape != depth.shape:
             self._shown, self._missing = depth, np.zeros(depth.shape)
             return depth
         before = self._shown

@@ -15,11 +15,15 @@ from numpy.typing import NDArray
 
 from depth_pose.core.arrays import DamagedArrays, load_arrays
 from depth_pose.core.errors import InputError
+from depth_pose.core.skeleton import JOINT_INDEX
 
 STAMP_TOLERANCE_NS = 2_000_000
 """A frame is answered by the skeletons whose stamp is nearest, within this."""
 
 _FIELDS = ("joints", "names", "stamps_ns", "seen")
+
+_TORSO = ("pelvis", "neck", "left_shoulder", "right_shoulder", "left_hip", "right_hip")
+"""Joints by which a person's offsets are told in their own axes."""
 
 
 @dataclass(frozen=True)
@@ -75,6 +79,8 @@ def load_truth(path: Path | str) -> KnownJoints:
     joints = fields["joints"]
     if joints.ndim == 4:
         raise InputError(f"{path} tells of {joints.shape[1]} people; here the truth is to be of one")
+    if lacking := [name for name in _TORSO if name not in names]:
+        raise InputError(f"{path} has no {', '.join(lacking)}, which tell how the torso lies")
     return KnownJoints(
         joints.astype(np.float64), names, fields["stamps_ns"].astype(np.int64), fields["seen"].astype(bool)
     )
@@ -145,6 +151,11 @@ def _read(path: Path | str) -> tuple[dict[str, NDArray[np.generic]], tuple[str, 
         if array.dtype.kind not in kinds or (array.ndim != 1 and name in ("names", "stamps_ns")):
             raise InputError(f"{path} is no truth file: {name} is {array.dtype}{list(array.shape)}")
     names = tuple(str(name) for name in fields.pop("names"))
+    unknown = [name for name in names if name not in JOINT_INDEX]
+    if unknown:
+        raise InputError(f"{path} is no truth file: no joint is called {unknown[0]!r}")
+    if not len(fields["stamps_ns"]):
+        raise InputError(f"{path} is no truth file: it has no frames")
     _check_shapes(path, fields, names)
     return fields, names
 

@@ -152,6 +152,8 @@ def read_metadata_record(stream: BinaryIO, index: MetadataIndex) -> Any:
 
 def read_record_head(stream: BinaryIO, at: int) -> tuple[int, int]:
     """Give a record's kind and the length of its content, which is in the file as a whole."""
+    if at > size_of(stream):
+        raise DamageError("the file ends there")
     stream.seek(at)
     head = stream.read(RECORD.size)
     if len(head) < RECORD.size:

@@ -10,6 +10,7 @@ import stat
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import BinaryIO
 
@@ -82,6 +83,8 @@ class Recording:
             raise InputError(f"{self.path} has no recording in it; what can be read is {READ}")
         if files[0].suffix.lower() in IMAGE_ENDINGS:
             return [ImageFolder(self.path, images)]
+        if not _may_be_parts(files):
+            raise InputError(f"{self.path} holds several recordings, not the parts of one: give one of them")
         return [open_file(file, _head(file)) for file in files]
 
     def _open_rosbag2(self, metadata: Metadata) -> list[RecordingFile]:
@@ -149,6 +152,14 @@ def read_metadata(path: Path | str, name: str) -> dict[str, str] | None:
     except (DamageError, InputError, OSError):
         pass
     return None
+
+
+def _may_be_parts(files: list[Path]) -> bool:
+    """Whether files may be one recording's: one name but for numbers, each begun after the last."""
+    if len({re.sub(r"\d+", "", file.name) for file in files}) > 1:
+        return False
+    spans = [span for file in files if (span := read_span(file)) is not None and span.end_ns]
+    return all(before.end_ns <= after.start_ns for before, after in pairwise(spans))
 
 
 @dataclass(frozen=True)

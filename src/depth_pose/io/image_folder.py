@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.camera import Camera
-from depth_pose.core.errors import InputError
+from depth_pose.core.errors import ConfigError, InputError
 from depth_pose.io import schemas
 from depth_pose.io._messages import write_camera_info, write_image
 from depth_pose.io._topics import RawMessage, Topic, counted
@@ -41,6 +41,10 @@ _FPS = 30.0
 _START_NS = 1_000_000_000
 """Stamp of the first image; 0 would be no time at all in ROS."""
 
+_MOST_S = (1 << 31) - 1
+"""The most seconds that a message's stamp holds."""
+
+_NPY_MAGIC = b"\x93NUMPY"
 _NPY_ERRORS: tuple[type[Exception], ...] = (ValueError, EOFError, SyntaxError, TypeError, OverflowError)
 _NPY_ERRORS += (RecursionError, MemoryError, tokenize.TokenError)
 """What NumPy raises of files that are no arrays."""
@@ -69,7 +73,9 @@ def _natural(path: Path) -> tuple[list[int], str]:
 def _seconds_ns(name: str) -> int | None:
     """Read a name that is seconds with a fraction, nanoseconds; None where it is another."""
     found = re.fullmatch(r"(\d{1,10})\.(\d{1,9})", name)
-    return int(found[1]) * 1_000_000_000 + int(found[2].ljust(9, "0")) if found else None
+    if found is None or int(found[1]) > _MOST_S:
+        return None
+    return int(found[1]) * 1_000_000_000 + int(found[2].ljust(9, "0"))
 
 
 class ImageFolder:
@@ -159,13 +165,16 @@ def _completed(options: ImageOptions, folder: Path) -> ImageOptions:
     try:
         if path.stat().st_size > 1 << 16:
             raise ValueError("it is too large")
-        found = json.loads(path.read_text())
+        found = json.loads(path.read_text("utf-8-sig"))
         said = {name: float(found[name]) for name in names if name in found}
     except (OSError, ValueError, TypeError, OverflowError, RecursionError) as error:
         raise InputError(f"{path} cannot be read: {error}") from error
     if not all(map(math.isfinite, said.values())):
         raise InputError(f"{path}: all numbers must be finite")
-    return replace(options, **{n: v for n, v in said.items() if getattr(options, n) is None})
+    try:
+        return replace(options, **{n: v for n, v in said.items() if getattr(options, n) is None})
+    except ConfigError as error:
+        raise InputError(f"{path}: {error}") from error
 
 
 def _stamps(files: list[Path], fps: float | None) -> list[int]:
@@ -197,6 +206,9 @@ def _read(file: Path, scale: float | None) -> NDArray[np.generic]:
 
 
 def _read_npy(file: Path) -> NDArray[np.generic]:
+    with file.open("rb") as stream:
+        if stream.read(len(_NPY_MAGIC)) != _NPY_MAGIC:  # NumPy would take an archive, too
+            raise InputError("no NPY array")
     try:  # mapped, so that nothing is allocated that the file does not hold
         pixels = np.load(file, mmap_mode="r", allow_pickle=False)
     except _NPY_ERRORS as error:

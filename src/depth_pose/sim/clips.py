@@ -109,14 +109,16 @@ def sample_clip(
     scenes = []
     for t in range(frames):
         persons = [_put(p, track, t) for p, track in cast]
-        scenes.append(render(view, surfaces, persons, sensor, rng, steady))
+        scene = render(view, surfaces, persons, sensor, rng, steady)
+        scenes.append((scene.depth, scene.joints, scene.seen, scene.visible))
         if progress:
             progress(t + 1)
+    depth, joints, seen, visible = (np.stack(part) for part in zip(*scenes, strict=True))
     return RoomClip(
-        np.stack([s.depth for s in scenes]),
-        np.stack([s.joints for s in scenes]),
-        np.stack([s.seen for s in scenes]),
-        np.stack([s.visible for s in scenes]),
+        depth,
+        joints,
+        seen,
+        visible,
         START_NS + np.rint(np.arange(frames) * 1e9 / fps).astype(np.int64),
         view.camera,
     )

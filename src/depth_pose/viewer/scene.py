@@ -105,6 +105,7 @@ class Scene:
             seen = {s.body_id for s in skeletons}
             for gone in self._people.keys() - seen:
                 self._people.pop(gone).remove()
+                self._trails.pop(gone, None)
             for skeleton in skeletons:
                 figure = self._people.get(skeleton.body_id)
                 if figure is None:
