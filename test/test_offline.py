@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +13,8 @@ from mcap_ros2.reader import read_ros2_messages
 from depth_pose.bank import Bank, build_bank
 from depth_pose.bank.build import BuildConfig
 from depth_pose.body.procedural import make_body
+from depth_pose.core.errors import InputError
+from depth_pose.core.types import DepthFrame
 from depth_pose.io.markers import MARKERS_TOPIC
 from depth_pose.io.mcap_read import DepthReader
 from depth_pose.io.mcap_write import DepthWriter
@@ -65,3 +69,15 @@ def test_every_frame_is_answered_the_same_each_time(tmp_path: Path, bank: Bank, 
     drawn = list(read_ros2_messages(tmp_path / "m.mcap", topics=[MARKERS_TOPIC]))
     assert [m.log_time_ns for m in drawn] == [s.stamp_ns for s in skeletons]
     assert [len(m.ros_msg.markers) > 1 for m in drawn[:FRAMES]] == [not s.is_lost for s in skeletons[:FRAMES]]
+
+
+def test_a_recording_whose_stamps_are_none_fails(tmp_path: Path, bank: Bank, recording: Path) -> None:
+    """A clock that was never set: nothing is written, and nothing is called done."""
+
+    class Unset(DepthReader):
+        def __iter__(self) -> Iterator[DepthFrame]:
+            return (replace(frame, stamp_ns=-1) for frame in super().__iter__())
+
+    with pytest.raises(InputError, match="frames were dropped: its stamp is below 0"):
+        process_recording(Unset(recording), tmp_path / "out.mcap", PosePipeline(bank))
+    assert not (tmp_path / "out.mcap").exists()

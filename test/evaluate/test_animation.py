@@ -11,8 +11,8 @@ from PIL import Image
 from depth_pose.core.camera import Camera
 from depth_pose.core.rotations import R_CAMERA_FACING_MODEL
 from depth_pose.core.skeleton import JOINT_INDEX, JOINT_NODES, Source, rest_nodes
-from depth_pose.core.types import Skeleton
-from depth_pose.evaluate.animation import save_animation
+from depth_pose.core.types import DepthFrame, Skeleton
+from depth_pose.evaluate.animation import draw_frames, save_animation
 from depth_pose.io.mcap_write import DepthWriter, SkeletonWriter
 
 CAMERA = Camera(176, 144, 225.0, 225.0, 87.5, 71.5)
@@ -82,3 +82,13 @@ def test_frames_without_an_answer_are_drawn_bare(recordings, tmp_path):
         first = gif.convert("RGB")
         gif.seek(1)  # all that show nobody are the same, and one
         assert (difference(first, gif.convert("RGB")) > 60).any()
+
+
+def test_images_may_change_their_size():
+    """As those made of point clouds do: each picture is as large as the first."""
+    small = CAMERA._replace(width=88, height=100)
+    frames = [DepthFrame(START_NS, "optical", np.full((144, 176), 2.0, np.float32), CAMERA)]
+    frames += [DepthFrame(START_NS + STEP_NS, "optical", np.full((100, 88), 3.0, np.float32), small)]
+    pictures = [np.asarray(p) for p in draw_frames(frames, {}, 200)]
+    assert [p.shape for p in pictures] == [(164, 200, 3)] * 2
+    assert (pictures[1][:, :20] == pictures[1][0, 0]).all()  # a taller one has borders beside it

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -176,6 +177,20 @@ def test_bad_files_are_refused(tmp_path: Path, folders: tuple[Path, Path]) -> No
     np.savez(tmp_path / "other.npz", joints=np.zeros((2, 19, 3)))
     with pytest.raises(InputError, match="no names, stamps_ns, seen"):
         load_truth(tmp_path / "other.npz")
+    known = make_truth(2)
+    save_truth(tmp_path / "tail.npz", replace(known, names=("tail", *JOINTS[1:])))
+    with pytest.raises(InputError, match="no joint is called 'tail'"):
+        load_truth(tmp_path / "tail.npz")
+    few = [JOINTS.index(name) for name in ("head", "neck")]
+    save_truth(
+        tmp_path / "head.npz",
+        replace(known, joints=known.joints[:, few], names=("head", "neck"), seen=known.seen[:, few]),
+    )
+    with pytest.raises(InputError, match="has no pelvis, left_shoulder"):
+        load_truth(tmp_path / "head.npz")
+    save_truth(tmp_path / "empty.npz", make_truth(0))
+    with pytest.raises(InputError, match="it has no frames"):
+        load_truth(tmp_path / "empty.npz")
     with pytest.raises(InputError, match="has no truth files"):
         score(predicted_dir, predicted_dir)
     with pytest.raises(InputError, match="must be one too"):

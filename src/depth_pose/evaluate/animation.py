@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -72,13 +72,7 @@ def save_animation(
     """
     answers = {s.stamp_ns: s.skeletons for s in read_people(skeleton_path, skeleton_topic)}
     frames = list(_spaced(DepthReader(recording_path, depth_topic), seconds, 1.0 / rate_hz))
-    near, far = _range(frames)
-    calm = _Calm()
-    pictures: list[Image.Image] = []
-    for frame in frames:
-        shown = calm.take(frame.depth)
-        picture = _draw(shown, frame.camera, answers.get(frame.stamp_ns, ()), width, (near, far))
-        pictures.append(ImageOps.pad(picture, pictures[0].size, color=_BACKGROUND) if pictures else picture)
+    pictures = draw_frames(frames, answers, width)
     table = _shared_table(pictures)
     drawn = [picture.quantize(palette=table, dither=Image.Dither.NONE) for picture in pictures]
     step_ms = round(1000 / rate_hz)
@@ -86,6 +80,19 @@ def save_animation(
     with new_file(gif_path) as stream:
         drawn[0].save(stream, format="GIF", **how)
     return len(drawn)
+
+
+def draw_frames(
+    frames: Sequence[DepthFrame], answers: Mapping[int, Sequence[Skeleton]], width: int
+) -> list[Image.Image]:
+    """Draw skeletons, by their stamps, over the depth of each frame; all pictures as large as the first."""
+    span, calm = _range(frames), _Calm()
+    pictures: list[Image.Image] = []
+    for frame in frames:
+        shown = calm.take(frame.depth)
+        picture = _draw(shown, frame.camera, answers.get(frame.stamp_ns, ()), width, span)
+        pictures.append(ImageOps.pad(picture, pictures[0].size, color=_BACKGROUND) if pictures else picture)
+    return pictures
 
 
 def _spaced(reader: DepthReader, seconds: float, step_s: float) -> Iterator[DepthFrame]:
