@@ -111,7 +111,7 @@ class Synchroniser:
         return self._done_ns is not None and stamp_ns < self._done_ns - self.config.gone_after * 1e9
 
     def take(self, now: float, newest: bool = True) -> ViewSet | None:
-        """Give the newest set that is whole or has waited long enough, or the first; older ones are let go."""
+        """Give the newest set that is whole or has waited enough, letting older ones go; or the first."""
         waited_for, patience = self._waited_for(now), self.config.patience
         ready = [
             stamp
