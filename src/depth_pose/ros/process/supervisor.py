@@ -54,8 +54,10 @@ _LONGEST_LOOK_S = 0.5
 """Seconds that one look can add to a silence or a wait: a machine that was itself paused proves nothing."""
 
 _FIRST_DELAY_S, _MAX_DELAY_S = 0.1, 10.0
-_DEPUTY_DELAY_S = 1.0
 """Seconds before a process is started again that died young twice; it doubles up to the most. Set by hand."""
+
+_DEPUTY_DELAY_S = 1.0
+"""Seconds before a spare or a second host that died before it was ready is started again. Set by hand."""
 
 _HEALTHY_S = 1.5
 """Seconds; a process that was ready so long before its last sign of life is started again at once.

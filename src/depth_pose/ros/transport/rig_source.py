@@ -133,7 +133,7 @@ class RigSource:
 
 
 def add_transforms(tree: TransformTree, transforms: Sequence[TransformStamped]) -> list[ConfigError]:
-    """Add the transforms of one message of ``/tf_static``; gives what is wrong with others."""
+    """Add a message's transforms, of ``/tf_static``; gives what is wrong with those that cannot be added."""
     return [error for t in transforms if (error := _add_transform(tree, t)) is not None]
 
 
