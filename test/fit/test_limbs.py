@@ -10,7 +10,13 @@ from depth_pose.core.camera import Camera
 from depth_pose.core.skeleton import NODE_INDEX
 from depth_pose.fit import _limb_kernels as kernels
 from depth_pose.fit._reach_kernels import Limbs, reach
-from depth_pose.fit.articulated import ArticulatedFitter, BodyPose, FitTarget, nearest_person_pixels
+from depth_pose.fit.articulated import (
+    ArticulatedFitter,
+    BodyPose,
+    FitTarget,
+    FittedBody,
+    nearest_person_pixels,
+)
 from depth_pose.fit.limbs import LimbSearch, _may_be_legs
 from depth_pose.fit.rendered_depth import DepthComparer, Observation
 from depth_pose.people.person import thin
@@ -49,7 +55,7 @@ def test_wrong_limbs_are_replaced(body, search, true, moved):
     comparer = DepthComparer(person.coarse, BAND)
     wrong = BodyPose(syn.FACING @ syn.arms_down(), posed.nodes[0], 1.0)
     standing = body.pose(wrong.rotations, wrong.root)
-    proposals = search.propose(wrong, standing.vertices, comparer)
+    proposals = search.propose(FittedBody(wrong, standing.vertices, standing.nodes), comparer)
     assert 1 <= len(proposals) <= 5
     target = FitTarget.prepare(thin(person.points, 800), person.full, person.coarse)
     fitter = ArticulatedFitter(body)
@@ -76,7 +82,7 @@ def test_right_limbs_agree_better_than_others(body, search):
     pose = BodyPose(syn.FACING @ rotations, posed.nodes[0], 1.0)
     before = pose.rotations.copy()
     right = comparer.compare(posed.vertices, body.faces).score
-    for proposal in search.propose(pose, posed.vertices, comparer):
+    for proposal in search.propose(FittedBody(pose, posed.vertices, posed.nodes), comparer):
         other = body.pose(proposal.rotations, proposal.root)
         if np.linalg.norm(other.nodes - posed.nodes, axis=1).max() > 0.15:
             assert comparer.compare(other.vertices, body.faces).score > right + 0.02
@@ -88,7 +94,8 @@ def test_proposals_change_nothing_but_limbs(body, search):
     person = syn.to_person(syn.draw(syn.mesh(posed)))
     wrong = BodyPose(syn.FACING @ syn.arms_down(), posed.nodes[0], 0.98)
     standing = body.pose(wrong.rotations, wrong.root, 0.98)
-    proposals = search.propose(wrong, standing.vertices, DepthComparer(person.coarse, BAND))
+    fitted = FittedBody(wrong, standing.vertices, standing.nodes)
+    proposals = search.propose(fitted, DepthComparer(person.coarse, BAND))
     assert proposals
     trunk = [NODE_INDEX[n] for n in ("pelvis", "spine", "chest", "neck", "head")]
     for p in proposals:

@@ -87,7 +87,7 @@ def followed(space, person, seed, frames=36):
         target, body = target_of(noisy), space.body(personal.build)
         start = BodyPose(pose.rotations, pose.root, personal.scale)
         fitted = fitter.of(body).fit(target, start)
-        personal.add(finder.find(body, target, fitted, personal.build), k * 60_000_000)
+        personal.add(finder.find(body, target, fitted, personal.build), k * 60_000_000, 0.2)
     personal.take_size(1.02, is_given=False)
     return personal
 
@@ -184,7 +184,7 @@ def test_evidence_adds_up_to_the_truth_and_is_forgotten():
     personal = PersonalBuild(PersonalConfig(memory=5.0))
     personal.take_size(1.08, is_given=False)
     for frame in range(200):
-        personal.add(made_evidence(truth, frame), frame * 100_000_000)
+        personal.add(made_evidence(truth, frame), frame * 100_000_000, 0.1)
         personal.take_size(1.08, is_given=False)
     assert personal.scale == pytest.approx(1.1, rel=0.01)
     np.testing.assert_allclose(personal.build, truth[1:], atol=0.01)
@@ -192,9 +192,23 @@ def test_evidence_adds_up_to_the_truth_and_is_forgotten():
     assert (sure.spread < SPREAD).all()
     other = np.concatenate([[np.log(1.1)], np.zeros(PARTS)])
     for frame in range(200, 500):
-        personal.add(made_evidence(other, frame), frame * 100_000_000)
+        personal.add(made_evidence(other, frame), frame * 100_000_000, 0.1)
         personal.take_size(1.08, is_given=False)
     np.testing.assert_allclose(personal.build, 0.0, atol=0.01)
+
+
+def test_frames_that_fit_badly_say_little():
+    truth = np.concatenate([[np.log(1.1)], np.linspace(-0.1, 0.1, PARTS)])
+    spreads = {}
+    for score in (0.1, 0.4):
+        personal = PersonalBuild(PersonalConfig())
+        personal.take_size(1.1, is_given=False)
+        for frame in range(4):
+            personal.add(made_evidence(truth, frame), frame * 100_000_000, score)
+        personal.take_size(1.1, is_given=False)
+        spreads[score] = personal.known().spread
+        assert personal.build.any() == (score < 0.2)  # four good frames are enough, bad ones not
+    assert (spreads[0.1] < spreads[0.4]).all()
 
 
 def test_a_given_size_is_kept():
@@ -202,7 +216,7 @@ def test_a_given_size_is_kept():
     personal = PersonalBuild(PersonalConfig())
     for frame in range(20):
         personal.take_size(1.0, is_given=True)
-        personal.add(made_evidence(truth, frame), frame * 100_000_000)
+        personal.add(made_evidence(truth, frame), frame * 100_000_000, 0.1)
     personal.take_size(1.0, is_given=True)
     assert personal.scale == pytest.approx(1.0, abs=0.005)
 

@@ -25,7 +25,7 @@ from depth_pose.core.rotations import quat_to_matrix
 from depth_pose.core.skeleton import MIRROR_NODES, NODE_INDEX, forward_kinematics, mirror_rotations
 from depth_pose.fit import _limb_kernels as kernels
 from depth_pose.fit._reach_kernels import Limbs, reach
-from depth_pose.fit.articulated import BodyPose, nearest_person_pixels
+from depth_pose.fit.articulated import BodyPose, FittedBody, nearest_person_pixels
 from depth_pose.fit.rendered_depth import DepthComparer
 
 _LIMBS: tuple[tuple[int, str, tuple[str, ...], tuple[str, ...]], ...] = (
@@ -125,20 +125,14 @@ class LimbSearch:
         rotations = quat_to_matrix(bank.pose_quats[::step].astype(np.float64))
         both = np.concatenate([rotations, mirror_rotations(rotations)])
         nodes = forward_kinematics(both, np.zeros((len(both), 3)), bank.body.nodes)
-        self._body = bank.body
         self._pairs = tuple(_make_pair(bank.body, both, nodes, *limb) for limb in _LIMBS)
 
-    def propose(
-        self, pose: BodyPose, vertices: NDArray[np.float64], comparer: DepthComparer
-    ) -> list[BodyPose]:
+    def propose(self, body: FittedBody, comparer: DepthComparer) -> list[BodyPose]:
         """Exchange the arms, and the legs, where others explain more.
 
         Parameters
         ----------
-        pose : BodyPose
-            A fitted pose.
-        vertices : (V, 3) float64
-            The body in that pose, camera frame.
+        body : FittedBody
         comparer : DepthComparer
             For the same input.
 
@@ -147,26 +141,21 @@ class LimbSearch:
         list of BodyPose
             With other arms, and with other legs, where the input shows anything of them.
         """
-        nodes = self._body.place(pose.rotations, pose.root, pose.scale)
         nearest = nearest_person_pixels(comparer.observation)
         proposals = []
         for pair in self._pairs:
-            proposals += _exchange(pair, pose, nodes, vertices, comparer, nearest)
+            proposals += _exchange(pair, body, comparer, nearest)
         return proposals
 
 
 def _exchange(
-    pair: _LimbPair,
-    pose: BodyPose,
-    nodes: NDArray[np.float64],
-    vertices: NDArray[np.float64],
-    comparer: DepthComparer,
-    nearest: NDArray[np.int32],
+    pair: _LimbPair, body: FittedBody, comparer: DepthComparer, nearest: NDArray[np.int32]
 ) -> list[BodyPose]:
     """Put the best pairs of configurations on a pose; none where the input shows nothing of them."""
+    pose, nodes = body.pose, body.nodes
     if not kernels.is_in_view(nodes, pair.bones, comparer.observation.camera):
         return []
-    drawn = comparer.render(vertices, pair.faces)
+    drawn = comparer.render(body.vertices, pair.faces)
     points, before = kernels.unexplained(drawn, comparer.observation, _EXPLAINED_M, _BEFORE_M)
     if not pair.reaches:
         possible = _may_be_legs(points, pose)

@@ -50,9 +50,13 @@ _LEAST_SPREAD = 0.01
 _STEP = 0.004
 """The build in use follows once a part differs by more than this: a body is made anew, in about 1 ms."""
 
-_FIRST_FRAMES = 8
-"""A build is not used before so many frames told it, half a second: the first poses are least sure,
-and a body that has adapted to a wrong one makes the right one look worse (test/steps/test_refine.py)."""
+_FIRST_FRAMES = 3.0
+"""A build is not used before so many frames that fit well told it: the first poses are least sure, and a
+body that has adapted to a wrong one makes the right one look worse. Of 1.5, 2, 3 and 8 (docs/builds.md)."""
+
+_FITS_WELL = 0.2
+"""Frames that disagree more than this, 0 to 1, say less of a build: the fourth power of what this is of their
+disagreement. People in the open have 0.15 to 0.25, people in bed or behind a desk 0.3 to 0.4."""
 
 _EVERY_NS = 60_000_000
 """Builds are learned from at most every so many nanoseconds, so that it takes less than 1 ms a frame."""
@@ -182,7 +186,7 @@ class PersonalBuild:
             self._prior_vector = self._prior @ [np.log(known.scale), *known.build]
         self._stamp_ns: int | None = None
         self._is_known = known is not None
-        self.frames = 0
+        self.frames, self._told = 0, 0.0
         self.build = np.zeros(len(BUILD_NAMES), np.float32)
         self.scale = 0.0
 
@@ -203,22 +207,32 @@ class PersonalBuild:
             self.scale, self.build = float(np.float32(np.exp(x[0]))), x[1:].astype(np.float32)
 
     def _is_used(self) -> bool:
-        return self._is_known or self.frames >= _FIRST_FRAMES
+        return self._is_known or self._told >= _FIRST_FRAMES
 
     def is_due(self, stamp_ns: int) -> bool:
         """Tell whether the last frame that said something is long enough ago: neighbours say the same."""
         return self._stamp_ns is None or stamp_ns - self._stamp_ns >= _EVERY_NS
 
-    def add(self, evidence: Evidence, stamp_ns: int) -> None:
-        """Add what a frame says; what earlier ones said is slowly forgotten."""
+    def add(self, evidence: Evidence, stamp_ns: int, score: float) -> None:
+        """Add what a frame says; what earlier ones said is slowly forgotten.
+
+        Parameters
+        ----------
+        evidence : Evidence
+        stamp_ns : int
+        score : float
+            Rendered-depth disagreement of the fitted body: how little the frame counts.
+        """
         if self._stamp_ns is not None:
             kept = float(np.exp((self._stamp_ns - stamp_ns) * 1e-9 / self._config.memory))
             self._information *= kept
             self._vector *= kept
         self._stamp_ns = stamp_ns
-        self._information += evidence.information / self._config.noise**2
-        self._vector += evidence.vector / self._config.noise**2
+        share = min(1.0, _FITS_WELL / max(score, 1e-9)) ** 4
+        self._information += share / self._config.noise**2 * evidence.information
+        self._vector += share / self._config.noise**2 * evidence.vector
         self.frames += 1
+        self._told += share
 
     def known(self) -> KnownBuild:
         """Give the best estimate and its uncertainty; once there was a frame."""

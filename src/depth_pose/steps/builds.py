@@ -85,6 +85,6 @@ class BuildLearner:
         if not self._config.personal or score > self._config.worst_score or not personal.is_due(stamp_ns):
             return
         body = self.space.body(personal.build)
-        personal.add(self._evidence.find(body, target, pose, personal.build), stamp_ns)
+        personal.add(self._evidence.find(body, target, pose, personal.build), stamp_ns, score)
         if self._longest is None or personal.frames >= self._longest.frames:
             self._longest = personal

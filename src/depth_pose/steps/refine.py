@@ -217,7 +217,7 @@ class Refiner:
 
         def search_limbs(found: _Compared, rounds: int) -> _Compared:
             for _ in range(rounds):
-                proposals = self._limbs.propose(found.body.pose, found.body.vertices, comparer)
+                proposals = self._limbs.propose(found.body, comparer)
                 aimed = aim_legs(self.bank.body, found.body.pose, person.found)
                 proposals += [] if aimed is None else [aimed]
                 if not proposals:
