@@ -19,7 +19,7 @@ import numpy as np
 
 from depth_pose.bank.bank import Bank
 from depth_pose.body.body import Body
-from depth_pose.body.build import BuildSpace
+from depth_pose.body.build import build_space
 from depth_pose.core.config import (
     MAX_STAMP_GAP_NS,
     FittingConfig,
@@ -143,7 +143,7 @@ class Recoverer:
         self._completer = MeshCompleter(bank.body, fitting.completion, fitting.cpd)
         self._carrier = TemporalCarrier(self._completer, fitting.temporal, fitting.cpd)
         self._fitter = ArticulatedFitter(bank.body, fitting.fit)
-        self._space = BuildSpace(bank.body)
+        self._space = build_space(bank.body)
         self._memory = PerPerson(lambda: _Person(smooth), MAX_STAMP_GAP_NS)
         self.failures: Counter[str] = Counter(dict.fromkeys(KINDS, 0))
         self.recoveries = 0
