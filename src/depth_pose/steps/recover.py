@@ -27,7 +27,7 @@ from depth_pose.core.config import (
     RecoverConfig,
     SmoothConfig,
 )
-from depth_pose.core.rotations import matrix_to_quat
+from depth_pose.core.rotations import R_CAMERA_FACING_MODEL, matrix_to_quat
 from depth_pose.core.skeleton import JOINT_NODES, Source
 from depth_pose.core.types import Fitted, Skeleton
 from depth_pose.fit.articulated import ArticulatedFitter, BodyPose, FitTarget
@@ -157,9 +157,8 @@ class Recoverer:
     def warm_up(self) -> None:
         """Compile every kernel."""
         self._completer.warm_up()
-        turned = np.diag([1.0, -1.0, -1.0])
         for person in sample_people(self.bank).persons:
-            start = BodyPose(turned @ self.bank.rotations(0), person.points.mean(axis=0), 1.0)
+            start = BodyPose(R_CAMERA_FACING_MODEL @ self.bank.rotations(0), person.points.mean(axis=0), 1.0)
             points = thin(person.points, _MAX_POINTS)
             self._carrier.carry(points, points, person.coarse, start, self.bank.body)
             pose = self._fit(self._target(person), start, self.bank.body)
