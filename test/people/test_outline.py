@@ -45,7 +45,8 @@ def test_pixels_inside_people_need_no_weighing():
     carried, weighed = np.empty(depth.shape, np.uint8), np.empty(depth.shape, np.uint8)
     for inside, out in ((solid, carried), (np.zeros_like(solid), weighed)):
         space = np.empty(depth.shape, np.float32)
-        kernels.carry_labels(depth, CAMERA, image, labels, chance, near, inside, out, space)
+        marks = kernels.Marks(near, inside)
+        kernels.carry_labels(depth, CAMERA, image, labels, chance, marks, out, space)
     np.testing.assert_array_equal(carried, weighed)
 
 

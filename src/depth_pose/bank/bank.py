@@ -24,6 +24,7 @@ from depth_pose.core.errors import BankError
 from depth_pose.core.outputs import new_file
 from depth_pose.core.reading import parse_json
 from depth_pose.core.rotations import quat_to_matrix
+from depth_pose.core.skeleton import forward_kinematics
 
 FORMAT = "depth_pose exemplar bank"
 FORMAT_VERSION = 1
@@ -125,6 +126,12 @@ class Bank:
     def view_scheme(self) -> str:
         """How its views were made, one of `BANK_SCHEMES`: inputs take the same axes."""
         return str(self.source.get("views", "partial"))
+
+    @cached_property
+    def pose_nodes(self) -> NDArray[np.float64]:
+        """Nodes of each pose about its pelvis, model frame, metres, shape (N, 21, 3)."""
+        rotations = quat_to_matrix(self.pose_quats.astype(np.float64))
+        return forward_kinematics(rotations, np.zeros((self.poses, 3)), self.body.nodes)
 
     def rotations(self, exemplar: int) -> NDArray[np.float64]:
         """Segment rotations of one pose in the model frame, shape (21, 3, 3)."""

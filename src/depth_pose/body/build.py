@@ -162,6 +162,12 @@ class BuildSpace:
         return template.reshaped(vertices, nodes)
 
 
+@lru_cache(maxsize=2)
+def build_space(template: Body) -> BuildSpace:
+    """Give all builds of a body, the same to everybody who asks."""
+    return BuildSpace(template)
+
+
 def prior_information() -> Array:
     """Inverse covariance of builds among adults, (13, 13).
 

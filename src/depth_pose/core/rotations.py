@@ -114,7 +114,7 @@ def cross_matrix(x: Array, y: Array, z: Array) -> Array:
 def mirror_rotation(rotation: Array) -> Array:
     """``S R S`` with ``S = diag(-1, 1, 1)``: rotations seen in a mirror at x = 0, (..., 3, 3)."""
     flip = np.array([-1.0, 1.0, 1.0])
-    return np.asarray(flip[:, None] * rotation * flip)
+    return np.asarray(np.outer(flip, flip) * rotation)
 
 
 def nearest_rotation(matrix: Array) -> Array:

@@ -17,6 +17,7 @@ from depth_pose.body.body import Body, PosedBody
 from depth_pose.core import _raster_kernels
 from depth_pose.core.camera import Camera
 from depth_pose.core.config import CompletionConfig, CpdConfig
+from depth_pose.core.rotations import R_CAMERA_FACING_MODEL
 from depth_pose.core.skeleton import NODES
 from depth_pose.fit import _visibility_kernels as visibility
 from depth_pose.fit.articulated import BodyPose, FittedBody
@@ -114,8 +115,7 @@ class MeshCompleter:
 
     def warm_up(self) -> None:
         """Compile every kernel, by fitting the rest pose to itself."""
-        turned = np.diag([1.0, -1.0, -1.0])
-        still = BodyPose(np.tile(turned, (len(NODES), 1, 1)), np.array([0.0, 0.0, 3.0]), 1.0)
+        still = BodyPose(np.tile(R_CAMERA_FACING_MODEL, (len(NODES), 1, 1)), np.array([0.0, 0.0, 3.0]), 1.0)
         view = Observation(
             np.zeros((48, 48), np.float32),
             np.zeros((48, 48), np.uint8),

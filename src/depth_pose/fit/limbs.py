@@ -22,7 +22,7 @@ from depth_pose.bank.bank import Bank
 from depth_pose.body.body import Body
 from depth_pose.core.farthest_points import farthest_rows
 from depth_pose.core.rotations import quat_to_matrix
-from depth_pose.core.skeleton import MIRROR_NODES, NODE_INDEX, forward_kinematics, mirror_rotations
+from depth_pose.core.skeleton import MIRROR_NODES, NODE_INDEX, mirror_rotations
 from depth_pose.fit import _limb_kernels as kernels
 from depth_pose.fit._reach_kernels import Limbs, reach
 from depth_pose.fit.articulated import BodyPose, FittedBody, nearest_person_pixels
@@ -124,7 +124,8 @@ class LimbSearch:
         step = max(1, bank.poses // _POSES)
         rotations = quat_to_matrix(bank.pose_quats[::step].astype(np.float64))
         both = np.concatenate([rotations, mirror_rotations(rotations)])
-        nodes = forward_kinematics(both, np.zeros((len(both), 3)), bank.body.nodes)
+        nodes = bank.pose_nodes[::step]
+        nodes = np.concatenate([nodes, nodes[:, MIRROR_NODES] * np.array([-1.0, 1.0, 1.0])])
         self._pairs = tuple(_make_pair(bank.body, both, nodes, *limb) for limb in _LIMBS)
 
     def propose(self, body: FittedBody, comparer: DepthComparer) -> list[BodyPose]:

@@ -19,8 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.bank.bank import Bank
-from depth_pose.core.rotations import quat_to_matrix
-from depth_pose.core.skeleton import JOINT_NODES, MIRROR_JOINTS, forward_kinematics
+from depth_pose.core.skeleton import JOINT_NODES, MIRROR_JOINTS
 from depth_pose.fit import _plausible_kernels as kernels
 
 _USUAL = 0.7
@@ -36,9 +35,7 @@ _POSES = 6000
 def usual_joints(bank: Bank) -> NDArray[np.float64]:
     """Give joints (N, 19, 3) of a bank's poses and their mirror images, in trunk axes, metres."""
     step = max(1, bank.poses // _POSES)
-    rotations = quat_to_matrix(bank.pose_quats[::step].astype(np.float64))
-    nodes = forward_kinematics(rotations, np.zeros((len(rotations), 3)), bank.body.nodes)
-    joints = kernels.in_trunk_axes_all(nodes[:, JOINT_NODES])
+    joints = kernels.in_trunk_axes_all(bank.pose_nodes[::step][:, JOINT_NODES])
     return np.concatenate([joints, joints[:, MIRROR_JOINTS] * np.array([-1.0, 1.0, 1.0])])
 
 

@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+from typing import Any, NamedTuple
+
 import numpy as np
 
 from depth_pose.core.kernels import njit
@@ -18,6 +20,13 @@ lost (192 mm instead of 89 on that clip); .4 is in between."""
 
 _SOFT_PX2, _SOFT_M = 0.25, 0.03
 """A net pixel this far aside, square pixels, or off in depth, metres, counts half of one that is not."""
+
+
+class Marks(NamedTuple):
+    """Of the net's pixels: whether one is near a person, and the label of those inside one (`mark_near`)."""
+
+    near: Any
+    solid: Any
 
 
 @njit(cache=True)
@@ -44,7 +53,7 @@ def mark_near(labels, chance, least, rows, cols, near, solid):
 
 
 @njit(cache=True)
-def carry_labels(depth, camera, image, labels, net_chance, near, solid, out, chance):
+def carry_labels(depth, camera, image, labels, net_chance, marks, out, chance):
     """Carry labels (0: nobody) from the net's image to another grid, ``depth`` with its ``camera``.
 
     A pixel takes, of the nine net pixels around it, what those near it in depth say, the nearer the
@@ -52,6 +61,7 @@ def carry_labels(depth, camera, image, labels, net_chance, near, solid, out, cha
     Where all nine say the same (``solid``) there is nothing to weigh.
     """
     net_depth, rows, cols = image.depth, image.rows, image.cols
+    near, solid = marks.near, marks.solid
     ratio = image.camera.fx / camera.fx
     offset_x, offset_y = image.camera.cx - ratio * camera.cx, image.camera.cy - ratio * camera.cy
     same, soft = np.float32(_SAME_M), np.float32(_SOFT_M)

@@ -56,7 +56,7 @@ def carry_people(
     near, solid = np.empty(net_labels.shape, np.bool_), np.empty(net_labels.shape, np.uint8)
     likely, chance = net_chance.copy(), np.empty(depth.shape, np.float32)
     kernels.mark_near(net_labels, likely, _NEAR_CHANCE, image.rows, image.cols, near, solid)
-    kernels.carry_labels(depth, camera, image, net_labels, likely, near, solid, labels, chance)
+    kernels.carry_labels(depth, camera, image, net_labels, likely, kernels.Marks(near, solid), labels, chance)
     queue = np.empty(depth.size, np.int64)
     kernels.grow_labels(depth, labels, chance, _GROW_CHANCE, _GROW_JUMP, _GROW_PIXELS, queue)
     return labels

@@ -11,15 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.bank.bank import Bank
-from depth_pose.core.rotations import nearest_rotation, quat_to_matrix
-from depth_pose.core.skeleton import (
-    JOINT_INDEX,
-    JOINT_NODES,
-    JOINTS,
-    MIRROR_JOINTS,
-    body_length,
-    forward_kinematics,
-)
+from depth_pose.core.rotations import nearest_rotation
+from depth_pose.core.skeleton import JOINT_INDEX, JOINT_NODES, JOINTS, MIRROR_JOINTS, body_length
 from depth_pose.core.types import FoundPerson
 from depth_pose.steps import _search_kernels as kernels
 from depth_pose.steps.placing import Placed, unscored
@@ -42,9 +35,7 @@ class ProposedExemplars:
     """Finds exemplars by joints."""
 
     def __init__(self, bank: Bank) -> None:
-        rotations = quat_to_matrix(bank.pose_quats.astype(np.float64))
-        nodes = forward_kinematics(rotations, np.zeros((bank.poses, 3)), bank.body.nodes)
-        self._joints = nodes[:, JOINT_NODES]
+        self._joints = bank.pose_nodes[:, JOINT_NODES]
         self._length = body_length(bank.body.nodes[JOINT_NODES])
         axes, middle = _trunk(self._joints)
         local = ((self._joints - middle[:, None]) @ axes).astype(np.float32)

@@ -19,7 +19,7 @@ import numpy as np
 
 from depth_pose.bank.bank import Bank
 from depth_pose.body.body import Body
-from depth_pose.body.build import BuildSpace
+from depth_pose.body.build import build_space
 from depth_pose.core.config import (
     MAX_STAMP_GAP_NS,
     FittingConfig,
@@ -27,7 +27,7 @@ from depth_pose.core.config import (
     RecoverConfig,
     SmoothConfig,
 )
-from depth_pose.core.rotations import matrix_to_quat
+from depth_pose.core.rotations import R_CAMERA_FACING_MODEL, matrix_to_quat
 from depth_pose.core.skeleton import JOINT_NODES, Source
 from depth_pose.core.types import Fitted, Skeleton
 from depth_pose.fit.articulated import ArticulatedFitter, BodyPose, FitTarget
@@ -143,7 +143,7 @@ class Recoverer:
         self._completer = MeshCompleter(bank.body, fitting.completion, fitting.cpd)
         self._carrier = TemporalCarrier(self._completer, fitting.temporal, fitting.cpd)
         self._fitter = ArticulatedFitter(bank.body, fitting.fit)
-        self._space = BuildSpace(bank.body)
+        self._space = build_space(bank.body)
         self._memory = PerPerson(lambda: _Person(smooth), MAX_STAMP_GAP_NS)
         self.failures: Counter[str] = Counter(dict.fromkeys(KINDS, 0))
         self.recoveries = 0
@@ -157,9 +157,8 @@ class Recoverer:
     def warm_up(self) -> None:
         """Compile every kernel."""
         self._completer.warm_up()
-        turned = np.diag([1.0, -1.0, -1.0])
         for person in sample_people(self.bank).persons:
-            start = BodyPose(turned @ self.bank.rotations(0), person.points.mean(axis=0), 1.0)
+            start = BodyPose(R_CAMERA_FACING_MODEL @ self.bank.rotations(0), person.points.mean(axis=0), 1.0)
             points = thin(person.points, _MAX_POINTS)
             self._carrier.carry(points, points, person.coarse, start, self.bank.body)
             pose = self._fit(self._target(person), start, self.bank.body)

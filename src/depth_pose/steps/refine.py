@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.bank.bank import Bank
-from depth_pose.body.build import BuildSpace
+from depth_pose.body.build import build_space
 from depth_pose.core.config import MAX_STAMP_GAP_NS, FittingConfig, MatchConfig, RefineConfig
 from depth_pose.core.errors import BankError
 from depth_pose.core.rotations import matrix_to_quat
@@ -117,7 +117,7 @@ class Refiner:
         self._limbs = LimbSearch(bank)
         usual = usual_joints(bank)
         self._prior, self._beyond = PosePrior(usual), LegsBeyond(usual)
-        self._space = BuildSpace(bank.body)
+        self._space = build_space(bank.body)
         self.builds = BuildLearner(self._space, fitting.build, fitting.fit)
         self._kept = PerPerson(_Kept, MAX_STAMP_GAP_NS)
         self.reset()

@@ -7,6 +7,7 @@ import numpy as np
 from depth_pose.bank.bank import Bank
 from depth_pose.core import _raster_kernels as kernels
 from depth_pose.core.camera import Camera
+from depth_pose.core.rotations import R_CAMERA_FACING_MODEL
 from depth_pose.core.skeleton import JOINT_NODES
 from depth_pose.core.types import BACKGROUND, PERSON, FoundPerson
 from depth_pose.people.person import People, see_people
@@ -17,8 +18,7 @@ _DISTANCE_M = 3.2
 
 def sample_people(bank: Bank) -> People:
     """Render the bank's first pose into a frame that shows nobody else; its joints are proposed."""
-    facing = np.diag([1.0, -1.0, -1.0])  # model frame to camera frame
-    posed = bank.body.pose(facing @ bank.rotations(0), np.array([0.0, 0.0, _DISTANCE_M]))
+    posed = bank.body.pose(R_CAMERA_FACING_MODEL @ bank.rotations(0), np.array([0.0, 0.0, _DISTANCE_M]))
     zbuffer = np.empty((_CAMERA.height, _CAMERA.width), np.float32)
     kernels.rasterize(posed.vertices, bank.body.faces, _CAMERA, zbuffer)
     depth = np.where(np.isfinite(zbuffer), zbuffer, 0.0).astype(np.float32)
