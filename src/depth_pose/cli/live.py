@@ -32,7 +32,7 @@ def call_ros(module: str, function: str, *arguments: Any, **options: Any) -> Any
     """Call a function of one of our modules that need ROS."""
     os.umask(0o077)  # what is recorded of people is nobody else's
     try:
-        importlib.import_module("depth_pose.ros.process.runner").ensure_log_folder()
+        importlib.import_module("depth_pose.ros.process.logs").ensure_log_folder()
         found = importlib.import_module(f"depth_pose.ros.{module}")
         return getattr(found, function)(*arguments, **options)
     except ModuleNotFoundError as error:

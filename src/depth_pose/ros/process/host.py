@@ -22,10 +22,12 @@ import sys
 import threading
 import time
 import traceback
+from typing import Any
 
 from depth_pose.ros import PRIVATE_UMASK
 from depth_pose.ros.process import BEAT, BEAT_S, NODES, PID, READY, SECOND_HOST, SPARES
-from depth_pose.ros.process.runner import ensure_log_folder, leave
+from depth_pose.ros.process.logs import ensure_log_folder
+from depth_pose.ros.process.runner import leave
 from depth_pose.ros.process.shared_memory import keep_private
 from depth_pose.ros.process.standstill import StandstillWatch
 
@@ -124,7 +126,7 @@ def _be_node(name: str, arguments: list[str]) -> int:
             keep_private()
             print(f"{joined.get_name()} {READY} to become a node", flush=True)
             name, arguments = json.loads(sys.stdin.readline() or sys.exit(0))
-        return importlib.import_module(f"depth_pose.ros.nodes.{name}_node").main(arguments)
+        return _module(name).main(arguments)
     except SystemExit:  # told to stop before it was a node
         if joined is not None:
             joined.destroy_node()  # else shared memory would be left behind
@@ -135,6 +137,10 @@ def _be_node(name: str, arguments: list[str]) -> int:
         return 1
 
 
+def _module(name: str) -> Any:
+    return importlib.import_module(f"depth_pose.ros.nodes.{name}_node")
+
+
 def load(bank: str) -> None:
     """Load all that nodes need; a bank's path, empty for the set-up's."""
     gc.disable()  # collections would take a sixth of the time
@@ -142,7 +148,7 @@ def load(bank: str) -> None:
 
     make_ahead(bank)
     for name in NODES:
-        importlib.import_module(f"depth_pose.ros.nodes.{name}_node")
+        _module(name)
     gc.freeze()  # what is here stays; a collection that wrote to it would end the sharing
     gc.enable()
 

@@ -1,4 +1,4 @@
-"""Run a node, and end it with exit code 0 when it is asked to stop; where ROS writes its logs."""
+"""Run a node, and end what runs, with exit code 0, when it is asked to stop."""
 
 from __future__ import annotations
 
@@ -10,11 +10,9 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
-from pathlib import Path
 from typing import Any, NoReturn
 
 from depth_pose.core.errors import BankError, ConfigError
-from depth_pose.core.private_folder import is_writable, private_folder
 from depth_pose.ros import PRIVATE_UMASK
 
 EXIT_CONFIG = 2
@@ -46,10 +44,10 @@ def run_node(make: Callable[[], Any], args: Sequence[str] | None = None) -> int:
         Exit code: 0 after SIGINT or SIGTERM, `EXIT_CONFIG` where the settings cannot be used.
     """
     for number in STOPS:
-        signal.signal(number, signal.default_int_handler)  # KeyboardInterrupt
+        signal.signal(number, _stop)
     os.umask(PRIVATE_UMASK)
     if os.environ.get(END_WITH_PARENT):
-        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
+        end_with_parent()
     code = _run(make, args)
     if args is None:
         leave(code)
@@ -69,6 +67,8 @@ def _run(make: Callable[[], Any], args: Sequence[str] | None) -> int:
     import rclpy  # after the handlers: a stop during these imports must be clean, too
     from rclpy.executors import ExternalShutdownException
     from rclpy.signals import SignalHandlerOptions, install_signal_handlers
+
+    from depth_pose.ros.process.logs import ensure_log_folder
 
     node = None
     try:
@@ -102,43 +102,48 @@ def _run(make: Callable[[], Any], args: Sequence[str] | None) -> int:
 def _spin(node: Any) -> None:
     """Call back until shutdown, and answer the whole frames that come of it."""
     import rclpy
-    from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+    from rclpy.executors import SingleThreadedExecutor
 
     executor = SingleThreadedExecutor()
     executor.add_node(node)
     try:
         while rclpy.ok():
-            try:
-                executor.spin_once()
-                while node.has_pending:
-                    node.process_pending()
-            except (ExternalShutdownException, BankError, ConfigError):  # noqa: PERF203
-                raise
-            except Exception as e:  # as where what came is no message of its type
-                node.survive(e, "taking a message")
+            _take_a_turn(executor, node)
     finally:
         executor.shutdown(timeout_sec=0.2)
 
 
-def ensure_log_folder() -> None:
-    """See to it that ROS has a folder for its logs, without which rclpy does not start.
+def _take_a_turn(executor: Any, node: Any) -> None:
+    from rclpy.executors import ExternalShutdownException
 
-    It takes ``$ROS_LOG_DIR``, else ``$ROS_HOME/log``, else ``~/.ros/log``; where that cannot be written, a
-    private one for temporary files takes its place, for this process and those that it starts.
-    """
-    home = os.environ.get("ROS_HOME") or os.path.expanduser("~/.ros")
-    usual = os.environ.get("ROS_LOG_DIR") or os.path.join(home, "log")
-    if not is_writable(Path(usual)) and (own := private_folder("log")) is not None:
-        os.environ["ROS_LOG_DIR"] = str(own)
+    try:
+        executor.spin_once()
+        while node.has_pending:
+            node.process_pending()
+    except (ExternalShutdownException, BankError, ConfigError):
+        raise
+    except Exception as e:  # as where what came is no message of its type
+        node.survive(e, "taking a message")
+
+
+def end_with_parent() -> None:
+    """Have the kernel send this process SIGTERM when the one that started it is gone."""
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
 
 
 @contextlib.contextmanager
 def on_stop(callback: Callable[[], None]) -> Iterator[None]:
     """Call back on SIGINT and SIGTERM within the block, where it is the main thread's."""
-    heard = STOPS if threading.current_thread() is threading.main_thread() else ()
-    before = {n: signal.signal(n, lambda *_: callback()) for n in heard}
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = {n: signal.signal(n, lambda *_: callback()) for n in STOPS}
     try:
         yield
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+def _stop(number: int, frame: object) -> None:
+    raise KeyboardInterrupt

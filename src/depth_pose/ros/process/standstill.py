@@ -8,10 +8,12 @@ nothing is received, and nobody else notices: the process itself lives.
 from __future__ import annotations
 
 import contextlib
-from pathlib import Path
+import os
 
 _TIMERS = "dds.ev."
 """How the names of these threads begin, one for each participant."""
+
+_TASKS = "/proc/self/task"
 
 
 class StandstillWatch:
@@ -25,19 +27,27 @@ class StandstillWatch:
 
     def __init__(self, looks: int) -> None:
         self._looks = looks
-        self._seen: dict[Path, tuple[str, int]] = {}
+        self._seen: dict[str, tuple[int, int]] = {}
 
     def look(self) -> bool:
         """Look once; gives whether Fast DDS stands still."""
         seen = {}
-        for task in Path("/proc/self/task").iterdir():
+        for task in os.listdir(_TASKS):
             with contextlib.suppress(OSError):  # it has ended
-                text = (task / "status").read_text()
-                if text.startswith(f"Name:\t{_TIMERS}"):
-                    status = dict(line.split(":\t", 1) for line in text.splitlines())
-                    slept = status["voluntary_ctxt_switches"]  # how often
-                    before, idle = self._seen.get(task, ("", 0))
-                    still = slept == before and status["State"].startswith("S")
-                    seen[task] = slept, idle + 1 if still else 0
+                if _read(task, "comm").startswith(_TIMERS):
+                    wakes, sleeps = _wakes(task)
+                    before, idle = self._seen.get(task, (-1, 0))
+                    seen[task] = (wakes, idle + 1 if sleeps and wakes == before else 0)
         self._seen = seen
         return any(idle >= self._looks for _, idle in seen.values())
+
+
+def _wakes(task: str) -> tuple[int, bool]:
+    """Say how often a thread has gone to sleep, and whether it sleeps now."""
+    status = dict(line.split(":", 1) for line in _read(task, "status").splitlines())
+    return int(status["voluntary_ctxt_switches"]), status["State"].strip().startswith("S")
+
+
+def _read(task: str, what: str) -> str:
+    with open(f"{_TASKS}/{task}/{what}") as file:
+        return file.read()

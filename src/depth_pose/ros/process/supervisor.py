@@ -27,6 +27,7 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from multiprocessing.connection import wait
 from pathlib import Path
+from types import TracebackType
 from typing import Any
 
 from depth_pose.core.errors import ConfigError, DepthPoseError
@@ -119,8 +120,7 @@ class Suite:
     ) -> None:
         self.failure: DepthPoseError | None = None
         self._bank = str(Path(bank).absolute()) if bank is not None else ""
-        values = dict(parameters or {}) | ({"bank": self._bank} if bank is not None else {})
-        given = _ros_arguments(params_file, sensor, values, remap)
+        given = _ros_arguments(params_file, sensor, bank, parameters or {}, remap)
         self._arguments = {name: ["--ros-args", *_links(name, nodes), *given] for name in nodes}
         self._spares = SPARES[: len(nodes)]
         self._sink = sink or _print
@@ -171,7 +171,8 @@ class Suite:
             if self.failure is not None:
                 raise self.failure
             if time.monotonic() > deadline_s:
-                said = _last_words(self._children.get(missing[0]))
+                child = self._children.get(missing[0])
+                said = _last_words(child) if child is not None else ""
                 raise NodeDiedError(f"the {missing[0]} was not ready in {timeout_s:.0f} s:\n{said}")
             time.sleep(0.02)
 
@@ -192,7 +193,9 @@ class Suite:
             raise
         return self
 
-    def __exit__(self, *_: object) -> None:
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
         self.stop()
 
     # In a thread of its own
@@ -276,7 +279,15 @@ class Suite:
             self._delay_s[name] = min(max(_FIRST_DELAY_S, 2.0 * wait_s), _MAX_DELAY_S)
 
 
-def up(*arguments: Any, remap: Sequence[str] = (), local: bool = False, **options: Any) -> int:
+def up(
+    params_file: str | Path | None = None,
+    sensor: str | None = None,
+    bank: str | Path | None = None,
+    *,
+    parameters: Mapping[str, Any] | None = None,
+    remap: Sequence[str] = (),
+    local: bool = False,
+) -> int:
     """Run the four nodes until SIGINT or SIGTERM; signals are heard in the main thread.
 
     Parameters are those of `Suite`; ``local`` keeps all of it to this machine (`depth_pose.ros.stay_local`).
@@ -294,7 +305,7 @@ def up(*arguments: Any, remap: Sequence[str] = (), local: bool = False, **option
     stop = threading.Event()
     if local:
         stay_local()
-    suite = Suite(*arguments, remap=remap, **options)
+    suite = Suite(params_file, sensor, bank, parameters=parameters, remap=remap)
     namespace = dict(rule.partition(":=")[::2] for rule in remap).get("__ns", "depth_pose").strip("/")
     ready = f"all nodes are ready; skeletons come on /{namespace}/skeletons, Ctrl-C ends"
     with on_stop(stop.set):
@@ -318,7 +329,11 @@ def _links(name: str, nodes: Sequence[str]) -> list[str]:
 
 
 def _ros_arguments(
-    params_file: str | Path | None, sensor: str | None, parameters: Mapping[str, Any], remap: Sequence[str]
+    params_file: str | Path | None,
+    sensor: str | None,
+    bank: str | Path | None,
+    parameters: Mapping[str, Any],
+    remap: Sequence[str] = (),
 ) -> list[str]:
     arguments: list[str] = []
     for rule in remap:
@@ -333,13 +348,14 @@ def _ros_arguments(
         if not Path(params_file).is_file():
             raise ConfigError(f"no parameter file {params_file}")
         arguments += ["--params-file", str(params_file)]
-    for name, value in parameters.items():
+    values = dict(parameters) | ({"bank": str(Path(bank).absolute())} if bank is not None else {})
+    for name, value in values.items():
         arguments += ["-p", f"{name}:={json.dumps(value)}"]  # which is YAML
     return arguments
 
 
-def _last_words(child: Child | None) -> str:
-    return "\n".join(child.last_lines if child else ()) or "it said nothing"
+def _last_words(child: Child) -> str:
+    return "\n".join(child.last_lines) or "it said nothing"
 
 
 def _print(line: str) -> None:
