@@ -52,7 +52,7 @@ _STEP = 0.004
 
 _FIRST_FRAMES = 3.0
 """A build is not used before so many frames that fit well told it: the first poses are least sure, and a
-body that has adapted to a wrong one makes the right one look worse. Of 1.5, 2, 3 and 8 (docs/builds.md)."""
+body that has adapted to a wrong one makes the right one look worse. Of 2 and 3 (docs/builds.md)."""
 
 _FITS_WELL = 0.2
 """Frames that disagree more than this, 0 to 1, say less of a build: the fourth power of what this is of their
