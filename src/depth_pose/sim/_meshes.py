@@ -54,11 +54,12 @@ def loft(rings: Array, closed: bool = True) -> Piece:
         Whether the last column joins the first.
     """
     rows, columns = rings.shape[:2]
-    return rings.reshape(-1, 3), _grid_faces(rows, columns, closed)
+    return rings.reshape(-1, 3), grid_faces(rows, columns, closed)
 
 
 @lru_cache(maxsize=64)
-def _grid_faces(rows: int, columns: int, closed: bool) -> Faces:
+def grid_faces(rows: int, columns: int, closed: bool) -> Faces:
+    """Triangles of a grid of points, row by row; where closed, the last column joins the first."""
     at = np.arange(rows * columns).reshape(rows, columns)
     right = np.roll(at, -1, axis=1) if closed else at[:, 1:]
     here = at if closed else at[:, :-1]

@@ -16,6 +16,8 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from depth_pose.sim._meshes import grid_faces
+
 Array = NDArray[np.float64]
 
 
@@ -57,22 +59,13 @@ _BOX_FACES = np.array(
 )  # fmt: skip
 
 
-def _grid_faces(rows: int, columns: int, wraps: bool) -> NDArray[np.int64]:
-    """Triangles of a grid of points, row by row."""
-    at = np.arange(rows * columns).reshape(rows, columns)
-    right = np.roll(at, -1, axis=1) if wraps else at[:, 1:]
-    here = at if wraps else at[:, :-1]
-    a, b, c, d = (x.ravel() for x in (here[:-1], right[:-1], here[1:], right[1:]))
-    return np.concatenate([np.stack([a, c, b], axis=1), np.stack([b, c, d], axis=1)])
-
-
 def _lump_template() -> tuple[Array, NDArray[np.int64]]:
     polar = np.linspace(0.0, np.pi, _LUMP_RINGS)[:, None]
     around = 2 * np.pi * np.arange(_LUMP_COLUMNS)[None] / _LUMP_COLUMNS
     points = np.stack(
         [np.sin(polar) * np.cos(around), np.cos(polar) + 0 * around, np.sin(polar) * np.sin(around)], axis=-1
     )
-    return points.reshape(-1, 3), _grid_faces(_LUMP_RINGS, _LUMP_COLUMNS, wraps=True)
+    return points.reshape(-1, 3), grid_faces(_LUMP_RINGS, _LUMP_COLUMNS, closed=True).astype(np.int64)
 
 
 _LUMP, _LUMP_FACES = _lump_template()
@@ -85,7 +78,7 @@ def _round_template() -> tuple[Array, Array, NDArray[np.int64]]:
     ring = np.stack([np.cos(around), np.sin(around)], axis=1)
     fan = np.arange(1, n - 1)
     lid = np.stack([0 * fan, fan, fan + 1], axis=1)
-    faces = np.concatenate([_grid_faces(2, n, wraps=True), lid, lid + n])
+    faces = np.concatenate([grid_faces(2, n, closed=True), lid, lid + n])
     return np.concatenate([ring, ring]), np.repeat([0.0, 1.0], n), faces
 
 
@@ -218,7 +211,7 @@ def triangulate(assembly: Assembly, rng: np.random.Generator) -> Triangles:
         _lump_triangles(assembly.lumps, rng),
     ]
     for points, wraps, kind, albedo in assembly.sheets:
-        grid = _grid_faces(points.shape[0], points.shape[1], wraps)
+        grid = grid_faces(points.shape[0], points.shape[1], wraps).astype(np.int64)
         parts.append((points.reshape(-1, 3), grid, np.array([[kind, albedo]]), len(grid)))
     vertices, faces, looks, first = [], [], [], 0
     for points, part_faces, look, repeats in parts:
