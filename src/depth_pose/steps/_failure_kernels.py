@@ -11,6 +11,7 @@ import numpy as np
 
 from depth_pose.body.angles import ARM, LEG
 from depth_pose.body.limits import HIGH, LOW, OVERHEAD_DEG
+from depth_pose.core._rotation_kernels import multiply
 from depth_pose.core.kernels import njit
 from depth_pose.core.skeleton import NODE_INDEX
 
@@ -32,7 +33,7 @@ def limit_excess(rotations, hang_arm, hang_leg, out):
     out[:] = 0.0
     rotation = np.empty((3, 3))
     for k in range(1, 3):
-        _relative(rotations[_TRUNK[k - 1]], rotations[_TRUNK[k]], rotation)
+        multiply(rotations[_TRUNK[k - 1]].T, rotations[_TRUNK[k]], rotation)
         at = 3 * k
         out[at] = _beyond(at, np.degrees(np.arcsin(min(max(-rotation[1, 2], -1.0), 1.0))))
         out[at + 1] = _beyond(at + 1, np.degrees(-np.arctan2(rotation[1, 0], rotation[1, 1])))
@@ -46,13 +47,6 @@ def limit_excess(rotations, hang_arm, hang_leg, out):
 def _beyond(number, angle):
     """How far an angle lies outside its range, degrees."""
     return max(LOW[number] - angle, angle - HIGH[number], 0.0)
-
-
-@njit(cache=True)
-def _relative(parent, child, out):
-    for i in range(3):
-        for j in range(3):
-            out[i, j] = parent[0, i] * child[0, j] + parent[1, i] * child[1, j] + parent[2, i] * child[2, j]
 
 
 @njit(cache=True)
@@ -71,10 +65,10 @@ def _limb(rotations, trunk, nodes, side, hang, swing_at, bend_at, out):
     upper, lower, rotation = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
     _mirrored(rotations[trunk], side, base)
     _mirrored(rotations[nodes[0]], side, segment)
-    _times_transposed(segment, hang[0], upper)
+    multiply(segment, hang[0].T, upper)
     _mirrored(rotations[nodes[1]], side, segment)
-    _times_transposed(segment, hang[1], lower)
-    _relative(base, upper, rotation)
+    multiply(segment, hang[1].T, lower)
+    multiply(base.T, upper, rotation)
     is_arm = swing_at == _ARM_AT[side] + 2
     u, v, w = -rotation[0, 1], -rotation[1, 1], -rotation[2, 1]
     sine = np.hypot(u, w)
@@ -85,16 +79,9 @@ def _limb(rotations, trunk, nodes, side, hang, swing_at, bend_at, out):
         out[swing_at + 2] = _beyond(
             swing_at + 2, _twist(rotation, np.radians(flexion), np.radians(abduction))
         )
-    _relative(upper, lower, rotation)
+    multiply(upper.T, lower, rotation)
     bend = -rotation[2, 1] if is_arm else rotation[2, 1]
     out[bend_at] = _beyond(bend_at, np.degrees(np.arctan2(bend, rotation[1, 1])))
-
-
-@njit(cache=True)
-def _times_transposed(a, b, out):
-    for i in range(3):
-        for j in range(3):
-            out[i, j] = a[i, 0] * b[j, 0] + a[i, 1] * b[j, 1] + a[i, 2] * b[j, 2]
 
 
 @njit(cache=True)
@@ -125,5 +112,5 @@ def _twist(rotation, flexion, abduction):
     swing[1, 0], swing[1, 1], swing[1, 2] = sinc * z, 1 - half * (x * x + z * z), -sinc * x
     swing[2, 0], swing[2, 1], swing[2, 2] = half * x * z, sinc * x, 1 - half * x * x
     left = np.empty((3, 3))
-    _relative(swing, rotation, left)
+    multiply(swing.T, rotation, left)
     return -np.degrees(np.arctan2(left[0, 2] - left[2, 0], left[0, 0] + left[2, 2]))
