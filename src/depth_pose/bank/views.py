@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from depth_pose.bank import _ray_kernels as kernels
 from depth_pose.bank.canonical import DESCRIPTOR_SIZE, CanonicalAxes, canonical_axes, describe
 from depth_pose.body.body import Body
+from depth_pose.core.rotations import R_CAMERA_FACING_MODEL
 
 Array = NDArray[np.float64]
 
@@ -38,8 +39,11 @@ _RAY_SPACING = 0.028 / DISTANCE_M
 _ELEVATIONS = np.radians([0, 8, 20, -10, 12, 4, 32, 50, 0, 8, 20, -15, 12, 32, 45, 60])
 """Each pose is seen once from each; most sensors stand at chest height and look level."""
 
-_CAMERA_AXES = np.diag([1.0, -1.0, -1.0])
-"""Right, up and toward the camera, in the camera frame."""
+_CAMERA_AXES = R_CAMERA_FACING_MODEL.copy()
+"""Right, up and toward the camera, in the camera frame: the axes of somebody who faces it.
+
+A copy, because kernels are compiled once more for an array that cannot be written.
+"""
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from depth_pose.bank.bank import Bank
 from depth_pose.bank.canonical import CanonicalAxes
 from depth_pose.bank.views import view_rotation
-from depth_pose.core.rotations import matrix_to_quat, quat_to_matrix
+from depth_pose.core.rotations import R_CAMERA_FACING_MODEL, matrix_to_quat, quat_to_matrix
 from depth_pose.core.skeleton import NODE_INDEX
 from depth_pose.steps.placing import ExemplarViews
 from depth_pose.steps.search import Nearest
@@ -22,8 +22,11 @@ from depth_pose.steps.search import Nearest
 _POSES = 12
 _TURNS = np.radians([0.0, -30.0, 30.0, -60.0, 60.0, 180.0])
 _HEAD_M = 0.22
-_CANONICAL_CAMERA = np.diag([1.0, -1.0, -1.0])
-"""Right, up and toward the camera, in the camera frame."""
+_CANONICAL_CAMERA = R_CAMERA_FACING_MODEL.copy()
+"""Right, up and toward the camera, in the camera frame: the axes of somebody who faces it.
+
+A copy, because kernels are compiled once more for an array that cannot be written.
+"""
 
 
 def head_axes(points: NDArray[np.float64], scale: float) -> CanonicalAxes:
