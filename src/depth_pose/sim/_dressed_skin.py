@@ -88,7 +88,10 @@ def _bump(points: Array, centre: Array, width: float) -> Array:
 
 
 def vertex_normals(vertices: Array, faces: NDArray[np.int32]) -> Array:
-    """Outward unit normals (V, 3) of a body of the embedded mesh."""
+    """Outward unit normals (V, 3) of a body of the embedded mesh.
+
+    `depth_pose.body.normals` adds the faces in another order: its last bits differ, and so would the scenes.
+    """
     total = template_surface().faces_of @ face_normals(vertices, faces)
     return np.asarray(total / np.maximum(np.linalg.norm(total, axis=1, keepdims=True), 1e-12))
 
