@@ -80,7 +80,9 @@ def template_surface() -> Surface:
 
 
 _BELLY = (np.array([0.0, 1.02, 0.13]), 0.11)
+"""Middle and width of the belly's bump on the 1.75 m body, metres. Set by hand."""
 _CHEST = (np.array([0.085, 1.27, 0.11]), 0.055)
+"""The same for the left side of a chest; the right one is its mirror image. Set by hand."""
 
 
 def _bump(points: Array, centre: Array, width: float) -> Array:

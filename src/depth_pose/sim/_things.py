@@ -15,6 +15,7 @@ from depth_pose.sim._meshes import Piece, blob, box, frame, loft, moved
 Array = NDArray[np.float64]
 
 _UP = np.array([0.0, 1.0, 0.0])
+"""Up in a figure's frame."""
 
 
 def bun(rng: np.random.Generator, wearer: Wearer) -> Piece:

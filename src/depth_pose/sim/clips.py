@@ -33,11 +33,16 @@ from depth_pose.sim.simulate import FRAME_ID, START_NS
 Array = NDArray[np.float64]
 
 _APART_M, _FROM_WALLS_M = 0.5, 0.35
+"""Ways keep this far from each other and from walls, metres. Set by hand."""
 _HIDDEN_S = 2.0
+"""Furniture hides nobody for longer than this, seconds. Set by hand."""
 _SITS_SHARE = 0.25
+"""Share of those who may sit down that do. Set by hand."""
 _TRIES = 40
+"""Draws of a way, and of a spot, before it is given up. Set by hand."""
 _LOOK_EVERY_S = 0.3  # between the moments at which furniture must not cut anybody
 _EVERY = 24
+"""Every so many of a person's vertices suffices to keep furniture out of them. Set by hand."""
 
 
 @dataclass(frozen=True)

@@ -28,6 +28,7 @@ _ARMS = [
 ]
 _LEGS = [[NODE_INDEX[f"{s}_{n}"] for n in ("hip", "knee", "ankle", "foot")] for s in ("left", "right")]
 _ABOUT_FACE = np.diag([-1.0, 1.0, -1.0])
+"""Half a turn about the vertical."""
 
 
 def _flip(bank: Bank, pose: BodyPose, rng: np.random.Generator) -> BodyPose:

@@ -41,6 +41,7 @@ CLOAKS, SKIRTS, COATS = 0.025, 0.10, 0.09
 """Shares of those who wear one: about what public places show, cloaks oftener than that."""
 
 _POOL_SEED = 815
+"""Seed of the postures; any would do."""
 _UPRIGHT = ("stand", "walk", "sit", "lean", "reach")
 
 

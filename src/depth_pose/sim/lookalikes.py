@@ -18,6 +18,7 @@ _MANY = (2, 8)
 """How many are put into a room, at least, and fewer than."""
 
 _TRIES = 8
+"""Spots that are tried for each. Set by hand."""
 
 
 def add_lookalikes(room: Room, rng: np.random.Generator, spread: float, reach: float) -> None:

@@ -30,9 +30,12 @@ Array = NDArray[np.float64]
 _STANDING = ("stand_casual", "stand_gesture", "reach_around", "hold_things", "wave", "crossed_arms")
 _WALKING = ("walk", "walk", "walk_gesture")
 _CLIP_S = 4.0
+"""Length of a motion before it begins again, seconds. Set by hand."""
 _TURN_RATE = 2.2  # radians a second, of somebody who walks round a corner
 _THERE_M = 0.25
+"""Who is this near to where they are going has arrived, metres. Set by hand."""
 _BLEND_S, _SIT_DOWN_S = 0.35, 1.2
+"""Time from one motion to the next, and of sitting down or rising, seconds. Set by hand."""
 _ANKLES = [NODE_INDEX["left_ankle"], NODE_INDEX["right_ankle"]]
 _PELVIS = NODE_INDEX["pelvis"]
 

@@ -19,10 +19,14 @@ Array = NDArray[np.float64]
 Maker = Callable[[np.random.Generator], Assembly]
 
 _STUDIO_SHARE = 0.1
+"""Share of studios among rooms. Set by hand."""
 _CLEAR_OF_CAMERA_M = 0.35
+"""Free floor between the camera and what ends 15 cm or more below it, metres. Set by hand."""
 _TALL_CLEAR_OF_CAMERA_M = 0.9
+"""The same for taller things. Set by hand."""
 _HIDES_FROM_M = 0.8  # who stands behind lower things can still be found
 _TRIES = 6
+"""Spots that are tried for each thing. Set by hand."""
 
 
 @dataclass(frozen=True)
@@ -59,6 +63,7 @@ class Walls:
 
 
 _EVERYWHERE = Walls(50.0, 50.0, 50.0, 50.0, 50.0, 0.0)
+"""A studio's walls and ceiling: so far off, metres, that they stop nobody."""
 
 
 @dataclass

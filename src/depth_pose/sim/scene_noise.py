@@ -33,6 +33,7 @@ Image = NDArray[np.float32]
 
 _FAMILIES = ("structured", "tof", "stereo")
 _FAMILY_SHARES = (0.5, 0.3, 0.2)
+"""How often each family is drawn. Set by hand."""
 _MATERIALS = 64  # kinds of surface texture, told apart by their albedo
 _STEADY, _FLEETING = 0.8, 0.6  # of a video's patches, in deviations: what stays from frame to frame
 _EDGE_JUMP = 0.04  # of the depth; a step between neighbours that is an edge

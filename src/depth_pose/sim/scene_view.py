@@ -17,7 +17,9 @@ from depth_pose.sim import _scene_kernels as kernels
 Array = NDArray[np.float64]
 
 _NEAR_M = 0.05
+"""What is nearer to the camera's plane is not seen, metres. Set by hand."""
 _SILHOUETTE_PX = 96
+"""Longer side of the image that a silhouette's area is counted in, pixels. Set by hand."""
 
 
 @dataclass(frozen=True)

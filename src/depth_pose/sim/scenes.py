@@ -28,13 +28,19 @@ from depth_pose.sim.shapes import Assembly, Kind, Triangles, random_albedo, tria
 Array = NDArray[np.float64]
 
 MOST_PEOPLE = 6
+"""People in a scene, at most: one for each of `_PEOPLE_SHARES`."""
 _NOBODY_SHARE = 0.15
+"""Share of scenes without anybody. Set by hand."""
 _PEOPLE_SHARES = (0.38, 0.27, 0.15, 0.1, 0.06, 0.04)  # one to six
 _NEAR_SHARE, _NEAR_M, _MIDDLE_M, _FAR_M = 1 / 3, 0.6, 2.2, 6.0
+"""Share of people who are near; from where to where near and far ones are, metres. Set by hand."""
 _ASPECTS = (4 / 3, 16 / 9, 11 / 9, 1.0)
+"""Width of an image by its height. Set by hand."""
 _ASPECT_SHARES = (0.7, 0.12, 0.1, 0.08)
+"""How often each is drawn. Set by hand."""
 _JOINT_SLACK_M = 0.25  # deeper inside its owner's surface no joint is
 _TRIES = 12
+"""Spots that are tried for each person. Set by hand."""
 _EVERY = 12  # of a person's vertices suffices to keep furniture out of them
 
 
