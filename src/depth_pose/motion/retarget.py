@@ -27,6 +27,7 @@ from depth_pose.motion.contact import pelvis_height
 Array = NDArray[np.float64]
 
 _FLIP = np.array([-1.0, 1.0, 1.0])
+"""Turns points of the right side into those of the left."""
 _BENT_DEG = (12.0, 35.0)
 """Flexion from which the hinge's plane begins to count, and counts alone, degrees. Set by hand; not swept."""
 _STRAIGHT_DEG = (170.0, 178.0)
@@ -50,6 +51,7 @@ _FLAT_DEG = 30.0
 _NO_LIFT_M = 0.03
 """Feet that rise less above the lowest 5 % stand on the floor, metres: markers' noise. Set by hand."""
 _UNITS = {"metres": 1.0, "centimetres": 0.01, "inches": 0.0254, "millimetres": 0.001}
+"""Metres in each unit that a file may be in."""
 
 
 @dataclass(frozen=True)

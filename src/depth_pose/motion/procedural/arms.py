@@ -189,7 +189,9 @@ def together(draw: Draw) -> Array:
 
 
 _HALF_SHOULDERS = np.array([0.175, 0.0, 0.0])
+"""From the middle to the left shoulder, metres: `rest_nodes` at 1.75 m."""
 _FLIP = np.array([-1.0, 1.0, 1.0])
+"""Mirrors a place: it exchanges left and right."""
 
 
 def folded(draw: Draw) -> Array:

@@ -56,6 +56,7 @@ def _trunk(bow: float, side: float, twist: float, heading: float) -> Key:
 
 
 _STAND = ((4.0, 6.0, 8.0), (4.0, 6.0, 8.0))
+"""Both legs of somebody who stands, degrees: what `_legs` takes. Set by hand."""
 
 # lively: steps aside, swings of both arms, arms overhead, a knee raised
 _SWING: tuple[Key, ...] = (

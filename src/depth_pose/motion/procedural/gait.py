@@ -20,6 +20,7 @@ from depth_pose.motion.procedural.draw import Draw, assemble, harmonic, sway
 Array = NDArray[np.float64]
 
 WALK_HIP = ((0, 26), (10, 23), (20, 14), (30, 5), (40, -4), (50, -10), (58, -6), (70, 14), (82, 27), (92, 29))
+"""Hip flexion in walking: percent of the cycle, degrees."""
 WALK_KNEE = (
     (0, 4),
     (8, 13),
@@ -33,10 +34,15 @@ WALK_KNEE = (
     (88, 24),
     (96, 2),
 )
+"""Knee flexion in walking: percent of the cycle, degrees."""
 WALK_ANKLE = ((0, 0), (7, -6), (15, 0), (30, 6), (45, 11), (52, 6), (62, -18), (70, -9), (80, 1), (90, 2))
+"""Dorsiflexion of the ankle in walking: percent of the cycle, degrees."""
 WALK_ABDUCTION = ((0, 0), (15, -6), (30, -5), (50, -2), (62, 6), (75, 5), (90, 1))
+"""Hip abduction in walking: percent of the cycle, degrees."""
 SWING = ((0, 0), (52, 0), (70, 0.8), (84, 1), (94, 0.6), (99, 0))
+"""How far a walker's foot is in its swing: percent of the cycle, 0 to 1. Set by hand, not swept."""
 RUN_HIP = ((0, 38), (15, 26), (30, 4), (40, -8), (50, -4), (65, 28), (80, 54), (90, 50))
+"""Hip flexion in running: percent of the cycle, degrees."""
 RUN_KNEE = (
     (0, 18),
     (10, 38),
@@ -49,8 +55,11 @@ RUN_KNEE = (
     (85, 52),
     (95, 20),
 )
+"""Knee flexion in running: percent of the cycle, degrees."""
 RUN_ANKLE = ((0, 6), (10, 20), (18, 25), (30, 0), (40, -24), (50, -12), (65, 2), (80, 6))
+"""Dorsiflexion of the ankle in running: percent of the cycle, degrees."""
 RUN_ABDUCTION = ((0, -4), (15, -8), (35, -2), (50, 4), (70, 4), (90, -2))
+"""Hip abduction in running: percent of the cycle, degrees."""
 
 
 def _leg(phase: Array, draw: Draw, size: Array, bounce: Array, run: bool) -> Array:

@@ -29,6 +29,7 @@ STANDING_M = float(_AT[0, 1])
 _BALL_M = 0.14
 """Ankle to the ball of the foot, on which a raised heel turns, metres."""
 _FLIP = np.array([-1.0, 1.0, 1.0])
+"""Mirrors a place: it exchanges left and right."""
 
 
 def lower_body(

@@ -28,6 +28,7 @@ MOST_STRAINED_DEG = 15.0
 """Angles that stay further than this outside their limits make a posture unusable (likewise)."""
 
 _FLIP = np.array([-1.0, 1.0, 1.0])
+"""Mirrors a place: it exchanges left and right."""
 
 
 @dataclass(frozen=True)

@@ -53,6 +53,7 @@ KINDS: dict[str, tuple[Kind, ...]] = {
 """The kinds of every posture."""
 
 _MOST_ROUNDS = 20
+"""Draws until enough postures pass the gates; then it is an error. Set by hand."""
 
 
 @dataclass(frozen=True)

@@ -27,6 +27,7 @@ from depth_pose.motion.procedural.postures.parts import (
 Array = NDArray[np.float64]
 
 HIP_ABOVE_SEAT_M = 0.14
+"""Height of the hips above the seat, metres. Set by hand, not swept."""
 
 
 def _lower(draw: Draw, low: tuple[float, float], trunk: tuple[Array, Array], far: Array) -> Array:
@@ -200,6 +201,7 @@ def _on_floor(draw: Draw) -> Array:
 
 
 _LAP = (0.11, 0.09, 0.28)
+"""Middle of where the left hand lies in a lap, from the pelvis, metres. Set by hand."""
 
 SIT = (
     Kind("type", 3.0, _typing, raised=True),

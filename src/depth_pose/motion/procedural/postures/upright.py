@@ -33,6 +33,7 @@ from depth_pose.motion.reach import arm_to_target
 Array = NDArray[np.float64]
 
 _LONGEST_S = 20.0
+"""Length of a motion that a moment is taken from, at most, seconds. Set by hand."""
 
 
 def of_family(name: str) -> Sampler:
