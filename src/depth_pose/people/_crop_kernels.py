@@ -20,11 +20,13 @@ CHANNELS = 8
 """Features of a pixel; `fill_features` lists them."""
 
 _NEAR, _FAR = np.float32(0.2), np.float32(12.0)
+"""Depths outside this range are none, metres. Set by hand, not swept."""
 
 _UNIT_M = 0.5
 """Depths are told from the torso's in this unit, and cut at `_MOST` of it."""
 
 _MOST = 2.4
+"""In units of `_UNIT_M`: 1.2 m. Set by hand, not swept."""
 
 
 class Look(NamedTuple):

@@ -27,6 +27,7 @@ _SHIFTS = 8
 """Most moves of a mean; most come to rest in four."""
 
 _REST_M = 0.01
+"""A mean that moves less than this has come to rest, metres. Set by hand, not swept."""
 
 _KEEN_M = 0.1
 """A vote whose own error is wider than this counts less."""

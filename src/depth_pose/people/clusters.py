@@ -29,7 +29,9 @@ _MOST_VOTES = 1000
 """As many votes, about, are looked at to find the torsos; all are then given to them."""
 
 _LEAST_AREA_M2 = 0.02
+"""Weight of votes that a torso needs, square metres of surface. Set by hand, not swept."""
 _MOST_PEOPLE = 24
+"""Torsos that are found in a frame, at most. Set by hand."""
 
 
 @dataclass(frozen=True)

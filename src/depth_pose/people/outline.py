@@ -12,6 +12,7 @@ from depth_pose.people import _outline_kernels as kernels
 from depth_pose.people._finder_kernels import NetImage
 
 _GROW_CHANCE = 0.2
+"""A person grows over pixels that show one with at least this chance."""
 _GROW_JUMP = 0.02
 """Step in depth per metre of distance that a surface may make from one working pixel to the next."""
 

@@ -29,7 +29,9 @@ _SMALL_PIXELS = 6
 """Surfaces with fewer pixels are flying pixels; none of the person's limbs."""
 
 _PERSON_AREA_M2 = (0.04, 2.5)
+"""Least and greatest area of the surface of a person that is seen. Set by hand, not swept."""
 _PERSON_EXTENT_M = 2.6
+"""A person's box is no longer than this on any side, metres. Set by hand, not swept."""
 
 
 _FOLLOW, _FOLLOW_M = 5.0, 0.25

@@ -19,8 +19,11 @@ _TOLERANCE = 0.012
 """Distance from a plane, as a share of the range, within which a point belongs to it."""
 
 _MAX_PLANES = 10
+"""Planes of a room, at most. Set by hand, not swept."""
 _SEEDS = 64
+"""Points whose own plane is tried for each plane. Set by hand, not swept."""
 _SAMPLES = 2500
+"""Points of the image that planes are looked for in, about. Set by hand, not swept."""
 _SEARCH_EVERY = 15
 """Frames between searches for planes that were not seen before."""
 

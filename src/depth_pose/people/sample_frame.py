@@ -12,6 +12,7 @@ from depth_pose.core.skeleton import NODE_INDEX
 from depth_pose.core.types import DepthFrame
 
 _CAMERA = Camera(width=176, height=144, fx=170.0, fy=170.0, cx=87.5, cy=71.5)
+"""The camera that sees it, pixels. Set by hand."""
 _PERSON_M, _WALL_M, _FLOOR_M = 3.2, 4.8, 1.15
 """Where the person's pelvis and the wall are, and how far below the camera the floor, metres. Set by hand."""
 

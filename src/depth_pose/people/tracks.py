@@ -32,6 +32,7 @@ _VELOCITY_SHARE = 0.3
 """Share of a new velocity that is taken over a frame of `_VELOCITY_S`; set by hand."""
 
 _VELOCITY_S = 0.04
+"""The frame that `_VELOCITY_SHARE` is told for, seconds."""
 _DOUBT = 0.5
 """Sightings' worth of doubt that everybody begins with; by hand: a thing that the finder takes for a person
 in one frame, at .9, comes out below .6."""
