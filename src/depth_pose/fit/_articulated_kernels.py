@@ -23,6 +23,7 @@ _LANES = 16
 """Vertices around a cell are padded to a multiple of this many, with some that are `_FAR_AWAY`."""
 
 _FAR_AWAY = np.float32(1e6)
+"""Where padding lies, metres: so far off that no point weighs it."""
 
 _LEAST_MASS = 1e-3
 """Vertices with fewer points than this pull nothing."""

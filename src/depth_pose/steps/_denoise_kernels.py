@@ -12,11 +12,13 @@ CUT = 0.6
 """Neighbours farther than this share of the support h do not count: theta(0.6 h) = exp(-5.8)."""
 
 _MOST = np.float32(16.0 * CUT * CUT)
+"""`CUT` as the exponent that `theta` takes."""
 
 _LANES = 8
 """A row of neighbours is padded to a multiple of this many, with some that are `_FAR_AWAY`."""
 
 _FAR_AWAY = np.float32(1e4)
+"""Where padding lies, in units of h / 4: so far off that it weighs nothing."""
 
 _READ = 8
 """About so many neighbours are read to each side of a pixel; more change next to nothing (the tests)."""

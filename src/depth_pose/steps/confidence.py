@@ -27,6 +27,7 @@ _HALF_SURE_SCORE = 0.45
 """Rendered-depth score at which a fit is as likely right as wrong."""
 
 _SCORE_SPREAD = 0.06
+"""How fast that chance falls with the score: to .27 this much above. Set by hand, not swept."""
 
 _DEPTH_BEHIND_SURFACE = {"wrist": 0.03, "foot": 0.03, "ankle": 0.04, "elbow": 0.05, "knee": 0.06}
 """How far below the skin a joint's centre lies, metres; 0.11 for those not named."""
@@ -60,6 +61,7 @@ distance of the rest. Of the proposal: how sure the finder is of it, 0 to 1, and
 lies from it, in units of 10 cm, at most 4."""
 
 _APART_UNIT_M, _MOST_APART = 0.1, 4.0
+"""Unit of the distance from the proposal, metres, and its most in that unit: `SIGNS` are fitted with them."""
 
 _WITHOUT_PROPOSALS = (0.0, 0.11)
 """Signs of the proposal where nobody proposes joints: with them the chance is what it was before these were
@@ -102,7 +104,9 @@ _LEAST_SEEN = 4
 """Where fewer joints are seen, a skeleton's confidence speaks of all of them."""
 
 _FAR_APART_M = 0.5
+"""A joint farther from where the finder sees it counts as so far off, metres. Set by hand, not swept."""
 _LEAST_CHANCE = 0.01
+"""Chances are cut at this and at 1 less this, so that their log-odds are finite. Set by hand, not swept."""
 _SKELETON_ODDS = np.array(list(SKELETON_SIGNS.values()))
 
 _KIND = [name.split("_")[-1] for name in JOINTS]

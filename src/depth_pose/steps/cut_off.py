@@ -20,8 +20,11 @@ from depth_pose.steps.placing import ExemplarViews
 from depth_pose.steps.search import Nearest
 
 _POSES = 12
+"""Upright poses that are tried, about. Set by hand, not swept."""
 _TURNS = np.radians([0.0, -30.0, 30.0, -60.0, 60.0, 180.0])
+"""Turns about the vertical at which each is seen, radians. Set by hand, not swept."""
 _HEAD_M = 0.22
+"""Height of the head's points below the highest, metres on the 1.75 m body. Set by hand, not swept."""
 _CANONICAL_CAMERA = R_CAMERA_FACING_MODEL.copy()
 """Right, up and toward the camera, in the camera frame: the axes of somebody who faces it.
 

@@ -43,6 +43,7 @@ from depth_pose.steps.smooth import JointFilter
 from depth_pose.steps.warm_up import sample_people
 
 _MAX_POINTS = 450
+"""Points of each of the two clouds that a pose is carried between, at most. Set by hand, for time."""
 _TRUST = 0.8
 """A recovered skeleton's confidence is its agreement with the input times this."""
 

@@ -29,6 +29,7 @@ tall and their feet lay below the image of them; with 3, eleven people of random
 tall, are off by 22.7 mm instead of 21.6 (docs/accuracy.md)."""
 
 _RARITY = _RARE * np.maximum(np.log(SCALES), 0.0) ** 2
+"""What each of `SCALES` adds to its score: `_RARE` times that square."""
 
 _MOST_STEPS = 5
 """Steps of 4 % from the first guess, at most: so that the first frame does not take long."""

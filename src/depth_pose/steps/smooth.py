@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from depth_pose.core.config import SmoothConfig
 
 _SPEED_CUTOFF_HZ = 4.0
+"""Cut-off frequency of the filter on the speed itself. Set by hand, not swept."""
 
 
 class JointFilter:
