@@ -28,6 +28,7 @@ _FRAMES_BEFORE = 2
 """The person's size is found over these frames and the shown one."""
 
 _PANEL_INCHES = 2.1
+"""Width of a panel; for the eye."""
 _DARK = "#15181d"
 
 

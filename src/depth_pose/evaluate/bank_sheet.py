@@ -19,7 +19,9 @@ from depth_pose.evaluate.pictures import save_picture
 from depth_pose.evaluate.shading import shade_depth
 
 _PIXELS = 150
+"""Width and height of an exemplar's image, pixels; for the eye."""
 _HALF_WIDTH_M = 1.15
+"""Half of what an exemplar's image shows at the body's distance, metres; a person with raised arms fits."""
 _CAMERA = Camera(
     _PIXELS,
     _PIXELS,
@@ -29,6 +31,7 @@ _CAMERA = Camera(
     0.5 * (_PIXELS - 1),
 )
 _COLUMNS = 12
+"""Exemplars in a row; for the eye."""
 _DARK = "#15181d"
 
 

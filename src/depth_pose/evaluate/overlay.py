@@ -23,10 +23,14 @@ from depth_pose.io.schemas import PEOPLE_TOPIC
 from depth_pose.io.skeleton_read import read_people
 
 _PANEL_INCHES = (2.9, 3.6)
+"""Width and height of a panel among three or more columns; for the eye."""
 _MOST_COLUMNS = 6
+"""Panels in a row, at most; for the eye."""
 _CROP_MARGIN = 0.22
+"""Room around the skeletons, as a share of their larger extent; for the eye."""
 _TRUTH, _DARK = "#ffffff", "#15181d"
 _LEAST_COLUMNS_FOR_ONE_LINE = 4
+"""With fewer columns the title gets a line above the legend; for the eye."""
 
 NOBODY = np.zeros((0, len(JOINTS), 3))
 """The known joints where nobody's are known."""

@@ -33,8 +33,11 @@ RATE_HZ = 15.0
 """Frames that are drawn a second, at most; fewer where a browser takes longer. Set by hand."""
 
 _TABLE_S = 0.4
+"""Time between two updates of the panel's table, seconds. For the eye."""
 _CLIP_HZ = 10.0
+"""Frames a second of a clip that is saved. For the eye."""
 _PICTURE = (960, 540)
+"""Width and height of a picture that is saved, pixels; a clip has half of both. For the eye."""
 _RENDER_S = 60.0
 """Seconds that a browser may take for a picture; one without a graphics card takes ten."""
 

@@ -18,8 +18,11 @@ _PEOPLE = np.array(
     ],
     np.uint8,
 )
+"""Colours of people by their number, then again from the first; for the eye."""
 _DOUBT, _HALF, _SURE = np.array([215, 48, 39]), np.array([254, 224, 90]), np.array([26, 190, 90])
+"""Colours of confidences 0, one half and 1; for the eye."""
 _NEAR, _FAR = np.array([196, 201, 210]), np.array([74, 82, 96])
+"""Greys of the nearest and of the farthest points; for the eye."""
 _SPAN_M = (1.0, 6.0)
 """Distances between which points go from light to dark. Set by hand, for rooms."""
 

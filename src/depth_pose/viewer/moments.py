@@ -15,6 +15,7 @@ MOST_POINTS = 20_000
 """Points of a frame that are kept and sent to the browser; 240 kB. Set by hand."""
 
 _REACH_M = {"foot": 0.07, "ankle": 0.11, "knee": 0.15, "elbow": 0.11, "wrist": 0.12, "head": 0.2}
+"""By kind of joint, metres; `_TRUNK_REACH_M` for the others."""
 _TRUNK_REACH_M = 0.22
 """Distance from the bone that ends at a joint within which points are the person's, skin and clothes; at
 the feet it is little, since the floor is near. Set by hand."""

@@ -17,6 +17,7 @@ _FRAMES = 15
 _LOOKS = 3 * _FRAMES
 """After so many looks those that there are must do: a short recording that begins again has no others."""
 _IMAGES = 6
+"""Depth images that are kept to find the floor in. Set by hand, not swept."""
 
 
 class FloorSeeker:

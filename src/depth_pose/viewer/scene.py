@@ -22,8 +22,11 @@ Array = NDArray[np.float64]
 _JOINT_M, _HIDDEN_M = 0.035, 0.026
 """Radii of joints that are seen and of those that are hidden."""
 _BONE_M = 0.016
+"""Thickness of bones, metres; for the eye."""
 _TRAIL_S = 1.5
+"""How long the trails of hands last, seconds; for the eye."""
 _POINT_M = 0.012
+"""Size of points, metres; for the eye."""
 _HANDS = (JOINT_INDEX["left_wrist"], JOINT_INDEX["right_wrist"])
 _OLD_LIGHT = 0.6
 """Light of people of an earlier frame."""
