@@ -35,9 +35,11 @@ if TYPE_CHECKING:
     from depth_pose.pipeline import PosePipeline
 
 _BLOCK = 1 << 20
+"""Bytes of a block: 1 MiB. Set by hand."""
 _BLOCKS = 8
 """Of larger files so many blocks of 1 MiB are hashed, the first and the last among them."""
 _TELL_EVERY_S = 0.5
+"""Least time between two words of progress, seconds. Set by hand."""
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,7 @@ SHEET = "sheet.png"
 """Name of the picture."""
 
 _MOST_PANELS = 24
+"""Recordings on the picture, at most; for the eye."""
 _LOOK_AT = 200
 """Frames of a recording among which the one to show is chosen; reading more would take longer than it is
 worth. Set by hand."""

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 app = typer.Typer(help="Exemplar banks: the poses that inputs are matched with.", no_args_is_help=True)
 
 _MOST_FAMILIES = 12
+"""Families of motion that are named; the others are summed up. For the eye."""
 
 
 @app.command()

@@ -25,6 +25,7 @@ console = Console()
 errors = Console(stderr=True)
 
 _LEAST_LINE_GAP_S = 2.0
+"""Least time between two lines of progress where the output is no terminal, seconds. Set by hand."""
 
 _LONG_S = 10.0
 """Seconds of loading after which an output that is no terminal is told of it; set by hand."""

@@ -19,6 +19,7 @@ _ROOM_FPS = 15.0
 """Frames a second of a simulated room; that of the sensors that it stands for at their full range."""
 
 _ROOM_WIDTH_PX = 320
+"""Width of a simulated room's images where none is given, pixels. Set by hand."""
 
 
 def add_to(app: typer.Typer) -> None:

@@ -37,6 +37,7 @@ app = typer.Typer(
 )
 
 _FPS = 30.0
+"""Frames a second at which motions are made or read. Set by hand."""
 
 Params = Annotated[
     Path | None,

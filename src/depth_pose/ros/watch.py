@@ -42,6 +42,7 @@ _BARE_EVERY_NS = 100_000_000
 """Time between frames that are shown without skeletons; these may still come."""
 
 _LOOK_S = 0.5
+"""Time between looks for topics until there are some, seconds. Set by hand."""
 _ANSWER_S = 2.0
 """Seconds for a node to answer a service."""
 

@@ -49,6 +49,7 @@ KEY_POINTS: tuple[str, ...] = (
 the head's place, and no confidence."""
 
 _UNKNOWN = [0, 14, 15, 16, 17]
+"""Key points that nobody finds: nose, eyes and ears."""
 
 
 class Rep155Outputs:

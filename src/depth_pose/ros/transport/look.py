@@ -24,6 +24,7 @@ from depth_pose.ros.transport.tf import LATCHED, TF_QUEUE, tf_message
 from depth_pose.volume.transform_tree import TransformTree, pose_matrix
 
 _TICK_S = 0.05
+"""The longest wait for a message before it is seen whether to stop, seconds. Set by hand."""
 
 
 @dataclass(frozen=True)

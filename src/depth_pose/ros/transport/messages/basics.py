@@ -11,6 +11,7 @@ from std_msgs.msg import Header
 from depth_pose.core.errors import InputError
 
 _NS_PER_S = 1_000_000_000
+"""Nanoseconds in a second."""
 _STAMP = struct.Struct("<xB2xiI")
 """How a message that begins with a header begins: whether it is little-endian, seconds, nanoseconds."""
 
