@@ -28,6 +28,7 @@ from depth_pose.core.skeleton import forward_kinematics
 
 FORMAT = "depth_pose exemplar bank"
 FORMAT_VERSION = 1
+"""Version of the file; banks of any other are refused."""
 
 BANK_SCHEMES = ("partial", "paper")
 """Those of `depth_pose.bank.views.SCHEMES` that banks are made with."""

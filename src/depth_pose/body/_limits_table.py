@@ -44,6 +44,7 @@ LIMB_RANGES: dict[str, tuple[float, float]] = {
     "ankle_inversion": (-25.0, 38.0),
     "ankle_toe_out": (-25.0, 40.0),
 }
+"""Lowest and highest angle of a limb's joints, either side, degrees; sources in `depth_pose.body.limits`."""
 
 
 def range_of(name: str) -> tuple[float, float]:

@@ -71,6 +71,7 @@ ANGLES: tuple[str, ...] = _TRUNK_NAMES + tuple(
 ANGLE_INDEX: dict[str, int] = {name: i for i, name in enumerate(ANGLES)}
 N_ANGLES = len(ANGLES)
 TRUNK = slice(0, 15)
+"""Columns of pelvis, spine, chest, neck and head."""
 ARM = (slice(15, 24), slice(24, 33))
 """Columns of the left and of the right arm."""
 LEG = (slice(33, 40), slice(40, 47))
@@ -80,6 +81,7 @@ SIDES = ("left", "right")
 
 
 _DOWN = np.array([0.0, -1.0, 0.0])
+"""Where a hanging limb points, model frame."""
 
 
 def _hang_rotations() -> dict[str, Array]:

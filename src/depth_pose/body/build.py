@@ -81,6 +81,7 @@ CORRELATION: Array = np.array(
 
 _X, _Y, _Z = (np.diag(row) for row in np.eye(3))
 _ALL = np.eye(3)
+"""A part that stretches all three axes alike."""
 
 _OFFSETS: dict[str, tuple[tuple[str, ...], Array]] = {
     "trunk_length": (("spine", "chest", "neck", "clavicle", "shoulder"), _Y),

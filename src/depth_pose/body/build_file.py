@@ -17,6 +17,7 @@ from depth_pose.core.reading import parse_json, read_text
 
 FORMAT = "depth_pose build"
 FORMAT_VERSION = 1
+"""Version of the file; builds of any other are refused."""
 
 
 @dataclass(frozen=True)

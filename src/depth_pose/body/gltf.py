@@ -31,6 +31,7 @@ Array = NDArray[np.float64]
 
 _TYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
+"""Numbers in an element of each type, by the glTF 2.0 specification."""
 _SAME = 1e-5
 """Vertices nearer than this share of the body's size are one; set by hand, a hundredth of a millimetre."""
 

@@ -19,6 +19,7 @@ from numba.core import caching
 from depth_pose.core.private_folder import is_writable, private_folder
 
 _DIGEST_BYTES = 32
+"""Length of a SHA-256 hash."""
 
 
 def njit(*functions: Callable[..., Any], **options: Any) -> Any:

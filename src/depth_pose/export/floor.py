@@ -25,6 +25,7 @@ from depth_pose.people.floor import Floor, FloorFinder
 Array = NDArray[np.float64]
 
 _SURE = 0.5
+"""Least confidence of a toe base that tells of the floor. Set by hand, not swept."""
 _STANDING_COS = np.cos(np.radians(25.0))
 """Trunk and shanks within this angle of each other: the person stands. Set by hand."""
 _FEET_SPREAD_M = 0.04
@@ -33,7 +34,9 @@ of the size of the feet's error in `docs/accuracy.md`."""
 _UP_SPREAD = 0.07
 """How far a standing trunk leans on average over a recording, radians (4 degrees). Set by hand."""
 _ROUNDS = 8
+"""Times the plane is fitted with weights from the fit before. Set by hand, not swept."""
 _FRAMES = 12
+"""Depth images in which the floor is looked for, at most. Set by hand, not swept."""
 _SAME_COS, _SAME_M = np.cos(np.radians(20.0)), 0.4
 """A floor in the images this near to what feet say is theirs: feet err by 5 degrees and 10 cm, a table stands
 higher. Set by hand."""

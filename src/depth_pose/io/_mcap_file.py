@@ -25,6 +25,7 @@ _RUN = 4 << 20
 """Messages outside chunks are read in runs of about so many bytes. Set by hand."""
 
 _BLOCK = 1 << 20
+"""Bytes that are read at once for the checksum of the data. Set by hand."""
 
 _PRIVATE = 0x80
 """Kinds of records from here on are applications' own, and passed over."""

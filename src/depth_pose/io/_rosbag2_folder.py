@@ -19,7 +19,9 @@ PACKED = ".zstd"
 """How names end of files that rosbag2 packed as a whole."""
 
 _MOST_METADATA = 16 << 20
+"""Bytes of ``metadata.yaml``, at most; a larger one is refused. Set by hand."""
 _BLOCK = 1 << 20
+"""Bytes that are unpacked at once. Set by hand."""
 
 _LEFT_FREE = 1 << 30
 """Bytes that unpacking leaves free on the disk. Set by hand."""

@@ -27,6 +27,7 @@ Array = NDArray[np.float64]
 
 FORMAT = "depth_pose volume model"
 VERSION = 1
+"""Version of the file; models of any other are refused."""
 
 INPUTS = ("silhouettes", "depth")
 
@@ -39,7 +40,9 @@ _DIMENSIONS = {
     "space_whiten": 2, "space_basis": 2, "pose_mean": 1, "pose_basis": 2, "volume_kernel": 1,
     "motion_kernel": 1, "recall_kernel": 1, "pose_kernel": 1, "trust": 1,
 }  # fmt: skip
+"""Dimensions of each array in the file."""
 _MOST_FPS = 1000.0
+"""A model of this many frames a second or more is damaged. Set by hand."""
 _MOST_BINS = 1024
 """Bins in one direction; the paper has at most 16, and 128 fine ones. Set by hand."""
 
