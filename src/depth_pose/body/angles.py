@@ -105,6 +105,7 @@ HANG: dict[str, Array] = _hang_rotations()
 """For the left shoulder, elbow, wrist, hip and knee: rotation of the segment from rest to hanging."""
 
 _AT = rest_nodes() * ADULT_STATURE_M
+"""Nodes at rest of the 1.75 m body, (21, 3), metres."""
 
 
 def _length(start: str, end: str) -> float:
@@ -112,9 +113,13 @@ def _length(start: str, end: str) -> float:
 
 
 UPPER_ARM_M = _length("left_shoulder", "left_elbow")
+"""Shoulder to elbow of the 1.75 m body."""
 FOREARM_M = _length("left_elbow", "left_wrist")
+"""Elbow to wrist."""
 THIGH_M = _length("left_hip", "left_knee")
+"""Hip to knee."""
 SHANK_M = _length("left_knee", "left_ankle")
+"""Knee to ankle."""
 
 
 def trunk_rotation(flexion: Array, side: Array, twist: Array) -> Array:

@@ -80,6 +80,7 @@ CORRELATION: Array = np.array(
 """Correlations of the parts, (13, 13)."""
 
 _X, _Y, _Z = (np.diag(row) for row in np.eye(3))
+"""A part that stretches one axis."""
 _ALL = np.eye(3)
 """A part that stretches all three axes alike."""
 

@@ -49,6 +49,7 @@ JOINTS: tuple[str, ...] = ("waist", "r_head", "y_head", "p_head") + tuple(
 """The joints that turn, in the order of `Posture.angles`."""
 
 _FORWARD, _LEFT, _UP = np.eye(3)[2], np.eye(3)[0], np.eye(3)[1]
+"""Directions in the model frame of `depth_pose.core.skeleton`."""
 _AXES = np.stack([_FORWARD, _LEFT, _UP], axis=1)
 """``R_model_link``: REP-103's axes in the model frame of `depth_pose.core.skeleton`."""
 

@@ -14,6 +14,7 @@ CUT = 16.0
 """`gauss` is 0 from here on, that is beyond 5.7 sigma (1e-7)."""
 
 _ONE, _HALF, _SIXTH, _24TH, _120TH, _720TH = (np.float32(1 / n) for n in (1, 2, 6, 24, 120, 720))
+"""Factors of the power series."""
 _16TH, _32ND, _CUT = np.float32(1 / 16), np.float32(-1 / 32), np.float32(CUT)
 """Scales of the exponents before the series: `falling_exp` squares four times, `gauss` five; and `CUT`."""
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from depth_pose.core.errors import ConfigError
 
 _INF = float("inf")
+"""No limit."""
 _AXES = {1: ("distance",), 2: ("x", "z"), 3: ("x", "y", "z")}
 
 

@@ -30,6 +30,7 @@ _CAMERA = Camera(
     0.5 * (_PIXELS - 1),
     0.5 * (_PIXELS - 1),
 )
+"""The sheet's camera: it shows `_HALF_WIDTH_M` to each side at the body's distance."""
 _COLUMNS = 12
 """Exemplars in a row; for the eye."""
 _DARK = "#15181d"

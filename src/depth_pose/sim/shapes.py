@@ -55,6 +55,7 @@ _LUMP_RINGS, _LUMP_COLUMNS = 7, 12
 _ROUND_COLUMNS = 12
 """Points around a cylinder. Set by hand."""
 _BOX_CORNERS = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
+"""Corners of a box with edges of 1, (8, 3)."""
 _BOX_FACES = np.array(
     [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1],
      [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]]

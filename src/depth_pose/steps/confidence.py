@@ -111,6 +111,7 @@ _SKELETON_ODDS = np.array(list(SKELETON_SIGNS.values()))
 
 _KIND = [name.split("_")[-1] for name in JOINTS]
 _BELOW = np.array([_DEPTH_BEHIND_SURFACE.get(kind, 0.11) for kind in _KIND])
+"""How far below the skin each joint lies, (19,), metres on the 1.75 m body."""
 _OTHER_END = np.array(
     [
         JOINT_INDEX.get(name.replace(kind, _TOWARD[kind]), JOINT_INDEX.get(_TOWARD[kind], 0))

@@ -23,6 +23,7 @@ the feet it is little, since the floor is near. Set by hand."""
 _REACHES = np.array(
     [_REACH_M.get(JOINTS[b].rpartition("_")[2], _TRUNK_REACH_M) for _, b in BONES], np.float32
 )
+"""That distance for each of `BONES`, metres."""
 
 
 @dataclass(frozen=True)

@@ -19,6 +19,7 @@ Array = NDArray[np.float64]
 Sampler = Callable[[Draw], Array]
 
 ARM_M = UPPER_ARM_M + FOREARM_M
+"""Shoulder to wrist of the 1.75 m body."""
 
 
 def place(

@@ -22,8 +22,11 @@ LOWER = 3 + 12 + 14
 """Width of a lower-body posture: pelvis, spine to head, both legs."""
 
 _AT = rest_nodes() * ADULT_STATURE_M
+"""Nodes at rest of the 1.75 m body, (21, 3), metres."""
 _HIP = _AT[NODE_INDEX["left_hip"]] - _AT[0]
+"""From the pelvis to the left hip, metres."""
 _ANKLE_M = float(_AT[NODE_INDEX["left_ankle"], 1])
+"""Height of the ankles of somebody who stands."""
 STANDING_M = float(_AT[0, 1])
 """Height of the pelvis at rest, metres."""
 _BALL_M = 0.14

@@ -52,6 +52,7 @@ _STAND = (
     | _arm("left", 2, 12, 14, 22)
     | _arm("right", 2, 12, 14, 22)
 )
+"""Legs and arms of somebody who stands, degrees."""
 
 KICK: Table = (
     (0.0, _STAND | _trunk(4, 0)),
@@ -105,7 +106,9 @@ RACKET: Table = (
 )  # fmt: skip
 
 _GUARD = _arm("left", 48, 8, 20, 125) | _arm("right", 42, 10, 20, 130)
+"""A boxer's arms, degrees."""
 _FIGHT = _leg("left", 28, 28, 2, 6) | _leg("right", 2, 28, 8, 14)
+"""A boxer's legs, degrees."""
 PUNCH: Table = (
     (0.0, _FIGHT | _GUARD | _trunk(12, -10, 0, -25)),
     (0.2, _arm("right", 25, 25, 15, 130) | _trunk(10, -22, 0, -32)),
