@@ -16,7 +16,7 @@ from depth_pose.core.types import Candidate, PoseMatch
 from depth_pose.fit.articulated import BodyPose, FittedBody
 from depth_pose.fit.rendered_depth import Comparison
 from depth_pose.steps.match import Matcher
-from depth_pose.steps.refine import Refiner, _Compared, _Kept, _settle
+from depth_pose.steps.refine import Refiner, _Compared, _Kept, _settle, _widen
 
 
 def refiner_of(bank, **settings):
@@ -114,27 +114,44 @@ def test_a_wrong_pose_that_converged_gives_way(bank):
     assert errors[-1] < 0.04 < 0.06 < errors[-2]
 
 
+def compared(bank, score, aside):
+    """A body that stands ``aside`` metres to the right and disagrees by a score."""
+    pose = BodyPose(bank.rotations(0), np.array([aside, 0.0, 3.0]), 1.0)
+    posed = bank.body.pose(pose.rotations, pose.root)
+    return _Compared(FittedBody(pose, posed.vertices, posed.nodes), Comparison(score, 0.0), 0.0, 0.0)
+
+
 def test_a_pose_far_from_the_kept_one_has_to_be_better_by_enough_or_for_a_while(bank):
     """Sums of how much better it was, over frames in a row; one that is near answers at once."""
-    rotations = bank.rotations(0)
-
-    def fitted(score, aside):
-        posed = bank.body.pose(rotations, np.array([aside, 0.0, 3.0]))
-        pose = BodyPose(rotations, np.array([aside, 0.0, 3.0]), 1.0)
-        comparison = Comparison(score, 0.0)
-        return _Compared(FittedBody(pose, posed.vertices, posed.nodes), comparison, 0.0, 0.0)
-
-    old, near = fitted(0.30, 0.0), fitted(0.29, 0.02)
-    kept, far = _Kept(), fitted(0.27, 0.1)
+    old, near = compared(bank, 0.30, 0.0), compared(bank, 0.29, 0.02)
+    kept, far = _Kept(), compared(bank, 0.27, 0.1)
     assert _settle(kept, near, old) is near
     assert [_settle(kept, far, old) is far for _ in range(4)] == [False, True, False, True]
     assert _settle(kept, far, old) is old
-    assert _settle(kept, fitted(0.31, 0.1), old) is old  # it was better once only
+    assert _settle(kept, compared(bank, 0.31, 0.1), old) is old  # it was better once only
     assert _settle(kept, far, old) is old
-    much = fitted(0.2, 0.1)
+    much = compared(bank, 0.2, 0.1)
     assert _settle(_Kept(), much, old) is much
     assert _settle(_Kept(), far, None) is _settle(_Kept(), far) is far
     assert _settle(_Kept(), None, old) is old
+
+
+def test_whatever_was_carried_beside_the_answer_may_answer_as_a_fresh_pose_may(bank):
+    old, fresh, carried = (compared(bank, *of) for of in ((0.30, 0.0), (0.28, 0.1), (0.2, -0.1)))
+    assert _settle(_Kept(), fresh, old, carried) is carried
+    assert _settle(_Kept(), None, old, carried) is carried
+    assert _settle(_Kept(), carried, old, fresh) is carried
+    assert _settle(_Kept(), fresh, old, None) is old
+
+
+def test_the_best_pose_that_differs_from_the_answer_is_carried_beside_it(bank):
+    answer, near, far, farther = (
+        compared(bank, *of) for of in ((0.20, 0.0), (0.21, 0.03), (0.23, 0.1), (0.22, -0.1))
+    )
+    beam = _widen(answer, [near, far, answer, farther])
+    assert [pose.root[0] for pose in beam] == [0.0, -0.1]
+    assert len(_widen(answer, [answer, near])) == 1
+    assert len(_widen(answer, [answer, compared(bank, 0.5, 0.1)])) == 1  # it agrees far too badly
 
 
 @pytest.mark.parametrize("step_ns", [-1, 600_000_000])

@@ -3,11 +3,12 @@
 Two methods, one interface: ``articulated`` fits joint angles of the skinned body
 (`depth_pose.fit.articulated`); ``cpd`` is the paper's, non-rigid registration of the
 exemplar's visible vertices, Laplacian completion of the mesh and joints from control vertices
-(`depth_pose.fit.completion`). Two poses contend, and the one whose rendered depth agrees
-best wins: the matcher's candidates, and the pose of the frame before. Tracking alone loses arms and
-does not find them again; but a pose that has converged over many frames agrees better than any new
-one, however wrong it is, until that is fitted as well. So each side is fitted by itself. Where the two then
-are far apart, the fresh one answers once it was better by enough, over as many frames as that takes.
+(`depth_pose.fit.completion`). Three sides contend, and the one whose rendered depth agrees
+best wins: the matcher's candidates, and a short beam from the frame before, which is its answer and
+the best pose that differed from it. Tracking alone loses arms and does not find them again; but a pose
+that has converged over many frames agrees better than any new one, however wrong it is, until that is
+fitted as well. So each side is fitted by itself. A pose that then is far from what became of the answer
+before takes its place once it was better by enough, over as many frames as that takes.
 """
 
 from __future__ import annotations
@@ -55,6 +56,17 @@ in a row. Of 0, 0.02 and 0.04 on people of our own (docs/accuracy.md)."""
 _SAME_M = 0.05
 """Poses whose joints are less far apart than this, on average, do not differ; set by hand, not swept."""
 
+_BEAM = 2
+"""Poses that are carried to the next frame, the answer and the next best that differs; 1 is tracking alone.
+
+Of 1, 2 and 3 on five sets of clips (docs/accuracy.md)."""
+
+_DIFFERS_M = 0.06
+"""A pose is carried beside the answer if some joint lies this far from that of each better one, metres."""
+
+_HOPELESS = 0.08
+"""A pose whose score is this much higher than the answer's is not carried; set by hand, .08 and .2 alike."""
+
 _AWAY_WEIGHT = 1.0
 """Score, per metre, of joints that lie away from where they are proposed (`from_proposals`).
 
@@ -80,15 +92,16 @@ class _Kept:
 
     Attributes
     ----------
-    previous : BodyPose or None
+    beam : tuple of BodyPose
+        The answer, and the next best that differ from it and from one another.
     recovered : BodyPose or None
     turn : int
         Whose turn it is to try other limbs.
     lead : float
-        By how much a fresh pose that did not answer was better, summed over the last frames.
+        By how much another pose that did not answer was better, summed over the last frames.
     """
 
-    previous: BodyPose | None = None
+    beam: tuple[BodyPose, ...] = ()
     recovered: BodyPose | None = None
     turn: int = 0
     lead: float = 0.0
@@ -148,7 +161,7 @@ class Refiner:
             if kept is None:
                 continue
             if answer is None:
-                kept.previous = None
+                kept.beam = ()
             elif answer.source == Source.RECOVERED:
                 kept.recovered = pose_from_skeleton(self._space.body(answer.build), answer)
 
@@ -192,7 +205,7 @@ class Refiner:
         body = self._space.body(personal.build)
         fitter = self._fitter.fit_to(person, body, personal.build)
         best = self._fit_best(person, replace(match, scale=personal.scale), kept, fitter)
-        kept.previous = pose = best.body.pose
+        pose = best.body.pose
         best = replace(best, body=self._beyond.settle(body, best.body, person.camera))
         self.meshes[person.body_id] = best.body.vertices
         fitted = Fitted(self._skeleton(person, best, personal.build), best.comparison.score)
@@ -232,21 +245,24 @@ class Refiner:
         fresh = [candidate_pose(self.bank, c, match.scale) for c in match.candidates]
         glances = ranked(fitter.glance(start) for start in fresh)
         sides = [ranked(fitter.rough(g.body.pose) for g in glances[:_ROUGH])[0]]
-        if starts := self._kept_starts(kept, match.scale):
-            sides.append(ranked(fitter.rough(start) for start in starts)[0])
-            kept.turn = (kept.turn + 1) % 2
-            sides[kept.turn] = search_limbs(sides[kept.turn], 1)
-        else:
-            sides[0] = search_limbs(sides[0], _FIRST_ROUNDS)
+        starts = self._kept_starts(kept, match.scale)
+        sides += [ranked(fitter.rough(start) for start in of_side)[0] for of_side in starts]
+        kept.turn = (kept.turn + 1) % min(2, len(sides))
+        sides[kept.turn] = search_limbs(sides[kept.turn], 1 if len(sides) > 1 else _FIRST_ROUNDS)
+        sides[2:] = [search_limbs(side, 1) for side in sides[2:]]
         enough = min(map(_score, sides)) + _NEARLY
         finished = [ranked([fitter.finish(s.body)])[0] if _score(s) <= enough else None for s in sides]
-        return _settle(kept, *finished)
+        best = _settle(kept, *finished)
+        kept.beam = _widen(best, [f or s for f, s in zip(finished, sides, strict=True)])
+        return best
 
-    def _kept_starts(self, kept: _Kept, scale: float) -> list[BodyPose]:
-        """Give what is kept of the frame before: its pose, and the recovered one, which is used up."""
-        poses = [kept.previous if self.config.track else None, kept.recovered]
+    def _kept_starts(self, kept: _Kept, scale: float) -> list[list[BodyPose]]:
+        """Give what is kept of the frame before, by side: the answer and what recovery gave, then the rest."""
+        beam = kept.beam if self.config.track else ()
+        recovered = () if kept.recovered is None else (kept.recovered,)
         kept.recovered = None
-        return [BodyPose(pose.rotations, pose.root, scale) for pose in poses if pose is not None]
+        sides = [(*beam[:1], *recovered), *((pose,) for pose in beam[1:])]
+        return [[BodyPose(p.rotations, p.root, scale) for p in poses] for poses in sides if poses]
 
     def _skeleton(self, person: Person, fitted: _Compared, build: NDArray[np.float32]) -> Skeleton:
         """Put a fitted pose into words."""
@@ -269,25 +285,43 @@ class Refiner:
         )
 
 
-def _settle(kept: _Kept, fresh: _Compared | None, old: _Compared | None = None) -> _Compared:
-    """Give the better of what became of fresh and kept starts; a fresh pose that differs has to last.
+def _settle(
+    kept: _Kept, fresh: _Compared | None, old: _Compared | None = None, *others: _Compared | None
+) -> _Compared:
+    """Give the best of what became of fresh and kept starts; a pose far from the one before has to last.
 
     Of two poses far apart that agree almost as well the kept one is right more often: a single frame's score
     says less than that other frames led there.
     """
     before, kept.lead = kept.lead, 0.0
-    if fresh is None or old is None:
-        best = fresh or old
-        assert best is not None, "the better side is always finished"
+    rival = min((pose for pose in (fresh, *others) if pose is not None), key=_score, default=None)
+    if rival is None or old is None:
+        best = rival or old
+        assert best is not None, "the best side is always finished"
         return best
-    better = _score(old) - _score(fresh)
-    gaps = fresh.body.nodes[JOINT_NODES] - old.body.nodes[JOINT_NODES]
-    if better <= 0.0 or np.linalg.norm(gaps, axis=1).mean() < _SAME_M:
-        return fresh if better > 0.0 else old
+    better = _score(old) - _score(rival)
+    if better <= 0.0 or _gaps(rival, old).mean() < _SAME_M:
+        return rival if better > 0.0 else old
     if before + better > _LEAD:
-        return fresh
+        return rival
     kept.lead = before + better
     return old
+
+
+def _widen(best: _Compared, sides: list[_Compared]) -> tuple[BodyPose, ...]:
+    """Give the answer's pose, and those of the best that differ from it and from one another."""
+    beam = [best]
+    for side in sorted(sides, key=_score):
+        if len(beam) == _BEAM or _score(side) > _score(best) + _HOPELESS:
+            break
+        if all(_gaps(side, other).max() > _DIFFERS_M for other in beam):
+            beam.append(side)
+    return tuple(pose.body.pose for pose in beam)
+
+
+def _gaps(one: _Compared, other: _Compared) -> NDArray[np.float64]:
+    """Distances of two poses' joints (J,), metres."""
+    return np.asarray(np.linalg.norm(one.body.nodes[JOINT_NODES] - other.body.nodes[JOINT_NODES], axis=1))
 
 
 def _score(fitted: _Compared) -> float:
