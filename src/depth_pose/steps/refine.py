@@ -257,7 +257,7 @@ class Refiner:
         return best
 
     def _kept_starts(self, kept: _Kept, scale: float) -> list[list[BodyPose]]:
-        """Give what is kept of the frame before, by side: the answer and what recovery gave, then the rest."""
+        """Give what is kept of the frame before, by side: the answer and the recovered, then the rest."""
         beam = kept.beam if self.config.track else ()
         recovered = () if kept.recovered is None else (kept.recovered,)
         kept.recovered = None
