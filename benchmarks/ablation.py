@@ -28,6 +28,7 @@ from bank_common import recordings
 from confidence import simulated
 
 from depth_pose.bank import Bank, default_bank_path
+from depth_pose.bank.build import BuildConfig, build_bank
 from depth_pose.core.config import (
     FitConfig,
     MatchConfig,
@@ -38,7 +39,11 @@ from depth_pose.core.config import (
 )
 from depth_pose.core.types import DepthFrame
 from depth_pose.evaluate.truth import load_truth
+from depth_pose.fit.articulated import BodyPose, FittedBody
+from depth_pose.fit.limbs import LimbSearch
+from depth_pose.fit.rendered_depth import DepthComparer
 from depth_pose.io.mcap_read import DepthReader
+from depth_pose.motion.procedural.generator import POSTURE_SHARES, make_poses
 from depth_pose.people.person import People
 from depth_pose.pipeline import PosePipeline
 from depth_pose.steps.extract import PeopleExtractor
@@ -53,6 +58,8 @@ CONFIGS = {
     "a search in every frame": PipelineConfig(match=MatchConfig(search_every=1)),
 }
 NO_SECOND_LOOK = "no second look at all"
+NO_LIMB_SEARCH = "no limbs exchanged"
+NO_POSTURES = "no seated, lying, kneeling ... postures in the bank"
 
 
 class FirstLook(PeopleExtractor):
@@ -69,6 +76,21 @@ class FirstLook(PeopleExtractor):
         return replace(people, persons=tuple(persons))
 
 
+class NoLimbs(LimbSearch):
+    """Proposes no other limbs."""
+
+    def propose(self, body: FittedBody, comparer: DepthComparer) -> list[BodyPose]:
+        """Give nothing."""
+        return []
+
+
+def without_postures(bank: Bank) -> Bank:
+    """Build the bank anew from the embedded poses that are no everyday posture."""
+    poses = make_poses(bank.poses, seed=1)
+    plain = np.flatnonzero([family not in POSTURE_SHARES for family in poses.families])
+    return build_bank(bank.body, poses.take(plain).rotations, BuildConfig(), {"without": "postures"})
+
+
 def make_pipelines(banks: dict[str, Bank]) -> dict[str, PosePipeline]:
     """Make the pipelines of all variants: of the first bank all, of others the whole one."""
     first = next(iter(banks.values()))
@@ -76,6 +98,9 @@ def make_pipelines(banks: dict[str, Bank]) -> dict[str, PosePipeline]:
     config = CONFIGS["all"]
     pipelines[NO_SECOND_LOOK] = PosePipeline(first, config)
     pipelines[NO_SECOND_LOOK].extractor = FirstLook(config.segment, config.denoise, config.mount)
+    pipelines[NO_LIMB_SEARCH] = PosePipeline(first, config)
+    pipelines[NO_LIMB_SEARCH].refiner.limbs = NoLimbs(first)
+    pipelines[NO_POSTURES] = PosePipeline(without_postures(first), config)
     for name, bank in list(banks.items())[1:]:
         pipelines[f"bank {name}"] = PosePipeline(bank, config)
     return pipelines

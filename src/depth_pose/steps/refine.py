@@ -114,6 +114,8 @@ class Refiner:
     ----------
     builds : BuildLearner
         What is known of everybody's proportions.
+    limbs : LimbSearch
+        Proposes other arms and legs.
     meshes : dict of str to (V, 3) float64
         The body as it was fitted to each person in the last frame, camera frame, metres.
     """
@@ -127,7 +129,7 @@ class Refiner:
         self._faces = bank.body.faces
         fitting = fitting or FittingConfig()
         self._fitter = FITTERS[config.method](bank.body, fitting)
-        self._limbs = LimbSearch(bank)
+        self.limbs = LimbSearch(bank)
         usual = usual_joints(bank)
         self._prior, self._beyond = PosePrior(usual), LegsBeyond(usual)
         self._space = build_space(bank.body)
@@ -230,7 +232,7 @@ class Refiner:
 
         def search_limbs(found: _Compared, rounds: int) -> _Compared:
             for _ in range(rounds):
-                proposals = self._limbs.propose(found.body, comparer)
+                proposals = self.limbs.propose(found.body, comparer)
                 aimed = aim_legs(self.bank.body, found.body.pose, person.found)
                 proposals += [] if aimed is None else [aimed]
                 if not proposals:
