@@ -315,17 +315,24 @@ def report(label: str, answers: Answers, weights: np.ndarray) -> None:
     """Print how good the stated and the newly fitted confidence are."""
     trust = np.where(answers.recovered, _TRUST, 1.0)[:, None]
     fitted = trust / (1 + np.exp(-answers.design @ weights))
+    seen = answers.states == JointState.SEEN
     print(f"{label}: {len(answers.right)} frames, {answers.right.mean():.3f} of the joints within 10 cm")
     for name, stated, right in (
         ("joints, as stated", answers.stated, answers.right),
         ("joints, fitted now", fitted, answers.right),
         *(
             (
-                f"of these, {state.name.lower()}",
-                fitted[answers.states == state],
-                answers.right[answers.states == state],
+                f"{name}, {which}",
+                confidence[chosen],
+                answers.right[chosen],
             )
-            for state in (JointState.SEEN, JointState.OCCLUDED, JointState.OUTSIDE_IMAGE)
+            for name, confidence in (("stated", answers.stated), ("fitted", fitted))
+            for which, chosen in (
+                ("seen", seen),
+                ("hidden", answers.states == JointState.OCCLUDED),
+                ("outside", answers.states == JointState.OUTSIDE_IMAGE),
+                ("hidden or outside", ~seen),
+            )
         ),
         ("recovered joints, as stated", answers.stated[answers.recovered], answers.right[answers.recovered]),
         ("skeletons, as stated", answers.frame_stated, answers.frame_right),
