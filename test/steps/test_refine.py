@@ -148,10 +148,22 @@ def test_the_best_pose_that_differs_from_the_answer_is_carried_beside_it(bank):
     answer, near, far, farther = (
         compared(bank, *of) for of in ((0.20, 0.0), (0.21, 0.03), (0.23, 0.1), (0.22, -0.1))
     )
-    beam = _widen(answer, [near, far, answer, farther])
+    beam = _widen(answer, [near, far, answer, farther], 2)
     assert [pose.root[0] for pose in beam] == [0.0, -0.1]
-    assert len(_widen(answer, [answer, near])) == 1
-    assert len(_widen(answer, [answer, compared(bank, 0.5, 0.1)])) == 1  # it agrees far too badly
+    assert len(_widen(answer, [near, far, answer, farther], 3)) == 3
+    assert len(_widen(answer, [near, far, answer, farther], 1)) == 1
+    assert len(_widen(answer, [answer, near], 2)) == 1
+    assert len(_widen(answer, [answer, compared(bank, 0.5, 0.1)], 2)) == 1  # it agrees far too badly
+
+
+@pytest.mark.parametrize("beam", [1, 2, 3])
+def test_a_pose_is_followed_however_many_are_kept(bank, beam):
+    posed, people = scene(bank, 208)
+    refiner = refiner_of(bank, beam=beam)
+    for k, start in enumerate([candidate(208, 35.0), *[candidate(75, 200.0)] * 3]):
+        now = syn.restamped(people, people.stamp_ns + k * syn.STEP_NS)
+        skeleton = refined(refiner, now, start)
+    assert syn.joint_error(skeleton.positions, posed.nodes[JOINT_NODES]) < 0.03
 
 
 @pytest.mark.parametrize("step_ns", [-1, 600_000_000])

@@ -3,12 +3,12 @@
 Two methods, one interface: ``articulated`` fits joint angles of the skinned body
 (`depth_pose.fit.articulated`); ``cpd`` is the paper's, non-rigid registration of the
 exemplar's visible vertices, Laplacian completion of the mesh and joints from control vertices
-(`depth_pose.fit.completion`). Three sides contend, and the one whose rendered depth agrees
-best wins: the matcher's candidates, and a short beam from the frame before, which is its answer and
-the best pose that differed from it. Tracking alone loses arms and does not find them again; but a pose
-that has converged over many frames agrees better than any new one, however wrong it is, until that is
-fitted as well. So each side is fitted by itself. A pose that then is far from what became of the answer
-before takes its place once it was better by enough, over as many frames as that takes.
+(`depth_pose.fit.completion`). Some sides contend, and the one whose rendered depth agrees
+best wins: the matcher's candidates, and a short beam from the frame before, which is its answer and,
+with ``refine.beam``, the best poses that differed from it. Tracking alone loses arms and does not find
+them again; but a pose that has converged over many frames agrees better than any new one, however wrong
+it is, until that is fitted as well. So each side is fitted by itself. A pose that then is far from what
+became of the answer before takes its place once it was better by enough, over as many frames as that takes.
 """
 
 from __future__ import annotations
@@ -55,11 +55,6 @@ in a row. Of 0, 0.02 and 0.04 on people of our own (docs/accuracy.md)."""
 
 _SAME_M = 0.05
 """Poses whose joints are less far apart than this, on average, do not differ; set by hand, not swept."""
-
-_BEAM = 2
-"""Poses that are carried to the next frame, the answer and the next best that differs; 1 is tracking alone.
-
-Of 1, 2 and 3 on five sets of clips (docs/accuracy.md)."""
 
 _DIFFERS_M = 0.06
 """A pose is carried beside the answer if some joint lies this far from that of each better one, metres."""
@@ -255,7 +250,7 @@ class Refiner:
         enough = min(map(_score, sides)) + _NEARLY
         finished = [ranked([fitter.finish(s.body)])[0] if _score(s) <= enough else None for s in sides]
         best = _settle(kept, *finished)
-        kept.beam = _widen(best, [f or s for f, s in zip(finished, sides, strict=True)])
+        kept.beam = _widen(best, [f or s for f, s in zip(finished, sides, strict=True)], self.config.beam)
         return best
 
     def _kept_starts(self, kept: _Kept, scale: float) -> list[list[BodyPose]]:
@@ -310,11 +305,11 @@ def _settle(
     return old
 
 
-def _widen(best: _Compared, sides: list[_Compared]) -> tuple[BodyPose, ...]:
-    """Give the answer's pose, and those of the best that differ from it and from one another."""
+def _widen(best: _Compared, sides: list[_Compared], most: int) -> tuple[BodyPose, ...]:
+    """Give at most so many poses: the answer, and the best that differ from it and from one another."""
     beam = [best]
     for side in sorted(sides, key=_score):
-        if len(beam) == _BEAM or _score(side) > _score(best) + _HOPELESS:
+        if len(beam) >= most or _score(side) > _score(best) + _HOPELESS:
             break
         if all(_gaps(side, other).max() > _DIFFERS_M for other in beam):
             beam.append(side)
