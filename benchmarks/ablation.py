@@ -36,6 +36,7 @@ from depth_pose.core.config import (
     PipelineConfig,
     RecoverConfig,
     RefineConfig,
+    SegmentConfig,
 )
 from depth_pose.core.types import DepthFrame
 from depth_pose.evaluate.truth import load_truth
@@ -55,7 +56,8 @@ CONFIGS = {
     "no pose of the frame before": PipelineConfig(refine=RefineConfig(track=False)),
     "no recovery": PipelineConfig(recover=RecoverConfig(enabled=False)),
     "a quarter of the shortlist": PipelineConfig(match=MatchConfig(shortlist=32)),
-    "a search in every frame": PipelineConfig(match=MatchConfig(search_every=1)),
+    "a search for exemplars in every frame": PipelineConfig(match=MatchConfig(search_every=1)),
+    "a search for people in every frame": PipelineConfig(segment=SegmentConfig(find_every=1)),
 }
 NO_SECOND_LOOK = "no second look at all"
 NO_LIMB_SEARCH = "no limbs exchanged"

@@ -130,9 +130,9 @@ def test_a_thing_that_the_second_look_refuses_still_hides(monkeypatch) -> None:
     find = segmenter.candidates.find
 
     def with_the_board(frame):
-        found, labels = find(frame)
-        labels[board] = 2
-        return replace(found, people=(*found.people, Detection(2, 0.7, np.array([-0.3, 0.4, 2.2])))), labels
+        found = find(frame)
+        found.labels[board] = 2
+        return replace(found, people=(*found.people, Detection(2, 0.7, np.array([-0.3, 0.4, 2.2]))))
 
     monkeypatch.setattr(segmenter.candidates, "find", with_the_board)
     after = segmenter.segment(replace(shown, stamp_ns=shown.stamp_ns + 10**9))

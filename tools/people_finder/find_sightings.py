@@ -90,7 +90,8 @@ class Collector:
     def add(self, shot: Shot) -> None:
         """Look at one frame."""
         self._candidates.reset()
-        found, labels = self._candidates.find(shot.frame)
+        found = self._candidates.find(shot.frame)
+        labels = self._candidates.mark_hidden(found, shot.frame.filled)
         truth = truth_on_grid(shot.person, shot.frame.camera.fx / found.camera.fx, labels.shape)
         count = max((p.label for p in found.people), default=0)
         owner, is_person = whose(np.where(labels <= count, labels, 0), truth, count)

@@ -43,6 +43,12 @@ class SegmentConfig(Checked):
     keep: float = option(0.2, "Least probability of a person who is followed already", low=0.0, high=1.0)
     near: float = option(0.4, "Ignore anything nearer than this", unit="m", low=0.0, high=20.0)
     far: float = option(8.0, "Ignore anything farther than this", unit="m", low=0.1, high=50.0)
+    find_every: int = option(
+        2,
+        "Frames from one search of the image for people to the next, while all are sure; learned only",
+        low=1,
+        high=100,
+    )
     look_every: int = option(
         2,
         "Frames from one close look at a person to the next, where there are several; learned only",

@@ -2,16 +2,42 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from depth_pose.core.camera import Camera
 from depth_pose.core.config import SegmentConfig
 from depth_pose.core.types import BACKGROUND, HIDDEN, DepthFrame
 from depth_pose.people import _border_kernels as kernels
-from depth_pose.people.finder import Detections, PeopleFinder, load_weights
+from depth_pose.people.finder import Detection, Detections, PeopleFinder, load_weights
 from depth_pose.people.planes import PlaneFinder
+
+
+@dataclass(frozen=True)
+class Candidates:
+    """Who may be a person in a frame, on the working grid.
+
+    Attributes
+    ----------
+    depth : (h, w) float32
+        Metres; 0 where there is none.
+    labels : (h, w) uint8
+        The number of the person that a pixel shows; 0: nobody.
+    camera : Camera
+        Camera of the working grid.
+    people : tuple of Detection
+    out_of_range : int
+        How many more there are too near or too far.
+    """
+
+    depth: NDArray[np.float32]
+    labels: NDArray[np.uint8]
+    camera: Camera
+    people: tuple[Detection, ...]
+    out_of_range: int
 
 
 class CandidateFinder:
@@ -40,21 +66,35 @@ class CandidateFinder:
         """Forget the room."""
         self._planes.reset()
 
-    def find(self, frame: DepthFrame) -> tuple[Detections, NDArray[np.uint8]]:
-        """Find who may be a person.
+    def find(self, frame: DepthFrame) -> Candidates:
+        """Find who may be a person."""
+        found = self.finder.find(frame)
+        return Candidates(found.depth, self._complete(found), found.camera, found.people, found.out_of_range)
+
+    def mark_hidden(self, candidates: Candidates, filled: float) -> NDArray[np.uint8]:
+        """Drop flying pixels, and mark what may hide more of people.
+
+        Parameters
+        ----------
+        candidates : Candidates
+        filled : float
+            `DepthFrame.filled`.
 
         Returns
         -------
-        found : Detections
-        labels : (h, w) uint8
-            Their numbers on the working grid, with the limbs that the net missed, and
-            `depth_pose.core.types.HIDDEN` for what may hide more of them.
+        (h, w) uint8
+            Their labels, and `depth_pose.core.types.HIDDEN`.
         """
-        found = self.finder.find(frame)
-        return found, self._complete(found, frame.filled)
+        depth, labels, jump = candidates.depth, candidates.labels.copy(), self._config.depth_jump
+        kernels.mark_unsupported(depth, labels, jump, self._config.min_support)
+        missing = depth == 0
+        if missing.mean() < 1.0 - filled * (1.0 - _CUT_AWAY):
+            labels[missing] = HIDDEN
+        kernels.mark_nearer(depth, labels, candidates.camera, jump)
+        return labels
 
-    def _complete(self, found: Detections, filled: float) -> NDArray[np.uint8]:
-        """Add limbs that the net missed, drop flying pixels, mark what may hide more of people."""
+    def _complete(self, found: Detections) -> NDArray[np.uint8]:
+        """Add limbs that the net missed."""
         depth, camera, jump = found.depth, found.camera, self._config.depth_jump
         labels = found.labels.copy()
         if found.people:
@@ -63,11 +103,6 @@ class CandidateFinder:
             free = np.where(planes & (labels == BACKGROUND), np.float32(0), depth)
             kernels.attach_limbs(free, labels, found.chance, camera, kernels.LimbLimits(jump, **_LIMB))
             kernels.attach_apart(free, labels, found.claims, camera, kernels.LimbLimits(jump, **_APART))
-        kernels.mark_unsupported(depth, labels, jump, self._config.min_support)
-        missing = depth == 0
-        if missing.mean() < 1.0 - filled * (1.0 - _CUT_AWAY):
-            labels[missing] = HIDDEN
-        kernels.mark_nearer(depth, labels, camera, jump)
         return labels
 
 

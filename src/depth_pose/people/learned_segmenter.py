@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,10 +12,11 @@ from depth_pose.core.config import SegmentConfig
 from depth_pose.core.types import BACKGROUND, HIDDEN, DepthFrame
 from depth_pose.people import working_grid
 from depth_pose.people._border_kernels import mark_nearer
-from depth_pose.people.candidates import CandidateFinder
-from depth_pose.people.finder import Detection, Detections
+from depth_pose.people.candidates import CandidateFinder, Candidates
+from depth_pose.people.finder import Detection
 from depth_pose.people.joint_finder import JointFinder, JointProposals
 from depth_pose.people.last_looks import LastLooks
+from depth_pose.people.last_people import LastPeople
 from depth_pose.people.sample_frame import sample_frame
 from depth_pose.people.segmentation import Segmentation, Sighting
 
@@ -22,9 +24,14 @@ _CHANGE_M, _MOST_CHANGED, _NEWS = 0.15, 0.4, 0.3
 """What is nearer by so much was not there before, metres; not if this share of the image changed, when the
 camera moved; and the share of somebody's pixels that makes them news. Set by hand; not swept."""
 
+_STEP_NS = 30_000_000
+"""From the first frame of the warm-up to the second, nanoseconds: carried over (`LastPeople`)."""
+
 
 class LearnedSegmenter:
     """Finds everybody by two looks: at the image, and at each who may be a person.
+
+    Who was found for sure is carried over to the next frame without the first look (`LastPeople`).
 
     Parameters
     ----------
@@ -42,24 +49,29 @@ class LearnedSegmenter:
         self.config = config
         self.candidates = CandidateFinder(config, weights)
         self._joints = JointFinder(weights)
+        self._people = LastPeople(config)
         self._looks = LastLooks(config.look_every)
         self.reset()
 
     def reset(self) -> None:
         """Forget the room."""
         self.candidates.reset()
+        self._people.reset()
         self._looks.reset()
         self._before = np.zeros((0, 0), np.float32)
 
     def warm_up(self) -> None:
         """Compile every kernel, and load the net."""
         working_grid.warm_up(self.config)
-        self.segment(sample_frame())
+        frame = sample_frame()
+        for k in range(2):  # searched, and carried over
+            self.segment(replace(frame, stamp_ns=k * _STEP_NS))
         self.reset()
 
     def segment(self, frame: DepthFrame) -> Segmentation:
         """Label every pixel of the working grid."""
-        found, labels = self.candidates.find(frame)
+        found = self._people.carry(frame) or self.candidates.find(frame)
+        labels = self.candidates.mark_hidden(found, frame.filled)
         news = self._news(found.depth)
         seen = self._looks.renew(found.people, frame.stamp_ns, lambda p: self._look_closer(found, labels, p))
         sightings = [
@@ -69,6 +81,7 @@ class LearnedSegmenter:
         for thing in sightings:
             if thing.probability < self.config.keep:
                 labels[labels == thing.label] = BACKGROUND
+        self._people.keep(found, sure, frame.stamp_ns)
         if len(sure) < len(sightings):  # a thing before somebody may hide more of them
             mark_nearer(found.depth, labels, found.camera, self.config.depth_jump)
         is_person = (labels != BACKGROUND) & (labels != HIDDEN)
@@ -90,7 +103,7 @@ class LearnedSegmenter:
         is_another_view = changed.sum() > _MOST_CHANGED * known.sum()
         return changed & (depth < before) & ~is_another_view
 
-    def _look_closer(self, found: Detections, labels: NDArray[np.uint8], person: Detection) -> JointProposals:
+    def _look_closer(self, found: Candidates, labels: NDArray[np.uint8], person: Detection) -> JointProposals:
         """Propose a person's joints from a crop around them, and say whether it is one."""
         return self._joints.find(
             found.depth, labels, found.camera, person.label, person.torso, person.probability

@@ -1,0 +1,131 @@
+"""Compiled loops that carry people's pixels over from the frame before; `last_people` uses them."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from depth_pose.core.kernels import njit
+from depth_pose.core.types import BACKGROUND
+
+
+class Before(NamedTuple):
+    """The frame before.
+
+    Attributes
+    ----------
+    depth : (h, w) float32
+        Metres; 0 where there was none.
+    labels : (h, w) uint8
+        Number of each pixel's person.
+    """
+
+    depth: Any
+    labels: Any
+
+
+class CarryLimits(NamedTuple):
+    """How far things move from one frame to the next.
+
+    Attributes
+    ----------
+    moved, jump : float
+        Most of a point, and the greatest step between neighbours on one surface, metres.
+    pixels : int
+        Most in the image.
+    """
+
+    moved: float
+    jump: float
+    pixels: int
+
+
+@njit(cache=True)
+def carry_labels(before, depth, camera, limits, labels, is_new):
+    """Give every pixel to whom the nearest point of the frame before belonged.
+
+    Writes ``labels`` (h, w), and ``is_new`` (h, w) where no point was as near as ``limits.moved``.
+    """
+    rows, cols = depth.shape
+    most = limits.moved * limits.moved
+    for i in range(rows):
+        for j in range(cols):
+            labels[i, j], is_new[i, j] = BACKGROUND, False
+            z = depth[i, j]
+            if z <= 0.0:
+                continue
+            pixel, least = z / camera.fx, most
+            for ring in range(limits.pixels + 1):
+                if (ring * pixel) ** 2 >= least:
+                    break
+                for a in range(max(0, i - ring), min(rows, i + ring + 1)):
+                    step = 1 if abs(a - i) == ring else 2 * ring  # a ring's upper and lower rows are whole
+                    for b in range(j - ring, j + ring + 1, max(1, step)):
+                        if b < 0 or b >= cols or before.depth[a, b] <= 0.0:
+                            continue
+                        deep = before.depth[a, b] - z
+                        apart = ((a - i) ** 2 + (b - j) ** 2) * pixel * pixel + deep * deep
+                        if apart < least:
+                            least, labels[i, j] = apart, before.labels[a, b]
+            is_new[i, j] = least >= most
+
+
+@njit(cache=True)
+def count_inside(marked):
+    """Count the marked pixels whose four neighbours are marked: no edge of anything flies so broad."""
+    count = 0
+    for i in range(1, marked.shape[0] - 1):
+        for j in range(1, marked.shape[1] - 1):
+            is_upright = marked[i, j] and marked[i - 1, j] and marked[i + 1, j]
+            count += is_upright and marked[i, j - 1] and marked[i, j + 1]
+    return count
+
+
+@njit(cache=True)
+def take_new(depth, is_new, jump, labels):
+    """Give people what is new and goes on from them: limbs that moved far, and edges that fly beside them.
+
+    A surface goes on over neighbours at most ``jump`` apart. Of what does not, the pixels that touch somebody
+    are theirs as well: `mark_unsupported` tells which of them fly. ``is_new`` is spent.
+    """
+    rows, cols = depth.shape
+    queue = np.empty(rows * cols, np.int64)
+    last = 0
+    for at in range(rows * cols):
+        if labels[at // cols, at % cols] != BACKGROUND:
+            queue[last] = at
+            last += 1
+    first = 0
+    while first < last:
+        i, j = queue[first] // cols, queue[first] % cols
+        first += 1
+        for a in range(max(0, i - 1), min(rows, i + 2)):
+            for b in range(max(0, j - 1), min(cols, j + 2)):
+                if is_new[a, b] and abs(depth[a, b] - depth[i, j]) <= jump:
+                    labels[a, b], is_new[a, b] = labels[i, j], False
+                    queue[last] = a * cols + b
+                    last += 1
+    for n in range(last):
+        i, j = queue[n] // cols, queue[n] % cols
+        for a in range(max(0, i - 1), min(rows, i + 2)):
+            for b in range(max(0, j - 1), min(cols, j + 2)):
+                if is_new[a, b]:
+                    labels[a, b] = labels[i, j]
+
+
+@njit(cache=True)
+def middle_of(depth, labels, label, camera, middle):
+    """Write the middle (3,) of somebody's points, metres; returns how many there are."""
+    count = 0
+    middle[:] = 0.0
+    for i in range(depth.shape[0]):
+        for j in range(depth.shape[1]):
+            z = depth[i, j]
+            if labels[i, j] == label and z > 0.0:
+                middle[0] += (j - camera.cx) / camera.fx * z
+                middle[1] += (i - camera.cy) / camera.fy * z
+                middle[2] += z
+                count += 1
+    middle /= max(count, 1)
+    return count
