@@ -25,6 +25,10 @@ _SETTLE_S = 0.2
 _DRAIN_S = 2.0
 """Most seconds, once told to stop, for what has come by then. Set by hand."""
 
+_QUIET_TURNS, _TURN_S = 3, 0.02
+"""All has come after so many turns without a message, of so many seconds at most: one may have brought other
+news, and what the sender knows to be here is seen a moment later. Set by hand."""
+
 _QUEUE = 1000
 """Messages of a topic that may wait to be written. Set by hand."""
 
@@ -181,10 +185,11 @@ class Recorder:
 
     def _drain(self, executor: Any) -> None:
         """Take what had come when it was told to stop."""
-        before, deadline = -1, time.monotonic() + _DRAIN_S
-        while self._counts.total() > before and time.monotonic() < deadline:
+        quiet, deadline = 0, time.monotonic() + _DRAIN_S
+        while quiet < _QUIET_TURNS and time.monotonic() < deadline:
             before = self._counts.total()
-            executor.spin_once(timeout_sec=0.0)
+            executor.spin_once(timeout_sec=_TURN_S)
+            quiet = 0 if self._counts.total() > before else quiet + 1
 
     def _look(self) -> None:
         """Subscribe to what has appeared."""
