@@ -8,12 +8,10 @@ import warnings
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-import onnx
 import torch
 from joint_net import JointNet
 from net import FinderNet
-from onnx import TensorProto, helper, numpy_helper
+from onnx_weights import halve
 from torch import Tensor, nn
 
 from depth_pose.people import _crop_kernels as crop_kernels
@@ -45,9 +43,6 @@ JOINT_CODE = (
     "replicas.py",
 )
 JOINT_FEATURES = "src/depth_pose/people/_crop_kernels.py"
-
-_FEW = 256
-"""Tensors of fewer values stay in 32 bits."""
 
 
 def export_net(checkpoint: Path, target: Path) -> bytes:
@@ -96,24 +91,6 @@ def _export(net: nn.Module, target: Path, shape: tuple[int, int, int], outputs: 
         )
     halve(target)
     return target.read_bytes()
-
-
-def halve(path: Path) -> None:
-    """Keep a net's weights in 16 bits; the run time widens them once, as it loads them."""
-    model = onnx.load(path)
-    widened = []
-    for tensor in list(model.graph.initializer):
-        values = numpy_helper.to_array(tensor)
-        if values.dtype != np.float32 or values.size < _FEW:
-            continue
-        half = numpy_helper.from_array(values.astype(np.float16), f"{tensor.name}_half")
-        model.graph.initializer.remove(tensor)
-        model.graph.initializer.append(half)
-        widened.append(helper.make_node("Cast", [half.name], [tensor.name], to=TensorProto.FLOAT))
-    nodes = widened + list(model.graph.node)
-    del model.graph.node[:]
-    model.graph.node.extend(nodes)
-    onnx.save(model, path)
 
 
 def hash_code(names: tuple[str, ...] = _CODE, features: str = _FEATURES) -> str:

@@ -3,8 +3,9 @@
     pip install -e '.[train]'
     python tools/people_finder/make_weights.py build/people_finder
 
-What is there already is kept, so that it can be run again. The result is in FOLDER/weights; copy it to
-src/depth_pose/people/weights to ship it. It takes two and a half hours on 2 cores.
+What is there already is kept, so that it can be run again. The result is in FOLDER/integers (with floats in
+FOLDER/weights); copy it to src/depth_pose/people/weights to ship it. It takes two and a half
+hours on 2 cores.
 """
 
 from __future__ import annotations
@@ -71,6 +72,7 @@ def main(
     crops = f"{_CROPS} and {_CROPS_AGAIN} crops"
     note = f"{scenes} scenes, {_ALIKE} of lookalikes, {crops}, seed {seed}, {workers} at once"
     call("export_joints.py", again / "last.pt", found_apart, folder / "weights", "--note", note)
+    call("quantise.py", folder / "weights", folder / "integers")
 
 
 def call(script: str, *arguments: object) -> None:

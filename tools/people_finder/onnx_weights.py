@@ -1,0 +1,41 @@
+"""Keep the weights of a net (ONNX) in 16 bits, and bring them back to 32."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import onnx
+from onnx import TensorProto, helper, numpy_helper
+
+_FEW = 256
+"""Tensors of fewer values stay in 32 bits."""
+
+
+def halve(path: Path) -> None:
+    """Keep a net's weights in 16 bits; the run time widens them once, as it loads them."""
+    model = onnx.load(path)
+    widened = []
+    for tensor in list(model.graph.initializer):
+        values = numpy_helper.to_array(tensor)
+        if values.dtype != np.float32 or values.size < _FEW:
+            continue
+        half = numpy_helper.from_array(values.astype(np.float16), f"{tensor.name}_half")
+        model.graph.initializer.remove(tensor)
+        model.graph.initializer.append(half)
+        widened.append(helper.make_node("Cast", [half.name], [tensor.name], to=TensorProto.FLOAT))
+    nodes = widened + list(model.graph.node)
+    del model.graph.node[:]
+    model.graph.node.extend(nodes)
+    onnx.save(model, path)
+
+
+def widen(model: onnx.ModelProto) -> None:
+    """Bring weights that are kept in 16 bits to 32."""
+    halves = {t.name: t for t in model.graph.initializer if t.data_type == TensorProto.FLOAT16}
+    for node in [n for n in model.graph.node if n.op_type == "Cast" and n.input[0] in halves]:
+        half = halves[node.input[0]]
+        wide = numpy_helper.from_array(numpy_helper.to_array(half).astype(np.float32), node.output[0])
+        model.graph.initializer.append(wide)
+        model.graph.initializer.remove(half)
+        model.graph.node.remove(node)
