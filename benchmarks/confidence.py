@@ -65,7 +65,13 @@ _TRUST = 0.9
 _SEEDS, _FIRST_CLIPS, _FRAMES = (4207, 9311), 12, 40
 """Seeds of the first clips and of all others, how many the first ones are, and their length."""
 
-FITTED = ("outside", "away from the proposal", "sure of the proposal")
+FITTED = (
+    "outside",
+    "hidden behind oneself",
+    "outside, the other end seen",
+    "away from the proposal",
+    "sure of the proposal",
+)
 """Signs whose figures are fitted, beside one that all kinds of joints share."""
 
 _BINS = np.linspace(0, 1, 11)
@@ -81,7 +87,7 @@ class Answers:
         Joint within 10 cm.
     stated : (F, 19)
         The joints' confidence.
-    design : (F, 19, 23)
+    design : (F, 19, 25)
         What the confidence is made from: kind of joint, signs, score.
     frame_right, frame_stated : (F,)
         Mean error of the joints seen below 10 cm; the skeleton's confidence.
@@ -379,7 +385,7 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--bank", type=Path, help="exemplar bank; the set-up's by default")
-    parser.add_argument("--clips", type=int, default=26)
+    parser.add_argument("--clips", type=int, default=104)
     parser.add_argument("--mocap", type=Path, help="BVH files; half of the clips move as one of them")
     parser.add_argument("--rooms", type=int, help="only the skeletons' confidence, in so many rooms")
     parser.add_argument("--check", type=Path, help="recordings with truth files")

@@ -51,7 +51,7 @@ def look_at_joints(
     states: Any,
     signs: Any,
 ) -> None:
-    """Write the states (19,) and the first 8 signs (19, 10) of joints, in the order of `confidence.SIGNS`.
+    """Write the states (19,) and the first 10 signs (19, 12) of joints, in the order of `confidence.SIGNS`.
 
     ``camera`` is that of the whole image, ``window`` (`depth_pose.fit.rendered_depth.Observation`) what is
     known around the person.
@@ -74,6 +74,7 @@ def look_at_joints(
             elif label != PERSON or gap > hidden_behind:
                 states[j] = _OCCLUDED
                 signs[j, 0] = 1.0
+                signs[j, 8] = label == PERSON
             else:
                 signs[j, 3] = min(max(-gap / hidden_behind, 0.0), 2.0)
                 signs[j, 4] = max(gap / hidden_behind, 0.0)
@@ -93,3 +94,5 @@ def look_at_joints(
                 signs[j, 6] += 1.0 / _SAMPLES
             else:
                 signs[j, 7] += min(abs(gap) / hidden_behind, 2.0) / _SAMPLES
+    for j in range(positions.shape[0]):
+        signs[j, 9] = states[j] == _OUTSIDE and states[parents[j]] == _SEEN

@@ -44,42 +44,41 @@ _TOWARD = {
 
 SIGNS = {
     "hidden": 0.17,
-    "outside": -2.28,
+    "outside": -2.31,
     "in free space": 0.57,
     "before the surface": 0.09,
     "behind the surface": 0.10,
     "segment in free space": -2.83,
     "segment hidden": -3.62,
     "segment off the surface": -2.71,
-    "away from the proposal": -0.52,
-    "sure of the proposal": 3.89,
+    "hidden behind oneself": -0.59,
+    "outside, the other end seen": 0.44,
+    "away from the proposal": -0.62,
+    "sure of the proposal": 3.03,
 }
-"""Log-odds of what is seen. Hidden, in free space: 0 or 1. Outside: how far beyond the image's border,
-in units of 7 cm, at most 2. Before or behind: how far the joint is from where it should lie under the surface
-seen, in those units, at most 2. Of the segment: the shares of it in free space and hidden, and the mean
-distance of the rest. Of the proposal: how sure the finder is of it, 0 to 1, and that times how far the joint
-lies from it, in units of 10 cm, at most 4."""
+"""Log-odds of what is seen. Hidden, in free space, behind oneself and not another thing, outside next to a
+joint that is seen: 0 or 1. Outside: how far beyond the image's border, in units of 7 cm, at most 2.
+Before or behind: how far the joint is from where it should lie under the surface seen, in those units,
+at most 2. Of the segment: the shares of it in free space and hidden, and the mean distance of the rest.
+Of the proposal: how sure the finder is of it, 0 to 1, and that times how far the joint lies from it, in
+units of 10 cm, at most 4."""
 
 _APART_UNIT_M, _MOST_APART = 0.1, 4.0
 """Unit of the distance from the proposal, metres, and its most in that unit: `SIGNS` are fitted with them."""
 
-_WITHOUT_PROPOSALS = (0.0, 0.11)
-"""Signs of the proposal where nobody proposes joints: with them the chance is what it was before these were
-among the signs, fitted to what is seen alone."""
-
 KINDS = {
-    "pelvis": 7.87,
-    "spine": 8.13,
-    "chest": 8.74,
-    "neck": 8.06,
-    "head": 8.25,
-    "shoulder": 7.63,
-    "elbow": 5.02,
-    "wrist": 3.31,
-    "hip": 7.54,
-    "knee": 6.05,
-    "ankle": 4.83,
-    "foot": 4.77,
+    "pelvis": 8.64,
+    "spine": 8.90,
+    "chest": 9.51,
+    "neck": 8.83,
+    "head": 9.02,
+    "shoulder": 8.40,
+    "elbow": 5.79,
+    "wrist": 4.08,
+    "hip": 8.31,
+    "knee": 6.82,
+    "ankle": 5.60,
+    "foot": 5.54,
 }
 """Log-odds of each kind of joint."""
 
@@ -124,7 +123,7 @@ _SIGN_ODDS = np.array(list(SIGNS.values()))
 
 @dataclass(frozen=True)
 class JointSigns:
-    """How each joint was seen: states (19,) uint8, and the figures of `SIGNS`, (19, 10)."""
+    """How each joint was seen: states (19,) uint8, and the figures of `SIGNS`, (19, 12)."""
 
     states: NDArray[np.uint8]
     signs: NDArray[np.float64]
@@ -217,9 +216,9 @@ def look_at_joints(positions: NDArray[np.float64], scale: float, person: Person)
 
 
 def _proposal_signs(positions: NDArray[np.float64], found: FoundPerson) -> NDArray[np.float64]:
-    """Give how far joints (19, 3) are from where they are proposed, and how sure the finder is, (19, 2)."""
+    """Give how far joints (19, 3) are from where they are proposed, and how sure of that, (19, 2); else 0."""
     if len(found.proposals) != len(positions):
-        return np.tile(_WITHOUT_PROPOSALS, (len(positions), 1))
+        return np.zeros((len(positions), 2))
     sure = found.proposal_confidence.astype(np.float64)
     apart = np.linalg.norm(positions - found.proposals, axis=1) / _APART_UNIT_M
     return np.stack([np.minimum(apart, _MOST_APART) * sure, sure], axis=1)
