@@ -72,6 +72,21 @@ def test_who_is_stopped_hangs_and_that_is_said_once(silent):
     assert silent.code == -signal.SIGKILL
 
 
+def test_who_has_done_its_work_may_be_killed():
+    """Fast DDS does not always return from its goodbye: nothing is lost with the process then."""
+    child = Child("it")
+    program = "import time; print('it is ready\\nit has done its work', flush=True); time.sleep(60)"
+    child.spawn([sys.executable, "-c", program], dict(os.environ))
+    told, limit_s = [], time.monotonic() + LIMIT_S
+    while child.ready_s > time.monotonic():
+        assert time.monotonic() < limit_s
+        child.read(told.append)
+    child.kill()
+    child.read(told.append)
+    assert child.code == 0
+    assert told == ["[it] it is ready", "[it] had done its work, but did not end; it was killed"]
+
+
 def test_no_line_but_the_first_is_a_process_number():
     """Nodes log what others send them, and that may hold anything."""
     child = Child("it")

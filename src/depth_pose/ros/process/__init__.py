@@ -14,6 +14,9 @@ SPARES: tuple[str, ...] = tuple(f"spare {number + 1}" for number in range(len(NO
 READY = "is ready"
 """A process prints this once it can do its work: a node when it is active and its connections stand."""
 
+DONE = "has done its work"
+"""A node prints this before it says goodbye to others: now and then Fast DDS does not return from that."""
+
 PID = "\x1e"
 """A forked process' first line: this (ASCII's record separator), and its process id."""
 

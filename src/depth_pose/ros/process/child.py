@@ -14,7 +14,7 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from depth_pose.ros.process import BEAT, HOST, PID, READY, SECOND_HOST
+from depth_pose.ros.process import BEAT, DONE, HOST, PID, READY, SECOND_HOST
 
 PATIENCE_S = 3.0
 """Seconds without a sign of life after which a process counts as hung.
@@ -37,7 +37,8 @@ class Child:
     ----------
     name : str
     pid, code : int or None
-        Process id, once it is there; exit code, once it has ended.
+        Process id, once it is there; exit code, once it has ended: 0 also where it had done its work and was
+        killed.
     ready_s : float
         When it said that it is ready, by the monotonic clock; before that infinity.
     silent_s : float
@@ -51,7 +52,7 @@ class Child:
         self.pid: int | None = None
         self.code: int | None = None
         self.last_lines, self._rest = deque[str](maxlen=20), b""
-        self._ran_s, self._doomed = 0.0, False
+        self._ran_s, self._doomed, self._is_done = 0.0, False, False
         self._socket, self._theirs = socket.socketpair()
 
     def fileno(self) -> int:
@@ -91,6 +92,9 @@ class Child:
             if self.pid is None and line.startswith(PID):  # its first line, and no other
                 self.pid = int(line[1:])
                 continue
+            if DONE in line:
+                self._is_done = True
+                continue
             self.last_lines.append(line)
             if READY in line:
                 self.ready_s = min(self.ready_s, time.monotonic())
@@ -103,6 +107,9 @@ class Child:
         with contextlib.suppress(ChildProcessError):
             if self.pid is not None:
                 self.code = os.waitstatus_to_exitcode(os.waitpid(self.pid, 0)[1])
+        if self._is_done and self.code == -signal.SIGKILL:
+            sink(f"[{self.name}] had done its work, but did not end; it was killed")
+            self.code = 0
 
     def end(self) -> None:
         """Ask it to end, by the end of its connection; a host, which may be loading, is not asked."""

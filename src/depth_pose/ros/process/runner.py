@@ -14,6 +14,7 @@ from typing import Any, NoReturn
 
 from depth_pose.core.errors import BankError, ConfigError
 from depth_pose.ros import PRIVATE_UMASK
+from depth_pose.ros.process import DONE
 
 EXIT_CONFIG = 2
 """Exit code where the configuration or the bank cannot be used: starting again will not help."""
@@ -93,6 +94,8 @@ def _run(make: Callable[[], Any], args: Sequence[str] | None) -> int:
         for number in STOPS:
             signal.signal(number, signal.SIG_IGN)
         if node is not None:
+            with contextlib.suppress(OSError):  # nobody reads it
+                print(f"{node.get_name()} {DONE}", flush=True)
             with contextlib.suppress(Exception):
                 node.destroy_node()
         rclpy.try_shutdown()
