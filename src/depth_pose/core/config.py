@@ -115,7 +115,7 @@ class MatchConfig(Checked):
     )
     keep: int = option(3, "Candidates handed to the refinement", low=1, high=64)
     search_every: int = option(
-        2,
+        3,
         "Frames from one search for a person's exemplars to the next, once their size is known",
         low=1,
         high=100,

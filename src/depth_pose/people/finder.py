@@ -37,7 +37,7 @@ from depth_pose.people.verifier import Verifier
 _NEAR_M, _FAR_M = 0.2, 12.0
 """What the net was trained to look at."""
 
-_LEAST_PIXELS = 12
+LEAST_PIXELS = 12
 """Fewer pixels of the working grid than this are nobody."""
 
 _CLAIM_LOGIT, _CLAIM_M = -2.0, 0.17
@@ -201,7 +201,7 @@ class PeopleFinder:
         people = tuple(
             Detection(n, float(probability[k]), found.torsos[k])
             for n, k in enumerate(chosen, start=1)
-            if pixels[n] >= _LEAST_PIXELS
+            if pixels[n] >= LEAST_PIXELS
         )
         claims = claim_pixels(image, mask, torso, _CLAIM_LOGIT, found.torsos[chosen], _CLAIM_M)
         sure = np.zeros(len(chosen) + 1, np.uint8)

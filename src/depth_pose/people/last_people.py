@@ -19,7 +19,7 @@ from depth_pose.people import _carry_kernels as kernels
 from depth_pose.people import working_grid
 from depth_pose.people._carry_kernels import Before, CarryLimits
 from depth_pose.people.candidates import Candidates
-from depth_pose.people.finder import Detection
+from depth_pose.people.finder import LEAST_PIXELS, Detection
 from depth_pose.people.segmentation import Sighting
 
 _LONGEST_NS = 50_000_000
@@ -34,9 +34,6 @@ _SURE = 0.9
 
 _MOST_NEW = 0.02
 """Share of people's pixels that may be new: most on the development clips is .004. By hand, not swept."""
-
-_FEWEST_PIXELS = 12
-"""Fewer pixels than this are nobody, as for the finder."""
 
 
 @dataclass(frozen=True)
@@ -107,6 +104,6 @@ def _moved(person: Detection, was: Candidates, now: Candidates) -> Detection | N
     """Move somebody as the middle of their points moved; None where they are gone."""
     old, new = np.empty(3), np.empty(3)
     kernels.middle_of(was.depth, was.labels, person.label, was.camera, old)
-    if kernels.middle_of(now.depth, now.labels, person.label, now.camera, new) < _FEWEST_PIXELS:
+    if kernels.middle_of(now.depth, now.labels, person.label, now.camera, new) < LEAST_PIXELS:
         return None
     return replace(person, torso=person.torso + (new - old))

@@ -186,6 +186,8 @@ class PeopleTracks:
                 is_near = distance <= reach and sighting.probability >= self._keep
                 if is_near and track.may_be(sighting, stamp_ns):
                     costs[i, k] = distance
+        if costs.size == 1:  # as in most frames
+            return [(self._tracks[0], 0)] if costs[0, 0] < far else []
         # a cost of 0 would be no edge; `scipy.optimize` does the same and takes .4 s to import
         rows, columns = min_weight_full_bipartite_matching(csr_array(1.0 + costs))
         return [(self._tracks[i], int(k)) for i, k in zip(rows, columns, strict=True) if costs[i, k] < far]
