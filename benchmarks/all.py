@@ -43,7 +43,7 @@ A simulated person, {seconds:g} s at the sensor's rate: time of flight (176x144)
 15 frames a second, at which the finder does not rest). Median,
 in brackets 10th and 90th percentile, once the first sizes are known; people are those who were answered, on
 average; the last column is the median of the first {first} frames, which find the sizes. Bank: {poses:,}
-poses from {views} views each. Finder and matcher rest in every second frame where they can.
+poses from {views} views each. Finder and matcher rest in some frames where they can.
 
 {stages}
 
