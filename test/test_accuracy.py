@@ -21,8 +21,8 @@ SEED, SECONDS = 1, 0.8
 BUILD = Person(stature=1.58, girth=1.2, leg_length=0.95, arm_length=1.05, shoulder_width=0.95, head_size=1.05)
 """Small and heavy, with long arms: no exemplar is built so."""
 
-MEASURED_MM = 35.6
-"""Mean joint error of this clip on 2026-11-21, with the default bank and settings."""
+MEASURED_MM = 28.2
+"""Mean joint error of this clip on 2026-11-23, with the default bank and settings."""
 
 SLACK = 1.3
 """The error may be so many times as large before the test fails."""

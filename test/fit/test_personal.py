@@ -11,6 +11,7 @@ from depth_pose.body.build_file import KnownBuild
 from depth_pose.core.config import FitConfig, PersonalConfig
 from depth_pose.core.rotations import rotvec_to_matrix
 from depth_pose.fit import _build_kernels as kernels
+from depth_pose.fit import personal as personal_builds
 from depth_pose.fit.articulated import ArticulatedFitter, BodyPose, FitTarget
 from depth_pose.fit.personal import BuildEvidence, Evidence, PersonalBuild
 from depth_pose.people.person import thin
@@ -163,6 +164,22 @@ def test_a_rigid_motion_of_everything_changes_no_evidence(space):
     difference = (other.information - straight.information) * np.outer(spread, spread)
     size = np.abs(straight.information * np.outer(spread, spread)).max()
     assert np.abs(difference).max() < 0.05 * size  # pixels on edges fall otherwise
+
+
+def test_what_frames_say_too_little_of_a_part_is_added(space, monkeypatch):
+    pose, build = pose_at(3, scale=1.0), np.zeros(PARTS, np.float32)
+    target = target_of(syn.draw(syn.mesh(space.template.pose(*vars(pose).values()))))
+    lack = personal_builds._LACK
+    assert lack[0] == 0.0 and lack[1 + BUILD_NAMES.index("thigh")] > 0.0
+
+    def evidence():
+        return BuildEvidence(space, PersonalConfig(), FitConfig()).find(space.template, target, pose, build)
+
+    told = evidence()
+    monkeypatch.setattr(personal_builds, "_LACK", np.zeros(1 + PARTS))
+    plain = evidence()
+    np.testing.assert_array_equal(told.information, plain.information)
+    np.testing.assert_allclose(told.vector - plain.vector, plain.information @ lack, atol=1e-9)
 
 
 def test_of_someone_unknown_the_matchers_size_is_taken():
