@@ -360,7 +360,7 @@ def draw(measured: dict[str, Answers], path: Path) -> None:
     for column, (title, stated, right) in enumerate(
         (
             ("joints: within 10 cm", "stated", "right"),
-            ("skeletons: mean error of what is seen below 10 cm", "frame_stated", "frame_right"),
+            ("skeletons: seen joints within 10 cm", "frame_stated", "frame_right"),
         )
     ):
         top, bottom = axes[:, column]
