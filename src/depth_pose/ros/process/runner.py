@@ -94,8 +94,9 @@ def _run(make: Callable[[], Any], args: Sequence[str] | None) -> int:
         for number in STOPS:
             signal.signal(number, signal.SIG_IGN)
         if node is not None:
-            with contextlib.suppress(OSError):  # nobody reads it
-                print(f"{node.get_name()} {DONE}", flush=True)
+            if sys.exc_info()[0] is None:  # it was told to stop
+                with contextlib.suppress(OSError):  # nobody reads it
+                    print(f"{node.get_name()} {DONE}", flush=True)
             with contextlib.suppress(Exception):
                 node.destroy_node()
         rclpy.try_shutdown()
