@@ -90,7 +90,7 @@ BESIDE = 0.45
 by half too much is guessed, and nothing was fitted to them."""
 
 SKELETON_SIGNS = {
-    "always": -3.43,
+    "always": -4.12,
     "log-odds of being a person": 0.66,
     "log-odds of the joints' mean confidence": 1.09,
     "metres from the finder's joints": -6.64,
