@@ -4,8 +4,8 @@
     python tools/people_finder/make_weights.py build/people_finder
 
 What is there already is kept, so that it can be run again. The result is in FOLDER/integers (with floats in
-FOLDER/weights); copy it to src/depth_pose/people/weights to ship it. It takes two and a half
-hours on 2 cores.
+FOLDER/weights); copy it to src/depth_pose/people/weights to ship it. It takes two and a half hours on 2
+cores.
 """
 
 from __future__ import annotations

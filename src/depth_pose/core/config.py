@@ -149,7 +149,7 @@ class RefineConfig(Checked):
     beam: int = option(
         1,
         "Poses of a person that are kept from frame to frame: the answer, and so many less one that differ "
-        "from it and agree next best; with 2 each frame takes 2 ms more and errs by .2 mm less",
+        "from it and agree next best; with 2 each frame takes 2 ms more and errs as much (docs/accuracy.md)",
         low=1,
         high=5,
     )
