@@ -75,7 +75,7 @@ def follow(pipeline: PosePipeline, space: BuildSpace, path: Path) -> tuple[np.nd
         skeleton = pipeline.process_frame(frame).skeleton
         if skeleton.is_lost:
             continue
-        own = _lengths_of(space, skeleton)
+        own = lengths_of(space, skeleton)
         seconds = (frame.stamp_ns - int(truth.stamps_ns[0])) * 1e-9
         for k, moment in enumerate(MOMENTS_S):
             if seconds <= moment:
@@ -84,7 +84,8 @@ def follow(pipeline: PosePipeline, space: BuildSpace, path: Path) -> tuple[np.nd
     return found, np.median([lengths(joints) for joints in truth.joints], axis=0)
 
 
-def _lengths_of(space: BuildSpace, skeleton: Skeleton) -> np.ndarray:
+def lengths_of(space: BuildSpace, skeleton: Skeleton) -> np.ndarray:
+    """Lengths of the bones of a followed person, metres, (9,)."""
     body = space.body(np.asarray(skeleton.build, np.float32)) if len(skeleton.build) else space.template
     return skeleton.scale * lengths(body.nodes[JOINT_NODES])
 

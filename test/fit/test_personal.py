@@ -78,7 +78,7 @@ def followed(space, person, seed, frames=36):
     """What is learned of a person before a noisy camera, in random poses that change every fourth frame."""
     config, rng = PersonalConfig(), np.random.default_rng(seed)
     fitter, finder = ArticulatedFitter(space.template), BuildEvidence(space, config, FitConfig())
-    personal = PersonalBuild(config)
+    personal = PersonalBuild(config, space)
     for k in range(frames):
         personal.take_size(1.02, is_given=False)
         turn = syn.rotation("y", 20.0 * np.sin(k / 6.0 + seed))
@@ -88,7 +88,7 @@ def followed(space, person, seed, frames=36):
         target, body = target_of(noisy), space.body(personal.build)
         start = BodyPose(pose.rotations, pose.root, personal.scale)
         fitted = fitter.of(body).fit(target, start)
-        personal.add(finder.find(body, target, fitted, personal.build), k * 60_000_000, 0.2)
+        personal.add(k * 60_000_000, 0.2, evidence=finder.find(body, target, fitted, personal.build))
     personal.take_size(1.02, is_given=False)
     return personal
 
@@ -182,8 +182,8 @@ def test_what_frames_say_too_little_of_a_part_is_added(space, monkeypatch):
     np.testing.assert_allclose(told.vector - plain.vector, plain.information @ lack, atol=1e-9)
 
 
-def test_of_someone_unknown_the_matchers_size_is_taken():
-    personal = PersonalBuild(PersonalConfig())
+def test_of_someone_unknown_the_matchers_size_is_taken(space):
+    personal = PersonalBuild(PersonalConfig(), space)
     personal.take_size(0.93, is_given=False)
     assert personal.scale == pytest.approx(0.93, rel=1e-6)
     assert not personal.build.any()
@@ -196,12 +196,12 @@ def made_evidence(truth, seed):
     return Evidence(information, information @ truth)
 
 
-def test_evidence_adds_up_to_the_truth_and_is_forgotten():
+def test_evidence_adds_up_to_the_truth_and_is_forgotten(space):
     truth = np.concatenate([[np.log(1.1)], np.linspace(-0.1, 0.1, PARTS)])
-    personal = PersonalBuild(PersonalConfig(memory=5.0))
+    personal = PersonalBuild(PersonalConfig(memory=5.0), space)
     personal.take_size(1.08, is_given=False)
     for frame in range(200):
-        personal.add(made_evidence(truth, frame), frame * 100_000_000, 0.1)
+        personal.add(frame * 100_000_000, 0.1, evidence=made_evidence(truth, frame))
         personal.take_size(1.08, is_given=False)
     assert personal.scale == pytest.approx(1.1, rel=0.01)
     np.testing.assert_allclose(personal.build, truth[1:], atol=0.01)
@@ -209,38 +209,40 @@ def test_evidence_adds_up_to_the_truth_and_is_forgotten():
     assert (sure.spread < SPREAD).all()
     other = np.concatenate([[np.log(1.1)], np.zeros(PARTS)])
     for frame in range(200, 500):
-        personal.add(made_evidence(other, frame), frame * 100_000_000, 0.1)
+        personal.add(frame * 100_000_000, 0.1, evidence=made_evidence(other, frame))
         personal.take_size(1.08, is_given=False)
     np.testing.assert_allclose(personal.build, 0.0, atol=0.01)
 
 
-def test_frames_that_fit_badly_say_little():
+def test_frames_that_fit_badly_say_little(space):
     truth = np.concatenate([[np.log(1.1)], np.linspace(-0.1, 0.1, PARTS)])
     spreads = {}
     for score in (0.1, 0.4):
-        personal = PersonalBuild(PersonalConfig())
+        personal = PersonalBuild(PersonalConfig(), space)
         personal.take_size(1.1, is_given=False)
         for frame in range(4):
-            personal.add(made_evidence(truth, frame), frame * 100_000_000, score)
+            personal.add(frame * 100_000_000, score, evidence=made_evidence(truth, frame))
         personal.take_size(1.1, is_given=False)
         spreads[score] = personal.known().spread
         assert personal.build.any() == (score < 0.2)  # four good frames are enough, bad ones not
     assert (spreads[0.1] < spreads[0.4]).all()
 
 
-def test_a_given_size_is_kept():
+def test_a_given_size_is_kept(space):
     truth = np.concatenate([[np.log(1.2)], np.zeros(PARTS)])
-    personal = PersonalBuild(PersonalConfig())
+    personal = PersonalBuild(PersonalConfig(), space)
     for frame in range(20):
         personal.take_size(1.0, is_given=True)
-        personal.add(made_evidence(truth, frame), frame * 100_000_000, 0.1)
+        personal.add(frame * 100_000_000, 0.1, evidence=made_evidence(truth, frame))
     personal.take_size(1.0, is_given=True)
     assert personal.scale == pytest.approx(1.0, abs=0.005)
 
 
-def test_a_known_build_is_begun_with():
+def test_a_known_build_is_begun_with(space):
     build = np.linspace(-0.08, 0.08, PARTS)
-    personal = PersonalBuild(PersonalConfig(), KnownBuild(0.9, 0.005, build, np.full(PARTS, 0.01), 100))
+    personal = PersonalBuild(
+        PersonalConfig(), space, KnownBuild(0.9, 0.005, build, np.full(PARTS, 0.01), 100)
+    )
     personal.take_size(0.95, is_given=False)
     np.testing.assert_allclose(personal.build, build, atol=1e-6)
     assert 0.9 < personal.scale < 0.91

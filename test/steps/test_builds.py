@@ -10,7 +10,9 @@ from depth_pose.body.build import BUILD_NAMES, BuildSpace
 from depth_pose.body.build_file import KnownBuild, save_build
 from depth_pose.core.config import FitConfig, PersonalConfig
 from depth_pose.core.errors import ConfigError
-from depth_pose.fit.articulated import BodyPose, FitTarget
+from depth_pose.core.skeleton import JOINT_NODES, MIRROR_JOINTS
+from depth_pose.fit._articulated_kernels import Proposals
+from depth_pose.fit.articulated import BodyPose, FitTarget, FittedBody
 from depth_pose.people.person import thin
 from depth_pose.steps.builds import BuildLearner
 
@@ -24,13 +26,14 @@ def space(body):
 
 @pytest.fixture(scope="module")
 def seen(space):
-    """A pose, and a frame that shows somebody with long thighs in it."""
+    """A frame that shows somebody with long thighs, and the pose."""
     build = np.zeros(PARTS, np.float32)
     build[BUILD_NAMES.index("thigh")] = 0.1
     pose = BodyPose(syn.FACING @ syn.varied(2, 30.0), np.array([0.0, 0.0, 3.0]), 1.0)
     posed = space.body(build).pose(pose.rotations, pose.root, pose.scale)
     person = syn.to_person(syn.draw(syn.mesh(posed)))
-    return FitTarget.prepare(thin(person.points, 800), person.full, person.coarse), pose
+    target = FitTarget.prepare(thin(person.points, 800), person.full, person.coarse)
+    return target, FittedBody(pose, posed.vertices, posed.nodes)
 
 
 def learner_of(space, **settings):
@@ -81,3 +84,19 @@ def test_a_file_is_begun_with_and_a_bad_one_refused(space, tmp_path):
     np.testing.assert_allclose(learner.of("a", 0.9, is_given=False).build, build, atol=1e-4)
     with pytest.raises(ConfigError, match=r"no\.json: the build cannot be read"):
         learner_of(space, file=str(tmp_path / "no.json"))
+
+
+def test_proposed_bones_are_learned_in_bad_frames_as_well(space, seen):
+    """Else a size that clothes made too large, or proposals too small, would never be set right again."""
+    target, fitted = seen
+    nodes = syn.posed(syn.arms_down(), body=space.template).nodes
+    joints = nodes[JOINT_NODES] * 0.8  # as proposed: a fifth smaller
+    places, weights = np.stack([joints, joints[MIRROR_JOINTS]]), np.full((2, len(joints)), 0.68)
+    proposing = target._replace(proposals=Proposals(np.asarray(JOINT_NODES, np.int64), places, weights))
+    standing = FittedBody(fitted.pose, fitted.vertices, nodes)
+    learner = learner_of(space)
+    personal = follow(learner, (proposing, standing), "a", 0, 12, score=0.9)
+    assert personal.frames == 0
+    assert learner.best_known() is None
+    assert personal.scale < 0.9
+    assert follow(learner_of(space), seen, "a", 0, 12, score=0.9).scale == pytest.approx(1.0)

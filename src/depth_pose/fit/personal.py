@@ -17,7 +17,8 @@ could as well be turned or shifted. Sums of them over frames, slowly forgotten, 
 
 Only distances along the skin's normal count: the distance to the nearest points along the skin is small
 however wrong a length is, and would call every build right. What frames say too little of a part even so is
-added, `_LACKING`.
+added, `_LACKING`. Clothes make people look larger than they are; how much they do is taken from the size
+(`depth_pose.fit.proposed_bones`).
 """
 
 from __future__ import annotations
@@ -35,6 +36,7 @@ from depth_pose.core.skeleton import NODE_PARENTS
 from depth_pose.fit import _build_kernels as kernels
 from depth_pose.fit._articulated_kernels import USUAL_POINTS
 from depth_pose.fit.articulated import ArticulatedFitter, BodyPose, FitTarget
+from depth_pose.fit.proposed_bones import NOTHING, BoneLengths, ProposedBones
 
 Array = NDArray[np.float64]
 
@@ -178,6 +180,7 @@ class PersonalBuild:
     Parameters
     ----------
     config : PersonalConfig
+    space : BuildSpace
     known : KnownBuild, optional
         What was known before; else people are like other adults.
 
@@ -191,7 +194,7 @@ class PersonalBuild:
         The size that goes with it, as float32; 0 before the first frame.
     """
 
-    def __init__(self, config: PersonalConfig, known: KnownBuild | None = None) -> None:
+    def __init__(self, config: PersonalConfig, space: BuildSpace, known: KnownBuild | None = None) -> None:
         self._config = config
         size = 1 + len(BUILD_NAMES)
         self._information, self._vector = np.zeros((size, size)), np.zeros(size)
@@ -202,6 +205,7 @@ class PersonalBuild:
             spread = np.maximum([known.scale_spread, *known.spread], _LEAST_SPREAD)
             self._prior = np.diag(spread**-2)
             self._prior_vector = self._prior @ [np.log(known.scale), *known.build]
+        self._bones = ProposedBones(space)
         self._stamp_ns: int | None = None
         self._is_known = known is not None
         self.frames, self._told = 0, 0.0
@@ -219,7 +223,8 @@ class PersonalBuild:
             Whether it was not found but given, and is to be kept.
         """
         self._size = (_GIVEN_SPREAD if is_given else _SIZE_SPREAD) ** -2, float(np.log(scale))
-        x = self._solve()[0] if self._is_used() else np.array([self._size[1], *self.build])
+        self._is_given = is_given
+        x = self._solve()[0] if self._is_used() else self._undressed(np.array([self._size[1], *self.build]))
         now = np.concatenate([[np.log(self.scale)], self.build]) if self.scale > 0.0 else np.inf
         if np.abs(x - now).max() > _STEP:
             self.scale, self.build = float(np.float32(np.exp(x[0]))), x[1:].astype(np.float32)
@@ -231,21 +236,30 @@ class PersonalBuild:
         """Tell whether the last frame that said something is long enough ago: neighbours say the same."""
         return self._stamp_ns is None or stamp_ns - self._stamp_ns >= _EVERY_NS
 
-    def add(self, evidence: Evidence, stamp_ns: int, score: float) -> None:
+    def add(
+        self, stamp_ns: int, score: float, bones: BoneLengths = NOTHING, evidence: Evidence | None = None
+    ) -> None:
         """Add what a frame says; what earlier ones said is slowly forgotten.
 
         Parameters
         ----------
-        evidence : Evidence
         stamp_ns : int
         score : float
-            Rendered-depth disagreement of the fitted body: how little the frame counts.
+            Rendered-depth disagreement of the fitted body: how little the evidence counts.
+        bones : BoneLengths
+            Between the joints that the finder proposes; they do not depend on how well the body fits.
+        evidence : Evidence, optional
+            None where the frame fits too badly to say anything.
         """
         if self._stamp_ns is not None:
             kept = float(np.exp((self._stamp_ns - stamp_ns) * 1e-9 / self._config.memory))
             self._information *= kept
             self._vector *= kept
+            self._bones.forget(kept)
         self._stamp_ns = stamp_ns
+        self._bones.add(bones)
+        if evidence is None:
+            return
         share = min(1.0, _FITS_WELL / max(score, 1e-9)) ** 4
         self._information += share / self._config.noise**2 * evidence.information
         self._vector += share / self._config.noise**2 * evidence.vector
@@ -266,4 +280,8 @@ class PersonalBuild:
         vector[0] += weight * size
         x: Array = np.asarray(np.linalg.solve(total, vector), np.float64)
         x[1:] = np.clip(x[1:], -MOST, MOST)
-        return x, total
+        return self._undressed(x), total
+
+    def _undressed(self, x: Array) -> Array:
+        """Take from a log size and build, (14,), what clothes add; not from a size that is given."""
+        return x if self._is_given else np.array([x[0] - self._bones.excess(x), *x[1:]])

@@ -10,8 +10,9 @@ from __future__ import annotations
 from depth_pose.body.build import BuildSpace
 from depth_pose.body.build_file import KnownBuild, load_build
 from depth_pose.core.config import FitConfig, PersonalConfig
-from depth_pose.fit.articulated import BodyPose, FitTarget
+from depth_pose.fit.articulated import FitTarget, FittedBody
 from depth_pose.fit.personal import BuildEvidence, PersonalBuild
+from depth_pose.fit.proposed_bones import measure
 from depth_pose.people.memory import PerPerson
 
 
@@ -36,7 +37,7 @@ class BuildLearner:
         self._config = config
         self._evidence = BuildEvidence(space, config, fit)
         known = load_build(config.file) if config.file else None
-        self._people = PerPerson(lambda: PersonalBuild(config, known))
+        self._people = PerPerson(lambda: PersonalBuild(config, space, known))
         self.reset()
 
     def reset(self) -> None:
@@ -68,23 +69,26 @@ class BuildLearner:
         return personal
 
     def learn(
-        self, personal: PersonalBuild, target: FitTarget, pose: BodyPose, score: float, stamp_ns: int
+        self, personal: PersonalBuild, target: FitTarget, fitted: FittedBody, score: float, stamp_ns: int
     ) -> None:
-        """Learn from a fitted frame, if it fits well.
+        """Learn from a fitted frame: from skin if it fits well, from proposed joints in any case.
 
         Parameters
         ----------
         personal : PersonalBuild
         target : FitTarget
             What the body was fitted to.
-        pose : BodyPose
+        fitted : FittedBody
         score : float
             Rendered-depth disagreement of the fitted body.
         stamp_ns : int
         """
-        if not self._config.personal or score > self._config.worst_score or not personal.is_due(stamp_ns):
+        if not self._config.personal or not personal.is_due(stamp_ns):
             return
-        body = self.space.body(personal.build)
-        personal.add(self._evidence.find(body, target, pose, personal.build), stamp_ns, score)
-        if self._longest is None or personal.frames >= self._longest.frames:
+        evidence = None
+        if score <= self._config.worst_score:
+            body = self.space.body(personal.build)
+            evidence = self._evidence.find(body, target, fitted.pose, personal.build)
+        personal.add(stamp_ns, score, measure(target.proposals, fitted.nodes), evidence)
+        if personal.frames > 0 and (self._longest is None or personal.frames >= self._longest.frames):
             self._longest = personal

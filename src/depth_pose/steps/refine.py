@@ -202,11 +202,11 @@ class Refiner:
         body = self._space.body(personal.build)
         fitter = self._fitter.fit_to(person, body, personal.build)
         best = self._fit_best(person, replace(match, scale=personal.scale), kept, fitter)
-        pose = best.body.pose
+        seen = best.body
         best = replace(best, body=self._beyond.settle(body, best.body, person.camera))
         self.meshes[person.body_id] = best.body.vertices
         fitted = Fitted(self._skeleton(person, best, personal.build), best.comparison.score)
-        self.builds.learn(personal, fitter.seen(), pose, fitted.score, person.stamp_ns)
+        self.builds.learn(personal, fitter.seen(), seen, fitted.score, person.stamp_ns)
         return fitted
 
     def _fit_best(self, person: Person, match: PoseMatch, kept: _Kept, fitter: FrameFitter) -> _Compared:
