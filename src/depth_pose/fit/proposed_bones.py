@@ -98,8 +98,7 @@ def measure(proposals: Proposals, nodes: Array) -> BoneLengths:
     nodes : (21, 3) float64
         Those of the fitted body, metres, camera frame: they say how bones lie, and which side is left.
     """
-    stands = _stands(nodes)
-    if not len(proposals.nodes) or stands == 0.0:
+    if not len(proposals.nodes):
         return NOTHING
     side = nearer_naming(nodes[proposals.nodes], proposals.places, proposals.weights)
     places, weights = proposals.places[side], proposals.weights[side]
@@ -107,7 +106,8 @@ def measure(proposals: Proposals, nodes: Array) -> BoneLengths:
     bone, ray = nodes[_NODES[0]] - nodes[_NODES[1]], nodes[_NODES[0]] + nodes[_NODES[1]]
     along = (bone * ray).sum(axis=1) ** 2 / ((bone**2).sum(axis=1) * (ray**2).sum(axis=1))
     legs = float(weights[_LEGS].mean()) / _SUREST
-    sure = stands * legs**2 * weights[_ENDS[0]] * weights[_ENDS[1]] / _SUREST**2 * (1.0 - along) ** 2
+    both = weights[_ENDS[0]] * weights[_ENDS[1]] / _SUREST**2
+    sure = _stands(nodes) * legs**2 * both * (1.0 - along) ** 2
     return BoneLengths(np.log(np.maximum(apart, _SHORTEST_M)) - _BIAS, sure)
 
 
