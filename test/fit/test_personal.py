@@ -88,7 +88,7 @@ def followed(space, person, seed, frames=36):
         target, body = target_of(noisy), space.body(personal.build)
         start = BodyPose(pose.rotations, pose.root, personal.scale)
         fitted = fitter.of(body).fit(target, start)
-        personal.add(k * 60_000_000, 0.2, evidence=finder.find(body, target, fitted, personal.build))
+        personal.add(k * 60_000_000, 0.2, finder.find(body, target, fitted, personal.build))
     personal.take_size(1.02, is_given=False)
     return personal
 
@@ -201,7 +201,7 @@ def test_evidence_adds_up_to_the_truth_and_is_forgotten(space):
     personal = PersonalBuild(PersonalConfig(memory=5.0), space)
     personal.take_size(1.08, is_given=False)
     for frame in range(200):
-        personal.add(frame * 100_000_000, 0.1, evidence=made_evidence(truth, frame))
+        personal.add(frame * 100_000_000, 0.1, made_evidence(truth, frame))
         personal.take_size(1.08, is_given=False)
     assert personal.scale == pytest.approx(1.1, rel=0.01)
     np.testing.assert_allclose(personal.build, truth[1:], atol=0.01)
@@ -209,7 +209,7 @@ def test_evidence_adds_up_to_the_truth_and_is_forgotten(space):
     assert (sure.spread < SPREAD).all()
     other = np.concatenate([[np.log(1.1)], np.zeros(PARTS)])
     for frame in range(200, 500):
-        personal.add(frame * 100_000_000, 0.1, evidence=made_evidence(other, frame))
+        personal.add(frame * 100_000_000, 0.1, made_evidence(other, frame))
         personal.take_size(1.08, is_given=False)
     np.testing.assert_allclose(personal.build, 0.0, atol=0.01)
 
@@ -221,7 +221,7 @@ def test_frames_that_fit_badly_say_little(space):
         personal = PersonalBuild(PersonalConfig(), space)
         personal.take_size(1.1, is_given=False)
         for frame in range(4):
-            personal.add(frame * 100_000_000, score, evidence=made_evidence(truth, frame))
+            personal.add(frame * 100_000_000, score, made_evidence(truth, frame))
         personal.take_size(1.1, is_given=False)
         spreads[score] = personal.known().spread
         assert personal.build.any() == (score < 0.2)  # four good frames are enough, bad ones not
@@ -233,7 +233,7 @@ def test_a_given_size_is_kept(space):
     personal = PersonalBuild(PersonalConfig(), space)
     for frame in range(20):
         personal.take_size(1.0, is_given=True)
-        personal.add(frame * 100_000_000, 0.1, evidence=made_evidence(truth, frame))
+        personal.add(frame * 100_000_000, 0.1, made_evidence(truth, frame))
     personal.take_size(1.0, is_given=True)
     assert personal.scale == pytest.approx(1.0, abs=0.005)
 

@@ -119,8 +119,9 @@ _SURFACES: dict[str, tuple[tuple[str, Array | str], ...]] = {
 _NEXT = {"shoulder": "elbow", "elbow": "wrist", "hip": "knee", "knee": "ankle"}
 """The node at the end of each long bone."""
 
-MOST = 0.3
-"""No part is taken to differ by more than this: four to six standard deviations of most."""
+MOST: Array = np.where([name == "trunk_depth" for name in BUILD_NAMES], 0.6, 0.3)
+"""No part is taken to differ by more than this, (13,): four to six standard deviations of most. Coats make a
+trunk half as deep again."""
 
 _KEPT = 64
 """Bodies that are remembered; a person's build seldom changes."""

@@ -84,10 +84,11 @@ def load_build(path: Path | str) -> KnownBuild:
         odd = ", ".join(sorted(set(parts) ^ set(BUILD_NAMES)))
         raise ConfigError(f"{path}: parts that are missing or unknown: {odd}")
     where = [(name, parts[name] if isinstance(parts[name], dict) else {}) for name in BUILD_NAMES]
+    most = zip(where, MOST.tolist(), strict=True)
     return KnownBuild(
         scale=_number(path, content, "scale", "scale", 0.3, 2.5),
         scale_spread=_number(path, content, "scale_spread", "scale_spread", 1e-5, 1.0),
-        build=np.array([_number(path, p, "value", f"{n}.value", -MOST, MOST) for n, p in where]),
+        build=np.array([_number(path, p, "value", f"{n}.value", -m, m) for (n, p), m in most]),
         spread=np.array([_number(path, p, "spread", f"{n}.spread", 1e-5, 1.0) for n, p in where]),
         frames=int(_number(path, content, "frames", "frames", 0, 1e9)),
     )

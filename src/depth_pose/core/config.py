@@ -269,7 +269,10 @@ class PersonalConfig(Checked):
         20.0, "What was seen of a build is forgotten over this time", unit="s", low=0.1, high=1e6
     )
     worst_score: float = option(
-        0.4, "Frames whose fit disagrees more than this, 0 to 1, say nothing of the build", low=0.0, high=1.0
+        0.4,
+        "Skin of frames whose fit disagrees more than this, 0 to 1, says nothing of the build",
+        low=0.0,
+        high=1.0,
     )
 
 

@@ -17,8 +17,8 @@ could as well be turned or shifted. Sums of them over frames, slowly forgotten, 
 
 Only distances along the skin's normal count: the distance to the nearest points along the skin is small
 however wrong a length is, and would call every build right. What frames say too little of a part even so is
-added, `_LACKING`. Clothes make people look larger than they are; how much they do is taken from the size
-(`depth_pose.fit.proposed_bones`).
+added, `_LACKING`. Clothes make people look larger and nearer than they are; how much they do is told by the
+joints that the finder proposes (`depth_pose.fit.proposed_bones`, `depth_pose.fit.proposed_depth`).
 """
 
 from __future__ import annotations
@@ -36,7 +36,8 @@ from depth_pose.core.skeleton import NODE_PARENTS
 from depth_pose.fit import _build_kernels as kernels
 from depth_pose.fit._articulated_kernels import USUAL_POINTS
 from depth_pose.fit.articulated import ArticulatedFitter, BodyPose, FitTarget
-from depth_pose.fit.proposed_bones import NOTHING, BoneLengths, ProposedBones
+from depth_pose.fit.proposed_bones import BoneLengths, ProposedBones
+from depth_pose.fit.proposed_depth import ProposedDepth, TrunkDepth
 
 Array = NDArray[np.float64]
 
@@ -103,6 +104,13 @@ class Evidence(NamedTuple):
 
     information: Array
     vector: Array
+
+
+class Proposed(NamedTuple):
+    """What proposed joints say of a build: lengths of bones, and how deep the trunk is."""
+
+    bones: BoneLengths
+    depth: TrunkDepth
 
 
 class BuildEvidence:
@@ -205,7 +213,7 @@ class PersonalBuild:
             spread = np.maximum([known.scale_spread, *known.spread], _LEAST_SPREAD)
             self._prior = np.diag(spread**-2)
             self._prior_vector = self._prior @ [np.log(known.scale), *known.build]
-        self._bones = ProposedBones(space)
+        self._bones, self._depth = ProposedBones(space), ProposedDepth()
         self._stamp_ns: int | None = None
         self._is_known = known is not None
         self.frames, self._told = 0, 0.0
@@ -224,7 +232,7 @@ class PersonalBuild:
         """
         self._size = (_GIVEN_SPREAD if is_given else _SIZE_SPREAD) ** -2, float(np.log(scale))
         self._is_given = is_given
-        x = self._solve()[0] if self._is_used() else self._undressed(np.array([self._size[1], *self.build]))
+        x = self._solve()[0]
         now = np.concatenate([[np.log(self.scale)], self.build]) if self.scale > 0.0 else np.inf
         if np.abs(x - now).max() > _STEP:
             self.scale, self.build = float(np.float32(np.exp(x[0]))), x[1:].astype(np.float32)
@@ -237,7 +245,7 @@ class PersonalBuild:
         return self._stamp_ns is None or stamp_ns - self._stamp_ns >= _EVERY_NS
 
     def add(
-        self, stamp_ns: int, score: float, bones: BoneLengths = NOTHING, evidence: Evidence | None = None
+        self, stamp_ns: int, score: float, evidence: Evidence | None, proposed: Proposed | None = None
     ) -> None:
         """Add what a frame says; what earlier ones said is slowly forgotten.
 
@@ -246,18 +254,21 @@ class PersonalBuild:
         stamp_ns : int
         score : float
             Rendered-depth disagreement of the fitted body: how little the evidence counts.
-        bones : BoneLengths
-            Between the joints that the finder proposes; they do not depend on how well the body fits.
-        evidence : Evidence, optional
+        evidence : Evidence or None
             None where the frame fits too badly to say anything.
+        proposed : Proposed, optional
+            None where nobody stands. It does not depend on how well the body fits.
         """
         if self._stamp_ns is not None:
             kept = float(np.exp((self._stamp_ns - stamp_ns) * 1e-9 / self._config.memory))
             self._information *= kept
             self._vector *= kept
             self._bones.forget(kept)
+            self._depth.forget(kept)
         self._stamp_ns = stamp_ns
-        self._bones.add(bones)
+        if proposed is not None:
+            self._bones.add(proposed.bones)
+            self._depth.add(proposed.depth)
         if evidence is None:
             return
         share = min(1.0, _FITS_WELL / max(score, 1e-9)) ** 4
@@ -273,15 +284,19 @@ class PersonalBuild:
         return KnownBuild(float(np.exp(x[0])), float(spread[0]), x[1:], spread[1:], self.frames)
 
     def _solve(self) -> tuple[Array, Array]:
-        """Best estimate of log size and build, (14,), and all information on it, (14, 14)."""
-        total, vector = self._prior + self._information, self._prior_vector + self._vector
+        """Best estimate of log size and build, (14,), and all information on it, (14, 14).
+
+        What skin says is left out while it is not used.
+        """
+        total, vector = self._prior.copy(), self._prior_vector.copy()
+        if self._is_used():
+            total += self._information
+            vector += self._vector
         weight, size = self._size
         total[0, 0] += weight
         vector[0] += weight * size
-        x: Array = np.asarray(np.linalg.solve(total, vector), np.float64)
+        x: Array = np.asarray(np.linalg.solve(*self._depth.observe(total, vector)), np.float64)
         x[1:] = np.clip(x[1:], -MOST, MOST)
-        return self._undressed(x), total
-
-    def _undressed(self, x: Array) -> Array:
-        """Take from a log size and build, (14,), what clothes add; not from a size that is given."""
-        return x if self._is_given else np.array([x[0] - self._bones.excess(x), *x[1:]])
+        if not self._is_given:
+            x[0] -= self._bones.excess(x)
+        return x, total

@@ -11,8 +11,10 @@ from depth_pose.body.build import BuildSpace
 from depth_pose.body.build_file import KnownBuild, load_build
 from depth_pose.core.config import FitConfig, PersonalConfig
 from depth_pose.fit.articulated import FitTarget, FittedBody
-from depth_pose.fit.personal import BuildEvidence, PersonalBuild
-from depth_pose.fit.proposed_bones import measure
+from depth_pose.fit.personal import BuildEvidence, PersonalBuild, Proposed
+from depth_pose.fit.proposed_bones import measure_bones
+from depth_pose.fit.proposed_depth import TrunkSkin
+from depth_pose.fit.standing import find_standing
 from depth_pose.people.memory import PerPerson
 
 
@@ -35,7 +37,7 @@ class BuildLearner:
     def __init__(self, space: BuildSpace, config: PersonalConfig, fit: FitConfig) -> None:
         self.space = space
         self._config = config
-        self._evidence = BuildEvidence(space, config, fit)
+        self._evidence, self._skin = BuildEvidence(space, config, fit), TrunkSkin(space)
         known = load_build(config.file) if config.file else None
         self._people = PerPerson(lambda: PersonalBuild(config, space, known))
         self.reset()
@@ -89,6 +91,11 @@ class BuildLearner:
         if score <= self._config.worst_score:
             body = self.space.body(personal.build)
             evidence = self._evidence.find(body, target, fitted.pose, personal.build)
-        personal.add(stamp_ns, score, measure(target.proposals, fitted.nodes), evidence)
+        standing = find_standing(target.proposals, fitted.nodes)
+        proposed = None
+        if standing is not None:
+            depth = self._skin.measure(standing, fitted, personal.build)
+            proposed = Proposed(measure_bones(standing, fitted.nodes), depth)
+        personal.add(stamp_ns, score, evidence, proposed)
         if personal.frames > 0 and (self._longest is None or personal.frames >= self._longest.frames):
             self._longest = personal

@@ -1,0 +1,56 @@
+"""Weighted medians of numbers that come frame by frame, slowly forgotten."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+class RunningMedian:
+    """Medians of several numbers: each is counted in equal steps, and the median is interpolated.
+
+    Parameters
+    ----------
+    rows : int
+        Numbers in a frame.
+    first, step : float
+        Where counting begins, and how fine it is.
+    steps : int
+        What lies outside counts as the first or the last of them.
+
+    Attributes
+    ----------
+    total : (rows,) float64
+        Weights in all.
+    """
+
+    def __init__(self, rows: int, first: float, step: float, steps: int) -> None:
+        self._first, self._step = first, step
+        self._counts = np.zeros((rows, steps))
+        self.total = np.zeros(rows)
+        self._medians: Array | None = None
+
+    def forget(self, kept: float) -> None:
+        """Keep a share of what earlier frames said."""
+        self._counts *= kept
+        self.total *= kept
+
+    def add(self, values: Array, weights: Array) -> None:
+        """Add what a frame says, (rows,) each."""
+        steps = ((values - self._first) / self._step).astype(np.int64)
+        self._counts[np.arange(len(steps)), np.clip(steps, 0, self._counts.shape[1] - 1)] += weights
+        self.total += weights
+        self._medians = None
+
+    def medians(self) -> Array:
+        """Give the medians, (rows,); of rows without weight they mean nothing."""
+        if self._medians is None:
+            up = np.cumsum(self._counts, axis=1)
+            half = 0.5 * up[:, -1]
+            step, rows = np.argmax(up >= half[:, None], axis=1), np.arange(len(up))
+            own = self._counts[rows, step]
+            inside = (half - up[rows, step] + own) / np.maximum(own, 1e-12)
+            self._medians = self._first + self._step * (step + inside)
+        return self._medians
