@@ -215,6 +215,7 @@ class PersonalBuild:
             self._prior_vector = self._prior @ [np.log(known.scale), *known.build]
         self._bones, self._depth = ProposedBones(space), ProposedDepth()
         self._stamp_ns: int | None = None
+        self._solved_for: tuple[tuple[float, float], bool, int | None] | None = None
         self._is_known = known is not None
         self.frames, self._told = 0, 0.0
         self.build = np.zeros(len(BUILD_NAMES), np.float32)
@@ -232,6 +233,10 @@ class PersonalBuild:
         """
         self._size = (_GIVEN_SPREAD if is_given else _SIZE_SPREAD) ** -2, float(np.log(scale))
         self._is_given = is_given
+        given = (self._size, is_given, self._stamp_ns)
+        if given == self._solved_for:
+            return
+        self._solved_for = given
         x = self._solve()[0]
         now = np.concatenate([[np.log(self.scale)], self.build]) if self.scale > 0.0 else np.inf
         if np.abs(x - now).max() > _STEP:
