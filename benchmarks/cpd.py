@@ -28,9 +28,7 @@ from importlib.util import find_spec
 import numpy as np
 from scipy.spatial import cKDTree
 
-from depth_pose.body.normals import vertex_normals
 from depth_pose.body.procedural import make_body
-from depth_pose.core._raster_kernels import rasterize
 from depth_pose.core.camera import Camera
 from depth_pose.core.config import CpdConfig
 from depth_pose.core.rotations import R_CAMERA_FACING_MODEL as FACING
@@ -40,6 +38,7 @@ from depth_pose.fit._visibility_kernels import mark_visible
 from depth_pose.fit.coherence import geodesic_basis
 from depth_pose.fit.cpd import euclidean_basis, register
 from depth_pose.fit.laplacian import LaplacianCompleter
+from depth_pose.fit.rendered_depth import render_depth
 
 SOURCE, TARGET = 632, 578
 
@@ -61,10 +60,10 @@ def scene(seed: int):
     after = body.pose(rotations, np.array([0.03, 0, 3.03])).vertices
     seen = []
     for vertices in (before, after):
-        zbuffer, visible = np.empty((144, 176)), np.empty(len(vertices), np.bool_)
+        visible = np.empty(len(vertices), np.bool_)
         camera = Camera(176, 144, 200.0, 200.0, 87.5, 71.5)
-        rasterize(vertices, body.faces, camera, zbuffer)
-        mark_visible(vertices, vertex_normals(body) @ FACING.T, zbuffer, camera, 0.05, visible)
+        zbuffer = render_depth(vertices, body.faces, camera)
+        mark_visible(vertices, body.normals @ FACING.T, zbuffer, camera, 0.05, visible)
         seen.append(np.flatnonzero(visible))
     chosen = np.sort(rng.choice(seen[0], SOURCE, replace=False))
     points = after[rng.choice(seen[1], TARGET, replace=False)] + rng.normal(size=(TARGET, 3)) * 0.005

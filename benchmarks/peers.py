@@ -38,7 +38,6 @@ from depth_pose.bank.canonical import describe
 from depth_pose.bank.views import AXES
 from depth_pose.body.body import Body
 from depth_pose.body.build import BUILD_NAMES
-from depth_pose.body.normals import vertex_normals
 from depth_pose.core.camera import Camera
 from depth_pose.core.config import DenoiseConfig, FittingConfig, MatchConfig, SegmentConfig
 from depth_pose.core.skeleton import JOINT_NODES
@@ -195,7 +194,7 @@ def compare_search(bank: Bank, made: list[Scene]) -> list[Peer]:
 
 def compare_fits(bank: Bank, made: list[Scene]) -> list[Peer]:
     """Fit from the matcher's best exemplar, articulated and rigid."""
-    body, normals = bank.body, vertex_normals(bank.body)
+    body, normals = bank.body, bank.body.normals
     extractor, matcher = (
         PeopleExtractor(SegmentConfig(), DenoiseConfig()),
         Matcher(bank, MatchConfig(search_every=1)),

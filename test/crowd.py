@@ -13,7 +13,7 @@ from depth_pose.core.rotations import R_CAMERA_FACING_MODEL as _FACING
 from depth_pose.core.rotations import rotvec_to_matrix
 from depth_pose.core.skeleton import NODE_INDEX
 from depth_pose.core.types import DepthFrame
-from depth_pose.fit.rendered_depth import DepthComparer, Observation
+from depth_pose.fit.rendered_depth import render_depth
 
 CAMERA = Camera(176, 144, 170.0, 170.0, 87.5, 71.5)
 STEP_NS = 40_000_000
@@ -38,11 +38,9 @@ def person(frame: int, x: float, z: float, phase: float = 0.0) -> PosedBody:
 
 def seen(frame: int, people: list[PosedBody], board: tuple[int, int, int, int, float] | None = None):
     """What the camera sees: people before a wall, and a board (left, right, top, bottom, metres)."""
-    blank = np.zeros((CAMERA.height, CAMERA.width), np.float32)
-    renderer = DepthComparer(Observation(blank, blank.astype(np.uint8), CAMERA), 0.12)
-    depth = np.full(blank.shape, WALL_M)
+    depth = np.full((CAMERA.height, CAMERA.width), WALL_M)
     for p in people:
-        depth = np.minimum(depth, renderer.render(p.vertices, the_body().faces))
+        depth = np.minimum(depth, render_depth(p.vertices, the_body().faces, CAMERA))
     if board is not None:
         left, right, top, bottom, z = board
         depth[top:bottom, left:right] = np.minimum(depth[top:bottom, left:right], z)

@@ -13,7 +13,7 @@ from depth_pose.core.rotations import R_CAMERA_FACING_MODEL as FACING
 from depth_pose.core.rotations import rotvec_to_matrix
 from depth_pose.core.skeleton import MIRROR_NODES, NODE_INDEX, NODE_PARENTS
 from depth_pose.core.types import HIDDEN, DepthFrame, FoundPerson
-from depth_pose.fit.rendered_depth import DepthComparer, Observation
+from depth_pose.fit.rendered_depth import render_depth
 from depth_pose.people.person import see_people
 
 CAMERA = Camera(176, 144, 190.0, 190.0, 87.5, 71.5)
@@ -88,11 +88,9 @@ def box(low, high):
 
 def draw(*meshes, camera=CAMERA):
     """Depth of meshes, (h, w) float64, infinite where there is none."""
-    blank = np.zeros((camera.height, camera.width), np.float32)
-    renderer = DepthComparer(Observation(blank, blank.astype(np.uint8), camera), 0.12)
-    depth = np.full(blank.shape, np.inf)
+    depth = np.full((camera.height, camera.width), np.inf)
     for vertices, faces in meshes:
-        depth = np.minimum(depth, renderer.render(vertices, faces))
+        depth = np.minimum(depth, render_depth(vertices, faces, camera))
     return depth
 
 

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from depth_pose.body.body import INFLUENCES, Body
-from depth_pose.body.normals import vertex_normals
 from depth_pose.body.procedural import BodyShape, make_body
 from depth_pose.core.errors import ConfigError
 from depth_pose.core.rotations import rotation_x, rotation_z
@@ -217,7 +216,7 @@ def test_body_refuses_weights_that_do_not_sum_to_one(body: Body) -> None:
 
 
 def test_vertex_normals_point_outward(body: Body) -> None:
-    normals = vertex_normals(body)
+    normals = body.normals
     np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1.0)
     grown = signed_volume(body.vertices + 0.002 * normals, body.faces)
     assert grown > signed_volume(body.vertices, body.faces) > 0.04

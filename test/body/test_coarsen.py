@@ -12,7 +12,7 @@ from depth_pose.body.coarsen import coarsen
 from depth_pose.body.procedural import make_body
 from depth_pose.core.camera import Camera
 from depth_pose.core.rotations import R_CAMERA_FACING_MODEL
-from depth_pose.fit.rendered_depth import DepthComparer, Observation
+from depth_pose.fit.rendered_depth import render_depth
 
 _CAMERA = Camera(60, 80, 110.0, 110.0, 29.5, 39.5)
 
@@ -23,11 +23,9 @@ def body():
 
 
 def drawn(body):
-    labels = np.zeros((_CAMERA.height, _CAMERA.width), np.uint8)
-    comparer = DepthComparer(Observation(labels.astype(np.float32), labels, _CAMERA), 0.12)
     turn = np.broadcast_to(R_CAMERA_FACING_MODEL, (len(body.nodes), 3, 3))
     posed = body.pose(turn, np.array([0.0, 0.1, 3.0]))
-    return comparer.render(posed.vertices, body.faces).copy()
+    return render_depth(posed.vertices, body.faces, _CAMERA)
 
 
 @pytest.mark.parametrize("vertices", [300, 500])

@@ -9,7 +9,6 @@ import pytest
 
 from depth_pose.body.build import BUILD_NAMES, CORRELATION, SPREAD, BuildSpace, prior_information
 from depth_pose.body.build_file import KnownBuild, load_build, save_build
-from depth_pose.body.normals import vertex_normals
 from depth_pose.core.errors import ConfigError
 from depth_pose.core.skeleton import MIRROR_NODES, NODE_INDEX, NODE_PARENTS, NODES
 
@@ -68,7 +67,7 @@ def test_left_and_right_are_alike(space):
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
 def test_the_skin_stays_whole_two_standard_deviations_out(space, sign):
     body = space.body((2.0 * sign * SPREAD).astype(np.float32))
-    turned = (vertex_normals(body) * vertex_normals(space.template)).sum(axis=1)
+    turned = (body.normals * space.template.normals).sum(axis=1)
     assert (turned > 0.5).mean() > 0.995
 
 

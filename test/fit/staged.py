@@ -8,13 +8,13 @@ import numpy as np
 
 from depth_pose.body.body import Body
 from depth_pose.body.procedural import make_body
-from depth_pose.core._raster_kernels import rasterize
 from depth_pose.core.camera import Camera
 from depth_pose.core.rotations import R_CAMERA_FACING_MODEL as FACING
 from depth_pose.core.rotations import rotvec_to_matrix
 from depth_pose.core.skeleton import NODE_INDEX, NODE_PARENTS, NODES
 from depth_pose.core.types import PERSON, FoundPerson
 from depth_pose.fit.articulated import BodyPose
+from depth_pose.fit.rendered_depth import render_depth
 from depth_pose.people.person import Person, see_people
 
 CAMERA = Camera(176, 144, 200.0, 200.0, 87.5, 71.5)
@@ -42,10 +42,8 @@ def pose_of(turns: dict[str, tuple[float, float, float]], root=(0.0, 0.0, 3.0), 
 
 def depth_of(vertices: np.ndarray, body: Body | None = None) -> np.ndarray:
     """Depth image (H, W) float32, metres, 0 where nothing is."""
-    zbuffer = np.empty((CAMERA.height, CAMERA.width))
-    faces = (body or the_body()).faces
-    rasterize(vertices, faces, CAMERA, zbuffer)
-    return np.where(np.isfinite(zbuffer), zbuffer, 0.0).astype(np.float32)
+    depth = render_depth(vertices, (body or the_body()).faces, CAMERA)
+    return np.where(np.isfinite(depth), depth, 0.0).astype(np.float32)
 
 
 def person_of(vertices: np.ndarray) -> Person:

@@ -8,7 +8,7 @@ from depth_pose.core.rotations import R_CAMERA_FACING_MODEL as FACING
 from depth_pose.core.rotations import rotation_z
 from depth_pose.core.skeleton import NODE_INDEX
 from depth_pose.core.types import DepthFrame
-from depth_pose.fit.rendered_depth import DepthComparer, Observation
+from depth_pose.fit.rendered_depth import render_depth
 
 CAMERA = Camera(176, 144, 170.0, 170.0, 87.5, 71.5)
 START_NS = 1_700_000_000_000_000_000
@@ -18,8 +18,6 @@ STEP_NS = 40_000_000
 def frames(count, start_ns=START_NS):
     """Give `count` frames at 25 a second, whole millimetres."""
     body = make_body()
-    blank = np.zeros((CAMERA.height, CAMERA.width), np.float32)
-    renderer = DepthComparer(Observation(blank, blank.astype(np.uint8), CAMERA), 0.12)
     for i in range(count):
         rotations = np.tile(FACING, (21, 1, 1))
         lift = 0.6 + 0.5 * np.sin(0.25 * i)
@@ -27,7 +25,7 @@ def frames(count, start_ns=START_NS):
             for node in ("shoulder", "elbow", "wrist"):
                 rotations[NODE_INDEX[f"{side}_{node}"]] = FACING @ rotation_z(sign * lift)
         posed = body.pose(rotations, np.array([0.05 * np.sin(0.1 * i), 0.0, 3.2]))
-        depth = renderer.render(posed.vertices, body.faces)
+        depth = render_depth(posed.vertices, body.faces, CAMERA)
         depth = np.where(np.isfinite(depth), depth, 4.8)
         depth = np.round(depth * 1000.0).astype(np.float32) / np.float32(1000.0)
         yield DepthFrame(start_ns + i * STEP_NS, "optical", depth, CAMERA)

@@ -10,12 +10,12 @@ from depth_pose.bank import Bank, build_bank
 from depth_pose.bank.build import BuildConfig
 from depth_pose.body.body import Body, PosedBody
 from depth_pose.body.procedural import make_body
-from depth_pose.core._raster_kernels import rasterize
 from depth_pose.core.camera import Camera
 from depth_pose.core.rotations import R_CAMERA_FACING_MODEL as _FACING
 from depth_pose.core.rotations import rotvec_to_matrix
 from depth_pose.core.skeleton import NODE_INDEX
 from depth_pose.core.types import DepthFrame
+from depth_pose.fit.rendered_depth import render_depth
 
 CAMERA = Camera(176, 144, 200.0, 200.0, 87.5, 71.5)
 STEP_NS = 40_000_000
@@ -44,9 +44,8 @@ def posed(frame: int) -> PosedBody:
 
 def frame_of(frame: int, start_ns: int = 0) -> DepthFrame:
     """What the camera gives then: the person before a wall."""
-    zbuffer = np.empty((CAMERA.height, CAMERA.width))
-    rasterize(posed(frame).vertices, the_body().faces, CAMERA, zbuffer)
-    depth = np.where(np.isfinite(zbuffer), zbuffer, 4.6).astype(np.float32)
+    depth = render_depth(posed(frame).vertices, the_body().faces, CAMERA)
+    depth = np.where(np.isfinite(depth), depth, 4.6).astype(np.float32)
     return DepthFrame(start_ns + frame * STEP_NS, "camera", depth, CAMERA)
 
 

@@ -105,7 +105,7 @@ def _relax(mesh: Mesh) -> Array:
     np.add.at(total, pairs[:, 0], mesh.vertices[pairs[:, 1]])
     np.add.at(count, pairs[:, 0], 1.0)
     move = total / count[:, None] - mesh.vertices
-    normals = vertex_normals(mesh)
+    normals = vertex_normals(mesh.vertices, mesh.faces)
     normals[border, 0] = 0.0
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-9)
     move -= (move * normals).sum(axis=1, keepdims=True) * normals

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from depth_pose.bank.bank import Bank
 from depth_pose.core.config import MatchConfig, PipelineConfig
@@ -18,7 +17,7 @@ from depth_pose.core.types import DepthFrame, PoseMatch
 from depth_pose.evaluate.bank_sheet import draw_depth
 from depth_pose.evaluate.pictures import plain_text, save_picture
 from depth_pose.fit.articulated import candidate_pose
-from depth_pose.fit.rendered_depth import DepthComparer
+from depth_pose.fit.rendered_depth import render_depth
 from depth_pose.io.mcap_read import DepthReader
 from depth_pose.people.person import People
 from depth_pose.steps.extract import PeopleExtractor
@@ -166,11 +165,10 @@ def _draw_match(panels: list[Any], frame: MatchedFrame, match: PoseMatch | None,
     seen = next(p for p in frame.people.persons if p.body_id == match.body_id).full
     draw_depth(panels[0], seen.depth, None, seen.camera)
     _caption(panels[0], f"frame {frame.number}, {match.body_id}, scale {match.scale:.2f}")
-    comparer = DepthComparer(seen, MatchConfig().score_band)
     for rank, (panel, candidate) in enumerate(zip(panels[1:], match.candidates, strict=False)):
         pose = candidate_pose(bank, candidate, match.scale)
         posed = bank.body.pose(pose.rotations, pose.root, pose.scale)
-        drawn: NDArray[np.float32] = comparer.render(posed.vertices, bank.body.faces)
+        drawn = render_depth(posed.vertices, bank.body.faces, seen.camera)
         depth = np.where(np.isfinite(drawn), drawn, 0.0).astype(np.float32)
         draw_depth(panel, depth, posed.nodes[JOINT_NODES], seen.camera)
         sure = f", {match_confidence(candidate.score):.0%} sure" if rank == 0 else ""

@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 
 from depth_pose.bank.bank import Bank
 from depth_pose.bank.views import DISTANCE_M
-from depth_pose.core import _raster_kernels as kernels
 from depth_pose.core.camera import Camera
 from depth_pose.core.rotations import R_CAMERA_FACING_MODEL, quat_to_matrix
 from depth_pose.core.skeleton import BONES, JOINT_NODES
 from depth_pose.evaluate.overlay import bone_colour
 from depth_pose.evaluate.pictures import save_picture
 from depth_pose.evaluate.shading import shade_depth
+from depth_pose.fit.rendered_depth import render_depth
 
 _PIXELS = 150
 """Width and height of an exemplar's image, pixels; for the eye."""
@@ -69,12 +69,12 @@ def save_contact_sheet(bank: Bank, path: str | Path, count: int = 48) -> None:
     save_picture(figure, path, facecolor=_DARK)
 
 
-def exemplar_depth(bank: Bank, exemplar: int, view: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def exemplar_depth(bank: Bank, exemplar: int, view: int) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
     """Render an exemplar in the canonical axes of one of its views.
 
     Returns
     -------
-    depth : (150, 150) float64
+    depth : (150, 150) float32
         Metres; infinite where there is nothing.
     joints : (19, 3) float64
         In the frame of the sheet's camera, metres.
@@ -82,9 +82,7 @@ def exemplar_depth(bank: Bank, exemplar: int, view: int) -> tuple[NDArray[np.flo
     turn = R_CAMERA_FACING_MODEL @ quat_to_matrix(bank.view_quats[exemplar, view].astype(np.float64))
     root = np.array([0.0, 0.0, DISTANCE_M]) - turn @ bank.view_origins[exemplar, view].astype(np.float64)
     posed = bank.body.pose(turn @ bank.rotations(exemplar), root)
-    depth = np.empty((_PIXELS, _PIXELS))
-    kernels.rasterize(posed.vertices, bank.body.faces, _CAMERA, depth)
-    return depth, posed.nodes[JOINT_NODES]
+    return render_depth(posed.vertices, bank.body.faces, _CAMERA), posed.nodes[JOINT_NODES]
 
 
 def _draw_exemplar(axes: Any, bank: Bank, exemplar: int, view: int) -> None:

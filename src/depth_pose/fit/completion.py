@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.body.body import Body, PosedBody
-from depth_pose.core import _raster_kernels
 from depth_pose.core.camera import Camera
 from depth_pose.core.config import CompletionConfig, CpdConfig
 from depth_pose.core.rotations import R_CAMERA_FACING_MODEL
@@ -24,7 +23,7 @@ from depth_pose.fit.articulated import BodyPose, FittedBody
 from depth_pose.fit.coherence import geodesic_basis
 from depth_pose.fit.cpd import register
 from depth_pose.fit.laplacian import LaplacianCompleter
-from depth_pose.fit.rendered_depth import Observation
+from depth_pose.fit.rendered_depth import Observation, render_depth
 from depth_pose.fit.rigid import JointTransfer
 from depth_pose.fit.skeleton_pose import pose_from_nodes
 
@@ -132,10 +131,9 @@ class MeshCompleter:
         (V,) float64
             Cosine between the vertex's normal and the ray to it; 0 where it is not seen.
         """
-        zbuffer = np.empty(coarse.depth.shape, np.float32)
         normals = np.empty_like(posed.vertices)
         seen = np.empty(len(posed.vertices), np.bool_)
-        _raster_kernels.rasterize(posed.vertices, self.body.faces, coarse.camera, zbuffer)
+        zbuffer = render_depth(posed.vertices, self.body.faces, coarse.camera)
         visibility.turn_normals(self.body.normals, self.body.skin.influence, rotations, normals)
         tolerance = self.config.visible_tolerance
         visibility.mark_visible(posed.vertices, normals, zbuffer, coarse.camera, tolerance, seen)

@@ -26,7 +26,7 @@ from depth_pose.core.skeleton import MIRROR_NODES, NODE_INDEX, mirror_rotations
 from depth_pose.fit import _limb_kernels as kernels
 from depth_pose.fit._reach_kernels import Limbs, reach
 from depth_pose.fit.articulated import BodyPose, FittedBody, nearest_person_pixels
-from depth_pose.fit.rendered_depth import DepthComparer
+from depth_pose.fit.rendered_depth import DepthComparer, render_depth
 
 _LIMBS: tuple[tuple[int, str, tuple[str, ...], tuple[str, ...]], ...] = (
     (3, "chest", ("clavicle", "shoulder", "elbow", "wrist"), ("shoulder", "elbow", "wrist")),
@@ -156,7 +156,7 @@ def _exchange(
     pose, nodes = body.pose, body.nodes
     if not kernels.is_in_view(nodes, pair.bones, comparer.observation.camera):
         return []
-    drawn = comparer.render(body.vertices, pair.faces)
+    drawn = render_depth(body.vertices, pair.faces, comparer.observation.camera)
     points, before = kernels.unexplained(drawn, comparer.observation, _EXPLAINED_M, _BEFORE_M)
     if not pair.reaches:
         possible = _may_be_legs(points, pose)

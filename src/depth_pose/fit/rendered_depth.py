@@ -55,6 +55,15 @@ def observe(
     )
 
 
+def render_depth(
+    vertices: NDArray[np.float64], faces: NDArray[np.int32], camera: Camera
+) -> NDArray[np.float32]:
+    """Depth of a mesh in the camera frame, shape (h, w), metres, infinite where there is none."""
+    zbuffer = np.empty((camera.height, camera.width), np.float32)
+    kernels.rasterize(vertices, faces, camera, zbuffer)
+    return zbuffer
+
+
 @dataclass(frozen=True)
 class Comparison:
     """How a mesh compares with the observation.
@@ -79,11 +88,6 @@ class DepthComparer:
         self._band = band
         self.zbuffer = np.empty(observation.depth.shape, np.float32)
         self._sums = np.empty(5)
-
-    def render(self, vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> NDArray[np.float32]:
-        """Depth of a mesh in the camera frame, shape (h, w), infinite where there is none."""
-        kernels.rasterize(vertices, faces, self.observation.camera, self.zbuffer)
-        return self.zbuffer
 
     def compare(self, vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> Comparison:
         """Render a mesh in the camera frame and compare it with the observation."""

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from depth_pose.body.procedural import make_body
-from depth_pose.core import _raster_kernels as kernels
 from depth_pose.core.camera import Camera
 from depth_pose.core.rotations import R_CAMERA_FACING_MODEL, rotation_z
 from depth_pose.core.skeleton import NODE_INDEX
 from depth_pose.core.types import DepthFrame
+from depth_pose.fit.rendered_depth import render_depth
 
 _CAMERA = Camera(width=176, height=144, fx=170.0, fy=170.0, cx=87.5, cy=71.5)
 """The camera that sees it, pixels. Set by hand."""
@@ -25,8 +25,7 @@ def sample_frame() -> DepthFrame:
         for node in ("shoulder", "elbow", "wrist"):
             rotations[NODE_INDEX[f"{side}_{node}"]] = R_CAMERA_FACING_MODEL @ rotation_z(np.array(0.6 * sign))
     posed = body.pose(rotations, np.array([0.0, 0.0, _PERSON_M]))
-    depth = np.empty((_CAMERA.height, _CAMERA.width), np.float32)
-    kernels.rasterize(posed.vertices, body.faces, _CAMERA, depth)
+    depth = render_depth(posed.vertices, body.faces, _CAMERA)
     below = np.maximum(np.arange(_CAMERA.height) - _CAMERA.cy, 1e-3) / _CAMERA.fy
     room = np.minimum(_WALL_M, _FLOOR_M / below).astype(np.float32)
     return DepthFrame(0, "", np.minimum(depth, room[:, None]), _CAMERA)

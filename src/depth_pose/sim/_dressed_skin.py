@@ -11,12 +11,12 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_matrix
 
+from depth_pose.body.normals import vertex_normals
 from depth_pose.body.procedural import make_body
 from depth_pose.core.skeleton import ADULT_STATURE_M, NODES
 from depth_pose.sim._builds import Build
-from depth_pose.sim._meshes import face_normals, smooth_noise
+from depth_pose.sim._meshes import smooth_noise
 
 Array = NDArray[np.float64]
 
@@ -45,8 +45,6 @@ class Surface:
         1 where hair grows, 0 on the face and elsewhere.
     belly, chest : (V,) float64
         Bumps of height 1 there.
-    faces_of : (V, F) sparse
-        Which faces meet in a vertex.
     """
 
     regions: Array
@@ -54,7 +52,6 @@ class Surface:
     skull: Array
     belly: Array
     chest: Array
-    faces_of: csr_matrix
 
 
 @lru_cache(maxsize=1)
@@ -70,13 +67,10 @@ def template_surface() -> Surface:
     low, high = at.min(axis=0), at.max(axis=0)
     place = (body.vertices - (low + high) / 2) / ((high - low) / 2)
     hair = 0.75 * place[:, 1] - 0.85 * place[:, 2]
-    n = len(body.faces)
-    corner = np.repeat(np.arange(n), 3)
-    faces_of = csr_matrix((np.ones(3 * n), (body.faces.ravel(), corner)), shape=(len(body.vertices), n))
     skull = np.clip((hair - 0.05) / 0.35, 0, 1) * np.clip(2 * head - 0.5, 0, 1)
     belly = _bump(body.vertices, *_BELLY)
     chest = _bump(body.vertices, *_CHEST) + _bump(body.vertices * [-1, 1, 1], *_CHEST)
-    return Surface(regions, body.vertices, skull, belly, chest, faces_of)
+    return Surface(regions, body.vertices, skull, belly, chest)
 
 
 _BELLY = (np.array([0.0, 1.02, 0.13]), 0.11)
@@ -87,15 +81,6 @@ _CHEST = (np.array([0.085, 1.27, 0.11]), 0.055)
 
 def _bump(points: Array, centre: Array, width: float) -> Array:
     return np.asarray(np.exp(-0.5 * ((points - centre) ** 2).sum(axis=1) / width**2))
-
-
-def vertex_normals(vertices: Array, faces: NDArray[np.int32]) -> Array:
-    """Outward unit normals (V, 3) of a body of the embedded mesh.
-
-    `depth_pose.body.normals` adds the faces in another order: its last bits differ, and so would the scenes.
-    """
-    total = template_surface().faces_of @ face_normals(vertices, faces)
-    return np.asarray(total / np.maximum(np.linalg.norm(total, axis=1, keepdims=True), 1e-12))
 
 
 @dataclass(frozen=True)
@@ -177,7 +162,7 @@ def dress(
     (V, 3) float64
     """
     surface, size = template_surface(), stature / ADULT_STATURE_M
-    normals = vertex_normals(vertices, faces)
+    normals = vertex_normals(vertices, faces, by_face=True)
     wide = smooth_noise(rng, surface.rest, (0.25, 0.7), 8)
     folds = smooth_noise(rng, surface.rest, (0.06, 0.18), 10)
     out = surface.regions @ cut.thickness

@@ -73,7 +73,8 @@ def fail(kind: str, fitted: Fitted, person: Person, bank: Bank, rng: np.random.G
     kind : str
         One of `KINDS`.
     fitted : Fitted
-        A right one.
+        A right one, made with the default `MatchConfig.score_band`, as all are that this is used on:
+        the wrong pose is compared with the same band, for scores of other bands are not alike.
     person : Person
         The input that it answers, with which the wrong pose is compared as a fit would be.
     bank : Bank

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.camera import Camera
-from depth_pose.fit.rendered_depth import DepthComparer, Observation
+from depth_pose.fit.rendered_depth import render_depth
 from depth_pose.sim.sensor import Mesh
 from depth_pose.volume.rig import RigCamera, look_at
 
@@ -20,9 +20,6 @@ FRONT_CAMERA = Camera(320, 240, 228.0, 228.0, 159.5, 119.5)
 
 MIDDLE_M = (0.0, 0.95, 0.0)
 """Where all look: the middle of a person who stands in the middle of the space, metres."""
-
-_UNUSED_BAND_M = 0.1
-"""`DepthComparer` wants one; nothing is compared here."""
 
 
 def roof_rig(
@@ -55,12 +52,6 @@ class RigRenderer:
 
     def __init__(self, rig: Sequence[RigCamera]) -> None:
         self.rig = tuple(rig)
-        self._renderers = []
-        for c in self.rig:
-            blank = np.zeros((c.camera.height, c.camera.width), np.float32)
-            self._renderers.append(
-                DepthComparer(Observation(blank, blank.astype(np.uint8), c.camera), _UNUSED_BAND_M)
-            )
 
     def images(self, meshes: Sequence[Mesh], kind: str) -> tuple[NDArray[np.generic], ...]:
         """Give what each camera sees of meshes in the world frame: ``silhouettes`` or ``depth``."""
@@ -70,8 +61,8 @@ class RigRenderer:
         """Depth images (H, W) of meshes in the world frame, metres, 0 where nothing is."""
         vertices, faces = join_meshes(meshes)
         out = []
-        for c, renderer in zip(self.rig, self._renderers, strict=True):
-            depth = renderer.render(c.to_camera(vertices), faces)
+        for c in self.rig:
+            depth = render_depth(c.to_camera(vertices), faces, c.camera)
             out.append(np.where(np.isfinite(depth), depth, 0.0).astype(np.float32))
         return out
 

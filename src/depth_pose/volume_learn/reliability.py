@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from depth_pose.body.normals import vertex_normals
 from depth_pose.body.procedural import BodyShape, make_body
 from depth_pose.volume_learn.performances import Performance
 
@@ -27,7 +26,7 @@ _EVERY = 10
 def learn_trust(performances: Sequence[Performance]) -> Array:
     """Trust (V,) of each vertex of the reference body, 1 where it is always near the surface."""
     template = make_body(BodyShape())
-    normals = vertex_normals(template)
+    normals = template.normals
     strongest = template.skin.influence[:, 0]
     total = count = np.zeros(len(template.vertices))
     for p in performances:
