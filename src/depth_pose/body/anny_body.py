@@ -38,6 +38,7 @@ _NODE_OF_BONE = {
 """Bones at whose heads our nodes lie; every other bone moves with its nearest ancestor in here."""
 
 _TOES = tuple(f"toe{i}-1" for i in range(1, 6))
+"""Anny's bones of a foot's toes."""
 
 
 @dataclass(frozen=True)

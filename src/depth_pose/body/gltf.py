@@ -30,6 +30,7 @@ from depth_pose.core.skeleton import NODES
 Array = NDArray[np.float64]
 
 _TYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
+"""Component types and what they are in NumPy, by the glTF 2.0 specification."""
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 """Numbers in an element of each type, by the glTF 2.0 specification."""
 _SAME = 1e-5

@@ -13,9 +13,11 @@ IMAGE_SCALE = typer.Option(
     help="Of a folder of depth images: metres of a pixel's unit.",
     show_default="0.001; 1 for floats",
 )
+"""Metres; limits set by hand."""
 IMAGE_FPS = typer.Option(
     min=1e-3,
     max=1e4,
     help="Of a folder of depth images: frames a second.",
     show_default="30, or the names say it",
 )
+"""Hertz; limits set by hand."""

@@ -18,7 +18,9 @@ def add_to(app: typer.Typer) -> None:
 
 
 _EVERY = Annotated[float, typer.Option(min=0.05, help="Seconds between two lines.")]
+"""Seconds; 20 lines a second at most, set by hand."""
 _COUNT = Annotated[int | None, typer.Option(min=1, help="Stop after so many answers.", show_default="Ctrl-C")]
+"""An option of both commands."""
 
 
 def hz(

@@ -9,6 +9,7 @@ from depth_pose.core.errors import ConfigError
 _INF = float("inf")
 """No limit."""
 _AXES = {1: ("distance",), 2: ("x", "z"), 3: ("x", "y", "z")}
+"""What ranges are of, by how many a zone is told with."""
 
 
 @dataclass(frozen=True)

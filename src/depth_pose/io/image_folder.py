@@ -34,6 +34,7 @@ FRAME_ID = "camera_depth_optical_frame"
 """The images' frame; files name none."""
 
 INFO_TOPIC = schemas.DEPTH_TOPIC.rpartition("/")[0] + "/camera_info"
+"""Where its camera stands, beside the images."""
 
 _FPS = 30.0
 """Frames a second where nobody says: that of most sensors. Set by hand."""

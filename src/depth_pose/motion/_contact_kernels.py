@@ -15,6 +15,7 @@ _N = {name: i for name, i in NODE_INDEX.items()}
 _ARMS = np.array([[_N[f"{s}_{n}"] for n in ("shoulder", "elbow", "wrist")] for s in ("left", "right")])
 _LEGS = np.array([[_N[f"{s}_{n}"] for n in ("hip", "knee", "ankle", "foot")] for s in ("left", "right")])
 _CHEST, _PELVIS = _N["chest"], 0
+"""Nodes of the trunk; the pelvis is the root."""
 
 _UPPER, _FORE, _HAND = 0.040, 0.032, 0.030
 """Radii of the arm's capsules, metres: those of a 1.75 m body less a centimetre that skin gives way."""

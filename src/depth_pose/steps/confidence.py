@@ -109,6 +109,7 @@ _LEAST_CHANCE = 0.01
 _SKELETON_ODDS = np.array(list(SKELETON_SIGNS.values()))
 
 _KIND = [name.split("_")[-1] for name in JOINTS]
+"""What each joint is, without its side."""
 _BELOW = np.array([_DEPTH_BEHIND_SURFACE.get(kind, 0.11) for kind in _KIND])
 """How far below the skin each joint lies, (19,), metres on the 1.75 m body."""
 _OTHER_END = np.array(
@@ -117,6 +118,7 @@ _OTHER_END = np.array(
         for name, kind in zip(JOINTS, _KIND, strict=True)
     ]
 )
+"""The joint at the other end of each one's bone, by `_TOWARD`, (19,)."""
 _KIND_ODDS = np.array([KINDS[kind] for kind in _KIND])
 _SIGN_ODDS = np.array(list(SIGNS.values()))
 

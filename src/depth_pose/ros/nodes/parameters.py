@@ -69,6 +69,7 @@ REFINE: tuple[Setting, ...] = (
         "mesh_rate", 2.0, "Meshes a second, published while somebody listens; 0: none", 0.0, 100.0, False
     ),
 )
+"""Parameters of the refine node."""
 RECOVERY: tuple[Setting, ...] = (
     BANK,
     *TF,

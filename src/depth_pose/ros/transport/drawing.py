@@ -20,6 +20,7 @@ from depth_pose.io.markers import BONE_WIDTH_M, COLOURS, JOINT_SIZE_M, LIFETIME_
 from depth_pose.ros.transport.messages.basics import make_header
 
 _COLOURS = {state: ColorRGBA(r=r, g=g, b=b, a=1.0) for state, (r, g, b) in COLOURS.items()}
+"""Colours of the joints by their state, opaque."""
 
 
 def skeletons_to_markers(skeletons: Sequence[Skeleton], stamp_ns: int, frame_id: str) -> MarkerArray:

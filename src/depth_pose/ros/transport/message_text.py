@@ -14,6 +14,7 @@ from depth_pose.core.errors import InputError
 
 _FIELD_TYPE = re.compile(r"^\s*([A-Za-z][A-Za-z0-9_]*(?:/[A-Za-z0-9_]+)*)(?:<=\d+)?(?:\[[^\]]*\])?\s+\w+")
 _NUMBERS = [f"{kind}{bits}" for kind in ("int", "uint") for bits in (8, 16, 32, 64)]
+"""Whole numbers of the ROS interface definition."""
 _PRIMITIVES = frozenset(["bool", "byte", "char", "float32", "float64", "string", "wstring", *_NUMBERS])
 
 

@@ -34,6 +34,7 @@ RIG_SETTINGS: tuple[Setting, ...] = (
     Setting("world_frame", "map", "Frame of the skeletons, and of the static transforms"),
     Setting("up", "z", "Axis of the world frame that points up, z or y; a rig file says its own"),
 )
+"""Parameters that tell a node of its cameras."""
 
 _SENDERS = 100
 """Senders of static transforms that may have spoken before the node listens."""

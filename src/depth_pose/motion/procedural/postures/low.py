@@ -241,11 +241,15 @@ LIE = (
     Kind("rest", 1.0, _on_front, _lying_turn(172, 188)),
     Kind("rest", 0.8, _reclined, _lying_turn(-6, 6)),
 )
+"""Ways to lie; how often each is taken is set by hand."""
 KNEEL = (
     Kind("free", 1.0, _kneel_up),
     Kind("free", 1.0, _on_heels),
     Kind("free", 1.2, _one_knee),
     Kind("free", 1.0, _work_low),
 )
+"""Ways to kneel; how often each is taken is set by hand."""
 SQUAT = (Kind("free", 1.0, of_family("squats")), Kind("free", 1.2, _deep_squat))
+"""Ways to squat; how often each is taken is set by hand."""
 CRAWL = (Kind("support", 1.0, _crawl),)
+"""The way to crawl."""

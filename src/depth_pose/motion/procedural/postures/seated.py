@@ -218,3 +218,4 @@ SIT = (
     Kind("read", 1.2, _reading, raised=True),
     Kind("free", 1.1, _on_floor),
 )
+"""Ways to sit, lengths in metres; how often each is taken is set by hand."""

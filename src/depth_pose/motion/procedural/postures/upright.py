@@ -255,6 +255,7 @@ STAND = (
     Kind("carry", 1.3, _stand(_carry)),
     Kind("hold", 0.5, of_family("hold_things")),
 )
+"""Ways to stand; how often each is taken is set by hand."""
 WALK = (
     Kind("free", 4.0, of_family("walk")),
     Kind("free", 1.5, of_family("walk_gesture")),
@@ -264,11 +265,13 @@ WALK = (
     Kind("carry", 0.9, _carry_walking),
     Kind("read", 0.9, _talk_walking),
 )
+"""Ways to walk; how often each is taken is set by hand."""
 BEND = (
     Kind("free", 2.0, of_family("bends")),
     Kind("free", 2.5, _pick_up),
     Kind("free", 1.0, _reach_low),
 )
+"""Ways to bend; how often each is taken is set by hand."""
 REACH = (
     Kind("free", 1.5, of_family("reach_around")),
     Kind("free", 2.0, _reach_forward),
@@ -276,8 +279,10 @@ REACH = (
     Kind("free", 0.7, _reach_low),
     Kind("free", 0.6, of_family("wash_window")),
 )
+"""Ways to reach; how often each is taken is set by hand."""
 LEAN = (
     Kind("support", 2.5, _on_table),
     Kind("free", 1.5, _against),
     Kind("free", 1.0, _aside),
 )
+"""Ways to lean; how often each is taken is set by hand."""

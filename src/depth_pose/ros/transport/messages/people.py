@@ -30,6 +30,7 @@ _FIELDS = [
     PointField(name="z", offset=8, datatype=PointField.FLOAT32, count=1),
     PointField(name="label", offset=12, datatype=PointField.UINT8, count=1),
 ]
+"""The same as fields of a `PointCloud2`."""
 
 
 def people_to_msgs(people: People) -> tuple[PointCloud2, PeopleMsg]:
