@@ -32,15 +32,13 @@ class Recording:
     joints: np.ndarray
 
 
-def load_recording(path: Path, step: int = 1, most: int | None = None) -> Recording:
+def load_recording(path: Path, step: int = 1) -> Recording:
     """Extract the person of every frame, and keep every ``step``-th."""
     truth = load_truth(path.with_suffix(".npz"))
     config = PipelineConfig()
     extractor = PeopleExtractor(config.segment, config.denoise)
     found, joints = [], []
     for i, frame in enumerate(DepthReader(path)):
-        if most is not None and i >= most:
-            break
         people = extractor.extract(frame)
         if i % step == 0:
             known = truth.joints[int(np.argmin(np.abs(truth.stamps_ns - frame.stamp_ns)))]

@@ -75,24 +75,21 @@ class Place(NamedTuple):
     is_chunk: bool = True
 
 
-def in_order(
-    places: Iterable[Place], read: Callable[[Place], Iterable[RawMessage]], most_waiting: int = MOST_WAITING
-) -> Iterator[RawMessage]:
+def in_order(places: Iterable[Place], read: Callable[[Place], Iterable[RawMessage]]) -> Iterator[RawMessage]:
     """Give the messages of all places by log time; those of one time in the file's order.
+
+    Of more than `MOST_WAITING` that wait, in places that overlap, the earliest are given out.
 
     Parameters
     ----------
     places : iterable of Place
     read : callable
         Gives a place's messages; is called when all that is earlier was given out.
-    most_waiting : int
-        Bytes of messages that may wait for earlier ones, in places that overlap; of more, the earliest
-        are given out.
     """
     waiting: list[tuple[int, int, int, RawMessage]] = []
     held = 0
     for place in sorted(places, key=lambda p: (p.first_ns, p.start)):
-        while waiting and (waiting[0][0] < place.first_ns or held > most_waiting):
+        while waiting and (waiting[0][0] < place.first_ns or held > MOST_WAITING):
             message = heapq.heappop(waiting)[3]
             held -= len(message.data)
             yield message

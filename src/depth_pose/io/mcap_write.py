@@ -118,19 +118,13 @@ class SkeletonWriter(_RecordingWriter):
     ----------
     path : Path or str
         The MCAP file; folders are made, a file that is there is replaced.
-    topic : str
-        The topic's name.
     only_whole : bool
         After Ctrl-C, drop what was written until then.
     """
 
-    def __init__(self, path: Path | str, topic: str = SKELETON_TOPIC, only_whole: bool = False) -> None:
-        super().__init__(path, only_whole)
-        self._topic = topic
-
     def write(self, skeleton: Skeleton) -> None:
-        """Add one skeleton at its stamp."""
-        self._write(self._topic, schemas.SKELETON, skeleton.stamp_ns, write_skeleton(skeleton))
+        """Add one skeleton at its stamp, on `SKELETON_TOPIC`."""
+        self._write(SKELETON_TOPIC, schemas.SKELETON, skeleton.stamp_ns, write_skeleton(skeleton))
 
     def write_people(self, skeletons: Sequence[Skeleton], stamp_ns: int, frame_id: str) -> None:
         """Add everybody in a frame, on `PEOPLE_TOPIC`."""

@@ -55,6 +55,8 @@ _KNEECAP_M = 0.06
 """Front of the knee before its joint, metres."""
 _SEAT_M = (-0.10, -0.06)
 """Seat below and behind the pelvis' joint, metres."""
+_SOFTNESS_M = 0.008
+"""Points within about this height of the lowest one share the hold on the floor. Set by hand."""
 _IN_THE_AIR_M = 0.02
 """Lift from which nothing holds the body on the floor, metres. Set by hand."""
 
@@ -102,7 +104,7 @@ def pelvis_height(rotations: Array) -> Array:
     return np.asarray(-support_points(rotations)[..., 1].min(axis=-1))
 
 
-def walk_on_floor(rotations: Array, lift: Array, softness_m: float = 0.008) -> Array:
+def walk_on_floor(rotations: Array, lift: Array) -> Array:
     """Pelvis positions of a motion whose lower foot stays where it stands.
 
     Parameters
@@ -111,8 +113,6 @@ def walk_on_floor(rotations: Array, lift: Array, softness_m: float = 0.008) -> A
         Segment rotations of successive frames.
     lift : (T,)
         Height of the lowest point above the floor (jumps), metres.
-    softness_m : float
-        Points within about this height of the lowest one share the hold on the floor.
 
     Returns
     -------
@@ -121,7 +121,7 @@ def walk_on_floor(rotations: Array, lift: Array, softness_m: float = 0.008) -> A
     """
     points = support_points(rotations)
     height = points[..., 1] - points[..., 1].min(axis=-1, keepdims=True)
-    hold = np.exp(-height / softness_m)
+    hold = np.exp(-height / _SOFTNESS_M)
     step = np.diff(points, axis=0)
     hold = hold[:-1] * hold[1:]
     moved = -np.sum(hold[..., None] * step, axis=1) / np.sum(hold, axis=1)[..., None]

@@ -20,6 +20,9 @@ Progress = Callable[[float], None]
 SUFFIXES = (".bvh", ".amc")
 """Kinds of files that are read; an .amc needs its .asf beside it."""
 
+_MOST_FPS = 30.0
+"""Faster recordings are thinned to at most this rate. Set by hand."""
+
 _TOO_FAR_DEG = 45.0
 """Frames with a joint farther beyond its limit are left out, degrees. Set by hand; not swept."""
 
@@ -116,9 +119,7 @@ def family_of(name: str) -> str:
     return name.rstrip("0123456789").rstrip("_- ") or name
 
 
-def load_motion_dir(
-    path: str | Path, progress: Progress | None = None, max_fps: float = 30.0
-) -> LoadedMotion:
+def load_motion_dir(path: str | Path, progress: Progress | None = None) -> LoadedMotion:
     """Read and retarget every motion file in a folder and the folders below it.
 
     Parameters
@@ -127,8 +128,6 @@ def load_motion_dir(
         A folder, or one file.
     progress : callable, optional
         Called with the fraction done.
-    max_fps : float
-        Faster recordings are thinned to at most this rate.
 
     Returns
     -------
@@ -148,7 +147,7 @@ def load_motion_dir(
     clips, reports = [], []
     for i, file in enumerate(found):
         try:
-            clip, report = _load_file(file, max_fps)
+            clip, report = _load_file(file)
             clips.append(clip)
         except _BAD_FILE as error:
             report = FileReport(file, 0, 0.0, " ".join(str(error).split()), refused=True)
@@ -161,11 +160,11 @@ def load_motion_dir(
     return LoadedMotion(tuple(clips), tuple(reports))
 
 
-def _load_file(file: Path, max_fps: float) -> tuple[Clip, FileReport]:
+def _load_file(file: Path) -> tuple[Clip, FileReport]:
     source = parse_asf_amc(find_skeleton(file), file) if file.suffix.lower() == ".amc" else parse_bvh(file)
     moved = retarget(source)
     first = _skip_calibration(moved)
-    stride = max(int(np.ceil(moved.clip.fps / max_fps - 1e-3)), 1)
+    stride = max(int(np.ceil(moved.clip.fps / _MOST_FPS - 1e-3)), 1)
     kept = np.arange(first, len(moved.clip), stride)
     possible = moved.violation_deg[kept] <= _TOO_FAR_DEG
     notes = [f"in {moved.unit}"]

@@ -121,7 +121,6 @@ def replay_live(
     skeletons: Path | str,
     bank: Path | str | None = None,
     *,
-    depth_topic: str | None = None,
     on_ready: Callable[[], None] | None = None,
     progress: Callable[[int], None] | None = None,
     sink: Callable[[str], None] | None = None,
@@ -136,8 +135,6 @@ def replay_live(
         MCAP file for the skeletons.
     bank : Path or str, optional
         Exemplar bank; the set-up's by default.
-    depth_topic : str, optional
-        The topic; by default the only one there is.
     on_ready : callable, optional
         Called when the nodes are ready and the first frame is about to go.
     progress : callable, optional
@@ -152,7 +149,7 @@ def replay_live(
     ConfigError, NodeDiedError
         If a node cannot start.
     """
-    topic = DepthReader(recording, depth_topic).topic
+    topic = DepthReader(recording).topic
     timing = _Timing(topic.name, progress or (lambda done: None))
     suite = Suite(bank=bank, parameters=_topic_parameters(topic), sink=sink or (lambda line: None))
     recorder = Recorder(skeletons, [PEOPLE_TOPIC, SKELETON_TOPIC], on_message=timing.received)

@@ -87,12 +87,10 @@ class Watch:
     ----------
     depth_topic : str, optional
         Depth images or clouds; by default what the denoise node takes.
-    namespace : str
-        Where the nodes lie.
     """
 
-    def __init__(self, depth_topic: str | None = None, namespace: str = "depth_pose") -> None:
-        self._depth_topic, self._namespace = depth_topic, namespace
+    def __init__(self, depth_topic: str | None = None) -> None:
+        self._depth_topic = depth_topic
         self._lock = threading.Lock()
         self._depth: OrderedDict[int, bytes] = OrderedDict()
         self._skeletons: OrderedDict[int, bytes] = OrderedDict()
@@ -114,10 +112,10 @@ class Watch:
 
         self._context = Context()
         rclpy.init(context=self._context, args=[])
-        self._node = rclpy.create_node("viewer", namespace=self._namespace, context=self._context)
+        self._node = rclpy.create_node("viewer", namespace="depth_pose", context=self._context)
         self._qos = frame_qos(_QUEUE, False)
         self._node.create_subscription(
-            SkeletonArray, f"/{self._namespace}/skeletons", self._take_skeletons, self._qos, raw=True
+            SkeletonArray, "/depth_pose/skeletons", self._take_skeletons, self._qos, raw=True
         )
         self._node.create_subscription(DiagnosticArray, "/diagnostics", self._take_diagnostics, 10)
         self._thread.start()
@@ -166,7 +164,7 @@ class Watch:
         request = SetParameters.Request(parameters=[Parameter(parameter, value=value).to_parameter_msg()])
         result = self._ask(SetParameters, f"{node}/set_parameters", request)
         if result is None:
-            return f"/{self._namespace}/{node} does not answer"
+            return f"/depth_pose/{node} does not answer"
         return "" if result.results[0].successful else str(result.results[0].reason)
 
     def _frame(self, data: bytes) -> DepthFrame:
@@ -272,7 +270,7 @@ class Watch:
 
     def _client(self, kind: type, name: str) -> Any:
         if name not in self._clients:
-            self._clients[name] = self._node.create_client(kind, f"/{self._namespace}/{name}")
+            self._clients[name] = self._node.create_client(kind, f"/depth_pose/{name}")
         return self._clients[name]
 
     def _ask(self, kind: type, name: str, request: Any) -> Any:

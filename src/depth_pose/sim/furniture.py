@@ -12,7 +12,7 @@ from depth_pose.sim.shapes import Assembly, Kind, random_albedo
 Array = NDArray[np.float64]
 
 
-def make_table(rng: np.random.Generator, height: float | None = None, cluttered: bool = True) -> Assembly:
+def make_table(rng: np.random.Generator, height: float | None = None) -> Assembly:
     """Make a table or desk, perhaps with a front panel, drawers and things on it."""
     thing = Assembly(Kind.TABLE, random_albedo(rng))
     wide, deep = rng.uniform(0.7, 2.0), rng.uniform(0.5, 0.9)
@@ -32,8 +32,7 @@ def make_table(rng: np.random.Generator, height: float | None = None, cluttered:
             thing.box((0, top * 0.6, -deep / 2 + 0.03), (wide, top * 0.7, 0.02))
         if rng.random() < 0.35:
             thing.box((rng.choice([-1, 1]) * (wide / 2 - 0.22), top / 2, 0), (0.4, top, deep * 0.9))
-    if cluttered:
-        _put_things(thing, rng, top, wide, deep)
+    _put_things(thing, rng, top, wide, deep)
     return thing
 
 

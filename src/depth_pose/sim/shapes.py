@@ -165,11 +165,9 @@ class Assembly:
         """Add an uneven ellipsoid by its centre and radii."""
         self.lumps.append((*at, *radii, turn, roughness, *self._look(kind, albedo)))
 
-    def sheet(
-        self, points: Array, wraps: bool = False, kind: Kind | None = None, albedo: float | None = None
-    ) -> None:
+    def sheet(self, points: Array, wraps: bool = False, albedo: float | None = None) -> None:
         """Add a surface through a grid of points (rows, columns, 3); one that wraps is a tube."""
-        number, share = self._look(kind, albedo)
+        number, share = self._look(None, albedo)
         self.sheets.append((points, wraps, int(number), share))
 
     def _look(self, kind: Kind | None, albedo: float | None) -> tuple[float, float]:

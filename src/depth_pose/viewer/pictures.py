@@ -12,6 +12,9 @@ from depth_pose.core.outputs import new_file
 
 Picture = NDArray[np.uint8]
 
+_COLOURS = 128
+"""Of a GIF. Set by hand."""
+
 
 def free_name(folder: Path, ending: str) -> Path:
     """Give the first name ``view_001.png``, ``view_002.png``, ... that is not taken."""
@@ -29,7 +32,7 @@ def save_png(path: Path, picture: Picture) -> None:
         Image.fromarray(np.ascontiguousarray(picture[..., :3])).save(stream, format="PNG", optimize=True)
 
 
-def save_gif(path: Path, pictures: Sequence[Picture], frame_s: float, colours: int = 128) -> None:
+def save_gif(path: Path, pictures: Sequence[Picture], frame_s: float) -> None:
     """Write pictures (H, W, 3) as a GIF that repeats; with one table of colours, so that nothing flickers."""
     from PIL import Image
 
@@ -38,7 +41,7 @@ def save_gif(path: Path, pictures: Sequence[Picture], frame_s: float, colours: i
     sample = Image.new("RGB", (few[0].width, few[0].height * len(few)))
     for i, image in enumerate(few):
         sample.paste(image, (0, i * image.height))
-    table = sample.quantize(colours, method=Image.Quantize.MEDIANCUT)
+    table = sample.quantize(_COLOURS, method=Image.Quantize.MEDIANCUT)
     drawn = [image.quantize(palette=table, dither=Image.Dither.NONE) for image in images]
     with new_file(path) as stream:
         drawn[0].save(

@@ -175,38 +175,38 @@ class Regression:
         return np.asarray(self.weights / np.diag(self.inverse)[:, None])
 
 
-def learn_regression(
-    inputs: Array, outputs: Array, noise: float = 0.05, iterations: int = 40, floor: float = 1e-6
-) -> Regression:
+_START_NOISE = 0.05
+"""Share of the variance that `learn_regression` takes for noise at the start. Set by hand."""
+_STEPS = 40
+"""Most steps of `learn_regression`. Set by hand."""
+_LEAST_NOISE = 1e-6
+"""Least noise variance, in units of the outputs' variance. Set by hand."""
+
+
+def learn_regression(inputs: Array, outputs: Array) -> Regression:
     """Fit the kernel's parameters to the evidence, outputs scaled by one standard deviation.
 
     Parameters
     ----------
     inputs : (N, d)
     outputs : (N, D)
-    noise : float
-        Share of the variance that is noise, at the start.
-    iterations : int
-        Most steps.
-    floor : float
-        Least noise variance, in units of the outputs' variance.
     """
     centred = outputs - outputs.mean(axis=0)
     scale = max(float(np.sqrt((centred**2).mean())), 1e-12)
     gram = (centred / scale) @ (centred / scale).T
     typical = float(np.median(square_distances(inputs, inputs)))
-    start = np.array([0.0, np.log(2.0 / max(typical, 1e-12)), np.log(noise)])
+    start = np.array([0.0, np.log(2.0 / max(typical, 1e-12)), np.log(_START_NOISE)])
     dimensions = outputs.shape[1]
 
     def cost(p: Array) -> tuple[float, Array]:
-        found = evidence(Kernel.from_array(p), inputs, gram, dimensions, floor)
+        found = evidence(Kernel.from_array(p), inputs, gram, dimensions, _LEAST_NOISE)
         return found.value, found.parameters
 
     low = start - np.array([6.0, 6.0, 9.0])
     best = minimize(
         cost, start, jac=True, method="L-BFGS-B", bounds=list(zip(low, start + 6.0, strict=True)),
-        options={"maxiter": iterations},
+        options={"maxiter": _STEPS},
     ).x  # fmt: skip
     shift = 2.0 * np.log(scale)
     kernel = Kernel(float(best[0] + shift), float(best[1]), float(best[2] + shift))
-    return Regression(inputs, outputs, kernel, floor * scale**2)
+    return Regression(inputs, outputs, kernel, _LEAST_NOISE * scale**2)

@@ -18,14 +18,15 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
 from depth_pose.body.angles import angles_from_rotations, rotations_from_angles
-from depth_pose.body.limits import clamp_angles, clamp_rotations, violation, with_shoulder_rhythm
+from depth_pose.body.limits import clamp_rotations, violation
 from depth_pose.core.errors import ConfigError
 from depth_pose.core.rotations import nearest_rotation
 from depth_pose.motion.clip import Clip, PoseSet, choose_for_coverage, join_poses, without_heading
-from depth_pose.motion.contact import Separated, separate_limbs, walk_on_floor
+from depth_pose.motion.contact import separate_limbs, walk_on_floor
 from depth_pose.motion.procedural.draw import Draw
 from depth_pose.motion.procedural.families import FAMILIES
 from depth_pose.motion.procedural.parts import Motion
+from depth_pose.motion.procedural.postures.parts import bring_through_gates
 from depth_pose.motion.procedural.postures.sampler import sample_postures
 
 Array = NDArray[np.float64]
@@ -105,7 +106,7 @@ def make_clip(name: str, fps: float = 30.0, seconds: float = 10.0, seed: int = 0
 
 def clip_from_motion(name: str, motion: Motion, fps: float) -> Clip:
     """Make a clip of postures in time: through the gates, smooth, feet on the floor."""
-    rotations = _through_gates(motion.angles).rotations
+    rotations = bring_through_gates(motion.angles).rotations
     # Pushed limbs and clamped joints start and stop suddenly; people do not. Smoothing moves
     # limbs into the body again, less each time.
     for sigma_s in _SMOOTH_S:
@@ -128,12 +129,6 @@ def _stay_near(roots: Array, fps: float) -> Array:
     out = roots.copy()
     out[:, [0, 2]] = level - slow + (slow - middle) * min(1.0, STAY_WITHIN_M / max(far, 1e-9))
     return np.asarray(out)
-
-
-def _through_gates(angles: Array) -> Separated:
-    """Joint limits and rhythm, then limbs out of the body; what that strains is clamped and tried again."""
-    first = separate_limbs(rotations_from_angles(clamp_angles(with_shoulder_rhythm(clamp_angles(angles)))))
-    return separate_limbs(clamp_rotations(first.rotations))
 
 
 CLIPS: dict[str, Callable[..., Clip]] = {name: partial(make_clip, name) for name in FAMILIES}
@@ -163,7 +158,7 @@ def _of_family(name: str, per_share: float, seed: int) -> PoseSet:
     n = max(round(per_share * FAMILIES[name].share), 1)
     draw = Draw(np.random.default_rng([seed, crc32(name.encode())]), (n,))
     motion = FAMILIES[name].motion(draw.uniform(0.0, 20.0), draw)
-    separated = _through_gates(motion.angles)
+    separated = bring_through_gates(motion.angles)
     strain = violation(angles_from_rotations(separated.rotations)).max(axis=-1)
     fine = (separated.depth < _TOO_DEEP_M) & (strain < _TOO_STRAINED_DEG)
     rotations = without_heading(separated.rotations[fine])

@@ -24,16 +24,12 @@ def gait(t: Array, draw: Draw, run: bool) -> tuple[Array, Array, Array, Array, A
     return phase, size, trunk, leg, upper
 
 
-def _walk_with(t: Array, draw: Draw, upper: Array | None, turn: float = 35.0) -> Motion:
-    _, _, trunk, leg, swing = gait(t, draw, run=False)
-    trunk = trunk + looks_around(t, draw, 14, 4)
-    trunk[..., 2] += turning(t, draw, 0.6 * turn, turn)
-    return still(assemble(t, trunk, swing if upper is None else upper, leg))
-
-
 def walk(t: Array, draw: Draw) -> Motion:
     """Walk in a circle, arms swinging."""
-    return _walk_with(t, draw, None)
+    _, _, trunk, leg, swing = gait(t, draw, run=False)
+    trunk = trunk + looks_around(t, draw, 14, 4)
+    trunk[..., 2] += turning(t, draw, 21.0, 35.0)
+    return still(assemble(t, trunk, swing, leg))
 
 
 def walk_gesture(t: Array, draw: Draw) -> Motion:

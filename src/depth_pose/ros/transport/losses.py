@@ -8,6 +8,9 @@ from typing import Any
 BUSY_TIMES_KEPT = 64
 """Busy times that are remembered, two seconds' worth at 30 frames a second."""
 
+_SLACK_NS = 5_000_000
+"""A frame that came so shortly before or after a busy time may have come within it. Set by hand."""
+
 _MOST_LOOKED_FOR = 1000
 """Of more frames that are missing, as after hours without a network, the rest was never there."""
 
@@ -27,9 +30,7 @@ class BusyTimes:
         return any(begin <= moment_ns <= end for begin, end in self._times)
 
 
-def count_lost(
-    before: dict[str, Any], after: dict[str, Any], busy: BusyTimes, slack_ns: int = 5_000_000
-) -> tuple[int, int]:
+def count_lost(before: dict[str, Any], after: dict[str, Any], busy: BusyTimes) -> tuple[int, int]:
     """Tell apart what came while the node was busy from what never came.
 
     A message that comes while the node waits is taken at once; one that comes while it is busy is lost to the
@@ -42,8 +43,6 @@ def count_lost(
         What rclpy tells of two messages of one publisher, taken one after the other:
         ``publication_sequence_number``, ``source_timestamp`` and ``received_timestamp`` (nanoseconds).
     busy : BusyTimes
-    slack_ns : int
-        A frame that came so shortly before or after a busy time may have come within it, nanoseconds.
 
     Returns
     -------
@@ -55,7 +54,7 @@ def count_lost(
     step_ns = (after["source_timestamp"] - sent_ns) // (missing + 1)
     under_way_ns = after["received_timestamp"] - after["source_timestamp"]
     while_busy = sum(
-        any(busy.covers(sent_ns + k * step_ns + under_way_ns + off) for off in (-slack_ns, 0, slack_ns))
+        any(busy.covers(sent_ns + k * step_ns + under_way_ns + off) for off in (-_SLACK_NS, 0, _SLACK_NS))
         for k in range(1, min(missing, _MOST_LOOKED_FOR) + 1)
     )
     return while_busy, missing - while_busy

@@ -66,7 +66,6 @@ class Recorder:
         self._on_message = on_message
         self._changed = threading.Condition()
         self._counts: Counter[str] = Counter()
-        self._types: dict[str, str] = {}
         self._refused: dict[str, str] = {}
         self._channels: dict[str, int] = {}
         self._schemas: dict[str, int] = {}
@@ -137,12 +136,14 @@ class Recorder:
         with self._changed:
             return self._changed.wait_for(lambda: self._counts[topic] >= count, timeout_s)
 
-    def wait_subscribed(self, topics: Sequence[str] | None = None, timeout_s: float = 10.0) -> bool:
-        """Wait until topics are subscribed to and their publishers found; False if not in time."""
-        wanted = list(topics if topics is not None else self._topics or ())
+    def wait_subscribed(self, timeout_s: float = 10.0) -> bool:
+        """Wait until the named topics are subscribed to and their publishers found; False if not in time."""
         deadline = time.monotonic() + timeout_s
         while time.monotonic() < deadline:
-            if all(t in self._subscriptions and self._subscriptions[t].get_publisher_count() for t in wanted):
+            if all(
+                t in self._subscriptions and self._subscriptions[t].get_publisher_count()
+                for t in self._topics or ()
+            ):
                 time.sleep(_SETTLE_S)
                 return True
             time.sleep(0.02)
@@ -253,13 +254,9 @@ def _matching_qos(publishers: Sequence[Any]) -> Any:
 
 
 def record(
-    output: str | Path,
-    topics: Sequence[str] | None = None,
-    *,
-    seconds: float | None = None,
-    until: Callable[[Counter[str]], bool] | None = None,
+    output: str | Path, topics: Sequence[str] | None = None, *, seconds: float | None = None
 ) -> Counter[str]:
-    """Record until SIGINT or SIGTERM, for some time, or until a condition holds.
+    """Record until SIGINT or SIGTERM, or for some time.
 
     Parameters
     ----------
@@ -267,8 +264,6 @@ def record(
         As for `Recorder`.
     seconds : float, optional
         Stop after this long.
-    until : callable, optional
-        Stop when it says so of the messages by topic.
 
     Returns
     -------
@@ -279,6 +274,5 @@ def record(
     deadline = time.monotonic() + seconds if seconds is not None else float("inf")
     with on_stop(done.set), Recorder(output, topics) as recorder:
         while not done.wait(0.05) and time.monotonic() < deadline and recorder.is_running:
-            if until is not None and until(recorder.counts):
-                break
+            pass
     return recorder.counts

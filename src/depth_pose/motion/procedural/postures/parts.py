@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from depth_pose.body.angles import ANGLE_INDEX, ARM, angles_from_rotations, rotations_from_angles
 from depth_pose.body.limits import clamp_angles, clamp_rotations, violation, with_shoulder_rhythm
 from depth_pose.core.skeleton import ADULT_STATURE_M, NODE_INDEX, forward_kinematics, rest_nodes
-from depth_pose.motion.contact import separate_limbs
+from depth_pose.motion.contact import Separated, separate_limbs
 from depth_pose.motion.procedural.draw import Draw
 from depth_pose.motion.reach import arm_to_target
 
@@ -55,6 +55,12 @@ class Kind:
     raised: bool = False
 
 
+def bring_through_gates(angles: Array) -> Separated:
+    """Joint limits and rhythm, then limbs out of the body; what that strains is clamped and tried again."""
+    first = separate_limbs(rotations_from_angles(clamp_angles(with_shoulder_rhythm(clamp_angles(angles)))))
+    return separate_limbs(clamp_rotations(first.rotations))
+
+
 def through_gates(angles: Array) -> tuple[Array, NDArray[np.bool_]]:
     """Bring angles into the joint limits and limbs out of the body.
 
@@ -69,10 +75,9 @@ def through_gates(angles: Array) -> tuple[Array, NDArray[np.bool_]]:
     fine : (N,) bool
         Whether limbs could be brought out of the body within the limits.
     """
-    first = separate_limbs(rotations_from_angles(clamp_angles(with_shoulder_rhythm(clamp_angles(angles)))))
-    second = separate_limbs(clamp_rotations(first.rotations))
-    out = angles_from_rotations(second.rotations)
-    fine = (second.depth < DEEPEST_M) & (violation(out).max(axis=-1) < MOST_STRAINED_DEG)
+    apart = bring_through_gates(angles)
+    out = angles_from_rotations(apart.rotations)
+    fine = (apart.depth < DEEPEST_M) & (violation(out).max(axis=-1) < MOST_STRAINED_DEG)
     return clamp_angles(out), fine
 
 
@@ -129,19 +134,19 @@ def bow(draw: Draw, flexion: Array, side: Array | float = 0.0, twist: Array | fl
     return out + free_head(draw)
 
 
-def free_head(draw: Draw, twist: float = 24.0, nod: float = 10.0) -> Array:
+def free_head(draw: Draw) -> Array:
     """Neck and head that look anywhere, (N, 47), everything else zero."""
     out = np.zeros((*draw.shape, 47))
-    look, down, tilt = draw.normal(0, twist), draw.normal(2, nod), draw.normal(0, 6)
+    look, down, tilt = draw.normal(0, 24.0), draw.normal(2, 10.0), draw.normal(0, 6)
     for i, share in ((3, 0.45), (4, 0.55)):
         out[:, 3 * i], out[:, 3 * i + 1], out[:, 3 * i + 2] = share * down, share * tilt, share * look
     return out
 
 
-def level_gaze(angles: Array, draw: Draw, share: float = 0.8) -> Array:
+def level_gaze(angles: Array, draw: Draw) -> Array:
     """Let the head look ahead again: neck and head take back a share of the trunk's bend."""
     out = angles.copy()
-    back = share * draw.uniform(0.5, 1.1) * angles[:, [0, 3, 6]].sum(axis=1)
+    back = 0.8 * draw.uniform(0.5, 1.1) * angles[:, [0, 3, 6]].sum(axis=1)
     out[:, 9] -= 0.5 * back
     out[:, 12] -= 0.5 * back
     return out
