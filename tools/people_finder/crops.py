@@ -27,6 +27,7 @@ _LEAST_SHOWN = 0.15
 """Share of a person's silhouette below which they are not asked for."""
 
 _LEAST_PIXELS = 30
+"""A person with fewer pixels left after the changes is shown without them. Set by hand."""
 
 _PLACE_M = 0.06
 """Deviation of the torso that is given from the truth, each way, metres: about what the finder's is."""

@@ -18,6 +18,7 @@ from depth_pose.people.net import open_net
 from export import JOINT_CODE, JOINT_FEATURES, export_joint_net, hash_code, write_settings
 
 _STEPS, _RIDGE = 30, 1e-3
+"""Newton's steps, and what is added to the curvature, so that it can be solved. Set by hand."""
 
 
 def logits_of(model: bytes, found: Sightings) -> NDArray[np.float64]:

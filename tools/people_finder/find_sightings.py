@@ -28,6 +28,7 @@ from make_scenes import pool
 from numpy.typing import NDArray
 from rich.progress import track
 from scenes import Scenes, list_shards, load_scenes
+from sightings import OUTSIDE
 
 from depth_pose.core.config import SegmentConfig
 from depth_pose.core.skeleton import JOINTS, MIRROR_JOINTS
@@ -43,8 +44,6 @@ _NARROWEST = 0.4
 
 _SMALLEST, _LARGEST = 0.6, 1.4
 """Sizes of a room without people."""
-
-_OUTSIDE = 255
 
 
 @dataclass(frozen=True)
@@ -101,7 +100,7 @@ class Collector:
                 continue
             grid, theirs = np.empty((SIDE, SIDE), np.float32), np.empty((SIDE, SIDE), np.int64)
             sample_crop(found.depth, labels, found.camera, Look(*person.torso.tolist()), grid, theirs)
-            mask = np.where(theirs < 0, _OUTSIDE, theirs == person.label).astype(np.uint8)
+            mask = np.where(theirs < 0, OUTSIDE, theirs == person.label).astype(np.uint8)
             joints = shot.joints[owner[k]] if is_person[k] else np.full((len(JOINTS), 3), np.nan, np.float32)
             millimetres = np.rint(1000 * grid).astype(np.uint16)
             torso = person.torso.astype(np.float32)

@@ -21,13 +21,17 @@ from torch import Tensor
 from depth_pose.core.camera import Camera
 from depth_pose.core.types import DepthFrame
 from depth_pose.people.finder import PeopleFinder, reduce_frame
+from depth_pose.sim.scenes import MOST_PEOPLE
 from export import export_net, write_settings
 
 _LEAST_SHARE = 0.5
-_MOST_PEOPLE = 6
+"""A cluster is somebody's from this share of its pixels on. Set by hand."""
 _CUT_EVERY = 3
+"""Of every so manyth scene the people alone are shown, too. Set by hand."""
 _NETS, _HIDDEN = 8, 12
+"""Networks whose answers are averaged, and the hidden units of each. Set by hand."""
 _STEPS, _RATE, _DECAY, _NOISE = 500, 1e-2, 1e-2, 0.2
+"""Of each network's training; the noise is added to measures of unit deviation. Set by hand."""
 
 app = typer.Typer(add_completion=False)
 
@@ -91,7 +95,7 @@ def whose(
 
     It is -1 for one without a pixel.
     """
-    shown = np.zeros((count + 1, _MOST_PEOPLE + 1), np.int64)
+    shown = np.zeros((count + 1, MOST_PEOPLE + 1), np.int64)
     np.add.at(shown, (labels, truth), 1)
     shown = shown[1:]
     owner = shown[:, 1:].argmax(axis=1)

@@ -15,6 +15,7 @@ from depth_pose.people.joint_finder import LEAST_ERROR_M
 _BEHIND_WEIGHT = 0.5
 _PLACE_WEIGHT = 0.5
 _PERSON_WEIGHT = 1.0
+"""Weights of these three losses; the joints' own counts 1. Set by hand."""
 
 _NEAR_M = 0.08
 """Deviation of the weights that votes should have about their joint, metres."""

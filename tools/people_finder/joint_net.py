@@ -18,6 +18,7 @@ from depth_pose.core.skeleton import JOINTS
 from depth_pose.people._crop_kernels import CELL_M, CHANNELS, SIDE
 
 _CELLS = SIDE // 4
+"""Cells along a side that vote, each of four by four pixels."""
 _HEAD_WIDTH = 96
 """Channels before the votes; no fewer than what they have to say."""
 

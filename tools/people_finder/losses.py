@@ -19,6 +19,7 @@ _HARD_MASK = 1.5
 
 _TORSO_WEIGHT, _JOINT_WEIGHT, _OVERLAP_WEIGHT = 0.25, 1.0, 0.5
 _BEHIND_WEIGHT = 0.5
+"""Weights of these four losses; the mask's focal one counts 1. Set by hand."""
 _LEAST_ERROR_M = 0.02
 """Narrowest width that a vote may claim."""
 

@@ -44,6 +44,7 @@ SHARD = 250
 """Scenes in a file."""
 
 ROWS, COLUMNS = 240, 320
+"""Largest image of a scene, pixels."""
 
 app = typer.Typer(add_completion=False)
 

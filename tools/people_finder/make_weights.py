@@ -23,9 +23,13 @@ _HERE = Path(__file__).resolve().parent
 _TRAIN_SEED, _CHECK_SEED = 1, 900_001
 _STUDIO_TRAIN_SEED, _STUDIO_CHECK_SEED = 2, 900_002
 _ALIKE_TRAIN_SEED, _ALIKE_CHECK_SEED = 3, 900_003
+"""Scenes of these are never among those that weights are checked on, and the other way round."""
 _ALIKE, _ALIKE_CHECKS = 7_500, 750
+"""Scenes of what looks like people, to train on and to check on. Set by hand."""
 _IMAGES, _BATCH, _RATE = 240_000, 16, 2e-3
+"""The finder's training: images in all, images a step, and the highest learning rate. Set by hand."""
 _CROPS, _CROPS_AGAIN = 160_000, 140_000
+"""The second look's training, and what it is trained again with half the rate: crops in all. Set by hand."""
 
 app = typer.Typer(add_completion=False)
 

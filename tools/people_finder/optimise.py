@@ -17,6 +17,8 @@ from torch import Tensor, nn
 Net = TypeVar("Net", bound=nn.Module)
 
 _EMA, _WEIGHT_DECAY, _WARM_UP, _CLIP = 0.998, 1e-4, 0.05, 5.0
+"""What averaged weights keep a step, the weight decay, the share of the steps in which the rate rises, and
+the largest norm of a gradient. Set by hand."""
 
 
 class Plan(NamedTuple):

@@ -26,7 +26,9 @@ from depth_pose.people.finder import Detection, Detections, PeopleFinder, load_w
 _SEQUENCES = ("real_office", "real_corridor", "real_empty", "dev_people", "dev_postures", "dev", "dev_bodies")
 _SINGLES = ("real_kinect2", "real_itop", "real_wave")
 _DEPTH_M, _TORSO_M = 0.5, 0.4
+"""Farthest from a reference that is theirs: the median depth, and the torso, metres. Set by hand."""
 _ASKED, _WEAK = 0.3, 0.05
+"""Who shows by less than the first is not asked for, by less than the second not there. Set by hand."""
 
 app = typer.Typer(add_completion=False)
 
@@ -135,6 +137,7 @@ def score_joints(seen: list[Seen], joints: NDArray[np.float64], visible: NDArray
 
 
 _TORSO_JOINTS = [5, 8, 11, 15]
+"""Shoulders and hips."""
 
 
 def score_recording(

@@ -12,7 +12,8 @@ from replicas import Replica
 
 from depth_pose.people._crop_kernels import Look, fill_features
 
-_OUTSIDE = 255
+OUTSIDE = 255
+"""In a sighting's mask: a pixel outside the image."""
 
 _ALONE = Replica()
 
@@ -47,7 +48,7 @@ class Sightings:
         out = CropBatch.empty(len(which))
         for k, n in enumerate(which):
             grid = self.depth[n] * np.float32(0.001)
-            whose = np.where(self.whose[n] == _OUTSIDE, -1, self.whose[n].astype(np.int64))
+            whose = np.where(self.whose[n] == OUTSIDE, -1, self.whose[n].astype(np.int64))
             x, y, z = self.torso[n].tolist()
             joints = self.joints[n].astype(np.float64)
             flip = 1.0
