@@ -12,12 +12,10 @@ as well: one of only some motions shows what the others are worth.
 
 from __future__ import annotations
 
-import os
+import one_thread  # noqa: F401
 
-for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ[variable] = "1"
+# isort: split
 
-import argparse
 import tempfile
 import time
 from dataclasses import replace
@@ -25,6 +23,7 @@ from pathlib import Path
 
 import numpy as np
 from bank_common import recordings
+from command_line import make_parser
 from confidence import simulated
 
 from depth_pose.bank import Bank, default_bank_path
@@ -59,6 +58,7 @@ CONFIGS = {
     "a search for exemplars in every frame": PipelineConfig(match=MatchConfig(search_every=1)),
     "a search for people in every frame": PipelineConfig(segment=SegmentConfig(find_every=1)),
 }
+"""The pipeline whole, and without one of its parts."""
 NO_SECOND_LOOK = "no second look at all"
 NO_LIMB_SEARCH = "no limbs exchanged"
 NO_POSTURES = "no seated, lying, kneeling ... postures in the bank"
@@ -125,9 +125,7 @@ def run(pipeline: PosePipeline, path: Path) -> tuple[np.ndarray, np.ndarray]:
 
 def main() -> None:
     """Run and report."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = make_parser(__doc__)
     parser.add_argument("--clips", type=int, default=12, help="simulated clips")
     parser.add_argument("--data", type=Path, help="recordings with truth files instead")
     parser.add_argument("--bank", nargs="*", default=[], metavar="NAME=FILE", help="more banks")

@@ -18,17 +18,16 @@ Prints the tables and draws ``table1.png`` and ``ablation.png``.
 
 from __future__ import annotations
 
-import os
+import one_thread  # noqa: F401
 
-for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ[variable] = "1"
+# isort: split
 
-import argparse
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from bank_common import joints_of, recordings
+from command_line import make_parser
 
 from depth_pose.bank import Bank, default_bank_path
 from depth_pose.core.config import DenoiseConfig, MatchConfig, PipelineConfig, RefineConfig
@@ -45,6 +44,7 @@ SHOTTON = (0.02, 0.06, 0.30, 0.53, 0.73, 0.82, 0.85)
 
 METHODS = ("articulated", "cpd")
 RAW = DenoiseConfig(iterations=0, outlier_distance=1.0)
+"""Denoising that changes nothing."""
 
 
 @dataclass(frozen=True)
@@ -185,9 +185,7 @@ def draw_ablation(variants: dict[str, Variant], bank: str, path: Path) -> None:
 
 def main() -> None:
     """Run, print and draw."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = make_parser(__doc__)
     parser.add_argument("data", type=Path, help="folder of recordings with truth files")
     parser.add_argument("--bank", nargs="*", metavar="[LABEL=]FILE", help="the set-up's by default")
     parser.add_argument("--step", type=int, default=1, help="run every so many frames")

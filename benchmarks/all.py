@@ -8,13 +8,11 @@ A few minutes on one core. Nothing is read but the bank: the recordings are simu
 
 from __future__ import annotations
 
-import os
+import one_thread  # noqa: F401
 
-for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ[variable] = "1"
-
-import argparse
+# isort: split
 import datetime
+import os
 import platform
 import tempfile
 from importlib.metadata import version
@@ -24,10 +22,12 @@ import cpd
 import numpy as np
 import peers
 import stages
+from command_line import make_parser
 
 from depth_pose.bank import Bank, default_bank_path
 
 ROOT = Path(__file__).resolve().parents[1]
+"""The repository."""
 
 TEXT = """# Speed
 
@@ -110,9 +110,7 @@ def draw(measured: list[stages.StageTimes], compared: list[peers.Peer], path: Pa
 
 def main() -> None:
     """Measure everything and write it down."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = make_parser(__doc__)
     parser.add_argument("--bank", type=Path, help="exemplar bank; the set-up's by default")
     parser.add_argument("-o", "--output", type=Path, default=ROOT, help="folder of BENCHMARK.md and docs")
     arguments = parser.parse_args()

@@ -33,7 +33,9 @@ from depth_pose.sim.simulate import simulate
 
 MOTIONS = ("stand_casual", "wave", "walk", "raise_arms")
 CLIP_FRAMES = 30
+"""Frames of each simulated clip, of which recordings take some."""
 STEP_NS = 60_000_000_000
+"""From one clip in a recording to the next, nanoseconds."""
 PIPELINE_KB = 250_000
 """A process with more than this has a pipeline."""
 

@@ -19,6 +19,8 @@ from depth_pose.people.person import People
 from depth_pose.steps.extract import PeopleExtractor
 from depth_pose.steps.match import Matcher
 
+RIGHT_M = 0.1
+"""A match whose joints are off by less than this on average counts as right, metres."""
 LEFT = [j for j, name in enumerate(JOINTS) if name in ("left_shoulder", "left_hip")]
 RIGHT = [j for j, name in enumerate(JOINTS) if name in ("right_shoulder", "right_hip")]
 

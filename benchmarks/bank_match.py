@@ -9,12 +9,12 @@ of shortlists by rendered depth; a shortlist of one is the paper's match, neares
 
 from __future__ import annotations
 
-import argparse
 import time
 from pathlib import Path
 
 import numpy as np
 from bank_common import (
+    RIGHT_M,
     Recording,
     find_scale,
     is_flipped,
@@ -23,13 +23,11 @@ from bank_common import (
     mean_error,
     recordings,
 )
+from command_line import make_parser
 
 from depth_pose.bank import Bank
 from depth_pose.core.config import MatchConfig
 from depth_pose.steps.match import Matcher
-
-_RIGHT_M = 0.1
-"""A match whose joints are off by less than this on average counts as right."""
 
 
 def measure(bank: Bank, recorded: list[Recording], shortlist: int) -> dict[str, np.ndarray]:
@@ -57,7 +55,7 @@ def measure(bank: Bank, recorded: list[Recording], shortlist: int) -> dict[str, 
 
 def report(label: str, found: dict[str, np.ndarray], recorded: list[Recording]) -> None:
     """Print a bank's row, and below it each recording's error."""
-    e, right = found["error"], found["error"] < _RIGHT_M
+    e, right = found["error"], found["error"] < RIGHT_M
     print(
         f"{label:28s} {1e3 * e.mean():6.0f} {1e3 * np.median(e):6.0f} {100 * found['flip'].mean():6.1f} "
         f"{100 * right.mean():6.0f} {1e3 * found['best'].mean():6.0f} {np.median(found['ms']):6.1f}"
@@ -72,9 +70,7 @@ def report(label: str, found: dict[str, np.ndarray], recorded: list[Recording]) 
 
 def main() -> None:
     """Measure every bank on every recording."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = make_parser(__doc__)
     parser.add_argument("data", type=Path)
     parser.add_argument("banks", nargs="+", metavar="LABEL=FILE")
     parser.add_argument("--step", type=int, default=3, help="use every so many frames")

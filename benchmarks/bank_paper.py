@@ -9,11 +9,11 @@ comparison of rendered depth. A mirrored frame shows its body mirrored where it 
 
 from __future__ import annotations
 
-import argparse
 from pathlib import Path
 
 import numpy as np
 from bank_common import Recording, find_scale, is_flipped, load_recording, mean_error, recordings
+from command_line import make_parser
 
 from depth_pose.bank import Bank
 from depth_pose.bank.build import learn_subspace, project
@@ -48,9 +48,7 @@ def measure(
 
 def main() -> None:
     """Render, match, and print both variants."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = make_parser(__doc__)
     parser.add_argument("data", type=Path)
     parser.add_argument("bank", type=Path)
     parser.add_argument("--step", type=int, default=6, help="use every so many frames")

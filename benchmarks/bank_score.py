@@ -12,13 +12,13 @@ simulated clips and, with ``--check``, on recordings with known joints, which no
 
 from __future__ import annotations
 
-import argparse
 import tempfile
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-from bank_common import Recording, is_flipped, joints_of, load_recording, mean_error, recordings
+from bank_common import RIGHT_M, Recording, is_flipped, joints_of, load_recording, mean_error, recordings
+from command_line import make_parser
 
 from depth_pose.bank import Bank
 from depth_pose.core.config import MatchConfig
@@ -28,8 +28,8 @@ from depth_pose.sim.motion import load_motion
 from depth_pose.sim.simulate import Stage, simulate
 from depth_pose.steps.match import Matcher, match_confidence
 
-_RIGHT_M = 0.1
 _CLIPS, _FRAMES, _FPS = 50, 14, 5.0
+"""Simulated clips, their frames, and frames a second. Set by hand."""
 
 
 def simulated(folder: Path, captures: list[Path]) -> list[Recording]:
@@ -71,7 +71,7 @@ def measure(bank: Bank, recorded: list[Recording]) -> np.ndarray:
         for people, known in zip(recording.people, recording.joints, strict=True):
             for match in matcher.match(people):
                 found = joints_of(bank, match)
-                right = mean_error(found, known) < _RIGHT_M and not is_flipped(found, known)
+                right = mean_error(found, known) < RIGHT_M and not is_flipped(found, known)
                 rows.append((match.candidates[0].score, right))
     return np.array(rows, float)
 
@@ -131,9 +131,7 @@ def draw(bins: dict[str, np.ndarray], path: Path) -> None:
 
 def main() -> None:
     """Simulate, match, fit and report."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = make_parser(__doc__)
     parser.add_argument("banks", nargs="+", metavar="LABEL=FILE")
     parser.add_argument("--mocap", type=Path, help="BVH files; every second clip moves as one of them")
     parser.add_argument("--check", type=Path, help="recordings with truth files")

@@ -8,7 +8,6 @@ that the matcher found over the first frames, and refined without the previous p
 
 from __future__ import annotations
 
-import argparse
 import time
 from pathlib import Path
 
@@ -23,6 +22,7 @@ from bank_common import (
     recordings,
     subsample,
 )
+from command_line import make_parser
 
 from depth_pose.bank import Bank
 from depth_pose.core.config import MatchConfig, RefineConfig
@@ -31,6 +31,7 @@ from depth_pose.steps.refine import Refiner
 from depth_pose.steps.search import SubspaceSearch
 
 SHARES = (1, 4, 16, 64)
+"""Every how manyth pose is kept."""
 COLUMNS = ("poses", "match mm", "flips %", "refined mm", "flips %", "match ms", "search ms")
 
 
@@ -100,9 +101,7 @@ def draw(tables: dict[str, np.ndarray], path: Path) -> None:
 
 def main() -> None:
     """Measure every size of every bank."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = make_parser(__doc__)
     parser.add_argument("data", type=Path)
     parser.add_argument("banks", nargs="+", metavar="LABEL=FILE")
     parser.add_argument("--step", type=int, default=8, help="use every so many frames")

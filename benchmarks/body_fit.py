@@ -12,11 +12,11 @@ median absolute one, and the overlap of the silhouettes. Nothing is fitted.
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+from command_line import make_parser
 from numpy.typing import NDArray
 
 from depth_pose.body.body import Body
@@ -235,9 +235,7 @@ def person_mask(depth: Array, joints: dict[str, Array], k: Array) -> NDArray[np.
 
 def main() -> None:
     """Compare over a folder of clips and print the table."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = make_parser(__doc__)
     here = Path(__file__).resolve()
     parser.add_argument("clips", nargs="?", type=Path, default=here.parents[2] / "shared" / "data" / "dev")
     parser.add_argument("--frames", type=int, default=6, help="frames per clip")

@@ -5,10 +5,10 @@ python benchmarks/body_pictures.py [FOLDER]
 
 from __future__ import annotations
 
-import argparse
 from pathlib import Path
 
 import numpy as np
+from command_line import make_parser
 from numpy.typing import NDArray
 
 from depth_pose.body.body import Body
@@ -82,9 +82,7 @@ def main() -> None:
     """Write body_rest.png, body_poses.png and body_builds.png."""
     import matplotlib.image
 
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = make_parser(__doc__)
     parser.add_argument("folder", nargs="?", type=Path, default=Path(__file__).resolve().parents[1] / "docs")
     folder = parser.parse_args().folder
     body = make_body()

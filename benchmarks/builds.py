@@ -10,16 +10,15 @@ person's two clips at their ends.
 
 from __future__ import annotations
 
-import os
+import one_thread  # noqa: F401
 
-for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ[variable] = "1"
+# isort: split
 
-import argparse
 import tempfile
 from pathlib import Path
 
 import numpy as np
+from command_line import make_parser
 
 from depth_pose.bank import Bank, default_bank_path
 from depth_pose.body.build import BuildSpace
@@ -45,6 +44,7 @@ BONES = {
     "foot": ("left_ankle", "left_foot"),
 }
 MOMENTS_S = (2.0, 5.0, 10.0)
+"""When bones are compared, seconds from the first frame."""
 _ENDS = np.array([[JOINT_INDEX[a], JOINT_INDEX[b]] for a, b in BONES.values()]).T
 
 
@@ -92,9 +92,7 @@ def lengths_of(space: BuildSpace, skeleton: Skeleton) -> np.ndarray:
 
 def main() -> None:
     """Simulate, follow and report."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = make_parser(__doc__)
     parser.add_argument("--people", type=int, default=4)
     parser.add_argument("--seconds", type=float, default=12.0)
     parser.add_argument("--seed", type=int, default=31)

@@ -22,18 +22,17 @@ and checked on the rest.
 
 from __future__ import annotations
 
-import os
+import one_thread  # noqa: F401
 
-for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ[variable] = "1"
+# isort: split
 
-import argparse
 import tempfile
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from command_line import make_parser
 
 from depth_pose.bank import Bank, default_bank_path
 from depth_pose.core.skeleton import JOINTS, JointState, Source
@@ -58,7 +57,9 @@ from depth_pose.steps.confidence import (
 )
 
 RIGHT_M = 0.1
+"""A joint, or a skeleton in the mean, that is nearer than this to the truth is right."""
 NOBODY_M = 0.4
+"""A skeleton farther from everybody than this is of nobody, metres. Set by hand."""
 _TRUST = 0.9
 """Recovered joints' confidence is what the figures say times this (`depth_pose.steps.recover`)."""
 
@@ -75,6 +76,7 @@ FITTED = (
 """Signs whose figures are fitted, beside one that all kinds of joints share."""
 
 _BINS = np.linspace(0, 1, 11)
+"""Stated confidence is compared in tenths."""
 
 
 @dataclass(frozen=True)
@@ -381,9 +383,7 @@ def draw(measured: dict[str, Answers], path: Path) -> None:
 
 def main() -> None:
     """Simulate, fit, report and draw."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = make_parser(__doc__)
     parser.add_argument("--bank", type=Path, help="exemplar bank; the set-up's by default")
     parser.add_argument("--clips", type=int, default=104)
     parser.add_argument("--mocap", type=Path, help="BVH files; half of the clips move as one of them")

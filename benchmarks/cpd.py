@@ -14,18 +14,17 @@ point, and the mean distance to where the vertices really went.
 
 from __future__ import annotations
 
-import os
+import one_thread  # noqa: F401
 
-for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ[variable] = "1"
+# isort: split
 
-import argparse
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
 
 import numpy as np
+from command_line import make_parser
 from scipy.spatial import cKDTree
 
 from depth_pose.body.procedural import make_body
@@ -41,6 +40,7 @@ from depth_pose.fit.laplacian import LaplacianCompleter
 from depth_pose.fit.rendered_depth import render_depth
 
 SOURCE, TARGET = 632, 578
+"""Points that move, and those that they are moved to: as many as of a person in a small image."""
 
 
 def scene(seed: int):
@@ -173,9 +173,7 @@ def table(rows: list[Registration]) -> str:
 
 def main() -> None:
     """Compare and print."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = make_parser(__doc__)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--repeats", type=int, default=5)
     options = parser.parse_args()

@@ -19,6 +19,7 @@ from collections import defaultdict
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
+"""The repository."""
 
 
 def run_tests(notes: Path, only: str) -> None:

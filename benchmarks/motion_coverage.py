@@ -7,7 +7,6 @@ Prints the table of docs/motion.md and writes its pictures.
 
 from __future__ import annotations
 
-import argparse
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -17,6 +16,7 @@ import matplotlib
 import numpy as np
 
 matplotlib.use("Agg")
+from command_line import make_parser
 from matplotlib import pyplot as plt
 from numpy.typing import NDArray
 
@@ -125,9 +125,7 @@ def plot_families(poses: PoseSet, path: str | Path, columns: int = 12, seed: int
 
 def main() -> None:
     """Measure and draw."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = make_parser(__doc__)
     parser.add_argument("motion", type=Path, help="folder of recorded motion (BVH, ASF/AMC)")
     parser.add_argument("pictures", type=Path, help="folder for the pictures")
     parser.add_argument("--counts", type=int, nargs="+", default=[500, 2000, 8000])

@@ -18,9 +18,11 @@ import time
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
+"""The repository."""
 PROFILE = ROOT / "src" / "depth_pose" / "ros" / "fastdds.xml"
 LOCAL = PROFILE.with_name("fastdds_local.xml")
 SECONDS, DOMAIN = 10.0, "61"
+"""How long messages are sent, and on which ROS domain. Set by hand."""
 
 
 def play(role: str, rate: float) -> None:

@@ -17,12 +17,10 @@ Printed are medians of the processor time, all threads together.
 
 from __future__ import annotations
 
-import os
+import one_thread  # noqa: F401
 
-for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ[variable] = "1"
+# isort: split
 
-import argparse
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -31,6 +29,7 @@ from typing import Any
 
 import numpy as np
 import open3d as o3d
+from command_line import make_parser
 from scipy.spatial import cKDTree
 
 from depth_pose.bank import Bank, default_bank_path
@@ -56,8 +55,11 @@ from depth_pose.steps.match import Matcher
 from depth_pose.steps.search import SubspaceSearch
 
 FRAMES, STRIDE = 25, 3
+"""Frames that are compared, and of how many one is taken. Set by hand."""
 _NEAREST = 128
+"""Neighbours that a search is asked for. Set by hand."""
 _ICP_M, _ICP_ITERATIONS = 0.1, 30
+"""Farthest pair, metres, and most iterations of ICP. Set by hand."""
 
 
 @dataclass(frozen=True)
@@ -250,9 +252,7 @@ def table(peers: list[Peer]) -> str:
 
 def main() -> None:
     """Compare and print."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = make_parser(__doc__)
     parser.add_argument("--bank", type=Path, help="exemplar bank; the set-up's by default")
     arguments = parser.parse_args()
     print(table(compare_all(Bank.load(arguments.bank or default_bank_path()))))

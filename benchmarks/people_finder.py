@@ -12,12 +12,10 @@ sensor and by distance; what false ones stand on; whether the probability means 
 
 from __future__ import annotations
 
-import os
+import one_thread  # noqa: F401
 
-for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ[variable] = "1"
+# isort: split
 
-import argparse
 import hashlib
 import time
 from collections import Counter
@@ -27,6 +25,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
+from command_line import make_parser
 from rich.progress import track
 
 from depth_pose.core.config import SegmentConfig
@@ -43,8 +42,12 @@ SEED = 700_001
 """The training takes 1 and 2, the verifier 900,001 and 900,002."""
 
 TORSO_M, OWN_SHARE = 0.4, 0.5
+"""Somebody found is a person of the scene whose torso is nearer than the first, metres, and who has at least
+the second as a share of their pixels. Set by hand."""
 SHOWN = (0.1, 0.3, 0.6, 1.01)
+"""Bounds of the groups by the share of a person that shows."""
 DISTANCES_M = (0.0, 1.2, 2.2, 3.5, 12.0)
+"""Bounds of the groups by distance, metres."""
 ASKED = 0.3
 """Who shows by less than this is not asked for, as in the sequences with references."""
 
@@ -184,9 +187,7 @@ def reliability(tally: Tally) -> str:
 
 def main() -> None:
     """Measure and print."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = make_parser(__doc__)
     parser.add_argument("--rooms", type=int, default=500, help="how many rooms")
     parser.add_argument("--seed", type=int, default=SEED, help="of the rooms")
     parser.add_argument("--weights", type=Path, help="folder of other weights than those that ship")

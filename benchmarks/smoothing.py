@@ -15,12 +15,10 @@ with v the joint's true velocity. ``--sweep`` tries a grid of settings.
 
 from __future__ import annotations
 
-import os
+import one_thread  # noqa: F401
 
-for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ[variable] = "1"
+# isort: split
 
-import argparse
 import tempfile
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -28,6 +26,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
+from command_line import make_parser
 
 from depth_pose.bank import Bank, default_bank_path
 from depth_pose.core.config import PipelineConfig, SmoothConfig
@@ -140,9 +139,7 @@ def table(tracks: list[Track], settings: Iterable[SmoothConfig]) -> str:
 
 def main() -> None:
     """Track, filter and print."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = make_parser(__doc__)
     parser.add_argument("recordings", nargs="*", type=Path)
     parser.add_argument("--bank", type=Path, help="exemplar bank; the set-up's by default")
     parser.add_argument("--sweep", action="store_true", help="try a grid of settings")

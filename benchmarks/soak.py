@@ -40,10 +40,14 @@ from depth_pose.ros.process import HOST, NODES, SECOND_HOST, SPARES
 os.environ.setdefault("ROS_DOMAIN_ID", str(random.SystemRandom().randrange(1, 101)))
 
 FPS = 15.0
+"""Of the single person's recording, hertz."""
 SECONDS, PEOPLE, WIDTH = 20.0, 3, 320
+"""Of a recording; the people in the room's, and its pixels a row."""
 EVERY_S, STALL_S = 2.0, 2.0
+"""From one look at the memory to the next, and how long a node is stopped, seconds."""
 OTHERS = *SPARES, HOST, SECOND_HOST
 SLOW_S, DEAF_AFTER_S = 0.5, 60.0
+"""What the slow listener takes for a cloud, and when the other one goes deaf, seconds."""
 
 
 def memory_bytes(pid: int | None, kind: str = "Rss:") -> float:

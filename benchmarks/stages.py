@@ -11,12 +11,10 @@ the finder included. `all.py` writes the table, with the comparisons, into BENCH
 
 from __future__ import annotations
 
-import os
+import one_thread  # noqa: F401
 
-for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ[variable] = "1"
+# isort: split
 
-import argparse
 import tempfile
 import time
 from collections.abc import Sequence
@@ -24,6 +22,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from command_line import make_parser
 
 from depth_pose.bank import Bank, default_bank_path
 from depth_pose.core.config import MatchConfig, PipelineConfig, RefineConfig
@@ -40,11 +39,13 @@ from depth_pose.sim.simulate import Stage, simulate
 STAGES = ("finder", "denoise", "matcher", "refine", "recovery")
 METHODS = ("articulated", "cpd")
 SECONDS = 3.0
+"""Of each clip."""
 
 ROOMS = ((1, 11), (3, 12), (6, 13))
 """People in a simulated room, and the seed; the weights of the finder were trained with other seeds."""
 
 ROOM_FPS, ROOM_WIDTH_PX = 15.0, 320
+"""Hertz, and pixels of a row, of the rooms."""
 
 
 @dataclass(frozen=True)
@@ -187,9 +188,7 @@ def simulated_all(bank: Bank, folder: Path) -> list[StageTimes]:
 
 def main() -> None:
     """Measure and print."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = make_parser(__doc__)
     parser.add_argument("recordings", nargs="*", type=Path)
     parser.add_argument("--bank", type=Path, help="exemplar bank; the set-up's by default")
     arguments = parser.parse_args()

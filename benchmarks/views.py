@@ -10,13 +10,13 @@ frame stands alone: matched, and refined without the previous pose.
 
 from __future__ import annotations
 
-import argparse
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from bank_common import Recording, is_flipped, joints_of, load_recording, mean_error
+from command_line import make_parser
 
 from depth_pose.bank import Bank
 from depth_pose.body.body import Body
@@ -30,7 +30,9 @@ from depth_pose.steps.match import Matcher
 from depth_pose.steps.refine import Refiner
 
 _DISTANCE_M = 3.6
+"""From the camera to the place that it looks at, metres. Set by hand."""
 _AIM_HEIGHT_M = 0.9
+"""Of that place above the floor, metres. Set by hand."""
 
 
 @dataclass(frozen=True)
@@ -131,9 +133,7 @@ def draw(
 
 def main() -> None:
     """Simulate every view and measure."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = make_parser(__doc__)
     parser.add_argument("bank", type=Path)
     parser.add_argument("--motion", default="walk", help="a procedural motion or a .bvh file")
     parser.add_argument("--seconds", type=float, default=4.0)

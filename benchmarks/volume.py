@@ -10,16 +10,15 @@ frames each of three other people in other garments, performing again. Prints ta
 
 from __future__ import annotations
 
-import os
+import one_thread  # noqa: F401
 
-for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ[variable] = "1"
+# isort: split
 
-import argparse
 import time
 from pathlib import Path
 
 import numpy as np
+from command_line import make_parser
 
 from depth_pose.core.camera import Camera
 from depth_pose.motion.procedural.dance import DANCES, perform
@@ -49,6 +48,7 @@ TEST_SEEDS = (11, 12, 13)
 """Performances of the three test dancers; the training's are 1 to 10, settings were chosen on 101, 102."""
 
 TEST_BEATS = (0.0, 4.0, 7.0)
+"""Beats of the dance at which they begin."""
 TEST_GARMENTS = (
     Garment(skirt=0.50, flare=0.36),
     Garment(skirt=0.65, flare=0.27),
@@ -261,9 +261,7 @@ def draw_cost(points, path: Path) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = make_parser(__doc__)
     parser.add_argument("what", choices=("accuracy", "depth", "cost"))
     parser.add_argument("--out", type=Path, default=Path("volume_plots"), help="folder for the plots")
     parser.add_argument("--models", type=Path, default=Path("volume_models"), help="folder for the models")

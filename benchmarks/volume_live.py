@@ -16,8 +16,8 @@ from __future__ import annotations
 import os
 import random
 
-for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ[variable] = "1"
+import one_thread  # noqa: F401
+
 os.environ["ROS_DOMAIN_ID"] = str(random.SystemRandom().randrange(1, 101))
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 
@@ -31,6 +31,7 @@ import time
 from pathlib import Path
 
 import numpy as np
+from command_line import make_parser
 
 from depth_pose.io._messages import write_image
 from depth_pose.motion.procedural.dance import perform
@@ -42,6 +43,7 @@ from depth_pose.volume.rigfile import save_rig
 from depth_pose.volume_learn.performances import TEST_SHAPES
 
 SECONDS_OF_DANCE = 4.0
+"""Of the clip that is played."""
 TICKS = os.sysconf("SC_CLK_TCK")
 
 
@@ -172,9 +174,7 @@ def run(given: argparse.Namespace, node: subprocess.Popen[str], stage: Stage, se
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = make_parser(__doc__)
     parser.add_argument("--model", type=Path, default=Path("volume_models/swing.npz"))
     parser.add_argument("--kind", choices=("silhouettes", "depth"), default="silhouettes")
     parser.add_argument("--cameras", type=int, default=8)
