@@ -78,6 +78,14 @@ def mesh(posed_body, body=None):
     return posed_body.vertices, (body or default_body()).faces
 
 
+def transform(seed):
+    """A rigid transform (4, 4) of random numbers."""
+    rng = np.random.default_rng(seed)
+    T = np.eye(4)
+    T[:3, :3], T[:3, 3] = rotvec_to_matrix(rng.normal(size=3)), rng.normal(size=3)
+    return T
+
+
 def box(low, high):
     """A closed box, outward faces counter-clockwise seen from outside."""
     corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], float)

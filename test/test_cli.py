@@ -8,20 +8,20 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import depth_pose
-from depth_pose.cli import main
+from command import Done, caller
 from depth_pose.cli.console import loading, read_settings
 from depth_pose.core.camera import Camera
 from depth_pose.core.config import MatchConfig, PipelineConfig, SegmentConfig
 from depth_pose.core.errors import ConfigError, InputError
 from depth_pose.core.options import options
 from depth_pose.io.mcap_write import DepthWriter
+from skeletons import make_skeleton
 
 COMMANDS = (
     "run",
@@ -52,33 +52,9 @@ COMMANDS = (
 )
 
 
-@dataclass(frozen=True)
-class Done:
-    """How a command ended."""
-
-    returncode: int
-    stdout: str
-    stderr: str
-
-
 @pytest.fixture
 def call(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Callable[..., Done]:
-    """Call `main` in this process."""
-    monkeypatch.setenv("COLUMNS", "200")
-    monkeypatch.setenv("NO_COLOR", "1")
-
-    def run(*arguments: str | Path) -> Done:
-        monkeypatch.setattr(sys, "argv", ["depth-pose", *map(str, arguments)])
-        capsys.readouterr()
-        try:
-            main()
-            code = 0
-        except SystemExit as end:
-            code = end.code
-        captured = capsys.readouterr()
-        return Done(code, captured.out, captured.err)
-
-    return run
+    return caller(monkeypatch, capsys)
 
 
 def call_process(*arguments: str | Path, first: Path | None = None) -> Done:
@@ -194,20 +170,13 @@ def test_simulate_and_eval(tmp_path: Path, call: Callable[..., Done]) -> None:
     )
     assert done.returncode == 0, done.stderr
     assert "2 at 25 per second" in done.stdout
-    from depth_pose.core.skeleton import Source
-    from depth_pose.core.types import Skeleton
     from depth_pose.evaluate.truth import load_truth
     from depth_pose.io.mcap_write import SkeletonWriter
 
     truth = load_truth(tmp_path / "s.npz")
     with SkeletonWriter(tmp_path / "p.mcap") as writer:
         for stamp, joints in zip(truth.stamps_ns, truth.joints + np.array([0.03, 0, 0]), strict=True):
-            writer.write(
-                Skeleton(
-                    int(stamp), "o", "b", Source.REFINED, 1.0, 0.0, 1.0, joints,
-                    np.tile([0.0, 0, 0, 1], (19, 1)), np.ones(19, np.float32), np.zeros(19, np.uint8),
-                )
-            )  # fmt: skip
+            writer.write(make_skeleton(joints, stamp_ns=int(stamp)))
     done = call("eval", tmp_path / "s.npz", tmp_path / "p.mcap", "--json", "--plot", tmp_path / "e.png")
     numbers = json.loads(done.stdout)
     assert numbers["mean_error_mm"] == pytest.approx(30, abs=1e-3)
@@ -235,22 +204,16 @@ def test_simulated_room_is_scored_for_everybody(tmp_path: Path, call: Callable[.
     done = call("simulate", "-o", tmp_path / "r.mcap", *options)
     assert done.returncode == 0, done.stderr
     assert "3 at 15 per second" in done.stdout
-    from depth_pose.core.skeleton import Source
-    from depth_pose.core.types import Skeleton
     from depth_pose.evaluate.truth import load_known_people
     from depth_pose.io.mcap_write import SkeletonWriter
 
     truth = load_known_people(tmp_path / "r.npz")
     assert truth.joints.shape[:2] == truth.visible.shape == (3, 2)
-    rest = (np.tile([0.0, 0, 0, 1], (19, 1)), np.ones(19, np.float32), np.zeros(19, np.uint8))
     with SkeletonWriter(tmp_path / "p.mcap") as writer:
         for stamp, joints in zip(truth.stamps_ns, truth.joints, strict=True):
             places = [*(joints + np.array([0.03, 0, 0])), joints[0] + 9]
-            people = [
-                Skeleton(int(stamp), "o", f"b_{i}", Source.REFINED, 1.0, 0.0, 1.0, at, *rest)
-                for i, at in enumerate(places)
-            ]
-            writer.write_people(people, int(stamp), "o")
+            people = [make_skeleton(at, stamp_ns=int(stamp), body_id=f"b_{i}") for i, at in enumerate(places)]
+            writer.write_people(people, int(stamp), "optical")
     numbers = json.loads(call("eval", tmp_path / "r.npz", tmp_path / "p.mcap", "--json").stdout)["total"]
     assert numbers["recall"] == 1.0
     assert numbers["mean_error_mm"] == pytest.approx(30, abs=1e-2)

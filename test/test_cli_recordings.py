@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pytest
 from mcap.writer import Writer
 
-from depth_pose.cli import main
+from command import Done, caller
 from depth_pose.core.camera import Camera
 from depth_pose.io import schemas
 from depth_pose.io._messages import write_camera_info, write_image
@@ -22,36 +20,12 @@ from depth_pose.io.skeleton_read import read_people
 CAMERA = Camera(64, 48, 60.0, 60.0, 31.5, 23.5)
 
 
-@dataclass(frozen=True)
-class Done:
-    """How a command ended."""
-
-    code: int
-    out: str
-    err: str
-
-
 @pytest.fixture
 def call(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], bank_path: Path
 ) -> Callable[..., Done]:
-    """Call `main` in this process."""
-    monkeypatch.setenv("COLUMNS", "200")
-    monkeypatch.setenv("NO_COLOR", "1")
     monkeypatch.setenv("DEPTH_POSE_BANK", str(bank_path))
-
-    def run(*arguments: str | Path) -> Done:
-        monkeypatch.setattr(sys, "argv", ["depth-pose", *map(str, arguments)])
-        capsys.readouterr()
-        try:
-            main()
-            code = 0
-        except SystemExit as end:
-            code = end.code or 0
-        captured = capsys.readouterr()
-        return Done(code, captured.out, captured.err)
-
-    return run
+    return caller(monkeypatch, capsys)
 
 
 def _write(path: Path, frames: int = 300) -> Path:
@@ -72,15 +46,15 @@ def _damage(path: Path) -> Path:
 def test_run_on_a_damaged_recording(tmp_path: Path, call: Callable[..., Done]) -> None:
     path, output = _damage(_write(tmp_path / "in.mcap")), tmp_path / "out.mcap"
     done = call("run", path, "-o", output)
-    assert done.code == 3
-    assert done.err.count("1 damaged chunk, left out") == 1 and str(path) in done.err
-    assert "error: a recording is damaged" in done.err
+    assert done.returncode == 3
+    assert done.stderr.count("1 damaged chunk, left out") == 1 and str(path) in done.stderr
+    assert "error: a recording is damaged" in done.stderr
     assert 0 < len(list(read_people(output))) < 300
     for arguments in (("run", path, "-o", output, "--lenient"), ("--lenient", "run", path, "-o", output)):
         done = call(*arguments)
-        assert done.code == 0 and "1 damaged chunk" in done.err and "error" not in done.err
+        assert done.returncode == 0 and "1 damaged chunk" in done.stderr and "error" not in done.stderr
     done = call("run", _write(tmp_path / "whole.mcap", 3), "-o", output)
-    assert done.code == 0 and done.err == ""
+    assert done.returncode == 0 and done.stderr == ""
 
 
 def test_one_bad_stamp_is_a_counted_drop(tmp_path: Path, call: Callable[..., Done]) -> None:
@@ -106,7 +80,7 @@ def test_one_bad_stamp_is_a_counted_drop(tmp_path: Path, call: Callable[..., Don
                 writer.add_message(channel, i, data, i)
         writer.finish()
     done = call("run", recording, "-o", output)
-    assert done.code == 0 and "stamp is below 0" in done.err, done.err
+    assert done.returncode == 0 and "stamp is below 0" in done.stderr, done.stderr
     assert [message.stamp_ns for message in read_people(output)] == [0, 40_000_000, 120_000_000]
 
 
@@ -116,21 +90,21 @@ def test_run_on_many_of_which_one_is_damaged(tmp_path: Path, call: Callable[...,
     _damage(_write(tmp_path / "in/damaged.mcap"))
     for again in range(2):  # the second time all is done already
         done = call("run", tmp_path / "in", "-o", tmp_path / "out", "--workers", "0")
-        assert done.code == 3, again
-        assert "damaged.mcap has 1 damaged chunk" in done.err
-    assert call("run", tmp_path / "in", "-o", tmp_path / "out", "--lenient").code == 0
+        assert done.returncode == 3, again
+        assert "damaged.mcap has 1 damaged chunk" in done.stderr
+    assert call("run", tmp_path / "in", "-o", tmp_path / "out", "--lenient").returncode == 0
 
 
 def test_reading_skeletons_of_a_damaged_recording(tmp_path: Path, call: Callable[..., Done]) -> None:
     recording, skeletons = _write(tmp_path / "in.mcap"), tmp_path / "out.mcap"
-    assert call("run", recording, "-o", skeletons).code == 0
+    assert call("run", recording, "-o", skeletons).returncode == 0
     done = call("overlay", recording, skeletons, "-o", tmp_path / "a.png")
-    assert done.code == 0, done.err
+    assert done.returncode == 0, done.stderr
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(skeletons.read_bytes()[:-30])
     done = call("overlay", recording, cut, "-o", tmp_path / "a.png")
-    assert done.code == 3 and "cut.mcap ends too early" in done.err
-    assert call("--lenient", "overlay", recording, cut, "-o", tmp_path / "a.png").code == 0
+    assert done.returncode == 3 and "cut.mcap ends too early" in done.stderr
+    assert call("--lenient", "overlay", recording, cut, "-o", tmp_path / "a.png").returncode == 0
 
 
 def test_a_folder_of_images_gives_the_skeletons_of_its_recording(
@@ -144,18 +118,18 @@ def test_a_folder_of_images_gives_the_skeletons_of_its_recording(
         for i in range(5):
             np.save(images / f"{i}.npy", depth[i])
             writer.write(1_000_000_000 + i * 40_000_000, depth[i] / np.float32(1000))
-    assert call("run", tmp_path / "in.mcap", "-o", tmp_path / "wanted.mcap").code == 0
+    assert call("run", tmp_path / "in.mcap", "-o", tmp_path / "wanted.mcap").returncode == 0
     wanted = (tmp_path / "wanted.mcap").read_bytes()
     done = call("run", images, "-o", tmp_path / "a.mcap")
-    assert done.code == 1 and "--intrinsics" in done.err
+    assert done.returncode == 1 and "--intrinsics" in done.stderr
     options = ("--intrinsics", "60,60,31.5,23.5", "--fps", "25")
     done = call("run", images, "-o", tmp_path / "a.mcap", *options)
-    assert done.code == 0, done.err
+    assert done.returncode == 0, done.stderr
     assert (tmp_path / "a.mcap").read_bytes() == wanted
     (images / "camera.json").write_text('{"fx": 60, "fy": 60, "cx": 31.5, "cy": 23.5, "fps": 25}')
-    assert call("run", images, "-o", tmp_path / "b.mcap").code == 0
+    assert call("run", images, "-o", tmp_path / "b.mcap").returncode == 0
     assert (tmp_path / "b.mcap").read_bytes() == wanted
-    assert call("run", images, "-o", tmp_path / "c.mcap", "--fps", "0").code == 2
+    assert call("run", images, "-o", tmp_path / "c.mcap", "--fps", "0").returncode == 2
 
 
 def test_an_output_that_ends_in_a_slash_is_a_folder(tmp_path: Path, call: Callable[..., Done]) -> None:
@@ -163,20 +137,20 @@ def test_an_output_that_ends_in_a_slash_is_a_folder(tmp_path: Path, call: Callab
     with DepthWriter(tmp_path / "in/day.mcap", CAMERA, "optical") as writer:
         writer.write(1_000_000_000, np.full((48, 64), 2.0, np.float32))
     done = call("run", tmp_path / "in", "-o", f"{tmp_path}/out/", "--workers", "0")
-    assert done.code == 0, done.err
+    assert done.returncode == 0, done.stderr
     assert {path.name for path in (tmp_path / "out").iterdir()} == {"day.mcap", "report.csv"}
-    assert call("run", tmp_path / "in", "-o", tmp_path / "one").code == 0
+    assert call("run", tmp_path / "in", "-o", tmp_path / "one").returncode == 0
     assert (tmp_path / "one").is_file()
 
 
 def test_info(tmp_path: Path, call: Callable[..., Done]) -> None:
     path = _write(tmp_path / "in.mcap")
     done = call("info", path)
-    assert done.code == 0 and done.err == ""
-    assert "300 messages, sensor_msgs/msg/Image" in done.out and "11.96 s" in done.out
-    assert "64 x 48" in done.out and "fx 60.00" in done.out
+    assert done.returncode == 0 and done.stderr == ""
+    assert "300 messages, sensor_msgs/msg/Image" in done.stdout and "11.96 s" in done.stdout
+    assert "64 x 48" in done.stdout and "fx 60.00" in done.stdout
     done = call("info", _damage(path))
-    assert done.code == 3 and "1 damaged chunk" in done.err
-    assert call("info", path, "--lenient").code == 0
+    assert done.returncode == 3 and "1 damaged chunk" in done.stderr
+    assert call("info", path, "--lenient").returncode == 0
     done = call("info", tmp_path / "none.mcap")
-    assert done.code == 1 and "No such file" in done.err
+    assert done.returncode == 1 and "No such file" in done.stderr

@@ -5,14 +5,13 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from depth_pose.cli import main
-from depth_pose.core.types import Skeleton, Source
 from depth_pose.evaluate.truth import load_truth
 from depth_pose.io.mcap_write import SkeletonWriter
 from full_disk import run_on_full_disk
+from skeletons import make_skeleton
 
 COMMANDS = (
     ("simulate", "-o", "sim.mcap", "--seconds", "0.2", "--motion", "wave"),
@@ -44,11 +43,10 @@ def folder(tmp_path: Path) -> Path:
             main()
     assert not end.value.code
     (tmp_path / "other.mcap").write_bytes((tmp_path / "in.mcap").read_bytes())
-    rest = (np.tile([0.0, 0, 0, 1], (19, 1)), np.ones(19, np.float32), np.zeros(19, np.uint8))
     truth = load_truth(tmp_path / "in.npz")
     with SkeletonWriter(tmp_path / "people.mcap") as writer:
         for stamp, joints in zip(truth.stamps_ns, truth.joints, strict=True):
-            writer.write(Skeleton(int(stamp), "o", "b", Source.REFINED, 1.0, 0.0, 1.0, joints, *rest))
+            writer.write(make_skeleton(joints, stamp_ns=int(stamp)))
     for name in (a for command in COMMANDS for a in command if a.startswith(("out.", "sim."))):
         (tmp_path / name).write_bytes(b"good")
     return tmp_path

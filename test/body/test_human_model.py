@@ -8,9 +8,9 @@ import pytest
 from depth_pose.body.build import BuildSpace
 from depth_pose.body.human_model import JOINTS, LINKS, Sizes, make_urdf, posture_of
 from depth_pose.core.rotations import R_CAMERA_FACING_MODEL, matrix_to_quat, rotvec_to_matrix
-from depth_pose.core.skeleton import JOINT_NODES, NODE_INDEX, Source, rest_nodes
-from depth_pose.core.types import Skeleton
+from depth_pose.core.skeleton import JOINT_NODES, NODE_INDEX, rest_nodes
 from depth_pose.motion.procedural.generator import make_poses
+from skeletons import make_skeleton
 
 SPHERICAL = ("{}_y_shoulder", "{}_p_shoulder", "{}_shoulder", "{}_elbow", "{}_wrist")
 LEG = ("{}_y_hip", "{}_p_hip", "{}_hip", "{}_knee", "{}_ankle")
@@ -38,19 +38,7 @@ def stand(urdf, values, base):
 
 
 def skeleton_of(posed, rotations):
-    return Skeleton(
-        stamp_ns=1,
-        frame_id="optical",
-        body_id="7",
-        source=Source.REFINED,
-        confidence=1.0,
-        residual=0.0,
-        scale=1.0,
-        positions=posed.nodes[JOINT_NODES],
-        quats_xyzw=matrix_to_quat(rotations[JOINT_NODES]),
-        joint_confidence=np.ones(19, np.float32),
-        joint_states=np.zeros(19, np.uint8),
-    )
+    return make_skeleton(posed.nodes[JOINT_NODES], quats_xyzw=matrix_to_quat(rotations[JOINT_NODES]))
 
 
 @pytest.fixture(scope="module")

@@ -10,10 +10,11 @@ from PIL import Image
 
 from depth_pose.core.camera import Camera
 from depth_pose.core.rotations import R_CAMERA_FACING_MODEL
-from depth_pose.core.skeleton import JOINT_INDEX, JOINT_NODES, Source, rest_nodes
-from depth_pose.core.types import DepthFrame, Skeleton
+from depth_pose.core.skeleton import JOINT_INDEX, JOINT_NODES, rest_nodes
+from depth_pose.core.types import DepthFrame
 from depth_pose.evaluate.animation import draw_frames, save_animation
 from depth_pose.io.mcap_write import DepthWriter, SkeletonWriter
+from skeletons import make_skeleton
 
 CAMERA = Camera(176, 144, 225.0, 225.0, 87.5, 71.5)
 REST = (rest_nodes()[JOINT_NODES] * 1.75) @ R_CAMERA_FACING_MODEL + [0, 0.9, 3.8]
@@ -21,20 +22,7 @@ START_NS, STEP_NS = 10**18, 40_000_000
 
 
 def skeleton_at(i):
-    joints = len(REST)
-    return Skeleton(
-        stamp_ns=START_NS + i * STEP_NS,
-        frame_id="optical",
-        body_id="body_1",
-        source=Source.REFINED,
-        confidence=0.9,
-        residual=0.01,
-        scale=1.0,
-        positions=REST + [0.01 * i, 0, 0],
-        quats_xyzw=np.tile([0.0, 0, 0, 1], (joints, 1)),
-        joint_confidence=np.ones(joints, np.float32),
-        joint_states=np.zeros(joints, np.uint8),
-    )
+    return make_skeleton(REST + [0.01 * i, 0, 0], stamp_ns=START_NS + i * STEP_NS, body_id="body_1")
 
 
 @pytest.fixture

@@ -11,12 +11,13 @@ import pytest
 from depth_pose.core.camera import Camera
 from depth_pose.core.errors import InputError
 from depth_pose.core.rotations import R_CAMERA_FACING_MODEL
-from depth_pose.core.skeleton import JOINT_INDEX, JOINT_NODES, JOINTS, Source, rest_nodes
+from depth_pose.core.skeleton import JOINT_INDEX, JOINT_NODES, JOINTS, rest_nodes
 from depth_pose.core.types import Skeleton
 from depth_pose.evaluate.overlay import collect_panels, project, save_overlay
 from depth_pose.evaluate.score2d import person_height_px, score_2d
 from depth_pose.evaluate.shading import shade_depth
 from depth_pose.io.mcap_write import DepthWriter, SkeletonWriter
+from skeletons import make_skeleton
 
 CAMERA = Camera(176, 144, 225.0, 225.0, 87.5, 71.5)
 REST = (rest_nodes()[JOINT_NODES] * 1.75) @ R_CAMERA_FACING_MODEL + [0, 0.9, 3.8]
@@ -42,16 +43,9 @@ def recordings(tmp_path: Path) -> tuple[Path, Path]:
 
 
 def _skeleton(stamp: int) -> Skeleton:
-    return Skeleton(
+    return make_skeleton(
+        REST,
         stamp_ns=stamp,
-        frame_id="optical",
-        body_id="b",
-        source=Source.REFINED,
-        confidence=0.9,
-        residual=0.01,
-        scale=1.0,
-        positions=REST,
-        quats_xyzw=np.tile([0.0, 0, 0, 1], (19, 1)),
         joint_confidence=np.linspace(0, 1, 19).astype(np.float32),
         joint_states=(np.arange(19) % 4).astype(np.uint8),
     )

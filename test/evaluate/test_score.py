@@ -13,12 +13,13 @@ import pytest
 
 from depth_pose.core.errors import InputError
 from depth_pose.core.rotations import R_CAMERA_FACING_MODEL
-from depth_pose.core.skeleton import JOINT_NODES, JOINTS, Source, rest_nodes
+from depth_pose.core.skeleton import JOINT_NODES, JOINTS, rest_nodes
 from depth_pose.core.types import Skeleton
 from depth_pose.evaluate.figures import save_joint_errors
 from depth_pose.evaluate.score import match_sequence, score, score_sequences
 from depth_pose.evaluate.truth import KnownJoints, load_truth
 from depth_pose.io.mcap_write import SkeletonWriter
+from skeletons import make_skeleton
 
 SHARED_SCORER = Path(__file__).parents[2].parent / "shared" / "tools" / "score.py"
 REST = (rest_nodes()[JOINT_NODES] * 1.75) @ R_CAMERA_FACING_MODEL + [0, 1.0, 3.0]
@@ -35,23 +36,6 @@ def save_truth(path: Path, truth: KnownJoints) -> None:
     np.savez(
         path, joints=truth.joints, names=np.array(truth.names), stamps_ns=truth.stamps_ns, seen=truth.seen
     )
-
-
-def make_skeleton(stamp: int, positions: np.ndarray, **changes: object) -> Skeleton:
-    fields = {
-        "stamp_ns": int(stamp),
-        "frame_id": "optical",
-        "body_id": "b",
-        "source": Source.REFINED,
-        "confidence": 0.9,
-        "residual": 0.01,
-        "scale": 1.0,
-        "positions": np.asarray(positions, float),
-        "quats_xyzw": np.tile([0.0, 0, 0, 1], (19, 1)),
-        "joint_confidence": np.linspace(0, 1, 19).astype(np.float32),
-        "joint_states": (np.arange(19) % 4).astype(np.uint8),
-    }
-    return Skeleton(**(fields | changes))
 
 
 def _answers(truth: KnownJoints, positions: np.ndarray) -> dict:
@@ -131,7 +115,7 @@ def folders(tmp_path: Path) -> tuple[Path, Path]:
                     writer.write(Skeleton.lost(int(stamp), "optical"))
                 else:
                     noisy = truth.joints[i] + 0.05 * rng.normal(size=(19, 3))
-                    writer.write(make_skeleton(stamp + 1000 * k, noisy))
+                    writer.write(make_skeleton(noisy, stamp_ns=int(stamp) + 1000 * k))
     return truth_dir, predicted_dir
 
 

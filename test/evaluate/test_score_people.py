@@ -11,11 +11,12 @@ import pytest
 
 from depth_pose.core.errors import InputError
 from depth_pose.core.rotations import R_CAMERA_FACING_MODEL
-from depth_pose.core.skeleton import JOINT_NODES, JOINTS, Source, rest_nodes
+from depth_pose.core.skeleton import JOINT_NODES, JOINTS, rest_nodes
 from depth_pose.core.types import Skeleton
 from depth_pose.evaluate.score_people import PeopleScore, match_people, score_matches, score_people
 from depth_pose.evaluate.truth import KnownPeople, load_known_people, load_truth, tells_of_people
 from depth_pose.io.mcap_write import SkeletonWriter
+from skeletons import make_skeleton
 
 SHARED_SCORER = Path(__file__).parents[2].parent / "shared" / "tools" / "score_people.py"
 REST = (rest_nodes()[JOINT_NODES] * 1.75) @ R_CAMERA_FACING_MODEL + [0, 1.0, 3.0]
@@ -29,27 +30,12 @@ def make_truth(places: tuple[float, ...] = (-1.0, 1.0)) -> KnownPeople:
     return KnownPeople(np.tile(people, (FRAMES, 1, 1, 1)), JOINTS, STAMPS, np.ones((FRAMES, len(places))))
 
 
-def make_skeleton(stamp: int, body_id: str, positions: np.ndarray) -> Skeleton:
-    return Skeleton(
-        stamp_ns=int(stamp),
-        frame_id="optical",
-        body_id=body_id,
-        source=Source.REFINED,
-        confidence=0.9,
-        residual=0.01,
-        scale=1.0,
-        positions=positions,
-        quats_xyzw=np.tile([0.0, 0, 0, 1], (19, 1)),
-        joint_confidence=np.ones(19, np.float32),
-        joint_states=np.zeros(19, np.uint8),
-    )
-
-
 def answer(truth: KnownPeople, ids: str = "ab", offset: float = 0.0) -> dict[int, list[Skeleton]]:
     """Everybody where they are, so far beside the truth, in metres."""
     return {
         int(stamp): [
-            make_skeleton(int(stamp), name, p + [offset, 0, 0]) for name, p in zip(ids, joints, strict=True)
+            make_skeleton(p + [offset, 0, 0], stamp_ns=int(stamp), body_id=name)
+            for name, p in zip(ids, joints, strict=True)
         ]
         for stamp, joints in zip(truth.stamps_ns, truth.joints, strict=True)
     }
@@ -84,7 +70,7 @@ def test_a_missed_person_and_a_skeleton_on_the_wall() -> None:
     answers = answer(truth)
     for stamp in STAMPS[:4]:
         del answers[int(stamp)][0]
-    answers[int(STAMPS[5])].append(make_skeleton(STAMPS[5], "wall", REST + [0, 0, 2]))
+    answers[int(STAMPS[5])].append(make_skeleton(REST + [0, 0, 2], stamp_ns=int(STAMPS[5]), body_id="wall"))
     result = score(truth, answers)
     assert (result.recall, result.false) == (pytest.approx(0.8), 1)
     assert result.precision == pytest.approx(16 / 17)
@@ -153,10 +139,12 @@ def folders(tmp_path: Path) -> tuple[Path, Path]:
                 ids = ("a", "b", "c" if i < 6 else "d")
                 noisy = truth.joints[i] + 0.09 * rng.normal(size=(3, 19, 3))
                 people = [
-                    make_skeleton(stamp, n, p) for n, p in zip(ids, noisy, strict=True) if n != "b" or i % 3
+                    make_skeleton(p, stamp_ns=int(stamp), body_id=n)
+                    for n, p in zip(ids, noisy, strict=True)
+                    if n != "b" or i % 3
                 ]
                 if i == 7:
-                    people.append(make_skeleton(stamp, "wall", REST + [0, 0, 2]))
+                    people.append(make_skeleton(REST + [0, 0, 2], stamp_ns=int(stamp), body_id="wall"))
                 writer.write_people(people, int(stamp), "optical")
     return truth_dir, predicted_dir
 

@@ -9,10 +9,10 @@ import pytest
 from staged import pose_of, the_body
 
 from depth_pose.core.rotations import matrix_to_quat, rotvec_to_matrix
-from depth_pose.core.skeleton import JOINT_NODES, JOINTS, NODE_INDEX, Source
-from depth_pose.core.types import Skeleton
+from depth_pose.core.skeleton import JOINT_NODES, NODE_INDEX
 from depth_pose.fit.rigid import JointTransfer, fit_rigid
 from depth_pose.fit.skeleton_pose import pose_from_skeleton
+from skeletons import make_skeleton
 
 
 def fit_slowly(source, target, weights):
@@ -81,11 +81,8 @@ def test_pose_from_its_own_skeleton() -> None:
         {"pelvis": (0.1, 0.4, 0), "left_clavicle": (0, 0.1, 0.1), "left_shoulder": (0, 0.5, 0.6)}, scale=0.9
     )
     posed = body.pose(pose.rotations, pose.root, pose.scale)
-    quats, count = matrix_to_quat(pose.rotations[JOINT_NODES]), len(JOINTS)
-    skeleton = Skeleton(
-        0, "camera", "", Source.REFINED, 1.0, 0.0, 0.9, posed.nodes[JOINT_NODES], quats,
-        np.ones(count, np.float32), np.zeros(count, np.uint8),
-    )  # fmt: skip
+    quats = matrix_to_quat(pose.rotations[JOINT_NODES])
+    skeleton = make_skeleton(posed.nodes[JOINT_NODES], quats_xyzw=quats, scale=0.9)
     again = pose_from_skeleton(body, skeleton)
     rebuilt = body.pose(again.rotations, again.root, again.scale)
     assert np.linalg.norm(rebuilt.nodes - posed.nodes, axis=1).max() < 0.004  # the clavicles' roll is lost

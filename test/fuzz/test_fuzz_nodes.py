@@ -75,28 +75,9 @@ def valid(bank_path):
     from test_denoise_node import image_msg, info_msg
 
     from depth_pose.bank import Bank
-    from depth_pose.pipeline import PosePipeline
-    from depth_pose.ros.transport.messages.matches import matches_to_msg
-    from depth_pose.ros.transport.messages.people import people_to_msgs
-    from depth_pose.ros.transport.messages.skeletons import fitted_to_msg, skeletons_to_msg
 
-    stages = PosePipeline(Bank.load(bank_path))
-    for frame in scene.frames(4):
-        people = stages.extractor.extract(frame)
-        matches = stages.matcher.match(people)
-        fitted = stages.refiner.refine(people, matches)
-        skeletons = stages.recoverer.recover(people, fitted)
-    assert skeletons
-    points, found = people_to_msgs(people)
-    return {
-        "image": image_msg(frame),
-        "info": info_msg(frame),
-        "points": points,
-        "people": found,
-        "match": matches_to_msg(matches, people),
-        "skeletons_refined": fitted_to_msg(fitted, people),
-        "skeletons": skeletons_to_msg(skeletons, frame.stamp_ns, frame.frame_id),
-    }
+    frame, messages = scene.frame_messages(Bank.load(bank_path))
+    return {"image": image_msg(frame), "info": info_msg(frame), **messages}
 
 
 @pytest.fixture(scope="module")

@@ -4,29 +4,17 @@ import numpy as np
 import pytest
 from mcap_ros2.reader import read_ros2_messages
 
-from depth_pose.core.skeleton import BONES, JOINT_INDEX, JointState, Source
-from depth_pose.core.types import Skeleton
+from depth_pose.core.skeleton import BONES, JOINT_INDEX, JointState
 from depth_pose.io.markers import COLOURS, MARKERS_TOPIC
 from depth_pose.io.mcap_write import SkeletonWriter
+from skeletons import make_skeleton
 
 
 def skeleton(name, shift):
     places = np.arange(57, dtype=float).reshape(19, 3) / 10 + shift
     states = np.full(19, int(JointState.SEEN), np.uint8)
     states[JOINT_INDEX["left_wrist"]] = int(JointState.OCCLUDED)
-    return Skeleton(
-        stamp_ns=1_500_000_000,
-        frame_id="optical",
-        body_id=name,
-        source=Source.REFINED,
-        confidence=0.9,
-        residual=0.01,
-        scale=1.0,
-        positions=places,
-        quats_xyzw=np.tile([0.0, 0.0, 0.0, 1.0], (19, 1)),
-        joint_confidence=np.ones(19, np.float32),
-        joint_states=states,
-    )
+    return make_skeleton(places, stamp_ns=1_500_000_000, body_id=name, joint_states=states)
 
 
 @pytest.mark.parametrize("count", [0, 1, 2])

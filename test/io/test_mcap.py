@@ -22,6 +22,7 @@ from depth_pose.io.depth_topics import depth_topics
 from depth_pose.io.mcap_read import DepthReader, read_frames
 from depth_pose.io.mcap_write import DepthWriter, PartlyWritten, SkeletonWriter
 from depth_pose.io.skeleton_read import read_people, read_skeletons
+from skeletons import random_skeleton
 
 CAMERA = Camera(64, 48, 60.0, 61.0, 31.5, 23.5)
 START = 1_700_000_000_123_456_789
@@ -51,21 +52,7 @@ def _write(path: Path, depths: list[np.ndarray], topic: str = "/camera/depth/ima
 
 
 def _skeleton(i: int) -> Skeleton:
-    rng = np.random.default_rng(i)
-    return Skeleton(
-        stamp_ns=START + i,
-        frame_id="optical",
-        body_id="b1",
-        source=Source.RECOVERED,
-        confidence=float(np.float32(0.7)),
-        residual=float(np.float32(0.012)),
-        scale=float(np.float32(1.05)),
-        positions=rng.normal(size=(19, 3)),
-        quats_xyzw=rng.normal(size=(19, 4)),
-        joint_confidence=rng.random(19).astype(np.float32),
-        joint_states=rng.integers(0, 4, 19).astype(np.uint8),
-        build=rng.normal(0.0, 0.05, 13).astype(np.float32),
-    )
+    return random_skeleton(np.random.default_rng(i), stamp_ns=START + i, body_id="b1")
 
 
 def test_depth_is_read_as_written(tmp_path: Path) -> None:

@@ -1,5 +1,7 @@
 """A person waving before a wall, as depth frames of a small camera; rendered, nothing random."""
 
+import itertools
+
 import numpy as np
 
 from depth_pose.body.procedural import make_body
@@ -9,6 +11,7 @@ from depth_pose.core.rotations import rotation_z
 from depth_pose.core.skeleton import NODE_INDEX
 from depth_pose.core.types import DepthFrame
 from depth_pose.fit.rendered_depth import render_depth
+from depth_pose.io.mcap_write import DepthWriter
 
 CAMERA = Camera(176, 144, 170.0, 170.0, 87.5, 71.5)
 START_NS = 1_700_000_000_000_000_000
@@ -29,3 +32,40 @@ def frames(count, start_ns=START_NS):
         depth = np.where(np.isfinite(depth), depth, 4.8)
         depth = np.round(depth * 1000.0).astype(np.float32) / np.float32(1000.0)
         yield DepthFrame(start_ns + i * STEP_NS, "optical", depth, CAMERA)
+
+
+def write_recording(path, count):
+    """Write so many of the `frames` as a depth camera's recording; gives the path."""
+    with DepthWriter(path, CAMERA, "optical") as writer:
+        for frame in frames(count):
+            writer.write_frame(frame)
+    return path
+
+
+def turns(stamps):
+    """How often stamps have begun anew, the first time included."""
+    return 1 + sum(b < a for a, b in itertools.pairwise(stamps))
+
+
+def frame_messages(bank):
+    """Give the last of four frames, and its messages by topic as the stages make them."""
+    from depth_pose.pipeline import PosePipeline
+    from depth_pose.ros.transport.messages.matches import matches_to_msg
+    from depth_pose.ros.transport.messages.people import people_to_msgs
+    from depth_pose.ros.transport.messages.skeletons import fitted_to_msg, skeletons_to_msg
+
+    stages = PosePipeline(bank)
+    for frame in frames(4):
+        people = stages.extractor.extract(frame)
+        matches = stages.matcher.match(people)
+        fitted = stages.refiner.refine(people, matches)
+        skeletons = stages.recoverer.recover(people, fitted)
+    assert skeletons
+    points, found = people_to_msgs(people)
+    return frame, {
+        "points": points,
+        "people": found,
+        "match": matches_to_msg(matches, people),
+        "skeletons_refined": fitted_to_msg(fitted, people),
+        "skeletons": skeletons_to_msg(skeletons, frame.stamp_ns, frame.frame_id),
+    }

@@ -1,6 +1,5 @@
 """Playing and recording over real DDS; recordings of the tests' own."""
 
-import itertools
 import signal
 import threading
 import time
@@ -18,7 +17,6 @@ from std_msgs.msg import Header
 
 from depth_pose.core.errors import InputError
 from depth_pose.io.mcap_read import read_frames
-from depth_pose.io.mcap_write import DepthWriter
 from depth_pose.ros.transport.bag import Player, Recorder, header_stamp_ns, play
 from depth_pose.ros.transport.message_text import message_text
 from depth_pose.ros.transport.messages.basics import make_header, stamp_to_ns
@@ -29,11 +27,7 @@ FRAMES = 30
 
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory):
-    path = tmp_path_factory.mktemp("bag") / "small.mcap"
-    with DepthWriter(path, scene.CAMERA, "optical") as writer:
-        for frame in scene.frames(FRAMES):
-            writer.write_frame(frame)
-    return path
+    return scene.write_recording(tmp_path_factory.mktemp("bag") / "small.mcap", FRAMES)
 
 
 def recorded_bytes(path):
@@ -88,16 +82,15 @@ def test_loop_starts_again(recording, peer):
     def stamps():
         return [stamp_to_ns(m.header.stamp) for m in images]
 
-    def turns(stamps):
-        return 1 + sum(b < a for a, b in itertools.pairwise(stamps))
-
     player = Player(
         recording, rate=20.0, loop=True, clock=False, wait_for_subscribers=[IMAGE], wait_s=LIMIT_S
     )
     thread = threading.Thread(target=player.run)
     thread.start()
     # at this rate more may come than waits for a subscriber that stands still for seconds
-    peer.until(lambda: turns(stamps()) > 2 and len(set(stamps())) == FRAMES, what="a third round, all frames")
+    peer.until(
+        lambda: scene.turns(stamps()) > 2 and len(set(stamps())) == FRAMES, what="a third round, all frames"
+    )
     player.stop()
     thread.join(LIMIT_S)
     assert not thread.is_alive()

@@ -15,7 +15,6 @@ from sensor_msgs.msg import CameraInfo, CompressedImage, Image, PointCloud2, Poi
 
 from depth_pose.core.config import DenoiseConfig, SegmentConfig
 from depth_pose.core.types import PERSON
-from depth_pose.io.mcap_write import DepthWriter
 from depth_pose.ros.transport.bag import play
 from depth_pose.ros.transport.messages.basics import make_header, ns_to_stamp, stamp_to_ns
 from depth_pose.ros.transport.messages.frames import image_to_frame, msg_to_frame
@@ -261,10 +260,7 @@ def test_mount_is_refused_for_one_node_alone(start, peer):
 
 def test_latency_by_the_clock_of_a_recording(start, peer, frames, tmp_path):
     """Stamps of years ago give no latency, but with ``use_sim_time`` and ``/clock`` they do."""
-    path = tmp_path / "small.mcap"
-    with DepthWriter(path, scene.CAMERA, "optical") as writer:
-        for frame in scene.frames(40):
-            writer.write_frame(frame)
+    path = scene.write_recording(tmp_path / "small.mcap", 40)
     process = start("-m", "depth_pose.ros.nodes.denoise_node", "--ros-args", "-p", "use_sim_time:=true")
     process.wait_for("is ready")
     statuses = peer.listen(DiagnosticArray, "/diagnostics", RELIABLE)

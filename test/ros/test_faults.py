@@ -22,7 +22,6 @@ from sensor_msgs.msg import CameraInfo, Image
 from test_denoise_node import image_msg, info_msg
 
 from depth_pose.core.config import MAX_STAMP_GAP_NS
-from depth_pose.io.mcap_write import DepthWriter
 from depth_pose.ros.process import NODES, SECOND_HOST, SPARES
 from depth_pose.ros.process.supervisor import Suite
 from depth_pose.ros.transport.bag import Player
@@ -270,17 +269,9 @@ def kill_at_once(live, peer, killed, also=""):
     note(f"{' and '.join(killed)} killed (-9){also}", "they are replaced", longest(heard, since))
 
 
-def turns(stamps):
-    """How often stamps have begun anew, the first time included."""
-    return 1 + sum(b < a for a, b in itertools.pairwise(stamps))
-
-
 def test_a_looping_recording(bank_path, peer, tmp_path):
     """Stamps jump back at each turn: what was kept is dropped, and the frames are answered."""
-    path = tmp_path / "small.mcap"
-    with DepthWriter(path, scene.CAMERA, "optical") as writer:
-        for frame in scene.frames(20):
-            writer.write_frame(frame)
+    path = scene.write_recording(tmp_path / "small.mcap", 20)
     lines, sent = [], []
     with Suite(bank=bank_path, parameters={"use_sim_time": True}, sink=lines.append):
         heard = Heard(peer)
@@ -298,7 +289,7 @@ def test_a_looping_recording(bank_path, peer, tmp_path):
 
         # nothing says that it is the same person as before a jump
         peer.until(
-            lambda: len(sent) >= 65 and turns(heard.stamps) >= 3 and len(ids()) >= 3,
+            lambda: len(sent) >= 65 and scene.turns(heard.stamps) >= 3 and len(ids()) >= 3,
             PATIENCE_S,
             lambda: f"{ids()}\n" + "\n".join(lines),
         )

@@ -13,11 +13,10 @@ from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import PointCloud2
 
 from depth_pose.core.errors import InputError
-from depth_pose.pipeline import PosePipeline
 from depth_pose.ros.transport.messages.basics import make_header, stamp_to_ns
-from depth_pose.ros.transport.messages.matches import matches_to_msg, msg_to_matches
-from depth_pose.ros.transport.messages.people import msgs_to_people, people_to_msgs
-from depth_pose.ros.transport.messages.skeletons import fitted_to_msg, msg_to_fitted, skeletons_to_msg
+from depth_pose.ros.transport.messages.matches import msg_to_matches
+from depth_pose.ros.transport.messages.people import msgs_to_people
+from depth_pose.ros.transport.messages.skeletons import msg_to_fitted
 
 START_NS = scene.START_NS + 10**12
 KINDS = {
@@ -38,21 +37,7 @@ OUTPUTS = {"matcher": "match", "refine": "skeletons_refined", "recovery": "skele
 @pytest.fixture(scope="module")
 def valid(bank):
     """One frame's messages, by topic."""
-    stages = PosePipeline(bank)
-    for frame in scene.frames(4):
-        people = stages.extractor.extract(frame)
-        matches = stages.matcher.match(people)
-        fitted = stages.refiner.refine(people, matches)
-        skeletons = stages.recoverer.recover(people, fitted)
-    assert skeletons
-    points, found = people_to_msgs(people)
-    return {
-        "points": points,
-        "people": found,
-        "match": matches_to_msg(matches, people),
-        "skeletons_refined": fitted_to_msg(fitted, people),
-        "skeletons": skeletons_to_msg(skeletons, frame.stamp_ns, frame.frame_id),
-    }
+    return scene.frame_messages(bank)[1]
 
 
 def first(messages, topic):

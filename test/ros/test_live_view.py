@@ -12,7 +12,6 @@ import scene
 from browser import assert_shows, page_of
 from depth_pose.core.skeleton import BONES
 from depth_pose.io.mcap_read import read_frames
-from depth_pose.io.mcap_write import DepthWriter
 from depth_pose.io.skeleton_read import read_people
 from depth_pose.ros.process.supervisor import Suite
 from depth_pose.ros.transport.bag import Recorder, play
@@ -26,11 +25,7 @@ FRAMES = 30
 
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory):
-    path = tmp_path_factory.mktemp("live") / "small.mcap"
-    with DepthWriter(path, scene.CAMERA, "optical") as writer:
-        for frame in scene.frames(FRAMES):
-            writer.write_frame(frame)
-    return path
+    return scene.write_recording(tmp_path_factory.mktemp("live") / "small.mcap", FRAMES)
 
 
 @pytest.fixture

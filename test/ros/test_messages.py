@@ -10,7 +10,7 @@ from sensor_msgs.msg import CameraInfo, Image, PointCloud2, PointField
 
 from depth_pose.core.camera import Camera
 from depth_pose.core.errors import InputError
-from depth_pose.core.skeleton import BONES, JOINTS, JointState, Source
+from depth_pose.core.skeleton import BONES, JOINTS, JointState
 from depth_pose.core.types import HIDDEN, Candidate, Fitted, FoundPerson, PoseMatch, Skeleton
 from depth_pose.people.person import see_people
 from depth_pose.ros.transport import drawing, tf
@@ -25,6 +25,7 @@ from depth_pose.ros.transport.messages.skeletons import (
     skeleton_to_msg,
     skeletons_to_msg,
 )
+from skeletons import random_skeleton
 
 
 def over_the_wire(message):
@@ -61,20 +62,7 @@ def people(rng):
 
 @pytest.fixture
 def skeleton(rng):
-    return Skeleton(
-        5_000_000_001,
-        "optical",
-        "person_3",
-        Source.RECOVERED,
-        float(np.float32(0.7)),
-        float(np.float32(0.0123)),
-        float(np.float32(0.93)),
-        rng.normal(size=(19, 3)),
-        rng.normal(size=(19, 4)),
-        rng.random(19).astype(np.float32),
-        rng.integers(0, 4, 19).astype(np.uint8),
-        rng.normal(0.0, 0.05, 13).astype(np.float32),
-    )
+    return random_skeleton(rng, stamp_ns=5_000_000_001, body_id="person_3")
 
 
 def test_people_round_trip_is_exact(people):

@@ -19,7 +19,6 @@ from sensor_msgs.msg import CameraInfo, Image
 from test_denoise_node import image_msg, info_msg
 
 from depth_pose.core.errors import ConfigError
-from depth_pose.io.mcap_write import DepthWriter
 from depth_pose.ros import LOCAL_PROFILE_PATH, PROFILE_PATH, PROFILE_VARIABLE, stay_local
 from depth_pose.ros.process.supervisor import NODES, Suite
 from depth_pose.ros.transport.messages.basics import ns_to_stamp
@@ -116,10 +115,7 @@ def check_private(found):
 
 def test_what_is_played_is_this_account_s(start, tmp_path):
     """A recording's images lie in the player's shared memory."""
-    path = tmp_path / "small.mcap"
-    with DepthWriter(path, scene.CAMERA, "optical") as writer:
-        for frame in scene.frames(3):
-            writer.write_frame(frame)
+    path = scene.write_recording(tmp_path / "small.mcap", 3)
     player = start("-m", "depth_pose.cli", "play", path, "--wait-for", 1)
     deadline = time.monotonic() + 60.0
     while not segments(player.process.pid):

@@ -22,7 +22,6 @@ from std_msgs.msg import Header
 from depth_pose.core.errors import InputError
 from depth_pose.io._recording import Recording
 from depth_pose.io.image_options import ImageOptions
-from depth_pose.io.mcap_write import DepthWriter
 from depth_pose.ros.transport.bag import Player, Recorder
 from depth_pose.ros.transport.messages.basics import make_header, stamp_to_ns
 from depth_pose.ros.transport.recorded_qos import is_latched
@@ -35,11 +34,7 @@ LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory):
-    path = tmp_path_factory.mktemp("bag") / "small.mcap"
-    with DepthWriter(path, scene.CAMERA, "optical") as writer:
-        for frame in scene.frames(FRAMES):
-            writer.write_frame(frame)
-    return path
+    return scene.write_recording(tmp_path_factory.mktemp("bag") / "small.mcap", FRAMES)
 
 
 @pytest.fixture(params=["mcap", "sqlite3, messages packed"])

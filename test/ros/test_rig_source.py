@@ -8,10 +8,11 @@ from geometry_msgs.msg import Quaternion, Transform, TransformStamped, Vector3
 from std_msgs.msg import Header
 
 from depth_pose.core.errors import ConfigError
-from depth_pose.core.rotations import matrix_to_quat, rotvec_to_matrix
+from depth_pose.core.rotations import matrix_to_quat
 from depth_pose.ros.transport.rig_source import add_transforms, given_extrinsics
 from depth_pose.ros.transport.tf import tf_message
 from depth_pose.volume.transform_tree import TransformTree
+from synthetic import transform
 
 
 def stamped(parent, child, T):
@@ -23,13 +24,6 @@ def stamped(parent, child, T):
         child_frame_id=child,
         transform=Transform(translation=move, rotation=turn),
     )
-
-
-def transform(seed):
-    rng = np.random.default_rng(seed)
-    T = np.eye(4)
-    T[:3, :3], T[:3, 3] = rotvec_to_matrix(rng.normal(size=3)), rng.normal(size=3)
-    return T
 
 
 def test_transforms_of_messages():

@@ -15,7 +15,6 @@ from depth_pose.core.config import DenoiseConfig, PipelineConfig, RecoverConfig,
 from depth_pose.core.skeleton import Source
 from depth_pose.core.types import PoseMatch as Match
 from depth_pose.io.mcap_read import read_frames
-from depth_pose.io.mcap_write import DepthWriter
 from depth_pose.pipeline import PosePipeline
 from depth_pose.ros.process.supervisor import Suite
 from depth_pose.ros.transport.bag import play
@@ -31,11 +30,7 @@ FRAMES = 20
 
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory):
-    path = tmp_path_factory.mktemp("suite") / "small.mcap"
-    with DepthWriter(path, scene.CAMERA, "optical") as writer:
-        for frame in scene.frames(FRAMES):
-            writer.write_frame(frame)
-    return path
+    return scene.write_recording(tmp_path_factory.mktemp("suite") / "small.mcap", FRAMES)
 
 
 def assert_same(a, b):

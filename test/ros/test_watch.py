@@ -11,11 +11,10 @@ from peer import RELIABLE, SENSOR
 from rcl_interfaces.srv import SetParameters
 from sensor_msgs.msg import CameraInfo, Image
 
-from depth_pose.core.skeleton import Source
-from depth_pose.core.types import Skeleton
 from depth_pose.ros.transport.messages.basics import make_header
 from depth_pose.ros.transport.messages.skeletons import skeletons_to_msg
 from depth_pose.ros.watch import Watch
+from skeletons import make_skeleton
 
 IMAGE, INFO = "/camera/depth/image_raw", "/camera/depth/camera_info"
 STAMP = 5_000_000_000
@@ -23,10 +22,10 @@ STAMP = 5_000_000_000
 
 def skeleton(stamp_ns, body_id="body_1"):
     rng = np.random.default_rng(0)
-    quats = np.tile([0.0, 0, 0, 1], (19, 1))
-    sure, states = np.full(19, 0.5, np.float32), np.zeros(19, np.uint8)
-    found = (Source.REFINED, 0.75, 0.01, 1.0, rng.normal(size=(19, 3)), quats, sure, states)
-    return Skeleton(stamp_ns, "optical", body_id, *found)
+    return make_skeleton(
+        rng.normal(size=(19, 3)), stamp_ns=stamp_ns, body_id=body_id, confidence=0.75,
+        joint_confidence=np.full(19, 0.5, np.float32),
+    )  # fmt: skip
 
 
 def image(stamp_ns, depth):

@@ -4,15 +4,8 @@ import numpy as np
 import pytest
 
 from depth_pose.core.errors import ConfigError
-from depth_pose.core.rotations import rotvec_to_matrix
 from depth_pose.volume.transform_tree import TransformTree, pose_matrix
-
-
-def transform(seed):
-    rng = np.random.default_rng(seed)
-    T = np.eye(4)
-    T[:3, :3], T[:3, 3] = rotvec_to_matrix(rng.normal(size=3)), rng.normal(size=3)
-    return T
+from synthetic import transform
 
 
 def test_a_pose_is_a_matrix():
