@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from depth_pose.cli import shared
 from depth_pose.cli.console import console, errors, print_facts, progress_bar
 from depth_pose.core.errors import ConfigError
 from depth_pose.core.outputs import check_targets
@@ -153,9 +154,7 @@ def check(
     bank: Annotated[Path | None, typer.Option(help="The bank file.", show_default="the default bank")] = None,
     frames: Annotated[int, typer.Option(min=1, max=50, help="Frames, spread over the recording.")] = 6,
     candidates: Annotated[int, typer.Option(min=1, max=10, help="Matches shown beside each.")] = 3,
-    depth_topic: Annotated[
-        str | None, typer.Option(help="Depth images or point cloud.", show_default="the only one")
-    ] = None,
+    depth_topic: shared.DepthTopic = None,
 ) -> None:
     """Draw inputs beside their best matches in a bank.
 

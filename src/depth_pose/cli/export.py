@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.markup import escape
 
+from depth_pose.cli import shared
 from depth_pose.cli.console import console
 from depth_pose.io.schemas import PEOPLE_TOPIC
 
@@ -45,10 +46,8 @@ def export(
     unit: Annotated[
         str | None, typer.Option(help="m, cm or mm, of .bvh and .trc.", show_default="m of .bvh, mm of .trc")
     ] = None,
-    topic: Annotated[str, typer.Option(help="The skeletons' topic.")] = PEOPLE_TOPIC,
-    depth_topic: Annotated[
-        str | None, typer.Option(help="Depth images or point cloud.", show_default="the only one")
-    ] = None,
+    topic: shared.SkeletonsTopic = PEOPLE_TOPIC,
+    depth_topic: shared.DepthTopic = None,
 ) -> None:
     """Write skeletons for other tools: .bvh for animation, .trc for OpenSim, .csv, .npz.
 

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
+from depth_pose.cli import shared
 from depth_pose.cli.console import print_facts, warn
-from depth_pose.cli.damage import LENIENT_HELP, be_lenient
-from depth_pose.cli.images import IMAGE_FPS, IMAGE_INTRINSICS, IMAGE_SCALE
+from depth_pose.cli.damage import be_lenient
 from depth_pose.core.errors import InputError
 from depth_pose.io.damage import tell_damage
 from depth_pose.io.image_options import ImageOptions
@@ -24,13 +23,11 @@ def add_to(app: typer.Typer) -> None:
 
 
 def info(
-    recording: Annotated[
-        Path, typer.Argument(help="Recording: MCAP, .db3, ROS 1's .bag, a folder of parts or of images.")
-    ],
-    intrinsics: Annotated[str | None, IMAGE_INTRINSICS] = None,
-    depth_scale: Annotated[float | None, IMAGE_SCALE] = None,
-    fps: Annotated[float | None, IMAGE_FPS] = None,
-    lenient: Annotated[bool, typer.Option("--lenient", help=LENIENT_HELP)] = False,
+    recording: shared.AnyRecording,
+    intrinsics: shared.Intrinsics = None,
+    depth_scale: shared.DepthScale = None,
+    fps: shared.Fps = None,
+    lenient: shared.Lenient = False,
 ) -> None:
     """Say what is in a recording, which topic is its depth, and whether all of it can be read.
 

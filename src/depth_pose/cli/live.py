@@ -10,9 +10,9 @@ from typing import Annotated, Any
 
 import typer
 
+from depth_pose.cli import shared
 from depth_pose.cli.console import console, print_facts, setting
-from depth_pose.cli.damage import LENIENT_HELP, be_lenient
-from depth_pose.cli.images import IMAGE_FPS, IMAGE_INTRINSICS, IMAGE_SCALE
+from depth_pose.cli.damage import be_lenient
 from depth_pose.core.config import FollowConfig, RefineConfig, SegmentConfig
 from depth_pose.core.errors import ConfigError, DepthPoseError
 from depth_pose.core.outputs import check_targets
@@ -20,6 +20,12 @@ from depth_pose.io.damage import tell_damage
 from depth_pose.io.image_options import ImageOptions
 
 _ROS_PACKAGES = ("rclpy", "builtin_interfaces", "rosidl_runtime_py", "rpyutils")
+
+
+_Namespace = Annotated[str, typer.Option(help="Where the nodes lie.")]
+_Nodes = Annotated[
+    list[str] | None, typer.Option(help="Only denoise, matcher, refine, recovery or volume; again for more.")
+]
 
 
 def add_to(app: typer.Typer) -> None:
@@ -56,7 +62,7 @@ def up(
     params: Annotated[
         Path | None, typer.Option(help="ROS parameter file (key /**:) for all nodes.", metavar="FILE")
     ] = None,
-    bank: Annotated[Path | None, typer.Option(help="Exemplar bank.", show_default="the set-up's")] = None,
+    bank: shared.BankFile = None,
     method: Annotated[str | None, setting(RefineConfig, "method")] = None,
     near: Annotated[float | None, setting(SegmentConfig, "near")] = None,
     far: Annotated[float | None, setting(SegmentConfig, "far")] = None,
@@ -108,11 +114,8 @@ def up(
 
 
 def pause(
-    namespace: Annotated[str, typer.Option(help="Where the nodes lie.")] = "depth_pose",
-    node: Annotated[
-        list[str] | None,
-        typer.Option(help="Only denoise, matcher, refine, recovery or volume; again for more."),
-    ] = None,
+    namespace: _Namespace = "depth_pose",
+    node: _Nodes = None,
 ) -> None:
     """Pause the running nodes: they answer no frames and take no time, but keep all that they loaded.
 
@@ -128,11 +131,8 @@ def pause(
 
 
 def resume(
-    namespace: Annotated[str, typer.Option(help="Where the nodes lie.")] = "depth_pose",
-    node: Annotated[
-        list[str] | None,
-        typer.Option(help="Only denoise, matcher, refine, recovery or volume; again for more."),
-    ] = None,
+    namespace: _Namespace = "depth_pose",
+    node: _Nodes = None,
 ) -> None:
     """Resume nodes that were paused, or that were started with the parameter autostart false.
 
@@ -148,9 +148,7 @@ def _tell_states(states: dict[str, str]) -> None:
 
 
 def play(
-    bag: Annotated[
-        Path, typer.Argument(help="Recording: MCAP, .db3, ROS 1's .bag, a folder of parts or of images.")
-    ],
+    bag: shared.AnyRecording,
     rate: Annotated[float, typer.Option(min=0.01, max=100.0, help="Speed; 2 is twice as fast.")] = 1.0,
     loop: Annotated[bool, typer.Option("--loop", help="Start again at the end.")] = False,
     clock: Annotated[bool, typer.Option(help="Publish /clock.")] = True,
@@ -162,10 +160,10 @@ def play(
     wait_for: Annotated[
         int, typer.Option(min=0, help="Begin when there are so many subscribers.", metavar="N")
     ] = 0,
-    intrinsics: Annotated[str | None, IMAGE_INTRINSICS] = None,
-    depth_scale: Annotated[float | None, IMAGE_SCALE] = None,
-    fps: Annotated[float | None, IMAGE_FPS] = None,
-    lenient: Annotated[bool, typer.Option("--lenient", help=LENIENT_HELP)] = False,
+    intrinsics: shared.Intrinsics = None,
+    depth_scale: shared.DepthScale = None,
+    fps: shared.Fps = None,
+    lenient: shared.Lenient = False,
 ) -> None:
     """Publish a recording in its own time.
 

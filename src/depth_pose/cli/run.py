@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from depth_pose.cli import STOPPED
+from depth_pose.cli import STOPPED, shared
 from depth_pose.cli.console import (
     archive_bar,
     console,
@@ -24,8 +24,7 @@ from depth_pose.cli.console import (
     tell_stopped,
     warn,
 )
-from depth_pose.cli.damage import LENIENT_HELP, be_lenient, warn_of
-from depth_pose.cli.images import IMAGE_FPS, IMAGE_INTRINSICS, IMAGE_SCALE
+from depth_pose.cli.damage import be_lenient, warn_of
 from depth_pose.core.config import FollowConfig, PersonalConfig, PipelineConfig, RefineConfig, SegmentConfig
 from depth_pose.core.errors import ConfigError, InputError
 from depth_pose.core.outputs import check_targets
@@ -66,13 +65,11 @@ def run(
         ),
     ],
     method: Annotated[str | None, setting(RefineConfig, "method")] = None,
-    bank: Annotated[Path | None, typer.Option(help="Exemplar bank.", show_default="the set-up's")] = None,
-    depth_topic: Annotated[
-        str | None, typer.Option(help="Depth images or point cloud.", show_default="the only one")
-    ] = None,
-    intrinsics: Annotated[str | None, IMAGE_INTRINSICS] = None,
-    depth_scale: Annotated[float | None, IMAGE_SCALE] = None,
-    fps: Annotated[float | None, IMAGE_FPS] = None,
+    bank: shared.BankFile = None,
+    depth_topic: shared.DepthTopic = None,
+    intrinsics: shared.Intrinsics = None,
+    depth_scale: shared.DepthScale = None,
+    fps: shared.Fps = None,
     near: Annotated[float | None, setting(SegmentConfig, "near")] = None,
     far: Annotated[float | None, setting(SegmentConfig, "far")] = None,
     people: Annotated[int | None, setting(SegmentConfig, "most_people", "--people")] = None,
@@ -102,7 +99,7 @@ def run(
             help="Of several recordings: work on the cluster of this Dask scheduler.", metavar="ADDRESS"
         ),
     ] = None,
-    lenient: Annotated[bool, typer.Option("--lenient", help=LENIENT_HELP)] = False,
+    lenient: shared.Lenient = False,
 ) -> None:
     """Find everybody's skeleton in every depth frame of a recording, or of many.
 

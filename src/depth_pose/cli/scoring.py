@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from depth_pose.cli import shared
 from depth_pose.cli.console import console, print_facts
 from depth_pose.io.schemas import PEOPLE_TOPIC, SKELETON_TOPIC
 
@@ -217,10 +218,8 @@ def overlay(
     frames: Annotated[int, typer.Option(min=1, max=60, help="How many frames a PNG shows.")] = 6,
     seconds: Annotated[float, typer.Option(min=0.1, max=60.0, help="How much of it a GIF shows.")] = 6.0,
     truth: Annotated[Path | None, typer.Option(help="Truth file (.npz) to draw beside.")] = None,
-    depth_topic: Annotated[
-        str | None, typer.Option(help="Depth images or point cloud.", show_default="the only one")
-    ] = None,
-    topic: Annotated[str, typer.Option(help="The skeletons' topic.")] = PEOPLE_TOPIC,
+    depth_topic: shared.DepthTopic = None,
+    topic: shared.SkeletonsTopic = PEOPLE_TOPIC,
 ) -> None:
     """Draw skeletons over the depth of several frames, or as a picture that moves.
 
