@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -9,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+import depth_pose
 from depth_pose.cli import main
 
 
@@ -19,6 +21,13 @@ class Done:
     returncode: int
     stdout: str
     stderr: str
+
+
+def environment(first: Path | str = "", **more: str) -> dict[str, str]:
+    """Of a process that imports the package, and from a folder before it, and writes wide, plain lines."""
+    source = str(Path(depth_pose.__file__).parents[1])
+    path = os.pathsep.join(filter(None, [str(first), source, os.environ.get("PYTHONPATH", "")]))
+    return {**os.environ, "PYTHONPATH": path, "COLUMNS": "200", "NO_COLOR": "1", **more}
 
 
 def caller(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Callable[..., Done]:

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import json
-import os
 import subprocess
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-import depth_pose
+from command import environment
 
 FULL_AT = 2000
 """Bytes that a file may have: each output's first bytes can be written."""
@@ -52,13 +51,9 @@ def run_on_full_disk(
         Bytes that are written on trial before the work; where they fit, the disk is full on the way.
     """
     before = {p.name: p.read_bytes() for p in folder.iterdir() if p.is_file()}
-    path = os.pathsep.join(
-        filter(None, [str(Path(depth_pose.__file__).parents[1]), os.environ.get("PYTHONPATH")])
-    )
-    environment = {"PYTHONPATH": path, "COLUMNS": "200", "NO_COLOR": "1", "DEPTH_POSE_BANK": str(bank)}
     done = subprocess.run(
         [sys.executable, "-c", _RUN_ALL, json.dumps([FULL_AT, trial, commands])],
-        cwd=folder, env=os.environ | environment, capture_output=True, text=True, timeout=600,
+        cwd=folder, env=environment(DEPTH_POSE_BANK=str(bank)), capture_output=True, text=True, timeout=600,
     )  # fmt: skip
     ends = [json.loads(line) for line in done.stdout.splitlines() if line.startswith("[")]
     assert len(ends) == len(commands), done.stdout + done.stderr

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import subprocess
 import sys
 import time
@@ -14,7 +13,7 @@ import numpy as np
 import pytest
 
 import depth_pose
-from command import Done, caller
+from command import Done, caller, environment
 from depth_pose.cli.console import loading, read_settings
 from depth_pose.core.camera import Camera
 from depth_pose.core.config import MatchConfig, PipelineConfig, SegmentConfig
@@ -59,11 +58,8 @@ def call(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) ->
 
 def call_process(*arguments: str | Path, first: Path | None = None) -> Done:
     """Call the command in a process of its own, with a folder in front of the module path."""
-    source = str(Path(depth_pose.__file__).parents[1])
-    path = os.pathsep.join(filter(None, [str(first or ""), source, os.environ.get("PYTHONPATH", "")]))
-    environment = {**os.environ, "PYTHONPATH": path, "COLUMNS": "200", "NO_COLOR": "1"}
     command = [sys.executable, *map(str, arguments)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120, env=environment)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, env=environment(first or ""))
     return Done(done.returncode, done.stdout, done.stderr)
 
 

@@ -6,13 +6,14 @@ import os
 import signal
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import depth_pose
-from depth_pose.cli import main
+from command import Done, caller, environment
 from depth_pose.core.camera import Camera
 from depth_pose.io.mcap_write import DepthWriter
 from depth_pose.io.skeleton_read import read_people
@@ -43,16 +44,9 @@ from depth_pose.cli import main
 sys.exit(main())
 """
 
-_SOURCE = str(Path(depth_pose.__file__).parents[1])
-
 
 def _command(*arguments: str | Path) -> list[str]:
     return [sys.executable, "-m", "depth_pose.cli", *map(str, arguments)]
-
-
-def _environment(**more: str) -> dict[str, str]:
-    path = os.pathsep.join(filter(None, [_SOURCE, os.environ.get("PYTHONPATH", "")]))
-    return {**os.environ, "PYTHONPATH": path, "COLUMNS": "200", "NO_COLOR": "1", **more}
 
 
 def _call(*arguments: str | Path, cwd: Path | None = None, **more: str) -> subprocess.CompletedProcess[str]:
@@ -63,14 +57,14 @@ def _call(*arguments: str | Path, cwd: Path | None = None, **more: str) -> subpr
         errors="replace",
         timeout=300,
         cwd=cwd,
-        env=_environment(**more),
+        env=environment(**more),
     )
 
 
 def _call_with_ctrl_c(module: str, *arguments: str | Path, cwd: Path) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-c", _CTRL_C_AT_AN_IMPORT, module, *map(str, arguments)]
     return subprocess.run(
-        command, capture_output=True, text=True, timeout=300, cwd=cwd, env=_environment(), check=False
+        command, capture_output=True, text=True, timeout=300, cwd=cwd, env=environment(), check=False
     )
 
 
@@ -103,6 +97,11 @@ def test_run_never_writes_over_what_it_reads(tmp_path: Path, bank_path: Path) ->
     assert not (tmp_path / "o.mcap").exists()
 
 
+@pytest.fixture
+def call(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Callable[..., Done]:
+    return caller(monkeypatch, capsys)
+
+
 @pytest.mark.parametrize("arguments", [
     ("run", "in.mcap", "-o", "{a.yaml}", "--params", "a.yaml"),
     ("run", "in.mcap", "-o", "{b.npz}", "--bank", "b.npz"),
@@ -125,8 +124,8 @@ def test_no_command_writes_over_what_it_reads(
     tmp_path: Path,
     arguments: tuple[str, ...],
     by: str,
+    call: Callable[..., Done],
     monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
 ) -> None:
     """Recordings, banks, models and settings, under another name that ends as an output's does."""
     _record(tmp_path / "in.mcap")
@@ -143,12 +142,8 @@ def test_no_command_writes_over_what_it_reads(
         given.append(argument)
     before = {p.name: p.read_bytes() for p in tmp_path.iterdir()}
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("COLUMNS", "200")
-    monkeypatch.setattr(sys, "argv", ["depth-pose", *given])
-    with pytest.raises(SystemExit) as end:
-        main()
-    told = capsys.readouterr().err
-    assert end.value.code == 1 and "both read and to be written" in told, told
+    done = call(*given)
+    assert done.returncode == 1 and "both read and to be written" in done.stderr, done.stderr
     assert {p.name: p.read_bytes() for p in tmp_path.iterdir()} == before
 
 
@@ -168,8 +163,8 @@ def test_no_command_writes_over_what_it_reads(
 def test_every_writing_command_looks_at_its_target_first(
     tmp_path: Path,
     arguments: tuple[str, ...],
+    call: Callable[..., Done],
     monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
 ) -> None:
     """What else is missing (a bank, a model, ROS) would be told first if the work began."""
     _record(tmp_path / "in.mcap")
@@ -180,15 +175,10 @@ def test_every_writing_command_looks_at_its_target_first(
         if arguments[0] != "run":  # which takes it for an archive's
             cases["folder"] = "it is a folder"
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("COLUMNS", "200")
     for target, says in cases.items():
-        monkeypatch.setattr(sys, "argv", ["depth-pose", *(a.format(target) for a in arguments)])
-        with pytest.raises(SystemExit) as end:
-            main()
-        told = capsys.readouterr().err
-        assert end.value.code == 1, told
-        assert says in told
-        assert len(told.strip().splitlines()) == 1, told
+        done = call(*(a.format(target) for a in arguments))
+        assert done.returncode == 1 and says in done.stderr, done.stderr
+        assert len(done.stderr.strip().splitlines()) == 1, done.stderr
     assert sorted(p.name for p in tmp_path.iterdir() if p.name != "folder") == ["in.mcap"]
 
 
@@ -210,21 +200,17 @@ def test_nothing_is_left_by_what_is_refused(
     bank_path: Path,
     arguments: tuple[str, ...],
     says: str,
+    call: Callable[..., Done],
     monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
 ) -> None:
     """No folder, no report without a line; and what an earlier run has left stays."""
     for name in ("in.mcap", "b.mcap"):
         _record(tmp_path / name)
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("COLUMNS", "200")
     monkeypatch.setenv("DEPTH_POSE_BANK", str(bank_path))
-    monkeypatch.setattr(sys, "argv", ["depth-pose", *arguments])
     for left in (["b.mcap", "in.mcap"], ["b.mcap", "in.mcap", "new", "new/out", "new/out/report.csv"]):
-        with pytest.raises(SystemExit) as end:
-            main()
-        told = capsys.readouterr().err
-        assert end.value.code in (1, 2) and says in told, told
+        done = call(*arguments)
+        assert done.returncode in (1, 2) and says in done.stderr, done.stderr
         assert sorted(str(p.relative_to(tmp_path)) for p in tmp_path.rglob("*")) == left
         (tmp_path / "new" / "out").mkdir(parents=True, exist_ok=True)
         (tmp_path / "new" / "out" / "report.csv").write_text("mine")
@@ -253,17 +239,15 @@ def test_no_command_waits_for_a_pipe(
     tmp_path: Path,
     bank_path: Path,
     arguments: tuple[str, ...],
+    call: Callable[..., Done],
     monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
 ) -> None:
     for name in ("in.mcap", "b.mcap"):
         _record(tmp_path / name)
     for ending in ("mcap", "npz", "yaml", "json", "bvh"):
         os.mkfifo(tmp_path / f"pipe.{ending}")
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("COLUMNS", "200")
     monkeypatch.setenv("DEPTH_POSE_BANK", str(bank_path))
-    monkeypatch.setattr(sys, "argv", ["depth-pose", *arguments])
 
     def end_it(*_: object) -> None:
         raise AssertionError(f"waits: {arguments}")
@@ -271,13 +255,12 @@ def test_no_command_waits_for_a_pipe(
     before = signal.signal(signal.SIGALRM, end_it)
     signal.alarm(60)
     try:
-        with pytest.raises(SystemExit) as end:
-            main()
+        done = call(*arguments)
     finally:
         signal.alarm(0)
         signal.signal(signal.SIGALRM, before)
-    told = capsys.readouterr().err
-    assert end.value.code in (1, 2) and "pipe." in told and "Traceback" not in told, told
+    told = done.stderr
+    assert done.returncode in (1, 2) and "pipe." in told and "Traceback" not in told, told
 
 
 def test_ctrl_c_keeps_the_earlier_output(tmp_path: Path, bank_path: Path) -> None:
@@ -285,7 +268,7 @@ def test_ctrl_c_keeps_the_earlier_output(tmp_path: Path, bank_path: Path) -> Non
     (tmp_path / "out.mcap").write_bytes(b"good")
     arguments = ["run", recording, "-o", tmp_path / "out.mcap", "--bank", bank_path]
     command = [sys.executable, "-c", _WITH_CTRL_C, *map(str, arguments)]
-    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=_environment()) as process:
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=environment()) as process:
         assert process.stderr is not None
         for line in process.stderr:  # until it says how far it is
             if line.startswith("in.mcap: "):

@@ -17,7 +17,7 @@ import distributed
 import pytest
 from small_archive import CLIPS, FRAMES
 
-import depth_pose
+from command import environment
 from depth_pose.archive.inputs import find_sources
 from depth_pose.archive.jobs import Setting, content_hash
 from depth_pose.archive.process import Progress, process_archive
@@ -147,11 +147,9 @@ def test_a_cluster_loses_a_worker(clips, setting, here, tmp_path):
 
 
 def start(*arguments):
-    source = str(Path(depth_pose.__file__).parents[1])
-    environment = {**os.environ, "PYTHONPATH": source, "NO_COLOR": "1", "COLUMNS": "200"}
     command = [sys.executable, "-m", "depth_pose.cli", "run", *map(str, arguments)]
     return subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=environment,
+        command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=environment(),
         start_new_session=True,
     )  # fmt: skip
 

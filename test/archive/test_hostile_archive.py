@@ -5,15 +5,14 @@ from __future__ import annotations
 import csv
 import os
 import shutil
-import sys
 from pathlib import Path
 
 import pytest
 from small_archive import CLIPS
 
+from command import caller
 from depth_pose.archive.inputs import find_sources
 from depth_pose.archive.jobs import Setting, work_on
-from depth_pose.cli import main
 from depth_pose.io._recording import read_metadata
 from depth_pose.io.mcap_write import SkeletonWriter
 from depth_pose.offline import NOTE
@@ -50,10 +49,8 @@ def test_odd_names_have_skeletons_and_a_line_each(
     out = odd / "out"  # inside the input
     command = ["run", str(odd), "-o", str(out), "--bank", str(bank_path), "--workers", "0"]
     for state in ("done", "skipped"):
-        monkeypatch.setattr(sys, "argv", ["depth-pose", *command])
-        with pytest.raises(SystemExit) as end:
-            main()
-        assert end.value.code == 1 and "Traceback" not in capsys.readouterr().err  # for what leads nowhere
+        done = caller(monkeypatch, capsys)(*command)
+        assert done.returncode == 1 and "Traceback" not in done.stderr  # for what leads nowhere
         with (out / "report.csv").open(encoding="utf-8", newline="") as stream:
             rows = {line["file"]: line for line in csv.DictReader(stream)}
         assert rows.pop("dangling")["state"] == "failed"
