@@ -40,7 +40,7 @@ from depth_pose.steps.match import Matcher
 
 PAPER = (0.36, 0.57, 0.79, 0.89, 0.95, 0.98, 0.99)
 SHOTTON = (0.02, 0.06, 0.30, 0.53, 0.73, 0.82, 0.85)
-"""Table 1: the paper's method, and that of its reference 21, on another data set."""
+"""Table 1: the paper's method (the first), and that of its reference 21, on another data set."""
 
 METHODS = ("articulated", "cpd")
 RAW = DenoiseConfig(iterations=0, outlier_distance=1.0)

@@ -23,7 +23,7 @@ _HERE = Path(__file__).resolve().parent
 _TRAIN_SEED, _CHECK_SEED = 1, 900_001
 _STUDIO_TRAIN_SEED, _STUDIO_CHECK_SEED = 2, 900_002
 _ALIKE_TRAIN_SEED, _ALIKE_CHECK_SEED = 3, 900_003
-"""Scenes of these are never among those that weights are checked on, and the other way round."""
+"""Seeds of all these scenes: what weights are trained on is never what they are checked on."""
 _ALIKE, _ALIKE_CHECKS = 7_500, 750
 """Scenes of what looks like people, to train on and to check on. Set by hand."""
 _IMAGES, _BATCH, _RATE = 240_000, 16, 2e-3
