@@ -48,7 +48,7 @@ _SHAPES: dict[str, tuple[str, tuple[int | str, ...]]] = {
     "mean": ("float32", ("P",)),
     "components": ("float32", ("D", "P")),
 }
-"""Arrays of the file, their types and shapes; a letter is a length that others share (docs/bank.md)."""
+"""Arrays of the file, their types and shapes; a letter is a length that others share."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -88,14 +88,15 @@ def add_face_normals(vertices: Any, faces: Any, by_face: bool, out: Any) -> None
 
     The order is face by face, or first all faces' first corners.
     """
-    n = faces.shape[0]
-    for k in range(3 * n):
-        f, corner = (k // 3, k % 3) if by_face else (k % n, k // n)
-        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
-        p, q, r = vertices[a], vertices[b], vertices[c]
-        ux, uy, uz = q[0] - p[0], q[1] - p[1], q[2] - p[2]
-        vx, vy, vz = r[0] - p[0], r[1] - p[1], r[2] - p[2]
-        at = faces[f, corner]
-        out[at, 0] += uy * vz - uz * vy
-        out[at, 1] += uz * vx - ux * vz
-        out[at, 2] += ux * vy - uy * vx
+    outer, inner = (faces.shape[0], 3) if by_face else (3, faces.shape[0])
+    for i in range(outer):
+        for j in range(inner):
+            f, corner = (i, j) if by_face else (j, i)
+            a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+            p, q, r = vertices[a], vertices[b], vertices[c]
+            ux, uy, uz = q[0] - p[0], q[1] - p[1], q[2] - p[2]
+            vx, vy, vz = r[0] - p[0], r[1] - p[1], r[2] - p[2]
+            at = faces[f, corner]
+            out[at, 0] += uy * vz - uz * vy
+            out[at, 1] += uz * vx - ux * vz
+            out[at, 2] += ux * vy - uy * vx
