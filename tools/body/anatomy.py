@@ -41,7 +41,6 @@ _TRUNK = np.array(
         (1.500, 0.058, 0.052, 0.040, 2.0),
     ]
 )
-# Rows of the next: fraction of the bone, half-axes towards the inside, the outside, front, back[, exponent].
 _NECK = np.array(
     [
         (0.0, 0.058, 0.058, 0.046, 0.053),
@@ -49,6 +48,7 @@ _NECK = np.array(
         (1.0, 0.054, 0.054, 0.052, 0.060),
     ]
 )
+# Rows: fraction of the bone, half-axes towards the inside, the outside, front, back[, exponent].
 _UPPER_ARM = np.array(
     [
         (-0.08, 0.048, 0.044, 0.051, 0.057),
@@ -145,7 +145,6 @@ _FOOT = np.array(
     ]
 )
 _FORWARD = np.array([0.0, 0.0, 1.0])
-"""Where the body looks."""
 
 HAND_LENGTH = 0.108
 """Wrist to the tip of the middle finger, in statures (Drillis and Contini)."""

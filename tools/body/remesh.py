@@ -24,17 +24,10 @@ _NEWTON_STEP_M = 0.01
 _LEAST_SLOPE2 = 0.05
 """Least squared slope that a step divides by: where parts blend the field is no distance."""
 
-_ROUNDS = 4
-"""Repetitions of collapse, flip and smoothing. Set by hand."""
-_SHORTEST, _LONGEST = 0.8, 1.35
-"""Edges shorter than this are collapsed, unless one longer than that comes of it, in wished lengths.
-
-Near Botsch and Kobbelt's 4/5 and 4/3."""
-
 Point = tuple[float, float, float]
 
 
-def remesh_half(mesh: Mesh, field: Field, edge_length: Callable[[Array], Array]) -> Mesh:
+def remesh_half(mesh: Mesh, field: Field, edge_length: Callable[[Array], Array], rounds: int = 4) -> Mesh:
     """Coarsen a half mesh to edges of about the wished length.
 
     Parameters
@@ -45,8 +38,10 @@ def remesh_half(mesh: Mesh, field: Field, edge_length: Callable[[Array], Array])
         The signed distance whose surface the vertices stay on; symmetric in x.
     edge_length : callable
         Wished edge length (N,) at points (N, 3), metres.
+    rounds : int
+        Repetitions of collapse, flip and smoothing.
     """
-    for _ in range(_ROUNDS):
+    for _ in range(rounds):
         work = _Topology(mesh, edge_length(mesh.vertices))
         work.collapse()
         work.flip()
@@ -110,7 +105,7 @@ def _relax(mesh: Mesh) -> Array:
     np.add.at(total, pairs[:, 0], mesh.vertices[pairs[:, 1]])
     np.add.at(count, pairs[:, 0], 1.0)
     move = total / count[:, None] - mesh.vertices
-    normals = vertex_normals(mesh.vertices, mesh.faces)
+    normals = vertex_normals(mesh)
     normals[border, 0] = 0.0
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-9)
     move -= (move * normals).sum(axis=1, keepdims=True) * normals
@@ -160,23 +155,26 @@ class _Topology:
                     found.add((a, b) if a < b else (b, a))
         return sorted(found)
 
-    def collapse(self) -> None:
-        """Collapse edges shorter than `_SHORTEST`, the shortest first; none over `_LONGEST` comes of it."""
+    def collapse(self, shortest: float = 0.8, longest: float = 1.35) -> None:
+        """Collapse edges shorter than `shortest` wished lengths, the shortest first.
+
+        None longer than `longest` may come of it; both are near Botsch and Kobbelt's 4/5 and 4/3.
+        """
         heap = [(self._length(a, b), a, b) for a, b in self._edges()]
-        heap = [e for e in heap if e[0] < _SHORTEST]
+        heap = [e for e in heap if e[0] < shortest]
         heapq.heapify(heap)
         while heap:
             length, a, b = heapq.heappop(heap)
             if not self.around[a] or not self.around[b] or length != self._length(a, b):
                 continue
-            if not (self.around[a] & self.around[b]) or not self._merge(a, b):
+            if not (self.around[a] & self.around[b]) or not self._merge(a, b, longest):
                 continue
             for u in sorted(self._neighbours(a)):
                 edge = self._length(a, u)
-                if edge < _SHORTEST:
+                if edge < shortest:
                     heapq.heappush(heap, (edge, min(a, u), max(a, u)))
 
-    def _merge(self, a: int, b: int) -> bool:
+    def _merge(self, a: int, b: int, longest: float) -> bool:
         """Collapse edge a, b into a where that keeps the surface sound."""
         shared = self.around[a] & self.around[b]
         if self.border[b] and not self.border[a]:
@@ -198,7 +196,7 @@ class _Topology:
             if u not in (a, b):
                 q = self.points[u]
                 far = ((at[0] - q[0]) ** 2 + (at[1] - q[1]) ** 2 + (at[2] - q[2]) ** 2) ** 0.5
-                if far > _LONGEST * 0.5 * (size + self.sizes[u]):
+                if far > longest * 0.5 * (size + self.sizes[u]):
                     return False
         for i in shared:
             for v in self._face(i):

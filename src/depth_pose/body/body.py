@@ -97,7 +97,7 @@ class Body:
     @cached_property
     def normals(self) -> NDArray[np.float64]:
         """Outward unit normals of the rest vertices, (V, 3)."""
-        return vertex_normals(self.vertices, self.faces)
+        return vertex_normals(self)
 
     def pose(
         self, rotations: NDArray[np.float64], root: NDArray[np.float64], scale: float = 1.0

@@ -6,6 +6,7 @@ import numpy as np
 from scipy.spatial.distance import cdist
 
 from depth_pose.body.body import Body
+from depth_pose.body.normals import vertex_normals
 from depth_pose.core.farthest_points import farthest_rows
 
 _WEIGHT_M = 0.25
@@ -39,7 +40,7 @@ def coarsen(body: Body, vertices: int) -> Body:
     place = np.concatenate([body.vertices, _WEIGHT_M * body.weights], axis=1)
     kept = farthest_rows(place, vertices, start=int(np.argmax(body.vertices[:, 1])))
     cluster = cdist(place, place[kept], "sqeuclidean").argmin(axis=1).astype(np.int32)
-    normals = body.normals
+    normals = vertex_normals(body)
     below = ((body.vertices[kept][cluster] - body.vertices) * normals[kept][cluster]).sum(axis=1)
     sizes = np.bincount(cluster, minlength=len(kept))  # none has some where vertices are doubled
     depth = np.bincount(cluster, below, len(kept)) / np.maximum(sizes, 1)

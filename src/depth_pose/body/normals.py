@@ -2,26 +2,32 @@
 
 from __future__ import annotations
 
+from typing import Protocol
+
 import numpy as np
 from numpy.typing import NDArray
 
 
-def vertex_normals(
-    vertices: NDArray[np.float64], faces: NDArray[np.int32], by_face: bool = False
-) -> NDArray[np.float64]:
-    """Outward unit normals of a mesh's vertices, weighted by the faces' areas; 0 where no face is.
+class Triangles(Protocol):
+    """What has ``vertices``, (V, 3) float64, and ``faces``, (F, 3) int32: a `Body`, a mesh."""
 
-    Parameters
-    ----------
-    vertices : (V, 3) float64
-    faces : (F, 3) int32
-    by_face : bool
-        Add the faces one after the other, not first what they add to their first corners: the
-        last bits differ. Simulated scenes were made so, bodies the other way.
+    @property
+    def vertices(self) -> NDArray[np.float64]: ...  # noqa: D102
 
-    Returns
-    -------
-    (V, 3) float64
+    @property
+    def faces(self) -> NDArray[np.int32]: ...  # noqa: D102
+
+
+def vertex_normals(mesh: Triangles) -> NDArray[np.float64]:
+    """Outward unit normals of the vertices, (V, 3), weighted by the faces' areas; 0 where no face is."""
+    return normals_of(mesh.vertices, mesh.faces, by_face=False)
+
+
+def normals_of(vertices: NDArray[np.float64], faces: NDArray[np.int32], by_face: bool) -> NDArray[np.float64]:
+    """Give `vertex_normals` of a mesh's arrays.
+
+    They are added face by face, or first all faces' first corners: the last bits differ. Simulated
+    scenes were made the first way, bodies and banks the second.
     """
     from depth_pose.body._skin_kernels import add_face_normals  # numba only for those who compute
 

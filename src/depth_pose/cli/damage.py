@@ -33,7 +33,7 @@ class _Watch(logging.Handler):
 _watch = _Watch()
 
 
-def be_lenient(wanted: bool = True) -> None:
+def be_lenient(wanted: bool) -> None:
     """Let damage not be an error, if that is wanted."""
     _watch.lenient = _watch.lenient or wanted
 

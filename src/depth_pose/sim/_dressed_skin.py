@@ -12,7 +12,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.body.normals import vertex_normals
+from depth_pose.body.normals import normals_of
 from depth_pose.body.procedural import make_body
 from depth_pose.core.skeleton import ADULT_STATURE_M, NODES
 from depth_pose.sim._builds import Build
@@ -162,7 +162,7 @@ def dress(
     (V, 3) float64
     """
     surface, size = template_surface(), stature / ADULT_STATURE_M
-    normals = vertex_normals(vertices, faces, by_face=True)
+    normals = normals_of(vertices, faces, by_face=True)
     wide = smooth_noise(rng, surface.rest, (0.25, 0.7), 8)
     folds = smooth_noise(rng, surface.rest, (0.06, 0.18), 10)
     out = surface.regions @ cut.thickness
