@@ -1,4 +1,4 @@
-"""Options and arguments that several commands have; limits that no setting gives were set by hand."""
+"""Options and arguments that several commands have."""
 
 from __future__ import annotations
 
@@ -37,6 +37,7 @@ DepthScale = Annotated[
         show_default="0.001; 1 for floats",
     ),
 ]
+"""Metres; limits set by hand."""
 Fps = Annotated[
     float | None,
     typer.Option(
@@ -46,3 +47,4 @@ Fps = Annotated[
         show_default="30, or the names say it",
     ),
 ]
+"""Hertz; limits set by hand."""
