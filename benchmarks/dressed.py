@@ -34,6 +34,8 @@ from depth_pose.sim.scenes import render
 from depth_pose.sim.shapes import triangulate
 
 _FPS, _FRAMES, _WIDTH = 25.0, 75, 320
+"""Frames a second, frames, and pixels across of what is simulated."""
+
 _FIRST = 10
 """Joints are judged from this frame on."""
 
