@@ -125,3 +125,36 @@ def test_a_private_folder_is_nobody_elses(tmp_path: Path, monkeypatch: pytest.Mo
     monkeypatch.setattr("tempfile.tempdir", "/proc/nothing")
     assert private_folder("a") is None
     assert not is_writable(Path("/proc/nothing"))
+
+
+_CALLS_ANOTHER = """
+from depth_pose.core import kernels
+from depth_pose.core.kernels import njit
+
+read = []
+parse = kernels.llvm.parse_bitcode
+kernels.llvm.parse_bitcode = lambda code: read.append(code) or parse(code)
+
+@njit(cache=True)
+def double(values):
+    return 2.0 * values
+
+@njit(cache=True, forceinline=True)
+def add_up(values):
+    return double(values).sum()
+
+import numpy as np
+print(double(np.ones(3)).sum(), add_up(np.ones(4)), len(read))
+"""
+
+
+def test_a_kernel_that_is_compiled_calls_one_from_the_cache(tmp_path: Path) -> None:
+    """What a cached kernel gives to others is read when one is compiled that calls it, and not before."""
+    script, cache = tmp_path / "kernel.py", tmp_path / "cache"
+    script.write_text(_CALLS_ANOTHER)
+    for said in ("0", "0"):  # compiled, and loaded
+        assert _run(script, NUMBA_CACHE_DIR=str(cache)) == ["6.0", "8.0", said]
+    for file in cache.rglob("*add_up*"):
+        file.unlink()
+    assert _run(script, NUMBA_CACHE_DIR=str(cache)) == ["6.0", "8.0", "1"]
+    assert _run(script, NUMBA_CACHE_DIR=str(cache)) == ["6.0", "8.0", "0"]
