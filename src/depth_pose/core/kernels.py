@@ -35,7 +35,7 @@ def njit(*functions: Callable[..., Any], **options: Any) -> Any:
 
 
 def _load_quickly(kernel: Any) -> Any:
-    """Have a kernel's cache load what was compiled without all that numba can compile, a third of a second."""
+    """Have a kernel's cache load what was compiled without all that numba can compile, .3 s of work."""
     if type(getattr(kernel, "_cache", None)) is caching.FunctionCache:
         kernel._cache.__class__ = _QuickCache
     return kernel
