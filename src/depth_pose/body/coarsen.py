@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial.distance import cdist
 
 from depth_pose.body.body import Body
 from depth_pose.body.normals import vertex_normals
-from depth_pose.core.farthest_points import farthest_rows
+from depth_pose.core.farthest_points import farthest_rows, nearest_points
 
 _WEIGHT_M = 0.25
 """Distance in space that counts as much as belonging to another segment altogether, metres.
@@ -39,7 +38,7 @@ def coarsen(body: Body, vertices: int) -> Body:
         return body
     place = np.concatenate([body.vertices, _WEIGHT_M * body.weights], axis=1)
     kept = farthest_rows(place, vertices, start=int(np.argmax(body.vertices[:, 1])))
-    cluster = cdist(place, place[kept], "sqeuclidean").argmin(axis=1).astype(np.int32)
+    cluster = nearest_points(place, place[kept])
     normals = vertex_normals(body)
     below = ((body.vertices[kept][cluster] - body.vertices) * normals[kept][cluster]).sum(axis=1)
     sizes = np.bincount(cluster, minlength=len(kept))  # none has some where vertices are doubled

@@ -74,6 +74,25 @@ def farthest_rows(
     return np.asarray(_choose(rows, images, weights, min(count, len(rows)), start))
 
 
+@njit(cache=True)
+def nearest_points(rows: Any, points: Any) -> Any:
+    """Give the number of the point nearest to each row, the first of those that are."""
+    numbers = np.zeros(len(rows), np.int32)
+    for i in range(len(rows)):
+        least = np.inf
+        for j in range(len(points)):
+            total = 0.0
+            for k in range(rows.shape[1]):
+                d = rows[i, k] - points[j, k]
+                total += d * d
+                if k & 3 == 3 and total >= least:
+                    break
+            if total < least:
+                least = total
+                numbers[i] = j
+    return numbers
+
+
 _FAR = 4.0001
 """A point whose squared distance to a row's nearest is so many times the row's own cannot be nearer.
 

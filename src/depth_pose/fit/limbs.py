@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from depth_pose.bank.bank import Bank
 from depth_pose.body.body import Body
 from depth_pose.core.farthest_points import farthest_rows
-from depth_pose.core.rotations import quat_to_matrix
+from depth_pose.core.rotations import mirror_rotation, quat_to_matrix
 from depth_pose.core.skeleton import MIRROR_NODES, NODE_INDEX, mirror_rotations
 from depth_pose.fit import _limb_kernels as kernels
 from depth_pose.fit._reach_kernels import Limbs, reach
@@ -122,11 +122,10 @@ class LimbSearch:
 
     def __init__(self, bank: Bank) -> None:
         step = max(1, bank.poses // _POSES)
-        rotations = quat_to_matrix(bank.pose_quats[::step].astype(np.float64))
-        both = np.concatenate([rotations, mirror_rotations(rotations)])
+        quats = bank.pose_quats[::step]
         nodes = bank.pose_nodes[::step]
         nodes = np.concatenate([nodes, nodes[:, MIRROR_NODES] * np.array([-1.0, 1.0, 1.0])])
-        self._pairs = tuple(_make_pair(bank.body, both, nodes, *limb) for limb in _LIMBS)
+        self._pairs = tuple(_make_pair(bank.body, quats, nodes, *limb) for limb in _LIMBS)
 
     def propose(self, body: FittedBody, comparer: DepthComparer) -> list[BodyPose]:
         """Exchange the arms, and the legs, where others explain more.
@@ -230,7 +229,7 @@ def _reaching(
 
 def _make_pair(
     body: Body,
-    rotations: NDArray[np.float64],
+    quats: NDArray[np.float32],
     nodes: NDArray[np.float64],
     proposals: int,
     anchor_name: str,
@@ -242,9 +241,10 @@ def _make_pair(
     side = [np.array([NODE_INDEX[f"{s}_{n}"] for n in turned]) for s in ("left", "right")]
 
     bones = [NODE_INDEX[f"left_{n}"] for n in sampled]
-    joints = (nodes[:, bones] - nodes[:, anchor, None]) @ rotations[:, anchor]
+    joints = (nodes[:, bones] - nodes[:, anchor, None]) @ _with_mirrored(quats[:, [anchor]])[:, 0]
     keep = farthest_rows(joints.reshape(len(nodes), -1), _CONFIGURATIONS, start=0)
-    kept = rotations[keep]
+    kept = quat_to_matrix(quats[keep % len(quats)])
+    kept = np.where((keep < len(quats))[:, None, None, None], kept, mirror_rotations(kept))
     local = kept[:, anchor, None].transpose(0, 1, 3, 2) @ kept[:, side[0]]
     ends, radii, areas = _balls(body, bones)
     samples = _ball_centres(kept, nodes[keep], anchor, np.array(bones), ends)
@@ -264,6 +264,12 @@ def _make_pair(
         first=turned.index(sampled[0]),
         reaches=anchor_name == "chest",
     )
+
+
+def _with_mirrored(quats: NDArray[np.float32]) -> NDArray[np.float64]:
+    """Rotations (2 N, ...) of segments in the mid-plane, of poses (N, ...), and those of the mirror images."""
+    rotations = quat_to_matrix(quats)
+    return np.concatenate([rotations, mirror_rotation(rotations)])
 
 
 def _balls(
