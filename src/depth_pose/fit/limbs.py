@@ -122,7 +122,7 @@ class LimbSearch:
 
     def __init__(self, bank: Bank) -> None:
         step = max(1, bank.poses // _POSES)
-        quats = bank.pose_quats[::step]
+        quats = bank.pose_quats[::step].astype(np.float64)
         nodes = bank.pose_nodes[::step]
         nodes = np.concatenate([nodes, nodes[:, MIRROR_NODES] * np.array([-1.0, 1.0, 1.0])])
         self._pairs = tuple(_make_pair(bank.body, quats, nodes, *limb) for limb in _LIMBS)
@@ -229,7 +229,7 @@ def _reaching(
 
 def _make_pair(
     body: Body,
-    quats: NDArray[np.float32],
+    quats: NDArray[np.float64],
     nodes: NDArray[np.float64],
     proposals: int,
     anchor_name: str,
@@ -266,8 +266,8 @@ def _make_pair(
     )
 
 
-def _with_mirrored(quats: NDArray[np.float32]) -> NDArray[np.float64]:
-    """Rotations (2 N, ...) of segments in the mid-plane, of poses (N, ...), and those of the mirror images."""
+def _with_mirrored(quats: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Rotations (2 N, ...) of segments in the mid-plane, of poses (N, ...) and of their mirror images."""
     rotations = quat_to_matrix(quats)
     return np.concatenate([rotations, mirror_rotation(rotations)])
 

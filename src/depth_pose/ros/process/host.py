@@ -41,6 +41,9 @@ Less than leaseDuration in `fastdds.xml`, 5 s, by an announcement or two.
 _SETTLED, _SETTLED_SPARE = 8, 4
 """Beats in time that show that a process runs again, 2 s; spares make way sooner. Set by hand."""
 
+_UNUSED = ("charset_normalizer", "coverage", "rosidl_pycommon")
+"""What SciPy, numba and ROS' messages import where they find it, with others, and else do without."""
+
 _Request = tuple[int, str, list[str]]
 """The connection of what is to be forked, its name and its arguments."""
 
@@ -167,19 +170,31 @@ def _module(name: str) -> Any:
 def load(bank: str) -> Iterator[str]:
     """Load all that nodes need, and give the name of each that can be forked; a bank's path, or empty."""
     gc.disable()  # collections would take a sixth of the time
+    for unused in _UNUSED:
+        sys.modules.setdefault(unused, None)  # type: ignore[arg-type]
     from depth_pose.ros.process.warm_stages import make_ahead
 
-    _module(NODES[0])
-    for name in make_ahead(bank):
+    for name in NODES:
         _module(name)
+    _load_message_types()
+    for name in make_ahead(bank):
         gc.freeze()  # what is here stays; a collection that wrote to it would end the sharing
         gc.enable()
         yield name
         gc.disable()
-    for name in NODES:
-        _module(name)
     gc.freeze()
     gc.enable()
+
+
+def _load_message_types() -> None:
+    """Load the libraries of messages and services, else a third of a node's start."""
+    from rclpy.type_support import check_for_type_support
+
+    for name, module in list(sys.modules.items()):
+        if name.endswith((".msg", ".srv")):
+            for kind in vars(module).values():
+                if hasattr(type(kind), "__import_type_support__"):
+                    check_for_type_support(kind)
 
 
 if __name__ == "__main__":
