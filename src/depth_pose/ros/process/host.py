@@ -1,10 +1,11 @@
 """The process that loads everything once, and forks nodes as the supervisor asks for them.
 
 Imports, compiled kernels and the bank are most of a node's start. A node that is forked from here starts
-at once, and shares this memory until it writes to it. A fork takes only one thread along, so rclpy is
-imported here, and never initialised. (The import starts two threads of LTTng, the tracer: forked nodes
-cannot be traced.) All that is forked, another host among it, is the supervisor's: each has a connection to
-it for what it prints and its signs of life, ends when that ends, and outlives this host.
+at once, and shares this memory until it writes to it; the first are forked as soon as what they use is
+there. A fork takes only one thread along, so rclpy is imported here, and never initialised. (The import
+starts two threads of LTTng, the tracer: forked nodes cannot be traced.) All that is forked, another host
+among it, is the supervisor's: each has a connection to it for what it prints and its signs of life, ends
+when that ends, and outlives this host.
 """
 
 from __future__ import annotations
