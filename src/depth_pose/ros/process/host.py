@@ -1,8 +1,8 @@
 """The process that loads everything once, and forks nodes as the supervisor asks for them.
 
 Imports, compiled kernels and the bank are most of a node's start. A node that is forked from here starts
-at once, and shares this memory until it writes to it; the first are forked as soon as what they use is
-there. A fork takes only one thread along, so rclpy is imported here, and never initialised. (The import
+at once, and shares this memory until it writes to it.
+A fork takes only one thread along, so rclpy is imported here, and never initialised. (The import
 starts two threads of LTTng, the tracer: forked nodes cannot be traced.) All that is forked, another host
 among it, is the supervisor's: each has a connection to it for what it prints and its signs of life, ends
 when that ends, and outlives this host.
@@ -23,7 +23,6 @@ import sys
 import threading
 import time
 import traceback
-from collections.abc import Iterable, Iterator
 from typing import Any
 
 from depth_pose.ros import PRIVATE_UMASK
@@ -45,51 +44,29 @@ _SETTLED, _SETTLED_SPARE = 8, 4
 _UNUSED = ("charset_normalizer", "coverage", "rosidl_pycommon")
 """What SciPy, numba and ROS' messages import where they find it, with others, and else do without."""
 
-_Request = tuple[int, str, list[str]]
-"""The connection of what is to be forked, its name and its arguments."""
-
 _LOOK_BEATS, _STILL = 4, 7
 """Beats from one look at Fast DDS to the next, 1 s; and looks without a sign of one of its timers' threads,
 of which each announces its process every 0.3 s by our profiles, else every 3 s."""
 
 
-def serve(loading: Iterable[str] = ()) -> int:
-    """Fork what is asked for, until the supervisor is gone: a node, a second host or a spare.
-
-    While it loads, it forks those nodes for which all is there. What is asked for stays with the supervisor's
-    socket until then: of a connection that was taken, other nodes would hold a copy.
-    """
-    supervisor, loaded = socket.socket(fileno=0), set[str]()
-    request: _Request | None = None
-    for name in loading:
-        loaded.add(name)
-        while (request := request or _next(supervisor, 0.0)) is not None and request[1] in loaded:
-            _fork(*request)
-            request = None
+def serve() -> int:
+    """Fork what is asked for, until the supervisor is gone: a node, a second host or a spare."""
     print(f"the host {READY}", flush=True)
+    supervisor = socket.socket(fileno=0)
     while True:
-        if request is not None:
-            _fork(*request)
         _beat()
-        request = _next(supervisor, BEAT_S)
-
-
-def _next(supervisor: socket.socket, wait_s: float) -> _Request | None:
-    """Give what the supervisor asks for next; ends this process where that is gone."""
-    if not select.select([supervisor], [], [], wait_s)[0]:
-        return None
-    request, connections, _, _ = socket.recv_fds(supervisor, 1 << 20, 1)
-    if not request:
-        leave(0)
-    name, arguments = json.loads(request)
-    return connections[0], name, arguments
+        if select.select([supervisor], [], [], BEAT_S)[0]:
+            request, connections, _, _ = socket.recv_fds(supervisor, 1 << 20, 1)
+            if not request:
+                return 0
+            _fork(connections[0], *json.loads(request))
+            os.close(connections[0])
 
 
 def _fork(connection: int, name: str, arguments: list[str]) -> None:
     """Fork twice: a process whose parent has ended is the supervisor's."""
     if (between := os.fork()) != 0:
         os.waitpid(between, 0)
-        os.close(connection)
         return
     if os.fork() != 0:
         os._exit(0)
@@ -168,22 +145,18 @@ def _module(name: str) -> Any:
     return importlib.import_module(f"depth_pose.ros.nodes.{name}_node")
 
 
-def load(bank: str) -> Iterator[str]:
-    """Load all that nodes need, and give the name of each that can be forked; a bank's path, or empty."""
+def load(bank: str) -> None:
+    """Load all that nodes need; a bank's path, empty for the set-up's."""
     gc.disable()  # collections would take a sixth of the time
     for unused in _UNUSED:
         sys.modules.setdefault(unused, None)  # type: ignore[arg-type]
     from depth_pose.ros.process.warm_stages import make_ahead
 
+    make_ahead(bank)
     for name in NODES:
         _module(name)
     _load_message_types()
-    for name in make_ahead(bank):
-        gc.freeze()  # what is here stays; a collection that wrote to it would end the sharing
-        gc.enable()
-        yield name
-        gc.disable()
-    gc.freeze()
+    gc.freeze()  # what is here stays; a collection that wrote to it would end the sharing
     gc.enable()
 
 
@@ -202,4 +175,5 @@ if __name__ == "__main__":
     faulthandler.enable()  # a crash says where
     os.umask(PRIVATE_UMASK)
     ensure_log_folder()
-    leave(serve(load(sys.argv[1])))
+    load(sys.argv[1])
+    leave(serve())

@@ -5,7 +5,6 @@ A node finds them here if it asks for the same. A process that was started by it
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, TypeVar, cast
@@ -41,15 +40,13 @@ def _load(file: Path, changed_ns: int) -> Bank:
     return Bank.load(file)
 
 
-def make_ahead(bank_path: str | Path = "") -> Iterator[str]:
+def make_ahead(bank_path: str | Path = "") -> None:
     """Make the stages with the default settings, and use every kernel once, so that it is loaded.
 
-    Gives the name of each node whose stage is made, and all that it will use. Without a bank there is only
-    the first; the nodes that need it refuse it, and say why.
+    Without a bank there is only the first stage; the nodes that need it refuse it, and say why.
     """
     config = PipelineConfig()
     _keep(PeopleExtractor, config.segment, config.denoise, config.mount).warm_up()
-    yield "denoise"
     try:
         bank = load_bank(bank_path)
     except BankError:
@@ -58,13 +55,10 @@ def make_ahead(bank_path: str | Path = "") -> Iterator[str]:
     matcher = _keep(Matcher, bank, config.match, config.fit)
     matches = matcher.match(people)  # its `warm_up` makes it a second time, as the refiner's does
     matcher.reset()
-    yield "matcher"
     refiner = _keep(Refiner, bank, config.refine, config.match, config.fitting)
     refiner.refine(people, matches)
     refiner.reset()
-    yield "refine"
     _keep(Recoverer, bank, config.recover, config.smooth, config.match, config.fitting).warm_up()
-    yield "recovery"
 
 
 def _keep(kind: type[T], *arguments: Any) -> T:
