@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import argparse
+import time
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -18,6 +21,7 @@ from depth_pose.io.mcap_read import DepthReader
 from depth_pose.people.person import People
 from depth_pose.steps.extract import PeopleExtractor
 from depth_pose.steps.match import Matcher
+from depth_pose.steps.refine import Refiner
 
 RIGHT_M = 0.1
 """A match whose joints are off by less than this on average counts as right, metres."""
@@ -67,6 +71,40 @@ def recordings(folder: Path, largest_width: int = 200) -> list[Path]:
     if not found:
         raise InputError(f"{folder} has no recordings with truth files")
     return found
+
+
+def read_arguments(parser: argparse.ArgumentParser, step: int) -> tuple[argparse.Namespace, list[Recording]]:
+    """Add data, banks and step to the options, read them, and load the recordings."""
+    parser.add_argument("data", type=Path, help="folder of NAME.mcap with NAME.npz")
+    parser.add_argument("banks", nargs="+", metavar="LABEL=FILE")
+    parser.add_argument("--step", type=int, default=step, help="use every so many frames")
+    arguments = parser.parse_args()
+    recorded = [load_recording(path, arguments.step) for path in recordings(arguments.data)]
+    print(f"{sum(len(r.people) for r in recorded)} frames of {len(recorded)} recordings")
+    return arguments, recorded
+
+
+def match_frames(
+    bank: Bank, recording: Recording, scale: float, shortlist: int = MatchConfig().shortlist
+) -> Iterator[tuple[People, np.ndarray, PoseMatch, float]]:
+    """Match each frame by itself; gives those with a match: person, known joints, match, seconds of CPU."""
+    matcher = Matcher(bank, MatchConfig(scale=scale, shortlist=shortlist, search_every=1))
+    for people, known in zip(recording.people, recording.joints, strict=True):
+        start = time.thread_time()
+        matches = matcher.match(people)
+        taken = time.thread_time() - start
+        for match in matches:
+            yield people, known, match, taken
+
+
+def compare(
+    bank: Bank, refiner: Refiner, people: People, known: np.ndarray, match: PoseMatch
+) -> tuple[float, bool, float, bool]:
+    """Give error (m) and flip of the best match, and of what is made of it."""
+    (refined,) = refiner.refine(people, (match,))
+    found = joints_of(bank, match), refined.skeleton.positions
+    first, last = ((mean_error(f, known), is_flipped(f, known)) for f in found)
+    return *first, *last
 
 
 def find_scale(bank: Bank, people: list[People]) -> float:

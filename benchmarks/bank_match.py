@@ -9,9 +9,6 @@ of shortlists by rendered depth; a shortlist of one is the paper's match, neares
 
 from __future__ import annotations
 
-import time
-from pathlib import Path
-
 import numpy as np
 from bank_common import (
     RIGHT_M,
@@ -19,15 +16,14 @@ from bank_common import (
     find_scale,
     is_flipped,
     joints_of,
-    load_recording,
+    match_frames,
     mean_error,
-    recordings,
+    read_arguments,
 )
 from command_line import make_parser
 
 from depth_pose.bank import Bank
 from depth_pose.core.config import MatchConfig
-from depth_pose.steps.match import Matcher
 
 
 def measure(bank: Bank, recorded: list[Recording], shortlist: int) -> dict[str, np.ndarray]:
@@ -35,14 +31,7 @@ def measure(bank: Bank, recorded: list[Recording], shortlist: int) -> dict[str, 
     rows = []
     for number, recording in enumerate(recorded):
         scale = find_scale(bank, recording.people)
-        matcher = Matcher(bank, MatchConfig(scale=scale, shortlist=shortlist, search_every=1))
-        for people, known in zip(recording.people, recording.joints, strict=True):
-            start = time.thread_time()
-            matches = matcher.match(people)
-            taken = time.thread_time() - start
-            if not matches:
-                continue
-            (match,) = matches
+        for _, known, match, taken in match_frames(bank, recording, scale, shortlist):
             found = [joints_of(bank, match, k) for k in range(len(match.candidates))]
             errors = [mean_error(f, known) for f in found]
             score = match.candidates[0].score
@@ -71,13 +60,8 @@ def report(label: str, found: dict[str, np.ndarray], recorded: list[Recording]) 
 def main() -> None:
     """Measure every bank on every recording."""
     parser = make_parser(__doc__)
-    parser.add_argument("data", type=Path)
-    parser.add_argument("banks", nargs="+", metavar="LABEL=FILE")
-    parser.add_argument("--step", type=int, default=3, help="use every so many frames")
     parser.add_argument("--shortlist", type=int, nargs="+", default=[1, 10, MatchConfig().shortlist])
-    arguments = parser.parse_args()
-    recorded = [load_recording(path, arguments.step) for path in recordings(arguments.data)]
-    print(f"{sum(len(r.people) for r in recorded)} frames of {len(recorded)} recordings")
+    arguments, recorded = read_arguments(parser, step=3)
     print(
         f"{'bank, compared':28s} {'mean':>6s} {'median':>6s} {'flip %':>6s} {'right%':>6s} best-of-kept  ms"
     )

@@ -12,21 +12,11 @@ import time
 from pathlib import Path
 
 import numpy as np
-from bank_common import (
-    Recording,
-    find_scale,
-    is_flipped,
-    joints_of,
-    load_recording,
-    mean_error,
-    recordings,
-    subsample,
-)
+from bank_common import Recording, compare, find_scale, match_frames, read_arguments, subsample
 from command_line import make_parser
 
 from depth_pose.bank import Bank
 from depth_pose.core.config import MatchConfig, RefineConfig
-from depth_pose.steps.match import Matcher
 from depth_pose.steps.refine import Refiner
 from depth_pose.steps.search import SubspaceSearch
 
@@ -40,29 +30,11 @@ def measure(bank: Bank, recorded: list[Recording], scales: list[float]) -> list[
     refiner = Refiner(bank, RefineConfig(track=False), MatchConfig())
     rows = []
     for recording, scale in zip(recorded, scales, strict=True):
-        matcher = Matcher(bank, MatchConfig(scale=scale, search_every=1))
-        for people, known in zip(recording.people, recording.joints, strict=True):
-            start = time.thread_time()
-            matches = matcher.match(people)
-            taken = time.thread_time() - start
-            if not matches:
-                continue
-            (match,) = matches
-            found, (refined,) = joints_of(bank, match), refiner.refine(people, matches)
-            pair = [(mean_error(f, known), is_flipped(f, known)) for f in (found, refined.skeleton.positions)]
-            rows.append((*pair[0], *pair[1], taken))
+        for people, known, match, taken in match_frames(bank, recording, scale):
+            rows.append((*compare(bank, refiner, people, known, match), taken))
     table = np.array(rows, float)
-    mean = table.mean(axis=0)
-    searching = search_time(bank)
-    return [
-        bank.poses,
-        1e3 * mean[0],
-        1e2 * mean[1],
-        1e3 * mean[2],
-        1e2 * mean[3],
-        1e3 * float(np.median(table[:, 4])),
-        searching,
-    ]
+    errors = table[:, :4].mean(axis=0) * (1e3, 1e2, 1e3, 1e2)
+    return [bank.poses, *errors.tolist(), 1e3 * float(np.median(table[:, 4])), search_time(bank)]
 
 
 def search_time(bank: Bank, repeats: int = 30) -> float:
@@ -102,13 +74,8 @@ def draw(tables: dict[str, np.ndarray], path: Path) -> None:
 def main() -> None:
     """Measure every size of every bank."""
     parser = make_parser(__doc__)
-    parser.add_argument("data", type=Path)
-    parser.add_argument("banks", nargs="+", metavar="LABEL=FILE")
-    parser.add_argument("--step", type=int, default=8, help="use every so many frames")
     parser.add_argument("--pictures", type=Path)
-    arguments = parser.parse_args()
-    recorded = [load_recording(path, arguments.step) for path in recordings(arguments.data)]
-    print(f"{sum(len(r.people) for r in recorded)} frames of {len(recorded)} recordings")
+    arguments, recorded = read_arguments(parser, step=8)
     print(f"{'bank':12s}" + " ".join(f"{name:>10s}" for name in COLUMNS))
     tables = {}
     for text in arguments.banks:

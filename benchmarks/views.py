@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from bank_common import Recording, is_flipped, joints_of, load_recording, mean_error
+from bank_common import Recording, compare, load_recording, match_frames
 from command_line import make_parser
 
 from depth_pose.bank import Bank
@@ -26,7 +26,6 @@ from depth_pose.motion.clip import Clip
 from depth_pose.sim.config import Person, Placement, Room
 from depth_pose.sim.motion import load_motion
 from depth_pose.sim.simulate import Stage, simulate
-from depth_pose.steps.match import Matcher
 from depth_pose.steps.refine import Refiner
 
 _DISTANCE_M = 3.6
@@ -78,23 +77,11 @@ def watch(body: Body, clip: Clip, place: Placement, folder: Path, step: int) -> 
 
 def measure(bank: Bank, recording: Recording, scale: float) -> Result:
     """Match and refine every frame by itself."""
-    matcher = Matcher(bank, MatchConfig(scale=scale, search_every=1))
     refiner = Refiner(bank, RefineConfig(track=False), MatchConfig())
-    rows = []
-    for people, known in zip(recording.people, recording.joints, strict=True):
-        matches = matcher.match(people)
-        if not matches:
-            continue
-        (match,) = matches
-        found, (refined,) = joints_of(bank, match), refiner.refine(people, matches)
-        rows.append(
-            (
-                mean_error(found, known),
-                is_flipped(found, known),
-                mean_error(refined.skeleton.positions, known),
-                is_flipped(refined.skeleton.positions, known),
-            )
-        )
+    rows = [
+        compare(bank, refiner, people, known, match)
+        for people, known, match, _ in match_frames(bank, recording, scale)
+    ]
     return Result(*np.mean(np.array(rows, float), axis=0).tolist(), frames=len(rows))
 
 
