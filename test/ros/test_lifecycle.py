@@ -1,16 +1,19 @@
 """Managed nodes over real DDS: configured and active by themselves, paused, resumed, cleaned up."""
 
+import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
-from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.msg import State, Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 from peer import HEARING, RELIABLE, bring
 from sensor_msgs.msg import Image
 from std_msgs.msg import Header
 
 from depth_pose.core.errors import DepthPoseError
+from depth_pose.ros.nodes import lifecycle
 from depth_pose.ros.nodes.lifecycle import set_active
 from depth_pose.ros.transport.messages.basics import make_header
 
@@ -105,6 +108,26 @@ def test_a_refused_configuration_leaves_the_node_there(start, peer, tmp_path):
         set_active(True, ["matcher"])
     process.wait_for(str(bank))
     assert process.process.poll() is None
+
+
+def test_asks_again_where_an_answer_is_lost(peer, monkeypatch):
+    """An answer to a client that the node has not met yet goes nowhere; the next client gets its own."""
+    monkeypatch.setattr(lifecycle, "_ANSWER_S", 1.0)
+    asked = []
+
+    def get_state(_, response):
+        asked.append(True)
+        if len(asked) == 1:
+            time.sleep(3.0)  # nobody waits for it any more
+        response.current_state.id, response.current_state.label = State.PRIMARY_STATE_ACTIVE, "active"
+        return response
+
+    peer.node.create_service(GetState, "/depth_pose/deaf/get_state", get_state)
+    with ThreadPoolExecutor(1) as pool:
+        done = pool.submit(bring, True, ["deaf"])
+        peer.until(done.done, what="the answer")
+    assert done.result() == {"deaf": "active"}
+    assert len(asked) > 1
 
 
 def test_says_so_where_nothing_runs(domain):

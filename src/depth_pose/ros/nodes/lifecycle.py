@@ -21,6 +21,9 @@ _FIND_S, _LONGEST_LOOK_S = 5.0, 0.2
 """Seconds to find a node's services, of which one look is at most so long: while the machine stood still
 nobody met. Set by hand."""
 
+_ANSWER_S = 10.0
+"""Seconds for an answer, after which the state is asked for again; loading a bank takes less. Set by hand."""
+
 _STEPS = {
     (State.PRIMARY_STATE_UNCONFIGURED, True): Transition.TRANSITION_CONFIGURE,
     (State.PRIMARY_STATE_INACTIVE, True): Transition.TRANSITION_ACTIVATE,
@@ -82,19 +85,29 @@ class _Caller:
         self._timeout_s = timeout_s
 
     def bring(self, name: str, active: bool) -> str:
-        """Bring a node to be active, or not; gives the label of its state."""
-        while True:
-            state = self._call(GetState, f"{name}/get_state", GetState.Request()).current_state
+        """Bring a node to be active, or not; gives the label of its state.
+
+        What is not answered is asked again, from the state on: an answer is lost where the node had not
+        yet met the client that it was for.
+        """
+        deadline = time.monotonic() + self._timeout_s
+        while time.monotonic() < deadline:
+            answer = self._call(GetState, f"{name}/get_state", GetState.Request())
+            if answer is None:
+                continue
+            state = answer.current_state
             step = _STEPS.get((state.id, active))
             if step is None:
                 return str(state.label)
             request = ChangeState.Request(transition=Transition(id=step))
-            if not self._call(ChangeState, f"{name}/change_state", request).success:
+            changed = self._call(ChangeState, f"{name}/change_state", request)
+            if changed is not None and not changed.success:
                 raise DepthPoseError(f"{name} is {state.label} and refused to change; its output says why")
+        raise DepthPoseError(f"{name} did not answer in {self._timeout_s:.0f} s")
 
     def _call(self, kind: type, name: str, request: Any) -> Any:
+        """Give the service's answer, or None if there was none."""
         client = self._node.create_client(kind, name)
-        deadline = time.monotonic() + self._timeout_s
         looked, waited_s = time.monotonic(), 0.0
         while not client.service_is_ready():
             last, looked = looked, time.monotonic()
@@ -103,9 +116,6 @@ class _Caller:
                 raise DepthPoseError(f"there is no service {name}; is the node running in this domain?")
             self._executor.spin_once(timeout_sec=0.05)
         future: Future = client.call_async(request)
-        while not future.done():
-            if time.monotonic() > deadline:
-                raise DepthPoseError(f"{name} did not answer in {self._timeout_s:.0f} s")
-            self._executor.spin_once(timeout_sec=0.05)
+        self._executor.spin_until_future_complete(future, min(_ANSWER_S, self._timeout_s))
         self._node.destroy_client(client)
         return future.result()
