@@ -1,35 +1,20 @@
 """Real DDS, on a domain of its own and on this machine only, with hard time limits."""
 
-import os
-import random
 import signal
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 import pytest
-
-from depth_pose.ros import LOCAL_PROFILE_PATH, PROFILE_VARIABLE
+from peer import Peer, join_own_domain
 
 if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:  # as in a shell's background job,
     signal.signal(signal.SIGINT, signal.default_int_handler)  # and so in all that the tests start
 
-HERE = Path(__file__).parent
-SOURCE = HERE.parents[1] / "src"
-
 
 @pytest.fixture(autouse=True)
 def domain(monkeypatch):
-    """A domain that nobody else is on, for this process and its children."""
-    number = random.SystemRandom().randrange(1, 101)
-    monkeypatch.setenv("ROS_DOMAIN_ID", str(number))
-    monkeypatch.setenv(PROFILE_VARIABLE, str(LOCAL_PROFILE_PATH))
-    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "SYSTEM_DEFAULT")
-    monkeypatch.setenv("PYTHONUNBUFFERED", "1")
-    path = os.pathsep.join(filter(None, [str(SOURCE), str(HERE), os.environ.get("PYTHONPATH")]))
-    monkeypatch.setenv("PYTHONPATH", path)
-    return number
+    return join_own_domain(monkeypatch)
 
 
 class Running:
@@ -80,7 +65,5 @@ def start(domain, tmp_path):
 @pytest.fixture
 def peer(domain):
     """A node of the test's own."""
-    from peer import Peer
-
     with Peer() as made:
         yield made

@@ -1,7 +1,9 @@
 """A node of the tests' own: publishes, and keeps what it hears; spun by hand."""
 
 import os
+import random
 import time
+from pathlib import Path
 
 import rclpy
 from rcl_interfaces.srv import SetParameters
@@ -11,6 +13,7 @@ from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
 from depth_pose.core.errors import DepthPoseError
+from depth_pose.ros import LOCAL_PROFILE_PATH, PROFILE_VARIABLE
 from depth_pose.ros.nodes.lifecycle import set_active
 
 RELIABLE = QoSProfile(depth=1000)
@@ -18,8 +21,23 @@ SENSOR = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
 HEARING = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
 """As a sensor's, for who must miss nothing even after it stood still for seconds."""
 
+HERE = Path(__file__).parent
+SOURCE = HERE.parents[1] / "src"
+
 LIMIT_S = 120.0
 """Hard limit of every wait for what must come: it tells that something is wrong, not how fast it is."""
+
+
+def join_own_domain(monkeypatch):
+    """Have this process and its children talk on a domain that nobody else is on; gives its number."""
+    number = random.SystemRandom().randrange(1, 101)
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(number))
+    monkeypatch.setenv(PROFILE_VARIABLE, str(LOCAL_PROFILE_PATH))
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "SYSTEM_DEFAULT")
+    monkeypatch.setenv("PYTHONUNBUFFERED", "1")
+    path = os.pathsep.join(filter(None, [str(SOURCE), str(HERE), os.environ.get("PYTHONPATH")]))
+    monkeypatch.setenv("PYTHONPATH", path)
+    return number
 
 
 def patient(seconds):
@@ -123,8 +141,14 @@ class Peer:
         self.until(future.done, timeout_s, name)
         return future.result()
 
+    def put(self, node, name, value):
+        """Set a parameter of a running node; gives what the node says to it."""
+        wanted = Parameter(name, value=value).to_parameter_msg()
+        request = SetParameters.Request(parameters=[wanted])
+        return self.call(SetParameters, f"{node}/set_parameters", request).results[0]
+
     def set(self, node, **values):
         """Set parameters of a running node, ``__`` for the dot in their names."""
-        wanted = [Parameter(n.replace("__", "."), value=v).to_parameter_msg() for n, v in values.items()]
-        answer = self.call(SetParameters, f"{node}/set_parameters", SetParameters.Request(parameters=wanted))
-        assert all(r.successful for r in answer.results), answer.results
+        for name, value in values.items():
+            answer = self.put(node, name.replace("__", "."), value)
+            assert answer.successful, answer

@@ -4,6 +4,7 @@ Each test writes a row (fault, what was seen, seconds to recover, frames lost; t
 that the variable DEPTH_POSE_FAULTS names, where it is set.
 """
 
+import functools
 import itertools
 import os
 import signal
@@ -17,7 +18,7 @@ import pytest
 import scene
 from depth_pose_msgs.msg import Skeleton
 from diagnostic_msgs.msg import DiagnosticArray
-from peer import HEARING, RELIABLE, SENSOR, lived_s
+from peer import HEARING, RELIABLE, SENSOR, Peer, join_own_domain, lived_s
 from sensor_msgs.msg import CameraInfo, Image
 from test_denoise_node import image_msg, info_msg
 
@@ -41,42 +42,38 @@ def note(fault, seen, recovered_s=None, lost=None):
             print(fault, seen, recovered_s, lost, sep="\t", file=file)
 
 
-class Sensor:
-    """Publishes frames at a rate from a thread of its own, with the time as stamp, until stopped."""
+@functools.cache
+def frame_msgs():
+    return [(image_msg(f), info_msg(f)) for f in scene.frames(25)]
 
-    def __init__(self, peer, fps=FPS):
-        self.peer, self.fps = peer, fps
-        self.frames = [(image_msg(f), info_msg(f)) for f in scene.frames(25)]
-        self.sent = {}
+
+class Sensor:
+    """Publishes frames at a rate from a thread of its own, with the time as stamp, until unplugged."""
+
+    def __init__(self, peer):
+        self.peer, self.fps, self.sent = peer, FPS, {}
         self.images = peer.node.create_publisher(Image, IMAGE, SENSOR)
         self.infos = peer.node.create_publisher(CameraInfo, INFO, SENSOR)
-        self._stop = threading.Event()
-        self._thread = None
-
-    def start(self):
-        self._stop.clear()
+        self._unplugged = threading.Event()
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
-        return self
 
     def _run(self):
-        for image, info in itertools.cycle(self.frames):
+        for image, info in itertools.cycle(frame_msgs()):
             stamp_ns = time.time_ns()
             image.header.stamp = info.header.stamp = ns_to_stamp(stamp_ns)
             self.sent[stamp_ns] = time.monotonic()
             self.infos.publish(info)
             self.images.publish(image)
-            if self._stop.wait(1.0 / self.fps):
+            if self._unplugged.wait(1.0 / self.fps):
                 return
 
-    def stop(self):
-        self._stop.set()
-        self._thread.join(PATIENCE_S)
-
     def unplug(self):
-        self.stop()
-        self.peer.node.destroy_publisher(self.images)
-        self.peer.node.destroy_publisher(self.infos)
+        if not self._unplugged.is_set():
+            self._unplugged.set()
+            self._thread.join(PATIENCE_S)
+            self.peer.node.destroy_publisher(self.images)
+            self.peer.node.destroy_publisher(self.infos)
 
 
 class Heard:
@@ -112,15 +109,38 @@ def longest(heard, since_s):
     return max(after - before for before, after in itertools.pairwise(times) if after > since_s)
 
 
-@pytest.fixture
-def live(bank_path, peer):
-    """A suite that answers a sensor's frames."""
+@pytest.fixture(scope="module")
+def domain():
+    """One domain for all tests: they share the suite, and the node that listens to it."""
+    with pytest.MonkeyPatch.context() as patch:
+        yield join_own_domain(patch)
+
+
+@pytest.fixture(scope="module")
+def peer(domain):
+    with Peer() as made:
+        yield made
+
+
+@pytest.fixture(scope="module")
+def running(bank_path, peer):
     lines = []
     with Suite(bank=bank_path, sink=lines.append) as suite:
-        heard, sensor = Heard(peer), Sensor(peer).start()
-        peer.until(lambda: len(heard.came) > 8, PATIENCE_S, lambda: "skeletons:\n" + "\n".join(lines))
-        yield suite, sensor, heard, lines
-        sensor.stop()
+        yield suite, Heard(peer), lines
+
+
+@pytest.fixture
+def live(running, peer):
+    """A suite, with all its deputies, that answers a sensor's frames."""
+    suite, heard, lines = running
+    await_deputies(suite, peer)
+    suite._restarts.clear()
+    for kept in (lines, heard.came, heard.stamps, heard.sources):
+        kept.clear()
+    sensor = Sensor(peer)
+    peer.until(lambda: heard.latency_s(sensor)[8:], PATIENCE_S, lambda: "skeletons:\n" + "\n".join(lines))
+    yield suite, sensor, heard, lines
+    sensor.unplug()
 
 
 def own_segments(pid):
@@ -141,11 +161,46 @@ def await_health(suite, peer):
     )
 
 
+def test_a_looping_recording(bank_path, peer, tmp_path):
+    """Stamps jump back at each turn: what was kept is dropped, and the frames are answered.
+
+    It comes first, as its suite and the others' would hear each other.
+    """
+    path = scene.write_recording(tmp_path / "small.mcap", 20)
+    lines, sent = [], []
+    with Suite(bank=bank_path, parameters={"use_sim_time": True}, sink=lines.append):
+        heard = Heard(peer)
+
+        def told(message, now_ns):
+            if message.topic == IMAGE:
+                sent.append(now_ns)
+
+        player = Player(path, loop=True, rate=0.6, wait_for_subscribers=[IMAGE, INFO], on_message=told)
+        playing = threading.Thread(target=player.run, daemon=True)
+        playing.start()
+
+        def ids():
+            return {body for source, body in heard.sources if source != Skeleton.LOST}
+
+        # nothing says that it is the same person as before a jump
+        peer.until(
+            lambda: len(sent) >= 65 and scene.turns(heard.stamps) >= 3 and len(ids()) >= 3,
+            PATIENCE_S,
+            lambda: f"{ids()}\n" + "\n".join(lines),
+        )
+        player.stop()
+        playing.join(PATIENCE_S)
+        peer.spin(0.5)
+    assert any("went back" in line for line in lines)
+    assert not any("Traceback" in line for line in lines), "\n".join(lines)
+    lost = len(sent) - len(heard.stamps)
+    note("recording that loops", "stamps going back are told; tracking starts anew", 0.0, lost)
+
+
 @pytest.mark.parametrize("name", NODES)
 def test_a_killed_node(live, peer, name):
     """kill -9 of each node while the others go on: skeletons again, without anybody's help."""
     suite, sensor, heard, lines = live
-    await_deputies(suite, peer)
     spare = suite.pid("spare 1")
     pid, killed = suite.pid(name), time.monotonic()
     left = own_segments(pid)
@@ -181,7 +236,6 @@ def test_a_killed_node(live, peer, name):
 def test_a_hung_process(live, peer, name):
     """SIGSTOP: it lives, and answers nothing. It is killed and replaced, within 5 s on a free machine."""
     suite, _, heard, lines = live
-    await_deputies(suite, peer)
     pid, nodes, stopped = suite.pid(name), [suite.pid(n) for n in NODES], time.monotonic()
     os.kill(pid, signal.SIGSTOP)
     peer.until(
@@ -269,39 +323,6 @@ def kill_at_once(live, peer, killed, also=""):
     note(f"{' and '.join(killed)} killed (-9){also}", "they are replaced", longest(heard, since))
 
 
-def test_a_looping_recording(bank_path, peer, tmp_path):
-    """Stamps jump back at each turn: what was kept is dropped, and the frames are answered."""
-    path = scene.write_recording(tmp_path / "small.mcap", 20)
-    lines, sent = [], []
-    with Suite(bank=bank_path, parameters={"use_sim_time": True}, sink=lines.append):
-        heard = Heard(peer)
-
-        def told(message, now_ns):
-            if message.topic == IMAGE:
-                sent.append(now_ns)
-
-        player = Player(path, loop=True, rate=0.6, wait_for_subscribers=[IMAGE, INFO], on_message=told)
-        playing = threading.Thread(target=player.run, daemon=True)
-        playing.start()
-
-        def ids():
-            return {body for source, body in heard.sources if source != Skeleton.LOST}
-
-        # nothing says that it is the same person as before a jump
-        peer.until(
-            lambda: len(sent) >= 65 and scene.turns(heard.stamps) >= 3 and len(ids()) >= 3,
-            PATIENCE_S,
-            lambda: f"{ids()}\n" + "\n".join(lines),
-        )
-        player.stop()
-        playing.join(PATIENCE_S)
-        peer.spin(0.5)
-    assert any("went back" in line for line in lines)
-    assert not any("Traceback" in line for line in lines), "\n".join(lines)
-    lost = len(sent) - len(heard.stamps)
-    note("recording that loops", "stamps going back are told; tracking starts anew", 0.0, lost)
-
-
 def test_a_sensor_that_is_unplugged_and_comes_back(live, peer):
     """Nothing comes for six seconds: that is told; with the first frame after it all is as before."""
     suite, sensor, heard, lines = live
@@ -316,19 +337,15 @@ def test_a_sensor_that_is_unplugged_and_comes_back(live, peer):
         "the diagnostics",
     )
     assert not any("Traceback" in line for line in lines), "\n".join(lines)
-    again = Sensor(peer)
-    peer.until(again.images.get_subscription_count, what="the denoise node")
     heard.came.clear()
     plugged = time.monotonic()
-    again.start()
+    again = Sensor(peer)
     peer.until(lambda: len(heard.came) > 3, PATIENCE_S, "skeletons again")
     first = min(heard.came.values()) - plugged
     missed = sum(s < min(heard.came) for s in again.sent)
-    again.stop()
+    again.unplug()
     assert set(suite.restarts.values()) == {0}
     note("sensor unplugged and back", "silence is told; skeletons with the first frames", first, missed)
-    sensor.start = lambda: None
-    sensor.stop = lambda: None
 
 
 def test_the_frame_rate_changes(live, peer):

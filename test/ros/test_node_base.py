@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from peer import HEARING, LIMIT_S, RELIABLE, SENSOR, within
-from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
-from rcl_interfaces.srv import DescribeParameters, SetParameters
+from rcl_interfaces.srv import DescribeParameters
 from sensor_msgs.msg import Image, PointCloud2
 from std_msgs.msg import Header
 
@@ -151,18 +150,6 @@ def test_lossless_mode_answers_every_frame_in_order(trial, peer):
     assert [m.stamp.nanosec for m in answers] == list(range(11, 61))
 
 
-def parameter(name, value):
-    if isinstance(value, str):
-        return Parameter(
-            name=name, value=ParameterValue(type=ParameterType.PARAMETER_STRING, string_value=value)
-        )
-    if isinstance(value, int):
-        return Parameter(
-            name=name, value=ParameterValue(type=ParameterType.PARAMETER_INTEGER, integer_value=value)
-        )
-    return Parameter(name=name, value=ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=value))
-
-
 def test_parameters_have_ranges_and_can_be_set(trial, peer):
     _, answers, a, b = trial(**{"segment.near": 1})  # a whole number is a number
     request = DescribeParameters.Request(names=["segment.near", "queue"])
@@ -171,8 +158,7 @@ def test_parameters_have_ranges_and_can_be_set(trial, peer):
     assert queue.read_only
 
     def put(name, value):
-        request = SetParameters.Request(parameters=[parameter(name, value)])
-        return peer.call(SetParameters, "/depth_pose/trial/set_parameters", request).results[0]
+        return peer.put("/depth_pose/trial", name, value)
 
     assert put("segment.working_height", 100).successful
     refused = put("segment.working_height", 5)

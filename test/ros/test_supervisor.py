@@ -30,31 +30,6 @@ def wait_until(condition, what):
         time.sleep(0.02)
 
 
-YOUNG = ("_HEALTHY_S", 3600.0)
-"""With this a node died young, however long the machine stood still since it was ready."""
-
-
-def test_a_killed_node_is_started_again(domain, peer, monkeypatch):
-    lines = []
-    monkeypatch.setattr(supervisor, *YOUNG)
-    with Suite(nodes=["denoise"], sink=lines.append) as suite:
-        assert any(line.startswith("[denoise] ") and "is ready" in line for line in lines)
-        first = suite.pid("denoise")
-        os.kill(first, signal.SIGKILL)
-        wait_until(lambda: suite.restarts["denoise"] == 1, "the restart")
-        suite.wait_ready()
-        second = suite.pid("denoise")
-        assert second not in (None, first)
-        os.kill(second, signal.SIGKILL)
-        wait_until(lambda: suite.restarts["denoise"] == 2, "the second restart")
-        suite.wait_ready()
-        peer.until(lambda: peer.node.count_publishers("/depth_pose/points"), what="the new node's topic")
-        assert suite.stop() == {"denoise": 0}
-    assert not alive(first) and not alive(second)
-    ends = [line.partition("with ")[2] for line in lines if "starting it again" in line]
-    assert ends == ["code -9; starting it again at once", "code -9; starting it again in 0.1 s"]
-
-
 def test_a_node_that_did_not_run_joins_the_graph_again(domain, peer, monkeypatch):
     """Others may have dropped it, and not all of Fast DDS comes back by itself: another takes its place."""
     monkeypatch.setattr(child, "PATIENCE_S", 3600.0)
@@ -70,22 +45,28 @@ def test_a_node_that_did_not_run_joins_the_graph_again(domain, peer, monkeypatch
     assert any("[denoise] did not run for 4.5 s or more" in line for line in lines), lines
 
 
-def test_only_a_node_that_dies_young_again_and_again_waits(domain):
+def test_only_a_node_that_dies_young_again_and_again_waits(domain, peer, monkeypatch):
     """One that was ready for a while is replaced at once, however often; that also ends an earlier wait."""
-    lines = []
+    lines, pids = [], []
     with Suite(nodes=["denoise"], sink=lines.append) as suite:
+        assert any(line.startswith("[denoise] ") and "is ready" in line for line in lines)
         for count, young in enumerate((False, False, True, True, False), start=1):
-            with pytest.MonkeyPatch.context() as patch:
-                if young:
-                    patch.setattr(supervisor, *YOUNG)
+            with monkeypatch.context() as patch:
+                if young:  # however long the machine stood still since it was ready
+                    patch.setattr(supervisor, "_HEALTHY_S", 3600.0)
                 else:
                     ripe_s = supervisor._HEALTHY_S + 0.1
                     wait_until(lambda s=ripe_s: lived_s(suite, "denoise") > s, "that it lives so long")
-                os.kill(suite.pid("denoise"), signal.SIGKILL)
+                pids.append(suite.pid("denoise"))
+                os.kill(pids[-1], signal.SIGKILL)
                 wait_until(lambda n=count: suite.restarts["denoise"] == n, "the restart")
             suite.wait_ready()
-    ends = [line.partition("starting it again ")[2] for line in lines if "starting it again" in line]
-    assert ends == ["at once", "at once", "in 0.1 s", "in 0.2 s", "at once"]
+        peer.until(lambda: peer.node.count_publishers("/depth_pose/points"), what="the new node's topic")
+        assert suite.stop() == {"denoise": 0}
+    assert len(set(pids)) == len(pids) and not any(map(alive, pids))
+    ends = [line.partition("with ")[2] for line in lines if "starting it again" in line]
+    waits = ["at once", "at once", "in 0.1 s", "in 0.2 s", "at once"]
+    assert ends == [f"code -9; starting it again {wait}" for wait in waits]
 
 
 def test_it_ends_at_once_while_it_loads(domain):
