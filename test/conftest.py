@@ -29,20 +29,21 @@ ALLOWED_SKIPS = (
 )
 """Why a test may be skipped. For any other reason it fails: an install that lacks something is not whole."""
 
-ALONE = ("test/ros/", "test/fuzz/test_fuzz_nodes", "test/viewer/")
-"""Tests that start nodes and servers and watch the clock: one at a time."""
+TOGETHER = {"test/ros/": "nodes", "test/fuzz/test_fuzz_nodes": "nodes", "test/viewer/": "viewer"}
+"""Tests that start nodes or servers and watch the clock: one at a time of each kind."""
 
 _PACKAGE = Path(__file__).parents[1] / "src" / "depth_pose"
 
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
-    """Have ``pytest -n 2`` keep the tests of a file together, which share fixtures, and `ALONE`."""
+    """Have ``pytest -n 2`` keep the tests of a file together, which share fixtures, and those `TOGETHER`."""
     from xdist.scheduler import LoadScopeScheduling
 
     class ByFile(LoadScopeScheduling):
         def _split_scope(self, nodeid: str) -> str:
-            return "alone" if nodeid.startswith(ALONE) else nodeid.partition("::")[0]
+            names = (name for start, name in TOGETHER.items() if nodeid.startswith(start))
+            return next(names, nodeid.partition("::")[0])
 
     return ByFile(config, log)
 

@@ -102,7 +102,7 @@ class Player:
     images : ImageOptions, optional
         What a folder of images does not say.
     on_message : callable, optional
-        Told every message just published and the wall time, ``time.time_ns()``.
+        Told every message just published, and when that began, ``time.time_ns()``.
     """
 
     def __init__(
@@ -282,11 +282,12 @@ class Player:
 
     def _publish(self, message: RawMessage, due_s: float) -> None:
         self._tick(message.log_time_ns)
+        now_ns = time.time_ns()  # an answer may come before the thread goes on
         self._publishers[message.topic].publish(message.data)
         self._result.messages[message.topic] += 1
         self._result.worst_delay_s = max(self._result.worst_delay_s, time.monotonic() - due_s)
         if self._on_message is not None:
-            self._on_message(message, time.time_ns())
+            self._on_message(message, now_ns)
 
     def _sleep_until(self, due_s: float, log_time_ns: int) -> None:
         while (left := due_s - time.monotonic()) > 0.0:
