@@ -16,5 +16,5 @@ ensure_bank
 export ROS_DOMAIN_ID=$((1 + RANDOM % 100)) ROS_AUTOMATIC_DISCOVERY_RANGE=SYSTEM_DEFAULT
 export FASTRTPS_DEFAULT_PROFILES_FILE=$PWD/src/depth_pose/ros/fastdds_local.xml
 say "Running the tests"
-# Two at a time, in the groups that test/conftest.py makes; more would not end sooner.
-exec .venv/bin/python -m pytest -q -n 2 "$@"
+# Three at a time, in the groups that test/conftest.py makes: those of nodes mostly wait.
+exec .venv/bin/python -m pytest -q -n 3 "$@"

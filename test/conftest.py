@@ -29,21 +29,21 @@ ALLOWED_SKIPS = (
 )
 """Why a test may be skipped. For any other reason it fails: an install that lacks something is not whole."""
 
-TOGETHER = {"test/ros/": "nodes", "test/fuzz/test_fuzz_nodes": "nodes", "test/viewer/": "viewer"}
-"""Tests that start nodes or servers and watch the clock: one at a time of each kind."""
+TOGETHER = (r"test/ros/test_[a-l]", r"test/ros/|test/fuzz/test_fuzz_nodes", r"test/viewer/")
+"""Tests that start nodes or servers and watch the clock: one at a time of each group, on domains of its own."""
 
 _PACKAGE = Path(__file__).parents[1] / "src" / "depth_pose"
 
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
-    """Have ``pytest -n 2`` keep the tests of a file together, which share fixtures, and those `TOGETHER`."""
+    """Have ``pytest -n`` keep the tests of a file together, which share fixtures, and those `TOGETHER`."""
     from xdist.scheduler import LoadScopeScheduling
 
     class ByFile(LoadScopeScheduling):
         def _split_scope(self, nodeid: str) -> str:
-            names = (name for start, name in TOGETHER.items() if nodeid.startswith(start))
-            return next(names, nodeid.partition("::")[0])
+            groups = (group for group in TOGETHER if re.match(group, nodeid))
+            return next(groups, nodeid.partition("::")[0])
 
     return ByFile(config, log)
 

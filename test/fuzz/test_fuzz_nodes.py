@@ -84,12 +84,10 @@ def valid(bank_path):
 def context():
     """A domain of its own, on this machine alone."""
     import rclpy
-
-    from depth_pose.ros import LOCAL_PROFILE_PATH, PROFILE_VARIABLE
+    from peer import join_own_domain
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv(PROFILE_VARIABLE, str(LOCAL_PROFILE_PATH))
-        patch.setenv("ROS_DOMAIN_ID", str(random.SystemRandom().randrange(1, 101)))
+        join_own_domain(patch)
         rclpy.init(args=[])
         yield
         rclpy.try_shutdown()
