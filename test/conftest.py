@@ -30,7 +30,7 @@ ALLOWED_SKIPS = (
 """Why a test may be skipped. For any other reason it fails: an install that lacks something is not whole."""
 
 TOGETHER = (r"test/ros/test_[a-l]", r"test/ros/|test/fuzz/test_fuzz_nodes", r"test/viewer/")
-"""Tests that start nodes or servers and watch the clock: one at a time of each group, on domains of its own."""
+"""Tests that start nodes or servers and watch the clock: one at a time of each group, on its own domain."""
 
 _PACKAGE = Path(__file__).parents[1] / "src" / "depth_pose"
 
