@@ -25,8 +25,8 @@ cd "$(dirname "${BASH_SOURCE[0]}")/.."
 source launch_scripts/helpers/console.sh
 source launch_scripts/helpers/environment.sh
 bash launch_scripts/setup.sh
-source launch_scripts/helpers/bank.sh
-ensure_bank
+source launch_scripts/helpers/prepare.sh
+prepare
 
 say "Running the main job: the recording in real time through the four nodes"
 .venv/bin/depth-pose demo ${recording:+"$recording"}

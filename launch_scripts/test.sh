@@ -9,8 +9,8 @@ cd "$(dirname "${BASH_SOURCE[0]}")/.."
 source launch_scripts/helpers/console.sh
 source launch_scripts/helpers/environment.sh
 bash launch_scripts/setup.sh --test
-source launch_scripts/helpers/bank.sh
-ensure_bank
+source launch_scripts/helpers/prepare.sh
+prepare
 
 # Nodes of other programs, and of another run of this one, are not to be heard.
 export ROS_DOMAIN_ID=$((1 + RANDOM % 100)) ROS_AUTOMATIC_DISCOVERY_RANGE=SYSTEM_DEFAULT

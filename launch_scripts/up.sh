@@ -9,7 +9,7 @@ cd "$(dirname "${BASH_SOURCE[0]}")/.."
 source launch_scripts/helpers/console.sh
 source launch_scripts/helpers/environment.sh
 bash launch_scripts/setup.sh
-source launch_scripts/helpers/bank.sh
-ensure_bank
+source launch_scripts/helpers/prepare.sh
+prepare
 
 exec .venv/bin/depth-pose up "$@"

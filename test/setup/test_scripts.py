@@ -179,37 +179,59 @@ def project(tmp_path):
     shutil.copytree(ROOT / "src", copy / "src", ignore=shutil.ignore_patterns("__pycache__", "*.egg-info"))
     (copy / ".venv" / "bin").mkdir(parents=True)
     program(copy / ".venv" / "bin", "python", f"echo {tmp_path}/cache/bank.npz")
-    program(copy / ".venv" / "bin", "depth-pose", 'echo built >>calls; echo a bank >"$4"')
+    for folder in ("depth_pose_logs", "depth_pose_stamps"):
+        (copy / ".venv" / folder).mkdir()
+    program(
+        copy / ".venv" / "bin",
+        "depth-pose",
+        'echo "$# $*" >>calls; if [ $# = 4 ]; then echo a bank >"$4"; fi',
+    )
     return copy
 
 
-def ensure_bank(project):
+def calls(project, begin):
+    """How often depth-pose has been called with so many arguments, the first ones of which are these."""
+    path = project / "calls"
+    return sum(line.startswith(begin) for line in path.read_text().splitlines()) if path.exists() else 0
+
+
+def prepare(project):
     """Call it; gives how many banks have been built in this project so far."""
     script = "set -euo pipefail; source launch_scripts/helpers/console.sh; "
-    script += "source launch_scripts/helpers/bank.sh; ensure_bank"
+    script += "source launch_scripts/helpers/prepare.sh; prepare"
     environment = {k: v for k, v in os.environ.items() if k != "DEPTH_POSE_BANK"}
     subprocess.run(["/bin/bash", "-c", script], cwd=project, env=environment, check=True)
-    return (project / "calls").read_text().count("built") if (project / "calls").exists() else 0
+    return calls(project, "4 bank build")
+
+
+def test_the_kernels_are_compiled_once(project):
+    for _ in range(2):
+        prepare(project)
+        assert calls(project, "6 run") == 1
+    (project / ".venv" / "depth_pose_stamps" / "kernels").unlink()
+    program(project / ".venv" / "bin", "depth-pose", "exit 1")
+    prepare(project)  # nothing else comes to harm
+    assert not (project / ".venv" / "depth_pose_stamps" / "kernels").exists()
 
 
 def test_the_bank_is_built_once_and_again_when_its_sources_change(project):
-    assert ensure_bank(project) == 1
-    assert ensure_bank(project) == 1
+    assert prepare(project) == 1
+    assert prepare(project) == 1
     with (project / "src" / "depth_pose" / "body" / "body.py").open("a") as file:
         file.write("# changed\n")
-    assert ensure_bank(project) == 2
-    assert ensure_bank(project) == 2
+    assert prepare(project) == 2
+    assert prepare(project) == 2
 
 
 def test_a_bank_of_the_user_s_is_left_alone(project, tmp_path):
     bank = tmp_path / "cache" / "bank.npz"
     bank.parent.mkdir()
     bank.write_text("mine")
-    assert ensure_bank(project) == 0
+    assert prepare(project) == 0
     bank.unlink()
-    assert ensure_bank(project) == 1
+    assert prepare(project) == 1
     bank.write_text("mine")
     with (project / "src" / "depth_pose" / "body" / "body.py").open("a") as file:
         file.write("# changed\n")
-    assert ensure_bank(project) == 1
+    assert prepare(project) == 1
     assert bank.read_text() == "mine"
