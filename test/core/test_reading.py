@@ -136,7 +136,7 @@ def test_yaml_of_recordings_is_bounded(tmp_path: Path) -> None:
     """Lists may be long where programs write them; aliases count."""
     assert len(parse_long_yaml("f", "- 1\n" * (MOST_VALUES + 1))) == MOST_VALUES + 1
     assert parse_long_yaml("f", "a: &x [1, 2]\nb: *x\n")["b"] == [1, 2]
-    with pytest.raises(ConfigError, match="nesting is too deep"):
+    with pytest.raises(ConfigError, match="nesting"):  # PyYAML 6.0.4 says it itself
         parse_long_yaml("f", "[" * 400_000 + "]" * 400_000)  # minutes, were it read
     told = "rosbag2_bagfile_information: {relative_file_paths: *a29, topics_with_message_count: []}\n"
     for bomb in yaml_bombs():
