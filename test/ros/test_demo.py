@@ -51,7 +51,7 @@ def test_every_slow_frame_is_answered(tmp_path, bank_path):
 
 def test_one_frame_gives_a_table_and_a_picture(tmp_path, bank_path, monkeypatch, capsys):
     stamps = write(tmp_path / "one.mcap", frames=1)
-    joints = np.zeros((1, len(JOINTS), 3), np.float32)
+    joints = np.random.default_rng(0).uniform(size=(1, len(JOINTS), 3)).astype(np.float32)
     truth = {
         "names": np.array(JOINTS),
         "stamps_ns": np.array(stamps),
