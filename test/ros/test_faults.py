@@ -51,7 +51,7 @@ class Sensor:
     """Publishes frames at a rate from a thread of its own, with the time as stamp, until unplugged."""
 
     def __init__(self, peer):
-        self.peer, self.fps, self.sent = peer, FPS, {}
+        self.peer, self.fps, self._sent = peer, FPS, {}
         self.images = peer.node.create_publisher(Image, IMAGE, SENSOR)
         self.infos = peer.node.create_publisher(CameraInfo, INFO, SENSOR)
         self._unplugged = threading.Event()
@@ -62,11 +62,16 @@ class Sensor:
         for image, info in itertools.cycle(frame_msgs()):
             stamp_ns = time.time_ns()
             image.header.stamp = info.header.stamp = ns_to_stamp(stamp_ns)
-            self.sent[stamp_ns] = time.monotonic()
+            self._sent[stamp_ns] = time.monotonic()
             self.infos.publish(info)
             self.images.publish(image)
             if self._unplugged.wait(1.0 / self.fps):
                 return
+
+    @property
+    def sent(self):
+        """When frames were sent, by stamp; a copy, as the thread goes on."""
+        return self._sent.copy()
 
     def unplug(self):
         if not self._unplugged.is_set():
@@ -91,8 +96,9 @@ class Heard:
         self.sources.append((skeleton.source, skeleton.body_id))
 
     def latency_s(self, sensor, since_s=0.0):
-        both = [s for s in self.came if s in sensor.sent and sensor.sent[s] >= since_s]
-        return sorted(self.came[s] - sensor.sent[s] for s in both)
+        sent = sensor.sent
+        both = [s for s in self.came if s in sent and sent[s] >= since_s]
+        return sorted(self.came[s] - sent[s] for s in both)
 
 
 def gap(heard, around_s):
@@ -361,7 +367,8 @@ def test_the_frame_rate_changes(live, peer):
         peer.until(enough, PATIENCE_S, lambda f=fps: f"five at {f}:\n" + "\n".join(lines))
     assert not any("Traceback" in line for line in lines), "\n".join(lines)
     assert {source for source, _ in heard.sources[8:]} <= {Skeleton.REFINED, Skeleton.RECOVERED}
-    answered = [s for s in sorted(heard.came) if s in sensor.sent]
+    sent = sensor.sent
+    answered = [s for s in sorted(heard.came) if s in sent]
     pause_ns = max(b - a for a, b in itertools.pairwise(answered))
     assert len({body for _, body in heard.sources}) == 1 or pause_ns > MAX_STAMP_GAP_NS
     note("frame rate changes (15, 5, 25)", "followed; the same body id", 0.0, 0)

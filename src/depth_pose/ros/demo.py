@@ -112,8 +112,8 @@ class _Timing:
             time.sleep(0.05)
 
     def latency_s(self) -> np.ndarray:
-        both = [s for s in self.received_ns if s in self.sent_ns]
-        return np.array([(self.received_ns[s] - self.sent_ns[s]) / 1e9 for s in both])
+        received = self.received_ns.copy()  # the recorder's thread goes on
+        return np.array([(received[s] - self.sent_ns[s]) / 1e9 for s in received if s in self.sent_ns])
 
 
 def replay_live(
