@@ -1,5 +1,6 @@
 """A node of the tests' own: publishes, and keeps what it hears; spun by hand."""
 
+import itertools
 import os
 import random
 import time
@@ -28,10 +29,20 @@ LIMIT_S = 120.0
 """Hard limit of every wait for what must come: it tells that something is wrong, not how fast it is."""
 
 
+def _own_domains():
+    """Domains that no other worker of pytest takes, each again after all others: a node may linger in one."""
+    worker = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw"))
+    numbers = list(range(1 + worker % 4, 101, 4))
+    random.SystemRandom().shuffle(numbers)
+    return itertools.cycle(numbers)
+
+
+_DOMAINS = _own_domains()
+
+
 def join_own_domain(monkeypatch):
     """Have this process and its children talk on a domain that nobody else is on; gives its number."""
-    worker = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw"))
-    number = random.SystemRandom().randrange(1 + worker % 4, 101, 4)  # which no other worker takes
+    number = next(_DOMAINS)
     monkeypatch.setenv("ROS_DOMAIN_ID", str(number))
     monkeypatch.setenv(PROFILE_VARIABLE, str(LOCAL_PROFILE_PATH))
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "SYSTEM_DEFAULT")
