@@ -28,6 +28,7 @@ from confidence import simulated
 
 from depth_pose.bank import Bank, default_bank_path
 from depth_pose.bank.build import BuildConfig, build_bank
+from depth_pose.body.rendered_depth import DepthComparer
 from depth_pose.core.config import (
     FitConfig,
     MatchConfig,
@@ -38,15 +39,14 @@ from depth_pose.core.config import (
     SegmentConfig,
 )
 from depth_pose.core.types import DepthFrame
+from depth_pose.denoise.extract import PeopleExtractor
 from depth_pose.evaluate.truth import load_truth
-from depth_pose.fit.articulated import BodyPose, FittedBody
-from depth_pose.fit.limbs import LimbSearch
-from depth_pose.fit.rendered_depth import DepthComparer
 from depth_pose.io.mcap_read import DepthReader
 from depth_pose.motion.procedural.generator import POSTURE_SHARES, make_poses
-from depth_pose.people.person import People
 from depth_pose.pipeline import PosePipeline
-from depth_pose.steps.extract import PeopleExtractor
+from depth_pose.refine.articulated import BodyPose, FittedBody
+from depth_pose.refine.limbs import LimbSearch
+from depth_pose.track.person import People
 
 CONFIGS = {
     "all": PipelineConfig(),

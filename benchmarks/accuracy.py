@@ -35,8 +35,8 @@ from depth_pose.core.skeleton import JOINTS
 from depth_pose.evaluate.score import THRESHOLDS_M
 from depth_pose.evaluate.truth import load_truth
 from depth_pose.io.mcap_read import DepthReader
+from depth_pose.match.match import Matcher
 from depth_pose.pipeline import PosePipeline
-from depth_pose.steps.match import Matcher
 
 PAPER = (0.36, 0.57, 0.79, 0.89, 0.95, 0.98, 0.99)
 SHOTTON = (0.02, 0.06, 0.30, 0.53, 0.73, 0.82, 0.85)

@@ -15,13 +15,13 @@ from depth_pose.core.config import MatchConfig, PipelineConfig
 from depth_pose.core.errors import InputError
 from depth_pose.core.skeleton import JOINT_NODES, JOINTS
 from depth_pose.core.types import PoseMatch
+from depth_pose.denoise.extract import PeopleExtractor
 from depth_pose.evaluate.truth import load_truth
-from depth_pose.fit.articulated import candidate_pose
 from depth_pose.io.mcap_read import DepthReader
-from depth_pose.people.person import People
-from depth_pose.steps.extract import PeopleExtractor
-from depth_pose.steps.match import Matcher
-from depth_pose.steps.refine import Refiner
+from depth_pose.match.match import Matcher
+from depth_pose.refine.articulated import candidate_pose
+from depth_pose.refine.refine import Refiner
+from depth_pose.track.person import People
 
 RIGHT_M = 0.1
 """A match whose joints are off by less than this on average counts as right, metres."""

@@ -6,7 +6,7 @@ Fifty clips of people of other builds than the bank's, at other distances, from 
 -10 to 45 degrees of elevation, with the noise of a time-of-flight sensor, move as the embedded
 source does and, with ``--mocap``, as BVH files do. A match counts as right if its joints are
 within 100 mm on average and its left is on its left side. Prints the two figures of
-`depth_pose.steps.match.match_confidence`, and how often matches of a confidence are right: on the
+`depth_pose.match.match.match_confidence`, and how often matches of a confidence are right: on the
 simulated clips and, with ``--check``, on recordings with known joints, which nothing is fitted to.
 """
 
@@ -22,11 +22,11 @@ from command_line import make_parser
 
 from depth_pose.bank import Bank
 from depth_pose.core.config import MatchConfig
+from depth_pose.match.match import Matcher, match_confidence
 from depth_pose.motion.procedural.generator import CLIPS
 from depth_pose.sim.config import Person, Placement, Room
 from depth_pose.sim.motion import load_motion
 from depth_pose.sim.simulate import Stage, simulate
-from depth_pose.steps.match import Matcher, match_confidence
 
 _CLIPS, _FRAMES, _FPS = 50, 14, 5.0
 """Simulated clips, their frames, and frames a second. Set by hand."""

@@ -17,8 +17,8 @@ from command_line import make_parser
 
 from depth_pose.bank import Bank
 from depth_pose.core.config import MatchConfig, RefineConfig
-from depth_pose.steps.refine import Refiner
-from depth_pose.steps.search import SubspaceSearch
+from depth_pose.match.search import SubspaceSearch
+from depth_pose.refine.refine import Refiner
 
 SHARES = (1, 4, 16, 64)
 """Every how manyth pose is kept."""

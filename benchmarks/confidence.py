@@ -8,8 +8,8 @@ Clips (``--clips``) of 40 frames of people of other builds than the bank's, befo
 half to twice their noise, from 1.5 m, where the image cuts off their feet, to 4 m away, half of them from all
 around, from -10 to 25 degrees of elevation, in a room or in none; they move as the embedded source does and,
 with ``--mocap``, half of them as BVH files do. The pipeline runs over them as it is. Prints the figures of
-`depth_pose.steps.confidence` (the chance that a joint lies within 10 cm; logistic regression), what they are
-worth on the simulated clips, apart for joints that are seen, hidden and outside the image, and, with
+`depth_pose.recover.confidence` (the chance that a joint lies within 10 cm; logistic regression), what they
+are worth on the simulated clips, apart for joints that are seen, hidden and outside the image, and, with
 ``--check``, on recordings with known joints, which nothing is fitted to. The plot shows the stated confidence
 against the share that is right, as the package states it now; and the skeletons' own confidence against the
 share of frames whose mean error is below 10 cm.
@@ -41,12 +41,7 @@ from depth_pose.evaluate.truth import load_truth
 from depth_pose.io.mcap_read import DepthReader
 from depth_pose.motion.procedural.generator import CLIPS
 from depth_pose.pipeline import FrameResult, PosePipeline
-from depth_pose.sim.clips import sample_clip
-from depth_pose.sim.config import Person, Placement, Room
-from depth_pose.sim.motion import load_motion
-from depth_pose.sim.sensor import SENSORS
-from depth_pose.sim.simulate import Stage, simulate
-from depth_pose.steps.confidence import (
+from depth_pose.recover.confidence import (
     KINDS,
     SCORE,
     SIGNS,
@@ -55,13 +50,18 @@ from depth_pose.steps.confidence import (
     look_at_joints,
     skeleton_signs,
 )
+from depth_pose.sim.clips import sample_clip
+from depth_pose.sim.config import Person, Placement, Room
+from depth_pose.sim.motion import load_motion
+from depth_pose.sim.sensor import SENSORS
+from depth_pose.sim.simulate import Stage, simulate
 
 RIGHT_M = 0.1
 """A joint, or a skeleton in the mean, that is nearer than this to the truth is right."""
 NOBODY_M = 0.4
 """A skeleton farther from everybody than this is of nobody, metres. Set by hand."""
 _TRUST = 0.9
-"""Recovered joints' confidence is what the figures say times this (`depth_pose.steps.recover`)."""
+"""Recovered joints' confidence is what the figures say times this (`depth_pose.recover.recover`)."""
 
 _SEEDS, _FIRST_CLIPS, _FRAMES = (4207, 9311), 12, 40
 """Seeds of the first clips and of all others, how many the first ones are, and their length."""
@@ -183,7 +183,7 @@ class RoomAnswers:
     Attributes
     ----------
     design : (S, 4)
-        `depth_pose.steps.confidence.skeleton_signs`.
+        `depth_pose.recover.confidence.skeleton_signs`.
     stated : (S,)
     right : (S,) bool
         Mean error, of the joints seen, to somebody who is there below 10 cm.

@@ -28,16 +28,16 @@ from command_line import make_parser
 from scipy.spatial import cKDTree
 
 from depth_pose.body.procedural import make_body
+from depth_pose.body.rendered_depth import render_depth
 from depth_pose.core.camera import Camera
 from depth_pose.core.config import CpdConfig
 from depth_pose.core.rotations import R_CAMERA_FACING_MODEL as FACING
 from depth_pose.core.rotations import rotvec_to_matrix
 from depth_pose.core.skeleton import NODE_INDEX
-from depth_pose.fit._visibility_kernels import mark_visible
-from depth_pose.fit.coherence import geodesic_basis
-from depth_pose.fit.cpd import euclidean_basis, register
-from depth_pose.fit.laplacian import LaplacianCompleter
-from depth_pose.fit.rendered_depth import render_depth
+from depth_pose.paper.coherence import geodesic_basis
+from depth_pose.paper.cpd import euclidean_basis, register
+from depth_pose.paper.laplacian import LaplacianCompleter
+from depth_pose.refine._visibility_kernels import mark_visible
 
 SOURCE, TARGET = 632, 578
 """Points that move, and those that they are moved to: as many as of a person in a small image."""

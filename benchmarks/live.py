@@ -140,8 +140,8 @@ class Bench:
 
     def play(self, fps: float, seconds: float, suite: Suite) -> Run:
         """Send frames at a rate."""
+        from depth_pose.ros.messages.basics import ns_to_stamp
         from depth_pose.ros.process.supervisor import NODES
-        from depth_pose.ros.transport.messages.basics import ns_to_stamp
 
         self._send(fps, 2.0, ns_to_stamp)  # until the tracking runs
         self._run = run = Run(fps)

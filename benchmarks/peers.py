@@ -41,18 +41,18 @@ from depth_pose.core.camera import Camera
 from depth_pose.core.config import DenoiseConfig, FittingConfig, MatchConfig, SegmentConfig
 from depth_pose.core.skeleton import JOINT_NODES
 from depth_pose.core.types import DepthFrame
-from depth_pose.fit.articulated import candidate_pose
-from depth_pose.people.plane_segmenter import PlaneSegmenter
+from depth_pose.denoise.denoise import denoise_depth
+from depth_pose.denoise.extract import PeopleExtractor
+from depth_pose.detect.plane_segmenter import PlaneSegmenter
+from depth_pose.match.match import Matcher
+from depth_pose.match.search import SubspaceSearch
+from depth_pose.refine.articulated import candidate_pose
+from depth_pose.refine.fitters import SkinnedFitter
 from depth_pose.sim.config import Person, Placement, Room
 from depth_pose.sim.motion import load_motion
 from depth_pose.sim.placement import camera_pose, room_mesh
 from depth_pose.sim.sensor import SENSORS, VirtualSensor
 from depth_pose.sim.simulate import root_scale, transform
-from depth_pose.steps.denoise import denoise_depth
-from depth_pose.steps.extract import PeopleExtractor
-from depth_pose.steps.fitters import SkinnedFitter
-from depth_pose.steps.match import Matcher
-from depth_pose.steps.search import SubspaceSearch
 
 FRAMES, STRIDE = 25, 3
 """Frames that are compared, and of how many one is taken. Set by hand."""

@@ -31,10 +31,10 @@ from rich.progress import track
 from depth_pose.core.config import SegmentConfig
 from depth_pose.core.skeleton import JOINT_INDEX
 from depth_pose.core.types import DepthFrame
-from depth_pose.people.finder import PeopleFinder, load_weights
-from depth_pose.people.learned_segmenter import LearnedSegmenter
-from depth_pose.people.net import read_weights
-from depth_pose.people.segmentation import Segmentation
+from depth_pose.detect.finder import PeopleFinder, load_weights
+from depth_pose.detect.learned_segmenter import LearnedSegmenter
+from depth_pose.detect.net import read_weights
+from depth_pose.detect.segmentation import Segmentation
 from depth_pose.sim.scenes import Scene, sample_scene
 from depth_pose.sim.shapes import Kind
 

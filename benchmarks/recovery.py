@@ -34,11 +34,11 @@ from depth_pose.core.types import Skeleton
 from depth_pose.io.mcap_read import read_frames
 from depth_pose.motion.procedural.generator import make_poses
 from depth_pose.pipeline import FrameResult, PosePipeline
+from depth_pose.recover.failure import FailureCheck
 from depth_pose.sim.config import Person
 from depth_pose.sim.failures import KINDS, fail
 from depth_pose.sim.motion import load_motion
 from depth_pose.sim.simulate import simulate
-from depth_pose.steps.failure import FailureCheck
 
 LOW = ("squats", "bends", "sit_down", "lunges", "balance")
 """Families of low postures: standing ones say nothing of them."""

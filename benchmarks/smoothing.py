@@ -33,10 +33,10 @@ from depth_pose.core.config import PipelineConfig, SmoothConfig
 from depth_pose.evaluate.truth import load_truth
 from depth_pose.io.mcap_read import DepthReader
 from depth_pose.pipeline import PosePipeline
+from depth_pose.recover.smooth import JointFilter
 from depth_pose.sim.config import Person
 from depth_pose.sim.motion import load_motion
 from depth_pose.sim.simulate import simulate
-from depth_pose.steps.smooth import JointFilter
 
 MOTIONS = ("walk", "wave", "play", "kick", "signals", "squats")
 SPEEDS = (0.0, 0.05, 0.25, 0.5, 1.0, 2.0, 20.0)

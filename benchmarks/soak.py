@@ -114,7 +114,7 @@ class Soak:
     def run(self, recording: Path, bank: str | None, minutes: float, stall_s: float) -> dict[str, int]:
         """Play; gives the restarts."""
         from depth_pose.ros.process.supervisor import Suite
-        from depth_pose.ros.transport.bag import Player, Recorder, header_stamp_ns
+        from depth_pose.ros.tools.bag import Player, Recorder, header_stamp_ns
 
         def sent(message: object, now_ns: int) -> None:
             if message.topic.endswith("image_raw"):  # type: ignore[attr-defined]

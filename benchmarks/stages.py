@@ -27,8 +27,8 @@ from command_line import make_parser
 from depth_pose.bank import Bank, default_bank_path
 from depth_pose.core.config import MatchConfig, PipelineConfig, RefineConfig
 from depth_pose.core.types import DepthFrame
+from depth_pose.detect.finder import Detections, PeopleFinder
 from depth_pose.io.mcap_read import DepthReader
-from depth_pose.people.finder import Detections, PeopleFinder
 from depth_pose.pipeline import PosePipeline
 from depth_pose.sim.clips import sample_clip, write_clip
 from depth_pose.sim.config import Person

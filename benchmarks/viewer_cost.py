@@ -19,7 +19,7 @@ import psutil
 from depth_pose.io.mcap_read import DepthReader
 from depth_pose.io.schemas import PEOPLE_TOPIC
 from depth_pose.ros.process.supervisor import Suite
-from depth_pose.ros.transport.bag import Player, Recorder
+from depth_pose.ros.tools.bag import Player, Recorder
 
 
 def cpu_s(processes):

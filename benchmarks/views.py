@@ -23,10 +23,10 @@ from depth_pose.body.body import Body
 from depth_pose.core.config import MatchConfig, RefineConfig
 from depth_pose.core.skeleton import ADULT_STATURE_M
 from depth_pose.motion.clip import Clip
+from depth_pose.refine.refine import Refiner
 from depth_pose.sim.config import Person, Placement, Room
 from depth_pose.sim.motion import load_motion
 from depth_pose.sim.simulate import Stage, simulate
-from depth_pose.steps.refine import Refiner
 
 _DISTANCE_M = 3.6
 """From the camera to the place that it looks at, metres. Set by hand."""

@@ -34,15 +34,15 @@ from depth_pose.sim.roof_cameras import (
 from depth_pose.sim.wearers import Wearer, dressed_frames
 from depth_pose.volume.config import LearnConfig, SpaceConfig, TrackConfig, ViewsConfig, VolumeConfig
 from depth_pose.volume.hull import HullCarver
+from depth_pose.volume.learn.figures import save_latent, save_report
+from depth_pose.volume.learn.learning import learn_model
+from depth_pose.volume.learn.performances import TEST_SHAPES, rig_eyes, watch
+from depth_pose.volume.learn.report import Report, report_rows, track_performance
+from depth_pose.volume.learn.training import dance_clips, default_wearers, simulate_views
 from depth_pose.volume.model import VolumeModel
 from depth_pose.volume.pipeline import VolumePipeline
 from depth_pose.volume.rigfile import Rig
 from depth_pose.volume.synchroniser import ViewSet
-from depth_pose.volume_learn.figures import save_latent, save_report
-from depth_pose.volume_learn.learning import learn_model
-from depth_pose.volume_learn.performances import TEST_SHAPES, rig_eyes, watch
-from depth_pose.volume_learn.report import Report, report_rows, track_performance
-from depth_pose.volume_learn.training import dance_clips, default_wearers, simulate_views
 
 TEST_SEEDS = (11, 12, 13)
 """Performances of the three test dancers; the training's are 1 to 10, settings were chosen on 101, 102."""

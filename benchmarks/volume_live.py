@@ -39,8 +39,8 @@ from depth_pose.ros import PROFILE_PATH  # noqa: F401  (names the transport's pr
 from depth_pose.sim.clothing import Garment
 from depth_pose.sim.roof_cameras import RigRenderer, depth_ring, roof_rig
 from depth_pose.sim.wearers import Wearer, dressed_frames
+from depth_pose.volume.learn.performances import TEST_SHAPES
 from depth_pose.volume.rigfile import save_rig
-from depth_pose.volume_learn.performances import TEST_SHAPES
 
 SECONDS_OF_DANCE = 4.0
 """Of the clip that is played."""

@@ -9,12 +9,12 @@ import pytest
 
 from depth_pose.bank import Bank, default_bank_path
 from depth_pose.core.config import DenoiseConfig, SegmentConfig
+from depth_pose.denoise.extract import PeopleExtractor
 from depth_pose.evaluate.score2d import score_2d
 from depth_pose.evaluate.score_people import score_people
 from depth_pose.io.mcap_read import DepthReader
 from depth_pose.offline import process_recording
 from depth_pose.pipeline import PosePipeline
-from depth_pose.steps.extract import PeopleExtractor
 
 _PLACES = [parent / "shared" / "data" for parent in Path(__file__).resolve().parents]
 DATA = next((place for place in _PLACES if place.is_dir()), _PLACES[0])

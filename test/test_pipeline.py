@@ -12,7 +12,7 @@ from depth_pose.core.config import MAX_STAMP_GAP_NS, MatchConfig, PipelineConfig
 from depth_pose.core.skeleton import JOINT_NODES, Source
 from depth_pose.motion.procedural.generator import make_clip
 from depth_pose.pipeline import PosePipeline
-from depth_pose.steps.confidence import fit_confidence, skeleton_confidence
+from depth_pose.recover.confidence import fit_confidence, skeleton_confidence
 
 FRAMES = 10
 

@@ -11,14 +11,14 @@ from threadpoolctl import ThreadpoolController
 
 from depth_pose.bank.bank import Bank
 from depth_pose.core.config import PipelineConfig
+from depth_pose.core.mount import turn_back, turn_forth, turn_upright
 from depth_pose.core.types import DepthFrame, Fitted, PoseMatch, Skeleton
-from depth_pose.people.person import People
-from depth_pose.steps.extract import PeopleExtractor
-from depth_pose.steps.follow import Follower
-from depth_pose.steps.match import Matcher
-from depth_pose.steps.mount import turn_back, turn_forth, turn_upright
-from depth_pose.steps.recover import Recoverer
-from depth_pose.steps.refine import Refiner
+from depth_pose.denoise.extract import PeopleExtractor
+from depth_pose.match.match import Matcher
+from depth_pose.recover.recover import Recoverer
+from depth_pose.refine.refine import Refiner
+from depth_pose.track.follow import Follower
+from depth_pose.track.person import People
 
 _one_thread = ThreadpoolController().wrap(limits=1)
 """Small systems are no faster on more, and sums come in the same order on any number of cores."""

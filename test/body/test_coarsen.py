@@ -10,9 +10,9 @@ import pytest
 from depth_pose.body.body import INFLUENCES
 from depth_pose.body.coarsen import coarsen
 from depth_pose.body.procedural import make_body
+from depth_pose.body.rendered_depth import render_depth
 from depth_pose.core.camera import Camera
 from depth_pose.core.rotations import R_CAMERA_FACING_MODEL
-from depth_pose.fit.rendered_depth import render_depth
 
 _CAMERA = Camera(60, 80, 110.0, 110.0, 29.5, 39.5)
 

@@ -16,15 +16,15 @@ from sensor_msgs.msg import PointCloud2
 from depth_pose.core.camera import Camera
 from depth_pose.core.errors import DepthPoseError
 from depth_pose.core.types import Candidate, Fitted, FoundPerson, PoseMatch
-from depth_pose.people.person import see_people
-from depth_pose.ros.transport.messages.matches import matches_to_msg, msg_to_matches
-from depth_pose.ros.transport.messages.people import msgs_to_people, people_to_msgs
-from depth_pose.ros.transport.messages.skeletons import (
+from depth_pose.ros.messages.matches import matches_to_msg, msg_to_matches
+from depth_pose.ros.messages.people import msgs_to_people, people_to_msgs
+from depth_pose.ros.messages.skeletons import (
     fitted_to_msg,
     msg_to_fitted,
     msg_to_skeleton,
     skeletons_to_msg,
 )
+from depth_pose.track.person import see_people
 
 CAMERA = Camera(32, 24, 30.0, 30.0, 15.5, 11.5)
 

@@ -116,7 +116,7 @@ INPUTS = {
 
 def deliver(node, number, messages):
     """Give a frame's messages to the node's callbacks, stamped alike; what waits is answered."""
-    from depth_pose.ros.transport.messages.basics import ns_to_stamp
+    from depth_pose.ros.messages.basics import ns_to_stamp
 
     for index, message in enumerate(messages):
         message.header.stamp = ns_to_stamp(10**18 + number * 40_000_000)

@@ -5,12 +5,12 @@ import itertools
 import numpy as np
 
 from depth_pose.body.procedural import make_body
+from depth_pose.body.rendered_depth import render_depth
 from depth_pose.core.camera import Camera
 from depth_pose.core.rotations import R_CAMERA_FACING_MODEL as FACING
 from depth_pose.core.rotations import rotation_z
 from depth_pose.core.skeleton import NODE_INDEX
 from depth_pose.core.types import DepthFrame
-from depth_pose.fit.rendered_depth import render_depth
 from depth_pose.io.mcap_write import DepthWriter
 
 CAMERA = Camera(176, 144, 170.0, 170.0, 87.5, 71.5)
@@ -50,9 +50,9 @@ def turns(stamps):
 def frame_messages(bank):
     """Give the last of four frames, and its messages by topic as the stages make them."""
     from depth_pose.pipeline import PosePipeline
-    from depth_pose.ros.transport.messages.matches import matches_to_msg
-    from depth_pose.ros.transport.messages.people import people_to_msgs
-    from depth_pose.ros.transport.messages.skeletons import fitted_to_msg, skeletons_to_msg
+    from depth_pose.ros.messages.matches import matches_to_msg
+    from depth_pose.ros.messages.people import people_to_msgs
+    from depth_pose.ros.messages.skeletons import fitted_to_msg, skeletons_to_msg
 
     stages = PosePipeline(bank)
     for frame in frames(4):

@@ -17,9 +17,9 @@ from std_msgs.msg import Header
 
 from depth_pose.core.errors import InputError
 from depth_pose.io.mcap_read import read_frames
-from depth_pose.ros.transport.bag import Player, Recorder, header_stamp_ns, play
-from depth_pose.ros.transport.message_text import message_text
-from depth_pose.ros.transport.messages.basics import make_header, stamp_to_ns
+from depth_pose.ros.messages.basics import make_header, stamp_to_ns
+from depth_pose.ros.tools.bag import Player, Recorder, header_stamp_ns, play
+from depth_pose.ros.tools.message_text import message_text
 
 IMAGE, INFO = "/camera/depth/image_raw", "/camera/depth/camera_info"
 FRAMES = 30
@@ -159,7 +159,7 @@ def test_stamp_of_serialised_messages(recording):
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_record_ends_with_a_whole_file(start, tmp_path, peer, number):
     path = tmp_path / "out.mcap"
-    code = f"from depth_pose.ros.transport.bag import record; print(record({str(path)!r}), flush=True)"
+    code = f"from depth_pose.ros.tools.bag import record; print(record({str(path)!r}), flush=True)"
     process = start("-c", code)
     infos = peer.publisher(CameraInfo, INFO, RELIABLE)
     for i in range(5):

@@ -11,7 +11,7 @@ from depth_pose.core.errors import InputError
 from depth_pose.core.skeleton import JOINTS
 from depth_pose.io.mcap_write import DepthWriter
 from depth_pose.io.skeleton_read import read_people, read_skeletons
-from depth_pose.ros.demo import replay_live, run_demo
+from depth_pose.ros.tools.demo import replay_live, run_demo
 
 FRAMES = 6
 PERIOD_NS = 1_500_000_000

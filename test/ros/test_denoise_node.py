@@ -15,11 +15,11 @@ from sensor_msgs.msg import CameraInfo, CompressedImage, Image, PointCloud2, Poi
 
 from depth_pose.core.config import DenoiseConfig, SegmentConfig
 from depth_pose.core.types import PERSON
-from depth_pose.ros.transport.bag import play
-from depth_pose.ros.transport.messages.basics import make_header, ns_to_stamp, stamp_to_ns
-from depth_pose.ros.transport.messages.frames import image_to_frame, msg_to_frame
-from depth_pose.ros.transport.messages.people import POINT_DTYPE
-from depth_pose.steps.extract import PeopleExtractor
+from depth_pose.denoise.extract import PeopleExtractor
+from depth_pose.ros.messages.basics import make_header, ns_to_stamp, stamp_to_ns
+from depth_pose.ros.messages.frames import image_to_frame, msg_to_frame
+from depth_pose.ros.messages.people import POINT_DTYPE
+from depth_pose.ros.tools.bag import play
 
 IMAGE, INFO, POINTS = "/camera/depth/image_raw", "/camera/depth/camera_info", "/depth_pose/points"
 

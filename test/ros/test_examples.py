@@ -17,7 +17,7 @@ from geometry_msgs.msg import Point
 from peer import LIMIT_S, RELIABLE
 
 from depth_pose.core.skeleton import BONES, JOINTS
-from depth_pose.ros.transport.messages.basics import make_header
+from depth_pose.ros.messages.basics import make_header
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 EXAMPLE = EXAMPLES / "subscribe_skeleton.py"

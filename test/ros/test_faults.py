@@ -23,10 +23,10 @@ from sensor_msgs.msg import CameraInfo, Image
 from test_denoise_node import image_msg, info_msg
 
 from depth_pose.core.config import MAX_STAMP_GAP_NS
+from depth_pose.ros.messages.basics import ns_to_stamp, stamp_to_ns
 from depth_pose.ros.process import NODES, SECOND_HOST, SPARES
 from depth_pose.ros.process.supervisor import Suite
-from depth_pose.ros.transport.bag import Player
-from depth_pose.ros.transport.messages.basics import ns_to_stamp, stamp_to_ns
+from depth_pose.ros.tools.bag import Player
 
 IMAGE, INFO = "/camera/depth/image_raw", "/camera/depth/camera_info"
 FPS = 15.0

@@ -13,10 +13,10 @@ from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import PointCloud2
 
 from depth_pose.core.errors import InputError
-from depth_pose.ros.transport.messages.basics import make_header, stamp_to_ns
-from depth_pose.ros.transport.messages.matches import msg_to_matches
-from depth_pose.ros.transport.messages.people import msgs_to_people
-from depth_pose.ros.transport.messages.skeletons import msg_to_fitted
+from depth_pose.ros.messages.basics import make_header, stamp_to_ns
+from depth_pose.ros.messages.matches import msg_to_matches
+from depth_pose.ros.messages.people import msgs_to_people
+from depth_pose.ros.messages.skeletons import msg_to_fitted
 
 START_NS = scene.START_NS + 10**12
 KINDS = {

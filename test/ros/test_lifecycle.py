@@ -13,9 +13,9 @@ from sensor_msgs.msg import Image
 from std_msgs.msg import Header
 
 from depth_pose.core.errors import DepthPoseError
+from depth_pose.ros.messages.basics import make_header
 from depth_pose.ros.nodes import lifecycle
 from depth_pose.ros.nodes.lifecycle import set_active
-from depth_pose.ros.transport.messages.basics import make_header
 
 TRIAL = Path(__file__).with_name("trial_node.py")
 A, B, ANSWER = "/depth_pose/a", "/depth_pose/b", "/depth_pose/answer"

@@ -14,8 +14,8 @@ from depth_pose.core.skeleton import BONES
 from depth_pose.io.mcap_read import read_frames
 from depth_pose.io.skeleton_read import read_people
 from depth_pose.ros.process.supervisor import Suite
-from depth_pose.ros.transport.bag import Recorder, play
-from depth_pose.ros.watch import Watch
+from depth_pose.ros.tools.bag import Recorder, play
+from depth_pose.ros.tools.watch import Watch
 from depth_pose.viewer.app import Viewer
 from depth_pose.viewer.source import LiveSource
 

@@ -12,19 +12,19 @@ from depth_pose.core.camera import Camera
 from depth_pose.core.errors import InputError
 from depth_pose.core.skeleton import BONES, JOINTS, JointState
 from depth_pose.core.types import HIDDEN, Candidate, Fitted, FoundPerson, PoseMatch, Skeleton
-from depth_pose.people.person import see_people
-from depth_pose.ros.transport import drawing, tf
-from depth_pose.ros.transport.messages.basics import ns_to_stamp, stamp_to_ns
-from depth_pose.ros.transport.messages.frames import image_to_frame, msg_to_frame
-from depth_pose.ros.transport.messages.matches import matches_to_msg, msg_to_matches
-from depth_pose.ros.transport.messages.people import msgs_to_people, people_to_msgs
-from depth_pose.ros.transport.messages.skeletons import (
+from depth_pose.ros.messages.basics import ns_to_stamp, stamp_to_ns
+from depth_pose.ros.messages.frames import image_to_frame, msg_to_frame
+from depth_pose.ros.messages.matches import matches_to_msg, msg_to_matches
+from depth_pose.ros.messages.people import msgs_to_people, people_to_msgs
+from depth_pose.ros.messages.skeletons import (
     fitted_to_msg,
     msg_to_fitted,
     msg_to_skeleton,
     skeleton_to_msg,
     skeletons_to_msg,
 )
+from depth_pose.ros.transport import drawing, tf
+from depth_pose.track.person import see_people
 from skeletons import random_skeleton
 
 

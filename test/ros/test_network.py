@@ -20,8 +20,8 @@ from test_denoise_node import image_msg, info_msg
 
 from depth_pose.core.errors import ConfigError
 from depth_pose.ros import LOCAL_PROFILE_PATH, PROFILE_PATH, PROFILE_VARIABLE, stay_local
+from depth_pose.ros.messages.basics import ns_to_stamp
 from depth_pose.ros.process.supervisor import NODES, Suite
-from depth_pose.ros.transport.messages.basics import ns_to_stamp
 
 
 def addresses(pid):

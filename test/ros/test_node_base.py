@@ -11,7 +11,7 @@ from rcl_interfaces.srv import DescribeParameters
 from sensor_msgs.msg import Image, PointCloud2
 from std_msgs.msg import Header
 
-from depth_pose.ros.transport.messages.basics import make_header
+from depth_pose.ros.messages.basics import make_header
 
 TRIAL = Path(__file__).with_name("trial_node.py")
 A, B, ANSWER = "/depth_pose/a", "/depth_pose/b", "/depth_pose/answer"

@@ -22,9 +22,9 @@ from std_msgs.msg import Header
 from depth_pose.core.errors import InputError
 from depth_pose.io._recording import Recording
 from depth_pose.io.image_options import ImageOptions
-from depth_pose.ros.transport.bag import Player, Recorder
-from depth_pose.ros.transport.messages.basics import make_header, stamp_to_ns
-from depth_pose.ros.transport.recorded_qos import is_latched
+from depth_pose.ros.messages.basics import make_header, stamp_to_ns
+from depth_pose.ros.tools.bag import Player, Recorder
+from depth_pose.ros.tools.recorded_qos import is_latched
 from little_memory import little_memory, yaml_bombs
 
 IMAGE, INFO = "/camera/depth/image_raw", "/camera/depth/camera_info"

@@ -10,15 +10,15 @@ from depth_pose.bank import Bank
 from depth_pose.core.config import DenoiseConfig, PipelineConfig, RecoverConfig, SegmentConfig
 from depth_pose.core.skeleton import Source
 from depth_pose.core.types import PoseMatch as Match
+from depth_pose.denoise.extract import PeopleExtractor
 from depth_pose.io.mcap_read import read_frames
 from depth_pose.pipeline import PosePipeline
+from depth_pose.ros.messages.basics import stamp_to_ns
+from depth_pose.ros.messages.matches import matches_to_msg, msg_to_matches
+from depth_pose.ros.messages.people import people_to_msgs
+from depth_pose.ros.messages.skeletons import msg_to_skeleton
 from depth_pose.ros.process.supervisor import Suite
-from depth_pose.ros.transport.bag import play
-from depth_pose.ros.transport.messages.basics import stamp_to_ns
-from depth_pose.ros.transport.messages.matches import matches_to_msg, msg_to_matches
-from depth_pose.ros.transport.messages.people import people_to_msgs
-from depth_pose.ros.transport.messages.skeletons import msg_to_skeleton
-from depth_pose.steps.extract import PeopleExtractor
+from depth_pose.ros.tools.bag import play
 
 IMAGE, INFO = "/camera/depth/image_raw", "/camera/depth/camera_info"
 FRAMES = 20

@@ -19,10 +19,10 @@ from depth_pose.body.human_model import JOINTS, LINKS
 from depth_pose.core.rotations import quat_to_matrix
 from depth_pose.core.skeleton import JOINTS as OURS
 from depth_pose.pipeline import PosePipeline
-from depth_pose.ros.transport.messages.basics import make_header, stamp_to_ns
-from depth_pose.ros.transport.messages.people import people_to_msgs
-from depth_pose.ros.transport.messages.skeletons import fitted_to_msg, msg_to_skeleton
-from depth_pose.steps.label_image import person_number
+from depth_pose.ros.messages.basics import make_header, stamp_to_ns
+from depth_pose.ros.messages.people import people_to_msgs
+from depth_pose.ros.messages.skeletons import fitted_to_msg, msg_to_skeleton
+from depth_pose.track.label_image import person_number
 
 LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 

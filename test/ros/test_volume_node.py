@@ -20,19 +20,19 @@ from depth_pose.core.skeleton import Source
 from depth_pose.io.skeleton_read import read_skeletons
 from depth_pose.motion.procedural.dance import perform
 from depth_pose.offline import process_recording
-from depth_pose.ros.transport.messages.basics import make_header
-from depth_pose.ros.transport.messages.skeletons import msg_to_skeleton
+from depth_pose.ros.messages.basics import make_header
+from depth_pose.ros.messages.skeletons import msg_to_skeleton
 from depth_pose.ros.transport.tf import LATCHED, stamped
 from depth_pose.sim.clothing import Garment
 from depth_pose.sim.roof_cameras import RigRenderer, depth_ring, roof_rig
 from depth_pose.sim.wearers import ViewWriter, Wearer, dressed_frames
 from depth_pose.volume.config import LearnConfig, SpaceConfig, TrackConfig, VolumeConfig
+from depth_pose.volume.learn.learning import learn_model
+from depth_pose.volume.learn.training import simulate_views
 from depth_pose.volume.model import VolumeModel
 from depth_pose.volume.pipeline import VolumePipeline
 from depth_pose.volume.recordings import ViewReader
 from depth_pose.volume.rigfile import load_rig, save_rig, upright_from
-from depth_pose.volume_learn.learning import learn_model
-from depth_pose.volume_learn.training import simulate_views
 
 CAMERAS = 8
 FPS = 60.0

@@ -11,9 +11,9 @@ from peer import RELIABLE, SENSOR
 from rcl_interfaces.srv import SetParameters
 from sensor_msgs.msg import CameraInfo, Image
 
-from depth_pose.ros.transport.messages.basics import make_header
-from depth_pose.ros.transport.messages.skeletons import skeletons_to_msg
-from depth_pose.ros.watch import Watch
+from depth_pose.ros.messages.basics import make_header
+from depth_pose.ros.messages.skeletons import skeletons_to_msg
+from depth_pose.ros.tools.watch import Watch
 from skeletons import make_skeleton
 
 IMAGE, INFO = "/camera/depth/image_raw", "/camera/depth/camera_info"

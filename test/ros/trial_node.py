@@ -10,10 +10,10 @@ import time
 from sensor_msgs.msg import Image
 from std_msgs.msg import Header
 
+from depth_pose.ros.messages.basics import ns_to_stamp
 from depth_pose.ros.nodes.node_base import Input, StageNode
 from depth_pose.ros.process.runner import run_node
 from depth_pose.ros.setting import Setting
-from depth_pose.ros.transport.messages.basics import ns_to_stamp
 
 
 class Halver:

@@ -7,7 +7,7 @@ from depth_pose.body.limits import violation
 from depth_pose.core.errors import ConfigError
 from depth_pose.core.skeleton import JOINT_INDEX
 from depth_pose.motion.procedural.postures.sampler import KINDS, sample_postures
-from depth_pose.sim.figures import POSTURES, sample_figure
+from depth_pose.sim.people import POSTURES, sample_figure
 
 PER_POSTURE = 25
 

@@ -12,7 +12,7 @@ from raw_browser import raw_browser
 from viewer_scene import wait_for
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
-from depth_pose.viewer.gate import refusal
+from depth_pose.viewer.access import refusal
 
 
 def is_alive(viewer):

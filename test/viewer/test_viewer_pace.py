@@ -17,7 +17,7 @@ from websockets.sync.client import connect
 
 from depth_pose.core.camera import Camera
 from depth_pose.core.types import DepthFrame
-from depth_pose.viewer import pace
+from depth_pose.viewer import rate_limit as pace
 from depth_pose.viewer.app import RATE_HZ
 from depth_pose.viewer.source import RecordedSource
 

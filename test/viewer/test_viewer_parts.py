@@ -12,13 +12,13 @@ from depth_pose.core.rotations import R_CAMERA_FACING_MODEL, matrix_to_quat
 from depth_pose.core.skeleton import JOINT_NODES, JointState, Source
 from depth_pose.core.types import DepthFrame, Skeleton
 from depth_pose.core.zone import parse_zone
-from depth_pose.ros.watch import NodeState
+from depth_pose.ros.tools.watch import NodeState
 from depth_pose.viewer import colours
-from depth_pose.viewer.figures import chosen, nodes_table, people_table
-from depth_pose.viewer.moments import Moment, keep, owners
-from depth_pose.viewer.pictures import free_name, save_gif, save_png
+from depth_pose.viewer.frames import Moment, keep, owners
 from depth_pose.viewer.playback import Playback
+from depth_pose.viewer.screenshots import free_name, save_gif, save_png
 from depth_pose.viewer.source import Recent, RecordedSource
+from depth_pose.viewer.tables import chosen, nodes_table, people_table
 from synthetic import CAMERA, START_NS, STEP_NS, posed, varied
 
 

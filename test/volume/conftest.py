@@ -9,9 +9,9 @@ from depth_pose.sim.clothing import Garment
 from depth_pose.sim.roof_cameras import roof_rig
 from depth_pose.sim.wearers import Wearer
 from depth_pose.volume.config import LearnConfig, SpaceConfig
-from depth_pose.volume_learn.learning import learn_model
-from depth_pose.volume_learn.performances import rig_eyes, watch
-from depth_pose.volume_learn.training import simulate_views
+from depth_pose.volume.learn.learning import learn_model
+from depth_pose.volume.learn.performances import rig_eyes, watch
+from depth_pose.volume.learn.training import simulate_views
 
 SMALL = Camera(160, 120, 119.0, 119.0, 79.5, 59.5)
 SKIRT = Garment(skirt=0.5, flare=0.25)

@@ -21,15 +21,15 @@ from depth_pose.sim.roof_cameras import RigRenderer, depth_ring, front_camera
 from depth_pose.sim.wearers import ViewWriter, Wearer, dressed_frames, record_views
 from depth_pose.volume.config import LearnConfig, SpaceConfig, TrackConfig, ViewsConfig, VolumeConfig
 from depth_pose.volume.decode import decode_silhouette
+from depth_pose.volume.learn.learning import learn_model
+from depth_pose.volume.learn.performances import rig_eyes, watch
+from depth_pose.volume.learn.report import track_performance
+from depth_pose.volume.learn.training import default_wearers, simulate_views
 from depth_pose.volume.pipeline import VolumePipeline, VolumePoseTracker, in_world
 from depth_pose.volume.recordings import ViewReader
 from depth_pose.volume.rigfile import Rig, load_rig, save_rig, upright_from
 from depth_pose.volume.scoring import score
 from depth_pose.volume.synchroniser import ViewSet
-from depth_pose.volume_learn.learning import learn_model
-from depth_pose.volume_learn.performances import rig_eyes, watch
-from depth_pose.volume_learn.report import track_performance
-from depth_pose.volume_learn.training import default_wearers, simulate_views
 
 
 @pytest.fixture(scope="module")

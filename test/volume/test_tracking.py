@@ -18,14 +18,14 @@ from depth_pose.volume.descriptor import describe
 from depth_pose.volume.fit import VolumeFitter
 from depth_pose.volume.headings import turns
 from depth_pose.volume.hull import Volume, empty_volume
+from depth_pose.volume.learn.learning import learn_model
+from depth_pose.volume.learn.report import report_rows, track_performance
 from depth_pose.volume.model import VolumeModel
 from depth_pose.volume.pipeline import VolumePipeline, VolumePoseTracker
 from depth_pose.volume.rigfile import Rig
 from depth_pose.volume.scoring import joint_positions, score
 from depth_pose.volume.synchroniser import ViewSet
 from depth_pose.volume.tracker import UNLIKELY, LatentTracker, Sight
-from depth_pose.volume_learn.learning import learn_model
-from depth_pose.volume_learn.report import report_rows, track_performance
 
 CONFIG = VolumeConfig(space=SpaceConfig(voxel=0.03))
 

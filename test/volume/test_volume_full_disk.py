@@ -10,7 +10,7 @@ from depth_pose.body.procedural import BodyShape
 from depth_pose.core.errors import ConfigError
 from depth_pose.motion.procedural.dance import perform
 from depth_pose.sim.wearers import Wearer, record_views
-from depth_pose.volume_learn.learning import learn_model
+from depth_pose.volume.learn.learning import learn_model
 from full_disk import run_on_full_disk
 
 SMALL = ("--performances", "1", "--every", "30", "--latent", "2", "--iterations", "2", "--voxel", "0.06")

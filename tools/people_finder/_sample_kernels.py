@@ -8,10 +8,10 @@ import numpy as np
 from numba import njit
 
 from depth_pose.core._camera_kernels import ray
-from depth_pose.people._finder_kernels import COLS, near_second
+from depth_pose.detect._finder_kernels import COLS, near_second
 
 _NEAR, _FAR = np.float32(0.2), np.float32(12.0)
-"""Depths outside this range are none, metres; as in `depth_pose.people._crop_kernels`."""
+"""Depths outside this range are none, metres; as in `depth_pose.detect._crop_kernels`."""
 
 
 class Cut(NamedTuple):

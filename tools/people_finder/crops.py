@@ -10,7 +10,7 @@ from scenes import Scenes, seen_from_behind, spoil
 
 from depth_pose.core.camera import Camera
 from depth_pose.core.skeleton import JOINT_INDEX, JOINTS, MIRROR_JOINTS
-from depth_pose.people._crop_kernels import (
+from depth_pose.detect._crop_kernels import (
     CELL_M,
     CHANNELS,
     SIDE,

@@ -14,8 +14,8 @@ from net import FinderNet
 from onnx_weights import halve
 from torch import Tensor, nn
 
-from depth_pose.people import _crop_kernels as crop_kernels
-from depth_pose.people._finder_kernels import CHANNELS, COLS, ROWS
+from depth_pose.detect import _crop_kernels as crop_kernels
+from depth_pose.detect._finder_kernels import CHANNELS, COLS, ROWS
 
 _CODE = (
     "net.py",
@@ -27,7 +27,7 @@ _CODE = (
     "replicas.py",
     "fit_verifier.py",
 )
-_FEATURES = "src/depth_pose/people/_finder_kernels.py"
+_FEATURES = "src/depth_pose/detect/_finder_kernels.py"
 
 JOINT_CODE = (
     "net.py",
@@ -42,7 +42,7 @@ JOINT_CODE = (
     "optimise.py",
     "replicas.py",
 )
-JOINT_FEATURES = "src/depth_pose/people/_crop_kernels.py"
+JOINT_FEATURES = "src/depth_pose/detect/_crop_kernels.py"
 
 
 def export_net(checkpoint: Path, target: Path) -> bytes:

@@ -13,8 +13,8 @@ import typer
 from numpy.typing import NDArray
 from sightings import Sightings
 
-from depth_pose.people.joint_finder import logit_of
-from depth_pose.people.net import open_net
+from depth_pose.detect.joint_finder import logit_of
+from depth_pose.detect.net import open_net
 from export import JOINT_CODE, JOINT_FEATURES, export_joint_net, hash_code, write_settings
 
 _STEPS, _RIDGE = 30, 1e-3

@@ -33,8 +33,8 @@ from sightings import OUTSIDE
 from depth_pose.core.config import SegmentConfig
 from depth_pose.core.skeleton import JOINTS, MIRROR_JOINTS
 from depth_pose.core.types import DepthFrame
-from depth_pose.people._crop_kernels import SIDE, Look, sample_crop
-from depth_pose.people.candidates import CandidateFinder
+from depth_pose.detect._crop_kernels import SIDE, Look, sample_crop
+from depth_pose.detect.candidates import CandidateFinder
 
 _LEAST = 0.05
 """Probability below which the finder is sure enough by itself."""

@@ -1,6 +1,6 @@
 """Fit the verifier to the clusters that a net finds in scenes it was not trained on, and write the weights.
 
-python tools/people_finder/fit_verifier.py runs/a/last.pt scenes/val src/depth_pose/people/weights
+python tools/people_finder/fit_verifier.py runs/a/last.pt scenes/val src/depth_pose/detect/weights
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from torch import Tensor
 
 from depth_pose.core.camera import Camera
 from depth_pose.core.types import DepthFrame
-from depth_pose.people.finder import PeopleFinder, reduce_frame
+from depth_pose.detect.finder import PeopleFinder, reduce_frame
 from depth_pose.sim.scenes import MOST_PEOPLE
 from export import export_net, write_settings
 

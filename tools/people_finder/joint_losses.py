@@ -10,7 +10,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from depth_pose.core.skeleton import MIRROR_JOINTS
-from depth_pose.people.joint_finder import LEAST_ERROR_M
+from depth_pose.detect.joint_finder import LEAST_ERROR_M
 
 _BEHIND_WEIGHT = 0.5
 _PLACE_WEIGHT = 0.5

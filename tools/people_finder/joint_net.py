@@ -15,7 +15,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from depth_pose.core.skeleton import JOINTS
-from depth_pose.people._crop_kernels import CELL_M, CHANNELS, SIDE
+from depth_pose.detect._crop_kernels import CELL_M, CHANNELS, SIDE
 
 _CELLS = SIDE // 4
 """Cells along a side that vote, each of four by four pixels."""

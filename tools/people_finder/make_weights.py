@@ -4,7 +4,7 @@
     python tools/people_finder/make_weights.py build/people_finder
 
 What is there already is kept, so that it can be run again. The result is in FOLDER/integers (with floats in
-FOLDER/weights); copy it to src/depth_pose/people/weights to ship it. It takes two and a half hours on 2
+FOLDER/weights); copy it to src/depth_pose/detect/weights to ship it. It takes two and a half hours on 2
 cores.
 """
 

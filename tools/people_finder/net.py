@@ -11,7 +11,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from depth_pose.core.skeleton import JOINTS
-from depth_pose.people._finder_kernels import CHANNELS
+from depth_pose.detect._finder_kernels import CHANNELS
 
 _JOINT_WIDTH = 80
 """Channels before the votes for joints; no fewer than what they have to say."""

@@ -1,6 +1,6 @@
 """Turn most convolutions of the nets into 8-bit integers: half the time, and half the space.
 
-    python tools/people_finder/quantise.py build/people_finder/weights src/depth_pose/people/weights
+    python tools/people_finder/quantise.py build/people_finder/weights src/depth_pose/detect/weights
 
 Values between the layers get 8 bits, over the range that they have in simulated rooms; weights get 7, with a
 scale for each channel: with 8, the sums of processors without VNNI could overflow. So all of them compute the
@@ -28,7 +28,7 @@ from rich.progress import track
 
 from depth_pose.core.config import SegmentConfig
 from depth_pose.core.types import DepthFrame
-from depth_pose.people.learned_segmenter import LearnedSegmenter
+from depth_pose.detect.learned_segmenter import LearnedSegmenter
 from depth_pose.sim.clips import sample_clip
 
 _KEPT = {

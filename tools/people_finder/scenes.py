@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from depth_pose.core.camera import Camera
 from depth_pose.core.skeleton import JOINTS, MIRROR_JOINTS
-from depth_pose.people._finder_kernels import (
+from depth_pose.detect._finder_kernels import (
     CHANNELS,
     COLS,
     ROWS,

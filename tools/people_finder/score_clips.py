@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 
 from depth_pose.core.config import SegmentConfig
 from depth_pose.core.types import DepthFrame
+from depth_pose.detect.finder import Detection, Detections, PeopleFinder, load_weights
 from depth_pose.io.mcap_read import read_frames
-from depth_pose.people.finder import Detection, Detections, PeopleFinder, load_weights
 
 _SEQUENCES = ("real_office", "real_corridor", "real_empty", "dev_people", "dev_postures", "dev", "dev_bodies")
 _SINGLES = ("real_kinect2", "real_itop", "real_wave")

@@ -10,7 +10,7 @@ from crops import CropBatch
 from numpy.typing import NDArray
 from replicas import Replica
 
-from depth_pose.people._crop_kernels import Look, fill_features
+from depth_pose.detect._crop_kernels import Look, fill_features
 
 OUTSIDE = 255
 """In a sighting's mask: a pixel outside the image."""

@@ -132,7 +132,7 @@ def _bodies(bank: Path | None) -> MeshOf | None:
 
 
 def _tell_address(host: str, port: int) -> None:
-    from depth_pose.viewer.gate import LOOPBACK
+    from depth_pose.viewer.access import LOOPBACK
 
     shown = "localhost" if host in (*LOOPBACK, "0.0.0.0", "::") else host
     console.print(f"open http://{escape(shown)}:{port} in a browser; Ctrl-C ends", highlight=False)

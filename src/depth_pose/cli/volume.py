@@ -28,8 +28,8 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from depth_pose.motion.clip import Clip
+    from depth_pose.volume.learn.performances import Performance
     from depth_pose.volume.model import VolumeModel
-    from depth_pose.volume_learn.performances import Performance
 
 app = typer.Typer(
     help="Pose from a person's volume: silhouettes of several cameras, or depth of one or more.",
@@ -62,9 +62,9 @@ def _learn(
     every: int | None = None,
     rig: Path | None = None,
 ) -> VolumeModel:
+    from depth_pose.volume.learn.learning import learn_model
+    from depth_pose.volume.learn.training import EVERY, default_wearers, simulate_views
     from depth_pose.volume.rigfile import load_rig
-    from depth_pose.volume_learn.learning import learn_model
-    from depth_pose.volume_learn.training import EVERY, default_wearers, simulate_views
 
     bars: dict[str, float] = {}
     with console.status("") as status:
@@ -159,7 +159,7 @@ def train(
     depth-pose volume train --input depth -o one_camera.npz
     """
     from depth_pose.evaluate.pictures import check_picture
-    from depth_pose.volume_learn.training import PERFORMANCES, dance_clips
+    from depth_pose.volume.learn.training import PERFORMANCES, dance_clips
 
     check_targets([output, plot], [*(motion or []), rig, params])
     check_picture(plot)
@@ -172,7 +172,7 @@ def train(
     _print_model(output, model)
     console.print(f"made in {time.monotonic() - start:.0f} s", style="dim", highlight=False)
     if plot is not None:
-        from depth_pose.volume_learn.figures import save_latent
+        from depth_pose.volume.learn.figures import save_latent
 
         save_latent(model, [], plot, ["latent space"])
 
@@ -320,10 +320,10 @@ def demo(
     depth-pose volume demo --model depth.npz --input depth --cameras 2 --garment robe --record dance.mcap
     """
     from depth_pose.evaluate.pictures import check_picture
+    from depth_pose.volume.learn.figures import save_report
+    from depth_pose.volume.learn.report import report_rows, track_performance
+    from depth_pose.volume.learn.training import dance_clips
     from depth_pose.volume.model import VolumeModel
-    from depth_pose.volume_learn.figures import save_report
-    from depth_pose.volume_learn.report import report_rows, track_performance
-    from depth_pose.volume_learn.training import dance_clips
 
     beside = record.with_suffix(".yaml") if record else None
     check_targets([output, record, beside], [model])
@@ -356,7 +356,7 @@ def _perform(
     from depth_pose.sim.clothing import find_garment
     from depth_pose.sim.roof_cameras import depth_ring, roof_rig
     from depth_pose.sim.wearers import Wearer, record_views
-    from depth_pose.volume_learn.performances import TEST_SHAPES, rig_eyes, watch
+    from depth_pose.volume.learn.performances import TEST_SHAPES, rig_eyes, watch
 
     rig = roof_rig(cameras or 8) if kind == "silhouettes" else depth_ring(cameras or 1)
     clip = perform(dance, seed, seconds, _FPS)

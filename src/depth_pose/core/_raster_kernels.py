@@ -1,4 +1,4 @@
-"""Compiled z-buffer; `depth_pose.fit.rendered_depth` says what it is for.
+"""Compiled z-buffer; `depth_pose.body.rendered_depth` says what it is for.
 
 The loops choose by arithmetic instead of by branches wherever both outcomes are frequent: which
 faces look away, and which pixels of a small box lie in its triangle, cannot be predicted, and at

@@ -157,7 +157,7 @@ class RefineConfig(Checked):
 
 @dataclass(frozen=True)
 class FitConfig(Checked):
-    """The articulated fit (`depth_pose.fit.articulated`).
+    """The articulated fit (`depth_pose.refine.articulated`).
 
     The stages share one annealing schedule, ``sigmas``, and take parts of it: a first look at many starts
     (`glance`), a choice between a few (`rough`), the answer (`fine`), a trial of a size or a facing
@@ -242,7 +242,7 @@ class FitConfig(Checked):
 
 @dataclass(frozen=True)
 class PersonalConfig(Checked):
-    """Personal builds (`depth_pose.fit.personal`)."""
+    """Personal builds (`depth_pose.refine.personal`)."""
 
     personal: bool = option(True, "Find each person's proportions while they are followed")
     file: str = option("", "Build to begin with, as depth-pose run --save-build wrote it; empty: average")

@@ -196,7 +196,7 @@ class Fitted:
     ----------
     skeleton : Skeleton
     score : float
-        Rendered-depth disagreement (`depth_pose.fit.rendered_depth`), 0 to 1; 1 where it is lost.
+        Rendered-depth disagreement (`depth_pose.body.rendered_depth`), 0 to 1; 1 where it is lost.
     """
 
     skeleton: Skeleton

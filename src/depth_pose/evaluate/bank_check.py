@@ -10,18 +10,18 @@ from typing import Any
 import numpy as np
 
 from depth_pose.bank.bank import Bank
+from depth_pose.body.rendered_depth import render_depth
 from depth_pose.core.config import MatchConfig, PipelineConfig
 from depth_pose.core.errors import InputError
 from depth_pose.core.skeleton import JOINT_NODES
 from depth_pose.core.types import DepthFrame, PoseMatch
+from depth_pose.denoise.extract import PeopleExtractor
 from depth_pose.evaluate.bank_sheet import draw_depth
 from depth_pose.evaluate.pictures import plain_text, save_picture
-from depth_pose.fit.articulated import candidate_pose
-from depth_pose.fit.rendered_depth import render_depth
 from depth_pose.io.mcap_read import DepthReader
-from depth_pose.people.person import People
-from depth_pose.steps.extract import PeopleExtractor
-from depth_pose.steps.match import Matcher, match_confidence
+from depth_pose.match.match import Matcher, match_confidence
+from depth_pose.refine.articulated import candidate_pose
+from depth_pose.track.person import People
 
 _FRAMES_BEFORE = 2
 """The person's size is found over these frames and the shown one."""

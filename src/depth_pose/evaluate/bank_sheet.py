@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 
 from depth_pose.bank.bank import Bank
 from depth_pose.bank.views import DISTANCE_M
+from depth_pose.body.rendered_depth import render_depth
 from depth_pose.core.camera import Camera
 from depth_pose.core.rotations import R_CAMERA_FACING_MODEL, quat_to_matrix
 from depth_pose.core.skeleton import BONES, JOINT_NODES
 from depth_pose.evaluate.overlay import bone_colour
 from depth_pose.evaluate.pictures import save_picture
 from depth_pose.evaluate.shading import shade_depth
-from depth_pose.fit.rendered_depth import render_depth
 
 _PIXELS = 150
 """Width and height of an exemplar's image, pixels; for the eye."""

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from depth_pose.core.errors import ConfigError, InputError
 from depth_pose.core.outputs import check_targets, new_file, new_text_file
+from depth_pose.detect.floor import Floor
 from depth_pose.export.bvh import bvh_text
 from depth_pose.export.floor import floor_of_depth, floor_of_feet, some_frames
 from depth_pose.export.tables import csv_text, npz_arrays
@@ -30,7 +31,6 @@ from depth_pose.export.tracks import (
 from depth_pose.export.trc import trc_text
 from depth_pose.io.mcap_read import DepthReader
 from depth_pose.io.schemas import PEOPLE_TOPIC
-from depth_pose.people.floor import Floor
 
 FORMATS = {
     ".bvh": "animation (Blender, MotionBuilder, Unity and others); a file a person",

@@ -1,7 +1,7 @@
 """The floor that people stand on, from their skeletons and, where it is given, the depth recording.
 
 Feet say roughly where the floor is: a toe base lies .044 of the stature above it (`rest_nodes`), and a
-trunk that stands says which way is up. The depth images then say it exactly (`depth_pose.people.floor`).
+trunk that stands says which way is up. The depth images then say it exactly (`depth_pose.detect.floor`).
 
 The world is REP-103's: x forward (where the sensor looks), y to the left, z up, the origin on the floor
 below the sensor.
@@ -19,8 +19,8 @@ from depth_pose.core.errors import InputError
 from depth_pose.core.rotations import unit_vectors
 from depth_pose.core.skeleton import ADULT_STATURE_M, JOINT_INDEX, rest_nodes
 from depth_pose.core.types import DepthFrame
+from depth_pose.detect.floor import Floor, FloorFinder
 from depth_pose.export.tracks import Track
-from depth_pose.people.floor import Floor, FloorFinder
 
 Array = NDArray[np.float64]
 

@@ -13,15 +13,15 @@ from dataclasses import replace
 import numpy as np
 
 from depth_pose.bank.bank import Bank
+from depth_pose.body.rendered_depth import DepthComparer
 from depth_pose.core.config import MatchConfig
 from depth_pose.core.rotations import matrix_to_quat
 from depth_pose.core.skeleton import JOINT_NODES, MIRROR_NODES, NODE_INDEX, forward_kinematics
 from depth_pose.core.types import Fitted
-from depth_pose.fit.articulated import BodyPose
-from depth_pose.fit.rendered_depth import DepthComparer
-from depth_pose.fit.skeleton_pose import pose_from_nodes, pose_from_skeleton
-from depth_pose.people.person import Person
-from depth_pose.steps.confidence import fit_confidence, report_joints
+from depth_pose.recover.confidence import fit_confidence, report_joints
+from depth_pose.refine.articulated import BodyPose
+from depth_pose.refine.skeleton_pose import pose_from_nodes, pose_from_skeleton
+from depth_pose.track.person import Person
 
 _ARMS = [
     [NODE_INDEX[f"{s}_{n}"] for n in ("clavicle", "shoulder", "elbow", "wrist")] for s in ("left", "right")

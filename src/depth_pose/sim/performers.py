@@ -23,7 +23,7 @@ from depth_pose.sim._builds import draw_build
 from depth_pose.sim._dressed_skin import draw_cut, dress
 from depth_pose.sim._garments import Wearer
 from depth_pose.sim._meshes import join
-from depth_pose.sim.figures import Figure, draw_seated, draw_worn
+from depth_pose.sim.people import Figure, draw_seated, draw_worn
 
 Array = NDArray[np.float64]
 

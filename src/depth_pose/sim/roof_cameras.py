@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from depth_pose.body.rendered_depth import render_depth
 from depth_pose.core.camera import Camera
-from depth_pose.fit.rendered_depth import render_depth
 from depth_pose.sim.sensor import Mesh
 from depth_pose.volume.rig import RigCamera, look_at
 

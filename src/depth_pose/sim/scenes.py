@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 
 from depth_pose.core.camera import Camera
 from depth_pose.core.skeleton import JOINT_INDEX
-from depth_pose.sim.figures import Figure, sample_figure
 from depth_pose.sim.furniture import make_bed, make_chair, make_sofa, make_stool, make_table
 from depth_pose.sim.lookalikes import add_lookalikes
+from depth_pose.sim.people import Figure, sample_figure
 from depth_pose.sim.rooms import Room, add_backdrop, furnish, make_room
 from depth_pose.sim.scene_noise import SceneSensor, Shown, measure, sample_sensor
 from depth_pose.sim.scene_view import View, draw, look, silhouette_area

@@ -19,15 +19,15 @@ from depth_pose.core.config import FollowConfig
 from depth_pose.core.errors import ConfigError, DepthPoseError
 from depth_pose.core.types import Skeleton
 from depth_pose.core.zone import Zone, parse_zone
-from depth_pose.steps.follow import Follower
-from depth_pose.viewer.figures import chosen, nodes_table, people_table
-from depth_pose.viewer.gate import own_pages_only
-from depth_pose.viewer.moments import Moment
-from depth_pose.viewer.pace import Pace
-from depth_pose.viewer.pictures import free_name, save_gif, save_png
+from depth_pose.track.follow import Follower
+from depth_pose.viewer.access import own_pages_only
+from depth_pose.viewer.frames import Moment
+from depth_pose.viewer.rate_limit import Pace
 from depth_pose.viewer.room import FloorSeeker
 from depth_pose.viewer.scene import Scene, Wishes
+from depth_pose.viewer.screenshots import free_name, save_gif, save_png
 from depth_pose.viewer.source import LiveSource, RecordedSource
+from depth_pose.viewer.tables import chosen, nodes_table, people_table
 
 RATE_HZ = 15.0
 """Frames that are drawn a second, at most; fewer where a browser takes longer. Set by hand."""

@@ -7,10 +7,10 @@ from numpy.typing import NDArray
 
 from depth_pose.core.errors import InputError
 from depth_pose.core.types import DepthFrame, Skeleton
+from depth_pose.detect.floor import Floor
 from depth_pose.export.floor import floor_of_depth, floor_of_feet
 from depth_pose.export.tracks import tracks_of
-from depth_pose.people.floor import Floor
-from depth_pose.viewer.moments import Moment
+from depth_pose.viewer.frames import Moment
 
 _FRAMES = 15
 """Frames with somebody in view that the floor is told from; feet move little in fewer. Set by hand."""

@@ -15,7 +15,7 @@ from depth_pose.core.rotations import matrix_to_quat
 from depth_pose.core.skeleton import BONES, JOINT_INDEX, JOINTS, JointState
 from depth_pose.core.types import Skeleton
 from depth_pose.viewer import colours
-from depth_pose.viewer.moments import Moment, owners
+from depth_pose.viewer.frames import Moment, owners
 
 Array = NDArray[np.float64]
 

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 
 from depth_pose.core.errors import DepthPoseError
 from depth_pose.core.types import DepthFrame, Skeleton
-from depth_pose.viewer.moments import Moment, keep
+from depth_pose.viewer.frames import Moment, keep
 from depth_pose.viewer.playback import Playback
 
 if TYPE_CHECKING:
-    from depth_pose.ros.watch import NodeState, Watch
+    from depth_pose.ros.tools.watch import NodeState, Watch
 
 Answer = Callable[[DepthFrame], tuple[Skeleton, ...] | None]
 """Everybody's skeletons in a frame; None where there is no answer."""

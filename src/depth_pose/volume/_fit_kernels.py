@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from depth_pose.body._skin_kernels import skin
 from depth_pose.core.kernels import njit
-from depth_pose.fit._articulated_kernels import USUAL_POINTS, Surface, add_points, assign
-from depth_pose.fit._tree_kernels import Equations, take_step
-from depth_pose.fit._visibility_kernels import turn_normals
+from depth_pose.refine._articulated_kernels import USUAL_POINTS, Surface, add_points, assign
+from depth_pose.refine._tree_kernels import Equations, take_step
+from depth_pose.refine._visibility_kernels import turn_normals
 
 
 class Settings(NamedTuple):

@@ -1,7 +1,7 @@
 """What the cameras of a rig see of the person at one time: silhouettes to a hull, or depth to surfaces.
 
 Depth images show more than the person. They are cut out here, live and offline alike, by what the main
-method does first (`depth_pose.steps.extract`), unless ``views.cut_out`` says that there is nothing else.
+method does first (`depth_pose.denoise.extract`), unless ``views.cut_out`` says that there is nothing else.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from depth_pose.core.errors import ConfigError
 from depth_pose.core.types import DepthFrame
-from depth_pose.steps.extract import PeopleExtractor
+from depth_pose.denoise.extract import PeopleExtractor
 from depth_pose.volume.config import SpaceConfig, VolumeConfig
 from depth_pose.volume.hull import LEAST_VIEWS, HullCarver, SurfaceVoxels, Volume
 from depth_pose.volume.rig import RigCamera, check_images

@@ -1,7 +1,7 @@
 """A last fit of a body to the volume, from the regressed pose.
 
 Regression answers with mixtures of poses that it was taught; only the volume itself tells how this
-dancer's arm differs from all of them. The articulated fit of `depth_pose.fit.articulated`
+dancer's arm differs from all of them. The articulated fit of `depth_pose.refine.articulated`
 is run on the surface voxels, with one change: a vertex counts as much as it can be trusted to lie on
 the surface, which was learned from the training's clothing. What clothing hides keeps its regressed
 pose.
@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.body.body import Body
-from depth_pose.fit.articulated import articulate
+from depth_pose.refine.articulated import articulate
 from depth_pose.volume import _fit_kernels as kernels
 from depth_pose.volume.config import VolumeFitConfig
 

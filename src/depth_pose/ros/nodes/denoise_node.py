@@ -12,19 +12,19 @@ from depth_pose_msgs.msg import People, SkeletonArray
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image, PointCloud2
 
 from depth_pose.core.config import PipelineConfig
+from depth_pose.core.mount import turn_upright
+from depth_pose.denoise.extract import PeopleExtractor
 from depth_pose.io.calibration import is_rectified
 from depth_pose.io.compressed import TOPIC_ENDING
+from depth_pose.ros.messages.basics import first_stamp_ns
+from depth_pose.ros.messages.frames import image_to_frame, msg_to_frame
+from depth_pose.ros.messages.people import people_to_msgs
 from depth_pose.ros.nodes.node_base import Held, Input, StageNode
 from depth_pose.ros.nodes.parameters import DENOISE
 from depth_pose.ros.nodes.room_outputs import RoomOutputs
 from depth_pose.ros.process.runner import run_node
 from depth_pose.ros.process.warm_stages import make
-from depth_pose.ros.transport.messages.basics import first_stamp_ns
-from depth_pose.ros.transport.messages.frames import image_to_frame, msg_to_frame
-from depth_pose.ros.transport.messages.people import people_to_msgs
-from depth_pose.ros.transport.under_way import LONGEST_S, UnderWay
-from depth_pose.steps.extract import PeopleExtractor
-from depth_pose.steps.mount import turn_upright
+from depth_pose.ros.transport.frames_in_flight import LONGEST_S, UnderWay
 
 
 class DenoiseNode(StageNode):

@@ -30,9 +30,10 @@ from threadpoolctl import threadpool_limits
 from depth_pose.core.config import PipelineConfig
 from depth_pose.core.errors import BankError, ConfigError, DepthPoseError, InputError
 from depth_pose.core.options import Sections
+from depth_pose.ros.messages.basics import stamp_to_ns
 from depth_pose.ros.nodes.counts import Figures
+from depth_pose.ros.nodes.input_watch import CrowdWatch, SilenceWatch
 from depth_pose.ros.nodes.parameters import COMMON, declare, holds_setting, read_config
-from depth_pose.ros.nodes.silence import CrowdWatch, SilenceWatch
 from depth_pose.ros.process import READY
 from depth_pose.ros.process.shared_memory import keep_private
 from depth_pose.ros.process.warm_stages import is_warm
@@ -49,7 +50,6 @@ from depth_pose.ros.transport.intake import (
 )
 from depth_pose.ros.transport.latched import LatchedTopic
 from depth_pose.ros.transport.losses import BusyTimes
-from depth_pose.ros.transport.messages.basics import stamp_to_ns
 
 __all__ = ["Drop", "Held", "Input", "Stage", "StageNode"]
 

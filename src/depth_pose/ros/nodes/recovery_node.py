@@ -10,7 +10,11 @@ from sensor_msgs.msg import PointCloud2
 from visualization_msgs.msg import MarkerArray
 
 from depth_pose.core.config import PipelineConfig
+from depth_pose.core.mount import check_turned, sensor_frame, turn_back
 from depth_pose.core.types import Skeleton as SkeletonData
+from depth_pose.recover.recover import Recoverer
+from depth_pose.ros.messages.people import msgs_to_people
+from depth_pose.ros.messages.skeletons import msg_to_fitted, skeleton_to_msg, skeletons_to_msg
 from depth_pose.ros.nodes.bank_node import BankNode
 from depth_pose.ros.nodes.node_base import Input
 from depth_pose.ros.nodes.parameters import RECOVERY
@@ -18,12 +22,8 @@ from depth_pose.ros.nodes.rep155_outputs import Rep155Outputs
 from depth_pose.ros.process.runner import run_node
 from depth_pose.ros.process.warm_stages import make
 from depth_pose.ros.transport.drawing import skeletons_to_markers
-from depth_pose.ros.transport.messages.people import msgs_to_people
-from depth_pose.ros.transport.messages.skeletons import msg_to_fitted, skeleton_to_msg, skeletons_to_msg
 from depth_pose.ros.transport.tf import Transforms, skeletons_to_transforms
-from depth_pose.steps.follow import Follower
-from depth_pose.steps.mount import check_turned, sensor_frame, turn_back
-from depth_pose.steps.recover import Recoverer
+from depth_pose.track.follow import Follower
 
 
 class RecoveryNode(BankNode):

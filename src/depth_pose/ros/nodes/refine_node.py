@@ -14,19 +14,19 @@ from visualization_msgs.msg import Marker
 
 from depth_pose.body.build_file import load_build
 from depth_pose.core.config import PipelineConfig
+from depth_pose.core.mount import check_turned, turn_forth
+from depth_pose.refine.refine import Refiner
+from depth_pose.ros.messages.basics import stamp_to_ns
+from depth_pose.ros.messages.checks import check_people
+from depth_pose.ros.messages.matches import msg_to_matches
+from depth_pose.ros.messages.people import msgs_to_people
+from depth_pose.ros.messages.skeletons import fitted_to_msg, msg_to_skeleton
 from depth_pose.ros.nodes.bank_node import BankNode
 from depth_pose.ros.nodes.node_base import Held, Input
 from depth_pose.ros.nodes.parameters import REFINE
 from depth_pose.ros.process.runner import run_node
 from depth_pose.ros.process.warm_stages import make
 from depth_pose.ros.transport.drawing import mesh_to_marker
-from depth_pose.ros.transport.messages.basics import stamp_to_ns
-from depth_pose.ros.transport.messages.checks import check_people
-from depth_pose.ros.transport.messages.matches import msg_to_matches
-from depth_pose.ros.transport.messages.people import msgs_to_people
-from depth_pose.ros.transport.messages.skeletons import fitted_to_msg, msg_to_skeleton
-from depth_pose.steps.mount import check_turned, turn_forth
-from depth_pose.steps.refine import Refiner
 
 PATIENCE_S = 2.0
 """How long a lossless node waits for what recovery made of the frame before."""

@@ -20,9 +20,9 @@ from depth_pose.core.errors import ConfigError
 from depth_pose.core.skeleton import JOINT_INDEX
 from depth_pose.core.skeleton import JointState as Seen
 from depth_pose.core.types import Skeleton
-from depth_pose.people.person import People
-from depth_pose.ros.transport.messages.basics import make_header
+from depth_pose.ros.messages.basics import make_header
 from depth_pose.ros.transport.tf import LATCHED, Transforms, stamped, stamped_all
+from depth_pose.track.person import People
 
 if TYPE_CHECKING:
     from depth_pose.ros.nodes.node_base import StageNode

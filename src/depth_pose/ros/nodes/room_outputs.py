@@ -12,13 +12,13 @@ from sensor_msgs.msg import Image
 
 from depth_pose.core.camera import Camera
 from depth_pose.core.config import MountConfig
+from depth_pose.core.mount import UPRIGHT, rotation_sensor_upright
 from depth_pose.core.types import DepthFrame
-from depth_pose.people.floor import FloorFinder
-from depth_pose.people.person import People
-from depth_pose.ros.transport.messages.basics import make_header
+from depth_pose.detect.floor import FloorFinder
+from depth_pose.ros.messages.basics import make_header
 from depth_pose.ros.transport.tf import LATCHED, Transforms, pose_of, stamped
-from depth_pose.steps.label_image import draw_labels
-from depth_pose.steps.mount import UPRIGHT, rotation_sensor_upright
+from depth_pose.track.label_image import draw_labels
+from depth_pose.track.person import People
 
 if TYPE_CHECKING:
     from depth_pose.ros.nodes.node_base import StageNode

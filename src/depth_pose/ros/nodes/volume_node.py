@@ -21,13 +21,13 @@ from visualization_msgs.msg import MarkerArray
 
 from depth_pose.body.angles import ANGLES
 from depth_pose.core.errors import ConfigError, InputError
+from depth_pose.ros.messages.basics import make_header
+from depth_pose.ros.messages.skeletons import skeleton_to_msg
 from depth_pose.ros.nodes.node_base import Drop, StageNode
 from depth_pose.ros.process.runner import run_node
 from depth_pose.ros.setting import Setting
 from depth_pose.ros.transport.drawing import skeletons_to_markers
 from depth_pose.ros.transport.intake import LOG_EVERY_S, Input
-from depth_pose.ros.transport.messages.basics import make_header
-from depth_pose.ros.transport.messages.skeletons import skeleton_to_msg
 from depth_pose.ros.transport.rig_source import RIG_SETTINGS, RigSource
 from depth_pose.ros.transport.view_sets import ViewSetIntake
 from depth_pose.volume.config import VolumeConfig

@@ -12,11 +12,11 @@ from typing import Any, TypeVar, cast
 from depth_pose.bank import Bank, default_bank_path
 from depth_pose.core.config import PipelineConfig
 from depth_pose.core.errors import BankError
-from depth_pose.steps.extract import PeopleExtractor
-from depth_pose.steps.match import Matcher
-from depth_pose.steps.recover import Recoverer
-from depth_pose.steps.refine import Refiner
-from depth_pose.steps.warm_up import sample_people
+from depth_pose.denoise.extract import PeopleExtractor
+from depth_pose.match.match import Matcher
+from depth_pose.recover.recover import Recoverer
+from depth_pose.refine.refine import Refiner
+from depth_pose.track.sample_people import sample_people
 
 T = TypeVar("T")
 

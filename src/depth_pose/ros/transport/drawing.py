@@ -17,7 +17,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 from depth_pose.core.skeleton import BONES, JOINT_INDEX, JointState
 from depth_pose.core.types import Skeleton
 from depth_pose.io.markers import BONE_WIDTH_M, COLOURS, JOINT_SIZE_M, LIFETIME_NS, NAME_SIZE_M
-from depth_pose.ros.transport.messages.basics import make_header
+from depth_pose.ros.messages.basics import make_header
 
 _COLOURS = {state: ColorRGBA(r=r, g=g, b=b, a=1.0) for state, (r, g, b) in COLOURS.items()}
 """Colours of the joints by their state, opaque."""

@@ -11,8 +11,8 @@ from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 
 from depth_pose.core.errors import DepthPoseError
+from depth_pose.ros.messages.basics import stamp_to_ns
 from depth_pose.ros.transport.losses import BusyTimes, count_lost
-from depth_pose.ros.transport.messages.basics import stamp_to_ns
 from depth_pose.ros.transport.pairing import Pairer
 
 PAIR_DEPTH = 64

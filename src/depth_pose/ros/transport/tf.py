@@ -15,7 +15,7 @@ from depth_pose.core.errors import ConfigError
 from depth_pose.core.rotations import matrix_to_quat
 from depth_pose.core.skeleton import JOINTS
 from depth_pose.core.types import Skeleton
-from depth_pose.ros.transport.messages.basics import make_header
+from depth_pose.ros.messages.basics import make_header
 
 if TYPE_CHECKING:
     from depth_pose.ros.nodes.node_base import StageNode

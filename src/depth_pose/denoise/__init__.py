@@ -1,0 +1,1 @@
+"""Modified locally optimal projection (Ye et al. Sec. 4)."""

@@ -1,0 +1,118 @@
+"""From a depth image to everybody's clean points: finding people, then denoising (Sec. 4)."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+
+import numpy as np
+
+from depth_pose.core.camera import Camera
+from depth_pose.core.config import DenoiseConfig, MountConfig, SegmentConfig
+from depth_pose.core.mount import rotation_sensor_upright
+from depth_pose.core.stamps import StampGuard
+from depth_pose.core.types import HIDDEN, DepthFrame, FoundPerson
+from depth_pose.core.zone import parse_zone
+from depth_pose.denoise.denoise import denoise_depth
+from depth_pose.detect.learned_segmenter import LearnedSegmenter
+from depth_pose.detect.plane_segmenter import PlaneSegmenter
+from depth_pose.detect.segmentation import Segmenter
+from depth_pose.track.choice import PeopleChoice
+from depth_pose.track.person import MIN_POINTS, People, see_people
+from depth_pose.track.tracks import PeopleTracks
+
+_METHODS: dict[str, Callable[[SegmentConfig], Segmenter]] = {
+    "learned": LearnedSegmenter,
+    "planes": PlaneSegmenter,
+}
+
+
+class PeopleExtractor:
+    """The first stage: what `denoise_node` runs.
+
+    Parameters
+    ----------
+    segment, denoise
+        Settings.
+    mount : MountConfig
+        How the frames, which are upright here, lay in the sensor: its frame is the zone's.
+
+    Attributes
+    ----------
+    segmenter : Segmenter
+        Finds people, and keeps what it needs from frame to frame.
+    choice : PeopleChoice
+    passed_over : Counter of str
+        Over all frames, who was seen and not answered: ``too near or too far``, ``not sure enough``,
+        ``too few points``, and what `PeopleChoice` left out.
+    """
+
+    def __init__(
+        self,
+        segment: SegmentConfig,
+        denoise: DenoiseConfig,
+        mount: MountConfig = MountConfig(),  # noqa: B008
+    ) -> None:
+        self.segmenter: Segmenter = _METHODS[segment.method](segment)
+        self._denoise = denoise
+        self._tracks = PeopleTracks(segment.start, segment.sure, segment.keep)
+        self.choice = PeopleChoice(
+            parse_zone(segment.zone), segment.most_people, rotation_sensor_upright(mount.roll)
+        )
+        self._guard = StampGuard()
+        self.passed_over: Counter[str] = Counter()
+
+    def reset(self) -> None:
+        """Forget the people."""
+        self.segmenter.reset()
+        self._tracks.reset()
+        self.choice.reset()
+
+    def restart(self) -> None:
+        """Forget the people and the names given, as if new."""
+        self.reset()
+        self._tracks.restart()
+        self.passed_over.clear()
+
+    def warm_up(self) -> None:
+        """Compile every kernel."""
+        self.segmenter.warm_up()
+        camera = Camera(64, 48, 60.0, 60.0, 31.5, 23.5)
+        depth = denoise_depth(np.full((48, 64), 2.0, np.float32), camera, self._denoise)
+        found = FoundPerson(1, "", 1.0, np.zeros((0, 3), np.float32), np.zeros(0, np.float32))
+        see_people(0, "", camera, camera.back_project(depth), np.ones((48, 64), np.uint8), [found])
+
+    def extract(self, frame: DepthFrame) -> People:
+        """Find the people, name them, choose among them, and denoise their points.
+
+        Denoising finds depths; x and y follow along each pixel's ray (Ye et al. eqs. 2 and 4).
+        """
+        if self._guard.is_break(frame.stamp_ns):
+            self.reset()
+        seen = self.segmenter.segment(frame)
+        depth = denoise_depth(seen.depth, seen.camera, self._denoise)
+        labels = np.where((seen.depth > 0) & (depth <= 0), np.uint8(HIDDEN), seen.labels)
+        names = self._tracks.assign(seen.sightings, frame.stamp_ns)
+        points_of = np.bincount(labels.ravel(), minlength=HIDDEN + 1)
+        shown = [
+            name if points_of[s.label] >= MIN_POINTS else None
+            for s, name in zip(seen.sightings, names, strict=True)
+        ]
+        chosen = self.choice.choose(shown, [s.place for s in seen.sightings])
+        self.passed_over["too near or too far"] += seen.out_of_range
+        self.passed_over["not sure enough"] += names.count(None)
+        self.passed_over["too few points"] += shown.count(None) - names.count(None)
+        self.passed_over.update(self.choice.left_out)
+        found = (
+            FoundPerson(s.label, name, self._probability(name), s.proposals, s.proposal_confidence)
+            for s, name in zip(seen.sightings, chosen, strict=True)
+            if name is not None
+        )
+        # Ye et al. eq. 2: x and y follow the depth along the pixel's ray
+        # Ye et al. eq. 4: so they do where `denoise.iterations` is above 1
+        points = seen.camera.back_project(depth)
+        return see_people(frame.stamp_ns, frame.frame_id, seen.camera, points, labels, found)
+
+    def _probability(self, body_id: str) -> float:
+        """Give the chance that it is a person as messages carry it, so that it comes back as it is."""
+        return float(np.float32(self._tracks.probability(body_id)))

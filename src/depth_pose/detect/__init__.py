@@ -1,0 +1,1 @@
+"""Everybody in one frame: the people finder, the second look, masks."""

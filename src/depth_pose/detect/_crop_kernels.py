@@ -1,0 +1,182 @@
+"""Compiled loops of the second, closer look at each person; `depth_pose.detect.joint_finder` uses them."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from depth_pose.core.kernels import njit
+from depth_pose.detect._finder_kernels import bounded, near_second
+
+SIDE = 80
+"""Rows and columns of a crop, pixels."""
+
+CELL_M = 0.032
+"""What a pixel of the crop measures at the torso's distance, metres: 2.56 m in all."""
+
+CHANNELS = 8
+"""Features of a pixel; `fill_features` lists them."""
+
+_NEAR, _FAR = np.float32(0.2), np.float32(12.0)
+"""Depths outside this range are none, metres. Set by hand, not swept."""
+
+_UNIT_M = 0.5
+"""Depths are told from the torso's in this unit, and cut at `_MOST` of it."""
+
+_MOST = 2.4
+"""In units of `_UNIT_M`: 1.2 m. Set by hand, not swept."""
+
+
+class Look(NamedTuple):
+    """Where a crop lies in an image.
+
+    Attributes
+    ----------
+    x, y, z : float
+        Middle of the torso, camera frame, metres.
+    cos, sin : float
+        Of the angle by which the crop is turned in the image.
+    flip : float
+        1, or -1 for the mirror image.
+    coarse : int
+        The image is looked at as if its pixels were blocks of so many; each shows its first one.
+    """
+
+    x: float
+    y: float
+    z: float
+    cos: float = 1.0
+    sin: float = 0.0
+    flip: float = 1.0
+    coarse: int = 1
+
+
+@njit(cache=True)
+def sample_crop(depth, labels, camera, look, grid, whose):
+    """Sample depth (metres) and labels to a crop of `SIDE` pixels, as `reduce_grid` does a frame.
+
+    What lies outside the image gets no depth and the label -1.
+    """
+    if look.sin == 0.0:  # rows and columns stay rows and columns
+        _sample_level(depth, labels, camera, look, grid, whose)
+        return
+    height, width = depth.shape
+    px, py = CELL_M * camera.fx / look.z, CELL_M * camera.fy / look.z
+    u0, v0 = camera.fx * look.x / look.z + camera.cx, camera.fy * look.y / look.z + camera.cy
+    z, who = np.empty(4, np.float32), np.empty(4, np.int64)
+    for i in range(SIDE):
+        for j in range(SIDE):
+            count = 0
+            for k in range(4):
+                b = i + (-0.25 if k < 2 else 0.25) - 0.5 * (SIDE - 1)
+                a = look.flip * (j + (-0.25 if k % 2 == 0 else 0.25) - 0.5 * (SIDE - 1))
+                u = int(np.floor(u0 + px * (look.cos * a - look.sin * b) + 0.5))
+                v = int(np.floor(v0 + py * (look.sin * a + look.cos * b) + 0.5))
+                z[k], who[k] = np.float32(0.0), -1
+                if 0 <= u < width and 0 <= v < height:
+                    u, v = u - u % look.coarse, v - v % look.coarse
+                    z[k], who[k] = depth[v, u], labels[v, u]
+                    count += 1
+            _join_samples(z, who, count, i, j, grid, whose)
+
+
+@njit(cache=True)
+def _sample_level(depth, labels, camera, look, grid, whose):
+    """Do the same where the crop is not turned: places are found by row and column."""
+    height, width = depth.shape
+    px, py = CELL_M * camera.fx / look.z, CELL_M * camera.fy / look.z
+    u0, v0 = camera.fx * look.x / look.z + camera.cx, camera.fy * look.y / look.z + camera.cy
+    us, vs = np.empty(2 * SIDE, np.int64), np.empty(2 * SIDE, np.int64)
+    for n in range(2 * SIDE):
+        middle = 0.5 * n - 0.25 - 0.5 * (SIDE - 1)
+        u = int(np.floor(u0 + px * (look.cos * look.flip * middle) + 0.5))
+        v = int(np.floor(v0 + py * (look.cos * middle) + 0.5))
+        us[n] = u - u % look.coarse if 0 <= u < width else -1
+        vs[n] = v - v % look.coarse if 0 <= v < height else -1
+    z, who = np.empty(4, np.float32), np.empty(4, np.int64)
+    for i in range(SIDE):
+        for j in range(SIDE):
+            left, right, top, bottom = us[2 * j], us[2 * j + 1], vs[2 * i], vs[2 * i + 1]
+            if left >= 0 and right >= 0 and top >= 0 and bottom >= 0:
+                own = labels[top, left]
+                others = own == labels[top, right] and own == labels[bottom, left]
+                if others and own == labels[bottom, right]:
+                    middle = near_second(
+                        depth[top, left], depth[top, right], depth[bottom, left], depth[bottom, right],
+                        _NEAR, _FAR,
+                    )  # fmt: skip
+                    grid[i, j], whose[i, j] = middle, own if middle > np.float32(0.0) else 0
+                    continue
+            count = 0
+            for k in range(4):
+                u, v = us[2 * j + k % 2], vs[2 * i + k // 2]
+                z[k], who[k] = np.float32(0.0), -1
+                if u >= 0 and v >= 0:
+                    z[k], who[k] = depth[v, u], labels[v, u]
+                    count += 1
+            _join_samples(z, who, count, i, j, grid, whose)
+
+
+@njit(cache=True)
+def _join_samples(z, who, count, i, j, grid, whose):
+    """Give a pixel of the crop the depth of its four samples, and the label of the nearest of them."""
+    grid[i, j], whose[i, j] = np.float32(0.0), -1
+    if count < 2:
+        return
+    middle = near_second(z[0], z[1], z[2], z[3], _NEAR, _FAR)
+    grid[i, j], whose[i, j] = middle, 0
+    if middle <= np.float32(0.0):
+        return
+    closest = np.float32(np.inf)
+    for k in range(4):
+        if z[k] > np.float32(0.0) and abs(z[k] - middle) < closest:
+            closest, whose[i, j] = abs(z[k] - middle), who[k]
+
+
+@njit(cache=True)
+def fill_features(grid, whose, label, look, out):
+    """Describe every pixel of a crop to the net.
+
+    0 depth of the person's pixels from the torso's; 1 whether it is the person's; 2 depth of all
+    pixels; 3 whether there is a depth; 4 whether it lies in the image; 5, 6 slopes of the ray to the
+    torso; 7 inverse of its distance (1/m).
+    """
+    out[:] = 0.0
+    x, y = look.flip * look.x / look.z, look.y / look.z
+    out[5], out[6] = look.cos * x + look.flip * look.sin * y, look.cos * y - look.flip * look.sin * x
+    out[7] = min(1.0 / look.z, 2.5)
+    for i in range(SIDE):
+        for j in range(SIDE):
+            if whose[i, j] >= 0:
+                out[4, i, j] = 1.0
+            if grid[i, j] <= np.float32(0.0):
+                continue
+            off = bounded((grid[i, j] - np.float32(look.z)) / np.float32(_UNIT_M), _MOST)
+            out[2, i, j], out[3, i, j] = off, 1.0
+            if whose[i, j] == label:
+                out[0, i, j], out[1, i, j] = off, 1.0
+
+
+@njit(cache=True)
+def to_crop(points, look, out):
+    """From points (J, 3) in the camera frame, metres, to the crop's coordinates.
+
+    The first two are where a point appears, metres at the torso's distance, right and down of the
+    crop's middle; the third is how much farther it is than the torso.
+    """
+    for k in range(points.shape[0]):
+        z = max(points[k, 2], 0.1)
+        a = look.z * (points[k, 0] / z) - look.x
+        b = look.z * (points[k, 1] / z) - look.y
+        out[k, 0] = look.flip * (look.cos * a + look.sin * b)
+        out[k, 1] = look.cos * b - look.sin * a
+        out[k, 2] = points[k, 2] - look.z
+
+
+def from_crop(places: NDArray[np.float64], look: Look) -> NDArray[np.float64]:
+    """From the crop's coordinates (J, 3), neither turned nor mirrored, to points in the camera frame."""
+    z = np.maximum(look.z + places[:, 2], _NEAR)
+    x, y = (look.x + places[:, 0]) / look.z, (look.y + places[:, 1]) / look.z
+    return np.stack([x * z, y * z, z], axis=1)

@@ -1,0 +1,143 @@
+"""Compiled loops that find and mark large planes (`depth_pose.detect.planes`)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from depth_pose.core.kernels import njit
+
+
+@njit(cache=True)
+def draw_samples(points, most, reach, focal):
+    """Take about ``most`` points of smooth surfaces, evenly over the image.
+
+    Normals come from the neighbours ``reach`` pixels away; where one is missing there is no sample.
+    Returns points (n, 3), unit normals (n, 3) and the areas (n,) that the samples would cover if they
+    faced the camera, square metres.
+    """
+    rows, cols = points.shape[:2]
+    valid = 0
+    for i in range(rows):
+        for j in range(cols):
+            valid += points[i, j, 2] == points[i, j, 2]
+    step = max(1, valid // most)
+    room = valid // step + 1
+    samples, normals, areas = np.empty((room, 3)), np.empty((room, 3)), np.empty(room)
+    normal = np.empty(3)
+    count, seen = 0, 0
+    for i in range(rows):
+        for j in range(cols):
+            if points[i, j, 2] != points[i, j, 2]:
+                continue
+            seen += 1
+            if (seen - 1) % step == 0 and normal_at(points, i, j, reach, normal):
+                for a in range(3):
+                    samples[count, a], normals[count, a] = points[i, j, a], normal[a]
+                areas[count] = step * (samples[count, 2] / focal) ** 2
+                count += 1
+    return samples[:count], normals[:count], areas[:count]
+
+
+@njit(cache=True)
+def normal_at(points, i, j, reach, normal):
+    """Find the unit normal at a pixel from neighbours ``reach`` away; False where one is missing."""
+    if i < reach or j < reach or i + reach >= points.shape[0] or j + reach >= points.shape[1]:
+        return False
+    left, right, up, down = j - reach, j + reach, i - reach, i + reach
+    e0 = points[i, right, 0] - points[i, left, 0]
+    e1 = points[i, right, 1] - points[i, left, 1]
+    e2 = points[i, right, 2] - points[i, left, 2]
+    f0 = points[down, j, 0] - points[up, j, 0]
+    f1 = points[down, j, 1] - points[up, j, 1]
+    f2 = points[down, j, 2] - points[up, j, 2]
+    n0, n1, n2 = e1 * f2 - e2 * f1, e2 * f0 - e0 * f2, e0 * f1 - e1 * f0
+    norm = np.sqrt(n0 * n0 + n1 * n1 + n2 * n2)
+    if not norm > 0.0:  # a neighbour is NaN
+        return False
+    normal[0], normal[1], normal[2] = n0 / norm, n1 / norm, n2 / norm
+    return True
+
+
+@njit(cache=True)
+def is_inlier(p, n, plane, tolerance):
+    """Whether a point lies on a plane and its surface faces the plane's way, within 37 degrees."""
+    off = plane[0] * p[0] + plane[1] * p[1] + plane[2] * p[2] - plane[3]
+    along = plane[0] * n[0] + plane[1] * n[1] + plane[2] * n[2]
+    return abs(off) < tolerance * p[2] and abs(along) > 0.8
+
+
+@njit(cache=True)
+def plane_inliers(samples, normals, areas, plane, tolerance):
+    """Which samples lie on a plane, and their area on it.
+
+    ``areas`` are what the samples would cover if they faced the camera.
+    """
+    on = np.zeros(samples.shape[0], np.bool_)
+    total = 0.0
+    for i in range(samples.shape[0]):
+        p = samples[i]
+        on[i] = is_inlier(p, normals[i], plane, tolerance)
+        if on[i]:
+            slant = abs(plane[3]) / np.sqrt(p[0] * p[0] + p[1] * p[1] + p[2] * p[2])
+            total += areas[i] / max(slant, 0.25)
+    return on, total
+
+
+@njit(cache=True)
+def moments(samples, on):
+    """Count, mean (3,) and covariance (3, 3) of some of the samples."""
+    count, mean, square = 0, np.zeros(3), np.zeros((3, 3))
+    for i in range(samples.shape[0]):
+        if on[i]:
+            count += 1
+            for a in range(3):
+                mean[a] += samples[i, a]
+    mean /= max(count, 1)
+    for i in range(samples.shape[0]):
+        if on[i]:
+            for a in range(3):
+                for b in range(3):
+                    square[a, b] += (samples[i, a] - mean[a]) * (samples[i, b] - mean[b])
+    return count, mean, square / max(count - 1, 1)
+
+
+@njit(cache=True)
+def best_plane(samples, normals, areas, seeds, tolerance):
+    """Plane (n, d), ``n . p = d``, through one of the seeds along its normal, with the most area."""
+    best = np.zeros(4)
+    most = 0.0
+    plane = np.empty(4)
+    for seed in seeds:
+        plane[:3] = normals[seed]
+        plane[3] = (normals[seed] * samples[seed]).sum()
+        area = plane_inliers(samples, normals, areas, plane, 2.0 * tolerance)[1]
+        if area > most:
+            most = area
+            best[:] = plane
+    return best
+
+
+@njit(cache=True)
+def mark_plane(points, plane, tolerance, window, out):
+    """Set ``out`` where a pixel and at least half of its window's pixels lie on the plane."""
+    rows, cols = points.shape[:2]
+    on = np.zeros((rows, cols), np.bool_)
+    # sums over all pixels above and to the left: of those on the plane less half of the valid ones
+    sums = np.zeros((rows + 1, cols + 1), np.int32)
+    for i in range(rows):
+        row = 0
+        for j in range(cols):
+            z = points[i, j, 2]
+            if z == z:
+                r = plane[0] * points[i, j, 0] + plane[1] * points[i, j, 1] + plane[2] * z - plane[3]
+                on[i, j] = abs(r) < tolerance * z
+                row += 1 if on[i, j] else -1
+            sums[i + 1, j + 1] = sums[i, j + 1] + row
+    for i in range(rows):
+        top, bottom = max(0, i - window), min(rows, i + window + 1)
+        for j in range(cols):
+            if on[i, j]:
+                left, right = max(0, j - window), min(cols, j + window + 1)
+                more = sums[bottom, right] - sums[top, right] - sums[bottom, left] + sums[top, left]
+                if more >= 0:
+                    out[i, j] = True

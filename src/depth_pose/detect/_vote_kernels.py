@@ -1,0 +1,199 @@
+"""Compiled loops from the net's votes for torsos to clusters; `depth_pose.detect.finder` says why.
+
+``image`` is a `NetImage`. Flat indices count its pixels, row by row, `COLS` to a row.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from depth_pose.core._camera_kernels import ray
+from depth_pose.core.kernels import njit
+from depth_pose.detect._finder_kernels import COLS
+
+_CELL_M = 0.1
+"""Cells in which votes are counted to find where they are dense."""
+
+CELLS = (128, 64, 128)
+"""Cells along x, y, z; votes beyond 6.4 m, 3.2 m and 12.8 m are counted at the edge."""
+
+_LEAST_IN_CELL = 0.1
+"""Share of the least area of a person that the densest cell of their votes holds."""
+
+_SHIFTS = 8
+"""Most moves of a mean; most come to rest in four."""
+
+_REST_M = 0.01
+"""A mean that moves less than this has come to rest, metres. Set by hand, not swept."""
+
+_KEEN_M = 0.1
+"""A vote whose own error is wider than this counts less."""
+
+_ALONG = 0.5
+"""Weight of the squared distance of votes along the camera's axis."""
+
+
+class TorsoVotes(NamedTuple):
+    """The pixels that vote.
+
+    Attributes
+    ----------
+    flat : (N,) int64
+        Which pixels.
+    points : (N, 3) float64
+        Where they see the torso, camera frame, metres.
+    weights, areas : (N,) float64
+        What they weigh, and the area that they show, m^2.
+    """
+
+    flat: NDArray[np.int64]
+    points: NDArray[np.float64]
+    weights: NDArray[np.float64]
+    areas: NDArray[np.float64]
+
+    def first(self, count: int) -> TorsoVotes:
+        """Give the first ``count`` of them, not copied."""
+        return TorsoVotes(self.flat[:count], self.points[:count], self.weights[:count], self.areas[:count])
+
+
+@njit(cache=True)
+def collect_votes(image, mask, torso, least, out):
+    """List pixels whose mask logit is at least ``least``, where they see the torso, and their weight.
+
+    The weight is the area that the pixel shows (m^2), times the probability, less where the vote is
+    unsure. ``out`` (TorsoVotes) has room for all pixels. Returns how many there are.
+    """
+    grid, camera = image.depth, image.camera
+    flat, votes, weights, areas = out
+    count = 0
+    for i in range(image.rows):
+        for j in range(image.cols):
+            z = grid[i, j]
+            if z <= 0.0 or mask[i, j] < least:
+                continue
+            x, y = ray(camera, j, i)
+            votes[count, 0] = x * z + torso[0, i, j]
+            votes[count, 1] = y * z + torso[1, i, j]
+            votes[count, 2] = z + torso[2, i, j]
+            width = np.exp(torso[3, i, j])
+            areas[count] = z * z / (camera.fx * camera.fy)
+            weights[count] = areas[count] / (1.0 + np.exp(-mask[i, j])) * min(1.0, _KEEN_M / width)
+            flat[count] = i * COLS + j
+            count += 1
+    return count
+
+
+@njit(cache=True)
+def cell_of(vote):
+    """Index of the cell that a vote lies in."""
+    index = 0
+    for a in range(3):
+        low = 0.0 if a == 2 else -0.5 * CELLS[a]
+        k = int(np.floor(vote[a] / _CELL_M - low))
+        index = index * CELLS[a] + max(0, min(CELLS[a] - 1, k))
+    return index
+
+
+@njit(cache=True)
+def find_modes(votes, weights, density, radius, least, most, modes):
+    """Where votes gather: means of all votes within ``radius``, each of at least ``least`` m^2.
+
+    ``density`` (all cells) is zero on entry and again on return. Returns how many modes there are.
+    """
+    n = votes.shape[0]
+    cells = np.empty(n, np.int64)
+    for k in range(n):
+        cells[k] = cell_of(votes[k])
+        density[cells[k]] += weights[k]
+    taken = np.zeros(n, np.bool_)
+    count = 0
+    for _ in range(4 * most):
+        best, seed = 0.0, -1
+        for k in range(n):
+            if not taken[k] and density[cells[k]] > best:
+                best, seed = density[cells[k]], k
+        if best < _LEAST_IN_CELL * least or count == most:
+            break
+        mean = votes[seed].copy()
+        total = shift_mean(votes, weights, mean, radius)
+        apart = True
+        for m in range(count):
+            apart &= apart2(modes[m], mean) > radius * radius
+        if apart and total >= least:
+            modes[count] = mean
+            count += 1
+        for k in range(n):
+            if apart2(votes[k], mean) < radius * radius or cells[k] == cells[seed]:
+                taken[k] = True
+    for k in range(n):
+        density[cells[k]] = 0.0
+    return count
+
+
+@njit(cache=True)
+def shift_mean(votes, weights, mean, radius):
+    """Move ``mean`` to the mean of the votes within ``radius`` until it rests; returns their weight."""
+    total = 0.0
+    for _ in range(_SHIFTS):
+        total, x, y, z = 0.0, 0.0, 0.0, 0.0
+        for k in range(votes.shape[0]):
+            if apart2(votes[k], mean) < radius * radius:
+                w = weights[k]
+                total += w
+                x += w * votes[k, 0]
+                y += w * votes[k, 1]
+                z += w * votes[k, 2]
+        if total <= 0.0:
+            break
+        x, y, z = x / total, y / total, z / total
+        moved = abs(x - mean[0]) + abs(y - mean[1]) + abs(z - mean[2])
+        mean[0], mean[1], mean[2] = x, y, z
+        if moved < _REST_M:
+            break
+    return total
+
+
+@njit(cache=True)
+def apart2(a, b):
+    """Squared distance of two votes; they err more along the camera's axis, so that counts less."""
+    return (a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + _ALONG * (a[2] - b[2]) ** 2
+
+
+@njit(cache=True)
+def assign_votes(flat, votes, modes, reach, labels, owner):
+    """Give every listed pixel the nearest mode within ``reach`` (from 1), in the image and in the list."""
+    for k in range(votes.shape[0]):
+        best, owner[k] = reach * reach, 0
+        for m in range(modes.shape[0]):
+            d = apart2(votes[k], modes[m])
+            if d < best:
+                best, owner[k] = d, m + 1
+        labels[flat[k] // COLS, flat[k] % COLS] = owner[k]
+
+
+@njit(cache=True)
+def claim_pixels(image, mask, torso, least, torsos, reach):
+    """Say whose torso each pixel with a mask logit of ``least`` or more votes for, (ROWS, COLS) uint8.
+
+    From 1, in the order of ``torsos`` (P, 3); 0 where the vote lies farther than ``reach`` from all of them.
+    """
+    claims = np.zeros(mask.shape, np.uint8)
+    vote = np.empty(3)
+    for i in range(image.rows):
+        for j in range(image.cols):
+            z = image.depth[i, j]
+            if z <= 0.0 or mask[i, j] < least:
+                continue
+            x, y = ray(image.camera, j, i)
+            vote[0] = x * z + torso[0, i, j]
+            vote[1] = y * z + torso[1, i, j]
+            vote[2] = z + torso[2, i, j]
+            best = reach * reach
+            for p in range(torsos.shape[0]):
+                d = apart2(vote, torsos[p])
+                if d < best:
+                    best, claims[i, j] = d, p + 1
+    return claims

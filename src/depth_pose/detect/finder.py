@@ -1,0 +1,263 @@
+"""Find everybody in a depth image, with a small net that was trained on simulated rooms.
+
+Sec. 4 of the paper cuts one person out with two distances. Here a net says of every pixel of a
+reduced image whether it shows a person, and where that person's torso is, in metres from the point
+that it sees. Votes for one torso gather, so people
+are split by where they are, not by what touches (`depth_pose.detect.clusters`). What is measured of
+each cluster then tells people from things (`depth_pose.detect.verifier`). Last, the people are
+carried to the grid that the later steps work on, along the edges of the depth
+(`depth_pose.detect.outline`).
+
+What a pixel measures at its distance is an input, so one net serves every sensor, field of view
+and mounting. ``tools/people_finder`` makes the weights.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from depth_pose.core.camera import Camera
+from depth_pose.core.config import SegmentConfig
+from depth_pose.core.types import DepthFrame
+from depth_pose.detect import _finder_kernels as kernels
+from depth_pose.detect import working_grid
+from depth_pose.detect._finder_kernels import NetImage
+from depth_pose.detect._vote_kernels import claim_pixels
+from depth_pose.detect.clusters import Clusters, VoteGatherer
+from depth_pose.detect.net import open_net, read_weights
+from depth_pose.detect.outline import carry_people, spread
+from depth_pose.detect.verifier import Verifier
+
+_NEAR_M, _FAR_M = 0.2, 12.0
+"""What the net was trained to look at."""
+
+LEAST_PIXELS = 12
+"""Fewer pixels of the working grid than this are nobody."""
+
+_CLAIM_LOGIT, _CLAIM_M = -2.0, 0.17
+"""From a probability of .12 on, what votes for a place so near to somebody's torso, metres, may be theirs.
+
+Shanks below a desk, to which the net gives .24, vote for .09 to .14 m beside the torso, chairs for .22."""
+
+_CONTACT, _LEAST_CONTACT = 18, 0.3
+"""Measure of how much a cluster touches its neighbour, and how much makes it a part of them."""
+
+_MEAN, _SURE, _AREA, _JUMP, _ASIDE, _SMALLER = 0, 1, 6, 12, 17, 19
+"""Measures: mean probability, share of sure pixels, logarithm of the area, share of the edge with a jump in
+depth; distance aside of the neighbour, and how much smaller (natural logarithm)."""
+
+_HALO_MEAN, _HALO_SURE, _HALO_JUMP, _HALO_ASIDE_M, _HALO_SMALLER = 0.6, 0.1, 0.25, 0.65, 0.7
+"""Set by the clusters on the wall behind the people of the development clips; no person was like that."""
+
+
+@dataclass(frozen=True)
+class Detection:
+    """One person in one frame.
+
+    Attributes
+    ----------
+    label : int
+        Their number in `Detections.labels`, from 1.
+    probability : float
+        That this is a person.
+    torso : (3,) float64
+        Middle of shoulders and hips, camera frame, metres.
+    """
+
+    label: int
+    probability: float
+    torso: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Detections:
+    """Everybody in one frame, on the working grid.
+
+    Attributes
+    ----------
+    depth : (h, w) float32
+        The frame's depth on the working grid, metres; 0 where there is none.
+    labels : (h, w) uint8
+        The number of the person that a pixel shows; 0: nobody.
+    camera : Camera
+        Camera of the working grid.
+    chance : (h, w) float32
+        What the net says of every pixel's chance to show a person, 0 to 1.
+    claims : (h, w) uint8
+        The number of the sure person for whose torso a pixel votes, be it theirs or not; 0: nobody's.
+    people : tuple of Detection
+        Nearest first.
+    out_of_range : int
+        How many more there are nearer or farther than `SegmentConfig.near` and `SegmentConfig.far` say.
+    """
+
+    depth: NDArray[np.float32]
+    labels: NDArray[np.uint8]
+    camera: Camera
+    chance: NDArray[np.float32]
+    claims: NDArray[np.uint8]
+    people: tuple[Detection, ...]
+    out_of_range: int
+
+
+def reduce_frame(frame: DepthFrame, nearest: float = _NEAR_M) -> NetImage:
+    """Bring a frame to the net's grid; its sides keep their proportion.
+
+    What is nearer than ``nearest``, metres, is left out.
+    """
+    camera = frame.camera
+    stride = max(camera.width / kernels.COLS, camera.height / kernels.ROWS)
+    rows = min(kernels.ROWS, int(camera.height / stride + 1e-6))
+    cols = min(kernels.COLS, int(camera.width / stride + 1e-6))
+    grid = np.empty((kernels.ROWS, kernels.COLS), np.float32)
+    depth = frame.depth if frame.depth.dtype == np.float32 else frame.depth.astype(np.float32)
+    near, far = np.float32(max(nearest, _NEAR_M)), np.float32(_FAR_M)
+    kernels.reduce_grid(depth, stride, rows, cols, near, far, grid)
+    reduced = Camera(
+        width=cols,
+        height=rows,
+        fx=camera.fx / stride,
+        fy=camera.fy / stride,
+        cx=(camera.cx + 0.5) / stride - 0.5,
+        cy=(camera.cy + 0.5) / stride - 0.5,
+    )
+    return NetImage(grid, rows, cols, stride, reduced)
+
+
+class PeopleFinder:
+    """Finds people; keeps nothing from one frame to the next.
+
+    Parameters
+    ----------
+    config : SegmentConfig, optional
+    model : bytes, optional
+        The net (ONNX) in place of the one that ships, with ``settings``.
+    settings : mapping, optional
+        What lies beside the net: its verifier.
+    """
+
+    def __init__(
+        self,
+        config: SegmentConfig | None = None,
+        model: bytes | None = None,
+        settings: dict[str, Any] | None = None,
+    ) -> None:
+        self.config = config or SegmentConfig()
+        if model is None or settings is None:
+            model, settings = load_weights()
+        self.settings = settings
+        self.verifier = Verifier.from_mapping(settings["verifier"]) if "verifier" in settings else None
+        self._session = open_net(model)
+        self._input = self._session.get_inputs()[0].name
+        shape = (kernels.ROWS, kernels.COLS)
+        self._features = np.zeros((1, kernels.CHANNELS, *shape), np.float32)
+        self._sums = np.zeros((shape[0] + 1, shape[1] + 1))
+        self._counts = np.zeros((shape[0] + 1, shape[1] + 1), np.int64)
+        self._torso = np.zeros((4, *shape), np.float32)
+        self._gatherer = VoteGatherer()
+
+    def warm_up(self) -> None:
+        """Compile and load everything, so that the first frame takes no longer than the next."""
+        rows, cols = np.mgrid[:120, :160]
+        depth = np.where(np.hypot(rows - 60, 3.0 * (cols - 80)) < 50, 2.0, 4.0).astype(np.float32)
+        self.find(DepthFrame(0, "", depth, Camera(160, 120, 140.0, 140.0, 79.5, 59.5)))
+
+    def find(self, frame: DepthFrame) -> Detections:
+        """Find everybody.
+
+        Parameters
+        ----------
+        frame : DepthFrame
+
+        Returns
+        -------
+        Detections
+            With nobody in it where nobody is in view.
+        """
+        image = reduce_frame(frame, self.config.near)
+        mask, torso, found = self._vote(image)
+        depth, camera = working_grid.reduce_frame(frame, self.config)
+        probability = (
+            np.ones(len(found.torsos)) if self.verifier is None else self.verifier.probability(found.measures)
+        )
+        probability[_is_halo(found.measures)] = 0.0
+        distance = found.torsos[:, 2]
+        near_enough = (distance >= self.config.near) & (distance <= self.config.far)
+        likely = (probability >= self.config.keep) & near_enough
+        beyond = int(((probability >= self.config.start) & ~near_enough).sum())
+        chosen = np.flatnonzero(likely)[np.argsort(distance[likely], kind="stable")]
+        number = np.zeros(len(distance) + 1, np.uint8)
+        number[chosen + 1] = np.arange(1, len(chosen) + 1)
+        _join_parts(found, number, probability < self.config.keep)
+        net_chance = np.reciprocal(1.0 + np.exp(-mask), dtype=np.float32)
+        labels = carry_people(image, number[found.labels], net_chance, depth, camera)
+        pixels = np.bincount(labels.ravel(), minlength=len(chosen) + 1)
+        people = tuple(
+            Detection(n, float(probability[k]), found.torsos[k])
+            for n, k in enumerate(chosen, start=1)
+            if pixels[n] >= LEAST_PIXELS
+        )
+        claims = claim_pixels(image, mask, torso, _CLAIM_LOGIT, found.torsos[chosen], _CLAIM_M)
+        sure = np.zeros(len(chosen) + 1, np.uint8)
+        for person in people:
+            sure[person.label] = person.label if person.probability >= self.config.start else 0
+        return Detections(
+            depth,
+            labels,
+            camera,
+            spread(net_chance, image, camera),
+            spread(sure[claims], image, camera),
+            people,
+            beyond,
+        )
+
+    def cluster(self, image: NetImage) -> tuple[NDArray[np.float32], Clusters]:
+        """Let the net vote, and gather the votes.
+
+        Returns
+        -------
+        mask : (ROWS, COLS) float32
+            Logit of the probability that a pixel shows a person.
+        clusters : Clusters
+        """
+        mask, _, clusters = self._vote(image)
+        return mask, clusters
+
+    def _vote(self, image: NetImage) -> tuple[NDArray[np.float32], NDArray[np.float32], Clusters]:
+        kernels.fill_features(image, self._sums, self._counts, self._features[0])
+        packed_mask, packed_torso = self._session.run(None, {self._input: self._features})
+        mask, torso = np.empty((1, kernels.ROWS, kernels.COLS), np.float32), self._torso
+        kernels.unpack(packed_mask[0], mask)
+        kernels.unpack(packed_torso[0], torso)
+        return mask[0], torso, self._gatherer.gather(image, mask[0], torso)
+
+
+def _is_halo(measures: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Say which clusters are the wall between somebody's limbs.
+
+    They lie beside or behind a cluster of twice their area, the net is half sure of them at most, and
+    their surface goes on beyond their edge.
+    """
+    beside = (measures[:, _ASIDE] < _HALO_ASIDE_M) & (measures[:, _SMALLER] > _HALO_SMALLER)
+    unsure = (measures[:, _MEAN] < _HALO_MEAN) & (measures[:, _SURE] < _HALO_SURE)
+    return beside & unsure & (measures[:, _JUMP] < _HALO_JUMP)
+
+
+def _join_parts(found: Clusters, number: NDArray[np.uint8], may_join: NDArray[np.bool_]) -> None:
+    """Give the pixels of clusters that are no persons to whom they touch, through others as well."""
+    parts = may_join & (found.measures[:, _CONTACT] >= _LEAST_CONTACT) & (found.neighbour >= 0)
+    largest_first = np.argsort(-found.measures[:, _AREA], kind="stable")  # a neighbour is larger
+    for k in largest_first[parts[largest_first]]:
+        number[k + 1] = number[found.neighbour[k] + 1]
+
+
+def load_weights(folder: Path | None = None) -> tuple[bytes, dict[str, Any]]:
+    """Read the net that ships, or that of a folder, and what lies beside it."""
+    settings = json.loads(read_weights("people_finder.json", folder))
+    return read_weights("people_finder.onnx", folder), settings

@@ -1,0 +1,150 @@
+"""A second, closer look at each person whom the finder found: at their joints, and whether it is a person.
+
+The finder looks at whole images and places trunks well, limbs badly. Here a crop of 2.56 m around the
+torso, 3.2 cm to a pixel whatever the sensor and the distance, goes through another small net. Each of its
+400 cells votes for every joint and says how much its vote counts (Xiong et al. 2019, *A2J*); the net gives
+each joint's expected error as well, and whether the person is seen from behind. Joints that are hidden are
+guessed from the others, and their errors say so. Last, it says how likely this is a person and no thing,
+which it has learned from what the finder takes for people; logistic regression joins this with the finder's
+own answer. ``tools/people_finder`` makes the weights.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from depth_pose.core.camera import Camera
+from depth_pose.core.skeleton import MIRROR_JOINTS
+from depth_pose.detect import _crop_kernels as kernels
+from depth_pose.detect._crop_kernels import Look
+from depth_pose.detect.net import open_net, read_weights
+
+LEAST_ERROR_M = 0.02
+"""Narrowest distribution that a joint may claim, as trained (``tools/people_finder/joint_losses.py``).
+
+The mean distance from the truth is three times as much."""
+
+_SUREST = 1e-4
+"""No answer counts as surer than this."""
+
+TYPICAL_ERROR_M = 0.1
+"""Error of a joint's proposal at which its confidence is one half."""
+
+
+@dataclass(frozen=True)
+class JointProposals:
+    """Where one person's joints seem to be.
+
+    Attributes
+    ----------
+    joints : (19, 3) float64
+        Hidden ones too, camera frame, metres; left and right as ``from_behind`` says.
+    error : (19,) float64
+        Expected error, metres, that of left and right taken for each other included.
+    from_behind : float
+        Probability that the person's left is on the image's left.
+    probability : float
+        That this is a person, by both looks.
+    """
+
+    joints: NDArray[np.float64]
+    error: NDArray[np.float64]
+    from_behind: float
+    probability: float
+
+    @property
+    def confidence(self) -> NDArray[np.float32]:
+        """0 to 1, (19,); one half where the error is 0.1 m."""
+        return (1.0 / (1.0 + (self.error / TYPICAL_ERROR_M) ** 2)).astype(np.float32)
+
+
+class PersonOdds(NamedTuple):
+    """Logistic regression on what both looks say of somebody being a person.
+
+    Attributes
+    ----------
+    first, second : float
+        Weights of the logits of the finder and of the second look.
+    bias : float
+    """
+
+    first: float
+    second: float
+    bias: float
+
+    def probability(self, found: float, logit: float) -> float:
+        """Join the finder's probability and the second look's logit."""
+        return _logistic(self.first * logit_of(found) + self.second * logit + self.bias)
+
+
+def logit_of(probability: float) -> float:
+    """Give the logit of a probability, which is cut at `_SUREST` from 0 and 1."""
+    p = min(max(probability, _SUREST), 1.0 - _SUREST)
+    return float(np.log(p / (1.0 - p)))
+
+
+def _logistic(logit: float) -> float:
+    return float(1.0 / (1.0 + np.exp(-logit)))
+
+
+class JointFinder:
+    """Proposes joints; keeps nothing from one frame to the next.
+
+    Parameters
+    ----------
+    weights : path, optional
+        A folder with a net in place of the one that ships.
+    """
+
+    def __init__(self, weights: Path | None = None) -> None:
+        self._session = open_net(read_weights("joint_finder.onnx", weights))
+        settings = json.loads(read_weights("joint_finder.json", weights))
+        self._person = PersonOdds(*settings["person"])
+        shape = (kernels.SIDE, kernels.SIDE)
+        self._features = np.zeros((1, kernels.CHANNELS, *shape), np.float32)
+        self._grid, self._whose = np.empty(shape, np.float32), np.empty(shape, np.int64)
+
+    def find(
+        self,
+        depth: NDArray[np.float32],
+        labels: NDArray[np.uint8],
+        camera: Camera,
+        label: int,
+        torso: NDArray[np.float64],
+        probability: float,
+    ) -> JointProposals:
+        """Look at one person.
+
+        Parameters
+        ----------
+        depth : (h, w) float32
+            The whole image, metres; 0 where there is none.
+        labels : (h, w) uint8
+            The number of the person whom a pixel shows.
+        camera : Camera
+        label : int
+            Number of this person.
+        torso : (3,) float64
+            Middle of their shoulders and hips, about, camera frame, metres.
+        probability : float
+            That this is a person, by the first look.
+        """
+        look = Look(*torso.tolist())
+        kernels.sample_crop(depth, labels, camera, look, self._grid, self._whose)
+        kernels.fill_features(self._grid, self._whose, label, look, self._features[0])
+        places, log_error, behind, person = self._session.run(None, {"features": self._features})
+        joints = kernels.from_crop(places[0].astype(np.float64), look)
+        error = 3.0 * (LEAST_ERROR_M + np.exp(log_error[0].astype(np.float64).clip(-6.0, 2.0)))
+        from_behind = _logistic(float(behind[0]))
+        if from_behind > 0.5:
+            joints, error = joints[MIRROR_JOINTS], error[MIRROR_JOINTS]
+        apart = np.linalg.norm(joints - joints[MIRROR_JOINTS], axis=1)
+        error += min(from_behind, 1.0 - from_behind) * apart
+        both = self._person.probability(probability, float(person[0]))
+        return JointProposals(joints, error, from_behind, both)

@@ -1,0 +1,125 @@
+"""Cut everybody out of a depth image with the learned people finder (the default)."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from depth_pose.core.config import SegmentConfig
+from depth_pose.core.types import BACKGROUND, HIDDEN, DepthFrame
+from depth_pose.detect import working_grid
+from depth_pose.detect._border_kernels import mark_nearer
+from depth_pose.detect.candidates import CandidateFinder, Candidates
+from depth_pose.detect.finder import Detection
+from depth_pose.detect.joint_finder import JointFinder, JointProposals
+from depth_pose.detect.last_looks import LastLooks
+from depth_pose.detect.last_people import LastPeople
+from depth_pose.detect.sample_frame import sample_frame
+from depth_pose.detect.segmentation import Segmentation, Sighting
+
+_CHANGE_M, _MOST_CHANGED, _NEWS = 0.15, 0.4, 0.3
+"""What is nearer by so much was not there before, metres; not if this share of the image changed, when the
+camera moved; and the share of somebody's pixels that makes them news. Set by hand; not swept."""
+
+_STEP_NS = 30_000_000
+"""From the first frame of the warm-up to the second, nanoseconds: carried over (`LastPeople`)."""
+
+
+class LearnedSegmenter:
+    """Finds everybody by two looks: at the image, and at each who may be a person.
+
+    Who was found for sure is carried over to the next frame without the first look (`LastPeople`).
+
+    Parameters
+    ----------
+    config : SegmentConfig
+    weights : path, optional
+        A folder of nets in place of those that ship.
+
+    Attributes
+    ----------
+    candidates : CandidateFinder
+        The first look.
+    """
+
+    def __init__(self, config: SegmentConfig, weights: Path | None = None) -> None:
+        self.config = config
+        self.candidates = CandidateFinder(config, weights)
+        self._joints = JointFinder(weights)
+        self._people = LastPeople(config)
+        self._looks = LastLooks(config.look_every)
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the room."""
+        self.candidates.reset()
+        self._people.reset()
+        self._looks.reset()
+        self._before = np.zeros((0, 0), np.float32)
+
+    def warm_up(self) -> None:
+        """Compile every kernel, and load the net."""
+        working_grid.warm_up(self.config)
+        frame = sample_frame()
+        for k in range(2):  # searched, and carried over
+            self.segment(replace(frame, stamp_ns=k * _STEP_NS))
+        self.reset()
+
+    def segment(self, frame: DepthFrame) -> Segmentation:
+        """Label every pixel of the working grid."""
+        found = self._people.carry(frame) or self.candidates.find(frame)
+        labels = self.candidates.mark_hidden(found, frame.filled)
+        news = self._news(found.depth)
+        seen = self._looks.renew(found.people, frame.stamp_ns, lambda p: self._look_closer(found, labels, p))
+        sightings = [
+            _sighting(person, looked, labels, news) for person, looked in zip(found.people, seen, strict=True)
+        ]
+        sure = tuple(s for s in sightings if s.probability >= self.config.keep)
+        for thing in sightings:
+            if thing.probability < self.config.keep:
+                labels[labels == thing.label] = BACKGROUND
+        self._people.keep(found, sure, frame.stamp_ns)
+        if len(sure) < len(sightings):  # a thing before somebody may hide more of them
+            mark_nearer(found.depth, labels, found.camera, self.config.depth_jump)
+        is_person = (labels != BACKGROUND) & (labels != HIDDEN)
+        return Segmentation(
+            depth=np.where(is_person, found.depth, np.float32(0)),
+            labels=labels,
+            camera=found.camera,
+            sightings=sure,
+            out_of_range=found.out_of_range,
+        )
+
+    def _news(self, depth: NDArray[np.float32]) -> NDArray[np.bool_]:
+        """Say which pixels show something nearer than in the frame before; none where all has changed."""
+        before, self._before = self._before, depth
+        if before.shape != depth.shape:
+            return np.zeros(depth.shape, np.bool_)
+        known = (before > 0) & (depth > 0)
+        changed = known & (np.abs(before - depth) > _CHANGE_M)
+        is_another_view = changed.sum() > _MOST_CHANGED * known.sum()
+        return changed & (depth < before) & ~is_another_view
+
+    def _look_closer(self, found: Candidates, labels: NDArray[np.uint8], person: Detection) -> JointProposals:
+        """Propose a person's joints from a crop around them, and say whether it is one."""
+        return self._joints.find(
+            found.depth, labels, found.camera, person.label, person.torso, person.probability
+        )
+
+
+def _sighting(
+    person: Detection, seen: JointProposals, labels: NDArray[np.uint8], news: NDArray[np.bool_]
+) -> Sighting:
+    """Put together what both looks say of somebody."""
+    own = labels == person.label
+    return Sighting(
+        label=person.label,
+        place=person.torso,
+        probability=seen.probability,
+        proposals=seen.joints.astype(np.float32),
+        proposal_confidence=seen.confidence,
+        is_news=bool(np.count_nonzero(news & own) > _NEWS * np.count_nonzero(own)),
+    )

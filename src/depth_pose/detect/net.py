@@ -1,0 +1,29 @@
+"""Open a net for the run time: one thread, the same sums every time."""
+
+from __future__ import annotations
+
+import os
+from importlib import resources
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from onnxruntime import InferenceSession
+
+
+def open_net(model: bytes) -> InferenceSession:
+    """Open a net (ONNX)."""
+    # else it reports to its makers, from a thread that forked processes lack
+    os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")
+    import onnxruntime
+
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = options.inter_op_num_threads = 1
+    options.use_deterministic_compute = True
+    options.log_severity_level = 3
+    return onnxruntime.InferenceSession(model, options, providers=["CPUExecutionProvider"])
+
+
+def read_weights(name: str, folder: Path | None = None) -> bytes:
+    """Read a file of weights: of those in a folder, or of those that ship with the package."""
+    return ((folder or resources.files("depth_pose.detect") / "weights") / name).read_bytes()

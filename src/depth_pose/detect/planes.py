@@ -1,0 +1,133 @@
+"""Walls, floor and ceiling: the large planes of a room, which are not the person."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from depth_pose.core.camera import Camera
+from depth_pose.detect import _plane_kernels as kernels
+
+WALL_AREA_M2, WALL_WIDTH_M = 1.5, 0.2
+"""Least visible area of a plane, and least standard deviation of its points along its narrower
+side; a person's back has less."""
+
+FLOOR_AREA_M2, FLOOR_WIDTH_M = 0.6, 0.12
+"""The same for planes less than 40 degrees off the camera's horizontal: nobody's back is there."""
+
+_TOLERANCE = 0.012
+"""Distance from a plane, as a share of the range, within which a point belongs to it."""
+
+_MAX_PLANES = 10
+"""Planes of a room, at most. Set by hand, not swept."""
+_SEEDS = 64
+"""Points whose own plane is tried for each plane. Set by hand, not swept."""
+_SAMPLES = 2500
+"""Points of the image that planes are looked for in, about. Set by hand, not swept."""
+_SEARCH_EVERY = 15
+"""Frames between searches for planes that were not seen before."""
+
+Array = NDArray[np.float64]
+
+
+class PlaneFinder:
+    """Marks large planes; those of the frame before are tried first, since cameras seldom move."""
+
+    def __init__(self) -> None:
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the room."""
+        self._known: list[Array] = []
+        self._frames = 0
+
+    def find(self, points: NDArray[np.float32], camera: Camera) -> list[Array]:
+        """Find large planes.
+
+        Parameters
+        ----------
+        points, camera
+            As in `mark`.
+
+        Returns
+        -------
+        list of (4,) float64
+            Unit normal n and offset d of each plane, ``n . p = d``, camera frame, metres.
+        """
+        room = _Samples.draw(points, camera)
+        found = [plane for known in self._known if (plane := room.take(known)) is not None]
+        if len(found) < len(self._known) or self._frames % _SEARCH_EVERY == 0:
+            found += _search(room, _MAX_PLANES - len(found))
+        self._known = found
+        self._frames += 1
+        return found
+
+    def mark(self, points: NDArray[np.float32], camera: Camera) -> NDArray[np.bool_]:
+        """Mark the pixels of large planes.
+
+        Parameters
+        ----------
+        points : (h, w, 3) float32
+            Organised points, metres, NaN where there is none.
+        camera : Camera
+            Camera of the grid.
+
+        Returns
+        -------
+        (h, w) bool
+        """
+        found = self.find(points, camera)
+        marked = np.zeros(points.shape[:2], np.bool_)
+        for plane in found:
+            kernels.mark_plane(points, plane, 1.5 * _TOLERANCE, 3, marked)
+        return marked
+
+
+class _Samples:
+    """Samples of a frame's surfaces that no plane has explained yet."""
+
+    def __init__(self, points: Array, normals: Array, areas: Array) -> None:
+        self.points, self.normals, self.areas = points, normals, areas
+
+    @classmethod
+    def draw(cls, points: NDArray[np.float32], camera: Camera) -> _Samples:
+        return cls(*kernels.draw_samples(points, _SAMPLES, max(2, points.shape[0] // 36), camera.fx))
+
+    def take(self, plane: Array) -> Array | None:
+        """Fit a plane to the samples near it and take those out; None where it is none, or small."""
+        area, width = 0.0, 0.0
+        inliers = np.zeros(len(self.points), np.bool_)
+        for _ in range(4):
+            inliers, area = kernels.plane_inliers(self.points, self.normals, self.areas, plane, _TOLERANCE)
+            count, middle, covariance = kernels.moments(self.points, inliers)
+            if count < 10:
+                break
+            variances, axes = np.linalg.eigh(covariance)
+            plane = np.append(axes[:, 0], axes[:, 0] @ middle)
+            width = float(np.sqrt(max(variances[1], 0.0)))  # along its narrower side
+        is_plane = _is_large(plane, area, width)
+        if is_plane:  # its noisy points too must not make up another plane
+            inliers |= np.abs(self.points @ plane[:3] - plane[3]) < 2.5 * _TOLERANCE * self.points[:, 2]
+        rest = ~inliers
+        self.points, self.normals, self.areas = self.points[rest], self.normals[rest], self.areas[rest]
+        return plane if is_plane else None
+
+
+def _search(room: _Samples, most: int) -> list[Array]:
+    """Find planes among the samples, the largest first."""
+    rng = np.random.default_rng(0)  # the same frame always gives the same planes
+    found = []
+    for _ in range(most):
+        if room.areas.sum() < FLOOR_AREA_M2:
+            break
+        seeds = rng.integers(0, len(room.points), _SEEDS)
+        guess = kernels.best_plane(room.points, room.normals, room.areas, seeds, _TOLERANCE)
+        if (plane := room.take(guess)) is not None:
+            found.append(plane)
+    return found
+
+
+def _is_large(plane: Array, area: float, width: float) -> bool:
+    if abs(plane[1]) > np.cos(np.radians(40)):
+        return area >= FLOOR_AREA_M2 and width >= FLOOR_WIDTH_M
+    return area >= WALL_AREA_M2 and width >= WALL_WIDTH_M

@@ -1,0 +1,46 @@
+"""The pixel grid that all later steps work on: the image, reduced to about as many rows as they need."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from depth_pose.core.camera import Camera
+from depth_pose.core.config import SegmentConfig
+from depth_pose.core.types import DepthFrame
+from depth_pose.detect import _reduce_kernels as kernels
+
+
+def reduce_camera(camera: Camera, stride: int) -> Camera:
+    """Give the camera whose pixels are blocks of ``stride`` x ``stride`` pixels."""
+    return Camera(
+        width=camera.width // stride,
+        height=camera.height // stride,
+        fx=camera.fx / stride,
+        fy=camera.fy / stride,
+        cx=(camera.cx - (stride - 1) / 2) / stride,
+        cy=(camera.cy - (stride - 1) / 2) / stride,
+    )
+
+
+def reduce_frame(frame: DepthFrame, config: SegmentConfig) -> tuple[NDArray[np.float32], Camera]:
+    """Bring a frame to the working grid.
+
+    Returns
+    -------
+    depth : (h, w) float32
+        Metres; 0 where nothing returned between the nearest and the farthest distance.
+    camera : Camera
+    """
+    stride = max(1, round(frame.camera.height / config.working_height))
+    if stride == 1:
+        return kernels.clip_depth(frame.depth, config.near, config.far), frame.camera
+    depth = kernels.reduce_depth(frame.depth, stride, config.depth_jump, config.near, config.far)
+    return depth, reduce_camera(frame.camera, stride)
+
+
+def warm_up(config: SegmentConfig) -> None:
+    """Compile the kernels for images that are reduced and for those that are not."""
+    for side in (8, 2 * config.working_height):
+        depth = np.full((side, 8), 2.0, np.float32)
+        reduce_frame(DepthFrame(0, "", depth, Camera(8, side, 60.0, 60.0, 3.5, 0.5 * side)), config)

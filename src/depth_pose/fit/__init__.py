@@ -1,1 +1,0 @@
-"""Fitting the body to points: CPD, Laplacian completion, the articulated fit, rendered-depth comparison."""

@@ -1,0 +1,1 @@
+"""Canonical axes, search, placing and size (Ye et al. Sec. 5)."""

@@ -1,0 +1,130 @@
+"""Compiled exact search for nearest neighbours; `depth_pose.match.search` says how it works."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from depth_pose.core.kernels import njit
+
+BLOCK = 512
+"""Entries whose bounds are computed together; all of a block's sums stay in the fastest cache."""
+
+
+@njit(cache=True, fastmath=True)
+def bound_distances(head, steps, rest_norms, gamma, gamma_rest, bounds, best):
+    """Squared distances of rounded entries in the first dimensions, and of lengths in the others.
+
+    Entry i is ``steps[k] * head[k, i]`` in dimension k of an even number, and ``rest_norms[i]``
+    long in the others. ``best`` gets each block's entry with the lowest bound.
+    """
+    dimensions, count = head.shape
+    for block in range(best.shape[0]):
+        start, end = block * BLOCK, min((block + 1) * BLOCK, count)
+        out, norms = bounds[start:end], rest_norms[start:end]
+        for i in range(out.shape[0]):
+            gap = norms[i] - gamma_rest
+            out[i] = gap * gap
+        for k in range(0, dimensions, 2):  # by two: half as many passes over the sums
+            here, step, g = head[k, start:end], steps[k], gamma[k]
+            here2, step2, g2 = head[k + 1, start:end], steps[k + 1], gamma[k + 1]
+            for i in range(out.shape[0]):
+                gap, gap2 = np.float32(here[i]) * step - g, np.float32(here2[i]) * step2 - g2
+                out[i] += gap * gap + gap2 * gap2
+        best[block] = start + np.argmin(out)
+
+
+@njit(cache=True, fastmath=True)
+def joint_distances(squares, local, weights, pulls, out):
+    """Weighted squared distances of known joints from some others, but for what is the same for all.
+
+    Parameters
+    ----------
+    squares, local : (J, N), (3 J, N) float32
+        Squared lengths, and coordinates, of the joints of N poses.
+    weights, pulls : (R, J), (R, 3 J) float32
+        What each joint counts; weight times twice the coordinates, of R others.
+    out : (R, N) float32
+        Written.
+    """
+    count = squares.shape[1]
+    for start in range(0, count, BLOCK):
+        end = min(start + BLOCK, count)
+        for r in range(out.shape[0]):
+            total = out[r, start:end]
+            total[:] = np.float32(0.0)
+            for k in range(squares.shape[0]):
+                w, square = weights[r, k], squares[k, start:end]
+                a, b, c = pulls[r, 3 * k], pulls[r, 3 * k + 1], pulls[r, 3 * k + 2]
+                x, y, z = local[3 * k, start:end], local[3 * k + 1, start:end], local[3 * k + 2, start:end]
+                for i in range(total.shape[0]):
+                    total[i] += w * square[i] - (a * x[i] + b * y[i] + c * z[i])
+
+
+@njit(cache=True)
+def least_of_rows(values, count):
+    """Numbers (R, count) of the least of each row of (R, N), ascending; of equal ones the first."""
+    out, kept = np.empty((values.shape[0], count), np.int64), np.empty(count, values.dtype)
+    for r in range(values.shape[0]):
+        kept[:] = np.inf
+        out[r] = -1
+        filled = 0
+        for i in range(values.shape[1]):
+            if filled < count or values[r, i] < kept[count - 1]:
+                insert(values[r, i], i, kept, out[r], filled)
+                filled = min(filled + 1, count)
+    return out
+
+
+@njit(cache=True, fastmath=True, forceinline=True)
+def squared_distance(entry, gamma):
+    """Squared distance in all dimensions."""
+    total = np.float32(0.0)
+    for k in range(gamma.shape[0]):
+        gap = entry[k] - gamma[k]
+        total += gap * gap
+    return total
+
+
+@njit(cache=True)
+def insert(distance, entry, distances, entries, filled):
+    """Insert into a list kept in ascending order, whose last element falls out where it is full."""
+    at = filled if filled < distances.shape[0] else filled - 1
+    while at > 0 and (
+        distances[at - 1] > distance or (distances[at - 1] == distance and entries[at - 1] > entry)
+    ):
+        distances[at] = distances[at - 1]
+        entries[at] = entries[at - 1]
+        at -= 1
+    distances[at] = distance
+    entries[at] = entry
+
+
+@njit(cache=True)
+def limit_of(distance, slack):
+    """Bounds above this belong to entries that are farther; the rounding of both is in it."""
+    root = np.sqrt(distance) * np.float32(1.0001) + slack
+    return root * root
+
+
+@njit(cache=True)
+def search(table, bounds, slack, best, gamma, distances, entries):
+    """Find the nearest entries exactly, nearest first; most of the table is ruled out by its bounds.
+
+    ``slack`` is the most by which rounding may have put the root of a bound above the distance.
+    """
+    count = distances.shape[0]
+    distances[:] = np.inf
+    entries[:] = -1
+    for i in best:
+        d = squared_distance(table[i], gamma)
+        if d < distances[count - 1]:
+            insert(d, i, distances, entries, count)
+        bounds[i] = np.inf  # done
+    limit = limit_of(distances[count - 1], slack)
+    for i in range(bounds.shape[0]):
+        if bounds[i] > limit or bounds[i] == np.inf:
+            continue
+        d = squared_distance(table[i], gamma)
+        if d < distances[count - 1] or (d == distances[count - 1] and i < entries[count - 1]):
+            insert(d, i, distances, entries, count)
+            limit = limit_of(distances[count - 1], slack)

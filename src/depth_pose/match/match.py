@@ -1,0 +1,284 @@
+"""Find the exemplars that look like the input, from any view (Sec. 5).
+
+The cloud is put into canonical axes, drawn as a small depth image, projected into the bank's PCA
+subspace, and compared with every view of every exemplar there (Ye et al. eq. 6, exact search). The paper
+takes the nearest one. Here the nearest hundred are posed, placed at the input and rendered as
+small images, the best few of them as larger ones; the disagreement of rendered and observed depth
+ranks them, and several go on to the refinement. The same score finds the person's size over the
+first frames.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from depth_pose.bank.bank import Bank
+from depth_pose.bank.canonical import describe
+from depth_pose.bank.views import AXES
+from depth_pose.body.rendered_depth import Observation
+from depth_pose.core.config import FitConfig, MatchConfig
+from depth_pose.core.rotations import matrix_to_quat
+from depth_pose.core.skeleton import NODE_INDEX
+from depth_pose.core.types import Candidate, PoseMatch
+from depth_pose.match._match_kernels import keep_different
+from depth_pose.match.last_match import LastMatch
+from depth_pose.match.placing import (
+    ExemplarRenderer,
+    ExemplarViews,
+    Placed,
+    better,
+    join,
+    place_exemplars,
+)
+from depth_pose.match.proposed_exemplars import ProposedExemplars
+from depth_pose.match.scale import SCALES, ScaleFinder
+from depth_pose.match.search import SubspaceSearch
+from depth_pose.match.trial_fits import TrialFits
+from depth_pose.match.upright_exemplars import UprightExemplars, head_axes
+from depth_pose.refine.articulated import ArticulatedFitter, BodyPose
+from depth_pose.track.memory import PerPerson
+from depth_pose.track.person import People, Person, thin_image
+from depth_pose.track.sample_people import sample_people
+from depth_pose.track.turns import Turns
+
+_ROUGH_M, _FINE_M = 0.08, 0.04
+"""Widest pixels at the person, of the image that all of the shortlist is compared in, and of the
+image for the finalists."""
+
+_FINALISTS = 16
+"""Exemplars that are compared in the finer image, where they are and corrected."""
+
+_CORRECTED = 8
+"""The best of them, which are corrected once more."""
+
+_MORE = 1.2
+"""How much more must be seen of a person who is cut off before their size is found again."""
+
+_WHOLE_FRAMES = 5
+"""Frames in a row in which a person who was cut off is whole before their size is found again: the finder's
+answer wavers from frame to frame where somebody stands behind furniture. Set by hand, not swept."""
+
+_NEARLY = 0.04
+"""Best matches that face opposite ways and whose scores differ by less are told apart by fits."""
+
+_LEFT, _RIGHT = ([NODE_INDEX[f"{side}_{n}"] for n in ("shoulder", "hip")] for side in ("left", "right"))
+
+_SAME_POSE_M = 0.05
+"""Candidates whose nodes are this close on average are the same pose."""
+
+
+_EVEN_SCORE, _SCORE_SPREAD = 0.56, 0.057
+"""Logistic curve fitted to simulated people by ``benchmarks/bank_score.py``."""
+
+
+def match_confidence(score: float) -> float:
+    """Chance that a best match with this score is right, 0 to 1.
+
+    Right means that its joints are within 100 mm on average, before any refinement, and that left
+    and right, front and back are not exchanged.
+    """
+    return float(1.0 / (1.0 + np.exp((score - _EVEN_SCORE) / _SCORE_SPREAD)))
+
+
+class _Size:
+    """What is known of one person's size.
+
+    Attributes
+    ----------
+    finder : ScaleFinder
+    is_partial : bool
+        Whether it was found while the image's border may have cut the person off.
+    shown : float
+        Most that was seen of them meanwhile: points times squared distance.
+    whole : int
+        Frames in a row in which nothing cut them off.
+    """
+
+    def __init__(self, finder: ScaleFinder) -> None:
+        self.finder = finder
+        self.reset()
+
+    def reset(self) -> None:
+        self.finder.reset()
+        self.is_partial, self.shown, self.whole = False, 0.0, 0
+
+
+class Matcher:
+    """The second stage: what `matcher_node` runs.
+
+    Attributes
+    ----------
+    turns : Turns
+        Who is served where time is short; without a limit unless somebody sets one.
+    """
+
+    def __init__(self, bank: Bank, config: MatchConfig, fit: FitConfig | None = None) -> None:
+        self.bank = bank
+        self.config = config
+        self.turns = Turns()
+        self._search = SubspaceSearch(bank.coefficients.reshape(-1, bank.coefficients.shape[-1]))
+        self._views = ExemplarViews(np.arange(bank.poses), bank.view_quats, bank.view_origins)
+        self._renderer = ExemplarRenderer(bank, config.score_band)
+        self._upright = UprightExemplars(bank)
+        self._proposed = ProposedExemplars(bank)
+        self._fitter = ArticulatedFitter(bank.body, fit)
+        self._sizes = PerPerson(lambda: _Size(ScaleFinder(self._fitter, config.score_band)))
+        self._last = PerPerson(lambda: LastMatch(config.search_every))
+
+    def reset(self) -> None:
+        """Forget everybody's size."""
+        self._sizes.reset()
+        self._last.reset()
+
+    def warm_up(self) -> None:
+        """Compile every kernel; forgets everybody's size."""
+        for person in sample_people(self.bank).persons:
+            self._match(person, self._sizes[person.body_id])
+        self.reset()
+
+    def match(self, people: People) -> tuple[PoseMatch, ...]:
+        """Find the exemplars nearest to each person.
+
+        Parameters
+        ----------
+        people : People
+
+        Returns
+        -------
+        tuple of PoseMatch
+            One for each person who is served (`Turns`).
+        """
+        self._sizes.begin(people.stamp_ns)
+        self._last.begin(people.stamp_ns)
+        served = self.turns.take(people.persons)
+        return tuple(self._match(person, self._sizes[person.body_id]) for person in served)
+
+    def _match(self, person: Person, size: _Size) -> PoseMatch:
+        """Give the exemplars nearest to one person: searched for now, or carried along."""
+        self._await_whole(person, size)
+        last = self._last[person.body_id]
+        if self._is_known(size.finder):
+            carried = last.carried(person, self._scale(person, size.finder))
+            if carried is not None:
+                return carried
+        match = self._search_for(person, size)
+        last.keep(person, match)
+        return match
+
+    def _search_for(self, person: Person, size: _Size) -> PoseMatch:
+        """Find the exemplars nearest to one person."""
+        is_new = size.finder.frames == 0
+        scale = self._scale(person, size.finder)
+        rough = self._compare_roughly(person, scale, self.config.shortlist)
+        placed = self._compare_finely(person, scale, rough)
+        if not is_new and not self._is_known(size.finder):
+            size.finder.add(person, self._pose(placed, 0, scale))
+        return PoseMatch(person.body_id, self.bank.bank_id, scale, self._keep_different(placed))
+
+    def _is_known(self, finder: ScaleFinder) -> bool:
+        """Tell whether the size is given, or was found and is held."""
+        return self.config.scale > 0.0 or finder.frames >= self.config.scale_frames
+
+    def _await_whole(self, person: Person, size: _Size) -> None:
+        """Find the size of a person of whom a part is cut off or hidden anew, as more is seen of them."""
+        if not (person.is_cut_beside or person.is_cut_below):
+            size.whole += 1
+            if size.is_partial and size.whole >= _WHOLE_FRAMES:
+                size.reset()
+            return
+        size.whole = 0
+        shown = len(person.points) * float(np.median(person.points[:, 2])) ** 2
+        if size.is_partial and shown > _MORE * size.shown:
+            size.finder.reset()
+            size.shown = shown
+        elif not size.is_partial and not self._is_known(size.finder):
+            size.is_partial, size.shown = True, shown
+
+    def _scale(self, person: Person, finder: ScaleFinder) -> float:
+        """Give the person's size: as configured, or found over the frames so far."""
+        if self.config.scale > 0.0:
+            return self.config.scale
+        if finder.frames == 0:
+            few = max(4, self.config.shortlist // 4)
+            tried = [(s, self._compare_roughly(person, s, few)) for s in self._first_sizes(person)]
+            scale, rough = min(tried, key=lambda t: float(t[1].scores.min()))
+            finder.add(person, self._pose(self._compare_finely(person, scale, rough), 0, scale))
+        return finder.scale
+
+    def _first_sizes(self, person: Person) -> list[float]:
+        """Give the sizes that are compared first: about the proposals' own, or all over the range."""
+        sizes = SCALES[1::3]
+        if (guess := self._proposed.size(person.found)) is None:
+            return sizes.tolist()
+        nearest = int(np.argmin(np.abs(np.log(sizes / guess))))
+        return sizes[max(0, nearest - 1) : nearest + 2].tolist()
+
+    def _pose(self, placed: Placed, row: int, scale: float) -> BodyPose:
+        """Give one's pose in the camera frame."""
+        rotations = placed.rotations[row] @ self.bank.rotations(int(placed.exemplars[row]))
+        return BodyPose(rotations, placed.translations[row], scale)
+
+    def _compare_roughly(self, person: Person, scale: float, shortlist: int) -> Placed:
+        """Search with each of the input's axes at one size, and compare all that is found."""
+        axes = AXES[self.bank.view_scheme](person.points)
+        share = max(1, shortlist // len(axes))
+        parts = []
+        for a in axes:
+            descriptor = describe(person.points, a, scale).astype(np.float32)
+            nearest = self._search.find(self.bank.components @ (descriptor - self.bank.mean), share)
+            parts.append(place_exemplars(self._views, nearest, a, scale))
+        if person.is_cut_below:
+            hung, upright = head_axes(person.points, scale), self._upright
+            parts.append(place_exemplars(upright.views, upright.all, hung, scale))
+        if (proposed := self._proposed.find(person.found, scale)) is not None:
+            parts.append(proposed)
+        return self._renderer.compare(join(parts), scale, _thinned(person, _ROUGH_M))
+
+    def _compare_finely(self, person: Person, scale: float, rough: Placed) -> Placed:
+        """Compare the best of the shortlist in a finer image; the best first."""
+        image = _thinned(person, _FINE_M)
+        there = rough.take(rough.ranking()[:_FINALISTS])
+        # a correction found in few pixels is worth a try, no more
+        pairs = (self._renderer.compare(p, scale, image) for p in (there, there.moved()))
+        compared = better(*pairs)
+        best = compared.take(compared.ranking()[:_CORRECTED])
+        best = better(best, self._renderer.compare(best.moved(), scale, image))
+        return self._settle_facing(best.take(best.ranking()), person, scale)
+
+    def _settle_facing(self, placed: Placed, person: Person, scale: float) -> Placed:
+        """Put the best that faces the other way first, where it agrees better once both are fitted.
+
+        From behind people look much as from before, and where the bank has no pose that is near, one
+        that faces the wrong way may agree as well as one that does not.
+        """
+        across = placed.nodes[:, _LEFT].sum(axis=1) - placed.nodes[:, _RIGHT].sum(axis=1)
+        close = placed.scores < placed.scores[0] + _NEARLY
+        turned = np.flatnonzero(close & (across @ across[0] < 0.0))
+        if turned.size == 0:
+            return placed
+        trial, other = TrialFits(self._fitter, self.config.score_band, person), turned[0]
+        if trial.score(self._pose(placed, 0, scale)) <= trial.score(self._pose(placed, other, scale)):
+            return placed
+        rows = np.arange(len(placed.scores))
+        return placed.take(np.insert(rows[rows != other], 0, other))
+
+    def _keep_different(self, placed: Placed) -> tuple[Candidate, ...]:
+        """Give the best few that are different poses."""
+        kept = keep_different(placed.nodes, _SAME_POSE_M, self.config.keep)
+        quats = matrix_to_quat(placed.rotations[kept])
+        return tuple(
+            Candidate(
+                exemplar=int(placed.exemplars[k]),
+                view=int(placed.views[k]),
+                quat_xyzw=quat,
+                translation=placed.translations[k],
+                distance=float(placed.distances[k]),
+                score=float(placed.scores[k]),
+            )
+            for k, quat in zip(kept, quats, strict=True)
+        )
+
+
+def _thinned(person: Person, spacing_m: float) -> Observation:
+    """Leave out pixels of the half-resolution image that are closer than need be."""
+    return thin_image(person.coarse, float(person.points[:, 2].mean()), spacing_m)

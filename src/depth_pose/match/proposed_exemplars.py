@@ -1,0 +1,110 @@
+"""Exemplars whose joints lie where the finder's second look proposes them.
+
+The subspace of Sec. 5 compares clouds, in which an arm before the trunk hardly counts. The proposals
+(`depth_pose.detect.joint_finder`) say where the arm is; the exemplars whose joints lie most like that
+are compared by rendered depth beside the others.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from depth_pose.bank.bank import Bank
+from depth_pose.core.rotations import nearest_rotation
+from depth_pose.core.skeleton import JOINT_INDEX, JOINT_NODES, JOINTS, MIRROR_JOINTS, body_length
+from depth_pose.core.types import FoundPerson
+from depth_pose.match import _search_kernels as kernels
+from depth_pose.match.placing import Placed, unscored
+
+_LEFT = [JOINT_INDEX["left_shoulder"], JOINT_INDEX["left_hip"]]
+_RIGHT = [JOINT_INDEX["right_shoulder"], JOINT_INDEX["right_hip"]]
+_NECK, _PELVIS = JOINT_INDEX["neck"], JOINT_INDEX["pelvis"]
+
+_LAID = 16
+"""Exemplars, the nearest with trunk on trunk, that are laid over the proposals as well as can be."""
+
+_TAKEN = (8, 4)
+"""Of these, how many are compared; and how many for left and right taken for each other."""
+
+_EVEN = 0.25
+"""Joints whose claimed error is half of that of even confidence weigh half of the most that one can."""
+
+
+class ProposedExemplars:
+    """Finds exemplars by joints."""
+
+    def __init__(self, bank: Bank) -> None:
+        self._joints = bank.pose_nodes[:, JOINT_NODES]
+        self._length = body_length(bank.body.nodes[JOINT_NODES])
+        axes, middle = _trunk(self._joints)
+        local = ((self._joints - middle[:, None]) @ axes).astype(np.float32)
+        self._local = np.ascontiguousarray(local.reshape(bank.poses, -1).T)
+        self._squares = np.ascontiguousarray((local**2).sum(axis=2).T)
+
+    def find(self, found: FoundPerson, scale: float) -> Placed | None:
+        """Give the exemplars whose joints lie most like a person's; None without proposals."""
+        if len(found.proposals) != len(JOINTS):
+            return None
+        joints = found.proposals.astype(np.float64)
+        confidence = np.maximum(found.proposal_confidence.astype(np.float64), 1e-3)
+        weights = 1.0 / (_EVEN + 1.0 / confidence - 1.0)
+        weights /= weights.sum()
+        named, weights = _both(joints), _both(weights)
+        near = self._nearest(named, weights, scale)
+        rows = np.repeat([0, 1], near.shape[1])
+        gaps, turns, roots = _lay(scale * self._joints[near.ravel()], named[rows], weights[rows])
+        best = np.argsort(gaps.reshape(near.shape), axis=1, kind="stable")
+        taken = np.concatenate([n * near.shape[1] + best[n, :count] for n, count in enumerate(_TAKEN)])
+        return unscored(near.ravel()[taken], turns[taken], roots[taken])
+
+    def size(self, found: FoundPerson) -> float | None:
+        """Give a first guess of a person's size from the lengths between proposed joints; None without."""
+        if len(found.proposals) != len(JOINTS):
+            return None
+        return body_length(found.proposals) / self._length
+
+    def _nearest(
+        self, named: NDArray[np.float64], weights: NDArray[np.float64], scale: float
+    ) -> NDArray[np.int64]:
+        """Give the exemplars (2, `_LAID`) that are nearest to joints (2, 19, 3), trunk on trunk."""
+        axes, middle = _trunk(named)
+        local = ((named - middle[:, None]) @ axes) / scale
+        pulls = (2.0 * weights[:, :, None] * local).reshape(2, -1).astype(np.float32)
+        distance = np.empty((2, self._local.shape[1]), np.float32)
+        kernels.joint_distances(self._squares, self._local, weights.astype(np.float32), pulls, distance)
+        count = min(_LAID, distance.shape[1])
+        return np.asarray(kernels.least_of_rows(distance, count))
+
+
+def _both(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Give what is known of joints, and the same with left and right exchanged."""
+    return np.stack([values, values[MIRROR_JOINTS]])
+
+
+def _lay(
+    own: NDArray[np.float64], joints: NDArray[np.float64], weights: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Lay poses' joints (K, 19, 3) over others: what is left (K,), rotations, pelvises (`fit_rigid`)."""
+    share = weights[:, None]
+    own_middle, middle = share @ own, share @ joints
+    turns = nearest_rotation(
+        (joints - middle).transpose(0, 2, 1) @ (weights[:, :, None] * (own - own_middle))
+    )
+    back = turns.transpose(0, 2, 1)
+    gaps = (own - own_middle) @ back - (joints - middle)
+    left = (share @ (gaps**2)).sum(axis=(1, 2))
+    return left, turns, (middle - own_middle @ back)[:, 0]
+
+
+def _trunk(joints: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Axes (N, 3, 3), in columns, and middles (N, 3) of the trunks of (N, 19, 3) joints."""
+    up = _unit(joints[:, _NECK] - joints[:, _PELVIS])
+    across = joints[:, _LEFT].mean(axis=1) - joints[:, _RIGHT].mean(axis=1)
+    across = _unit(across - (across * up).sum(axis=1, keepdims=True) * up)
+    axes = np.stack([across, up, np.cross(across, up)], axis=2)
+    return axes, joints[:, _LEFT + _RIGHT].mean(axis=1)
+
+
+def _unit(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+    return vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-9)

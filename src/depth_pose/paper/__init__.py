@@ -1,0 +1,1 @@
+"""Coherent point drift, Laplacian completion and joint transfer (Ye et al. Sec. 6)."""

@@ -1,1 +1,0 @@
-"""Finding people in a depth image, telling them apart, and following them over time."""

@@ -1,0 +1,1 @@
+"""Failure check, temporal registration, confidence and filter (Ye et al. Sec. 6)."""

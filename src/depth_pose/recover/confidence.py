@@ -1,0 +1,247 @@
+r"""How sure a skeleton and each of its joints are, and how each joint was seen.
+
+A joint's confidence is the chance that it lies within 10 cm of where it should. Its log-odds are
+a sum: a term for the kind of joint, terms for what is seen at the joint and along the segment of
+the limb that ends there, and of how far the finder's second look sees the joint from there (`SIGNS`), and one
+for the fit's rendered-depth score,
+
+.. math:: \log\frac{p_j}{1 - p_j} = k_j + \sum_i w_i\, s_{ij} + w\, \mathrm{score}
+
+whose figures ``benchmarks/confidence.py`` fits to simulated people and checks on recordings that
+nothing was fitted to (docs/accuracy.md).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from depth_pose.core.skeleton import JOINT_INDEX, JOINTS, JointState
+from depth_pose.core.types import Fitted, FoundPerson
+from depth_pose.recover import _confidence_kernels as kernels
+from depth_pose.track.person import Person
+
+_HALF_SURE_SCORE = 0.45
+"""Rendered-depth score at which a fit is as likely right as wrong."""
+
+_SCORE_SPREAD = 0.06
+"""How fast that chance falls with the score: to .27 this much above. Set by hand, not swept."""
+
+_DEPTH_BEHIND_SURFACE = {"wrist": 0.03, "foot": 0.03, "ankle": 0.04, "elbow": 0.05, "knee": 0.06}
+"""How far below the skin a joint's centre lies, metres; 0.11 for those not named."""
+
+_HIDDEN_BEHIND = 0.07
+"""A joint is hidden if the surface seen there lies this much nearer than its own should, metres."""
+
+_TOWARD = {
+    "pelvis": "spine", "spine": "pelvis", "chest": "spine", "neck": "chest", "head": "neck",
+    "shoulder": "neck", "elbow": "shoulder", "wrist": "elbow",
+    "hip": "pelvis", "knee": "hip", "ankle": "knee", "foot": "ankle",
+}  # fmt: skip
+"""The other end of the segment that is looked at for each kind of joint."""
+
+SIGNS = {
+    "hidden": 0.17,
+    "outside": -2.31,
+    "in free space": 0.57,
+    "before the surface": 0.09,
+    "behind the surface": 0.10,
+    "segment in free space": -2.83,
+    "segment hidden": -3.62,
+    "segment off the surface": -2.71,
+    "hidden behind oneself": -0.59,
+    "outside, the other end seen": 0.44,
+    "away from the proposal": -0.62,
+    "sure of the proposal": 3.03,
+}
+"""Log-odds of what is seen. Hidden, in free space, behind oneself and not another thing, outside next to a
+joint that is seen: 0 or 1. Outside: how far beyond the image's border, in units of 7 cm, at most 2.
+Before or behind: how far the joint is from where it should lie under the surface seen, in those units,
+at most 2. Of the segment: the shares of it in free space and hidden, and the mean distance of the rest.
+Of the proposal: how sure the finder is of it, 0 to 1, and that times how far the joint lies from it, in
+units of 10 cm, at most 4."""
+
+_APART_UNIT_M, _MOST_APART = 0.1, 4.0
+"""Unit of the distance from the proposal, metres, and its most in that unit: `SIGNS` are fitted with them."""
+
+KINDS = {
+    "pelvis": 8.64,
+    "spine": 8.90,
+    "chest": 9.51,
+    "neck": 8.83,
+    "head": 9.02,
+    "shoulder": 8.40,
+    "elbow": 5.79,
+    "wrist": 4.08,
+    "hip": 8.31,
+    "knee": 6.82,
+    "ankle": 5.60,
+    "foot": 5.54,
+}
+"""Log-odds of each kind of joint."""
+
+SCORE = -6.72
+"""Log-odds of the fit's rendered-depth score."""
+
+BESIDE = 0.45
+"""The most that is said of a joint beyond the left or right border of the image: of people cut off there
+by half too much is guessed, and nothing was fitted to them."""
+
+SKELETON_SIGNS = {
+    "always": -4.12,
+    "log-odds of being a person": 0.66,
+    "log-odds of the joints' mean confidence": 1.09,
+    "metres from the finder's joints": -6.64,
+}
+"""Log-odds of a skeleton, by what is known of it; fitted to simulated rooms with clutter by
+``benchmarks/confidence.py --rooms``. The distance from the finder's proposals is weighed by how sure
+they are; that of rendered depth is in the joints' confidence."""
+
+_LEAST_SEEN = 4
+"""Where fewer joints are seen, a skeleton's confidence speaks of all of them."""
+
+_FAR_APART_M = 0.5
+"""A joint farther from where the finder sees it counts as so far off, metres. Set by hand, not swept."""
+_LEAST_CHANCE = 0.01
+"""Chances are cut at this and at 1 less this, so that their log-odds are finite. Set by hand, not swept."""
+_SKELETON_ODDS = np.array(list(SKELETON_SIGNS.values()))
+
+_KIND = [name.split("_")[-1] for name in JOINTS]
+"""What each joint is, without its side."""
+_BELOW = np.array([_DEPTH_BEHIND_SURFACE.get(kind, 0.11) for kind in _KIND])
+"""How far below the skin each joint lies, (19,), metres on the 1.75 m body."""
+_OTHER_END = np.array(
+    [
+        JOINT_INDEX.get(name.replace(kind, _TOWARD[kind]), JOINT_INDEX.get(_TOWARD[kind], 0))
+        for name, kind in zip(JOINTS, _KIND, strict=True)
+    ]
+)
+"""The joint at the other end of each one's bone, by `_TOWARD`, (19,)."""
+_KIND_ODDS = np.array([KINDS[kind] for kind in _KIND])
+_SIGN_ODDS = np.array(list(SIGNS.values()))
+
+
+@dataclass(frozen=True)
+class JointSigns:
+    """How each joint was seen: states (19,) uint8, and the figures of `SIGNS`, (19, 12)."""
+
+    states: NDArray[np.uint8]
+    signs: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class JointReport:
+    """How each joint was seen: states (19,) uint8, and confidence (19,), the chance to be within 10 cm."""
+
+    states: NDArray[np.uint8]
+    confidence: NDArray[np.float64]
+
+
+def fit_confidence(score: float) -> float:
+    """Confidence, 0 to 1, of a fit with a rendered-depth score; falls with the score.
+
+    It knows nothing of clutter; `skeleton_confidence` does.
+    """
+    return float(1.0 / (1.0 + np.exp((score - _HALF_SURE_SCORE) / _SCORE_SPREAD)))
+
+
+def skeleton_signs(person: Person, fitted: Fitted) -> NDArray[np.float64]:
+    """Give what the confidence of a skeleton is made from, (4,): `SKELETON_SIGNS`."""
+    skeleton, found = fitted.skeleton, person.found
+    seen = joints_that_count(skeleton.joint_states)
+    gap = 0.0
+    if len(found.proposals) == len(skeleton.positions):
+        trust = seen * found.proposal_confidence.astype(np.float64)
+        apart = np.linalg.norm(skeleton.positions - found.proposals, axis=1)
+        gap = float(np.minimum(apart, _FAR_APART_M) @ trust / max(float(trust.sum()), 1e-6))
+    joints = float(skeleton.joint_confidence[seen].mean())
+    return np.array([1.0, _log_odds(found.probability), _log_odds(joints), gap])
+
+
+def joints_that_count(states: NDArray[np.uint8]) -> NDArray[np.bool_]:
+    """Say which joints (19,) a skeleton's confidence speaks of: those seen; all where hardly any are."""
+    seen = states == JointState.SEEN
+    return seen if seen.sum() >= _LEAST_SEEN else np.ones_like(seen)
+
+
+def skeleton_confidence(person: Person, fitted: Fitted) -> float:
+    """Chance, 0 to 1, that this is a person and that the joints seen lie within 10 cm on average.
+
+    Legs that a desk or the image's border hides do not count: what is known of them stands with the joints.
+
+    Parameters
+    ----------
+    person : Person
+    fitted : Fitted
+        Their skeleton, with a pose.
+    """
+    odds = float(skeleton_signs(person, fitted) @ _SKELETON_ODDS)
+    return float(1.0 / (1.0 + np.exp(-odds)))
+
+
+def _log_odds(chance: float) -> float:
+    chance = min(max(chance, _LEAST_CHANCE), 1.0 - _LEAST_CHANCE)
+    return float(np.log(chance / (1.0 - chance)))
+
+
+def look_at_joints(positions: NDArray[np.float64], scale: float, person: Person) -> JointSigns:
+    """Compare joints with the depth seen where they and the limbs' segments project.
+
+    Parameters
+    ----------
+    positions : (19, 3) float64
+        Camera frame, metres.
+    scale : float
+    person : Person
+
+    Returns
+    -------
+    JointSigns
+        SEEN where the surface lies as far in front of the joint as it should; OCCLUDED where it
+        lies nearer, or where nothing is known; OUTSIDE_IMAGE beyond the image's border.
+    """
+    states, signs = np.empty(len(JOINTS), np.uint8), np.empty((len(JOINTS), len(SIGNS)))
+    kernels.look_at_joints(
+        positions,
+        _OTHER_END,
+        scale * _BELOW,
+        _HIDDEN_BEHIND,
+        person.camera,
+        person.full,
+        states,
+        signs,
+    )
+    signs[:, -2:] = _proposal_signs(positions, person.found)
+    return JointSigns(states, signs)
+
+
+def _proposal_signs(positions: NDArray[np.float64], found: FoundPerson) -> NDArray[np.float64]:
+    """Give how far joints (19, 3) are from where they are proposed, and how sure of that, (19, 2); else 0."""
+    if len(found.proposals) != len(positions):
+        return np.zeros((len(positions), 2))
+    sure = found.proposal_confidence.astype(np.float64)
+    apart = np.linalg.norm(positions - found.proposals, axis=1) / _APART_UNIT_M
+    return np.stack([np.minimum(apart, _MOST_APART) * sure, sure], axis=1)
+
+
+def report_joints(positions: NDArray[np.float64], scale: float, person: Person, score: float) -> JointReport:
+    """Tell how each joint was seen, and how likely it is right.
+
+    Parameters
+    ----------
+    positions : (19, 3) float64
+        Camera frame, metres.
+    scale : float
+    person : Person
+    score : float
+        Rendered-depth score of the fit.
+    """
+    seen = look_at_joints(positions, scale, person)
+    odds = _KIND_ODDS + seen.signs @ _SIGN_ODDS + SCORE * score
+    confidence = 1.0 / (1.0 + np.exp(-odds))
+    column = person.camera.fx * positions[:, 0] / positions[:, 2] + person.camera.cx
+    beside = np.abs(column - 0.5 * (person.camera.width - 1)) > 0.5 * person.camera.width
+    confidence[beside] = np.minimum(confidence[beside], BESIDE)
+    return JointReport(seen.states, confidence)

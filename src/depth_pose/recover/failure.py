@@ -1,0 +1,196 @@
+"""Telling failed skeletons (Sec. 6): sudden changes, joints beyond their limits, poor agreement.
+
+The paper looks for sudden changes of bone lengths and for joint angles beyond their limits. A fit
+of a body keeps its bones, and a person taken for their own back view bends no joint; so the joints'
+jumps and the fit's score (`depth_pose.body.rendered_depth`) are looked at too, against the frame before.
+`benchmarks/recovery.py` measures how many of simulated failures are found.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from depth_pose.body.angles import ANGLES, HANG
+from depth_pose.body.body import Body
+from depth_pose.core.config import RecoverConfig
+from depth_pose.core.rotations import rotation_y
+from depth_pose.core.skeleton import BONES, JOINT_NODES, JOINTS, NODE_INDEX
+from depth_pose.core.types import Fitted, Skeleton
+from depth_pose.recover import _failure_kernels as kernels
+from depth_pose.refine.skeleton_pose import pose_from_skeleton
+
+KINDS: tuple[str, ...] = (
+    "no_pose",
+    "bone_length",
+    "joint_angle",
+    "low_confidence",
+    "jump",
+    "worse_fit",
+)
+"""Kinds of failure, the keys of the counters, in the order they are looked for."""
+
+_JUMP_M = 0.1
+"""A joint may differ by this from frame to frame, beside what its speed allows."""
+
+_UNKNOWN_PERSON = 2.0
+"""How many times as far a bone may be from the body's own, before the person's are known."""
+
+_LEAST_CHANGE_M = 0.06
+"""A bone that changes by less is no failure, however short it is."""
+
+_HANGS = tuple(np.stack([HANG[n] for n in names]) for names in (("shoulder", "elbow"), ("hip", "knee")))
+"""Rotations from rest to hanging of a left arm's and a left leg's upper and lower segment, (2, 3, 3) each."""
+
+_BENT = 0.5
+"""Sine of the bend from which on elbow and knee tell the twist of the segment above."""
+
+
+def _hinges() -> list[tuple[int, int, int, NDArray[np.float64], float]]:
+    """Upper and lower segment, end, rotation from rest to hanging, and 1 where it folds forward."""
+    out = []
+    for side, mirror in (("left", 1.0), ("right", -1.0)):
+        flip = np.array([mirror, 1.0, 1.0])
+        for names, forward in ((("shoulder", "elbow", "wrist"), 1.0), (("hip", "knee", "ankle"), -1.0)):
+            upper, lower, end = (NODE_INDEX[f"{side}_{name}"] for name in names)
+            out.append((upper, lower, end, flip[:, None] * HANG[names[0]] * flip, forward))
+    return out
+
+
+_HINGES = _hinges()
+
+
+@dataclass(frozen=True)
+class Failure:
+    """A kind, one of `KINDS`, and what was found, for people."""
+
+    kind: str
+    reason: str
+
+
+class FailureCheck:
+    """Checks one body's skeletons."""
+
+    def __init__(self, body: Body, config: RecoverConfig) -> None:
+        self.body = body
+        self.config = config
+        self._own_bones = bone_lengths(body.nodes[JOINT_NODES])
+
+    def find(self, fitted: Fitted, good: Fitted | None, before: Skeleton | None) -> Failure | None:
+        """Look for a failure.
+
+        Parameters
+        ----------
+        fitted : Fitted
+        good : Fitted, optional
+            The last one in which none was found; the body's own proportions stand in for it.
+        before : Skeleton, optional
+            What was answered to the frame before, without the filter.
+
+        Returns
+        -------
+        Failure or None
+        """
+        skeleton = fitted.skeleton
+        if skeleton.is_lost:
+            return Failure("no_pose", "no pose was found, though somebody is in view")
+        return (
+            self._changed_bone(skeleton, good.skeleton if good is not None else None)
+            or self._bent_too_far(skeleton)
+            or self._unsure(skeleton)
+            or self._jumped(skeleton, before)
+            or self._fits_worse(fitted, good)
+        )
+
+    def _changed_bone(self, skeleton: Skeleton, good: Skeleton | None) -> Failure | None:
+        if good is None:
+            before, allowed = self._own_bones, _UNKNOWN_PERSON * self.config.bone_change
+        else:
+            before, allowed = bone_lengths(good.positions) / good.scale, self.config.bone_change
+        now = bone_lengths(skeleton.positions) / skeleton.scale
+        change = np.abs(now / before - 1.0)
+        change[np.abs(now - before) * skeleton.scale < _LEAST_CHANGE_M] = 0.0
+        b = int(np.argmax(change))
+        if change[b] <= allowed:
+            return None
+        start, end = (JOINTS[j] for j in BONES[b])
+        return Failure(
+            "bone_length",
+            f"{start} to {end} went from {before[b] * skeleton.scale:.2f} to "
+            f"{now[b] * skeleton.scale:.2f} m, by {change[b]:.0%} (bone_change allows {allowed:.0%})",
+        )
+
+    def _bent_too_far(self, skeleton: Skeleton) -> Failure | None:
+        excess = limit_excess(self.body, skeleton)
+        a = int(np.argmax(excess))
+        if excess[a] <= self.config.angle_excess:
+            return None
+        return Failure(
+            "joint_angle",
+            f"{ANGLES[a]} is {excess[a]:.0f} degrees beyond its limit "
+            f"(angle_excess allows {self.config.angle_excess:.0f})",
+        )
+
+    def _jumped(self, skeleton: Skeleton, before: Skeleton | None) -> Failure | None:
+        if before is None:
+            return None
+        seconds = (skeleton.stamp_ns - before.stamp_ns) * 1e-9
+        way = np.linalg.norm(skeleton.positions - before.positions, axis=1)
+        allowed = _JUMP_M + self.config.joint_speed * seconds
+        j = int(np.argmax(way))
+        if way[j] <= allowed:
+            return None
+        return Failure(
+            "jump",
+            f"{JOINTS[j]} went {way[j]:.2f} m in {seconds:.3f} s (joint_speed allows {allowed:.2f})",
+        )
+
+    def _fits_worse(self, fitted: Fitted, good: Fitted | None) -> Failure | None:
+        if good is None or fitted.score - good.score <= self.config.score_rise:
+            return None
+        return Failure(
+            "worse_fit",
+            f"the disagreement with the input went from {good.score:.2f} to {fitted.score:.2f} "
+            f"(score_rise allows {self.config.score_rise:.2f})",
+        )
+
+    def _unsure(self, skeleton: Skeleton) -> Failure | None:
+        if skeleton.confidence >= self.config.min_confidence:
+            return None
+        return Failure(
+            "low_confidence",
+            f"confidence {skeleton.confidence:.2f} is below min_confidence {self.config.min_confidence:.2f}",
+        )
+
+
+def bone_lengths(positions: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Lengths of the 18 bones, metres, of joints (19, 3)."""
+    start, end = np.array(BONES).T
+    return np.asarray(np.linalg.norm(positions[end] - positions[start], axis=1))
+
+
+def limit_excess(body: Body, skeleton: Skeleton) -> NDArray[np.float64]:
+    """How far each anatomical angle lies beyond its limit, degrees, (47,); 0 for those not judged.
+
+    What a fit says of the twist of upper arm and thigh comes from the limb's skin alone and is often
+    wrong while all joints are right. Where elbow or knee are bent their plane tells the twist, so it
+    is taken from there: a knee that bends forward shows as a thigh that is twisted too far.
+    """
+    rotations = pose_from_skeleton(body, skeleton).rotations
+    rotations = rotations[0].T @ rotations  # against the pelvis: the camera may be mounted at any tilt
+    for upper, lower, end, rest_to_hanging, forward in _HINGES:
+        frame = rotations[upper] @ rest_to_hanging.T
+        bone = body.nodes[end] - body.nodes[lower]
+        x, _, z = frame.T @ rotations[lower] @ (bone / np.linalg.norm(bone)) * forward
+        if np.hypot(x, z) > _BENT:
+            rotations[upper] = frame @ rotation_y(np.arctan2(x, z)) @ rest_to_hanging
+    return excess_of(rotations)
+
+
+def excess_of(rotations: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Give how far each judged angle of (21, 3, 3) against the pelvis is beyond its limit, degrees, (47,)."""
+    excess = np.empty(len(ANGLES))
+    kernels.limit_excess(np.ascontiguousarray(rotations), *_HANGS, excess)
+    return excess

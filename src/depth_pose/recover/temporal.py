@@ -1,0 +1,67 @@
+"""Carry a body from one frame to the next by the clouds alone (Sec. 6, failure recovery).
+
+The cloud of frame t-1 is registered to that of frame t by coherent point drift; each vertex of the
+last mesh that was seen corresponds to the points of frame t-1 around it and goes where they went;
+the rest of the mesh follows by Laplacian completion (Ye et al. eq. 7), and the joints by their control
+vertices (Ye et al. eq. 8).
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from depth_pose.body.body import Body
+from depth_pose.body.rendered_depth import Observation
+from depth_pose.core.config import CpdConfig, TemporalConfig
+from depth_pose.paper import _cpd_kernels as kernels
+from depth_pose.paper.completion import MeshCompleter
+from depth_pose.paper.cpd import register
+from depth_pose.refine.articulated import BodyPose, FittedBody
+
+Array = NDArray[np.float64]
+
+
+class TemporalCarrier:
+    """Carries a completer's body from frame to frame."""
+
+    def __init__(
+        self, completer: MeshCompleter, config: TemporalConfig | None = None, cpd: CpdConfig | None = None
+    ) -> None:
+        self._completer = completer
+        self.config = config or TemporalConfig()
+        self._cpd = replace(cpd or CpdConfig(), beta=self.config.beta, stiffness=self.config.stiffness)
+
+    def carry(
+        self, before: Array, now: Array, coarse_before: Observation, pose: BodyPose, body: Body
+    ) -> FittedBody:
+        """Carry a body over.
+
+        Parameters
+        ----------
+        before, now : (M, 3), (N, 3) float64
+            The person's points at t-1 and t, metres, camera frame; a few hundred suffice.
+        coarse_before : Observation
+            Frame t-1 at low resolution, whose camera decides which vertices were seen.
+        pose : BodyPose
+            The body at t-1.
+        body : Body
+            The person's build of the completer's body.
+
+        Returns
+        -------
+        FittedBody
+            The body at t; unchanged where nothing was seen of it.
+        """
+        c, completer = self.config, self._completer.of(body)
+        found = register(before, now, self._cpd)
+        posed = body.pose(pose.rotations, pose.root, pose.scale)
+        facing = completer.visible(posed, pose.rotations, coarse_before)
+        visible = np.flatnonzero(facing > completer.config.min_facing)
+        targets, weights = posed.vertices.copy(), np.zeros(len(posed.vertices))
+        seen, mass = posed.vertices[visible], np.empty(len(visible))
+        kernels.follow(seen, before, found.moved, found.probability, c.reach, seen, mass)
+        targets[visible], weights[visible] = seen, c.weight * np.minimum(mass, 1.0)
+        return completer.complete(pose, posed, targets, weights)

@@ -1,0 +1,264 @@
+"""Compiled loops of the articulated fit, E and M step; `depth_pose.refine.articulated` derives them."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from depth_pose.body._skin_kernels import skin
+from depth_pose.core._camera_kernels import project, ray
+from depth_pose.core._fast_exp import falling_exp
+from depth_pose.core._grid_kernels import Grid, bounds, sort_into_cells
+from depth_pose.core._raster_kernels import NEAR_M, rasterize
+from depth_pose.core.kernels import njit
+from depth_pose.refine._aim_kernels import nearer_naming
+from depth_pose.refine._tree_kernels import Equations, add_vertex, take_step
+from depth_pose.refine._visibility_kernels import mark_visible, turn_normals
+
+_REACH = 2.5
+"""Vertices within this many standard deviations of a point count."""
+
+_LANES = 16
+"""Vertices around a cell are padded to a multiple of this many, with some that are `_FAR_AWAY`."""
+
+_FAR_AWAY = np.float32(1e6)
+"""Where padding lies, metres: so far off that no point weighs it."""
+
+_LEAST_MASS = 1e-3
+"""Vertices with fewer points than this pull nothing."""
+
+_THIN = 3
+"""In coarse iterations every third point does: all of the person still shows; set by hand, not swept."""
+
+USUAL_POINTS = 800.0
+"""Number of points for which the weights are given (`FitConfig.max_points`); they go in proportion."""
+
+_BEHIND_M = 0.05
+"""A vertex is seen if it lies at most this far behind the rendered depth, metres; set by hand, not swept."""
+
+
+_LOOK_EVERY = 2
+"""Iterations between two looks at which vertices are seen. Every time: 26.9 mm on six development clips;
+every second time: 26.6, and a fit takes a fifth less."""
+
+_ELSEWHERE_M = 0.15
+"""A joint this far from its proposal is pulled a quarter as much as its gap says, a farther one less:
+one of the two is elsewhere; set by hand, not swept."""
+
+
+class Proposals(NamedTuple):
+    """Where joints are proposed, under both namings of left and right.
+
+    Attributes
+    ----------
+    nodes : (J,) int64
+    places : (2, J, 3) float64
+        Metres, camera frame.
+    weights : (2, J) float64
+        0 to 1; none where nobody proposes any: J is 0.
+    """
+
+    nodes: Any
+    places: Any
+    weights: Any
+
+
+class Settings(NamedTuple):
+    """Numbers of `depth_pose.core.config.FitConfig` under their names; ``root_prior`` is 0."""
+
+    coarse_sigma: float
+    outlier: float
+    plane_weight: float
+    point_weight: float
+    free_space_weight: float
+    free_space_slack: float
+    free_space_limit: float
+    proposal_weight: float
+    prior: float
+    root_prior: float
+    damping: float
+    max_step: float
+
+
+class Surface(NamedTuple):
+    """A posed skin: vertices and normals (V, 3), and the node that moves each vertex most, (V,)."""
+
+    vertices: Any
+    normals: Any
+    segment: Any
+
+
+@njit(cache=True, fastmath=True, forceinline=True)
+def assign(points, stride, vertices, visible, sigma, outlier, mass, pull):
+    """E-step: responsibilities of visible vertices for every ``stride``-th point, summed per vertex.
+
+    ``mass[m] = sum_n p(m | x_n)``, ``pull[m] = sum_n p(m | x_n) (x_n - v_m)``. Only vertices
+    within `_REACH` sigma of a point count. Points and vertices are sorted into cells of that size;
+    the vertices around a cell are gathered for all its points, so that the loops over them, which
+    are all the time this takes, are vectorised.
+    """
+    mass[:] = 0.0
+    pull[:] = 0.0
+    reach = _REACH * sigma
+    low_x, low_y, high_x, high_y = bounds(vertices, visible)
+    if high_x < low_x:
+        return
+    low_x, low_y = low_x - reach, low_y - reach
+    rows, cols = int((high_y - low_y) / reach) + 2, int((high_x - low_x) / reach) + 2
+    grid = Grid(low_x, low_y, reach, rows, cols)
+    order, start = sort_into_cells(vertices, visible, grid)
+    used = np.zeros(points.shape[0], np.bool_)
+    used[::stride] = True
+    point_order, point_start = sort_into_cells(points, used, grid)
+
+    room = order.shape[0] + _LANES
+    vx, vy, vz, p = (np.empty(room, np.float32), np.empty(room, np.float32), np.empty(room, np.float32),
+                     np.empty(room, np.float32))  # fmt: skip
+    m, rx, ry, rz = (np.empty(room, np.float32), np.empty(room, np.float32), np.empty(room, np.float32),
+                     np.empty(room, np.float32))  # fmt: skip
+    near = np.empty(room, np.int32)
+    steep, most = np.float32(0.5 / (sigma * sigma)), np.float32(0.5 * _REACH * _REACH)
+    for row in range(rows):
+        for col in range(cols):
+            first, last = point_start[row * cols + col], point_start[row * cols + col + 1]
+            if first == last:
+                continue
+            count = 0
+            for a in range(max(0, row - 1), min(rows, row + 2)):
+                for k in range(start[a * cols + max(0, col - 1)], start[a * cols + min(cols, col + 2)]):
+                    near[count] = order[k]
+                    count += 1
+            for k in range(count):
+                vx[k], vy[k], vz[k] = vertices[near[k], 0], vertices[near[k], 1], vertices[near[k], 2]
+            lanes = (count + _LANES - 1) // _LANES * _LANES
+            for k in range(count, lanes):
+                vx[k] = vy[k] = vz[k] = _FAR_AWAY
+            for k in range(lanes):
+                m[k] = rx[k] = ry[k] = rz[k] = np.float32(0.0)
+            for j in point_order[first:last]:
+                x, y, z = np.float32(points[j, 0]), np.float32(points[j, 1]), np.float32(points[j, 2])
+                total = np.float32(outlier)
+                for k in range(lanes):
+                    dx, dy, dz = x - vx[k], y - vy[k], z - vz[k]
+                    far = steep * (dx * dx + dy * dy + dz * dz)
+                    w = falling_exp(min(far, most))
+                    w = w if far < most else np.float32(0.0)
+                    p[k] = w
+                    total += w
+                share = np.float32(1.0) / total
+                for k in range(lanes):
+                    w = share * p[k]
+                    m[k] += w
+                    rx[k] += w * (x - vx[k])
+                    ry[k] += w * (y - vy[k])
+                    rz[k] += w * (z - vz[k])
+            for k in range(count):
+                i = near[k]
+                mass[i] += m[k]
+                pull[i, 0] += rx[k]
+                pull[i, 1] += ry[k]
+                pull[i, 2] += rz[k]
+
+
+@njit(cache=True, fastmath=True, forceinline=True)
+def add_points(surface, mass, pull, origin, settings, equations):
+    """M-step data term: pull every vertex to its mean point, along its normal and in all."""
+    vertices, normals = surface.vertices, surface.normals
+    metric = np.empty((3, 3))
+    r = np.empty(3)
+    for i in range(vertices.shape[0]):
+        if mass[i] < _LEAST_MASS:
+            continue
+        for a in range(3):
+            r[a] = pull[i, a] / mass[i]
+            for b in range(3):
+                metric[a, b] = mass[i] * settings.plane_weight * normals[i, a] * normals[i, b]
+            metric[a, a] += mass[i] * settings.point_weight
+        add_vertex(vertices[i], origin, metric, r, equations, surface.segment[i])
+
+
+@njit(cache=True, fastmath=True, forceinline=True)
+def add_free_space(surface, observed, nearest, origin, weight, settings, equations):
+    """Pull vertices that lie beside the silhouette into it, and those before the surface behind it."""
+    vertices, depth, labels, camera = surface.vertices, observed.depth, observed.labels, observed.camera
+    slack, limit = settings.free_space_slack, settings.free_space_limit
+    rows, cols = depth.shape
+    metric = np.zeros((3, 3))
+    r = np.zeros(3)
+    for i in range(0, vertices.shape[0], 2):  # every second one will do
+        x, y, z = vertices[i, 0], vertices[i, 1], vertices[i, 2]
+        if z < NEAR_M:
+            continue
+        u, v = project(camera, x, y, z)
+        a, b = int(np.rint(v)), int(np.rint(u))
+        if a < 0 or b < 0 or a >= rows or b >= cols:
+            continue
+        if labels[a, b] == 1:
+            gap = depth[a, b] - slack - z
+            if gap <= 0.0:
+                continue
+            r[0], r[1], r[2] = 0.0, 0.0, min(gap, limit)
+            metric[0, 0], metric[1, 1], metric[2, 2] = 0.0, 0.0, weight
+        elif labels[a, b] == 0:
+            to_x, to_y = ray(camera, nearest[a, b, 1], nearest[a, b, 0])
+            r[0], r[1], r[2] = to_x * z - x, to_y * z - y, 0.0
+            far = np.sqrt(r[0] * r[0] + r[1] * r[1])
+            if far > limit:
+                r[0], r[1] = r[0] * limit / far, r[1] * limit / far
+            metric[0, 0], metric[1, 1], metric[2, 2] = weight, weight, 0.0
+        else:
+            continue
+        add_vertex(vertices[i], origin, metric, r, equations, surface.segment[i])
+
+
+@njit(cache=True, fastmath=True, forceinline=True)
+def add_proposals(proposals, nodes, origin, weight, equations):
+    """Pull joints to where they are proposed, named left and right as lies nearer to the pose.
+
+    The weights are those of Geman and McClure (1987), of distances in units of `_ELSEWHERE_M`.
+    """
+    count = proposals.nodes.shape[0]
+    side = nearer_naming(nodes[proposals.nodes], proposals.places, proposals.weights)
+    metric, r = np.zeros((3, 3)), np.empty(3)
+    for j in range(count):
+        n, far = proposals.nodes[j], 0.0
+        for a in range(3):
+            r[a] = proposals.places[side, j, a] - nodes[n, a]
+            far += r[a] * r[a]
+        share = 1.0 / (1.0 + far / (_ELSEWHERE_M * _ELSEWHERE_M))
+        for a in range(3):
+            metric[a, a] = weight * proposals.weights[side, j] * share * share
+        add_vertex(nodes[n], origin, metric, r, equations, n)
+
+
+@njit(cache=True)
+def fit(target, body, settings, sigmas, scale, rotations, root):
+    """Run an iteration a sigma; ``rotations`` and ``root`` go in as the start and come out as the fit."""
+    coarse, count = target.coarse, body.normals.shape[0]
+    surface = Surface(np.empty((count, 3)), np.empty((count, 3)), body.skin.influence[:, 0])
+    nodes, zbuffer = np.empty(body.skin.nodes.shape), np.empty(coarse.depth.shape, np.float32)
+    mass, pull = np.empty(count), np.empty((count, 3))
+    seen, visible = np.empty(count, np.bool_), np.empty(count, np.bool_)
+    equations = Equations(np.empty((nodes.shape[0], 6, 6)), np.empty((nodes.shape[0], 6)))
+    moved = np.zeros(body.above.shape[0])
+    for k in range(sigmas.shape[0]):
+        stride = _THIN if sigmas[k] > settings.coarse_sigma else 1
+        skin(body.skin, rotations, root, scale, surface.vertices, nodes)
+        turn_normals(body.normals, body.skin.influence, rotations, surface.normals)
+        if k % _LOOK_EVERY == 0:
+            rasterize(surface.vertices, body.skin.faces, coarse.camera, zbuffer)
+            mark_visible(surface.vertices, surface.normals, zbuffer, coarse.camera, _BEHIND_M, seen)
+        visible[:] = seen
+        if stride > 1:  # half of the vertices will do for a part of the points
+            visible[k % 2 :: 2] = False
+        assign(target.points, stride, surface.vertices, visible, sigmas[k], settings.outlier, mass, pull)
+        equations.inertia[:] = 0.0
+        equations.force[:] = 0.0
+        add_points(surface, mass, pull, root, settings, equations)
+        # all other terms are in proportion to the number of points
+        amount = target.points.shape[0] / stride / USUAL_POINTS
+        weight = 2.0 * settings.free_space_weight * amount
+        add_free_space(surface, target.full, target.nearest, root, weight, settings, equations)
+        add_proposals(target.proposals, nodes, root, settings.proposal_weight * amount, equations)
+        take_step(equations, body, settings, amount, nodes, moved, rotations, root)

@@ -1,0 +1,210 @@
+"""Compiled loops for a body that is a tree of segments: its normal equations, their solution, its turns.
+
+`depth_pose.refine.articulated` derives them; the fit to a volume takes the same steps.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from depth_pose.body._skin_kernels import Skin
+from depth_pose.core._rotation_kernels import multiply, rotation_of
+from depth_pose.core.kernels import njit
+
+_HOLD = 1e-6
+"""Added to the diagonal of the normal equations, so that what no point pulls at has a solution."""
+
+
+class Articulation(NamedTuple):
+    """A body whose pose is fitted (`depth_pose.refine.articulated.articulate` makes it).
+
+    Attributes
+    ----------
+    skin : Skin
+    normals : (V, 3) float64
+        Of the rest vertices, outward.
+    free : (21,) int64
+        Number of each node among those that turn, -1 for those that follow their parent.
+    above : (3 + 3 F,) int64
+        Number of each parameter's next one toward the root, -1 for none: three of the translation,
+        then three of each free node.
+    stiffness : (F,) float64
+        Of each free node toward the start.
+    """
+
+    skin: Skin
+    normals: NDArray[np.float64]
+    free: NDArray[np.int64]
+    above: NDArray[np.int64]
+    stiffness: NDArray[np.float64]
+
+
+class Equations(NamedTuple):
+    """Normal equations of each segment's free rigid motion: (21, 6, 6) and (21, 6) float64."""
+
+    inertia: Any
+    force: Any
+
+
+@njit(cache=True, fastmath=True, forceinline=True)
+def add_vertex(v, origin, m, r, equations, segment):
+    """Add one vertex to its segment's normal equations for a free motion ``w x (v - origin) + t``.
+
+    ``m`` is a symmetric 3x3 metric, ``r`` the residual; the equations take ``J' m J`` and ``J' m r``
+    with the Jacobian ``J = [-[v - origin]_x, 1]``.
+    """
+    inertia, force = equations.inertia[segment], equations.force[segment]
+    x, y, z = v[0] - origin[0], v[1] - origin[1], v[2] - origin[2]
+    for a in range(3):
+        # row a of m J: its first three columns are (row a of m) . [-[v]_x]
+        m0, m1, m2 = m[a, 0], m[a, 1], m[a, 2]
+        inertia[3 + a, 0] += m2 * y - m1 * z
+        inertia[3 + a, 1] += m0 * z - m2 * x
+        inertia[3 + a, 2] += m1 * x - m0 * y
+        inertia[3 + a, 3] += m0
+        inertia[3 + a, 4] += m1
+        inertia[3 + a, 5] += m2
+        force[3 + a] += m0 * r[0] + m1 * r[1] + m2 * r[2]
+    for b in range(3):
+        q0 = m[0, 2] * y - m[0, 1] * z if b == 0 else m[0, 0] * z - m[0, 2] * x
+        q1 = m[1, 2] * y - m[1, 1] * z if b == 0 else m[1, 0] * z - m[1, 2] * x
+        q2 = m[2, 2] * y - m[2, 1] * z if b == 0 else m[2, 0] * z - m[2, 2] * x
+        if b == 2:
+            q0, q1, q2 = m[0, 1] * x - m[0, 0] * y, m[1, 1] * x - m[1, 0] * y, m[2, 1] * x - m[2, 0] * y
+        inertia[0, b] += q2 * y - q1 * z
+        inertia[1, b] += q0 * z - q2 * x
+        inertia[2, b] += q1 * x - q0 * y
+        force[b] += q0 * r[0] + q1 * r[1] + q2 * r[2]
+
+
+@njit(cache=True, fastmath=True, forceinline=True)
+def assemble(equations, body, nodes, origin, matrix, gradient):
+    """Put the normal equations of the joint angles together from those of the free segments.
+
+    What moves node k moves all segments below it alike, so their inertias are summed up the tree;
+    the block of two nodes is that of the lower one's sum, if one lies above the other, else zero.
+    The equations are used up.
+    """
+    inertia, force = equations.inertia, equations.force
+    parents, free = body.skin.parents, body.free
+    count = parents.shape[0]
+    for n in range(count):  # the kernel above fills the lower left block only
+        for a in range(3):
+            for b in range(3):
+                inertia[n, b, 3 + a] = inertia[n, 3 + a, b]
+    for n in range(count - 1, 0, -1):
+        inertia[parents[n]] += inertia[n]
+        force[parents[n]] += force[n]
+    matrix[:3, :3] = inertia[0, 3:, 3:]
+    gradient[:3] = force[0, 3:]
+    turned = np.empty((6, 3))
+    for k in range(count):
+        if free[k] < 0:
+            continue
+        c = 3 + 3 * free[k]
+        x, y, z = nodes[k, 0] - origin[0], nodes[k, 1] - origin[1], nodes[k, 2] - origin[2]
+        for i in range(6):  # inertia times [1; [p]_x], the motion of a turn about the node
+            t0, t1, t2 = inertia[k, i, 3], inertia[k, i, 4], inertia[k, i, 5]
+            turned[i, 0] = inertia[k, i, 0] + t1 * z - t2 * y
+            turned[i, 1] = inertia[k, i, 1] + t2 * x - t0 * z
+            turned[i, 2] = inertia[k, i, 2] + t0 * y - t1 * x
+        t0, t1, t2 = force[k, 3], force[k, 4], force[k, 5]
+        gradient[c] = force[k, 0] + t1 * z - t2 * y
+        gradient[c + 1] = force[k, 1] + t2 * x - t0 * z
+        gradient[c + 2] = force[k, 2] + t0 * y - t1 * x
+        for a in range(3):
+            for i in range(3):
+                matrix[c + a, i] = matrix[i, c + a] = turned[3 + i, a]
+        j = k
+        while j >= 0:
+            if free[j] >= 0:
+                d = 3 + 3 * free[j]
+                u, v, w = nodes[j, 0] - origin[0], nodes[j, 1] - origin[1], nodes[j, 2] - origin[2]
+                for a in range(3):
+                    t0, t1, t2 = turned[3, a], turned[4, a], turned[5, a]
+                    matrix[d, c + a] = matrix[c + a, d] = turned[0, a] + t1 * w - t2 * v
+                    matrix[d + 1, c + a] = matrix[c + a, d + 1] = turned[1, a] + t2 * u - t0 * w
+                    matrix[d + 2, c + a] = matrix[c + a, d + 2] = turned[2, a] + t0 * v - t1 * u
+            j = parents[j]
+
+
+@njit(cache=True)
+def update(step, body, rotations):
+    """Turn every node's segment by the steps of its free ancestors, the root's first."""
+    parents, free = body.skin.parents, body.free
+    count = rotations.shape[0]
+    turn = np.zeros((count, 3, 3))
+    own, product = np.empty((3, 3)), np.empty((3, 3))
+    for n in range(count):
+        if parents[n] >= 0:
+            turn[n] = turn[parents[n]]
+        else:
+            turn[n, 0, 0] = turn[n, 1, 1] = turn[n, 2, 2] = 1.0
+        if free[n] >= 0:
+            rotation_of(step[3 + 3 * free[n] : 6 + 3 * free[n]], own)
+            multiply(turn[n], own, product)
+            turn[n] = product
+        multiply(turn[n], rotations[n], product)
+        rotations[n] = product
+
+
+@njit(cache=True)
+def solve_tree(matrix, above, right):
+    """Solve ``matrix x = right`` in place, where parameters act together only along a tree.
+
+    Factorises ``L' D L`` from the leaves up, which fills nothing in (R. Featherstone, *Efficient
+    factorization of the joint-space inertia matrix for branched kinematic trees*, 2005). ``above``
+    (n,) is each parameter's next one toward the root, with a lower number; -1 for none. Only the
+    lower triangle is read, and it is overwritten.
+    """
+    n = above.shape[0]
+    for k in range(n - 1, -1, -1):
+        i = above[k]
+        while i >= 0:
+            ratio = matrix[k, i] / matrix[k, k]
+            j = i
+            while j >= 0:
+                matrix[i, j] -= ratio * matrix[k, j]
+                j = above[j]
+            matrix[k, i] = ratio
+            i = above[i]
+    for k in range(n - 1, -1, -1):
+        i = above[k]
+        while i >= 0:
+            right[i] -= matrix[k, i] * right[k]
+            i = above[i]
+    for k in range(n):
+        right[k] /= matrix[k, k]
+        i = above[k]
+        while i >= 0:
+            right[k] -= matrix[k, i] * right[i]
+            i = above[i]
+
+
+@njit(cache=True)
+def take_step(equations, body, settings, amount, nodes, moved, rotations, root):
+    """Take one damped Gauss-Newton step: ``rotations`` and ``root`` change, ``moved`` (P,) is their sum.
+
+    ``settings`` has damping, prior and root_prior, which are in proportion to the ``amount`` of data,
+    and max_step, radians.
+    """
+    size = moved.shape[0]
+    matrix, gradient = np.zeros((size, size)), np.empty(size)
+    assemble(equations, body, nodes, root, matrix, gradient)
+    for i in range(size):
+        matrix[i, i] += _HOLD + settings.damping * amount
+        hold = settings.root_prior * amount
+        if i >= 3:
+            hold = settings.prior * amount * body.stiffness[(i - 3) // 3]
+        matrix[i, i] += hold
+        gradient[i] -= hold * moved[i]
+    solve_tree(matrix, body.above, gradient)
+    most = np.abs(gradient[3:]).max()
+    if most > settings.max_step:
+        gradient *= settings.max_step / most
+    update(gradient, body, rotations)
+    root += gradient[:3]
+    moved += gradient

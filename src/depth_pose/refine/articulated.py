@@ -1,0 +1,222 @@
+r"""Articulated fit: the pose of a skinned body that explains a partial cloud best.
+
+In the manner of Ye and Yang, *Real-time simultaneous pose and shape estimation for articulated
+objects using a single depth camera* (CVPR 2014). The visible vertices :math:`v_m(\theta)` of the
+posed body are the centres of a Gaussian mixture with one variance and an outlier class; the
+points :math:`x_n` are samples of it. Each iteration does
+
+*E-step*  :math:`p_{mn} = e^{-\|x_n - v_m\|^2 / 2\sigma^2} / (u + \sum_k e^{-\|x_n - v_k\|^2 / 2\sigma^2})`
+
+*M-step*  one damped Gauss-Newton step on
+
+.. math:: \sum_m P_m \left[ a\,(n_m \cdot (v_m - y_m))^2 + b\,\|v_m - y_m\|^2 \right]
+   + E_{free} + E_{joints} + E_{prior}, \qquad P_m = \sum_n p_{mn},\; y_m = \sum_n p_{mn} x_n / P_m
+
+with the variance going down from coarse to fine. :math:`E_{free}` keeps vertices out of space
+that was seen to be free: beside the silhouette, and in front of the observed surface.
+:math:`E_{joints}` pulls joints weakly to where the finder's second look proposes them, each as far as it is
+sure, by the robust distance of Geman and McClure (*Statistical methods for tomographic image reconstruction*,
+1987): it decides where no point says anything, under a desk or beyond the image's border.
+:math:`E_{prior}` holds each joint near the start. The parameters are a translation and, for every
+free node, a rotation vector in the camera frame that turns the whole subtree: a vertex moves by
+:math:`\delta t + \sum_k \omega_k \times (v_m - p_k)`, summed over the free nodes above the segment
+that moves it most. So all vertices of a segment share one 6 x 6 matrix of a free rigid motion,
+and the normal equations of the joint angles are put together from those 21 (the composite rigid
+body algorithm of M. Walker and D. Orin, *Efficient dynamic computer simulation of robotic
+mechanisms*, 1982).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from copy import copy
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from depth_pose.bank.bank import Bank
+from depth_pose.body.body import Body
+from depth_pose.body.rendered_depth import Observation
+from depth_pose.core.config import FitConfig
+from depth_pose.core.rotations import quat_to_matrix
+from depth_pose.core.skeleton import JOINT_NODES, JOINTS, MIRROR_JOINTS, NODE_INDEX, NODE_PARENTS, NODES
+from depth_pose.core.types import Candidate, FoundPerson
+from depth_pose.refine import _articulated_kernels as kernels
+from depth_pose.refine import _visibility_kernels as visibility
+from depth_pose.refine._tree_kernels import Articulation
+
+_STIFFNESS: dict[str, float] = {
+    "pelvis": 0.0,
+    "spine": 1.0,
+    "chest": 1.0,
+    "neck": 1.0,
+    "clavicle": 3.0,
+    "shoulder": 0.1,
+    "elbow": 0.1,
+    "wrist": 2.0,
+    "hip": 0.1,
+    "knee": 0.1,
+    "ankle": 2.0,
+}
+"""Relative stiffness of each free node toward the start; nodes not named follow their parent. Set by hand:
+what a depth image shows poorly (collar bones, hands, feet) is stiff; not swept."""
+
+
+@dataclass(frozen=True)
+class BodyPose:
+    """A pose of the body in the camera frame.
+
+    Attributes
+    ----------
+    rotations : (21, 3, 3) float64
+        Segment rotations, rest pose to camera frame.
+    root : (3,) float64
+        Pelvis, metres.
+    scale : float
+    """
+
+    rotations: NDArray[np.float64]
+    root: NDArray[np.float64]
+    scale: float
+
+
+@dataclass(frozen=True)
+class FittedBody:
+    """A pose, and the mesh (V, 3) and nodes (21, 3) found for it, camera frame, metres."""
+
+    pose: BodyPose
+    vertices: NDArray[np.float64]
+    nodes: NDArray[np.float64]
+
+
+def candidate_pose(bank: Bank, candidate: Candidate, scale: float) -> BodyPose:
+    """Give the pose of a candidate in the camera frame."""
+    rotation = quat_to_matrix(candidate.quat_xyzw)
+    return BodyPose(rotation @ bank.rotations(candidate.exemplar), candidate.translation, scale)
+
+
+class FitTarget(NamedTuple):
+    """What a body is fitted to, prepared once for all fits of a frame.
+
+    Attributes
+    ----------
+    points : (N, 3) float64
+        The person's points in the camera frame, metres, in an order in which every third one
+        still shows all of the person.
+    full, coarse : Observation
+        The same frame on the full grid, for free space, and on a coarse one, for visibility.
+    nearest : (h, w, 2) int32
+        Row and column of the nearest person pixel to every pixel of ``full``.
+    proposals : Proposals
+        Where the finder sees joints.
+    """
+
+    points: NDArray[np.float64]
+    full: Observation
+    coarse: Observation
+    nearest: NDArray[np.int32]
+    proposals: kernels.Proposals
+
+    @classmethod
+    def prepare(
+        cls,
+        points: NDArray[np.float64],
+        full: Observation,
+        coarse: Observation,
+        found: FoundPerson | None = None,
+    ) -> FitTarget:
+        """Find the nearest person pixels; ``found`` says where joints are proposed."""
+        return cls(points, full, coarse, nearest_person_pixels(full), _proposals(found))
+
+
+def _proposals(found: FoundPerson | None) -> kernels.Proposals:
+    """Give a person's proposals under both namings of left and right."""
+    if found is None or len(found.proposals) != len(JOINTS):
+        return kernels.Proposals(np.zeros(0, np.int64), np.zeros((2, 0, 3)), np.zeros((2, 0)))
+    places, weights = found.proposals.astype(np.float64), found.proposal_confidence.astype(np.float64)
+    return kernels.Proposals(
+        np.asarray(JOINT_NODES, np.int64),
+        np.stack([places, places[MIRROR_JOINTS]]),
+        np.stack([weights, weights[MIRROR_JOINTS]]),
+    )
+
+
+class ArticulatedFitter:
+    """Fits one body; everything that does not change between frames is prepared here."""
+
+    def __init__(self, body: Body, config: FitConfig | None = None) -> None:
+        self.body = body
+        self.config = config or FitConfig()
+        self.articulation = articulate(body, _STIFFNESS)
+        numbers = {n: float(getattr(self.config, n)) for n in kernels.Settings._fields if n != "root_prior"}
+        self.settings = kernels.Settings(root_prior=0.0, **numbers)
+
+    def of(self, body: Body) -> ArticulatedFitter:
+        """Give the same fitter for another build of its body."""
+        if body is self.body:
+            return self
+        other = copy(self)
+        other.body = body
+        other.articulation = self.articulation._replace(skin=body.skin, normals=body.normals)
+        return other
+
+    def fit(self, target: FitTarget, start: BodyPose, sigmas: tuple[float, ...] | None = None) -> BodyPose:
+        """Fit the body's pose to a cloud.
+
+        Parameters
+        ----------
+        target : FitTarget
+        start : BodyPose
+        sigmas : tuple of float, optional
+            Standard deviation of each iteration, metres, instead of the configured ones.
+
+        Returns
+        -------
+        BodyPose
+        """
+        levels = np.array(self.config.sigmas if sigmas is None else sigmas)
+        rotations, root = start.rotations.copy(), start.root.copy()
+        kernels.fit(target, self.articulation, self.settings, levels, start.scale, rotations, root)
+        return BodyPose(rotations, root, start.scale)
+
+
+def nearest_person_pixels(observation: Observation) -> NDArray[np.int32]:
+    """Find row and column of the nearest person pixel to every pixel, shape (h, w, 2)."""
+    nearest = np.empty((*observation.labels.shape, 2), np.int32)
+    visibility.nearest_person(observation.labels, nearest)
+    return nearest
+
+
+def articulate(body: Body, stiffness: Mapping[str, float]) -> Articulation:
+    """Prepare a body for fits of its pose.
+
+    Parameters
+    ----------
+    body : Body
+    stiffness : mapping
+        Relative stiffness toward the start of each node that turns, by its name without the side.
+    """
+    free = np.full(len(NODES), -1)
+    values: list[float] = []
+    for name, node in NODE_INDEX.items():
+        kind = name.split("_")[-1]
+        if kind in stiffness:
+            free[node] = len(values)
+            values.append(stiffness[kind])
+    return Articulation(body.skin, body.normals, free, _parameters_above(free), np.array(values))
+
+
+def _parameters_above(free: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Find the number of each parameter's next one toward the root (`Articulation.above`)."""
+    above = [-1, 0, 1]
+    last = np.full(len(free), 2)  # the last parameter of each node, or of the nearest free one above
+    for node, parent in enumerate(NODE_PARENTS):
+        if parent >= 0:
+            last[node] = last[parent]
+        if free[node] >= 0:
+            first = 3 + 3 * int(free[node])
+            above += [int(last[node]), first, first + 1]
+            last[node] = first + 2
+    return np.array(above)

@@ -1,0 +1,316 @@
+"""Limb search: try the bank's arm and leg poses on what the fitted body leaves unexplained.
+
+A whole-body exemplar seldom has both arms right, and a fit that starts with a limb far from its
+place does not find it. But the limbs' poses of all exemplars, mirrored and thinned to a few
+hundred, cover what limbs can do. After a fit, the points that the rest of the body does not
+explain are put against every configuration of the left and of the right limb: balls along the
+limb that stand in free space or before the seen surface cost their area, points off every ball
+cost theirs, and the pairs with the least sums are more starts for the fit, whether or not they
+cost less than the limbs as they are: these were fitted, the others not yet. The idea of
+re-assembling partial matches is that of C. Plagemann et al., *Real-time identification and
+localization of body parts from depth images* (ICRA 2010), in spirit; the scoring here is our own.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from depth_pose.bank.bank import Bank
+from depth_pose.body.body import Body
+from depth_pose.body.rendered_depth import DepthComparer, render_depth
+from depth_pose.core.farthest_points import farthest_rows
+from depth_pose.core.rotations import mirror_rotation, quat_to_matrix
+from depth_pose.core.skeleton import MIRROR_NODES, NODE_INDEX, mirror_rotations
+from depth_pose.refine import _limb_kernels as kernels
+from depth_pose.refine._reach_kernels import Limbs, reach
+from depth_pose.refine.articulated import BodyPose, FittedBody, nearest_person_pixels
+
+_LIMBS: tuple[tuple[int, str, tuple[str, ...], tuple[str, ...]], ...] = (
+    (3, "chest", ("clavicle", "shoulder", "elbow", "wrist"), ("shoulder", "elbow", "wrist")),
+    (1, "pelvis", ("hip", "knee", "ankle", "foot"), ("hip", "knee", "ankle")),
+)
+"""For arms and legs: how many pairs are proposed, the segment they hang on, the nodes that they turn,
+the bones that are sampled."""
+
+_SHARES = (1 / 3, 2 / 3, 1.0)
+"""Where along a bone its balls lie, as shares of its length."""
+
+_CONFIGURATIONS = 800
+"""Configurations of a limb that are kept; set by hand, not swept."""
+
+_POSES = 6000
+"""Poses of the bank, evenly spread, from which they are chosen; set by hand, not swept."""
+
+_EXPLAINED_M = 0.045
+"""Depth difference, metres, below which the body explains a pixel; set by hand, not swept."""
+
+_BEFORE_M = 0.1
+"""Unexplained points that lie this far before the body count three times: what else lies there, beside the
+person, may be a thing; nothing but a limb is between them and the camera."""
+
+_SEAT_M = 0.05
+"""Behind the trunk, points this far above the pelvis are no legs, but a chair's back, metres at scale 1."""
+
+_MOST_POINTS = 24
+"""Unexplained points that configurations are put against, so that the time is bounded; not swept."""
+
+_FEWEST_POINTS = 5
+"""With fewer the input shows nothing of the limb."""
+
+_SETTINGS = kernels.LimbSettings(tolerance=0.15, keep=4.0, fitting=200, best=24)
+"""Set by hand, not swept; ``keep`` is in pixels of the coarse grid, for each limb."""
+
+_REACHING = 3
+"""Configurations that are bent so that they end at each unexplained point: those that end nearest to it."""
+
+_UNDER_SKIN_M = 0.03
+"""Wrist and ankle lie so far behind the surface, metres."""
+
+_BENT_SETTINGS = _SETTINGS._replace(best=8)
+"""The same for those."""
+
+_APART_M = 0.08
+"""Limbs of which no ball is this far from its like are the same, metres; set by hand, not swept."""
+
+
+@dataclass(frozen=True)
+class _LimbPair:
+    """Configurations of a left and a right limb; index 0 is left.
+
+    Attributes
+    ----------
+    proposals : int
+        How many pairs are proposed.
+    anchor : int
+        Node of the segment that both hang on.
+    nodes : (2, n) int
+        Nodes that the limb turns.
+    bones, ends : (2, m) int, (2, m, 3)
+        Nodes at the beginning of its bones, and the bones in the rest pose, metres.
+    rotations : (2, L, n, 3, 3)
+        ``R_anchor_segment`` of each node's segment.
+    limbs : tuple of Limb
+        Balls of the left and of the right one.
+    tips : (2, 3, L)
+        Where their second bone ends, in columns: the wrist or the ankle.
+    faces : (F, 3)
+        Faces of the body without both limbs.
+    first : int
+        Which of the nodes that turn the first bone begins at.
+    reaches : bool
+        Whether the limbs are bent to reach for points, as arms are.
+    """
+
+    proposals: int
+    anchor: int
+    nodes: NDArray[np.int64]
+    bones: NDArray[np.int64]
+    ends: NDArray[np.float64]
+    rotations: NDArray[np.float64]
+    limbs: tuple[kernels.Limb, kernels.Limb]
+    tips: NDArray[np.float64]
+    faces: NDArray[np.int32]
+    first: int
+    reaches: bool
+
+
+class LimbSearch:
+    """Proposes poses with one pair of limbs exchanged."""
+
+    def __init__(self, bank: Bank) -> None:
+        step = max(1, bank.poses // _POSES)
+        quats = bank.pose_quats[::step].astype(np.float64)
+        nodes = bank.pose_nodes[::step]
+        nodes = np.concatenate([nodes, nodes[:, MIRROR_NODES] * np.array([-1.0, 1.0, 1.0])])
+        self._pairs = tuple(_make_pair(bank.body, quats, nodes, *limb) for limb in _LIMBS)
+
+    def propose(self, body: FittedBody, comparer: DepthComparer) -> list[BodyPose]:
+        """Exchange the arms, and the legs, where others explain more.
+
+        Parameters
+        ----------
+        body : FittedBody
+        comparer : DepthComparer
+            For the same input.
+
+        Returns
+        -------
+        list of BodyPose
+            With other arms, and with other legs, where the input shows anything of them.
+        """
+        nearest = nearest_person_pixels(comparer.observation)
+        proposals = []
+        for pair in self._pairs:
+            proposals += _exchange(pair, body, comparer, nearest)
+        return proposals
+
+
+def _exchange(
+    pair: _LimbPair, body: FittedBody, comparer: DepthComparer, nearest: NDArray[np.int32]
+) -> list[BodyPose]:
+    """Put the best pairs of configurations on a pose; none where the input shows nothing of them."""
+    pose, nodes = body.pose, body.nodes
+    if not kernels.is_in_view(nodes, pair.bones, comparer.observation.camera):
+        return []
+    drawn = render_depth(body.vertices, pair.faces, comparer.observation.camera)
+    points, before = kernels.unexplained(drawn, comparer.observation, _EXPLAINED_M, _BEFORE_M)
+    if not pair.reaches:
+        possible = _may_be_legs(points, pose)
+        points, before = points[possible], before[possible]
+    if len(points) < _FEWEST_POINTS:
+        return []
+    weight = int(np.ceil(len(points) / _MOST_POINTS))  # of each point that is left
+    points, before = points[::weight], before[::weight]
+    columns = np.ascontiguousarray(np.concatenate([points, points[before], points[before]]).T, np.float32)
+    anchor = kernels.Anchor(pose.rotations[pair.anchor], nodes[pair.anchor], pose.scale)
+    scored, bent_turns = [], []
+    known = len(pair.rotations[0])
+    for side in range(2):
+        own = np.empty(pair.limbs[side].samples.shape[1:])
+        kernels.place_own_balls(
+            pose.rotations, nodes, pair.bones[side], pair.ends[side], _SHARES, pose.scale, own
+        )
+        limb = pair.limbs[side]
+        seen = own, anchor, comparer.observation, nearest, columns, weight
+        found = kernels.score_limbs(limb, *seen, _SETTINGS)
+        if pair.reaches:
+            bent, turns = _reaching(pair, side, anchor, points)
+            bent_turns.append(turns)
+            others = kernels.score_limbs(bent, *seen, _BENT_SETTINGS)
+            # the last is the limb as it is, which stays the last
+            found = tuple(np.concatenate([o[:-1], f]) for o, f in zip(others, found, strict=True))
+            found[0][: len(others[0]) - 1] += known
+        scored.append(found)
+    numbers, costs, covers, centres = zip(*scored, strict=True)
+    total = kernels.pair_costs(costs[0], covers[0], costs[1], covers[1], weight)
+    bent_left, bent_right = (n >= known for n in numbers)
+    bent_left[-1] = bent_right[-1] = False
+    is_bent = bent_left[:, None] | bent_right
+    unbent = np.where(is_bent, np.inf, total)
+    chosen = list(kernels.best_pairs(unbent, centres[0], centres[1], pair.proposals, _APART_M))
+    if is_bent.any():
+        chosen.append(np.array(np.divmod(np.where(is_bent, total, np.inf).argmin(), total.shape[1])))
+    proposals = []
+    for rows in chosen:
+        rotations = pose.rotations.copy()
+        for side in range(2):
+            if rows[side] < len(numbers[side]) - 1:  # else the limb as it is
+                number = numbers[side][rows[side]]
+                turns = pair.rotations[side] if number < known else bent_turns[side]
+                local = turns[number if number < known else number - known]
+                rotations[pair.nodes[side]] = pose.rotations[pair.anchor] @ local
+        proposals.append(BodyPose(rotations, pose.root, pose.scale))
+    return proposals
+
+
+def _may_be_legs(points: NDArray[np.float32], pose: BodyPose) -> NDArray[np.bool_]:
+    """Tell of points (P, 3) whether legs may be there: no leg is at the height of the trunk and behind it."""
+    local = (points - pose.root) @ pose.rotations[NODE_INDEX["pelvis"]] / pose.scale
+    return np.asarray((local[:, 1] < _SEAT_M) | (local[:, 2] > 0.0))
+
+
+def _reaching(
+    pair: _LimbPair, side: int, anchor: kernels.Anchor, points: NDArray[np.float32]
+) -> tuple[kernels.Limb, NDArray[np.float64]]:
+    """Give limbs that reach for points (P, 3), and the rotations of their segments."""
+    limb, rotations = pair.limbs[side], pair.rotations[side]
+    deeper = points * (1.0 + _UNDER_SKIN_M / points[:, 2:])
+    targets = (deeper - anchor.origin) @ anchor.rotation / anchor.scale
+    count = min(_REACHING, len(limb.samples))
+    samples = np.empty((count * len(points), *limb.samples.shape[1:]))
+    turned = np.empty((len(samples), *rotations.shape[1:]))
+    known = Limbs(limb.samples, pair.tips[side], rotations, pair.first)
+    reach(known, targets, count, samples, turned)
+    return limb._replace(samples=samples), turned
+
+
+def _make_pair(
+    body: Body,
+    quats: NDArray[np.float64],
+    nodes: NDArray[np.float64],
+    proposals: int,
+    anchor_name: str,
+    turned: tuple[str, ...],
+    sampled: tuple[str, ...],
+) -> _LimbPair:
+    """Collect a limb's configurations from poses (and their mirror images), and thin them."""
+    anchor = NODE_INDEX[anchor_name]
+    side = [np.array([NODE_INDEX[f"{s}_{n}"] for n in turned]) for s in ("left", "right")]
+
+    bones = [NODE_INDEX[f"left_{n}"] for n in sampled]
+    joints = (nodes[:, bones] - nodes[:, anchor, None]) @ _with_mirrored(quats[:, [anchor]])[:, 0]
+    keep = farthest_rows(joints.reshape(len(nodes), -1), _CONFIGURATIONS, start=0)
+    kept = quat_to_matrix(quats[keep % len(quats)])
+    kept = np.where((keep < len(quats))[:, None, None, None], kept, mirror_rotations(kept))
+    local = kept[:, anchor, None].transpose(0, 1, 3, 2) @ kept[:, side[0]]
+    ends, radii, areas = _balls(body, bones)
+    samples = _ball_centres(kept, nodes[keep], anchor, np.array(bones), ends)
+
+    # the right limb's configurations are the left one's, mirrored
+    flip = np.array([-1.0, 1.0, 1.0])
+    return _LimbPair(
+        proposals=proposals,
+        anchor=anchor,
+        nodes=np.stack(side),
+        bones=np.stack([bones, MIRROR_NODES[bones]]),
+        ends=np.stack([ends, ends * flip]),
+        rotations=np.stack([local, flip[:, None] * local * flip]),
+        limbs=(kernels.Limb(samples, radii, areas), kernels.Limb(samples * flip, radii, areas)),
+        tips=np.stack([samples[:, 5].T, (samples * flip)[:, 5].T]),
+        faces=_without(body, np.concatenate(side)),
+        first=turned.index(sampled[0]),
+        reaches=anchor_name == "chest",
+    )
+
+
+def _with_mirrored(quats: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Rotations (2 N, ...) of segments in the mid-plane, of poses (N, ...) and of their mirror images."""
+    rotations = quat_to_matrix(quats)
+    return np.concatenate([rotations, mirror_rotation(rotations)])
+
+
+def _balls(
+    body: Body, bones: list[int]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Find the ends (n, 3) of a limb's rest bones, and radii and areas (3 n,) of balls along them."""
+    ends, radii, areas = [], [], []
+    for bone in bones:
+        mine = body.vertices[np.argmax(body.weights, axis=1) == bone] - body.nodes[bone]
+        far = mine[np.argmax(np.linalg.norm(mine, axis=1))]
+        end = body.nodes[bone + 1] - body.nodes[bone] if bone + 1 not in _ENDS else far
+        length = float(np.linalg.norm(end))
+        along = mine @ (end / length)
+        off = np.linalg.norm(mine - along[:, None] * (end / length), axis=1)
+        for share in _SHARES:
+            near = np.abs(along - share * length) < 0.25 * length
+            radii.append(float(np.median(off[near])) if near.sum() > 3 else 0.03)
+            areas.append(2 * radii[-1] * length / len(_SHARES))
+        ends.append(end)
+    return np.array(ends), np.array(radii), np.array(areas)
+
+
+def _ball_centres(
+    rotations: NDArray[np.float64],
+    nodes: NDArray[np.float64],
+    anchor: int,
+    bones: NDArray[np.int64],
+    ends: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Centres (L, S, 3) of the balls along limbs, from the anchor node, in the anchor's frame."""
+    reach = np.einsum("lnij,nj->lni", rotations[:, bones], ends)
+    places = nodes[:, bones, None] + np.array(_SHARES)[:, None] * reach[:, :, None]
+    places = places.reshape(len(nodes), -1, 3) - nodes[:, anchor, None]
+    return np.einsum("lji,lsj->lsi", rotations[:, anchor], places)
+
+
+_ENDS = frozenset(NODE_INDEX[n] for n in ("right_clavicle", "left_hip"))
+"""Nodes that follow a hand in the order of nodes: they are not its far end."""
+
+
+def _without(body: Body, nodes: NDArray[np.int64]) -> NDArray[np.int32]:
+    """Faces of the body that none of some nodes moves most."""
+    moved = np.isin(np.argmax(body.weights, axis=1), nodes)
+    return body.faces[~moved[body.faces].any(axis=1)]

@@ -1,0 +1,86 @@
+"""From a published skeleton back to a pose of the body, so that its mesh can be skinned again."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from depth_pose.body.body import Body
+from depth_pose.core.rotations import quat_to_matrix
+from depth_pose.core.skeleton import JOINT_NODES, NODE_INDEX, NODES
+from depth_pose.core.types import Skeleton
+from depth_pose.refine import _aim_kernels as kernels
+from depth_pose.refine.articulated import BodyPose
+
+_AIMED = np.array(
+    [
+        (NODE_INDEX[f"{side}_{start}"], NODE_INDEX[f"{side}_{end}"])
+        for side in ("left", "right")
+        for start, end in (
+            ("clavicle", "shoulder"),
+            ("shoulder", "elbow"),
+            ("elbow", "wrist"),
+            ("hip", "knee"),
+            ("knee", "ankle"),
+        )
+    ]
+).T
+"""Segments that are turned to point to the node at their end; those nodes."""
+
+
+def pose_from_skeleton(body: Body, skeleton: Skeleton) -> BodyPose:
+    """Find the pose of a body that a skeleton describes.
+
+    Parameters
+    ----------
+    body : Body
+    skeleton : Skeleton
+        With its 19 joints. The clavicles, which it does not name, take the chest's rotation.
+
+    Returns
+    -------
+    BodyPose
+        In the skeleton's frame (`pose_from_nodes`).
+    """
+    rotations = np.empty((len(NODES), 3, 3))
+    nodes = np.empty((len(NODES), 3))
+    rotations[JOINT_NODES], nodes[JOINT_NODES] = quat_to_matrix(skeleton.quats_xyzw), skeleton.positions
+    chest = NODE_INDEX["chest"]
+    for side in ("left", "right"):
+        clavicle = NODE_INDEX[f"{side}_clavicle"]
+        rotations[clavicle] = rotations[chest]
+        reach = skeleton.scale * (body.nodes[clavicle] - body.nodes[chest])
+        nodes[clavicle] = nodes[chest] + rotations[chest] @ reach
+    return pose_from_nodes(body, rotations, nodes, skeleton.scale)
+
+
+def aim_limbs(body: Body, rotations: NDArray[np.float64], nodes: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Turn limbs by the smallest rotations that make them point to their next node; gives (21, 3, 3)."""
+    rotations = rotations.copy()
+    kernels.aim_segments(body.nodes, _AIMED, nodes, rotations)
+    return rotations
+
+
+def pose_from_nodes(
+    body: Body, rotations: NDArray[np.float64], nodes: NDArray[np.float64], scale: float
+) -> BodyPose:
+    """Find the pose of a body whose segments' rotations and nodes are roughly known.
+
+    Parameters
+    ----------
+    body : Body
+    rotations : (21, 3, 3) float64
+    nodes : (21, 3) float64
+        Metres; need not have the body's proportions.
+    scale : float
+
+    Returns
+    -------
+    BodyPose
+        Limbs are turned by the smallest rotations that make them point to their next node, and the
+        pelvis is placed so that the nodes of the pose lie around the given ones. Where these have
+        the body's proportions, they are reached.
+    """
+    rotations = aim_limbs(body, rotations, nodes)
+    reached = body.place(rotations, nodes[0], scale)
+    return BodyPose(rotations, nodes[0] + (nodes - reached).mean(axis=0), scale)

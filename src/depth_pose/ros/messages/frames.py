@@ -1,0 +1,59 @@
+"""What sensors publish, as depth frames."""
+
+from __future__ import annotations
+
+import numpy as np
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image, PointCloud2
+
+from depth_pose.core.types import DepthFrame
+from depth_pose.io.calibration import camera_from_info, lens_of, rectify_depth
+from depth_pose.io.clouds import decode_points, frame_from_cloud
+from depth_pose.io.compressed import decode_compressed_depth
+from depth_pose.io.decode import decode_depth
+from depth_pose.ros.messages.basics import stamp_to_ns
+
+
+def image_to_frame(msg: Image | CompressedImage, info: CameraInfo, rectified: bool = False) -> DepthFrame:
+    """Depth frame of an image, compressed or not, and its ``CameraInfo``, without the lens' distortion.
+
+    A rectified image (`depth_pose.io.calibration.is_rectified`) has none.
+
+    Raises
+    ------
+    InputError
+        If the encoding, the size or the camera cannot be used.
+    """
+    if isinstance(msg, CompressedImage):
+        depth = decode_compressed_depth(msg.format, memoryview(msg.data))
+    else:
+        depth = decode_depth(
+            memoryview(msg.data), msg.height, msg.width, msg.step, msg.encoding, bool(msg.is_bigendian)
+        )
+    k, d = lens_of(info.k, np.asarray(info.d), info.p, rectified)
+    camera = camera_from_info(k, d, info.width, info.height, info.distortion_model)
+    return DepthFrame(
+        stamp_ns=stamp_to_ns(msg.header.stamp),
+        frame_id=msg.header.frame_id,
+        depth=rectify_depth(depth, camera, d, info.distortion_model),
+        camera=camera,
+    )
+
+
+def msg_to_frame(msg: PointCloud2) -> DepthFrame:
+    """Depth frame of a sensor's point cloud in its optical frame, organised or not.
+
+    Raises
+    ------
+    InputError
+        If the cloud has no usable coordinates.
+    """
+    points = decode_points(
+        memoryview(msg.data),
+        msg.height,
+        msg.width,
+        msg.point_step,
+        msg.row_step,
+        {f.name: (f.offset, f.datatype) for f in msg.fields},
+        bool(msg.is_bigendian),
+    )
+    return frame_from_cloud(points, stamp_to_ns(msg.header.stamp), msg.header.frame_id)

@@ -1,0 +1,124 @@
+"""People and their points."""
+
+from __future__ import annotations
+
+import numpy as np
+from depth_pose_msgs.msg import FoundPerson as FoundPersonMsg
+from depth_pose_msgs.msg import People as PeopleMsg
+from sensor_msgs.msg import PointCloud2, PointField
+
+from depth_pose.core.camera import Camera
+from depth_pose.core.errors import InputError
+from depth_pose.core.types import FoundPerson
+from depth_pose.ros.messages.basics import make_header, stamp_to_ns
+from depth_pose.ros.messages.checks import check_numbers, check_people
+from depth_pose.track.person import People, see_people
+
+POINT_DTYPE = np.dtype(
+    {
+        "names": ["x", "y", "z", "label"],
+        "formats": ["<f4", "<f4", "<f4", "u1"],
+        "offsets": [0, 4, 8, 12],
+        "itemsize": 16,
+    }
+)
+"""One point of ``/depth_pose/points``: x, y, z in metres, label, three bytes of padding."""
+
+_FIELDS = [
+    PointField(name="x", offset=0, datatype=PointField.FLOAT32, count=1),
+    PointField(name="y", offset=4, datatype=PointField.FLOAT32, count=1),
+    PointField(name="z", offset=8, datatype=PointField.FLOAT32, count=1),
+    PointField(name="label", offset=12, datatype=PointField.UINT8, count=1),
+]
+"""The same as fields of a `PointCloud2`."""
+
+
+def people_to_msgs(people: People) -> tuple[PointCloud2, PeopleMsg]:
+    """Organised ``PointCloud2`` of 16 bytes a point (x, y, z float32, label uint8), and who is in it.
+
+    The data go in as ``bytes``: assigning a numpy array to the field costs 50 times as much.
+    """
+    height, width = people.labels.shape
+    packed = np.zeros((height, width, 4), "<f4")
+    packed[..., :3] = people.points
+    packed.view(np.uint8)[..., 12] = people.labels
+    header = make_header(people.stamp_ns, people.frame_id)
+    cloud = PointCloud2(
+        header=header,
+        height=height,
+        width=width,
+        fields=_FIELDS,
+        is_bigendian=False,
+        point_step=POINT_DTYPE.itemsize,
+        row_step=POINT_DTYPE.itemsize * width,
+        data=packed.tobytes(),
+        is_dense=False,
+    )
+    return cloud, PeopleMsg(
+        header=header,
+        **people.camera._asdict(),
+        people=[_found_to_msg(person.found) for person in people.persons],
+    )
+
+
+def _found_to_msg(found: FoundPerson) -> FoundPersonMsg:
+    return FoundPersonMsg(
+        label=found.label,
+        body_id=found.body_id,
+        probability=float(found.probability),
+        proposals=found.proposals.ravel().tolist(),
+        proposal_confidence=found.proposal_confidence.tolist(),
+    )
+
+
+def msgs_to_people(points: PointCloud2, people: PeopleMsg) -> People:
+    """People of the messages that `people_to_msgs` made.
+
+    Raises
+    ------
+    InputError
+        If the layout is another one, the data are shorter than they should be, or a point is no place.
+    """
+    layout = [(f.name, f.offset, f.datatype) for f in points.fields]
+    if layout != [(f.name, f.offset, f.datatype) for f in _FIELDS] or points.point_step != 16:
+        found = ", ".join(f"{name} at {offset}" for name, offset, _ in layout)
+        raise InputError(
+            f"the cloud's fields are {found or 'none'} in {points.point_step} bytes; people's points have "
+            "x, y, z (float32) and label (uint8) in 16: subscribe to the denoise node's points"
+        )
+    size = points.height * points.width * 16
+    if points.is_bigendian or len(points.data) != size or points.row_step != 16 * points.width:
+        raise InputError(
+            f"the people's points have {len(points.data)} bytes of data, not the {size} little-endian ones "
+            f"of their {points.width} x {points.height} points"
+        )
+    if (people.width, people.height) != (points.width, points.height) or not people.fx >= 1.0 <= people.fy:
+        raise InputError(
+            f"the people message speaks of a grid of {people.width} x {people.height} with focal lengths "
+            f"{people.fx:g}, {people.fy:g}; the points have {points.width} x {points.height}"
+        )
+    check_numbers("the camera", [people.fx, people.fy, people.cx, people.cy], 1e6)
+    check_people("people", [found.body_id for found in people.people])
+    packed = np.frombuffer(points.data, np.uint8).reshape(points.height, points.width, 16)
+    xyz = np.ascontiguousarray(packed[..., :12]).view("<f4")
+    labels = np.ascontiguousarray(packed[..., 12])
+    check_numbers("a person's points", xyz[np.isin(labels, [found.label for found in people.people])])
+    return see_people(
+        stamp_to_ns(points.header.stamp),
+        points.header.frame_id,
+        Camera(people.width, people.height, people.fx, people.fy, people.cx, people.cy),
+        xyz.astype(np.float32, copy=False),
+        labels,
+        [_msg_to_found(found) for found in people.people],
+    )
+
+
+def _msg_to_found(msg: FoundPersonMsg) -> FoundPerson:
+    confidence = np.array(msg.proposal_confidence, np.float32)
+    proposals = np.array(msg.proposals, np.float32)
+    if len(proposals) != 3 * len(confidence):
+        raise InputError(
+            f"{msg.body_id} has {len(proposals)} numbers of proposed joints, not {3 * len(confidence)}"
+        )
+    check_numbers(f"the proposed joints of {msg.body_id}", proposals)
+    return FoundPerson(msg.label, msg.body_id, msg.probability, proposals.reshape(-1, 3), confidence)

@@ -1,0 +1,1 @@
+"""Programs on topics: play, record, watch, demo."""

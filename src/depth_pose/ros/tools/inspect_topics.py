@@ -1,0 +1,191 @@
+"""Looking at topics from a terminal: how often messages come, and where a frame is.
+
+Twins of ``ros2 topic hz`` and ``tf2_echo`` for machines without ROS from apt.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from depth_pose.core.errors import ConfigError
+from depth_pose.core.rotations import matrix_to_quat
+from depth_pose.ros.messages.basics import stamp_to_ns
+from depth_pose.ros.process.runner import on_stop
+from depth_pose.ros.tools.message_text import message_class
+from depth_pose.ros.transport.tf import LATCHED, TF_QUEUE, tf_message
+from depth_pose.volume.transform_tree import TransformTree, pose_matrix
+
+_TICK_S = 0.05
+"""The longest wait for a message before it is seen whether to stop, seconds. Set by hand."""
+
+
+@dataclass(frozen=True)
+class Rate:
+    """How often a topic's messages came since it was last told.
+
+    Attributes
+    ----------
+    hz : float
+        Messages a second.
+    low_s, high_s, deviation_s : float
+        Shortest, longest and standard deviation of the gaps between them.
+    count : int
+        Messages.
+    """
+
+    hz: float
+    low_s: float
+    high_s: float
+    deviation_s: float
+    count: int
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a frame is in another.
+
+    Attributes
+    ----------
+    stamp_ns : int
+        Of the newest message that spoke of it.
+    T_parent_frame : (4, 4) float64
+        Metres.
+    """
+
+    stamp_ns: int
+    T_parent_frame: NDArray[np.float64]
+
+    @property
+    def quat_xyzw(self) -> NDArray[np.float64]:
+        """The rotation, (4,)."""
+        return matrix_to_quat(self.T_parent_frame[:3, :3]).ravel()
+
+    @property
+    def rpy_deg(self) -> NDArray[np.float64]:
+        """Roll, pitch and yaw about the fixed x, y and z, degrees, (3,)."""
+        R = self.T_parent_frame[:3, :3]
+        pitch = np.arcsin(np.clip(-R[2, 0], -1.0, 1.0))
+        return np.degrees([np.arctan2(R[2, 1], R[2, 2]), pitch, np.arctan2(R[1, 0], R[0, 0])])
+
+
+def watch_rate(topic: str, every_s: float = 1.0) -> Iterator[Rate | None]:
+    """Tell how often messages come on a topic, until SIGINT or SIGTERM; None where none came.
+
+    Listens best effort, which hears every publisher.
+
+    Raises
+    ------
+    InputError
+        If the topic's type is not installed here.
+    """
+    from rclpy.qos import QoSProfile, ReliabilityPolicy
+
+    times: list[float] = []
+    qos = QoSProfile(depth=TF_QUEUE, reliability=ReliabilityPolicy.BEST_EFFORT)
+    with _listener("hz") as (node, turns):
+        subscription, last = None, float("nan")
+        for _ in turns(every_s):
+            if subscription is None:
+                kinds = dict(node.get_topic_names_and_types()).get(topic)
+                if kinds:
+                    subscription = node.create_subscription(
+                        message_class(kinds[0]),
+                        topic,
+                        lambda _: times.append(time.monotonic()),
+                        qos,
+                        raw=True,
+                    )
+            gaps = np.diff([last, *times] if last == last else times)
+            last = times[-1] if times else last
+            told = None
+            if len(gaps):
+                told = Rate(1.0 / max(gaps.mean(), 1e-9), gaps.min(), gaps.max(), gaps.std(), len(times))
+            times.clear()
+            yield told
+
+
+class _Heard:
+    """What ``/tf`` and ``/tf_static`` have told."""
+
+    def __init__(self) -> None:
+        self.tree = TransformTree()
+        self.stamps: dict[str, int] = {}
+
+    def take(self, message: Any) -> None:
+        for t in message.transforms:
+            p, q = t.transform.translation, t.transform.rotation
+            try:
+                T = pose_matrix([p.x, p.y, p.z, q.x, q.y, q.z, q.w])
+            except ConfigError:  # some senders put a zero quaternion
+                continue
+            self.tree.add(t.header.frame_id, t.child_frame_id, T)
+            self.stamps[t.child_frame_id.lstrip("/")] = stamp_to_ns(t.header.stamp)
+
+
+def watch_frame(frame: str, parent: str, every_s: float = 1.0) -> Iterator[Place | None]:
+    """Tell where a frame is in another, until SIGINT or SIGTERM; None while it is not known.
+
+    The newest transform of each frame counts, as with tf2's time 0.
+
+    Raises
+    ------
+    ConfigError
+        If `tf2_msgs` is not installed.
+    """
+    with _frames() as (heard, turns):
+        for _ in turns(every_s):
+            T = heard.tree.find(parent, frame)
+            yield None if T is None else Place(heard.stamps.get(frame.lstrip("/"), 0), T)
+
+
+def list_frames(seconds: float) -> dict[str, str]:
+    """Give all frames that are heard of in some time, each with its parent."""
+    with _frames() as (heard, turns):
+        next(turns(seconds))
+        return heard.tree.parents()
+
+
+@contextmanager
+def _frames() -> Iterator[Any]:
+    message, heard = tf_message("looking at frames"), _Heard()
+    with _listener("tf") as (node, turns):
+        node.create_subscription(message, "/tf", heard.take, TF_QUEUE)
+        node.create_subscription(message, "/tf_static", heard.take, LATCHED)
+        yield heard, turns
+
+
+@contextmanager
+def _listener(name: str) -> Iterator[Any]:
+    """Make a node of one's own, and a way to spin it in turns of some seconds until one is told to stop."""
+    import rclpy
+    from rclpy.context import Context
+    from rclpy.executors import SingleThreadedExecutor
+
+    context, stopped = Context(), threading.Event()
+    rclpy.init(context=context, args=[])
+    executor = SingleThreadedExecutor(context=context)
+    node = rclpy.create_node(f"depth_pose_{name}", context=context, start_parameter_services=False)
+    executor.add_node(node)
+
+    def turns(seconds: float) -> Iterator[None]:
+        while not stopped.is_set():
+            until = time.monotonic() + seconds
+            while time.monotonic() < until and not stopped.is_set():
+                executor.spin_once(timeout_sec=_TICK_S)
+            if not stopped.is_set():
+                yield
+
+    try:
+        with on_stop(stopped.set):
+            yield node, turns
+    finally:
+        executor.shutdown()
+        rclpy.try_shutdown(context=context)

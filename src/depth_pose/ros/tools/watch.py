@@ -1,0 +1,291 @@
+"""What a viewer hears of running nodes: the newest depth, everybody's skeletons, diagnostics.
+
+Messages are taken as bytes and kept; only those that are shown are decoded. All subscriptions are best
+effort with short queues, so no node ever waits for a viewer.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import OrderedDict
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from depth_pose.core.errors import InputError
+from depth_pose.core.types import DepthFrame, Skeleton
+from depth_pose.io import schemas
+from depth_pose.io._messages import read_people
+from depth_pose.io.calibration import is_rectified
+from depth_pose.io.mcap_read import frame_of_cloud, frame_of_image
+from depth_pose.ros.tools.bag import header_stamp_ns
+
+_HELD, _HELD_BYTES = 64, 64 << 20
+"""Depth messages that wait for their skeletons, at most, and the memory that they may take: two seconds of
+640 x 480 with 16 bits at 30 a second."""
+
+_MOST_BYTES = 2 << 20
+"""A message of skeletons may have: 255 people of 2 kB each, and some room."""
+
+_LEAST_BYTES = 12
+"""What the stamp of a message takes; a shorter one is none."""
+
+_UNANSWERED_NS = 2_000_000_000
+"""Depth this much newer than the newest skeletons is shown without any. Nodes on free cores take a tenth of
+a second; on cores that others keep busy more than one was seen."""
+
+_QUEUE = 8
+"""Messages of a topic that may wait for the viewer; skeletons whose depth image was lost are not shown."""
+
+_BARE_EVERY_NS = 100_000_000
+"""Time between frames that are shown without skeletons; these may still come."""
+
+_LOOK_S = 0.5
+"""Time between looks for topics until there are some, seconds. Set by hand."""
+_ANSWER_S = 2.0
+"""Seconds for a node to answer a service."""
+
+_STALE_S = 5.0
+"""A node that said nothing for so long is no longer listed; it speaks once a second."""
+
+_PARAMETERS = {
+    "follow": ("recovery", "follow"),
+    "zone": ("denoise", "zone"),
+    "people": ("denoise", "segment.most_people"),
+}
+
+
+@dataclass(frozen=True)
+class Heard:
+    """A frame, and everybody's skeletons in it; None where there is no answer."""
+
+    frame: DepthFrame
+    skeletons: tuple[Skeleton, ...] | None
+
+
+@dataclass(frozen=True)
+class NodeState:
+    """What a node tells of itself on ``/diagnostics``.
+
+    Attributes
+    ----------
+    name : str
+    message : str
+    values : mapping of str to str
+    """
+
+    name: str
+    message: str
+    values: Mapping[str, str]
+
+
+class Watch:
+    """Listens to the nodes in a thread of its own, from `start` to `stop`.
+
+    Parameters
+    ----------
+    depth_topic : str, optional
+        Depth images or clouds; by default what the denoise node takes.
+    """
+
+    def __init__(self, depth_topic: str | None = None) -> None:
+        self._depth_topic = depth_topic
+        self._lock = threading.Lock()
+        self._depth: OrderedDict[int, bytes] = OrderedDict()
+        self._skeletons: OrderedDict[int, bytes] = OrderedDict()
+        self._nodes: dict[str, tuple[float, NodeState]] = {}
+        self._info, self._kind, self._shown = b"", "", (0, False)
+        self._subscribed = self._rectified = False
+        self._clients: dict[str, Any] = {}
+        self._stopping = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="watch", daemon=True)
+
+    def start(self) -> None:
+        """Begin to listen."""
+        import rclpy
+        from depth_pose_msgs.msg import SkeletonArray
+        from diagnostic_msgs.msg import DiagnosticArray
+        from rclpy.context import Context
+
+        from depth_pose.ros.transport.intake import frame_qos
+
+        self._context = Context()
+        rclpy.init(context=self._context, args=[])
+        self._node = rclpy.create_node("viewer", namespace="depth_pose", context=self._context)
+        self._qos = frame_qos(_QUEUE, False)
+        self._node.create_subscription(
+            SkeletonArray, "/depth_pose/skeletons", self._take_skeletons, self._qos, raw=True
+        )
+        self._node.create_subscription(DiagnosticArray, "/diagnostics", self._take_diagnostics, 10)
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Stop listening."""
+        import rclpy
+
+        self._stopping.set()
+        self._thread.join()
+        self._node.destroy_node()
+        rclpy.try_shutdown(context=self._context)
+
+    def newest(self) -> Heard | None:
+        """Give the newest frame that was not given before, decoded; None where there is none."""
+        with self._lock:
+            both = [stamp for stamp in self._skeletons if stamp in self._depth]
+            stamp = both[-1] if both else 0
+            last = next(reversed(self._depth), 0)
+            answered = bool(stamp) and last - stamp < _UNANSWERED_NS
+            stamp = stamp if answered else last
+            if (stamp, answered) == self._shown or stamp == 0:
+                return None
+            if not answered and last - self._shown[0] < _BARE_EVERY_NS:
+                return None
+            depth, people, self._shown = self._depth[stamp], self._skeletons.get(stamp), (stamp, answered)
+        try:
+            frame = self._frame(depth)
+            return Heard(frame, None if people is None else read_people(people).skeletons)
+        except InputError as error:
+            self._node.get_logger().warning(str(error), throttle_duration_sec=5.0)
+            return None
+
+    def nodes(self) -> list[NodeState]:
+        """Give what each node last told of itself."""
+        now = time.monotonic()
+        with self._lock:
+            return [state for told, state in self._nodes.values() if now - told < _STALE_S]
+
+    def set(self, name: str, value: str | int) -> str:
+        """Set ``follow``, ``zone`` or ``people`` of the nodes; gives what went wrong, or nothing."""
+        from rcl_interfaces.srv import SetParameters
+        from rclpy.parameter import Parameter
+
+        node, parameter = _PARAMETERS[name]
+        request = SetParameters.Request(parameters=[Parameter(parameter, value=value).to_parameter_msg()])
+        result = self._ask(SetParameters, f"{node}/set_parameters", request)
+        if result is None:
+            return f"/depth_pose/{node} does not answer"
+        return "" if result.results[0].successful else str(result.results[0].reason)
+
+    def _frame(self, data: bytes) -> DepthFrame:
+        if self._kind == schemas.POINT_CLOUD:
+            return frame_of_cloud(data)
+        return frame_of_image(data, self._kind, self._info, self._rectified)
+
+    # The thread
+
+    def _run(self) -> None:
+        from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+
+        executor = SingleThreadedExecutor(context=self._context)
+        executor.add_node(self._node)
+        looked = 0.0
+        try:
+            while not self._stopping.is_set():
+                if not self._subscribed and time.monotonic() - looked > _LOOK_S:
+                    self._look()
+                    looked = time.monotonic()
+                executor.spin_once(timeout_sec=0.1)
+        except ExternalShutdownException:
+            pass
+        finally:
+            executor.shutdown()
+
+    def _look(self) -> None:
+        """Subscribe to the depth topic once it is there."""
+        if self._depth_topic is not None:
+            self._subscribe(self._depth_topic, self._depth_topic.rpartition("/")[0] + "/camera_info")
+            return
+        from rcl_interfaces.srv import GetParameters
+
+        client = self._client(GetParameters, "denoise/get_parameters")
+        if client.service_is_ready():
+            names = ["cloud_topic", "image_topic", "info_topic"]
+            client.call_async(GetParameters.Request(names=names)).add_done_callback(self._take_topics)
+
+    def _take_topics(self, future: Any) -> None:
+        values = [value.string_value for value in future.result().values]
+        if len(values) == 3 and not self._subscribed:
+            cloud, image, info = (self._node.resolve_topic_name(v) if v else "" for v in values)
+            self._subscribe(cloud or image, "" if cloud else info)
+
+    def _subscribe(self, topic: str, info_topic: str) -> None:
+        from sensor_msgs.msg import CameraInfo, CompressedImage, Image, PointCloud2
+
+        kinds = {
+            schemas.IMAGE: Image,
+            schemas.COMPRESSED: CompressedImage,
+            schemas.POINT_CLOUD: PointCloud2,
+        }
+        types = dict(self._node.get_topic_names_and_types()).get(topic, [])
+        known = [kind for kind in types if kind in kinds]
+        if not known:
+            return
+        self._kind, self._subscribed, self._rectified = known[0], True, is_rectified(topic)
+        create = self._node.create_subscription
+        create(kinds[self._kind], topic, self._take_depth, self._qos, raw=True)
+        if self._kind != schemas.POINT_CLOUD:
+            create(CameraInfo, info_topic, self._take_info, self._qos, raw=True)
+
+    def _take_depth(self, data: bytes) -> None:
+        if self._info or self._kind == schemas.POINT_CLOUD:
+            self._hold(self._depth, data)
+
+    def _take_info(self, data: bytes) -> None:
+        self._info = data
+
+    def _take_skeletons(self, data: bytes) -> None:
+        if len(data) > _MOST_BYTES:  # reading it would take the viewer minutes
+            self._node.get_logger().warning(
+                f"skeletons of {len(data)} bytes are not shown; more than {_MOST_BYTES} no frame's can be",
+                throttle_duration_sec=5.0,
+            )
+            return
+        self._hold(self._skeletons, data)
+
+    def _hold(self, kept: OrderedDict[int, bytes], data: bytes) -> None:
+        if len(data) < _LEAST_BYTES:
+            return
+        stamp = header_stamp_ns(data)
+        with self._lock:
+            if kept and stamp < next(reversed(kept)):  # the recording begins again
+                kept.clear()
+                self._shown = (0, False)
+            kept[stamp] = data
+            most = min(_HELD, max(1, _HELD_BYTES // len(data)))
+            while len(kept) > most:
+                kept.popitem(last=False)
+
+    def _take_diagnostics(self, message: Any) -> None:
+        with self._lock:
+            for status in message.status:
+                if status.hardware_id == "depth_pose":
+                    values = {value.key: value.value for value in status.values}
+                    self._nodes[status.name] = (
+                        time.monotonic(),
+                        NodeState(status.name, status.message, values),
+                    )
+
+    # Services
+
+    def _client(self, kind: type, name: str) -> Any:
+        if name not in self._clients:
+            self._clients[name] = self._node.create_client(kind, f"/depth_pose/{name}")
+        return self._clients[name]
+
+    def _ask(self, kind: type, name: str, request: Any) -> Any:
+        """Call a service from another thread; None where there is no answer in time."""
+        client = self._client(kind, name)
+        if not client.wait_for_service(timeout_sec=_ANSWER_S):
+            return None
+        done = threading.Event()
+        future = client.call_async(request)
+        future.add_done_callback(lambda _: done.set())
+        return future.result() if done.wait(_ANSWER_S) else None
+
+
+def start_watch(depth_topic: str | None) -> Watch:
+    """Listen to the nodes."""
+    watch = Watch(depth_topic)
+    watch.start()
+    return watch

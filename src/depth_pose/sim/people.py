@@ -1,0 +1,196 @@
+"""Simulated people for simulated rooms: builds, postures, clothes, hair, bags, things in hands.
+
+A figure is a static mesh with its joints. Everything is drawn from one generator, from tables of
+everyday postures and from the embedded body; nothing comes from recordings.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from depth_pose.body.angles import LEG, TRUNK, rotations_from_angles
+from depth_pose.body.limits import clamp_angles
+from depth_pose.core.errors import ConfigError
+from depth_pose.core.skeleton import JOINT_NODES
+from depth_pose.motion.contact import separate_limbs
+from depth_pose.motion.procedural.postures.parts import Kind
+from depth_pose.motion.procedural.postures.sampler import POSTURES, Postures, sample_postures
+from depth_pose.sim import _garments as garments
+from depth_pose.sim import _things as things
+from depth_pose.sim._builds import draw_build
+from depth_pose.sim._contact import put_down
+from depth_pose.sim._dressed_skin import draw_cut, dress
+from depth_pose.sim._garments import Wearer
+from depth_pose.sim._meshes import Piece, join
+
+__all__ = ["POSTURES", "Figure", "sample_figure"]
+
+Array = NDArray[np.float64]
+
+POOL = 1200
+"""Postures of a name that a process draws from; each figure varies its own a little."""
+
+NOISE_DEG = 3.0
+"""Spread of that variation in arms, neck and head; legs and trunk vary half as much."""
+
+CLOAKS, SKIRTS, COATS = 0.025, 0.10, 0.09
+"""Shares of those who wear one: about what public places show, cloaks oftener than that."""
+
+_POOL_SEED = 815
+"""Seed of the postures; any would do."""
+_UPRIGHT = ("stand", "walk", "sit", "lean", "reach")
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A simulated person.
+
+    The frame: metres, y up, x to the figure's left, the figure faces +z (who lies, lies along z),
+    origin on the floor below the pelvis.
+
+    Attributes
+    ----------
+    vertices : (V, 3) float32
+    faces : (F, 3) int32
+        Skin, clothes, hair, what is worn: all that counts as the person.
+    joints : (19, 3) float32
+        In the order of `depth_pose.core.skeleton.JOINTS`, metres.
+    held_vertices : (H, 3) float32
+    held_faces : (G, 3) int32
+        Things in the hands, which do not count as the person; may be empty.
+    posture : str
+        One of `POSTURES`.
+    seat_height : float
+        Height of the chair, sofa or bed that the figure rests on, metres; 0 when it rests on
+        the floor.
+    stature : float
+        Height standing upright, metres.
+    """
+
+    vertices: NDArray[np.float32]
+    faces: NDArray[np.int32]
+    joints: NDArray[np.float32]
+    held_vertices: NDArray[np.float32]
+    held_faces: NDArray[np.int32]
+    posture: str
+    seat_height: float
+    stature: float
+
+
+def sample_figure(rng: np.random.Generator, posture: str | None = None) -> Figure:
+    """Draw a person.
+
+    The first figures of a process cost seconds (the body, postures, builds); later ones
+    milliseconds.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+        The same state gives the same figure, whatever was drawn before.
+    posture : str, optional
+        One of `POSTURES`; drawn by their probabilities when left out.
+
+    Raises
+    ------
+    ConfigError
+        For a posture that is not in `POSTURES`.
+    """
+    if posture is None:
+        share = np.array(list(POSTURES.values()))
+        posture = str(rng.choice(list(POSTURES), p=share / share.sum()))
+    elif posture not in POSTURES:
+        raise ConfigError(f"unknown posture {posture!r}; there are: {', '.join(POSTURES)}")
+    build = draw_build(rng)
+    rotations, kind = _draw_rotations(rng, posture)
+    posed = build.body.pose(rotations, np.zeros(3))
+    cut = draw_cut(rng, build)
+    skin = dress(rng, posed.vertices, build.body.faces, cut, build.body.stature)
+    rested = put_down(rng, (skin, posed.nodes, rotations), build, posture, kind.raised)
+    floor = rested.seat if posture == "lie" else 0.0
+    wearer = Wearer(
+        rested.skin, rested.nodes, rested.rotations, build.body.weights, build.body.stature, floor
+    )
+    worn = draw_worn(rng, wearer, posture, build.woman)
+    vertices, faces = join([(rested.skin, build.body.faces), *worn])
+    held_vertices, held_faces = join(things.belongings(rng, wearer, kind.doing))
+    return Figure(
+        vertices.astype(np.float32),
+        faces,
+        rested.nodes[JOINT_NODES].astype(np.float32),
+        held_vertices.astype(np.float32),
+        held_faces,
+        posture,
+        rested.seat,
+        build.body.stature,
+    )
+
+
+@lru_cache(maxsize=len(POSTURES))
+def _pool(posture: str) -> Postures:
+    rng = np.random.default_rng([_POOL_SEED, list(POSTURES).index(posture)])
+    return sample_postures(posture, rng, POOL)
+
+
+def _draw_rotations(rng: np.random.Generator, posture: str) -> tuple[Array, Kind]:
+    """Pick a posture from the pool and vary it, (21, 3, 3)."""
+    pool, i = _pool(posture), int(rng.integers(POOL))
+    spread = np.full(47, NOISE_DEG)
+    spread[TRUNK.start : 9] *= 0.5
+    for leg in LEG:
+        spread[leg] *= 0.5
+    angles = clamp_angles(pool.angles[i] + spread * rng.normal(size=47))
+    rotations = separate_limbs(rotations_from_angles(angles)[None]).rotations[0]
+    return pool.turns[i] @ rotations, pool.kinds[i]
+
+
+def draw_seated(rng: np.random.Generator) -> Array:
+    """Draw a pose of somebody on a chair, stool or sofa: rotations (21, 3, 3), facing +z."""
+    while True:
+        rotations, kind = _draw_rotations(rng, "sit")
+        if kind.raised:
+            return rotations
+
+
+def draw_worn(rng: np.random.Generator, wearer: Wearer, posture: str, woman: bool) -> list[Piece]:
+    """Draw hanging clothes, hair and bags."""
+    worn: list[Piece] = []
+    if posture in _UPRIGHT and rng.uniform() < CLOAKS:
+        worn.append(garments.cloak(rng, wearer, rng.uniform(0.4, 1.35), bool(rng.uniform() < 0.4)))
+    elif posture not in ("crawl", "squat", "kneel", "bend"):
+        chance = rng.uniform()
+        if chance < SKIRTS * (1.7 if woman else 0.3):
+            worn.append(garments.skirt(rng, wearer, rng.uniform(0.3, 1.0), rng.uniform(0.0, 0.16), False))
+        elif chance > 1.0 - COATS:
+            opened = bool(rng.uniform() < 0.5)
+            worn.append(garments.skirt(rng, wearer, rng.uniform(0.2, 0.75), rng.uniform(0.0, 0.07), opened))
+    if posture == "lie" and rng.uniform() < 0.3:
+        worn.append(garments.blanket(rng, wearer, rng.uniform(0.2, 0.95)))
+    return worn + _draw_headwear(rng, wearer, woman) + _draw_bags(rng, wearer, posture)
+
+
+def _draw_headwear(rng: np.random.Generator, wearer: Wearer, woman: bool) -> list[Piece]:
+    worn: list[Piece] = []
+    if rng.uniform() < (0.45 if woman else 0.08):
+        worn.append(garments.hanging_hair(rng, wearer, rng.uniform(0.05, 0.35)))
+    elif rng.uniform() < (0.25 if woman else 0.03):
+        worn.append(things.bun(rng, wearer))
+    if rng.uniform() < 0.10:
+        worn += things.hat(rng, wearer)
+    if rng.uniform() < 0.06:
+        worn.append(garments.scarf(rng, wearer))
+    return worn
+
+
+def _draw_bags(rng: np.random.Generator, wearer: Wearer, posture: str) -> list[Piece]:
+    chance = rng.uniform()
+    if posture == "lie":
+        return []
+    if chance < 0.09:
+        return [things.backpack(rng, wearer)]
+    if chance > 0.94:
+        return [things.shoulder_bag(rng, wearer)]
+    return []

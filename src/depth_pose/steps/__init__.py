@@ -1,1 +1,0 @@
-"""The method's steps, in the order of the paper's outline (Fig. 3)."""

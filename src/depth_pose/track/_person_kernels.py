@@ -1,0 +1,38 @@
+"""Compiled loops that take one person out of a frame; `depth_pose.track.person` uses them."""
+
+from __future__ import annotations
+
+from depth_pose.core.kernels import njit
+from depth_pose.core.types import BACKGROUND, HIDDEN, PERSON, UNKNOWN
+
+_BESIDE_M = 0.15
+"""Somebody else's pixel this little behind a person's middle, metres, may still hide them."""
+
+
+@njit(cache=True)
+def take_person(points, labels, label, taken, depth):
+    """Copy a person's points to ``taken`` and their depths to an image; returns their number."""
+    count = 0
+    for i in range(labels.shape[0]):
+        for j in range(labels.shape[1]):
+            depth[i, j] = 0.0
+            if labels[i, j] == label:
+                depth[i, j] = points[i, j, 2]
+                for a in range(3):
+                    taken[count, a] = points[i, j, a]
+                count += 1
+    return count
+
+
+@njit(cache=True)
+def label_for(points, labels, label, distance, own):
+    """Write what each pixel says of one person, whose middle is ``distance`` metres away."""
+    for i in range(labels.shape[0]):
+        for j in range(labels.shape[1]):
+            k = labels[i, j]
+            if k == label:
+                own[i, j] = PERSON
+            elif k == HIDDEN or (k != BACKGROUND and not points[i, j, 2] > distance + _BESIDE_M):
+                own[i, j] = UNKNOWN
+            else:
+                own[i, j] = BACKGROUND

@@ -1,0 +1,203 @@
+"""The people of a frame: found once, and handed on from step to step.
+
+Whoever makes `People` (`see_people`) prepares, for each person, all that matching, fitting and
+recovery need: their points, and a window of the image as it looks from that person's side, where
+somebody nearer hides and somebody farther is free space.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from depth_pose.body.rendered_depth import Observation, observe
+from depth_pose.core.camera import Camera
+from depth_pose.core.skeleton import JOINT_INDEX, JOINTS
+from depth_pose.core.types import PERSON, FoundPerson
+from depth_pose.track import _person_kernels as kernels
+
+MIN_POINTS = 100
+"""With fewer points than this nobody can be matched; set by hand."""
+
+_MARGIN_M = 0.35
+"""The window goes on so far beyond the person, metres: a limb that is not seen may be there."""
+
+_CUT_WIDTH_M = 0.22
+"""A cut through a trunk is wider than this; one through ankles or shins is not."""
+
+_KNEE_M = 0.15
+"""A knee that the finder proposes is seen if a pixel of the person lies this close to it; set by hand."""
+
+_KNEES = [JOINT_INDEX["left_knee"], JOINT_INDEX["right_knee"]]
+
+_SIDE_PIXELS = 3
+"""A person with more pixels than this in the outermost columns may go on beyond them."""
+
+
+@dataclass(frozen=True)
+class Person:
+    """One person in one frame.
+
+    Attributes
+    ----------
+    stamp_ns : int
+    frame_id : str
+    found : FoundPerson
+        Who it is, how sure that is, and where the finder sees joints.
+    camera : Camera
+        Camera of the whole working grid.
+    points : (N, 3) float64
+        The person's points, metres, camera frame.
+    full, coarse : Observation
+        A window around the person, at full and at half resolution.
+    is_cut_below : bool
+        Whether the legs are not seen: the image's lower border cuts through the person above them, or
+        something hides both knees.
+    is_cut_beside : bool
+        Whether the image's left or right border may cut through the person.
+    """
+
+    stamp_ns: int
+    frame_id: str
+    found: FoundPerson
+    camera: Camera
+    points: NDArray[np.float64]
+    full: Observation
+    coarse: Observation
+    is_cut_below: bool
+    is_cut_beside: bool
+
+    @property
+    def body_id(self) -> str:
+        """Who it is."""
+        return self.found.body_id
+
+
+@dataclass(frozen=True)
+class People:
+    """Everybody in one frame, on the pixel grid that the steps after denoising work on.
+
+    Attributes
+    ----------
+    stamp_ns : int
+    frame_id : str
+    camera : Camera
+        Camera of the working grid.
+    points : (h, w, 3) float32
+        Points in the camera frame, metres; NaN where the pixel is nobody's.
+    labels : (h, w) uint8
+        Number of the person whose pixel it is; 0 for free space, `depth_pose.core.types.HIDDEN`
+        where something nearer, or nothing, returned.
+    persons : tuple of Person
+    """
+
+    stamp_ns: int
+    frame_id: str
+    camera: Camera
+    points: NDArray[np.float32]
+    labels: NDArray[np.uint8]
+    persons: tuple[Person, ...]
+
+
+def see_people(
+    stamp_ns: int,
+    frame_id: str,
+    camera: Camera,
+    points: NDArray[np.float32],
+    labels: NDArray[np.uint8],
+    found: Iterable[FoundPerson],
+) -> People:
+    """Prepare everybody whom a frame shows with points enough.
+
+    Parameters
+    ----------
+    stamp_ns, frame_id, camera, points, labels
+        As in `People`.
+    found : iterable of FoundPerson
+        Who the labels stand for.
+    """
+    persons = tuple(
+        person
+        for f in found
+        if (person := _see_person(stamp_ns, frame_id, camera, points, labels, f)) is not None
+    )
+    return People(stamp_ns, frame_id, camera, points, labels, persons)
+
+
+def _see_person(
+    stamp_ns: int,
+    frame_id: str,
+    camera: Camera,
+    points: NDArray[np.float32],
+    labels: NDArray[np.uint8],
+    found: FoundPerson,
+) -> Person | None:
+    """Prepare one person; None with too few points."""
+    taken, depth = np.empty((labels.size, 3)), np.empty(labels.shape, np.float32)
+    count = kernels.take_person(points, labels, found.label, taken, depth)
+    if count < MIN_POINTS:
+        return None
+    taken = taken[:count].copy()
+    own = np.empty(labels.shape, np.uint8)
+    kernels.label_for(points, labels, found.label, float(np.median(taken[:, 2])), own)
+    low = own[-1] == PERSON
+    return Person(
+        stamp_ns=stamp_ns,
+        frame_id=frame_id,
+        found=found,
+        camera=camera,
+        points=taken,
+        full=observe(depth, own, camera, 1, _MARGIN_M),
+        coarse=observe(depth, own, camera, 2, _MARGIN_M),
+        is_cut_below=bool(low.any() and np.ptp(points[-1, low, 0]) > _CUT_WIDTH_M)
+        or _hides_knees(own, camera, found.proposals),
+        is_cut_beside=int((own[:, [0, 1, -2, -1]] == PERSON).sum()) > _SIDE_PIXELS,
+    )
+
+
+def _hides_knees(own: NDArray[np.uint8], camera: Camera, proposals: NDArray[np.float32]) -> bool:
+    """Tell whether no pixel of the person lies near the knees that the finder proposes."""
+    if len(proposals) != len(JOINTS):
+        return False
+    for x, y, z in proposals[_KNEES].tolist():
+        if not z > 0.0:
+            continue
+        u, v = camera.project(np.array([x, y, z])).tolist()
+        aside, along = _KNEE_M * camera.fx / z, _KNEE_M * camera.fy / z
+        top, left = max(0, round(v - along)), max(0, round(u - aside))
+        window = own[top : max(0, round(v + along) + 1), left : max(0, round(u + aside) + 1)]
+        if (window == PERSON).any():
+            return False
+    return True
+
+
+def thin_image(observed: Observation, distance: float, spacing_m: float) -> Observation:
+    """Leave out pixels of an image as long as the others lie at most so far apart at the person.
+
+    Parameters
+    ----------
+    observed : Observation
+    distance : float
+        Distance of the person, metres.
+    spacing_m : float
+        Metres at the person.
+    """
+    camera = observed.camera
+    step = int(spacing_m * camera.fx / distance)
+    if step < 2:
+        return observed
+    return Observation(
+        depth=np.ascontiguousarray(observed.depth[::step, ::step]),
+        labels=np.ascontiguousarray(observed.labels[::step, ::step]),
+        camera=camera.strided(step),
+    )
+
+
+def thin(points: NDArray[np.float64], most: int) -> NDArray[np.float64]:
+    """Take at most ``most`` points, evenly over their order in the image."""
+    if len(points) <= most:
+        return points
+    return points[np.arange(most) * len(points) // most]

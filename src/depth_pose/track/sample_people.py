@@ -1,0 +1,29 @@
+"""Somebody to warm up with: an exemplar of the bank, seen from the front."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from depth_pose.bank.bank import Bank
+from depth_pose.body.rendered_depth import render_depth
+from depth_pose.core.camera import Camera
+from depth_pose.core.rotations import R_CAMERA_FACING_MODEL
+from depth_pose.core.skeleton import JOINT_NODES
+from depth_pose.core.types import BACKGROUND, PERSON, FoundPerson
+from depth_pose.track.person import People, see_people
+
+_CAMERA = Camera(width=176, height=144, fx=200.0, fy=200.0, cx=87.5, cy=71.5)
+"""The camera that sees it, pixels. Set by hand."""
+_DISTANCE_M = 3.2
+"""From the camera to the person, metres. Set by hand."""
+
+
+def sample_people(bank: Bank) -> People:
+    """Render the bank's first pose into a frame that shows nobody else; its joints are proposed."""
+    posed = bank.body.pose(R_CAMERA_FACING_MODEL @ bank.rotations(0), np.array([0.0, 0.0, _DISTANCE_M]))
+    drawn = render_depth(posed.vertices, bank.body.faces, _CAMERA)
+    depth = np.where(np.isfinite(drawn), drawn, 0.0).astype(np.float32)
+    labels = np.where(depth > 0, PERSON, BACKGROUND).astype(np.uint8)
+    joints = posed.nodes[JOINT_NODES].astype(np.float32)
+    found = FoundPerson(PERSON, "sample", 1.0, joints, np.ones(len(joints), np.float32))
+    return see_people(0, "", _CAMERA, _CAMERA.back_project(depth), labels, [found])

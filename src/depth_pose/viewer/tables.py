@@ -1,0 +1,84 @@
+"""Who is there, and how the nodes do, as the tables of the viewer's panel."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from depth_pose.core.skeleton import ADULT_STATURE_M, JOINT_INDEX, JointState
+from depth_pose.core.types import Skeleton
+from depth_pose.core.zone import Zone
+
+if TYPE_CHECKING:
+    from depth_pose.ros.tools.watch import NodeState
+
+_PELVIS = JOINT_INDEX["pelvis"]
+
+
+def distance_m(skeleton: Skeleton) -> float:
+    """Distance of the pelvis from the sensor."""
+    return float(np.linalg.norm(skeleton.positions[_PELVIS]))
+
+
+def chosen(skeletons: Sequence[Skeleton], zone: Zone, most: int) -> tuple[Skeleton, ...]:
+    """Give the people in a zone, at most so many of them, the nearest; 0: all."""
+    inside = [s for s in skeletons if not s.is_lost and zone.holds(*s.positions[_PELVIS])]
+    if most:
+        inside = sorted(inside, key=distance_m)[:most]
+    return tuple(inside)
+
+
+def people_table(skeletons: Sequence[Skeleton] | None, followed: str, stamp_ns: int | None = None) -> str:
+    """Make the table of people, Markdown; of a frame of that stamp it tells who is older."""
+    if skeletons is None:
+        return "*no answer to this frame*"
+    if not skeletons:
+        return "*nobody in view*"
+    lines = ["| | id | away | size | sure | state | seen |", "|-|-|-|-|-|-|-|"]
+    for s in skeletons:
+        seen = int((s.joint_states == JointState.SEEN).sum())
+        mark = "●" if s.body_id == followed else ""
+        state = s.source.name.lower()
+        if stamp_ns is not None and s.stamp_ns != stamp_ns:
+            state = f"{(stamp_ns - s.stamp_ns) * 1e-9:.1f} s ago"
+        lines.append(
+            f"| {mark} | {s.body_id} | {distance_m(s):.1f} m | {_size(s)} | {s.confidence:.2f} "
+            f"| {state} | {seen}/{len(s.positions)} |"
+        )
+    return "\n".join([*lines, "", "● followed, \\* own build known"])
+
+
+def _size(skeleton: Skeleton) -> str:
+    """Stature of the average build of the person's size, and a star where their own is known."""
+    own = "\\*" if skeleton.build.any() else ""
+    return f"{skeleton.scale * ADULT_STATURE_M:.2f} m{own}"
+
+
+def nodes_table(nodes: Sequence[NodeState]) -> str:
+    """Make the table of the nodes' rates, times and drops, Markdown."""
+    if not nodes:
+        return "*nothing on /diagnostics yet: `depth-pose up` starts the nodes*"
+    lines = ["| node | a second | ms a frame | ms late | dropped |", "|-|-|-|-|-|"]
+    for node in sorted(nodes, key=lambda n: _ORDER.get(_short(n), 9)):
+        v = node.values
+        lines.append(
+            f"| {_short(node)} | {v.get('rate_hz', '')} | {v.get('process_ms_median', '')} "
+            f"| {v.get('latency_ms_median', '')} | {_drops(v)} |"
+        )
+    unwell = [f"{_short(n)}: {n.message}" for n in nodes if n.message and n.message != "ok"]
+    return "\n".join([*lines, "", *unwell])
+
+
+_ORDER = {name: i for i, name in enumerate(("denoise", "matcher", "refine", "recovery", "volume"))}
+
+
+def _short(node: NodeState) -> str:
+    return node.name.rpartition("/")[2]
+
+
+def _drops(values: Mapping[str, str]) -> str:
+    """Give the drops by reason; 0 without any."""
+    reasons = {k.removeprefix("dropped: "): v for k, v in values.items() if k.startswith("dropped: ")}
+    return ", ".join(f"{count} {reason}" for reason, count in reasons.items()) or "0"

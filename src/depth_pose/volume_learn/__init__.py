@@ -1,1 +1,0 @@
-"""Making models of the volume tracker: simulated performances, training, reports."""

@@ -1,0 +1,159 @@
+"""From depth frames to the person's clean, organised points."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import synthetic as syn
+from depth_pose.core.config import DenoiseConfig, SegmentConfig
+from depth_pose.core.types import HIDDEN, PERSON
+from depth_pose.denoise.extract import PeopleExtractor
+from depth_pose.track.person import MIN_POINTS
+
+
+@pytest.fixture
+def extractor():
+    return PeopleExtractor(SegmentConfig(), DenoiseConfig())
+
+
+@pytest.fixture(scope="module")
+def person():
+    return syn.draw(syn.mesh(syn.posed(syn.arms_down())))
+
+
+def test_points_lie_on_their_pixels_rays_and_near_the_surface(extractor, person):
+    frame = syn.to_frame(np.minimum(person, syn.room()), noise=0.005)
+    people = extractor.extract(frame)
+    assert (people.stamp_ns, people.frame_id) == (frame.stamp_ns, frame.frame_id)
+    assert people.points.shape == (144, 176, 3)
+    assert people.points.dtype == np.float32
+    mine = people.labels == PERSON
+    np.testing.assert_array_equal(np.isfinite(people.points).all(axis=-1), mine)
+    rows, cols = np.nonzero(mine)
+    x, y, z = people.points[mine].T
+    np.testing.assert_allclose(syn.CAMERA.fx * x / z + syn.CAMERA.cx, cols, atol=1e-3)
+    np.testing.assert_allclose(syn.CAMERA.fy * y / z + syn.CAMERA.cy, rows, atol=1e-3)
+    off = np.abs(z - person[mine])
+    assert np.median(off[np.isfinite(off)]) < 0.005
+    assert mine.sum() > 0.93 * np.isfinite(person).sum()
+
+
+def test_who_it_is_and_the_working_grid_s_camera(extractor, person):
+    """A large image is reduced to half; the people's camera is the reduced one, and fits the points."""
+    c = syn.CAMERA
+    camera = syn.Camera(2 * c.width, 2 * c.height, 2 * c.fx, 2 * c.fy, 2 * c.cx + 0.5, 2 * c.cy + 0.5)
+    depth = np.repeat(np.repeat(np.minimum(person, syn.room()), 2, axis=0), 2, axis=1)
+    for frame in (syn.to_frame(np.minimum(person, syn.room())), syn.to_frame(depth, camera=camera)):
+        people = extractor.extract(frame)
+        assert people.camera == pytest.approx(c)
+        (found,) = people.persons
+        assert (found.body_id, found.found.label, found.camera) == ("body_1", PERSON, people.camera)
+        assert (found.stamp_ns, found.frame_id) == (frame.stamp_ns, frame.frame_id)
+        rows, columns = np.nonzero(people.labels == PERSON)
+        pixels = people.camera.project(people.points[rows, columns])
+        np.testing.assert_allclose(pixels, np.stack([columns, rows], axis=1), atol=1e-3)
+
+
+def test_dropped_points_are_unknown_not_free(extractor, person):
+    """An outlier that denoising drops is neither the person nor known to be empty."""
+    config = DenoiseConfig(outlier_distance=0.01)  # farther apart than neighbours can be
+    people = PeopleExtractor(SegmentConfig(), config).extract(syn.to_frame(np.minimum(person, syn.room())))
+    inner = np.isfinite(person)
+    inner[110:] = False
+    assert people.persons == ()
+    assert not (people.labels == PERSON).any()
+    assert (people.labels[inner] == HIDDEN).mean() > 0.9
+
+
+def test_nobody(extractor):
+    people = extractor.extract(syn.to_frame(syn.room()))
+    assert people.persons == ()
+    assert not people.labels.any()
+    assert np.isnan(people.points).all()
+
+
+def child_and_adult(adult):
+    """A room with a child in it, and with an adult beside."""
+    child = syn.draw(syn.mesh(syn.posed(syn.arms_down(), distance=2.8, aside=-0.95, scale=0.75)))
+    alone = np.minimum(child, syn.room())
+    return alone, np.minimum(adult, alone)
+
+
+def test_people_are_named_anew_where_stamps_jump(person):
+    """A child is followed while an adult comes in; not after a jump of the stamps."""
+    alone, both = child_and_adult(person)
+    for step_ns, same in ((syn.STEP_NS, True), (-syn.STEP_NS, False), (10**9, False)):
+        extractor = PeopleExtractor(SegmentConfig(), DenoiseConfig())
+        (first,) = extractor.extract(syn.to_frame(alone)).persons
+        later = extractor.extract(syn.to_frame(both, syn.START_NS + step_ns)).persons
+        names = {p.body_id: np.median(p.points[:, 0]) for p in later}
+        assert len(names) == 2
+        assert (first.body_id in names) == same
+        assert min(names.values()) < -0.5 < max(names.values())
+        if same:
+            assert names[first.body_id] < -0.5
+
+
+def test_planes_forget_the_person_where_stamps_jump(person):
+    """The paper's way cuts one person out: the child who is followed, or the adult who is larger."""
+    alone, both = child_and_adult(person)
+    for step_ns, same in ((syn.STEP_NS, True), (-syn.STEP_NS, False), (10**9, False)):
+        extractor = PeopleExtractor(SegmentConfig(method="planes"), DenoiseConfig())
+        extractor.extract(syn.to_frame(alone))
+        people = extractor.extract(syn.to_frame(both, syn.START_NS + step_ns))
+        x = np.nanmedian(people.points[..., 0])
+        assert bool(x < -0.5) == same
+
+
+def test_who_is_outside_the_zone_gets_no_points_of_their_own(person):
+    frame = syn.to_frame(np.minimum(person, syn.room()))
+    (found,) = PeopleExtractor(SegmentConfig(zone="1:9"), DenoiseConfig()).extract(frame).persons
+    extractor = PeopleExtractor(SegmentConfig(zone=":1"), DenoiseConfig())
+    assert found.body_id == "body_1"
+    assert extractor.extract(frame).persons == ()
+    assert extractor.passed_over == {
+        "outside the zone": 1,
+        "beyond the most": 0,
+        "too near or too far": 0,
+        "not sure enough": 0,
+        "too few points": 0,
+    }
+
+
+def test_who_is_too_far_is_counted(person):
+    frame = syn.to_frame(np.minimum(person, syn.room()))
+    extractor = PeopleExtractor(SegmentConfig(far=1.5), DenoiseConfig())
+    assert extractor.extract(frame).persons == ()
+    assert extractor.extract(replace(frame, stamp_ns=frame.stamp_ns + syn.STEP_NS)).persons == ()
+    assert extractor.passed_over["too near or too far"] == 2
+
+
+def test_warm_up_and_reset_change_nothing(person):
+    frame = syn.to_frame(np.minimum(person, syn.room()))
+    plain = PeopleExtractor(SegmentConfig(), DenoiseConfig())
+    warmed = PeopleExtractor(SegmentConfig(), DenoiseConfig())
+    warmed.warm_up()
+    a, b = plain.extract(frame), warmed.extract(frame)
+    np.testing.assert_array_equal(a.points, b.points)
+    warmed.reset()
+    np.testing.assert_array_equal(warmed.extract(frame).labels, a.labels)
+
+
+def test_who_shows_too_little_takes_nobody_s_place(person):
+    """Of most one, the nearest: an arm at the image's edge is not answered, who stands behind it is."""
+    frame = syn.to_frame(np.minimum(person, syn.room()))
+    extractor = PeopleExtractor(SegmentConfig(most_people=1), DenoiseConfig())
+    seen = extractor.segmenter.segment(frame)
+    (sighting,) = seen.sightings
+    labels = seen.labels.copy()
+    rows, columns = np.nonzero(labels == sighting.label)
+    labels[rows[: MIN_POINTS // 2], columns[: MIN_POINTS // 2]] = 9
+    arm = replace(sighting, label=9, place=0.5 * sighting.place)
+    extractor.segmenter.segment = lambda _: replace(seen, labels=labels, sightings=(sighting, arm))
+    people = extractor.extract(frame)
+    assert [p.found.label for p in people.persons] == [sighting.label]
+    assert extractor.passed_over["too few points"] == 1
+    assert extractor.passed_over["beyond the most"] == 0

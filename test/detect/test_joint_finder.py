@@ -1,0 +1,140 @@
+"""The second look with the weights that ship, and the crops that it and its training see."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from importlib import resources
+
+import numpy as np
+import pytest
+
+import synthetic as syn
+from depth_pose.core.config import SegmentConfig
+from depth_pose.core.skeleton import JOINT_INDEX, JOINT_NODES
+from depth_pose.core.types import BACKGROUND, HIDDEN, DepthFrame
+from depth_pose.detect import _crop_kernels as kernels
+from depth_pose.detect._crop_kernels import Look
+from depth_pose.detect.finder import PeopleFinder
+from depth_pose.detect.joint_finder import JointFinder, PersonOdds
+from depth_pose.detect.learned_segmenter import LearnedSegmenter
+from depth_pose.detect.net import read_weights
+from depth_pose.sim.scenes import sample_scene
+
+TRUNK = [JOINT_INDEX[n] for n in ("pelvis", "spine", "chest", "neck", "head")]
+
+
+def scene(*bodies):
+    depth = syn.room()
+    for body in bodies:
+        depth = np.minimum(depth, syn.draw(syn.mesh(body)))
+    return syn.to_frame(depth, noise=0.004)
+
+
+def sample(depth, labels, look):
+    grid = np.empty((kernels.SIDE, kernels.SIDE), np.float32)
+    whose = np.empty(grid.shape, np.int64)
+    kernels.sample_crop(depth, labels, syn.CAMERA, look, grid, whose)
+    return grid, whose
+
+
+def test_weights_are_those_that_the_settings_were_made_for():
+    model = read_weights("joint_finder.onnx")
+    settings = json.loads(
+        (resources.files("depth_pose.detect") / "weights" / "joint_finder.json").read_text()
+    )
+    assert hashlib.sha256(model).hexdigest() == settings["weights_sha256"]
+    assert len(model) < 1_000_000
+
+
+@pytest.mark.parametrize(("distance", "turn"), [(2.2, 0.0), (3.0, 30.0), (3.6, 0.0)])
+def test_joints_of_somebody_who_stands_free(distance, turn):
+    body = syn.posed(syn.arms_down(), distance=distance, turn=turn)
+    (seen,) = LearnedSegmenter(SegmentConfig()).segment(scene(body)).sightings
+    error = np.linalg.norm(seen.proposals - body.nodes[JOINT_NODES], axis=1)
+    assert np.median(error[TRUNK]) < 0.08
+    assert np.median(error) < 0.12
+    assert ((seen.proposal_confidence > 0) & (seen.proposal_confidence <= 1)).all()
+
+
+def test_same_frame_same_bits():
+    frame = scene(syn.posed(syn.arms_down()))
+    first, again = (LearnedSegmenter(SegmentConfig()).segment(frame).sightings[0] for _ in range(2))
+    np.testing.assert_array_equal(first.proposals, again.proposals)
+    np.testing.assert_array_equal(first.proposal_confidence, again.proposal_confidence)
+
+
+@pytest.mark.parametrize("torso", [(0.0, 0.0, 0.3), (4.0, -3.0, 1.0), (0.0, 0.0, 9.0)])
+def test_where_nobody_is_it_answers_in_numbers(torso):
+    blank = np.zeros((syn.CAMERA.height, syn.CAMERA.width), np.float32)
+    seen = JointFinder().find(blank, blank.astype(np.uint8), syn.CAMERA, 1, np.array(torso), 0.5)
+    assert np.isfinite(seen.joints).all()
+    assert (seen.error > 0).all()
+    assert 0 < seen.probability < 1
+
+
+def test_both_looks_count_for_whether_it_is_a_person():
+    odds = PersonOdds(*json.loads(read_weights("joint_finder.json"))["person"])
+    by_first = [odds.probability(p, 0.0) for p in (0.0, 0.2, 0.6, 1.0)]
+    by_second = [odds.probability(0.5, logit) for logit in (-4.0, 0.0, 4.0)]
+    assert by_first == sorted(by_first)
+    assert by_second == sorted(by_second)
+    assert by_second[0] < 0.3 < 0.7 < by_second[-1]
+
+
+def test_second_look_tells_coats_and_heaps_from_people():
+    finder, segmenter = PeopleFinder(SegmentConfig()), LearnedSegmenter(SegmentConfig())
+    first = second = 0
+    for k in range(40):
+        scene = sample_scene(np.random.default_rng([31, k]), people=0, studio=False, lookalikes=True)
+        frame = DepthFrame(0, "", scene.depth, scene.camera)
+        segmenter.reset()
+        seen = segmenter.segment(frame)
+        first += sum(p.probability >= 0.6 for p in finder.find(frame).people)
+        second += sum(p.probability >= 0.6 for p in seen.sightings)
+        labels = {p.label for p in seen.sightings}
+        assert set(np.unique(seen.labels)) - {BACKGROUND, HIDDEN} <= labels  # things are background
+    assert first > 0
+    assert second <= first / 2
+
+
+def test_a_point_comes_back_from_the_crop():
+    look, points = Look(0.4, -0.2, 2.5), np.random.default_rng(0).uniform(-0.6, 0.6, (19, 3)) + [0, 0, 2.5]
+    places = np.empty((19, 3))
+    kernels.to_crop(points, look, places)
+    np.testing.assert_allclose(kernels.from_crop(places, look), points, atol=1e-12)
+
+
+@pytest.mark.parametrize("flip", [1.0, -1.0])
+@pytest.mark.parametrize("angle", [0.0, 25.0])
+def test_a_dot_lies_in_the_crop_where_its_coordinates_say(flip, angle):
+    cos, sin = np.cos(np.radians(angle)), np.sin(np.radians(angle))
+    look, point = Look(0.2, 0.1, 3.0, cos, sin, flip), np.array([[0.45, -0.3, 2.8]])
+    u, v = np.rint(syn.CAMERA.project(point[0])).astype(int)
+    depth = np.full((syn.CAMERA.height, syn.CAMERA.width), 4.0, np.float32)
+    labels = np.zeros(depth.shape, np.uint8)
+    depth[v - 3 : v + 4, u - 3 : u + 4], labels[v - 3 : v + 4, u - 3 : u + 4] = 2.8, 5
+    _, whose = sample(depth, labels, look)
+    place = np.empty((1, 3))
+    kernels.to_crop(point, look, place)
+    rows, cols = np.nonzero(whose == 5)
+    middle = (np.array([cols.mean(), rows.mean()]) - 0.5 * (kernels.SIDE - 1)) * kernels.CELL_M
+    np.testing.assert_allclose(middle, place[0, :2], atol=0.02)
+
+
+def test_features_of_own_pixels_others_and_what_lies_outside():
+    depth = np.full((syn.CAMERA.height, syn.CAMERA.width), 3.5, np.float32)
+    labels = np.zeros(depth.shape, np.uint8)
+    labels[:, : depth.shape[1] // 2] = 1
+    depth[labels == 1] = 2.75
+    look = Look(0.0, 0.0, 3.0)
+    grid, whose = sample(depth, labels, look)
+    out = np.empty((kernels.CHANNELS, *grid.shape), np.float32)
+    kernels.fill_features(grid, whose, 1, look, out)
+    own, inside = whose == 1, whose >= 0
+    assert inside.any()
+    np.testing.assert_allclose(out[0], np.where(own, -0.5, 0.0))
+    np.testing.assert_allclose(out[2], np.where(own, -0.5, np.where(inside, 1.0, 0.0)))
+    np.testing.assert_array_equal(out[1], own)
+    np.testing.assert_array_equal(out[4], inside)
+    np.testing.assert_allclose(out[7], 1 / 3, rtol=1e-6)

@@ -1,0 +1,105 @@
+"""Who is looked at closely again, and who not yet."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from crowd import person, seen
+from depth_pose.core.config import SegmentConfig
+from depth_pose.detect.finder import Detection
+from depth_pose.detect.joint_finder import JointProposals
+from depth_pose.detect.last_looks import LastLooks
+from depth_pose.detect.learned_segmenter import LearnedSegmenter
+
+STEP_NS = 33_000_000
+
+
+def at(x: float, label: int = 1, z: float = 3.0) -> Detection:
+    return Detection(label, 0.99, np.array([x, 0.0, z]))
+
+
+FAR = at(2.0, label=2)
+
+
+class Watcher:
+    """Has second looks, and counts them."""
+
+    def __init__(self, every: int = 2, probability: float = 0.99) -> None:
+        self.looks, self.probability, self.told = LastLooks(every), probability, 0
+        self.stamp_ns = 10**18
+
+    def look(self, person: Detection) -> JointProposals:
+        self.told += 1
+        return JointProposals(np.tile(person.torso, (19, 1)), np.full(19, 0.05), 0.0, self.probability)
+
+    def see(self, *people: Detection, step_ns: int = STEP_NS) -> int:
+        """Give how many are looked at in the next frame."""
+        self.stamp_ns, self.told = self.stamp_ns + step_ns, 0
+        self.seen = self.looks.renew(people, self.stamp_ns, self.look)
+        assert len(self.seen) == len(people)
+        return self.told
+
+
+def test_what_was_seen_goes_along_with_the_person() -> None:
+    watcher = Watcher()
+    assert [watcher.see(at(0.02 * k), FAR) for k in range(4)] == [2, 1, 1, 1]
+    for x in (0.08, 0.1):
+        watcher.see(at(x), FAR)
+        np.testing.assert_allclose(watcher.seen[0].joints, np.tile([x, 0.0, 3.0], (19, 1)))
+
+
+def test_who_is_alone_is_looked_at_in_every_frame() -> None:
+    watcher = Watcher()
+    assert [watcher.see(at(0.0)) for _ in range(3)] == [1, 1, 1]
+
+
+def test_people_take_turns() -> None:
+    watcher = Watcher()
+    crowd = [at(float(x), label=x + 1) for x in range(4)]
+    assert [watcher.see(*crowd) for _ in range(4)] == [4, 2, 2, 2]
+
+
+def test_everybody_is_looked_at_where_that_is_asked_for() -> None:
+    watcher = Watcher(every=1)
+    assert [watcher.see(at(0.0), FAR) for _ in range(3)] == [2, 2, 2]
+
+
+@pytest.mark.parametrize("probability", [0.3, 0.8])
+def test_who_may_be_a_thing_is_looked_at_in_every_frame(probability: float) -> None:
+    watcher = Watcher(probability=probability)
+    assert [watcher.see(at(0.0), FAR) for _ in range(3)] == [2, 2, 2]
+
+
+@pytest.mark.parametrize("step_ns", [101_000_000, 0, -STEP_NS])
+def test_no_look_is_carried_for_long_or_back_in_time(step_ns: int) -> None:
+    watcher = Watcher()
+    watcher.see(at(0.0), FAR)
+    assert watcher.see(at(0.0), FAR, step_ns=step_ns) == 2
+
+
+def test_who_jumps_or_stands_close_to_another_is_looked_at() -> None:
+    watcher = Watcher(every=3)
+    watcher.see(at(0.0), FAR)
+    assert watcher.see(at(0.2), FAR) == 1
+    watcher = Watcher(every=3)
+    watcher.see(at(0.0), at(0.3, label=2))
+    assert watcher.see(at(0.0), at(0.3, label=2)) == 2
+
+
+def test_a_reset_forgets_everybody() -> None:
+    watcher = Watcher(every=3)
+    watcher.see(at(0.0), FAR)
+    watcher.looks.reset()
+    assert watcher.see(at(0.0), FAR) == 2
+
+
+def test_people_who_stand_still_are_seen_the_same_in_between() -> None:
+    """What is carried along is what the look said, in the frames in between as well."""
+    frames = [seen(k, [person(0, -0.9, 3.2), person(0, 0.6, 2.8)]) for k in range(4)]
+    carried, fresh = (LearnedSegmenter(SegmentConfig(look_every=n)) for n in (2, 1))
+    for frame in frames:
+        pairs = zip(*(s.segment(frame).sightings for s in (carried, fresh)), strict=True)
+        for a, b in pairs:
+            np.testing.assert_allclose(a.proposals, b.proposals, atol=1e-5)
+            assert a.probability == pytest.approx(b.probability)

@@ -1,0 +1,135 @@
+"""Who is carried over to the next frame without a search, and when the frame is searched."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from crowd import CAMERA, person, seen
+from depth_pose.core.config import SegmentConfig
+from depth_pose.core.types import HIDDEN, PERSON, DepthFrame
+from depth_pose.detect._carry_kernels import count_inside, take_new
+from depth_pose.detect.candidates import Candidates
+from depth_pose.detect.learned_segmenter import LearnedSegmenter
+
+STEP_NS = 33_000_000
+
+
+class Watched:
+    """A segmenter that tells how often the whole image was searched."""
+
+    def __init__(self, every: int = 2) -> None:
+        self.segmenter = LearnedSegmenter(SegmentConfig(find_every=every))
+        self.searches, self._find = 0, self.segmenter.candidates.find
+        self.segmenter.candidates.find = self._count
+        self.stamp_ns = 10**18
+
+    def _count(self, frame: DepthFrame) -> Candidates:
+        self.searches += 1
+        return self._find(frame)
+
+    def see(self, frame: DepthFrame, step_ns: int = STEP_NS):
+        self.stamp_ns += step_ns
+        return self.segmenter.segment(replace(frame, stamp_ns=self.stamp_ns))
+
+
+def shown(frame: int) -> DepthFrame:
+    return seen(frame, [person(frame, -0.5, 3.2)])
+
+
+def is_person(labels: np.ndarray) -> np.ndarray:
+    return (labels != 0) & (labels != HIDDEN)
+
+
+@pytest.mark.parametrize(("every", "searches"), [(1, 6), (2, 3), (3, 2)])
+def test_the_image_is_searched_as_often_as_asked_for(every: int, searches: int) -> None:
+    watched = Watched(every)
+    for _ in range(6):
+        watched.see(shown(0))
+    assert watched.searches == searches
+
+
+def test_who_moves_is_carried_over_whole() -> None:
+    """Arms, hands and feet go along, and nothing of the room does."""
+    carrying, searching = Watched(), Watched(1)
+    for k in range(24):
+        frame = shown(k)
+        carried, found = carrying.see(frame), searching.see(frame)
+        both = is_person(carried.labels) & is_person(found.labels)
+        either = is_person(carried.labels) | is_person(found.labels)
+        assert both.sum() > 0.97 * either.sum()
+        (here,), (there,) = carried.sightings, found.sightings
+        np.testing.assert_allclose(here.place, there.place, atol=0.1)
+        assert here.label == there.label == PERSON
+    assert carrying.searches == 12
+
+
+def test_who_comes_in_is_searched_for() -> None:
+    watched = Watched(every=100)
+    for _ in range(3):
+        watched.see(shown(0))
+    crowd = seen(0, [person(0, -0.5, 3.2), person(0, 0.9, 2.8)])
+    assert len(watched.see(crowd).sightings) == 2
+    assert watched.searches == 2
+
+
+def test_who_leaves_is_searched_for() -> None:
+    watched = Watched(every=100)
+    watched.see(shown(0))
+    assert not watched.see(seen(0, [])).sightings
+    assert watched.searches == 2
+
+
+@pytest.mark.parametrize("step_ns", [51_000_000, 0, -STEP_NS])
+def test_nobody_is_carried_over_a_gap_or_back_in_time(step_ns: int) -> None:
+    watched = Watched()
+    watched.see(shown(0))
+    watched.see(shown(0), step_ns)
+    assert watched.searches == 2
+
+
+def test_another_camera_and_a_reset_are_searched() -> None:
+    watched = Watched(every=100)
+    watched.see(shown(0))
+    watched.see(replace(shown(0), camera=CAMERA._replace(fx=1.01 * CAMERA.fx)))
+    watched.segmenter.reset()
+    watched.see(shown(0))
+    assert watched.searches == 3
+
+
+def test_nobody_is_searched_for_in_every_frame() -> None:
+    watched = Watched()
+    for _ in range(3):
+        watched.see(seen(0, []))
+    assert watched.searches == 3
+
+
+def test_what_is_new_goes_on_from_somebody_or_stays_nobody_s() -> None:
+    depth = np.full((20, 30), np.float32(4.0))
+    depth[5:15, 5:10] = 2.0  # somebody
+    depth[5:8, 10:20] = 2.03  # an arm that was not there
+    depth[10, 10] = 3.0  # flies beside them
+    depth[16:19, 20:25] = 1.0  # a thing that was not there
+    labels = np.where(depth == 2.0, np.uint8(PERSON), np.uint8(0))
+    is_new = (depth != 2.0) & (depth != 4.0)
+    assert count_inside(is_new) == 8 + 3
+    take_new(depth, is_new, 0.08, labels)
+    assert (labels[5:8, 10:20] == PERSON).all()
+    assert labels[10, 10] == PERSON
+    assert not labels[16:19, 20:25].any()
+    assert (labels == PERSON).sum() == 50 + 30 + 1
+
+
+def test_the_warm_up_carries_people_over() -> None:
+    segmenter = LearnedSegmenter(SegmentConfig())
+    carried, carry = [], segmenter._people.carry
+
+    def watch(frame: DepthFrame) -> Candidates | None:
+        carried.append(carry(frame))
+        return carried[-1]
+
+    segmenter._people.carry = watch
+    segmenter.warm_up()
+    assert [c is not None for c in carried] == [False, True]

@@ -1,0 +1,93 @@
+"""Exemplars by joints: what has its joints where they are proposed is found, and lies on them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import synthetic as syn
+from depth_pose.core.rotations import R_CAMERA_FACING_MODEL
+from depth_pose.core.skeleton import JOINT_NODES, MIRROR_JOINTS, forward_kinematics
+from depth_pose.core.types import FoundPerson
+from depth_pose.match.proposed_exemplars import ProposedExemplars
+from depth_pose.refine.articulated import BodyPose
+from depth_pose.refine.proposals import aim_legs, from_proposals
+
+AHEAD = np.array([0.3, 0.1, 2.6])
+
+
+@pytest.fixture(scope="module")
+def exemplars(bank):
+    return ProposedExemplars(bank)
+
+
+def pose_of(bank, exemplar, turn, scale=1.0):
+    return BodyPose(syn.rotation("y", turn) @ R_CAMERA_FACING_MODEL @ bank.rotations(exemplar), AHEAD, scale)
+
+
+def joints_of(body, pose):
+    return forward_kinematics(pose.rotations, pose.root, body.nodes, pose.scale)[JOINT_NODES]
+
+
+def found(joints, confidence=0.9):
+    sure = np.broadcast_to(np.float32(confidence), (19,)).astype(np.float32)
+    return FoundPerson(1, "a", 1.0, joints.astype(np.float32), sure)
+
+
+@pytest.mark.parametrize("exemplar", [3, 90, 201])
+@pytest.mark.parametrize(("turn", "scale"), [(0.0, 1.0), (70.0, 0.8), (180.0, 1.1)])
+def test_an_exemplar_is_found_by_its_joints_and_by_its_mirrored_names(bank, exemplars, exemplar, turn, scale):
+    joints = joints_of(bank.body, pose_of(bank, exemplar, turn, scale))
+    for named, first in ((joints, 0), (joints[MIRROR_JOINTS], 8)):
+        placed = exemplars.find(found(named), scale)
+        assert placed.exemplars[first] == exemplar
+        np.testing.assert_allclose(placed.translations[first], AHEAD, atol=1e-4)
+        there = BodyPose(
+            placed.rotations[first] @ bank.rotations(exemplar), placed.translations[first], scale
+        )
+        np.testing.assert_allclose(joints_of(bank.body, there), joints, atol=1e-4)
+
+
+def test_a_joint_that_nobody_is_sure_of_does_not_count(bank, exemplars):
+    joints = joints_of(bank.body, pose_of(bank, 90, 20.0))
+    joints[7] += 0.8
+    confidence = np.full(19, 0.9)
+    confidence[7] = 0.01
+    assert exemplars.find(found(joints, confidence), 1.0).exemplars[0] == 90
+
+
+def test_without_proposals_there_is_nothing(bank, exemplars):
+    nobody = FoundPerson(1, "a", 1.0, np.zeros((0, 3), np.float32), np.zeros(0, np.float32))
+    assert exemplars.find(nobody, 1.0) is None
+    assert aim_legs(bank.body, pose_of(bank, 0, 0.0), nobody) is None
+
+
+def test_legs_are_aimed_where_proposals_are_sure_and_nowhere_else(bank):
+    start, target = pose_of(bank, 12, 0.0), pose_of(bank, 90, 0.0)
+    own, wanted = joints_of(bank.body, start), joints_of(bank.body, target)
+    confidence = np.full(19, 0.1)
+    confidence[[12, 13]] = 0.9  # left knee and ankle
+    reached = joints_of(bank.body, aim_legs(bank.body, start, found(wanted, confidence)))
+    others = np.delete(np.arange(19), [12, 13, 14])
+    np.testing.assert_allclose(reached[others], own[others], atol=1e-6)
+    bone, way = reached[12] - reached[11], wanted[12] - own[11]
+    assert bone @ way > 0.999 * np.linalg.norm(bone) * np.linalg.norm(way)
+    assert np.linalg.norm(reached[13] - wanted[13]) < np.linalg.norm(own[13] - wanted[13])
+    assert aim_legs(bank.body, start, found(wanted, 0.1)) is None
+
+
+def test_how_far_joints_are_from_proposals_counts_as_far_as_these_are_sure(bank):
+    pose = pose_of(bank, 12, 0.0)
+    nodes = forward_kinematics(pose.rotations, pose.root, bank.body.nodes, pose.scale)
+    joints = nodes[JOINT_NODES]
+    assert from_proposals(nodes, found(joints)) == pytest.approx(0.0, abs=1e-6)
+    joints[7] += [0.0, 0.2, 0.0]
+    assert from_proposals(nodes, found(joints, 0.5)) == pytest.approx(0.5 * 0.2 / 19, rel=1e-4)
+    joints[7] += [0.0, 4.0, 0.0]  # no more than 0.3 m
+    assert from_proposals(nodes, found(joints, 0.5)) == pytest.approx(0.5 * 0.3 / 19, rel=1e-4)
+
+
+def test_a_first_guess_of_the_size(bank, exemplars):
+    for scale in (0.7, 1.0, 1.15):
+        joints = joints_of(bank.body, pose_of(bank, 30, 40.0, scale))
+        assert exemplars.size(found(joints)) == pytest.approx(scale, rel=0.06)

@@ -1,0 +1,68 @@
+"""The filter on the output: stills noise, follows motion, forgets when told."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from depth_pose.core.config import SmoothConfig
+from depth_pose.recover.smooth import JointFilter
+
+STEP_NS = 40_000_000
+
+
+def run(joint_filter: JointFilter, frames: np.ndarray) -> np.ndarray:
+    return np.array([joint_filter.filter(p, k * STEP_NS) for k, p in enumerate(frames)])
+
+
+def filter_slowly(frames: np.ndarray, config: SmoothConfig, speed_cutoff_hz: float) -> np.ndarray:
+    """The One-Euro filter as its paper prints it, one coordinate set at a time."""
+
+    def alpha(cutoff, dt):
+        tau = 1 / (2 * np.pi * cutoff)
+        return 1 / (1 + tau / dt)
+
+    dt, out, velocity = STEP_NS * 1e-9, [frames[0]], np.zeros_like(frames[0])
+    for p in frames[1:]:
+        new = np.empty_like(p)
+        for j in range(len(p)):
+            a = alpha(speed_cutoff_hz, dt)
+            velocity[j] = a * (p[j] - out[-1][j]) / dt + (1 - a) * velocity[j]
+            a = alpha(config.min_cutoff + config.beta * np.linalg.norm(velocity[j]), dt)
+            new[j] = a * p[j] + (1 - a) * out[-1][j]
+        out.append(new)
+    return np.array(out)
+
+
+def test_agrees_with_its_plain_twin() -> None:
+    from depth_pose.recover import smooth
+
+    frames = np.cumsum(np.random.default_rng(1).normal(size=(30, 19, 3)) * 0.02, axis=0)
+    expected = filter_slowly(frames, SmoothConfig(), smooth._SPEED_CUTOFF_HZ)
+    np.testing.assert_allclose(run(JointFilter(SmoothConfig()), frames), expected, atol=1e-12)
+
+
+def test_stills_a_trembling_joint() -> None:
+    noise = np.random.default_rng(2).normal(size=(200, 19, 3)) * 0.005
+    out = run(JointFilter(SmoothConfig()), 1.0 + noise)
+    assert np.diff(out, axis=0).std() < 0.6 * np.diff(noise, axis=0).std()
+    np.testing.assert_allclose(out[20:].mean(axis=0), 1.0, atol=0.002)
+
+
+@pytest.mark.parametrize(("speed", "lag_s"), [(0.5, 0.03), (3.0, 0.012)])
+def test_follows_fast_motion_the_closer(speed, lag_s) -> None:
+    at = speed * np.arange(50) * STEP_NS * 1e-9
+    out = run(JointFilter(SmoothConfig()), np.broadcast_to(at[:, None, None], (50, 19, 3)))
+    assert 0 <= at[-1] - out[-1].max() < lag_s * speed
+
+
+def test_reset_forgets() -> None:
+    joint_filter = JointFilter(SmoothConfig())
+    run(joint_filter, np.zeros((5, 19, 3)))
+    joint_filter.reset()
+    np.testing.assert_array_equal(joint_filter.filter(np.ones((19, 3)), 10 * STEP_NS), np.ones((19, 3)))
+
+
+def test_disabled_changes_nothing() -> None:
+    frames = np.random.default_rng(3).normal(size=(5, 19, 3))
+    np.testing.assert_array_equal(run(JointFilter(SmoothConfig(enabled=False)), frames), frames)

@@ -1,0 +1,211 @@
+"""Who is who from frame to frame: names over time, from places alone."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from depth_pose.core.config import MAX_STAMP_GAP_NS
+from depth_pose.core.skeleton import JOINT_NODES, rest_nodes
+from depth_pose.detect.segmentation import Sighting
+from depth_pose.track.memory import MEMORY_NS
+from depth_pose.track.tracks import PeopleTracks
+
+STEP_NS = 40_000_000
+
+
+def at(x: float, z: float = 3.0, y: float = 0.0, probability: float = 1.0) -> Sighting:
+    nowhere = np.zeros((0, 3), np.float32), np.zeros(0, np.float32)
+    return Sighting(1, np.array([x, y, z]), probability, *nowhere)
+
+
+def of_size(stature: float, x: float) -> Sighting:
+    """Somebody upright with the joints of the rest pose."""
+    joints = (stature * rest_nodes()[JOINT_NODES] + [x, 0.0, 3.0]).astype(np.float32)
+    return Sighting(1, np.array([x, 0.0, 3.0]), 1.0, joints, np.ones(len(joints), np.float32))
+
+
+@pytest.fixture
+def tracks() -> PeopleTracks:
+    return PeopleTracks(start=0.6, sure=0.6, keep=0.3)
+
+
+def test_two_who_pass_each_other_keep_their_names(tracks) -> None:
+    """One crosses to the right, one to the left, half a metre behind; given in any order."""
+    rng = np.random.default_rng(0)
+    for k in range(75):
+        x = -1.5 + 0.04 * k
+        shown = [at(x, 2.8), at(-x, 3.3)]
+        expected = ["body_1", "body_2"]
+        if k and rng.random() < 0.5:
+            shown, expected = shown[::-1], expected[::-1]
+        assert tracks.assign(shown, k * STEP_NS) == tuple(expected)
+
+
+def test_who_is_not_sure_is_believed_once_they_move() -> None:
+    """A coat stays where it is; somebody takes a step; somebody else was not there before."""
+    tracks = PeopleTracks(start=0.6, sure=0.85, keep=0.2)
+    for k in range(30):
+        coat, walker = at(-1.5 + 0.02 * (-1) ** k, probability=0.8), at(0.02 * k, probability=0.7)
+        expected = (None, None if k < 13 else "body_1")
+        assert tracks.assign([coat, walker], k * STEP_NS) == expected
+    new = replace(at(1.8, probability=0.7), is_news=True)
+    assert tracks.assign([at(-1.5, probability=0.9), at(0.6), new], 30 * STEP_NS) == (
+        "body_2",
+        "body_1",
+        "body_3",
+    )
+
+
+def test_one_hides_the_other_while_they_pass(tracks) -> None:
+    """The farther one is not seen for ten frames in the middle."""
+    for k in range(75):
+        x = -1.5 + 0.04 * k
+        near, far = at(x, 2.5), at(-x, 3.5)
+        if 32 <= k < 43:
+            assert tracks.assign([near], k * STEP_NS) == ("body_1",)
+        else:
+            assert tracks.assign([near, far], k * STEP_NS) == ("body_1", "body_2")
+
+
+def test_who_comes_back_in_another_size_is_somebody_else(tracks) -> None:
+    """A child goes behind a door, an adult comes out, then the child."""
+    for k in range(10):
+        assert tracks.assign([of_size(1.2, 0.0)], k * STEP_NS) == ("body_1",)
+    for k in range(10, 22):
+        assert tracks.assign([], k * STEP_NS) == ()
+    for k in range(22, 40):
+        assert tracks.assign([of_size(1.75, 0.1)], k * STEP_NS) == ("body_2",)
+    assert tracks.assign([of_size(1.2, 0.0), of_size(1.75, 0.6)], 40 * STEP_NS) == ("body_1", "body_2")
+
+
+def test_who_comes_back_in_their_size_has_their_name(tracks) -> None:
+    for k in range(10):
+        assert tracks.assign([of_size(1.7, 0.0)], k * STEP_NS) == ("body_1",)
+    for k in range(10, 30):
+        assert tracks.assign([], k * STEP_NS) == ()
+    assert tracks.assign([of_size(1.55, 0.2)], 30 * STEP_NS) == ("body_1",)
+
+
+def test_both_are_hidden_while_they_pass(tracks) -> None:
+    """Each is expected where their own way leads, though the other was last seen nearer to it."""
+    for k in range(40):
+        x = -1.1 + 0.05 * k
+        hidden = abs(x) < 0.25
+        shown = [] if hidden else [at(x), at(-x, 3.1)]
+        assert tracks.assign(shown, k * STEP_NS) == (() if hidden else ("body_1", "body_2"))
+
+
+def test_who_runs_on_while_hidden_is_awaited_farther_on(tracks) -> None:
+    """More than a metre in 0.6 s, at 2 m/s."""
+    for k in range(50):
+        shown = [] if 20 <= k < 35 else [at(-2.0 + 0.08 * k)]
+        assert tracks.assign(shown, k * STEP_NS) == ("body_1",) * len(shown)
+
+
+@pytest.mark.parametrize("speed", [0.0, 0.6])
+def test_who_is_hidden_for_a_second_and_a_half_keeps_the_name(tracks, speed) -> None:
+    """Standing, or walking slowly on; the other one, who stays, does not take it over."""
+    for k in range(80):
+        mine, other = at(-1.2 + speed * k * 0.04), at(1.4, 3.5)
+        if 20 <= k < 57:
+            assert tracks.assign([other], k * STEP_NS) == ("body_2",)
+        else:
+            assert tracks.assign([mine, other], k * STEP_NS) == ("body_1", "body_2")
+
+
+def test_who_was_away_for_too_long_is_somebody_new(tracks) -> None:
+    tracks.assign([at(0.0)], 0)
+    away = MEMORY_NS // STEP_NS + 1
+    for k in range(1, away):
+        assert tracks.assign([], k * STEP_NS) == ()
+    assert tracks.assign([at(0.0)], away * STEP_NS) == ("body_2",)
+
+
+@pytest.mark.parametrize(("way", "name"), [(0.5, "body_1"), (0.7, "body_2"), (3.0, "body_2")])
+def test_nobody_jumps(tracks, way, name) -> None:
+    """From one frame to the next a person's middle moves by 57 cm at most."""
+    tracks.assign([at(0.0)], 0)
+    assert tracks.assign([at(way)], STEP_NS) == (name,)
+
+
+def test_heights_do_not_count(tracks) -> None:
+    """Somebody whose legs vanish behind a table has a higher middle, and is the same."""
+    tracks.assign([at(0.0, y=0.3)], 0)
+    assert tracks.assign([at(0.0, y=-0.5)], STEP_NS) == ("body_1",)
+
+
+def test_two_side_by_side_never_swap(tracks) -> None:
+    """Shoulder to shoulder, with middles that tremble by 5 cm, seen in any order."""
+    rng = np.random.default_rng(1)
+    for k in range(300):
+        shown = [at(x + 0.05 * rng.standard_normal(), 3.0 + 0.05 * rng.standard_normal()) for x in (0.0, 0.5)]
+        expected = ("body_1", "body_2")
+        if k and rng.random() < 0.5:
+            shown, expected = shown[::-1], expected[::-1]
+        assert tracks.assign(shown, k * STEP_NS) == expected
+
+
+def test_the_sum_of_distances_decides_not_the_nearest_pair(tracks) -> None:
+    """Both moved half a metre to the right: the first now stands where the second stood."""
+    tracks.assign([at(0.0), at(0.5)], 0)
+    assert tracks.assign([at(0.5), at(0.95)], STEP_NS) == ("body_1", "body_2")
+
+
+@pytest.mark.parametrize(
+    ("first", "then", "names"),
+    [(0.59, 0.59, (None, None)), (0.6, 0.3, ("body_1", "body_1")), (0.6, 0.29, ("body_1", None))],
+)
+def test_how_likely_a_person_must_be_to_start_and_to_go_on(tracks, first, then, names) -> None:
+    one = tracks.assign([at(0.0, probability=first)], 0)
+    two = tracks.assign([at(0.0, probability=then)], STEP_NS)
+    assert one + two == names
+
+
+def test_who_was_doubted_for_a_while_is_the_same(tracks) -> None:
+    for k, (probability, name) in enumerate([(0.9, "body_1"), (0.1, None), (0.1, None), (0.4, "body_1")]):
+        assert tracks.assign([at(0.0, probability=probability)], k * STEP_NS) == (name,)
+
+
+@pytest.mark.parametrize("step_ns", [-STEP_NS, MAX_STAMP_GAP_NS + 1])
+def test_after_a_break_of_the_stamps_everybody_is_new(tracks, step_ns) -> None:
+    assert tracks.assign([at(0.0), at(1.0)], 10 * STEP_NS) == ("body_1", "body_2")
+    assert tracks.assign([at(0.0), at(1.0)], 10 * STEP_NS + step_ns) == ("body_3", "body_4")
+
+
+def test_no_name_is_given_twice(tracks) -> None:
+    """Whoever comes, goes, and is forgotten."""
+    given: set[str] = set()
+    for k in range(20):
+        (name,) = tracks.assign([at(2.0 * (k % 2))], 2 * k * MAX_STAMP_GAP_NS)
+        assert name not in given
+        given.add(name)
+    tracks.reset()
+    (name,) = tracks.assign([at(0.0)], 40 * MAX_STAMP_GAP_NS)
+    assert name not in given
+
+
+def test_the_same_again_gives_the_same() -> None:
+    """Twelve who mill about, with some who are missed: names repeat in a second run."""
+
+    def run() -> list[tuple[str | None, ...]]:
+        rng, tracks = np.random.default_rng(3), PeopleTracks(0.6, 0.6, 0.3)
+        places = rng.uniform(-3, 3, (12, 2)) + [0.0, 5.0]
+        out = []
+        for k in range(100):
+            places = places + rng.normal(0.0, 0.03, places.shape)
+            shown = [at(x, z, probability=rng.random()) for x, z in places[rng.random(12) < 0.9]]
+            out.append(tracks.assign(shown, k * STEP_NS))
+        return out
+
+    assert run() == run()
+
+
+def test_no_two_in_a_frame_share_a_name() -> None:
+    rng, tracks = np.random.default_rng(4), PeopleTracks(0.6, 0.6, 0.3)
+    for k in range(200):
+        shown = [at(*rng.uniform(-1, 1, 2) + [0.0, 3.0]) for _ in range(rng.integers(0, 6))]
+        names = [n for n in tracks.assign(shown, k * STEP_NS) if n is not None]
+        assert len(names) == len(set(names)) == len(shown)
