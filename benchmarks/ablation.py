@@ -44,7 +44,7 @@ from depth_pose.evaluate.truth import load_truth
 from depth_pose.io.mcap_read import DepthReader
 from depth_pose.motion.procedural.generator import POSTURE_SHARES, make_poses
 from depth_pose.pipeline import PosePipeline
-from depth_pose.refine.articulated import BodyPose, FittedBody
+from depth_pose.body.pose import BodyPose, FittedBody
 from depth_pose.refine.limbs import LimbSearch
 from depth_pose.track.person import People
 

@@ -19,7 +19,7 @@ from depth_pose.denoise.extract import PeopleExtractor
 from depth_pose.evaluate.truth import load_truth
 from depth_pose.io.mcap_read import DepthReader
 from depth_pose.match.match import Matcher
-from depth_pose.refine.articulated import candidate_pose
+
 from depth_pose.refine.refine import Refiner
 from depth_pose.track.person import People
 
@@ -119,7 +119,7 @@ def find_scale(bank: Bank, people: list[People]) -> float:
 
 def joints_of(bank: Bank, match: PoseMatch, rank: int = 0) -> np.ndarray:
     """Joints of a candidate where the matcher placed it, (19, 3), camera frame, metres."""
-    pose = candidate_pose(bank, match.candidates[rank], match.scale)
+    pose = bank.pose(match.candidates[rank], match.scale)
     return bank.body.pose(pose.rotations, pose.root, pose.scale).nodes[JOINT_NODES]
 
 

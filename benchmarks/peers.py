@@ -46,7 +46,7 @@ from depth_pose.denoise.extract import PeopleExtractor
 from depth_pose.detect.plane_segmenter import PlaneSegmenter
 from depth_pose.match.match import Matcher
 from depth_pose.match.search import SubspaceSearch
-from depth_pose.refine.articulated import candidate_pose
+
 from depth_pose.refine.fitters import SkinnedFitter
 from depth_pose.sim.config import Person, Placement, Room
 from depth_pose.sim.motion import load_motion
@@ -209,7 +209,7 @@ def compare_fits(bank: Bank, made: list[Scene]) -> list[Peer]:
     for scene in made:
         people = extractor.extract(scene.frame)
         (person,), (match,) = people.persons, matcher.match(people)
-        start = candidate_pose(bank, match.candidates[0], match.scale)
+        start = bank.pose(match.candidates[0], match.scale)
         posed = body.pose(start.rotations, start.root, start.scale)
 
         def articulated(person=person, start=start):

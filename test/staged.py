@@ -7,6 +7,7 @@ from functools import cache
 import numpy as np
 
 from depth_pose.body.body import Body
+from depth_pose.body.pose import BodyPose
 from depth_pose.body.procedural import make_body
 from depth_pose.body.rendered_depth import render_depth
 from depth_pose.core.camera import Camera
@@ -14,7 +15,6 @@ from depth_pose.core.rotations import R_CAMERA_FACING_MODEL as FACING
 from depth_pose.core.rotations import rotvec_to_matrix
 from depth_pose.core.skeleton import NODE_INDEX, NODE_PARENTS, NODES
 from depth_pose.core.types import PERSON, FoundPerson
-from depth_pose.refine.articulated import BodyPose
 from depth_pose.track.person import Person, see_people
 
 CAMERA = Camera(176, 144, 200.0, 200.0, 87.5, 71.5)

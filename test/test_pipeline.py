@@ -12,7 +12,7 @@ from depth_pose.core.config import MAX_STAMP_GAP_NS, MatchConfig, PipelineConfig
 from depth_pose.core.skeleton import JOINT_NODES, Source
 from depth_pose.motion.procedural.generator import make_clip
 from depth_pose.pipeline import PosePipeline
-from depth_pose.recover.confidence import fit_confidence, skeleton_confidence
+from depth_pose.recover.confidence import skeleton_confidence
 
 FRAMES = 10
 
@@ -52,14 +52,16 @@ def test_every_stage_speaks_of_the_same_frame_and_person(clip, results, bank):
     for frame, r in zip(clip[0], results, strict=True):
         (person,), (match,), (refined,), (skeleton,) = r.people.persons, r.matches, r.refined, r.skeletons
         assert skeleton is r.skeleton
-        for told in (r.people, person, refined.skeleton, skeleton):
+        for told in (r.people, person, skeleton):
             assert (told.stamp_ns, told.frame_id) == (frame.stamp_ns, "optical")
-        assert {person.body_id, match.body_id, refined.skeleton.body_id, skeleton.body_id} == {"body_1"}
+        assert refined.stamp_ns == frame.stamp_ns
+        assert {person.body_id, match.body_id, refined.body_id, skeleton.body_id} == {"body_1"}
         assert match.bank_id == bank.bank_id
-        assert refined.skeleton.source == Source.REFINED
-        assert refined.skeleton.confidence == np.float32(fit_confidence(refined.score))
+        assert refined.source == Source.REFINED
         assert len(person.points) > 1000
-        assert skeleton.confidence == np.float32(skeleton_confidence(person, refined)) > 0.6
+        sure = skeleton_confidence(person, refined.joints, skeleton.joint_states, skeleton.joint_confidence)
+        assert skeleton.confidence == pytest.approx(sure)
+        assert sure > 0.6
         assert 0.9 < skeleton.scale < 1.1
 
 
@@ -149,11 +151,9 @@ def two_people(k):
 
 
 def answer(pipeline, people):
-    """The stages after extraction, as `PosePipeline.process_frame` runs them."""
-    matches = pipeline.matcher.match(people)
-    skeletons = pipeline.recoverer.recover(people, pipeline.refiner.refine(people, matches))
-    pipeline.refiner.take_answer(skeletons)
-    return skeletons
+    """The fitted bodies and the skeletons, as `PosePipeline.process_frame` finds them after extraction."""
+    refined = pipeline.refiner.refine(people, pipeline.matcher.match(people))
+    return refined, pipeline.recoverer.recover(people, refined)
 
 
 def test_two_people_each_as_if_alone(bank):
@@ -163,18 +163,17 @@ def test_two_people_each_as_if_alone(bank):
     for k in range(5):
         bodies, depths = two_people(k)
         stamp_ns = syn.START_NS + k * syn.STEP_NS
-        both = answer(together, syn.to_people(*depths, stamp_ns=stamp_ns))
+        refined, both = answer(together, syn.to_people(*depths, stamp_ns=stamp_ns))
         assert [s.body_id for s in both] == ["body_1", "body_2"]
-        assert set(together.refiner.meshes) == {"body_1", "body_2"}
+        assert [f.body_id for f in refined] == ["body_1", "body_2"]
         for i, (skeleton, body) in enumerate(zip(both, bodies, strict=True)):
             joints = body.nodes[JOINT_NODES]
             assert syn.joint_error(skeleton.positions, joints) < 0.04
-            mesh = together.refiner.meshes[skeleton.body_id]
-            assert np.linalg.norm(mesh - body.vertices, axis=1).mean() < 0.06
+            assert np.linalg.norm(refined[i].body.vertices - body.vertices, axis=1).mean() < 0.06
             empty = np.full(depths[i].shape, np.inf)
             only = [empty, empty]
             only[i] = depths[i]
-            (own,) = answer(alone[i], syn.to_people(*only, stamp_ns=stamp_ns))
+            _, (own,) = answer(alone[i], syn.to_people(*only, stamp_ns=stamp_ns))
             assert own.body_id == skeleton.body_id
             np.testing.assert_allclose(skeleton.positions, own.positions, atol=0.01)
 
@@ -184,8 +183,8 @@ def test_the_order_of_people_does_not_matter(bank):
     plain, turned = PosePipeline(bank, config), PosePipeline(bank, config)
     for k in range(3):
         people = syn.to_people(*two_people(k)[1], stamp_ns=syn.START_NS + k * syn.STEP_NS)
-        a = answer(plain, people)
-        b = answer(turned, replace(people, persons=people.persons[::-1]))
+        _, a = answer(plain, people)
+        _, b = answer(turned, replace(people, persons=people.persons[::-1]))
         for one, same in zip(a, b[::-1], strict=True):
             assert one.body_id == same.body_id
             np.testing.assert_array_equal(one.positions, same.positions)
@@ -198,10 +197,8 @@ def test_one_leaves_and_the_other_stays(bank):
         bodies, depths = two_people(k)
         if 3 <= k < 6:
             depths[0] = np.full(depths[0].shape, np.inf)
-        found = {
-            s.body_id: s
-            for s in answer(pipeline, syn.to_people(*depths, stamp_ns=syn.START_NS + k * syn.STEP_NS))
-        }
+        people = syn.to_people(*depths, stamp_ns=syn.START_NS + k * syn.STEP_NS)
+        found = {s.body_id: s for s in answer(pipeline, people)[1]}
         assert set(found) == ({"body_2"} if 3 <= k < 6 else {"body_1", "body_2"})
         for body_id, skeleton in found.items():
             joints = bodies[int(body_id[-1]) - 1].nodes[JOINT_NODES]
@@ -216,5 +213,5 @@ def test_sizes_are_each_person_s_own(bank):
             syn.draw(syn.mesh(syn.posed(syn.arms_down(), aside=x, distance=3.0, scale=scale, turn=5.0 * k)))
             for x, scale in ((-0.6, 1.05), (0.6, 0.75))
         ]
-        skeletons = answer(pipeline, syn.to_people(*depths, stamp_ns=syn.START_NS + k * syn.STEP_NS))
+        _, skeletons = answer(pipeline, syn.to_people(*depths, stamp_ns=syn.START_NS + k * syn.STEP_NS))
     assert [s.scale for s in skeletons] == pytest.approx([1.05, 0.75], rel=0.06)

@@ -6,18 +6,24 @@ The four ROS nodes run the same four stages; here they run one after the other i
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 from threadpoolctl import ThreadpoolController
 
 from depth_pose.bank.bank import Bank
+from depth_pose.body.pose import Fitted
 from depth_pose.core.config import PipelineConfig
-from depth_pose.core.mount import turn_back, turn_forth, turn_upright
-from depth_pose.core.types import DepthFrame, Fitted, PoseMatch, Skeleton
+from depth_pose.core.mount import turn_back, turn_upright
+from depth_pose.core.types import DepthFrame, PoseMatch, Skeleton
 from depth_pose.denoise.extract import PeopleExtractor
 from depth_pose.match.match import Matcher
+from depth_pose.paper.completion import MeshCompleter
+from depth_pose.paper.fitter import CompletionFitter
 from depth_pose.recover.recover import Recoverer
+from depth_pose.refine.body_fitter import BodyFitter
 from depth_pose.refine.refine import Refiner
 from depth_pose.track.follow import Follower
+from depth_pose.track.memory import Subjects
 from depth_pose.track.person import People
 
 _one_thread = ThreadpoolController().wrap(limits=1)
@@ -33,6 +39,45 @@ class FrameResult:
     refined: tuple[Fitted, ...]
     skeletons: tuple[Skeleton, ...]
     skeleton: Skeleton
+
+
+class Shared:
+    """What the stages of one process share: the body with its fits, and what is remembered of everybody.
+
+    Parameters
+    ----------
+    bank : Bank
+    config : PipelineConfig
+    """
+
+    def __init__(self, bank: Bank, config: PipelineConfig = PipelineConfig()) -> None:  # noqa: B008
+        self._bank, self._config = bank, config
+        self._subjects = Subjects()
+
+    @cached_property
+    def _bodies(self) -> BodyFitter:
+        return BodyFitter(self._bank.body, self._config.fitting)
+
+    @cached_property
+    def _completer(self) -> MeshCompleter:
+        return MeshCompleter(self._bank.body, self._config.completion, self._config.cpd)
+
+    def make_matcher(self) -> Matcher:
+        """Return the second stage."""
+        return Matcher(self._bank, self._config.match, self._bodies.template, self._subjects)
+
+    def make_refiner(self) -> Refiner:
+        """Return the third stage, with the method of fitting that is configured."""
+        c = self._config
+        fitter = CompletionFitter(self._completer) if c.refine.method == "cpd" else self._bodies
+        return Refiner(self._bank, c.refine, c.match, self._bodies, fitter, self._subjects)
+
+    def make_recoverer(self) -> Recoverer:
+        """Return the fourth stage."""
+        c = self._config
+        return Recoverer(
+            self._bank, c.recover, c.smooth, c.match, self._bodies, self._completer, self._subjects
+        )
 
 
 class PosePipeline:
@@ -52,10 +97,11 @@ class PosePipeline:
     @_one_thread
     def __init__(self, bank: Bank, config: PipelineConfig = PipelineConfig()) -> None:  # noqa: B008
         self._mount = config.mount
+        shared = Shared(bank, config)
         self.extractor = PeopleExtractor(config.segment, config.denoise, config.mount)
-        self.matcher = Matcher(bank, config.match, config.fit)
-        self.refiner = Refiner(bank, config.refine, config.match, config.fitting)
-        self.recoverer = Recoverer(bank, config.recover, config.smooth, config.match, config.fitting)
+        self.matcher = shared.make_matcher()
+        self.refiner = shared.make_refiner()
+        self.recoverer = shared.make_recoverer()
         self.follower = Follower(config.follow)
         self._stages = (self.extractor, self.matcher, self.refiner, self.recoverer, self.follower)
 
@@ -70,10 +116,8 @@ class PosePipeline:
         refined = self.refiner.refine(people, matches)
         # Sec. 6: failure check, temporal registration, low-pass filter
         upright = self.recoverer.recover(people, refined)
-        # Back into the sensor's own frame. What the refiner learns of it makes the same way back
-        # as between the nodes, so that both come out the same to the last bit.
+        # Back into the frame of a sensor that is mounted rolled
         skeletons = tuple(turn_back(s, self._mount) for s in upright)
-        self.refiner.take_answer(turn_forth(s, self._mount) for s in skeletons)
         followed = self.follower.choose(skeletons, frame.stamp_ns, frame.frame_id)
         return FrameResult(people, matches, refined, skeletons, followed)
 

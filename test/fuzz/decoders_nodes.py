@@ -13,9 +13,10 @@ from harness import Decoder
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import PointCloud2
 
+from depth_pose.body.pose import Fitted
 from depth_pose.core.camera import Camera
 from depth_pose.core.errors import DepthPoseError
-from depth_pose.core.types import Candidate, Fitted, FoundPerson, PoseMatch
+from depth_pose.core.types import Candidate, FoundPerson, PoseMatch
 from depth_pose.ros.messages.matches import matches_to_msg, msg_to_matches
 from depth_pose.ros.messages.people import msgs_to_people, people_to_msgs
 from depth_pose.ros.messages.skeletons import (

@@ -12,6 +12,7 @@ import synthetic as syn
 from depth_pose.core.config import MatchConfig
 from depth_pose.match.match import Matcher
 from depth_pose.track.person import People
+from stages import make_matcher
 
 _SHIFT_M = np.array([0.05, 0.0, 0.02])
 
@@ -51,7 +52,7 @@ def searches(matcher: Matcher, people: People, frames: int, step_ns: int = 33_00
 
 
 def test_candidates_go_along_with_the_person(bank, people) -> None:
-    matcher = Matcher(bank, MatchConfig(scale=1.0, search_every=3))
+    matcher = make_matcher(bank, match=MatchConfig(scale=1.0, search_every=3))
     (first,) = matcher.match(shifted(people, 0))
     (second,) = matcher.match(shifted(people, 1))
     for a, b in zip(first.candidates, second.candidates, strict=True):
@@ -60,7 +61,7 @@ def test_candidates_go_along_with_the_person(bank, people) -> None:
 
 
 def test_two_people_take_turns(bank, people) -> None:
-    matcher = Matcher(bank, MatchConfig(scale=1.0, search_every=2))
+    matcher = make_matcher(bank, match=MatchConfig(scale=1.0, search_every=2))
     told = searches(matcher, named(people, "body_1", "body_2"), 6)
     assert told[0] == [True, True]
     for was, now in pairwise(told[1:]):
@@ -69,20 +70,20 @@ def test_two_people_take_turns(bank, people) -> None:
 
 def test_every_frame_is_searched_where_that_is_asked_for_or_the_size_is_not_known(bank, people) -> None:
     for config in (MatchConfig(scale=1.0, search_every=1), MatchConfig(scale_frames=5, search_every=4)):
-        assert searches(Matcher(bank, config), people, 4) == [[True]] * 4
+        assert searches(make_matcher(bank, match=config), people, 4) == [[True]] * 4
 
 
 def test_candidates_are_not_carried_for_long(bank, people) -> None:
     for step_ns, told in ((33_000_000, [True, False, False, True]), (66_000_000, [True, False, True, False])):
-        matcher = Matcher(bank, MatchConfig(scale=1.0, search_every=3))
+        matcher = make_matcher(bank, match=MatchConfig(scale=1.0, search_every=3))
         found = searches(matcher, named(people, "body_0"), 4, step_ns)
         assert [f for (f,) in found] == told
-    matcher = Matcher(bank, MatchConfig(scale=1.0, search_every=3))
+    matcher = make_matcher(bank, match=MatchConfig(scale=1.0, search_every=3))
     assert searches(matcher, people, 3, 200_000_000) == [[True]] * 3
 
 
 def test_a_reset_forgets_whose_turn_it_is(bank, people) -> None:
-    matcher = Matcher(bank, MatchConfig(scale=1.0, search_every=3))
+    matcher = make_matcher(bank, match=MatchConfig(scale=1.0, search_every=3))
     told = [searches(matcher, people, 5)]
     matcher.reset()
     assert searches(matcher, people, 5) == told[0]
@@ -94,18 +95,18 @@ def cut(people: People, is_cut: bool) -> People:
 
 
 def test_the_size_is_not_sought_anew_whenever_the_image_wavers(bank, people) -> None:
-    matcher = Matcher(bank, MatchConfig(scale_frames=3, search_every=1))
+    matcher = make_matcher(bank, match=MatchConfig(scale_frames=3, search_every=1))
     frames = []
     for k in range(16):
         matcher.match(cut(syn.restamped(people, k * 33_000_000), is_cut=k % 3 == 1))
-        frames.append(matcher._sizes["body_1"].finder.frames)
+        frames.append(matcher._subjects["body_1"].match.size.finder.frames)
     assert frames[2:] == [3] * 14
 
 
 def test_the_size_is_sought_anew_once_somebody_is_whole_for_good(bank, people) -> None:
-    matcher = Matcher(bank, MatchConfig(scale_frames=3, search_every=1))
+    matcher = make_matcher(bank, match=MatchConfig(scale_frames=3, search_every=1))
     frames = []
     for k in range(12):
         matcher.match(cut(syn.restamped(people, k * 33_000_000), is_cut=k < 4))
-        frames.append(matcher._sizes["body_1"].finder.frames)
+        frames.append(matcher._subjects["body_1"].match.size.finder.frames)
     assert frames == [1, 2, 3, 3, 3, 3, 3, 3, 1, 2, 3, 3]

@@ -49,7 +49,7 @@ def test_views_lie_over_the_inputs_axes(bank, person, placed):
 
 def test_comparing_twin(bank, person, placed):
     found = ExemplarRenderer(bank, BAND).compare(placed, SCALE, person.coarse)
-    body, comparer = coarsen(bank.body, _VERTICES), DepthComparer(person.coarse, BAND)
+    body, comparer = coarsen(bank.body, _VERTICES), DepthComparer(person.coarse)
     for k, exemplar in enumerate(placed.exemplars):
         turned = placed.rotations[k] @ bank.rotations(exemplar)
         posed = body.pose(turned, placed.translations[k], SCALE)

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 import synthetic as syn
+from depth_pose.body.pose import BodyPose
 from depth_pose.core.rotations import R_CAMERA_FACING_MODEL
 from depth_pose.core.skeleton import JOINT_NODES, MIRROR_JOINTS, forward_kinematics
 from depth_pose.core.types import FoundPerson
 from depth_pose.match.proposed_exemplars import ProposedExemplars
-from depth_pose.refine.articulated import BodyPose
 from depth_pose.refine.proposals import aim_legs, from_proposals
 
 AHEAD = np.array([0.3, 0.1, 2.6])

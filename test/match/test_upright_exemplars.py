@@ -8,9 +8,8 @@ import synthetic as syn
 from depth_pose.core.config import MatchConfig
 from depth_pose.core.rotations import R_CAMERA_FACING_MODEL
 from depth_pose.core.skeleton import JOINT_NODES, NODE_INDEX
-from depth_pose.match.match import Matcher
 from depth_pose.match.upright_exemplars import UprightExemplars, head_axes
-from depth_pose.refine.articulated import candidate_pose
+from stages import make_matcher
 
 
 def _cut_below(posed, name=None):
@@ -54,8 +53,8 @@ def test_upright_exemplars_are_upright(bank):
 
 def test_half_a_body_is_matched_upright_and_in_its_place(bank):
     posed = syn.posed(syn.arms_down())
-    (match,) = Matcher(bank, MatchConfig(scale=1.0)).match(_cut_below(posed, "pelvis"))
-    pose = candidate_pose(bank, match.candidates[0], 1.0)
+    (match,) = make_matcher(bank, match=MatchConfig(scale=1.0)).match(_cut_below(posed, "pelvis"))
+    pose = bank.pose(match.candidates[0], 1.0)
     nodes = bank.body.pose(pose.rotations, pose.root, 1.0).nodes
     upper = [NODE_INDEX[n] for n in ("chest", "neck", "head", "left_shoulder", "right_shoulder")]
     assert set(upper) <= set(JOINT_NODES.tolist())

@@ -11,17 +11,18 @@ import pytest
 import synthetic as syn
 from acted import empty_frame, frame_of, posed, the_bank, the_body
 from depth_pose.body.build import BuildSpace
+from depth_pose.body.pose import Fitted
 from depth_pose.core.config import MatchConfig, PipelineConfig, RecoverConfig, RefineConfig, SmoothConfig
-from depth_pose.core.rotations import matrix_to_quat, quat_to_matrix, rotvec_to_matrix
-from depth_pose.core.skeleton import BONES, JOINT_INDEX, JOINT_NODES, JOINTS, Source
-from depth_pose.core.types import Fitted, PoseMatch, Skeleton
+from depth_pose.core.rotations import matrix_to_quat, rotvec_to_matrix
+from depth_pose.core.skeleton import BONES, JOINT_NODES, JOINTS, NODE_INDEX, Source
+from depth_pose.core.types import Skeleton
 from depth_pose.pipeline import FrameResult, PosePipeline
-from depth_pose.recover.confidence import skeleton_confidence
+from depth_pose.recover.confidence import fit_confidence, skeleton_confidence
 from depth_pose.recover.failure import FailureCheck, bone_lengths, limit_excess
-from depth_pose.recover.recover import Recoverer, _Past
-from depth_pose.refine.refine import Refiner
+from depth_pose.recover.recover import Recoverer, RecoveryMemory
 from depth_pose.sim.failures import KINDS, fail
 from depth_pose.track.person import People
+from stages import make_recoverer, make_refiner
 
 FRAMES = 12
 BAD = range(4, 8)
@@ -36,7 +37,8 @@ def run() -> list[FrameResult]:
 
 
 def recoverer(smooth: bool = False, **settings) -> Recoverer:
-    return Recoverer(the_bank(), RecoverConfig(**settings), SmoothConfig(enabled=smooth), MatchConfig())
+    config = RecoverConfig(**settings)
+    return make_recoverer(the_bank(), recover=config, smooth=SmoothConfig(enabled=smooth))
 
 
 def recovered(stage: Recoverer, people: People, *fitted: Fitted) -> Skeleton | None:
@@ -46,46 +48,46 @@ def recovered(stage: Recoverer, people: People, *fitted: Fitted) -> Skeleton | N
     return answers[0] if answers else None
 
 
-def error(skeleton: Skeleton, k: int) -> float:
-    return float(np.linalg.norm(skeleton.positions - posed(k).nodes[JOINT_NODES], axis=1).mean())
+def memory_of(stage: Recoverer) -> RecoveryMemory:
+    return stage._subjects["body_1"].recovery
 
 
-def changed(fitted: Fitted, **fields) -> Fitted:
-    """With other fields of the skeleton; the score stays."""
-    return replace(fitted, skeleton=replace(fitted.skeleton, **fields))
+def error(answer: Skeleton | Fitted, k: int) -> float:
+    joints = answer.joints if isinstance(answer, Fitted) else answer.positions
+    return float(np.linalg.norm(joints - posed(k).nodes[JOINT_NODES], axis=1).mean())
+
+
+def moved(fitted: Fitted, nodes: np.ndarray, rotations: np.ndarray | None = None) -> Fitted:
+    """With other nodes; the score stays."""
+    pose = fitted.pose if rotations is None else replace(fitted.pose, rotations=rotations)
+    return replace(fitted, body=replace(fitted.body, nodes=nodes, pose=pose))
 
 
 def scattered(fitted: Fitted) -> Fitted:
     """Joints thrown about by 30 cm."""
-    noise = np.random.default_rng(fitted.skeleton.stamp_ns).normal(size=(19, 3)) * 0.3
-    return changed(fitted, positions=fitted.skeleton.positions + noise)
+    noise = np.random.default_rng(fitted.stamp_ns).normal(size=fitted.nodes.shape) * 0.3
+    return moved(fitted, fitted.nodes + noise)
 
 
 def knees_forward(fitted: Fitted) -> Fitted:
     """The left shank swung up to the front, by 80 degrees: no bone changes its length."""
-    before = fitted.skeleton
-    hip, knee, ankle = (before.positions[JOINT_INDEX[f"left_{n}"]] for n in ("hip", "knee", "ankle"))
+    hip, knee, ankle, foot = (NODE_INDEX[f"left_{n}"] for n in ("hip", "knee", "ankle", "foot"))
     turn = rotvec_to_matrix(np.radians([-80.0, 0, 0]))
-    assert (turn @ (ankle - knee))[2] < -0.3  # toward the camera, which the person faces
-    positions, quats = before.positions.copy(), before.quats_xyzw.copy()
-    for name in ("left_ankle", "left_foot"):
-        positions[JOINT_INDEX[name]] = knee + turn @ (before.positions[JOINT_INDEX[name]] - knee)
-    for name in ("left_knee", "left_ankle", "left_foot"):
-        j = JOINT_INDEX[name]
-        quats[j] = matrix_to_quat(turn @ quat_to_matrix(before.quats_xyzw[j]))
-    assert np.linalg.norm(hip - knee) > 0.3
-    return changed(fitted, positions=positions, quats_xyzw=quats)
+    nodes, rotations = fitted.nodes.copy(), fitted.pose.rotations.copy()
+    assert (turn @ (nodes[ankle] - nodes[knee]))[2] < -0.3  # toward the camera, which the person faces
+    nodes[[ankle, foot]] = nodes[knee] + (nodes[[ankle, foot]] - nodes[knee]) @ turn.T
+    rotations[[knee, ankle, foot]] = turn @ rotations[[knee, ankle, foot]]
+    assert np.linalg.norm(nodes[hip] - nodes[knee]) > 0.3
+    return moved(fitted, nodes, rotations)
 
 
 def unsure(fitted: Fitted) -> Fitted:
     """A pose that is wrong and known to be poor."""
-    wrong = changed(fitted, positions=fitted.skeleton.positions + (0.3, 0, 0), confidence=0.05)
-    return replace(wrong, score=0.63)
+    return replace(moved(fitted, fitted.nodes + (0.3, 0, 0)), score=0.63)
 
 
 def no_pose(fitted: Fitted) -> Fitted:
-    s = fitted.skeleton
-    return Fitted(Skeleton.lost(s.stamp_ns, s.frame_id, s.body_id), 1.0)
+    return Fitted.lost(fitted.stamp_ns, fitted.body_id)
 
 
 def replay(stage: Recoverer, run, spoil=None, bad=BAD) -> list[Skeleton | None]:
@@ -100,8 +102,9 @@ def test_leaves_a_good_run_alone(run) -> None:
     stage = recoverer()
     for k, (result, answer) in enumerate(zip(run, replay(stage, run), strict=True)):
         assert answer.source == Source.REFINED
-        np.testing.assert_array_equal(answer.positions, result.refined[0].skeleton.positions)
-        np.testing.assert_array_equal(answer.quats_xyzw, result.refined[0].skeleton.quats_xyzw)
+        np.testing.assert_array_equal(answer.positions, result.refined[0].joints)
+        rotations = result.refined[0].pose.rotations[JOINT_NODES]
+        np.testing.assert_array_equal(answer.quats_xyzw, matrix_to_quat(rotations))
         assert answer.body_id == "body_1"
         assert error(answer, k) < 0.04
     assert stage.recoveries == 0
@@ -113,7 +116,7 @@ def test_whom_no_body_fits_is_vetoed(run) -> None:
     """What the finder takes for a person, but no body fits, is answered for a few frames at most."""
 
     def thing(fitted: Fitted) -> Fitted:
-        return replace(changed(fitted, confidence=0.02), score=0.68)
+        return replace(fitted, score=0.68)
 
     answers = replay(recoverer(), run, thing, range(len(run)))
     assert answers[-1] is None
@@ -138,11 +141,11 @@ def test_recovers_from_injected_failures(run, spoil, kind, words) -> None:
             assert answer.source == Source.RECOVERED
             assert re.search(words, stage.last_reasons["body_1"])
             assert error(answer, k) < 0.06
-            assert 0.3 < answer.confidence < refined.skeleton.confidence
+            assert 0.3 < answer.confidence < 1.0
             assert answer.stamp_ns == result.people.stamp_ns
         else:
             assert answer.source == Source.REFINED
-            np.testing.assert_array_equal(answer.positions, refined.skeleton.positions)
+            np.testing.assert_array_equal(answer.positions, refined.joints)
         assert answer.body_id == "body_1"
     assert stage.failures[kind] == stage.recoveries == len(BAD)
 
@@ -172,7 +175,7 @@ def test_finds_simulated_failures_and_recovers(run, kind) -> None:
         (refined,) = right = result.refined
         if k in BAD:
             refined = fail(kind, refined, result.people.persons[0], the_bank(), rng)
-            way = refined.skeleton.positions - right[0].skeleton.positions
+            way = refined.joints - right[0].joints
             if np.linalg.norm(way, axis=1).max() < 0.2:
                 continue  # an arm taken from the bank may lie where it was
             found += 1
@@ -188,45 +191,15 @@ def test_a_right_detection_wins_over_a_wrong_past(run) -> None:
     stage = recoverer()
     for k in range(3):
         recovered(stage, run[k].people, *run[k].refined)
-    memory, (person,) = stage._memory["body_1"], run[2].people.persons
+    (person,) = run[2].people.persons
     wrong = fail("flip", run[2].refined[0], person, the_bank(), np.random.default_rng(0))
-    memory.past = replace(memory.past, fitted=wrong)
+    memory_of(stage).before = wrong
     answer = recovered(stage, run[3].people, *run[3].refined)
     assert "joint_speed" in stage.last_reasons["body_1"]
     assert answer.source == Source.REFINED
     assert error(answer, 3) < 0.04
     recovered(stage, run[4].people, *run[4].refined)
     assert stage.last_reasons == {}
-
-
-def aside(match: PoseMatch) -> PoseMatch:
-    """The match with its candidates 70 cm off."""
-    moved = (replace(c, translation=c.translation + (0.7, 0, 0)) for c in match.candidates)
-    return replace(match, candidates=tuple(moved))
-
-
-def test_the_refiner_starts_from_a_recovered_pose_too(run) -> None:
-    """Without candidates near the pose and without tracking, the recovered pose is what helps."""
-    refiner = Refiner(the_bank(), RefineConfig(track=False), MatchConfig())
-
-    def refined(k: int) -> Skeleton:
-        (fitted,) = refiner.refine(run[k].people, [aside(*run[k].matches)])
-        return fitted.skeleton
-
-    assert error(refined(4), 4) > 0.1
-    refiner.take_answer([replace(run[4].refined[0].skeleton, source=Source.RECOVERED)])
-    assert error(refined(5), 5) < 0.05
-    assert error(refined(5), 5) > 0.1  # it is a start for one frame
-
-
-def test_who_was_lost_is_not_tracked_on(run) -> None:
-    """The pose of the frame before helps, until there is no answer to it."""
-    for is_lost in (False, True):
-        refiner = Refiner(the_bank(), RefineConfig(), MatchConfig())
-        first = refiner.refine(run[4].people, run[4].matches)
-        refiner.take_answer([] if is_lost else [f.skeleton for f in first])
-        (fitted,) = refiner.refine(run[5].people, [aside(*run[5].matches)])
-        assert (error(fitted.skeleton, 5) > 0.1) == is_lost
 
 
 def test_disabled_passes_failures_on(run) -> None:
@@ -240,12 +213,16 @@ def test_keeps_a_doubtful_pose_that_agrees_better(run) -> None:
     recovered(stage, run[0].people, *run[0].refined)
     stamp_ns = run[1].people.stamp_ns
     people = syn.restamped(run[9].people, stamp_ns)
-    doubtful = replace(changed(run[9].refined[0], stamp_ns=stamp_ns, confidence=0.2), score=0.53)
-    memory = stage._memory["body_1"]
-    memory.past = replace(memory.past, fitted=scattered(run[0].refined[0]))  # nothing good to carry over
+    doubtful = replace(run[9].refined[0], stamp_ns=stamp_ns, score=0.53)
+    assert fit_confidence(0.53) < RecoverConfig().min_confidence
+    (wrong,) = run[0].refined
+    pose = replace(wrong.pose, root=wrong.pose.root + (3.0, 0.0, 0.0))
+    memory_of(stage).before = replace(wrong, body=replace(wrong.body, pose=pose))
     answer = recovered(stage, people, doubtful)
     assert answer.source == Source.REFINED
-    assert answer.confidence == np.float32(skeleton_confidence(people.persons[0], doubtful))
+    (person,) = people.persons
+    sure = skeleton_confidence(person, doubtful.joints, answer.joint_states, answer.joint_confidence)
+    assert answer.confidence == pytest.approx(sure)
     assert "min_confidence" in stage.last_reasons["body_1"]
 
 
@@ -257,22 +234,22 @@ def test_carried_poses_are_compared_as_the_fits_were(run) -> None:
         pipeline = PosePipeline(the_bank(), config)
         for k in range(4):
             (seen,) = pipeline.process_frame(frame_of(k)).refined
-        stage = Recoverer(the_bank(), RecoverConfig(), SmoothConfig(enabled=False), match)
-        past, person = _Past(run[3].people.persons[0], seen), run[4].people.persons[0]
+        stage, person = make_recoverer(the_bank(), match=match), run[4].people.persons[0]
+        past = RecoveryMemory(None, before=seen, person_before=run[3].people.persons[0])
         as_it_was = stage._carry(past, person, 1.0)
         registered = stage._carry(past, person, as_it_was.score - 0.01)  # nearly good enough: more is tried
-        assert (registered.skeleton.positions != as_it_was.skeleton.positions).any()
+        assert (registered.joints != as_it_was.joints).any()
         for carried in (as_it_was, registered):
             assert carried.score == pytest.approx(seen.score, abs=0.3 * seen.score)
         hopeless = stage._carry(past, person, as_it_was.score - 0.1)
-        assert (hopeless.skeleton.positions == as_it_was.skeleton.positions).all()
+        assert (hopeless.joints == as_it_was.joints).all()
 
 
 def test_first_frame_is_given_even_if_doubtful_but_not_trusted(run) -> None:
     stage = recoverer()
     first = recovered(stage, run[0].people, knees_forward(*run[0].refined))
     assert first.source == Source.REFINED
-    assert first.confidence < run[0].refined[0].skeleton.confidence
+    assert memory_of(stage).good is None
     assert recovered(stage, run[1].people, *run[1].refined).source == Source.REFINED
 
 
@@ -294,28 +271,28 @@ def test_who_is_hidden_for_a_frame_is_remembered_and_a_jump_in_time_starts_anew(
     assert error(again, 2) < 0.06
     late = 5_000_000_000
     answer = recovered(
-        stage, syn.restamped(run[3].people, late), scattered(changed(*run[3].refined, stamp_ns=late))
+        stage, syn.restamped(run[3].people, late), scattered(replace(*run[3].refined, stamp_ns=late))
     )
     assert answer.source == Source.REFINED  # nothing before it to recover from
 
 
 def test_paper_s_method_fits_the_run(run) -> None:
-    refiner = Refiner(the_bank(), RefineConfig(method="cpd"), MatchConfig())
+    refiner = make_refiner(the_bank(), refine=RefineConfig(method="cpd"))
     for k in (0, 1, 2):
         (refined,) = refiner.refine(run[k].people, run[k].matches)
-        assert error(refined.skeleton, k) < 0.045
-        assert refiner.meshes["body_1"].shape == the_body().vertices.shape
+        assert error(refined, k) < 0.045
+        assert refined.body.vertices.shape == the_body().vertices.shape
 
 
 def test_limits_allow_every_fit_and_name_the_joint(run) -> None:
     for result in run:
-        assert limit_excess(the_body(), result.refined[0].skeleton).max() < 20
+        assert limit_excess(the_body(), result.refined[0]).max() < 20
     check, (right,) = FailureCheck(the_body(), RecoverConfig()), run[0].refined
     assert check.find(right, None, None) is None
-    longer = right.skeleton.positions.copy()
-    longer[JOINT_INDEX["right_wrist"]] += 0.3
-    found = check.find(changed(right, positions=longer), right, None)
+    longer = right.nodes.copy()
+    longer[NODE_INDEX["right_wrist"]] += 0.3
+    found = check.find(moved(right, longer), right, None)
     assert found.kind == "bone_length"
     assert "right_elbow to right_wrist" in found.reason
-    worse = check.find(replace(right, score=right.score + 0.5), right, None)
+    worse = check.find(replace(right, score=right.score + 0.3), right, None)
     assert worse.kind == "worse_fit"

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import synthetic as syn
+from depth_pose.body.pose import BodyPose
 from depth_pose.body.rendered_depth import Observation
 from depth_pose.core._rotation_kernels import rotation_of
 from depth_pose.core.config import FitConfig
@@ -15,13 +18,8 @@ from depth_pose.core.types import BACKGROUND, PERSON, UNKNOWN, Candidate, FoundP
 from depth_pose.refine import _articulated_kernels as kernels
 from depth_pose.refine import _tree_kernels as tree
 from depth_pose.refine import _visibility_kernels as visibility
-from depth_pose.refine.articulated import (
-    ArticulatedFitter,
-    BodyPose,
-    FitTarget,
-    candidate_pose,
-)
-from depth_pose.track.person import thin
+from depth_pose.refine.articulated import ArticulatedFitter
+from depth_pose.track import _target_kernels as target_kernels
 
 LIMBS = [f"{side}_{joint}" for side in ("left", "right") for joint in ("shoulder", "elbow", "hip", "knee")]
 
@@ -46,7 +44,7 @@ def target_of(posed_body, noise=0.0):
     depth = syn.draw(syn.mesh(posed_body))
     depth = depth + noise * np.random.default_rng(0).standard_normal(depth.shape)
     person = syn.to_person(depth)
-    return FitTarget.prepare(thin(person.points, 800), person.full, person.coarse)
+    return person.target(800)
 
 
 def proposed(joints, confidence):
@@ -77,8 +75,8 @@ def test_joints_that_nobody_sees_go_where_they_are_proposed(body, fitter, swappe
     start = BodyPose(bent, posed.nodes[0], 1.0)
     legs = [NODE_INDEX[n] for n in ("left_knee", "right_knee", "left_ankle", "right_ankle")]
     errors = []
-    for found in (None, proposals):
-        target = FitTarget.prepare(thin(person.points, 800), person.full, person.coarse, found)
+    for with_proposals in (False, True):
+        target = replace(person, found=proposals).target(800, with_proposals=with_proposals)
         fitted = nodes_of(body, fitter.fit(target, start, fitter.config.sigmas + 10 * (0.02,)))
         errors.append(np.linalg.norm(fitted - posed.nodes, axis=1)[legs].mean())
     assert errors[0] > 0.1
@@ -90,9 +88,8 @@ def test_proposals_far_from_the_truth_do_little(body, fitter):
     depth = syn.draw(syn.mesh(posed))
     person = syn.to_person(depth)
     wrong = posed.nodes[JOINT_NODES] + [0.0, 0.0, 0.6]
-    points = thin(person.points, 800)
-    plain = FitTarget.prepare(points, person.full, person.coarse)
-    misled = FitTarget.prepare(points, person.full, person.coarse, proposed(wrong, np.ones(len(JOINTS))))
+    plain = person.target(800, with_proposals=False)
+    misled = replace(person, found=proposed(wrong, np.ones(len(JOINTS)))).target(800)
     fits = [nodes_of(body, fitter.fit(t, start)) for t in (plain, misled)]
     assert syn.joint_error(fits[1], fits[0]) < 0.01
 
@@ -185,7 +182,8 @@ def test_half_a_turn_of_the_camera_turns_the_result(body, free_space, most):
 
     def fitted(image, pose, order):
         person = syn.to_person(image)
-        return fitter.fit(FitTarget.prepare(person.points[::order], person.full, person.full), pose)
+        target = person.target(len(person.points))
+        return fitter.fit(target._replace(points=person.points[::order], coarse=person.full), pose)
 
     plain = fitted(depth, start, 1)
     rolled = fitted(depth[::-1, ::-1], BodyPose(roll @ start.rotations, roll @ start.root, 1.0), -1)
@@ -217,8 +215,7 @@ def test_no_points_near_the_body_leave_it_where_it_is(body, fitter):
 
 
 def test_candidate_pose(bank):
-    quat = np.array([1.0, 0.0, 0.0, 0.0])  # half a turn about x: somebody facing the camera
-    pose = candidate_pose(bank, Candidate(5, 0, quat, np.array([0.0, 0.1, 3.0]), 0.0, 0.0), 0.9)
+    pose = bank.pose(Candidate(5, 0, syn.FACING, np.array([0.0, 0.1, 3.0]), 0.0, 0.0), 0.9)
     np.testing.assert_allclose(pose.rotations, syn.FACING @ bank.rotations(5), atol=1e-12)
     assert (pose.root.tolist(), pose.scale) == ([0.0, 0.1, 3.0], 0.9)
 
@@ -355,7 +352,7 @@ def test_free_space_pulls_into_the_silhouette_and_behind_the_surface(fitter):
     labels[:, 70:] = UNKNOWN
     depth = np.where(labels == PERSON, np.float32(2.0), np.float32(0.0))
     nearest = np.empty((60, 80, 2), np.int32)
-    visibility.nearest_person(labels, nearest)
+    target_kernels.nearest_person(labels, nearest)
     c = syn.CAMERA._replace(cx=39.5, cy=29.5)
     settings = fitter.settings._replace(free_space_slack=0.04, free_space_limit=0.10)
 
@@ -383,7 +380,7 @@ def test_nearest_person_pixels_twin():
     rng = np.random.default_rng(0)
     labels = (rng.random((40, 50)) < 0.02).astype(np.uint8)
     nearest = np.empty((40, 50, 2), np.int32)
-    visibility.nearest_person(labels, nearest)
+    target_kernels.nearest_person(labels, nearest)
     people = np.argwhere(labels == PERSON)
     for i, j in np.ndindex(40, 50):
         assert labels[tuple(nearest[i, j])] == PERSON

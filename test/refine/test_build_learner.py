@@ -8,13 +8,13 @@ import pytest
 import synthetic as syn
 from depth_pose.body.build import BUILD_NAMES, BuildSpace
 from depth_pose.body.build_file import KnownBuild, save_build
+from depth_pose.body.pose import BodyPose, FittedBody
 from depth_pose.core.config import FitConfig, PersonalConfig
 from depth_pose.core.errors import ConfigError
 from depth_pose.core.skeleton import JOINT_NODES, MIRROR_JOINTS
-from depth_pose.refine._articulated_kernels import Proposals
-from depth_pose.refine.articulated import BodyPose, FitTarget, FittedBody
 from depth_pose.refine.build_learner import BuildLearner
-from depth_pose.track.person import thin
+from depth_pose.track.memory import Subject
+from depth_pose.track.target import Proposals
 
 PARTS = len(BUILD_NAMES)
 
@@ -32,7 +32,7 @@ def seen(space):
     pose = BodyPose(syn.FACING @ syn.varied(2, 30.0), np.array([0.0, 0.0, 3.0]), 1.0)
     posed = space.body(build).pose(pose.rotations, pose.root, pose.scale)
     person = syn.to_person(syn.draw(syn.mesh(posed)))
-    target = FitTarget.prepare(thin(person.points, 800), person.full, person.coarse)
+    target = person.target(800)
     return target, FittedBody(pose, posed.vertices, posed.nodes)
 
 
@@ -40,37 +40,33 @@ def learner_of(space, **settings):
     return BuildLearner(space, PersonalConfig(**settings), FitConfig())
 
 
-def follow(learner, seen, body_id, first, frames, score=0.1):
+def follow(learner, seen, subject, first, frames, score=0.1):
     """Show frames of somebody, 100 ms apart."""
     for k in range(first, first + frames):
         stamp_ns = syn.START_NS + k * 100_000_000
-        learner.begin(stamp_ns)
-        personal = learner.of(body_id, 1.0, is_given=False)
+        personal = learner.of(subject, 1.0, is_given=False)
         learner.learn(personal, *seen, score, stamp_ns)
     return personal
 
 
 def test_a_good_frame_is_learned_from_and_a_bad_one_is_not(space, seen):
-    assert follow(learner_of(space), seen, "a", 0, 5).frames == 5
-    assert follow(learner_of(space), seen, "a", 0, 5, score=0.9).frames == 0
-    assert follow(learner_of(space, personal=False), seen, "a", 0, 5).frames == 0
+    assert follow(learner_of(space), seen, Subject(), 0, 5).frames == 5
+    assert follow(learner_of(space), seen, Subject(), 0, 5, score=0.9).frames == 0
+    assert follow(learner_of(space, personal=False), seen, Subject(), 0, 5).frames == 0
 
 
-def test_a_build_is_kept_while_its_person_is_remembered(space, seen):
-    learner = learner_of(space)
-    first = follow(learner, seen, "a", 0, 5)
-    follow(learner, seen, "b", 5, 15)
-    assert follow(learner, seen, "a", 20, 1) is first
-    follow(learner, seen, "b", 21, 30)
-    assert follow(learner, seen, "a", 51, 1) is not first
+def test_a_build_is_kept_with_its_person(space, seen):
+    learner, one, other = learner_of(space), Subject(), Subject()
+    first = follow(learner, seen, one, 0, 5)
+    assert follow(learner, seen, other, 5, 15) is not first
+    assert follow(learner, seen, one, 20, 1) is first
 
 
 def test_the_best_known_is_of_whom_most_was_seen(space, seen):
     learner = learner_of(space)
     assert learner.best_known() is None
-    follow(learner, seen, "a", 0, 3)
-    follow(learner, seen, "b", 3, 8)
-    follow(learner, seen, "c", 11, 2)
+    for first, frames in ((0, 3), (3, 8), (11, 2)):
+        follow(learner, seen, Subject(), first, frames)
     assert learner.best_known().frames == 8
     learner.reset()
     assert learner.best_known() is None
@@ -80,8 +76,7 @@ def test_a_file_is_begun_with_and_a_bad_one_refused(space, tmp_path):
     build = np.linspace(-0.05, 0.05, PARTS)
     save_build(tmp_path / "me.json", KnownBuild(0.9, 0.01, build, np.full(PARTS, 0.01), 99))
     learner = learner_of(space, file=str(tmp_path / "me.json"))
-    learner.begin(syn.START_NS)
-    np.testing.assert_allclose(learner.of("a", 0.9, is_given=False).build, build, atol=1e-4)
+    np.testing.assert_allclose(learner.of(Subject(), 0.9, is_given=False).build, build, atol=1e-4)
     with pytest.raises(ConfigError, match=r"no\.json: the build cannot be read"):
         learner_of(space, file=str(tmp_path / "no.json"))
 
@@ -95,8 +90,8 @@ def test_proposed_bones_are_learned_in_bad_frames_as_well(space, seen):
     proposing = target._replace(proposals=Proposals(np.asarray(JOINT_NODES, np.int64), places, weights))
     standing = FittedBody(fitted.pose, fitted.vertices, nodes)
     learner = learner_of(space)
-    personal = follow(learner, (proposing, standing), "a", 0, 12, score=0.9)
+    personal = follow(learner, (proposing, standing), Subject(), 0, 12, score=0.9)
     assert personal.frames == 0
     assert learner.best_known() is None
     assert personal.scale < 0.9
-    assert follow(learner_of(space), seen, "a", 0, 12, score=0.9).scale == pytest.approx(1.0)
+    assert follow(learner_of(space), seen, Subject(), 0, 12, score=0.9).scale == pytest.approx(1.0)

@@ -6,20 +6,15 @@ import numpy as np
 import pytest
 
 import synthetic as syn
+from depth_pose.body.pose import BodyPose, FittedBody
 from depth_pose.body.rendered_depth import DepthComparer, Observation
 from depth_pose.core.camera import Camera
 from depth_pose.core.skeleton import NODE_INDEX
 from depth_pose.refine import _limb_kernels as kernels
 from depth_pose.refine._reach_kernels import Limbs, reach
-from depth_pose.refine.articulated import (
-    ArticulatedFitter,
-    BodyPose,
-    FitTarget,
-    FittedBody,
-    nearest_person_pixels,
-)
+from depth_pose.refine.articulated import ArticulatedFitter
 from depth_pose.refine.limbs import LimbSearch, _may_be_legs
-from depth_pose.track.person import thin
+from depth_pose.track.target import nearest_person_pixels
 
 DOWN = syn.rotation("z", -38.0), syn.rotation("z", 38.0)
 FORWARD = syn.rotation("x", -20.0) @ syn.rotation("y", -60.0)
@@ -52,18 +47,18 @@ def test_wrong_limbs_are_replaced(body, search, true, moved):
     """The body stands with its limbs down where the input has them raised."""
     posed = syn.posed(syn.upright(**true))
     person = syn.to_person(syn.draw(syn.mesh(posed)))
-    comparer = DepthComparer(person.coarse, BAND)
+    comparer = DepthComparer(person.coarse)
     wrong = BodyPose(syn.FACING @ syn.arms_down(), posed.nodes[0], 1.0)
     standing = body.pose(wrong.rotations, wrong.root)
     proposals = search.propose(FittedBody(wrong, standing.vertices, standing.nodes), comparer)
     assert 1 <= len(proposals) <= 5
-    target = FitTarget.prepare(thin(person.points, 800), person.full, person.coarse)
+    target = person.target(800)
     fitter = ArticulatedFitter(body)
 
     def compared(start):
         pose = fitter.fit(target, start)
         found = body.pose(pose.rotations, pose.root)
-        return comparer.compare(found.vertices, body.faces).score, found.nodes
+        return comparer.compare(found.vertices, body.faces, BAND).score, found.nodes
 
     without = compared(wrong)
     best = min(map(compared, proposals), key=lambda c: c[0])
@@ -78,14 +73,14 @@ def test_right_limbs_agree_better_than_others(body, search):
     rotations = syn.upright(left_shoulder=syn.rotation("z", 60.0), right_shoulder=DOWN[1])
     posed = syn.posed(rotations)
     person = syn.to_person(syn.draw(syn.mesh(posed)))
-    comparer = DepthComparer(person.coarse, BAND)
+    comparer = DepthComparer(person.coarse)
     pose = BodyPose(syn.FACING @ rotations, posed.nodes[0], 1.0)
     before = pose.rotations.copy()
-    right = comparer.compare(posed.vertices, body.faces).score
+    right = comparer.compare(posed.vertices, body.faces, BAND).score
     for proposal in search.propose(FittedBody(pose, posed.vertices, posed.nodes), comparer):
         other = body.pose(proposal.rotations, proposal.root)
         if np.linalg.norm(other.nodes - posed.nodes, axis=1).max() > 0.15:
-            assert comparer.compare(other.vertices, body.faces).score > right + 0.02
+            assert comparer.compare(other.vertices, body.faces, BAND).score > right + 0.02
     np.testing.assert_array_equal(pose.rotations, before)
 
 
@@ -95,7 +90,7 @@ def test_proposals_change_nothing_but_limbs(body, search):
     wrong = BodyPose(syn.FACING @ syn.arms_down(), posed.nodes[0], 0.98)
     standing = body.pose(wrong.rotations, wrong.root, 0.98)
     fitted = FittedBody(wrong, standing.vertices, standing.nodes)
-    proposals = search.propose(fitted, DepthComparer(person.coarse, BAND))
+    proposals = search.propose(fitted, DepthComparer(person.coarse))
     assert proposals
     trunk = [NODE_INDEX[n] for n in ("pelvis", "spine", "chest", "neck", "head")]
     for p in proposals:

@@ -8,13 +8,13 @@ import pytest
 import synthetic as syn
 from depth_pose.body.build import BUILD_NAMES, SPREAD, BuildSpace, prior_information
 from depth_pose.body.build_file import KnownBuild
+from depth_pose.body.pose import BodyPose
 from depth_pose.core.config import FitConfig, PersonalConfig
 from depth_pose.core.rotations import rotvec_to_matrix
 from depth_pose.refine import _build_kernels as kernels
 from depth_pose.refine import personal as personal_builds
-from depth_pose.refine.articulated import ArticulatedFitter, BodyPose, FitTarget
+from depth_pose.refine.articulated import ArticulatedFitter
 from depth_pose.refine.personal import BuildEvidence, Evidence, PersonalBuild
-from depth_pose.track.person import thin
 
 PARTS = len(BUILD_NAMES)
 
@@ -31,7 +31,7 @@ def pose_at(seed=0, turn=None, scale=1.02):
 
 def target_of(depth):
     person = syn.to_person(depth)
-    return FitTarget.prepare(thin(person.points, 800), person.full, person.coarse)
+    return person.target(800)
 
 
 def test_rows_are_derivatives(space):

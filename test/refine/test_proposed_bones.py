@@ -10,11 +10,11 @@ from depth_pose.body.build import BUILD_NAMES, BuildSpace
 from depth_pose.core.config import PersonalConfig
 from depth_pose.core.skeleton import JOINT_NODES, JOINTS, MIRROR_JOINTS
 from depth_pose.refine import proposed_bones
-from depth_pose.refine._articulated_kernels import Proposals
 from depth_pose.refine.personal import Evidence, PersonalBuild, Proposed
 from depth_pose.refine.proposed_bones import BoneLengths, ProposedBones, measure_bones
 from depth_pose.refine.proposed_depth import TrunkDepth
 from depth_pose.refine.upright_stance import find_standing
+from depth_pose.track.target import Proposals
 
 PARTS = len(BUILD_NAMES)
 BONES = len(proposed_bones._BONES)

@@ -7,8 +7,8 @@ import pytest
 
 import synthetic as syn
 from depth_pose.body.build import BUILD_NAMES, BuildSpace, prior_information
+from depth_pose.body.pose import BodyPose, FittedBody
 from depth_pose.core.skeleton import JOINT_INDEX, JOINT_NODES
-from depth_pose.refine.articulated import BodyPose, FittedBody
 from depth_pose.refine.proposed_depth import ProposedDepth, TrunkSkin
 from depth_pose.refine.upright_stance import SUREST, Standing
 

@@ -8,19 +8,19 @@ import numpy as np
 import pytest
 
 import synthetic as syn
+from depth_pose.body.pose import BodyPose, FittedBody
 from depth_pose.body.rendered_depth import Comparison
 from depth_pose.core.config import MatchConfig, RefineConfig
 from depth_pose.core.errors import BankError
-from depth_pose.core.rotations import matrix_to_quat, quat_to_matrix
-from depth_pose.core.skeleton import JOINT_NODES, JointState, Source
+from depth_pose.core.skeleton import JOINT_NODES, Source
 from depth_pose.core.types import Candidate, PoseMatch
-from depth_pose.match.match import Matcher
-from depth_pose.refine.articulated import BodyPose, FittedBody
-from depth_pose.refine.refine import Refiner, _Compared, _Kept, _settle, _widen
+from depth_pose.recover.confidence import fit_confidence
+from depth_pose.refine.refine import KeptPoses, _Compared, _settle, _widen
+from stages import make_matcher, make_refiner
 
 
 def refiner_of(bank, **settings):
-    return Refiner(bank, RefineConfig(**settings), MatchConfig())
+    return make_refiner(bank, refine=RefineConfig(**settings))
 
 
 def scene(bank, exemplar, turn=20.0, stamp_ns=syn.START_NS, distance=3.0):
@@ -35,14 +35,13 @@ def match_of(bank, *candidates):
 
 
 def refined(refiner, people, *candidates):
-    """The skeleton of the one person, from candidates."""
+    """The body fitted to the one person, from candidates."""
     (fitted,) = refiner.refine(people, [match_of(refiner.bank, *candidates)])
-    return fitted.skeleton
+    return fitted
 
 
 def candidate(exemplar, turn=20.0, root=(0.0, 0.0, 3.0)):
-    quat = matrix_to_quat(syn.FACING @ syn.rotation("y", turn))
-    return Candidate(exemplar, 0, quat, np.array(root), 0.0, 0.0)
+    return Candidate(exemplar, 0, syn.FACING @ syn.rotation("y", turn), np.array(root), 0.0, 0.0)
 
 
 @pytest.mark.parametrize(("method", "typical", "most"), [("articulated", 0.018, 0.05), ("cpd", 0.04, 0.09)])
@@ -53,14 +52,12 @@ def test_from_candidates_a_little_off(bank, method, typical, most):
     for exemplar in range(5, bank.poses, bank.poses // 8):
         posed, people = scene(bank, exemplar)
         refiner.reset()
-        skeleton = refined(refiner, people, candidate(exemplar, 28.0, (0.03, 0.02, 3.05)))
-        assert skeleton.source == Source.REFINED
-        assert (skeleton.stamp_ns, skeleton.frame_id) == (people.stamp_ns, people.frame_id)
-        assert skeleton.confidence > 0.6
-        assert skeleton.residual < 0.03
-        assert refiner.meshes["body_1"].shape == bank.body.vertices.shape
-        errors.append(syn.joint_error(skeleton.positions, posed.nodes[JOINT_NODES]))
-        gaps.append(np.linalg.norm(refiner.meshes["body_1"] - posed.vertices, axis=1).mean())
+        fitted = refined(refiner, people, candidate(exemplar, 28.0, (0.03, 0.02, 3.05)))
+        assert (fitted.source, fitted.stamp_ns, fitted.body_id) == (Source.REFINED, people.stamp_ns, "body_1")
+        assert fit_confidence(fitted.score) > 0.6
+        assert fitted.gap < 0.03
+        errors.append(syn.joint_error(fitted.joints, posed.nodes[JOINT_NODES]))
+        gaps.append(np.linalg.norm(fitted.body.vertices - posed.vertices, axis=1).mean())
     assert np.median(errors) < typical, errors
     assert max(errors) < most, errors
     assert np.median(gaps) < 1.5 * typical
@@ -70,23 +67,8 @@ def test_the_better_of_two_candidates_is_kept(bank):
     posed, people = scene(bank, 31)
     wrong, right = candidate(208), candidate(31, 25.0)
     for order in ((wrong, right), (right, wrong)):
-        skeleton = refined(refiner_of(bank), people, *order)
-        assert syn.joint_error(skeleton.positions, posed.nodes[JOINT_NODES]) < 0.02
-
-
-def test_a_skeletons_fields(bank):
-    _, people = scene(bank, 120)
-    skeleton = refined(refiner_of(bank), people, candidate(120))
-    assert skeleton.positions.shape == (19, 3)
-    assert skeleton.quats_xyzw.shape == (19, 4)
-    np.testing.assert_allclose(np.linalg.norm(skeleton.quats_xyzw, axis=1), 1.0)
-    assert np.linalg.det(quat_to_matrix(skeleton.quats_xyzw)) == pytest.approx(np.ones(19))
-    assert skeleton.joint_confidence.dtype == np.float32
-    assert ((skeleton.joint_confidence >= 0) & (skeleton.joint_confidence <= 1)).all()
-    assert skeleton.joint_states.dtype == np.uint8
-    assert set(skeleton.joint_states.tolist()) <= {s.value for s in JointState}
-    for value in (skeleton.confidence, skeleton.residual, skeleton.scale):
-        assert float(np.float32(value)) == value  # survives the message's float32
+        fitted = refined(refiner_of(bank), people, *order)
+        assert syn.joint_error(fitted.joints, posed.nodes[JOINT_NODES]) < 0.02
 
 
 def test_the_previous_pose_helps_out_unless_turned_off(bank):
@@ -97,8 +79,8 @@ def test_the_previous_pose_helps_out_unless_turned_off(bank):
     for track in (True, False):
         refiner = refiner_of(bank, track=track)
         refined(refiner, people, candidate(31))
-        skeleton = refined(refiner, later, candidate(208, 200.0))
-        errors[track] = syn.joint_error(skeleton.positions, posed.nodes[JOINT_NODES])
+        fitted = refined(refiner, later, candidate(208, 200.0))
+        errors[track] = syn.joint_error(fitted.joints, posed.nodes[JOINT_NODES])
     assert errors[True] < 0.02 < errors[False]
 
 
@@ -109,8 +91,8 @@ def test_a_wrong_pose_that_converged_gives_way(bank):
     errors = []
     for k, start in enumerate([candidate(75, 200.0)] * 8 + [candidate(208, 35.0, (0.08, 0.05, 3.1))]):
         now = syn.restamped(people, people.stamp_ns + k * syn.STEP_NS)
-        skeleton = refined(refiner, now, start)
-        errors.append(syn.joint_error(skeleton.positions, posed.nodes[JOINT_NODES]))
+        fitted = refined(refiner, now, start)
+        errors.append(syn.joint_error(fitted.joints, posed.nodes[JOINT_NODES]))
     assert errors[-1] < 0.04 < 0.06 < errors[-2]
 
 
@@ -124,24 +106,24 @@ def compared(bank, score, aside):
 def test_a_pose_far_from_the_kept_one_has_to_be_better_by_enough_or_for_a_while(bank):
     """Sums of how much better it was, over frames in a row; one that is near answers at once."""
     old, near = compared(bank, 0.30, 0.0), compared(bank, 0.29, 0.02)
-    kept, far = _Kept(), compared(bank, 0.27, 0.1)
+    kept, far = KeptPoses(), compared(bank, 0.27, 0.1)
     assert _settle(kept, near, old) is near
     assert [_settle(kept, far, old) is far for _ in range(4)] == [False, True, False, True]
     assert _settle(kept, far, old) is old
     assert _settle(kept, compared(bank, 0.31, 0.1), old) is old  # it was better once only
     assert _settle(kept, far, old) is old
     much = compared(bank, 0.2, 0.1)
-    assert _settle(_Kept(), much, old) is much
-    assert _settle(_Kept(), far, None) is _settle(_Kept(), far) is far
-    assert _settle(_Kept(), None, old) is old
+    assert _settle(KeptPoses(), much, old) is much
+    assert _settle(KeptPoses(), far, None) is _settle(KeptPoses(), far) is far
+    assert _settle(KeptPoses(), None, old) is old
 
 
 def test_whatever_was_carried_beside_the_answer_may_answer_as_a_fresh_pose_may(bank):
     old, fresh, carried = (compared(bank, *of) for of in ((0.30, 0.0), (0.28, 0.1), (0.2, -0.1)))
-    assert _settle(_Kept(), fresh, old, carried) is carried
-    assert _settle(_Kept(), None, old, carried) is carried
-    assert _settle(_Kept(), carried, old, fresh) is carried
-    assert _settle(_Kept(), fresh, old, None) is old
+    assert _settle(KeptPoses(), fresh, old, carried) is carried
+    assert _settle(KeptPoses(), None, old, carried) is carried
+    assert _settle(KeptPoses(), carried, old, fresh) is carried
+    assert _settle(KeptPoses(), fresh, old, None) is old
 
 
 def test_the_best_pose_that_differs_from_the_answer_is_carried_beside_it(bank):
@@ -162,8 +144,8 @@ def test_a_pose_is_followed_however_many_are_kept(bank, beam):
     refiner = refiner_of(bank, beam=beam)
     for k, start in enumerate([candidate(208, 35.0), *[candidate(75, 200.0)] * 3]):
         now = syn.restamped(people, people.stamp_ns + k * syn.STEP_NS)
-        skeleton = refined(refiner, now, start)
-    assert syn.joint_error(skeleton.positions, posed.nodes[JOINT_NODES]) < 0.03
+        fitted = refined(refiner, now, start)
+    assert syn.joint_error(fitted.joints, posed.nodes[JOINT_NODES]) < 0.03
 
 
 @pytest.mark.parametrize("step_ns", [-1, 600_000_000])
@@ -174,7 +156,7 @@ def test_the_previous_pose_is_forgotten_where_stamps_jump(bank, step_ns):
     refined(refiner, people, candidate(31))
     jumped = refined(refiner, later, candidate(208, 200.0))
     fresh = refined(refiner_of(bank), later, candidate(208, 200.0))
-    np.testing.assert_array_equal(jumped.positions, fresh.positions)
+    np.testing.assert_array_equal(jumped.joints, fresh.joints)
 
 
 def test_another_banks_match_is_refused(bank):
@@ -188,11 +170,8 @@ def test_no_candidate_is_lost_and_nobody_has_no_answer(bank):
     _, people = scene(bank, 31)
     refiner = refiner_of(bank)
     refined(refiner, people, candidate(31))
-    assert set(refiner.meshes) == {"body_1"}
     (lost,) = refiner.refine(people, [match_of(bank)])
-    assert (lost.skeleton.is_lost, lost.skeleton.body_id, lost.score) == (True, "body_1", 1.0)
-    assert len(lost.skeleton.positions) == 0
-    assert refiner.meshes == {}
+    assert (lost.is_lost, lost.body_id, lost.score) == (True, "body_1", 1.0)
     assert refiner.refine(syn.to_people(stamp_ns=5), []) == ()
     assert refiner.refine(syn.to_people(stamp_ns=6), [match_of(bank, candidate(31))]) == ()
 
@@ -201,17 +180,14 @@ def test_warm_up_leaves_no_trace(bank):
     _, people = scene(bank, 120)
     plain, warmed = refiner_of(bank), refiner_of(bank)
     warmed.warm_up()
-    assert warmed.meshes == {}
     start = candidate(120, 30.0)
-    np.testing.assert_array_equal(
-        refined(warmed, people, start).positions, refined(plain, people, start).positions
-    )
+    np.testing.assert_array_equal(refined(warmed, people, start).joints, refined(plain, people, start).joints)
 
 
 def test_from_matching_to_refinement(bank):
     """A pose between exemplars: what the matcher gives is enough to start from."""
     mixed = syn.posed(syn.arms_down(), turn=-15.0)
     people = syn.to_people(syn.draw(syn.mesh(mixed)))
-    matches = Matcher(bank, MatchConfig(scale=1.0)).match(people)
+    matches = make_matcher(bank, match=MatchConfig(scale=1.0)).match(people)
     (fitted,) = refiner_of(bank).refine(people, matches)
-    assert syn.joint_error(fitted.skeleton.positions, mixed.nodes[JOINT_NODES]) < 0.04
+    assert syn.joint_error(fitted.joints, mixed.nodes[JOINT_NODES]) < 0.04

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import synthetic as syn
+from depth_pose.body.pose import BodyPose, FittedBody
 from depth_pose.core.skeleton import NODE_INDEX
-from depth_pose.refine.articulated import BodyPose, FittedBody
 from depth_pose.refine.pose_prior import usual_joints
 from depth_pose.refine.unseen_legs import LegsBeyond
 

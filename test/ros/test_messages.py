@@ -8,10 +8,11 @@ from depth_pose_msgs.msg import Skeleton as SkeletonMsg
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import CameraInfo, Image, PointCloud2, PointField
 
+from depth_pose.body.pose import Fitted
 from depth_pose.core.camera import Camera
 from depth_pose.core.errors import InputError
 from depth_pose.core.skeleton import BONES, JOINTS, JointState
-from depth_pose.core.types import HIDDEN, Candidate, Fitted, FoundPerson, PoseMatch, Skeleton
+from depth_pose.core.types import HIDDEN, Candidate, FoundPerson, PoseMatch, Skeleton
 from depth_pose.ros.messages.basics import ns_to_stamp, stamp_to_ns
 from depth_pose.ros.messages.frames import image_to_frame, msg_to_frame
 from depth_pose.ros.messages.matches import matches_to_msg, msg_to_matches

@@ -2,74 +2,90 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
+import synthetic as syn
 from depth_pose.core.config import MAX_STAMP_GAP_NS
-from depth_pose.track.memory import MEMORY_NS, PerPerson
+from depth_pose.track.memory import MEMORY_NS, Subject, Subjects
 
 STEP_NS = 40_000_000
 
 
-def note(memory: PerPerson[list[int]], stamp_ns: int, *seen: str) -> None:
-    """A frame that shows these people, each of whom notes its stamp."""
-    memory.begin(stamp_ns)
-    for body_id in seen:
-        memory[body_id].append(stamp_ns)
+@pytest.fixture(scope="module")
+def people():
+    """A frame that shows one person."""
+    return syn.to_people(syn.draw(syn.mesh(syn.posed(syn.arms_down()))), stamp_ns=0)
 
 
-def test_everybody_has_their_own_state() -> None:
-    memory: PerPerson[list[int]] = PerPerson(list)
-    note(memory, 0, "body_1")
-    note(memory, STEP_NS, "body_2", "body_1")
-    assert memory.get("body_1") == [0, STEP_NS]
-    assert memory.get("body_2") == [STEP_NS]
-    assert memory.get("body_3") is None
+def frame(people, stamp_ns: int, *seen: str):
+    """The frame at another time, with people of these ids."""
+    (person,) = people.persons
+    persons = tuple(replace(person, found=replace(person.found, body_id=b)) for b in seen)
+    return replace(people, stamp_ns=stamp_ns, persons=persons)
 
 
-@pytest.mark.parametrize("memory_ns", [MEMORY_NS, MAX_STAMP_GAP_NS])
-def test_who_is_not_seen_is_forgotten_after_a_time_and_nobody_else(memory_ns) -> None:
-    memory: PerPerson[list[int]] = PerPerson(list, memory_ns)
-    note(memory, 0, "body_1", "body_2")
-    frames = memory_ns // STEP_NS
+def see(subjects: Subjects, people, stamp_ns: int, *seen: str) -> list[Subject]:
+    subjects.begin(frame(people, stamp_ns, *seen))
+    return [subjects[b] for b in seen]
+
+
+def test_everybody_has_their_own_memory(people):
+    subjects = Subjects()
+    (one,) = see(subjects, people, 0, "body_1")
+    other, again = see(subjects, people, STEP_NS, "body_2", "body_1")
+    assert again is one is not other
+    with pytest.raises(KeyError):
+        subjects["body_3"]
+
+
+def test_who_is_not_seen_is_forgotten_after_a_time_and_nobody_else(people):
+    subjects = Subjects()
+    one, other = see(subjects, people, 0, "body_1", "body_2")
+    frames = MEMORY_NS // STEP_NS
     for k in range(1, frames + 1):
-        note(memory, k * STEP_NS, "body_2")
-    assert memory.get("body_1") == [0]  # until the time is over
-    note(memory, (frames + 1) * STEP_NS, "body_2")
-    assert memory.get("body_1") is None
-    assert len(memory["body_2"]) == frames + 2
+        see(subjects, people, k * STEP_NS, "body_2")
+    assert see(subjects, people, frames * STEP_NS, "body_1", "body_2") == [one, other]
+    for k in range(frames + 1, 2 * frames + 2):
+        see(subjects, people, k * STEP_NS, "body_2")
+    late, still = see(subjects, people, (2 * frames + 2) * STEP_NS, "body_1", "body_2")
+    assert late is not one
+    assert still is other
 
 
-def test_to_ask_whether_something_is_known_is_not_to_see() -> None:
-    memory: PerPerson[list[int]] = PerPerson(list, MAX_STAMP_GAP_NS)
-    note(memory, 0, "body_1")
-    for k in range(1, 14):
-        memory.begin(k * STEP_NS)
-        memory.get("body_1")
-    assert memory.get("body_1") is None
+def test_poses_are_forgotten_sooner_than_the_person(people):
+    subjects = Subjects()
+    (one,) = see(subjects, people, 0, "body_1")
+    one.build, one.kept, one.recovery = object(), object(), object()
+    for k in range(1, MAX_STAMP_GAP_NS // STEP_NS):
+        see(subjects, people, k * STEP_NS, "body_2")
+    see(subjects, people, MAX_STAMP_GAP_NS, "body_1")
+    assert None not in (one.build, one.kept, one.recovery)
+    for k in range(1, 2 + MAX_STAMP_GAP_NS // STEP_NS):
+        see(subjects, people, MAX_STAMP_GAP_NS + k * STEP_NS, "body_2")
+    see(subjects, people, 2 * MAX_STAMP_GAP_NS + 2 * STEP_NS, "body_1")
+    assert one.build is not None
+    assert (one.kept, one.recovery) == (None, None)
 
 
 @pytest.mark.parametrize("step_ns", [-1, MAX_STAMP_GAP_NS + 1])
-def test_a_break_of_the_stamps_forgets_everybody(step_ns) -> None:
-    memory: PerPerson[list[int]] = PerPerson(list)
-    note(memory, 10 * STEP_NS, "body_1", "body_2")
-    note(memory, 10 * STEP_NS + step_ns, "body_2")
-    assert memory.get("body_1") is None
-    assert memory.get("body_2") == [10 * STEP_NS + step_ns]
+def test_a_break_of_the_stamps_forgets_everybody(people, step_ns):
+    subjects = Subjects()
+    one, _ = see(subjects, people, 10 * STEP_NS, "body_1", "body_2")
+    (new,) = see(subjects, people, 10 * STEP_NS + step_ns, "body_1")
+    assert new is not one
+    with pytest.raises(KeyError):
+        subjects["body_2"]
 
 
-def test_the_longest_step_and_the_same_stamp_again_are_no_break() -> None:
-    memory: PerPerson[list[int]] = PerPerson(list)
+def test_several_stages_begin_the_same_frame(people):
+    subjects = Subjects()
     for stamp_ns in (0, MAX_STAMP_GAP_NS, MAX_STAMP_GAP_NS):
-        note(memory, stamp_ns, "body_1")
-    assert memory.get("body_1") == [0, MAX_STAMP_GAP_NS, MAX_STAMP_GAP_NS]
-
-
-def test_one_person_is_forgotten_alone_and_reset_forgets_all() -> None:
-    memory: PerPerson[list[int]] = PerPerson(list)
-    note(memory, 0, "body_1", "body_2")
-    memory.forget("body_1")
-    memory.forget("body_7")  # never seen
-    assert memory.get("body_1") is None
-    assert memory.get("body_2") == [0]
-    memory.reset()
-    assert memory.get("body_2") is None
+        (one,) = see(subjects, people, stamp_ns, "body_1")
+        one.kept = one.kept or object()
+    (again,) = see(subjects, people, MAX_STAMP_GAP_NS, "body_1")
+    assert again.kept is one.kept is not None
+    subjects.reset()
+    (new,) = see(subjects, people, MAX_STAMP_GAP_NS, "body_1")
+    assert new is not one

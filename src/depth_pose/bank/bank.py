@@ -19,12 +19,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.body.body import Body
+from depth_pose.body.pose import BodyPose
 from depth_pose.core.arrays import DamagedArrays, load_arrays
 from depth_pose.core.errors import BankError
 from depth_pose.core.outputs import new_file
 from depth_pose.core.reading import parse_json
 from depth_pose.core.rotations import quat_to_matrix
 from depth_pose.core.skeleton import forward_kinematics
+from depth_pose.core.types import Candidate
 
 FORMAT = "depth_pose exemplar bank"
 FORMAT_VERSION = 1
@@ -138,6 +140,11 @@ class Bank:
     def rotations(self, exemplar: int) -> NDArray[np.float64]:
         """Segment rotations of one pose in the model frame, shape (21, 3, 3)."""
         return quat_to_matrix(self.pose_quats[exemplar].astype(np.float64))
+
+    def pose(self, candidate: Candidate, scale: float) -> BodyPose:
+        """Return the pose of a matched exemplar in the camera frame."""
+        rotations = candidate.rotation @ self.rotations(candidate.exemplar)
+        return BodyPose(rotations, candidate.translation, scale)
 
     def save(self, path: str | Path) -> None:
         """Write the bank; the file appears whole or not at all."""

@@ -83,14 +83,22 @@ class Comparison:
 class DepthComparer:
     """Renders meshes into one observation's window and scores them."""
 
-    def __init__(self, observation: Observation, band: float) -> None:
+    def __init__(self, observation: Observation) -> None:
         self.observation = observation
-        self._band = band
         self.zbuffer = np.empty(observation.depth.shape, np.float32)
         self._sums = np.empty(5)
 
-    def compare(self, vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> Comparison:
-        """Render a mesh in the camera frame and compare it with the observation."""
-        kernels.score_mesh(vertices, faces, self.observation, self._band, self.zbuffer, self._sums)
+    def compare(self, vertices: NDArray[np.float64], faces: NDArray[np.int32], band: float) -> Comparison:
+        """Render a mesh in the camera frame and compare it with the observation.
+
+        Parameters
+        ----------
+        vertices : (V, 3) float64
+            Camera frame, metres.
+        faces : (F, 3) int32
+        band : float
+            Depth difference that counts as a full mismatch, metres (`MatchConfig.score_band`).
+        """
+        kernels.score_mesh(vertices, faces, self.observation, band, self.zbuffer, self._sums)
         score, gap = self._sums[:2].tolist()
         return Comparison(score=score, gap=gap)

@@ -69,13 +69,6 @@ def turn_back(skeleton: Skeleton, config: MountConfig) -> Skeleton:
     return _turned(skeleton, rotation, sensor_frame(skeleton.frame_id, config))
 
 
-def turn_forth(skeleton: Skeleton, config: MountConfig) -> Skeleton:
-    """Give a skeleton in the sensor's frame in the upright one."""
-    if config.roll % 360.0 == 0.0:
-        return skeleton
-    return _turned(skeleton, rotation_sensor_upright(config.roll).T, skeleton.frame_id + UPRIGHT)
-
-
 def _turned(skeleton: Skeleton, rotation: NDArray[np.float64], frame_id: str) -> Skeleton:
     quats = matrix_to_quat(rotation @ quat_to_matrix(skeleton.quats_xyzw))
     return replace(

@@ -1,8 +1,6 @@
-"""What the steps hand to each other: depth frame, found person, match, skeleton, fitted skeleton.
+"""What the steps hand to each other: depth frame, found person, match, and the skeleton that is published.
 
-All of them are frozen and in SI units. Rotations that travel in messages are kept as
-quaternions (x, y, z, w), so that a value read back from a message is the value that was
-written, bit for bit, and live, replayed and offline runs agree.
+All of them are frozen and in SI units.
 """
 
 from __future__ import annotations
@@ -83,7 +81,7 @@ class Candidate:
     ----------
     exemplar, view : int
         Row of the bank's poses, and the view of it that matched.
-    quat_xyzw, translation : (4,), (3,) float64
+    rotation, translation : (3, 3), (3,) float64
         ``T_camera_model``: from the exemplar's model frame, *after* scaling, to the camera.
     distance : float
         Distance in the PCA subspace (eq. 6).
@@ -93,7 +91,7 @@ class Candidate:
 
     exemplar: int
     view: int
-    quat_xyzw: NDArray[np.float64]
+    rotation: NDArray[np.float64]
     translation: NDArray[np.float64]
     distance: float
     score: float
@@ -186,18 +184,3 @@ class Skeleton:
             joint_confidence=np.zeros(0, np.float32),
             joint_states=np.zeros(0, np.uint8),
         )
-
-
-@dataclass(frozen=True)
-class Fitted:
-    """A skeleton from a fit, and how well the fitted body agrees with what was seen.
-
-    Attributes
-    ----------
-    skeleton : Skeleton
-    score : float
-        Rendered-depth disagreement (`depth_pose.body.rendered_depth`), 0 to 1; 1 where it is lost.
-    """
-
-    skeleton: Skeleton
-    score: float

@@ -104,7 +104,7 @@ class PeopleExtractor:
         self.passed_over["too few points"] += shown.count(None) - names.count(None)
         self.passed_over.update(self.choice.left_out)
         found = (
-            FoundPerson(s.label, name, self._probability(name), s.proposals, s.proposal_confidence)
+            FoundPerson(s.label, name, self._tracks.probability(name), s.proposals, s.proposal_confidence)
             for s, name in zip(seen.sightings, chosen, strict=True)
             if name is not None
         )
@@ -112,7 +112,3 @@ class PeopleExtractor:
         # Ye et al. eq. 4: so they do where `denoise.iterations` is above 1
         points = seen.camera.back_project(depth)
         return see_people(frame.stamp_ns, frame.frame_id, seen.camera, points, labels, found)
-
-    def _probability(self, body_id: str) -> float:
-        """Give the chance that it is a person as messages carry it, so that it comes back as it is."""
-        return float(np.float32(self._tracks.probability(body_id)))

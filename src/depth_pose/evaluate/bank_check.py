@@ -19,8 +19,8 @@ from depth_pose.denoise.extract import PeopleExtractor
 from depth_pose.evaluate.bank_sheet import draw_depth
 from depth_pose.evaluate.pictures import plain_text, save_picture
 from depth_pose.io.mcap_read import DepthReader
-from depth_pose.match.match import Matcher, match_confidence
-from depth_pose.refine.articulated import candidate_pose
+from depth_pose.match.match import match_confidence
+from depth_pose.pipeline import Shared
 from depth_pose.track.person import People
 
 _FRAMES_BEFORE = 2
@@ -94,7 +94,7 @@ def match_frames(
     """
     config = PipelineConfig()
     extractor = PeopleExtractor(config.segment, config.denoise)
-    matcher = Matcher(bank, MatchConfig(keep=candidates, search_every=1))
+    matcher = Shared(bank, PipelineConfig(match=MatchConfig(keep=candidates, search_every=1))).make_matcher()
     found = []
     for number, frame, shown in _near_chosen(DepthReader(recording, depth_topic), frames):
         people = extractor.extract(frame)
@@ -166,7 +166,7 @@ def _draw_match(panels: list[Any], frame: MatchedFrame, match: PoseMatch | None,
     draw_depth(panels[0], seen.depth, None, seen.camera)
     _caption(panels[0], f"frame {frame.number}, {match.body_id}, scale {match.scale:.2f}")
     for rank, (panel, candidate) in enumerate(zip(panels[1:], match.candidates, strict=False)):
-        pose = candidate_pose(bank, candidate, match.scale)
+        pose = bank.pose(candidate, match.scale)
         posed = bank.body.pose(pose.rotations, pose.root, pose.scale)
         drawn = render_depth(posed.vertices, bank.body.faces, seen.camera)
         depth = np.where(np.isfinite(drawn), drawn, 0.0).astype(np.float32)

@@ -10,14 +10,17 @@ first frames.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from depth_pose.bank.bank import Bank
 from depth_pose.bank.canonical import describe
 from depth_pose.bank.views import AXES
+from depth_pose.body.pose import BodyPose
 from depth_pose.body.rendered_depth import Observation
-from depth_pose.core.config import FitConfig, MatchConfig
-from depth_pose.core.rotations import matrix_to_quat
+from depth_pose.core.config import MatchConfig
 from depth_pose.core.skeleton import NODE_INDEX
 from depth_pose.core.types import Candidate, PoseMatch
 from depth_pose.match._match_kernels import keep_different
@@ -35,11 +38,13 @@ from depth_pose.match.scale import SCALES, ScaleFinder
 from depth_pose.match.search import SubspaceSearch
 from depth_pose.match.trial_fits import TrialFits
 from depth_pose.match.upright_exemplars import UprightExemplars, head_axes
-from depth_pose.refine.articulated import ArticulatedFitter, BodyPose
-from depth_pose.track.memory import PerPerson
+from depth_pose.track.memory import Subjects
 from depth_pose.track.person import People, Person, thin_image
 from depth_pose.track.sample_people import sample_people
 from depth_pose.track.turns import Turns
+
+if TYPE_CHECKING:
+    from depth_pose.refine.articulated import ArticulatedFitter
 
 _ROUGH_M, _FINE_M = 0.08, 0.04
 """Widest pixels at the person, of the image that all of the shortlist is compared in, and of the
@@ -103,8 +108,25 @@ class _Size:
         self.is_partial, self.shown, self.whole = False, 0.0, 0
 
 
+@dataclass(frozen=True)
+class MatchMemory:
+    """What the matcher remembers of one person: their size, and what was matched last."""
+
+    size: _Size
+    last: LastMatch
+
+
 class Matcher:
     """The second stage: what `matcher_node` runs.
+
+    Parameters
+    ----------
+    bank : Bank
+    config : MatchConfig
+    fitter : ArticulatedFitter
+        Of the bank's body; its short fits compare sizes, and poses that face opposite ways.
+    subjects : Subjects, optional
+        What is remembered of everybody, shared with the other stages of a process.
 
     Attributes
     ----------
@@ -112,7 +134,9 @@ class Matcher:
         Who is served where time is short; without a limit unless somebody sets one.
     """
 
-    def __init__(self, bank: Bank, config: MatchConfig, fit: FitConfig | None = None) -> None:
+    def __init__(
+        self, bank: Bank, config: MatchConfig, fitter: ArticulatedFitter, subjects: Subjects | None = None
+    ) -> None:
         self.bank = bank
         self.config = config
         self.turns = Turns()
@@ -121,19 +145,16 @@ class Matcher:
         self._renderer = ExemplarRenderer(bank, config.score_band)
         self._upright = UprightExemplars(bank)
         self._proposed = ProposedExemplars(bank)
-        self._fitter = ArticulatedFitter(bank.body, fit)
-        self._sizes = PerPerson(lambda: _Size(ScaleFinder(self._fitter, config.score_band)))
-        self._last = PerPerson(lambda: LastMatch(config.search_every))
+        self._fitter = fitter
+        self._subjects = subjects or Subjects()
 
     def reset(self) -> None:
-        """Forget everybody's size."""
-        self._sizes.reset()
-        self._last.reset()
+        """Forget everybody."""
+        self._subjects.reset()
 
     def warm_up(self) -> None:
-        """Compile every kernel; forgets everybody's size."""
-        for person in sample_people(self.bank).persons:
-            self._match(person, self._sizes[person.body_id])
+        """Compile every kernel; forgets everybody."""
+        self.match(sample_people(self.bank))
         self.reset()
 
     def match(self, people: People) -> tuple[PoseMatch, ...]:
@@ -148,15 +169,17 @@ class Matcher:
         tuple of PoseMatch
             One for each person who is served (`Turns`).
         """
-        self._sizes.begin(people.stamp_ns)
-        self._last.begin(people.stamp_ns)
-        served = self.turns.take(people.persons)
-        return tuple(self._match(person, self._sizes[person.body_id]) for person in served)
+        self._subjects.begin(people)
+        return tuple(self._match(person) for person in self.turns.take(people.persons))
 
-    def _match(self, person: Person, size: _Size) -> PoseMatch:
-        """Give the exemplars nearest to one person: searched for now, or carried along."""
+    def _match(self, person: Person) -> PoseMatch:
+        """Return the exemplars nearest to one person: searched for now, or carried along."""
+        subject = self._subjects[person.body_id]
+        if subject.match is None:
+            size = _Size(ScaleFinder(self._fitter, self.config.score_band))
+            subject.match = MatchMemory(size, LastMatch(self.config.search_every))
+        size, last = subject.match.size, subject.match.last
         self._await_whole(person, size)
-        last = self._last[person.body_id]
         if self._is_known(size.finder):
             carried = last.carried(person, self._scale(person, size.finder))
             if carried is not None:
@@ -265,17 +288,16 @@ class Matcher:
     def _keep_different(self, placed: Placed) -> tuple[Candidate, ...]:
         """Give the best few that are different poses."""
         kept = keep_different(placed.nodes, _SAME_POSE_M, self.config.keep)
-        quats = matrix_to_quat(placed.rotations[kept])
         return tuple(
             Candidate(
                 exemplar=int(placed.exemplars[k]),
                 view=int(placed.views[k]),
-                quat_xyzw=quat,
+                rotation=placed.rotations[k],
                 translation=placed.translations[k],
                 distance=float(placed.distances[k]),
                 score=float(placed.scores[k]),
             )
-            for k, quat in zip(kept, quats, strict=True)
+            for k in kept
         )
 
 

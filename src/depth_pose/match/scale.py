@@ -11,12 +11,16 @@ change sign.
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from depth_pose.body.pose import BodyPose
 from depth_pose.match.trial_fits import TrialFits
-from depth_pose.refine.articulated import ArticulatedFitter, BodyPose
 from depth_pose.track.person import Person
+
+if TYPE_CHECKING:
+    from depth_pose.refine.articulated import ArticulatedFitter
 
 SCALES = 0.6 * 1.04 ** np.arange(-3, 18)
 """Sizes that are tried: statures from 0.93 m to 2.05 m for a body of 1.75 m."""

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
-from depth_pose.body.rendered_depth import DepthComparer
-from depth_pose.refine.articulated import ArticulatedFitter, BodyPose, FitTarget
-from depth_pose.track.person import Person, thin
+from typing import TYPE_CHECKING
+
+from depth_pose.body.pose import BodyPose
+from depth_pose.track.person import Person
+
+if TYPE_CHECKING:
+    from depth_pose.refine.articulated import ArticulatedFitter
 
 _POINTS = 400
 """Half of the points of a fit (`FitConfig.max_points`) tell sizes apart; set by hand, not swept."""
@@ -14,13 +18,13 @@ class TrialFits:
     """Fits poses to one frame with fewer points than `depth_pose.refine.refine` does."""
 
     def __init__(self, fitter: ArticulatedFitter, band: float, view: Person) -> None:
-        self._fitter = fitter
-        self._comparer = DepthComparer(view.coarse, band)
-        self._target = FitTarget.prepare(thin(view.points, _POINTS), view.full, view.coarse)
+        self._fitter, self._band = fitter, band
+        self._comparer = view.comparer
+        self._target = view.target(_POINTS, with_proposals=False)
 
     def score(self, start: BodyPose) -> float:
         """Fit from a start, and give the rendered-depth score."""
         pose = self._fitter.fit(self._target, start, self._fitter.config.trial)
         body = self._fitter.body
         posed = body.pose(pose.rotations, pose.root, pose.scale)
-        return self._comparer.compare(posed.vertices, body.faces).score
+        return self._comparer.compare(posed.vertices, body.faces, self._band).score

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.body.body import Body, PosedBody
+from depth_pose.body.pose import BodyPose, FittedBody
 from depth_pose.body.rendered_depth import Observation, render_depth
 from depth_pose.core.camera import Camera
 from depth_pose.core.config import CompletionConfig, CpdConfig
@@ -24,7 +25,6 @@ from depth_pose.paper.cpd import register
 from depth_pose.paper.laplacian import LaplacianCompleter
 from depth_pose.paper.rigid import JointTransfer
 from depth_pose.refine import _visibility_kernels as visibility
-from depth_pose.refine.articulated import BodyPose, FittedBody
 from depth_pose.refine.skeleton_pose import pose_from_nodes
 
 Array = NDArray[np.float64]

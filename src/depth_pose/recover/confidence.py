@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.skeleton import JOINT_INDEX, JOINTS, JointState
-from depth_pose.core.types import Fitted, FoundPerson
+from depth_pose.core.types import FoundPerson
 from depth_pose.recover import _confidence_kernels as kernels
 from depth_pose.track.person import Person
 
@@ -147,17 +147,20 @@ def fit_confidence(score: float) -> float:
     return float(1.0 / (1.0 + np.exp((score - _HALF_SURE_SCORE) / _SCORE_SPREAD)))
 
 
-def skeleton_signs(person: Person, fitted: Fitted) -> NDArray[np.float64]:
-    """Give what the confidence of a skeleton is made from, (4,): `SKELETON_SIGNS`."""
-    skeleton, found = fitted.skeleton, person.found
-    seen = joints_that_count(skeleton.joint_states)
-    gap = 0.0
-    if len(found.proposals) == len(skeleton.positions):
+def skeleton_signs(
+    person: Person,
+    joints: NDArray[np.float64],
+    states: NDArray[np.uint8],
+    joint_confidence: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Return what the confidence of a skeleton is made from, (4,): `SKELETON_SIGNS`."""
+    found, seen, gap = person.found, joints_that_count(states), 0.0
+    if len(found.proposals) == len(joints):
         trust = seen * found.proposal_confidence.astype(np.float64)
-        apart = np.linalg.norm(skeleton.positions - found.proposals, axis=1)
+        apart = np.linalg.norm(joints - found.proposals, axis=1)
         gap = float(np.minimum(apart, _FAR_APART_M) @ trust / max(float(trust.sum()), 1e-6))
-    joints = float(skeleton.joint_confidence[seen].mean())
-    return np.array([1.0, _log_odds(found.probability), _log_odds(joints), gap])
+    mean = float(joint_confidence[seen].mean())
+    return np.array([1.0, _log_odds(found.probability), _log_odds(mean), gap])
 
 
 def joints_that_count(states: NDArray[np.uint8]) -> NDArray[np.bool_]:
@@ -166,18 +169,24 @@ def joints_that_count(states: NDArray[np.uint8]) -> NDArray[np.bool_]:
     return seen if seen.sum() >= _LEAST_SEEN else np.ones_like(seen)
 
 
-def skeleton_confidence(person: Person, fitted: Fitted) -> float:
-    """Chance, 0 to 1, that this is a person and that the joints seen lie within 10 cm on average.
-
-    Legs that a desk or the image's border hides do not count: what is known of them stands with the joints.
+def skeleton_confidence(
+    person: Person,
+    joints: NDArray[np.float64],
+    states: NDArray[np.uint8],
+    joint_confidence: NDArray[np.float64],
+) -> float:
+    """Compute the probability that this is a person and that the joints are within 10 cm on average.
 
     Parameters
     ----------
     person : Person
-    fitted : Fitted
-        Their skeleton, with a pose.
+    joints : (19, 3) float64
+        Camera frame, metres.
+    states : (19,) uint8
+        `depth_pose.core.skeleton.JointState` values.
+    joint_confidence : (19,) float64
     """
-    odds = float(skeleton_signs(person, fitted) @ _SKELETON_ODDS)
+    odds = float(skeleton_signs(person, joints, states, joint_confidence) @ _SKELETON_ODDS)
     return float(1.0 / (1.0 + np.exp(-odds)))
 
 

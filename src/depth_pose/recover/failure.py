@@ -15,12 +15,13 @@ from numpy.typing import NDArray
 
 from depth_pose.body.angles import ANGLES, HANG
 from depth_pose.body.body import Body
+from depth_pose.body.pose import Fitted
 from depth_pose.core.config import RecoverConfig
 from depth_pose.core.rotations import rotation_y
 from depth_pose.core.skeleton import BONES, JOINT_NODES, JOINTS, NODE_INDEX
-from depth_pose.core.types import Fitted, Skeleton
 from depth_pose.recover import _failure_kernels as kernels
-from depth_pose.refine.skeleton_pose import pose_from_skeleton
+from depth_pose.recover.confidence import fit_confidence
+from depth_pose.refine.skeleton_pose import pose_from_nodes
 
 KINDS: tuple[str, ...] = (
     "no_pose",
@@ -78,7 +79,7 @@ class FailureCheck:
         self.config = config
         self._own_bones = bone_lengths(body.nodes[JOINT_NODES])
 
-    def find(self, fitted: Fitted, good: Fitted | None, before: Skeleton | None) -> Failure | None:
+    def find(self, fitted: Fitted, good: Fitted | None, before: Fitted | None) -> Failure | None:
         """Look for a failure.
 
         Parameters
@@ -86,44 +87,44 @@ class FailureCheck:
         fitted : Fitted
         good : Fitted, optional
             The last one in which none was found; the body's own proportions stand in for it.
-        before : Skeleton, optional
-            What was answered to the frame before, without the filter.
+        before : Fitted, optional
+            The answer to the frame before, without the filter.
 
         Returns
         -------
         Failure or None
         """
-        skeleton = fitted.skeleton
-        if skeleton.is_lost:
+        if fitted.is_lost:
             return Failure("no_pose", "no pose was found, though somebody is in view")
         return (
-            self._changed_bone(skeleton, good.skeleton if good is not None else None)
-            or self._bent_too_far(skeleton)
-            or self._unsure(skeleton)
-            or self._jumped(skeleton, before)
+            self._changed_bone(fitted, good)
+            or self._bent_too_far(fitted)
+            or self._unsure(fitted)
+            or self._jumped(fitted, before)
             or self._fits_worse(fitted, good)
         )
 
-    def _changed_bone(self, skeleton: Skeleton, good: Skeleton | None) -> Failure | None:
+    def _changed_bone(self, fitted: Fitted, good: Fitted | None) -> Failure | None:
         if good is None:
             before, allowed = self._own_bones, _UNKNOWN_PERSON * self.config.bone_change
         else:
-            before, allowed = bone_lengths(good.positions) / good.scale, self.config.bone_change
-        now = bone_lengths(skeleton.positions) / skeleton.scale
+            before, allowed = bone_lengths(good.joints) / good.pose.scale, self.config.bone_change
+        scale = fitted.pose.scale
+        now = bone_lengths(fitted.joints) / scale
         change = np.abs(now / before - 1.0)
-        change[np.abs(now - before) * skeleton.scale < _LEAST_CHANGE_M] = 0.0
+        change[np.abs(now - before) * scale < _LEAST_CHANGE_M] = 0.0
         b = int(np.argmax(change))
         if change[b] <= allowed:
             return None
         start, end = (JOINTS[j] for j in BONES[b])
         return Failure(
             "bone_length",
-            f"{start} to {end} went from {before[b] * skeleton.scale:.2f} to "
-            f"{now[b] * skeleton.scale:.2f} m, by {change[b]:.0%} (bone_change allows {allowed:.0%})",
+            f"{start} to {end} went from {before[b] * scale:.2f} to "
+            f"{now[b] * scale:.2f} m, by {change[b]:.0%} (bone_change allows {allowed:.0%})",
         )
 
-    def _bent_too_far(self, skeleton: Skeleton) -> Failure | None:
-        excess = limit_excess(self.body, skeleton)
+    def _bent_too_far(self, fitted: Fitted) -> Failure | None:
+        excess = limit_excess(self.body, fitted)
         a = int(np.argmax(excess))
         if excess[a] <= self.config.angle_excess:
             return None
@@ -133,11 +134,11 @@ class FailureCheck:
             f"(angle_excess allows {self.config.angle_excess:.0f})",
         )
 
-    def _jumped(self, skeleton: Skeleton, before: Skeleton | None) -> Failure | None:
+    def _jumped(self, fitted: Fitted, before: Fitted | None) -> Failure | None:
         if before is None:
             return None
-        seconds = (skeleton.stamp_ns - before.stamp_ns) * 1e-9
-        way = np.linalg.norm(skeleton.positions - before.positions, axis=1)
+        seconds = (fitted.stamp_ns - before.stamp_ns) * 1e-9
+        way = np.linalg.norm(fitted.joints - before.joints, axis=1)
         allowed = _JUMP_M + self.config.joint_speed * seconds
         j = int(np.argmax(way))
         if way[j] <= allowed:
@@ -156,12 +157,13 @@ class FailureCheck:
             f"(score_rise allows {self.config.score_rise:.2f})",
         )
 
-    def _unsure(self, skeleton: Skeleton) -> Failure | None:
-        if skeleton.confidence >= self.config.min_confidence:
+    def _unsure(self, fitted: Fitted) -> Failure | None:
+        confidence = fit_confidence(fitted.score)
+        if confidence >= self.config.min_confidence:
             return None
         return Failure(
             "low_confidence",
-            f"confidence {skeleton.confidence:.2f} is below min_confidence {self.config.min_confidence:.2f}",
+            f"confidence {confidence:.2f} is below min_confidence {self.config.min_confidence:.2f}",
         )
 
 
@@ -171,14 +173,15 @@ def bone_lengths(positions: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(np.linalg.norm(positions[end] - positions[start], axis=1))
 
 
-def limit_excess(body: Body, skeleton: Skeleton) -> NDArray[np.float64]:
+def limit_excess(body: Body, fitted: Fitted) -> NDArray[np.float64]:
     """How far each anatomical angle lies beyond its limit, degrees, (47,); 0 for those not judged.
 
     What a fit says of the twist of upper arm and thigh comes from the limb's skin alone and is often
     wrong while all joints are right. Where elbow or knee are bent their plane tells the twist, so it
     is taken from there: a knee that bends forward shows as a thigh that is twisted too far.
     """
-    rotations = pose_from_skeleton(body, skeleton).rotations
+    nodes, pose = fitted.nodes, fitted.pose
+    rotations = pose_from_nodes(body, pose.rotations, nodes, pose.scale).rotations
     rotations = rotations[0].T @ rotations  # against the pelvis: the camera may be mounted at any tilt
     for upper, lower, end, rest_to_hanging, forward in _HINGES:
         frame = rotations[upper] @ rest_to_hanging.T

@@ -14,12 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.body.body import Body
+from depth_pose.body.pose import BodyPose, FittedBody
 from depth_pose.body.rendered_depth import Observation
 from depth_pose.core.config import CpdConfig, TemporalConfig
 from depth_pose.paper import _cpd_kernels as kernels
 from depth_pose.paper.completion import MeshCompleter
 from depth_pose.paper.cpd import register
-from depth_pose.refine.articulated import BodyPose, FittedBody
 
 Array = NDArray[np.float64]
 

@@ -47,23 +47,6 @@ _ELSEWHERE_M = 0.15
 one of the two is elsewhere; set by hand, not swept."""
 
 
-class Proposals(NamedTuple):
-    """Where joints are proposed, under both namings of left and right.
-
-    Attributes
-    ----------
-    nodes : (J,) int64
-    places : (2, J, 3) float64
-        Metres, camera frame.
-    weights : (2, J) float64
-        0 to 1; none where nobody proposes any: J is 0.
-    """
-
-    nodes: Any
-    places: Any
-    weights: Any
-
-
 class Settings(NamedTuple):
     """Numbers of `depth_pose.core.config.FitConfig` under their names; ``root_prior`` is 0."""
 

@@ -30,22 +30,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from copy import copy
-from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.bank.bank import Bank
 from depth_pose.body.body import Body
-from depth_pose.body.rendered_depth import Observation
+from depth_pose.body.pose import BodyPose
 from depth_pose.core.config import FitConfig
-from depth_pose.core.rotations import quat_to_matrix
-from depth_pose.core.skeleton import JOINT_NODES, JOINTS, MIRROR_JOINTS, NODE_INDEX, NODE_PARENTS, NODES
-from depth_pose.core.types import Candidate, FoundPerson
+from depth_pose.core.skeleton import NODE_INDEX, NODE_PARENTS, NODES
 from depth_pose.refine import _articulated_kernels as kernels
-from depth_pose.refine import _visibility_kernels as visibility
 from depth_pose.refine._tree_kernels import Articulation
+from depth_pose.track.target import FitTarget
 
 _STIFFNESS: dict[str, float] = {
     "pelvis": 0.0,
@@ -62,85 +57,6 @@ _STIFFNESS: dict[str, float] = {
 }
 """Relative stiffness of each free node toward the start; nodes not named follow their parent. Set by hand:
 what a depth image shows poorly (collar bones, hands, feet) is stiff; not swept."""
-
-
-@dataclass(frozen=True)
-class BodyPose:
-    """A pose of the body in the camera frame.
-
-    Attributes
-    ----------
-    rotations : (21, 3, 3) float64
-        Segment rotations, rest pose to camera frame.
-    root : (3,) float64
-        Pelvis, metres.
-    scale : float
-    """
-
-    rotations: NDArray[np.float64]
-    root: NDArray[np.float64]
-    scale: float
-
-
-@dataclass(frozen=True)
-class FittedBody:
-    """A pose, and the mesh (V, 3) and nodes (21, 3) found for it, camera frame, metres."""
-
-    pose: BodyPose
-    vertices: NDArray[np.float64]
-    nodes: NDArray[np.float64]
-
-
-def candidate_pose(bank: Bank, candidate: Candidate, scale: float) -> BodyPose:
-    """Give the pose of a candidate in the camera frame."""
-    rotation = quat_to_matrix(candidate.quat_xyzw)
-    return BodyPose(rotation @ bank.rotations(candidate.exemplar), candidate.translation, scale)
-
-
-class FitTarget(NamedTuple):
-    """What a body is fitted to, prepared once for all fits of a frame.
-
-    Attributes
-    ----------
-    points : (N, 3) float64
-        The person's points in the camera frame, metres, in an order in which every third one
-        still shows all of the person.
-    full, coarse : Observation
-        The same frame on the full grid, for free space, and on a coarse one, for visibility.
-    nearest : (h, w, 2) int32
-        Row and column of the nearest person pixel to every pixel of ``full``.
-    proposals : Proposals
-        Where the finder sees joints.
-    """
-
-    points: NDArray[np.float64]
-    full: Observation
-    coarse: Observation
-    nearest: NDArray[np.int32]
-    proposals: kernels.Proposals
-
-    @classmethod
-    def prepare(
-        cls,
-        points: NDArray[np.float64],
-        full: Observation,
-        coarse: Observation,
-        found: FoundPerson | None = None,
-    ) -> FitTarget:
-        """Find the nearest person pixels; ``found`` says where joints are proposed."""
-        return cls(points, full, coarse, nearest_person_pixels(full), _proposals(found))
-
-
-def _proposals(found: FoundPerson | None) -> kernels.Proposals:
-    """Give a person's proposals under both namings of left and right."""
-    if found is None or len(found.proposals) != len(JOINTS):
-        return kernels.Proposals(np.zeros(0, np.int64), np.zeros((2, 0, 3)), np.zeros((2, 0)))
-    places, weights = found.proposals.astype(np.float64), found.proposal_confidence.astype(np.float64)
-    return kernels.Proposals(
-        np.asarray(JOINT_NODES, np.int64),
-        np.stack([places, places[MIRROR_JOINTS]]),
-        np.stack([weights, weights[MIRROR_JOINTS]]),
-    )
 
 
 class ArticulatedFitter:
@@ -180,13 +96,6 @@ class ArticulatedFitter:
         rotations, root = start.rotations.copy(), start.root.copy()
         kernels.fit(target, self.articulation, self.settings, levels, start.scale, rotations, root)
         return BodyPose(rotations, root, start.scale)
-
-
-def nearest_person_pixels(observation: Observation) -> NDArray[np.int32]:
-    """Find row and column of the nearest person pixel to every pixel, shape (h, w, 2)."""
-    nearest = np.empty((*observation.labels.shape, 2), np.int32)
-    visibility.nearest_person(observation.labels, nearest)
-    return nearest
 
 
 def articulate(body: Body, stiffness: Mapping[str, float]) -> Articulation:

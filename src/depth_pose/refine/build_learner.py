@@ -1,21 +1,21 @@
 """Everybody's build: learned from fitted frames while they are followed, and kept with their id.
 
-The refiner alone learns builds; they travel on with the skeletons (`depth_pose.core.types.Skeleton`),
-where the recoverer finds them. The matcher compares exemplars of the bank's body; what it finds of the
-size is one more thing that is known.
+Only the refiner learns builds; they travel on with the fitted bodies. The matcher compares exemplars of the
+bank's body; the size that it finds is one more observation.
 """
 
 from __future__ import annotations
 
 from depth_pose.body.build import BuildSpace
 from depth_pose.body.build_file import KnownBuild, load_build
+from depth_pose.body.pose import FittedBody
 from depth_pose.core.config import FitConfig, PersonalConfig
-from depth_pose.refine.articulated import FitTarget, FittedBody
 from depth_pose.refine.personal import BuildEvidence, PersonalBuild, Proposed
 from depth_pose.refine.proposed_bones import measure_bones
 from depth_pose.refine.proposed_depth import TrunkSkin
 from depth_pose.refine.upright_stance import find_standing
-from depth_pose.track.memory import PerPerson
+from depth_pose.track.memory import Subject
+from depth_pose.track.target import FitTarget
 
 
 class BuildLearner:
@@ -38,37 +38,33 @@ class BuildLearner:
         self.space = space
         self._config = config
         self._evidence, self._skin = BuildEvidence(space, config, fit), TrunkSkin(space)
-        known = load_build(config.file) if config.file else None
-        self._people = PerPerson(lambda: PersonalBuild(config, space, known))
+        self._known = load_build(config.file) if config.file else None
         self.reset()
 
     def reset(self) -> None:
-        """Forget everybody."""
-        self._people.reset()
+        """Forget whose build was learned from most frames."""
         self._longest: PersonalBuild | None = None
-
-    def begin(self, stamp_ns: int) -> None:
-        """Begin a frame."""
-        self._people.begin(stamp_ns)
 
     def best_known(self) -> KnownBuild | None:
         """Give the build that was learned from most frames; None where nobody was followed."""
         return self._longest.known() if self._longest is not None else None
 
-    def of(self, body_id: str, scale: float, is_given: bool) -> PersonalBuild:
-        """Give somebody's build, up to date.
+    def of(self, subject: Subject, scale: float, is_given: bool) -> PersonalBuild:
+        """Return somebody's build, up to date.
 
         Parameters
         ----------
-        body_id : str
+        subject : Subject
+            Who keeps it.
         scale : float
             Size that the matcher found.
         is_given : bool
             Whether that is given, and kept.
         """
-        personal = self._people[body_id]
-        personal.take_size(scale, is_given)
-        return personal
+        if subject.build is None:
+            subject.build = PersonalBuild(self._config, self.space, self._known)
+        subject.build.take_size(scale, is_given)
+        return subject.build
 
     def learn(
         self, personal: PersonalBuild, target: FitTarget, fitted: FittedBody, score: float, stamp_ns: int

@@ -20,13 +20,14 @@ from numpy.typing import NDArray
 
 from depth_pose.bank.bank import Bank
 from depth_pose.body.body import Body
+from depth_pose.body.pose import BodyPose, FittedBody
 from depth_pose.body.rendered_depth import DepthComparer, render_depth
 from depth_pose.core.farthest_points import farthest_rows
 from depth_pose.core.rotations import mirror_rotation, quat_to_matrix
 from depth_pose.core.skeleton import MIRROR_NODES, NODE_INDEX, mirror_rotations
 from depth_pose.refine import _limb_kernels as kernels
 from depth_pose.refine._reach_kernels import Limbs, reach
-from depth_pose.refine.articulated import BodyPose, FittedBody, nearest_person_pixels
+from depth_pose.track.target import nearest_person_pixels
 
 _LIMBS: tuple[tuple[int, str, tuple[str, ...], tuple[str, ...]], ...] = (
     (3, "chest", ("clavicle", "shoulder", "elbow", "wrist"), ("shoulder", "elbow", "wrist")),

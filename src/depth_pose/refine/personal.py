@@ -31,13 +31,15 @@ from numpy.typing import NDArray
 from depth_pose.body.body import Body
 from depth_pose.body.build import BUILD_NAMES, MOST, BuildSpace, prior_information
 from depth_pose.body.build_file import KnownBuild
+from depth_pose.body.pose import BodyPose
 from depth_pose.core.config import FitConfig, PersonalConfig
 from depth_pose.core.skeleton import NODE_PARENTS
 from depth_pose.refine import _build_kernels as kernels
 from depth_pose.refine._articulated_kernels import USUAL_POINTS
-from depth_pose.refine.articulated import ArticulatedFitter, BodyPose, FitTarget
+from depth_pose.refine.articulated import ArticulatedFitter
 from depth_pose.refine.proposed_bones import BoneLengths, ProposedBones
 from depth_pose.refine.proposed_depth import ProposedDepth, TrunkDepth
+from depth_pose.track.target import FitTarget
 
 Array = NDArray[np.float64]
 

@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.body.body import Body
+from depth_pose.body.pose import BodyPose
 from depth_pose.core.skeleton import JOINT_INDEX, JOINT_NODES, JOINTS, MIRROR_JOINTS
 from depth_pose.core.types import FoundPerson
 from depth_pose.refine import _aim_kernels as kernels
-from depth_pose.refine.articulated import BodyPose
 from depth_pose.refine.skeleton_pose import aim_limbs
 
 _AIMED = np.zeros(len(JOINTS), bool)

@@ -21,8 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.body.build import BUILD_NAMES, BuildSpace
+from depth_pose.body.pose import FittedBody
 from depth_pose.core.skeleton import JOINT_INDEX, JOINT_NODES, NODE_INDEX
-from depth_pose.refine.articulated import FittedBody
 from depth_pose.refine.proposed_bones import FIRST_FRAMES
 from depth_pose.refine.running_median import RunningMedian
 from depth_pose.refine.upright_stance import SUREST, Standing

@@ -6,11 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.body.body import Body
+from depth_pose.body.pose import BodyPose
 from depth_pose.core.rotations import quat_to_matrix
 from depth_pose.core.skeleton import JOINT_NODES, NODE_INDEX, NODES
 from depth_pose.core.types import Skeleton
 from depth_pose.refine import _aim_kernels as kernels
-from depth_pose.refine.articulated import BodyPose
 
 _AIMED = np.array(
     [

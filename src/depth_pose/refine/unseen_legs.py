@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.body.body import Body
+from depth_pose.body.pose import BodyPose, FittedBody
 from depth_pose.core.camera import Camera
 from depth_pose.core.skeleton import JOINT_INDEX, JOINT_NODES
 from depth_pose.refine import _aim_kernels as aim
 from depth_pose.refine import _plausible_kernels as kernels
-from depth_pose.refine.articulated import BodyPose, FittedBody
 
 _LEGS = tuple(
     tuple(JOINT_INDEX[f"{side}_{name}"] for name in ("hip", "knee", "ankle", "foot"))

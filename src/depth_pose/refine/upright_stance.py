@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from depth_pose.core.skeleton import JOINT_INDEX, NODE_INDEX
 from depth_pose.refine._aim_kernels import nearer_naming
-from depth_pose.refine._articulated_kernels import Proposals
+from depth_pose.track.target import Proposals
 
 Array = NDArray[np.float64]
 

@@ -13,14 +13,10 @@ from dataclasses import replace
 import numpy as np
 
 from depth_pose.bank.bank import Bank
-from depth_pose.body.rendered_depth import DepthComparer
+from depth_pose.body.pose import BodyPose, Fitted, FittedBody
 from depth_pose.core.config import MatchConfig
-from depth_pose.core.rotations import matrix_to_quat
-from depth_pose.core.skeleton import JOINT_NODES, MIRROR_NODES, NODE_INDEX, forward_kinematics
-from depth_pose.core.types import Fitted
-from depth_pose.recover.confidence import fit_confidence, report_joints
-from depth_pose.refine.articulated import BodyPose
-from depth_pose.refine.skeleton_pose import pose_from_nodes, pose_from_skeleton
+from depth_pose.core.skeleton import MIRROR_NODES, NODE_INDEX, forward_kinematics
+from depth_pose.refine.skeleton_pose import pose_from_nodes
 from depth_pose.track.person import Person
 
 _ARMS = [
@@ -66,7 +62,7 @@ KINDS: dict[str, Callable[[Bank, BodyPose, np.random.Generator], BodyPose]] = {
 
 
 def fail(kind: str, fitted: Fitted, person: Person, bank: Bank, rng: np.random.Generator) -> Fitted:
-    """Put a failure into a fitted skeleton.
+    """Put a failure into a fitted body.
 
     Parameters
     ----------
@@ -84,21 +80,11 @@ def fail(kind: str, fitted: Fitted, person: Person, bank: Bank, rng: np.random.G
     Returns
     -------
     Fitted
-        With the score, confidence, residual and joint states of the wrong pose.
+        With the wrong pose, and how it compares with the input.
     """
     body = bank.body
-    pose = KINDS[kind](bank, pose_from_skeleton(body, fitted.skeleton), rng)
+    pose = KINDS[kind](bank, fitted.pose, rng)
     posed = body.pose(pose.rotations, pose.root, pose.scale)
-    seen = DepthComparer(person.coarse, MatchConfig().score_band).compare(posed.vertices, body.faces)
-    positions = posed.nodes[JOINT_NODES]
-    report = report_joints(positions, pose.scale, person, seen.score)
-    skeleton = replace(
-        fitted.skeleton,
-        confidence=float(np.float32(fit_confidence(seen.score))),
-        residual=float(np.float32(seen.gap)),
-        positions=positions,
-        quats_xyzw=matrix_to_quat(pose.rotations[JOINT_NODES]),
-        joint_confidence=report.confidence.astype(np.float32),
-        joint_states=report.states,
-    )
-    return Fitted(skeleton, seen.score)
+    seen = person.comparer.compare(posed.vertices, body.faces, MatchConfig().score_band)
+    wrong = FittedBody(pose, posed.vertices, posed.nodes)
+    return replace(fitted, body=wrong, build=np.zeros(0, np.float32), score=seen.score, gap=seen.gap)

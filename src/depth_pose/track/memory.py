@@ -1,66 +1,80 @@
-"""What a stage remembers of each person, and when it forgets.
+"""What is remembered of each person, in one place, for as long as they are followed.
 
-All stages keep their temporal state here, so that the rules for streams stand in one place: the
-past no longer applies once stamps jump back, or ahead by more than half a second
-(`depth_pose.core.stamps`), and people who were not seen for a while are forgotten.
+The rules for streams stand here: all is forgotten once stamps jump back or ahead by more than half a
+second (`depth_pose.core.stamps`), poses of somebody who was out of view for so long, and after
+`MEMORY_NS` the person.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Generic, TypeVar
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
+from depth_pose.core.config import MAX_STAMP_GAP_NS
 from depth_pose.core.stamps import StampGuard
+from depth_pose.track.person import People
 
-S = TypeVar("S")
+if TYPE_CHECKING:
+    from depth_pose.match.match import MatchMemory
+    from depth_pose.recover.recover import RecoveryMemory
+    from depth_pose.refine.personal import PersonalBuild
+    from depth_pose.refine.refine import KeptPoses
 
 MEMORY_NS = 2_000_000_000
-"""Who comes back within this time, nanoseconds, is remembered: as long as recovery carries poses."""
+"""A person who comes back within this time, nanoseconds, is remembered."""
 
 
-class PerPerson(Generic[S]):
-    """One state for each person, made when they are first asked for.
+@dataclass
+class Subject:
+    """One person who is followed; each stage fills in its own part.
 
-    Parameters
+    Attributes
     ----------
-    make : callable
-        Makes the state of somebody new.
-    memory_ns : int
-        How long somebody who is not seen is remembered, nanoseconds.
+    match : MatchMemory or None
+        Size, and the exemplars that were matched last.
+    build : PersonalBuild or None
+        Proportions, learned over frames.
+    kept : KeptPoses or None
+        Poses from which the next fit starts.
+    recovery : RecoveryMemory or None
+        The last good pose, and the filter on the joints.
     """
 
-    def __init__(self, make: Callable[[], S], memory_ns: int = MEMORY_NS) -> None:
-        self._make = make
-        self._memory_ns = memory_ns
+    match: MatchMemory | None = None
+    build: PersonalBuild | None = None
+    kept: KeptPoses | None = None
+    recovery: RecoveryMemory | None = None
+
+    def forget_pose(self) -> None:
+        """Forget where the person was and how they held themselves."""
+        self.kept = self.recovery = None
+
+
+class Subjects:
+    """Everybody who is followed, by body id. The stages of one process share it."""
+
+    def __init__(self) -> None:
         self._guard = StampGuard()
         self.reset()
 
     def reset(self) -> None:
         """Forget everybody."""
-        self._states: dict[str, S] = {}
+        self._subjects: dict[str, Subject] = {}
         self._seen_ns: dict[str, int] = {}
-        self._now_ns = 0
 
-    def begin(self, stamp_ns: int) -> None:
-        """Begin a frame: forget what no longer applies."""
-        if self._guard.is_break(stamp_ns):
+    def begin(self, people: People) -> None:
+        """Begin a frame: forget what no longer applies. Each stage calls it; the first call does the work."""
+        now_ns = people.stamp_ns
+        if self._guard.is_break(now_ns):
             self.reset()
-        self._now_ns = stamp_ns
-        for body_id in [b for b, seen in self._seen_ns.items() if stamp_ns - seen > self._memory_ns]:
-            del self._states[body_id], self._seen_ns[body_id]
+        for body_id in [b for b, seen in self._seen_ns.items() if now_ns - seen > MEMORY_NS]:
+            del self._subjects[body_id], self._seen_ns[body_id]
+        for person in people.persons:
+            subject = self._subjects.setdefault(person.body_id, Subject())
+            if now_ns - self._seen_ns.get(person.body_id, now_ns) > MAX_STAMP_GAP_NS:
+                subject.forget_pose()
+            self._seen_ns[person.body_id] = now_ns
 
-    def __getitem__(self, body_id: str) -> S:
-        """State of somebody whom the frame shows."""
-        self._seen_ns[body_id] = self._now_ns
-        if body_id not in self._states:
-            self._states[body_id] = self._make()
-        return self._states[body_id]
-
-    def get(self, body_id: str) -> S | None:
-        """State of somebody, whether or not the frame shows them; None where nothing is known."""
-        return self._states.get(body_id)
-
-    def forget(self, body_id: str) -> None:
-        """Forget one person."""
-        self._states.pop(body_id, None)
-        self._seen_ns.pop(body_id, None)
+    def __getitem__(self, body_id: str) -> Subject:
+        """Somebody whom the frame shows."""
+        return self._subjects[body_id]

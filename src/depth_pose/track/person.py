@@ -9,15 +9,17 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.body.rendered_depth import Observation, observe
+from depth_pose.body.rendered_depth import DepthComparer, Observation, observe
 from depth_pose.core.camera import Camera
 from depth_pose.core.skeleton import JOINT_INDEX, JOINTS
 from depth_pose.core.types import PERSON, FoundPerson
 from depth_pose.track import _person_kernels as kernels
+from depth_pose.track.target import NO_PROPOSALS, FitTarget, name_proposals, nearest_person_pixels
 
 MIN_POINTS = 100
 """With fewer points than this nobody can be matched; set by hand."""
@@ -74,6 +76,22 @@ class Person:
     def body_id(self) -> str:
         """Who it is."""
         return self.found.body_id
+
+    @cached_property
+    def comparer(self) -> DepthComparer:
+        """Scores posed bodies against the half-resolution window."""
+        return DepthComparer(self.coarse)
+
+    @cached_property
+    def _target(self) -> FitTarget:
+        return FitTarget(
+            self.points, self.full, self.coarse, nearest_person_pixels(self.full), name_proposals(self.found)
+        )
+
+    def target(self, most_points: int, *, with_proposals: bool = True) -> FitTarget:
+        """Return what a body is fitted to, with at most ``most_points`` of the points."""
+        target = self._target._replace(points=thin(self.points, most_points))
+        return target if with_proposals else target._replace(proposals=NO_PROPOSALS)
 
 
 @dataclass(frozen=True)

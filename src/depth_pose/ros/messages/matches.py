@@ -11,6 +11,7 @@ from depth_pose_msgs.msg import PoseMatchArray
 from geometry_msgs.msg import Transform, Vector3
 
 from depth_pose.core.errors import InputError
+from depth_pose.core.rotations import matrix_to_quat, quat_to_matrix
 from depth_pose.core.types import Candidate, PoseMatch
 from depth_pose.ros.messages.basics import make_header, make_quaternion
 from depth_pose.ros.messages.checks import check_numbers, check_people
@@ -35,12 +36,11 @@ def matches_to_msg(matches: Sequence[PoseMatch], people: People) -> PoseMatchArr
 
 def _candidate_to_msg(candidate: Candidate) -> CandidateMsg:
     x, y, z = candidate.translation.tolist()
+    quat = make_quaternion(matrix_to_quat(candidate.rotation).tolist())
     return CandidateMsg(
         exemplar=int(candidate.exemplar),
         view=int(candidate.view),
-        transform=Transform(
-            translation=Vector3(x=x, y=y, z=z), rotation=make_quaternion(candidate.quat_xyzw.tolist())
-        ),
+        transform=Transform(translation=Vector3(x=x, y=y, z=z), rotation=quat),
         distance=float(candidate.distance),
         score=float(candidate.score),
     )
@@ -77,7 +77,7 @@ def _msg_to_candidate(msg: CandidateMsg) -> Candidate:
     return Candidate(
         exemplar=msg.exemplar,
         view=msg.view,
-        quat_xyzw=turn,
+        rotation=quat_to_matrix(turn / np.linalg.norm(turn)),
         translation=check_numbers("the place of a match", [t.x, t.y, t.z]),
         distance=msg.distance,
         score=msg.score,

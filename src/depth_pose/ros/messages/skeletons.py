@@ -9,15 +9,22 @@ from depth_pose_msgs.msg import FittedArray, SkeletonArray
 from depth_pose_msgs.msg import Joint as JointMsg
 from depth_pose_msgs.msg import Skeleton as SkeletonMsg
 from geometry_msgs.msg import Point
+from numpy.typing import NDArray
 
+from depth_pose.body.build import BuildSpace
+from depth_pose.body.pose import BodyPose, Fitted, FittedBody
 from depth_pose.core.errors import InputError
-from depth_pose.core.skeleton import JOINT_INDEX, JOINTS, JointState, Source
-from depth_pose.core.types import BUILD_SIZE, Fitted, Skeleton
+from depth_pose.core.rotations import matrix_to_quat, quat_to_matrix
+from depth_pose.core.skeleton import JOINT_INDEX, JOINT_NODES, JOINTS, NODE_INDEX, NODES, JointState, Source
+from depth_pose.core.types import BUILD_SIZE, Skeleton
 from depth_pose.ros.messages.basics import make_header, make_quaternion, stamp_to_ns
 from depth_pose.ros.messages.checks import check_numbers, check_people
 from depth_pose.track.person import People
 
 _STATES = frozenset(map(int, JointState))
+
+_CLAVICLES = [NODE_INDEX["left_clavicle"], NODE_INDEX["right_clavicle"]]
+"""Segments that a skeleton does not name."""
 
 
 def skeleton_to_msg(skeleton: Skeleton) -> SkeletonMsg:
@@ -106,16 +113,50 @@ def skeletons_to_msg(skeletons: Sequence[Skeleton], stamp_ns: int, frame_id: str
 
 
 def fitted_to_msg(fitted: Sequence[Fitted], people: People) -> FittedArray:
-    """Message of the bodies fitted to a frame's people."""
+    """Message of the bodies fitted to a frame's people.
+
+    Each travels as a skeleton without confidences and states, which the recovery node finds.
+    """
     return FittedArray(
         header=make_header(people.stamp_ns, people.frame_id),
-        skeletons=[skeleton_to_msg(f.skeleton) for f in fitted],
+        skeletons=[_fitted_to_skeleton(f, people) for f in fitted],
         scores=[float(f.score) for f in fitted],
+        clavicles=[
+            make_quaternion(q)
+            for f in fitted
+            if not f.is_lost
+            for q in matrix_to_quat(f.pose.rotations[_CLAVICLES]).tolist()
+        ],
     )
 
 
-def msg_to_fitted(msg: FittedArray) -> tuple[Fitted, ...]:
-    """Give the fitted bodies of a message, equal to those that were sent.
+def _fitted_to_skeleton(fitted: Fitted, people: People) -> SkeletonMsg:
+    msg = SkeletonMsg(
+        header=make_header(people.stamp_ns, people.frame_id),
+        body_id=fitted.body_id,
+        source=int(fitted.source),
+        residual=float(fitted.gap),
+    )
+    if fitted.is_lost:
+        return msg
+    quats = matrix_to_quat(fitted.pose.rotations[JOINT_NODES]).tolist()
+    msg.scale = float(fitted.pose.scale)
+    msg.build = fitted.build.tolist()
+    msg.joints = [
+        JointMsg(name=name, position=Point(x=p[0], y=p[1], z=p[2]), orientation=make_quaternion(q))
+        for name, p, q in zip(JOINTS, fitted.joints.tolist(), quats, strict=True)
+    ]
+    return msg
+
+
+def msg_to_fitted(msg: FittedArray, space: BuildSpace) -> tuple[Fitted, ...]:
+    """Return the fitted bodies of a message, posed again.
+
+    Parameters
+    ----------
+    msg : FittedArray
+    space : BuildSpace
+        Builds of the body that was fitted.
 
     Raises
     ------
@@ -125,8 +166,39 @@ def msg_to_fitted(msg: FittedArray) -> tuple[Fitted, ...]:
     if len(msg.scores) != len(msg.skeletons):
         raise InputError(f"there are {len(msg.scores)} scores of {len(msg.skeletons)} skeletons")
     check_people("skeletons", [s.body_id for s in msg.skeletons])
+    skeletons = [msg_to_skeleton(s) for s in msg.skeletons]
+    posed = sum(len(s.positions) > 0 for s in skeletons)
+    if len(msg.clavicles) != 2 * posed:
+        raise InputError(f"there are {len(msg.clavicles)} clavicles of {posed} skeletons, not 2 of each")
+    quats = check_numbers("the turn of a clavicle", [(q.x, q.y, q.z, q.w) for q in msg.clavicles])
+    clavicles = iter(quats.reshape(-1, 2, 4))
     return tuple(
-        Fitted(msg_to_skeleton(s), score) for s, score in zip(msg.skeletons, msg.scores, strict=True)
+        _skeleton_to_fitted(s, score, next(clavicles), space)
+        if len(s.positions)
+        else Fitted.lost(s.stamp_ns, s.body_id)
+        for s, score in zip(skeletons, msg.scores, strict=True)
+    )
+
+
+def _skeleton_to_fitted(
+    skeleton: Skeleton, score: float, clavicles: NDArray[np.float64], space: BuildSpace
+) -> Fitted:
+    """Pose the body of a skeleton, whose joints stay where they are."""
+    rotations = np.empty((len(NODES), 3, 3))
+    rotations[JOINT_NODES] = quat_to_matrix(skeleton.quats_xyzw)
+    rotations[_CLAVICLES] = quat_to_matrix(clavicles)
+    pose = BodyPose(rotations, skeleton.positions[JOINT_INDEX["pelvis"]], skeleton.scale)
+    mesh = space.body(skeleton.build).pose(pose.rotations, pose.root, pose.scale)
+    nodes = mesh.nodes.copy()
+    nodes[JOINT_NODES] = skeleton.positions
+    return Fitted(
+        skeleton.body_id,
+        skeleton.stamp_ns,
+        skeleton.source,
+        FittedBody(pose, mesh.vertices, nodes),
+        skeleton.build,
+        score,
+        skeleton.residual,
     )
 
 

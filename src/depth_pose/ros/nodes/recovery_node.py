@@ -9,9 +9,11 @@ from depth_pose_msgs.msg import FittedArray, People, Skeleton, SkeletonArray
 from sensor_msgs.msg import PointCloud2
 from visualization_msgs.msg import MarkerArray
 
+from depth_pose.body.build import build_space
 from depth_pose.core.config import PipelineConfig
 from depth_pose.core.mount import check_turned, sensor_frame, turn_back
 from depth_pose.core.types import Skeleton as SkeletonData
+from depth_pose.pipeline import Shared
 from depth_pose.recover.recover import Recoverer
 from depth_pose.ros.messages.people import msgs_to_people
 from depth_pose.ros.messages.skeletons import msg_to_fitted, skeleton_to_msg, skeletons_to_msg
@@ -20,7 +22,6 @@ from depth_pose.ros.nodes.node_base import Input
 from depth_pose.ros.nodes.parameters import RECOVERY
 from depth_pose.ros.nodes.rep155_outputs import Rep155Outputs
 from depth_pose.ros.process.runner import run_node
-from depth_pose.ros.process.warm_stages import make
 from depth_pose.ros.transport.drawing import skeletons_to_markers
 from depth_pose.ros.transport.tf import Transforms, skeletons_to_transforms
 from depth_pose.track.follow import Follower
@@ -38,7 +39,8 @@ class RecoveryNode(BankNode):
     def make_stage(self, config: PipelineConfig) -> Recoverer:
         """Make the recoverer, and who chooses the one that is followed."""
         self._follower = Follower(config.follow)
-        return make(Recoverer, self.bank, config.recover, config.smooth, config.match, config.fitting)
+        self._space = build_space(self.bank.body)
+        return Shared(self.bank, config).make_recoverer()
 
     def open_outputs(self) -> None:
         """Publish what other programs read: reliable, which suits every subscriber."""
@@ -61,7 +63,7 @@ class RecoveryNode(BankNode):
         """Check, recover and smooth the people of one frame."""
         people, mount = msgs_to_people(points, found), self.config.mount
         check_turned(people.frame_id, mount)
-        upright = self.stage.recover(people, msg_to_fitted(fitted))
+        upright = self.stage.recover(people, msg_to_fitted(fitted, self._space))
         skeletons = [turn_back(s, mount) for s in upright]
         frame_id = sensor_frame(people.frame_id, mount)
         message = skeletons_to_msg(skeletons, people.stamp_ns, frame_id)

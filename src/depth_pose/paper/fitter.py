@@ -1,0 +1,44 @@
+"""The paper's registration and completion as a method of fitting (`refine.method: cpd`)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from depth_pose.body.build import build_space
+from depth_pose.body.pose import BodyPose, FittedBody
+from depth_pose.paper.completion import MeshCompleter
+from depth_pose.refine.body_fitter import FrameFit
+from depth_pose.track.person import Person, thin
+
+
+@dataclass(frozen=True)
+class _CompletionFit:
+    completer: MeshCompleter
+    points: NDArray[np.float64]
+    person: Person
+
+    def glance(self, start: BodyPose) -> FittedBody:
+        posed = self.completer.body.pose(start.rotations, start.root, start.scale)
+        return FittedBody(start, posed.vertices, posed.nodes)
+
+    def rough(self, start: BodyPose) -> FittedBody:
+        return self.completer.fit(self.points, self.person.coarse, start)
+
+    def finish(self, fitted: FittedBody) -> FittedBody:
+        return fitted
+
+
+class CompletionFitter:
+    """Fits by coherent point drift and Laplacian completion (`depth_pose.paper.completion`)."""
+
+    def __init__(self, completer: MeshCompleter) -> None:
+        self._completer = completer
+        self._space = build_space(completer.body)
+
+    def fit_to(self, person: Person, build: NDArray[np.float32]) -> FrameFit:
+        """Prepare the fits of a build, (13,), to one frame."""
+        points = thin(person.points, self._completer.config.max_points)
+        return _CompletionFit(self._completer.of(self._space.body(build)), points, person)

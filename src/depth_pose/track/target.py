@@ -1,0 +1,76 @@
+"""One person in one frame, as the articulated fit takes them."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from depth_pose.body.rendered_depth import Observation
+from depth_pose.core.skeleton import JOINT_NODES, JOINTS, MIRROR_JOINTS
+from depth_pose.core.types import FoundPerson
+from depth_pose.track import _target_kernels as kernels
+
+
+class Proposals(NamedTuple):
+    """Joints that the finder's second look proposes, under both namings of left and right.
+
+    Attributes
+    ----------
+    nodes : (J,) int64
+        The body's node of each joint.
+    places : (2, J, 3) float64
+        Camera frame, metres: as named, and with left and right exchanged.
+    weights : (2, J) float64
+        Confidence of each, 0 to 1.
+    """
+
+    nodes: NDArray[np.int64]
+    places: NDArray[np.float64]
+    weights: NDArray[np.float64]
+
+
+NO_PROPOSALS = Proposals(np.zeros(0, np.int64), np.zeros((2, 0, 3)), np.zeros((2, 0)))
+"""Nothing is proposed."""
+
+
+class FitTarget(NamedTuple):
+    """What a body is fitted to, prepared once for all fits of a frame.
+
+    Attributes
+    ----------
+    points : (N, 3) float64
+        The person's points in the camera frame, metres, in an order in which every third one
+        still shows all of the person.
+    full, coarse : Observation
+        The same frame on the full grid, for free space, and on a coarse one, for visibility.
+    nearest : (h, w, 2) int32
+        Row and column of the nearest person pixel to every pixel of ``full``.
+    proposals : Proposals
+    """
+
+    points: NDArray[np.float64]
+    full: Observation
+    coarse: Observation
+    nearest: NDArray[np.int32]
+    proposals: Proposals
+
+
+def name_proposals(found: FoundPerson) -> Proposals:
+    """Return a person's proposed joints under both namings of left and right."""
+    if len(found.proposals) != len(JOINTS):
+        return NO_PROPOSALS
+    places, weights = found.proposals.astype(np.float64), found.proposal_confidence.astype(np.float64)
+    return Proposals(
+        np.asarray(JOINT_NODES, np.int64),
+        np.stack([places, places[MIRROR_JOINTS]]),
+        np.stack([weights, weights[MIRROR_JOINTS]]),
+    )
+
+
+def nearest_person_pixels(observation: Observation) -> NDArray[np.int32]:
+    """Find row and column of the nearest person pixel to every pixel, shape (h, w, 2)."""
+    nearest = np.empty((*observation.labels.shape, 2), np.int32)
+    kernels.nearest_person(observation.labels, nearest)
+    return nearest
