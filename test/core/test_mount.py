@@ -10,7 +10,8 @@ import pytest
 from crowd import person, seen
 from depth_pose.core.camera import Camera
 from depth_pose.core.config import MatchConfig, MountConfig, PipelineConfig, SmoothConfig
-from depth_pose.core.mount import rotation_sensor_upright, turn_back, turn_forth, turn_upright
+from depth_pose.core.mount import rotation_sensor_upright, turn_upright
+from depth_pose.core.rotations import quat_to_matrix
 from depth_pose.core.types import HIDDEN, DepthFrame
 from depth_pose.detect.learned_segmenter import LearnedSegmenter
 from depth_pose.pipeline import PosePipeline
@@ -78,10 +79,9 @@ def test_poses_come_in_the_sensor_s_own_frame(bank, roll) -> None:
         apart = np.linalg.norm(skeleton.positions - known.positions @ turn.T, axis=1)
         assert apart.max() < 1e-3
         assert skeleton.frame_id == "camera"
-        assert result.people.frame_id == result.refined[0].skeleton.frame_id == "camera_upright"
-    again = turn_back(turn_forth(skeleton, config.mount), config.mount)
-    np.testing.assert_allclose(again.positions, skeleton.positions, atol=1e-12)
-    np.testing.assert_allclose(np.abs((again.quats_xyzw * skeleton.quats_xyzw).sum(axis=1)), 1.0, atol=1e-9)
+        assert result.people.frame_id == "camera_upright"
+        turned = quat_to_matrix(skeleton.quats_xyzw)
+        np.testing.assert_allclose(turned, turn @ quat_to_matrix(known.quats_xyzw), atol=1e-2)
 
 
 def test_blank_corners_are_no_background_that_was_cut_away() -> None:

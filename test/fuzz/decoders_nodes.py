@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -13,10 +13,13 @@ from harness import Decoder
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import PointCloud2
 
-from depth_pose.body.pose import Fitted
+from depth_pose.body.build import BuildSpace
+from depth_pose.body.pose import BodyPose, Fitted, FittedBody
+from depth_pose.body.procedural import make_body
 from depth_pose.core.camera import Camera
 from depth_pose.core.errors import DepthPoseError
-from depth_pose.core.types import Candidate, FoundPerson, PoseMatch
+from depth_pose.core.skeleton import NODES, Source
+from depth_pose.core.types import BUILD_SIZE, Candidate, FoundPerson, PoseMatch
 from depth_pose.ros.messages.matches import matches_to_msg, msg_to_matches
 from depth_pose.ros.messages.people import msgs_to_people, people_to_msgs
 from depth_pose.ros.messages.skeletons import (
@@ -44,23 +47,25 @@ def everybody() -> Any:
 
 
 PEOPLE = everybody()
+SPACE = BuildSpace(make_body())
 POINTS, FOUND = people_to_msgs(PEOPLE)
 
 
 def matches() -> list[bytes]:
     """A match for each of them."""
-    one = Candidate(3, 1, np.array([1.0, 0.0, 0.0, 0.0]), np.array([0.0, 0.0, 2.0]), 0.1, 0.5)
+    one = Candidate(3, 1, np.diag([1.0, -1.0, -1.0]), np.array([0.0, 0.0, 2.0]), 0.1, 0.5)
     of_all = [PoseMatch(f"body_{n}", "bank", 1.0, (one, one)) for n in (1, 2)]
     return [serialize_message(matches_to_msg(of_all, PEOPLE))]
 
 
 def fitted() -> list[bytes]:
     """A fitted body for each of them."""
-    return [
-        serialize_message(
-            fitted_to_msg([Fitted(replace(skeleton(n), body_id=f"body_{n}"), 0.5) for n in (1, 2)], PEOPLE)
-        )
-    ]
+    body, build = SPACE.template, np.full(BUILD_SIZE, 0.01, np.float32)
+    pose = BodyPose(np.tile(np.diag([1.0, -1.0, -1.0]), (len(NODES), 1, 1)), np.array([0.0, 0.0, 2.0]), 0.9)
+    posed = body.pose(pose.rotations, pose.root, pose.scale)
+    fit = FittedBody(pose, posed.vertices, posed.nodes)
+    of_all = [Fitted(f"body_{n}", 7, Source.REFINED, fit, build, 0.5, 0.01) for n in (1, 2)]
+    return [serialize_message(fitted_to_msg(of_all, PEOPLE))]
 
 
 def skeletons() -> list[bytes]:
@@ -86,8 +91,8 @@ def _reader(kind: type, convert: Callable[[Any], object]) -> Callable[[bytes], o
 def _check_finite(answer: object) -> None:
     """Refuse places that are none; what a node works with is finite."""
     for one in answer if isinstance(answer, tuple) else ():
-        for name in ("positions", "quats_xyzw"):
-            values = getattr(getattr(one, "skeleton", one), name, np.zeros(1))
+        for name in ("positions", "quats_xyzw", "joints"):
+            values = np.zeros(1) if getattr(one, "is_lost", False) else getattr(one, name, np.zeros(1))
             if not np.isfinite(values).all():
                 raise ArithmeticError(f"{name} are not finite")
 
@@ -104,7 +109,7 @@ DECODERS = (
         _reader(People, lambda m: msgs_to_people(POINTS, m)),
     ),
     Decoder("node_matches", matches, _reader(PoseMatchArray, msg_to_matches)),
-    Decoder("node_fitted", fitted, _reader(FittedArray, msg_to_fitted)),
+    Decoder("node_fitted", fitted, _reader(FittedArray, partial(msg_to_fitted, space=SPACE))),
     Decoder(
         "node_skeletons",
         skeletons,

@@ -137,10 +137,6 @@ def test_odd_messages_do_not_end_a_node(name, valid, context, bank_path):
             if name == "denoise":
                 info = copy_of(valid["info"])
                 node.guard("info", node._take_info, mutate(info, rng) if rng.random() < 0.3 else info)
-            if name == "refine":
-                answer = mutate(copy_of(valid["skeletons"]), rng)
-                node._awaited_ns = answer.header.stamp.sec * 10**9 + answer.header.stamp.nanosec
-                node.guard("skeletons", node._take_answer, answer)
             deliver(node, number, messages)
         told = node.figures.answered + sum(node.figures.drops.values())
         assert told >= COUNT, node.figures.as_text()

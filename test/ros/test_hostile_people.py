@@ -12,6 +12,7 @@ from peer import HEARING, RELIABLE, SENSOR
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import PointCloud2
 
+from depth_pose.body.build import BuildSpace
 from depth_pose.core.errors import InputError
 from depth_pose.ros.messages.basics import make_header, stamp_to_ns
 from depth_pose.ros.messages.matches import msg_to_matches
@@ -138,33 +139,34 @@ def changed(valid, topics, change, stamp_ns):
     return messages
 
 
+@pytest.fixture(scope="module")
+def space(body):
+    return BuildSpace(body)
+
+
 @pytest.mark.parametrize("name", PEOPLE | MATCHES | FITTED)
-def test_each_is_refused_with_a_clear_message(valid, name):
+def test_each_is_refused_with_a_clear_message(valid, space, name):
     change, says = (PEOPLE | MATCHES | FITTED)[name]
     messages = changed(valid, KINDS, change, START_NS)
     with pytest.raises(InputError) as refused:
         msgs_to_people(messages["points"], messages["people"])
         msg_to_matches(messages["match"])
-        msg_to_fitted(messages["skeletons_refined"])
+        msg_to_fitted(messages["skeletons_refined"], space)
     assert says in str(refused.value) and len(str(refused.value)) < 300
 
 
 class Node:
     """One node, live, its publishers, and what it tells."""
 
-    def __init__(self, name, start, peer, bank_path, lossless=False):
+    def __init__(self, name, start, peer, bank_path):
         self.name, self.peer, self.number = name, peer, 0
         given = ["-p", f"bank:={bank_path}"]
-        given += ["-p", "reliable:=true", "-p", "queue:=100"] if lossless else []
-        qos = RELIABLE if lossless else SENSOR
         given += ["-p", "rep155:=true", "-p", "tf:=true"] if name == "recovery" else []
         self.process = start("-m", f"depth_pose.ros.nodes.{name}_node", "--ros-args", *given)
         self.process.wait_for("is ready", 240.0)
-        hears = RELIABLE if lossless else HEARING
-        self.answers = peer.listen(KINDS[OUTPUTS[name]], f"/depth_pose/{OUTPUTS[name]}", hears)
+        self.answers = peer.listen(KINDS[OUTPUTS[name]], f"/depth_pose/{OUTPUTS[name]}", HEARING)
         self.told = peer.listen(DiagnosticArray, "/diagnostics", RELIABLE)
-        topics = [*INPUTS[name], *(["skeletons"] if name == "refine" else [])]
-        self.out = {t: peer.publisher(KINDS[t], f"/depth_pose/{t}", qos) for t in topics}
+        self.out = {t: peer.publisher(KINDS[t], f"/depth_pose/{t}", SENSOR) for t in INPUTS[name]}
         peer.until(lambda: self.told_of("listeners") > 0, what="its word that this test listens")
 
     def told_of(self, what):
@@ -218,48 +220,6 @@ def test_a_live_node_counts_and_survives_them(name, valid, start, peer, bank_pat
     assert "dropped, bad input" in node.process.output and "Traceback" not in node.process.output
     node.answer(valid)
     assert node.process.process.poll() is None
-
-
-def test_odd_answers_do_not_stop_the_refine_node(valid, start, peer, bank_path):
-    """What somebody else sends where it hears the recovery node, of the frame that it waits for."""
-    node = Node("refine", start, peer, bank_path)
-    changes = (
-        named("skeletons", "a/b"),
-        named("skeletons", ""),
-        twice("skeletons", "skeletons"),
-        set_first("skeletons", source=77),
-        set_first("skeletons", scale=math.inf),
-    )
-
-    def send_all():
-        for change in changes:
-            stamp_ns = node.answer(valid)
-            node.out["skeletons"].publish(changed(valid, ["skeletons"], change, stamp_ns)["skeletons"])
-            peer.spin(0.1)
-
-    peer.ask(
-        send_all,
-        lambda: node.dropped("bad input") >= len(changes),
-        what=lambda: f"the drops: {node.dropped('bad input')}\n{node.process.output}",
-        every_s=1.5,
-    )
-    node.answer(valid)
-    assert node.dropped("error") == 0 and "Traceback" not in node.process.output
-    assert "dropped, bad input: skeletons: the skeletons have the id" in node.process.output
-
-
-def test_an_odd_answer_lets_a_lossless_node_go_on(valid, start, peer, bank_path):
-    """Frames wait there for what the recovery node makes of the one before: also where that is refused."""
-    node = Node("refine", start, peer, bank_path, lossless=True)
-    stamps = [node.send(valid)]
-    peer.until(lambda: node.is_answered(stamps[0]), what=lambda: node.process.output)
-    for k in range(3):
-        stamps.append(node.send(valid))  # is kept, or answered where this took longer than it waits
-        peer.spin(0.2)
-        odd = changed(valid, ["skeletons"], named("skeletons", "a/b"), stamps[k])["skeletons"]
-        node.out["skeletons"].publish(odd)
-        peer.until(lambda k=k: node.is_answered(stamps[k + 1]), what=lambda: node.process.output)
-    assert [stamp_to_ns(m.header.stamp) for m in node.answers] == stamps
 
 
 def test_only_names_that_topics_can_have_are_tracked(valid, start, peer, bank_path):

@@ -1,5 +1,7 @@
 """The four nodes over real DDS give what the pipeline gives in one process."""
 
+import numpy as np
+import pytest
 import scene
 from depth_pose_msgs.msg import People, PoseMatchArray, Skeleton, SkeletonArray
 from diagnostic_msgs.msg import DiagnosticArray
@@ -25,10 +27,12 @@ FRAMES = 20
 
 
 def assert_same(a, b):
-    for name in ("stamp_ns", "frame_id", "body_id", "source", "confidence", "residual", "scale"):
+    """Within 0.1 mm: some numbers travel as float32."""
+    for name in ("stamp_ns", "frame_id", "body_id", "source"):
         assert getattr(a, name) == getattr(b, name), name
-    for name in ("positions", "quats_xyzw", "joint_confidence", "joint_states", "build"):
-        assert getattr(a, name).tobytes() == getattr(b, name).tobytes(), name
+    for name in ("confidence", "residual", "scale", "positions", "quats_xyzw", "joint_confidence", "build"):
+        np.testing.assert_allclose(getattr(a, name), getattr(b, name), atol=1e-4, err_msg=name)
+    np.testing.assert_array_equal(a.joint_states, b.joint_states)
 
 
 def listeners(told):
@@ -42,7 +46,7 @@ def listeners(told):
 
 def test_live_equals_offline(tmp_path, bank_path, peer):
     recording = scene.write_recording(tmp_path / "small.mcap", FRAMES)
-    # so strict a limit that some frames are recovered: their poses go back to the refiner
+    # so strict a limit that some frames are recovered
     pipeline = PosePipeline(Bank.load(bank_path), PipelineConfig(recover=RecoverConfig(min_confidence=1.0)))
     expected = [pipeline.process_frame(frame) for frame in read_frames(recording)]
     assert sum(not r.skeleton.is_lost for r in expected) >= FRAMES - 2
@@ -56,7 +60,7 @@ def test_live_equals_offline(tmp_path, bank_path, peer):
         everybody = peer.listen(SkeletonArray, "/depth_pose/skeletons", 200)
         matches = peer.listen(PoseMatchArray, "/depth_pose/match", 200)
         # a publisher finds its subscribers first: the nodes tell how many listen to them
-        wanted = {"matcher": 2, "recovery": 2}  # recovery: this test and the refine node
+        wanted = {"matcher": 2, "recovery": 1}
         peer.until(lambda: wanted.items() <= listeners(told).items(), what="this test as a listener")
         play(recording, rate=2.0, wait_for_subscribers=[IMAGE, INFO], wait_s=LIMIT_S)
 
@@ -69,7 +73,8 @@ def test_live_equals_offline(tmp_path, bank_path, peer):
         assert suite.stop() == dict.fromkeys(("denoise", "matcher", "refine", "recovery"), 0)
     for message, want in zip(matches, expected, strict=True):
         for got, match in zip(msg_to_matches(message), want.matches, strict=True):
-            assert (got.body_id, got.bank_id, got.scale) == (match.body_id, match.bank_id, match.scale)
+            assert (got.body_id, got.bank_id) == (match.body_id, match.bank_id)
+            assert got.scale == pytest.approx(match.scale, abs=1e-5)
             assert [c.exemplar for c in got.candidates] == [c.exemplar for c in match.candidates]
     for got, want in zip(map(msg_to_skeleton, skeletons), expected, strict=True):
         assert_same(got, want.skeleton)

@@ -176,7 +176,7 @@ def later(fitted, by_ns):
     for people, bodies in fitted:
         stamp = people.stamp_ns + by_ns
         persons = tuple(replace(p, stamp_ns=stamp) for p in people.persons)
-        moved = tuple(replace(f, skeleton=replace(f.skeleton, stamp_ns=stamp)) for f in bodies)
+        moved = tuple(replace(f, stamp_ns=stamp) for f in bodies)
         out.append((replace(people, stamp_ns=stamp, persons=persons), moved))
     return out
 
