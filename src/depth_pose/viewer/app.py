@@ -97,7 +97,7 @@ class Viewer:
         import viser
 
         with redirect_stdout(io.StringIO()), own_pages_only(host):  # it prints its addresses, and so do we
-            self.server = viser.ViserServer(host=host, port=port, label="depth_pose", verbose=False)
+            self.server: Any = viser.ViserServer(host=host, port=port, label="depth_pose", verbose=False)
         self.drawn = 0
         self._pace = Pace(self.server)
         self._recorded = source if isinstance(source, RecordedSource) else None

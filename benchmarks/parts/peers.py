@@ -1,7 +1,5 @@
 """Steps of the pipeline beside what a user would otherwise take, on the same input in the same run.
 
-    python benchmarks/peers.py
-
 A simulated person before a time-of-flight camera, twenty-five frames:
 
 denoise    the person's raw points, by the modified locally optimal projection, and by Open3D's statistical
@@ -17,22 +15,16 @@ Printed are medians of the processor time, all threads together.
 
 from __future__ import annotations
 
-import one_thread  # noqa: F401
-
-# isort: split
-
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import open3d as o3d
-from command_line import make_parser
 from scipy.spatial import cKDTree
 
-from depth_pose.bank import Bank, default_bank_path
+from depth_pose.bank import Bank
 from depth_pose.bank.canonical import describe
 from depth_pose.bank.views import AXES
 from depth_pose.body.body import Body
@@ -248,15 +240,3 @@ def table(peers: list[Peer]) -> str:
     lines = ["| step | by | ms | worth |", "|---|---|---|---|"]
     lines += [f"| {p.step} | {p.name} | {f'{p.ms:.2f}' if p.ms else ''} | {p.worth} |" for p in peers]
     return "\n".join(lines)
-
-
-def main() -> None:
-    """Compare and print."""
-    parser = make_parser(__doc__)
-    parser.add_argument("--bank", type=Path, help="exemplar bank; the set-up's by default")
-    arguments = parser.parse_args()
-    print(table(compare_all(Bank.load(arguments.bank or default_bank_path()))))
-
-
-if __name__ == "__main__":
-    main()

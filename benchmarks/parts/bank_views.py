@@ -1,6 +1,6 @@
 """Error of matching and refinement against the view (the paper's Fig. 11), on simulated walking.
 
-    python benchmarks/views.py BANK --pictures docs/images
+    python benchmarks/banks.py views BANK --pictures docs/images
 
 The views of Fig. 11 are the front, the camera rolled by 30 degrees, and from the upper right
 looking down; then eight azimuths all around, and elevations from -15 to 60 degrees. The simulated
@@ -15,7 +15,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from bank_common import Recording, compare, load_recording, match_frames
 from command_line import make_parser
 
 from depth_pose.bank import Bank
@@ -27,6 +26,7 @@ from depth_pose.refine.refine import Refiner
 from depth_pose.sim.config import Person, Placement, Room
 from depth_pose.sim.motion import load_motion
 from depth_pose.sim.simulate import Stage, simulate
+from parts.known_people import Recording, compare, load_recording, match_frames
 
 _DISTANCE_M = 3.6
 """From the camera to the place that it looks at, metres. Set by hand."""
@@ -148,7 +148,3 @@ def main() -> None:
                 print(f"{kind:7s} {name!s:12s} {result}", flush=True)
     if arguments.pictures:
         draw(results["named"], results["around"], results["above"], arguments.pictures / "bank_views.png")
-
-
-if __name__ == "__main__":
-    main()

@@ -1,8 +1,8 @@
 """Fit the joints' confidence to simulated people, and check it on recordings.
 
-    python benchmarks/confidence.py --check DATA -o docs/images/reliability.png
-    python benchmarks/confidence.py --check DATA --mocap captures
-    python benchmarks/confidence.py --rooms 40        # the skeletons' confidence, in rooms with clutter
+    python benchmarks/accuracy.py confidence --check DATA -o docs/images/reliability.png
+    python benchmarks/accuracy.py confidence --check DATA --mocap captures
+    python benchmarks/accuracy.py confidence --rooms 40   # the skeletons' confidence, in rooms with clutter
 
 Clips (``--clips``) of 40 frames of people of other builds than the bank's, before both kinds of sensor with
 half to twice their noise, from 1.5 m, where the image cuts off their feet, to 4 m away, half of them from all
@@ -21,10 +21,6 @@ and checked on the rest.
 """
 
 from __future__ import annotations
-
-import one_thread  # noqa: F401
-
-# isort: split
 
 import tempfile
 from collections.abc import Iterable, Iterator
@@ -414,7 +410,3 @@ def main() -> None:
     for label, answers in measured.items():
         report(label, answers, weights)
     draw(measured, arguments.output)
-
-
-if __name__ == "__main__":
-    main()

@@ -1,6 +1,6 @@
 """Calibrate the matcher's score to a confidence, on simulated people, and check it on recordings.
 
-    python benchmarks/bank_score.py embedded=a.npz recorded=b.npz --mocap captures --check DATA
+    python benchmarks/banks.py score embedded=a.npz recorded=b.npz --mocap captures --check DATA
 
 Fifty clips of people of other builds than the bank's, at other distances, from all around and from
 -10 to 45 degrees of elevation, with the noise of a time-of-flight sensor, move as the embedded
@@ -17,7 +17,6 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-from bank_common import RIGHT_M, Recording, is_flipped, joints_of, load_recording, mean_error, recordings
 from command_line import make_parser
 
 from depth_pose.bank import Bank
@@ -27,6 +26,15 @@ from depth_pose.motion.procedural.generator import CLIPS
 from depth_pose.sim.config import Person, Placement, Room
 from depth_pose.sim.motion import load_motion
 from depth_pose.sim.simulate import Stage, simulate
+from parts.known_people import (
+    RIGHT_M,
+    Recording,
+    is_flipped,
+    joints_of,
+    load_recording,
+    mean_error,
+    recordings,
+)
 
 _CLIPS, _FRAMES, _FPS = 50, 14, 5.0
 """Simulated clips, their frames, and frames a second. Set by hand."""
@@ -151,7 +159,3 @@ def main() -> None:
     bins = {label: report(label, rows) for label, rows in matched.items()}
     if arguments.pictures:
         draw(bins, arguments.pictures / "bank_reliability.png")
-
-
-if __name__ == "__main__":
-    main()
