@@ -22,6 +22,7 @@ from command_line import make_parser
 
 from depth_pose.bank import Bank, default_bank_path
 from depth_pose.bank.build import BuildConfig, build_bank
+from depth_pose.body.pose import BodyPose, FittedBody
 from depth_pose.body.rendered_depth import DepthComparer
 from depth_pose.core.config import (
     FitConfig,
@@ -38,7 +39,6 @@ from depth_pose.evaluate.truth import load_truth
 from depth_pose.io.mcap_read import DepthReader
 from depth_pose.motion.procedural.generator import POSTURE_SHARES, make_poses
 from depth_pose.pipeline import PosePipeline
-from depth_pose.body.pose import BodyPose, FittedBody
 from depth_pose.refine.limbs import LimbSearch
 from depth_pose.track.person import People
 from parts.confidence import simulated

@@ -21,7 +21,7 @@ from command_line import make_parser
 
 from depth_pose.bank import Bank
 from depth_pose.core.config import MatchConfig
-from depth_pose.match.match import Matcher, match_confidence
+from depth_pose.match.match import match_confidence
 from depth_pose.motion.procedural.generator import CLIPS
 from depth_pose.sim.config import Person, Placement, Room
 from depth_pose.sim.motion import load_motion
@@ -32,6 +32,7 @@ from parts.known_people import (
     is_flipped,
     joints_of,
     load_recording,
+    make_matcher,
     mean_error,
     recordings,
 )
@@ -75,7 +76,7 @@ def measure(bank: Bank, recorded: list[Recording]) -> np.ndarray:
     """Score and whether it is right, of the best match of every frame."""
     rows = []
     for recording in recorded:
-        matcher = Matcher(bank, MatchConfig(search_every=1))
+        matcher = make_matcher(bank, MatchConfig(search_every=1))
         for people, known in zip(recording.people, recording.joints, strict=True):
             for match in matcher.match(people):
                 found = joints_of(bank, match)

@@ -15,9 +15,9 @@ import numpy as np
 from command_line import make_parser
 
 from depth_pose.bank import Bank
-from depth_pose.core.config import MatchConfig, RefineConfig
+from depth_pose.core.config import MatchConfig, PipelineConfig, RefineConfig
 from depth_pose.match.search import SubspaceSearch
-from depth_pose.refine.refine import Refiner
+from depth_pose.pipeline import Shared
 from parts.known_people import Recording, compare, find_scale, match_frames, read_arguments, subsample
 
 SHARES = (1, 4, 16, 64)
@@ -27,7 +27,7 @@ COLUMNS = ("poses", "match mm", "flips %", "refined mm", "flips %", "match ms", 
 
 def measure(bank: Bank, recorded: list[Recording], scales: list[float]) -> list[float]:
     """Give a table's row: the figures of `COLUMNS`."""
-    refiner = Refiner(bank, RefineConfig(track=False), MatchConfig())
+    refiner = Shared(bank, PipelineConfig(refine=RefineConfig(track=False))).make_refiner()
     rows = []
     for recording, scale in zip(recorded, scales, strict=True):
         for people, known, match, taken in match_frames(bank, recording, scale):

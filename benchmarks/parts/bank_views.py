@@ -19,10 +19,10 @@ from command_line import make_parser
 
 from depth_pose.bank import Bank
 from depth_pose.body.body import Body
-from depth_pose.core.config import MatchConfig, RefineConfig
+from depth_pose.core.config import PipelineConfig, RefineConfig
 from depth_pose.core.skeleton import ADULT_STATURE_M
 from depth_pose.motion.clip import Clip
-from depth_pose.refine.refine import Refiner
+from depth_pose.pipeline import Shared
 from depth_pose.sim.config import Person, Placement, Room
 from depth_pose.sim.motion import load_motion
 from depth_pose.sim.simulate import Stage, simulate
@@ -77,7 +77,7 @@ def watch(body: Body, clip: Clip, place: Placement, folder: Path, step: int) -> 
 
 def measure(bank: Bank, recording: Recording, scale: float) -> Result:
     """Match and refine every frame by itself."""
-    refiner = Refiner(bank, RefineConfig(track=False), MatchConfig())
+    refiner = Shared(bank, PipelineConfig(refine=RefineConfig(track=False))).make_refiner()
     rows = [
         compare(bank, refiner, people, known, match)
         for people, known, match, _ in match_frames(bank, recording, scale)

@@ -36,15 +36,14 @@ from depth_pose.core.types import DepthFrame
 from depth_pose.denoise.denoise import denoise_depth
 from depth_pose.denoise.extract import PeopleExtractor
 from depth_pose.detect.plane_segmenter import PlaneSegmenter
-from depth_pose.match.match import Matcher
 from depth_pose.match.search import SubspaceSearch
-
-from depth_pose.refine.fitters import SkinnedFitter
+from depth_pose.refine.body_fitter import BodyFitter
 from depth_pose.sim.config import Person, Placement, Room
 from depth_pose.sim.motion import load_motion
 from depth_pose.sim.placement import camera_pose, room_mesh
 from depth_pose.sim.sensor import SENSORS, VirtualSensor
 from depth_pose.sim.simulate import root_scale, transform
+from parts.known_people import make_matcher
 
 FRAMES, STRIDE = 25, 3
 """Frames that are compared, and of how many one is taken. Set by hand."""
@@ -191,9 +190,9 @@ def compare_fits(bank: Bank, made: list[Scene]) -> list[Peer]:
     body, normals = bank.body, bank.body.normals
     extractor, matcher = (
         PeopleExtractor(SegmentConfig(), DenoiseConfig()),
-        Matcher(bank, MatchConfig(search_every=1)),
+        make_matcher(bank, MatchConfig(search_every=1)),
     )
-    fitter, watches = SkinnedFitter(body, FittingConfig()), [_Stopwatch(), _Stopwatch()]
+    fitter, watches = BodyFitter(body, FittingConfig()), [_Stopwatch(), _Stopwatch()]
     usual = np.zeros(len(BUILD_NAMES), np.float32)
     errors: list[list[float]] = [[], [], []]
     estimate = o3d.pipelines.registration.TransformationEstimationPointToPlane()
@@ -205,7 +204,7 @@ def compare_fits(bank: Bank, made: list[Scene]) -> list[Peer]:
         posed = body.pose(start.rotations, start.root, start.scale)
 
         def articulated(person=person, start=start):
-            frame = fitter.fit_to(person, body, usual)
+            frame = fitter.fit_to(person, usual)
             return frame.finish(frame.rough(frame.glance(start).pose)).nodes
 
         def rigid(person=person, start=start, posed=posed):

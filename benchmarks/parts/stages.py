@@ -130,7 +130,6 @@ def _measure_frame(pipeline: PosePipeline, frame: DepthFrame, finder: TimedFinde
     marks.append(time.thread_time())
     answers = pipeline.recoverer.recover(people, refined)
     marks.append(time.thread_time())
-    pipeline.refiner.take_answer(answers)
     return 1e3 * np.diff(marks), len(answers)
 
 

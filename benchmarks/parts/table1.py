@@ -30,9 +30,8 @@ from depth_pose.core.skeleton import JOINTS
 from depth_pose.evaluate.score import THRESHOLDS_M
 from depth_pose.evaluate.truth import load_truth
 from depth_pose.io.mcap_read import DepthReader
-from depth_pose.match.match import Matcher
 from depth_pose.pipeline import PosePipeline
-from parts.known_people import joints_of, recordings
+from parts.known_people import joints_of, make_matcher, recordings
 
 PAPER = (0.36, 0.57, 0.79, 0.89, 0.95, 0.98, 0.99)
 SHOTTON = (0.02, 0.06, 0.30, 0.53, 0.73, 0.82, 0.85)
@@ -72,7 +71,7 @@ def run(bank: Bank, paths: list[Path], method: str, step: int) -> dict[str, Vari
         f"{method}, all": PosePipeline(bank, PipelineConfig(refine=refine)),
         f"{method}, no denoising": PosePipeline(bank, PipelineConfig(refine=refine, denoise=RAW)),
     }
-    nearest = Matcher(bank, MatchConfig(shortlist=1, keep=1, search_every=1))
+    nearest = make_matcher(bank, MatchConfig(shortlist=1, keep=1, search_every=1))
     found: dict[str, Variant] = {name: [] for name in (*pipelines, "no refinement", "nearest, unrefined")}
     for path in paths:
         truth = load_truth(path.with_suffix(".npz"))
