@@ -1,4 +1,4 @@
-"""The benchmark of stages reaches into the pipeline, where no other test would notice that it fails."""
+"""The benchmarks reach into the pipeline, where no other test would notice that one fails."""
 
 from __future__ import annotations
 
@@ -7,17 +7,19 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 from depth_pose.sim.config import Person
 from depth_pose.sim.motion import load_motion
 from depth_pose.sim.simulate import simulate
 
-STAGES = Path(__file__).parents[1] / "benchmarks" / "stages.py"
+BENCHMARKS = Path(__file__).parents[1] / "benchmarks"
 
 
 def test_every_stage_is_timed(bank_path, tmp_path):
     simulate(tmp_path / "clip.mcap", Person().body(), load_motion("stand_casual", 25.0, 0.6))
-    command = [sys.executable, STAGES, tmp_path / "clip.mcap", "--bank", bank_path]
-    environment = os.environ | {"PYTHONPATH": str(STAGES.parents[1] / "src")}
+    command = [sys.executable, BENCHMARKS / "speed.py", tmp_path / "clip.mcap", "--bank", bank_path]
+    environment = os.environ | {"PYTHONPATH": str(BENCHMARKS.parent / "src")}
     out = subprocess.run(command, capture_output=True, text=True, check=True, env=environment).stdout
     rows = [[c.strip() for c in line.strip("| ").split("|")] for line in out.splitlines()[2:]]
     assert [row[:3] for row in rows] == [["176x144", "1.0", "articulated"], ["176x144", "1.0", "cpd"]]
@@ -25,3 +27,29 @@ def test_every_stage_is_timed(bank_path, tmp_path):
         finder, rest, matcher, refine, recovery, total = (float(c.strip("*").split(" ")[0]) for c in row[3:9])
         assert min(finder, rest, matcher, refine, recovery) > 0.0
         assert 0.5 * total < finder + rest + matcher + refine + recovery < 2.0 * total
+
+
+COMMANDS = [
+    ("speed.py",),
+    *(("accuracy.py", part) for part in ("table1", "ablation", "confidence", "builds")),
+    ("finder.py",),
+    ("archives.py",),
+    *(("volume.py", part) for part in ("dances", "live")),
+    *(("banks.py", part) for part in ("match", "size", "views", "score", "coverage")),
+]
+
+
+@pytest.mark.parametrize("command", COMMANDS, ids=" ".join)
+def test_every_command_loads_and_says_what_it_does(command):
+    """Names that it takes from the package are there; its page is named in the README beside it."""
+    name, *part = command
+    done = subprocess.run(
+        [sys.executable, BENCHMARKS / name, *part, "--help"],
+        env=os.environ | {"PYTHONPATH": str(BENCHMARKS.parent / "src")},
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stderr
+    assert "usage:" in done.stdout
+    row = next(r for r in (BENCHMARKS / "README.md").read_text().splitlines() if f"| `{name}" in r)
+    assert all(f"{p}`" in row for p in part)

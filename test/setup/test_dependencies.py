@@ -8,6 +8,8 @@ from importlib.metadata import requires
 from pathlib import Path
 from xml.etree import ElementTree
 
+from depth_pose.core.extras import EXTRAS
+
 ROOT = Path(__file__).parents[2]
 PACKAGE = ROOT / "ros_ws" / "src" / "depth_pose"
 MESSAGES = ROOT / "ros_ws" / "src" / "depth_pose_msgs"
@@ -62,7 +64,7 @@ def imported():
 
 
 def test_what_apt_serves_is_new_enough_and_declared():
-    wanted = requirements()
+    wanted = requirements("dependencies", "pictures")
     for name, (key, version) in NOBLE.items():
         least = re.search(r">=([\d.]+)", wanted[name]).group(1)
         assert [int(n) for n in version.split(".")] >= [int(n) for n in least.split(".")], name
@@ -80,10 +82,15 @@ def test_what_the_sources_import_is_in_the_list():
     names = {{"PIL": "pillow", "yaml": "pyyaml"}.get(name, name) for name in imported()}
     ours = {name for name in names if not re.fullmatch(ROS, name)}
     assert set(NOBLE) | {"threadpoolctl", "mcap", "numba", "onnxruntime", "typer", "rosbags"} <= ours
-    listed = requirements("dependencies", "anny", "view", "dask", "remote")
+    listed = requirements("dependencies", *sorted(set(EXTRAS.values())), "remote")
     assert ours - set(listed) == set(BROUGHT)
     for name, by in BROUGHT.items():
         assert any(re.match(rf"{name}\b", line) for line in requires(by)), f"{by} no longer brings {name}"
+
+
+def test_each_extra_installs_what_asks_for_it():
+    for module, extra in EXTRAS.items():
+        assert module in requirements(extra)
 
 
 def test_readme_installs_the_list():

@@ -16,6 +16,7 @@ from depth_pose.core.errors import DepthPoseError
 from depth_pose.core.rotations import quat_to_matrix
 from depth_pose.core.skeleton import BONES
 from depth_pose.viewer import app as viewer_app
+from depth_pose.viewer.source import RecordedSource
 from synthetic import CAMERA, START_NS, STEP_NS, draw, mesh, posed, room, varied
 
 
@@ -71,8 +72,8 @@ def test_the_page_is_served_to_this_machine_only(viewer):
 
 def test_it_says_what_to_install(monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "viser", None)
-    with pytest.raises(DepthPoseError, match="pip install 'viser"):
-        viewer_app.import_viser()
+    with pytest.raises(DepthPoseError, match=r"pip install 'depth_pose\[view\]'"):
+        viewer_app.Viewer(RecordedSource([], lambda frame: None, 1000))
 
 
 def test_a_recording_without_skeletons_has_them_found(bank_path, tmp_path):

@@ -7,7 +7,7 @@ length and breadth, crotch height, hip breadth, foot length). Soldiers are thick
 limbs here are slimmer (waist 0.81 m against their 0.93 m, thigh 0.55 m against 0.62 m): a person of
 body mass index 21. Where the joint centres lie in depth inside the body follows skinned human
 models, and was checked against people whose joints and surface are both known
-(``benchmarks/body_fit.py``).
+(``tools/body/measure_fit.py``).
 """
 
 from __future__ import annotations

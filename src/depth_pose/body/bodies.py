@@ -7,6 +7,7 @@ from pathlib import Path
 from depth_pose.body.body import Body
 from depth_pose.body.files import load_body
 from depth_pose.core.errors import ConfigError
+from depth_pose.core.extras import require
 
 BODIES = ("embedded", "anny")
 """Names that `find_body` knows; anything that ends in .npz, .glb or .gltf is a file."""
@@ -40,6 +41,7 @@ def find_body(name: str) -> Body:
     if name.lower().endswith(".npz"):
         return load_body(Path(name))
     if name.lower().endswith((".glb", ".gltf")):
+        require("pygltflib", f"the body {name!r}")
         from depth_pose.body.gltf import load_gltf_body
 
         return load_gltf_body(Path(name))

@@ -27,6 +27,7 @@ from depth_pose.cli.console import (
 from depth_pose.cli.damage import be_lenient, warn_of
 from depth_pose.core.config import FollowConfig, PersonalConfig, PipelineConfig, RefineConfig, SegmentConfig
 from depth_pose.core.errors import ConfigError, InputError
+from depth_pose.core.extras import require
 from depth_pose.core.outputs import check_targets
 from depth_pose.io.damage import tell_damage
 from depth_pose.io.image_options import ImageOptions
@@ -313,6 +314,11 @@ def _draw(
     here = [(source, row) for source, row in zip(sources, rows, strict=True) if not source.url]
     made = [source for source, row in here if row.state != "failed" and row.people]
     if not made:
+        return True
+    try:
+        require("matplotlib", f"the picture {SHEET}")
+    except ConfigError as error:
+        warn([str(error)])
         return True
     try:
         with console.status("drawing the sheet"):

@@ -9,6 +9,7 @@ import typer
 from rich.markup import escape
 
 from depth_pose.cli.console import console, loading
+from depth_pose.core.extras import require
 from depth_pose.io.schemas import PEOPLE_TOPIC
 
 if TYPE_CHECKING:
@@ -70,10 +71,10 @@ def view(
 
     depth-pose view in.mcap out.mcap --host 0.0.0.0 --port 9000
     """
-    from depth_pose.viewer.app import Viewer, import_viser
+    from depth_pose.viewer.app import Viewer
     from depth_pose.viewer.source import LiveSource
 
-    import_viser()
+    require("viser", "the viewer")
     source: LiveSource | RecordedSource
     if recording is None:
         from depth_pose.cli.live import call_ros

@@ -385,7 +385,10 @@ class RecoverConfig(Checked):
 
 @dataclass(frozen=True)
 class SmoothConfig(Checked):
-    """Low-pass filter on the published joints (Sec. 6): One-Euro filter, Casiez et al., CHI 2012."""
+    """Low-pass filter on the published joints (Sec. 6): One-Euro filter, Casiez et al., CHI 2012.
+
+    Defaults: the best of a grid on recordings and simulated clips (docs/accuracy.md, The filter).
+    """
 
     enabled: bool = option(True, "Filter the joint positions over time")
     min_cutoff: float = option(0.5, "Cut-off frequency at rest", unit="Hz", low=0.01, high=100.0)

@@ -20,7 +20,8 @@ from multiprocessing import connection, get_context, parent_process
 from pickle import PicklingError
 from typing import Any, Generic, TypeVar
 
-from depth_pose.core.errors import ConfigError, InputError
+from depth_pose.core.errors import InputError
+from depth_pose.core.extras import require
 
 T = TypeVar("T")
 Task = tuple[Any, ...]
@@ -283,13 +284,10 @@ def _end_with_parent() -> None:
 
 
 def _run_on_cluster(function: Callable[..., T], tasks: Sequence[Task], scheduler: str) -> Outcomes[T]:
-    try:
-        from distributed import Client, as_completed
-        from distributed.scheduler import KilledWorker
-    except ImportError as error:
-        raise ConfigError(
-            "working on a cluster needs Dask, which is not installed: pip install 'depth_pose[dask]'"
-        ) from error
+    require("distributed", "working on a cluster")
+    from distributed import Client, as_completed
+    from distributed.scheduler import KilledWorker
+
     try:
         client = Client(scheduler, timeout=_CONNECT_S)
     except (OSError, ValueError) as error:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from depth_pose.core.errors import ConfigError
+from depth_pose.core.extras import require
 from depth_pose.core.outputs import check_targets, new_file
 
 if TYPE_CHECKING:
@@ -30,13 +31,14 @@ def check_picture(path: Path | str | None, inputs: Iterable[Path | str | None] =
     Raises
     ------
     ConfigError
-        Where its name ends in no format that is known.
+        Where its name ends in no format that is known, or matplotlib is not installed.
     InputError
         As of `depth_pose.core.outputs.check_targets`.
     """
     if path is not None:
         _format_of(Path(path))
         check_targets([path], inputs)
+        require("matplotlib", "a picture")
 
 
 def save_picture(figure: Figure, path: Path | str, **options: Any) -> None:

@@ -51,16 +51,14 @@ _FOREIGN_ENDINGS = {
 
 def open_file(file: Path, head: bytes) -> RecordingFile:
     """Open a file of a recording, by the bytes that it begins with."""
-    from depth_pose.io import _db3_file, _mcap_records, _ros1_file
+    from depth_pose.io import _mcap_records, _rosbags_file
 
     if head.startswith(_mcap_records.MAGIC):
         from depth_pose.io._mcap_file import McapFile
 
         return McapFile(file)
-    if head.startswith(_db3_file.MAGIC):
-        return _db3_file.Db3File(file)
-    if head.startswith(_ros1_file.MAGIC):
-        return _ros1_file.Ros1File(file)
+    if head.startswith((_rosbags_file.DB3_MAGIC, _rosbags_file.BAG_MAGIC)):
+        return _rosbags_file.RosbagsFile(file, head.startswith(_rosbags_file.BAG_MAGIC))
     raise InputError(_why_not(file, head))
 
 

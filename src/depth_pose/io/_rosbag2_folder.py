@@ -23,7 +23,7 @@ _MOST_METADATA = 16 << 20
 _BLOCK = 1 << 20
 """Bytes that are unpacked at once. Set by hand."""
 
-_LEFT_FREE = 1 << 30
+LEFT_FREE = 1 << 30
 """Bytes that unpacking leaves free on the disk. Set by hand."""
 
 
@@ -76,7 +76,7 @@ def unpack(file: Path, folder: Path) -> Path:
     import zstandard
 
     target = folder / file.name.removesuffix(PACKED)
-    left = shutil.disk_usage(folder).free - _LEFT_FREE
+    left = shutil.disk_usage(folder).free - LEFT_FREE
     try:
         with file.open("rb") as source, target.open("wb") as out:
             reader = zstandard.ZstdDecompressor().stream_reader(source)

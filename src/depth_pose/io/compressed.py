@@ -13,7 +13,6 @@ import struct
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
 
 from depth_pose.core.errors import InputError
 from depth_pose.io import _rvl_kernels as kernels
@@ -86,6 +85,8 @@ def decode_png(body: bytes) -> NDArray[np.uint16]:
     InputError
         Where it is none, damaged or too large.
     """
+    from PIL import Image
+
     try:
         with Image.open(io.BytesIO(body), formats=["PNG"]) as image:
             check_size("compressed image", image.height, image.width)

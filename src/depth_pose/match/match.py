@@ -73,7 +73,7 @@ _SAME_POSE_M = 0.05
 
 
 _EVEN_SCORE, _SCORE_SPREAD = 0.56, 0.057
-"""Logistic curve fitted to simulated people by ``benchmarks/bank_score.py``."""
+"""Logistic curve fitted to simulated people by ``benchmarks/banks.py score``."""
 
 
 def match_confidence(score: float) -> float:

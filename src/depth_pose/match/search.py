@@ -11,7 +11,7 @@ nearly all others.
 
 Plain NumPy (all distances by one product with the table, ``argpartition``, the nearest again) reads the
 whole table and takes longer: for 128,000 entries of 16, 32, 48 and 64 dimensions on one thread 0.8, 2.1,
-2.8 and 3.2 ms, against 0.5, 0.7, 1.2 and 1.8 ms here, the least of 30 runs each (`benchmarks/peers.py`
+2.8 and 3.2 ms, against 0.5, 0.7, 1.2 and 1.8 ms here, the least of 30 runs each (`benchmarks/speed.py`
 compares them on the bank's own).
 """
 

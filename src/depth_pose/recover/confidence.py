@@ -7,7 +7,7 @@ for the fit's rendered-depth score,
 
 .. math:: \log\frac{p_j}{1 - p_j} = k_j + \sum_i w_i\, s_{ij} + w\, \mathrm{score}
 
-whose figures ``benchmarks/confidence.py`` fits to simulated people and checks on recordings that
+whose figures ``benchmarks/accuracy.py confidence`` fits to simulated people and checks on recordings that
 nothing was fitted to (docs/accuracy.md).
 """
 
@@ -96,7 +96,7 @@ SKELETON_SIGNS = {
     "metres from the finder's joints": -6.64,
 }
 """Log-odds of a skeleton, by what is known of it; fitted to simulated rooms with clutter by
-``benchmarks/confidence.py --rooms``. The distance from the finder's proposals is weighed by how sure
+``benchmarks/accuracy.py confidence --rooms``. The distance from the finder's proposals is weighed by how sure
 they are; that of rendered depth is in the joints' confidence."""
 
 _LEAST_SEEN = 4

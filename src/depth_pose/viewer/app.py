@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from depth_pose.core.config import FollowConfig
 from depth_pose.core.errors import ConfigError, DepthPoseError
+from depth_pose.core.extras import require
 from depth_pose.core.types import Skeleton
 from depth_pose.core.zone import Zone, parse_zone
 from depth_pose.track.follow import Follower
@@ -63,24 +64,6 @@ Place = tuple[float, float, float]
 MeshOf = Callable[[Skeleton], tuple[NDArray[np.float64], NDArray[np.int32]]]
 
 
-def import_viser() -> Any:
-    """Import viser.
-
-    Raises
-    ------
-    DepthPoseError
-        Where it is not installed; says how to.
-    """
-    try:
-        import viser
-    except ModuleNotFoundError as error:
-        raise DepthPoseError(
-            "the viewer needs viser, which is not installed; run: pip install 'viser>=1.1' "
-            "(the extra 'view' of depth_pose), or bash launch_scripts/setup.sh"
-        ) from error
-    return viser
-
-
 class Viewer:
     """The browser viewer of a recording or of running nodes.
 
@@ -110,8 +93,11 @@ class Viewer:
         pictures: Path = Path("results"),
         mesh_of: MeshOf | None = None,
     ) -> None:
+        require("viser", "the viewer")
+        import viser
+
         with redirect_stdout(io.StringIO()), own_pages_only(host):  # it prints its addresses, and so do we
-            self.server = import_viser().ViserServer(host=host, port=port, label="depth_pose", verbose=False)
+            self.server: Any = viser.ViserServer(host=host, port=port, label="depth_pose", verbose=False)
         self.drawn = 0
         self._pace = Pace(self.server)
         self._recorded = source if isinstance(source, RecordedSource) else None

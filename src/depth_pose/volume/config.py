@@ -1,7 +1,7 @@
 """Settings of the volume tracker; the defaults stand here and nowhere else.
 
-Where nothing else is said they were chosen on further performances (101 and 102 of `benchmarks/volume.py`)
-that neither training nor the tables of docs/volume.md use.
+Where nothing else is said they were chosen on further performances (101 and 102 of
+`benchmarks/parts/dances.py`) that neither training nor the tables of docs/volume.md use.
 """
 
 from __future__ import annotations

@@ -57,4 +57,4 @@ FAMILIES: dict[str, Entry] = {
     "balance": Entry(moving.balance, 0.9, 0.8),
     "turn_on_spot": Entry(moving.turn_on_spot, 0.8, 1.2),
 }
-"""Every motion by name; shares and weights chosen with ``benchmarks/motion_coverage.py`` in view."""
+"""Every motion by name; shares and weights chosen with ``benchmarks/banks.py coverage`` in view."""

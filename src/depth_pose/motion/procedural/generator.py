@@ -40,7 +40,7 @@ POOL_PER_POSE = 5.0
 APART_SHARE = 0.5
 """Part of a set chosen to lie far apart; the rest follows the families' shares.
 
-Chosen with ``benchmarks/motion_coverage.py`` in view, as were the families' shares and weights.
+Chosen with ``benchmarks/banks.py coverage`` in view, as were the families' shares and weights.
 """
 
 POSTURE_SHARES: dict[str, float] = {

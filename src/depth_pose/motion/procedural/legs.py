@@ -2,7 +2,7 @@
 
 A stance places the two feet and the pelvis, and the legs follow (`leg_to_target`). Trunk angles
 come with it, because a low pelvis needs a forward lean to stay in balance. The ranges that a stance draws
-from (metres on a 1.75 m body, degrees) are designed by hand, with ``benchmarks/motion_coverage.py`` in view.
+from (metres on a 1.75 m body, degrees) are designed by hand, with ``benchmarks/banks.py coverage`` in view.
 """
 
 from __future__ import annotations

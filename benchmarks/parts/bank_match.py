@@ -1,6 +1,6 @@
 """Error and flips of the best match alone, single frames.
 
-    python benchmarks/bank_match.py DATA embedded=a.npz recorded=b.npz
+    python benchmarks/banks.py match DATA embedded=a.npz recorded=b.npz
 
 DATA holds recordings NAME.mcap with truth files NAME.npz. Each frame is matched by itself, with
 the size that the matcher found over the first frames. Prints the table of docs/bank.md: the best
@@ -10,7 +10,11 @@ of shortlists by rendered depth; a shortlist of one is the paper's match, neares
 from __future__ import annotations
 
 import numpy as np
-from bank_common import (
+from command_line import make_parser
+
+from depth_pose.bank import Bank
+from depth_pose.core.config import MatchConfig
+from parts.known_people import (
     RIGHT_M,
     Recording,
     find_scale,
@@ -20,10 +24,6 @@ from bank_common import (
     mean_error,
     read_arguments,
 )
-from command_line import make_parser
-
-from depth_pose.bank import Bank
-from depth_pose.core.config import MatchConfig
 
 
 def measure(bank: Bank, recorded: list[Recording], shortlist: int) -> dict[str, np.ndarray]:
@@ -70,7 +70,3 @@ def main() -> None:
         bank = Bank.load(file)
         for shortlist in arguments.shortlist:
             report(f"{label}, {shortlist}", measure(bank, recorded, shortlist), recorded)
-
-
-if __name__ == "__main__":
-    main()

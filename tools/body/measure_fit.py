@@ -1,6 +1,6 @@
 """How well the embedded body's surface fits other bodies, posed at their true joints.
 
-    python benchmarks/body_fit.py [CLIP_DIR] [--frames N] [--picture FILE]
+    python tools/body/measure_fit.py [CLIP_DIR] [--frames N] [--picture FILE]
 
 Reads recordings of simulated people with known joints (NAME.mcap beside NAME.npz with `joints`
 (T,19,3), `names`, `stamps_ns`, `K`), puts the body's nodes on the true joints (segment directions
@@ -12,11 +12,11 @@ median absolute one, and the overlap of the silhouettes. Nothing is fitted.
 
 from __future__ import annotations
 
+import argparse
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-from command_line import make_parser
 from numpy.typing import NDArray
 
 from depth_pose.body.body import Body
@@ -160,7 +160,7 @@ def body_scale(body: Body, joints: dict[str, Array]) -> float:
 
 
 def posed_vertices(body: Body, joints: dict[str, Array]) -> Array:
-    """The body's vertices on a person's true joints, in the joints' frame."""
+    """Place the body's vertices on a person's true joints, in the joints' frame."""
     maps, nodes = true_pose(body, joints, body_scale(body, joints))
     moved = np.einsum("nij,vnj->vni", maps, body.vertices[:, None] - body.nodes) + nodes
     return np.einsum("vn,vni->vi", body.weights, moved)
@@ -235,9 +235,11 @@ def person_mask(depth: Array, joints: dict[str, Array], k: Array) -> NDArray[np.
 
 def main() -> None:
     """Compare over a folder of clips and print the table."""
-    parser = make_parser(__doc__)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     here = Path(__file__).resolve()
-    parser.add_argument("clips", nargs="?", type=Path, default=here.parents[2] / "shared" / "data" / "dev")
+    parser.add_argument("clips", nargs="?", type=Path, default=here.parents[3] / "shared" / "data" / "dev")
     parser.add_argument("--frames", type=int, default=6, help="frames per clip")
     parser.add_argument("--picture", type=Path, help="write pictures of the differences here")
     args = parser.parse_args()

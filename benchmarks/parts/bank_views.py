@@ -1,6 +1,6 @@
 """Error of matching and refinement against the view (the paper's Fig. 11), on simulated walking.
 
-    python benchmarks/views.py BANK --pictures docs/images
+    python benchmarks/banks.py views BANK --pictures docs/images
 
 The views of Fig. 11 are the front, the camera rolled by 30 degrees, and from the upper right
 looking down; then eight azimuths all around, and elevations from -15 to 60 degrees. The simulated
@@ -15,18 +15,18 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from bank_common import Recording, compare, load_recording, match_frames
 from command_line import make_parser
 
 from depth_pose.bank import Bank
 from depth_pose.body.body import Body
-from depth_pose.core.config import MatchConfig, RefineConfig
+from depth_pose.core.config import PipelineConfig, RefineConfig
 from depth_pose.core.skeleton import ADULT_STATURE_M
 from depth_pose.motion.clip import Clip
-from depth_pose.refine.refine import Refiner
+from depth_pose.pipeline import Shared
 from depth_pose.sim.config import Person, Placement, Room
 from depth_pose.sim.motion import load_motion
 from depth_pose.sim.simulate import Stage, simulate
+from parts.known_people import Recording, compare, load_recording, match_frames
 
 _DISTANCE_M = 3.6
 """From the camera to the place that it looks at, metres. Set by hand."""
@@ -77,7 +77,7 @@ def watch(body: Body, clip: Clip, place: Placement, folder: Path, step: int) -> 
 
 def measure(bank: Bank, recording: Recording, scale: float) -> Result:
     """Match and refine every frame by itself."""
-    refiner = Refiner(bank, RefineConfig(track=False), MatchConfig())
+    refiner = Shared(bank, PipelineConfig(refine=RefineConfig(track=False))).make_refiner()
     rows = [
         compare(bank, refiner, people, known, match)
         for people, known, match, _ in match_frames(bank, recording, scale)
@@ -148,7 +148,3 @@ def main() -> None:
                 print(f"{kind:7s} {name!s:12s} {result}", flush=True)
     if arguments.pictures:
         draw(results["named"], results["around"], results["above"], arguments.pictures / "bank_views.png")
-
-
-if __name__ == "__main__":
-    main()

@@ -1,6 +1,6 @@
 """How near found bone lengths come to true ones, after 2 to 10 seconds, and whether they are the same twice.
 
-    python benchmarks/builds.py --people 4 --seconds 12
+    python benchmarks/accuracy.py builds --people 4 --seconds 12
 
 Simulates each person in two motions before the time-of-flight sensor (builds, motions and views at random),
 follows each clip from its first frame with the default bank, and compares the lengths of nine bones with the
@@ -9,10 +9,6 @@ person's two clips at their ends.
 """
 
 from __future__ import annotations
-
-import one_thread  # noqa: F401
-
-# isort: split
 
 import tempfile
 from pathlib import Path
@@ -130,7 +126,3 @@ def report(found: np.ndarray, true: np.ndarray) -> None:
     print(
         f"same person twice: {100 * np.nanmedian(twice):.1f} % median, {100 * np.nanmax(twice):.1f} % at most"
     )
-
-
-if __name__ == "__main__":
-    main()

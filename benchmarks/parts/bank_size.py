@@ -1,6 +1,6 @@
 """Error and time against the size of the bank (the paper's Fig. 14).
 
-    python benchmarks/bank_size.py DATA embedded=a.npz recorded=b.npz --pictures docs/images
+    python benchmarks/banks.py size DATA embedded=a.npz recorded=b.npz --pictures docs/images
 
 Every 1st, 4th, 16th and 64th pose of each bank. Each frame stands alone: matched with the size
 that the matcher found over the first frames, and refined without the previous pose.
@@ -12,13 +12,13 @@ import time
 from pathlib import Path
 
 import numpy as np
-from bank_common import Recording, compare, find_scale, match_frames, read_arguments, subsample
 from command_line import make_parser
 
 from depth_pose.bank import Bank
-from depth_pose.core.config import MatchConfig, RefineConfig
+from depth_pose.core.config import MatchConfig, PipelineConfig, RefineConfig
 from depth_pose.match.search import SubspaceSearch
-from depth_pose.refine.refine import Refiner
+from depth_pose.pipeline import Shared
+from parts.known_people import Recording, compare, find_scale, match_frames, read_arguments, subsample
 
 SHARES = (1, 4, 16, 64)
 """Every how manyth pose is kept."""
@@ -27,7 +27,7 @@ COLUMNS = ("poses", "match mm", "flips %", "refined mm", "flips %", "match ms", 
 
 def measure(bank: Bank, recorded: list[Recording], scales: list[float]) -> list[float]:
     """Give a table's row: the figures of `COLUMNS`."""
-    refiner = Refiner(bank, RefineConfig(track=False), MatchConfig())
+    refiner = Shared(bank, PipelineConfig(refine=RefineConfig(track=False))).make_refiner()
     rows = []
     for recording, scale in zip(recorded, scales, strict=True):
         for people, known, match, taken in match_frames(bank, recording, scale):
@@ -89,7 +89,3 @@ def main() -> None:
         tables[label] = np.array(rows)
     if arguments.pictures:
         draw(tables, arguments.pictures / "bank_size.png")
-
-
-if __name__ == "__main__":
-    main()

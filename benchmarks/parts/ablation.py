@@ -1,9 +1,9 @@
 """What the parts are worth: the whole pipeline, and with one part left out at a time.
 
-    python benchmarks/ablation.py --clips 12
-    python benchmarks/ablation.py --data DATA --bank mine=my_bank.npz
+    python benchmarks/accuracy.py ablation --clips 12
+    python benchmarks/accuracy.py ablation --data DATA --bank mine=my_bank.npz
 
-Runs over simulated people of other builds than the bank's (those of ``benchmarks/confidence.py``: both
+Runs over simulated people of other builds than the bank's (those of the part ``confidence``: both
 sensors, views and motions at random), or over a folder of recordings with truth files. Prints, for each
 variant, the mean joint error in mm, the share of joints within 10 cm (a frame without an answer is a miss)
 and the processor time of a frame, as a table in Markdown. With ``--bank`` other banks are rows of the table
@@ -12,22 +12,17 @@ as well: one of only some motions shows what the others are worth.
 
 from __future__ import annotations
 
-import one_thread  # noqa: F401
-
-# isort: split
-
 import tempfile
 import time
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from bank_common import recordings
 from command_line import make_parser
-from confidence import simulated
 
 from depth_pose.bank import Bank, default_bank_path
 from depth_pose.bank.build import BuildConfig, build_bank
+from depth_pose.body.pose import BodyPose, FittedBody
 from depth_pose.body.rendered_depth import DepthComparer
 from depth_pose.core.config import (
     FitConfig,
@@ -44,9 +39,10 @@ from depth_pose.evaluate.truth import load_truth
 from depth_pose.io.mcap_read import DepthReader
 from depth_pose.motion.procedural.generator import POSTURE_SHARES, make_poses
 from depth_pose.pipeline import PosePipeline
-from depth_pose.body.pose import BodyPose, FittedBody
 from depth_pose.refine.limbs import LimbSearch
 from depth_pose.track.person import People
+from parts.confidence import simulated
+from parts.known_people import recordings
 
 CONFIGS = {
     "all": PipelineConfig(),
@@ -148,7 +144,3 @@ def main() -> None:
         errors, times = (np.concatenate(column) for column in zip(*parts, strict=True))
         share, middle = (errors < 0.1).mean(), 1e3 * np.median(times)
         print(f"| {name} | {1e3 * np.nanmean(errors):.1f} | {share:.3f} | {middle:.0f} |")
-
-
-if __name__ == "__main__":
-    main()

@@ -1,8 +1,8 @@
 """The volume node live: simulated cameras on topics, at a rate, and what the node makes of them.
 
-    python benchmarks/volume.py accuracy --dance swing   # once: makes volume_models/swing.npz
-    python benchmarks/volume_live.py                     # 8 cameras, 60 a second, 20 s
-    python benchmarks/volume_live.py --kind depth --cameras 2 --fps 30 --model volume_models/swing_depth.npz
+    python benchmarks/volume.py dances accuracy --dance swing   # once: makes volume_models/swing.npz
+    python benchmarks/volume.py live                     # 8 cameras, 60 a second, 20 s
+    python benchmarks/volume.py live --kind depth --cameras 2 --fps 30 --model volume_models/swing_depth.npz
 
 The images are rendered and serialised beforehand and published as bytes, so that the cameras cost little.
 Stamps are those of the time at which each is due; latency is from there to the arrival of the skeleton in
@@ -15,8 +15,6 @@ from __future__ import annotations
 
 import os
 import random
-
-import one_thread  # noqa: F401
 
 os.environ["ROS_DOMAIN_ID"] = str(random.SystemRandom().randrange(1, 101))
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
@@ -184,9 +182,5 @@ def main() -> None:
     given = parser.parse_args()
     if not given.model.exists():
         what = "depth" if given.kind == "depth" else "accuracy"
-        raise SystemExit(f"there is no {given.model}: benchmarks/volume.py {what} --dance swing makes it")
+        raise SystemExit(f"there is no {given.model}: volume.py dances {what} --dance swing makes it")
     measure(given)
-
-
-if __name__ == "__main__":
-    main()

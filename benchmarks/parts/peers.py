@@ -1,7 +1,5 @@
 """Steps of the pipeline beside what a user would otherwise take, on the same input in the same run.
 
-    python benchmarks/peers.py
-
 A simulated person before a time-of-flight camera, twenty-five frames:
 
 denoise    the person's raw points, by the modified locally optimal projection, and by Open3D's statistical
@@ -17,22 +15,16 @@ Printed are medians of the processor time, all threads together.
 
 from __future__ import annotations
 
-import one_thread  # noqa: F401
-
-# isort: split
-
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import open3d as o3d
-from command_line import make_parser
 from scipy.spatial import cKDTree
 
-from depth_pose.bank import Bank, default_bank_path
+from depth_pose.bank import Bank
 from depth_pose.bank.canonical import describe
 from depth_pose.bank.views import AXES
 from depth_pose.body.body import Body
@@ -44,15 +36,14 @@ from depth_pose.core.types import DepthFrame
 from depth_pose.denoise.denoise import denoise_depth
 from depth_pose.denoise.extract import PeopleExtractor
 from depth_pose.detect.plane_segmenter import PlaneSegmenter
-from depth_pose.match.match import Matcher
 from depth_pose.match.search import SubspaceSearch
-
-from depth_pose.refine.fitters import SkinnedFitter
+from depth_pose.refine.body_fitter import BodyFitter
 from depth_pose.sim.config import Person, Placement, Room
 from depth_pose.sim.motion import load_motion
 from depth_pose.sim.placement import camera_pose, room_mesh
 from depth_pose.sim.sensor import SENSORS, VirtualSensor
 from depth_pose.sim.simulate import root_scale, transform
+from parts.known_people import make_matcher
 
 FRAMES, STRIDE = 25, 3
 """Frames that are compared, and of how many one is taken. Set by hand."""
@@ -199,9 +190,9 @@ def compare_fits(bank: Bank, made: list[Scene]) -> list[Peer]:
     body, normals = bank.body, bank.body.normals
     extractor, matcher = (
         PeopleExtractor(SegmentConfig(), DenoiseConfig()),
-        Matcher(bank, MatchConfig(search_every=1)),
+        make_matcher(bank, MatchConfig(search_every=1)),
     )
-    fitter, watches = SkinnedFitter(body, FittingConfig()), [_Stopwatch(), _Stopwatch()]
+    fitter, watches = BodyFitter(body, FittingConfig()), [_Stopwatch(), _Stopwatch()]
     usual = np.zeros(len(BUILD_NAMES), np.float32)
     errors: list[list[float]] = [[], [], []]
     estimate = o3d.pipelines.registration.TransformationEstimationPointToPlane()
@@ -213,7 +204,7 @@ def compare_fits(bank: Bank, made: list[Scene]) -> list[Peer]:
         posed = body.pose(start.rotations, start.root, start.scale)
 
         def articulated(person=person, start=start):
-            frame = fitter.fit_to(person, body, usual)
+            frame = fitter.fit_to(person, usual)
             return frame.finish(frame.rough(frame.glance(start).pose)).nodes
 
         def rigid(person=person, start=start, posed=posed):
@@ -248,15 +239,3 @@ def table(peers: list[Peer]) -> str:
     lines = ["| step | by | ms | worth |", "|---|---|---|---|"]
     lines += [f"| {p.step} | {p.name} | {f'{p.ms:.2f}' if p.ms else ''} | {p.worth} |" for p in peers]
     return "\n".join(lines)
-
-
-def main() -> None:
-    """Compare and print."""
-    parser = make_parser(__doc__)
-    parser.add_argument("--bank", type=Path, help="exemplar bank; the set-up's by default")
-    arguments = parser.parse_args()
-    print(table(compare_all(Bank.load(arguments.bank or default_bank_path()))))
-
-
-if __name__ == "__main__":
-    main()

@@ -1,14 +1,14 @@
 """Draw the embedded body, in its rest pose and bent, for docs/body.md.
 
-python benchmarks/body_pictures.py [FOLDER]
+python tools/body/draw_body.py [FOLDER]
 """
 
 from __future__ import annotations
 
+import argparse
 from pathlib import Path
 
 import numpy as np
-from command_line import make_parser
 from numpy.typing import NDArray
 
 from depth_pose.body.body import Body
@@ -54,14 +54,14 @@ def posed(body: Body, turns: dict[str, Array]) -> Array:
 
 
 def both_sides(turns: dict[str, Array]) -> dict[str, Array]:
-    """Turns of left and right segments from those of the left side."""
+    """Return the turns of left and right segments from those of the left side."""
     return {f"left_{n}": r for n, r in turns.items()} | {
         f"right_{n}": mirror_rotation(r) for n, r in turns.items()
     }
 
 
 def poses() -> list[dict[str, Array]]:
-    """Some poses that are hard on the skin."""
+    """Return poses that are hard on the skin."""
     arms = ("shoulder", "elbow", "wrist")
     trunk = ("pelvis", "spine", "chest", "neck", "head")
     down, up, ahead = turn("z", -38), turn("z", 128), turn("y", -85) @ turn("z", 45)
@@ -82,8 +82,10 @@ def main() -> None:
     """Write body_rest.png, body_poses.png and body_builds.png."""
     import matplotlib.image
 
-    parser = make_parser(__doc__)
-    parser.add_argument("folder", nargs="?", type=Path, default=Path(__file__).resolve().parents[1] / "docs")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("folder", nargs="?", type=Path, default=Path(__file__).resolve().parents[2] / "docs")
     folder = parser.parse_args().folder
     body = make_body()
     rest = [shade(body.vertices, body.faces, a) for a in (0, 40, 90, 180)]

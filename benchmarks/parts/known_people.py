@@ -19,7 +19,7 @@ from depth_pose.denoise.extract import PeopleExtractor
 from depth_pose.evaluate.truth import load_truth
 from depth_pose.io.mcap_read import DepthReader
 from depth_pose.match.match import Matcher
-
+from depth_pose.pipeline import Shared
 from depth_pose.refine.refine import Refiner
 from depth_pose.track.person import People
 
@@ -36,6 +36,11 @@ class Recording:
     name: str
     people: list[People]
     joints: np.ndarray
+
+
+def make_matcher(bank: Bank, config: MatchConfig) -> Matcher:
+    """Make the pipeline's matcher, by itself."""
+    return Shared(bank, PipelineConfig(match=config)).make_matcher()
 
 
 def load_recording(path: Path, step: int = 1) -> Recording:
@@ -88,7 +93,7 @@ def match_frames(
     bank: Bank, recording: Recording, scale: float, shortlist: int = MatchConfig().shortlist
 ) -> Iterator[tuple[People, np.ndarray, PoseMatch, float]]:
     """Match each frame by itself; gives those with a match: person, known joints, match, seconds of CPU."""
-    matcher = Matcher(bank, MatchConfig(scale=scale, shortlist=shortlist, search_every=1))
+    matcher = make_matcher(bank, MatchConfig(scale=scale, shortlist=shortlist, search_every=1))
     for people, known in zip(recording.people, recording.joints, strict=True):
         start = time.thread_time()
         matches = matcher.match(people)
@@ -102,14 +107,14 @@ def compare(
 ) -> tuple[float, bool, float, bool]:
     """Give error (m) and flip of the best match, and of what is made of it."""
     (refined,) = refiner.refine(people, (match,))
-    found = joints_of(bank, match), refined.skeleton.positions
+    found = joints_of(bank, match), refined.body.nodes[JOINT_NODES]
     first, last = ((mean_error(f, known), is_flipped(f, known)) for f in found)
     return *first, *last
 
 
 def find_scale(bank: Bank, people: list[People]) -> float:
     """Size that the matcher finds over its first frames."""
-    matcher = Matcher(bank, MatchConfig(search_every=1))
+    matcher = make_matcher(bank, MatchConfig(search_every=1))
     scale = 1.0
     for frame in people[: MatchConfig().scale_frames]:
         for match in matcher.match(frame):

@@ -1,8 +1,8 @@
 """The people finder that ships, both its looks, in simulated rooms that nothing was trained on.
 
-    python benchmarks/people_finder.py                        # 500 rooms, about three minutes
-    python benchmarks/people_finder.py --rooms 100 --weights build/people_finder/weights
-    python benchmarks/people_finder.py --lookalikes           # rooms with nobody, but with coats
+    python benchmarks/finder.py                        # 500 rooms, about three minutes
+    python benchmarks/finder.py --rooms 100 --weights build/people_finder/weights
+    python benchmarks/finder.py --lookalikes           # rooms with nobody, but with coats
 
 Each room is one frame by itself: no tracks. A person is found if half of a detection's pixels are theirs
 and its torso lies within 0.4 m of theirs; a detection that is nobody's is false, and counts for the kind of

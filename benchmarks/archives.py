@@ -1,6 +1,6 @@
 """Many recordings: frames a second with 1 and 2 workers and on a Dask cluster, and each worker's memory.
 
-    python benchmarks/archive.py --recordings 200 --frames 10
+    python benchmarks/archives.py --recordings 200 --frames 10
 
 The recordings are simulated: parts of a few movements of one person, 176 x 144. On a machine that does other
 things too, the processor time is what can be compared.

@@ -1,8 +1,8 @@
 """Fit the joints' confidence to simulated people, and check it on recordings.
 
-    python benchmarks/confidence.py --check DATA -o docs/images/reliability.png
-    python benchmarks/confidence.py --check DATA --mocap captures
-    python benchmarks/confidence.py --rooms 40        # the skeletons' confidence, in rooms with clutter
+    python benchmarks/accuracy.py confidence --check DATA -o docs/images/reliability.png
+    python benchmarks/accuracy.py confidence --check DATA --mocap captures
+    python benchmarks/accuracy.py confidence --rooms 40   # the skeletons' confidence, in rooms with clutter
 
 Clips (``--clips``) of 40 frames of people of other builds than the bank's, before both kinds of sensor with
 half to twice their noise, from 1.5 m, where the image cuts off their feet, to 4 m away, half of them from all
@@ -22,10 +22,6 @@ and checked on the rest.
 
 from __future__ import annotations
 
-import one_thread  # noqa: F401
-
-# isort: split
-
 import tempfile
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
@@ -35,7 +31,7 @@ import numpy as np
 from command_line import make_parser
 
 from depth_pose.bank import Bank, default_bank_path
-from depth_pose.core.skeleton import JOINTS, JointState, Source
+from depth_pose.core.skeleton import JOINT_NODES, JOINTS, JointState, Source
 from depth_pose.core.types import DepthFrame, Skeleton
 from depth_pose.evaluate.truth import load_truth
 from depth_pose.io.mcap_read import DepthReader
@@ -162,7 +158,7 @@ def measure(pipeline: PosePipeline, path: Path) -> Answers:
         if skeleton.is_lost:
             continue
         (person,) = (p for p in result.people.persons if p.body_id == skeleton.body_id)
-        (fitted,) = (f for f in result.refined if f.skeleton.body_id == skeleton.body_id)
+        (fitted,) = (f for f in result.refined if f.body_id == skeleton.body_id)
         known = truth.joints[int(np.argmin(np.abs(truth.stamps_ns - frame.stamp_ns)))]
         error = np.linalg.norm(skeleton.positions - known, axis=1)
         signs = look_at_joints(skeleton.positions, skeleton.scale, person).signs
@@ -234,8 +230,10 @@ def _with_signs(result: FrameResult) -> Iterator[tuple[Skeleton, np.ndarray]]:
     people = {p.body_id: p for p in result.people.persons}
     for fitted in result.refined:
         for skeleton in result.skeletons:
-            if skeleton.body_id == fitted.skeleton.body_id and skeleton.source == Source.REFINED:
-                yield skeleton, skeleton_signs(people[skeleton.body_id], fitted)
+            if skeleton.body_id == fitted.body_id and skeleton.source == Source.REFINED:
+                joints = fitted.body.nodes[JOINT_NODES]
+                parts = joints, skeleton.joint_states, skeleton.joint_confidence
+                yield skeleton, skeleton_signs(people[skeleton.body_id], *parts)
 
 
 def report_rooms(answers: RoomAnswers) -> None:
@@ -414,7 +412,3 @@ def main() -> None:
     for label, answers in measured.items():
         report(label, answers, weights)
     draw(measured, arguments.output)
-
-
-if __name__ == "__main__":
-    main()

@@ -1,6 +1,6 @@
 """Exports, as Blender's and OpenSim's own readers see them, against the skeletons.
 
-python benchmarks/export_readers.py SKELETONS.mcap [RECORDING.mcap]
+python benchmarks/export.py SKELETONS.mcap [RECORDING.mcap]
 
 Needs ``pip install bpy==4.2.23 opensim`` (Python 3.11), into an environment of its own; what is missing
 is left out.

@@ -1,7 +1,8 @@
 """Speed of everything, beside what else there is: writes BENCHMARK.md and its plot.
 
-    pip install pycpd==2.0.0 cycpd     # what is not installed is left out
-    python benchmarks/all.py
+    pip install -e '.[bench]'                             # pycpd
+    python benchmarks/speed.py
+    python benchmarks/speed.py a.mcap --bank my_bank.npz  # prints the stages on recordings of yours, no more
 
 A few minutes on one core. Nothing is read but the bank: the recordings are simulated.
 """
@@ -18,11 +19,9 @@ import tempfile
 from importlib.metadata import version
 from pathlib import Path
 
-import cpd
 import numpy as np
-import peers
-import stages
 from command_line import make_parser
+from parts import cpd, peers, stages
 
 from depth_pose.bank import Bank, default_bank_path
 
@@ -31,7 +30,7 @@ ROOT = Path(__file__).resolve().parents[1]
 
 TEXT = """# Speed
 
-Written by `python benchmarks/all.py` on {date}: {machine}. One thread;
+Written by `python benchmarks/speed.py` on {date}: {machine}. One thread;
 milliseconds of processor time.
 
 ![Milliseconds by stage, and beside other tools](docs/images/stages.png)
@@ -49,15 +48,15 @@ poses from {views} views each. Finder and matcher rest in some frames where they
 
 ## Beside other tools
 
-The same inputs in the same run; `benchmarks/peers.py` says what each does.
+The same inputs in the same run; `benchmarks/parts/peers.py` says what each does.
 
 {peers}
 
 ## Coherent point drift
 
 {source} vertices to {target} points, 27 iterations, the same settings for all but the last two rows;
-`benchmarks/cpd.py` says more. The residual is the mean distance to the nearest target point. The Laplacian
-completion of the body's mesh, factorised anew for each frame, takes {laplacian:.1f} ms.
+`benchmarks/parts/cpd.py` says more. The residual is the mean distance to the nearest target point. The
+Laplacian completion of the body's mesh, factorised anew for each frame, takes {laplacian:.1f} ms.
 
 {cpd}
 
@@ -111,10 +110,14 @@ def draw(measured: list[stages.StageTimes], compared: list[peers.Peer], path: Pa
 def main() -> None:
     """Measure everything and write it down."""
     parser = make_parser(__doc__)
+    parser.add_argument("recordings", nargs="*", type=Path)
     parser.add_argument("--bank", type=Path, help="exemplar bank; the set-up's by default")
     parser.add_argument("-o", "--output", type=Path, default=ROOT, help="folder of BENCHMARK.md and docs")
     arguments = parser.parse_args()
     bank = Bank.load(arguments.bank or default_bank_path())
+    if arguments.recordings:
+        print(stages.table(stages.measure_all(bank, arguments.recordings)))
+        return
     with tempfile.TemporaryDirectory() as folder:
         print("stages ...", flush=True)
         measured = stages.simulated_all(bank, Path(folder))

@@ -1,30 +1,21 @@
 """Processor time of every stage, single thread: three sizes of image, both methods; one, three, six people.
 
-    python benchmarks/stages.py                    # simulated: 176x144, 320x240 and 640x480, and rooms
-    python benchmarks/stages.py a.mcap b.mcap --bank my_bank.npz
-
-Prints a table in Markdown: milliseconds a frame, the median and in brackets the 10th and 90th percentile,
+A table in Markdown: milliseconds a frame, the median and in brackets the 10th and 90th percentile,
 once the first sizes are known; and the median while they are being found. ``finder`` is the learned people
 finder; ``denoise`` the rest of the first stage. A person's share is the sum over the people who are answered,
-the finder included. `all.py` writes the table, with the comparisons, into BENCHMARK.md.
+the finder included.
 """
 
 from __future__ import annotations
 
-import one_thread  # noqa: F401
-
-# isort: split
-
-import tempfile
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from command_line import make_parser
 
-from depth_pose.bank import Bank, default_bank_path
+from depth_pose.bank import Bank
 from depth_pose.core.config import MatchConfig, PipelineConfig, RefineConfig
 from depth_pose.core.types import DepthFrame
 from depth_pose.detect.finder import Detections, PeopleFinder
@@ -139,7 +130,6 @@ def _measure_frame(pipeline: PosePipeline, frame: DepthFrame, finder: TimedFinde
     marks.append(time.thread_time())
     answers = pipeline.recoverer.recover(people, refined)
     marks.append(time.thread_time())
-    pipeline.refiner.take_answer(answers)
     return 1e3 * np.diff(marks), len(answers)
 
 
@@ -184,19 +174,3 @@ def table(measured: list[StageTimes]) -> str:
 def simulated_all(bank: Bank, folder: Path) -> list[StageTimes]:
     """Measure the simulated recordings: one person with both methods, rooms with the default one."""
     return measure_all(bank, simulated(folder)) + measure_all(bank, simulated_rooms(folder), METHODS[:1])
-
-
-def main() -> None:
-    """Measure and print."""
-    parser = make_parser(__doc__)
-    parser.add_argument("recordings", nargs="*", type=Path)
-    parser.add_argument("--bank", type=Path, help="exemplar bank; the set-up's by default")
-    arguments = parser.parse_args()
-    bank = Bank.load(arguments.bank or default_bank_path())
-    with tempfile.TemporaryDirectory() as folder:
-        recordings = arguments.recordings
-        print(table(measure_all(bank, recordings) if recordings else simulated_all(bank, Path(folder))))
-
-
-if __name__ == "__main__":
-    main()

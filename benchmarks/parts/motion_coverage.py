@@ -1,6 +1,6 @@
 """How well the procedural poses cover recorded motion, and pictures of both.
 
-    python benchmarks/motion_coverage.py FOLDER_OF_BVH docs/images
+    python benchmarks/banks.py coverage FOLDER_OF_BVH docs/images
 
 Prints the table of docs/motion.md and writes its pictures.
 """
@@ -148,7 +148,3 @@ def draw(poses: PoseSet, recorded: PoseSet, folder: Path) -> None:
     for i, part in enumerate((names[:half], names[half:]), start=1):
         rows = np.flatnonzero(np.isin(np.array(poses.families), part))
         plot_families(poses.take(rows), folder / f"motion_families_{i}.png", columns=10)
-
-
-if __name__ == "__main__":
-    main()

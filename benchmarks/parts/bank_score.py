@@ -1,6 +1,6 @@
 """Calibrate the matcher's score to a confidence, on simulated people, and check it on recordings.
 
-    python benchmarks/bank_score.py embedded=a.npz recorded=b.npz --mocap captures --check DATA
+    python benchmarks/banks.py score embedded=a.npz recorded=b.npz --mocap captures --check DATA
 
 Fifty clips of people of other builds than the bank's, at other distances, from all around and from
 -10 to 45 degrees of elevation, with the noise of a time-of-flight sensor, move as the embedded
@@ -17,16 +17,25 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-from bank_common import RIGHT_M, Recording, is_flipped, joints_of, load_recording, mean_error, recordings
 from command_line import make_parser
 
 from depth_pose.bank import Bank
 from depth_pose.core.config import MatchConfig
-from depth_pose.match.match import Matcher, match_confidence
+from depth_pose.match.match import match_confidence
 from depth_pose.motion.procedural.generator import CLIPS
 from depth_pose.sim.config import Person, Placement, Room
 from depth_pose.sim.motion import load_motion
 from depth_pose.sim.simulate import Stage, simulate
+from parts.known_people import (
+    RIGHT_M,
+    Recording,
+    is_flipped,
+    joints_of,
+    load_recording,
+    make_matcher,
+    mean_error,
+    recordings,
+)
 
 _CLIPS, _FRAMES, _FPS = 50, 14, 5.0
 """Simulated clips, their frames, and frames a second. Set by hand."""
@@ -67,7 +76,7 @@ def measure(bank: Bank, recorded: list[Recording]) -> np.ndarray:
     """Score and whether it is right, of the best match of every frame."""
     rows = []
     for recording in recorded:
-        matcher = Matcher(bank, MatchConfig(search_every=1))
+        matcher = make_matcher(bank, MatchConfig(search_every=1))
         for people, known in zip(recording.people, recording.joints, strict=True):
             for match in matcher.match(people):
                 found = joints_of(bank, match)
@@ -151,7 +160,3 @@ def main() -> None:
     bins = {label: report(label, rows) for label, rows in matched.items()}
     if arguments.pictures:
         draw(bins, arguments.pictures / "bank_reliability.png")
-
-
-if __name__ == "__main__":
-    main()

@@ -1,0 +1,120 @@
+"""rosbags' reader of ROS 1 bags, with bounds on what a bag can make it read, unpack and keep.
+
+Format: wiki.ros.org/Bags/Format/2.0. The reader follows an index that a bag may fill with anything: records
+of gigabytes, a chunk that is named many times, messages that are, chunks that unpack to more than the memory.
+"""
+
+from __future__ import annotations
+
+import bz2
+import io
+from collections.abc import Callable, Collection, Generator
+from functools import partial
+from pathlib import Path, PosixPath
+from typing import Any
+
+import lz4.frame
+from rosbags.interfaces import Connection
+from rosbags.rosbag1 import Reader
+
+from depth_pose.io._topics import MAX_CHUNK, DamageError
+
+_MOST_INDEX = 16 << 20
+"""Largest index, bytes: 1.4 million messages, which take 190 MB while they are read. Set by hand."""
+
+_UNPACKED_AGAIN = 8
+"""Bytes unpacked, at most, for each byte of a chunk: chunks that overlap in time are unpacked in turn. Set by
+hand."""
+
+
+class _BoundedFile(io.BufferedReader):
+    """A file that refuses to read too much at once, or too long an index."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(io.FileIO(path))
+        self.index_left: int | None = _MOST_INDEX
+
+    def read(self, size: int | None = -1) -> bytes:
+        """Read as much as asked for, within the bounds."""
+        if size is None or not 0 <= size <= MAX_CHUNK:
+            raise DamageError(f"a record of {size} bytes is more than the {MAX_CHUNK >> 20} MiB taken")
+        if self.index_left is not None:
+            self.index_left -= size
+            if self.index_left < 0:
+                raise DamageError(f"its index has more than the {_MOST_INDEX >> 20} MiB taken")
+        return super().read(size)
+
+
+class _BoundedPath(PosixPath):
+    """A path that opens a `_BoundedFile`."""
+
+    def open(self, *_: Any, **__: Any) -> Any:
+        """Open the file for reading."""
+        return _BoundedFile(self)
+
+
+class BoundedReader(Reader):
+    """rosbags' reader with bounds.
+
+    Parameters
+    ----------
+    path : Path
+        A ROS 1 bag.
+    """
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(_BoundedPath(path))
+        self._sizes: dict[int, int] = {}  # chunks that were unpacked: position and size
+        self._unpacked = 0
+
+    def open(self) -> None:
+        """Read the index."""
+        super().open()
+        if isinstance(self.bio, _BoundedFile):
+            self.bio.index_left = None
+        self.chunks = {
+            at: chunk._replace(decompressor=partial(self._unpack, at, _UNPACK.get(chunk.decompressor, bytes)))
+            for at, chunk in self.chunks.items()
+        }
+
+    def _unpack(self, at: int, unpack: Callable[[bytes], bytes], packed: bytes) -> bytes:
+        data = unpack(packed)
+        self._sizes[at] = len(data)
+        self._unpacked += len(data)
+        if self._unpacked > MAX_CHUNK + _UNPACKED_AGAIN * sum(self._sizes.values()):
+            raise DamageError("its index goes from chunk to chunk")
+        return data
+
+    def messages(
+        self, connections: Collection[Connection] = (), start: int | None = None, stop: int | None = None
+    ) -> Generator[tuple[Connection, int, bytes], None, None]:
+        """Give messages by log time; an index that names messages twice is not followed."""
+        given = self._unpacked = 0
+        for found in super().messages(connections, start, stop):
+            given += len(found[2])
+            if given > sum(self._sizes.values()):
+                raise DamageError("its index names messages twice")
+            yield found
+
+
+def _unpack_bz2(packed: bytes) -> bytes:
+    decompressor = bz2.BZ2Decompressor()
+    data = decompressor.decompress(packed, max_length=MAX_CHUNK)
+    if not decompressor.eof:
+        raise DamageError(f"a chunk unpacks to more than the {MAX_CHUNK >> 20} MiB taken, or is cut off")
+    return data
+
+
+def _unpack_lz4(packed: bytes) -> bytes:
+    decompressor = lz4.frame.LZ4FrameDecompressor()
+    data = bytes(decompressor.decompress(packed, max_length=MAX_CHUNK))
+    if not decompressor.eof:
+        raise DamageError(f"a chunk unpacks to more than the {MAX_CHUNK >> 20} MiB taken, or is cut off")
+    return data
+
+
+_UNPACK: dict[Callable[[bytes], bytes], Callable[[bytes], bytes]] = {
+    bz2.decompress: _unpack_bz2,
+    lz4.frame.decompress: _unpack_lz4,
+}
+"""Bounded forms of the functions that rosbags unpacks with."""

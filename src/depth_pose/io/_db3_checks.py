@@ -1,0 +1,176 @@
+"""Checks of an SQLite file before rosbags reads it: plain tables of bounded sizes, and nothing that computes.
+
+Views, triggers, virtual tables and generated columns run what a recording's author wrote. rosbag2 makes none
+of them: a file that has one is refused before a query touches its tables.
+"""
+
+from __future__ import annotations
+
+import shutil
+import sqlite3
+import time
+from contextlib import closing
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from depth_pose.core.errors import ConfigError, InputError
+from depth_pose.core.reading import parse_long_yaml
+from depth_pose.io._rosbag2_folder import LEFT_FREE
+from depth_pose.io._topics import MAX_CHUNK
+
+_MOST_SCHEMA = 200
+"""Most tables and indexes; rosbag2's files have seven. Set by hand."""
+
+_MOST_TEXT = 16 << 20
+"""Most characters of topics and of definitions; those of 500 types are 2 MB. Set by hand."""
+
+_SCHEMA_S = 1.0
+"""Longest that the schema may take to be read, seconds. Set by hand."""
+
+_STEPS = 10_000
+"""Steps of SQLite's machine between looks at the clock: about a millisecond. Set by hand."""
+
+
+def checked_reader(path: Path) -> tuple[Any, TemporaryDirectory[str] | None]:
+    """Check a .db3 file, and make rosbags' reader of it.
+
+    rosbags reads neither a write-ahead log (``-wal``) nor definitions of an encoding it does not know, and
+    takes names apart as URIs: such a file is copied or linked into a folder of its own.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+
+    Returns
+    -------
+    reader : rosbags.rosbag2.Reader
+    folder : TemporaryDirectory or None
+        To be kept as long as the reader is.
+
+    Raises
+    ------
+    InputError
+        Where a check fails.
+    sqlite3.Error
+        Where the file is damaged.
+    """
+    from rosbags.rosbag2 import Reader
+
+    with closing(_connect(path)) as database:
+        tables = _check_schema(path, database)
+        known = _check_texts(path, database, tables)
+        _check_messages(path, database)
+        log = path.with_name(f"{path.name}-wal")
+        must_copy = not known or (log.exists() and log.stat().st_size > 0)
+        if not must_copy and path.suffix == ".db3" and not set("?#%") & set(str(path)):
+            return Reader(path), None
+        folder = TemporaryDirectory(prefix="depth_pose_")
+        inside = Path(folder.name) / "recording.db3"
+        if must_copy:
+            _copy(path, database, inside)
+        else:
+            inside.symlink_to(path.absolute())
+        return Reader(inside), folder
+
+
+def _connect(path: Path) -> sqlite3.Connection:
+    """Open for reading only, with a limit on sizes."""
+    alone = not path.with_name(f"{path.name}-wal").exists()
+    uri = f"{path.absolute().as_uri()}?mode=ro{'&immutable=1' if alone else ''}"
+    database = sqlite3.connect(uri, uri=True)
+    database.execute("PRAGMA trusted_schema = OFF")
+    if hasattr(database, "setlimit"):  # Python 3.11
+        database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, MAX_CHUNK)
+    return database
+
+
+def _check_schema(path: Path, database: sqlite3.Connection) -> set[str]:
+    """Check that there are only plain tables and indexes; returns the tables' names."""
+    end = time.monotonic() + _SCHEMA_S
+    database.set_progress_handler(lambda: time.monotonic() > end, _STEPS)
+    rows = database.execute(f"SELECT type, name, sql FROM sqlite_master LIMIT {_MOST_SCHEMA + 1}").fetchall()
+    if len(rows) > _MOST_SCHEMA:
+        raise InputError(f"{path} is refused: a recording has at most {_MOST_SCHEMA} tables and indexes")
+    tables = {str(name) for kind, name, _ in rows if kind == "table"}
+    for kind, name, sql in rows:
+        is_virtual = kind == "table" and not str(sql).upper().startswith("CREATE TABLE")
+        if kind not in ("table", "index") or is_virtual or _computes(database, kind, name):
+            what = (
+                "a virtual table"
+                if is_virtual
+                else {"table": "a table", "index": "an index"}.get(kind, f"a {kind}")
+            )
+            raise InputError(f"{path} is refused: {name!r} is {what} that computes; a recording has none")
+    for wanted in ("topics", "messages"):
+        if wanted not in tables:
+            raise InputError(f"{path} is an SQLite file, but not rosbag2's: it has no table {wanted}")
+    database.set_progress_handler(None, 0)
+    return tables
+
+
+def _computes(database: sqlite3.Connection, kind: str, name: str) -> bool:
+    """Whether a table has generated or hidden columns, or an index expressions."""
+    if kind == "table":
+        columns = database.execute("SELECT hidden FROM pragma_table_xinfo(?)", (name,))
+        return any(hidden for (hidden,) in columns)
+    return any(cid == -2 for (cid,) in database.execute("SELECT cid FROM pragma_index_xinfo(?)", (name,)))
+
+
+def _check_texts(path: Path, database: sqlite3.Connection, tables: set[str]) -> bool:
+    """Check the sizes of topics and definitions; returns whether rosbags knows the definitions' encodings."""
+    columns = {row[1] for row in database.execute("PRAGMA table_info(topics)")}
+    for topic in _bounded(path, database, "SELECT * FROM topics"):
+        if "offered_qos_profiles" in columns and topic["offered_qos_profiles"]:
+            try:
+                parse_long_yaml(path, str(topic["offered_qos_profiles"]))
+            except ConfigError as error:
+                raise InputError(f"{path} is damaged: offered_qos_profiles of a topic: {error}") from error
+    if "message_definitions" not in tables:
+        return True
+    known = ("ros2msg", "ros2idl")
+    definitions = _bounded(path, database, "SELECT * FROM message_definitions")
+    return all([row["encoding"] in known for row in definitions])  # a list, so that all are looked at
+
+
+def _bounded(path: Path, database: sqlite3.Connection, query: str) -> Any:
+    """Give a query's rows, up to `_MOST_TEXT` characters of them."""
+    cursor = database.cursor()
+    cursor.row_factory = sqlite3.Row
+    left = _MOST_TEXT
+    for row in cursor.execute(query):
+        left -= sum(len(value) if isinstance(value, str | bytes) else 8 for value in row)
+        if left < 0:
+            raise InputError(f"{path} is refused: its topics or definitions have over {_MOST_TEXT >> 20} MB")
+        yield row
+
+
+def _check_messages(path: Path, database: sqlite3.Connection) -> None:
+    """Check that messages are bytes, and not too many: neither loads them."""
+    query = (
+        "SELECT max(CASE WHEN typeof(data) = 'blob' AND typeof(timestamp) = 'integer' "
+        "THEN length(data) ELSE -1 END), sum(typeof(data) <> 'blob' OR typeof(timestamp) <> 'integer') "
+        "FROM messages"
+    )
+    largest, wrong = database.execute(query).fetchone()
+    if wrong:
+        raise InputError(f"{path} is damaged: {wrong} of its messages are not bytes with a time")
+    if largest is not None and largest > MAX_CHUNK:
+        most = MAX_CHUNK >> 20
+        raise InputError(f"{path} is refused: a message has {largest >> 20} MiB; at most {most} are read")
+
+
+def _copy(path: Path, database: sqlite3.Connection, target: Path) -> None:
+    """Copy a database as its log has it, without definitions that rosbags does not know."""
+    (pages,), (size,) = (
+        database.execute(f"PRAGMA {name}").fetchone() for name in ("page_count", "page_size")
+    )
+    if pages * size > shutil.disk_usage(target.parent).free - LEFT_FREE:
+        raise InputError(f"{path} cannot be copied: the disk of {target.parent} has too little room")
+    with closing(sqlite3.connect(target)) as copy:
+        database.backup(copy)
+        copy.execute("PRAGMA journal_mode = DELETE")
+        if copy.execute("SELECT 1 FROM sqlite_master WHERE name = 'message_definitions'").fetchone():
+            copy.execute("DELETE FROM message_definitions WHERE encoding NOT IN ('ros2msg', 'ros2idl')")
+        copy.commit()
