@@ -17,6 +17,9 @@ S = TypeVar("S")
 MEMORY_NS = 2_000_000_000
 """Who comes back within this time, nanoseconds, is remembered: as long as recovery carries poses."""
 
+RETURN_NS = 5_000_000_000
+"""Time (ns) within which a hidden person comes back with the same id and the same build."""
+
 
 class PerPerson(Generic[S]):
     """One state for each person, made when they are first asked for.
