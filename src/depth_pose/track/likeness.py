@@ -52,15 +52,20 @@ _HEIGHT_SHARE = 0.5
 """Weight of a way along the image's columns: a torso's height varies with what hides the legs, yet under a
 ceiling camera this is a way on the floor."""
 
-_PLACE_M, _PLACE_M_S = 0.08, 0.8
-"""Spread of a place (m), and its growth for somebody who walks on (m/s). In simulated rooms a torso moves by
-.12 m in 33 ms and by .30 m in 200 ms at the 97th percentile."""
+_PLACE_M, _PLACE_SHARE, _PLACE_M_S = 0.06, 0.02, 0.8
+"""Spread of a place (m), its share of the distance, and its growth for who walks on (m/s). In simulated
+rooms a torso moves by .12 m in 33 ms and by .30 m in 200 ms at the 97th percentile."""
 
-_WALK_M, _STAY_M = 2.5, 0.3
-"""Largest spread of the place of a hidden person who walks on, and who stays (m); by hand."""
+_JUMPS = 0.03
+"""Share of places anywhere within reach: more of a person comes into view, stamps are off; by hand."""
 
-_STAY_SHARE, _STAY_S = 0.5, 1.0
-"""Share of hidden people who stay where they were, reached with this time constant (s); by hand."""
+_STAY_M, _WANDER_M_S, _WANDER_M = 0.3, 1.0, 2.5
+"""Spread of the place of a hidden person who stays (m), its growth for one who wanders (m/s), and the largest
+spread (m); by hand."""
+
+_STOP_SHARE, _STOP_S = 0.5, 1.0
+"""Share of hidden people who do not walk on, reached with this time constant (s); half of them stay, half of
+them wander; by hand."""
 
 _COASTING_S = 0.7
 """Time after which a hidden person is no longer expected to walk on (s)."""
@@ -81,11 +86,11 @@ _POSE_M, _POSE_M_S, _ANY_POSE_M = 0.02, 0.28, 0.17
 """Spread of the joints about their centre from frame to frame (m), its growth (m/s), and the spread between
 two people (m). In simulated rooms: .023 m in 33 ms, .071 m in 200 ms, .21 m between people (medians)."""
 
+_ODD_POSES = 0.05
+"""Share of poses that do not go on from the last one: left and right are exchanged; by hand."""
+
 _LEAST_CONFIDENCE = 1e-3
 """Confidences below this count as this: an error of 3 m."""
-
-_TAIL = 3.0
-"""Degrees of freedom of the Student t distributions of place and pose: people sometimes jump."""
 
 _BONES = np.array(
     [
@@ -200,15 +205,19 @@ def place_density(
 ) -> float:
     """Compute the density (1/m^2) of a person's place after a gap; 0 beyond the reach of anybody.
 
-    A mixture of who walks on with the last velocity and who stays, each a Student t distribution.
+    A mixture of who walks on with the last velocity, who stays, who turns elsewhere, and who may be anywhere
+    within reach.
     """
-    stay = _distance(now - was)
-    if stay > _STILL_M + _SPEED_M_S * gap_s:
+    away, reach = _distance(now - was), _STILL_M + _SPEED_M_S * gap_s
+    if away > reach:
         return 0.0
-    spread = math.hypot(_PLACE_M, _PLACE_M_S * gap_s)
-    goes = _distance(now - was - velocity * min(gap_s, _COASTING_S))
-    share = _STAY_SHARE * -math.expm1(-gap_s / _STAY_S)
-    return (1.0 - share) * _student(goes, min(spread, _WALK_M)) + share * _student(stay, min(spread, _STAY_M))
+    still = math.hypot(_PLACE_M, _PLACE_SHARE * float(now[2]))
+    off = _distance(now - was - velocity * min(gap_s, _COASTING_S))
+    stops = _STOP_SHARE * -math.expm1(-gap_s / _STOP_S)
+    walks_on = (1.0 - stops) * _normal(off, min(math.hypot(still, _PLACE_M_S * gap_s), _WANDER_M))
+    wander = min(math.hypot(still, _WANDER_M_S * gap_s), _WANDER_M)
+    stays_near = 0.5 * stops * (_normal(away, min(wander, _STAY_M)) + _normal(away, wander))
+    return (1.0 - _JUMPS) * (walks_on + stays_near) + _JUMPS / (math.pi * reach**2)
 
 
 def size_gain(track: Size | None, seen: Size | None) -> float:
@@ -230,7 +239,8 @@ def pose_gain(track: Traits, seen: Traits, gap_s: float) -> float:
     way = seen.joints - track.joints
     way -= weight @ way
     apart = math.sqrt(float(weight @ np.einsum("jk,jk->j", way, way)))
-    return math.log(_student(apart, spread) / _student(apart, _ANY_POSE_M))
+    ratio = _normal(apart, spread) / _normal(apart, _ANY_POSE_M)
+    return math.log((1.0 - _ODD_POSES) * ratio + _ODD_POSES)
 
 
 def _distance(way: NDArray[np.float64]) -> float:
@@ -238,10 +248,9 @@ def _distance(way: NDArray[np.float64]) -> float:
     return math.sqrt(x * x + (_HEIGHT_SHARE * y) ** 2 + z * z)
 
 
-def _student(distance: float, spread: float) -> float:
-    """Density of a two-dimensional Student t distribution at a distance from its middle."""
-    tail = (1.0 + (distance / spread) ** 2 / _TAIL) ** (-0.5 * (_TAIL + 2.0))
-    return float(tail / (2.0 * math.pi * spread**2))
+def _normal(distance: float, spread: float) -> float:
+    """Compute the density of a two-dimensional normal distribution at a distance from its middle."""
+    return math.exp(-0.5 * (distance / spread) ** 2) / (2.0 * math.pi * spread**2)
 
 
 def _log_normal(difference: float, variance: float) -> float:

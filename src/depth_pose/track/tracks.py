@@ -36,7 +36,7 @@ _MOVED_M = 0.25
 """A track that has moved this far (m) is a person, not an object: a coat's place is known to 5 cm."""
 
 
-@dataclass
+@dataclass(eq=False)
 class _Track:
     """Somebody who is followed; their number is 0 until they are believed to be a person."""
 
@@ -50,6 +50,7 @@ class _Track:
 
     def __post_init__(self) -> None:
         self.size = self.traits.size
+        self.began_ns = self.seen_ns
 
     @property
     def probability(self) -> float:
@@ -110,6 +111,7 @@ class PeopleTracks:
         """Forget everybody; names are not given twice."""
         self._tracks: list[_Track] = []
         self._last_ns = 0
+        self._frame_s = 0.0
 
     def restart(self) -> None:
         """Forget everybody and the names given, as if new."""
@@ -132,46 +134,58 @@ class PeopleTracks:
         if self._guard.is_break(stamp_ns):
             self.reset()
         self._tracks = [t for t in self._tracks if t.is_kept(stamp_ns)]
+        self._frame_s = (stamp_ns - self._last_ns) * 1e-9
+        self._last_ns = stamp_ns
         traits = [likeness.traits_of(s) for s in sightings]
         track_of = self._pair(sightings, traits, stamp_ns)
-        self._last_ns = stamp_ns
-        return tuple(
-            self._see(track_of.get(k), sighting, traits[k], stamp_ns) for k, sighting in enumerate(sightings)
-        )
+        for k, sighting in enumerate(sightings):
+            if k not in track_of and sighting.probability >= self._start:
+                track_of[k] = _Track(traits[k], stamp_ns, sighting.place)
+                self._tracks.append(track_of[k])
+        for k, track in track_of.items():
+            track.see(traits[k], sightings[k].probability, stamp_ns)
+        for k, track in track_of.items():
+            self._believe(track, sightings[k], stamp_ns)
+        return tuple(_name(track_of[k]) if k in track_of else None for k in range(len(sightings)))
 
     def probability(self, body_id: str) -> float:
         """Chance that somebody who is followed is a person, after all sightings; 0 for nobody."""
         return next((t.probability for t in self._tracks if _name(t) == body_id), 0.0)
 
-    def _see(self, track: _Track | None, sighting: Sighting, seen: Traits, stamp_ns: int) -> str | None:
-        """Follow somebody on, or from now on; return their name if they are believed to be a person."""
-        if track is None:
-            if sighting.probability < self._start:
-                return None
-            track = _Track(seen, stamp_ns, seen.place)
-            self._tracks.append(track)
-        track.see(seen, sighting.probability, stamp_ns)
+    def _believe(self, track: _Track, sighting: Sighting, stamp_ns: int) -> None:
+        """Give a number to a track that is believed to be a person: that of somebody hidden, or a new one."""
         surely = self._start if sighting.is_news or track.has_moved else self._sure
-        if track.number == 0 and sighting.probability >= surely:
+        if track.number > 0 or sighting.probability < surely:
+            return
+        hidden = [t for t in self._tracks if t.number > 0 and t.seen_ns < track.began_ns]
+        gains = [self._gain(t, sighting, track.traits, stamp_ns) for t in hidden]
+        if gains and max(gains) > 0.0:
+            back = hidden[int(np.argmax(gains))]
+            self._tracks.remove(back)
+            track.number = back.number
+            if back.size is not None:
+                track.size = back.size if track.size is None else back.size.merged(track.size, math.inf)
+        else:
             self._count += 1
             track.number = self._count
-        return _name(track) if track.number > 0 else None
+
+    def _gain(self, track: _Track, sighting: Sighting, seen: Traits, stamp_ns: int) -> float:
+        """Compute what it is worth (nats) to take a sighting for somebody who is followed."""
+        odds = likeness.seen_odds((stamp_ns - track.seen_ns) * 1e-9, self._frame_s)
+        new = likeness.new_density(sighting.probability, self._frame_s)
+        return odds - math.log(new) + track.gain(seen, stamp_ns)
 
     def _pair(
         self, sightings: Sequence[Sighting], traits: Sequence[Traits], stamp_ns: int
     ) -> dict[int, _Track]:
-        """Pair tracks with sightings, by index, at the largest sum of gains."""
-        frame_s = (stamp_ns - self._last_ns) * 1e-9
-        odds = [likeness.seen_odds((stamp_ns - t.seen_ns) * 1e-9, frame_s) for t in self._tracks]
-        gains: dict[tuple[int, int], float] = {}
-        for k, (sighting, seen) in enumerate(zip(sightings, traits, strict=True)):
-            if sighting.probability < self._keep:
-                continue
-            new = math.log(likeness.new_density(sighting.probability, frame_s))
-            for i, track in enumerate(self._tracks):
-                gain = odds[i] - new + track.gain(seen, stamp_ns)
-                if gain > 0.0:
-                    gains[i, k] = gain
+        """Pair sightings, by index, with tracks at the largest sum of gains."""
+        gains = {
+            (i, k): gain
+            for i, track in enumerate(self._tracks)
+            for k, sighting in enumerate(sightings)
+            if sighting.probability >= self._keep
+            and (gain := self._gain(track, sighting, traits[k], stamp_ns)) > 0.0
+        }
         return {k: self._tracks[i] for i, k in _best_pairs(gains, len(self._tracks), len(sightings))}
 
 
@@ -189,5 +203,5 @@ def _best_pairs(gains: dict[tuple[int, int], float], tracks: int, sightings: int
     return [(int(i), int(k)) for i, k in zip(rows, columns, strict=True) if k < sightings]
 
 
-def _name(track: _Track) -> str:
-    return f"body_{track.number}"
+def _name(track: _Track) -> str | None:
+    return f"body_{track.number}" if track.number > 0 else None
