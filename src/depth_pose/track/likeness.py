@@ -30,8 +30,11 @@ from depth_pose.core.skeleton import JOINT_INDEX, JOINT_NODES, JOINTS, rest_node
 from depth_pose.detect.joint_finder import TYPICAL_ERROR_M
 from depth_pose.detect.segmentation import Sighting
 
-_SEEN = 0.95
-"""Chance that somebody seen in the last frame is seen in this one; by hand."""
+_MISSED, _HIDES_S = 0.03, 4.0
+"""Chance to miss somebody in view in a frame, and mean time for which people are in view (s); by hand."""
+
+_UNPROVEN = -3.0
+"""Log-odds that a track that is not yet believed is no fragment of somebody else (nats); by hand."""
 
 _RETURN_S = 0.3
 """Who has been hidden for a time t returns at a rate of 1 / (t + this), seconds; by hand."""
@@ -56,7 +59,7 @@ _PLACE_M, _PLACE_SHARE, _PLACE_M_S = 0.06, 0.02, 0.8
 """Spread of a place (m), its share of the distance, and its growth for who walks on (m/s). In simulated
 rooms a torso moves by .12 m in 33 ms and by .30 m in 200 ms at the 97th percentile."""
 
-_JUMPS = 0.03
+_JUMPS = 0.02
 """Share of places anywhere within reach: more of a person comes into view, stamps are off; by hand."""
 
 _STAY_M, _WANDER_M_S, _WANDER_M = 0.3, 1.0, 2.5
@@ -178,7 +181,7 @@ def traits_of(sighting: Sighting) -> Traits:
     return Traits(sighting.place, size, joints, variance)
 
 
-def seen_odds(gap_s: float, frame_s: float) -> float:
+def seen_odds(gap_s: float, frame_s: float, is_proven: bool) -> float:
     """Compute the log-odds that a person is seen in this frame.
 
     Parameters
@@ -187,9 +190,14 @@ def seen_odds(gap_s: float, frame_s: float) -> float:
         Time since the person was seen (s).
     frame_s : float
         Time since the last frame (s); with the gap no longer than this, the person was seen in it.
+    is_proven : bool
+        Whether the track is believed to be a person.
     """
+    if not is_proven:
+        return _UNPROVEN + seen_odds(gap_s, frame_s, is_proven=True)
     if gap_s <= frame_s:
-        return math.log(_SEEN / (1.0 - _SEEN))
+        lost = _MISSED + -math.expm1(-frame_s / _HIDES_S)
+        return math.log((1.0 - lost) / lost)
     returns = frame_s / (_RETURN_S + gap_s - frame_s)
     return math.log(math.expm1(max(returns, 1e-6)))  # the odds of 1 - exp(-returns)
 

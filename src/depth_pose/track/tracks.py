@@ -171,7 +171,7 @@ class PeopleTracks:
 
     def _gain(self, track: _Track, sighting: Sighting, seen: Traits, stamp_ns: int) -> float:
         """Compute what it is worth (nats) to take a sighting for somebody who is followed."""
-        odds = likeness.seen_odds((stamp_ns - track.seen_ns) * 1e-9, self._frame_s)
+        odds = likeness.seen_odds((stamp_ns - track.seen_ns) * 1e-9, self._frame_s, track.number > 0)
         new = likeness.new_density(sighting.probability, self._frame_s)
         return odds - math.log(new) + track.gain(seen, stamp_ns)
 
