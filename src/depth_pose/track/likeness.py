@@ -21,6 +21,7 @@ The best assignment has the largest sum of gains; a pair whose gain is negative 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -44,6 +45,9 @@ _NEWCOMERS = 0.002
 
 _THINGS = 0.005
 """Density of things per frame where the finder gives a person one chance in two, 1/m^2; by hand."""
+
+_ONE_BODY_M = 0.3
+"""Two torsos are no nearer to each other than this (m); by hand."""
 
 _STILL_M = 0.45
 """A torso's place may move by this from frame to frame when parts of the person appear or vanish (m)."""
@@ -179,6 +183,13 @@ def traits_of(sighting: Sighting) -> Traits:
     stature = max(float(weight @ _lengths(joints)) / total, 1e-2)
     size = Size(math.log(stature), 1.0 / (total * stature**2) + _BUILD_SD**2)
     return Traits(sighting.place, size, joints, variance)
+
+
+def fragments(everybody: Sequence[Traits]) -> set[int]:
+    """Return the indices of sightings that show part of somebody else: of two in one place, the less certain."""
+    pairs = ((i, k) for k in range(len(everybody)) for i in range(k))
+    close = [(i, k) for i, k in pairs if _distance(everybody[i].place - everybody[k].place) < _ONE_BODY_M]
+    return {max(pair, key=lambda n: everybody[n].variance.sum()) for pair in close}
 
 
 def seen_odds(gap_s: float, frame_s: float, is_proven: bool) -> float:

@@ -75,6 +75,14 @@ class _Track:
         of_pose = likeness.pose_gain(self.traits, seen, gap_s)
         return math.log(density) + likeness.size_gain(self.size, seen.size) + of_pose
 
+    def take_over(self, back: _Track) -> None:
+        """Go on as somebody who was hidden."""
+        self.number = back.number
+        self.sightings += back.sightings
+        self.evidence += back.evidence
+        if back.size is not None:
+            self.size = back.size if self.size is None else back.size.merged(self.size, math.inf)
+
     def see(self, seen: Traits, probability: float, stamp_ns: int) -> None:
         """Update the track with a sighting."""
         self.sightings += 1
@@ -110,8 +118,7 @@ class PeopleTracks:
     def reset(self) -> None:
         """Forget everybody; names are not given twice."""
         self._tracks: list[_Track] = []
-        self._last_ns = 0
-        self._frame_s = 0.0
+        self._before_ns = self._now_ns = 0
 
     def restart(self) -> None:
         """Forget everybody and the names given, as if new."""
@@ -134,12 +141,12 @@ class PeopleTracks:
         if self._guard.is_break(stamp_ns):
             self.reset()
         self._tracks = [t for t in self._tracks if t.is_kept(stamp_ns)]
-        self._frame_s = (stamp_ns - self._last_ns) * 1e-9
-        self._last_ns = stamp_ns
+        self._before_ns, self._now_ns = self._now_ns, stamp_ns
         traits = [likeness.traits_of(s) for s in sightings]
-        track_of = self._pair(sightings, traits, stamp_ns)
+        parts = likeness.fragments(traits)
+        track_of = self._pair(sightings, traits, parts, stamp_ns)
         for k, sighting in enumerate(sightings):
-            if k not in track_of and sighting.probability >= self._start:
+            if k not in track_of and k not in parts and sighting.probability >= self._start:
                 track_of[k] = _Track(traits[k], stamp_ns, sighting.place)
                 self._tracks.append(track_of[k])
         for k, track in track_of.items():
@@ -162,28 +169,28 @@ class PeopleTracks:
         if gains and max(gains) > 0.0:
             back = hidden[int(np.argmax(gains))]
             self._tracks.remove(back)
-            track.number = back.number
-            if back.size is not None:
-                track.size = back.size if track.size is None else back.size.merged(track.size, math.inf)
+            track.take_over(back)
         else:
             self._count += 1
             track.number = self._count
 
     def _gain(self, track: _Track, sighting: Sighting, seen: Traits, stamp_ns: int) -> float:
         """Compute what it is worth (nats) to take a sighting for somebody who is followed."""
-        odds = likeness.seen_odds((stamp_ns - track.seen_ns) * 1e-9, self._frame_s, track.number > 0)
-        new = likeness.new_density(sighting.probability, self._frame_s)
+        frame_s = (stamp_ns - self._before_ns) * 1e-9
+        odds = likeness.seen_odds((stamp_ns - track.seen_ns) * 1e-9, frame_s, track.number > 0)
+        new = likeness.new_density(sighting.probability, frame_s)
         return odds - math.log(new) + track.gain(seen, stamp_ns)
 
     def _pair(
-        self, sightings: Sequence[Sighting], traits: Sequence[Traits], stamp_ns: int
+        self, sightings: Sequence[Sighting], traits: Sequence[Traits], parts: set[int], stamp_ns: int
     ) -> dict[int, _Track]:
-        """Pair sightings, by index, with tracks at the largest sum of gains."""
+        """Pair sightings, by index, with tracks at the largest sum of gains; parts bring nobody back."""
         gains = {
             (i, k): gain
             for i, track in enumerate(self._tracks)
             for k, sighting in enumerate(sightings)
             if sighting.probability >= self._keep
+            and (k not in parts or track.seen_ns == self._before_ns)
             and (gain := self._gain(track, sighting, traits[k], stamp_ns)) > 0.0
         }
         return {k: self._tracks[i] for i, k in _best_pairs(gains, len(self._tracks), len(sightings))}
