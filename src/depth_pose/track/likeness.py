@@ -23,6 +23,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -99,6 +100,7 @@ _ODD_POSES = 0.05
 _LEAST_CONFIDENCE = 1e-3
 """Confidences below this count as this: an error of 3 m."""
 
+_LIMBS = (("hip", "knee"), ("knee", "ankle"), ("shoulder", "elbow"), ("elbow", "wrist"))
 _BONES = np.array(
     [
         (JOINT_INDEX[a], JOINT_INDEX[b])
@@ -107,19 +109,11 @@ _BONES = np.array(
             ("neck", "head"),
             ("left_shoulder", "right_shoulder"),
             ("left_hip", "right_hip"),
-            *(
-                (f"{side}_{a}", f"{side}_{b}")
-                for side in ("left", "right")
-                for a, b in (("hip", "knee"), ("knee", "ankle"))
-            ),
-            *(
-                (f"{side}_{a}", f"{side}_{b}")
-                for side in ("left", "right")
-                for a, b in (("shoulder", "elbow"), ("elbow", "wrist"))
-            ),
+            *((f"{side}_{a}", f"{side}_{b}") for side in ("left", "right") for a, b in _LIMBS),
         )
     ]
 ).T
+"""Joints at the two ends of each bone that the size is measured by."""
 
 
 def _lengths(joints: NDArray[np.floating]) -> NDArray[np.float64]:
@@ -186,10 +180,16 @@ def traits_of(sighting: Sighting) -> Traits:
 
 
 def fragments(everybody: Sequence[Traits]) -> set[int]:
-    """Return the indices of sightings that show part of somebody else: of two in one place, the less certain."""
-    pairs = ((i, k) for k in range(len(everybody)) for i in range(k))
-    close = [(i, k) for i, k in pairs if _distance(everybody[i].place - everybody[k].place) < _ONE_BODY_M]
-    return {max(pair, key=lambda n: everybody[n].variance.sum()) for pair in close}
+    """Return the indices of sightings that show part of somebody else.
+
+    Of two in one place it is the one whose joints are less certain.
+    """
+    known = [n for n, traits in enumerate(everybody) if traits.size is not None]
+    return {
+        max(pair, key=lambda n: float(everybody[n].variance.sum()))
+        for pair in combinations(known, 2)
+        if _distance(everybody[pair[0]].place - everybody[pair[1]].place) < _ONE_BODY_M
+    }
 
 
 def seen_odds(gap_s: float, frame_s: float, is_proven: bool) -> float:

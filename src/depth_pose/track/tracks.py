@@ -19,7 +19,7 @@ from scipy.sparse.csgraph import min_weight_full_bipartite_matching
 from depth_pose.core.stamps import StampGuard
 from depth_pose.detect.segmentation import Sighting
 from depth_pose.track import likeness
-from depth_pose.track.likeness import Traits
+from depth_pose.track.likeness import Size, Traits
 from depth_pose.track.memory import MEMORY_NS, RETURN_NS
 
 _MOST_SPEED_M_S = 3.0
@@ -47,10 +47,11 @@ class _Track:
     number: int = 0
     sightings: int = 0
     evidence: float = 0.0
+    size: Size | None = field(init=False)
+    began_ns: int = field(init=False)
 
     def __post_init__(self) -> None:
-        self.size = self.traits.size
-        self.began_ns = self.seen_ns
+        self.size, self.began_ns = self.traits.size, self.seen_ns
 
     @property
     def probability(self) -> float:
