@@ -1,4 +1,4 @@
-"""Who is who from frame to frame: names over time, from places alone."""
+"""Who is who from frame to frame: names over time, from places, sizes and poses."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 from depth_pose.core.config import MAX_STAMP_GAP_NS
 from depth_pose.core.skeleton import JOINT_NODES, rest_nodes
 from depth_pose.detect.segmentation import Sighting
-from depth_pose.track.memory import MEMORY_NS
+from depth_pose.track.memory import RETURN_NS
 from depth_pose.track.tracks import PeopleTracks
 
 STEP_NS = 40_000_000
@@ -25,6 +25,20 @@ def of_size(stature: float, x: float) -> Sighting:
     """Somebody upright with the joints of the rest pose."""
     joints = (stature * rest_nodes()[JOINT_NODES] + [x, 0.0, 3.0]).astype(np.float32)
     return Sighting(1, np.array([x, 0.0, 3.0]), 1.0, joints, np.ones(len(joints), np.float32))
+
+
+def person(
+    stature: float, x: float, z: float = 3.0, pose: int = 0, probability: float = 1.0, rng=None
+) -> Sighting:
+    """Somebody in a pose of their own, with joints that are proposed with an error of 4 cm."""
+    rest = rest_nodes()[JOINT_NODES]
+    bent = rest + np.random.default_rng(pose).normal(0.0, 0.03, rest.shape)
+    noise = np.zeros(rest.shape) if rng is None else rng.normal(0.0, 0.02, rest.shape)
+    joints = (stature * bent + noise + [x, 0.0, z]).astype(np.float32)
+    shaken = np.zeros(3) if rng is None else rng.normal(0.0, 0.03, 3)
+    return Sighting(
+        1, np.array([x, 0.0, z]) + shaken, probability, joints, np.full(len(joints), 0.86, np.float32)
+    )
 
 
 @pytest.fixture
@@ -118,7 +132,7 @@ def test_who_is_hidden_for_a_second_and_a_half_keeps_the_name(tracks, speed) -> 
 
 def test_who_was_away_for_too_long_is_somebody_new(tracks) -> None:
     tracks.assign([at(0.0)], 0)
-    away = MEMORY_NS // STEP_NS + 1
+    away = RETURN_NS // STEP_NS + 1
     for k in range(1, away):
         assert tracks.assign([], k * STEP_NS) == ()
     assert tracks.assign([at(0.0)], away * STEP_NS) == ("body_2",)
@@ -209,3 +223,151 @@ def test_no_two_in_a_frame_share_a_name() -> None:
         shown = [at(*rng.uniform(-1, 1, 2) + [0.0, 3.0]) for _ in range(rng.integers(0, 6))]
         names = [n for n in tracks.assign(shown, k * STEP_NS) if n is not None]
         assert len(names) == len(set(names)) == len(shown)
+
+
+@pytest.mark.parametrize("fps", [5, 30])
+@pytest.mark.parametrize("speed", [0.6, 1.5])
+def test_people_who_cross_with_one_hidden_keep_their_names(tracks, fps, speed) -> None:
+    """The farther one is hidden while the nearer one is before them."""
+    rng, step_ns = np.random.default_rng(5), 10**9 // fps
+    frames = int(3.0 / speed * fps)
+    for k in range(frames):
+        x = -1.5 + speed * k / fps
+        near, far = person(1.75, x, 2.5, 1, rng=rng), person(1.6, -x, 3.3, 2, rng=rng)
+        is_hidden = abs(-x / 3.3 - x / 2.5) < 0.12
+        shown, names = ([near], ("body_1",)) if is_hidden else ([near, far], ("body_1", "body_2"))
+        assert tracks.assign(shown, k * step_ns) == names
+
+
+@pytest.mark.parametrize("fps", [5, 30])
+@pytest.mark.parametrize("way", [0.0, 0.8, -0.8])
+def test_who_is_hidden_for_four_seconds_comes_back_as_themselves(tracks, fps, way) -> None:
+    """They walk behind a shelf and come out where they went in, on the other side, or in between."""
+    rng, step_ns = np.random.default_rng(6), 10**9 // fps
+    for k in range(9 * fps):
+        seconds = k / fps
+        other = person(1.7, 1.5, 3.0, 1, rng=rng)
+        if 3.0 < seconds < 7.0:
+            assert tracks.assign([other], k * step_ns) == ("body_1",)
+            continue
+        x = -1.5 + 0.3 * seconds if seconds < 5.0 else -0.6 + way + 0.3 * (seconds - 7.0)
+        assert tracks.assign([other, person(1.72, x, 3.5, 2, rng=rng)], k * step_ns) == ("body_1", "body_2")
+
+
+@pytest.mark.parametrize("fps", [5, 30])
+def test_two_of_different_size_change_places_while_hidden(tracks, fps) -> None:
+    """An adult and a child behind a screen for 2 s: the places mislead, and the sizes are right."""
+    rng, step_ns = np.random.default_rng(7), 10**9 // fps
+    for k in range(6 * fps):
+        seconds = k / fps
+        side = 0.35 if seconds < 2.0 else -0.35
+        shown = [person(1.8, -side, rng=rng), person(1.25, side, rng=rng)]
+        if 2.0 <= seconds < 4.0:
+            assert tracks.assign([], k * step_ns) == ()
+        else:
+            assert tracks.assign(shown, k * step_ns) == ("body_1", "body_2")
+
+
+def test_two_of_one_size_are_told_apart_by_place(tracks) -> None:
+    rng = np.random.default_rng(8)
+    for k in range(150):
+        shown = [person(1.7, -0.5, pose=1, rng=rng), person(1.7, 0.5, pose=1, rng=rng)]
+        if 50 <= k < 100:
+            assert tracks.assign([], k * STEP_NS) == ()
+        else:
+            assert tracks.assign(shown, k * STEP_NS) == ("body_1", "body_2")
+
+
+@pytest.mark.parametrize("fps", [5, 30])
+def test_who_is_in_view_keeps_the_name_though_somebody_hidden_was_nearer(tracks, fps) -> None:
+    """One is hidden at the middle; the other steps there within a second: nobody has come back."""
+    rng, step_ns = np.random.default_rng(9), 10**9 // fps
+    for k in range(3 * fps):
+        seconds = k / fps
+        walker = person(1.7, -1.2 + max(0.0, seconds - 1.0), 3.0, 1, rng=rng)
+        if seconds < 1.0:
+            shown = [walker, person(1.7, 0.0, 3.4, 2, rng=rng)]
+            assert tracks.assign(shown, k * step_ns) == ("body_1", "body_2")
+        else:
+            assert tracks.assign([walker], k * step_ns) == ("body_1",)
+
+
+def test_a_newcomer_where_somebody_left_has_a_new_name_if_the_build_differs(tracks) -> None:
+    rng = np.random.default_rng(10)
+    for k in range(100):
+        if k < 40:
+            assert tracks.assign([person(1.8, 0.0, rng=rng)], k * STEP_NS) == ("body_1",)
+        elif k < 70:
+            assert tracks.assign([], k * STEP_NS) == ()
+        else:
+            assert tracks.assign([person(1.4, 0.05, rng=rng)], k * STEP_NS) == ("body_2",)
+
+
+def test_a_newcomer_far_from_where_somebody_left_has_a_new_name(tracks) -> None:
+    """In half a second nobody walks four metres."""
+    for k in range(20):
+        assert tracks.assign([person(1.7, -2.0)], k * STEP_NS) == ("body_1",)
+    for k in range(20, 32):
+        assert tracks.assign([], k * STEP_NS) == ()
+    assert tracks.assign([person(1.7, 2.0)], 32 * STEP_NS) == ("body_2",)
+
+
+def test_at_five_frames_a_second_a_runner_keeps_the_name(tracks) -> None:
+    """Running at 4 m/s from a stand, 80 cm a frame: nobody else is there."""
+    for k in range(12):
+        assert tracks.assign([person(1.7, -2.0 + max(0.0, 0.8 * (k - 4)))], k * 200_000_000) == ("body_1",)
+
+
+def test_a_part_of_somebody_does_not_bring_back_who_is_hidden(tracks) -> None:
+    """For a frame the finder sees a person twice in one place; who is hidden a metre away stays hidden."""
+    for k in range(20):
+        shown = [person(1.7, 0.0, pose=1), person(1.7, 1.0, pose=2)]
+        assert tracks.assign(shown, k * STEP_NS) == ("body_1", "body_2")
+    for k in range(20, 40):
+        assert tracks.assign([person(1.7, 0.0, pose=1)], k * STEP_NS) == ("body_1",)
+    part = person(1.6, 0.15, pose=3)
+    part = replace(part, proposal_confidence=part.proposal_confidence * 0.4)
+    assert tracks.assign([person(1.7, 0.0, pose=1), part], 40 * STEP_NS) == ("body_1", None)
+    assert tracks.assign([person(1.7, 0.0, pose=1)], 41 * STEP_NS) == ("body_1",)
+
+
+def test_who_comes_back_little_by_little_is_themselves() -> None:
+    """First seen with doubt, as something new that is followed, and then for sure."""
+    tracks = PeopleTracks(start=0.6, sure=0.9, keep=0.2)
+    for k in range(20):
+        assert tracks.assign([person(1.7, 0.0)], k * STEP_NS) == ("body_1",)
+    for k in range(20, 80):
+        assert tracks.assign([], k * STEP_NS) == ()
+    doubtful = [tracks.assign([person(1.7, 1.3, probability=0.7)], k * STEP_NS)[0] for k in range(80, 84)]
+    assert set(doubtful) <= {None, "body_1"}
+    assert tracks.assign([person(1.7, 1.3, probability=0.99)], 84 * STEP_NS) == ("body_1",)
+    assert 0.9 < tracks.probability("body_1") < 1.0
+
+
+def test_a_coat_does_not_become_who_went_out_beside_it() -> None:
+    """The coat was there before they were gone."""
+    tracks = PeopleTracks(start=0.6, sure=0.9, keep=0.2)
+    coat = person(1.6, 0.4, 3.4, 3, probability=0.8)
+    for k in range(40):
+        shown = [coat, person(1.7, -1.0 + 0.04 * k, 3.0, 1)]
+        assert tracks.assign(shown, k * STEP_NS) == (None, "body_1")
+    for k in range(40, 120):
+        assert tracks.assign([coat], k * STEP_NS) == (None,)
+
+
+def test_from_a_ceiling_the_way_along_the_columns_counts(tracks) -> None:
+    """Seen from above, two who stand one above the other in the image do not change names."""
+    rng = np.random.default_rng(11)
+    for k in range(60):
+        shown = [at(0.0, 2.0 + 0.02 * rng.standard_normal(), y) for y in (-0.6, 0.6)]
+        expected = ("body_1", "body_2")
+        if k and rng.random() < 0.5:
+            shown, expected = shown[::-1], expected[::-1]
+        assert tracks.assign(shown, k * STEP_NS) == expected
+
+
+def test_a_look_that_is_wrong_about_the_size_changes_no_name(tracks) -> None:
+    """Somebody bends down and seems small for a while."""
+    for k in range(60):
+        stature = 1.1 if 30 <= k < 40 else 1.75
+        assert tracks.assign([person(stature, 0.01 * k)], k * STEP_NS) == ("body_1",)

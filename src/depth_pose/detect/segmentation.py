@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.camera import Camera
-from depth_pose.core.skeleton import JOINTS, body_length
 from depth_pose.core.types import DepthFrame
 
 
@@ -38,11 +37,6 @@ class Sighting:
     proposals: NDArray[np.float32]
     proposal_confidence: NDArray[np.float32]
     is_news: bool = False
-
-    @property
-    def length(self) -> float:
-        """Size of the body by the proposed joints (`body_length`), metres; 0 without."""
-        return body_length(self.proposals) if len(self.proposals) == len(JOINTS) else 0.0
 
 
 @dataclass(frozen=True)

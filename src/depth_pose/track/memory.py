@@ -23,6 +23,9 @@ if TYPE_CHECKING:
 MEMORY_NS = 2_000_000_000
 """A person who comes back within this time, nanoseconds, is remembered."""
 
+RETURN_NS = 5_000_000_000
+"""Time (ns) within which a hidden person comes back with the same id and the same build."""
+
 
 @dataclass
 class Subject:

@@ -1,14 +1,15 @@
 """Who is who from frame to frame: everybody keeps one id while they are followed.
 
-Each person followed is expected where their motion leads; what a frame shows is assigned to them
-at the least sum of distances. People do not jump: what is too far off is somebody else. Somebody
-hidden is waited for, and is who comes back there if the build agrees.
+Tracks and sightings are paired so that the sum of their gains (`depth_pose.track.likeness`) is largest: place
+given the motion, body size, pose, and how long the person was hidden. Who was hidden is remembered for
+`RETURN_NS` and comes back as themselves where place and build agree.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,89 +18,86 @@ from scipy.sparse.csgraph import min_weight_full_bipartite_matching
 
 from depth_pose.core.stamps import StampGuard
 from depth_pose.detect.segmentation import Sighting
-from depth_pose.track.memory import MEMORY_NS
+from depth_pose.track import likeness
+from depth_pose.track.likeness import Size, Traits
+from depth_pose.track.memory import MEMORY_NS, RETURN_NS
 
-_STILL_M = 0.45
-"""How far a person's middle may seem to move by what is hidden of them, or not."""
+_MOST_SPEED_M_S = 3.0
+"""Largest velocity that a track is expected to go on with (m/s)."""
 
-_SPEED_M_S = 3.0
-"""How fast people move at most; running indoors."""
+_VELOCITY_SHARE, _VELOCITY_S = 0.3, 0.04
+"""Share of a new velocity that is taken over in a frame, and the length of the frame (s); by hand."""
 
-_MOST_M = 1.0
-"""Nobody is looked for farther off than this from where they are expected, metres."""
-
-_VELOCITY_SHARE = 0.3
-"""Share of a new velocity that is taken over a frame of `_VELOCITY_S`; set by hand."""
-
-_VELOCITY_S = 0.04
-"""The frame that `_VELOCITY_SHARE` is told for, seconds."""
 _DOUBT = 0.5
-"""Sightings' worth of doubt that everybody begins with; by hand: a thing that the finder takes for a person
+"""Number of doubtful sightings that a track starts with; by hand: a thing that the finder takes for a person
 in one frame, at .9, comes out below .6."""
 
 _MOVED_M = 0.25
-"""Who has come so far from where they were first seen is no thing, metres: a coat's place is told to 5 cm."""
-
-_COASTING_S = 0.7
-"""Time after which a hidden person is no longer expected to walk on, seconds."""
+"""A track that has moved this far (m) is a person, not an object: a coat's place is known to 5 cm."""
 
 
-_AWAY_S = 0.3
-"""Who was not seen for longer than this has to agree in size with whom they are taken for, seconds."""
-
-_UNLIKE = 0.25
-"""Difference of the logarithms of two sizes that are not one person's: a child of eight and an adult differ
-by .3 and more, a person's own proposals by .15 as they sit down. Set by hand."""
-
-_LENGTH_SHARE = 0.1
-"""Share of a sighting in the size of somebody who is followed."""
-
-
-@dataclass
+@dataclass(eq=False)
 class _Track:
     """Somebody who is followed; their number is 0 until they are believed to be a person."""
 
-    first: NDArray[np.float64]
+    traits: Traits
     seen_ns: int
-    place: NDArray[np.float64]
-    velocity: NDArray[np.float64]
+    first: NDArray[np.float64]
+    velocity: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
     number: int = 0
     sightings: int = 0
     evidence: float = 0.0
-    length: float = 0.0
+    size: Size | None = field(init=False)
+    began_ns: int = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.size, self.began_ns = self.traits.size, self.seen_ns
 
     @property
     def probability(self) -> float:
         """That this is a person, after all sightings."""
         return self.evidence / (self.sightings + _DOUBT)
 
-    def expected(self, stamp_ns: int) -> NDArray[np.float64]:
-        """Where the person should be now; who is hidden for long slows down."""
-        seconds = (stamp_ns - self.seen_ns) * 1e-9
-        return self.place + self.velocity * min(seconds, _COASTING_S)
+    @property
+    def has_moved(self) -> bool:
+        """Whether the person is far from where they were first seen."""
+        return bool(np.hypot(*(self.traits.place - self.first)[[0, 2]]) >= _MOVED_M)
 
-    def may_be(self, sighting: Sighting, stamp_ns: int) -> bool:
-        """Tell whether the size allows that this is the person again, after they were away."""
-        known = self.length > 0.0 and sighting.length > 0.0
-        if not known or stamp_ns - self.seen_ns <= _AWAY_S * 1e9:
-            return True
-        return abs(float(np.log(sighting.length / self.length))) < _UNLIKE
+    def is_kept(self, stamp_ns: int) -> bool:
+        """Tell whether the track is remembered; who was never believed in is forgotten sooner."""
+        return stamp_ns - self.seen_ns <= (RETURN_NS if self.number else MEMORY_NS)
 
-    def see(self, sighting: Sighting, stamp_ns: int) -> None:
-        """Take a new place over, and what it says of being a person."""
-        place = sighting.place
+    def gain(self, seen: Traits, stamp_ns: int) -> float:
+        """Compute the part of the gain (nats) that place, size and pose decide."""
+        gap_s = (stamp_ns - self.seen_ns) * 1e-9
+        density = likeness.place_density(self.traits.place, self.velocity, seen.place, gap_s)
+        if density == 0.0:
+            return -math.inf
+        of_pose = likeness.pose_gain(self.traits, seen, gap_s)
+        return math.log(density) + likeness.size_gain(self.size, seen.size) + of_pose
+
+    def take_over(self, back: _Track) -> None:
+        """Go on as somebody who was hidden."""
+        self.number = back.number
+        self.sightings += back.sightings
+        self.evidence += back.evidence
+        if back.size is not None:
+            self.size = back.size if self.size is None else back.size.merged(self.size, math.inf)
+
+    def see(self, seen: Traits, probability: float, stamp_ns: int) -> None:
+        """Update the track with a sighting."""
         self.sightings += 1
-        self.evidence += sighting.probability
-        share = _LENGTH_SHARE if self.length > 0.0 else 1.0
-        if sighting.length > 0.0:
-            self.length += share * (sighting.length - self.length)
+        self.evidence += probability
         seconds = (stamp_ns - self.seen_ns) * 1e-9
+        if seen.size is not None and self.sightings > 1:
+            self.size = seen.size if self.size is None else self.size.merged(seen.size, seconds)
         if seconds > 0.0:
             share = 1.0 - (1.0 - _VELOCITY_SHARE) ** (seconds / _VELOCITY_S)
-            self.velocity = self.velocity + share * ((place - self.place) / seconds - self.velocity)
+            way = seen.place - self.traits.place
+            self.velocity = self.velocity + share * (way / seconds - self.velocity)
             speed = float(np.linalg.norm(self.velocity))
-            self.velocity *= min(1.0, _SPEED_M_S / max(speed, 1e-6))
-        self.place, self.seen_ns = place, stamp_ns
+            self.velocity *= min(1.0, _MOST_SPEED_M_S / max(speed, 1e-6))
+        self.traits, self.seen_ns = seen, stamp_ns
 
 
 class PeopleTracks:
@@ -121,6 +119,7 @@ class PeopleTracks:
     def reset(self) -> None:
         """Forget everybody; names are not given twice."""
         self._tracks: list[_Track] = []
+        self._before_ns = self._now_ns = 0
 
     def restart(self) -> None:
         """Forget everybody and the names given, as if new."""
@@ -142,56 +141,75 @@ class PeopleTracks:
         """
         if self._guard.is_break(stamp_ns):
             self.reset()
-        self._tracks = [t for t in self._tracks if stamp_ns - t.seen_ns <= MEMORY_NS]
-        names: list[str | None] = [None] * len(sightings)
-        seen: set[int] = set()
-        for track, k in self._pair(sightings, stamp_ns):
-            seen.add(k)
-            names[k] = self._see(track, sightings[k], stamp_ns)
+        self._tracks = [t for t in self._tracks if t.is_kept(stamp_ns)]
+        self._before_ns, self._now_ns = self._now_ns, stamp_ns
+        traits = [likeness.traits_of(s) for s in sightings]
+        parts = likeness.fragments(traits)
+        track_of = self._pair(sightings, traits, parts, stamp_ns)
         for k, sighting in enumerate(sightings):
-            if k not in seen and sighting.probability >= self._start:
-                track = _Track(sighting.place, stamp_ns, sighting.place, np.zeros(3))
-                self._tracks.append(track)
-                names[k] = self._see(track, sighting, stamp_ns)
-        return tuple(names)
-
-    def _see(self, track: _Track, sighting: Sighting, stamp_ns: int) -> str | None:
-        """Follow somebody on; gives their name if they are believed to be a person."""
-        track.see(sighting, stamp_ns)
-        has_moved = sighting.is_news or np.hypot(*(track.place - track.first)[[0, 2]]) >= _MOVED_M
-        is_likely = sighting.probability >= (self._start if has_moved else self._sure)
-        if track.number == 0 and is_likely:
-            self._count += 1
-            track.number = self._count
-        return _name(track) if track.number > 0 else None
+            if k not in track_of and k not in parts and sighting.probability >= self._start:
+                track_of[k] = _Track(traits[k], stamp_ns, sighting.place)
+                self._tracks.append(track_of[k])
+        for k, track in track_of.items():
+            track.see(traits[k], sightings[k].probability, stamp_ns)
+        for k, track in track_of.items():
+            self._believe(track, sightings[k], stamp_ns)
+        return tuple(_name(track_of[k]) if k in track_of else None for k in range(len(sightings)))
 
     def probability(self, body_id: str) -> float:
         """Chance that somebody who is followed is a person, after all sightings; 0 for nobody."""
         return next((t.probability for t in self._tracks if _name(t) == body_id), 0.0)
 
-    def _pair(self, sightings: Sequence[Sighting], stamp_ns: int) -> list[tuple[_Track, int]]:
-        """Pair those who are followed with what is seen, at the least sum of distances."""
-        if not self._tracks or not sightings:
-            return []
-        far = 1e3
-        costs = np.full((len(self._tracks), len(sightings)), far)
-        for i, track in enumerate(self._tracks):
-            reach = min(_STILL_M + _SPEED_M_S * (stamp_ns - track.seen_ns) * 1e-9, _MOST_M)
-            expected = track.expected(stamp_ns)
-            for k, sighting in enumerate(sightings):
-                # heights do not count: the middle of somebody whose legs are hidden lies higher
-                gap = (sighting.place - expected)[[0, 2]]
-                still = (sighting.place - track.place)[[0, 2]]
-                distance = min(float(np.hypot(*gap)), float(np.hypot(*still)))
-                is_near = distance <= reach and sighting.probability >= self._keep
-                if is_near and track.may_be(sighting, stamp_ns):
-                    costs[i, k] = distance
-        if costs.size == 1:  # as in most frames
-            return [(self._tracks[0], 0)] if costs[0, 0] < far else []
-        # a cost of 0 would be no edge; `scipy.optimize` does the same and takes .4 s to import
-        rows, columns = min_weight_full_bipartite_matching(csr_array(1.0 + costs))
-        return [(self._tracks[i], int(k)) for i, k in zip(rows, columns, strict=True) if costs[i, k] < far]
+    def _believe(self, track: _Track, sighting: Sighting, stamp_ns: int) -> None:
+        """Give a number to a track that is believed to be a person: that of somebody hidden, or a new one."""
+        surely = self._start if sighting.is_news or track.has_moved else self._sure
+        if track.number > 0 or sighting.probability < surely:
+            return
+        hidden = [t for t in self._tracks if t.number > 0 and t.seen_ns < track.began_ns]
+        gains = [self._gain(t, sighting, track.traits, stamp_ns) for t in hidden]
+        if gains and max(gains) > 0.0:
+            back = hidden[int(np.argmax(gains))]
+            self._tracks.remove(back)
+            track.take_over(back)
+        else:
+            self._count += 1
+            track.number = self._count
+
+    def _gain(self, track: _Track, sighting: Sighting, seen: Traits, stamp_ns: int) -> float:
+        """Compute what it is worth (nats) to take a sighting for somebody who is followed."""
+        frame_s = (stamp_ns - self._before_ns) * 1e-9
+        odds = likeness.seen_odds((stamp_ns - track.seen_ns) * 1e-9, frame_s, track.number > 0)
+        new = likeness.new_density(sighting.probability, frame_s)
+        return odds - math.log(new) + track.gain(seen, stamp_ns)
+
+    def _pair(
+        self, sightings: Sequence[Sighting], traits: Sequence[Traits], parts: set[int], stamp_ns: int
+    ) -> dict[int, _Track]:
+        """Pair sightings, by index, with tracks at the largest sum of gains; parts bring nobody back."""
+        gains = {
+            (i, k): gain
+            for i, track in enumerate(self._tracks)
+            for k, sighting in enumerate(sightings)
+            if sighting.probability >= self._keep
+            and (k not in parts or track.seen_ns == self._before_ns)
+            and (gain := self._gain(track, sighting, traits[k], stamp_ns)) > 0.0
+        }
+        return {k: self._tracks[i] for i, k in _best_pairs(gains, len(self._tracks), len(sightings))}
 
 
-def _name(track: _Track) -> str:
-    return f"body_{track.number}"
+def _best_pairs(gains: dict[tuple[int, int], float], tracks: int, sightings: int) -> list[tuple[int, int]]:
+    """Choose pairs of (track, sighting), nobody twice, at the largest sum of gains."""
+    if len({i for i, _ in gains}) == len({k for _, k in gains}) == len(gains):  # as in most frames
+        return list(gains)
+    # `scipy.optimize` does the same and takes .4 s to import; a track may stay alone at a gain of 0
+    most = 1.0 + max(gains.values())
+    costs = np.zeros((tracks, sightings + tracks))
+    costs[:, sightings:] = np.diag(np.full(tracks, most))  # 0 is no edge
+    for pair, gain in gains.items():
+        costs[pair] = most - gain
+    rows, columns = min_weight_full_bipartite_matching(csr_array(costs))
+    return [(int(i), int(k)) for i, k in zip(rows, columns, strict=True) if k < sightings]
+
+
+def _name(track: _Track) -> str | None:
+    return f"body_{track.number}" if track.number > 0 else None
