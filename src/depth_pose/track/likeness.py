@@ -35,7 +35,7 @@ from depth_pose.detect.segmentation import Sighting
 _MISSED, _HIDES_S = 0.03, 4.0
 """Chance to miss somebody in view in a frame, and mean time for which people are in view (s); by hand."""
 
-_UNPROVEN = -3.0
+_UNPROVEN = -4.0
 """Log-odds that a track that is not yet believed is no fragment of somebody else (nats); by hand."""
 
 _RETURN_S = 0.3
@@ -60,7 +60,7 @@ _HEIGHT_SHARE = 0.5
 """Weight of a way along the image's columns: a torso's height varies with what hides the legs, yet under a
 ceiling camera this is a way on the floor."""
 
-_PLACE_M, _PLACE_SHARE, _PLACE_M_S = 0.06, 0.02, 0.8
+_PLACE_M, _PLACE_SHARE, _PLACE_M_S = 0.06, 0.02, 1.0
 """Spread of a place (m), its share of the distance, and its growth for who walks on (m/s). In simulated
 rooms a torso moves by .12 m in 33 ms and by .30 m in 200 ms at the 97th percentile."""
 
