@@ -13,6 +13,7 @@ from depth_pose.core.skeleton import JOINT_NODES, Source
 from depth_pose.motion.procedural.generator import make_clip
 from depth_pose.pipeline import PosePipeline
 from depth_pose.recover.confidence import skeleton_confidence
+from depth_pose.recover.measurements import weigh_joints
 
 FRAMES = 10
 
@@ -59,7 +60,8 @@ def test_every_stage_speaks_of_the_same_frame_and_person(clip, results, bank):
         assert match.bank_id == bank.bank_id
         assert refined.source == Source.REFINED
         assert len(person.points) > 1000
-        sure = skeleton_confidence(person, refined.joints, skeleton.joint_states, skeleton.joint_confidence)
+        joints = weigh_joints(refined.joints, refined.score, person.found).joints
+        sure = skeleton_confidence(person, joints, skeleton.joint_states, skeleton.joint_confidence)
         assert skeleton.confidence == pytest.approx(sure)
         assert sure > 0.6
         assert 0.9 < skeleton.scale < 1.1

@@ -88,6 +88,11 @@ class PosePipeline:
     bank : Bank
     config : PipelineConfig
 
+    Attributes
+    ----------
+    unanswered : int
+        Frames with somebody in view and no skeleton, since the start.
+
     Examples
     --------
     >>> pipeline = PosePipeline(Bank.load(default_bank_path()))  # doctest: +SKIP
@@ -97,6 +102,7 @@ class PosePipeline:
     @_one_thread
     def __init__(self, bank: Bank, config: PipelineConfig = PipelineConfig()) -> None:  # noqa: B008
         self._mount = config.mount
+        self.unanswered = 0
         shared = Shared(bank, config)
         self.extractor = PeopleExtractor(config.segment, config.denoise, config.mount)
         self.matcher = shared.make_matcher()
@@ -118,11 +124,12 @@ class PosePipeline:
         upright = self.recoverer.recover(people, refined)
         # Back into the frame of a sensor that is mounted rolled
         skeletons = tuple(turn_back(s, self._mount) for s in upright)
+        self.unanswered += bool(people.persons and not skeletons)
         followed = self.follower.choose(skeletons, frame.stamp_ns, frame.frame_id)
         return FrameResult(people, matches, refined, skeletons, followed)
 
     def reset(self) -> None:
-        """Forget all earlier frames."""
+        """Forget all earlier frames; what was counted goes on."""
         for stage in self._stages:
             stage.reset()
 

@@ -222,9 +222,13 @@ def _run_one(
         ("topic", reader.topic.name),
         ("frames", str(summary.frames)),
         ("answered", str(summary.answered)),
-        ("nobody in view", str(summary.empty)),
+        ("nobody in view", str(summary.empty - pipeline.unanswered)),
         ("most people in a frame", str(summary.most_people)),
     ]
+    if pipeline.unanswered:
+        facts.append(("found, not answered", f"{pipeline.unanswered} frames: no pose that can be believed"))
+    if pipeline.recoverer.doubtful:
+        facts.append(("found, pose doubtful", f"{pipeline.recoverer.doubtful} detections that no body fits"))
     facts += [(reason, f"{n} ignored") for reason, n in pipeline.extractor.passed_over.items() if n]
     if summary.dropped:
         facts.append(("dropped", str(summary.dropped)))

@@ -27,6 +27,7 @@ from depth_pose.core.types import Skeleton
 from depth_pose.paper.completion import MeshCompleter
 from depth_pose.recover.confidence import fit_confidence, report_joints, skeleton_confidence
 from depth_pose.recover.failure import KINDS, FailureCheck, excess_of
+from depth_pose.recover.measurements import weigh_joints
 from depth_pose.recover.smooth import JointFilter
 from depth_pose.recover.temporal import TemporalCarrier
 from depth_pose.refine.body_fitter import BodyFitter
@@ -59,8 +60,11 @@ _HOPELESS = 0.5
 """A new person is not answered with less than this share of `min_confidence`: it is furniture."""
 
 _VETO, _VETO_SHARE = 0.1, 0.25
-"""A person whose standing (`RecoveryMemory`) stays below the first is not answered: no body fits what the
-finder detected. The second: each frame's share in the average. Set by hand."""
+"""A person whose standing (`RecoveryMemory`) stays below the first is not answered, unless they are sure: no
+body fits what the finder detected. The second: each frame's share in the average. Set by hand."""
+
+_SURE = 0.75
+"""A person of this probability, over all frames, is answered even if no body fits."""
 
 _FIRST_STANDING = 0.3
 """Standing of a new person. Set by hand."""
@@ -130,6 +134,8 @@ class Recoverer:
         Fits by kind of failure (`depth_pose.recover.failure.KINDS`), since the start.
     recoveries : int
         Skeletons that recovery gave, since the start.
+    doubtful : int
+        Detections that no body fits, since the start; those of little probability are not answered.
     """
 
     def __init__(
@@ -153,6 +159,7 @@ class Recoverer:
         self._carrier = TemporalCarrier(completer, bodies.config.temporal, bodies.config.cpd)
         self.failures: Counter[str] = Counter(dict.fromkeys(KINDS, 0))
         self.recoveries = 0
+        self.doubtful = 0
         self.reset()
 
     def reset(self) -> None:
@@ -195,26 +202,33 @@ class Recoverer:
     def _recover(self, person: Person, fitted: Fitted) -> Skeleton | None:
         """Answer for one person; None where they are lost."""
         memory = self._remembered(self._subjects[person.body_id])
+        is_sure = person.found.probability >= _SURE
         answer = self._checked(person, memory, fitted) if self.config.enabled else fitted
+        if answer is None and not fitted.is_lost:
+            self.doubtful += 1
+            answer = fitted if is_sure else None
         if answer is None or answer.is_lost:
             memory.lose()
             return None
         memory.before, memory.person_before = answer, person
-        positions = memory.filter.filter(answer.joints, person.stamp_ns)
         is_recovered = answer.source == Source.RECOVERED
         trust = _TRUST if is_recovered else 1.0
         standing = person.found.probability * trust * fit_confidence(answer.score)
         memory.standing += _VETO_SHARE * (standing - memory.standing)
+        measured = weigh_joints(answer.joints, answer.score, person.found)
+        positions = memory.filter.filter(measured.joints, person.stamp_ns)
         if memory.standing < _VETO:
-            return None
-        report = report_joints(answer.joints, answer.pose.scale, person, answer.score)
+            self.doubtful += 1
+            if not is_sure:
+                return None
+        report = report_joints(measured.joints, answer.pose.scale, person, answer.score)
         joint_confidence = (_JOINT_TRUST if is_recovered else 1.0) * report.confidence
         return Skeleton(
             stamp_ns=person.stamp_ns,
             frame_id=person.frame_id,
             body_id=person.body_id,
             source=answer.source,
-            confidence=trust * skeleton_confidence(person, answer.joints, report.states, joint_confidence),
+            confidence=trust * skeleton_confidence(person, measured.joints, report.states, joint_confidence),
             residual=answer.gap,
             scale=answer.pose.scale,
             positions=positions,

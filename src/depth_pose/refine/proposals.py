@@ -44,7 +44,7 @@ def aim_legs(body: Body, pose: BodyPose, found: FoundPerson) -> BodyPose | None:
     if len(found.proposals) != len(JOINTS):
         return None
     nodes = body.place(pose.rotations, pose.root, pose.scale)
-    joints, confidence = _named_alike(nodes[JOINT_NODES], found)
+    joints, confidence = named_alike(nodes[JOINT_NODES], found)
     sure = _AIMED & (confidence >= _SURE)
     if not sure.any():
         return None
@@ -59,10 +59,10 @@ def from_proposals(nodes: NDArray[np.float64], found: FoundPerson) -> float:
     return kernels.mean_gap(nodes[JOINT_NODES], found.proposals, found.proposal_confidence, _FAR_M)
 
 
-def _named_alike(
+def named_alike(
     own: NDArray[np.float64], found: FoundPerson
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Joints and confidences with left and right such that they are nearer to a pose's."""
+    """Return proposed joints and confidences (19,), left and right named as lies nearer to ``own``."""
     places = np.stack([found.proposals, found.proposals[MIRROR_JOINTS]])
     weights = np.stack([found.proposal_confidence, found.proposal_confidence[MIRROR_JOINTS]])
     side = kernels.nearer_naming(own, places, weights)

@@ -70,7 +70,7 @@ class Subjects:
         now_ns = people.stamp_ns
         if self._guard.is_break(now_ns):
             self.reset()
-        for body_id in [b for b, seen in self._seen_ns.items() if now_ns - seen > MEMORY_NS]:
+        for body_id in [b for b, seen in self._seen_ns.items() if now_ns - seen > RETURN_NS]:
             del self._subjects[body_id], self._seen_ns[body_id]
         for person in people.persons:
             subject = self._subjects.setdefault(person.body_id, Subject())

@@ -85,6 +85,7 @@ class RecoveryNode(BankNode):
         self.figures.values["confidence"] = followed.confidence
         self.figures.values["residual_m"] = followed.residual
         self.figures.values["recoveries"] = self.stage.recoveries
+        self.figures.values["found, pose doubtful"] = self.stage.doubtful
         for kind, count in self.stage.failures.items():
             self.figures.values[f"failures {kind}"] = count
 

@@ -1,0 +1,55 @@
+"""Joints as means of what the fit and the second look say, by their variances."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from depth_pose.core.skeleton import JOINTS, MIRROR_JOINTS
+from depth_pose.core.types import FoundPerson
+from depth_pose.recover.measurements import weigh_joints
+
+RNG = np.random.default_rng(0)
+FITTED = RNG.normal(0.0, 0.4, (len(JOINTS), 3)) + [0.0, 0.0, 3.0]
+
+
+def found(places, confidence=0.5):
+    count = len(places)
+    confidences = np.full(count, confidence, np.float32)
+    return FoundPerson(1, "body_1", 1.0, np.asarray(places, np.float32).reshape(count, 3), confidences)
+
+
+def test_a_fit_that_explains_the_depth_is_kept():
+    measured = weigh_joints(FITTED, 0.2, found(FITTED + 0.1))
+    assert (measured.share < 0.03).all()
+    np.testing.assert_allclose(measured.joints, FITTED, atol=0.003)
+
+
+@pytest.mark.parametrize("confidence", [0.2, 0.5, 0.9])
+def test_a_fit_that_explains_nothing_gives_way_by_variances(confidence):
+    """The plain formula: stated errors are mean distances, of 1.6 deviations."""
+    measured = weigh_joints(FITTED, 0.7, found(FITTED + 0.1, confidence))
+    of_fit = 0.01**2 + (0.7 * 0.3) ** 2
+    of_proposal = (0.1 * np.sqrt(1.0 / confidence - 1.0) / 1.6) ** 2
+    share = of_fit / (of_fit + of_proposal)
+    np.testing.assert_allclose(measured.share, share, rtol=1e-5)
+    np.testing.assert_allclose(measured.joints, FITTED + 0.1 * share, atol=1e-5)
+    np.testing.assert_allclose(measured.proposed, confidence, rtol=1e-6)
+
+
+def test_shares_rise_with_the_score_and_with_the_proposals_confidence():
+    shares = [weigh_joints(FITTED, s, found(FITTED, c)).share[0] for s in (0.3, 0.5, 0.7) for c in (0.2, 0.6)]
+    assert shares[1] > shares[0] and shares[3] > shares[2] and shares[5] > shares[4]
+    assert shares[0] < shares[2] < shares[4]
+
+
+def test_left_and_right_are_named_as_in_the_fit():
+    plain = weigh_joints(FITTED, 0.7, found(FITTED + 0.05))
+    exchanged = weigh_joints(FITTED, 0.7, found((FITTED + 0.05)[MIRROR_JOINTS]))
+    np.testing.assert_allclose(exchanged.joints, plain.joints, atol=1e-6)
+
+
+def test_without_proposals_the_fit_is_all():
+    measured = weigh_joints(FITTED, 0.7, found(np.zeros((0, 3))))
+    assert measured.joints is FITTED
+    assert not measured.share.any()
