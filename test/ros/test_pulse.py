@@ -63,6 +63,6 @@ def test_who_did_not_run_for_long_says_so_and_ends(start):
     with pytest.raises(subprocess.TimeoutExpired):
         process.wait(1.0)
     process.send_signal(signal.SIGCONT)
-    assert b"did not run for 0.5 s or more" in read_until(process, b"\n")
+    read_until(process, b"did not run for 0.5 s or more")
     assert process.wait(30.0) == -signal.SIGTERM
     assert BEAT not in process.stdout.read()  # nobody has asked for signs of life
