@@ -280,7 +280,7 @@ def main() -> None:
         return run_suite(arguments.bank)
     if "start" in arguments.only:
         starts, sizes = zip(*(measure_start(arguments.bank) for _ in range(arguments.times)), strict=True)
-        print(f"start of `up`: {summary(starts)}; its processes at rest: {max(sizes):.0f} MB (PSS)", flush=True)
+        print(f"start of `up`: {summary(starts)}; processes at rest: {max(sizes):.0f} MB (PSS)", flush=True)
     faults = [name for name in FAULTS if name in arguments.only]
     if not faults:
         return None

@@ -75,8 +75,7 @@ def stages_ms(frames: Sequence[DepthFrame], bank: str | None) -> dict[str, float
         people = timed("denoise", pipeline.extractor.extract, frame)
         matches = timed("matcher", pipeline.matcher.match, people)
         refined = timed("refine", pipeline.refiner.refine, people, matches)
-        answers = timed("recovery", pipeline.recoverer.recover, people, refined)
-        pipeline.refiner.take_answer(answers)
+        timed("recovery", pipeline.recoverer.recover, people, refined)
     return {name: statistics.fmean(times) for name, times in spent.items()}
 
 
