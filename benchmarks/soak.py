@@ -9,7 +9,8 @@ good after a minute (SIGSTOP). Once in two seconds the memory of every process i
 latency is taken from the moment its frame was sent. Growth is that of the resident set. With ``--stall`` one
 node after another is stopped for two seconds, so that the queues before it fill, as they do where the
 processor is taken away. Written are ``soak.npz``, ``soak.png`` and a table: slope of each process' memory
-after the first tenth, people in view, and the 95th percentile of the latency in the first and in the last tenth.
+after the first tenth, people in view, and the 95th percentile of the latency in the first and in the last
+tenth.
 """
 
 from __future__ import annotations
