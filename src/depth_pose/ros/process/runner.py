@@ -51,11 +51,8 @@ def run_node(make: Callable[[], Any], args: Sequence[str] | None = None) -> int:
     for number in _heard():
         signal.signal(number, _stop)
     os.umask(PRIVATE_UMASK)
-    has_pulse, ends_with_parent = (bool(os.environ.get(name)) for name in (PULSE, END_WITH_PARENT))
-    if ends_with_parent:
+    if os.environ.get(END_WITH_PARENT):
         end_with_parent()
-    if has_pulse or ends_with_parent:  # and is started again
-        start_pulse(has_pulse)
     code = _run(make, args)
     if args is None:
         leave(code)
@@ -89,6 +86,8 @@ def _run(make: Callable[[], Any], args: Sequence[str] | None) -> int:
         gc.enable()
         Path("/proc/self/comm").write_text(f"{node.get_name()}_node"[:15])  # as `top` shows it
         install_signal_handlers(SignalHandlerOptions.ALL)
+        if os.environ.get(PULSE) or os.environ.get(END_WITH_PARENT):  # whoever started it starts it again
+            start_pulse(bool(os.environ.get(PULSE)))
         _spin(node)
     except (KeyboardInterrupt, ExternalShutdownException):
         pass

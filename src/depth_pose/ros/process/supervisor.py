@@ -236,7 +236,8 @@ class Suite:
     def _take_end(self, child: Child) -> None:
         """Have another started: at once, or ever later where one after the other dies young."""
         name, was_ready = child.name, child.ready_s < math.inf
-        if child.code == EXIT_CONFIG or not (was_ready or self._restarts[name]):
+        may_go_on = was_ready or self._restarts[name] or child.code == 0  # 0: as where it has starved
+        if child.code == EXIT_CONFIG or not may_go_on:
             kind = ConfigError if child.code == EXIT_CONFIG else NodeDiedError
             what = f"the {name} ended with code {child.code} before it was ready"
             self.failure = kind(f"{what}:\n{_last_words(child)}")
