@@ -43,8 +43,8 @@ SENSORS_PATH = Path(__file__).parents[1] / "sensors"
 _ENVIRONMENT = {PULSE: "1", "PYTHONUNBUFFERED": "1", "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 """Of the nodes' processes: signs of life; lines at once; one thread each, as they share the cores."""
 
-_CONSUMERS = {"denoise": 3, "matcher": 1, "refine": 1, "recovery": 1}
-"""Nodes of the suite that subscribe to what each publishes; it is ready once they have."""
+_CONSUMERS = {"denoise": 3, "matcher": 1, "refine": 1, "recovery": 0}
+"""Nodes of the suite that always subscribe to what each publishes; it is ready once they have."""
 
 _LOOK_EVERY_S, _STOP_PATIENCE_S = 0.1, 5.0
 """Seconds between looks where there is no news, and until a process that does not end is killed."""
