@@ -1,67 +1,309 @@
-"""The table of faults of docs/faults.md, measured again.
+"""Measure start, memory and what becomes of the skeletons when nodes die, hang or starve (docs/faults.md).
 
-    python benchmarks/faults.py --times 3
-    python benchmarks/faults.py --times 10 --only killed
+    python benchmarks/faults.py --times 20
+    python benchmarks/faults.py --times 5 --only start one starved
 
-Each row is a test of ``test/ros/test_faults.py``, which does it to real nodes over real DDS; told are
-the median and the worst of the times until skeletons came again, and the median of the frames lost.
+The suite runs in a process of its own. This one publishes a simulated person at 15 frames a second, hears the
+skeletons, and does one fault after another to the nodes' processes. The gap is the longest time between two
+skeletons from the fault on.
 """
 
 from __future__ import annotations
 
 import argparse
+import contextlib
+import itertools
+import json
 import os
+import random
+import signal
 import statistics
 import subprocess
 import sys
 import tempfile
-from collections import defaultdict
+import threading
+import time
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
-ROOT = Path(__file__).parents[1]
-"""The repository."""
+from depth_pose.ros import stay_local
+from depth_pose.ros.process import NODES
+
+os.environ.setdefault("ROS_DOMAIN_ID", str(random.SystemRandom().randrange(1, 101)))
+
+FPS, SECONDS = 15.0, 10.0
+"""Frames a second, and seconds of the simulated recording."""
+
+IMAGE, INFO = "/camera/depth/image_raw", "/camera/depth/camera_info"
+STOPPED_S, HOGGED_S = 6.0, 20.0
+"""Seconds for which processes are stopped, or get hardly any processor."""
+
+CALM_S, LIMIT_S = 3.0, 120.0
+"""Seconds that all must have gone well before the next fault, and until one counts as not recovered."""
 
 
-def run_tests(notes: Path, only: str) -> None:
-    """Run the tests once; each writes a line."""
-    choice = ["-k", only] if only else []
-    environment = os.environ | {"DEPTH_POSE_FAULTS": str(notes)}
-    command = [sys.executable, "-m", "pytest", "-q", "test/ros/test_faults.py", *choice]
-    result = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True)
-    last = result.stdout.strip().splitlines()[-1]
-    print(f"{last}; load average {os.getloadavg()[0]:.1f}", flush=True)
-    if result.returncode:
-        print(result.stdout)
+def run_suite(bank: str | None) -> None:
+    """Run the nodes and print, ten times a second, who is ready with which process id; until stdin ends."""
+    from depth_pose.ros.process.supervisor import Suite
+
+    os.set_blocking(0, False)
+    with Suite(bank=bank, sink=lambda line: print(line, file=sys.stderr, flush=True)) as suite:
+        while sys.stdin.buffer.raw.read(1) != b"":  # type: ignore[attr-defined]
+            ready = {name: suite.pid(name) for name in NODES if suite.is_ready(name)}
+            print(json.dumps(ready), flush=True)
+            time.sleep(0.1)
 
 
-def as_table(lines: list[str]) -> str:
-    """Give the rows of all runs, one for each fault."""
-    rows: dict[str, list[list[str]]] = defaultdict(list)
-    for line in lines:
-        fault, *rest = line.split("\t")
-        rows[fault].append(rest)
-    out = ["| fault | what is seen | skeletons again after: median, worst | frames lost | runs |"]
-    out.append("|---|---|---|---|---|")
-    for fault, found in rows.items():
-        again = [float(r[1]) for r in found if r[1] != "None"]
-        lost = [float(r[2]) for r in found if r[2] != "None"]
-        times = f"{statistics.median(again):.1f} s, {max(again):.1f} s" if again else ""
-        frames = f"{statistics.median(lost):.0f}" if lost else ""
-        out.append(f"| {fault} | {found[-1][0]} | {times} | {frames} | {len(found)} |")
-    return "\n".join(out)
+class Watched:
+    """The suite in a process of its own, as `run_suite` tells of it."""
+
+    def __init__(self, bank: str | None, log: Path) -> None:
+        command = [sys.executable, __file__, "--suite", *(["--bank", bank] if bank else [])]
+        self.process = subprocess.Popen(
+            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=log.open("wb")
+        )
+        self.ready: dict[str, int] = {}
+        threading.Thread(target=self._read, daemon=True).start()
+
+    def _read(self) -> None:
+        assert self.process.stdout is not None
+        for line in self.process.stdout:
+            self.ready = json.loads(line)
+
+    def end(self) -> None:
+        """End it in order."""
+        assert self.process.stdin is not None
+        self.process.stdin.close()
+        self.process.wait(30.0)
+
+
+class Stream:
+    """A sensor, and the times at which skeletons come."""
+
+    def __init__(self, frames: Sequence[tuple[Any, Any]]) -> None:
+        import rclpy
+        from depth_pose_msgs.msg import Skeleton
+        from rclpy.qos import QoSProfile, qos_profile_sensor_data
+        from sensor_msgs.msg import CameraInfo, Image
+
+        rclpy.init(args=[])
+        node = rclpy.create_node("bench")
+        self._images = node.create_publisher(Image, IMAGE, qos_profile_sensor_data)
+        self._infos = node.create_publisher(CameraInfo, INFO, qos_profile_sensor_data)
+        node.create_subscription(Skeleton, "/depth_pose/skeleton", self._take, QoSProfile(depth=100))
+        self._frames = itertools.cycle(frames)
+        self.came_s: list[float] = []
+        threading.Thread(target=rclpy.spin, args=(node,), daemon=True).start()
+        threading.Thread(target=self._send, daemon=True).start()
+
+    def _take(self, skeleton: Any) -> None:
+        if skeleton.source != skeleton.LOST:
+            self.came_s.append(time.monotonic())
+
+    def _send(self) -> None:
+        for image, info in self._frames:
+            image.header.stamp.sec, image.header.stamp.nanosec = divmod(time.time_ns(), 1_000_000_000)
+            info.header.stamp = image.header.stamp
+            self._infos.publish(info)
+            self._images.publish(image)
+            time.sleep(1.0 / FPS)
+
+    def gap_s(self, since_s: float) -> float:
+        """Longest time without a skeleton from a moment on."""
+        times = [since_s, *(t for t in list(self.came_s) if t > since_s), time.monotonic()]
+        return max(b - a for a, b in itertools.pairwise(times))
+
+    def await_calm(self, suite: Watched) -> None:
+        """Wait until every node is ready and skeletons come without a pause."""
+        limit_s, calm_s = time.monotonic() + LIMIT_S, time.monotonic()
+        while time.monotonic() - calm_s < CALM_S:
+            if len(suite.ready) < len(NODES) or self.gap_s(time.monotonic() - CALM_S) > 1.0:
+                calm_s = time.monotonic()
+            if time.monotonic() > limit_s:
+                raise TimeoutError(f"skeletons did not come again; ready were {suite.ready}")
+            time.sleep(0.05)
+
+
+def messages_of(path: Path) -> list[tuple[Any, Any]]:
+    """Simulate a person in front of a time-of-flight sensor, as messages; forwards and backwards."""
+    from dataclasses import replace
+
+    import numpy as np
+    from sensor_msgs.msg import CameraInfo, Image
+
+    from depth_pose.io.mcap_read import read_frames
+    from depth_pose.sim.config import Person
+    from depth_pose.sim.motion import load_motion
+    from depth_pose.sim.simulate import Stage, simulate
+
+    stage = Stage()
+    simulate(
+        path,
+        Person().body(),
+        load_motion("play", FPS, SECONDS),
+        replace(stage, sensor=replace(stage.sensor, fps=FPS)),
+    )
+    made = []
+    for frame in read_frames(path):
+        c = frame.camera
+        image = Image(height=c.height, width=c.width, encoding="16UC1", step=2 * c.width)
+        image.data = np.round(1e3 * frame.depth).astype("<u2").tobytes()
+        info = CameraInfo(height=c.height, width=c.width, distortion_model="plumb_bob", d=[0.0] * 5)
+        info.k = [c.fx, 0.0, c.cx, 0.0, c.fy, c.cy, 0.0, 0.0, 1.0]
+        image.header.frame_id = info.header.frame_id = frame.frame_id
+        made.append((image, info))
+    return made + made[-2:0:-1]
+
+
+def descendants(pid: int) -> list[int]:
+    """Processes that one has started, and those that they have."""
+    found = []
+    for children in Path(f"/proc/{pid}/task").glob("*/children"):
+        for child in map(int, children.read_text().split()):
+            found += [child, *descendants(child)]
+    return found
+
+
+def pss_mb(pid: int) -> float:
+    """Proportional set size of a process: shared pages count in parts."""
+    lines = Path(f"/proc/{pid}/smaps_rollup").read_text().splitlines()
+    return next(int(line.split()[1]) / 1000 for line in lines if line.startswith("Pss:"))
+
+
+def measure_start(bank: str | None) -> tuple[float, float]:
+    """Start ``depth-pose up``; gives seconds until all nodes are ready, and MB of its processes at rest."""
+    command = [sys.executable, "-m", "depth_pose.cli", "up", "--local", *(["--bank", bank] if bank else [])]
+    began_s = time.monotonic()
+    up = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    try:
+        assert up.stdout is not None
+        said = next((line for line in up.stdout if "all nodes are ready" in line), "")
+        took_s = time.monotonic() - began_s
+        if not said:
+            raise RuntimeError("up has ended before all nodes were ready")
+        time.sleep(5.0)  # until all is loaded and joined, also what may take a node's place
+        return took_s, sum(map(pss_mb, [up.pid, *descendants(up.pid)]))
+    finally:
+        up.send_signal(signal.SIGINT)
+        up.communicate(timeout=30.0)
+
+
+def kill(count: int, turn: int, suite: Watched) -> None:
+    """Kill so many nodes at once, other ones each turn."""
+    for name in list(itertools.islice(itertools.cycle(NODES), turn, turn + count)):
+        os.kill(suite.ready[name], signal.SIGKILL)
+
+
+def hang(turn: int, suite: Watched) -> None:
+    """Stop a node, another each turn."""
+    os.kill(suite.ready[NODES[turn % len(NODES)]], signal.SIGSTOP)
+
+
+def stop(count: int, turn: int, suite: Watched) -> None:
+    """Stop so many nodes, and whoever watches over them, for longer than others wait for a sign of them."""
+    names = itertools.islice(itertools.cycle(NODES), turn, turn + count)
+    stopped = [suite.process.pid, *(suite.ready[name] for name in names)]
+    for pid in stopped:
+        os.kill(pid, signal.SIGSTOP)
+    time.sleep(STOPPED_S)
+    for pid in stopped:
+        os.kill(pid, signal.SIGCONT)
+
+
+def starve(suite: Watched) -> None:
+    """Have a program go before all nodes on one core: they get about one part in 300 of it."""
+    cores = os.sched_getaffinity(0)
+    hog = subprocess.Popen([sys.executable, "-c", "while True: pass"])
+    os.sched_setaffinity(hog.pid, {max(cores)})
+    set_share(suite, {max(cores)}, os.SCHED_IDLE, 19)
+    time.sleep(HOGGED_S)
+    set_share(suite, cores, os.SCHED_OTHER, 0)
+    hog.kill()
+    hog.wait()
+
+
+def set_share(suite: Watched, cores: set[int], policy: int, group_nice: int) -> None:
+    """Set where, and with which share of the processor, all processes of the suite run."""
+    for pid in [suite.process.pid, *descendants(suite.process.pid)]:
+        with contextlib.suppress(OSError):  # it has ended, or there are no groups by session
+            for task in Path(f"/proc/{pid}/task").iterdir():
+                os.sched_setaffinity(int(task.name), cores)
+                os.sched_setscheduler(int(task.name), policy, os.sched_param(0))
+            Path(f"/proc/{pid}/autogroup").write_text(str(group_nice))
+
+
+FAULTS: dict[str, tuple[str, Callable[[int, Watched], None]]] = {
+    "one": ("one node killed (-9)", lambda turn, suite: kill(1, turn, suite)),
+    "two": ("two nodes killed at once", lambda turn, suite: kill(2, turn, suite)),
+    "all": ("all nodes killed at once", lambda turn, suite: kill(len(NODES), turn, suite)),
+    "hang": ("one node hangs (SIGSTOP)", hang),
+    "half": (f"two nodes and `up` stopped for {STOPPED_S:.0f} s", lambda turn, suite: stop(2, turn, suite)),
+    "stopped": (
+        f"all nodes and `up` stopped for {STOPPED_S:.0f} s",
+        lambda turn, suite: stop(len(NODES), turn, suite),
+    ),
+    "starved": (f"all starved for {HOGGED_S:.0f} s", lambda turn, suite: starve(suite)),
+}
+"""What is done, and how it is called; for those with a duration the gap counts from its end."""
+
+
+def measure_fault(name: str, turn: int, suite: Watched, stream: Stream) -> tuple[float, float]:
+    """Do a fault once; gives the longest gap in the skeletons after it, and until all nodes were ready."""
+    stream.await_calm(suite)
+    before, began_s = dict(suite.ready), time.monotonic()
+    FAULTS[name][1](turn, suite)
+    if name in ("half", "stopped", "starved"):
+        began_s = time.monotonic()
+    ready_s = began_s
+    while len(suite.ready) == len(NODES) and suite.ready == before and time.monotonic() < began_s + 10.0:
+        time.sleep(0.01)  # until it is noticed
+    while len(suite.ready) < len(NODES) and time.monotonic() < began_s + LIMIT_S:
+        time.sleep(0.01)
+    if suite.ready != before:
+        ready_s = time.monotonic()
+    stream.await_calm(suite)
+    return stream.gap_s(began_s), ready_s - began_s
 
 
 def main() -> None:
     """Run."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("--times", type=int, default=1, help="runs of all tests")
-    parser.add_argument("--only", default="", help="an expression of pytest's -k")
+    parser.add_argument("--times", type=int, default=5, help="how often each is done")
+    parser.add_argument("--only", nargs="+", choices=["start", *FAULTS], default=["start", *FAULTS])
+    parser.add_argument("--bank", help="exemplar bank; the set-up's by default")
+    parser.add_argument("--log", type=Path, default=Path(os.devnull), help="what the nodes print")
+    parser.add_argument("--suite", action="store_true", help="run the nodes (the script starts it)")
     arguments = parser.parse_args()
+    stay_local()
+    if arguments.suite:
+        return run_suite(arguments.bank)
+    if "start" in arguments.only:
+        starts, sizes = zip(*(measure_start(arguments.bank) for _ in range(arguments.times)), strict=True)
+        print(f"start of `up`: {summary(starts)}; processes at rest: {max(sizes):.0f} MB (PSS)", flush=True)
+    faults = [name for name in FAULTS if name in arguments.only]
+    if not faults:
+        return None
     with tempfile.TemporaryDirectory() as folder:
-        notes = Path(folder) / "notes.tsv"
-        for _ in range(arguments.times):
-            run_tests(notes, arguments.only)
-        print("\n" + as_table(notes.read_text().splitlines() if notes.is_file() else []))
+        frames = messages_of(Path(folder) / "person.mcap")
+    suite, stream = Watched(arguments.bank, arguments.log), Stream(frames)
+    print("| fault | longest gap: median, worst | all ready again: median, worst | times |")
+    print("|---|---|---|---|")
+    for name in faults:
+        found = []
+        for turn in range(arguments.times):
+            found.append(measure_fault(name, turn, suite, stream))
+            print(f"{name} {found[-1][0]:.2f} {found[-1][1]:.2f}", file=sys.stderr, flush=True)
+        gaps, ready = zip(*found, strict=True)
+        print(f"| {FAULTS[name][0]} | {summary(gaps)} | {summary(ready)} | {len(found)} |", flush=True)
+    print(f"load average {os.getloadavg()[0]:.1f}")
+    suite.end()
+    return None
+
+
+def summary(seconds: Sequence[float]) -> str:
+    """Give median and worst."""
+    return f"{statistics.median(seconds):.2f}, {max(seconds):.2f} s"
 
 
 if __name__ == "__main__":

@@ -58,10 +58,10 @@ def pss_mb(pid: int) -> float:
 
 def stages_ms(frames: Sequence[DepthFrame], bank: str | None) -> dict[str, float]:
     """Processor time of each stage alone, median over the frames, milliseconds."""
+    from depth_pose.bank import Bank, default_bank_path
     from depth_pose.pipeline import PosePipeline
-    from depth_pose.ros.process.warm_stages import load_bank
 
-    pipeline = PosePipeline(load_bank(bank or ""))
+    pipeline = PosePipeline(Bank.load(bank or default_bank_path()))
     pipeline.warm_up()
     spent: dict[str, list[float]] = {"denoise": [], "matcher": [], "refine": [], "recovery": []}
 
@@ -75,8 +75,7 @@ def stages_ms(frames: Sequence[DepthFrame], bank: str | None) -> dict[str, float
         people = timed("denoise", pipeline.extractor.extract, frame)
         matches = timed("matcher", pipeline.matcher.match, people)
         refined = timed("refine", pipeline.refiner.refine, people, matches)
-        answers = timed("recovery", pipeline.recoverer.recover, people, refined)
-        pipeline.refiner.take_answer(answers)
+        timed("recovery", pipeline.recoverer.recover, people, refined)
     return {name: statistics.fmean(times) for name, times in spent.items()}
 
 
@@ -218,7 +217,7 @@ def main() -> None:
     from soak import make_recording
 
     from depth_pose.io.mcap_read import read_frames
-    from depth_pose.ros.process import HOST, NODES, SECOND_HOST, SPARES
+    from depth_pose.ros.process import NODES
     from depth_pose.ros.process.supervisor import Suite
 
     recording = arguments.recording or arguments.output.with_name("live_input.mcap")
@@ -235,7 +234,7 @@ def main() -> None:
         for fps in arguments.fps:
             print(f"{fps:g} frames a second for {arguments.seconds:g} s ...", flush=True)
             runs.append(bench.play(fps, arguments.seconds, suite))
-        pids = {name: suite.pid(name) for name in (*NODES, *SPARES, HOST, SECOND_HOST)}
+        pids = {name: suite.pid(name) for name in NODES}
         memory = {name: pss_mb(pid) for name, pid in pids.items() if pid is not None}
     print(f"\n{len(frames)} frames of {frames[0].camera.width} x {frames[0].camera.height}, {recording.name}")
     print(f"start, from nothing to all nodes ready: {start_s:.1f} s; load average {os.getloadavg()[0]:.1f}")

@@ -6,11 +6,11 @@
 A recording loops, in which three people walk about, hide and cross; each turn they are gone and come anew.
 Two others listen to everybody's points: one takes half a second for each cloud, the other stops reading for
 good after a minute (SIGSTOP). Once in two seconds the memory of every process is read, and every answer's
-latency is taken from the moment its frame was sent. Growth is that of the resident set: a page that is no
-longer shared with the host moves the proportional set size, but is no new one. With ``--stall`` one node
-after another is stopped for two seconds, so that the queues before it fill, as they do where the processor
-is taken away. Written are ``soak.npz``, ``soak.png`` and a table: slope of each process' memory after the
-first tenth, people in view, and the 95th percentile of the latency in the first and in the last tenth.
+latency is taken from the moment its frame was sent. Growth is that of the resident set. With ``--stall`` one
+node after another is stopped for two seconds, so that the queues before it fill, as they do where the
+processor is taken away. Written are ``soak.npz``, ``soak.png`` and a table: slope of each process' memory
+after the first tenth, people in view, and the 95th percentile of the latency in the first and in the last
+tenth.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ import numpy as np
 from depth_pose.io._messages import read_people
 from depth_pose.io.schemas import PEOPLE_TOPIC
 from depth_pose.ros import stay_local
-from depth_pose.ros.process import HOST, NODES, SECOND_HOST, SPARES
+from depth_pose.ros.process import NODES
 
 os.environ.setdefault("ROS_DOMAIN_ID", str(random.SystemRandom().randrange(1, 101)))
 
@@ -45,7 +45,6 @@ SECONDS, PEOPLE, WIDTH = 20.0, 3, 320
 """Of a recording; the people in the room's, and its pixels a row."""
 EVERY_S, STALL_S = 2.0, 2.0
 """From one look at the memory to the next, and how long a node is stopped, seconds."""
-OTHERS = *SPARES, HOST, SECOND_HOST
 SLOW_S, DEAF_AFTER_S = 0.5, 60.0
 """What the slow listener takes for a cloud, and when the other one goes deaf, seconds."""
 
@@ -139,7 +138,7 @@ class Soak:
             slow, deaf = (subprocess.Popen([sys.executable, __file__, "--listen"]) for _ in range(2))
             stalled, next_stall = itertools.cycle(NODES), stall_s or float("inf")
             while (now := time.monotonic() - self.started) < 60 * minutes:
-                pids = [suite.pid(name) for name in (*NODES, *OTHERS)]
+                pids = [suite.pid(name) for name in NODES]
                 self.memory.append((now, *map(memory_bytes, pids)))
                 print(f"\r{now / 60:.1f} min, {len(self.latency)} answers", end="", flush=True)
                 if now > DEAF_AFTER_S:
@@ -165,7 +164,7 @@ def report(soak: Soak, restarts: dict[str, int], output: Path) -> None:
     """Draw, and print the table."""
     memory, latency = np.array(soak.memory), np.array(soak.latency)
     np.savez_compressed(output.with_suffix(".npz"), memory=memory, latency=latency)
-    names = [*restarts, *OTHERS]
+    names = list(restarts)
     end = memory[-1, 0]
     parts = [latency[latency[:, 0] < end / 10, 1], latency[latency[:, 0] > end * 0.9, 1]]
     p95 = [1e3 * float(np.percentile(part, 95)) for part in parts]

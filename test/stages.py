@@ -5,9 +5,9 @@ from __future__ import annotations
 from depth_pose.bank import Bank
 from depth_pose.core.config import PipelineConfig
 from depth_pose.match.match import Matcher
-from depth_pose.pipeline import Shared
 from depth_pose.recover.recover import Recoverer
 from depth_pose.refine.refine import Refiner
+from depth_pose.stages import Shared
 
 
 def make_matcher(bank: Bank, **sections) -> Matcher:

@@ -17,7 +17,7 @@ from command_line import make_parser
 from depth_pose.bank import Bank
 from depth_pose.core.config import MatchConfig, PipelineConfig, RefineConfig
 from depth_pose.match.search import SubspaceSearch
-from depth_pose.pipeline import Shared
+from depth_pose.stages import Shared
 from parts.known_people import Recording, compare, find_scale, match_frames, read_arguments, subsample
 
 SHARES = (1, 4, 16, 64)

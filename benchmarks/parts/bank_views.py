@@ -22,10 +22,10 @@ from depth_pose.body.body import Body
 from depth_pose.core.config import PipelineConfig, RefineConfig
 from depth_pose.core.skeleton import ADULT_STATURE_M
 from depth_pose.motion.clip import Clip
-from depth_pose.pipeline import Shared
 from depth_pose.sim.config import Person, Placement, Room
 from depth_pose.sim.motion import load_motion
 from depth_pose.sim.simulate import Stage, simulate
+from depth_pose.stages import Shared
 from parts.known_people import Recording, compare, load_recording, match_frames
 
 _DISTANCE_M = 3.6

@@ -19,8 +19,8 @@ from depth_pose.denoise.extract import PeopleExtractor
 from depth_pose.evaluate.truth import load_truth
 from depth_pose.io.mcap_read import DepthReader
 from depth_pose.match.match import Matcher
-from depth_pose.pipeline import Shared
 from depth_pose.refine.refine import Refiner
+from depth_pose.stages import Shared
 from depth_pose.track.person import People
 
 RIGHT_M = 0.1

@@ -6,7 +6,6 @@ The four ROS nodes run the same four stages; here they run one after the other i
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 from threadpoolctl import ThreadpoolController
 
@@ -16,14 +15,8 @@ from depth_pose.core.config import PipelineConfig
 from depth_pose.core.mount import turn_back, turn_upright
 from depth_pose.core.types import DepthFrame, PoseMatch, Skeleton
 from depth_pose.denoise.extract import PeopleExtractor
-from depth_pose.match.match import Matcher
-from depth_pose.paper.completion import MeshCompleter
-from depth_pose.paper.fitter import CompletionFitter
-from depth_pose.recover.recover import Recoverer
-from depth_pose.refine.body_fitter import BodyFitter
-from depth_pose.refine.refine import Refiner
+from depth_pose.stages import Shared
 from depth_pose.track.follow import Follower
-from depth_pose.track.memory import Subjects
 from depth_pose.track.person import People
 
 _one_thread = ThreadpoolController().wrap(limits=1)
@@ -39,45 +32,6 @@ class FrameResult:
     refined: tuple[Fitted, ...]
     skeletons: tuple[Skeleton, ...]
     skeleton: Skeleton
-
-
-class Shared:
-    """What the stages of one process share: the body with its fits, and what is remembered of everybody.
-
-    Parameters
-    ----------
-    bank : Bank
-    config : PipelineConfig
-    """
-
-    def __init__(self, bank: Bank, config: PipelineConfig = PipelineConfig()) -> None:  # noqa: B008
-        self._bank, self._config = bank, config
-        self._subjects = Subjects()
-
-    @cached_property
-    def _bodies(self) -> BodyFitter:
-        return BodyFitter(self._bank.body, self._config.fitting)
-
-    @cached_property
-    def _completer(self) -> MeshCompleter:
-        return MeshCompleter(self._bank.body, self._config.completion, self._config.cpd)
-
-    def make_matcher(self) -> Matcher:
-        """Return the second stage."""
-        return Matcher(self._bank, self._config.match, self._bodies.template, self._subjects)
-
-    def make_refiner(self) -> Refiner:
-        """Return the third stage, with the method of fitting that is configured."""
-        c = self._config
-        fitter = CompletionFitter(self._completer) if c.refine.method == "cpd" else self._bodies
-        return Refiner(self._bank, c.refine, c.match, self._bodies, fitter, self._subjects)
-
-    def make_recoverer(self) -> Recoverer:
-        """Return the fourth stage."""
-        c = self._config
-        return Recoverer(
-            self._bank, c.recover, c.smooth, c.match, self._bodies, self._completer, self._subjects
-        )
 
 
 class PosePipeline:

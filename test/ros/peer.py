@@ -57,12 +57,6 @@ def patient(seconds):
     return seconds * max(1.0, os.getloadavg()[0] / len(os.sched_getaffinity(0)))
 
 
-def lived_s(suite, name):
-    """Seconds from when a node was ready to its last sign of life, as the suite's supervisor counts them."""
-    node = suite._children[name]
-    return time.monotonic() - node.silent_s - node.ready_s
-
-
 def within(seconds, attempt, tries=3):
     """Hold that something takes at most so long: one of a few attempts must.
 

@@ -79,7 +79,7 @@ def view(
     if recording is None:
         from depth_pose.cli.live import call_ros
 
-        watch = call_ros("watch", "start_watch", depth_topic)
+        watch = call_ros("tools.watch", "start_watch", depth_topic)
         source, stop = LiveSource(watch, points), watch.stop
     else:
         source = _recorded(recording, skeletons, bank, depth_topic, topic, points)

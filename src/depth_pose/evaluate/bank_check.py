@@ -20,7 +20,7 @@ from depth_pose.evaluate.bank_sheet import draw_depth
 from depth_pose.evaluate.pictures import plain_text, save_picture
 from depth_pose.io.mcap_read import DepthReader
 from depth_pose.match.match import match_confidence
-from depth_pose.pipeline import Shared
+from depth_pose.stages import Shared
 from depth_pose.track.person import People
 
 _FRAMES_BEFORE = 2

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from depth_pose.bank import Bank
+from depth_pose.bank import Bank, default_bank_path
 from depth_pose.ros.nodes.node_base import StageNode
-from depth_pose.ros.process.warm_stages import load_bank
 
 
 class BankNode(StageNode):
@@ -22,5 +21,5 @@ class BankNode(StageNode):
             If the file is missing, damaged or foreign.
         """
         if self._bank is None:
-            self._bank = load_bank(self.value("bank"))
+            self._bank = Bank.load(self.value("bank") or default_bank_path())
         return self._bank

@@ -23,7 +23,6 @@ from depth_pose.ros.nodes.node_base import Held, Input, StageNode
 from depth_pose.ros.nodes.parameters import DENOISE
 from depth_pose.ros.nodes.room_outputs import RoomOutputs
 from depth_pose.ros.process.runner import run_node
-from depth_pose.ros.process.warm_stages import make
 from depth_pose.ros.transport.frames_in_flight import LONGEST_S, UnderWay
 
 
@@ -48,7 +47,7 @@ class DenoiseNode(StageNode):
 
     def make_stage(self, config: PipelineConfig) -> PeopleExtractor:
         """Make the extractor."""
-        return make(PeopleExtractor, config.segment, config.denoise, config.mount)
+        return PeopleExtractor(config.segment, config.denoise, config.mount)
 
     def open_outputs(self) -> None:
         """Publish people's points, and who they are."""

@@ -10,13 +10,13 @@ from sensor_msgs.msg import PointCloud2
 
 from depth_pose.core.config import PipelineConfig
 from depth_pose.match.match import Matcher, match_confidence
-from depth_pose.pipeline import Shared
 from depth_pose.ros.messages.matches import matches_to_msg
 from depth_pose.ros.messages.people import msgs_to_people
 from depth_pose.ros.nodes.bank_node import BankNode
 from depth_pose.ros.nodes.node_base import Input
 from depth_pose.ros.nodes.parameters import BANK
 from depth_pose.ros.process.runner import run_node
+from depth_pose.stages import Shared
 
 
 class MatcherNode(BankNode):

@@ -36,7 +36,6 @@ from depth_pose.ros.nodes.input_watch import CrowdWatch, SilenceWatch
 from depth_pose.ros.nodes.parameters import COMMON, declare, holds_setting, read_config
 from depth_pose.ros.process import READY
 from depth_pose.ros.process.shared_memory import keep_private
-from depth_pose.ros.process.warm_stages import is_warm
 from depth_pose.ros.setting import Setting
 from depth_pose.ros.transport.intake import (
     LOG_EVERY_S,
@@ -92,11 +91,10 @@ class StageNode(LifecycleNode, ABC):
     CONFIG: ClassVar[type[Sections]] = PipelineConfig
     SECTIONS: ClassVar[tuple[str, ...]] = ()
     SETTINGS: ClassVar[tuple[Setting, ...]] = ()
-    arguments: ClassVar[Sequence[str] | None] = None  # of a process that joined before it had any
 
     def __init__(self, name: str) -> None:
         threadpool_limits(1)  # the processes share the cores; and sums as `PosePipeline` makes them
-        super().__init__(name, namespace="depth_pose", cli_args=self.arguments)
+        super().__init__(name, namespace="depth_pose")
         keep_private()
         self.figures = Figures()
         self.busy = BusyTimes()
@@ -289,8 +287,7 @@ class StageNode(LifecycleNode, ABC):
         """Make all that is needed; a sub-class may put it off until it knows what it needs."""
         self.config = read_config(self, self.SECTIONS, config=self.CONFIG)
         self.stage = self.make_stage(self.config)
-        if not is_warm(self.stage):
-            self.stage.warm_up()
+        self.stage.warm_up()
         self.open_outputs()
         self._intake = self.make_intake()
         inputs = self._intake.inputs

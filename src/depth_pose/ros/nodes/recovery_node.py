@@ -13,7 +13,6 @@ from depth_pose.body.build import build_space
 from depth_pose.core.config import PipelineConfig
 from depth_pose.core.mount import check_turned, sensor_frame, turn_back
 from depth_pose.core.types import Skeleton as SkeletonData
-from depth_pose.pipeline import Shared
 from depth_pose.recover.recover import Recoverer
 from depth_pose.ros.messages.people import msgs_to_people
 from depth_pose.ros.messages.skeletons import msg_to_fitted, skeleton_to_msg, skeletons_to_msg
@@ -24,6 +23,7 @@ from depth_pose.ros.nodes.rep155_outputs import Rep155Outputs
 from depth_pose.ros.process.runner import run_node
 from depth_pose.ros.transport.drawing import skeletons_to_markers
 from depth_pose.ros.transport.tf import Transforms, skeletons_to_transforms
+from depth_pose.stages import Shared
 from depth_pose.track.follow import Follower
 
 

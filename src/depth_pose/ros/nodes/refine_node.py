@@ -15,7 +15,6 @@ from depth_pose.body.build_file import load_build
 from depth_pose.body.pose import Fitted
 from depth_pose.core.config import PipelineConfig
 from depth_pose.core.mount import check_turned
-from depth_pose.pipeline import Shared
 from depth_pose.refine.refine import Refiner
 from depth_pose.ros.messages.matches import msg_to_matches
 from depth_pose.ros.messages.people import msgs_to_people
@@ -25,6 +24,7 @@ from depth_pose.ros.nodes.node_base import Input
 from depth_pose.ros.nodes.parameters import REFINE
 from depth_pose.ros.process.runner import run_node
 from depth_pose.ros.transport.drawing import mesh_to_marker
+from depth_pose.stages import Shared
 from depth_pose.track.person import People as PeopleData
 
 

@@ -1,26 +1,24 @@
-"""One of the processes, as the supervisor sees it: what it says, and whether it lives."""
+"""A node's process, as the supervisor sees it: what it prints, and whether it lives."""
 
 from __future__ import annotations
 
 import contextlib
-import json
 import math
 import os
 import signal
-import socket
 import subprocess
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
-from depth_pose.ros.process import BEAT, DONE, HOST, PID, READY, SECOND_HOST
+from depth_pose.ros.process import BEAT, DONE, READY
 
 PATIENCE_S = 3.0
 """Seconds without a sign of life after which a process counts as hung.
 
-Twenty busy programs on two cores made the longest silence 0.5 s. With a spare, which takes over in half a
-second, a hung node is replaced within 5 s.
+Twenty busy programs on two cores made the longest silence 0.5 s. A new process takes less than 2 s, so that a
+hung one is replaced within 5 s.
 """
 
 _SUSPECT_S = 1.0
@@ -31,14 +29,20 @@ _TICKS_A_SECOND = os.sysconf("SC_CLK_TCK")
 
 
 class Child:
-    """A process at the other end of a connection.
+    """A running program whose output is read.
+
+    Parameters
+    ----------
+    name : str
+        What stands before each of its lines.
+    command : sequence of str
+    environment : mapping
 
     Attributes
     ----------
-    name : str
-    pid, code : int or None
-        Process id, once it is there; exit code, once it has ended: 0 also where it had done its work and was
-        killed.
+    pid : int
+    code : int or None
+        Exit code, once it has ended: 0 also where it was told to end or had done its work when it was killed.
     ready_s : float
         When it said that it is ready, by the monotonic clock; before that infinity.
     silent_s : float
@@ -47,51 +51,38 @@ class Child:
         What it has printed last.
     """
 
-    def __init__(self, name: str) -> None:
+    def __init__(self, name: str, command: Sequence[str], environment: Mapping[str, str]) -> None:
         self.name, self.ready_s, self.silent_s = name, math.inf, 0.0
-        self.pid: int | None = None
         self.code: int | None = None
         self.last_lines, self._rest = deque[str](maxlen=20), b""
-        self._ran_s, self._doomed, self._is_done = 0.0, False, False
-        self._socket, self._theirs = socket.socketpair()
+        self._ran_s, self._doomed, self._is_done, self._told_to_end = 0.0, False, False, False
+        self._process = subprocess.Popen(  # in a session of its own, so that Ctrl-C does not reach it
+            command,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            env=environment,
+            start_new_session=True,
+            bufsize=0,
+        )
+        self.pid = self._process.pid
+
+    @property
+    def lived_s(self) -> float:
+        """Seconds from when it was ready to its last sign of life."""
+        return time.monotonic() - self.silent_s - self.ready_s
 
     def fileno(self) -> int:
-        """Give the connection, for who waits for news."""
-        return self._socket.fileno()
-
-    def spawn(self, command: Sequence[str], environment: dict[str, str]) -> None:
-        """Start a program; Ctrl-C does not reach it."""
-        with self._theirs as end:
-            fd = end.fileno()
-            program = subprocess.Popen(
-                command, stdin=fd, stdout=fd, stderr=fd, env=environment, start_new_session=True
-            )
-        self.pid, program.returncode = program.pid, 0  # `read` waits for it, as for those that are forked
-
-    def fork(self, host: Child, arguments: Sequence[str]) -> None:
-        """Have a host fork it; where that is gone, this one has ended, too."""
-        with self._theirs as end, contextlib.suppress(OSError):
-            socket.send_fds(host._socket, [json.dumps([self.name, arguments]).encode()], [end.fileno()])
-
-    def become(self, name: str, arguments: Sequence[str]) -> None:
-        """Have a spare become a node, or a second host the host; where it died just now, it ends."""
-        self.name = name
-        if name != HOST:
-            self.ready_s = math.inf
-            with contextlib.suppress(OSError):
-                self._socket.sendall(json.dumps([name, arguments]).encode() + b"\n")
+        """Return the file descriptor of its output, for those who wait for news."""
+        assert self._process.stdout is not None
+        return self._process.stdout.fileno()
 
     def read(self, sink: Callable[[str], None]) -> None:
         """Hand on what it has printed, with its name in front; or note that it has ended."""
-        data = b""
-        with contextlib.suppress(ConnectionError):
-            data = self._socket.recv(1 << 16)
+        data = os.read(self.fileno(), 1 << 16)
         lines = (self._rest + data.replace(BEAT, b"")).split(b"\n")
         self._rest = lines.pop() if data or not lines[-1] else b""
         for line in (raw.decode(errors="replace") for raw in lines):
-            if self.pid is None and line.startswith(PID):  # its first line, and no other
-                self.pid = int(line[1:])
-                continue
             if DONE in line:
                 self._is_done = True
                 continue
@@ -101,27 +92,29 @@ class Child:
             sink(f"[{self.name}] {line}")
         if data:
             self.silent_s = 0.0
-            return
-        self._socket.close()
-        self.code = -signal.SIGKILL  # with its host, before it was there
-        with contextlib.suppress(ChildProcessError):
-            if self.pid is not None:
-                self.code = os.waitstatus_to_exitcode(os.waitpid(self.pid, 0)[1])
+        else:
+            self._take_end(sink)
+
+    def _take_end(self, sink: Callable[[str], None]) -> None:
+        assert self._process.stdout is not None
+        self._process.stdout.close()
+        self.code = self._process.wait()
         if self._is_done and self.code == -signal.SIGKILL:
             sink(f"[{self.name}] had done its work, but did not end; it was killed")
             self.code = 0
+        if self._told_to_end and self.code == -signal.SIGTERM:  # while it loaded
+            self.code = 0
 
     def end(self) -> None:
-        """Ask it to end, by the end of its connection; a host, which may be loading, is not asked."""
-        if self.name in (HOST, SECOND_HOST):
-            self.kill()
-        with contextlib.suppress(OSError):
-            self._socket.shutdown(socket.SHUT_WR)
+        """Ask it to end."""
+        if self.code is None:
+            self._told_to_end = True
+            self._process.terminate()
 
     def kill(self) -> None:
-        """End it at once, as far as it is known."""
-        if self.code is None and self.pid is not None:
-            os.kill(self.pid, signal.SIGKILL)
+        """End it at once."""
+        if self.code is None:
+            self._process.kill()
 
     def kill_if_hung(self, waited_s: float, sink: Callable[[str], None]) -> None:
         """End a process that gives no sign of life though it could, once it was ready; another follows it."""

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
+import faulthandler
 import gc
 import os
 import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
 from typing import Any, NoReturn
 
 from depth_pose.core.errors import BankError, ConfigError
 from depth_pose.ros import PRIVATE_UMASK
 from depth_pose.ros.process import DONE
+from depth_pose.ros.process.pulse import PULSE, start_pulse
 
 EXIT_CONFIG = 2
 """Exit code where the configuration or the bank cannot be used: starting again will not help."""
@@ -22,8 +25,8 @@ EXIT_CONFIG = 2
 END_WITH_PARENT = "DEPTH_POSE_END_WITH_PARENT"
 """Environment variable; where it is set, a node ends with the process that started it, as launch's do."""
 
-STOPS = (signal.SIGINT, signal.SIGTERM)
-"""Signals that ask a process to stop."""
+STOPS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+"""Signals that ask a process to stop; the last when its terminal is closed."""
 
 _PR_SET_PDEATHSIG = 1
 """Of Linux' prctl: the signal that a process gets when its parent dies."""
@@ -42,9 +45,10 @@ def run_node(make: Callable[[], Any], args: Sequence[str] | None = None) -> int:
     Returns
     -------
     int
-        Exit code: 0 after SIGINT or SIGTERM, `EXIT_CONFIG` where the settings cannot be used.
+        Exit code: 0 after one of `STOPS`, `EXIT_CONFIG` where the settings cannot be used.
     """
-    for number in STOPS:
+    faulthandler.enable()  # a crash says where
+    for number in _heard():
         signal.signal(number, _stop)
     os.umask(PRIVATE_UMASK)
     if os.environ.get(END_WITH_PARENT):
@@ -73,14 +77,17 @@ def _run(make: Callable[[], Any], args: Sequence[str] | None) -> int:
 
     node = None
     try:
-        if rclpy.ok():  # it joined early
-            make.arguments = args  # type: ignore[attr-defined]
-        else:
-            known = list(args) if args is not None else None
-            ensure_log_folder()
-            rclpy.init(args=known, signal_handler_options=SignalHandlerOptions.NO)
+        ensure_log_folder()
+        known = list(args) if args is not None else None
+        rclpy.init(args=known, signal_handler_options=SignalHandlerOptions.NO)
+        gc.disable()  # collections take a tenth of a start; what is made here stays
         node = make()
+        gc.freeze()
+        gc.enable()
+        Path("/proc/self/comm").write_text(f"{node.get_name()}_node"[:15])  # as `top` shows it
         install_signal_handlers(SignalHandlerOptions.ALL)
+        if os.environ.get(PULSE) or os.environ.get(END_WITH_PARENT):  # whoever started it starts it again
+            start_pulse(bool(os.environ.get(PULSE)))
         _spin(node)
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
@@ -137,16 +144,21 @@ def end_with_parent() -> None:
 
 @contextlib.contextmanager
 def on_stop(callback: Callable[[], None]) -> Iterator[None]:
-    """Call back on SIGINT and SIGTERM within the block, where it is the main thread's."""
+    """Call back on `STOPS` within the block, where it is the main thread's."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    before = {n: signal.signal(n, lambda *_: callback()) for n in STOPS}
+    before = {n: signal.signal(n, lambda *_: callback()) for n in _heard()}
     try:
         yield
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+def _heard() -> list[signal.Signals]:
+    """Return `STOPS`, without SIGHUP where it is ignored: ``nohup`` asks for that."""
+    return [n for n in STOPS if n != signal.SIGHUP or signal.getsignal(n) != signal.SIG_IGN]
 
 
 def _stop(number: int, frame: object) -> None:

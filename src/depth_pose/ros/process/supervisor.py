@@ -6,17 +6,14 @@
         ...                                 # topics are live
                                             # all four have ended here
 
-`up` is the same as a command that runs until SIGINT or SIGTERM. Each node is a process, forked from one
-that has everything loaded, the host (`depth_pose.ros.process.host`). A process that dies or hangs is started
-again: at once at first, and up to 10 s later when it goes on dying. As many more are forked as spares, which
-take the places of such nodes, and a second host, which takes the place of the first. What a process prints
-appears with its name in front. If the supervisor is killed, all end.
+`up` is the same as a command that runs until SIGINT, SIGTERM or SIGHUP. Each node is an ordinary process. One
+that dies or hangs is started again: at once at first, and up to 10 s later when it goes on dying. What a
+process prints appears with its name in front. If the supervisor is killed, all end.
 """
 
 from __future__ import annotations
 
 import contextlib
-import ctypes
 import json
 import math
 import os
@@ -32,8 +29,9 @@ from typing import Any
 
 from depth_pose.core.errors import ConfigError, DepthPoseError
 from depth_pose.ros import stay_local
-from depth_pose.ros.process import HOST, NODES, SECOND_HOST, SPARES
+from depth_pose.ros.process import NODES
 from depth_pose.ros.process.child import Child
+from depth_pose.ros.process.pulse import PULSE
 from depth_pose.ros.process.runner import EXIT_CONFIG, on_stop
 from depth_pose.ros.process.shared_memory import remove_leftovers
 
@@ -42,10 +40,11 @@ __all__ = ["NODES", "SENSORS_PATH", "NodeDiedError", "Suite", "sensor_names", "u
 SENSORS_PATH = Path(__file__).parents[1] / "sensors"
 """Parameter files of known sensor drivers, NAME.yaml."""
 
-_HOST_MODULE = "depth_pose.ros.process.host"
+_ENVIRONMENT = {PULSE: "1", "PYTHONUNBUFFERED": "1", "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+"""Of the nodes' processes: signs of life; lines at once; one thread each, as they share the cores."""
 
-_CONSUMERS = {"denoise": 3, "matcher": 1, "refine": 1, "recovery": 1}
-"""Nodes of the suite that subscribe to what each publishes; it is ready once they have."""
+_CONSUMERS = {"denoise": 3, "matcher": 1, "refine": 1, "recovery": 0}
+"""Nodes of the suite that always subscribe to what each publishes; it is ready once they have."""
 
 _LOOK_EVERY_S, _STOP_PATIENCE_S = 0.1, 5.0
 """Seconds between looks where there is no news, and until a process that does not end is killed."""
@@ -56,19 +55,11 @@ _LONGEST_LOOK_S = 0.5
 _FIRST_DELAY_S, _MAX_DELAY_S = 0.1, 10.0
 """Seconds before a process is started again that died young twice; it doubles up to the most. Set by hand."""
 
-_DEPUTY_DELAY_S = 1.0
-"""Seconds before a spare or a second host that died before it was ready is started again. Set by hand."""
+HEALTHY_S = 3.0
+"""Seconds; a process that was ready for so long before its last sign of life is started again at once.
 
-_HEALTHY_S = 1.5
-"""Seconds; a process that was ready so long before its last sign of life is started again at once.
-
-What a bug or a frame ends, it ends while it loads or with its first frames. One that lived a little longer
-each time would cost 0.08 of a core: 0.2 s of processor time each (matcher, killed six times, 1.6 s after it
-was ready).
+What a bug or a frame ends, it ends while it loads or with its first frames.
 """
-
-_PR_SET_CHILD_SUBREAPER = 36
-"""Of Linux' prctl: processes whose parent has ended become this one's, which then learns how they end."""
 
 
 class NodeDiedError(DepthPoseError):
@@ -119,10 +110,8 @@ class Suite:
         sink: Callable[[str], None] | None = None,
     ) -> None:
         self.failure: DepthPoseError | None = None
-        self._bank = str(Path(bank).absolute()) if bank is not None else ""
         given = _ros_arguments(params_file, sensor, bank, parameters or {}, remap)
         self._arguments = {name: ["--ros-args", *_links(name, nodes), *given] for name in nodes}
-        self._spares = SPARES[: len(nodes)]
         self._sink = sink or _print
         self._children: dict[str, Child] = {}
         self._restarts: Counter[str] = Counter()
@@ -138,20 +127,24 @@ class Suite:
         return {name: self._restarts[name] for name in self._arguments}
 
     def pid(self, name: str) -> int | None:
-        """Process id of a node, "spare 1" ..., the "host" or the "second host"; None while it is down."""
+        """Process id of a node; None while it is down."""
         child = self._children.get(name)
         return child.pid if child is not None and child.code is None else None
 
     def is_ready(self, name: str) -> bool:
-        """Whether a node has said so since it was last started; a spare could then take over at once."""
+        """Whether a node has said so since it was last started."""
         child = self._children.get(name)
         return child is not None and child.ready_s < math.inf and child.code is None
+
+    def lived_s(self, name: str) -> float:
+        """Seconds from when a node was ready to its last sign of life; minus infinity before it is ready."""
+        child = self._children.get(name)
+        return child.lived_s if child is not None else -math.inf
 
     def start(self) -> None:
         """Start all nodes; returns at once, see `wait_ready`."""
         if self._thread.ident is not None:
             raise DepthPoseError("this suite has been started; make a new one")
-        ctypes.CDLL(None).prctl(_PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0)
         self._thread.start()
 
     def wait_ready(self, timeout_s: float = 300.0) -> None:
@@ -181,8 +174,7 @@ class Suite:
         self._stopping.set()
         if self._thread.ident is not None:
             self._thread.join()
-        there = {n: c for n, c in self._children.items() if n in self._arguments and c.pid is not None}
-        return {n: c.code or 0 for n, c in there.items()}
+        return {name: child.code or 0 for name, child in self._children.items()}
 
     def __enter__(self) -> Suite:
         self.start()
@@ -202,12 +194,8 @@ class Suite:
 
     def _run(self) -> None:
         while not self._stopping.is_set() and self.failure is None:
-            for name in (HOST, *self._arguments):
+            for name in self._arguments:
                 self._look_after(name)
-            if all(map(self.is_ready, self._children)):  # one deputy after the other: frames go first
-                missing = [n for n in (SECOND_HOST, *self._spares) if n not in self._children]
-                for name in [n for n in missing if time.monotonic() >= self._due_s.get(n, 0.0)][:1]:
-                    self._start(name)
             self._look()
         for child in self._children.values():
             child.end()
@@ -220,29 +208,14 @@ class Suite:
         remove_leftovers()
 
     def _look_after(self, name: str) -> None:
-        """Start a process; where it has ended, a deputy takes its place if one is ready."""
+        """Start a node that is not there, or no longer."""
         last = self._children.get(name)
-        if last is None:
-            self._start(name)
-        elif last.code is not None and time.monotonic() >= self._due_s[name]:
+        if last is not None:
+            if last.code is None or time.monotonic() < self._due_s[name]:
+                return
             self._restarts[name] += 1
-            deputy = next(filter(self.is_ready, (SECOND_HOST,) if name == HOST else self._spares), None)
-            if deputy is None:
-                self._start(name)
-            else:
-                self._children[name] = self._children.pop(deputy)
-                self._children[name].become(name, self._arguments.get(name, []))
-
-    def _start(self, name: str) -> None:
-        child = Child(name)
-        if name == HOST:
-            # a process with threads of its own cannot fork
-            alone = {"PYTHONUNBUFFERED": "1", "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
-            command = [sys.executable, "-W", "ignore:This process", "-m", _HOST_MODULE, self._bank]
-            child.spawn(command, os.environ | alone)
-        else:
-            child.fork(self._children[HOST], self._arguments.get(name, []))
-        self._children[name] = child
+        command = [sys.executable, "-m", f"depth_pose.ros.nodes.{name}_node", *self._arguments[name]]
+        self._children[name] = Child(name, command, os.environ | _ENVIRONMENT)
 
     def _look(self) -> float:
         """See to what comes, and to what does not; gives the seconds that it took, as far as they count."""
@@ -263,20 +236,17 @@ class Suite:
     def _take_end(self, child: Child) -> None:
         """Have another started: at once, or ever later where one after the other dies young."""
         name, was_ready = child.name, child.ready_s < math.inf
-        if name in (SECOND_HOST, *self._spares):
-            del self._children[name]
-            self._due_s[name] = time.monotonic() + (0.0 if was_ready else _DEPUTY_DELAY_S)
-        elif child.code == EXIT_CONFIG or not (was_ready or self._restarts[name] or child.pid is None):
+        may_go_on = was_ready or self._restarts[name] or child.code == 0  # 0: as where it has starved
+        if child.code == EXIT_CONFIG or not may_go_on:
             kind = ConfigError if child.code == EXIT_CONFIG else NodeDiedError
             what = f"the {name} ended with code {child.code} before it was ready"
             self.failure = kind(f"{what}:\n{_last_words(child)}")
-        else:
-            lived_s = time.monotonic() - child.silent_s - child.ready_s
-            wait_s = self._delay_s.get(name, 0.0) if lived_s < _HEALTHY_S else 0.0
-            after = f"in {wait_s:.1f} s" if wait_s else "at once"
-            self._sink(f"[{name}] ended with code {child.code}; starting it again {after}")
-            self._due_s[name] = time.monotonic() + wait_s
-            self._delay_s[name] = min(max(_FIRST_DELAY_S, 2.0 * wait_s), _MAX_DELAY_S)
+            return
+        wait_s = self._delay_s.get(name, 0.0) if child.lived_s < HEALTHY_S else 0.0
+        after = f"in {wait_s:.1f} s" if wait_s else "at once"
+        self._sink(f"[{name}] ended with code {child.code}; starting it again {after}")
+        self._due_s[name] = time.monotonic() + wait_s
+        self._delay_s[name] = min(max(_FIRST_DELAY_S, 2.0 * wait_s), _MAX_DELAY_S)
 
 
 def up(
@@ -288,7 +258,7 @@ def up(
     remap: Sequence[str] = (),
     local: bool = False,
 ) -> int:
-    """Run the four nodes until SIGINT or SIGTERM; signals are heard in the main thread.
+    """Run the four nodes until SIGINT, SIGTERM or SIGHUP; signals are heard in the main thread.
 
     Parameters are those of `Suite`; ``local`` keeps all of it to this machine (`depth_pose.ros.stay_local`).
 
