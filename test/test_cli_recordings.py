@@ -11,6 +11,7 @@ from mcap.writer import Writer
 
 from command import Done, caller
 from depth_pose.core.camera import Camera
+from depth_pose.core.outputs import own_folder
 from depth_pose.io import schemas
 from depth_pose.io._messages import write_camera_info, write_image
 from depth_pose.io.mcap_write import DepthWriter
@@ -93,6 +94,19 @@ def test_run_on_many_of_which_one_is_damaged(tmp_path: Path, call: Callable[...,
         assert done.returncode == 3, again
         assert "damaged.mcap has 1 damaged chunk" in done.stderr
     assert call("run", tmp_path / "in", "-o", tmp_path / "out", "--lenient").returncode == 0
+
+
+def test_two_runs_into_one_folder(tmp_path: Path, call: Callable[..., Done]) -> None:
+    (tmp_path / "in").mkdir()
+    _write(tmp_path / "in/whole.mcap", 3)
+    _write(tmp_path / "in/other.mcap", 3)
+    with own_folder(tmp_path / "out"):
+        done = call("run", tmp_path / "in", "-o", tmp_path / "out", "--workers", "0")
+    assert done.returncode == 1
+    (line,) = done.stderr.splitlines()
+    assert line.startswith("error: another command writes its outputs into")
+    assert not (tmp_path / "out").exists()
+    assert call("run", tmp_path / "in", "-o", tmp_path / "out", "--workers", "0").returncode == 0
 
 
 def test_reading_skeletons_of_a_damaged_recording(tmp_path: Path, call: Callable[..., Done]) -> None:
