@@ -13,10 +13,11 @@ from command import Done, caller
 from depth_pose.core.camera import Camera
 from depth_pose.core.outputs import own_folder
 from depth_pose.io import schemas
-from depth_pose.io._messages import write_camera_info, write_image
+from depth_pose.io._messages import write_camera_info, write_image, write_people
 from depth_pose.io.mcap_write import DepthWriter
 from depth_pose.io.schemas import DEPTH_TOPIC
 from depth_pose.io.skeleton_read import read_people
+from skeletons import make_skeleton
 
 CAMERA = Camera(64, 48, 60.0, 60.0, 31.5, 23.5)
 
@@ -168,3 +169,68 @@ def test_info(tmp_path: Path, call: Callable[..., Done]) -> None:
     assert call("info", path, "--lenient").returncode == 0
     done = call("info", tmp_path / "none.mcap")
     assert done.returncode == 1 and "No such file" in done.stderr
+
+
+ODD = "a\x1b[2J\x1b]0;owned\x07\nwrote forged\u202e"
+"""A name that clears the screen, sets the window's title, and forges a line."""
+
+
+def _is_plain(done: Done) -> bool:
+    lines = (done.stdout + done.stderr).split("\n")
+    return all(line.isprintable() for line in lines) and not any(line.startswith("wrote f") for line in lines)
+
+
+def test_names_of_others_do_nothing_to_the_terminal(tmp_path: Path, call: Callable[..., Done]) -> None:
+    """Topics, types, ids and files: what is said of a recording, of skeletons, in tables and in errors."""
+    recording = tmp_path / f"{ODD}.mcap"
+    with recording.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start("ros2", "test")
+        schema = writer.register_schema(f"{ODD}/msg/{ODD}", "ros2msg", b"")
+        for topic, encoding in ((f"/{ODD}", "cdr"), (f"/others/{ODD}", f"json{ODD}")):
+            writer.add_message(writer.register_channel(topic, encoding, schema), 1, b"\0\1\0\0", 1)
+        writer.finish()
+    cut = tmp_path / f"cut {ODD}.mcap"
+    cut.write_bytes(_write(tmp_path / "a.mcap").read_bytes()[:-30])
+    (tmp_path / "in").mkdir()
+    for name in ("one", ODD):
+        _write(tmp_path / "in" / f"{name}.mcap", 3)
+    (tmp_path / "in" / f"bad {ODD}.mcap").write_bytes(recording.read_bytes())
+    (tmp_path / f"{ODD}.yaml").write_text(f'"{ODD!a}": {{"a": 1}}'.replace("'", ""))
+    for arguments in (
+        ("info", recording),
+        ("info", cut),
+        ("run", recording, "-o", tmp_path / "out.mcap"),
+        ("run", tmp_path / "a.mcap", "-o", tmp_path / "out.mcap", "--depth-topic", ODD),
+        ("run", tmp_path / "a.mcap", "-o", tmp_path / f"out {ODD}.mcap"),
+        ("run", tmp_path / "a.mcap", "-o", tmp_path / "out.mcap", "--params", tmp_path / f"{ODD}.yaml"),
+        ("run", tmp_path / "in", "-o", tmp_path / f"out {ODD}", "--workers", "0"),
+        ("run", tmp_path / "in", "-o", tmp_path / f"out {ODD}", "--workers", "0"),  # from the report
+        ("run", tmp_path / f"no {ODD}.mcap", "-o", tmp_path / "out.mcap"),
+        ("overlay", recording, recording, "-o", tmp_path / "a.png"),
+        ("export", recording, "-o", tmp_path / f"{ODD}.bvh"),
+        ("eval", recording, recording),
+        ("bank", "info", recording),
+        ("view", recording, "--host", ODD),
+    ):
+        done = call(*arguments)
+        assert _is_plain(done), (arguments, done)
+        assert "\\x1b" in done.stdout + done.stderr, (arguments, done)
+
+
+def test_people_with_odd_names(tmp_path: Path, call: Callable[..., Done]) -> None:
+    """Ids of skeletons, in a recording of them that is exported and scored."""
+    with (tmp_path / "people.mcap").open("wb") as stream:
+        writer = Writer(stream)
+        writer.start("ros2", "test")
+        text = schemas.schema_text(schemas.SKELETON_ARRAY).encode()
+        kind = writer.register_schema(schemas.SKELETON_ARRAY, "ros2msg", text)
+        channel = writer.register_channel(schemas.PEOPLE_TOPIC, "cdr", kind)
+        for i in range(20):
+            ns = 1_000_000_000 + i * 40_000_000
+            people = [make_skeleton(np.random.default_rng(0).normal(size=(19, 3)), stamp_ns=ns, body_id=ODD)]
+            writer.add_message(channel, ns, write_people(people, ns, "optical"), ns)
+        writer.finish()
+    done = call("export", tmp_path / "people.mcap", "-o", tmp_path / "a.csv")
+    assert done.returncode == 0 and _is_plain(done), done
+    assert "\\x1b" in done.stdout

@@ -176,7 +176,8 @@ def _environment() -> dict[str, str]:
 
 def test_a_folder_is_held_by_one_process_at_a_time(tmp_path: Path) -> None:
     folder = tmp_path / "new" / "out"
-    code = "from depth_pose.core.outputs import own_folder as own; import sys\nwith own(sys.argv[1]): print('held')"
+    code = "import sys; from depth_pose.core.outputs import own_folder as own\n"
+    code += "with own(sys.argv[1]): print('held')"
 
     def try_it() -> subprocess.CompletedProcess[str]:
         command = [sys.executable, "-c", code, folder]

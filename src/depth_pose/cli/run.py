@@ -20,6 +20,7 @@ from depth_pose.cli.console import (
     print_facts,
     progress_bar,
     read_settings,
+    say,
     setting,
     tell_stopped,
     warn,
@@ -29,6 +30,7 @@ from depth_pose.core.config import FollowConfig, PersonalConfig, PipelineConfig,
 from depth_pose.core.errors import ConfigError, InputError
 from depth_pose.core.extras import require
 from depth_pose.core.outputs import check_targets, own_folder
+from depth_pose.core.printable import printable
 from depth_pose.io.damage import tell_damage
 from depth_pose.io.image_options import ImageOptions
 
@@ -243,7 +245,7 @@ def _save_build(path: Path, known: KnownBuild | None) -> None:
         warn([f"{path} is not written: nobody was seen well enough to learn their build"])
     else:
         save_build(path, known)
-        console.print(f"wrote {path}", highlight=False, markup=False, soft_wrap=True)
+        say(f"wrote {path}")
 
 
 def _run_archive(
@@ -358,7 +360,7 @@ def _print_rows(rows: list[Row]) -> None:
         numbers = ("" if value != value else f"{value:.2f}" for value in (row.confidence, row.ms))
         colour = {"failed": "red", "skipped": "dim"}.get(row.state, "green")
         table.add_row(
-            escape(row.file),
+            escape(printable(row.file)),
             f"[{colour}]{row.state}[/]",
             *map(str, counts),
             *numbers,
