@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -9,7 +11,7 @@ import numpy as np
 import pytest
 from mcap.writer import Writer
 
-from command import Done, caller
+from command import Done, caller, environment
 from depth_pose.core.camera import Camera
 from depth_pose.core.outputs import own_folder
 from depth_pose.io import schemas
@@ -17,6 +19,7 @@ from depth_pose.io._messages import write_camera_info, write_image, write_people
 from depth_pose.io.mcap_write import DepthWriter
 from depth_pose.io.schemas import DEPTH_TOPIC
 from depth_pose.io.skeleton_read import read_people
+from little_memory import little_memory
 from skeletons import make_skeleton
 
 CAMERA = Camera(64, 48, 60.0, 60.0, 31.5, 23.5)
@@ -234,3 +237,31 @@ def test_people_with_odd_names(tmp_path: Path, call: Callable[..., Done]) -> Non
     done = call("export", tmp_path / "people.mcap", "-o", tmp_path / "a.csv")
     assert done.returncode == 0 and _is_plain(done), done
     assert "\\x1b" in done.stdout
+
+
+def test_too_little_memory_is_one_line(
+    tmp_path: Path, call: Callable[..., Done], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By ``ulimit -v`` from the start, or where it ends within the work."""
+    recording = _write(tmp_path / "a.mcap")
+    command = [sys.executable, "-m", "depth_pose.cli", "run", recording, "-o", tmp_path / "o.mcap"]
+    for megabytes in (150, 400, 900):
+        limit = f'ulimit -v {megabytes * 1000}; exec "$@"'
+        done = subprocess.run(
+            ["bash", "-c", limit, "bash", *command],
+            env=environment(),
+            capture_output=True,
+            text=True,
+            timeout=60,
+        )
+        assert done.returncode == 1
+        (line,) = done.stderr.splitlines()
+        assert line.startswith("error: there is too little memory: ulimit -v allows")
+    (tmp_path / "images").mkdir()
+    np.save(tmp_path / "images/1.npy", np.full((4096, 4096), 2000, np.uint16))
+    monkeypatch.setattr("depth_pose.cli.LEAST_MEMORY_MB", 0)
+    with little_memory(60):
+        done = call("info", tmp_path / "images", "--intrinsics", "2000,2000,2048,2048")
+    assert done.returncode == 1
+    (line,) = done.stderr.splitlines()
+    assert line.startswith("error: there is too little memory")

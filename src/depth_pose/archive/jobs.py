@@ -170,6 +170,8 @@ def work_on(name: str, recording: str, output: str, setting: Setting, tell: Tell
         return failure(name, str(error))
     except OSError as error:
         return failure(name, f"{error.filename or recording}: {error.strerror or error}")
+    except MemoryError as error:
+        return failure(name, f"there is too little memory: {error}")
     except Exception as error:
         where = traceback.extract_tb(error.__traceback__)[-1]
         text = f"{type(error).__name__}: {error} ({Path(where.filename).name}, line {where.lineno})"
