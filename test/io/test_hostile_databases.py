@@ -39,6 +39,7 @@ def _db3(folder: Path) -> Path:
 
 def _change(path: Path, *statements: str) -> None:
     with closing(sqlite3.connect(path)) as database:
+        database.execute("BEGIN")
         for statement in statements:
             database.execute(statement)
         database.commit()
@@ -121,6 +122,17 @@ HOSTILE = {
             for _ in range(2)
         ),
         "topics or definitions have over 16 MB",
+    ),
+    "very many topics": (
+        (
+            f"INSERT INTO topics SELECT x, '/t' || x, 'a/msg/B', 'cdr', '', '' FROM ({ENDLESS} "
+            "SELECT x FROM c LIMIT 20000) WHERE x > 9",
+        ),
+        "over 10000 topics",
+    ),
+    "very long qualities of service": (
+        ("UPDATE topics SET offered_qos_profiles = '- ' || hex(zeroblob(300000))",),
+        "offered_qos_profiles have over 512 kB",
     ),
     "qualities of service like a bomb": (
         (
