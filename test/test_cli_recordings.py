@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -9,13 +11,16 @@ import numpy as np
 import pytest
 from mcap.writer import Writer
 
-from command import Done, caller
+from command import Done, caller, environment
 from depth_pose.core.camera import Camera
+from depth_pose.core.outputs import own_folder
 from depth_pose.io import schemas
-from depth_pose.io._messages import write_camera_info, write_image
+from depth_pose.io._messages import write_camera_info, write_image, write_people
 from depth_pose.io.mcap_write import DepthWriter
 from depth_pose.io.schemas import DEPTH_TOPIC
 from depth_pose.io.skeleton_read import read_people
+from little_memory import little_memory
+from skeletons import make_skeleton
 
 CAMERA = Camera(64, 48, 60.0, 60.0, 31.5, 23.5)
 
@@ -95,6 +100,19 @@ def test_run_on_many_of_which_one_is_damaged(tmp_path: Path, call: Callable[...,
     assert call("run", tmp_path / "in", "-o", tmp_path / "out", "--lenient").returncode == 0
 
 
+def test_two_runs_into_one_folder(tmp_path: Path, call: Callable[..., Done]) -> None:
+    (tmp_path / "in").mkdir()
+    _write(tmp_path / "in/whole.mcap", 3)
+    _write(tmp_path / "in/other.mcap", 3)
+    with own_folder(tmp_path / "out"):
+        done = call("run", tmp_path / "in", "-o", tmp_path / "out", "--workers", "0")
+    assert done.returncode == 1
+    (line,) = done.stderr.splitlines()
+    assert line.startswith("error: another command writes its outputs into")
+    assert not (tmp_path / "out").exists()
+    assert call("run", tmp_path / "in", "-o", tmp_path / "out", "--workers", "0").returncode == 0
+
+
 def test_reading_skeletons_of_a_damaged_recording(tmp_path: Path, call: Callable[..., Done]) -> None:
     recording, skeletons = _write(tmp_path / "in.mcap"), tmp_path / "out.mcap"
     assert call("run", recording, "-o", skeletons).returncode == 0
@@ -154,3 +172,96 @@ def test_info(tmp_path: Path, call: Callable[..., Done]) -> None:
     assert call("info", path, "--lenient").returncode == 0
     done = call("info", tmp_path / "none.mcap")
     assert done.returncode == 1 and "No such file" in done.stderr
+
+
+ODD = "a\x1b[2J\x1b]0;owned\x07\nwrote forged\u202e"
+"""A name that clears the screen, sets the window's title, and forges a line."""
+
+
+def _is_plain(done: Done) -> bool:
+    lines = (done.stdout + done.stderr).split("\n")
+    return all(line.isprintable() for line in lines) and not any(line.startswith("wrote f") for line in lines)
+
+
+def test_names_of_others_do_nothing_to_the_terminal(tmp_path: Path, call: Callable[..., Done]) -> None:
+    """Topics, types, ids and files: what is said of a recording, of skeletons, in tables and in errors."""
+    recording = tmp_path / f"{ODD}.mcap"
+    with recording.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start("ros2", "test")
+        schema = writer.register_schema(f"{ODD}/msg/{ODD}", "ros2msg", b"")
+        for topic, encoding in ((f"/{ODD}", "cdr"), (f"/others/{ODD}", f"json{ODD}")):
+            writer.add_message(writer.register_channel(topic, encoding, schema), 1, b"\0\1\0\0", 1)
+        writer.finish()
+    cut = tmp_path / f"cut {ODD}.mcap"
+    cut.write_bytes(_write(tmp_path / "a.mcap").read_bytes()[:-30])
+    (tmp_path / "in").mkdir()
+    for name in ("one", ODD):
+        _write(tmp_path / "in" / f"{name}.mcap", 3)
+    (tmp_path / "in" / f"bad {ODD}.mcap").write_bytes(recording.read_bytes())
+    (tmp_path / f"{ODD}.yaml").write_text(f'"{ODD!a}": {{"a": 1}}'.replace("'", ""))
+    for arguments in (
+        ("info", recording),
+        ("info", cut),
+        ("run", recording, "-o", tmp_path / "out.mcap"),
+        ("run", tmp_path / "a.mcap", "-o", tmp_path / "out.mcap", "--depth-topic", ODD),
+        ("run", tmp_path / "a.mcap", "-o", tmp_path / f"out {ODD}.mcap"),
+        ("run", tmp_path / "a.mcap", "-o", tmp_path / "out.mcap", "--params", tmp_path / f"{ODD}.yaml"),
+        ("run", tmp_path / "in", "-o", tmp_path / f"out {ODD}", "--workers", "0"),
+        ("run", tmp_path / "in", "-o", tmp_path / f"out {ODD}", "--workers", "0"),  # from the report
+        ("run", tmp_path / f"no {ODD}.mcap", "-o", tmp_path / "out.mcap"),
+        ("overlay", recording, recording, "-o", tmp_path / "a.png"),
+        ("export", recording, "-o", tmp_path / f"{ODD}.bvh"),
+        ("eval", recording, recording),
+        ("bank", "info", recording),
+        ("view", recording, "--host", ODD),
+    ):
+        done = call(*arguments)
+        assert _is_plain(done), (arguments, done)
+        assert "\\x1b" in done.stdout + done.stderr, (arguments, done)
+
+
+def test_people_with_odd_names(tmp_path: Path, call: Callable[..., Done]) -> None:
+    """Ids of skeletons, in a recording of them that is exported and scored."""
+    with (tmp_path / "people.mcap").open("wb") as stream:
+        writer = Writer(stream)
+        writer.start("ros2", "test")
+        text = schemas.schema_text(schemas.SKELETON_ARRAY).encode()
+        kind = writer.register_schema(schemas.SKELETON_ARRAY, "ros2msg", text)
+        channel = writer.register_channel(schemas.PEOPLE_TOPIC, "cdr", kind)
+        for i in range(20):
+            ns = 1_000_000_000 + i * 40_000_000
+            people = [make_skeleton(np.random.default_rng(0).normal(size=(19, 3)), stamp_ns=ns, body_id=ODD)]
+            writer.add_message(channel, ns, write_people(people, ns, "optical"), ns)
+        writer.finish()
+    done = call("export", tmp_path / "people.mcap", "-o", tmp_path / "a.csv")
+    assert done.returncode == 0 and _is_plain(done), done
+    assert "\\x1b" in done.stdout
+
+
+def test_too_little_memory_is_one_line(
+    tmp_path: Path, call: Callable[..., Done], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By ``ulimit -v`` from the start, or where it ends within the work."""
+    recording = _write(tmp_path / "a.mcap")
+    command = [sys.executable, "-m", "depth_pose.cli", "run", recording, "-o", tmp_path / "o.mcap"]
+    for megabytes in (150, 400, 900):
+        limit = f'ulimit -v {megabytes * 1000}; exec "$@"'
+        done = subprocess.run(
+            ["bash", "-c", limit, "bash", *command],
+            env=environment(),
+            capture_output=True,
+            text=True,
+            timeout=60,
+        )
+        assert done.returncode == 1
+        (line,) = done.stderr.splitlines()
+        assert line.startswith("error: there is too little memory: ulimit -v allows")
+    (tmp_path / "images").mkdir()
+    np.save(tmp_path / "images/1.npy", np.full((4096, 4096), 2000, np.uint16))
+    monkeypatch.setattr("depth_pose.cli.LEAST_MEMORY_MB", 0)
+    with little_memory(60):
+        done = call("info", tmp_path / "images", "--intrinsics", "2000,2000,2048,2048")
+    assert done.returncode == 1
+    (line,) = done.stderr.splitlines()
+    assert line.startswith("error: there is too little memory")

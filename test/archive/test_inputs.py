@@ -173,6 +173,33 @@ def test_another_camera_is_another_recording(tmp_path):
     assert len(hashes) == 3
 
 
+def test_all_that_is_read_is_in_the_hash(tmp_path):
+    """Names of images, which are their stamps and their order; a database's log; a folder's metadata."""
+    from depth_pose.archive.jobs import content_hash
+
+    images = tmp_path / "images"
+    images.mkdir()
+    (images / "1.5.png").write_bytes(b"1")
+    (images / "2.5.png").write_bytes(b"2")
+    seen = {content_hash(images)}
+    (images / "2.5.png").rename(images / "2.6.png")
+    seen.add(content_hash(images))
+    assert len(seen) == 2
+    database = tmp_path / "bag" / "a.db3"
+    database.parent.mkdir()
+    database.write_bytes(b"SQLite format 3\0")
+    for place in (database, database.parent):
+        seen = {content_hash(place)}
+        for name in ("a.db3-wal", *(["metadata.yaml"] if place.is_dir() else [])):
+            (database.parent / name).write_bytes(b"new")
+            seen.add(content_hash(place))
+        assert len(seen) == 2 + place.is_dir()
+        (database.parent / "a.db3-wal").unlink()
+    renamed = database.rename(tmp_path / "bag" / "b.db3")
+    before = content_hash(renamed)
+    assert before == content_hash(renamed.rename(database))
+
+
 def test_an_output_inside_the_recording_changes_nothing(tmp_path):
     """The same command again goes on where it was stopped: what it made is no recording of the folder."""
     for number, start in ((0, 1), (1, 5.1)):

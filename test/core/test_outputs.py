@@ -9,8 +9,16 @@ from pathlib import Path
 
 import pytest
 
+from command import environment
 from depth_pose.core.errors import InputError
-from depth_pose.core.outputs import NewFile, check_targets, new_file, new_text_file, remove_parts
+from depth_pose.core.outputs import (
+    NewFile,
+    check_targets,
+    new_file,
+    new_text_file,
+    own_folder,
+    remove_parts,
+)
 
 
 def _names(folder: Path) -> list[str]:
@@ -164,3 +172,30 @@ def test_what_a_killed_process_left_is_removed_and_nothing_else(tmp_path: Path) 
 
 def _environment() -> dict[str, str]:
     return os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
+
+
+def test_a_folder_is_held_by_one_process_at_a_time(tmp_path: Path) -> None:
+    folder = tmp_path / "new" / "out"
+    code = "import sys; from depth_pose.core.outputs import own_folder as own\n"
+    code += "with own(sys.argv[1]): print('held')"
+
+    def try_it() -> subprocess.CompletedProcess[str]:
+        command = [sys.executable, "-c", code, folder]
+        return subprocess.run(command, capture_output=True, text=True, env=environment())
+
+    with own_folder(folder):
+        done = try_it()
+        assert "another command writes its outputs into" in done.stderr and done.stdout == ""
+        (folder / "a").touch()
+    done = try_it()
+    assert done.stdout == "held\n", done.stderr
+    assert _names(folder) == ["a"]
+
+
+def test_a_held_folder_that_stays_empty_is_removed(tmp_path: Path) -> None:
+    with pytest.raises(ZeroDivisionError), own_folder(tmp_path / "new" / "out"):
+        raise ZeroDivisionError
+    assert _names(tmp_path) == []
+    (tmp_path / "file").touch()
+    with pytest.raises(InputError, match="file/out cannot be written"), own_folder(tmp_path / "file" / "out"):
+        pass

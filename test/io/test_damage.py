@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import logging
 import os
+import struct
+import time
 from pathlib import Path
 
 import numpy as np
@@ -240,6 +242,69 @@ def test_no_lost_block_gives_a_wrong_frame_or_is_kept_quiet(
                 except InputError:
                     continue
                 assert damage or numbers == list(range(6)), (start, size)
+
+
+@pytest.mark.parametrize("options", [{}, NO_INDEX], ids=["index", "no index"])
+def test_a_tail_of_zeros_is_passed_over_at_once(tmp_path: Path, options: dict) -> None:
+    """As a power cut leaves it: space that was given to the file, and never written."""
+    path = write(tmp_path / "a.mcap", **options)
+    places = chunk_places(path)
+    end = sum(places[-2])  # the last chunk is lost as well
+    for size in (20 << 20, 4 << 40):
+        with path.open("r+b") as stream:
+            stream.truncate(end)
+            stream.truncate(end + size)
+        start = time.process_time()
+        with little_memory(64):
+            numbers, damage = _read(path)
+        assert time.process_time() - start < 2.0
+        assert numbers == list(range(len(numbers))) and FRAMES - 4 <= len(numbers) < FRAMES
+        assert f"zeros from byte {end} on" in damage[0] and len(damage) == 1
+
+
+def test_a_summary_that_is_the_whole_file_is_not_read(tmp_path: Path) -> None:
+    """A sparse file of terabytes whose footer says so; the data at its beginning come out."""
+    path = write(tmp_path / "a.mcap")
+    data_end = next(at for kind, at, _ in record_places(path) if kind == Opcode.DATA_END)
+    footer = struct.pack("<BQQQI", Opcode.FOOTER, 20, data_end, 0, 0) + b"\x89MCAP0\r\n"
+    with path.open("r+b") as stream:
+        stream.truncate(data_end)
+        stream.seek(4 << 40)
+        stream.write(footer)
+    start = time.process_time()
+    with little_memory(64):
+        numbers, damage = _read(path)
+    assert time.process_time() - start < 2.0
+    assert numbers == list(range(FRAMES))
+    assert "read without its index: it has 4194303 MiB, and 16 are read" in damage[0]
+
+
+def test_a_hole_is_not_summed(tmp_path: Path) -> None:
+    """One record of terabytes before the end of the data, whose checksum would have to be made."""
+    path = write(tmp_path / "a.mcap", use_chunking=False, enable_data_crcs=True)
+    data_end = next(at for kind, at, _ in record_places(path) if kind == Opcode.DATA_END)
+    rest = path.read_bytes()[data_end:]
+    with path.open("r+b") as stream:
+        stream.truncate(data_end)
+        stream.seek(data_end)
+        stream.write(struct.pack("<BQ", 0x80, 4 << 40))
+        stream.seek(4 << 40, 1)
+        stream.write(rest)
+    start = time.process_time()
+    numbers, damage = _read(path)
+    assert time.process_time() - start < 2.0
+    assert numbers == list(range(FRAMES)) and "has holes" in damage[0]
+
+
+def test_of_very_many_bad_records_the_first_are_told(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.mcap", **NO_INDEX)
+    data_end = next(at for kind, at, _ in record_places(path) if kind == Opcode.DATA_END)
+    path.write_bytes(path.read_bytes()[:data_end] + struct.pack("<BQ", 0x7F, 0) * 2_000_000)
+    start = time.process_time()
+    with little_memory(64):
+        numbers, damage = _read(path)
+    assert time.process_time() - start < 2.0
+    assert numbers == list(range(FRAMES)) and "from byte" in damage[0] and "it is not read" in damage[0]
 
 
 def test_an_index_that_names_a_chunk_many_times_is_not_followed(tmp_path: Path) -> None:

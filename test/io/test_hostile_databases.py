@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sqlite3
 import struct
+import tempfile
 import time
 from contextlib import closing
 from pathlib import Path
@@ -38,6 +39,7 @@ def _db3(folder: Path) -> Path:
 
 def _change(path: Path, *statements: str) -> None:
     with closing(sqlite3.connect(path)) as database:
+        database.execute("BEGIN")
         for statement in statements:
             database.execute(statement)
         database.commit()
@@ -120,6 +122,17 @@ HOSTILE = {
             for _ in range(2)
         ),
         "topics or definitions have over 16 MB",
+    ),
+    "very many topics": (
+        (
+            f"INSERT INTO topics SELECT x, '/t' || x, 'a/msg/B', 'cdr', '', '' FROM ({ENDLESS} "
+            "SELECT x FROM c LIMIT 20000) WHERE x > 9",
+        ),
+        "over 10000 topics",
+    ),
+    "very long qualities of service": (
+        ("UPDATE topics SET offered_qos_profiles = '- ' || hex(zeroblob(300000))",),
+        "offered_qos_profiles have over 512 kB",
     ),
     "qualities of service like a bomb": (
         (
@@ -290,3 +303,46 @@ def test_whole_bags_of_many_chunks_pass_the_bounds(tmp_path: Path) -> None:
     for _ in range(3):
         assert sum(1 for _ in recording.messages(IMAGE, INFO)) == 80
     assert recording.damage == []
+
+
+# Packed as a whole
+
+
+def _packed(folder: Path, data: bytes, repeat: int, declared: int = -1) -> Path:
+    """A recording's folder whose file unpacks to some bytes, and zeros after them."""
+    import zstandard
+
+    folder.mkdir()
+    (folder / "metadata.yaml").write_text(
+        "rosbag2_bagfile_information:\n  relative_file_paths: [a.db3.zstd]\n"
+        "  topics_with_message_count: []\n  compression_mode: FILE\n"
+    )
+    compressor = zstandard.ZstdCompressor().compressobj(size=declared)
+    parts = [compressor.compress(data), *(compressor.compress(bytes(1 << 20)) for _ in range(repeat))]
+    end = zstandard.COMPRESSOBJ_FLUSH_FINISH if declared < 0 else zstandard.COMPRESSOBJ_FLUSH_BLOCK
+    parts.append(compressor.flush(end))
+    (folder / "a.db3.zstd").write_bytes(b"".join(parts))
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("data", "repeat", "declared", "says"),
+    [
+        (b"", 2000, -1, "what is packed in it is no recording"),
+        (b"SQLite format 3\0", 2000, -1, "unpacks to over 200 times its size"),
+        (b"SQLite format 3\0", 1, 4 << 40, "unpacks to over 200 times its size"),
+    ],
+    ids=["zeros", "a database of zeros", "declared"],
+)
+def test_a_packed_file_of_gigabytes_is_refused_before_it_fills_the_disk(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, data: bytes, repeat: int, declared: int, says: str
+) -> None:
+    (tmp_path / "tmp").mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "tmp"))
+    folder = _packed(tmp_path / "bag", data, repeat, declared)
+    start = time.process_time()
+    with little_memory(MOST_MB), pytest.raises(InputError, match=says) as found:
+        Recording(folder)
+    assert time.process_time() - start < MOST_S
+    assert "\n" not in str(found.value)
+    assert not [path for path in (tmp_path / "tmp").rglob("*") if path.is_file()]

@@ -10,6 +10,7 @@ import dataclasses
 import hashlib
 import json
 import math
+import os
 import platform
 import threading
 import time
@@ -27,7 +28,8 @@ from depth_pose.core.errors import BankError, ConfigError, DepthPoseError, Input
 from depth_pose.core.reading import MOST_SETTINGS_BYTES, open_ordinary
 from depth_pose.core.workers import Tell
 from depth_pose.io._recording import open_regular, read_metadata, recording_files
-from depth_pose.io.image_folder import CAMERA_FILE
+from depth_pose.io._rosbag2_folder import METADATA
+from depth_pose.io.image_folder import CAMERA_FILE, IMAGE_ENDINGS
 from depth_pose.io.image_options import ImageOptions
 from depth_pose.offline import NOTE, RunSummary, process_recording
 
@@ -168,6 +170,8 @@ def work_on(name: str, recording: str, output: str, setting: Setting, tell: Tell
         return failure(name, str(error))
     except OSError as error:
         return failure(name, f"{error.filename or recording}: {error.strerror or error}")
+    except MemoryError as error:
+        return failure(name, f"there is too little memory: {error}")
     except Exception as error:
         where = traceback.extract_tb(error.__traceback__)[-1]
         text = f"{type(error).__name__}: {error} ({Path(where.filename).name}, line {where.lineno})"
@@ -249,15 +253,15 @@ def content_hash(recording: Path) -> str:
     """Hash of a recording's content, 32 hexadecimal digits.
 
     Of each file the size and up to eight blocks of 1 MiB, evenly spread: the beginning and the end,
-    where MCAP has its index, are among them.
+    where MCAP has its index, are among them. Names count where they are the images' stamps and order.
     """
     digest = hashlib.blake2b(digest_size=16)
     files = recording_files(recording)
     if not files:
         raise InputError(f"{recording} has no recording in it")
-    if (recording / CAMERA_FILE).is_file():
-        files = [*files, recording / CAMERA_FILE]
-    for file in files:
+    for file in [*files, *_read_beside(recording, files)]:
+        if file.suffix.lower() in IMAGE_ENDINGS:
+            digest.update(os.fsencode(file.name) + b"/")
         size = file.stat().st_size
         digest.update(size.to_bytes(8, "little"))
         last = max(size - _BLOCK, 0)
@@ -269,6 +273,13 @@ def content_hash(recording: Path) -> str:
                 stream.seek(start)
                 digest.update(stream.read(_BLOCK))
     return digest.hexdigest()
+
+
+def _read_beside(recording: Path, files: Sequence[Path]) -> list[Path]:
+    """Give what a reader reads beside a recording's files: metadata, the images' camera, SQLite's logs."""
+    beside = [recording / METADATA, recording / CAMERA_FILE] if recording.is_dir() else []
+    beside += [file.with_name(f"{file.name}-wal") for file in files]
+    return [file for file in beside if file.is_file()]
 
 
 _one_at_a_time = threading.Lock()

@@ -6,7 +6,13 @@ Nothing is imported here, so that Ctrl-C is heard from the start; `depth_pose.cl
 from __future__ import annotations
 
 import os
+import resource
 import signal
+import sys
+
+LEAST_MEMORY_MB = 1000
+"""Least address space of a command, MB: with less, libraries hang or die while they load. ``run`` takes
+0.7 to 1 GB."""
 
 STOPPED = 130
 """Exit code after Ctrl-C, as shells have it."""
@@ -14,6 +20,10 @@ STOPPED = 130
 
 def main() -> None:
     """Run the command; Ctrl-C while it loads ends it without a word."""
+    limit, _ = resource.getrlimit(resource.RLIMIT_AS)
+    if limit != resource.RLIM_INFINITY and limit < LEAST_MEMORY_MB * 10**6:
+        need = f"depth-pose needs {LEAST_MEMORY_MB}"
+        sys.exit(f"error: there is too little memory: ulimit -v allows {limit // 10**6} MB, {need}")
     is_heard = signal.getsignal(signal.SIGINT) is signal.default_int_handler
     if is_heard:  # and not ignored, as in a shell's background job
         signal.signal(signal.SIGINT, _stop)  # a KeyboardInterrupt is lost in some modules' imports

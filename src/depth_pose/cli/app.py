@@ -5,6 +5,7 @@ Each command's module imports what it works with inside the command, so that hel
 
 from __future__ import annotations
 
+import logging
 import sys
 from io import TextIOWrapper
 
@@ -12,7 +13,7 @@ import typer
 
 from depth_pose import __version__
 from depth_pose.cli.banks import app as bank_app
-from depth_pose.cli.console import console, errors
+from depth_pose.cli.console import console, tell_error
 from depth_pose.cli.damage import LENIENT_HELP, be_lenient, exit_on_damage
 from depth_pose.cli.export import add_to as add_export
 from depth_pose.cli.info import add_to as add_info
@@ -24,6 +25,7 @@ from depth_pose.cli.simulation import add_to as add_simulation
 from depth_pose.cli.view import add_to as add_view
 from depth_pose.cli.volume import app as volume_app
 from depth_pose.core.errors import ConfigError, DepthPoseError
+from depth_pose.core.printable import printable_lines
 
 app = typer.Typer(
     name="depth-pose",
@@ -85,21 +87,26 @@ def run_command() -> None:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):  # what the terminal has no letter for is no reason to stop
             stream.reconfigure(errors="backslashreplace")
+    if logging.lastResort is not None:
+        logging.lastResort.setFormatter(_Plain())
     try:
         with exit_on_damage():
             app(prog_name="depth-pose")
     except DepthPoseError as error:
-        errors.print(f"[bold red]error:[/bold red] {_plain(error)}", highlight=False, soft_wrap=True)
+        tell_error(error)
         sys.exit(2 if isinstance(error, ConfigError) else 1)
+    except MemoryError as error:
+        tell_error(f"there is too little memory{f': {error}' if str(error) else ''}")
+        sys.exit(1)
     except BrokenPipeError:
         sys.exit(1)
     except OSError as error:  # a full disk, a folder that must not be read
-        reason = f"{error.filename}: {error.strerror}" if error.filename else str(error)
-        errors.print(f"[bold red]error:[/bold red] {_plain(reason)}", highlight=False, soft_wrap=True)
+        tell_error(f"{error.filename}: {error.strerror}" if error.filename else error)
         sys.exit(1)
 
 
-def _plain(error: Exception | str) -> str:
-    from rich.markup import escape
+class _Plain(logging.Formatter):
+    """Logged lines as they may be printed."""
 
-    return escape(str(error))
+    def format(self, record: logging.LogRecord) -> str:
+        return printable_lines(super().format(record))

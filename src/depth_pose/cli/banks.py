@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from depth_pose.cli import shared
-from depth_pose.cli.console import console, errors, print_facts, progress_bar
+from depth_pose.cli.console import console, errors, print_facts, progress_bar, say
 from depth_pose.core.errors import ConfigError
 from depth_pose.core.outputs import check_targets
+from depth_pose.core.printable import printable
 
 if TYPE_CHECKING:
     from depth_pose.bank import Bank
@@ -144,7 +145,7 @@ def info(
         from depth_pose.evaluate.bank_sheet import save_contact_sheet
 
         save_contact_sheet(bank, sheet, count)
-        console.print(f"wrote {sheet}", highlight=False, markup=False)
+        say(f"wrote {sheet}")
 
 
 @app.command()
@@ -176,14 +177,15 @@ def check(
         matched = match_frames(loaded, recording, frames, candidates, depth_topic, update)
     save_check(matched, loaded, output, recording.stem)
     for line in matched.lines():
-        console.print(line, highlight=False)
-    console.print(f"wrote {output}", highlight=False, markup=False)
+        say(line)
+    say(f"wrote {output}")
 
 
 def _print_files(reports: tuple[FileReport, ...]) -> None:
     """Say what each file of motion gave; refused ones stand out."""
     for report in reports:
-        errors.print(str(report), style="yellow" if report.refused else "dim", highlight=False, markup=False)
+        style = "yellow" if report.refused else "dim"
+        errors.print(printable(report), style=style, highlight=False, markup=False)
 
 
 def _print_bank(path: Path, bank: Bank) -> None:

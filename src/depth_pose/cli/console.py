@@ -12,17 +12,31 @@ from typing import TYPE_CHECKING, Any
 import typer
 from rich.console import Console
 from rich.markup import escape
+from rich.text import Text
 
 from depth_pose.core.config import SHORT_NAMES, PipelineConfig
 from depth_pose.core.errors import ConfigError
 from depth_pose.core.options import Sections, options
+from depth_pose.core.printable import printable, printable_lines
 from depth_pose.core.reading import parse_json, parse_yaml, read_text
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-console = Console()
-errors = Console(stderr=True)
+_OBEYED = {n: ascii(chr(n))[1:-1] for n in (*range(32), *range(127, 160)) if chr(n) not in "\n\t"}
+"""Control characters but for line breaks and tabs, and how they are shown."""
+
+
+class SafeConsole(Console):
+    """A console that shows control characters of what it prints; rich would have the terminal obey them."""
+
+    def render_str(self, text: str, **options: Any) -> Text:
+        """Make rich's text of a string, which may have rich's markup."""
+        return super().render_str(text.translate(_OBEYED), **options)
+
+
+console = SafeConsole()
+errors = SafeConsole(stderr=True)
 
 _LEAST_LINE_GAP_S = 2.0
 """Least time between two lines of progress where the output is no terminal, seconds. Set by hand."""
@@ -195,20 +209,32 @@ def print_facts(title: str, facts: Iterable[tuple[str, str]]) -> None:
     """Print a small table of names and values."""
     from rich.table import Table
 
-    table = Table(title=escape(title), title_justify="left", title_style="bold", show_header=False)
+    table = Table(title=escape(printable(title)), title_justify="left", title_style="bold", show_header=False)
     table.add_column(style="dim")
     table.add_column()
     for name, value in facts:
-        table.add_row(escape(name), escape(value))
+        table.add_row(escape(printable(name)), escape(printable(value)))
     console.print(table)
 
 
 def tell_stopped(stopped: BaseException) -> None:
     """Say what Ctrl-C has left."""
-    errors.print(f"stopped; {stopped}", highlight=False, markup=False, soft_wrap=True)
+    errors.print(f"stopped; {printable(stopped)}", highlight=False, markup=False, soft_wrap=True)
+
+
+def say(line: str) -> None:
+    """Print one line, for instance which file was written."""
+    console.print(printable(line), highlight=False, markup=False, soft_wrap=True)
+
+
+def tell_error(error: object) -> None:
+    """Print an error."""
+    errors.print(
+        f"[bold red]error:[/bold red] {escape(printable_lines(error))}", highlight=False, soft_wrap=True
+    )
 
 
 def warn(lines: Iterable[str]) -> None:
     """Print warnings, one line each."""
     for line in lines:
-        errors.print(f"[yellow]warning:[/yellow] {escape(line)}", highlight=False, soft_wrap=True)
+        errors.print(f"[yellow]warning:[/yellow] {escape(printable(line))}", highlight=False, soft_wrap=True)

@@ -10,6 +10,7 @@ from rich.markup import escape
 
 from depth_pose.cli import shared
 from depth_pose.cli.console import console
+from depth_pose.core.printable import printable
 from depth_pose.io.schemas import PEOPLE_TOPIC
 
 if TYPE_CHECKING:
@@ -92,9 +93,9 @@ def export(
         elif recording is None:
             _say("[yellow]note:[/yellow] that is rough; with --recording IN it is found in the depth images")
     for file in result.files:
-        _say(f"wrote {escape(str(file.path))}: {file.frames} frames at {file.rate_hz:.1f} a second")
+        _say(f"wrote {escape(printable(file.path))}: {file.frames} frames at {file.rate_hz:.1f} a second")
         for track in file.tracks:
-            _say(f"  {escape(_describe(track, file))}")
+            _say(f"  {escape(printable(_describe(track, file)))}")
             gaps = describe_gaps(track)
             if gaps:
                 _say(f"  [yellow]{escape(_treated(file.path.suffix.lower(), fill))}[/yellow] {gaps}")

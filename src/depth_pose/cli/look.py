@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
-from depth_pose.cli.console import console, print_facts
+from depth_pose.cli.console import console, print_facts, say
 from depth_pose.cli.live import call_ros
 from depth_pose.core.errors import InputError
 
@@ -39,7 +39,7 @@ def hz(
     watched = call_ros("tools.inspect_topics", "watch_rate", topic, every)
     for rate in _first(watched, count):
         if rate is None:
-            console.print(f"{topic}: nothing came", highlight=False)
+            say(f"{topic}: nothing came")
             continue
         console.print(
             f"average rate: {rate.hz:.2f}  min: {rate.low_s:.3f} s  max: {rate.high_s:.3f} s  "
@@ -80,7 +80,7 @@ def tf(
             raise InputError(f"no frame {frame} is broadcast; there are {', '.join(sorted(frames))}")
     for place in _first(call_ros("tools.inspect_topics", "watch_frame", frame, parent, every), count):
         if place is None:
-            console.print(f"{frame} in {parent}: not known yet", highlight=False)
+            say(f"{frame} in {parent}: not known yet")
         else:
             _print_place(place)
 

@@ -20,6 +20,7 @@ from depth_pose.cli.console import (
     print_facts,
     progress_bar,
     read_settings,
+    say,
     setting,
     tell_stopped,
     warn,
@@ -28,13 +29,14 @@ from depth_pose.cli.damage import be_lenient, warn_of
 from depth_pose.core.config import FollowConfig, PersonalConfig, PipelineConfig, RefineConfig, SegmentConfig
 from depth_pose.core.errors import ConfigError, InputError
 from depth_pose.core.extras import require
-from depth_pose.core.outputs import check_targets
+from depth_pose.core.outputs import check_targets, own_folder
+from depth_pose.core.printable import printable
 from depth_pose.io.damage import tell_damage
 from depth_pose.io.image_options import ImageOptions
 
 if TYPE_CHECKING:
     from depth_pose.archive.inputs import Source
-    from depth_pose.archive.jobs import Row
+    from depth_pose.archive.jobs import Row, Setting
     from depth_pose.body.build_file import KnownBuild
 
 _MOST_ROWS = 40
@@ -247,7 +249,7 @@ def _save_build(path: Path, known: KnownBuild | None) -> None:
         warn([f"{path} is not written: nobody was seen well enough to learn their build"])
     else:
         save_build(path, known)
-        console.print(f"wrote {path}", highlight=False, markup=False, soft_wrap=True)
+        say(f"wrote {path}")
 
 
 def _run_archive(
@@ -262,7 +264,7 @@ def _run_archive(
 ) -> None:
     """Run many recordings to a folder."""
     from depth_pose.archive.inputs import find_sources
-    from depth_pose.archive.report import REPORT, Report
+    from depth_pose.archive.report import REPORT
     from depth_pose.archive.sheet import SHEET
 
     if workers is not None and cluster is not None:
@@ -273,15 +275,31 @@ def _run_archive(
     check_targets([folder / REPORT, folder / SHEET], [bank])
 
     from depth_pose.archive.jobs import Setting
-    from depth_pose.archive.process import Progress, process_archive
     from depth_pose.bank import Bank, default_bank_path
 
     bank_id = Bank.load(bank or default_bank_path()).bank_id
     setting = Setting(str(bank.resolve()) if bank else None, bank_id, config, depth_topic, images)
+    start = time.monotonic()
+    with own_folder(folder):
+        rows = _work_through(sources, folder, setting, workers, cluster)
+        _print_rows(rows)
+        is_drawn = _draw(sources, rows, folder, depth_topic, images)
+    _print_total(rows, folder, time.monotonic() - start)
+    if not is_drawn or any(row.state == "failed" for row in rows):
+        raise typer.Exit(1)
+    tell_damage(f"{row.file}: {line}" for row in rows for line in row.damage)
+
+
+def _work_through(
+    sources: list[Source], folder: Path, setting: Setting, workers: int | None, cluster: str | None
+) -> list[Row]:
+    """Make the skeletons of all recordings, with a bar and a report."""
+    from depth_pose.archive.process import Progress, process_archive
+    from depth_pose.archive.report import REPORT, Report
+
     report = Report(folder / REPORT)
     size = sum(source.size for source in sources)
     names = [source.name for source in sources]
-    start = time.monotonic()
     try:
         with archive_bar("recordings", size, len(sources)) as update:
 
@@ -298,13 +316,7 @@ def _run_archive(
     except BaseException:
         report.finish(names)
         raise
-    rows = report.finish(names)
-    _print_rows(rows)
-    is_drawn = _draw(sources, rows, folder, depth_topic, images)
-    _print_total(rows, folder, time.monotonic() - start)
-    if not is_drawn or any(row.state == "failed" for row in rows):
-        raise typer.Exit(1)
-    tell_damage(f"{row.file}: {line}" for row in rows for line in row.damage)
+    return report.finish(names)
 
 
 def _draw(
@@ -352,7 +364,7 @@ def _print_rows(rows: list[Row]) -> None:
         numbers = ("" if value != value else f"{value:.2f}" for value in (row.confidence, row.ms))
         colour = {"failed": "red", "skipped": "dim"}.get(row.state, "green")
         table.add_row(
-            escape(row.file),
+            escape(printable(row.file)),
             f"[{colour}]{row.state}[/]",
             *map(str, counts),
             *numbers,

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from depth_pose.cli import shared
-from depth_pose.cli.console import console, print_facts
+from depth_pose.cli.console import console, print_facts, say
 from depth_pose.io.schemas import PEOPLE_TOPIC, SKELETON_TOPIC
 
 if TYPE_CHECKING:
@@ -241,11 +241,11 @@ def overlay(
 
         check_targets([output], [recording, skeletons])
         save_animation(recording, skeletons, output, seconds, depth_topic=depth_topic, skeleton_topic=topic)
-        console.print(f"wrote {output}", soft_wrap=True, highlight=False, markup=False)
+        say(f"wrote {output}")
         return
     from depth_pose.evaluate.overlay import save_overlay
     from depth_pose.evaluate.pictures import check_picture
 
     check_picture(output, [recording, skeletons, truth])
     save_overlay(recording, skeletons, output, frames, truth, depth_topic=depth_topic, skeleton_topic=topic)
-    console.print(f"wrote {output}", soft_wrap=True, highlight=False, markup=False)
+    say(f"wrote {output}")

@@ -10,6 +10,7 @@ from rich.markup import escape
 
 from depth_pose.cli.console import console, loading
 from depth_pose.core.extras import require
+from depth_pose.core.printable import printable
 from depth_pose.io.schemas import PEOPLE_TOPIC
 
 if TYPE_CHECKING:
@@ -136,11 +137,11 @@ def _tell_address(host: str, port: int) -> None:
     from depth_pose.viewer.access import LOOPBACK
 
     shown = "localhost" if host in (*LOOPBACK, "0.0.0.0", "::") else host
-    console.print(f"open http://{escape(shown)}:{port} in a browser; Ctrl-C ends", highlight=False)
+    console.print(f"open http://{escape(printable(shown))}:{port} in a browser; Ctrl-C ends", highlight=False)
     if host not in LOOPBACK:
         console.print(
-            f"[yellow]note:[/yellow] {escape(host)} is open to other machines; whoever reaches port {port} "
-            "sees the room and can change what is shown, without a password",
+            f"[yellow]note:[/yellow] {escape(printable(host))} is open to other machines; whoever reaches "
+            f"port {port} sees the room and can change what is shown, without a password",
             highlight=False,
             soft_wrap=True,
         )

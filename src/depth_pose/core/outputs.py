@@ -299,6 +299,48 @@ def _remove_if_left(part: Path) -> None:
 
 
 @contextmanager
+def own_folder(folder: AnyPath) -> Iterator[None]:
+    """Hold a folder of outputs alone, so that no other process writes another set of them into it.
+
+    Parameters
+    ----------
+    folder : path
+        The folder; it is made, and removed at the end if nothing came into it.
+
+    Raises
+    ------
+    InputError
+        Where another process holds it, or it cannot be made.
+    """
+    path = Path(folder)
+    made = [place for place in (path, *path.parents) if not place.exists()]
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        number = os.open(path, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+    except OSError as error:
+        raise _unwritable(path, error) from error
+    try:
+        _lock_or_refuse(path, number)
+        yield
+    finally:
+        os.close(number)
+        with suppress(OSError):  # the first that is not empty
+            for place in made:
+                place.rmdir()
+
+
+def _lock_or_refuse(path: Path, number: int) -> None:
+    try:
+        fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError as error:
+        raise InputError(
+            f"another command writes its outputs into {path}: wait for its end, or give another folder"
+        ) from error
+    except OSError:  # some file systems have no locks
+        return
+
+
+@contextmanager
 def new_file(path: AnyPath) -> Iterator[BinaryIO]:
     """Write a file of bytes that stands under its name only once it is whole.
 

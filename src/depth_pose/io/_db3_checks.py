@@ -25,6 +25,13 @@ _MOST_SCHEMA = 200
 _MOST_TEXT = 16 << 20
 """Most characters of topics and of definitions; those of 500 types are 2 MB. Set by hand."""
 
+_MOST_ROWS = 10_000
+"""Most topics and most definitions. Set by hand."""
+
+_MOST_QOS = 512 << 10
+"""Most characters of all topics' ``offered_qos_profiles``, which rosbags parses slowly (2 s): those of 2,000
+publishers. Set by hand."""
+
 _SCHEMA_S = 1.0
 """Longest that the schema may take to be read, seconds. Set by hand."""
 
@@ -120,13 +127,13 @@ def _computes(database: sqlite3.Connection, kind: str, name: str) -> bool:
 
 def _check_texts(path: Path, database: sqlite3.Connection, tables: set[str]) -> bool:
     """Check the sizes of topics and definitions; returns whether rosbags knows the definitions' encodings."""
-    columns = {row[1] for row in database.execute("PRAGMA table_info(topics)")}
+    left = _MOST_QOS
     for topic in _bounded(path, database, "SELECT * FROM topics"):
-        if "offered_qos_profiles" in columns and topic["offered_qos_profiles"]:
-            try:
-                parse_long_yaml(path, str(topic["offered_qos_profiles"]))
-            except ConfigError as error:
-                raise InputError(f"{path} is damaged: offered_qos_profiles of a topic: {error}") from error
+        offered = str(dict(topic).get("offered_qos_profiles") or "")
+        left -= len(offered)
+        if left < 0:
+            raise InputError(f"{path} is refused: offered_qos_profiles have over {_MOST_QOS >> 10} kB")
+        _check_qos(path, offered)
     if "message_definitions" not in tables:
         return True
     known = ("ros2msg", "ros2idl")
@@ -134,12 +141,22 @@ def _check_texts(path: Path, database: sqlite3.Connection, tables: set[str]) -> 
     return all([row["encoding"] in known for row in definitions])  # a list, so that all are looked at
 
 
+def _check_qos(path: Path, offered: str) -> None:
+    """Check that YAML is no bomb."""
+    try:
+        parse_long_yaml(path, offered)
+    except ConfigError as error:
+        raise InputError(f"{path} is damaged: offered_qos_profiles of a topic: {error}") from error
+
+
 def _bounded(path: Path, database: sqlite3.Connection, query: str) -> Any:
     """Give a query's rows, up to `_MOST_TEXT` characters of them."""
     cursor = database.cursor()
     cursor.row_factory = sqlite3.Row
     left = _MOST_TEXT
-    for row in cursor.execute(query):
+    for number, row in enumerate(cursor.execute(query)):
+        if number == _MOST_ROWS:
+            raise InputError(f"{path} is refused: it has over {_MOST_ROWS} topics or definitions")
         left -= sum(len(value) if isinstance(value, str | bytes) else 8 for value in row)
         if left < 0:
             raise InputError(f"{path} is refused: its topics or definitions have over {_MOST_TEXT >> 20} MB")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from depth_pose.core.errors import InputError
-from depth_pose.io._topics import RecordingFile
+from depth_pose.io._topics import BAG_MAGIC, DB3_MAGIC, MCAP_MAGIC, RecordingFile
 
 ENDINGS = (".mcap", ".db3", ".bag")
 """Files that are looked for in folders."""
@@ -51,14 +51,14 @@ _FOREIGN_ENDINGS = {
 
 def open_file(file: Path, head: bytes) -> RecordingFile:
     """Open a file of a recording, by the bytes that it begins with."""
-    from depth_pose.io import _mcap_records, _rosbags_file
-
-    if head.startswith(_mcap_records.MAGIC):
+    if head.startswith(MCAP_MAGIC):
         from depth_pose.io._mcap_file import McapFile
 
         return McapFile(file)
-    if head.startswith((_rosbags_file.DB3_MAGIC, _rosbags_file.BAG_MAGIC)):
-        return _rosbags_file.RosbagsFile(file, head.startswith(_rosbags_file.BAG_MAGIC))
+    if head.startswith((DB3_MAGIC, BAG_MAGIC)):
+        from depth_pose.io._rosbags_file import RosbagsFile
+
+        return RosbagsFile(file, is_bag=head.startswith(BAG_MAGIC))
     raise InputError(_why_not(file, head))
 
 

@@ -7,6 +7,7 @@ read are held against the statistics.
 
 from __future__ import annotations
 
+import os
 import zlib
 from collections import Counter
 from collections.abc import Iterable, Iterator
@@ -19,13 +20,16 @@ from mcap.records import Channel
 
 from depth_pose.io import _mcap_records as mcap
 from depth_pose.io._mcap_records import Summary
-from depth_pose.io._topics import DamageError, Place, RawMessage, Topic, counted, in_order
+from depth_pose.io._topics import MCAP_MAGIC, DamageError, Place, RawMessage, Topic, counted, in_order
 
 _RUN = 4 << 20
 """Messages outside chunks are read in runs of about so many bytes. Set by hand."""
 
 _BLOCK = 1 << 20
 """Bytes that are read at once for the checksum of the data. Set by hand."""
+
+_MOST_BAD = 10_000
+"""Most bad chunks and records of a file: of one with more, the rest is not read. Set by hand."""
 
 _PRIVATE = 0x80
 """Kinds of records from here on are applications' own, and passed over."""
@@ -104,7 +108,7 @@ class McapFile:
 
     def _scan(self, stream: BinaryIO) -> None:
         """Take topics and chunks from all records, up to the first that cannot be one."""
-        size, at = mcap.size_of(stream), len(mcap.MAGIC)
+        size, at = mcap.size_of(stream), len(MCAP_MAGIC)
         self._summary = Summary()
         run: list[Place] = []
         while at < size:
@@ -117,8 +121,14 @@ class McapFile:
             if kind == Opcode.DATA_END:
                 self._check_data_end(stream, at, length)
                 break
-            if kind == 0 or Opcode.DATA_END < kind < _PRIVATE:
+            if kind == 0:
+                self._faults.append(f"has zeros from byte {at} on, where records should be")
+                break
+            if Opcode.DATA_END < kind < _PRIVATE:
                 self._bad[at] = f"a record of the unknown kind {kind}"
+                if len(self._bad) > _MOST_BAD:
+                    self._faults.append(f"is damaged: from byte {at} on it is not read")
+                    break
             self._scan_record(stream, kind, at, length, run)
             at += mcap.RECORD.size + length
         self._close_run(run)
@@ -163,6 +173,9 @@ class McapFile:
         """Hold the checksum of all data, where chunks have not told already which of them is damaged."""
         wanted = int.from_bytes(stream.read(min(length, 4)), "little")
         if not wanted or self._bad:
+            return
+        if os.fstat(stream.fileno()).st_blocks * 512 < at // 2:  # a hole of terabytes would be read as zeros
+            self._faults.append("has holes, so that the checksum of its data is not held")
             return
         crc, left = 0, at
         stream.seek(0)

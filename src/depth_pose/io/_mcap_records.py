@@ -21,12 +21,14 @@ from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Channel, ChunkIndex, Metadata, MetadataIndex, Schema, Statistics
 
-from depth_pose.io._topics import MAX_CHUNK, DamageError
-
-MAGIC = b"\x89MCAP0\r\n"
+from depth_pose.io._topics import MAX_CHUNK, MCAP_MAGIC, DamageError
 
 RECORD = struct.Struct("<BQ")
 """What begins each record: its kind, and the length of what follows."""
+
+MAX_SUMMARY = 16 << 20
+"""Most bytes of a summary that are read: the index of 90,000 chunks. A file with a larger one is gone through
+record by record. Set by hand."""
 
 _FOOTER = struct.Struct("<BQQQI")
 _CHUNK = struct.Struct("<QQQI")
@@ -61,8 +63,8 @@ def size_of(stream: BinaryIO) -> int:
 def is_finished(stream: BinaryIO) -> bool:
     """Whether a file ends as one does that was closed."""
     size = size_of(stream)
-    stream.seek(max(size - len(MAGIC), 0))
-    return size > len(MAGIC) and stream.read(len(MAGIC)) == MAGIC
+    stream.seek(max(size - len(MCAP_MAGIC), 0))
+    return size > len(MCAP_MAGIC) and stream.read(len(MCAP_MAGIC)) == MCAP_MAGIC
 
 
 def read_summary(stream: BinaryIO) -> Summary | None:
@@ -74,8 +76,8 @@ def read_summary(stream: BinaryIO) -> Summary | None:
         Where it cannot be read, or its checksum is wrong.
     """
     size = size_of(stream)
-    end = size - len(MAGIC) - _FOOTER.size
-    if end < len(MAGIC):
+    end = size - len(MCAP_MAGIC) - _FOOTER.size
+    if end < len(MCAP_MAGIC):
         raise DamageError("it has no footer")
     stream.seek(end)
     footer = stream.read(_FOOTER.size)
@@ -84,8 +86,10 @@ def read_summary(stream: BinaryIO) -> Summary | None:
         raise DamageError("its footer is damaged")
     if start == 0:
         return None
-    if not len(MAGIC) <= start <= end:
+    if not len(MCAP_MAGIC) <= start <= end:
         raise DamageError("its footer points outside the file")
+    if end - start > MAX_SUMMARY:
+        raise DamageError(f"it has {end - start >> 20} MiB, and {MAX_SUMMARY >> 20} are read")
     stream.seek(start)
     data = stream.read(end - start)
     if crc and zlib.crc32(footer[:-4], zlib.crc32(data)) != crc:
@@ -144,7 +148,7 @@ def read_metadata_record(stream: BinaryIO, index: MetadataIndex) -> Any:
     if index.offset > size_of(stream) or index.length > size_of(stream) - index.offset:
         raise DamageError("an index points outside the file")
     stream.seek(index.offset)
-    for kind, body in records(stream.read(index.length)):
+    for kind, body in records(stream.read(bounded(index.length))):
         if kind == Opcode.METADATA:
             return parse(Metadata, body)
     raise DamageError("there is no metadata where the index says")

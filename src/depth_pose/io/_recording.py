@@ -26,7 +26,7 @@ from depth_pose.io._rosbag2_folder import (
     missing_counts,
     read_metadata_file,
 )
-from depth_pose.io._topics import DamageError, RawMessage, RecordingFile, Topic
+from depth_pose.io._topics import MCAP_MAGIC, DamageError, RawMessage, RecordingFile, Topic
 from depth_pose.io.image_folder import IMAGE_ENDINGS, ImageFolder, image_files
 from depth_pose.io.image_options import ImageOptions
 
@@ -142,7 +142,7 @@ def read_metadata(path: Path | str, name: str) -> dict[str, str] | None:
     """Give the named metadata record of an MCAP file; None where there is no such file or record."""
     try:
         with open_regular(Path(path)) as stream:
-            if stream.read(len(mcap.MAGIC)) != mcap.MAGIC:
+            if stream.read(len(MCAP_MAGIC)) != MCAP_MAGIC:
                 return None
             summary = mcap.read_summary(stream)
             for index in summary.metadata if summary else ():
@@ -175,7 +175,7 @@ def read_span(path: Path | str) -> Span | None:
     """Give the span of an MCAP file; None where it has no summary to read it from."""
     try:
         with open_regular(Path(path)) as stream:
-            if stream.read(len(mcap.MAGIC)) != mcap.MAGIC:
+            if stream.read(len(MCAP_MAGIC)) != MCAP_MAGIC:
                 return None
             summary = mcap.read_summary(stream)
     except (DamageError, InputError, OSError):

@@ -7,11 +7,11 @@ import tempfile
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path, PurePath
-from typing import Any
+from typing import Any, BinaryIO
 
 from depth_pose.core.errors import DepthPoseError, InputError
 from depth_pose.core.reading import parse_long_yaml, read_text
-from depth_pose.io._topics import MAX_CHUNK, RawMessage, RecordingFile, Topic, counted
+from depth_pose.io._topics import MAGICS, MAX_CHUNK, RawMessage, RecordingFile, Topic, counted
 
 METADATA = "metadata.yaml"
 
@@ -20,8 +20,17 @@ PACKED = ".zstd"
 
 _MOST_METADATA = 16 << 20
 """Bytes of ``metadata.yaml``, at most; a larger one is refused. Set by hand."""
+_ZSTD_HEADER = 18
+"""Most bytes of a frame's header (RFC 8878)."""
+
 _BLOCK = 1 << 20
 """Bytes that are unpacked at once. Set by hand."""
+
+_MOST_RATIO = 200
+"""Most bytes that one packed byte may stand for; noisy depth has 2 to 5, simulated depth 20. Set by hand."""
+
+_ALWAYS = 256 << 20
+"""Bytes that may be unpacked whatever the ratio. Set by hand."""
 
 LEFT_FREE = 1 << 30
 """Bytes that unpacking leaves free on the disk. Set by hand."""
@@ -72,24 +81,47 @@ def read_metadata_file(folder: Path) -> Metadata:
 
 
 def unpack(file: Path, folder: Path) -> Path:
-    """Unpack a file that was packed as a whole into a folder; gives the unpacked one."""
+    """Unpack a file that was packed as a whole into a folder; gives the unpacked one.
+
+    Raises
+    ------
+    InputError
+        Where it is no recording, is damaged, or unpacks to more than there is room or reason for. Nothing is
+        left of it then.
+    """
     import zstandard
 
     target = folder / file.name.removesuffix(PACKED)
-    left = shutil.disk_usage(folder).free - LEFT_FREE
     try:
         with file.open("rb") as source, target.open("wb") as out:
-            reader = zstandard.ZstdDecompressor().stream_reader(source)
-            while block := reader.read(_BLOCK):
-                left -= len(block)
-                if left < 0:
-                    raise InputError(f"{file} cannot be unpacked: the disk of {folder} has too little room")
-                out.write(block)
-    except zstandard.ZstdError as error:
-        raise InputError(f"{file} cannot be unpacked: {error}") from error
-    except OSError as error:
-        raise InputError(f"{file} cannot be unpacked: {error.strerror}") from error
+            _unpack_stream(file, source, out, shutil.disk_usage(folder).free - LEFT_FREE)
+    except BaseException as error:
+        target.unlink(missing_ok=True)
+        if isinstance(error, OSError | zstandard.ZstdError):
+            reason = getattr(error, "strerror", None) or error
+            raise InputError(f"{file} cannot be unpacked: {reason}") from error
+        raise
     return target
+
+
+def _unpack_stream(file: Path, source: BinaryIO, out: BinaryIO, room: int) -> None:
+    """Unpack to at most as many bytes as there is room for."""
+    import zstandard
+
+    reason = max(_MOST_RATIO * file.stat().st_size, _ALWAYS)
+    declared = zstandard.frame_content_size(source.read(_ZSTD_HEADER))
+    source.seek(0)
+    reader = zstandard.ZstdDecompressor().stream_reader(source)
+    size = 0
+    while block := reader.read(_BLOCK):
+        if not size and not block.startswith(MAGICS):
+            raise InputError(f"{file} cannot be read: what is packed in it is no recording")
+        size += len(block)
+        if max(size, declared) > reason:
+            raise InputError(f"{file} is refused: it unpacks to over {_MOST_RATIO} times its size")
+        if max(size, declared) > room:
+            raise InputError(f"{file} cannot be unpacked: {out.name} has too little room")
+        out.write(block)
 
 
 class Unpacker:

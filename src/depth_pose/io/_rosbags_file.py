@@ -19,9 +19,6 @@ from depth_pose.io._topics import DamageError, RawMessage, Topic, counted
 if TYPE_CHECKING:
     from rosbags.interfaces import Connection
 
-DB3_MAGIC = b"SQLite format 3\x00"
-BAG_MAGIC = b"#ROSBAG V2.0\n"
-
 _DB3_REPAIR = "'sqlite3 FILE .recover | sqlite3 NEW.db3' saves what can be"
 _BAG_REPAIR = "ROS 1's 'rosbag reindex FILE' makes the index anew"
 
@@ -32,7 +29,7 @@ class RosbagsFile:
     Parameters
     ----------
     path : Path
-        The file; its first bytes are `DB3_MAGIC` or `BAG_MAGIC`.
+        A .db3 file or a ROS 1 bag, by its first bytes.
     is_bag : bool
         Whether it is a ROS 1 bag.
 

@@ -7,6 +7,12 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
+MCAP_MAGIC = b"\x89MCAP0\r\n"
+DB3_MAGIC = b"SQLite format 3\x00"
+BAG_MAGIC = b"#ROSBAG V2.0\n"
+MAGICS = (MCAP_MAGIC, DB3_MAGIC, BAG_MAGIC)
+"""What recordings begin with."""
+
 MOST_WAITING = 256 << 20
 """Bytes of messages that may wait for earlier ones in chunks that overlap. Set by hand: twice the largest
 chunk."""

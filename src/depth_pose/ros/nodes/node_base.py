@@ -30,6 +30,7 @@ from threadpoolctl import threadpool_limits
 from depth_pose.core.config import PipelineConfig
 from depth_pose.core.errors import BankError, ConfigError, DepthPoseError, InputError
 from depth_pose.core.options import Sections
+from depth_pose.core.printable import printable
 from depth_pose.ros.messages.basics import stamp_to_ns
 from depth_pose.ros.nodes.counts import Figures
 from depth_pose.ros.nodes.input_watch import CrowdWatch, SilenceWatch
@@ -249,7 +250,7 @@ class StageNode(LifecycleNode, ABC):
             return
         self._logged[reason] = (now, total)
         more = f" ({total - before} of these since the last such line)" if total - before > 1 else ""
-        self.get_logger().warning(f"dropped, {reason}: {detail}{more}")
+        self.get_logger().warning(f"dropped, {reason}: {printable(detail)}{more}")
 
     def count(self, what: str) -> None:
         """Count what diagnostics tell, but is no drop."""

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from depth_pose.core.outputs import check_targets
+from depth_pose.core.printable import printable
 from depth_pose.io._recording import RawMessage
 from depth_pose.io.depth_topics import DepthTopic
 from depth_pose.io.mcap_read import DepthReader
@@ -279,7 +280,7 @@ def _simulated(console: Console) -> Path:
     with Progress(console=console, transient=True) as bar:
         task = bar.add_task("simulating a time-of-flight sensor", total=len(clip))
         simulate(path, make_body(), clip, stage, progress=lambda done, _: bar.update(task, completed=done))
-    console.print(f"simulated a person in front of a time-of-flight sensor: {path}")
+    console.print(f"simulated a person in front of a time-of-flight sensor: {printable(path)}", markup=False)
     return path
 
 
@@ -311,6 +312,9 @@ def _finish(console: Console, result: DemoResult, picture: Path, log: Path) -> N
     from depth_pose.evaluate.overlay import save_overlay
     from depth_pose.evaluate.score import score
 
+    def say(line: str) -> None:
+        console.print(printable(line), highlight=False, markup=False, soft_wrap=True)
+
     truth = result.recording.with_suffix(".npz")
     known = truth if truth.is_file() else None
     errors: Score | None = None
@@ -318,13 +322,13 @@ def _finish(console: Console, result: DemoResult, picture: Path, log: Path) -> N
         errors = score(known, result.skeletons) if known else None
     console.print(_table(result, errors))
     for line in result.damage:
-        console.print(f"note: {line}", highlight=False, soft_wrap=True)
+        say(f"note: {line}")
     if result.answered < result.frames or result.restarts:
-        console.print(f"what the nodes said: {log}", highlight=False, soft_wrap=True)
+        say(f"what the nodes said: {log}")
     if result.answered:
-        console.print(f"skeletons: {result.skeletons}", highlight=False, soft_wrap=True)
+        say(f"skeletons: {result.skeletons}")
         save_overlay(result.recording, result.skeletons, picture, truth_path=known)
-        console.print(f"picture:   {picture}", highlight=False, soft_wrap=True)
+        say(f"picture:   {picture}")
 
 
 def _table(result: DemoResult, errors: Score | None) -> object:
@@ -332,7 +336,7 @@ def _table(result: DemoResult, errors: Score | None) -> object:
     from rich.table import Table
 
     table = Table(
-        title=escape(str(result.recording)), title_justify="left", title_style="bold", show_header=False
+        title=escape(printable(result.recording)), title_justify="left", title_style="bold", show_header=False
     )
     table.add_column(style="dim")
     table.add_column()

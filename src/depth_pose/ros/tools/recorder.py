@@ -13,6 +13,7 @@ from typing import Any
 import depth_pose
 from depth_pose.core.errors import InputError
 from depth_pose.core.outputs import NewFile
+from depth_pose.core.printable import printable
 from depth_pose.ros.process.runner import on_stop
 from depth_pose.ros.tools.recorded_qos import qos_text
 
@@ -213,7 +214,7 @@ class Recorder:
             kind, text = message_class(types[0]), message_text(types[0])
         except (InputError, OSError) as e:
             self._refused[topic] = str(e)
-            self._node.get_logger().warning(f"{topic} is not recorded: {e}")
+            self._node.get_logger().warning(f"{topic} is not recorded: {printable(e)}")
             return
         if types[0] not in self._schemas:
             self._schemas[types[0]] = self._writer.register_schema(types[0], "ros2msg", text.encode())

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from depth_pose.core.errors import InputError
+from depth_pose.core.printable import printable
 from depth_pose.core.types import DepthFrame, Skeleton
 from depth_pose.io import schemas
 from depth_pose.io._messages import read_people
@@ -146,7 +147,7 @@ class Watch:
             frame = self._frame(depth)
             return Heard(frame, None if people is None else read_people(people).skeletons)
         except InputError as error:
-            self._node.get_logger().warning(str(error), throttle_duration_sec=5.0)
+            self._node.get_logger().warning(printable(error), throttle_duration_sec=5.0)
             return None
 
     def nodes(self) -> list[NodeState]:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from sensor_msgs.msg import CameraInfo
 
 from depth_pose.core.errors import ConfigError, DepthPoseError
+from depth_pose.core.printable import printable
 from depth_pose.io.calibration import camera_from_info
 from depth_pose.ros.setting import Setting
 from depth_pose.ros.transport.intake import LOG_EVERY_S
@@ -106,7 +107,7 @@ class RigSource:
         self._try()
 
     def _complain(self, topic: str, error: DepthPoseError) -> None:
-        self._node.get_logger().error(f"{topic}: {error}", throttle_duration_sec=LOG_EVERY_S)
+        self._node.get_logger().error(f"{topic}: {printable(error)}", throttle_duration_sec=LOG_EVERY_S)
 
     def _place(self, frame: str) -> Array | None:
         return self._tree.find(self._world, frame)
