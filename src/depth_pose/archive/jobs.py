@@ -282,7 +282,8 @@ def _pipeline(setting: Setting) -> PosePipeline:
     """Give this process's pipeline, made with the first recording."""
     key = (setting.bank_id, setting.digest)
     if key not in _held:
-        from depth_pose.bank import Bank, default_bank_path
+        from depth_pose.bank import Bank
+        from depth_pose.bank.default import ensure_default_bank
         from depth_pose.pipeline import PosePipeline
 
         here = platform.node()
@@ -290,7 +291,7 @@ def _pipeline(setting: Setting) -> PosePipeline:
             raise ConfigError(
                 f"{here} has depth_pose {__version__}, not {setting.version}: install that there"
             )
-        path = setting.bank or default_bank_path()
+        path = setting.bank or ensure_default_bank()
         bank = Bank.load(path)
         if bank.bank_id != setting.bank_id:
             raise ConfigError(

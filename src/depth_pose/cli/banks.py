@@ -167,11 +167,12 @@ def check(
     depth-pose bank check in.mcap -o matches.png --bank my_bank.npz --frames 10
     """
     from depth_pose.bank import Bank, default_bank_path
+    from depth_pose.bank.default import prepare_default_bank
     from depth_pose.evaluate.bank_check import match_frames, save_check
     from depth_pose.evaluate.pictures import check_picture
 
     check_picture(output, [recording, bank or default_bank_path()])
-    loaded = Bank.load(bank or default_bank_path())
+    loaded = Bank.load(bank or prepare_default_bank())
     with progress_bar("matching", frames) as update:
         matched = match_frames(loaded, recording, frames, candidates, depth_topic, update)
     save_check(matched, loaded, output, recording.stem)

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import threading
-import time
-from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import typer
 from rich.console import Console
@@ -16,19 +13,24 @@ from rich.markup import escape
 from depth_pose.core.config import SHORT_NAMES, PipelineConfig
 from depth_pose.core.errors import ConfigError
 from depth_pose.core.options import Sections, options
+from depth_pose.core.progress import archive_bar, errors, loading, progress_bar
 from depth_pose.core.reading import parse_json, parse_yaml, read_text
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
+__all__ = [
+    "archive_bar",
+    "console",
+    "errors",
+    "given",
+    "loading",
+    "print_facts",
+    "progress_bar",
+    "read_settings",
+    "setting",
+    "tell_stopped",
+    "warn",
+]
 
 console = Console()
-errors = Console(stderr=True)
-
-_LEAST_LINE_GAP_S = 2.0
-"""Least time between two lines of progress where the output is no terminal, seconds. Set by hand."""
-
-_LONG_S = 10.0
-"""Seconds of loading after which an output that is no terminal is told of it; set by hand."""
 
 
 def setting(config: type, name: str, *flags: str) -> Any:
@@ -104,91 +106,6 @@ def _nested(flat: Mapping[str, Any]) -> dict[str, Any]:
         else:
             nested[section] = value
     return nested
-
-
-@contextmanager
-def progress_bar(what: str, total: int | None) -> Iterator[Callable[[int], None]]:
-    """Show a progress bar; gives a function that is told how many are done.
-
-    Where the output is no terminal, each tenth is a line.
-    """
-    with _bar(what, total, lambda done: f"{done}/{total}" if total else str(done)) as update:
-        yield lambda done: update(done, done)
-
-
-@contextmanager
-def archive_bar(what: str, size: int, recordings: int) -> Iterator[Callable[[float, int, int], None]]:
-    """Show the bar of an archive; gives a function that is told the bytes, recordings and frames done."""
-    done_recordings = 0
-    with _bar(what, size, lambda _: f"{done_recordings}/{recordings}", " frames") as update:
-
-        def tell(done: float, count: int, frames: int) -> None:
-            nonlocal done_recordings
-            done_recordings = count
-            update(done, frames)
-
-        yield tell
-
-
-@contextmanager
-def _bar(
-    what: str, total: int | None, count: Callable[[float], str], unit: str = ""
-) -> Iterator[Callable[[float, int], None]]:
-    """Show a bar; gives a function that is told how much is done, and of how many the rate is shown."""
-    if not errors.is_terminal:
-        tell = _line_printer(what, total)
-        yield lambda done, _: tell(done)
-        return
-    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
-
-    columns = (
-        TextColumn("{task.description}", markup=False),
-        BarColumn(bar_width=None),
-        TextColumn("{task.fields[count]}"),
-        TextColumn("{task.fields[rate]}"),
-        TimeRemainingColumn(compact=True),
-    )
-    with Progress(*columns, console=errors, transient=True, expand=True) as progress:
-        task = progress.add_task(what, total=total, rate="", count="")
-
-        def update(done: float, rated: int) -> None:
-            elapsed = progress.tasks[task].elapsed or 0.0
-            rate = f"{rated / elapsed:.1f}{unit}/s" if elapsed > 0.5 else ""
-            progress.update(task, completed=done, rate=rate, count=count(done))
-
-        yield update
-
-
-def _line_printer(what: str, total: int | None) -> Callable[[float], None]:
-    start = last = time.monotonic()
-    told = 0
-
-    def update(done: float) -> None:
-        nonlocal last, told
-        now = time.monotonic()
-        tenth = int(10 * done / total) if total else 0
-        if tenth > told and now - last > _LEAST_LINE_GAP_S:
-            told, last = tenth, now
-            errors.print(f"{what}: {10 * tenth} %, {now - start:.0f} s", highlight=False, markup=False)
-
-    return update
-
-
-@contextmanager
-def loading(what: str) -> Iterator[None]:
-    """Tell of loading and compiling kernels: at once on a terminal, else by a line once it takes long."""
-    text = f"loading {what} and compiling the kernels: seconds, the first time minutes"
-    if console.is_terminal:
-        with console.status(text):
-            yield
-        return
-    tell = threading.Timer(_LONG_S, errors.print, [text], {"highlight": False, "soft_wrap": True})
-    tell.daemon = True
-    tell.start()
-    try:
-        yield
-    finally:
-        tell.cancel()
 
 
 def print_facts(title: str, facts: Iterable[tuple[str, str]]) -> None:

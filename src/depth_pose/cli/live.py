@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import importlib.util
 import math
 import os
 from pathlib import Path
@@ -108,6 +109,10 @@ def up(
     }
     if sim_time:
         parameters["use_sim_time"] = True
+    if bank is None and importlib.util.find_spec("rclpy") is not None:
+        from depth_pose.bank.default import prepare_default_bank
+
+        prepare_default_bank()  # with a progress bar; the nodes would refuse to start
     options = {"parameters": parameters, "remap": remap or (), "local": local}
     code = call_ros("process.supervisor", "up", params, sensor, bank, **options)
     raise typer.Exit(code)

@@ -201,12 +201,14 @@ def _run_one(
 
     reader = DepthReader(recording, depth_topic, images, tell=False)
 
-    from depth_pose.bank import Bank, default_bank_path
+    from depth_pose.bank import Bank
+    from depth_pose.bank.default import prepare_default_bank
     from depth_pose.offline import process_recording
     from depth_pose.pipeline import PosePipeline
 
+    bank = bank or prepare_default_bank()
     with loading("the bank"):
-        pipeline = PosePipeline(Bank.load(bank or default_bank_path()), config)
+        pipeline = PosePipeline(Bank.load(bank), config)
         pipeline.warm_up()
     try:
         with progress_bar(recording.name, len(reader)) as update:
@@ -269,9 +271,10 @@ def _run_archive(
 
     from depth_pose.archive.jobs import Setting
     from depth_pose.archive.process import Progress, process_archive
-    from depth_pose.bank import Bank, default_bank_path
+    from depth_pose.bank import Bank
+    from depth_pose.bank.default import prepare_default_bank
 
-    bank_id = Bank.load(bank or default_bank_path()).bank_id
+    bank_id = Bank.load(bank or prepare_default_bank()).bank_id
     setting = Setting(str(bank.resolve()) if bank else None, bank_id, config, depth_topic, images)
     report = Report(folder / REPORT)
     size = sum(source.size for source in sources)

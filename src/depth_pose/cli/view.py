@@ -113,11 +113,13 @@ def _recorded(
     if skeletons is not None:
         known = {m.stamp_ns: m.skeletons for m in read_people(skeletons, topic)}
         return RecordedSource(reader, lambda frame: known.get(frame.stamp_ns), points)
-    from depth_pose.bank import Bank, default_bank_path
+    from depth_pose.bank import Bank
+    from depth_pose.bank.default import prepare_default_bank
     from depth_pose.pipeline import PosePipeline
 
+    bank = bank or prepare_default_bank()
     with loading("the bank"):
-        pipeline = PosePipeline(Bank.load(bank or default_bank_path()))
+        pipeline = PosePipeline(Bank.load(bank))
         pipeline.warm_up()
     return RecordedSource(reader, lambda frame: pipeline.process_frame(frame).skeletons, points)
 
