@@ -6,7 +6,7 @@
 Prints a table in Markdown: milliseconds a frame, the median and in brackets the 10th and 90th percentile,
 once the first sizes are known; and the median while they are being found. ``finder`` is the learned people
 finder; ``denoise`` the rest of the first stage. A person's share is the sum over the people who are answered,
-the finder included. `all.py` writes the table, with the comparisons, into BENCHMARK.md.
+the finder included. `all.py` writes the table, with the comparisons, into docs/speed.md.
 """
 
 from __future__ import annotations

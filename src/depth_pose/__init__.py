@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from depth_pose.io.skeleton_read import read_people as read_skeletons
     from depth_pose.tracker import Tracker
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 __all__ = [
     "BONES",

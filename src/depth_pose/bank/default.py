@@ -25,7 +25,7 @@ from depth_pose.core.progress import progress_bar
 Progress = Callable[[float], None]
 """Called with the fraction done, 0 to 1."""
 
-_GATHERING = 0.1
+_GATHERING = 0.2
 """Fraction of the time that making the poses takes; for the progress bar. Measured on two cores."""
 
 _log = logging.getLogger(__name__)

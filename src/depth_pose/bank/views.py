@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from depth_pose.bank import _ray_kernels as kernels
 from depth_pose.bank.canonical import DESCRIPTOR_SIZE, CanonicalAxes, canonical_axes, describe
 from depth_pose.body.body import Body
+from depth_pose.core.open3d import load_open3d
 from depth_pose.core.rotations import R_CAMERA_FACING_MODEL
 
 Array = NDArray[np.float64]
@@ -205,7 +206,7 @@ def render_views(
 
 def make_scene(vertices: Array, faces: NDArray[np.int32]) -> Any:
     """Put a mesh into an Open3D ray-casting scene of one thread."""
-    import open3d
+    open3d = load_open3d()
 
     scene = open3d.t.geometry.RaycastingScene(nthreads=1)
     scene.add_triangles(vertices.astype(np.float32), faces.astype(np.uint32))

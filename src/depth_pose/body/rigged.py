@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from depth_pose.body._skin_kernels import Skin, skin
 from depth_pose.body.body import Body, keep_largest
+from depth_pose.core.open3d import load_open3d
 from depth_pose.core.rotations import rotation_between
 from depth_pose.core.skeleton import ADULT_STATURE_M, NODE_INDEX, NODE_PARENTS, NODES, rest_nodes
 
@@ -87,7 +88,7 @@ def _to_rest_pose(mesh: RiggedMesh) -> RiggedMesh:
 
 def _decimate(mesh: RiggedMesh) -> RiggedMesh:
     """Collapse edges by the quadric error; weights are those of the nearest former vertex."""
-    import open3d
+    open3d = load_open3d()
     from scipy.spatial import cKDTree
 
     fine = open3d.geometry.TriangleMesh(

@@ -188,7 +188,7 @@ def play(
     options |= {"remap": _renamed(remap or []), "delay_s": delay, "wait_for": wait_for}
     options |= {"wait_s": math.inf if wait_for else 10.0}
     options["images"] = ImageOptions.parse(intrinsics, depth_scale, fps)
-    played = call_ros("transport.bag", "play", bag, **options)
+    played = call_ros("tools.bag", "play", bag, **options)
     rows = [(name, f"{count} messages") for name, count in sorted(played.messages.items())]
     rows += [(name, f"not played: {reason}") for name, reason in sorted(played.skipped.items())]
     print_facts(f"{bag}: {played.wall_s:.2f} s", rows)
@@ -223,7 +223,7 @@ def record(
     """
     check_targets([output])
     console.print("recording, Ctrl-C ends" if seconds is None else f"recording {seconds:g} s")
-    counts = call_ros("transport.bag", "record", output, topics or None, seconds=seconds)
+    counts = call_ros("tools.bag", "record", output, topics or None, seconds=seconds)
     if not counts:
         raise DepthPoseError(f"nothing came that could be recorded; {output} is not written")
     print_facts(str(output), [(name, f"{count} messages") for name, count in sorted(counts.items())])

@@ -36,7 +36,7 @@ def hz(
 
     depth-pose hz /camera/depth/image_raw --count 5
     """
-    watched = call_ros("transport.look", "watch_rate", topic, every)
+    watched = call_ros("tools.inspect_topics", "watch_rate", topic, every)
     for rate in _first(watched, count):
         if rate is None:
             console.print(f"{topic}: nothing came", highlight=False)
@@ -66,7 +66,7 @@ def tf(
     depth-pose tf body_1_left_wrist --in floor
     """
     if frame is None or parent is None:
-        frames = call_ros("transport.look", "list_frames", every)
+        frames = call_ros("tools.inspect_topics", "list_frames", every)
         if not frames:
             raise InputError(
                 "no frame is broadcast: nobody is in view yet, or the nodes run without the parameter "
@@ -78,7 +78,7 @@ def tf(
         parent = frames.get(frame.lstrip("/"))
         if parent is None:
             raise InputError(f"no frame {frame} is broadcast; there are {', '.join(sorted(frames))}")
-    for place in _first(call_ros("transport.look", "watch_frame", frame, parent, every), count):
+    for place in _first(call_ros("tools.inspect_topics", "watch_frame", frame, parent, every), count):
         if place is None:
             console.print(f"{frame} in {parent}: not known yet", highlight=False)
         else:
