@@ -60,10 +60,11 @@ class Source:
 
 
 def is_one_recording(path: Path) -> bool:
-    """Whether a path is one recording: a file, or a folder of one recording's parts."""
-    if not path.is_dir() or _is_split(path) or _is_of_images(path):
-        return True
-    return len(_recordings_in(path)) == 1 and not _has_recordings_below(path)
+    """Whether a path is one recording: a file, or a folder of one recording's parts or images.
+
+    A folder that happens to hold a single recording is not: it is treated as with two of them.
+    """
+    return not path.is_dir() or _is_split(path) or _is_of_images(path)
 
 
 def _is_split(folder: Path, but: Path | None = None) -> bool:

@@ -60,7 +60,8 @@ def run(
         typer.Option(
             "--output",
             "-o",
-            help="The skeletons' recording; of several, their folder. A name that ends in / is a folder.",
+            help="The recording of skeletons; for several inputs or a folder of recordings, their folder. "
+            "A name that ends in / is a folder.",
             metavar="OUT",
         ),
     ],
@@ -110,9 +111,9 @@ def run(
     A skeleton is REFINED, fitted to its frame, or RECOVERED, carried over from the frame before where that
     fit failed; that one is less sure.
 
-    Of several recordings, or with an output that is a folder, each one's skeletons go to FOLDER/NAME.mcap.
-    What is done already is skipped, so that the same command goes on where it was stopped. FOLDER/report.csv
-    has a line for each; the exit code is 1 where one of them failed, 3 where one is damaged.
+    For several recordings, a folder of recordings, or an output that is a folder, the skeletons of each go to
+    FOLDER/NAME.mcap. Finished recordings are skipped, so the same command continues where it was stopped.
+    FOLDER/report.csv has a line for each; the exit code is 1 if one failed, 3 if one is damaged.
 
     [bold]Examples:[/bold]
 
