@@ -1,6 +1,6 @@
 """Error and time against the size of the bank (the paper's Fig. 14).
 
-    python benchmarks/bank_size.py DATA embedded=a.npz recorded=b.npz --pictures docs/images
+    python benchmarks/bank_size.py DATA embedded=a.npz recorded=b.npz --pictures build/pictures
 
 Every 1st, 4th, 16th and 64th pose of each bank. Each frame stands alone: matched with the size
 that the matcher found over the first frames, and refined without the previous pose.

@@ -1,4 +1,4 @@
-"""Draw the embedded body, in its rest pose and bent, for docs/body.md.
+"""Draw the embedded body, in its rest pose and bent.
 
 python benchmarks/body_pictures.py [FOLDER]
 """
@@ -83,7 +83,7 @@ def main() -> None:
     import matplotlib.image
 
     parser = make_parser(__doc__)
-    parser.add_argument("folder", nargs="?", type=Path, default=Path(__file__).resolve().parents[1] / "docs")
+    parser.add_argument("folder", nargs="?", type=Path, default=Path("build/pictures"))
     folder = parser.parse_args().folder
     body = make_body()
     rest = [shade(body.vertices, body.faces, a) for a in (0, 40, 90, 180)]

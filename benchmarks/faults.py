@@ -1,4 +1,4 @@
-"""The table of faults of docs/faults.md, measured again.
+"""Measure how long skeletons are missing after each fault of docs/faults.md.
 
     python benchmarks/faults.py --times 3
     python benchmarks/faults.py --times 10 --only killed

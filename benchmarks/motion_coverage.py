@@ -1,8 +1,8 @@
 """How well the procedural poses cover recorded motion, and pictures of both.
 
-    python benchmarks/motion_coverage.py FOLDER_OF_BVH docs/images
+    python benchmarks/motion_coverage.py FOLDER_OF_BVH build/pictures
 
-Prints the table of docs/motion.md and writes its pictures.
+Prints the coverage of recorded motion and draws the families.
 """
 
 from __future__ import annotations
@@ -140,7 +140,7 @@ def main() -> None:
 
 
 def draw(poses: PoseSet, recorded: PoseSet, folder: Path) -> None:
-    """Write the pictures of docs/motion.md."""
+    """Draw the families of motion and their coverage."""
     folder.mkdir(parents=True, exist_ok=True)
     plot_coverage([("procedural", poses), ("recorded", recorded)], folder / "motion_coverage.png")
     names = sorted(set(poses.families))

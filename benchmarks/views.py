@@ -1,6 +1,6 @@
 """Error of matching and refinement against the view (the paper's Fig. 11), on simulated walking.
 
-    python benchmarks/views.py BANK --pictures docs/images
+    python benchmarks/views.py BANK --pictures build/pictures
 
 The views of Fig. 11 are the front, the camera rolled by 30 degrees, and from the upper right
 looking down; then eight azimuths all around, and elevations from -15 to 60 degrees. The simulated

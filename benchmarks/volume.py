@@ -1,7 +1,7 @@
 """The volume tracker's accuracy on dances it was never shown, and its cost.
 
-    python benchmarks/volume.py accuracy --out docs/images   # tables and plots, about ten minutes
-    python benchmarks/volume.py depth --out docs/images      # 1, 2 and 4 depth cameras, ten minutes
+    python benchmarks/volume.py accuracy --out build/pictures   # tables and plots, about ten minutes
+    python benchmarks/volume.py depth --out build/pictures      # 1, 2 and 4 depth cameras, ten minutes
     python benchmarks/volume.py cost                         # milliseconds by voxel, particles, cameras
 
 Training is ten performances of each dance, 350 frames in all, on wearers of three builds; test are 300

@@ -1,4 +1,4 @@
-"""The table of faults in docs/faults.md: each is done here, to real nodes over real DDS.
+"""The live faults of docs/faults.md: each is done here, to real nodes over real DDS.
 
 Each test writes a row (fault, what was seen, seconds to recover, frames lost; tabs between) to the file
 that the variable DEPTH_POSE_FAULTS names, where it is set.
