@@ -206,7 +206,7 @@ def _process(
 
 
 def _facts(summary: RunSummary, damage: Sequence[str]) -> dict[str, Any]:
-    """Give what stands of a summary in the output: nothing that another run would find otherwise."""
+    """Return the reproducible part of a summary, which goes into the output."""
     return {
         "frames": summary.frames,
         "people": summary.most_people,
@@ -218,7 +218,7 @@ def _facts(summary: RunSummary, damage: Sequence[str]) -> dict[str, Any]:
 
 
 def _remembered(name: str, note: Mapping[str, str]) -> Row | None:
-    """Give the row of what was done before; None where its output tells of none."""
+    """Return the report row of a finished output; None if the output does not contain it."""
     try:
         facts = json.loads(note["row"])
         return Row(
@@ -236,7 +236,7 @@ def _remembered(name: str, note: Mapping[str, str]) -> Row | None:
 
 
 def _marks(recording: Path, setting: Setting) -> dict[str, str]:
-    """Say what an output is made from."""
+    """Return what an output is made from."""
     return {
         "input": content_hash(recording),
         "bank": setting.bank_id,
@@ -279,7 +279,7 @@ _held: dict[tuple[str, str], PosePipeline] = {}
 
 
 def _pipeline(setting: Setting) -> PosePipeline:
-    """Give this process's pipeline, made with the first recording."""
+    """Return this process's pipeline; make it with the first recording."""
     key = (setting.bank_id, setting.digest)
     if key not in _held:
         from depth_pose.bank import Bank

@@ -25,7 +25,7 @@ class Progress:
 
 
 def output_of(source: Source, folder: Path) -> Path:
-    """Give the skeletons' file of a recording."""
+    """Return the output file of a recording."""
     return folder / f"{source.name}{ENDING}"
 
 

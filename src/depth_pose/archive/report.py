@@ -110,7 +110,7 @@ def _cells(row: Row) -> list[str]:
 
 
 def _plain(text: str) -> str:
-    """Give text as a report has it: bytes of a file's name that are not UTF-8 by their numbers."""
+    """Return text for a report; bytes of file names that are not UTF-8 are escaped."""
     return text.encode("utf-8", "backslashreplace").decode()
 
 

@@ -111,7 +111,7 @@ class Bank:
         return digest
 
     def _about(self) -> dict[str, Any]:
-        """Give what the header says."""
+        """Return what the header says."""
         return {"body": {"name": self.body.name, "stature": float(self.body.stature)}, "source": self.source}
 
     @property

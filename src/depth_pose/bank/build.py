@@ -104,7 +104,7 @@ def build_bank(
 
 
 def _gather_views(parts: Iterable[PoseViews], count: int, progress: Progress | None) -> PoseViews:
-    """Put the parts into one, each as it comes: all descriptors together are by far the largest."""
+    """Combine the parts as they arrive; the descriptors dominate the memory."""
     whole: PoseViews | None = None
     done = 0
     for part in parts:

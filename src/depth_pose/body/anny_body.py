@@ -102,7 +102,7 @@ def _array(tensor: object) -> Array:
 
 
 def split_side(bone: str) -> tuple[str, str]:
-    """Give a bone's name without its side, and our prefix of the side: ``foot.L``: ``foot, left_``."""
+    """Return a bone's name without its side, and our prefix of the side: ``foot.L``: ``foot, left_``."""
     stem, dot, side = bone.rpartition(".")
     if dot and side in ("L", "R"):
         return stem, {"L": "left_", "R": "right_"}[side]

@@ -151,7 +151,7 @@ class BuildSpace:
         self._body: Callable[[bytes], Body] = lru_cache(maxsize=_KEPT)(self._make)
 
     def body(self, build: NDArray[np.float32]) -> Body:
-        """Give the body of a build, (13,) float32; the template where it is 0 or empty.
+        """Return the body of a build, (13,) float32; the template where it is 0 or empty.
 
         Its weights, faces and stature are the template's: sizes stay relative to the same stature.
         """
@@ -167,7 +167,7 @@ class BuildSpace:
 
 @lru_cache(maxsize=2)
 def build_space(template: Body) -> BuildSpace:
-    """Give all builds of a body, the same to everybody who asks."""
+    """Return the shared space of all builds of a body."""
     return BuildSpace(template)
 
 
@@ -183,7 +183,7 @@ def prior_information() -> Array:
 
 
 def _derivatives(nodes: Array) -> tuple[Array, Array]:
-    """Give the derivatives of the nodes, (13, 21, 3), and of the segments' linear maps, (13, 21, 3, 3)."""
+    """Return the derivatives of the nodes, (13, 21, 3), and of the segments' linear maps, (13, 21, 3, 3)."""
     count = len(BUILD_NAMES)
     moved, maps = np.zeros((count, len(NODES), 3)), np.zeros((count, len(NODES), 3, 3))
     for k, part in enumerate(BUILD_NAMES):

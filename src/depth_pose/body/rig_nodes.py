@@ -101,7 +101,7 @@ def place_nodes(heads: Array, found: dict[str, int]) -> Array:
 
 
 def bone_owners(rig: SourceMotion, heads: Array, found: dict[str, int], nodes: Array) -> NDArray[np.int64]:
-    """Tell which node each bone moves with: a limb's by descent, the trunk's by height.
+    """Assign each bone to a node: limbs by descent, the trunk by height.
 
     Parameters
     ----------

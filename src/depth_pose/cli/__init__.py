@@ -1,6 +1,6 @@
 """The ``depth-pose`` command.
 
-Nothing is imported here, so that Ctrl-C is heard from the start; `depth_pose.cli.app` has the commands.
+Nothing is imported here, so that Ctrl-C works from the start; `depth_pose.cli.app` has the commands.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ STOPPED = 130
 
 
 def main() -> None:
-    """Run the command; Ctrl-C while it loads ends it without a word."""
+    """Run the command; Ctrl-C while it loads ends it silently."""
     is_heard = signal.getsignal(signal.SIGINT) is signal.default_int_handler
     if is_heard:  # and not ignored, as in a shell's background job
         signal.signal(signal.SIGINT, _stop)  # a KeyboardInterrupt is lost in some modules' imports

@@ -36,7 +36,7 @@ console = Console()
 def setting(config: type, name: str, *flags: str) -> Any:
     """Make the command-line option of a setting, with its help, range and default.
 
-    An option that is not given is None, so that a file of settings may give it.
+    The default is None, so that a settings file can provide the value.
     """
     found = next(o for o in options(config) if o.name == name)
     unit = f" {found.unit}" if found.unit else ""
@@ -53,19 +53,19 @@ def setting(config: type, name: str, *flags: str) -> Any:
 
 
 def given(**values: Any) -> dict[str, Any]:
-    """Keep what was given on the command line."""
+    """Return the options that were given."""
     return {name: value for name, value in values.items() if value is not None}
 
 
 def read_settings(path: Path, config: type[Sections] = PipelineConfig) -> dict[str, dict[str, Any]]:
-    """Read a file of settings: YAML or JSON, by step, or a ROS parameter file with those steps.
+    """Read a settings file: YAML or JSON by step, or a ROS parameter file with those steps.
 
     Raises
     ------
     InputError
         Where it cannot be read.
     ConfigError
-        Where it is no mapping of mappings.
+        Where it is not a mapping of mappings.
     """
     text = read_text(path)
     values = parse_json(path, text) if path.suffix.lower() == ".json" else parse_yaml(path, text)
@@ -75,20 +75,20 @@ def read_settings(path: Path, config: type[Sections] = PipelineConfig) -> dict[s
         inside = values["/**"]
         everything = inside.get("ros__parameters") if isinstance(inside, Mapping) else None
         if not isinstance(everything, Mapping) or not all(isinstance(name, str) for name in everything):
-            raise ConfigError(f"{path}: /** is to hold ros__parameters, a mapping of names to values")
+            raise ConfigError(f"{path}: /** must hold ros__parameters, a mapping of names to values")
         sections = config().as_mapping()
         everything = dict(_long_name(name, value) for name, value in everything.items())
         values = _nested({k: v for k, v in everything.items() if k.partition(".")[0] in sections})
     if not isinstance(values, Mapping) or not all(isinstance(part, Mapping) for part in values.values()):
-        raise ConfigError(f"{path} is to hold settings by step, for instance 'segment: {{near: 0.5}}'")
+        raise ConfigError(f"{path} must hold settings by step, for instance 'segment: {{near: 0.5}}'")
     odd = [name for part in values.values() for name in part if not isinstance(name, str)]
     if odd:
-        raise ConfigError(f"{path}: {odd[0]!r} is no setting's name")
+        raise ConfigError(f"{path}: {odd[0]!r} is not the name of a setting")
     return {str(name): dict(part) for name, part in values.items()}
 
 
 def _long_name(name: str, value: Any) -> tuple[str, Any]:
-    """Give the section's name and the field's for a ROS parameter that is named without its section."""
+    """Return the full name, SECTION.FIELD, of a ROS parameter that is given without its section."""
     if name in SHORT_NAMES and not isinstance(value, Mapping):
         return ".".join(SHORT_NAMES[name]), value
     return name, value
@@ -121,7 +121,7 @@ def print_facts(title: str, facts: Iterable[tuple[str, str]]) -> None:
 
 
 def tell_stopped(stopped: BaseException) -> None:
-    """Say what Ctrl-C has left."""
+    """Print what is left after Ctrl-C."""
     errors.print(f"stopped; {stopped}", highlight=False, markup=False, soft_wrap=True)
 
 

@@ -25,22 +25,21 @@ def add_to(app: typer.Typer) -> None:
 def export(
     skeletons: Annotated[Path, typer.Argument(help="Recording of skeletons, as `depth-pose run` writes it.")],
     output: Annotated[
-        Path, typer.Option("--output", "-o", help="The file; its ending is the format: .bvh .trc .csv .npz")
+        Path,
+        typer.Option("--output", "-o", help="The file; its extension is the format: .bvh .trc .csv .npz"),
     ],
     person: Annotated[
-        list[str] | None, typer.Option(help="Only who has this body_id; may be repeated.")
+        list[str] | None, typer.Option(help="Only the person with this body_id; may be repeated.")
     ] = None,
-    fill: Annotated[
-        bool, typer.Option("--fill", help="Bridge gaps: straight from the pose before to the one after.")
-    ] = False,
+    fill: Annotated[bool, typer.Option("--fill", help="Interpolate poses in gaps.")] = False,
     world: Annotated[
-        str, typer.Option(help="camera, or floor: floor at z = 0, x forward, y left, z up (REP-103).")
+        str, typer.Option(help="camera, or floor: z = 0 on the floor, x forward, y left, z up (REP-103).")
     ] = "camera",
     recording: Annotated[
         Path | None,
         typer.Option(
-            help="With --world floor: the depth recording, to find the floor in.",
-            show_default="the floor is told from people's feet",
+            help="With --world floor: the depth recording in which to find the floor.",
+            show_default="the floor is estimated from people's feet",
         ),
     ] = None,
     unit: Annotated[
@@ -109,7 +108,7 @@ def _describe(track: Track, file: Exported) -> str:
 
 
 def _treated(kind: str, fill: bool) -> str:
-    """Say what became of gaps."""
+    """Print how gaps were filled."""
     if fill:
         return "bridged"
     return {".bvh": "held", ".trc": "NaN", ".csv": "left out", ".npz": "NaN"}[kind]

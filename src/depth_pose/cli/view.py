@@ -25,24 +25,24 @@ def view(
     recording: Annotated[
         Path | None,
         typer.Argument(
-            help="Recording of a depth camera, of any format that `run` takes.",
+            help="Depth recording, in any format that `run` reads.",
             show_default="the running nodes",
         ),
     ] = None,
     skeletons: Annotated[
         Path | None,
-        typer.Argument(help="Recording of its skeletons.", show_default="they are found meanwhile"),
+        typer.Argument(help="Recording of its skeletons.", show_default="they are computed while it plays"),
     ] = None,
-    port: Annotated[int, typer.Option(min=0, max=65535, help="Where the browser connects; 0: any.")] = 8080,
+    port: Annotated[int, typer.Option(min=0, max=65535, help="Port for the browser; 0: any.")] = 8080,
     host: Annotated[
-        str, typer.Option(help="Address to listen on; 0.0.0.0 lets other machines look.")
+        str, typer.Option(help="Address to listen on; 0.0.0.0 admits other machines.")
     ] = "127.0.0.1",
     pictures: Annotated[Path, typer.Option(help="Folder of screenshots and clips.")] = Path("results"),
     points: Annotated[
-        int, typer.Option(min=100, max=1_000_000, help="Points of a frame that are shown, at most.")
+        int, typer.Option(min=100, max=1_000_000, help="Maximum number of points shown.")
     ] = 20_000,
     bank: Annotated[
-        Path | None, typer.Option(help="Exemplar bank, whose body is shown.", show_default="the set-up's")
+        Path | None, typer.Option(help="Exemplar bank with the body to show.", show_default="the set-up's")
     ] = None,
     depth_topic: Annotated[
         str | None,
@@ -52,7 +52,7 @@ def view(
     ] = None,
     topic: Annotated[str, typer.Option(help="The skeletons' topic in their recording.")] = PEOPLE_TOPIC,
 ) -> None:
-    """Look at people and depth in a browser: of the running nodes, or of a recording.
+    """Show people and depth in a browser: of the running nodes, or of a recording.
 
     Prints an address; open it in any browser on this machine. In a recording play, pause, scrub and set
     the speed; live, the panel shows how the nodes do, and follow, zone and nearest set their parameters.
@@ -78,7 +78,7 @@ def view(
     if recording is None:
         from depth_pose.cli.live import call_ros
 
-        watch = call_ros("watch", "start_watch", depth_topic)
+        watch = call_ros("tools.watch", "start_watch", depth_topic)
         source, stop = LiveSource(watch, points), watch.stop
     else:
         source = _recorded(recording, skeletons, bank, depth_topic, topic, points)
@@ -125,7 +125,7 @@ def _recorded(
 
 
 def _bodies(bank: Path | None) -> MeshOf | None:
-    """Give what makes fitted bodies; None without a bank."""
+    """Return the maker of fitted bodies; None without a bank."""
     from depth_pose.bank import default_bank_path
     from depth_pose.viewer.bodies import BodyMaker
 

@@ -169,7 +169,7 @@ def _torso_axes(joints: NDArray[np.float64], names: tuple[str, ...]) -> NDArray[
 
 
 def score_sequences(sequences: list[SequenceErrors]) -> Score:
-    """Put sequences together.
+    """Combine sequences.
 
     Raises
     ------

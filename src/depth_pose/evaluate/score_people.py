@@ -189,7 +189,7 @@ def _count_identified(shared: Counter[tuple[int, str]]) -> int:
 
 
 def score_matches(matches: Sequence[PeopleMatches]) -> PeopleScore:
-    """Put sequences together."""
+    """Combine sequences."""
     errors = np.concatenate([m.errors for m in matches])
     asked, false = sum(m.asked for m in matches), sum(m.false for m in matches)
     answered = sum(m.answered for m in matches)

@@ -140,7 +140,7 @@ def _parse_line(words: list[str], out: _Hierarchy, stack: list[int], pending: st
 
 
 def _parse_motion_head(text: str, path: Path, line: int) -> tuple[int, float, str]:
-    """Give the number of frames, the seconds between them, and the text of their values."""
+    """Return the number of frames, the seconds between them, and the text of their values."""
     lines = text.strip().split("\n", 2)
     try:
         frames = int(lines[0].split(":")[1])

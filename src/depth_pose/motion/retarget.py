@@ -73,7 +73,7 @@ class Retargeted:
 
 
 def retarget(source: SourceMotion) -> Retargeted:
-    """Bring a recorded motion to our skeleton.
+    """Retarget a recorded motion to the project's skeleton.
 
     Parameters
     ----------
@@ -122,7 +122,7 @@ def _rest_axes(name: str, rest: Array, joint: dict[str, int]) -> Array:
 
 
 def _snap(direction: Array) -> Array:
-    """Give the unit vector, moved onto a coordinate axis that is near."""
+    """Return the unit vector, snapped to a near coordinate axis."""
     size = np.linalg.norm(direction)
     if size == 0:
         return np.zeros(3)

@@ -18,12 +18,12 @@ SMALLEST_AREA_M2 = 1e-9
 
 
 def empty() -> Piece:
-    """Give a mesh of nothing."""
+    """Return an empty mesh."""
     return np.zeros((0, 3)), np.zeros((0, 3), np.int32)
 
 
 def join(pieces: Sequence[Piece]) -> Piece:
-    """Put meshes together, without triangles that have no area."""
+    """Combine meshes and drop triangles without area."""
     if not pieces:
         return empty()
     first = np.cumsum([0] + [len(v) for v, _ in pieces[:-1]])

@@ -216,7 +216,7 @@ def _put(performer: Performer, track: Track, t: int) -> Placed:
 def _put_seats(
     rng: np.random.Generator, room: Room, cast: Sequence[tuple[Performer, Track]], avoid: Sequence[Array]
 ) -> None:
-    """Put a chair where somebody will sit."""
+    """Place a chair where somebody will sit."""
     for i, (performer, track) in enumerate(cast):
         if track.seated.any():
             t = int(np.flatnonzero(track.seated)[-1])

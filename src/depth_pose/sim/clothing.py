@@ -71,7 +71,7 @@ GARMENTS: dict[str, Garment | None] = {
 
 
 def find_garment(name: str) -> Garment | None:
-    """Give a garment by its name; None for ``none``."""
+    """Return a garment by its name; None for ``none``."""
     if name not in GARMENTS:
         raise ConfigError(f"there is no garment {name!r}; there are {', '.join(GARMENTS)}")
     return GARMENTS[name]

@@ -66,7 +66,7 @@ KINDS: dict[str, Callable[[Bank, BodyPose, np.random.Generator], BodyPose]] = {
 
 
 def fail(kind: str, fitted: Fitted, person: Person, bank: Bank, rng: np.random.Generator) -> Fitted:
-    """Put a failure into a fitted skeleton.
+    """Insert a failure into a fitted skeleton.
 
     Parameters
     ----------

@@ -52,7 +52,7 @@ def _put_things(thing: Assembly, rng: np.random.Generator, top: float, wide: flo
 
 
 def add_clutter(thing: Assembly, rng: np.random.Generator, x: float, y: float, z: float) -> None:
-    """Put one small thing down at a spot: a box, a pile, a bottle, a bag, a lamp."""
+    """Place one small object: a box, a pile, a bottle, a bag, a lamp."""
     what, share, turn = rng.integers(0, 5), random_albedo(rng, 0.35), rng.uniform(0, np.pi)
     if what <= 1:
         size = rng.uniform((0.04, 0.02, 0.04), (0.32, 0.3, 0.3))

@@ -22,7 +22,7 @@ _TRIES = 8
 
 
 def add_lookalikes(room: Room, rng: np.random.Generator, spread: float, reach: float) -> None:
-    """Put some where the camera sees them, at times with a table before them.
+    """Place some in view of the camera, sometimes behind a table.
 
     Parameters are those of `depth_pose.sim.rooms.furnish`.
     """

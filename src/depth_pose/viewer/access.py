@@ -21,7 +21,7 @@ LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
 
 def refusal(hosts: Sequence[str], origins: Sequence[str], is_local: bool) -> str:
-    """Say why a request is not answered; nothing where it is.
+    """Return the reason for refusing a request; empty to accept it.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ def _is_fixed(host: str) -> bool:
 
 @contextmanager
 def own_pages_only(host: str) -> Iterator[None]:
-    """Have the server that is started meanwhile refuse what `refusal` refuses.
+    """Make the server started inside refuse what `refusal` refuses.
 
     `viser` has no setting for it; it starts its server by ``websockets.asyncio.server.serve``, whose hook for
     requests comes before the one that it sets itself.

@@ -195,7 +195,7 @@ class Viewer:
             self.drawn += 1
 
     def _shown(self, moment: Moment) -> tuple[Skeleton, ...]:
-        """Give the people to draw. Running nodes choose by themselves."""
+        """Return the people to draw; running nodes choose by themselves."""
         if self._live is not None:
             return self._live.people(moment)
         return chosen(moment.skeletons or (), self._zone, self._most)
@@ -214,7 +214,7 @@ class Viewer:
         client.camera.position, client.camera.look_at = eye, target
 
     def _view(self) -> tuple[Place, Place]:
-        """Give where to look from, and to."""
+        """Return the viewpoint and the target."""
         x, y, z = (float(v) for v in self._scene.T_world_camera[:3, 3])
         (a, b, c), (d, e, f) = _EYE, _TARGET
         return (x + a, y + b, z + c), (x + d, y + e, z + f)
@@ -314,7 +314,7 @@ class Viewer:
         self._choice_text.content = said
 
     def _tell(self) -> None:
-        """Bring the tables up to date."""
+        """Update the tables."""
         if self._live is not None:
             _set(self._nodes_text, nodes_table(self._live.nodes()))
         if self._recorded is not None:
@@ -391,13 +391,13 @@ class Viewer:
         self._hand_over(event.client, path)
 
     def _hand_over(self, client: Any, path: Path) -> None:
-        """Say where a picture is, and give it to the browser, which may be on another machine."""
+        """Print where a picture is, and send it to the browser, which may be on another machine."""
         client.send_file_download(path.name, path.read_bytes())
         _tell_client(client, "saved", str(path.resolve()))
 
 
 def _tell_client(client: Any, title: str, body: str) -> None:
-    """Tell a browser, unless it is gone."""
+    """Notify a browser, unless it has disconnected."""
     with suppress(RuntimeError):
         client.add_notification(title, body, auto_close_seconds=6.0)
 

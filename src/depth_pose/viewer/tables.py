@@ -23,7 +23,7 @@ def distance_m(skeleton: Skeleton) -> float:
 
 
 def chosen(skeletons: Sequence[Skeleton], zone: Zone, most: int) -> tuple[Skeleton, ...]:
-    """Give the people in a zone, at most so many of them, the nearest; 0: all."""
+    """Return the people in a zone, at most this many, the nearest; 0: all."""
     inside = [s for s in skeletons if not s.is_lost and zone.holds(*s.positions[_PELVIS])]
     if most:
         inside = sorted(inside, key=distance_m)[:most]
@@ -79,6 +79,6 @@ def _short(node: NodeState) -> str:
 
 
 def _drops(values: Mapping[str, str]) -> str:
-    """Give the drops by reason; 0 without any."""
+    """Return the dropped frames by reason; 0 if there are none."""
     reasons = {k.removeprefix("dropped: "): v for k, v in values.items() if k.startswith("dropped: ")}
     return ", ".join(f"{count} {reason}" for reason, count in reasons.items()) or "0"

@@ -160,7 +160,7 @@ class VolumeModel:
         return Regression(self.latent[before], self.latent[after], kernel, float(self.meta["noise_floor"]))
 
     def views_of(self, steps: Array | NDArray[np.int64], seen_from: float) -> NDArray[np.int64]:
-        """Give the views of a person with headings (steps of the fine azimuth) from an azimuth (radians)."""
+        """Return views of a person with headings (steps of the fine azimuth) from an azimuth (radians)."""
         turns = seen_from / (2 * np.pi) - steps / self.bins.fine
         return np.asarray(np.rint(turns * self.views).astype(np.int64) % self.views)
 

@@ -236,7 +236,7 @@ class LatentTracker:
         return found, costs.min(axis=1)
 
     def _start(self, found: Tracked, cost: Array) -> None:
-        """Put the particles on training points, by what they cost."""
+        """Place the particles on training points, by their cost."""
         rows = self._draw(cost, self.config.particles)
         spread = self._noise * self._rng.normal(size=(len(rows), self.model.latent.shape[1]))
         self._points = self.model.latent[rows] + spread
