@@ -119,7 +119,7 @@ def find_sources(inputs: Iterable[str | Path], but: Path | None = None) -> list[
     InputError
         Where an input is not there, or has no recording in it.
     ConfigError
-        Where recordings cannot be told apart by their names.
+        Where two recordings have the same name.
     """
     inputs, but = list(inputs), but.resolve() if but else None
     found: dict[Path, str] = {}

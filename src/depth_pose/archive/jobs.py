@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 _BLOCK = 1 << 20
 """Bytes of a block: 1 MiB. Set by hand."""
 _BLOCKS = 8
-"""Of larger files so many blocks of 1 MiB are hashed, the first and the last among them."""
+"""Number of blocks of 1 MiB that are hashed of larger files, first and last included."""
 _TELL_EVERY_S = 0.5
 """Least time between two words of progress, seconds. Set by hand."""
 
@@ -140,7 +140,7 @@ def work_on(name: str, recording: str, output: str, setting: Setting, tell: Tell
         Its file, folder or URL; the skeletons' file.
     setting : Setting
     tell : callable
-        Is told the share that is done.
+        Called with the fraction done.
 
     Returns
     -------

@@ -106,7 +106,7 @@ def _reason(error: Exception) -> str:
 
 
 def _watching_room(folder: Path) -> Any:
-    """Make what `fsspec` tells of each piece that has come; it ends a copy for which there is no room."""
+    """Return the fsspec callback that aborts a copy when the disk has no room."""
     from fsspec.callbacks import Callback
 
     class Room(Callback):  # type: ignore[misc, unused-ignore]

@@ -81,7 +81,7 @@ class Report:
         """
         if self._stream is None:
             return []
-        with suppress(OSError):  # of a full disk, for a line that has been told to fail
+        with suppress(OSError):  # a full disk, already reported
             self._stream.close()
         order = list(order)
         with new_text_file(self.path, newline="") as stream:
@@ -126,7 +126,7 @@ def _value(text: str) -> float:
 
 
 def _read_lines(path: Path) -> dict[str, dict[str, str]]:
-    """Read a report's lines, the last of each recording; none where there is no report, or another file."""
+    """Read the last line of each recording from a report; empty if there is no report."""
     try:
         with path.open(encoding="utf-8", newline="") as stream:
             lines = csv.DictReader(stream)

@@ -80,7 +80,7 @@ def build_bank(
     workers : int, optional
         Processes; all cores by default, 0 works in this process.
     scheduler : str, optional
-        Address of a Dask scheduler, whose workers render instead of processes of this machine.
+        Address of a Dask scheduler; its workers render instead of processes of this machine.
     """
     # as they will be read back from the file, so that views and poses belong together exactly
     quats = matrix_to_quat(rotations).astype(np.float32)

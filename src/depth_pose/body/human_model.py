@@ -61,7 +61,7 @@ _RADIUS_M = 0.03
 """Radius of the limbs as drawn, metres."""
 
 NEW_SIZES = 0.02
-"""A person whose sizes changed by less than this share needs no new URDF; set by hand."""
+"""Relative change of sizes below which the URDF is kept; set by hand."""
 
 
 @dataclass(frozen=True)
@@ -118,7 +118,7 @@ class Sizes:
 
 @dataclass(frozen=True)
 class Posture:
-    """How somebody holds themselves, as REP-155 tells it.
+    """Posture in the joint angles of REP-155.
 
     Attributes
     ----------

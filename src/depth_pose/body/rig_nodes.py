@@ -21,7 +21,7 @@ _SLACK = 0.03
 
 
 def model_turn(name: str, heads: Array, found: dict[str, int]) -> Array:
-    """Rotation from the file's axes to ours, told from hips, shoulders and head.
+    """Estimate the rotation from the file's axes to the model frame from hips, shoulders and head.
 
     Parameters
     ----------

@@ -16,7 +16,7 @@ LENIENT_HELP = "Damaged recordings are read as far as can be; do not exit with a
 
 
 class _Watch(logging.Handler):
-    """Prints damage, each line once, and keeps in mind that there was some."""
+    """Prints damage, each line once, and records that there was some."""
 
     def __init__(self) -> None:
         super().__init__()

@@ -54,7 +54,7 @@ def export(
     of that person. y is up in both, as their importers expect it; they turn z up themselves. .csv and
     .npz hold everybody, in metres, in the sensor's optical frame (x right, y down, z forward) or the floor's.
 
-    Gaps in which a person was not found are told. Without --fill .bvh keeps the last pose, .trc and
+    Gaps in which a person was not found are reported. Without --fill .bvh keeps the last pose, .trc and
     .npz have NaN, .csv no rows.
 
     [bold]Examples:[/bold]
@@ -85,9 +85,11 @@ def export(
     )
     if result.floor is not None:
         height, how = result.floor.height, result.floor.source
-        _say(f"the floor, told by {how}, lies {height:.2f} m below the sensor")
+        _say(f"the floor, estimated from {how}, is {height:.2f} m below the sensor")
         if recording is not None and how == "feet":
-            _say("[yellow]note:[/yellow] too little floor is seen in the depth images; feet told it")
+            _say(
+                "[yellow]note:[/yellow] too little floor is visible in the images; it was estimated from feet"
+            )
         elif recording is None:
             _say("[yellow]note:[/yellow] that is rough; with --recording IN it is found in the depth images")
     for file in result.files:

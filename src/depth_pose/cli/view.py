@@ -58,7 +58,7 @@ def view(
     the speed; live, the panel shows how the nodes do, and follow, zone and nearest set their parameters.
     Without SKELETONS the recording's people are found while it is shown, which keeps nothing.
 
-    Other machines cannot connect unless --host says so: there is no password.
+    Other machines cannot connect unless --host admits them; there is no password.
 
     [bold]Examples:[/bold]
 

@@ -41,7 +41,7 @@ MOST_FRAMES = 2_000_000
 second, 1.2 kB of memory each."""
 
 _MOST_TOLD = 3
-"""Gaps that are told of one by one."""
+"""Maximum number of gaps listed one by one."""
 _ON_GRID = 0.02
 """Share of the time between frames within which a frame's stamp counts as that of an even rate. Set by
 hand: at 30 frames a second it is 0.7 ms, in which a hand at 6 m/s moves 4 mm."""

@@ -58,7 +58,7 @@ def read_bvh(path: str | Path) -> Clip:
 
 
 def parse_bvh(path: str | Path) -> SourceMotion:
-    """Read a BVH file as it is, on its own skeleton, in its own units and axes."""
+    """Read a BVH file on its own skeleton, in its own units and axes."""
     path = Path(path)
     text = read_text(path, MOST_MOTION_BYTES, errors="replace")
     head, keyword, motion = text.partition("MOTION")

@@ -30,7 +30,7 @@ _CALIBRATION_M = 0.08
 """Mean step of the joints from a lone first pose to the next, metres, from which it is left out."""
 
 _CALIBRATION_RATIO = 5.0
-"""Such a step is also so many times as long as the one after it. Both set by hand; not swept."""
+"""Minimum ratio of such a step to the one after it. Both set by hand; not swept."""
 
 
 @dataclass(frozen=True)

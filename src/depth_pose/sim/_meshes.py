@@ -125,7 +125,7 @@ def moved(piece: Piece, rotation: Array, origin: Array) -> Piece:
 
 
 def frame(forward: Array, up: Array) -> Array:
-    """Rotation whose z is forward and whose y is as far up as can be, (3, 3)."""
+    """Return the rotation (3, 3) with z forward and y as far up as possible."""
     z = forward / max(float(np.linalg.norm(forward)), 1e-9)
     x = np.cross(up, z)
     if np.linalg.norm(x) < 1e-6:

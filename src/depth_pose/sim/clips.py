@@ -42,7 +42,7 @@ _TRIES = 40
 """Draws of a way, and of a spot, before it is given up. Set by hand."""
 _LOOK_EVERY_S = 0.3  # between the moments at which furniture must not cut anybody
 _EVERY = 24
-"""Every so many of a person's vertices suffices to keep furniture out of them. Set by hand."""
+"""Stride over a person's vertices for keeping furniture out of them. Set by hand."""
 
 
 @dataclass(frozen=True)

@@ -192,7 +192,7 @@ class Clothes:
         return np.array(ends), self._size * np.array(radii)
 
     def reset(self) -> None:
-        """Forget the motion; the next step lets the cloth come to rest first."""
+        """Forget the motion; the next step settles the cloth first."""
         self._now = None
 
     def step(self, nodes: Array, rotations: Array, seconds: float) -> Array:

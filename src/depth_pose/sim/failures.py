@@ -78,7 +78,7 @@ def fail(kind: str, fitted: Fitted, person: Person, bank: Bank, rng: np.random.G
     person : Person
         The input that it answers, with which the wrong pose is compared as a fit would be.
     bank : Bank
-        Whose poses a wrong arm, or a wrong pose, is taken from.
+        Source of wrong arms and wrong poses.
     rng : Generator
 
     Returns

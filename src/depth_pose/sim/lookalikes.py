@@ -1,6 +1,6 @@
-"""Things that a people finder takes for people: clothes on hooks, heaps of them, dressed chairs.
+"""Objects that a people finder confuses with people: clothes on hooks, heaps of them, dressed chairs.
 
-Rooms full of them teach what tells people from things (``tools/people_finder/find_sightings.py``).
+Rooms full of them train the nets to separate people from objects (``tools/people_finder/find_sightings.py``).
 """
 
 from __future__ import annotations

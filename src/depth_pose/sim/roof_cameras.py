@@ -19,7 +19,7 @@ FRONT_CAMERA = Camera(320, 240, 228.0, 228.0, 159.5, 119.5)
 """A small depth camera, 70 degrees wide."""
 
 MIDDLE_M = (0.0, 0.95, 0.0)
-"""Where all look: the middle of a person who stands in the middle of the space, metres."""
+"""Target of all cameras: the middle of a person in the middle of the space, metres."""
 
 
 def roof_rig(

@@ -31,7 +31,7 @@ _TRIES = 6
 
 @dataclass(frozen=True)
 class Walls:
-    """Where the walls stand, told from the camera before they are turned.
+    """Positions of the walls relative to the camera, before rotation.
 
     Attributes
     ----------
@@ -183,7 +183,7 @@ def add_backdrop(room: Room, rng: np.random.Generator, reaches: Sequence[float])
 
 
 def _put_shell(room: Room, rng: np.random.Generator) -> None:
-    """Add floor, ceiling, walls, and what is let into or hung on them."""
+    """Add floor, ceiling, walls, and fixtures in and on them."""
     w, shell = room.walls, Assembly(Kind.WALL)
     wide, deep = w.left + w.right, w.back + w.behind
     middle_x, middle_z = (w.left - w.right) / 2, (w.back - w.behind) / 2

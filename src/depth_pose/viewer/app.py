@@ -39,7 +39,7 @@ _CLIP_HZ = 10.0
 _PICTURE = (960, 540)
 """Width and height of a picture that is saved, pixels; a clip has half of both. For the eye."""
 _RENDER_S = 60.0
-"""Seconds that a browser may take for a picture; one without a graphics card takes ten."""
+"""Time limit for a browser's picture, seconds; one without a graphics card takes ten."""
 
 _EYE, _TARGET = (-1.4, 1.5, 1.2), (2.8, -0.6, -0.5)
 """Where one looks from and to, from the sensor: forward, left, up, metres; the panel covers the right."""
@@ -281,9 +281,9 @@ class Viewer:
     def _make_choices(self) -> None:
         gui = self.server.gui
         with gui.add_folder("choose"):
-            follow = gui.add_dropdown("follow", _FOLLOW, initial_value="first", hint="whom the ● marks")
+            follow = gui.add_dropdown("follow", _FOLLOW, initial_value="first", hint="the person marked ●")
             zone = gui.add_text("zone", "", hint="1:4.5 distances, or -1:1,0.5:3 a box in x and z, metres")
-            most = gui.add_slider("nearest", 0, 10, 1, 0, hint="so many people at most; 0: all")
+            most = gui.add_slider("nearest", 0, 10, 1, 0, hint="maximum number of people; 0: all")
             self._choice_text = gui.add_markdown("")
         self._on_change(follow, self._choose, "follow")
         self._on_change(zone, self._choose, "zone")

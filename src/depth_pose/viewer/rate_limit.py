@@ -16,7 +16,7 @@ _PATIENCE_S = 5.0
 one without a graphics card, on cores that are busy, takes two."""
 
 _GIVE_UP_S = 60.0
-"""Then it is asked anew."""
+"""Period of asking a silent browser again."""
 
 _AFTER_S = 0.03
 """A question goes out this long after its frame: the frame waits for up to a sixtieth of a second."""

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from depth_pose.ros.tools.watch import NodeState, Watch
 
 Answer = Callable[[DepthFrame], tuple[Skeleton, ...] | None]
-"""Everybody's skeletons in a frame; None where there is no answer."""
+"""Skeletons of a frame; None if it was not answered."""
 
 
 _RECENT_NS = 1_000_000_000

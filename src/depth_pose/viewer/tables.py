@@ -31,7 +31,7 @@ def chosen(skeletons: Sequence[Skeleton], zone: Zone, most: int) -> tuple[Skelet
 
 
 def people_table(skeletons: Sequence[Skeleton] | None, followed: str, stamp_ns: int | None = None) -> str:
-    """Make the table of people, Markdown; of a frame of that stamp it tells who is older."""
+    """Return the table of people in Markdown; it marks skeletons older than the frame's stamp."""
     if skeletons is None:
         return "*no answer to this frame*"
     if not skeletons:

@@ -33,7 +33,7 @@ deviate little between performances of the dances, so counting them would flatte
 turn with the ankles."""
 
 _NODES = np.array([NODE_INDEX[name] for name in SCORED])
-# shoulders against the chest: the clavicles are no joints of the skeleton
+# shoulders against the chest: the clavicles are not joints of the skeleton
 _PARENT_OF = {
     "pelvis": -1, "spine": 0, "chest": 1, "shoulder": 2, "hip": 0,
     "elbow": "shoulder", "knee": "hip", "ankle": "knee",

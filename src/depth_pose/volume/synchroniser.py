@@ -29,7 +29,7 @@ class ViewSet:
 class Synchroniser:
     """Holds images until their set of views is whole, or has waited long enough; plain Python, no ROS.
 
-    Live, `take` gives the newest set and lets older ones go; offline, `take_all` gives every set in turn.
+    Live, `take` returns the newest set and drops older ones; offline, `take_all` yields every set in order.
     Times are seconds of any clock that does not go back.
 
     Parameters
@@ -107,7 +107,7 @@ class Synchroniser:
         self._held[stamp][camera] = image
 
     def is_back(self, stamp_ns: int) -> bool:
-        """Whether a stamp lies so far back that the cameras' clock was set anew."""
+        """Return whether a stamp is so far back that the cameras' clock was reset."""
         return self._done_ns is not None and stamp_ns < self._done_ns - self.config.gone_after * 1e9
 
     def take(self, now: float, newest: bool = True) -> ViewSet | None:

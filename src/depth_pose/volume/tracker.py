@@ -135,7 +135,7 @@ class LatentTracker:
         points = self._move(self._points, steps)
         fresh = round(self.config.restarts * len(points))
         if fresh:
-            # some start anew at training points, those that look like this frame first
+            # some restart at training points, preferably those that resemble this frame
             cost = search_costs(self.model, sights, window).min(axis=1)
             points[:fresh] = self.model.latent[self._draw(cost, fresh)]
         cost, best = self._compare(points, sights, window, expected)
@@ -223,7 +223,7 @@ class LatentTracker:
         return Tracked(latent, step, tuple(views), square / (len(sights) * self._usual))
 
     def _search(self, sights: Sequence[Sight]) -> Tracked:
-        """Start anew at the best place anywhere."""
+        """Restart at the best place anywhere."""
         found, cost = self._anywhere(sights)
         self._start(found, cost)
         return found

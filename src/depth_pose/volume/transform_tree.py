@@ -31,7 +31,7 @@ def pose_matrix(values: Sequence[float]) -> Array:
 
 
 class TransformTree:
-    """Frames with their parents, as ``/tf_static`` tells them: each has one parent at most."""
+    """Frames with their parents, as on ``/tf_static``: each has at most one parent."""
 
     def __init__(self) -> None:
         self._parents: dict[str, tuple[str, Array]] = {}
