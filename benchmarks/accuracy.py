@@ -1,4 +1,4 @@
-"""The figures of docs/accuracy.md and docs/builds.md.
+"""The figures of docs/accuracy.md and docs/method.md.
 
     python benchmarks/accuracy.py table1 DATA -o docs/images     # the paper's Table 1 and Fig. 10
     python benchmarks/accuracy.py ablation --data DATA           # one part left out at a time

@@ -1,4 +1,4 @@
-"""Speed of everything, beside what else there is: writes BENCHMARK.md and its plot.
+"""Speed of everything, beside what else there is: writes docs/speed.md and its plot.
 
     pip install -e '.[bench]'                             # pycpd
     python benchmarks/speed.py
@@ -33,7 +33,7 @@ TEXT = """# Speed
 Written by `python benchmarks/speed.py` on {date}: {machine}. One thread;
 milliseconds of processor time.
 
-![Milliseconds by stage, and beside other tools](docs/images/stages.png)
+![Milliseconds by stage, and beside other tools](images/stages.png)
 
 ## The pipeline
 
@@ -60,8 +60,8 @@ Laplacian completion of the body's mesh, factorised anew for each frame, takes {
 
 {cpd}
 
-How accurate the skeletons are, and what each part is worth, in millimetres and in milliseconds:
-[docs/accuracy.md](docs/accuracy.md#one-part-left-out-at-a-time).
+[Accuracy](accuracy.md#what-each-part-is-worth) says what each part is worth in millimetres and milliseconds;
+[Small computers](small_computers.md) what to expect of slower processors.
 """
 
 
@@ -112,7 +112,9 @@ def main() -> None:
     parser = make_parser(__doc__)
     parser.add_argument("recordings", nargs="*", type=Path)
     parser.add_argument("--bank", type=Path, help="exemplar bank; the set-up's by default")
-    parser.add_argument("-o", "--output", type=Path, default=ROOT, help="folder of BENCHMARK.md and docs")
+    parser.add_argument(
+        "-o", "--output", type=Path, default=ROOT, help="the folder that docs/speed.md goes to"
+    )
     arguments = parser.parse_args()
     bank = Bank.load(arguments.bank or default_bank_path())
     if arguments.recordings:
@@ -140,7 +142,7 @@ def main() -> None:
         cpd=cpd.table(registered),
     )
     (arguments.output / "docs" / "images").mkdir(parents=True, exist_ok=True)
-    (arguments.output / "BENCHMARK.md").write_text(text)
+    (arguments.output / "docs" / "speed.md").write_text(text)
     bars = [p for p in compared if p.ms] + [
         peers.Peer("CPD", r.name, r.ms, "") for r in registered if "pipeline" not in r.name
     ]

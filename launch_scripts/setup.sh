@@ -13,7 +13,7 @@ source launch_scripts/helpers/find_python.sh
 
 with_test=
 if [ "${1:-}" = --test ]; then
-    with_test=test
+    with_test="test docs"
 elif [ -n "${1:-}" ]; then
     fail "setup.sh knows no option $1; it has --test"
 fi
@@ -56,13 +56,13 @@ install_ros() {
     requirements numpy ros ros-build >"$logs/ros.txt" && pip install --no-compile -r "$logs/ros.txt"
 }
 fetch_packages() {
-    requirements dependencies view pictures gltf $with_test >"$logs/packages.txt" \
+    requirements dependencies view pictures gltf ${with_test:+test docs} >"$logs/packages.txt" \
         && pip wheel --wheel-dir "$wheels" -r "$logs/packages.txt"
 }
 install_packages() {
     local from=()
     if [ -d "$wheels" ]; then from=(--no-index --find-links "$wheels"); fi
-    pip install --no-compile "${from[@]}" --no-build-isolation -e ".[ros,ros-build,view,pictures,gltf${with_test:+,test}]" \
+    pip install --no-compile "${from[@]}" --no-build-isolation -e ".[ros,ros-build,view,pictures,gltf${with_test:+,test,docs}]" \
         && rm -rf "$wheels"
 }
 

@@ -130,7 +130,7 @@ def test_defaults_are_those_of_the_configuration(call: Callable[..., Done]) -> N
         (["run", "{in}", "{in}", "-o", "o", "--workers", "1", "--cluster", "tcp://x:1"], 2, "one of them"),
         (["eval", "none.npz", "{in}"], 1, "none.npz"),
         (["eval", "joints.json", "{in}"], 2, "--recording"),
-        (["eval", "joints.json", "{in}", "--recording", "{in}", "--plot", "e.png"], 2, "of pixels"),
+        (["eval", "joints.json", "{in}", "--recording", "{in}", "--plot", "e.png"], 2, "in pixels"),
         (["overlay", "{in}", "{in}", "-o", "out.png"], 1, "no skeletons on /depth_pose/skeleton"),
         (["simulate", "-o", "a.mcap", "--motion", "fly"], 2, "no motion 'fly'"),
         (["simulate", "-o", "a.mcap", "--sensor", "sonar"], 2, "no sensor 'sonar'"),

@@ -150,14 +150,29 @@ def test_a_folder_of_images_gives_the_skeletons_of_its_recording(
     assert call("run", images, "-o", tmp_path / "c.mcap", "--fps", "0").returncode == 2
 
 
+def test_a_folder_of_one_recording_is_as_one_of_two(tmp_path: Path, call: Callable[..., Done]) -> None:
+    (tmp_path / "in").mkdir()
+    frame = np.full((48, 64), 2.0, np.float32)
+    for count, name in enumerate(("day.mcap", "night.mcap"), 1):
+        with DepthWriter(tmp_path / "in" / name, CAMERA, "optical") as writer:
+            writer.write(1_000_000_000, frame)
+        out = tmp_path / f"out_{count}"
+        done = call("run", tmp_path / "in", "-o", out, "--workers", "0")
+        assert done.returncode == 0, done.stderr
+        assert {path.stem for path in out.glob("*.mcap")} == {"day", "night"} if count == 2 else {"day"}
+        refused = call("run", tmp_path / "in", "-o", tmp_path / "one.mcap")
+        assert refused.returncode == 2 and "one.mcap is a file's name" in refused.stderr
+
+
 def test_an_output_that_ends_in_a_slash_is_a_folder(tmp_path: Path, call: Callable[..., Done]) -> None:
     (tmp_path / "in").mkdir()
     with DepthWriter(tmp_path / "in/day.mcap", CAMERA, "optical") as writer:
         writer.write(1_000_000_000, np.full((48, 64), 2.0, np.float32))
-    done = call("run", tmp_path / "in", "-o", f"{tmp_path}/out/", "--workers", "0")
+    day = tmp_path / "in/day.mcap"
+    done = call("run", day, "-o", f"{tmp_path}/out/", "--workers", "0")
     assert done.returncode == 0, done.stderr
     assert {path.name for path in (tmp_path / "out").iterdir()} == {"day.mcap", "report.csv"}
-    assert call("run", tmp_path / "in", "-o", tmp_path / "one").returncode == 0
+    assert call("run", day, "-o", tmp_path / "one").returncode == 0
     assert (tmp_path / "one").is_file()
 
 

@@ -12,7 +12,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "equations.md"
 EQUATIONS = [("Ye", n) for n in range(1, 9)] + [("Hirai", n) for n in range(1, 5)]
-LINK = re.compile(r"\[`([\w.]+)`\]\(\.\./(src/[\w/]+\.py)\)")
+LINK = re.compile(r"\[`([\w.]+)`\]\(https://github\.com/depth-pose/depth_pose/blob/main/(src/[\w/]+\.py)\)")
 LABEL = re.compile(r"(Ye|Hirai) et\s+al\.\s+eqs?\.\s+((?:\d+|,|and|to|\s)+)")
 
 

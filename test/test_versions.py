@@ -35,6 +35,10 @@ def _of_setup_py() -> str:
     return done.stdout.split()[-1]
 
 
+def _of_citation() -> str:
+    return re.search(r"^version: (\S+)$", (ROOT / "CITATION.cff").read_text(), re.MULTILINE).group(1)
+
+
 def _of_changelog() -> str:
     return re.search(r"^## (\S+)", (ROOT / "CHANGELOG.md").read_text(), re.MULTILINE).group(1)
 
@@ -47,6 +51,7 @@ def _of_changelog() -> str:
         pytest.param(lambda: _of_package_xml(PACKAGE / "package.xml"), id="package.xml of ros_ws"),
         pytest.param(lambda: _of_package_xml(MESSAGES / "package.xml"), id="depth_pose_msgs"),
         pytest.param(_of_changelog, id="CHANGELOG.md"),
+        pytest.param(_of_citation, id="CITATION.cff"),
         pytest.param(_of_setup_py, id="setup.py"),
     ],
 )

@@ -3,7 +3,7 @@
     python benchmarks/banks.py match DATA embedded=a.npz recorded=b.npz
 
 DATA holds recordings NAME.mcap with truth files NAME.npz. Each frame is matched by itself, with
-the size that the matcher found over the first frames. Prints the table of docs/bank.md: the best
+the size that the matcher found over the first frames. Prints a table: the best
 of shortlists by rendered depth; a shortlist of one is the paper's match, nearest in the subspace.
 """
 

@@ -2,7 +2,7 @@
 
     python benchmarks/banks.py coverage FOLDER_OF_BVH docs/images
 
-Prints the table of docs/motion.md and writes its pictures.
+Prints the table of docs/method.md and writes its pictures.
 """
 
 from __future__ import annotations
@@ -140,7 +140,7 @@ def main() -> None:
 
 
 def draw(poses: PoseSet, recorded: PoseSet, folder: Path) -> None:
-    """Write the pictures of docs/motion.md."""
+    """Write the pictures of docs/method.md."""
     folder.mkdir(parents=True, exist_ok=True)
     plot_coverage([("procedural", poses), ("recorded", recorded)], folder / "motion_coverage.png")
     names = sorted(set(poses.families))

@@ -112,11 +112,11 @@ def test_parts_of_one_recording_carry_on(tmp_path, second, start, topic, one):
 
 
 def test_a_folder_of_one_file(tmp_path):
-    """It is one recording, as are its parts; within an archive it goes by the file's name."""
+    """It is a folder of recordings, as with two files; the recording goes by the file's name."""
     record(tmp_path / "ward" / "a.mcap", 1, 5)
     (tmp_path / "ward" / "pictures").mkdir()
-    assert is_one_recording(tmp_path / "ward")
-    assert not is_one_recording(tmp_path)
+    assert not is_one_recording(tmp_path / "ward")
+    assert names(find_sources([tmp_path / "ward"])) == ["a"]
     assert names(find_sources([tmp_path])) == ["ward/a"]
 
 

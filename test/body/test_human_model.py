@@ -97,7 +97,7 @@ def test_the_trunk_s_twist_is_what_is_lost(people):
         )
     mean = dict(zip(LINKS, np.mean(off, 0), strict=True))
     assert mean["torso"] < 0.04 and mean["head"] < 0.05
-    assert max(mean.values()) < 0.05  # docs/tf.md: shoulders and arms by 40 mm on average
+    assert max(mean.values()) < 0.05  # docs/topics.md: shoulders and arms by 40 mm on average
 
 
 def test_the_standing_posture_is_zero(body):

@@ -122,7 +122,7 @@ def changed(content, *keys, value):
 @pytest.mark.parametrize(
     ("keys", "value", "says"),
     [
-        (("format",), "bank", "is no build"),
+        (("format",), "bank", "is not a build"),
         (("version",), 2, "version 2"),
         (("scale",), "tall", "scale is 'tall'"),
         (("scale",), 40, "from 0.3 to 2.5"),
@@ -147,7 +147,7 @@ def test_a_bad_file_is_refused_with_the_reason(tmp_path, known, keys, value, say
 
 
 @pytest.mark.parametrize(
-    ("text", "says"), [("{", "not JSON"), ("[]", "is no build"), (None, "cannot be read")]
+    ("text", "says"), [("{", "not JSON"), ("[]", "is not a build"), (None, "cannot be read")]
 )
 def test_what_is_no_build_is_refused(tmp_path, text, says):
     path = tmp_path / "odd.json"

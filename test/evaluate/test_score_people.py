@@ -175,7 +175,7 @@ def test_files_of_several_people(folders: tuple[Path, Path], tmp_path: Path) -> 
         load_truth(truth / "x.npz")
     fields = dict(np.load(truth / "x.npz"))
     np.savez(tmp_path / "none.npz", **{k: v for k, v in fields.items() if k != "visible"})
-    with pytest.raises(InputError, match="has to say visible"):
+    with pytest.raises(InputError, match="must have visible"):
         load_known_people(tmp_path / "none.npz")
     np.savez(tmp_path / "other.npz", **(fields | {"visible": np.ones((FRAMES, 2))}))
     with pytest.raises(InputError, match="does not fit"):

@@ -44,11 +44,10 @@ def test_launch_file_starts_programs_that_exist():
     """By package and name, so that each runs in the interpreter that colcon wrote into it."""
     text = (SCRIPTS / "depth_pose.launch.py").read_text()
     assert 'package="depth_pose"' in text and 'executable=f"{name}_node"' in text
-    scripts = re.findall(
-        r'^(\w+_node) = "([\w.]+):main"', (ROOT / "pyproject.toml").read_text(), re.MULTILINE
-    )
-    assert {f"{name}_node" for name in NODES} <= {name for name, _ in scripts}
-    assert all(importlib.util.find_spec(module) is not None for _, module in scripts)
+    setup = (ROOT / "ros_ws" / "src" / "depth_pose" / "setup.py").read_text()
+    programs = ast.literal_eval(re.search(r"^NODES = (\(.+\))$", setup, re.MULTILINE).group(1))
+    assert set(NODES) <= set(programs)
+    assert all(importlib.util.find_spec(f"depth_pose.ros.nodes.{name}_node") for name in programs)
 
 
 def launch(*arguments, tmp_path):

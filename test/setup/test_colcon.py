@@ -94,12 +94,12 @@ int main() {
 
 
 def cmake_of_docs():
-    """Give the lines for CMakeLists.txt that docs/messages.md tells to write."""
-    return re.search(r"```cmake\n(.+?)```", (ROOT / "docs" / "messages.md").read_text(), re.DOTALL).group(1)
+    """Give the lines for CMakeLists.txt that docs/topics.md tells to write."""
+    return re.search(r"```cmake\n(.+?)```", (ROOT / "docs" / "topics.md").read_text(), re.DOTALL).group(1)
 
 
 def test_a_node_in_c_plus_plus_of_another_workspace_gets_the_messages(tmp_path):
-    """The lines of docs/messages.md, over an environment that holds the messages, as an underlay does."""
+    """The lines of docs/topics.md, over an environment that holds the messages, as an underlay does."""
     package = tmp_path / "src" / "reader"
     (package / "src").mkdir(parents=True)
     (package / "package.xml").write_text(READER_XML)

@@ -314,7 +314,7 @@ def test_commands(monkeypatch, capsys, tmp_path):
     code, said = call(monkeypatch, capsys, "demo", "-m", model, "--input", "depth")
     assert code == 2 and "--input silhouettes" in said.err
     code, said = call(monkeypatch, capsys, "train", "-o", model, "--motion", rig)
-    assert code == 2 and "is no .bvh file" in said.err
+    assert code == 2 and "is not a .bvh file" in said.err
 
 
 def test_images_of_several_cameras(tmp_path):

@@ -188,7 +188,7 @@ def test_files_that_cannot_be_used(model, tmp_path):
     with pytest.raises(InputError, match="poses"):
         VolumeModel.load(path)
     dataclasses.replace(model, trust=model.trust * np.nan).save(path)
-    with pytest.raises(InputError, match="trust holds what is no number"):
+    with pytest.raises(InputError, match="trust has values that are not numbers"):
         VolumeModel.load(path)
 
 

@@ -1,4 +1,4 @@
-"""Draw the embedded body, in its rest pose and bent, for docs/body.md.
+"""Draw the embedded body, in its rest pose and bent, for docs/method.md.
 
 python tools/body/draw_body.py [FOLDER]
 """

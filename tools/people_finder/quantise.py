@@ -5,7 +5,7 @@
 Values between the layers get 8 bits, over the range that they have in simulated rooms; weights get 7, with a
 scale for each channel: with 8, the sums of processors without VNNI could overflow. So all of them compute the
 same. The first layers, which read metres, and those that answer in metres stay as they are (`_KEPT`);
-docs/people_finder.md says what that is worth.
+docs/method.md says what that is worth.
 """
 
 from __future__ import annotations

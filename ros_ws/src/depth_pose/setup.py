@@ -16,12 +16,17 @@ except ModuleNotFoundError:  # Python 3.10
 ROOT = Path(__file__).resolve().parents[3]
 PYPROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
 PROJECT = PYPROJECT["project"]
+NODES = ("denoise", "matcher", "refine", "recovery", "volume")
+PROGRAMS = {
+    **PROJECT["scripts"],
+    **{f"{name}_node": f"depth_pose.ros.nodes.{name}_node:main" for name in NODES},
+}
 
 setup(
     name=PROJECT["name"],
     version=PROJECT["version"],
     description=PROJECT["description"],
-    license=PROJECT["license"]["text"],
+    license=PROJECT["license"],
     maintainer=PROJECT["authors"][0]["name"],
     maintainer_email=PROJECT["authors"][0]["email"],
     python_requires=PROJECT["requires-python"],
@@ -29,7 +34,7 @@ setup(
     package_dir={"": "src"},
     package_data=PYPROJECT["tool"]["setuptools"]["package-data"],
     zip_safe=False,
-    entry_points={"console_scripts": [f"{name} = {where}" for name, where in PROJECT["scripts"].items()]},
+    entry_points={"console_scripts": [f"{name} = {where}" for name, where in PROGRAMS.items()]},
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/depth_pose"]),
         ("share/depth_pose", ["package.xml"]),

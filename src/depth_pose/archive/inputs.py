@@ -60,10 +60,11 @@ class Source:
 
 
 def is_one_recording(path: Path) -> bool:
-    """Whether a path is one recording: a file, or a folder of one recording's parts."""
-    if not path.is_dir() or _is_split(path) or _is_of_images(path):
-        return True
-    return len(_recordings_in(path)) == 1 and not _has_recordings_below(path)
+    """Whether a path is one recording: a file, or a folder of one recording's parts or images.
+
+    A folder that happens to hold a single recording is not: it is treated as with two of them.
+    """
+    return not path.is_dir() or _is_split(path) or _is_of_images(path)
 
 
 def _is_split(folder: Path, but: Path | None = None) -> bool:
@@ -80,7 +81,7 @@ def _has_recordings_below(folder: Path, but: Path | None = None) -> bool:
 
 
 def _recordings_in(folder: Path) -> list[Path]:
-    """Give the files of a folder that are recordings by their names."""
+    """Return the files of a folder that are recordings, judged by their names."""
     return sorted(p for ending in ENDINGS for p in folder.glob(f"*{ending}") if not p.is_dir())
 
 
@@ -118,7 +119,7 @@ def find_sources(inputs: Iterable[str | Path], but: Path | None = None) -> list[
     InputError
         Where an input is not there, or has no recording in it.
     ConfigError
-        Where recordings cannot be told apart by their names.
+        Where two recordings have the same name.
     """
     inputs, but = list(inputs), but.resolve() if but else None
     found: dict[Path, str] = {}
@@ -148,7 +149,7 @@ def find_sources(inputs: Iterable[str | Path], but: Path | None = None) -> list[
 
 
 def _outside(inputs: Sequence[str | Path], but: Path | None) -> str:
-    """Say that nothing was looked for in the output's folder, where the inputs lead there."""
+    """Return the note that the output's folder is not searched, where the inputs lead there."""
     folders = [_fixed_part(str(given)) if glob.has_magic(str(given)) else Path(given) for given in inputs]
     if but and any(_is_within(folder, but) or _is_within(but, folder.resolve()) for folder in folders):
         return f" outside of {but}, which is the output's folder and never read: name another output folder"
@@ -165,7 +166,7 @@ def _with_remote(local: list[Source], remote: list[Source]) -> list[Source]:
 
 
 def _look(given: str, but: Path | None) -> Iterator[tuple[Path, str]]:
-    """Give the recordings of one input with their names."""
+    """Yield the recordings of one input with their names."""
     path = Path(given)
     if path.is_dir() and not _is_within(path, but) and _is_of_images(path, but):
         yield path, _name(path, path)
@@ -185,7 +186,7 @@ def _look(given: str, but: Path | None) -> Iterator[tuple[Path, str]]:
 
 
 def _fixed_part(pattern: str) -> Path:
-    """Give the folders of a pattern up to the first that is one."""
+    """Return the fixed folders at the start of a pattern."""
     fixed = Path()
     for part in Path(pattern).parent.parts:
         if glob.has_magic(part):
@@ -228,7 +229,7 @@ def _name(path: Path, root: Path) -> str:
 
 
 def _with_whole_splits(found: dict[Path, str]) -> dict[Path, str]:
-    """Put a recording's folder in place of its files, where all of them were given one by one."""
+    """Replace the files of a split recording by its folder, if all of them were given."""
     whole: dict[Path, str] = {}
     for path, name in found.items():
         folder = path.parent

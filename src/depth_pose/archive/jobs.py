@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 _BLOCK = 1 << 20
 """Bytes of a block: 1 MiB. Set by hand."""
 _BLOCKS = 8
-"""Of larger files so many blocks of 1 MiB are hashed, the first and the last among them."""
+"""Number of blocks of 1 MiB that are hashed of larger files, first and last included."""
 _TELL_EVERY_S = 0.5
 """Least time between two words of progress, seconds. Set by hand."""
 
@@ -142,7 +142,7 @@ def work_on(name: str, recording: str, output: str, setting: Setting, tell: Tell
         Its file, folder or URL; the skeletons' file.
     setting : Setting
     tell : callable
-        Is told the share that is done.
+        Called with the fraction done.
 
     Returns
     -------
@@ -210,7 +210,7 @@ def _process(
 
 
 def _facts(summary: RunSummary, damage: Sequence[str]) -> dict[str, Any]:
-    """Give what stands of a summary in the output: nothing that another run would find otherwise."""
+    """Return the reproducible part of a summary, which goes into the output."""
     return {
         "frames": summary.frames,
         "people": summary.most_people,
@@ -222,7 +222,7 @@ def _facts(summary: RunSummary, damage: Sequence[str]) -> dict[str, Any]:
 
 
 def _remembered(name: str, note: Mapping[str, str]) -> Row | None:
-    """Give the row of what was done before; None where its output tells of none."""
+    """Return the report row of a finished output; None if the output does not contain it."""
     try:
         facts = json.loads(note["row"])
         return Row(
@@ -240,7 +240,7 @@ def _remembered(name: str, note: Mapping[str, str]) -> Row | None:
 
 
 def _marks(recording: Path, setting: Setting) -> dict[str, str]:
-    """Say what an output is made from."""
+    """Return what an output is made from."""
     return {
         "input": content_hash(recording),
         "bank": setting.bank_id,
@@ -290,10 +290,11 @@ _held: dict[tuple[str, str], PosePipeline] = {}
 
 
 def _pipeline(setting: Setting) -> PosePipeline:
-    """Give this process's pipeline, made with the first recording."""
+    """Return this process's pipeline; make it with the first recording."""
     key = (setting.bank_id, setting.digest)
     if key not in _held:
-        from depth_pose.bank import Bank, default_bank_path
+        from depth_pose.bank import Bank
+        from depth_pose.bank.default import ensure_default_bank
         from depth_pose.pipeline import PosePipeline
 
         here = platform.node()
@@ -301,7 +302,7 @@ def _pipeline(setting: Setting) -> PosePipeline:
             raise ConfigError(
                 f"{here} has depth_pose {__version__}, not {setting.version}: install that there"
             )
-        path = setting.bank or default_bank_path()
+        path = setting.bank or ensure_default_bank()
         bank = Bank.load(path)
         if bank.bank_id != setting.bank_id:
             raise ConfigError(

@@ -1,4 +1,4 @@
-"""Work on all recordings of an archive, each in a process of its own choosing."""
+"""Process all recordings of an archive, on all cores or a cluster."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Progress:
 
 
 def output_of(source: Source, folder: Path) -> Path:
-    """Give the skeletons' file of a recording."""
+    """Return the output file of a recording."""
     return folder / f"{source.name}{ENDING}"
 
 
@@ -52,9 +52,9 @@ def process_archive(
     workers : int, optional
         Processes; all cores by default, 0 works in this process.
     scheduler : str, optional
-        Address of a Dask scheduler, whose workers see the same files under the same paths.
+        Address of a Dask scheduler; its workers see the same files under the same paths.
     progress : callable, optional
-        Is told how far the work is.
+        Called with the progress.
     collect : callable, optional
         Is given each row at once; so whoever breaks off has those that are done.
 

@@ -73,7 +73,7 @@ def find_remote(url: str, ending: str) -> list[tuple[str, str, int]]:
 
 
 def _name(path: str, fixed: str) -> str | None:
-    """Give a recording's name below a folder; None for what a server claims to be elsewhere."""
+    """Return a recording's name below a folder; None for a path outside it."""
     if not path.startswith(f"{fixed}/"):
         return None
     name = PurePosixPath(path[len(fixed) + 1 :]).with_suffix("")
@@ -81,7 +81,7 @@ def _name(path: str, fixed: str) -> str | None:
 
 
 def _open(url: str) -> tuple[Any, str]:
-    """Give the storage of a URL, and the path there."""
+    """Return the storage of a URL and the path in it."""
     missing = "reading {} needs more than is installed ({}): pip install 'depth_pose[remote]'"
     try:
         from fsspec.core import url_to_fs
@@ -106,7 +106,7 @@ def _reason(error: Exception) -> str:
 
 
 def _watching_room(folder: Path) -> Any:
-    """Make what `fsspec` tells of each piece that has come; it ends a copy for which there is no room."""
+    """Return the fsspec callback that aborts a copy when the disk has no room."""
     from fsspec.callbacks import Callback
 
     class Room(Callback):  # type: ignore[misc, unused-ignore]
@@ -123,7 +123,7 @@ def _watching_room(folder: Path) -> Any:
 
 @contextmanager
 def fetched(recording: str) -> Iterator[str]:
-    """Give a recording's local path: its own, or that of a copy that is removed afterwards.
+    """Yield a recording's local path: its own, or a temporary copy.
 
     Raises
     ------

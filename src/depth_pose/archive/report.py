@@ -81,7 +81,7 @@ class Report:
         """
         if self._stream is None:
             return []
-        with suppress(OSError):  # of a full disk, for a line that has been told to fail
+        with suppress(OSError):  # a full disk, already reported
             self._stream.close()
         order = list(order)
         with new_text_file(self.path, newline="") as stream:
@@ -110,7 +110,7 @@ def _cells(row: Row) -> list[str]:
 
 
 def _plain(text: str) -> str:
-    """Give text as a report has it: bytes of a file's name that are not UTF-8 by their numbers."""
+    """Return text for a report; bytes of file names that are not UTF-8 are escaped."""
     return text.encode("utf-8", "backslashreplace").decode()
 
 
@@ -126,7 +126,7 @@ def _value(text: str) -> float:
 
 
 def _read_lines(path: Path) -> dict[str, dict[str, str]]:
-    """Read a report's lines, the last of each recording; none where there is no report, or another file."""
+    """Read the last line of each recording from a report; empty if there is no report."""
     try:
         with path.open(encoding="utf-8", newline="") as stream:
             lines = csv.DictReader(stream)

@@ -37,7 +37,7 @@ def save_archive_sheet(
     Parameters
     ----------
     sources : sequence of Source
-        Recordings whose skeletons were made.
+        Recordings with finished skeletons.
     folder : Path
         Where their skeletons are.
     path : Path

@@ -113,7 +113,7 @@ class Bank:
         return digest
 
     def _about(self) -> dict[str, Any]:
-        """Give what the header says."""
+        """Return what the header says."""
         return {"body": {"name": self.body.name, "stature": float(self.body.stature)}, "source": self.source}
 
     @property
@@ -208,7 +208,7 @@ def _read_header(path: Path, stored: NDArray[Any] | None) -> dict[str, Any]:
 
 
 def _check_header(path: Path, header: dict[str, Any]) -> None:
-    """Refuse a header whose fields are missing or of other types."""
+    """Check the types of the header's fields."""
     body, source, bank_id = header.get("body"), header.get("source"), header.get("bank_id")
     if not (isinstance(body, dict) and isinstance(source, dict) and isinstance(bank_id, str)):
         raise BankError(f"{path}: its header is damaged (id {bank_id!r:.80}); build the bank again")
@@ -235,7 +235,7 @@ def _read_body(path: str | Path, header: dict[str, Any], arrays: dict[str, NDArr
             stature=header["stature"],
         )
     except ValueError as error:
-        raise BankError(f"{path}: its body is not one ({error}); build the bank again") from error
+        raise BankError(f"{path}: its body is invalid ({error}); build the bank again") from error
 
 
 def _check_arrays(path: Path, arrays: dict[str, NDArray[Any]]) -> None:

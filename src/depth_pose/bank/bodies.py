@@ -11,7 +11,7 @@ from depth_pose.core.arrays import array_names
 
 
 def find_body_or_bank(name: str) -> Body:
-    """Give a body by its name or from a file (`depth_pose.body.bodies.find_body`), or a bank's body.
+    """Return a body by its name or from a file (`depth_pose.body.bodies.find_body`), or a bank's body.
 
     Raises
     ------

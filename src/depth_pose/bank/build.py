@@ -80,7 +80,7 @@ def build_bank(
     workers : int, optional
         Processes; all cores by default, 0 works in this process.
     scheduler : str, optional
-        Address of a Dask scheduler, whose workers render instead of processes of this machine.
+        Address of a Dask scheduler; its workers render instead of processes of this machine.
     """
     # as they will be read back from the file, so that views and poses belong together exactly
     quats = matrix_to_quat(rotations).astype(np.float32)
@@ -104,7 +104,7 @@ def build_bank(
 
 
 def _gather_views(parts: Iterable[PoseViews], count: int, progress: Progress | None) -> PoseViews:
-    """Put the parts into one, each as it comes: all descriptors together are by far the largest."""
+    """Combine the parts as they arrive; the descriptors dominate the memory."""
     whole: PoseViews | None = None
     done = 0
     for part in parts:

@@ -55,7 +55,7 @@ def gather_poses(
     Parameters
     ----------
     count : int, optional
-        Poses of each source: so many are made, and of recorded motion at most so many are taken,
+        Poses of each source: the number generated, and the maximum taken of recorded motion,
         chosen for coverage. By default ``embedded_count`` are made and all recorded ones taken.
     seed : int
         Of the embedded source.

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from depth_pose.bank import _ray_kernels as kernels
 from depth_pose.bank.canonical import DESCRIPTOR_SIZE, CanonicalAxes, canonical_axes, describe
 from depth_pose.body.body import Body
+from depth_pose.core.open3d import load_open3d
 from depth_pose.core.rotations import R_CAMERA_FACING_MODEL
 
 Array = NDArray[np.float64]
@@ -108,13 +109,13 @@ def view_directions(pose: int) -> Array:
 
 
 def partial_views(vertices: Array, pose: int) -> list[View]:
-    """Give the cameras all around a posed body."""
+    """Return the cameras all around a posed body."""
     middle = vertices.mean(axis=0)
     return [View(view_rotation(a, e), middle, True) for a, e in view_directions(pose)]
 
 
 def paper_views(vertices: Array, pose: int, mirrored: bool = False) -> list[View]:
-    """Give the cameras that look along the third principal axis of the whole mesh (Sec. 5.1).
+    """Return the cameras that look along the third principal axis of the whole mesh (Sec. 5.1).
 
     Parameters
     ----------
@@ -133,12 +134,12 @@ def paper_views(vertices: Array, pose: int, mirrored: bool = False) -> list[View
 
 
 def paper_mirrored_views(vertices: Array, pose: int) -> list[View]:
-    """Give `paper_views` as printed, with the mirror images."""
+    """Return `paper_views` as printed, mirror images included."""
     return paper_views(vertices, pose, mirrored=True)
 
 
 def principal_directions(centred: Array, camera_up: Array) -> tuple[Array, Array]:
-    """Give the largest principal axis, turned up, and the second one, whose sign is arbitrary."""
+    """Return the largest principal axis, turned up, and the second one with arbitrary sign."""
     vectors = np.linalg.eigh(centred.T @ centred)[1]
     up = vectors[:, 2] if vectors[:, 2] @ camera_up >= 0 else -vectors[:, 2]
     return up, vectors[:, 1]
@@ -204,8 +205,8 @@ def render_views(
 
 
 def make_scene(vertices: Array, faces: NDArray[np.int32]) -> Any:
-    """Put a mesh into an Open3D ray-casting scene of one thread."""
-    import open3d
+    """Build an Open3D ray-casting scene of a mesh, with one thread."""
+    open3d = load_open3d()
 
     scene = open3d.t.geometry.RaycastingScene(nthreads=1)
     scene.add_triangles(vertices.astype(np.float32), faces.astype(np.uint32))

@@ -35,7 +35,7 @@ _NODE_OF_BONE = {
     "lowerleg01": "knee",
     "foot": "ankle",
 }
-"""Bones at whose heads our nodes lie; every other bone moves with its nearest ancestor in here."""
+"""Bones whose heads are the nodes; every other bone moves with its nearest ancestor in this table."""
 
 _TOES = tuple(f"toe{i}-1" for i in range(1, 6))
 """Anny's bones of a foot's toes."""
@@ -101,7 +101,7 @@ def _array(tensor: object) -> Array:
 
 
 def split_side(bone: str) -> tuple[str, str]:
-    """Give a bone's name without its side, and our prefix of the side: ``foot.L``: ``foot, left_``."""
+    """Return a bone's name without its side, and our prefix of the side: ``foot.L``: ``foot, left_``."""
     stem, dot, side = bone.rpartition(".")
     if dot and side in ("L", "R"):
         return stem, {"L": "left_", "R": "right_"}[side]

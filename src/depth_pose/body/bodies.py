@@ -14,7 +14,7 @@ BODIES = ("embedded", "anny")
 
 
 def find_body(name: str) -> Body:
-    """Give a body by its name, or from a file.
+    """Return a body by its name, or from a file.
 
     Parameters
     ----------

@@ -130,7 +130,7 @@ class Body:
     def place(
         self, rotations: NDArray[np.float64], root: NDArray[np.float64], scale: float = 1.0
     ) -> NDArray[np.float64]:
-        """Give the nodes (21, 3) alone of a pose, as `pose` takes it."""
+        """Return only the nodes (21, 3) of a pose; arguments as of `pose`."""
         from depth_pose.body._skin_kernels import place_nodes
 
         nodes = np.empty_like(self.nodes)
@@ -138,7 +138,7 @@ class Body:
         return nodes
 
     def reshaped(self, vertices: NDArray[np.float64], nodes: NDArray[np.float64]) -> Body:
-        """Give the body with another rest pose, (V, 3) and (21, 3); the rest is shared, not made again."""
+        """Return the body with another rest pose, (V, 3) and (21, 3); everything else is shared."""
         body = copy(self)  # not made by `__init__`, which checks the weights
         body.__dict__.pop("normals", None)
         body.__dict__.update(

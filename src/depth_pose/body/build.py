@@ -48,7 +48,7 @@ BUILD_NAMES: tuple[str, ...] = (
 """Parts of a build, in the order of every (13,) array."""
 
 _LENGTHS = 9
-"""The first so many are lengths and widths of bones, the others girths."""
+"""Number of lengths and widths of bones, which come first; the others are girths."""
 
 SPREAD: Array = np.array(
     [0.044, 0.054, 0.050, 0.074, 0.033, 0.045, 0.049, 0.044, 0.041, 0.072, 0.109, 0.074, 0.079]
@@ -151,7 +151,7 @@ class BuildSpace:
         self._body: Callable[[bytes], Body] = lru_cache(maxsize=_KEPT)(self._make)
 
     def body(self, build: NDArray[np.float32]) -> Body:
-        """Give the body of a build, (13,) float32; the template where it is 0 or empty.
+        """Return the body of a build, (13,) float32; the template where it is 0 or empty.
 
         Its weights, faces and stature are the template's: sizes stay relative to the same stature.
         """
@@ -167,14 +167,14 @@ class BuildSpace:
 
 @lru_cache(maxsize=2)
 def build_space(template: Body) -> BuildSpace:
-    """Give all builds of a body, the same to everybody who asks."""
+    """Return the shared space of all builds of a body."""
     return BuildSpace(template)
 
 
 def prior_information() -> Array:
     """Inverse covariance of builds among adults, (13, 13).
 
-    Lengths and girths are taken for independent: girths also take up what clothes add, and what the
+    Lengths and girths are treated as independent: girths also take up what clothes add, and what the
     sensor's noise and the smoothing of the cloud take away from thin limbs; bones must not follow.
     """
     covariance = CORRELATION * np.outer(SPREAD, SPREAD)
@@ -183,7 +183,7 @@ def prior_information() -> Array:
 
 
 def _derivatives(nodes: Array) -> tuple[Array, Array]:
-    """Give the derivatives of the nodes, (13, 21, 3), and of the segments' linear maps, (13, 21, 3, 3)."""
+    """Return the derivatives of the nodes, (13, 21, 3), and of the segments' linear maps, (13, 21, 3, 3)."""
     count = len(BUILD_NAMES)
     moved, maps = np.zeros((count, len(NODES), 3)), np.zeros((count, len(NODES), 3, 3))
     for k, part in enumerate(BUILD_NAMES):

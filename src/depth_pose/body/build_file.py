@@ -65,7 +65,7 @@ def load_build(path: Path | str) -> KnownBuild:
     Raises
     ------
     ConfigError
-        Where the file cannot be read, is no build, lacks a part, or a value is out of its range.
+        Where the file cannot be read, is not a build, lacks a part, or a value is out of range.
     """
     try:
         text = read_text(path)
@@ -73,7 +73,7 @@ def load_build(path: Path | str) -> KnownBuild:
         raise ConfigError(f"{path}: the build cannot be read: {error}") from error
     content = parse_json(path, text)
     if not isinstance(content, dict) or content.get("format") != FORMAT:
-        raise ConfigError(f"{path} is no build; depth-pose run --save-build FILE writes one")
+        raise ConfigError(f"{path} is not a build file; depth-pose run --save-build FILE writes one")
     if content.get("version") != FORMAT_VERSION:
         raise ConfigError(
             f"{path}: builds of version {content.get('version')} are not known here, only {FORMAT_VERSION}"

@@ -27,7 +27,7 @@ def coarsen(body: Body, vertices: int) -> Body:
     ----------
     body : Body
     vertices : int
-        How many to keep; a body with no more is given back as it is.
+        Maximum number of vertices; a body with no more is returned unchanged.
 
     Returns
     -------

@@ -63,7 +63,7 @@ def load_body(path: Path) -> Body:
         raise InputError(f"{path} cannot be read as a body: {error}") from error
     missing = [name for name in _FIELDS if name not in arrays]
     if missing:
-        raise InputError(f"{path} is no body: the array {missing[0]} is missing")
+        raise InputError(f"{path} is not a body file: the array {missing[0]} is missing")
     vertices, faces, weights, nodes = (arrays[name] for name in _FIELDS)
     shapes = {
         "vertices": (vertices, (vertices.shape[:1] + (3,))),

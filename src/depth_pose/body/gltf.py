@@ -91,7 +91,7 @@ def _load(path: Path) -> Body:
 
 
 def _read(path: Path) -> tuple[GLTF2, list[bytes]]:
-    """Give the document and its buffers."""
+    """Return the document and its buffers."""
     with open_ordinary(path, _MOST_BYTES) as stream:
         content = stream.read()
     with warnings.catch_warnings():
@@ -152,7 +152,7 @@ def _skinned_nodes(path: Path, document: GLTF2) -> list[Node]:
 
 
 def _mesh(path: Path, document: GLTF2, buffers: list[bytes]) -> _Skinned:
-    """Put all triangles of one skin together; vertices that textures' seams double become one."""
+    """Combine all triangles of one skin; vertices doubled at texture seams are merged."""
     parts: list[_Skinned] = []
     for node in _skinned_nodes(path, document):
         for primitive in document.meshes[node.mesh].primitives:
@@ -193,7 +193,7 @@ def _part(document: GLTF2, buffers: list[bytes], primitive: Primitive) -> _Skinn
 
 
 def _rig(path: Path, document: GLTF2, buffers: list[bytes], skin: Skin) -> SourceMotion:
-    """Give the bones in the bind pose, parents before children, and in the skin's numbering."""
+    """Return the bones in the bind pose, parents before children, in the skin's numbering."""
     bones, nodes = skin.joints, document.nodes
     if len(bones) > _MOST_BONES:
         raise InputError(f"{path}: its rig has {len(bones)} bones; at most {_MOST_BONES} are read")

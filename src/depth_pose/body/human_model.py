@@ -61,7 +61,7 @@ _RADIUS_M = 0.03
 """Radius of the limbs as drawn, metres."""
 
 NEW_SIZES = 0.02
-"""A person whose sizes changed by less than this share needs no new URDF; set by hand."""
+"""Relative change of sizes below which the URDF is kept; set by hand."""
 
 
 @dataclass(frozen=True)
@@ -118,7 +118,7 @@ class Sizes:
 
 @dataclass(frozen=True)
 class Posture:
-    """How somebody holds themselves, as REP-155 tells it.
+    """Posture in the joint angles of REP-155.
 
     Attributes
     ----------
@@ -198,7 +198,7 @@ def _head_angles(R: Array) -> tuple[float, float, float]:
 
 
 def _shoulder_angles(R: Array, sign: float) -> tuple[float, float, float]:
-    """Give y, p and r of ``Rz(-s y) Rx(s p) Rz(s r)``, where s is the sign of the side; p is not negative."""
+    """Return y, p, r of ``Rz(-s y) Rx(s p) Rz(s r)``, where s is the sign of the side; p is not negative."""
     lift = np.arccos(np.clip(R[2, 2], -1.0, 1.0))
     if np.sin(lift) < 1e-6:  # only the sum of the two turns about the arm is known
         return 0.0, float(lift), float(sign * np.arctan2(R[1, 0], R[0, 0]))
@@ -207,7 +207,7 @@ def _shoulder_angles(R: Array, sign: float) -> tuple[float, float, float]:
 
 
 def _hip_angles(R: Array, sign: float) -> tuple[float, float, float]:
-    """Give y, p and r of ``Rz(-y) Rx(s p) Ry(-r)``."""
+    """Return y, p and r of ``Rz(-y) Rx(s p) Ry(-r)``."""
     swing = np.arcsin(np.clip(R[2, 1], -1.0, 1.0))
     turn, lift = np.arctan2(-R[0, 1], R[1, 1]), np.arctan2(-R[2, 0], R[2, 2])
     return float(-turn), float(sign * swing), float(-lift)

@@ -27,7 +27,7 @@ _SHORT = re.compile(r"^([lr])([a-z]+)$")
 
 
 def split_name(name: str) -> tuple[str, str]:
-    """Give a joint's side ('left', 'right' or '') and its bare lower-case name."""
+    """Return a joint's side ('left', 'right' or '') and its bare lower-case name."""
     bare = _PREFIX.sub("", name.strip()).lower() or name.lower()
     bare = re.sub(r"^_+|_+$", "", bare)
     for side, pattern in _SIDES:

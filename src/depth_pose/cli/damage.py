@@ -16,7 +16,7 @@ LENIENT_HELP = "Damaged recordings are read as far as can be; do not exit with a
 
 
 class _Watch(logging.Handler):
-    """Prints damage, each line once, and keeps in mind that there was some."""
+    """Prints damage, each line once, and records that there was some."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -34,7 +34,7 @@ _watch = _Watch()
 
 
 def be_lenient(wanted: bool) -> None:
-    """Let damage not be an error, if that is wanted."""
+    """Accept damage, if asked to."""
     _watch.lenient = _watch.lenient or wanted
 
 
@@ -47,7 +47,7 @@ def warn_of(lines: Iterable[str], damage: Iterable[str]) -> None:
 
 @contextmanager
 def exit_on_damage() -> Iterator[None]:
-    """Let the command inside end with `DAMAGED` where it would end well in spite of damage."""
+    """Exit with `DAMAGED` when the command inside succeeds on a damaged file."""
     _watch.lines.clear()
     _watch.lenient = False
     DAMAGE_LOG.addHandler(_watch)

@@ -26,22 +26,21 @@ def add_to(app: typer.Typer) -> None:
 def export(
     skeletons: Annotated[Path, typer.Argument(help="Recording of skeletons, as `depth-pose run` writes it.")],
     output: Annotated[
-        Path, typer.Option("--output", "-o", help="The file; its ending is the format: .bvh .trc .csv .npz")
+        Path,
+        typer.Option("--output", "-o", help="The file; its extension is the format: .bvh .trc .csv .npz"),
     ],
     person: Annotated[
-        list[str] | None, typer.Option(help="Only who has this body_id; may be repeated.")
+        list[str] | None, typer.Option(help="Only the person with this body_id; may be repeated.")
     ] = None,
-    fill: Annotated[
-        bool, typer.Option("--fill", help="Bridge gaps: straight from the pose before to the one after.")
-    ] = False,
+    fill: Annotated[bool, typer.Option("--fill", help="Interpolate poses in gaps.")] = False,
     world: Annotated[
-        str, typer.Option(help="camera, or floor: floor at z = 0, x forward, y left, z up (REP-103).")
+        str, typer.Option(help="camera, or floor: z = 0 on the floor, x forward, y left, z up (REP-103).")
     ] = "camera",
     recording: Annotated[
         Path | None,
         typer.Option(
-            help="With --world floor: the depth recording, to find the floor in.",
-            show_default="the floor is told from people's feet",
+            help="With --world floor: the depth recording in which to find the floor.",
+            show_default="the floor is estimated from people's feet",
         ),
     ] = None,
     unit: Annotated[
@@ -56,7 +55,7 @@ def export(
     of that person. y is up in both, as their importers expect it; they turn z up themselves. .csv and
     .npz hold everybody, in metres, in the sensor's optical frame (x right, y down, z forward) or the floor's.
 
-    Gaps in which a person was not found are told. Without --fill .bvh keeps the last pose, .trc and
+    Gaps in which a person was not found are reported. Without --fill .bvh keeps the last pose, .trc and
     .npz have NaN, .csv no rows.
 
     [bold]Examples:[/bold]
@@ -87,9 +86,11 @@ def export(
     )
     if result.floor is not None:
         height, how = result.floor.height, result.floor.source
-        _say(f"the floor, told by {how}, lies {height:.2f} m below the sensor")
+        _say(f"the floor, estimated from {how}, is {height:.2f} m below the sensor")
         if recording is not None and how == "feet":
-            _say("[yellow]note:[/yellow] too little floor is seen in the depth images; feet told it")
+            _say(
+                "[yellow]note:[/yellow] too little floor is visible in the images; it was estimated from feet"
+            )
         elif recording is None:
             _say("[yellow]note:[/yellow] that is rough; with --recording IN it is found in the depth images")
     for file in result.files:
@@ -110,7 +111,7 @@ def _describe(track: Track, file: Exported) -> str:
 
 
 def _treated(kind: str, fill: bool) -> str:
-    """Say what became of gaps."""
+    """Print how gaps were filled."""
     if fill:
         return "bridged"
     return {".bvh": "held", ".trc": "NaN", ".csv": "left out", ".npz": "NaN"}[kind]

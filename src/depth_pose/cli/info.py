@@ -29,7 +29,7 @@ def info(
     fps: shared.Fps = None,
     lenient: shared.Lenient = False,
 ) -> None:
-    """Say what is in a recording, which topic is its depth, and whether all of it can be read.
+    """Print the content of a recording, its depth topic, and whether all of it can be read.
 
     [bold]Examples:[/bold]
 
@@ -58,7 +58,7 @@ def info(
 
 
 def _depth(recording: Recording, images: ImageOptions) -> list[tuple[str, str]]:
-    """Say what depth frames come of the recording, by the first of them."""
+    """Describe the depth frames of a recording by the first one."""
     from depth_pose.io.mcap_read import DepthReader
 
     try:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import importlib.util
 import math
 import os
 from pathlib import Path
@@ -22,9 +23,9 @@ from depth_pose.io.image_options import ImageOptions
 _ROS_PACKAGES = ("rclpy", "builtin_interfaces", "rosidl_runtime_py", "rpyutils")
 
 
-_Namespace = Annotated[str, typer.Option(help="Where the nodes lie.")]
+_Namespace = Annotated[str, typer.Option(help="Namespace of the nodes.")]
 _Nodes = Annotated[
-    list[str] | None, typer.Option(help="Only denoise, matcher, refine, recovery or volume; again for more.")
+    list[str] | None, typer.Option(help="Only denoise, matcher, refine, recovery or volume; may be repeated.")
 ]
 
 
@@ -35,8 +36,8 @@ def add_to(app: typer.Typer) -> None:
 
 
 def call_ros(module: str, function: str, *arguments: Any, **options: Any) -> Any:
-    """Call a function of one of our modules that need ROS."""
-    os.umask(0o077)  # what is recorded of people is nobody else's
+    """Call a function of a module that needs ROS."""
+    os.umask(0o077)  # recordings of people are readable for this account only
     try:
         importlib.import_module("depth_pose.ros.process.logs").ensure_log_folder()
         found = importlib.import_module(f"depth_pose.ros.{module}")
@@ -72,15 +73,16 @@ def up(
     sim_time: Annotated[bool, typer.Option("--sim-time", help="Take the time from /clock.")] = False,
     remap: Annotated[
         list[str] | None,
-        typer.Option("--remap", "-r", help="ROS' rule FROM:=TO for a name; may be repeated.", metavar="RULE"),
+        typer.Option("--remap", "-r", help="ROS remapping rule FROM:=TO; may be repeated.", metavar="RULE"),
     ] = None,
     local: Annotated[
-        bool, typer.Option("--local", help="Keep to this machine: loopback sockets, no multicast.")
+        bool,
+        typer.Option("--local", help="Communicate on this machine only: loopback sockets, no multicast."),
     ] = False,
 ) -> None:
     """Run the four nodes: a depth sensor's topics in, everybody on /depth_pose/skeletons out.
 
-    /depth_pose/skeleton is the one who is followed.
+    /depth_pose/skeleton is the followed person.
 
     [bold]Examples:[/bold]
 
@@ -108,6 +110,10 @@ def up(
     }
     if sim_time:
         parameters["use_sim_time"] = True
+    if bank is None and importlib.util.find_spec("rclpy") is not None:
+        from depth_pose.bank.default import prepare_default_bank
+
+        prepare_default_bank()  # with a progress bar; the nodes would refuse to start
     options = {"parameters": parameters, "remap": remap or (), "local": local}
     code = call_ros("process.supervisor", "up", params, sensor, bank, **options)
     raise typer.Exit(code)
@@ -117,9 +123,9 @@ def pause(
     namespace: _Namespace = "depth_pose",
     node: _Nodes = None,
 ) -> None:
-    """Pause the running nodes: they answer no frames and take no time, but keep all that they loaded.
+    """Pause the running nodes: they process no frames but keep bank and kernels loaded.
 
-    They are lifecycle nodes; `ros2 lifecycle set /depth_pose/denoise deactivate` does it for one.
+    They are lifecycle nodes: `ros2 lifecycle set /depth_pose/denoise deactivate` pauses one.
 
     [bold]Examples:[/bold]
 
@@ -134,7 +140,7 @@ def resume(
     namespace: _Namespace = "depth_pose",
     node: _Nodes = None,
 ) -> None:
-    """Resume nodes that were paused, or that were started with the parameter autostart false.
+    """Resume nodes that were paused, or started with the parameter autostart set to false.
 
     [bold]Examples:[/bold]
 
@@ -149,7 +155,7 @@ def _tell_states(states: dict[str, str]) -> None:
 
 def play(
     bag: shared.AnyRecording,
-    rate: Annotated[float, typer.Option(min=0.01, max=100.0, help="Speed; 2 is twice as fast.")] = 1.0,
+    rate: Annotated[float, typer.Option(min=0.01, max=100.0, help="Speed factor.")] = 1.0,
     loop: Annotated[bool, typer.Option("--loop", help="Start again at the end.")] = False,
     clock: Annotated[bool, typer.Option(help="Publish /clock.")] = True,
     topic: Annotated[list[str] | None, typer.Option(help="Play this topic; may be repeated.")] = None,
@@ -158,14 +164,14 @@ def play(
     ] = None,
     delay: Annotated[float, typer.Option(min=0.0, help="Seconds to wait before the first message.")] = 0.0,
     wait_for: Annotated[
-        int, typer.Option(min=0, help="Begin when there are so many subscribers.", metavar="N")
+        int, typer.Option(min=0, help="Wait for this number of subscribers.", metavar="N")
     ] = 0,
     intrinsics: shared.Intrinsics = None,
     depth_scale: shared.DepthScale = None,
     fps: shared.Fps = None,
     lenient: shared.Lenient = False,
 ) -> None:
-    """Publish a recording in its own time.
+    """Publish a recording on its topics, with /clock.
 
     Topics that were latched when they were recorded are so again. The first message waits until nodes that
     run already have found the topics, a second or so.
@@ -191,7 +197,7 @@ def play(
 
 
 def _renamed(rules: list[str]) -> dict[str, str]:
-    """Read rules as ROS has them, ``/old:=/new``."""
+    """Parse remapping rules ``/old:=/new``."""
     named = {}
     for rule in rules:
         old, is_rule, new = rule.partition(":=")
@@ -205,7 +211,7 @@ def record(
     output: Annotated[Path, typer.Option("--output", "-o", help="The MCAP file.")],
     topics: Annotated[list[str] | None, typer.Argument(help="Topics.", show_default="all")] = None,
     seconds: Annotated[
-        float | None, typer.Option(min=0.1, help="Stop after so long.", show_default="Ctrl-C")
+        float | None, typer.Option(min=0.1, help="Stop after this many seconds.", show_default="Ctrl-C")
     ] = None,
 ) -> None:
     """Record topics.
@@ -220,17 +226,17 @@ def record(
     console.print("recording, Ctrl-C ends" if seconds is None else f"recording {seconds:g} s")
     counts = call_ros("tools.bag", "record", output, topics or None, seconds=seconds)
     if not counts:
-        raise DepthPoseError(f"nothing came that could be recorded; {output} is not written")
+        raise DepthPoseError(f"no message arrived that could be recorded; {output} is not written")
     print_facts(str(output), [(name, f"{count} messages") for name, count in sorted(counts.items())])
 
 
 def demo(
     recording: Annotated[
-        Path | None, typer.Argument(help="A recording of yours.", show_default="a simulated one")
+        Path | None, typer.Argument(help="Your own recording.", show_default="a simulated one")
     ] = None,
-    output: Annotated[Path, typer.Option("--output", "-o", help="Folder of the results.")] = Path("results"),
+    output: Annotated[Path, typer.Option("--output", "-o", help="Output folder.")] = Path("results"),
 ) -> None:
-    """Replay a recording through the live nodes, record the skeletons, and show what came out.
+    """Replay a recording through the live nodes, record the skeletons, and draw them.
 
     [bold]Examples:[/bold]
 

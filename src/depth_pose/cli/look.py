@@ -18,9 +18,11 @@ def add_to(app: typer.Typer) -> None:
 
 
 _EVERY = Annotated[float, typer.Option(min=0.05, help="Seconds between two lines.")]
-"""Seconds; 20 lines a second at most, set by hand."""
-_COUNT = Annotated[int | None, typer.Option(min=1, help="Stop after so many answers.", show_default="Ctrl-C")]
-"""An option of both commands."""
+"""Period of the lines, seconds; at most 20 lines a second. Set by hand."""
+_COUNT = Annotated[
+    int | None, typer.Option(min=1, help="Stop after this number of lines.", show_default="Ctrl-C")
+]
+"""Option of both commands."""
 
 
 def hz(
@@ -28,7 +30,7 @@ def hz(
     every: _EVERY = 1.0,
     count: _COUNT = None,
 ) -> None:
-    """Tell how often messages come on a topic, as `ros2 topic hz` does.
+    """Print the message rate of a topic, as `ros2 topic hz` does.
 
     [bold]Examples:[/bold]
 
@@ -39,7 +41,7 @@ def hz(
     watched = call_ros("tools.inspect_topics", "watch_rate", topic, every)
     for rate in _first(watched, count):
         if rate is None:
-            say(f"{topic}: nothing came")
+            say(f"{topic}: no messages")
             continue
         console.print(
             f"average rate: {rate.hz:.2f}  min: {rate.low_s:.3f} s  max: {rate.high_s:.3f} s  "
@@ -51,11 +53,13 @@ def hz(
 
 def tf(
     frame: Annotated[str | None, typer.Argument(help="A frame.", show_default="list them")] = None,
-    parent: Annotated[str | None, typer.Option("--in", help="Tell it in this frame.")] = None,
+    parent: Annotated[
+        str | None, typer.Option("--in", help="Print the transform relative to this frame.")
+    ] = None,
     every: _EVERY = 1.0,
     count: _COUNT = None,
 ) -> None:
-    """Tell where a frame of /tf is, as `tf2_echo` does; or which frames there are.
+    """Print the transform of a /tf frame, as `tf2_echo` does, or list all frames.
 
     Nodes broadcast frames with the parameter tf (joints, the floor) or rep155.
 
@@ -69,7 +73,7 @@ def tf(
         frames = call_ros("tools.inspect_topics", "list_frames", every)
         if not frames:
             raise InputError(
-                "no frame is broadcast: nobody is in view yet, or the nodes run without the parameter "
+                "no frame is broadcast: nobody is in view, or the nodes run without the parameter "
                 "tf: true, or rep155: true"
             )
         if frame is None:
@@ -86,7 +90,7 @@ def tf(
 
 
 def _first(watched: Any, count: int | None) -> Any:
-    """Give what is told until so much was known; what is not known yet does not count."""
+    """Yield values until `count` of them were known; None does not count."""
     known = 0
     for told in watched:
         yield told

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from depth_pose.body.build_file import KnownBuild
 
 _MOST_ROWS = 40
-"""Recordings in the table that is printed; of more, those with warnings. ``report.csv`` has them all."""
+"""Maximum rows of the printed table; with more recordings it lists only those with warnings."""
 
 
 def add_to(app: typer.Typer) -> None:
@@ -52,8 +52,8 @@ def run(
     recordings: Annotated[
         list[str],
         typer.Argument(
-            help="Recordings of a camera (MCAP, .db3, ROS 1's .bag, folders of images): files, folders, "
-            "patterns, folders of one recording's parts.",
+            help="Depth recordings (MCAP, .db3, ROS 1 .bag, folders of images): files, folders, "
+            "patterns, folders of the parts of one recording.",
             metavar="IN",
             show_default=False,
         ),
@@ -63,7 +63,8 @@ def run(
         typer.Option(
             "--output",
             "-o",
-            help="The skeletons' recording; of several, their folder. A name that ends in / is a folder.",
+            help="The recording of skeletons; for several inputs or a folder of recordings, their folder. "
+            "A name that ends in / is a folder.",
             metavar="OUT",
         ),
     ],
@@ -80,12 +81,12 @@ def run(
     follow: Annotated[str | None, setting(FollowConfig, "whom", "--follow")] = None,
     build: Annotated[str | None, setting(PersonalConfig, "file", "--build")] = None,
     save_build: Annotated[
-        Path | None, typer.Option(help="Write the build of whom most was seen, JSON.", metavar="FILE")
+        Path | None, typer.Option(help="Write the build of the person seen most, JSON.", metavar="FILE")
     ] = None,
     markers: Annotated[
-        bool, typer.Option("--markers", help="Write standard markers, too, for Foxglove and RViz.")
+        bool, typer.Option("--markers", help="Also write standard markers, for Foxglove and RViz.")
     ] = False,
-    raw: Annotated[bool, typer.Option("--raw", help="Do not filter the joints over time.")] = False,
+    raw: Annotated[bool, typer.Option("--raw", help="Do not smooth the joints.")] = False,
     params: Annotated[
         Path | None,
         typer.Option(help="Settings by step, YAML or JSON, or a ROS parameter file.", metavar="FILE"),
@@ -93,29 +94,30 @@ def run(
     workers: Annotated[
         int | None,
         typer.Option(
-            min=0, help="Of several recordings: processes; 0 for none but this.", show_default="all cores"
+            min=0,
+            help="For several recordings: number of processes; 0: only this one.",
+            show_default="all cores",
         ),
     ] = None,
     cluster: Annotated[
         str | None,
         typer.Option(
-            help="Of several recordings: work on the cluster of this Dask scheduler.", metavar="ADDRESS"
+            help="For several recordings: use the Dask cluster with this scheduler.", metavar="ADDRESS"
         ),
     ] = None,
     lenient: shared.Lenient = False,
 ) -> None:
-    """Find everybody's skeleton in every depth frame of a recording, or of many.
+    """Find the skeletons of everybody in every depth frame of one recording or many.
 
-    /depth_pose/skeletons holds everybody, /depth_pose/skeleton the one who is followed; where nobody is in
-    view, the first is empty and the second has no joints. The same recording gives the same file, byte for
-    byte.
+    /depth_pose/skeletons holds everybody, /depth_pose/skeleton the followed person; when nobody is in view
+    the first is empty and the second has no joints. The same recording gives the same file, byte for byte.
 
-    A skeleton is REFINED, fitted to its frame, or RECOVERED, carried over from the frame before where that
-    fit failed; that one is less sure.
+    A skeleton is REFINED, fitted to its frame, or RECOVERED, carried over from the frame before because the
+    fit failed; its confidence is lower.
 
-    Of several recordings, or with an output that is a folder, each one's skeletons go to FOLDER/NAME.mcap.
-    What is done already is skipped, so that the same command goes on where it was stopped. FOLDER/report.csv
-    has a line for each; the exit code is 1 where one of them failed, 3 where one is damaged.
+    For several recordings, a folder of recordings, or an output that is a folder, the skeletons of each go to
+    FOLDER/NAME.mcap. Finished recordings are skipped, so the same command continues where it was stopped.
+    FOLDER/report.csv has a line for each; the exit code is 1 if one failed, 3 if one is damaged.
 
     [bold]Examples:[/bold]
 
@@ -160,7 +162,7 @@ def run(
     if not output.endswith("/") and _is_one(recordings, target):
         if cluster is not None:
             raise ConfigError(
-                "--cluster is for several recordings; with one, let -o be a folder (its name ends in /)"
+                "--cluster is for several recordings; for one, let -o be a folder (its name ends in /)"
             )
         check_targets([target, save_build], [recordings[0], bank, params, config.build.file or None])
         _run_one(Path(recordings[0]), target, bank, depth_topic, images, config, save_build, markers)
@@ -204,12 +206,14 @@ def _run_one(
 
     reader = DepthReader(recording, depth_topic, images, tell=False)
 
-    from depth_pose.bank import Bank, default_bank_path
+    from depth_pose.bank import Bank
+    from depth_pose.bank.default import prepare_default_bank
     from depth_pose.offline import process_recording
     from depth_pose.pipeline import PosePipeline
 
+    bank = bank or prepare_default_bank()
     with loading("the bank"):
-        pipeline = PosePipeline(Bank.load(bank or default_bank_path()), config)
+        pipeline = PosePipeline(Bank.load(bank), config)
         pipeline.warm_up()
     try:
         with progress_bar(recording.name, len(reader)) as update:
@@ -246,7 +250,7 @@ def _save_build(path: Path, known: KnownBuild | None) -> None:
     from depth_pose.body.build_file import save_build
 
     if known is None:
-        warn([f"{path} is not written: nobody was seen well enough to learn their build"])
+        warn([f"{path} is not written: nobody was seen well enough to estimate a build"])
     else:
         save_build(path, known)
         say(f"wrote {path}")
@@ -268,16 +272,19 @@ def _run_archive(
     from depth_pose.archive.sheet import SHEET
 
     if workers is not None and cluster is not None:
-        raise ConfigError("--workers are processes of this machine, --cluster has its own; give one of them")
+        raise ConfigError(
+            "--workers are processes of this machine and --cluster has its own; give one of them"
+        )
     sources = find_sources(inputs, folder)
     if folder.suffix == ".mcap" or folder.is_file():
         raise ConfigError(f"the skeletons of several recordings go to a folder; {folder} is a file's name")
     check_targets([folder / REPORT, folder / SHEET], [bank])
 
     from depth_pose.archive.jobs import Setting
-    from depth_pose.bank import Bank, default_bank_path
+    from depth_pose.bank import Bank
+    from depth_pose.bank.default import prepare_default_bank
 
-    bank_id = Bank.load(bank or default_bank_path()).bank_id
+    bank_id = Bank.load(bank or prepare_default_bank()).bank_id
     setting = Setting(str(bank.resolve()) if bank else None, bank_id, config, depth_topic, images)
     start = time.monotonic()
     with own_folder(folder):
@@ -310,7 +317,7 @@ def _work_through(
     except KeyboardInterrupt:
         rows = report.finish(names)
         errors.print(
-            f"stopped; {len(rows)} of {len(sources)} recordings are done, the same command goes on from there"
+            f"stopped; {len(rows)} of {len(sources)} recordings are done; the same command continues"
         )
         raise typer.Exit(STOPPED) from None
     except BaseException:
@@ -322,7 +329,7 @@ def _work_through(
 def _draw(
     sources: list[Source], rows: list[Row], folder: Path, depth_topic: str | None, images: ImageOptions
 ) -> bool:
-    """Draw the sheet anew where anything is new; gives False where it should be there, and is not."""
+    """Draw the sheet if anything is new; return False if that failed."""
     from depth_pose.archive.sheet import SHEET, save_archive_sheet
 
     if all(row.state != "done" for row in rows):
@@ -346,7 +353,7 @@ def _draw(
 
 
 def _print_rows(rows: list[Row]) -> None:
-    """Print a table of the recordings, and what went wrong; of many, only of those where something did."""
+    """Print a table of the recordings and their warnings; of many, only those with warnings."""
     from rich.markup import escape
     from rich.table import Table
 

@@ -28,16 +28,14 @@ def add_to(app: typer.Typer) -> None:
 def evaluate(
     truth: Annotated[
         Path,
-        typer.Argument(
-            help="Known joints: the .npz that `simulate` writes, a folder of them, or a .json of pixels."
-        ),
+        typer.Argument(help="True joints: a .npz of `simulate`, a folder of them, or a .json of pixels."),
     ],
     predicted: Annotated[Path, typer.Argument(help="Recording of skeletons, or a folder with NAME.mcap.")],
     topic: Annotated[
         str | None,
         typer.Option(
             help="The skeletons' topic.",
-            show_default=f"{PEOPLE_TOPIC} where the truth is of several people, else {SKELETON_TOPIC}",
+            show_default=f"{PEOPLE_TOPIC} if the truth has several people, else {SKELETON_TOPIC}",
         ),
     ] = None,
     plot: Annotated[Path | None, typer.Option(help="Picture of the error per joint (PNG).")] = None,
@@ -49,7 +47,7 @@ def evaluate(
         str | None, typer.Option(help="With --recording: its depth topic.", show_default="the only one")
     ] = None,
 ) -> None:
-    """Score skeletons against known joints.
+    """Score skeletons against true joints.
 
     Of one person: coverage is the share of frames that are answered; mean, median and 95 % are distances
     from the known joints; offset-free leaves out what is always the same at a joint, since bodies differ in
@@ -74,14 +72,14 @@ def evaluate(
     check_picture(plot, [truth, predicted, recording])
     if truth.suffix == ".json":
         if plot:
-            raise typer.BadParameter("--plot draws joints that are known in space; this truth is of pixels")
+            raise typer.BadParameter("--plot needs 3D truth; this truth is in pixels")
         _evaluate_2d(truth, predicted, recording, topic or SKELETON_TOPIC, depth_topic, as_json)
         return
     from depth_pose.evaluate.truth import tells_of_people
 
     if tells_of_people(truth):
         if plot:
-            raise typer.BadParameter("--plot draws the joints of one person; this truth is of several")
+            raise typer.BadParameter("--plot is for one person; this truth has several")
         _evaluate_people(truth, predicted, topic or PEOPLE_TOPIC, as_json)
         return
     from depth_pose.evaluate.score import score
@@ -143,7 +141,7 @@ def _evaluate_people(truth: Path, predicted: Path, topic: str, as_json: bool) ->
 
 
 def _table(title: str, first: str, columns: Iterable[str]) -> Table:
-    """Make a table of numbers that fits 80 columns: a name too long for that goes on in the next line."""
+    """Build a table of numbers of at most 80 columns; long names wrap."""
     from rich import box
     from rich.table import Table
 
@@ -210,18 +208,16 @@ def _mm(value: float) -> str:
 
 
 def overlay(
-    recording: Annotated[
-        Path, typer.Argument(help="Recording of a depth camera, of any format that `run` takes.")
-    ],
+    recording: Annotated[Path, typer.Argument(help="Depth recording, in any format that `run` reads.")],
     skeletons: Annotated[Path, typer.Argument(help="Recording of its skeletons.")],
-    output: Annotated[Path, typer.Option("--output", "-o", help="The picture: PNG, or a GIF, which moves.")],
-    frames: Annotated[int, typer.Option(min=1, max=60, help="How many frames a PNG shows.")] = 6,
-    seconds: Annotated[float, typer.Option(min=0.1, max=60.0, help="How much of it a GIF shows.")] = 6.0,
-    truth: Annotated[Path | None, typer.Option(help="Truth file (.npz) to draw beside.")] = None,
+    output: Annotated[Path, typer.Option("--output", "-o", help="The picture: PNG, or animated GIF.")],
+    frames: Annotated[int, typer.Option(min=1, max=60, help="Number of frames in a PNG.")] = 6,
+    seconds: Annotated[float, typer.Option(min=0.1, max=60.0, help="Length of a GIF, seconds.")] = 6.0,
+    truth: Annotated[Path | None, typer.Option(help="Truth file (.npz) to draw as well.")] = None,
     depth_topic: shared.DepthTopic = None,
     topic: shared.SkeletonsTopic = PEOPLE_TOPIC,
 ) -> None:
-    """Draw skeletons over the depth of several frames, or as a picture that moves.
+    """Draw skeletons over depth images, as a picture or an animation.
 
     Above a frame stand its time, the skeleton's source and its confidence, and with --truth the mean error.
 
@@ -235,7 +231,7 @@ def overlay(
     """
     if output.suffix.lower() == ".gif":
         if truth is not None:
-            raise typer.BadParameter("--truth is drawn into a PNG; a GIF has the skeletons alone")
+            raise typer.BadParameter("--truth is for a PNG; a GIF shows the skeletons only")
         from depth_pose.core.outputs import check_targets
         from depth_pose.evaluate.animation import save_animation
 

@@ -1,4 +1,4 @@
-"""Options and arguments that several commands have."""
+"""Options and arguments shared by several commands."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Lenient = Annotated[bool, typer.Option("--lenient", help=LENIENT_HELP)]
 Intrinsics = Annotated[
     str | None,
     typer.Option(
-        help="Of a folder of depth images: the camera, pixels.",
+        help="For a folder of depth images: the camera, pixels.",
         metavar="FX,FY,CX,CY",
         show_default="camera.json",
     ),
@@ -33,7 +33,7 @@ DepthScale = Annotated[
     typer.Option(
         min=1e-6,
         max=1e3,
-        help="Of a folder of depth images: metres of a pixel's unit.",
+        help="For a folder of depth images: metres per unit.",
         show_default="0.001; 1 for floats",
     ),
 ]
@@ -43,8 +43,8 @@ Fps = Annotated[
     typer.Option(
         min=1e-3,
         max=1e4,
-        help="Of a folder of depth images: frames a second.",
-        show_default="30, or the names say it",
+        help="For a folder of depth images: frames per second.",
+        show_default="30, or from the names",
     ),
 ]
 """Hertz; limits set by hand."""

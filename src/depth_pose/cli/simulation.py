@@ -28,24 +28,24 @@ def add_to(app: typer.Typer) -> None:
 
 
 def simulate(
-    output: Annotated[Path, typer.Option("--output", "-o", help="The recording; the truth goes beside it.")],
+    output: Annotated[
+        Path, typer.Option("--output", "-o", help="The recording; the truth is written beside it.")
+    ],
     motion: Annotated[
         str | None,
-        typer.Option(help="A motion's name (a wrong one lists them), or a BVH file.", show_default="play"),
+        typer.Option(help="Name of a motion (a wrong name lists them), or a BVH file.", show_default="play"),
     ] = None,
     sensor: Annotated[str | None, typer.Option(help="tof or structured.", show_default="tof")] = None,
     room: Annotated[
-        bool, typer.Option("--room", help="Several people in a furnished room, all drawn from the seed.")
+        bool, typer.Option("--room", help="Several people in a furnished room, all generated from the seed.")
     ] = False,
     people: Annotated[
         int | None,
-        typer.Option(min=0, max=6, help="How many people; goes with --room.", show_default="2"),
+        typer.Option(min=0, max=6, help="Number of people; with --room.", show_default="2"),
     ] = None,
-    width: Annotated[
-        int | None, typer.Option(min=64, max=4096, help="Width of the images in pixels; the sensor's own.")
-    ] = None,
+    width: Annotated[int | None, typer.Option(min=64, max=4096, help="Image width in pixels.")] = None,
     seconds: Annotated[float, typer.Option(min=0.04, max=3600.0, help="Length.")] = 10.0,
-    seed: Annotated[int, typer.Option(min=0, help="Of motion and noise, and of a room.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of motion, noise and room.")] = 0,
     stature: Annotated[float | None, setting(Person, "stature")] = None,
     girth: Annotated[float | None, setting(Person, "girth")] = None,
     shoulder_width: Annotated[float | None, setting(Person, "shoulder_width")] = None,
@@ -62,7 +62,7 @@ def simulate(
     floor: Annotated[bool | None, setting(Room, "floor", "--floor/--no-floor")] = None,
     wall: Annotated[float | None, setting(Room, "wall")] = None,
 ) -> None:
-    """Record a virtual depth sensor that watches a moving person, or a room of people; joints are known.
+    """Simulate a depth sensor that sees a moving person, or people in a room, with true joints.
 
     Writes NAME.mcap (depth images and their camera) and NAME.npz (the joints). With --room people of random
     builds and clothes walk about, hide and cross each other; camera, sensor and furniture are random too,
@@ -81,7 +81,7 @@ def simulate(
     depth-pose simulate -o room.mcap --room --people 3 --seed 7
     """
     if output.suffix != ".mcap":
-        raise ConfigError(f"{output} is to be a recording: its name must end in .mcap")
+        raise ConfigError(f"{output} must be a recording: its name ends in .mcap")
     chosen = given(
         stature=stature,
         girth=girth,

@@ -27,24 +27,24 @@ def view(
     recording: Annotated[
         Path | None,
         typer.Argument(
-            help="Recording of a depth camera, of any format that `run` takes.",
+            help="Depth recording, in any format that `run` reads.",
             show_default="the running nodes",
         ),
     ] = None,
     skeletons: Annotated[
         Path | None,
-        typer.Argument(help="Recording of its skeletons.", show_default="they are found meanwhile"),
+        typer.Argument(help="Recording of its skeletons.", show_default="they are computed while it plays"),
     ] = None,
-    port: Annotated[int, typer.Option(min=0, max=65535, help="Where the browser connects; 0: any.")] = 8080,
+    port: Annotated[int, typer.Option(min=0, max=65535, help="Port for the browser; 0: any.")] = 8080,
     host: Annotated[
-        str, typer.Option(help="Address to listen on; 0.0.0.0 lets other machines look.")
+        str, typer.Option(help="Address to listen on; 0.0.0.0 admits other machines.")
     ] = "127.0.0.1",
     pictures: Annotated[Path, typer.Option(help="Folder of screenshots and clips.")] = Path("results"),
     points: Annotated[
-        int, typer.Option(min=100, max=1_000_000, help="Points of a frame that are shown, at most.")
+        int, typer.Option(min=100, max=1_000_000, help="Maximum number of points shown.")
     ] = 20_000,
     bank: Annotated[
-        Path | None, typer.Option(help="Exemplar bank, whose body is shown.", show_default="the set-up's")
+        Path | None, typer.Option(help="Exemplar bank with the body to show.", show_default="the set-up's")
     ] = None,
     depth_topic: Annotated[
         str | None,
@@ -54,13 +54,13 @@ def view(
     ] = None,
     topic: Annotated[str, typer.Option(help="The skeletons' topic in their recording.")] = PEOPLE_TOPIC,
 ) -> None:
-    """Look at people and depth in a browser: of the running nodes, or of a recording.
+    """Show people and depth in a browser: of the running nodes, or of a recording.
 
     Prints an address; open it in any browser on this machine. In a recording play, pause, scrub and set
     the speed; live, the panel shows how the nodes do, and follow, zone and nearest set their parameters.
     Without SKELETONS the recording's people are found while it is shown, which keeps nothing.
 
-    Other machines cannot connect unless --host says so: there is no password.
+    Other machines cannot connect unless --host admits them; there is no password.
 
     [bold]Examples:[/bold]
 
@@ -115,17 +115,19 @@ def _recorded(
     if skeletons is not None:
         known = {m.stamp_ns: m.skeletons for m in read_people(skeletons, topic)}
         return RecordedSource(reader, lambda frame: known.get(frame.stamp_ns), points)
-    from depth_pose.bank import Bank, default_bank_path
+    from depth_pose.bank import Bank
+    from depth_pose.bank.default import prepare_default_bank
     from depth_pose.pipeline import PosePipeline
 
+    bank = bank or prepare_default_bank()
     with loading("the bank"):
-        pipeline = PosePipeline(Bank.load(bank or default_bank_path()))
+        pipeline = PosePipeline(Bank.load(bank))
         pipeline.warm_up()
     return RecordedSource(reader, lambda frame: pipeline.process_frame(frame).skeletons, points)
 
 
 def _bodies(bank: Path | None) -> MeshOf | None:
-    """Give what makes fitted bodies; None without a bank."""
+    """Return the maker of fitted bodies; None without a bank."""
     from depth_pose.bank import default_bank_path
     from depth_pose.viewer.bodies import BodyMaker
 

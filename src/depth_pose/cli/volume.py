@@ -46,7 +46,7 @@ Params = Annotated[
 
 
 def _settings(params: Path | None, **chosen: dict[str, Any]) -> VolumeConfig:
-    """Give the settings of a file, with those of the command line put over them."""
+    """Return the settings of a file, overridden by those of the command line."""
     values = read_settings(params, VolumeConfig) if params else {}
     for section, options in chosen.items():
         values[section] = values.get(section, {}) | options
@@ -89,7 +89,7 @@ def _captured(path: Path) -> Clip:
     from depth_pose.sim.motion import load_motion
 
     if path.suffix.lower() != ".bvh":
-        raise ConfigError(f"{path} is no .bvh file")
+        raise ConfigError(f"{path} is not a .bvh file")
     return load_motion(str(path), _FPS, 1e6)
 
 
@@ -113,7 +113,7 @@ def train(
     output: Annotated[Path, typer.Option("--output", "-o", help="The model file.")],
     dance: Annotated[str, typer.Option(help="A procedural dance: swing or sweep.")] = "swing",
     motion: Annotated[
-        list[Path] | None, typer.Option(help="BVH files instead of a dance; give it again for more.")
+        list[Path] | None, typer.Option(help="BVH files instead of a dance; may be repeated.")
     ] = None,
     kind: Annotated[
         str,
@@ -122,7 +122,7 @@ def train(
     garment: Annotated[
         list[str] | None,
         typer.Option(
-            help="What the wearers have on (none, skirt, long-skirt, wide-skirt, robe); again for more.",
+            help="Garment of the wearers (none, skirt, long-skirt, wide-skirt, robe); may be repeated.",
             show_default="skirt, long-skirt, wide-skirt, none",
         ),
     ] = None,
@@ -135,8 +135,8 @@ def train(
     rig: Annotated[
         Path | None,
         typer.Option(
-            help="Cameras to train for (rig file). Of depth cameras only their mean height and distance "
-            "matter: the same model serves one or several, wherever they stand.",
+            help="Cameras to train for (rig file). For depth cameras only their mean height and distance "
+            "matter: one model serves any number, wherever they stand.",
             show_default="8 under the roof, or a depth camera at 1.3 m",
         ),
     ] = None,
@@ -148,7 +148,7 @@ def train(
         Path | None, typer.Option(help="Draw the latent space with its variance.", metavar="PNG")
     ] = None,
 ) -> None:
-    """Learn a motion by simulation: as volumes of several people in several garments, and poses.
+    """Learn a motion by simulation, as volumes of people in several garments and their poses.
 
     [bold]Examples:[/bold]
 
@@ -179,7 +179,7 @@ def train(
 
 @app.command()
 def info(file: Annotated[Path, typer.Argument(help="The model file.")]) -> None:
-    """Say what a model was trained on.
+    """Print what a model was trained on.
 
     [bold]Example:[/bold]
 
@@ -193,7 +193,7 @@ def info(file: Annotated[Path, typer.Argument(help="The model file.")]) -> None:
 @app.command()
 def run(
     recording: Annotated[Path, typer.Argument(help="Recording of silhouettes or depth images.")],
-    output: Annotated[Path, typer.Option("--output", "-o", help="The skeletons' recording.")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="The recording of skeletons.")],
     model: Annotated[Path, typer.Option("--model", "-m", help="The model file.")],
     rig: Annotated[Path, typer.Option("--rig", help="Cameras, their calibration and topics.")],
     voxel: Annotated[float | None, setting(SpaceConfig, "voxel")] = None,
@@ -301,15 +301,19 @@ def demo(
         int | None,
         typer.Option(min=1, max=32, help="Cameras all around.", show_default="8 silhouettes, 1 of depth"),
     ] = None,
-    garment: Annotated[str, typer.Option(help="What the dancer has on.")] = "skirt",
+    garment: Annotated[str, typer.Option(help="Garment of the dancer.")] = "skirt",
     seconds: Annotated[float, typer.Option(min=1.0, max=120.0, help="Length of the performance.")] = 10.0,
-    seed: Annotated[int, typer.Option(min=0, help="Of the performance; 1 to 10 are the training's.")] = 21,
+    seed: Annotated[
+        int, typer.Option(min=0, help="Seed of the performance; 1 to 10 are used in training.")
+    ] = 21,
     record: Annotated[
         Path | None,
-        typer.Option(help="Write the images too, and the cameras to a .yaml beside.", metavar="MCAP"),
+        typer.Option(
+            help="Also write the images, and the cameras to a .yaml file beside them.", metavar="MCAP"
+        ),
     ] = None,
 ) -> None:
-    """Simulate a dancer before eight roof cameras, or one depth camera or more, and track them.
+    """Simulate a dancer seen by eight roof cameras, or by depth cameras, and track them.
 
     Prints the error beside that of the mean pose and of the best training pose.
 

@@ -6,12 +6,14 @@ All of them are frozen and in SI units.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.camera import Camera
-from depth_pose.core.skeleton import Source
+from depth_pose.core.errors import ConfigError, InputError
+from depth_pose.core.skeleton import JOINT_INDEX, JOINTS, JointState, Source
 
 
 @dataclass(frozen=True)
@@ -29,6 +31,11 @@ class DepthFrame:
     camera : Camera
     filled : float
         Share of the image that the sensor sees; less than 1 where it was turned.
+
+    Raises
+    ------
+    InputError
+        Where depth is not float32, or not of the camera's size.
     """
 
     stamp_ns: int
@@ -36,6 +43,15 @@ class DepthFrame:
     depth: NDArray[np.float32]
     camera: Camera
     filled: float = 1.0
+
+    def __post_init__(self) -> None:
+        if self.depth.dtype != np.float32:
+            raise InputError(f"depth has dtype {self.depth.dtype}; a DepthFrame has float32 metres")
+        if self.depth.shape != (self.camera.height, self.camera.width):
+            raise InputError(
+                f"depth has shape {self.depth.shape}, the camera's image "
+                f"{(self.camera.height, self.camera.width)}: rows, columns"
+            )
 
 
 BACKGROUND, PERSON, UNKNOWN = 0, 1, 2
@@ -121,9 +137,53 @@ BUILD_SIZE = 13
 """Numbers of a person's build: those of `depth_pose.body.build.BUILD_NAMES`."""
 
 
+class Joint(NamedTuple):
+    """One joint of a skeleton.
+
+    Attributes
+    ----------
+    name : str
+        One of `depth_pose.JOINTS`.
+    position : (3,) float64
+        Centre of rotation in the camera frame (x right, y down, z forward), metres.
+    quat_xyzw : (4,) float64
+        Rotation of the segment that begins at the joint, rest pose to camera frame.
+    confidence : float
+        Probability that the position is within 10 cm, 0 to 1.
+    state : JointState
+        SEEN, OCCLUDED, OUTSIDE_IMAGE or LOST.
+    """
+
+    name: str
+    position: NDArray[np.float64]
+    quat_xyzw: NDArray[np.float64]
+    confidence: float
+    state: JointState
+
+
+RECORD = np.dtype(
+    [
+        ("stamp_ns", "i8"),
+        ("id", "U32"),
+        ("source", "U9"),
+        ("confidence", "f4"),
+        ("residual", "f4"),
+        ("scale", "f4"),
+        ("positions", "f8", (len(JOINTS), 3)),
+        ("quats_xyzw", "f8", (len(JOINTS), 4)),
+        ("joint_confidence", "f4", (len(JOINTS),)),
+        ("joint_states", "u1", (len(JOINTS),)),
+    ]
+)
+"""Type of `Skeleton.to_record`; rows of ``positions`` and the like are in the order of `JOINTS`."""
+
+
 @dataclass(frozen=True)
 class Skeleton:
     """One person's pose in one frame; with source LOST all arrays are empty (0 joints).
+
+    ``skeleton["left_wrist"]`` is one `Joint`; ``skeleton.positions`` are all of them, in the order of
+    `depth_pose.JOINTS`.
 
     Attributes
     ----------
@@ -148,6 +208,25 @@ class Skeleton:
         `depth_pose.core.skeleton.JointState` values.
     build : (13,) float32
         The person's proportions (`depth_pose.body.build.BUILD_NAMES`); empty where they are not known.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> person = Skeleton(
+    ...     stamp_ns=40_000_000, frame_id="camera", body_id="body_1", source=Source.REFINED, confidence=0.9,
+    ...     residual=0.01, scale=1.0, positions=np.zeros((19, 3)), quats_xyzw=np.zeros((19, 4)),
+    ...     joint_confidence=np.ones(19, np.float32), joint_states=np.zeros(19, np.uint8),
+    ... )
+    >>> person.id, person.time
+    ('body_1', 0.04)
+    >>> person["left_wrist"].position
+    array([0., 0., 0.])
+    >>> person["left_wrist"].state.name
+    'SEEN'
+    >>> sorted(person.to_dict())
+    ['confidence', 'frame_id', 'id', 'joints', 'residual', 'scale', 'source', 'stamp_ns', 'time']
+    >>> np.stack([person.to_record(), person.to_record()])["positions"].shape
+    (2, 19, 3)
     """
 
     stamp_ns: int
@@ -162,6 +241,98 @@ class Skeleton:
     joint_confidence: NDArray[np.float32]
     joint_states: NDArray[np.uint8]
     build: NDArray[np.float32] = field(default_factory=lambda: np.zeros(0, np.float32))
+
+    @property
+    def id(self) -> str:
+        """The person's name: ``body_id``."""
+        return self.body_id
+
+    @property
+    def time(self) -> float:
+        """The stamp, seconds."""
+        return self.stamp_ns * 1e-9
+
+    @property
+    def joints(self) -> tuple[Joint, ...]:
+        """All joints, in the order of `JOINTS`; none where the skeleton is lost."""
+        return tuple(self._joint(i) for i in range(len(self.positions)))
+
+    def __getitem__(self, name: str) -> Joint:
+        if name not in JOINT_INDEX:
+            raise KeyError(f"there is no joint {name!r}; the joints are {', '.join(JOINTS)}")
+        if self.is_lost:
+            raise KeyError(f"there is no {name}: the skeleton is LOST and has no joints")
+        return self._joint(JOINT_INDEX[name])
+
+    def _joint(self, index: int) -> Joint:
+        return Joint(
+            JOINTS[index],
+            self.positions[index],
+            self.quats_xyzw[index],
+            float(self.joint_confidence[index]),
+            JointState(self.joint_states[index]),
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain numbers, words and lists, as JSON takes them; joints by their names."""
+        return {
+            "id": self.body_id,
+            "time": self.time,
+            "stamp_ns": self.stamp_ns,
+            "frame_id": self.frame_id,
+            "source": Source(self.source).name,
+            "confidence": float(self.confidence),
+            "residual": float(self.residual),
+            "scale": float(self.scale),
+            "joints": {
+                joint.name: {
+                    "position": joint.position.tolist(),
+                    "quat_xyzw": joint.quat_xyzw.tolist(),
+                    "confidence": joint.confidence,
+                    "state": joint.state.name,
+                }
+                for joint in self.joints
+            },
+        }
+
+    def to_record(self) -> NDArray[np.void]:
+        """Return one row of a NumPy table, of type `RECORD`; NaN where the skeleton is lost."""
+        record = np.zeros((), RECORD)
+        for name in ("stamp_ns", "confidence", "residual", "scale"):
+            record[name] = getattr(self, name)
+        record["id"], record["source"] = self.body_id, Source(self.source).name
+        record["joint_states"] = JointState.LOST if self.is_lost else self.joint_states
+        for name in ("positions", "quats_xyzw", "joint_confidence"):
+            record[name] = np.nan if self.is_lost else getattr(self, name)
+        return record
+
+    def to_pandas(self) -> Any:
+        """Return a `pandas.DataFrame` with a row for each joint.
+
+        Its columns are time, id, joint, x, y, z, confidence and state.
+
+        Raises
+        ------
+        ConfigError
+            Where pandas is not installed.
+        """
+        try:
+            import pandas
+        except ImportError as error:
+            raise ConfigError("to_pandas needs pandas, which is not installed: pip install pandas") from error
+        x, y, z = self.positions.T
+        return pandas.DataFrame(
+            {
+                "time": self.time,
+                "id": self.body_id,
+                "joint": [joint.name for joint in self.joints],
+                "x": x,
+                "y": y,
+                "z": z,
+                "confidence": self.joint_confidence,
+                "state": [joint.state.name for joint in self.joints],
+            }
+        )
 
     @property
     def is_lost(self) -> bool:

@@ -119,7 +119,7 @@ _APART = _LIMB | {"chance": 0.5}
 """What touches nobody and mostly votes for somebody's torso is theirs as well (a share in place of a chance).
 
 Shanks below a desk: 88.8 to 46.6 mm on that clip. With .7 it is 51.8; in 1200 simulated rooms there is hardly
-any such surface, right or wrong (docs/people_finder.md)."""
+any such surface, right or wrong (docs/method.md)."""
 
 _CUT_AWAY = 0.5
 """Where more of an image is missing than this share, the background was cut away: it is free space."""

@@ -36,7 +36,7 @@ _MOST_POINTS = 6000
 
 _TURNED_DEG, _MOVED_M = 1.0, 0.03
 """A floor that differs by more than this from the one known is another; by hand, above what noise does
-(docs/tf.md)."""
+(docs/topics.md)."""
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 Of somebody who was sure to be a person a moment ago, and who is where they were, the last look is carried
 along. Who is alone is looked at in every frame: that costs little, and in the frames in between the joints of
-somebody quick lag behind (docs/people_finder.md).
+somebody quick lag behind (docs/method.md).
 """
 
 from __future__ import annotations

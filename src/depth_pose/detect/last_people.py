@@ -24,7 +24,7 @@ from depth_pose.detect.segmentation import Sighting
 
 _LONGEST_NS = 50_000_000
 """Nobody is carried over a longer gap, nanoseconds: at 15 frames a second it cost 4 of 34 mm
-(docs/people_finder.md)."""
+(docs/method.md)."""
 
 _MOVED_M, _MOVED_PIXELS = 0.1, 8
 """Farthest that a point is looked for, metres and pixels: 3 m/s at 30 frames a second. By hand, not swept."""

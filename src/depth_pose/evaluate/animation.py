@@ -96,7 +96,7 @@ def draw_frames(
 
 
 def _spaced(reader: DepthReader, seconds: float, step_s: float) -> Iterator[DepthFrame]:
-    """Give the frames nearest after even times."""
+    """Return the first frame after each even time step."""
     start_ns, given = None, 0
     for frame in reader:
         start_ns = frame.stamp_ns if start_ns is None else start_ns

@@ -55,7 +55,7 @@ class Matched:
     candidates: int
 
     def lines(self) -> Iterator[str]:
-        """Tell what each frame was matched with."""
+        """Return one line for each frame and its match."""
         for f in self.frames:
             if not f.matches:
                 yield f"frame {f.number}: nobody in view"

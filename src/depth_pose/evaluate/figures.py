@@ -14,7 +14,7 @@ LEFT, RIGHT, MIDDLE = "#f08a24", "#1f9bcf", "#8a8f98"
 
 
 def side_colour(joint: str) -> str:
-    """Give the colour of a joint's side."""
+    """Return the colour of a joint's side."""
     if joint.startswith("left_"):
         return LEFT
     return RIGHT if joint.startswith("right_") else MIDDLE

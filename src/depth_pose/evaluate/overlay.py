@@ -123,7 +123,7 @@ def collect_panels(
 
 
 def _known(truth: KnownPeople | None, stamp_ns: int) -> NDArray[np.float64]:
-    """Give the known joints of whom the frame shows, (P, 19, 3)."""
+    """Return the true joints of the people in the frame, (P, 19, 3)."""
     if truth is None or truth.names != JOINTS:
         return NOBODY
     nearest = int(np.argmin(np.abs(truth.stamps_ns - stamp_ns)))
@@ -205,7 +205,7 @@ def _crop(
 
 
 def bone_colour(child: int) -> str:
-    """Give the colour of the bone that ends at a joint."""
+    """Return the colour of the bone that ends at a joint."""
     name = JOINTS[child]
     return LEFT if name.startswith("left_") else RIGHT if name.startswith("right_") else MIDDLE
 

@@ -58,7 +58,7 @@ def save_picture(figure: Figure, path: Path | str, **options: Any) -> None:
 
 
 def plain_text(name: str) -> str:
-    """Give a name of a file or a person as it can be drawn: no formula, nothing unprintable, an end."""
+    """Return a file or person name for drawing: no formula, printable, shortened."""
     shown = name.encode("utf-8", "backslashreplace").decode()
     shown = "".join(letter if letter.isprintable() else " " for letter in shown)
     shown = shown if len(shown) <= _LONGEST_NAME else f"{shown[:_LONGEST_NAME]}…"

@@ -32,7 +32,7 @@ THRESHOLDS_M = (0.02, 0.03, 0.05, 0.07, 0.10, 0.15, 0.20)
 
 @dataclass(frozen=True)
 class SequenceErrors:
-    """One sequence's answers against its truth; NaN where there is no answer.
+    """Results of one sequence against its truth; NaN where a frame was not answered.
 
     Attributes
     ----------
@@ -169,7 +169,7 @@ def _torso_axes(joints: NDArray[np.float64], names: tuple[str, ...]) -> NDArray[
 
 
 def score_sequences(sequences: list[SequenceErrors]) -> Score:
-    """Put sequences together.
+    """Combine sequences.
 
     Raises
     ------
@@ -260,7 +260,7 @@ def score(truth: Path | str, predicted: Path | str, topic: str = SKELETON_TOPIC)
 
 
 def read_answers(path: Path, topic: str = SKELETON_TOPIC) -> dict[int, dict[str, NDArray[np.float64]]]:
-    """Read the joints of a recording by stamp and name; none where there is no recording."""
+    """Read the joints of a recording by stamp and name; empty if there is no recording."""
     if not path.exists():
         return {}
     return {s.stamp_ns: dict(zip(JOINTS, s.positions, strict=False)) for s in read_skeletons(path, topic)}

@@ -142,7 +142,7 @@ def _distances(
 
 
 def person_height_px(depth: NDArray[np.float32]) -> float:
-    """Height of the largest surface in an image whose background is taken out, in pixels.
+    """Height of the largest surface in an image without background, pixels.
 
     Parameters
     ----------

@@ -29,7 +29,7 @@ ASKED_SHARE = 0.3
 """Visible share from which a person is asked for; that of the development data's scorer."""
 
 WEAK_SHARE = 0.05
-"""Visible share from which answering a person is no fault; that of the development data's scorer."""
+"""Minimum visible share at which a skeleton is not counted as false."""
 
 REACH_M = 0.4
 """Mean joint distance beyond which a skeleton is somebody else's, metres; of the same scorer."""
@@ -73,14 +73,14 @@ class PeopleMatches:
 
 @dataclass(frozen=True)
 class PeopleScore:
-    """How well people are found, told apart and measured.
+    """Scores of detection, tracking and joints for several people.
 
     Attributes
     ----------
     frames, asked, found, false, switches : int
-        As in `PeopleMatches`; ``found`` are those asked for who are answered.
+        As in `PeopleMatches`; ``found`` are the people asked for with a skeleton.
     recall : float
-        Share of those asked for who are found; NaN where nobody is asked for.
+        Share of the people asked for that are found; NaN if nobody is asked for.
     precision : float
         Found, as a share of found and false; NaN where there is nothing.
     idf1 : float
@@ -88,7 +88,7 @@ class PeopleScore:
     mean_error_mm : float
         Mean joint error of the found; NaN where nobody is.
     pck10 : float
-        Share of the asked-for people's joints within 10 cm; those of people who are missed count.
+        Share of joints within 10 cm over the people asked for; missed people count.
     """
 
     frames: int
@@ -189,7 +189,7 @@ def _count_identified(shared: Counter[tuple[int, str]]) -> int:
 
 
 def score_matches(matches: Sequence[PeopleMatches]) -> PeopleScore:
-    """Put sequences together."""
+    """Combine sequences."""
     errors = np.concatenate([m.errors for m in matches])
     asked, false = sum(m.asked for m in matches), sum(m.false for m in matches)
     answered = sum(m.answered for m in matches)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 _NO_RETURN = (0.082, 0.094, 0.114)
 """Colour of pixels without depth: red, green, blue, 0 to 1; for the eye."""
 _SURFACE_JUMP = 0.12
-"""Depth this far from its smoothed value is shaded as it is, metres: an edge. For the eye."""
+"""Depth farther than this from its smoothed value is an edge and not smoothed, metres. For readability."""
 
 
 def shade_depth(

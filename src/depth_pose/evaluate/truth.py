@@ -18,12 +18,12 @@ from depth_pose.core.errors import InputError
 from depth_pose.core.skeleton import JOINT_INDEX
 
 STAMP_TOLERANCE_NS = 2_000_000
-"""A frame is answered by the skeletons whose stamp is nearest, within this."""
+"""Maximum difference between the stamps of a frame and its skeletons."""
 
 _FIELDS = ("joints", "names", "stamps_ns", "seen")
 
 _TORSO = ("pelvis", "neck", "left_shoulder", "right_shoulder", "left_hip", "right_hip")
-"""Joints by which a person's offsets are told in their own axes."""
+"""Joints that define a person's own axes for offsets."""
 
 
 @dataclass(frozen=True)
@@ -145,17 +145,17 @@ def _read(path: Path | str) -> tuple[dict[str, NDArray[np.generic]], tuple[str, 
         raise InputError(f"{path} cannot be read as a truth file: {error}") from error
     missing = [name for name in _FIELDS if name not in fields]
     if missing:
-        raise InputError(f"{path} is no truth file: it has no {', '.join(missing)}")
+        raise InputError(f"{path} is not a truth file: it has no {', '.join(missing)}")
     for name, array in fields.items():
         kinds = "U" if name == "names" else "iu" if name == "stamps_ns" else "biuf"
         if array.dtype.kind not in kinds or (array.ndim != 1 and name in ("names", "stamps_ns")):
-            raise InputError(f"{path} is no truth file: {name} is {array.dtype}{list(array.shape)}")
+            raise InputError(f"{path} is not a truth file: {name} is {array.dtype}{list(array.shape)}")
     names = tuple(str(name) for name in fields.pop("names"))
     unknown = [name for name in names if name not in JOINT_INDEX]
     if unknown:
-        raise InputError(f"{path} is no truth file: no joint is called {unknown[0]!r}")
+        raise InputError(f"{path} is not a truth file: no joint is called {unknown[0]!r}")
     if not len(fields["stamps_ns"]):
-        raise InputError(f"{path} is no truth file: it has no frames")
+        raise InputError(f"{path} is not a truth file: it has no frames")
     _check_shapes(path, fields, names)
     return fields, names
 
@@ -169,6 +169,6 @@ def _check_shapes(path: Path | str, fields: dict[str, NDArray[np.generic]], name
             f"{frames} stamps and {len(names)} names"
         )
     if people and "visible" not in fields:
-        raise InputError(f"{path} is no truth file: of several people it has to say visible")
+        raise InputError(f"{path} is not a truth file: for several people it must have visible")
     if people and fields["visible"].shape != (frames, *people):
         raise InputError(f"{path}: visible {fields['visible'].shape} does not fit joints {joints.shape}")

@@ -94,7 +94,7 @@ def segment_rotations(track: Track, offsets: Array) -> Array:
 
 
 def bvh_text(track: Track, step_s: float, factor: float = 1.0) -> str:
-    """Make a BVH file's text of a motion without gaps, in a frame whose y is up.
+    """Return the text of a BVH file for a motion without gaps, in a frame with y up.
 
     Parameters
     ----------

@@ -114,7 +114,7 @@ def export_skeletons(
     world : str
         ``camera``, or ``floor``: z up, the origin on the floor below the sensor.
     recording : Path or str, optional
-        The depth recording, in which the floor is found exactly; without it, it is told from feet.
+        The depth recording in which to find the floor; without it, the floor is estimated from feet.
     unit : str, optional
         ``m``, ``cm`` or ``mm`` of BVH (m) and TRC (mm); the others are in metres.
     topic, depth_topic : str, optional
@@ -164,7 +164,7 @@ def _write_text(path: Path, text: str) -> None:
 def _check(output: Path, kind: str, world: str, unit: str | None, recording: Path | str | None) -> None:
     if kind not in FORMATS:
         raise ConfigError(
-            f"{output}: the format is told by the name's end; it is one of {', '.join(FORMATS)}"
+            f"{output}: the format is inferred from the file extension, one of {', '.join(FORMATS)}"
         )
     if world not in ("camera", "floor"):
         raise ConfigError(f"the world is {world!r}; it is camera or floor")

@@ -134,6 +134,6 @@ def floor_of_depth(frames: Iterable[DepthFrame], guess: Floor) -> Floor | None:
 
 
 def some_frames(frames: Iterable[DepthFrame], count: int) -> list[DepthFrame]:
-    """Take a dozen frames, spread over a recording of so many."""
+    """Select a dozen frames, spread over the recording."""
     step = max(1, count // _FRAMES)
     return [frame for i, frame in enumerate(frames) if i % step == 0][:_FRAMES]

@@ -41,7 +41,7 @@ MOST_FRAMES = 2_000_000
 second, 1.2 kB of memory each."""
 
 _MOST_TOLD = 3
-"""Gaps that are told of one by one."""
+"""Maximum number of gaps listed one by one."""
 _ON_GRID = 0.02
 """Share of the time between frames within which a frame's stamp counts as that of an even rate. Set by
 hand: at 30 frames a second it is 0.7 ms, in which a hand at 6 m/s moves 4 mm."""
@@ -89,7 +89,7 @@ class Track:
     build: NDArray[np.float32]
 
     def __len__(self) -> int:
-        """Give the number of frames, gaps included."""
+        """Return the number of frames, gaps included."""
         return len(self.stamps_ns)
 
     @property
@@ -98,7 +98,7 @@ class Track:
         return float(self.stamps_ns[-1] - self.stamps_ns[0]) * 1e-9
 
     def gaps(self) -> list[tuple[int, int]]:
-        """Give the runs of frames without the person: the first, and the one after the last."""
+        """Return the gaps: first frame, and the frame after the last."""
         edges = np.flatnonzero(np.diff(self.present.astype(np.int8)))
         return [(int(a) + 1, int(b) + 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
@@ -192,7 +192,7 @@ def _empty(body_id: str, frame_id: str, stamps_ns: NDArray[np.int64]) -> Track:
 
 
 def in_world(track: Track, T_world_camera: Array, frame_id: str) -> Track:
-    """Give the same motion in another frame; the transform takes the track's frame to it, (4, 4)."""
+    """Return the motion in another frame; ``T_world_camera`` (4, 4) maps the track's frame to it."""
     turn = T_world_camera[:3, :3]
     positions = track.positions @ turn.T + T_world_camera[:3, 3]
     quats = np.full_like(track.quats_xyzw, np.nan)
@@ -202,12 +202,12 @@ def in_world(track: Track, T_world_camera: Array, frame_id: str) -> Track:
 
 
 def usual_step_s(stamps_ns: NDArray[np.int64]) -> float:
-    """Give the median time between frames, seconds; a 30th where there is one frame."""
+    """Return the median time between frames, seconds; a 30th where there is one frame."""
     return float(np.median(np.diff(stamps_ns))) * 1e-9 if len(stamps_ns) > 1 else 1 / 30
 
 
 def even_step_s(stamps_ns: NDArray[np.int64]) -> float:
-    """Give the time between frames of the even rate that fits the stamps best, seconds."""
+    """Return the period of the even rate that fits the stamps best, seconds."""
     if len(stamps_ns) < 2:
         return usual_step_s(stamps_ns)
     total = float(stamps_ns[-1] - stamps_ns[0]) * 1e-9
@@ -215,7 +215,7 @@ def even_step_s(stamps_ns: NDArray[np.int64]) -> float:
 
 
 def even(track: Track, step_s: float) -> Track:
-    """Give the motion at an even rate, which BVH and TRC ask for.
+    """Resample the motion at an even rate, as BVH and TRC require.
 
     A time that no stamp is near to gets what lies between the frames around it; where these are more
     than `_LONGEST_STEP` steps apart, or one lacks the person, it is a gap.
@@ -248,7 +248,7 @@ def fill_gaps(track: Track) -> Track:
 
 
 def held(track: Track) -> Track:
-    """Give the motion with the last pose held in gaps, for formats that cannot leave out a frame."""
+    """Return the motion with the last pose held in gaps, for formats that cannot omit a frame."""
     last = np.maximum.accumulate(np.where(track.present, np.arange(len(track)), 0))
     return replace(
         _picked(track, last, track.stamps_ns), joint_states=track.joint_states, source=track.source
@@ -256,12 +256,12 @@ def held(track: Track) -> Track:
 
 
 def _picked(track: Track, index: NDArray[np.int64], stamps_ns: NDArray[np.int64]) -> Track:
-    """Give the frames of these numbers under other stamps."""
+    """Return these frames with other stamps."""
     return replace(track, stamps_ns=stamps_ns, **{name: getattr(track, name)[index] for name in ARRAYS})
 
 
 def _sampled(track: Track, stamps_ns: NDArray[np.int64], step_ns: int | None) -> Track:
-    """Give the motion at other times, between the frames before and after that have the person.
+    """Interpolate the motion at other times, between frames that show the person.
 
     With the usual step between frames gaps stay gaps; without it they are bridged.
     """
@@ -287,7 +287,7 @@ def _sampled(track: Track, stamps_ns: NDArray[np.int64], step_ns: int | None) ->
 
 
 def _without(track: Track, gone: NDArray[np.bool_]) -> Track:
-    """Give the motion without the person in some frames."""
+    """Return the motion with the person removed from some frames."""
     if not gone.any():
         return track
     out = _empty(track.body_id, track.frame_id, track.stamps_ns)
@@ -297,7 +297,7 @@ def _without(track: Track, gone: NDArray[np.bool_]) -> Track:
 
 
 def _mixed(a: Array, b: Array, share: Array) -> Array:
-    """Give points between others; exactly these where the share is 0 or 1."""
+    """Interpolate points; exact where the share is 0 or 1."""
     return np.asarray(np.where(share == 1, b, a + share * (b - a)))
 
 
@@ -319,7 +319,7 @@ def slerp(a: Array, b: Array, share: Array) -> Array:
 
 
 def describe_gaps(track: Track) -> str:
-    """Say where the gaps are, for instance ``2 gaps: 1.20 to 1.33 s, 4.00 to 4.50 s``; empty for none.
+    """Describe the gaps, ``2 gaps: 1.20 to 1.33 s, 4.00 to 4.50 s``; empty for none.
 
     Times are from the person's first frame, from the last frame before a gap to the first after it.
     """

@@ -81,7 +81,7 @@ def _obstacles(rotations: Array, at: Array, ends: Array, radii: Array) -> None:
 
 @njit(cache=True)
 def _closest(a: Array, b: Array, c: Array, d: Array) -> tuple[float, float]:
-    """Give the closest points of segments ab and cd as their parameters.
+    """Return the closest points of segments ab and cd as their parameters.
 
     C. Ericson, *Real-Time Collision Detection*, 2005, section 5.1.9.
     """

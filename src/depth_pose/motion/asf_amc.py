@@ -25,7 +25,7 @@ from depth_pose.motion.clip import Clip
 Array = NDArray[np.float64]
 
 AMC_FPS = 120.0
-"""Rate of .amc files, which do not tell it: that of the CMU library, the largest in this format."""
+"""Rate assumed for .amc files, which do not store it: that of the CMU library."""
 
 _TURN = {"x": rotation_x, "y": rotation_y, "z": rotation_z}
 
@@ -75,7 +75,7 @@ def find_skeleton(amc: Path) -> Path:
 
 
 def parse_asf_amc(asf: str | Path, amc: str | Path) -> SourceMotion:
-    """Read an Acclaim motion as it is, on its own skeleton, in its own units and axes."""
+    """Read an Acclaim motion on its own skeleton, in its own units and axes."""
     skeleton = _parse_asf(Path(asf))
     frames = _parse_amc(Path(amc), skeleton)
     check_motion_size(amc, len(frames["root"]), 2 * len(skeleton.bones))

@@ -58,7 +58,7 @@ def read_bvh(path: str | Path) -> Clip:
 
 
 def parse_bvh(path: str | Path) -> SourceMotion:
-    """Read a BVH file as it is, on its own skeleton, in its own units and axes."""
+    """Read a BVH file on its own skeleton, in its own units and axes."""
     path = Path(path)
     text = read_text(path, MOST_MOTION_BYTES, errors="replace")
     head, keyword, motion = text.partition("MOTION")
@@ -140,7 +140,7 @@ def _parse_line(words: list[str], out: _Hierarchy, stack: list[int], pending: st
 
 
 def _parse_motion_head(text: str, path: Path, line: int) -> tuple[int, float, str]:
-    """Give the number of frames, the seconds between them, and the text of their values."""
+    """Return the number of frames, the seconds between them, and the text of their values."""
     lines = text.strip().split("\n", 2)
     try:
         frames = int(lines[0].split(":")[1])

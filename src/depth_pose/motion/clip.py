@@ -54,7 +54,7 @@ class Clip:
         return forward_kinematics(self.rotations, self.roots, rest_nodes() * ADULT_STATURE_M)
 
     def mirrored(self) -> Clip:
-        """Give the same motion with left and right exchanged."""
+        """Return the motion with left and right exchanged."""
         flip = np.array([-1.0, 1.0, 1.0])
         return Clip(self.name + " (mirrored)", self.fps, mirror_rotations(self.rotations), self.roots * flip)
 
@@ -82,16 +82,16 @@ class PoseSet:
         return len(self.rotations)
 
     def take(self, rows: NDArray[np.int64]) -> PoseSet:
-        """Give the poses of some rows, in that order."""
+        """Return the poses of some rows, in that order."""
         return PoseSet(self.rotations[rows], tuple(self.families[i] for i in rows))
 
     def mirrored(self) -> PoseSet:
-        """Give the mirror images."""
+        """Return the mirror images."""
         return PoseSet(mirror_rotations(self.rotations), self.families)
 
 
 def join_poses(*sets: PoseSet) -> PoseSet:
-    """Put sets one after the other."""
+    """Concatenate sets."""
     families = tuple(family for poses in sets for family in poses.families)
     return PoseSet(np.concatenate([poses.rotations for poses in sets]), families)
 

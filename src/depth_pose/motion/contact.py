@@ -62,7 +62,7 @@ _IN_THE_AIR_M = 0.02
 
 
 def _support_points() -> tuple[tuple[int, ...], Array]:
-    """Node whose segment carries each supporting point, and the point relative to it at rest."""
+    """Node of the segment with each supporting point, and the point relative to it at rest."""
     at = rest_nodes() * ADULT_STATURE_M
     nodes, offsets = [], []
     for side in ("left", "right"):
@@ -105,7 +105,7 @@ def pelvis_height(rotations: Array) -> Array:
 
 
 def walk_on_floor(rotations: Array, lift: Array) -> Array:
-    """Pelvis positions of a motion whose lower foot stays where it stands.
+    """Return the pelvis positions that keep the lower foot in place.
 
     Parameters
     ----------

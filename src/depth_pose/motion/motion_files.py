@@ -30,7 +30,7 @@ _CALIBRATION_M = 0.08
 """Mean step of the joints from a lone first pose to the next, metres, from which it is left out."""
 
 _CALIBRATION_RATIO = 5.0
-"""Such a step is also so many times as long as the one after it. Both set by hand; not swept."""
+"""Minimum ratio of such a step to the one after it. Both set by hand; not swept."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,7 @@ class LoadedMotion:
     reports: tuple[FileReport, ...]
 
     def poses(self, distance_m: float = 0.0, mirrored: bool = True) -> PoseSet:
-        """Give the poses of all clips.
+        """Return the poses of all clips.
 
         Parameters
         ----------
@@ -105,7 +105,7 @@ class LoadedMotion:
         return poses
 
     def summary(self) -> str:
-        """Tell what each file gave, one a line, and the sum."""
+        """Return what each file contributed, one a line, and the sum."""
         used = [r for r in self.reports if not r.refused]
         total = (
             f"{len(used)} of {len(self.reports)} files used, {sum(r.frames for r in used)} frames, "
@@ -115,7 +115,7 @@ class LoadedMotion:
 
 
 def family_of(name: str) -> str:
-    """Give the name of a clip without its number: ``walking_12`` belongs to ``walking``."""
+    """Return the name of a clip without its number: ``walking_12`` belongs to ``walking``."""
     return name.rstrip("0123456789").rstrip("_- ") or name
 
 

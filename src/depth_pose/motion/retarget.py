@@ -43,7 +43,7 @@ _LEG_M = 0.83
 _SNAP_DEG = 35.0
 """A rest pose's axis that lies so near to a coordinate axis is that one, degrees. Set by hand."""
 _SHORTEST_LIMB = 0.2
-"""Shortest piece of a limb relative to the longest; below it the file is no person's. Set by hand."""
+"""Minimum ratio of the shortest to the longest part of a limb in a human skeleton. Set by hand."""
 _LEAST_UPRIGHT = 0.2
 """Least median height of the trunk's unit vector: a motion below it is never upright. Set by hand."""
 _FLAT_DEG = 30.0
@@ -73,7 +73,7 @@ class Retargeted:
 
 
 def retarget(source: SourceMotion) -> Retargeted:
-    """Bring a recorded motion to our skeleton.
+    """Retarget a recorded motion to the project's skeleton.
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ def retarget(source: SourceMotion) -> Retargeted:
     Raises
     ------
     InputError
-        If a joint is missing, a bone has no length, the rest pose is no standing person, or the
+        If a joint is missing, a bone has no length, the rest pose is not a standing person, or the
         motion is never upright.
     """
     joint = find_joints(source)
@@ -122,7 +122,7 @@ def _rest_axes(name: str, rest: Array, joint: dict[str, int]) -> Array:
 
 
 def _snap(direction: Array) -> Array:
-    """Give the unit vector, moved onto a coordinate axis that is near."""
+    """Return the unit vector, snapped to a near coordinate axis."""
     size = np.linalg.norm(direction)
     if size == 0:
         return np.zeros(3)
@@ -201,7 +201,7 @@ def _piece(
 
 
 def _aimed(rest_direction: Array, turn: Array, direction: Array) -> Array:
-    """Rotation from hanging whose -y has the given direction, its twist that of the recording."""
+    """Rotation from the hanging pose to the given direction of -y, with the recorded twist."""
     rest_to_source = rotation_between(np.array([0.0, -1.0, 0.0]), unit_vectors(rest_direction))
     carried = turn @ rest_to_source
     return rotation_between(-carried[..., :, 1], direction) @ carried

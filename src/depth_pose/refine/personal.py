@@ -58,7 +58,7 @@ _STEP = 0.004
 
 _FIRST_FRAMES = 3.0
 """A build is not used before so many frames that fit well told it: the first poses are least sure, and a
-body that has adapted to a wrong one makes the right one look worse. Of 2 and 3 (docs/builds.md)."""
+body that has adapted to a wrong one makes the right one look worse. Of 2 and 3 (docs/method.md)."""
 
 _FITS_WELL = 0.2
 """Frames that disagree more than this, 0 to 1, say less of a build: the fourth power of what this is of their
@@ -83,7 +83,7 @@ _LACKING = {
 """What frames say too little of each part, as a share: smoothing, noise and the fit's spread round limbs off.
 
 With these, bones of 36 people of our own come out as long as they are, on the median; forearms and thighs
-were 2 and 2.3 % short (docs/builds.md)."""
+were 2 and 2.3 % short (docs/method.md)."""
 
 _LACK = np.array([0.0, *(_LACKING.get(part, 0.0) for part in BUILD_NAMES)])
 """The same of log size and build, (14,)."""

@@ -3,7 +3,7 @@ r"""How long bones are as the finder proposes them, and how much of somebody's s
 A build (`refine.personal`) is told by where the skin lies, and clothes only ever add to that: a coat,
 a skirt or thick hair pull the size up, by a quarter at worst. The finder's second look learned joints of
 people in clothes; the lengths between its proposals are coarse in a single frame and for a single bone, but
-their median over frames and bones is right within 3 %, whatever is worn (docs/builds.md). Clothes show in
+their median over frames and bones is right within 3 %, whatever is worn (docs/method.md). Clothes show in
 another way, too: they make arms and legs thicker. With :math:`z` the mean logarithm of how much longer the
 build's bones are than the proposed ones, and :math:`g` the mean of its girths of arms and legs,
 
@@ -52,7 +52,7 @@ _GIRTHS = [1 + BUILD_NAMES.index(girth) for girth in ("arm_girth", "leg_girth")]
 
 _PER_GIRTH, _BELIEVED = 0.25, 0.03
 """The `a` and `z_0` of above: with .2 to .3 and .03 to .04 the sizes of 59 simulated people, in clothes and
-in none, and of 18 others err least (docs/builds.md)."""
+in none, and of 18 others err least (docs/method.md)."""
 
 FIRST_FRAMES = 3.0
 """Proposals do not object before so many frames in which all of somebody is clear to see."""

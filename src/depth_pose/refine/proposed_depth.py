@@ -37,7 +37,7 @@ _ROW = [1 + girth for girth in _GIRTHS]
 
 _BELIEVED_M = 0.05
 """Proposals object above this, metres. With .03 simulated people in clothes gain 3 mm more, but joints of
-real people near the camera move away (docs/builds.md)."""
+real people near the camera move away (docs/method.md)."""
 
 _ERROR_M = 0.012
 """Standard deviation of the proposed depth of one person's trunk, metres; 11 to 15 mm are measured."""

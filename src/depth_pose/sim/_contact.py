@@ -54,7 +54,7 @@ def put_down(
     posture: str,
     raised: bool,
 ) -> Rested:
-    """Let a posed body rest.
+    """Settle a posed body on its support.
 
     Parameters
     ----------

@@ -28,7 +28,7 @@ _BLANKET_CELL_M = 0.07
 
 @dataclass(frozen=True)
 class Wearer:
-    """The posed person whom garments hang on.
+    """The posed person who wears the garments.
 
     Attributes
     ----------

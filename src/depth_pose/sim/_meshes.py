@@ -18,12 +18,12 @@ SMALLEST_AREA_M2 = 1e-9
 
 
 def empty() -> Piece:
-    """Give a mesh of nothing."""
+    """Return an empty mesh."""
     return np.zeros((0, 3)), np.zeros((0, 3), np.int32)
 
 
 def join(pieces: Sequence[Piece]) -> Piece:
-    """Put meshes together, without triangles that have no area."""
+    """Combine meshes and drop triangles without area."""
     if not pieces:
         return empty()
     first = np.cumsum([0] + [len(v) for v, _ in pieces[:-1]])
@@ -125,7 +125,7 @@ def moved(piece: Piece, rotation: Array, origin: Array) -> Piece:
 
 
 def frame(forward: Array, up: Array) -> Array:
-    """Rotation whose z is forward and whose y is as far up as can be, (3, 3)."""
+    """Return the rotation (3, 3) with z forward and y as far up as possible."""
     z = forward / max(float(np.linalg.norm(forward)), 1e-9)
     x = np.cross(up, z)
     if np.linalg.norm(x) < 1e-6:

@@ -36,7 +36,7 @@ def raster(vertices, faces, camera, near, inverse, index):
 
 @njit(cache=True)
 def _draw(a, b, c, face, inverse, index):
-    """Draw one triangle whose corners are (u, v, 1/z); 1/z is linear in the image."""
+    """Draw one triangle with corners (u, v, 1/z); 1/z is linear in the image."""
     height, width = inverse.shape
     top = max(0, int(np.ceil(min(a[1], b[1], c[1]))))
     bottom = min(height - 1, int(np.floor(max(a[1], b[1], c[1]))))

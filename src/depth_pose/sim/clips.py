@@ -42,7 +42,7 @@ _TRIES = 40
 """Draws of a way, and of a spot, before it is given up. Set by hand."""
 _LOOK_EVERY_S = 0.3  # between the moments at which furniture must not cut anybody
 _EVERY = 24
-"""Every so many of a person's vertices suffices to keep furniture out of them. Set by hand."""
+"""Stride over a person's vertices for keeping furniture out of them. Set by hand."""
 
 
 @dataclass(frozen=True)
@@ -216,7 +216,7 @@ def _put(performer: Performer, track: Track, t: int) -> Placed:
 def _put_seats(
     rng: np.random.Generator, room: Room, cast: Sequence[tuple[Performer, Track]], avoid: Sequence[Array]
 ) -> None:
-    """Put a chair where somebody will sit."""
+    """Place a chair where somebody will sit."""
     for i, (performer, track) in enumerate(cast):
         if track.seated.any():
             t = int(np.flatnonzero(track.seated)[-1])

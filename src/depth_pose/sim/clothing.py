@@ -71,7 +71,7 @@ GARMENTS: dict[str, Garment | None] = {
 
 
 def find_garment(name: str) -> Garment | None:
-    """Give a garment by its name; None for ``none``."""
+    """Return a garment by its name; None for ``none``."""
     if name not in GARMENTS:
         raise ConfigError(f"there is no garment {name!r}; there are {', '.join(GARMENTS)}")
     return GARMENTS[name]
@@ -192,7 +192,7 @@ class Clothes:
         return np.array(ends), self._size * np.array(radii)
 
     def reset(self) -> None:
-        """Forget the motion; the next step lets the cloth come to rest first."""
+        """Forget the motion; the next step settles the cloth first."""
         self._now = None
 
     def step(self, nodes: Array, rotations: Array, seconds: float) -> Array:

@@ -34,7 +34,7 @@ class Person(Checked):
 
 @dataclass(frozen=True)
 class Placement(Checked):
-    """The camera's place, told from the spot on the floor that it looks toward."""
+    """The camera's position relative to the spot on the floor that it looks at."""
 
     distance: float = option(3.8, "Distance on the floor from camera to person", unit="m", low=0.5, high=20.0)
     height: float = option(0.9, "The camera's height above the floor", unit="m", low=0.05, high=10.0)

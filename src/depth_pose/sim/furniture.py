@@ -1,4 +1,4 @@
-"""Things that stand in rooms: furniture, what lies on it, plants, doors, coats on stands."""
+"""Objects in rooms: furniture, things on it, plants, doors, coats on stands."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def _put_things(thing: Assembly, rng: np.random.Generator, top: float, wide: flo
 
 
 def add_clutter(thing: Assembly, rng: np.random.Generator, x: float, y: float, z: float) -> None:
-    """Put one small thing down at a spot: a box, a pile, a bottle, a bag, a lamp."""
+    """Place one small object: a box, a pile, a bottle, a bag, a lamp."""
     what, share, turn = rng.integers(0, 5), random_albedo(rng, 0.35), rng.uniform(0, np.pi)
     if what <= 1:
         size = rng.uniform((0.04, 0.02, 0.04), (0.32, 0.3, 0.3))
@@ -153,7 +153,7 @@ def _put_under_seat(
 
 
 def _jacket(rng: np.random.Generator, wide: float, top: float) -> Assembly:
-    """Make a jacket over a chair's back whose upper edge is at `top`."""
+    """Make a jacket over a chair back with its upper edge at `top`."""
     thing = Assembly(Kind.CHAIR, random_albedo(rng, 0.3))
     long, width = rng.uniform(0.4, 0.75), wide * rng.uniform(1.0, 1.2)
     down = np.linspace(0, 1, 9)[:, None]
@@ -243,7 +243,7 @@ def make_shelf(rng: np.random.Generator) -> Assembly:
 
 
 def make_door(rng: np.random.Generator) -> Assembly:
-    """Make a door in its frame, ajar; it stands in the plane z = 0."""
+    """Make a door in its frame, ajar, in the plane z = 0."""
     thing = Assembly(Kind.DOOR, random_albedo(rng, 0.1))
     wide, tall = rng.uniform(0.75, 1.0), rng.uniform(1.95, 2.15)
     for x in (-0.5, 0.5):

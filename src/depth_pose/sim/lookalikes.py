@@ -1,6 +1,6 @@
-"""Things that a people finder takes for people: clothes on hooks, heaps of them, dressed chairs.
+"""Objects that a people finder confuses with people: clothes on hooks, heaps of them, dressed chairs.
 
-Rooms full of them teach what tells people from things (``tools/people_finder/find_sightings.py``).
+Rooms full of them train the nets to separate people from objects (``tools/people_finder/find_sightings.py``).
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _TRIES = 8
 
 
 def add_lookalikes(room: Room, rng: np.random.Generator, spread: float, reach: float) -> None:
-    """Put some where the camera sees them, at times with a table before them.
+    """Place some in view of the camera, sometimes behind a table.
 
     Parameters are those of `depth_pose.sim.rooms.furnish`.
     """

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def load_motion(motion: str, fps: float, seconds: float, seed: int = 0) -> Clip:
-    """Give a motion at a sensor's rate.
+    """Return a motion at a sensor's rate.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ def load_motion(motion: str, fps: float, seconds: float, seed: int = 0) -> Clip:
 
 
 def resample_clip(clip: Clip, fps: float, seconds: float) -> Clip:
-    """Give a clip at another rate: rotations turn evenly between frames, positions move evenly."""
+    """Resample a clip at another rate; rotations and positions are interpolated."""
     from scipy.spatial.transform import Rotation, Slerp
 
     from depth_pose.motion.clip import Clip

@@ -13,7 +13,7 @@ _ROOM_HALF_WIDTH_M = 6.0
 
 
 def camera_pose(placement: Placement, target: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Give the transform from the room to the camera.
+    """Return the transform from the room to the camera.
 
     Parameters
     ----------

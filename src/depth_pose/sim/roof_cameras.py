@@ -19,7 +19,7 @@ FRONT_CAMERA = Camera(320, 240, 228.0, 228.0, 159.5, 119.5)
 """A small depth camera, 70 degrees wide."""
 
 MIDDLE_M = (0.0, 0.95, 0.0)
-"""Where all look: the middle of a person who stands in the middle of the space, metres."""
+"""Target of all cameras: the middle of a person in the middle of the space, metres."""
 
 
 def roof_rig(
@@ -54,7 +54,7 @@ class RigRenderer:
         self.rig = tuple(rig)
 
     def images(self, meshes: Sequence[Mesh], kind: str) -> tuple[NDArray[np.generic], ...]:
-        """Give what each camera sees of meshes in the world frame: ``silhouettes`` or ``depth``."""
+        """Return each camera's image of meshes in the world frame: ``silhouettes`` or ``depth``."""
         return tuple(self.silhouettes(meshes) if kind == "silhouettes" else self.depths(meshes))
 
     def depths(self, meshes: Sequence[Mesh]) -> list[NDArray[np.float32]]:
@@ -72,7 +72,7 @@ class RigRenderer:
 
 
 def join_meshes(meshes: Sequence[Mesh]) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
-    """Put meshes into one."""
+    """Combine meshes into one."""
     vertices = np.concatenate([np.asarray(v, np.float64) for v, _ in meshes])
     first = np.cumsum([0] + [len(v) for v, _ in meshes[:-1]])
     faces = np.concatenate([np.asarray(f) + n for (_, f), n in zip(meshes, first, strict=True)])

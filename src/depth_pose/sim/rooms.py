@@ -31,7 +31,7 @@ _TRIES = 6
 
 @dataclass(frozen=True)
 class Walls:
-    """Where the walls stand, told from the camera before they are turned.
+    """Positions of the walls relative to the camera, before rotation.
 
     Attributes
     ----------
@@ -102,7 +102,7 @@ class Room:
         avoid: Sequence[Array] = (),
         crowded: float = 0.7,
     ) -> bool:
-        """Put a thing down, if it then cuts nobody and stands neither over the camera nor in another.
+        """Place an object if it intersects nobody, nor the camera, nor another object.
 
         Parameters
         ----------
@@ -176,14 +176,14 @@ def make_room(rng: np.random.Generator, eye_height: float, studio: bool | None =
 
 
 def add_backdrop(room: Room, rng: np.random.Generator, reaches: Sequence[float]) -> None:
-    """Put a studio's wall behind everybody, half the time; `reaches` is how far each person reaches."""
+    """Place a studio wall behind everybody in half of the scenes; `reaches` is each person's reach."""
     if not reaches or rng.random() < 0.5:
         z, turn = max(reaches, default=1.0) + rng.uniform(0.3, 2.5), rng.normal(0, 0.15)
         room.shapes.box((0.0, 0.0, z), (40.0, 40.0, 0.02), turn, 0.0, Kind.WALL, rng.uniform(0.4, 0.9))
 
 
 def _put_shell(room: Room, rng: np.random.Generator) -> None:
-    """Add floor, ceiling, walls, and what is let into or hung on them."""
+    """Add floor, ceiling, walls, and fixtures in and on them."""
     w, shell = room.walls, Assembly(Kind.WALL)
     wide, deep = w.left + w.right, w.back + w.behind
     middle_x, middle_z = (w.left - w.right) / 2, (w.back - w.behind) / 2

@@ -40,12 +40,12 @@ class View:
     position: Array
 
     def to_optical(self, points: NDArray[np.floating]) -> Array:
-        """Give points (..., 3) of the room in the optical frame, metres."""
+        """Return points (..., 3) of the room in the optical frame, metres."""
         moved: Array = (points.astype(np.float64) - self.position) @ self.rotation.T
         return moved
 
     def project(self, points_optical: NDArray[np.floating]) -> Array:
-        """Give pixel coordinates (..., 2) of points in the optical frame; NaN for those behind."""
+        """Return pixel coordinates (..., 2) of points in the optical frame; NaN for those behind."""
         z = np.where(points_optical[..., 2] > _NEAR_M, points_optical[..., 2], np.nan)
         c = self.camera
         return np.stack(
@@ -54,7 +54,7 @@ class View:
 
 
 def look(camera: Camera, height: float, pitch: float, roll: float) -> View:
-    """Put a camera over the room's origin, looking along z; pitch downward and roll clockwise, radians."""
+    """Place a camera above the room's origin, looking along z; pitch downward and roll clockwise, radians."""
     forward = np.array([0.0, -np.sin(pitch), np.cos(pitch)])
     right = np.array([-1.0, 0.0, 0.0])  # y up and z away from the camera leave x to the left
     down = np.cross(forward, right)

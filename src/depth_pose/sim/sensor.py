@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.camera import Camera
+from depth_pose.core.open3d import load_open3d
 from depth_pose.sim.noise import NoiseConfig, add_noise
 
 Mesh = tuple[NDArray[np.floating], NDArray[np.integer]]
@@ -178,7 +179,7 @@ class VirtualSensor:
 
 def _scene(meshes: Sequence[Mesh]) -> Any:
     """Put meshes into an Open3D ray-casting scene."""
-    import open3d
+    open3d = load_open3d()
 
     scene = open3d.t.geometry.RaycastingScene()
     for vertices, faces in meshes:

@@ -174,7 +174,7 @@ class Assembly:
         return float(self._kind if kind is None else kind), self._albedo if albedo is None else albedo
 
     def add(self, other: Assembly, x: float = 0.0, y: float = 0.0, z: float = 0.0, turn: float = 0.0) -> None:
-        """Take over another's shapes, turned about y by so many radians and then moved."""
+        """Add the shapes of another, rotated about y (radians) and then moved."""
         c, s = float(np.cos(turn)), float(np.sin(turn))
 
         def moved(px: float, py: float, pz: float) -> tuple[float, float, float]:
@@ -234,7 +234,7 @@ _Part = tuple[Array, NDArray[np.int64], Array, int]
 
 
 def _shapes(points: Array, template: NDArray[np.int64], looks: Array) -> _Part:
-    """Join equal shapes whose corners are (N, V, 3)."""
+    """Combine equal shapes with corners (N, V, 3)."""
     first = points.shape[1] * np.arange(len(points))[:, None, None]
     return points.reshape(-1, 3), (first + template).reshape(-1, 3), looks, len(template)
 

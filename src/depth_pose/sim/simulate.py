@@ -143,7 +143,7 @@ def simulate(
 
 
 def root_scale(body: Body) -> float:
-    """Give the factor from a clip's root path, made for the reference adult, to a body's own."""
+    """Return the scale from a clip's root path, made for the reference adult, to a body's own."""
     pelvis = NODE_INDEX["pelvis"]
     return float(body.nodes[pelvis, 1] / (rest_nodes()[pelvis, 1] * ADULT_STATURE_M))
 

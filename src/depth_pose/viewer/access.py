@@ -21,7 +21,7 @@ LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
 
 def refusal(hosts: Sequence[str], origins: Sequence[str], is_local: bool) -> str:
-    """Say why a request is not answered; nothing where it is.
+    """Return the reason for refusing a request; empty to accept it.
 
     Parameters
     ----------
@@ -33,7 +33,7 @@ def refusal(hosts: Sequence[str], origins: Sequence[str], is_local: bool) -> str
     if len(hosts) != 1 or len(origins) > 1:
         return "a request has one Host, and at most one Origin"
     if is_local and not _is_fixed(hosts[0]):
-        return f"{hosts[0]} is no name of this machine alone; open the viewer as localhost or 127.0.0.1"
+        return f"{hosts[0]} is not a loopback name; open the viewer as localhost or 127.0.0.1"
     if origins and _place(origins[0]) != hosts[0].lower():
         return f"a page of {origins[0]} may not look into this viewer"
     return ""
@@ -60,7 +60,7 @@ def _is_fixed(host: str) -> bool:
 
 @contextmanager
 def own_pages_only(host: str) -> Iterator[None]:
-    """Have the server that is started meanwhile refuse what `refusal` refuses.
+    """Make the server started inside refuse what `refusal` refuses.
 
     `viser` has no setting for it; it starts its server by ``websockets.asyncio.server.serve``, whose hook for
     requests comes before the one that it sets itself.

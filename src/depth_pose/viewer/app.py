@@ -40,7 +40,7 @@ _CLIP_HZ = 10.0
 _PICTURE = (960, 540)
 """Width and height of a picture that is saved, pixels; a clip has half of both. For the eye."""
 _RENDER_S = 60.0
-"""Seconds that a browser may take for a picture; one without a graphics card takes ten."""
+"""Time limit for a browser's picture, seconds; one without a graphics card takes ten."""
 
 _EYE, _TARGET = (-1.4, 1.5, 1.2), (2.8, -0.6, -0.5)
 """Where one looks from and to, from the sensor: forward, left, up, metres; the panel covers the right."""
@@ -181,7 +181,7 @@ class Viewer:
             self.drawn += 1
 
     def _shown(self, moment: Moment) -> tuple[Skeleton, ...]:
-        """Give the people to draw. Running nodes choose by themselves."""
+        """Return the people to draw; running nodes choose by themselves."""
         if self._live is not None:
             return self._live.people(moment)
         return chosen(moment.skeletons or (), self._zone, self._most)
@@ -200,7 +200,7 @@ class Viewer:
         client.camera.position, client.camera.look_at = eye, target
 
     def _view(self) -> tuple[Place, Place]:
-        """Give where to look from, and to."""
+        """Return the viewpoint and the target."""
         x, y, z = (float(v) for v in self._scene.T_world_camera[:3, 3])
         (a, b, c), (d, e, f) = _EYE, _TARGET
         return (x + a, y + b, z + c), (x + d, y + e, z + f)
@@ -267,9 +267,9 @@ class Viewer:
     def _make_choices(self) -> None:
         gui = self.server.gui
         with gui.add_folder("choose"):
-            follow = gui.add_dropdown("follow", _FOLLOW, initial_value="first", hint="whom the ● marks")
+            follow = gui.add_dropdown("follow", _FOLLOW, initial_value="first", hint="the person marked ●")
             zone = gui.add_text("zone", "", hint="1:4.5 distances, or -1:1,0.5:3 a box in x and z, metres")
-            most = gui.add_slider("nearest", 0, 10, 1, 0, hint="so many people at most; 0: all")
+            most = gui.add_slider("nearest", 0, 10, 1, 0, hint="maximum number of people; 0: all")
             self._choice_text = gui.add_markdown("")
         self._on_change(follow, self._choose, "follow")
         self._on_change(zone, self._choose, "zone")
@@ -300,7 +300,7 @@ class Viewer:
         self._choice_text.content = said
 
     def _tell(self) -> None:
-        """Bring the tables up to date."""
+        """Update the tables."""
         if self._live is not None:
             _set(self._nodes_text, nodes_table(self._live.nodes()))
         if self._recorded is not None:
@@ -377,13 +377,13 @@ class Viewer:
         self._hand_over(event.client, path)
 
     def _hand_over(self, client: Any, path: Path) -> None:
-        """Say where a picture is, and give it to the browser, which may be on another machine."""
+        """Print where a picture is, and send it to the browser, which may be on another machine."""
         client.send_file_download(path.name, path.read_bytes())
         _tell_client(client, "saved", str(path.resolve()))
 
 
 def _tell_client(client: Any, title: str, body: str) -> None:
-    """Tell a browser, unless it is gone."""
+    """Notify a browser, unless it has disconnected."""
     with suppress(RuntimeError):
         client.add_notification(title, body, auto_close_seconds=6.0)
 

@@ -23,7 +23,7 @@ class BodyMaker:
         self._space = BuildSpace(Bank.load(bank).body)
 
     def __call__(self, skeleton: Skeleton) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
-        """Give vertices (V, 3), in the skeleton's frame, metres, and faces (F, 3)."""
+        """Return vertices (V, 3) in the skeleton's frame, metres, and faces (F, 3)."""
         body = self._space.body(skeleton.build)
         pose = pose_from_skeleton(body, skeleton)
         return body.pose(pose.rotations, pose.root, pose.scale).vertices, body.faces

@@ -65,7 +65,7 @@ def keep(frame: DepthFrame, skeletons: tuple[Skeleton, ...] | None, most: int = 
 
 
 def owners(points: NDArray[np.float32], skeletons: tuple[Skeleton, ...]) -> NDArray[np.int64]:
-    """Give the number of the person whose bones a point is nearest to and in reach of, -1 for none, (N,)."""
+    """Return for each point the index of the person with the nearest bone in reach, -1 for none, (N,)."""
     owner = np.full(len(points), -1)
     nearest = np.full(len(points), np.inf, np.float32)
     for number, skeleton in enumerate(skeletons):

@@ -26,13 +26,13 @@ class Playback:
         self._is_whole = False
 
     def add(self, stamp_ns: int) -> None:
-        """Take note of a further frame; one whose stamp lies before the last is put right after it."""
+        """Add a frame; one whose stamp is before the last is placed right after it."""
         if not self._stamps_ns:
             self._at_ns = stamp_ns
         self._stamps_ns.append(max(stamp_ns, self._stamps_ns[-1] + 1) if self._stamps_ns else stamp_ns)
 
     def finish(self) -> None:
-        """Take note that all frames are there."""
+        """Mark the recording as completely loaded."""
         self._is_whole = True
 
     @property
@@ -41,7 +41,7 @@ class Playback:
         return self._is_whole
 
     def __len__(self) -> int:
-        """Give the number of frames that are loaded."""
+        """Return the number of loaded frames."""
         return len(self._stamps_ns)
 
     @property
@@ -55,7 +55,7 @@ class Playback:
         return (self._stamps_ns[self.index] - self._stamps_ns[0]) * 1e-9 if self._stamps_ns else 0.0
 
     def seek(self, index: int) -> None:
-        """Go to a frame."""
+        """Move to a frame."""
         if self._stamps_ns:
             self._at_ns = self._stamps_ns[min(max(index, 0), len(self._stamps_ns) - 1)]
 
@@ -65,7 +65,7 @@ class Playback:
         self.seek(self.index + frames)
 
     def advance(self, seconds: float) -> None:
-        """Let time pass; at the end of what is loaded it waits, at that of the recording it begins again."""
+        """Advance time; wait at the end of the loaded frames, restart at the end of the recording."""
         if not self.playing or not self._stamps_ns:
             return
         self._at_ns += seconds * self.speed * 1e9

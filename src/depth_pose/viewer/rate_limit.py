@@ -16,7 +16,7 @@ _PATIENCE_S = 5.0
 one without a graphics card, on cores that are busy, takes two."""
 
 _GIVE_UP_S = 60.0
-"""Then it is asked anew."""
+"""Period of asking a silent browser again."""
 
 _AFTER_S = 0.03
 """A question goes out this long after its frame: the frame waits for up to a sixtieth of a second."""
@@ -36,12 +36,12 @@ class Pace:
         self._readers: dict[int, _Reader] = {}
 
     def is_free(self) -> bool:
-        """Tell whether a further frame may be sent: those who are waited for have shown the last one."""
+        """Return whether another frame may be sent: all responsive browsers have shown the last one."""
         with self._lock:
             return not any(reader.is_awaited() for reader in self._readers.values())
 
     def sent(self) -> None:
-        """Take note that a frame was sent."""
+        """Record that a frame was sent."""
         clients = self._server.get_clients()
         with self._lock:
             for gone in self._readers.keys() - clients.keys():
@@ -93,7 +93,7 @@ class _Reader:
             self._asked_s = None
 
     def _answers(self) -> bool:
-        """Ask, and wait; false where nothing came in time."""
+        """Request and wait; return False on timeout."""
         client = self._server.get_clients().get(self._number)
         if client is None:
             return True

@@ -13,7 +13,7 @@ from depth_pose.export.tracks import tracks_of
 from depth_pose.viewer.frames import Moment
 
 _FRAMES = 15
-"""Frames with somebody in view that the floor is told from; feet move little in fewer. Set by hand."""
+"""Number of frames with people used to estimate the floor; feet move little in fewer. Set by hand."""
 _LOOKS = 3 * _FRAMES
 """After so many looks those that there are must do: a short recording that begins again has no others."""
 _IMAGES = 6

@@ -90,7 +90,7 @@ class Scene:
         self._grid.visible = False
 
     def place(self, T_world_camera: Array) -> None:
-        """Put the sensor where it is above the floor."""
+        """Place the sensor above the floor."""
         self._turn(T_world_camera)
         self._has_floor = True
         self._grid.visible = self.wishes.floor
@@ -117,7 +117,7 @@ class Scene:
                 figure.show_trail(self._trail(skeleton), self.wishes.trails)
 
     def settle(self) -> None:
-        """Have the browser draw once more: names, and what is new, it places one picture late."""
+        """Make the browser draw again: it places names and new objects one picture late."""
         self._is_odd = not self._is_odd
         self._cloud.point_size = _POINT_M * (1.0 + 1e-4 * self._is_odd)
 

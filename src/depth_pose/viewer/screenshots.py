@@ -17,7 +17,7 @@ _COLOURS = 128
 
 
 def free_name(folder: Path, ending: str) -> Path:
-    """Give the first name ``view_001.png``, ``view_002.png``, ... that is not taken."""
+    """Return the first free name of ``view_001.png``, ``view_002.png``, ..."""
     number = 1
     while (path := folder / f"view_{number:03}{ending}").exists():
         number += 1

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from depth_pose.ros.tools.watch import NodeState, Watch
 
 Answer = Callable[[DepthFrame], tuple[Skeleton, ...] | None]
-"""Everybody's skeletons in a frame; None where there is no answer."""
+"""Skeletons of a frame; None if it was not answered."""
 
 
 _RECENT_NS = 1_000_000_000
@@ -34,7 +34,7 @@ class Recent:
         self._last.update({s.body_id: s for s in skeletons})
 
     def people(self, moment: Moment) -> tuple[Skeleton, ...]:
-        """Give everybody in a frame, and who was answered shortly before it; none where it got no answer."""
+        """Return the skeletons of a frame and of shortly before; none if it was not answered."""
         now = moment.stamp_ns
         self._last = {k: s for k, s in self._last.items() if 0 <= now - s.stamp_ns <= _RECENT_NS}
         if moment.skeletons is None:
@@ -59,7 +59,7 @@ class LiveSource:
         self._recent = Recent()
 
     def newest(self) -> Moment | None:
-        """Give the newest frame that was not given before."""
+        """Return the newest frame that was not returned before."""
         heard = self._watch.newest()
         if heard is None:
             return None
@@ -67,11 +67,11 @@ class LiveSource:
         return keep(heard.frame, heard.skeletons, self._most_points)
 
     def people(self, moment: Moment) -> tuple[Skeleton, ...]:
-        """Give everybody in a frame, and who was answered a moment before it."""
+        """Return the skeletons of a frame and of a moment before."""
         return self._recent.people(moment)
 
     def nodes(self) -> Sequence[NodeState]:
-        """Give what each node last told of itself."""
+        """Return the latest diagnostics of each node."""
         return self._watch.nodes()
 
     def set(self, name: str, value: str | int) -> str:
@@ -120,7 +120,7 @@ class RecordedSource:
         self._thread.join()
 
     def moment(self, index: int) -> Moment:
-        """Give a frame."""
+        """Return a frame."""
         return self._moments[index]
 
     def _read(self) -> None:

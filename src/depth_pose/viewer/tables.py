@@ -23,7 +23,7 @@ def distance_m(skeleton: Skeleton) -> float:
 
 
 def chosen(skeletons: Sequence[Skeleton], zone: Zone, most: int) -> tuple[Skeleton, ...]:
-    """Give the people in a zone, at most so many of them, the nearest; 0: all."""
+    """Return the people in a zone, at most this many, the nearest; 0: all."""
     inside = [s for s in skeletons if not s.is_lost and zone.holds(*s.positions[_PELVIS])]
     if most:
         inside = sorted(inside, key=distance_m)[:most]
@@ -31,7 +31,7 @@ def chosen(skeletons: Sequence[Skeleton], zone: Zone, most: int) -> tuple[Skelet
 
 
 def people_table(skeletons: Sequence[Skeleton] | None, followed: str, stamp_ns: int | None = None) -> str:
-    """Make the table of people, Markdown; of a frame of that stamp it tells who is older."""
+    """Return the table of people in Markdown; it marks skeletons older than the frame's stamp."""
     if skeletons is None:
         return "*no answer to this frame*"
     if not skeletons:
@@ -79,6 +79,6 @@ def _short(node: NodeState) -> str:
 
 
 def _drops(values: Mapping[str, str]) -> str:
-    """Give the drops by reason; 0 without any."""
+    """Return the dropped frames by reason; 0 if there are none."""
     reasons = {k.removeprefix("dropped: "): v for k, v in values.items() if k.startswith("dropped: ")}
     return ", ".join(f"{count} {reason}" for reason, count in reasons.items()) or "0"

@@ -29,7 +29,7 @@ class Settings(NamedTuple):
 
 @njit(cache=True)
 def fit_volume(points, eyes, body, trust, settings, scale, rotations, root):
-    """Run all iterations; ``rotations`` and ``root`` go in as the start and come out as the fit.
+    """Run all iterations; ``rotations`` and ``root`` hold the start and are overwritten with the fit.
 
     Where there are ``eyes`` (n, 3), only what faces one of them is on the surface. Gives the root mean
     square distance of the trusted vertices from the points assigned to them, along the normals, and the

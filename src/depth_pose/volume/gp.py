@@ -18,7 +18,7 @@ from scipy.optimize import minimize
 Array = NDArray[np.float64]
 
 _LOG_BOUNDS = (-12.0, 12.0)
-"""Of all logarithms of kernel parameters: farther out covariances are no longer invertible."""
+"""Bound of the logarithms of kernel parameters: beyond it covariances are not invertible."""
 
 
 def square_distances(a: Array, b: Array) -> Array:
@@ -176,7 +176,7 @@ class Regression:
 
 
 _START_NOISE = 0.05
-"""Share of the variance that `learn_regression` takes for noise at the start. Set by hand."""
+"""Share of the variance that `learn_regression` attributes to noise at the start. Set by hand."""
 _STEPS = 40
 """Most steps of `learn_regression`. Set by hand."""
 _LEAST_NOISE = 1e-6

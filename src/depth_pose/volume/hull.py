@@ -76,7 +76,7 @@ class Volume:
 
 
 def empty_volume(views: int) -> Volume:
-    """Give the volume of an empty space."""
+    """Return the volume of an empty space."""
     return Volume(np.zeros((0, 3)), np.zeros(3), 0, views)
 
 
@@ -179,14 +179,14 @@ class SurfaceVoxels:
         self._seen = np.zeros(int(np.prod(self._shape)), np.uint8)
 
     def see(self, points_world: NDArray[np.float64], eye: NDArray[np.float64]) -> Volume:
-        """Give the surface voxels of the points (N, 3) that one camera, which stands at (3,), saw; metres."""
+        """Return the surface voxels of the points (N, 3) seen by a camera at (3,), metres."""
         surface = self._voxels_of(points_world)
         if len(surface) == 0:
             return empty_volume(1)
         return Volume(surface, surface.mean(axis=0), len(surface), 1, np.array(eye, np.float64)[None])
 
     def join(self, parts: Sequence[Volume]) -> Volume:
-        """Put what several cameras saw at one time into one surface."""
+        """Combine the surfaces of several cameras into one."""
         parts = [p for p in parts if not p.is_empty]
         if len(parts) < 2:
             return parts[0] if parts else empty_volume(0)

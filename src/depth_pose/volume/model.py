@@ -160,7 +160,7 @@ class VolumeModel:
         return Regression(self.latent[before], self.latent[after], kernel, float(self.meta["noise_floor"]))
 
     def views_of(self, steps: Array | NDArray[np.int64], seen_from: float) -> NDArray[np.int64]:
-        """Give the views of a person with headings (steps of the fine azimuth) from an azimuth (radians)."""
+        """Return views of a person with headings (steps of the fine azimuth) from an azimuth (radians)."""
         turns = seen_from / (2 * np.pi) - steps / self.bins.fine
         return np.asarray(np.rint(turns * self.views).astype(np.int64) % self.views)
 
@@ -188,7 +188,7 @@ class VolumeModel:
             meta = json.loads(bytes(arrays.pop("meta")).decode())
             kind, version = meta.pop("format"), meta.pop("version")
         except (KeyError, ValueError, AttributeError, TypeError, RecursionError) as error:
-            raise InputError(f"{path} is no volume model: it does not say what it is") from error
+            raise InputError(f"{path} is not a volume model: its header is missing") from error
         if kind != FORMAT or version != VERSION:
             raise InputError(
                 f"{path} holds {kind!r}, version {version}; this program reads {FORMAT!r}, version "
@@ -219,7 +219,7 @@ class VolumeModel:
         for f in fields(self):
             array = getattr(self, f.name)
             if f.name != "meta" and not np.isfinite(array).all():
-                raise InputError(f"{where}: the array {f.name} holds what is no number")
+                raise InputError(f"{where}: the array {f.name} has values that are not numbers")
         if int(self.lengths.sum()) != n:
             raise InputError(f"{where}: the performances have {int(self.lengths.sum())} frames, not {n}")
 
@@ -254,5 +254,5 @@ class VolumeModel:
         if any(type(number) is not int or not 0 < number <= _MOST_BINS for number in meta["bins"]):
             raise ValueError(f"the bins are {meta['bins']!r:.80}")
         if any(type(value) not in (int, float) for value in meta["statures"]):
-            raise TypeError("a stature is no number")
+            raise TypeError("a stature is not a number")
         _ = self.bins  # checks itself

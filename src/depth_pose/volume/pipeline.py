@@ -264,7 +264,7 @@ class VolumePipeline:
 
 
 def in_world(skeleton: Skeleton, up: str) -> Skeleton:
-    """Give a skeleton of the tracker's world frame in one with another axis up."""
+    """Return a skeleton of the tracker's world frame in one with another up axis."""
     if up == "y" or skeleton.is_lost:
         return skeleton
     turn = upright_from(up)[:3, :3].T

@@ -69,7 +69,7 @@ class ViewReader:
         return [*self.damage, *(f"{count} times: {what}" for what, count in self._wrong.items())]
 
     def __iter__(self) -> Iterator[ViewSet]:
-        """Give the views in the order of their stamps, decoded; None for a camera that brought none."""
+        """Yield the decoded views in order of stamps; None for a camera without an image."""
         self._wrong.clear()
         self.incomplete = self.dropped = given = 0
         for views in self._read():
@@ -118,7 +118,7 @@ class ViewReader:
             self._wrong[f"{self._rig.topics[camera]} came too late for its set of views"] += count
 
     def _refuse_ahead(self, ahead: Iterable[tuple[int, ImageMessage]], newest_ns: int | None) -> None:
-        """Leave out images that claim to be of a later time than the others; a camera's clock is wrong."""
+        """Drop images with stamps ahead of the other cameras: a clock is wrong."""
         for camera, image in ahead:
             seconds = (image.stamp_ns - (newest_ns or 0)) * 1e-9
             self._wrong[f"{self._rig.topics[camera]}: its stamp is {seconds:.0f} s ahead of the others"] += 1

@@ -36,7 +36,7 @@ _UPRIGHT: dict[str, NDArray[np.float64]] = {
 
 
 def upright_from(up: str) -> NDArray[np.float64]:
-    """Transform (4, 4) from a world frame with the given axis up to the tracker's, whose y is up.
+    """Return the transform (4, 4) from a world frame with the given up axis to the tracker's, with y up.
 
     Raises
     ------
@@ -112,7 +112,7 @@ def _numbers(where: str, entry: dict[str, Any], field: str, count: int) -> NDArr
     try:
         values = np.asarray(entry[field], np.float64).ravel()
     except (KeyError, TypeError, ValueError) as error:
-        raise ConfigError(f"{where}.{field} is missing or holds what is no number") from error
+        raise ConfigError(f"{where}.{field} is missing or has values that are not numbers") from error
     if values.size != count or not np.isfinite(values).all():
         raise ConfigError(f"{where}.{field} has {values.size} numbers; it must have {count}, all finite")
     return values

@@ -33,7 +33,7 @@ deviate little between performances of the dances, so counting them would flatte
 turn with the ankles."""
 
 _NODES = np.array([NODE_INDEX[name] for name in SCORED])
-# shoulders against the chest: the clavicles are no joints of the skeleton
+# shoulders against the chest: the clavicles are not joints of the skeleton
 _PARENT_OF = {
     "pelvis": -1, "spine": 0, "chest": 1, "shoulder": 2, "hip": 0,
     "elbow": "shoulder", "knee": "hip", "ankle": "knee",
@@ -130,12 +130,12 @@ def _rotation_vectors(rotations: Array) -> Array:
 
 
 def mean_pose_estimate(training: Array, headings: Array) -> Array:
-    """Give the mean of training poses (N, 21, 3, 3), turned to true headings (T, 3, 3)."""
+    """Return the mean of training poses (N, 21, 3, 3), turned to true headings (T, 3, 3)."""
     return np.asarray(headings[:, None] @ mean_rotations(training)[None])
 
 
 def best_training_estimate(training: Array, truth: Array, headings: Array) -> Array:
-    """Give the training pose nearest to the truth, turned to the true heading: (T, 21, 3, 3)."""
+    """Return the training pose nearest to the truth, turned to the true heading: (T, 21, 3, 3)."""
     candidates = joint_rotations(training)
     out = np.empty_like(truth)
     for t, turn in enumerate(headings):

@@ -1,4 +1,4 @@
-"""Bring together what several cameras saw at one time, without waiting for those that are gone."""
+"""Group the images of several cameras by time, without waiting for lost cameras."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class ViewSet:
 class Synchroniser:
     """Holds images until their set of views is whole, or has waited long enough; plain Python, no ROS.
 
-    Live, `take` gives the newest set and lets older ones go; offline, `take_all` gives every set in turn.
+    Live, `take` returns the newest set and drops older ones; offline, `take_all` yields every set in order.
     Times are seconds of any clock that does not go back.
 
     Parameters
@@ -107,11 +107,11 @@ class Synchroniser:
         self._held[stamp][camera] = image
 
     def is_back(self, stamp_ns: int) -> bool:
-        """Whether a stamp lies so far back that the cameras' clock was set anew."""
+        """Return whether a stamp is so far back that the cameras' clock was reset."""
         return self._done_ns is not None and stamp_ns < self._done_ns - self.config.gone_after * 1e9
 
     def take(self, now: float, newest: bool = True) -> ViewSet | None:
-        """Give the newest set that is whole or has waited enough, letting older ones go; or the first."""
+        """Return the newest set that is complete or has waited enough, dropping older ones; or the first."""
         waited_for, patience = self._waited_for(now), self.config.patience
         ready = [
             stamp
@@ -129,7 +129,7 @@ class Synchroniser:
         return self._give(stamp)
 
     def take_all(self, until_ns: float = float("inf")) -> Iterator[ViewSet]:
-        """Give every set with a stamp below a bound, in the order of stamps, whole or not."""
+        """Yield every set with a stamp below a bound, in order of stamps, complete or not."""
         for stamp in sorted(s for s in self._held if s < until_ns):
             yield self._give(stamp)
 

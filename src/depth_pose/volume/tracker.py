@@ -135,7 +135,7 @@ class LatentTracker:
         points = self._move(self._points, steps)
         fresh = round(self.config.restarts * len(points))
         if fresh:
-            # some start anew at training points, those that look like this frame first
+            # some restart at training points, preferably those that resemble this frame
             cost = search_costs(self.model, sights, window).min(axis=1)
             points[:fresh] = self.model.latent[self._draw(cost, fresh)]
         cost, best = self._compare(points, sights, window, expected)
@@ -223,7 +223,7 @@ class LatentTracker:
         return Tracked(latent, step, tuple(views), square / (len(sights) * self._usual))
 
     def _search(self, sights: Sequence[Sight]) -> Tracked:
-        """Start anew at the best place anywhere."""
+        """Restart at the best place anywhere."""
         found, cost = self._anywhere(sights)
         self._start(found, cost)
         return found
@@ -236,7 +236,7 @@ class LatentTracker:
         return found, costs.min(axis=1)
 
     def _start(self, found: Tracked, cost: Array) -> None:
-        """Put the particles on training points, by what they cost."""
+        """Place the particles on training points, by their cost."""
         rows = self._draw(cost, self.config.particles)
         spread = self._noise * self._rng.normal(size=(len(rows), self.model.latent.shape[1]))
         self._points = self.model.latent[rows] + spread

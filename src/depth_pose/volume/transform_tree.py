@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 
 
 def pose_matrix(values: Sequence[float]) -> Array:
-    """Give the transform (4, 4) of x, y, z, qx, qy, qz, qw; metres.
+    """Return the transform (4, 4) of x, y, z, qx, qy, qz, qw; metres.
 
     Raises
     ------
@@ -31,7 +31,7 @@ def pose_matrix(values: Sequence[float]) -> Array:
 
 
 class TransformTree:
-    """Frames with their parents, as ``/tf_static`` tells them: each has one parent at most."""
+    """Frames with their parents, as on ``/tf_static``: each has at most one parent."""
 
     def __init__(self) -> None:
         self._parents: dict[str, tuple[str, Array]] = {}
@@ -41,11 +41,11 @@ class TransformTree:
         self._parents[child.lstrip("/")] = (parent.lstrip("/"), T_parent_child)
 
     def parents(self) -> dict[str, str]:
-        """Give every frame that has a parent, with it."""
+        """Return every frame that has a parent, with it."""
         return {child: parent for child, (parent, _) in self._parents.items()}
 
     def find(self, target: str, source: str) -> Array | None:
-        """Give ``T_target_source`` (4, 4); None where no chain of frames joins them, or one is a circle."""
+        """Return ``T_target_source`` (4, 4); None where no chain of frames joins them, or one is a circle."""
         root, T_root_source = self._climb(source.lstrip("/"))
         other, T_other_target = self._climb(target.lstrip("/"))
         if root is None or root != other:
@@ -53,7 +53,7 @@ class TransformTree:
         return np.asarray(np.linalg.inv(T_other_target) @ T_root_source)
 
     def _climb(self, frame: str) -> tuple[str | None, Array]:
-        """Give the root above a frame, None where there is none, and the frame's place in it."""
+        """Return the root of a frame, None if there is none, and the frame's pose in it."""
         at, T_at_frame = frame, np.eye(4)
         for _ in range(len(self._parents) + 1):
             if at not in self._parents:

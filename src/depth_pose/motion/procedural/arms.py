@@ -29,7 +29,7 @@ def place(
     pole: tuple[float, float, float],
     pole_spread: float = 0.3,
 ) -> Array:
-    """Bring the wrist near a place, the elbow toward a pole."""
+    """Move the wrist near a place, the elbow toward a pole."""
     out = arm_to_target(draw.vector(target, spread), draw.vector(pole, (pole_spread,) * 3))
     out[..., 6] = draw.normal(20, 25)
     out[..., 7] = draw.normal(8, 12)
@@ -48,7 +48,7 @@ def _angles(draw: Draw, *mean_and_spread: tuple[float, float]) -> Array:
 
 
 def hang(draw: Draw) -> Array:
-    """Let the arm hang, more or less relaxed."""
+    """Hang the arm, more or less relaxed."""
     return _angles(draw, (2, 9), (8, 6), (12, 18), (20, 13))
 
 
@@ -68,7 +68,7 @@ def on_hip(draw: Draw) -> Array:
 
 
 def behind_head(draw: Draw) -> Array:
-    """Put the hand behind the head or on it."""
+    """Place the hand behind the head or on it."""
     return place(draw, (-0.09, 0.24, -0.02), (0.06, 0.09, 0.08), (0.9, 0.5, 0.1), 0.35)
 
 
@@ -125,7 +125,7 @@ def point_anywhere(draw: Draw) -> Array:
 
 
 def reach(draw: Draw) -> Array:
-    """Bring the wrist anywhere in the arm's workspace, the elbow mostly down and out."""
+    """Move the wrist anywhere in the arm's workspace, the elbow mostly down and out."""
     direction = draw.vector((0.15, -0.1, 0.35), (1.0, 1.0, 0.95))
     size = np.maximum(np.linalg.norm(direction, axis=-1, keepdims=True), 0.1)
     far = (0.22 + 0.78 * draw.uniform(0, 1) ** 0.6)[..., None] * ARM_M
@@ -180,7 +180,7 @@ def both(sampler: Sampler, alike: float = 0.5) -> Sampler:
 
 
 def together(draw: Draw) -> Array:
-    """Bring both hands to one place before, above or beside the body (ball, bat, pole, clap)."""
+    """Move both hands to one place before, above or beside the body (ball, bat, pole, clap)."""
     centre = draw.vector((0.0, -0.12, 0.36), (0.26, 0.44, 0.16))
     gap = draw.vector((0.09, 0.0, 0.0), (0.08, 0.09, 0.06))
     poles = [draw.vector((0.7, -0.6, -0.1), (0.25, 0.35, 0.2)) for _ in range(2)]

@@ -191,7 +191,7 @@ def blank(shape: tuple[int, ...]) -> Array:
 def assemble(
     t: Array, trunk: Array | None = None, arms: Array | None = None, legs: Array | None = None
 ) -> Array:
-    """Put a trunk (..., 15), two arms (..., 18) and two legs (..., 14) together, (T, 47)."""
+    """Combine trunk (..., 15), two arms (..., 18) and two legs (..., 14), (T, 47)."""
     out = blank(t.shape)
     if trunk is not None:
         out[..., TRUNK] = trunk

@@ -35,7 +35,7 @@ Progress = Callable[[float], None]
 """Called with the fraction done, 0 to 1."""
 
 POOL_PER_POSE = 5.0
-"""How many poses are made for each one that is chosen. Set by hand; docs/motion.md measures the result."""
+"""Poses made for each one chosen. Set by hand; benchmarks/motion_coverage.py measures the result."""
 
 APART_SHARE = 0.5
 """Part of a set chosen to lie far apart; the rest follows the families' shares.
@@ -59,7 +59,7 @@ STAY_WITHIN_M = 1.0
 """How far a clip's path goes from its middle; a runner needs a treadmill to stay in view."""
 
 _TOO_DEEP_M = 0.03
-"""Poses whose limbs stay deeper inside the body are left out, metres. Set by hand; not swept."""
+"""Maximum depth of a limb inside the body, metres; deeper poses are dropped. Set by hand; not swept."""
 
 _TOO_STRAINED_DEG = 15.0
 """Poses with a joint farther beyond its limit are left out, degrees. Set by hand; not swept."""
@@ -138,7 +138,7 @@ CLIPS: dict[str, Callable[..., Clip]] = {name: partial(make_clip, name) for name
 def make_pool(count: int, seed: int, progress: Progress | None = None) -> PoseSet:
     """Make random poses of all families by their shares, without choosing among them.
 
-    Poses whose limbs cannot be brought out of the body within the joint limits are left out,
+    Poses with limbs that cannot be moved out of the body within the joint limits are dropped,
     so a few fewer than ``count`` come back.
     """
     per_share = count / (sum(e.share for e in FAMILIES.values()) + sum(POSTURE_SHARES.values()))

@@ -34,7 +34,7 @@ Family = Callable[[Array, Draw], Motion]
 
 
 def still(angles: Array) -> Motion:
-    """Give a motion that stays on the floor."""
+    """Return a motion that stays on the floor."""
     return Motion(angles, np.zeros(angles.shape[:-1]))
 
 
@@ -55,7 +55,7 @@ def looks_around(t: Array, draw: Draw, twist: float = 22.0, lean: float = 7.0) -
 
 
 def join(t: Array, draw: Draw, lower: Array, upper: Array, looks: Array | None = None) -> Array:
-    """Put a lower body, two arms and what head and trunk do besides together, (T, 47)."""
+    """Combine lower body, two arms, trunk and head, (T, 47)."""
     trunk = lower[..., :15] + (looks_around(t, draw) if looks is None else looks)
     return assemble(t, trunk, upper, lower[..., 15:])
 

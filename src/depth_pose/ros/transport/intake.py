@@ -261,7 +261,7 @@ class Intake:
         if busy:
             self._node.drop("missed", f"{topic} brought newer ones while this node was busy", busy)
         if lost:
-            what = f"{topic} sent it, and it never came though this node waited: docs/network.md, buffers"
+            what = f"{topic} sent it, and it never came though this node waited: docs/topics.md, buffers"
             self._node.drop("lost in transport", what, lost)
 
     def _is_new(self, stamp_ns: int) -> bool:

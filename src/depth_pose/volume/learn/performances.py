@@ -28,7 +28,7 @@ from depth_pose.volume.synchroniser import ViewSet
 Array = NDArray[np.float64]
 
 Eyes = Callable[[Sequence[Mesh]], Volume]
-"""Gives the volume of a scene in the world frame."""
+"""Return the volume of a scene in the world frame."""
 
 
 TRAINING_SHAPES: tuple[BodyShape, ...] = (
@@ -89,7 +89,7 @@ def watch(
     every: int = 1,
     progress: Callable[[int], None] | None = None,
 ) -> Performance:
-    """Let somebody perform a motion before the eyes, which see every so manyth frame."""
+    """Simulate a performance in front of the eyes, which see every n-th frame."""
     return watch_with(clip, wearer, lambda meshes, nodes, heading: [eyes(meshes)], every, progress)[0]
 
 
@@ -102,7 +102,7 @@ def watch_around(
     every: int = 1,
     progress: Callable[[int], None] | None = None,
 ) -> list[Performance]:
-    """Let somebody perform before a depth camera that stands, one after the other, all around them.
+    """Simulate a performance in front of a depth camera at one azimuth after the other.
 
     In view v the camera is ``2 pi v / views`` to the left of where the pelvis faces, as high and as far
     as the one given.
@@ -129,7 +129,7 @@ def watch_with(
     every: int,
     progress: Callable[[int], None] | None,
 ) -> list[Performance]:
-    """Give a performance for each view; ``see`` takes meshes, nodes and heading to the volume of each."""
+    """Return a performance for each view; ``see`` maps meshes, nodes and heading to its volume."""
     frames: list[list[Volume]] = []
     pelvis = []
     headings = headings_of(clip.rotations)

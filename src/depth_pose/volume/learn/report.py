@@ -62,7 +62,7 @@ def track_performance(
     config: VolumeConfig | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> Report:
-    """Track a performance whose poses are known."""
+    """Track a performance with known poses."""
     tracker = VolumePoseTracker(model, config)
     tracker.warm_up()
     poses: list[VolumePose] = []

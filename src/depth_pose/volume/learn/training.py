@@ -44,7 +44,7 @@ def default_wearers(garments: Sequence[str] = ("skirt", "long-skirt", "wide-skir
 
 
 def dance_clips(dance: str, performances: int = PERFORMANCES) -> list[Clip]:
-    """Give performances of a dance for training, each about once through it."""
+    """Return performances of a dance for training, each about once through it."""
     if dance not in DANCES:
         raise ConfigError(f"there is no dance {dance!r}; there are {', '.join(DANCES)}")
     seconds = round(DANCES[dance].seconds * _FPS + 5) / _FPS
@@ -60,7 +60,7 @@ def simulate_views(
     rig: Sequence[RigCamera] | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> list[list[list[Performance]]]:
-    """Let wearers perform before the cameras.
+    """Simulate wearers who perform in front of the cameras.
 
     Parameters
     ----------
@@ -109,7 +109,7 @@ def simulate_views(
 
 
 def _typical(rig: Sequence[RigCamera], space: SpaceConfig) -> RigCamera:
-    """Give the first camera of a rig, at the mean height and distance of all of them."""
+    """Return the first camera of a rig, at the mean height and distance of all of them."""
     places = np.array([c.position for c in rig]) - [space.centre_x, 0.0, space.centre_z]
     distance, height = float(np.hypot(places[:, 0], places[:, 2]).mean()), float(places[:, 1].mean())
     return RigCamera(rig[0].name, rig[0].camera, look_at([0.0, height, distance], MIDDLE_M))

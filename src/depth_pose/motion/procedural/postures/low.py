@@ -196,7 +196,7 @@ def _work_low(draw: Draw) -> Array:
 
 
 def _crawl(draw: Draw) -> Array:
-    """Go on hands and knees."""
+    """Crawl on hands and knees."""
     pelvis = draw.uniform(64, 92)
     out = bow(draw, draw.normal(6, 8), draw.normal(0, 5), draw.normal(0, 6))
     out[:, 0] = pelvis

@@ -17,7 +17,7 @@ from depth_pose.motion.reach import arm_to_target
 
 Array = NDArray[np.float64]
 Sampler = Callable[[Draw], Array]
-"""Gives (N, 47) anatomical angles, degrees, for a draw of N."""
+"""Return (N, 47) anatomical angles, degrees, for a draw of N."""
 
 REST_M: Array = rest_nodes() * ADULT_STATURE_M
 """Rest nodes of the reference body, metres: places below are for it."""
@@ -62,7 +62,7 @@ def bring_through_gates(angles: Array) -> Separated:
 
 
 def through_gates(angles: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Bring angles into the joint limits and limbs out of the body.
+    """Move angles into the joint limits and limbs out of the body.
 
     Parameters
     ----------
@@ -82,7 +82,7 @@ def through_gates(angles: Array) -> tuple[Array, NDArray[np.bool_]]:
 
 
 def hands_at(angles: Array, left: Array | None, right: Array | None, poles: Array) -> Array:
-    """Bring the wrists of postures to places.
+    """Move the wrists of postures to places.
 
     Parameters
     ----------
@@ -144,7 +144,7 @@ def free_head(draw: Draw) -> Array:
 
 
 def level_gaze(angles: Array, draw: Draw) -> Array:
-    """Let the head look ahead again: neck and head take back a share of the trunk's bend."""
+    """Turn the head ahead again: neck and head undo a share of the trunk's bend."""
     out = angles.copy()
     back = 0.8 * draw.uniform(0.5, 1.1) * angles[:, [0, 3, 6]].sum(axis=1)
     out[:, 9] -= 0.5 * back

@@ -79,7 +79,7 @@ def _with_arms(base: Sampler, pair: Sampler) -> Sampler:
 
 
 def _hands(base: Sampler, centre: tuple[float, float, float], spread: tuple[float, float, float]) -> Sampler:
-    """Bring both hands to a place given from the pelvis (and its mirror image)."""
+    """Move both hands to a place relative to the pelvis (and its mirror image)."""
 
     def sample(draw: Draw) -> Array:
         out = base(draw)

@@ -1,0 +1,245 @@
+"""The library's front door: depth images or point clouds in, skeletons out.
+
+`Tracker` checks its inputs, so that a wrong unit or camera is an error and not a frame without people.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from contextlib import ExitStack
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from depth_pose.bank.bank import Bank
+from depth_pose.bank.default import ensure_default_bank, prepare_default_bank
+from depth_pose.core.camera import Camera
+from depth_pose.core.config import PipelineConfig
+from depth_pose.core.errors import ConfigError, InputError
+from depth_pose.core.progress import loading
+from depth_pose.core.types import DepthFrame, Skeleton
+from depth_pose.io.calibration import camera_from_info
+from depth_pose.io.clouds import frame_from_cloud
+from depth_pose.pipeline import PosePipeline
+
+_INTEGER_SCALE_M = 0.001
+"""Unit of integer depth images, metres: REP 118."""
+
+_LEAST_MEDIAN_M, _MOST_MEDIAN_M = 0.1, 10.0
+"""Range of the median depth of indoor sensors, metres; an image outside it has another unit. Set by hand."""
+
+_LEAST_STEP_NS = 100_000
+"""Integer times closer than this (10 kHz) are frame numbers or other units, not nanoseconds. Set by hand."""
+
+
+_CAMERA_CALL = "depth_pose.Camera.from_matrix(K, width=640, height=480)"
+
+
+class Tracker:
+    """Track everybody in a sequence of depth images.
+
+    The first tracker on a machine builds the exemplar bank and compiles the kernels, which takes a few
+    minutes and shows a progress bar; later ones load both in seconds.
+
+    Parameters
+    ----------
+    bank : Bank or path, optional
+        Exemplar bank; by default the one in the user's cache.
+    config : PipelineConfig or mapping, optional
+        Settings by step, for instance ``{"segment": {"far": 4.0, "most_people": 2}}``.
+    depth_scale : float, optional
+        Metres per unit of the depth. By default integers are millimetres and floats are metres, and an
+        image that does not look like it is refused; with a scale given every value is accepted.
+    frame_id : str
+        Name of the optical frame, for ``Skeleton.frame_id``.
+    quiet : bool
+        Show no progress.
+
+    Raises
+    ------
+    BankError
+        Where the bank is damaged or cannot be built.
+    ConfigError
+        Where a setting is unknown or out of its range.
+
+    Examples
+    --------
+    >>> from depth_pose.detect.sample_frame import sample_frame
+    >>> frame = sample_frame()  # a person in front of a wall, 176 x 144, metres
+    >>> tracker = Tracker(quiet=True)
+    >>> (person,) = tracker(frame.depth, frame.camera, time=0.0)
+    >>> person.id
+    'body_1'
+    >>> bool(abs(person["pelvis"].position[2] - 3.2) < 0.1)
+    True
+    >>> (same,) = tracker((1000 * frame.depth).astype("uint16"), frame.camera, time=0.04)
+    >>> same.id
+    'body_1'
+    """
+
+    def __init__(
+        self,
+        bank: Bank | Path | str | None = None,
+        config: PipelineConfig | Mapping[str, Mapping[str, Any]] | None = None,
+        *,
+        depth_scale: float | None = None,
+        frame_id: str = "camera",
+        quiet: bool = False,
+    ) -> None:
+        if depth_scale is not None and not (math.isfinite(depth_scale) and depth_scale > 0):
+            raise ConfigError(f"depth_scale is {depth_scale}; it is metres per unit, above 0: 0.001")
+        if not isinstance(config, PipelineConfig):
+            config = PipelineConfig.from_mapping(config or {})
+        self._depth_scale, self._frame_id = depth_scale, frame_id
+        self._last_ns: int | None = None
+        self._is_unit_known = depth_scale is not None
+        if bank is None:
+            bank = ensure_default_bank() if quiet else prepare_default_bank()
+        with ExitStack() as stack:
+            if not quiet:
+                stack.enter_context(loading("the bank"))
+            self._pipeline = PosePipeline(bank if isinstance(bank, Bank) else Bank.load(bank), config)
+            self._pipeline.warm_up()
+
+    def __call__(
+        self, depth: ArrayLike | DepthFrame, camera: Camera | None = None, *, time: float | None = None
+    ) -> tuple[Skeleton, ...]:
+        """Find everybody's skeleton in the next frame.
+
+        Parameters
+        ----------
+        depth : (H, W) array, (N, 3) or (H, W, 3) float array, or DepthFrame
+            A depth image, distance along the optical axis: integer millimetres or float metres, 0 or NaN
+            where there is none. Or a point cloud in the optical frame (x right, y down, z forward), metres.
+            Or a frame of `depth_pose.read_recording`, which has its own camera and time.
+        camera : Camera
+            The camera of a depth image; a cloud has none.
+        time : float or int, optional
+            Seconds (float) or nanoseconds (int) of any clock. Memory of earlier frames is dropped where it
+            goes back, or ahead by more than 0.5 s. Without it, the frame stands for itself.
+
+        Returns
+        -------
+        tuple of Skeleton
+            Everybody in view; empty where there is nobody.
+
+        Raises
+        ------
+        InputError
+            Where the frame cannot be used; the message says why.
+        """
+        if isinstance(depth, DepthFrame):
+            if camera is not None or time is not None:
+                raise InputError("a DepthFrame has its own camera and time: give it alone")
+            frame = replace(depth, camera=_check_camera(depth.depth, depth.camera))
+        else:
+            frame = self._make_frame(np.asarray(depth), camera, self._stamp(time))
+        return self._pipeline.process_frame(frame).skeletons
+
+    def reset(self) -> None:
+        """Forget all earlier frames; people get new ids."""
+        self._pipeline.reset()
+        self._last_ns = None
+
+    def _stamp(self, time: float | None) -> int:
+        """Convert a time to nanoseconds."""
+        if time is None:
+            self.reset()
+            return 0
+        if isinstance(time, (bool, np.bool_)) or not isinstance(time, (int, float, np.integer, np.floating)):
+            raise InputError(f"time is {time!r}; give seconds as a float, or nanoseconds as an int")
+        if not math.isfinite(time) or time < 0:
+            raise InputError(f"time is {time}; it must be finite and not below 0")
+        if isinstance(time, (float, np.floating)):
+            stamp = round(float(time) * 1e9)
+        else:
+            stamp = int(time)
+            if self._last_ns is not None and 0 < stamp - self._last_ns < _LEAST_STEP_NS:
+                raise InputError(
+                    f"time is the integer {time}, {stamp - self._last_ns} ns after the last: integers are "
+                    f"nanoseconds. Give seconds as a float: time=number / frames_per_second"
+                )
+        self._last_ns = stamp
+        return stamp
+
+    def _make_frame(self, values: NDArray[Any], camera: Camera | None, stamp_ns: int) -> DepthFrame:
+        if values.dtype.kind not in "uif":
+            raise InputError(f"depth has dtype {values.dtype}; it must be integers or floats")
+        if values.ndim in (2, 3) and values.shape[-1] == 3 and (values.ndim == 3 or camera is None):
+            return self._frame_of_cloud(values, camera, stamp_ns)
+        image = values[..., 0] if values.ndim == 3 and values.shape[-1] == 1 else values
+        camera = _check_camera(image, camera)
+        return DepthFrame(stamp_ns, self._frame_id, self._to_metres(image), camera)
+
+    def _frame_of_cloud(self, points: NDArray[Any], camera: Camera | None, stamp_ns: int) -> DepthFrame:
+        if points.dtype.kind != "f":
+            raise InputError(
+                f"depth has shape {points.shape} and dtype {points.dtype}: a point cloud is float metres, "
+                "and a depth image has one channel (a colour image has no depth)"
+            )
+        if camera is not None:
+            raise InputError(
+                f"depth has shape {points.shape}, a point cloud, which has no camera: leave it out"
+            )
+        scale = self._depth_scale or 1.0
+        points = points.astype(np.float32, order="C") * np.float32(scale)
+        self._check_unit(points[..., 2], points.dtype, scale)
+        return frame_from_cloud(points, stamp_ns, self._frame_id)
+
+    def _to_metres(self, image: NDArray[Any]) -> NDArray[np.float32]:
+        if image.dtype.itemsize == 1 and self._depth_scale is None:
+            raise InputError(
+                f"depth has dtype {image.dtype}, at most {np.iinfo(image.dtype).max} mm: it is a picture of "
+                "depth, not depth. If it is depth, give Tracker its unit in metres: depth_scale="
+            )
+        scale = self._depth_scale or (1.0 if image.dtype.kind == "f" else _INTEGER_SCALE_M)
+        depth = image.astype(np.float32, order="C") * np.float32(scale)
+        depth[~(np.isfinite(depth) & (depth > 0))] = 0.0
+        self._check_unit(depth, image.dtype, scale)
+        return depth
+
+    def _check_unit(self, depth: NDArray[np.float32], dtype: np.dtype[Any], scale: float) -> None:
+        """Refuse depth whose median no sensor indoors has; once one image has passed, the unit is known."""
+        valid = depth[np.isfinite(depth) & (depth > 0)]
+        if self._is_unit_known or valid.size == 0:
+            return
+        median = float(np.median(valid))
+        if not _LEAST_MEDIAN_M <= median <= _MOST_MEDIAN_M:
+            raise InputError(_wrong_unit(median, dtype, scale))
+        self._is_unit_known = True
+
+
+def _check_camera(image: NDArray[Any], camera: Camera | None) -> Camera:
+    """Return the camera of a depth image, of plain numbers, after checking that the two belong together."""
+    if image.ndim != 2:
+        raise InputError(f"depth has shape {image.shape}; an image has (height, width), a cloud (N, 3)")
+    if not isinstance(camera, Camera):
+        given = "a depth image needs its camera" if camera is None else f"camera is a {type(camera).__name__}"
+        raise InputError(f"{given}: give a depth_pose.Camera, for instance {_CAMERA_CALL}")
+    height, width = image.shape
+    if (height, width) != (camera.height, camera.width):
+        turned = "; it looks transposed" if (width, height) == (camera.height, camera.width) else ""
+        raise InputError(
+            f"depth has {height} rows and {width} columns, but the camera's image has {camera.height} and "
+            f"{camera.width}{turned}. An image that was resized or cropped has another camera"
+        )
+    return camera_from_info(camera.matrix(), (), camera.width, camera.height)
+
+
+def _wrong_unit(median_m: float, dtype: np.dtype[Any], scale: float) -> str:
+    """Explain why depth has another unit than its type stands for."""
+    value = median_m / scale
+    if dtype.kind != "f":
+        unit, example = "millimetres", "depth_scale=0.0002 for 1/5 mm"
+    elif 100.0 <= value <= 2e4:
+        unit, example = "metres", "depth_scale=0.001: these look like millimetres"
+    else:
+        unit, example = "metres", "depth_scale=0.001 for millimetres"
+    return (
+        f"depth is {dtype}, so {unit}, but its median is {value:.4g} {unit}, which no sensor sees indoors. "
+        f"Give Tracker the unit in metres, {example} (depth_scale={scale:g} if they are {unit} all the same)"
+    )

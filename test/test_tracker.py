@@ -1,0 +1,346 @@
+"""The library's front door: six lines, checked inputs, results in other forms, the bank that is made once."""
+
+from __future__ import annotations
+
+import doctest
+import json
+import subprocess
+import sys
+import threading
+from dataclasses import replace
+from importlib import import_module
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import depth_pose
+from depth_pose import BankError, Camera, ConfigError, DepthFrame, InputError, JointState, Tracker
+from depth_pose.bank import Bank, default
+from depth_pose.core.errors import DepthPoseError
+from depth_pose.core.types import Skeleton
+from depth_pose.detect.sample_frame import sample_frame
+from depth_pose.io.mcap_write import DepthWriter
+
+ROOT = Path(__file__).parents[1]
+
+
+@pytest.fixture(scope="module")
+def tracker(bank):
+    return Tracker(bank, quiet=True)
+
+
+@pytest.fixture
+def fresh(tracker):
+    """The same tracker as if new: of no frame, no unit."""
+    tracker.reset()
+    tracker._is_unit_known = False
+    return tracker
+
+
+@pytest.fixture(scope="module")
+def frame():
+    return sample_frame()
+
+
+@pytest.fixture(scope="module")
+def person(tracker, frame):
+    (found,) = tracker(frame.depth, frame.camera, time=0.0)
+    return found
+
+
+def test_the_six_lines_of_the_readme_run(frame, bank_path, monkeypatch, capsys):
+    monkeypatch.setenv("DEPTH_POSE_BANK", str(bank_path))
+    lines = (ROOT / "README.md").read_text().split("```python\n")[1].split("```")[0]
+    assert len([line for line in lines.splitlines() if line.strip()]) == 6
+    depth = (1000 * frame.depth).astype(np.uint16)
+    width, height, K = frame.camera.width, frame.camera.height, frame.camera.matrix()
+    lines = lines.replace("width=640, height=480", f"width={width}, height={height}")
+    exec(lines, {"K": K, "frames": [(0.0, depth), (0.04, depth)]})
+    said = capsys.readouterr().out.splitlines()
+    assert [line.split()[0] for line in said] == ["body_1", "body_1"]
+
+
+@pytest.mark.parametrize("module", ["core.camera", "core.types", "tracker"])
+def test_the_docstrings_examples_run(module, bank_path, monkeypatch):
+    monkeypatch.setenv("DEPTH_POSE_BANK", str(bank_path))
+    failed, attempted = doctest.testmod(import_module(f"depth_pose.{module}"))
+    assert attempted > 1
+    assert not failed
+
+
+def test_everything_is_exported_and_loaded_late():
+    assert all(getattr(depth_pose, name) is not None for name in depth_pose.__all__)
+    assert set(depth_pose.__all__) <= set(dir(depth_pose))
+    with pytest.raises(AttributeError, match="'depth_pose' has no attribute 'Skeletons'"):
+        _ = depth_pose.Skeletons
+    code = "import sys, depth_pose; print(len({'numpy', 'numba', 'rich', 'scipy'} & set(sys.modules)))"
+    assert subprocess.check_output([sys.executable, "-c", code], text=True) == "0\n"
+
+
+def test_tracking_loads_no_open3d(bank_path):
+    code = (
+        "import sys, depth_pose; from depth_pose.detect.sample_frame import sample_frame as f; "
+        f"t = depth_pose.Tracker({str(bank_path)!r}, quiet=True); assert len(t(f())) == 1; "
+        "print([m for m in ('open3d', 'matplotlib', 'rclpy', 'mcap') if m in sys.modules])"
+    )
+    assert subprocess.check_output([sys.executable, "-c", code], text=True) == "[]\n"
+
+
+# --- what goes in
+
+
+@pytest.mark.parametrize("kind", ["uint16", "int32", ">u2", "float32", "float64", "fortran", "channel"])
+def test_images_of_any_type_give_the_same_skeleton(fresh, frame, person, kind):
+    depth = np.round(frame.depth, 3)
+    if kind in ("uint16", "int32", ">u2"):
+        depth = np.round(1000 * depth).astype(kind)
+    elif kind == "fortran":
+        depth = np.asfortranarray(depth)
+    elif kind == "channel":
+        depth = depth[..., None]
+    else:
+        depth = depth.astype(kind)
+    (found,) = fresh(depth, frame.camera)
+    np.testing.assert_allclose(found.positions, person.positions, atol=0.01)
+
+
+def test_holes_may_be_zero_nan_or_infinite(fresh, frame):
+    depth = frame.depth.copy()
+    depth[:20] = 0.0
+    first = fresh(depth, frame.camera)[0].positions
+    for hole in (np.nan, np.inf, -1.0):
+        depth[:20] = hole
+        np.testing.assert_array_equal(fresh(depth, frame.camera)[0].positions, first)
+
+
+@pytest.mark.parametrize("organised", [False, True])
+def test_a_point_cloud_gives_the_same_skeleton(fresh, frame, person, organised):
+    points = frame.camera.back_project(frame.depth)
+    cloud = points if organised else points.reshape(-1, 3).astype(np.float64)
+    (found,) = fresh(cloud)
+    assert np.linalg.norm(found.positions - person.positions, axis=1).mean() < (0.001 if organised else 0.03)
+
+
+def test_a_frame_of_a_recording_is_taken_as_it_is(tmp_path, tracker, frame, person):
+    with DepthWriter(tmp_path / "in.mcap", frame.camera, "optical") as writer:
+        writer.write(40_000_000, frame.depth)
+    tracker.reset()
+    (read,) = depth_pose.read_recording(tmp_path / "in.mcap")
+    (found,) = tracker(read)
+    assert (found.stamp_ns, found.frame_id) == (40_000_000, "optical")
+    np.testing.assert_allclose(found.positions, person.positions, atol=0.01)
+
+
+def test_depth_scale_is_the_unit(bank, frame, person):
+    tracker = Tracker(bank, depth_scale=0.0002, quiet=True)
+    (found,) = tracker((5000 * frame.depth).astype(np.uint16), frame.camera)
+    assert np.linalg.norm(found.positions - person.positions, axis=1).mean() < 0.01
+    for scale in (0.0, -1.0, float("nan")):
+        with pytest.raises(ConfigError, match="depth_scale"):
+            Tracker(bank, depth_scale=scale, quiet=True)
+
+
+GOOD = np.full((144, 176), 2.0, np.float32)
+CAMERA = Camera(176, 144, 170.0, 170.0, 87.5, 71.5)
+
+
+@pytest.mark.parametrize(
+    ("depth", "camera", "says"),
+    [
+        (1000 * GOOD, CAMERA, "median is 2000 metres.*depth_scale=0.001: these look like millimetres"),
+        (1e5 * GOOD, CAMERA, "median is 2e.05 metres, which no sensor"),
+        (0.001 * GOOD, CAMERA, "median is 0.002 metres"),
+        ((5e4 * GOOD / 4).astype(np.uint16), CAMERA, "uint16, so millimetres, but its median is 2.5e.04"),
+        (GOOD.astype(np.uint16), CAMERA, "so millimetres, but its median is 2 millimetres"),
+        (np.full((144, 176), 200, np.uint8), CAMERA, "uint8, at most 255 mm"),
+        (np.zeros((144, 176, 3), np.uint8), CAMERA, "a colour image has no depth"),
+        (GOOD > 1, CAMERA, "dtype bool"),
+        (np.array([["a"]]), CAMERA, "dtype <U1"),
+        (GOOD[:120], CAMERA, "120 rows and 176 columns, but the camera's image has 144 and 176"),
+        (GOOD.T, CAMERA, "looks transposed"),
+        (GOOD[None], CAMERA, r"shape \(1, 144, 176\)"),
+        (GOOD, None, "needs its camera"),
+        (GOOD, (170.0, 170.0, 87.5, 71.5), "camera is a tuple"),
+        (GOOD, CAMERA.matrix(), "camera is a ndarray"),
+        (GOOD, CAMERA._replace(fx=0.0), "focal lengths"),
+        (GOOD, CAMERA._replace(cx=float("nan")), "finite"),
+        (GOOD, CAMERA._replace(fx=1.7, fy=1.7), "focal lengths"),
+        (np.zeros((10, 3), np.float32), None, "no point with z > 0"),
+        (np.full((10, 3), 2500.0), None, "these look like millimetres"),
+        (np.ones((144, 176, 3)), CAMERA, "a point cloud, which has no camera"),
+        (np.ones((10, 3), np.uint16), None, "a point cloud is float metres"),
+    ],
+    ids=lambda value: value if isinstance(value, str) else "",
+)
+def test_wrong_inputs_are_refused_with_the_reason(fresh, depth, camera, says):
+    with pytest.raises(InputError, match=says):
+        fresh(depth, camera, time=0.0)
+
+
+def test_the_unit_is_checked_until_an_image_has_shown_it(fresh):
+    fresh(np.zeros((144, 176), np.uint16), CAMERA)  # the lens is covered: nothing to see
+    with pytest.raises(InputError, match="which no sensor"):
+        fresh(np.full((144, 176), 40_000, np.uint16), CAMERA)
+    fresh(np.full((144, 176), 2_000, np.uint16), CAMERA)
+    fresh(np.full((144, 176), 40_000, np.uint16), CAMERA)
+
+
+@pytest.mark.parametrize(
+    ("time", "says"),
+    [
+        (float("nan"), "finite"),
+        (-1.0, "not below 0"),
+        ("1", "seconds as a float"),
+        (True, "seconds as a float"),
+        (np.datetime64("2020-01-01"), "seconds as a float"),
+    ],
+)
+def test_wrong_times_are_refused(fresh, time, says):
+    with pytest.raises(InputError, match=says):
+        fresh(GOOD, CAMERA, time=time)
+
+
+def test_frame_numbers_are_not_times(fresh):
+    fresh(GOOD, CAMERA, time=0)
+    with pytest.raises(InputError, match="integers are nanoseconds"):
+        fresh(GOOD, CAMERA, time=1)
+
+
+@pytest.mark.parametrize("time", [1.5, 1_500_000_000, np.float32(1.5), np.int64(1_500_000_000)])
+def test_times_are_seconds_or_nanoseconds(fresh, frame, time):
+    (found,) = fresh(frame.depth, frame.camera, time=time)
+    assert (found.stamp_ns, found.time) == (1_500_000_000, 1.5)
+
+
+def test_people_keep_their_ids_until_time_jumps(fresh, frame):
+    ids = [fresh(frame.depth, frame.camera, time=t)[0].id for t in (5.0, 5.04, 4.0, 4.04, 9.0)]
+    assert ids[0] == ids[1] != ids[2] == ids[3] != ids[4]
+    assert fresh(frame.depth, frame.camera)[0].id not in ids  # without a time: on its own
+
+
+def test_a_depth_frame_has_metres_of_its_camera_s_size(fresh, frame):
+    with pytest.raises(InputError, match="float32 metres"):
+        replace(frame, depth=(1000 * frame.depth).astype(np.uint16))
+    with pytest.raises(InputError, match="rows, columns"):
+        DepthFrame(0, "", GOOD[:100], CAMERA)
+    with pytest.raises(InputError, match="its own camera"):
+        fresh(frame, frame.camera)
+
+
+def test_cameras_are_made_of_matrices():
+    assert Camera.from_matrix(CAMERA.matrix(), width=176, height=144) == CAMERA
+    for K in (np.eye(4), CAMERA.matrix() * 2, np.full((3, 3), np.nan), CAMERA.matrix().T):
+        with pytest.raises(InputError, match="K"):
+            Camera.from_matrix(K, width=176, height=144)
+
+
+def test_settings_are_checked(bank):
+    with pytest.raises(ConfigError, match="segment"):
+        Tracker(bank, {"segment": {"nearest": 1.0}}, quiet=True)
+    tracker = Tracker(bank, {"segment": {"far": 2.0}}, quiet=True)
+    assert tracker(sample_frame()) == ()
+
+
+# --- what comes out
+
+
+def test_joints_are_found_by_name(person):
+    for i, name in enumerate(depth_pose.JOINTS):
+        joint = person[name]
+        assert joint.name == name
+        np.testing.assert_array_equal(joint.position, person.positions[i])
+        assert 0.0 <= joint.confidence <= 1.0
+        assert isinstance(joint.state, JointState)
+    assert [joint.name for joint in person.joints] == list(depth_pose.JOINTS)
+    assert person["left_wrist"].position[0] > person["right_wrist"].position[0]  # they face the camera
+    with pytest.raises(KeyError, match="no joint 'left_hand'; the joints are pelvis"):
+        person["left_hand"]
+    with pytest.raises(KeyError, match="LOST"):
+        Skeleton.lost(0, "")["head"]
+
+
+def test_skeletons_become_dictionaries_records_and_tables(person):
+    made = json.loads(json.dumps(person.to_dict()))
+    assert made["id"] == person.id
+    assert made["joints"]["head"]["position"] == person["head"].position.tolist()
+    assert made["joints"]["head"]["state"] == person["head"].state.name
+    rows = np.array([person.to_record(), Skeleton.lost(7, "camera").to_record()])
+    np.testing.assert_array_equal(rows["positions"][0], person.positions)
+    assert rows["source"].tolist() == ["REFINED", "LOST"]
+    assert np.isnan(rows["positions"][1]).all()
+    table = person.to_pandas().set_index("joint")
+    np.testing.assert_array_equal(table.loc["head", ["x", "y", "z"]].astype(float), person["head"].position)
+    assert len(Skeleton.lost(0, "").to_pandas()) == 0
+
+
+def test_pandas_is_asked_for_by_name(person, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    with pytest.raises(ConfigError, match="pip install pandas"):
+        person.to_pandas()
+
+
+# --- the bank
+
+
+@pytest.fixture
+def cache(tmp_path, monkeypatch):
+    """The default bank's file in an empty cache."""
+    monkeypatch.delenv("DEPTH_POSE_BANK", raising=False)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    return tmp_path / "depth_pose" / "default_bank_v1.npz"
+
+
+@pytest.fixture
+def builds(monkeypatch):
+    """The commands that build a bank, as they are run."""
+    commands = []
+    real = subprocess.Popen
+    monkeypatch.setattr(
+        default.subprocess, "Popen", lambda command, **kw: commands.append(command) or real(command, **kw)
+    )
+    return commands
+
+
+def test_the_bank_is_built_once_of_two_that_ask(cache, builds):
+    shares: list[float] = []
+    paths: list[Path] = []
+    asking = [
+        threading.Thread(target=lambda: paths.append(default.ensure_default_bank(shares.append, 10)))
+        for _ in range(2)
+    ]
+    for thread in asking:
+        thread.start()
+    for thread in asking:
+        thread.join()
+    assert paths == [cache, cache]
+    assert len(builds) == 1
+    assert shares == sorted(shares) and shares[-1] == 1.0
+    bank = Bank.load(cache)
+    assert bank.poses == 10
+    assert bank.source["body"] == "embedded"
+    assert default.ensure_default_bank() == cache
+    assert len(builds) == 1
+
+
+def test_a_bank_that_is_named_is_not_built(tmp_path, monkeypatch):
+    monkeypatch.setenv("DEPTH_POSE_BANK", str(tmp_path / "mine.npz"))
+    with pytest.raises(BankError, match=r"mine.npz: no such bank"):
+        Tracker(quiet=True)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_build_that_fails_says_why(cache, monkeypatch):
+    real = subprocess.Popen
+    monkeypatch.setattr(
+        default.subprocess,
+        "Popen",
+        lambda command, **kwargs: real([sys.executable, "-c", "raise SystemExit('no memory')"], **kwargs),
+    )
+    with pytest.raises(BankError, match="could not be built: no memory"):
+        default.ensure_default_bank()
+    assert not cache.exists()
+
+
+def test_errors_have_one_base():
+    assert all(issubclass(error, DepthPoseError) for error in (BankError, ConfigError, InputError))
