@@ -6,6 +6,7 @@ import io
 import sqlite3
 import tempfile
 from collections.abc import Callable, Sequence
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -47,6 +48,7 @@ def _mcap(messages: Sequence[tuple[str, str, int, bytes]], **options: object) ->
     return stream.getvalue()
 
 
+@cache
 def mcaps() -> list[bytes]:
     """Recordings of depth: packed or not, with and without an index, chunks and checksums."""
     small = {"chunk_size": 2000}
@@ -70,6 +72,7 @@ def skeletons() -> list[bytes]:
     return [_mcap(messages, compression=CompressionType.NONE, enable_crcs=False)]
 
 
+@cache
 def databases() -> list[bytes]:
     """rosbag2's SQLite file."""
     with tempfile.TemporaryDirectory() as folder:
@@ -95,6 +98,7 @@ def databases() -> list[bytes]:
         return [path.read_bytes()]
 
 
+@cache
 def bags() -> list[bytes]:
     """ROS 1 bags, packed each way."""
     from rosbags.rosbag1 import Writer as Writer1
@@ -157,7 +161,7 @@ def arrays() -> list[bytes]:
     return found
 
 
-def _everything(path: Path) -> None:
+def read_everything(path: Path) -> None:
     """Read all raw messages, then the frames."""
     recording = Recording(path)
     size = sum(len(message.data) for message in recording.messages(*recording.topics))
@@ -168,7 +172,7 @@ def _everything(path: Path) -> None:
 def _mcap_extras(path: Path) -> None:
     read_metadata(path, "depth_pose")
     read_span(path)
-    _everything(path)
+    read_everything(path)
 
 
 def _skeletons(path: Path) -> None:
@@ -198,8 +202,8 @@ def _in_folder(read: Callable[[Path], object], name: str, folder: str) -> Callab
 DECODERS = (
     Decoder("mcap", mcaps, from_file(_mcap_extras, "a.mcap")),
     Decoder("mcap_skeletons", skeletons, from_file(_skeletons, "a.mcap")),
-    Decoder("db3", databases, from_file(_everything, "a.db3")),
-    Decoder("ros1_bag", bags, from_file(_everything, "a.bag")),
+    Decoder("db3", databases, from_file(read_everything, "a.db3")),
+    Decoder("ros1_bag", bags, from_file(read_everything, "a.bag")),
     Decoder("rosbag2_metadata", metadata, _in_folder(_folder, "metadata.yaml", "bag")),
     Decoder("png_folder", pngs, _in_folder(_images, "1.png", "png")),
     Decoder("npy_folder", arrays, _in_folder(_images, "1.npy", "npy")),

@@ -41,7 +41,9 @@ class _BoundedFile(io.BufferedReader):
         if self.index_left is not None:
             self.index_left -= size
             if self.index_left < 0:
-                raise DamageError(f"its index has more than the {_MOST_INDEX >> 20} MiB taken")
+                raise DamageError(
+                    f"its index has more than {_MOST_INDEX >> 20} MiB; 'rosbag filter' keeps topics"
+                )
         return super().read(size)
 
 

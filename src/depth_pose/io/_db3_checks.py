@@ -128,12 +128,10 @@ def _computes(database: sqlite3.Connection, kind: str, name: str) -> bool:
 def _check_texts(path: Path, database: sqlite3.Connection, tables: set[str]) -> bool:
     """Check the sizes of topics and definitions; returns whether rosbags knows the definitions' encodings."""
     left = _MOST_QOS
-    for topic in _bounded(path, database, "SELECT * FROM topics"):
-        offered = str(dict(topic).get("offered_qos_profiles") or "")
-        left -= len(offered)
+    for row in _bounded(path, database, "SELECT * FROM topics"):
+        left -= len(_checked_qos(path, dict(row)))
         if left < 0:
             raise InputError(f"{path} is refused: offered_qos_profiles have over {_MOST_QOS >> 10} kB")
-        _check_qos(path, offered)
     if "message_definitions" not in tables:
         return True
     known = ("ros2msg", "ros2idl")
@@ -141,12 +139,17 @@ def _check_texts(path: Path, database: sqlite3.Connection, tables: set[str]) -> 
     return all([row["encoding"] in known for row in definitions])  # a list, so that all are looked at
 
 
-def _check_qos(path: Path, offered: str) -> None:
-    """Check that YAML is no bomb."""
+def _checked_qos(path: Path, topic: dict[str, Any]) -> str:
+    """Check the types of a topic's values, and that its YAML is no bomb; returns the YAML."""
+    named = [topic.get(column) for column in ("name", "type", "serialization_format")]
+    if not isinstance(topic.get("id"), int) or not all(isinstance(text, str) for text in named):
+        raise InputError(f"{path} is damaged: a topic has no number, name, type or format")
+    offered = str(topic.get("offered_qos_profiles") or "")
     try:
         parse_long_yaml(path, offered)
     except ConfigError as error:
         raise InputError(f"{path} is damaged: offered_qos_profiles of a topic: {error}") from error
+    return offered
 
 
 def _bounded(path: Path, database: sqlite3.Connection, query: str) -> Any:
@@ -165,14 +168,11 @@ def _bounded(path: Path, database: sqlite3.Connection, query: str) -> Any:
 
 def _check_messages(path: Path, database: sqlite3.Connection) -> None:
     """Check that messages are bytes, and not too many: neither loads them."""
-    query = (
-        "SELECT max(CASE WHEN typeof(data) = 'blob' AND typeof(timestamp) = 'integer' "
-        "THEN length(data) ELSE -1 END), sum(typeof(data) <> 'blob' OR typeof(timestamp) <> 'integer') "
-        "FROM messages"
-    )
+    plain = "typeof(data) = 'blob' AND typeof(timestamp) = 'integer' AND typeof(topic_id) = 'integer'"
+    query = f"SELECT max(CASE WHEN {plain} THEN length(data) END), sum(NOT ({plain})) FROM messages"
     largest, wrong = database.execute(query).fetchone()
     if wrong:
-        raise InputError(f"{path} is damaged: {wrong} of its messages are not bytes with a time")
+        raise InputError(f"{path} is damaged: {wrong} of its messages are not bytes with a time and a topic")
     if largest is not None and largest > MAX_CHUNK:
         most = MAX_CHUNK >> 20
         raise InputError(f"{path} is refused: a message has {largest >> 20} MiB; at most {most} are read")

@@ -68,6 +68,8 @@ class RosbagsFile:
             reader.open()
         except (DepthPoseError, MemoryError):
             raise
+        except DamageError as error:
+            raise InputError(f"{self.path} is refused: {error}") from error
         except Exception as error:  # rosbags raises a dozen kinds
             todo = _BAG_REPAIR if self._is_bag else _DB3_REPAIR
             raise InputError(f"{self.path} is damaged, or ends too early: {_said(error)}; {todo}") from error
