@@ -2,8 +2,8 @@
 
 A folder is one recording if it has rosbag2's ``metadata.yaml``, or if its files continue one another: the
 same name but for the last number, the same topics, each beginning where the one before ends. A folder of
-images without recordings is one if it was given itself or has a ``camera.json``. Any other folder holds recordings
-and folders.
+images without recordings is one if it was given itself or has a ``camera.json``. Any other folder holds
+recordings and folders.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Recordings on remote storage, by URL: fetched one by one, processed, removed.
 
 `fsspec` supports many kinds of storage: ``http``, ``s3``, ``gs``, ``ftp``, ``sftp`` and more, each with its
-own package. A recording is copied as a whole to a temporary folder of the worker: its index is at its end, and its
-content decides whether it was processed before.
+own package. A recording is copied as a whole to a temporary folder of the worker: its index is at its end,
+and its content decides whether it was processed before.
 """
 
 from __future__ import annotations
