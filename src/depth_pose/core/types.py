@@ -341,7 +341,7 @@ class Skeleton:
 
     @classmethod
     def lost(cls, stamp_ns: int, frame_id: str, body_id: str = "") -> Skeleton:
-        """Give the answer for a frame without a person."""
+        """Return the skeleton for a frame without a person."""
         return cls(
             stamp_ns=stamp_ns,
             frame_id=frame_id,
