@@ -241,7 +241,7 @@ def run_demo(recording: Path | str | None = None, output: Path | str = Path("res
 
 @contextmanager
 def _log(path: Path) -> Iterator[Callable[[str], None]]:
-    """Yield a function that writes lines at once; a full disk is reported by the skeletons' file, not here."""
+    """Yield a function that writes lines at once; a full disk is reported by the file of skeletons."""
     path.parent.mkdir(parents=True, exist_ok=True)
     with path.open("wb", buffering=0) as stream:
 
