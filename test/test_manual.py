@@ -85,6 +85,16 @@ def test_settings_that_are_named_exist() -> None:
             assert name in known[section], (page.name, section, name)
 
 
+def test_benchmarks_that_are_named_exist() -> None:
+    """Each script, and the part of it that is its first argument."""
+    for page in PAGES:
+        text = page.read_text(encoding="utf-8")
+        for script, part in re.findall(r"(benchmarks/[\w/]+\.py)(?: ([a-z][\w-]+))?", text):
+            assert (ROOT / script).is_file(), (page.name, script)
+            if part and f"python {script} {part}" in text:
+                assert f'"{part}"' in (ROOT / script).read_text(encoding="utf-8"), (page.name, script, part)
+
+
 def commands() -> Iterator[tuple[str, list[str]]]:
     """Yield the ``depth-pose`` lines of the manual's and the README's shell blocks, as words."""
     for page in [*PAGES, ROOT / "README.md"]:

@@ -276,7 +276,7 @@ def test_skeletons_become_dictionaries_records_and_tables(person):
 
 def test_pandas_is_asked_for_by_name(person, monkeypatch):
     monkeypatch.setitem(sys.modules, "pandas", None)
-    with pytest.raises(ConfigError, match="pip install pandas"):
+    with pytest.raises(ConfigError, match=r"pip install 'depth_pose\[pandas\]'"):
         person.to_pandas()
 
 

@@ -192,7 +192,7 @@ def test_stopped_and_gone_on(clips, bank_path, here, tmp_path, how):
     assert 0 < len(made) < CLIPS
     if how == signal.SIGINT:
         assert run.returncode == 130, text
-        assert "the same command goes on" in text
+        assert "the same command continues" in text
     for name, content in made.items():
         assert content == (here / name).read_bytes()
     (archive / "bad.mcap").write_bytes(b"no recording")

@@ -45,7 +45,7 @@ def depends(folder):
     return {e.text for e in root if e.tag in ("depend", "exec_depend", "buildtool_depend")}
 
 
-BROUGHT = {"llvmlite": "numba", "lz4": "mcap", "websockets": "viser", "zstandard": "mcap"}
+BROUGHT = {"lz4": "mcap", "websockets": "viser", "zstandard": "mcap"}
 """What is imported and comes with another that is in the list: that one, by the names of packages."""
 
 PACKAGES = {"PIL": "pillow", "yaml": "pyyaml", "libusb_package": "libusb-package"}
@@ -85,7 +85,7 @@ def test_what_the_sources_import_is_in_the_list():
     names = {PACKAGES.get(name, name) for name in imported()}
     ours = {name for name in names if not re.fullmatch(ROS, name)}
     assert set(NOBLE) | {"threadpoolctl", "mcap", "numba", "onnxruntime", "typer", "rosbags"} <= ours
-    listed = requirements("dependencies", *sorted(set(EXTRAS.values())), "remote", "pandas")
+    listed = requirements("dependencies", *sorted(set(EXTRAS.values())), "remote")
     ours |= {"open3d", "libusb-package"}  # core/open3d.py imports them by their names
     assert ours - set(listed) == set(BROUGHT)
     for name, by in BROUGHT.items():

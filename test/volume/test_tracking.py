@@ -176,7 +176,7 @@ def test_files_that_cannot_be_used(model, tmp_path):
     with pytest.raises(InputError, match="cannot be read"):
         VolumeModel.load(path)
     np.savez(path, a=np.zeros(3))
-    with pytest.raises(InputError, match="no volume model"):
+    with pytest.raises(InputError, match="not a volume model"):
         VolumeModel.load(path)
     np.savez(path, a=np.array([{"x": 1}], dtype=object))
     with pytest.raises(InputError, match="no plain numbers"):

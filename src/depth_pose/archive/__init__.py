@@ -1,1 +1,1 @@
-"""Many recordings: which they are, working on them with many processes, and the report."""
+"""Many recordings: finding them, processing them in parallel, and the report."""

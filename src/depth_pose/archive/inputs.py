@@ -1,9 +1,9 @@
-"""Which recordings are meant: files, folders, patterns, recordings that are split into parts.
+"""Find the recordings of inputs: files, folders, patterns, recordings that are split into parts.
 
-A folder is one recording where it has rosbag2's ``metadata.yaml``, or where its files carry on from one
-another: the same name but for its last number, the same topics, each beginning where the one before
-ends. Where images are in it, and no recordings, it is one if it was given itself or has their camera in a
-``camera.json``. Any other folder holds recordings, and folders.
+A folder is one recording if it has rosbag2's ``metadata.yaml``, or if its files continue one another: the
+same name but for the last number, the same topics, each beginning where the one before ends. A folder of
+images without recordings is one if it was given itself or has a ``camera.json``. Any other folder holds
+recordings and folders.
 """
 
 from __future__ import annotations

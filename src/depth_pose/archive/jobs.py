@@ -1,7 +1,7 @@
-"""Work on one recording of an archive, in whatever process it is done.
+"""Process one recording of an archive, in any process.
 
-A finished output says what it was made from (`Work.marks`): input, bank, settings and version. Where
-that is the same again, there is nothing to do.
+A finished output records what it was made from (`Work.marks`): input, bank, settings and version. If all are
+the same, it is skipped.
 """
 
 from __future__ import annotations

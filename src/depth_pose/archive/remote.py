@@ -1,8 +1,8 @@
-"""Recordings on remote storage, by their URLs: fetched one by one, worked on, removed.
+"""Recordings on remote storage, by URL: fetched one by one, processed, removed.
 
-`fsspec`, which Dask brings, knows the kinds of storage: ``http``, ``s3``, ``gs``, ``ftp``, ``sftp`` and more,
-each with a package of its own. A recording is copied as a whole to a temporary folder of the worker: its
-index stands at its end, and its content is what says whether it was done before.
+`fsspec` supports many kinds of storage: ``http``, ``s3``, ``gs``, ``ftp``, ``sftp`` and more, each with its
+own package. A recording is copied as a whole to a temporary folder of the worker: its index is at its end,
+and its content decides whether it was processed before.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What a bank is built from: poses of the embedded source and of recorded motion."""
+"""Sources of a bank: poses of the embedded source and of recorded motion."""
 
 from __future__ import annotations
 

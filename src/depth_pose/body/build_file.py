@@ -1,4 +1,4 @@
-"""Builds as files: JSON with each part's value and uncertainty, to be read by people, too."""
+"""Build files: readable JSON with each part's value and uncertainty."""
 
 from __future__ import annotations
 

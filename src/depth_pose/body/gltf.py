@@ -1,8 +1,8 @@
 """Rigged humans from glTF 2.0 files (``.glb``, ``.gltf``), as Blender and Mixamo users have them.
 
-Read is what a body needs: the triangles of the skinned meshes, their bones and weights, in the
-bind pose. Bones are found by name as those of recorded motion are (`find_joints`). Which way the
-person faces is told from head, hips and shoulders, so the file's axes and unit do not matter.
+The reader takes the triangles of the skinned meshes, their bones and weights, in the bind pose. Bones are
+found by name, as in recorded motion (`find_joints`). The facing direction is estimated from head, hips and
+shoulders, so the file's axes and unit do not matter.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Which joint of a recorded skeleton is which: by name patterns and by the tree's shape."""
+"""Identify the joints of a recorded skeleton by name patterns and by the shape of the tree."""
 
 from __future__ import annotations
 

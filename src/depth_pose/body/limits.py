@@ -1,4 +1,4 @@
-"""How far joints go: limits on anatomical angles, clamping and violation, the shoulder's rhythm.
+"""Joint limits: anatomical ranges, clamping, violation, and the shoulder's rhythm.
 
 The ranges are those of healthy adults, rounded between these sources and widened to the more
 generous where they differ, because a limit that forbids a real posture costs more than one that

@@ -2,7 +2,7 @@
 
 The score of a hypothesis is the mean, over the union of the two silhouettes, of
 ``min(|dz|, band) / band``; a pixel in one silhouette only counts as a full mismatch, and pixels
-where nothing is known are left out. It ranks candidates, finds the body's size, and tells
+where nothing is known are left out. It ranks candidates, finds the body's size, and detects
 failures.
 """
 

@@ -1,4 +1,4 @@
-"""Our nodes in somebody else's rig: where they lie, and which of its bones move with which."""
+"""Map the project's nodes to a foreign rig: their positions, and the bones that move with each."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Bodies from rigged meshes: bent into our rest pose, decimated and scaled to the reference adult."""
+"""Bodies from rigged meshes: moved to the rest pose, decimated, and scaled to the reference adult."""
 
 from __future__ import annotations
 

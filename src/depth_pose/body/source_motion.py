@@ -1,4 +1,4 @@
-"""A recorded motion on its own skeleton, before it is retargeted to ours."""
+"""A recorded motion on its own skeleton, before it is retargeted."""
 
 from __future__ import annotations
 

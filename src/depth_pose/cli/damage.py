@@ -1,4 +1,4 @@
-"""A command that read a damaged recording says so, and its exit code does, unless ``--lenient`` was given."""
+"""Report damage in recordings, and exit with code 3 unless ``--lenient`` was given."""
 
 from __future__ import annotations
 

@@ -13,7 +13,7 @@ def project(camera, x, y, z):
 
 @njit(cache=True, inline="always")
 def ray(camera, column, row):
-    """Give x and y of what a pixel sees at z = 1, for kernels."""
+    """Return x and y of a pixel's ray at z = 1, for kernels."""
     return (column - camera.cx) / camera.fx, (row - camera.cy) / camera.fy
 
 

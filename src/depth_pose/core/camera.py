@@ -68,25 +68,25 @@ class Camera(NamedTuple):
         return cls(int(width), int(height), float(fx), float(fy), float(cx), float(cy))
 
     def project(self, points: ArrayLike) -> NDArray[np.float64]:
-        """Give the pixel coordinates (..., 2), column and row, of points (..., 3) in the camera frame."""
+        """Return the pixel coordinates (..., 2), column and row, of points (..., 3) in the camera frame."""
         x, y, z = np.moveaxis(np.asarray(points, np.float64), -1, 0)
         return np.stack([self.fx * x / z + self.cx, self.fy * y / z + self.cy], axis=-1)
 
     def back_project(self, depth: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Give the points (H, W, 3) of a depth image (H, W), metres; NaN where there is none."""
+        """Return the points (H, W, 3) of a depth image (H, W), metres; NaN where there is none."""
         from depth_pose.core._camera_kernels import back_project  # numba only for those who compute
 
         return back_project(depth, self)
 
     def strided(self, step: int) -> Camera:
-        """Give the camera of the image of every ``step``-th pixel, beginning with the first."""
+        """Return the camera of the image of every ``step``-th pixel, beginning with the first."""
         width, height = -(-self.width // step), -(-self.height // step)
         return Camera(width, height, self.fx / step, self.fy / step, self.cx / step, self.cy / step)
 
     def cropped(self, left: int, top: int, width: int, height: int) -> Camera:
-        """Give the camera of a part of the image that begins at column ``left`` and row ``top``."""
+        """Return the camera of a part of the image that begins at column ``left`` and row ``top``."""
         return Camera(width, height, self.fx, self.fy, self.cx - left, self.cy - top)
 
     def matrix(self) -> NDArray[np.float64]:
-        """Give the intrinsic matrix K, (3, 3)."""
+        """Return the intrinsic matrix K, (3, 3)."""
         return np.array([[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])

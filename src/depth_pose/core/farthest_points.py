@@ -76,7 +76,7 @@ def farthest_rows(
 
 @njit(cache=True)
 def nearest_points(rows: Any, points: Any) -> Any:
-    """Give the number of the point nearest to each row, the first of those that are."""
+    """Return the index of the point nearest to each row, the first of equals."""
     numbers = np.zeros(len(rows), np.int32)
     for i in range(len(rows)):
         least = np.inf

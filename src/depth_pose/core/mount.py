@@ -19,7 +19,7 @@ from depth_pose.core.rotations import matrix_to_quat, quat_to_matrix
 from depth_pose.core.types import DepthFrame, Skeleton
 
 UPRIGHT = "_upright"
-"""Put behind the frame's name while it is turned, so that clouds and poses say what they are in."""
+"""Suffix of a frame's name while it is rotated upright."""
 
 
 def rotation_sensor_upright(roll_deg: float) -> NDArray[np.float64]:
@@ -41,12 +41,12 @@ def turn_upright(frame: DepthFrame, config: MountConfig) -> DepthFrame:
 
 
 def sensor_frame(frame_id: str, config: MountConfig) -> str:
-    """Give the name of the sensor's frame from that of the upright one."""
+    """Return the name of the sensor's frame from that of the upright one."""
     return frame_id if config.roll % 360.0 == 0.0 else frame_id.removesuffix(UPRIGHT)
 
 
 def check_turned(frame_id: str, config: MountConfig) -> None:
-    """See to it that what comes of a rolled sensor has been turned upright, with the same setting.
+    """Check that data from a rolled sensor was rotated upright with this setting.
 
     Without a roll nothing is turned back: then results stay in the frame that they say they are in.
 
@@ -62,7 +62,7 @@ def check_turned(frame_id: str, config: MountConfig) -> None:
 
 
 def turn_back(skeleton: Skeleton, config: MountConfig) -> Skeleton:
-    """Give a skeleton of an upright frame in the sensor's frame."""
+    """Return a skeleton of an upright frame in the sensor's frame."""
     if config.roll % 360.0 == 0.0:
         return skeleton
     rotation = rotation_sensor_upright(config.roll)

@@ -45,7 +45,7 @@ class Option:
 
 
 def options(config: type | object) -> Iterator[Option]:
-    """Give every setting of a configuration class, or of an instance with its values."""
+    """Return every setting of a configuration class, or of an instance with its values."""
     for f in fields(config):  # type: ignore[arg-type]
         default: Any = f.default if isinstance(config, type) else getattr(config, f.name)
         yield Option(name=f.name, default=default, **f.metadata)
@@ -93,7 +93,7 @@ def from_mapping(config: type[T], values: Mapping[str, Any]) -> T:
 
 
 def _as(kind: type, value: Any, where: str) -> Any:
-    """Give a value as the type that a setting has: whole numbers and sequences will do."""
+    """Convert a value to the type of a setting; whole numbers and sequences are accepted."""
     if kind is tuple and isinstance(value, Sequence) and not isinstance(value, str):
         return tuple(_as(float, one, where) for one in value)
     if kind is float and isinstance(value, int) and not isinstance(value, bool):
@@ -128,5 +128,5 @@ class Sections:
         return cls(**{name: _section(name, sections[name], part) for name, part in values.items()})
 
     def as_mapping(self) -> dict[str, dict[str, Any]]:
-        """Give every setting, nested by step."""
+        """Return every setting, nested by step."""
         return dataclasses.asdict(self)  # type: ignore[call-overload, no-any-return]

@@ -94,7 +94,7 @@ def refuse_inputs(targets: Iterable[AnyPath], inputs: Iterable[AnyPath | None]) 
 
 
 def _identities(path: Path) -> Iterator[tuple[int, int]]:
-    """Give device and inode of a file, or of those in a folder; nothing where there is none."""
+    """Yield device and inode of a file, or of those in a folder; nothing if there is none."""
     with suppress(OSError):
         for file in path.iterdir() if os.path.isdir(path) else [path]:
             found = file.stat()
@@ -209,7 +209,7 @@ class NewFile:
         self._ended = True
 
     def leave(self) -> Path:
-        """Leave what of a visible file has reached the disk, where the rest cannot be written; gives it."""
+        """Keep the part of a visible file that has reached the disk; return its path."""
         self._ended = True
         with suppress(OSError):
             self.stream.close()
@@ -225,7 +225,7 @@ class NewFile:
 
     @contextmanager
     def telling(self) -> Iterator[None]:
-        """Say of which file a full or failing disk is the trouble: `InputError` instead of OSError."""
+        """Raise `InputError` that names the file instead of OSError when the disk is full or fails."""
         try:
             yield
         except OSError as error:

@@ -20,7 +20,7 @@ def is_writable(folder: Path) -> bool:
 
 
 def private_folder(name: str) -> Path | None:
-    """Give a folder below the system's for temporary files that only this user can read and write.
+    """Return a private folder below the system's folder for temporary files.
 
     It is the same for all processes of the user, so that what one of them keeps serves the others. Where
     somebody else has taken that name, it is a new one.

@@ -103,7 +103,7 @@ def _line_printer(what: str, total: int | None) -> Callable[[float], None]:
 
 @contextmanager
 def loading(what: str) -> Iterator[None]:
-    """Tell of loading and compiling kernels: at once on a terminal, else by a line once it takes long."""
+    """Announce loading and compiling: at once on a terminal, else by a line after `_LONG_S`."""
     text = f"loading {what} and compiling the kernels: seconds, the first time minutes"
     if errors.is_terminal:
         with errors.status(text):

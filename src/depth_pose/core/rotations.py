@@ -30,7 +30,7 @@ def quat_to_matrix(quat_xyzw: Array) -> Array:
 
 
 def matrix_to_quat(matrix: Array) -> Array:
-    """Give unit quaternions (x, y, z, w), shape (..., 4), of rotations, shape (..., 3, 3); w >= 0.
+    """Return unit quaternions (x, y, z, w), shape (..., 4), of rotations, shape (..., 3, 3); w >= 0.
 
     Takes the largest of the four components first, which keeps it accurate at every angle.
     """

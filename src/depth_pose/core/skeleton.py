@@ -128,7 +128,7 @@ _MEASURED = np.array(
 
 
 def body_length(joints: NDArray[np.floating]) -> float:
-    """Give the lengths of trunk, neck, thighs and shanks and the width of the shoulders, added up, metres.
+    """Return the sum of the lengths of trunk, neck, thighs and shanks and the shoulder width, metres.
 
     It tells a person's size whatever their pose; ``joints`` are (19, 3), metres.
     """

@@ -12,6 +12,6 @@ class StampGuard:
         self._last_ns: int | None = None
 
     def is_break(self, stamp_ns: int) -> bool:
-        """Take note of a frame's stamp, and say whether the past no longer applies."""
+        """Record a frame's stamp; return whether memory of earlier frames must be dropped."""
         last, self._last_ns = self._last_ns, stamp_ns
         return last is not None and not 0 <= stamp_ns - last <= MAX_STAMP_GAP_NS

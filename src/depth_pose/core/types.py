@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.camera import Camera
-from depth_pose.core.errors import ConfigError, InputError
+from depth_pose.core.errors import InputError
+from depth_pose.core.extras import require
 from depth_pose.core.skeleton import JOINT_INDEX, JOINTS, JointState, Source
 
 
@@ -316,10 +317,9 @@ class Skeleton:
         ConfigError
             Where pandas is not installed.
         """
-        try:
-            import pandas
-        except ImportError as error:
-            raise ConfigError("to_pandas needs pandas, which is not installed: pip install pandas") from error
+        require("pandas", "to_pandas")
+        import pandas
+
         x, y, z = self.positions.T
         return pandas.DataFrame(
             {
@@ -341,7 +341,7 @@ class Skeleton:
 
     @classmethod
     def lost(cls, stamp_ns: int, frame_id: str, body_id: str = "") -> Skeleton:
-        """Give the answer for a frame without a person."""
+        """Return the skeleton for a frame without a person."""
         return cls(
             stamp_ns=stamp_ns,
             frame_id=frame_id,

@@ -160,7 +160,7 @@ def _run_here(function: Callable[..., T], tasks: Sequence[Task], listen: Listen)
 
 
 def _attempt(function: Callable[..., T], task: Task, tell: Tell) -> tuple[T | None, Exception | None]:
-    """Give the value and no error, or no value and the error."""
+    """Return the value and None, or None and the error."""
     try:
         return function(*task, tell), None
     except Exception as error:
@@ -184,7 +184,7 @@ class _Worker:
         self.index = -1
 
     def begin(self, index: int, task: Task) -> None:
-        """Hand over a task."""
+        """Send a task."""
         self.index = index
         with suppress(OSError):  # where it has died, its answer will say so
             self.pipe.send(task)

@@ -1,1 +1,1 @@
-"""Scores against known joints, and pictures of the results."""
+"""Scores against true joints, and pictures of the results."""

@@ -1,4 +1,4 @@
-"""Pictures that move: skeletons over the depth of a recording, frame by frame, as a GIF."""
+"""Animated GIFs: skeletons over the depth of a recording, frame by frame."""
 
 from __future__ import annotations
 

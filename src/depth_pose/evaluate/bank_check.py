@@ -1,4 +1,4 @@
-"""Inputs beside their best matches, to see what a bank finds in a recording."""
+"""Draw inputs beside their best matches in a bank."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Contact sheets: skeletons drawn over the depth images that they were found in."""
+"""Contact sheets: skeletons drawn over their depth images."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Pictures as files: whole or not at all, in a format that is known before the work."""
+"""Picture files: written whole or not at all, with the format checked before the work."""
 
 from __future__ import annotations
 

@@ -1,11 +1,11 @@
-"""Skeletons against known joints.
+"""Score skeletons against true joints.
 
-Errors are distances between a joint's known and its answered position. A frame is answered
-by the skeleton whose stamp is nearest to the truth's, within 2 ms. The mean errors are over
-answered joints; the shares (``pck``, percentage of correct keypoints as a fraction) count a joint or a
+Errors are distances between the true and the estimated position of a joint. A frame is matched with
+the skeleton of the nearest stamp, within 2 ms. The mean errors are over
+estimated joints; the shares (``pck``, percentage of correct keypoints as a fraction) count a joint or a
 frame without an answer as a miss.
 
-Bodies differ in where exactly a joint is said to be. The offset-free error takes out each
+Bodies differ in the exact definition of a joint. The offset-free error removes each
 joint's constant offset in a frame that turns with the torso: x from the right shoulder and
 hip to the left ones, z from pelvis to neck, made orthogonal; the offset is the median over
 all frames of all sequences.

@@ -1,7 +1,7 @@
-"""Skeletons against joints found in an image: agreement in pixels, for real frames without truth.
+"""Score skeletons against 2D joints of an image, in pixels, for real frames without truth.
 
 The reference is a JSON list, one entry per depth frame in the recording's order, each with the
-joints' ``[u, v, visibility]``. Distances are told as shares of the person's height in pixels.
+joints' ``[u, v, visibility]``. Distances are relative to the person's height in pixels.
 """
 
 from __future__ import annotations

@@ -1,12 +1,11 @@
-"""Everybody's skeletons against everybody's known joints.
+"""Score the skeletons of several people against their true joints.
 
-In each frame the known people and the answered skeletons are assigned to each other so that the sum of
-mean joint distances is least; a pair farther apart than `REACH_M` is none. A person is asked for where at
-least `ASKED_SHARE` of them is visible. Those of whom at least `WEAK_SHARE` is visible are neither asked
-for nor held against the answer.
+In each frame true people and skeletons are assigned to each other with the smallest sum of mean joint
+distances; pairs farther apart than `REACH_M` are not matched. A person is asked for if at least `ASKED_SHARE`
+is visible. A person of whom at least `WEAK_SHARE` is visible is neither asked for nor counted as false.
 
 IDF1 is that of Ristani et al., *Performance Measures and a Data Set for Multi-Target, Multi-Camera
-Tracking*, 2016: each person is given the one id that serves them longest, and frames under that id count.
+Tracking*, 2016: each person is assigned the id that matches them longest, and frames with that id count.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Depth images as something that one can look at: colour for distance, shade for shape."""
+"""Render depth images for viewing: colour for distance, shading for shape."""
 
 from __future__ import annotations
 

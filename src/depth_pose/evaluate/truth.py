@@ -1,8 +1,8 @@
-"""Truth files: where the joints of one person, or of several, are known to be.
+"""Truth files: true joints of one person or several.
 
-A file is an ``.npz`` with ``names`` (J,), ``stamps_ns`` (T,), ``joints`` and ``seen``. Of one person
-``joints`` is (T, J, 3) and ``seen`` (T, J). Of several they are (T, P, J, 3) and (T, P, J), and
-``visible`` (T, P) is the share of each person that the image shows and nobody hides.
+A file is an ``.npz`` with ``names`` (J,), ``stamps_ns`` (T,), ``joints`` and ``seen``. For one person
+``joints`` is (T, J, 3) and ``seen`` (T, J). For several they are (T, P, J, 3) and (T, P, J), and
+``visible`` (T, P) is the visible share of each person.
 """
 
 from __future__ import annotations

@@ -4,12 +4,12 @@ The format: M. Meredith and S. Maddock, *Motion Capture File Formats Explained*,
 2001. y is up, the rest pose faces z, angles are degrees, intrinsic, in the order z, x, y.
 
 The hierarchy is `depth_pose.core.skeleton.NODES`: the 19 joints, and the two sterno-clavicular joints
-that carry the shoulders, as animation rigs have them. OFFSETs are the person's own, found from their
+that carry the shoulders, as animation rigs have them. OFFSETs are the person's own, estimated from their
 motion: with :math:`R_j` the rotation of the segment that begins in joint *j* and :math:`p` positions,
 
 .. math:: o_i = \mathrm{median}_t \, R_j(t)^\top (p_i(t) - p_j(t)), \qquad j \text{ the parent of } i,
 
-at the median length. That is the bone of the person's build wherever it was fitted with one. Every
+at the median length. It equals the bone of the person's build in all frames that were fitted with it. Every
 segment with one child is then turned, by the smallest rotation, to point to where that child was found.
 """
 

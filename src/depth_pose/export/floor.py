@@ -1,7 +1,7 @@
-"""The floor that people stand on, from their skeletons and, where it is given, the depth recording.
+"""The floor that people stand on, from their skeletons and optionally the depth recording.
 
-Feet say roughly where the floor is: a toe base lies .044 of the stature above it (`rest_nodes`), and a
-trunk that stands says which way is up. The depth images then say it exactly (`depth_pose.detect.floor`).
+Feet give a rough estimate: a toe base is .044 of the stature above the floor (`rest_nodes`), and a standing
+trunk points up. The depth images then give it exactly (`depth_pose.detect.floor`).
 
 The world is REP-103's: x forward (where the sensor looks), y to the left, z up, the origin on the floor
 below the sensor.

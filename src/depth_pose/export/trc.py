@@ -1,7 +1,7 @@
 """Writer of track row column files (.trc), as OpenSim reads markers.
 
 The format: *Marker (.trc) Files*, OpenSim documentation (simtk-confluence.stanford.edu). Columns are
-separated by tabs. What is not known is ``NaN``: OpenSim refuses a line that ends in empty cells.
+separated by tabs. Unknown values are ``NaN``: OpenSim refuses a line that ends in empty cells.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Motion and sets of poses, whatever they come from: mirroring, thinning, choosing for coverage.
+"""Motion and sets of poses: mirroring, thinning, choosing for coverage.
 
 Poses are compared as the joint positions of a 1.75 m body with the pelvis at the origin and the
 heading removed. The distance of two poses is the root mean square over the 19 joints of their

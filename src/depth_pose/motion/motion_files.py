@@ -1,4 +1,4 @@
-"""Folders of recorded motion: every file read, retargeted, and accounted for."""
+"""Folders of recorded motion: every file is read, retargeted and reported."""
 
 from __future__ import annotations
 

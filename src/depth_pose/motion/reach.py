@@ -1,4 +1,4 @@
-"""Two-link inverse kinematics: the arm that brings a wrist, the leg that brings an ankle, to a place."""
+"""Two-link inverse kinematics: arm angles for a wrist position, leg angles for an ankle position."""
 
 from __future__ import annotations
 

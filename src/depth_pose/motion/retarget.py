@@ -1,6 +1,6 @@
-"""Recorded motion brought to our skeleton by the directions of its bones.
+"""Retarget recorded motion to the project's skeleton by the directions of its bones.
 
-Every limb segment of ours takes the direction of the recorded one, so that hands and feet are
+Every limb segment takes the direction of the recorded one, so that hands and feet are
 where the motion puts them but for the bones' lengths, which stay the body's own. The turn about
 a limb comes from the plane of elbow or knee where it is bent, else from the recorded rotation.
 Trunk, head, clavicles and feet take the recorded rotations, against a rest pose that stands

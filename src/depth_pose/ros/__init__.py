@@ -31,7 +31,7 @@ os.environ.setdefault(PROFILE_VARIABLE, str(PROFILE_PATH))
 
 
 def stay_local() -> None:
-    """Have this process and its children use the loopback interface alone; before rclpy is initialised.
+    """Restrict this process and its children to the loopback interface; call before rclpy is initialised.
 
     Raises
     ------

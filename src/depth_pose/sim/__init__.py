@@ -1,1 +1,1 @@
-"""A virtual depth sensor that watches a moving body: recordings with known joints."""
+"""A virtual depth sensor: recordings of moving bodies with known joints."""

@@ -1,4 +1,4 @@
-"""Compiled cloth; `depth_pose.sim.clothing` says what it is for."""
+"""Kernels of the cloth simulation in `depth_pose.sim.clothing`."""
 
 from __future__ import annotations
 

@@ -1,8 +1,7 @@
-"""How a posed body comes to rest on floor, bed or seat.
+"""Settle a posed body on floor, bed or seat.
 
-Who lies, kneels, crawls or sits on the floor rests on two places at least, as a rigid body does on
-the edge of its lower hull that lies under its centre of mass; it is tilted about the axis across
-it until that edge is level. Then it is put down.
+A body that lies, kneels, crawls or sits on the floor rests on at least two places, as a rigid body does on
+the edge of its lower hull under its centre of mass. It is tilted until that edge is level, then lowered.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Clothes that lie on the skin, hair and belly: the body's surface pushed outward.
+"""Tight clothes, hair and belly: the body's surface moved outward.
 
 Thickness is drawn a region and varied smoothly over the surface; folds are shorter waves. Cloth
 on the underside of a limb hangs off it further. Hands and face stay bare.

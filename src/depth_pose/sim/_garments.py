@@ -1,8 +1,8 @@
-"""Clothes that hang free of the skin: skirts, coats, cloaks, scarves, blankets over lying people.
+"""Loose garments: skirts, coats, cloaks, scarves, blankets over lying people.
 
 They are shaped from the posed body directly, without simulating cloth: a skirt's rows are ellipses
-across both legs, a cloak is the body's silhouette round a vertical axis, made to hang from what
-it last touched, a blanket the greatest height beneath it.
+across both legs, a cloak is the body's silhouette about a vertical axis, hanging from what it last
+touched, a blanket the maximum height beneath it.
 """
 
 from __future__ import annotations

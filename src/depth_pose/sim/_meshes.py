@@ -1,4 +1,4 @@
-"""Small meshes that clothes and things are made of, and joining them."""
+"""Small meshes of clothes and objects, and their combination."""
 
 from __future__ import annotations
 

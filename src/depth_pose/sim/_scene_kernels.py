@@ -1,4 +1,4 @@
-"""Kernels of simulated scenes: a depth buffer of triangles, and what a projector cannot reach."""
+"""Kernels of simulated scenes: a depth buffer of triangles, and the shadow of a projector."""
 
 from __future__ import annotations
 

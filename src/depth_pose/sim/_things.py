@@ -1,6 +1,6 @@
-"""Things on people and in their hands: hats, buns, backpacks, bags; boxes, laptops, balls.
+"""Objects worn and held: hats, buns, backpacks, bags; boxes, laptops, balls.
 
-What is worn counts as the person; what is held does not.
+Worn objects count as the person; held ones do not.
 """
 
 from __future__ import annotations

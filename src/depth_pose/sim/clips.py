@@ -1,4 +1,4 @@
-"""Videos of several people in one room, with the truth: to measure who follows several people.
+"""Clips of several people in one room, with the truth, for scoring trackers.
 
 People walk from place to place, cross each other, hide behind furniture and each other, leave the image and
 come back, stand side by side, and one may sit down. Room, camera, sensor, builds and clothes stay.

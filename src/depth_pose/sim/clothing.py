@@ -1,9 +1,9 @@
-"""Loose clothing: sheets of cloth that hang on a moving body and lag behind it.
+"""Loose clothing: sheets of cloth that follow a moving body with a lag.
 
 Cloth is particles held at their distances (position-based dynamics: M. Mueller, B. Heidelberger,
 M. Hennix, J. Ratcliff, *Position based dynamics*, J. Vis. Commun. Image R. 18, 2007), pinned to
 the body along one edge and pushed out of capsules around legs, trunk and arms. A skirt is a flared
-tube pinned around the waist; a sleeve hangs from the arm's length as a kimono's does.
+tube pinned around the waist; a sleeve hangs along the arm as in a kimono.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Settings of the simulation: the person (not the default bank's body), the camera's place, the room."""
+"""Settings of the simulation: the person (not the body of the default bank), camera and room."""
 
 from __future__ import annotations
 

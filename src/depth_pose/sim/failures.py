@@ -1,8 +1,8 @@
-"""Failures put into right skeletons, to see whether they are found: `KINDS` by name.
+"""Failures inserted into correct skeletons, for testing their detection: `KINDS` by name.
 
 ``flip``: the person taken for their own back view. ``legs``: left and right leg exchanged.
-``arm``: one arm somewhere else. ``jump``: another pose altogether. They are what trackers from
-depth are known to do; bones keep their lengths, and the scores are those of the wrong poses.
+``arm``: one arm somewhere else. ``jump``: another pose altogether. They are typical failures of depth
+trackers; bones keep their lengths, and the scores are those of the wrong poses.
 """
 
 from __future__ import annotations

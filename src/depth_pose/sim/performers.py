@@ -1,8 +1,8 @@
 """Simulated people who move while their build and clothes stay the same.
 
 A performer plays acts one after the other: walk to a spot, stand about with some motion of the embedded
-motion source, sit down. Poses go over into each other by turning every segment evenly, and where the person
-is on the floor follows from the poses: the lower ankle stays where it is, as a foot that carries weight does.
+motion source, sit down. Transitions rotate every segment evenly, and the path on
+the floor follows from the poses: the lower ankle stays in place, as a foot that carries weight does.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Where the virtual camera stands, and what else is in the room."""
+"""Placement of the virtual camera, and the room around it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Cameras under the roof around a space, and the silhouettes and depth images that they see."""
+"""Cameras under the roof around a space, with their silhouettes and depth images."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""Random rooms: shell, what hangs on the walls, and places for furniture.
+"""Random rooms: shell, fixtures on the walls, and places for furniture.
 
 The camera stands over the origin of the room frame (y up, z away from it along the floor, metres); the
-walls stand around it, turned by some angle.
+walls are around it, rotated by some angle.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""A camera in a room, and what it would see there without noise.
+"""A camera in a room, and its image without noise.
 
-Scenes are drawn with a depth buffer instead of cast rays: one image of a furnished room takes a fifth of
-the time, and most of a ray caster's time goes into a tree that serves a single image.
+Scenes are drawn with a depth buffer instead of ray casting: an image of a furnished room takes a fifth of
+the time, because a ray caster builds its tree for a single image.
 """
 
 from __future__ import annotations

@@ -1,10 +1,10 @@
-"""Shapes that things in rooms are made of, and their triangles.
+"""Shapes of objects in rooms, and their triangles.
 
-A thing is an `Assembly` of boxes, cylinders, lumps and sheets, made at the origin of its own floor
+An object is an `Assembly` of boxes, cylinders, lumps and sheets, made at the origin of its own floor
 (metres, x to the right, y up, z to the front) and then moved to its place. The shapes of one scene
-are turned into triangles together (`triangulate`), because one by one would take longer than to draw
-them. Every triangle knows what kind of thing it shows and how much of an infrared sensor's light it
-sends back: black plastic and screens next to nothing, white paint nearly all.
+are turned into triangles together (`triangulate`), because one by one would take longer than drawing
+them. Every triangle has the kind of its object and its infrared reflectance: black plastic and screens
+near 0, white paint near 1.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""Recordings of a virtual sensor that watches a moving person, with the joints known.
+"""Recordings of a virtual sensor that sees a moving person, with known joints.
 
 The truth file beside a recording holds ``joints`` (T, 19, 3) float32 in the optical frame,
-metres; ``names``; ``stamps_ns`` (T,); ``seen`` (T, 19), whether the camera sees the side of
-the body where the joint is; ``K`` (3, 3); ``box`` (6,), least and greatest x, y, z of the
+metres; ``names``; ``stamps_ns`` (T,); ``seen`` (T, 19), whether the joint is on the side of the
+body that the camera sees; ``K`` (3, 3); ``box`` (6,), least and greatest x, y, z of the
 body over the whole clip.
 """
 

@@ -1,9 +1,9 @@
 """Who may connect to the viewer: programs, and the page that it serves itself; no page of another site.
 
-A browser lets any page that somebody visits open a websocket to a port of their own machine, and read what
-comes (RFC 6455, section 10.2): that a server listens on the loopback interface keeps no web page out. The
-browser says with each such connection whose page asks, in ``Origin``. A page whose name leads to this machine
-only for the moment (DNS rebinding) is told by the name that it gives the server, in ``Host``.
+A browser lets any visited page open a websocket to a port of its own machine and read the answers (RFC 6455,
+section 10.2), so listening on the loopback interface excludes no web page. With each connection the browser
+sends the origin of the page in ``Origin``. A page whose name was rebound to this machine (DNS rebinding) is
+recognised by the server name that it sends in ``Host``.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The viewer's server: one loop that shows the newest frame, and the panel that steers it."""
+"""The viewer's server: one loop that shows the newest frame, and its control panel."""
 
 from __future__ import annotations
 

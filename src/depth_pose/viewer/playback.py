@@ -1,4 +1,4 @@
-"""Where a recording's playback is: play, pause, scrub, speed. Plain Python."""
+"""State of a playback: play, pause, scrub, speed. Plain Python."""
 
 from __future__ import annotations
 

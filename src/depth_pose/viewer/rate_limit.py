@@ -1,8 +1,8 @@
-"""Frames no faster than browsers show them.
+"""Limit the frame rate to what the browsers can draw.
 
-A browser takes from the network whatever comes and keeps it until it can draw; so one that draws slowly
-would fall behind, and its memory grow. Hence each is asked, after a frame, for something that it answers
-in turn, after what it got before: a value of its local storage. Until then no other frame is sent.
+A browser queues everything from the network until it can draw, so a slow one would fall behind and its memory
+would grow. After each frame every browser is therefore asked for a value of its local storage, which it
+answers after drawing what came before. Until then no other frame is sent.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The floor of what is being watched, found from the first frames that show somebody standing on it."""
+"""The floor of the scene, estimated from the first frames that show somebody standing on it."""
 
 from __future__ import annotations
 

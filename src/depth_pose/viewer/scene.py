@@ -1,4 +1,4 @@
-"""What is seen in the browser: points, skeletons, bodies, floor, camera, trails."""
+"""Objects shown in the browser: points, skeletons, bodies, floor, camera, trails."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Pictures of what a browser shows: one as PNG, several as a GIF that moves."""
+"""Screenshots of the browser: PNG, or animated GIF."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where frames come from: a recording that is read ahead in a thread, or running nodes."""
+"""Sources of frames: a recording that a thread reads ahead, or running nodes."""
 
 from __future__ import annotations
 

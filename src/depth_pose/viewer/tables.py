@@ -1,4 +1,4 @@
-"""Who is there, and how the nodes do, as the tables of the viewer's panel."""
+"""Tables of the viewer's panel: people and state of the nodes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Compiled descriptor; `depth_pose.volume.descriptor` says what it is for."""
+"""Kernels of `depth_pose.volume.descriptor`."""
 
 from __future__ import annotations
 

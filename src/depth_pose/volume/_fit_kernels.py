@@ -1,4 +1,4 @@
-"""Compiled loop of the fit to a volume; `depth_pose.volume.fit` says what it is for."""
+"""Kernels of `depth_pose.volume.fit`."""
 
 from __future__ import annotations
 

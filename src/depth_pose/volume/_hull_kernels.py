@@ -1,4 +1,4 @@
-"""Compiled carving; `depth_pose.volume.hull` says what it is for."""
+"""Kernels of `depth_pose.volume.hull`."""
 
 from __future__ import annotations
 

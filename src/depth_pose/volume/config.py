@@ -1,6 +1,6 @@
-"""Settings of the volume tracker; the defaults stand here and nowhere else.
+"""Settings of the volume tracker, with their defaults.
 
-Where nothing else is said they were chosen on further performances (101 and 102 of
+Unless stated otherwise they were chosen on further performances (101 and 102 of
 `benchmarks/parts/dances.py`) that neither training nor the tables of docs/volume.md use.
 """
 

@@ -1,4 +1,4 @@
-"""From the image messages of several cameras to pixels, live and offline alike."""
+"""Decode the image messages of several cameras, live and offline alike."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""What the cameras of a rig see of the person at one time: silhouettes to a hull, or depth to surfaces.
+"""Convert the images of a rig at one time: silhouettes to a hull, or depth to surfaces.
 
-Depth images show more than the person. They are cut out here, live and offline alike, by what the main
-method does first (`depth_pose.denoise.extract`), unless ``views.cut_out`` says that there is nothing else.
+People are cut out of depth images by the first stage of the main method (`depth_pose.denoise.extract`), live
+and offline alike, unless ``views.cut_out`` is off.
 """
 
 from __future__ import annotations

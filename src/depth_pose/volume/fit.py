@@ -1,9 +1,9 @@
 """A last fit of a body to the volume, from the regressed pose.
 
-Regression answers with mixtures of poses that it was taught; only the volume itself tells how this
-dancer's arm differs from all of them. The articulated fit of `depth_pose.refine.articulated`
-is run on the surface voxels, with one change: a vertex counts as much as it can be trusted to lie on
-the surface, which was learned from the training's clothing. What clothing hides keeps its regressed
+Regression returns mixtures of training poses; only the volume shows how this dancer's arm differs from
+all of them. The articulated fit of `depth_pose.refine.articulated`
+is run on the surface voxels, with one change: the weight of a vertex is the probability that it is on
+the surface, learned from the clothing in training. Parts hidden by clothing keep their regressed
 pose.
 """
 

@@ -1,9 +1,9 @@
 """Shape from silhouette: calibrated silhouettes to the surface voxels of the visual hull.
 
-Two levels: blocks of about 8 cm are kept or thrown away as wholes with integral images (a block
+Two levels: blocks of about 8 cm are kept or discarded as a whole with integral images (a block
 that falls on background only in one camera is empty, one that falls on silhouette only in all of
-them is full), and only the rest is carved voxel by voxel. Where every voxel falls in every camera
-is worked out once per set of cameras.
+them is full), and only the rest is carved voxel by voxel. The pixel of every voxel in every camera
+is computed once per set of cameras.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What is learned from performances, and its file.
+"""The model learned from performances, and its file.
 
 The file is a plain ``.npz`` of arrays and one JSON text; nothing in it is executed when it is read.
 """

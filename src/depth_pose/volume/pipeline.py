@@ -1,4 +1,4 @@
-"""The method as a whole: Hirai, Ukita, Kidode, from what the cameras see to joint angles.
+"""The method of Hirai, Ukita and Kidode as a whole, from images to joint angles.
 
 `VolumePoseTracker` goes from volumes to poses, `VolumePipeline` from images.
 """

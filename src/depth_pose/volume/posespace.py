@@ -1,9 +1,9 @@
 """The latent space of poses: principal components of segment rotations (Sec. 5).
 
-A pose is the nine numbers of each segment's rotation, seen from where the pelvis faces, and where the
-pelvis is relative to the volume's centroid. Rotation matrices, not joint angles or rotation vectors:
-those wrap, and a mean of wrapped angles is no pose. What comes back from the latent space is made a
-rotation again by the nearest one.
+A pose is the nine numbers of each segment's rotation relative to the heading, and the position of the
+pelvis relative to the volume's centroid. Rotation matrices, not joint angles or rotation vectors:
+those wrap, and a mean of wrapped angles is not a pose. Matrices from the latent space are replaced by the
+nearest rotations.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Recorded silhouettes or depth images as sets of views, in order, none dropped unsaid."""
+"""Recorded silhouettes or depth images as sets of views, in order; every drop is reported."""
 
 from __future__ import annotations
 

@@ -1,8 +1,7 @@
-"""How far poses are apart: joint angles in degrees, joints in centimetres, and what to read them against.
+"""Pose errors: joint angles in degrees, joints in centimetres, with baselines.
 
-An angle error alone means nothing, so every report stands beside the error of always answering the
-training poses' mean, and that of the training pose nearest to the truth, which no method that only
-looks poses up can beat.
+The baselines are the error of always returning the mean training pose, and that of the training pose nearest
+to the truth, which is the limit of methods that look poses up.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
-r"""The space that descriptors are compared in.
+r"""The space in which descriptors are compared.
 
-Descriptors of one pose differ by who wears what. Their covariance *within* poses, over the wearers
-of the training, is whitened away, so that what clothing changes counts little and what only the pose
-changes counts much; of what is left the first principal components are kept, and the square of the
-rest, which grows when a volume looks like no training volume, for instance under a wrong heading.
+Descriptors of one pose differ between wearers. Their covariance *within* poses, over the wearers in training,
+is whitened, so that changes by clothing count little and changes by pose count much. The first principal
+components are kept, and the square of the rest, which grows when a volume resembles no training volume, for
+instance under a wrong heading.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""How tall somebody is, from the first frames.
+"""Estimate the height of the person from the first frames.
 
-First the height at which the descriptors suit the model best; then the fits of the body to the volumes
-say by what factor it should be larger or smaller, and the height follows them, less each time.
+The start is the height at which the descriptors agree best with the model; then the fits of the body to the
+volumes correct it by a factor, with decreasing steps.
 """
 
 from __future__ import annotations

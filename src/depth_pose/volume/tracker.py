@@ -10,14 +10,14 @@ taking the heading that suits it best. Two likelihoods:
 ``latent``
     Hirai et al. eq. 4 as printed, with :math:`x^\theta` regressed from :math:`v^\theta`.
 
-The first is the default. Eq. 4 does not punish wrong headings: a volume under one looks like no training
-volume, the regression answers the mean of X, and there the variance is low (docs/volume.md has both).
+The first is the default. Eq. 4 does not penalise wrong headings: a volume under one resembles no training
+volume, the regression returns the mean of X, and there the variance is low (docs/volume.md has both).
 
 The weighted mean of the particles is the latent point, from which the pose is regressed.
 
-Several depth cameras each have a view of the model of their own; what they see is compared camera by
-camera, under one heading, and the likelihoods are multiplied. So one model serves any number of cameras
-wherever they stand, and a camera that is lost has no say.
+Each depth camera has its own view of the model; its surface is compared under a common heading, and the
+likelihoods of the cameras are multiplied. So one model serves any number of cameras at any place, and a lost
+camera is left out.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Chains of coordinate frames: where a camera's frame lies in another, along static transforms."""
+"""Chains of static transforms between coordinate frames."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Motion that the program makes itself, from tables and curves with cited sources."""
+"""Procedural motion, from tables and curves with cited sources."""

@@ -1,8 +1,8 @@
-"""Two dances, performed again and again: no performance is like the one before.
+"""Two dances; every performance is different.
 
 A dance is a table of key postures, one to a beat, that ends as it begins. A *performance* of it
 has its own tempo, timing that wanders against the beat, range of each limb, habitual posture, and
-a slow irregular deviation of every joint. The dances are no families of the exemplar bank.
+a slow irregular deviation of every joint. The dances are not part of the exemplar bank.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""How the procedural motions are varied and moved in time.
+"""Variation and timing of the procedural motions.
 
 Every motion is one function of time and of a `Draw`. For a clip the draw gives one value of
 each parameter and the function is called with the times of all frames; for a set of poses the

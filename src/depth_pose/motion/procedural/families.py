@@ -1,4 +1,4 @@
-"""The motions that the procedural source knows, by name, and their parts in a set of poses."""
+"""Families of procedural motion by name, and their shares in a set of poses."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where the legs are: standing in many ways, crouching, lunging, sitting, one-legged.
+"""Leg postures: standing in many ways, crouching, lunging, sitting, one-legged.
 
 A stance places the two feet and the pelvis, and the legs follow (`leg_to_target`). Trunk angles
 come with it, because a low pelvis needs a forward lean to stay in balance. The ranges that a stance draws

@@ -1,4 +1,4 @@
-"""Motions of a person under way: walking, running, turning, side steps, crouching, sitting."""
+"""Locomotion: walking, running, turning, side steps, crouching, sitting."""
 
 from __future__ import annotations
 

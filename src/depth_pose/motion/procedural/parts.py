@@ -1,4 +1,4 @@
-"""What the families of motions share: the motion itself, free head and trunk, standing legs."""
+"""Shared parts of the motion families: the motion itself, free head and trunk, standing legs."""
 
 from __future__ import annotations
 

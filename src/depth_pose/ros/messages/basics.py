@@ -22,7 +22,7 @@ def stamp_to_ns(stamp: Time) -> int:
 
 
 def first_stamp_ns(raw: bytes) -> int:
-    """Give the stamp of a message that begins with a header, of its bytes (CDR)."""
+    """Return the stamp of a serialised message (CDR) that begins with a header."""
     if len(raw) < _STAMP.size:
         raise InputError(f"{len(raw)} bytes hold no header")
     little, sec, nanosec = _STAMP.unpack_from(raw)

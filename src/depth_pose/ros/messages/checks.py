@@ -42,7 +42,7 @@ def check_people(what: str, body_ids: Sequence[str]) -> None:
 
 
 def check_numbers(what: str, numbers: ArrayLike, most: float = _FARTHEST_M) -> NDArray[np.float64]:
-    """Give numbers as an array.
+    """Return numbers as an array.
 
     Raises
     ------

@@ -47,7 +47,7 @@ def _candidate_to_msg(candidate: Candidate) -> CandidateMsg:
 
 
 def msg_to_matches(msg: PoseMatchArray) -> tuple[PoseMatch, ...]:
-    """Give the matches of a message, equal to those that were sent.
+    """Return the matches of a message, equal to those that were sent.
 
     Raises
     ------

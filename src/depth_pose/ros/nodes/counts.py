@@ -55,7 +55,7 @@ class Figures:
         return sum(t >= since for t in self._times) / 2.0
 
     def new_drops(self) -> Counter[str]:
-        """Give the drops since this was last asked."""
+        """Return the drops since the last call."""
         new = self.drops - self._told
         self._told = self.drops.copy()
         return new

@@ -101,7 +101,7 @@ class DenoiseNode(StageNode):
             self.figures.values[f"ignored: {reason}"] = count
 
     def _take_answer(self, message: bytes) -> None:
-        """Note which frame has arrived."""
+        """Record the arrival of a frame."""
         self._under_way.arrive(first_stamp_ns(message), time.monotonic())
         self._begin_waiting()
 

@@ -1,4 +1,4 @@
-"""Say so when a topic has publishers but nothing comes, has no publisher, or has several."""
+"""Report topics without messages, without a publisher, or with several."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ class SilenceWatch:
         self._watched = {i.topic: _Watched(_type_name(i.kind)) for i in inputs if i.sensor}
 
     def heard(self, topic: str) -> None:
-        """Note a message."""
+        """Record a message."""
         watched = self._watched.get(topic)
         if watched is not None:
             now = time.monotonic()

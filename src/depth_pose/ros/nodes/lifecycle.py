@@ -85,7 +85,7 @@ class _Caller:
         self._timeout_s = timeout_s
 
     def bring(self, name: str, active: bool) -> str:
-        """Bring a node to be active, or not; gives the label of its state.
+        """Activate or deactivate a node; return the label of its state.
 
         What is not answered is asked again, from the state on: an answer is lost where the node had not
         yet met the client that it was for.
@@ -106,7 +106,7 @@ class _Caller:
         raise DepthPoseError(f"{name} did not answer in {self._timeout_s:.0f} s")
 
     def _call(self, kind: type, name: str, request: Any) -> Any:
-        """Give the service's answer, or None if there was none."""
+        """Return the service's response, or None on timeout."""
         client = self._node.create_client(kind, name)
         looked, waited_s = time.monotonic(), 0.0
         while not client.service_is_ready():

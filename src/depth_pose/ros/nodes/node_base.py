@@ -154,7 +154,7 @@ class StageNode(LifecycleNode, ABC):
         """
 
     def stamp_ns(self, *messages: Any) -> int:
-        """Give the stamp of a frame."""
+        """Return the stamp of a frame."""
         return stamp_to_ns(messages[0].header.stamp)
 
     def check_config(self, config: Any, changes: Mapping[str, Any]) -> None:
@@ -225,7 +225,7 @@ class StageNode(LifecycleNode, ABC):
         self._latched.append(LatchedTopic(self, kind, topic, take, depth))
 
     def guard(self, topic: str, call: Callable[..., None], *arguments: Any) -> None:
-        """Call what takes a message: whatever it was, the node lives, and what is bad is counted."""
+        """Call the handler of a message; count bad messages instead of raising."""
         try:
             call(*arguments)
         except ConfigError:  # the settings are wrong, not the message
@@ -312,12 +312,12 @@ class StageNode(LifecycleNode, ABC):
         return super().on_deactivate(state)
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Let go of the stage and of the topics."""
+        """Release the stage and the topics."""
         self._close()
         return super().on_cleanup(state)
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Let go of everything, for good."""
+        """Release everything."""
         self._close()
         return super().on_shutdown(state)
 
@@ -352,7 +352,7 @@ class StageNode(LifecycleNode, ABC):
             self.process(whole)
 
     def heard(self, topic: str) -> None:
-        """Note that a message came."""
+        """Record the arrival of a message."""
         if self._watches is not None:
             self._watches[1].heard(topic)
 
@@ -440,7 +440,7 @@ class StageNode(LifecycleNode, ABC):
         self._diagnostics.publish(message)
 
     def _judge(self) -> tuple[bytes, str]:
-        """Give the level and the words of this second's diagnostics."""
+        """Return level and text of this second's diagnostics."""
         new = self.figures.new_drops()
         if self._watches is None or not self.is_active:
             return DiagnosticStatus.OK, "is paused" if self._watches else "is not configured"

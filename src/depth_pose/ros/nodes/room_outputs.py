@@ -95,7 +95,7 @@ class RoomOutputs:
             self._statics.tell([stamped(frame.stamp_ns, frame.frame_id, name, T_sensor_floor)])
 
     def _tell_upright(self, frame: DepthFrame) -> None:
-        """Say where the frame of people's points and matches is, if it is not the sensor's own."""
+        """Publish the transform of the upright frame, if it is not the sensor's own."""
         self._upright = frame.frame_id, self._mount.roll
         if self._mount.roll % 360.0 == 0.0 or importlib.util.find_spec("tf2_msgs") is None:
             return

@@ -90,13 +90,13 @@ class VolumeNode(StageNode):
         return [Input(Image, topic, sensor=True) for topic in self._rig.topics]
 
     def make_intake(self) -> ViewSetIntake:
-        """Bring the cameras' images together."""
+        """Group the cameras' images."""
         return ViewSetIntake(self, self._rig.topics, self._synchroniser)
 
     # Answering
 
     def stamp_ns(self, *messages: ViewSet) -> int:
-        """Give the stamp of a set of views."""
+        """Return the stamp of a set of views."""
         return messages[0].stamp_ns
 
     def answer(self, messages: ViewSet) -> None:

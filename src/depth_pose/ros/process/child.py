@@ -78,7 +78,7 @@ class Child:
         return self._process.stdout.fileno()
 
     def read(self, sink: Callable[[str], None]) -> None:
-        """Hand on what it has printed, with its name in front; or note that it has ended."""
+        """Forward its output, prefixed with its name; or record that it has ended."""
         data = os.read(self.fileno(), 1 << 16)
         lines = (self._rest + data.replace(BEAT, b"")).split(b"\n")
         self._rest = lines.pop() if data or not lines[-1] else b""
@@ -127,7 +127,7 @@ class Child:
             self.kill()
 
     def _could_run_s(self) -> float:
-        """Say how long it could run since it was last asked: not while all processors were others'."""
+        """Return how long it could run since the last call: not while all processors were taken."""
         now_s, wants_to = self._ran_s, False
         with contextlib.suppress(OSError):  # it has ended, or a thread of it
             process = Path(f"/proc/{self.pid}")
@@ -138,5 +138,5 @@ class Child:
 
 
 def _stat(of: Path) -> list[str]:
-    """Give what Linux says of a process or thread, from its state on; user and system time are 11 and 12."""
+    """Return the fields of /proc/PID/stat from the state on; user and system time are 11 and 12."""
     return (of / "stat").read_text().rpartition(")")[2].split()

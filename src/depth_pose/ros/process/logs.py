@@ -9,7 +9,7 @@ from depth_pose.core.private_folder import is_writable, private_folder
 
 
 def ensure_log_folder() -> None:
-    """See to it that ROS has a folder for its logs, without which rclpy does not start.
+    """Make a folder for the logs of ROS, without which rclpy does not start.
 
     It takes ``$ROS_LOG_DIR``, else ``$ROS_HOME/log``, else ``~/.ros/log``; where that cannot be written, a
     private one for temporary files takes its place, for this process and those that it starts.

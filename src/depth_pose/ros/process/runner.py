@@ -111,7 +111,7 @@ def _run(make: Callable[[], Any], args: Sequence[str] | None) -> int:
 
 
 def _spin(node: Any) -> None:
-    """Call back until shutdown, and answer the whole frames that come of it."""
+    """Run callbacks until shutdown, and process complete frames."""
     import rclpy
     from rclpy.executors import SingleThreadedExecutor
 
@@ -138,13 +138,13 @@ def _take_a_turn(executor: Any, node: Any) -> None:
 
 
 def end_with_parent() -> None:
-    """Have the kernel send this process SIGTERM when the one that started it is gone."""
+    """Make the kernel send SIGTERM to this process when its parent dies."""
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
 
 
 @contextlib.contextmanager
 def on_stop(callback: Callable[[], None]) -> Iterator[None]:
-    """Call back on `STOPS` within the block, where it is the main thread's."""
+    """Call a function on `STOPS` within the block, in the main thread."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return

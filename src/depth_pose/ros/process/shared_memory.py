@@ -16,7 +16,7 @@ _FOLDER, _LOCK, _YOUNG_S = Path("/dev/shm"), "_el", 0.5
 
 
 def keep_private() -> None:
-    """Let no other account read this process' shared memory; called at once when it has joined the graph.
+    """Make this process' shared memory unreadable for other accounts; called once it has joined the graph.
 
     Fast DDS gives everybody leave to read it, whatever the umask is: boost sets 0644 once a file is made.
     """

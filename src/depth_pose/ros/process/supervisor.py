@@ -218,7 +218,7 @@ class Suite:
         self._children[name] = Child(name, command, os.environ | _ENVIRONMENT)
 
     def _look(self) -> float:
-        """See to what comes, and to what does not; gives the seconds that it took, as far as they count."""
+        """Handle events and silence for one period; return the seconds that count."""
         alive = [child for child in self._children.values() if child.code is None]
         news: Sequence[Any] = wait(alive, _LOOK_EVERY_S)
         last_s, self._looked_s = self._looked_s, time.monotonic()
@@ -234,7 +234,7 @@ class Suite:
         return waited_s
 
     def _take_end(self, child: Child) -> None:
-        """Have another started: at once, or ever later where one after the other dies young."""
+        """Schedule a restart: at once, or with growing delay if processes die young."""
         name, was_ready = child.name, child.ready_s < math.inf
         may_go_on = was_ready or self._restarts[name] or child.code == 0  # 0: as where it has starved
         if child.code == EXIT_CONFIG or not may_go_on:
@@ -293,7 +293,7 @@ def up(
 
 
 def _links(name: str, nodes: Sequence[str]) -> list[str]:
-    """Say whom a node waits for before it is ready."""
+    """Return the parameters that say whom a node waits for before it is ready."""
     whole = set(nodes) == set(NODES)
     return ["-p", f"consumers:={_CONSUMERS[name] * whole}", "-p", f"producers:={str(whole).lower()}"]
 

@@ -241,7 +241,7 @@ def run_demo(recording: Path | str | None = None, output: Path | str = Path("res
 
 @contextmanager
 def _log(path: Path) -> Iterator[Callable[[str], None]]:
-    """Give what writes lines to a file at once; a disk that is full ends the skeletons' file, and says so."""
+    """Yield a function that writes lines at once; a full disk is reported by the file of skeletons."""
     path.parent.mkdir(parents=True, exist_ok=True)
     with path.open("wb", buffering=0) as stream:
 
@@ -265,7 +265,7 @@ def _choose_domain(console: Console) -> None:
 
 
 def _simulated(console: Console) -> Path:
-    """Give the simulated recording; make it where it is missing."""
+    """Return the simulated recording; make it if it is missing."""
     from rich.progress import Progress
 
     from depth_pose.body.procedural import make_body

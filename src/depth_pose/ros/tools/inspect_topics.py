@@ -77,7 +77,7 @@ class Place:
 
 
 def watch_rate(topic: str, every_s: float = 1.0) -> Iterator[Rate | None]:
-    """Tell how often messages come on a topic, until SIGINT or SIGTERM; None where none came.
+    """Yield the message rate of a topic until SIGINT or SIGTERM; None without messages.
 
     Listens best effort, which hears every publisher.
 
@@ -131,7 +131,7 @@ class _Heard:
 
 
 def watch_frame(frame: str, parent: str, every_s: float = 1.0) -> Iterator[Place | None]:
-    """Tell where a frame is in another, until SIGINT or SIGTERM; None while it is not known.
+    """Yield the transform of a frame until SIGINT or SIGTERM; None while it is unknown.
 
     The newest transform of each frame counts, as with tf2's time 0.
 
@@ -147,7 +147,7 @@ def watch_frame(frame: str, parent: str, every_s: float = 1.0) -> Iterator[Place
 
 
 def list_frames(seconds: float) -> dict[str, str]:
-    """Give all frames that are heard of in some time, each with its parent."""
+    """Return all frames received in a period, each with its parent."""
     with _frames() as (heard, turns):
         next(turns(seconds))
         return heard.tree.parents()

@@ -229,7 +229,7 @@ class Player:
             time.sleep(0.02)
 
     def _lacking(self) -> str:
-        """Say which subscribers are still to come."""
+        """Return the subscribers that are still missing."""
         published = [p for p in self._publishers.values() if not p.get_subscription_count()]
         alone = [p.topic_name for p in published if p.topic_name in self._wait_for]
         if alone:

@@ -131,7 +131,7 @@ class Watch:
         rclpy.try_shutdown(context=self._context)
 
     def newest(self) -> Heard | None:
-        """Give the newest frame that was not given before, decoded; None where there is none."""
+        """Return the newest frame that was not returned before, decoded; None if there is none."""
         with self._lock:
             both = [stamp for stamp in self._skeletons if stamp in self._depth]
             stamp = both[-1] if both else 0
@@ -151,7 +151,7 @@ class Watch:
             return None
 
     def nodes(self) -> list[NodeState]:
-        """Give what each node last told of itself."""
+        """Return the latest diagnostics of each node."""
         now = time.monotonic()
         with self._lock:
             return [state for told, state in self._nodes.values() if now - told < _STALE_S]
@@ -275,7 +275,7 @@ class Watch:
         return self._clients[name]
 
     def _ask(self, kind: type, name: str, request: Any) -> Any:
-        """Call a service from another thread; None where there is no answer in time."""
+        """Call a service from another thread; return None on timeout."""
         client = self._client(kind, name)
         if not client.wait_for_service(timeout_sec=_ANSWER_S):
             return None

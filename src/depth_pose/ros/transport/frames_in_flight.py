@@ -37,31 +37,31 @@ class UnderWay:
         return self._waiting is not None
 
     def offer(self, frame: Any, now_s: float) -> bool:
-        """Say whether the newest frame is begun now; if not it waits, in place of any that did."""
+        """Return whether the newest frame begins now; else it waits and replaces any waiting frame."""
         self._waiting = frame if self.is_full(now_s) else None
         return self._waiting is None
 
     def release(self, now_s: float) -> Any:
-        """Give the frame that waits, if it may be begun by now; else None."""
+        """Return the waiting frame if it may begin now; else None."""
         if self.is_full(now_s):
             return None
         frame, self._waiting = self._waiting, None
         return frame
 
     def begin(self, stamp_ns: int, now_s: float) -> None:
-        """Note that a frame is on its way."""
+        """Record that a frame is in flight."""
         if self._stamps and stamp_ns <= self._stamps[-1]:  # the clock went back
             self._stamps.clear()
         self._stamps.append(stamp_ns)
         self._begun_s = now_s
 
     def arrive(self, stamp_ns: int, now_s: float) -> None:
-        """Note that a frame was answered; those before it are not, any more."""
+        """Record that a frame was answered; earlier ones no longer will be."""
         self._answered_s = now_s
         while self._stamps and self._stamps[0] <= stamp_ns:
             self._stamps.popleft()
 
     def is_full(self, now_s: float) -> bool:
-        """Say whether the next frame should wait."""
+        """Return whether the next frame should wait."""
         waits = now_s - self._answered_s < QUIET_S and now_s - self._begun_s < LONGEST_S
         return waits and len(self._stamps) == MOST

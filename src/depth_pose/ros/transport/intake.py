@@ -75,7 +75,7 @@ class Taker(Protocol):
     get_logger: Callable[[], Any]
 
     def heard(self, topic: str) -> None:
-        """Note that a message came."""
+        """Record the arrival of a message."""
 
     def count(self, what: str) -> None:
         """Count what is told, but is no drop."""
@@ -87,7 +87,7 @@ class Taker(Protocol):
         """Answer a whole frame."""
 
     def guard(self, topic: str, call: Callable[..., None], *arguments: Any) -> None:
-        """Call what takes a message, and outlive what comes of it."""
+        """Call the handler; log exceptions instead of raising."""
 
 
 class FrameSource(Protocol):
@@ -108,7 +108,7 @@ class FrameSource(Protocol):
         """Take in all that waits; gives whether there was anything."""
 
     def take_pending(self) -> tuple[Any, ...] | None:
-        """Give the newest whole frame, once."""
+        """Return the newest complete frame, once."""
 
     def forget(self) -> None:
         """Drop what waits and what is known of earlier messages."""
@@ -130,13 +130,13 @@ class Held(Exception):
 
 
 def frame_qos(depth: int, reliable: bool) -> QoSProfile:
-    """Give the QoS of frames: the newest ``depth``, best effort as sensors send, or reliable."""
+    """Return the QoS of frames: the newest ``depth``, best effort as sensors send, or reliable."""
     policy = ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT
     return QoSProfile(depth=depth, history=HistoryPolicy.KEEP_LAST, reliability=policy)
 
 
 def waiting(subscription: Subscription) -> Iterator[tuple[Any, dict[str, Any]]]:
-    """Give the messages that wait in a subscription's queue, and what is known of each."""
+    """Return the messages in a subscription's queue, with their metadata."""
     handle = subscription.handle
     with handle:
         while (taken := handle.take_message(subscription.msg_type, subscription.raw)) is not None:
@@ -209,7 +209,7 @@ class Intake:
         return self.arrivals > before
 
     def take_pending(self) -> tuple[Any, ...] | None:
-        """Give the newest whole frame, once."""
+        """Return the newest complete frame, once."""
         whole, self._pending = self._pending, None
         return whole
 

@@ -39,7 +39,7 @@ class LatchedTopic:
         self._subscription = self._open()
 
     def check(self) -> None:
-        """Look who publishes, and subscribe anew where that asks for another QoS; called now and then."""
+        """Check the publishers and resubscribe if they need another QoS; called periodically."""
         found = [
             p.qos_profile for p in self._node.get_publishers_info_by_topic(self._subscription.topic_name)
         ]

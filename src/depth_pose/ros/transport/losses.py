@@ -22,7 +22,7 @@ class BusyTimes:
         self._times: deque[tuple[int, int]] = deque(maxlen=BUSY_TIMES_KEPT)
 
     def add(self, begin_ns: int, end_ns: int) -> None:
-        """Note a frame's time."""
+        """Record the time of a frame."""
         self._times.append((begin_ns, end_ns))
 
     def covers(self, moment_ns: int) -> bool:
@@ -31,7 +31,7 @@ class BusyTimes:
 
 
 def count_lost(before: dict[str, Any], after: dict[str, Any], busy: BusyTimes) -> tuple[int, int]:
-    """Tell apart what came while the node was busy from what never came.
+    """Distinguish messages missed by a busy node from those lost in transport.
 
     A message that comes while the node waits is taken at once; one that comes while it is busy is lost to the
     next where the queue holds one. Those between two that were taken are thought of as sent at equal

@@ -1,4 +1,4 @@
-"""Bring together the messages of several topics that carry the same stamp."""
+"""Group the messages of several topics by stamp."""
 
 from __future__ import annotations
 

@@ -85,7 +85,7 @@ class RigSource:
             self._node.latch(CameraInfo, topic, partial(self._take_info, i))
 
     def missing(self) -> list[str]:
-        """Say what is still unknown."""
+        """Return what is still unknown."""
         if self.rig is not None:
             return []
         out = [f"CameraInfo of {t}" for i, t in enumerate(self.topics) if i not in self._infos]

@@ -77,7 +77,7 @@ class ViewSetIntake:
         return self._pending is not None
 
     def take_pending(self) -> tuple[Any, ...] | None:
-        """Give the newest set of views, once."""
+        """Return the newest set of views, once."""
         views, self._pending = self._pending, None
         return None if views is None else (views,)
 

@@ -1,4 +1,4 @@
-"""Performances with known poses: what the tracker is taught with, and tried on.
+"""Performances with known poses, for training and testing the tracker.
 
 A performance is a motion on a body in a garment, as simulated cameras see it: for each frame the
 volume and the true rotations of the body's segments. The same motion on several bodies and in

@@ -1,7 +1,7 @@
-"""Which parts of a body can be trusted to lie on the volume's surface, learned from training volumes.
+"""Learn from training volumes which parts of a body lie on the volume's surface.
 
-Under a skirt they cannot: the surface is the skirt's. What clothing hides is known from the training,
-where poses and volumes are both given.
+Under a skirt they do not: the surface is the skirt. Training has both poses and volumes, so it shows what
+clothing hides.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Errors of the tracker on performances, and what to read them against."""
+"""Errors of the tracker on performances, with baselines."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """Training by simulation: motions on several bodies in several garments, before virtual cameras.
 
-A real dancer can be tracked with it wherever their motion is known beforehand, for instance from a
-motion capture of the same dance: what the cameras will see is simulated.
+A real dancer can be tracked if their motion is known beforehand, for instance from motion capture of the
+same dance: the views of the cameras are simulated.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What the samplers of everyday postures share: gates, hands brought to places, trunk and head."""
+"""Shared parts of the posture samplers: gates, hands at given places, trunk and head."""
 
 from __future__ import annotations
 
