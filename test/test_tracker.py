@@ -149,9 +149,9 @@ CAMERA = Camera(176, 144, 170.0, 170.0, 87.5, 71.5)
     ("depth", "camera", "says"),
     [
         (1000 * GOOD, CAMERA, "median is 2000 metres.*depth_scale=0.001: these look like millimetres"),
-        (1e5 * GOOD, CAMERA, "median is 2e.05 metres, which no sensor"),
+        (1e5 * GOOD, CAMERA, "median is 200000 metres, which no sensor"),
         (0.001 * GOOD, CAMERA, "median is 0.002 metres"),
-        ((5e4 * GOOD / 4).astype(np.uint16), CAMERA, "uint16, so millimetres, but its median is 2.5e.04"),
+        ((5e4 * GOOD / 4).astype(np.uint16), CAMERA, "uint16, so millimetres, but its median is 25000"),
         (GOOD.astype(np.uint16), CAMERA, "so millimetres, but its median is 2 millimetres"),
         (np.full((144, 176), 200, np.uint8), CAMERA, "uint8, at most 255 mm"),
         (np.zeros((144, 176, 3), np.uint8), CAMERA, "a colour image has no depth"),

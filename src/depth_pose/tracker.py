@@ -194,7 +194,7 @@ class Tracker:
         if image.dtype.itemsize == 1 and self._depth_scale is None:
             raise InputError(
                 f"depth has dtype {image.dtype}, at most {np.iinfo(image.dtype).max} mm: it is a picture of "
-                "depth, not depth. If it is depth, give Tracker its unit in metres: depth_scale="
+                "depth, not depth. If it is depth, give Tracker its unit in metres, for instance depth_scale=0.02"
             )
         scale = self._depth_scale or (1.0 if image.dtype.kind == "f" else _INTEGER_SCALE_M)
         depth = image.astype(np.float32, order="C") * np.float32(scale)
@@ -240,6 +240,6 @@ def _wrong_unit(median_m: float, dtype: np.dtype[Any], scale: float) -> str:
     else:
         unit, example = "metres", "depth_scale=0.001 for millimetres"
     return (
-        f"depth is {dtype}, so {unit}, but its median is {value:.4g} {unit}, which no sensor sees indoors. "
+        f"depth is {dtype}, so {unit}, but its median is {value:.6g} {unit}, which no sensor sees indoors. "
         f"Give Tracker the unit in metres, {example} (depth_scale={scale:g} if they are {unit} all the same)"
     )
