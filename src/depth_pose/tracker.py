@@ -194,7 +194,7 @@ class Tracker:
         if image.dtype.itemsize == 1 and self._depth_scale is None:
             raise InputError(
                 f"depth has dtype {image.dtype}, at most {np.iinfo(image.dtype).max} mm: it is a picture of "
-                "depth, not depth. If it is depth, give Tracker its unit in metres, for instance depth_scale=0.02"
+                "depth, not depth. If it is depth, give Tracker its unit in metres, say depth_scale=0.02"
             )
         scale = self._depth_scale or (1.0 if image.dtype.kind == "f" else _INTEGER_SCALE_M)
         depth = image.astype(np.float32, order="C") * np.float32(scale)
