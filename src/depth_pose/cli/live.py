@@ -12,7 +12,7 @@ from typing import Annotated, Any
 import typer
 
 from depth_pose.cli import shared
-from depth_pose.cli.console import console, print_facts, setting
+from depth_pose.cli.console import console, print_facts, setting, warn
 from depth_pose.cli.damage import be_lenient
 from depth_pose.core.config import FollowConfig, RefineConfig, SegmentConfig
 from depth_pose.core.errors import ConfigError, DepthPoseError
@@ -193,6 +193,7 @@ def play(
     rows = [(name, f"{count} messages") for name, count in sorted(played.messages.items())]
     rows += [(name, f"not played: {reason}") for name, reason in sorted(played.skipped.items())]
     print_facts(f"{bag}: {played.wall_s:.2f} s", rows)
+    warn(played.gaps)
     tell_damage(played.damage)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -87,42 +88,53 @@ class CameraInfos:
         return found
 
     @property
-    def ignored(self) -> int:
-        """Number of CameraInfos of other cameras that no image used."""
+    def counts(self) -> dict[str, int]:
+        """Number of CameraInfos by what is odd about them."""
         used = set(self._used.values())
-        return sum(count for name, count in self._counts.items() if name not in used)
+        others = sum(count for name, count in self._counts.items() if name not in used)
+        changes = sum(count for name, (count, _) in self._changes.items() if name in used)
+        counts = {
+            "CameraInfo of another camera": others if used else 0,
+            "CameraInfo changed": changes,
+            "CameraInfo damaged": self._refused.total(),
+        }
+        return {what: count for what, count in counts.items() if count}
 
     @property
-    def warnings(self) -> list[str]:
-        """What did not match, and what changed, so far; one line each with its count."""
-        lines = []
+    def warnings(self) -> dict[str, str]:
+        """What did not match, and what changed, so far: a line with its count by its kind."""
+        lines = {}
         used = set(self._used.values())
-        names = ", ".join(repr(printable(name)) for name in self._known if name not in used)
-        if self.ignored and self._used:
-            count = self.ignored
-            noun = "a CameraInfo" if count == 1 else f"{count} CameraInfos"
-            lines.append(f"{self._topic}: {noun} of another camera ignored ({names})")
+        counts = self.counts
+        if others := counts.get("CameraInfo of another camera"):
+            noun = "a CameraInfo" if others == 1 else f"{others} CameraInfos"
+            names = _quoted(name for name in self._known if name not in used)
+            lines["other"] = f"{self._topic}: {noun} of another camera ignored ({names})"
         for image, name in self._used.items():
             if image and name and image != name:
-                lines.append(
-                    f"{self._topic} bears frame_id {printable(name)!r}, the images {printable(image)!r}; it is "
-                    "used, as there is no other: is it this camera's?"
+                lines["name"] = (
+                    f"{self._topic} has frame_id {_quoted([name])}, the images {_quoted([image])}; it is used, "
+                    "as there is no other: is it this camera's?"
                 )
         for name, (count, what) in self._changes.items():
             if name in used:
                 times = "" if count == 1 else f" {count} times"
-                lines.append(f"{self._topic}: the camera {printable(name)!r} changes{times}: {what}")
+                lines["change"] = f"{self._topic}: the camera {_quoted([name])} changes{times}: {what}"
         for reason, count in self._refused.items():
             times = "" if count == 1 else f" ({count} times)"
-            lines.append(f"{self._topic}: {reason}{times}")
+            lines["damage"] = f"{self._topic}: {reason}{times}"
         return lines
 
     def why_none(self, frame_id: str) -> str:
         """Say why `find` gives none."""
         if not self._known:
             return f"nothing has come on {self._topic} yet"
-        names = ", ".join(repr(printable(name)) for name in self._known)
-        return f"{self._topic} has the camera of frame_id {names}, the image is of {printable(frame_id)!r}"
+        names = _quoted(self._known)
+        return f"{self._topic} has the camera of frame_id {names}, the image is of {_quoted([frame_id])}"
+
+
+def _quoted(names: Iterable[str]) -> str:
+    return ", ".join(repr(printable(name)) for name in names)
 
 
 def _name(info: Any) -> str:

@@ -101,7 +101,7 @@ class DepthReader:
     @property
     def warnings(self) -> list[str]:
         """What went wrong since iteration began, one line each with its count."""
-        lines = [*self.damage, *(f"{self._recording.path}: {line}" for line in self._infos.warnings)]
+        lines = [*self.damage, *(f"{self._recording.path}: {line}" for line in self._infos.warnings.values())]
         if self._units.doubt:
             lines.append(f"{self._recording.path}: {self.topic.name}: {self._units.doubt}")
         for reason, count in self._dropped.items():
