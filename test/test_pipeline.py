@@ -226,7 +226,12 @@ def test_tracks_are_kept_when_the_camera_changes_its_resolution(clip, bank):
         if i >= FRAMES // 2:
             c = frame.camera
             half = Camera(
-                (c.width + 1) // 2, (c.height + 1) // 2, c.fx / 2, c.fy / 2, (c.cx - 0.5) / 2, (c.cy - 0.5) / 2
+                (c.width + 1) // 2,
+                (c.height + 1) // 2,
+                c.fx / 2,
+                c.fy / 2,
+                (c.cx - 0.5) / 2,
+                (c.cy - 0.5) / 2,
             )
             frame = replace(frame, depth=np.ascontiguousarray(frame.depth[::2, ::2]), camera=half)
         (skeleton,) = pipeline.process_frame(frame).skeletons

@@ -23,7 +23,9 @@ SMALL = Camera(32, 24, 30.0, 30.0, 15.5, 11.5)
 class Writer(_RecordingWriter):
     """Images and CameraInfos in any order."""
 
-    def image(self, at: int, camera: Camera = CAMERA, frame_id: str = "cam", stamp: int | None = None) -> None:
+    def image(
+        self, at: int, camera: Camera = CAMERA, frame_id: str = "cam", stamp: int | None = None
+    ) -> None:
         pixels = np.full((camera.height, camera.width), 2000, np.uint16)
         data = write_image(at if stamp is None else stamp, frame_id, pixels)
         self._write(TOPIC, schemas.IMAGE, at, data)

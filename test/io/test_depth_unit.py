@@ -45,7 +45,10 @@ def test_another_unit_is_said_and_the_option_sets_it(tmp_path: Path, kind: str, 
     reader = DepthReader(path)
     assert len(list(reader)) == 4
     (line,) = reader.warnings
-    assert "look like another unit" in line and f"--depth-scale sets the metres per unit, here perhaps {unit:g}" in line
+    assert (
+        "look like another unit" in line
+        and f"--depth-scale sets the metres per unit, here perhaps {unit:g}" in line
+    )
     right = DepthReader(path, images=ImageOptions(depth_scale=unit))
     depth = next(iter(right)).depth
     np.testing.assert_allclose(depth, np.round(room() / unit) * unit, rtol=1e-6)

@@ -314,12 +314,19 @@ def test_the_info_of_another_camera_is_not_used(start, peer, frames):
     )
     span = np.ptp(expected.points[expected.labels == PERSON], axis=0)[:2]
     for answer in answers:  # the other camera's would be 1.3 times smaller
-        assert np.allclose(np.ptp(points_of(answer)[labels_of(answer) == PERSON], axis=0)[:2], span, atol=0.03)
+        assert np.allclose(
+            np.ptp(points_of(answer)[labels_of(answer) == PERSON], axis=0)[:2], span, atol=0.03
+        )
     process.wait_for("of another camera ignored ('colour')")
     counts = {v.key: v.value for v in told[-1].status[0].values} if told else {}
     peer.until(
-        lambda: told
-        and int({v.key: v.value for v in told[-1].status[0].values}.get("CameraInfo of another camera", 0)) >= 3,
+        lambda: (
+            told
+            and int(
+                {v.key: v.value for v in told[-1].status[0].values}.get("CameraInfo of another camera", 0)
+            )
+            >= 3
+        ),
         what=lambda: f"the count in diagnostics ({counts})",
     )
     assert process.output.count("of another camera ignored") == 1

@@ -60,6 +60,9 @@ def up(
     sensor: Annotated[
         str | None, typer.Option(help="Topics of a known driver (a wrong name lists them).")
     ] = None,
+    auto: Annotated[
+        bool, typer.Option("--auto", help="Take the only depth topic that there is, of any name and type.")
+    ] = False,
     params: Annotated[
         Path | None, typer.Option(help="ROS parameter file (key /**:) for all nodes.", metavar="FILE")
     ] = None,
@@ -90,12 +93,16 @@ def up(
 
     depth-pose up --sensor realsense --far 5
 
+    depth-pose up --auto
+
     depth-pose up --zone 1:4.5 --follow nearest
 
     depth-pose up --params my.yaml --bank my_bank.npz
 
     depth-pose up -r __ns:=/left --params left.yaml
     """
+    if auto and sensor is not None:
+        raise ConfigError("--auto finds the topics and --sensor names them; give one of them")
     parameters: dict[str, Any] = {
         name: value
         for name, value in (
@@ -114,7 +121,7 @@ def up(
         from depth_pose.bank.default import prepare_default_bank
 
         prepare_default_bank()  # with a progress bar; the nodes would refuse to start
-    options = {"parameters": parameters, "remap": remap or (), "local": local}
+    options = {"parameters": parameters, "remap": remap or (), "local": local, "auto": auto}
     code = call_ros("process.supervisor", "up", params, sensor, bank, **options)
     raise typer.Exit(code)
 
