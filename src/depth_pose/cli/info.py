@@ -67,6 +67,7 @@ def _depth(recording: Recording, images: ImageOptions) -> list[tuple[str, str]]:
     except InputError as error:
         warn([str(error)])
         return []
+    warn(line for line in reader.warnings if line not in reader.damage)
     camera = frame.camera
     return [
         ("depth", reader.topic.name),

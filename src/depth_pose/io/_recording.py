@@ -50,7 +50,7 @@ class Recording:
     others : dict of str to str
         Topics that cannot be read, and why.
     unit_m : float or None
-        Metres per unit of the depth that was given and is still to be applied; a folder of images has done so.
+        Metres per unit of the depth, if given; None for a folder of images, which applies it.
 
     Raises
     ------

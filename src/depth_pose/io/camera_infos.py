@@ -71,6 +71,11 @@ class CameraInfos:
         name = self._name_for(frame_id.lstrip("/"))
         return None if name is None else self._known[name].info
 
+    @property
+    def is_known(self) -> bool:
+        """Whether any has come."""
+        return bool(self._known)
+
     def has_stamp(self, frame_id: str, stamp_ns: int) -> bool:
         """Whether the one that `find` gives was sent with the image of this stamp."""
         name = self._name_for(frame_id.lstrip("/"))
@@ -113,8 +118,8 @@ class CameraInfos:
         for image, name in self._used.items():
             if image and name and image != name:
                 lines["name"] = (
-                    f"{self._topic} has frame_id {_quoted([name])}, the images {_quoted([image])}; it is used, "
-                    "as there is no other: is it this camera's?"
+                    f"{self._topic} has frame_id {_quoted([name])}, the images {_quoted([image])}; it is "
+                    "used, as there is no other: is it this camera's?"
                 )
         for name, (count, what) in self._changes.items():
             if name in used:

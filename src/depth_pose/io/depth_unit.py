@@ -87,8 +87,9 @@ class UnitWatch:
             return ""
         median = float(np.median(doubtful))
         return (
-            f"the depths look like another unit: taken as {self._unit_m:g} m, their median is {median:.4g} m, "
-            f"which no sensor sees indoors; {self._setting} sets the metres per unit{self._proposal(median)}"
+            f"the depths look like another unit: taken as {self._unit_m:g} m, their median is "
+            f"{median:.4g} m, which no sensor sees indoors; {self._setting} sets the metres per unit"
+            f"{self._proposal(median)}"
         )
 
     def _proposal(self, median_m: float) -> str:

@@ -137,7 +137,7 @@ class DepthReader:
                 self._dropped[self._infos.why_none(image.header.frame_id)] += 1
                 continue
             try:
-                frame = _make_frame(image, self.topic.kind, info, rectified, self._unit_m)
+                frame = make_frame(image, self.topic.kind, info, rectified, self._unit_m)
             except InputError as error:
                 self._dropped[str(error)] += 1
                 continue
@@ -223,10 +223,13 @@ def frame_of_image(
     unit of the depth, where it is not the encoding's.
     """
     image, info = read_message(data, kind), read_message(info_data, schemas.CAMERA_INFO)
-    return _make_frame(image, kind, info, rectified, unit_m)
+    return make_frame(image, kind, info, rectified, unit_m)
 
 
-def _make_frame(image: Any, kind: str, info: Any, rectified: bool, unit_m: float | None) -> DepthFrame:
+def make_frame(
+    image: Any, kind: str, info: Any, rectified: bool = False, unit_m: float | None = None
+) -> DepthFrame:
+    """Make a frame of a decoded Image or CompressedImage and its camera's CameraInfo; see `frame_of_image`."""
     if kind == schemas.COMPRESSED:
         depth = decode_compressed_depth(image.format, image.data, unit_m)
     else:

@@ -18,8 +18,8 @@ def image_to_frame(
 ) -> DepthFrame:
     """Depth frame of an image, compressed or not, and its ``CameraInfo``, without the lens' distortion.
 
-    A rectified image (`depth_pose.io.calibration.is_rectified`) has none. ``unit_m`` is metres per unit of the
-    depth, where it is not the encoding's.
+    A rectified image (`depth_pose.io.calibration.is_rectified`) has none. ``unit_m`` is metres per unit of
+    the depth, where it is not the encoding's.
 
     Raises
     ------

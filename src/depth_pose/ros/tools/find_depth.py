@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from functools import partial
 from typing import Any
 
 import rclpy
@@ -89,7 +90,7 @@ def _those_with_depth(
         node.create_subscription(
             Image,
             image.topic,
-            lambda data, topic=image.topic: take(topic, data),
+            partial(take, image.topic),
             frame_qos(1, False),
             raw=True,
         )

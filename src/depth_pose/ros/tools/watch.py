@@ -17,9 +17,10 @@ from depth_pose.core.errors import InputError
 from depth_pose.core.printable import printable
 from depth_pose.core.types import DepthFrame, Skeleton
 from depth_pose.io import schemas
-from depth_pose.io._messages import read_people
+from depth_pose.io._messages import read_message, read_people, stamp_of
 from depth_pose.io.calibration import is_rectified
-from depth_pose.io.mcap_read import frame_of_cloud, frame_of_image
+from depth_pose.io.camera_infos import CameraInfos
+from depth_pose.io.mcap_read import frame_of_cloud, make_frame
 from depth_pose.ros.tools.bag import header_stamp_ns
 
 _HELD, _HELD_BYTES = 64, 64 << 20
@@ -96,7 +97,7 @@ class Watch:
         self._depth: OrderedDict[int, bytes] = OrderedDict()
         self._skeletons: OrderedDict[int, bytes] = OrderedDict()
         self._nodes: dict[str, tuple[float, NodeState]] = {}
-        self._info, self._kind, self._shown = b"", "", (0, False)
+        self._infos, self._kind, self._shown = CameraInfos("camera_info"), "", (0, False)
         self._subscribed = self._rectified = False
         self._clients: dict[str, Any] = {}
         self._stopping = threading.Event()
@@ -171,7 +172,12 @@ class Watch:
     def _frame(self, data: bytes) -> DepthFrame:
         if self._kind == schemas.POINT_CLOUD:
             return frame_of_cloud(data)
-        return frame_of_image(data, self._kind, self._info, self._rectified)
+        image = read_message(data, self._kind)
+        with self._lock:
+            info = self._infos.find(image.header.frame_id)
+            if info is None:
+                raise InputError(self._infos.why_none(image.header.frame_id))
+        return make_frame(image, self._kind, info, self._rectified)
 
     # The thread
 
@@ -229,11 +235,16 @@ class Watch:
             create(CameraInfo, info_topic, self._take_info, self._qos, raw=True)
 
     def _take_depth(self, data: bytes) -> None:
-        if self._info or self._kind == schemas.POINT_CLOUD:
+        if self._infos.is_known or self._kind == schemas.POINT_CLOUD:
             self._hold(self._depth, data)
 
     def _take_info(self, data: bytes) -> None:
-        self._info = data
+        try:
+            info = read_message(data, schemas.CAMERA_INFO)
+        except InputError:  # the denoise node reports it
+            return
+        with self._lock:
+            self._infos.add(info, stamp_of(info))
 
     def _take_skeletons(self, data: bytes) -> None:
         if len(data) > _MOST_BYTES:  # reading it would take the viewer minutes

@@ -36,8 +36,8 @@ class DepthSource:
 def depth_sources(node: Node) -> list[DepthSource]:
     """List the topics of others that may bring depth: images, compressed depth images, point clouds.
 
-    Of images, where some are named ``depth``, only those. Images without a CameraInfo are of no use. A suite's
-    own topics, of whatever namespace, are left out.
+    Of images, where some are named ``depth``, only those. Images without a CameraInfo are of no use. Topics
+    of a suite's nodes, of whatever namespace, are left out.
     """
     topics = {name: kinds for name, kinds in node.get_topic_names_and_types() if _has_foreign(node, name)}
     infos = [name for name, kinds in topics.items() if schemas.CAMERA_INFO in kinds]

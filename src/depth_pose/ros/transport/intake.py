@@ -24,7 +24,7 @@ behind a slow stage would let go of a frame's points before its match comes.
 """
 
 RELIABLE_DEPTH = 4
-"""Frames held of a reliable sensor: what it sends again comes together with the next. The newest is answered."""
+"""Frames held of a reliable sensor: what it sends again comes with the next. The newest is answered."""
 
 _SAME_PUBLISHER = 5
 """So many messages with growing numbers are of one publisher, though others are known: a driver that was
