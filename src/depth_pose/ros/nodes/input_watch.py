@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 
+from depth_pose.core.printable import printable
 from depth_pose.ros.transport.intake import Input
 
 SILENT_AFTER_S = 1.9
@@ -109,7 +110,7 @@ class SilenceWatch:
             self.silent.append(topic)
             if now - watched.warned >= REPEAT_S:
                 watched.warned = now
-                self._node.get_logger().warning(self._explain(topic, watched, found, now - since))
+                self._node.get_logger().warning(printable(self._explain(topic, watched, found, now - since)))
 
     def _explain(self, topic: str, watched: _Watched, found: Sequence[object], silence_s: float) -> str:
         wanted = watched.type_name
