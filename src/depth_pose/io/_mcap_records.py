@@ -134,6 +134,8 @@ def spans(data: bytes) -> Iterator[tuple[int, int, int]]:
         at += RECORD.size
         if length > size - at:
             raise DamageError("a record is longer than what it is in")
+        if kind == 0:
+            raise DamageError("there are zeros where a record should be")
         yield kind, at, at + length
         at += length
 
