@@ -131,6 +131,10 @@ HOSTILE = {
         ),
         "topics or definitions have over 16 MB",
     ),
+    "a name of a hundred megabytes": (
+        ("UPDATE topics SET name = CAST(zeroblob(100000000) AS TEXT) WHERE id = 1",),
+        "topics or definitions have over 16 MB",
+    ),
     "very many topics": (
         (
             f"INSERT INTO topics SELECT x, '/t' || x, 'a/msg/B', 'cdr', '', '' FROM ({ENDLESS} "

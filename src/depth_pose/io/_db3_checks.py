@@ -9,6 +9,7 @@ from __future__ import annotations
 import shutil
 import sqlite3
 import time
+from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -89,7 +90,7 @@ def _connect(path: Path) -> sqlite3.Connection:
     database = sqlite3.connect(uri, uri=True)
     database.execute("PRAGMA trusted_schema = OFF")
     if hasattr(database, "setlimit"):  # Python 3.11
-        database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, MAX_CHUNK)
+        database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, _MOST_TEXT)  # messages are never loaded
     return database
 
 
@@ -152,18 +153,22 @@ def _checked_qos(path: Path, topic: dict[str, Any]) -> str:
     return offered
 
 
-def _bounded(path: Path, database: sqlite3.Connection, query: str) -> Any:
+def _bounded(path: Path, database: sqlite3.Connection, query: str) -> Iterator[sqlite3.Row]:
     """Give a query's rows, up to `_MOST_TEXT` characters of them."""
     cursor = database.cursor()
     cursor.row_factory = sqlite3.Row
     left = _MOST_TEXT
-    for number, row in enumerate(cursor.execute(query)):
-        if number == _MOST_ROWS:
-            raise InputError(f"{path} is refused: it has over {_MOST_ROWS} topics or definitions")
-        left -= sum(len(value) if isinstance(value, str | bytes) else 8 for value in row)
-        if left < 0:
-            raise InputError(f"{path} is refused: its topics or definitions have over {_MOST_TEXT >> 20} MB")
-        yield row
+    too_long = InputError(f"{path} is refused: its topics or definitions have over {_MOST_TEXT >> 20} MB")
+    try:
+        for number, row in enumerate(cursor.execute(query)):
+            if number == _MOST_ROWS:
+                raise InputError(f"{path} is refused: it has over {_MOST_ROWS} topics or definitions")
+            left -= sum(len(value) if isinstance(value, str | bytes) else 8 for value in row)
+            if left < 0:
+                raise too_long
+            yield row
+    except sqlite3.DataError as error:  # the connection's own limit
+        raise too_long from error
 
 
 def _check_messages(path: Path, database: sqlite3.Connection) -> None:
