@@ -173,8 +173,7 @@ class BuildEvidence:
 
 
 def _segment_motions(free: NDArray[np.int64], nodes: Array) -> Array:
-    """Compute each segment's motion, as rotation and shift of the root, by pose parameter, (21, 6, 3 + 3
-    F)."""
+    """Compute each segment's rotation and shift of the root by pose parameter, (21, 6, 3 + 3 F)."""
     turning = free >= 0
     turned, moves = np.nonzero(_LIES_BELOW & turning)  # pairs of segment and node that rotates it
     (x, y, z), first = nodes[moves].T, 3 + 3 * free[moves]
