@@ -1,4 +1,4 @@
-"""Formats of recordings by what a file begins with: those that are read, and what to do about others."""
+"""Recording formats by their first bytes: the supported ones, and advice for others."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from depth_pose.core.errors import InputError
 from depth_pose.io._topics import BAG_MAGIC, DB3_MAGIC, MCAP_MAGIC, RecordingFile
 
 ENDINGS = (".mcap", ".db3", ".bag")
-"""Files that are looked for in folders."""
+"""File extensions that are searched for in folders."""
 
 READ = "MCAP, rosbag2's .db3, ROS 1's .bag (RealSense's too), folders of these or of PNG or NPY depth images"
-"""What can be read."""
+"""Supported formats."""
 
 _IMAGES = (
     "export its depth images as 16-bit PNG into a folder, and give that folder with --intrinsics FX,FY,CX,CY"
@@ -37,7 +37,7 @@ _FOREIGN: tuple[tuple[bytes, str, str], ...] = (
     (b"# .PCD", "one point cloud", "record clouds as PointCloud2 messages"),
     (b"RIFF", "a video of colours (.avi)", "depth is needed"),
 )
-"""Beginnings of files that are not read, what these are, and what to do."""
+"""Unsupported formats: first bytes, name, and advice."""
 
 _FOREIGN_ENDINGS = {
     ".svo": ("a ZED recording", f"with the ZED SDK, {_IMAGES}"),
@@ -50,7 +50,7 @@ _FOREIGN_ENDINGS = {
 
 
 def open_file(file: Path, head: bytes) -> RecordingFile:
-    """Open a file of a recording, by the bytes that it begins with."""
+    """Open a file of a recording by its first bytes."""
     if head.startswith(MCAP_MAGIC):
         from depth_pose.io._mcap_file import McapFile
 

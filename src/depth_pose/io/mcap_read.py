@@ -1,4 +1,4 @@
-"""Reading recordings: depth frames from any camera (`depth_pose.io.skeleton_read`: skeletons)."""
+"""Reading of depth frames from recordings of any camera; skeletons are in `depth_pose.io.skeleton_read`."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from depth_pose.io.image_options import ImageOptions
 
 _log = logging.getLogger(__name__)
 _REALSENSE = re.compile(r"(/device_\d+/sensor_\d+)/Depth_\d+/image/data")
-"""Where librealsense puts depth images; their unit is an option of their sensor."""
+"""Depth image topics of librealsense; their unit is an option of the sensor."""
 
 
 class DepthReader:
@@ -38,22 +38,22 @@ class DepthReader:
     path : Path or str
         A recording: MCAP, .db3, ROS 1's .bag, a folder of these, or a folder of depth images.
     depth_topic : str, optional
-        The topic; by default the only one there is.
+        The topic; by default the only one.
     images : ImageOptions, optional
-        What a folder of images does not say: its camera, depth unit, frame rate.
+        Camera, depth unit and frame rate of a folder of images.
     tell : bool
-        Tell damage on `depth_pose.io.damage.DAMAGE_LOG` at the end; `damage` has it in any case.
+        Log damage on `depth_pose.io.damage.DAMAGE_LOG` at the end; `damage` returns it in any case.
 
     Attributes
     ----------
     topic : DepthTopic
-        What is read.
+        The topic that is read.
 
     Raises
     ------
     InputError
-        Where the recording cannot be read, or it is not clear which topic is meant, or (on
-        iteration) not one of its frames can be used.
+        If the recording cannot be read, the topic is ambiguous, or (on iteration)
+        none of its frames can be used.
     """
 
     def __init__(
@@ -70,7 +70,7 @@ class DepthReader:
         self._dropped: Counter[str] = Counter()
 
     def __len__(self) -> int:
-        """Give the number of frames that the recording is said to have."""
+        """Return the expected number of frames."""
         return self.topic.frames
 
     @property
@@ -80,17 +80,17 @@ class DepthReader:
 
     @property
     def dropped(self) -> int:
-        """Number of frames, since iteration began, that could not be used."""
+        """Number of unusable frames since iteration began."""
         return self._dropped.total()
 
     @property
     def damage(self) -> list[str]:
-        """What of the recording cannot be read, as far as reading has come, one line a file."""
+        """Return the damage found so far, one line per file."""
         return self._recording.damage
 
     @property
     def warnings(self) -> list[str]:
-        """What went wrong since iteration began, one line each with its count."""
+        """Return the problems since iteration began, one line each with its count."""
         lines = self.damage
         for reason, count in self._dropped.items():
             frames = "1 frame was" if count == 1 else f"{count} frames were"
@@ -118,7 +118,7 @@ class DepthReader:
             raise InputError("; ".join(self.warnings) or f"{self._recording.path} has no frames")
 
     def _first_info(self) -> RawMessage | None:
-        """Give the first calibration, which may be recorded after the first image."""
+        """Return the first calibration, which may be recorded after the first image."""
         return self._recording.first(self.topic.info_topic) if self.topic.info_topic else None
 
     def _frame(self, message: RawMessage, info: RawMessage | None) -> DepthFrame:
@@ -133,7 +133,7 @@ class DepthReader:
 
 
 def _realsense_unit_mm(recording: Recording, topic: str) -> float:
-    """Give the unit of librealsense's depth images, millimetres; 1 for all others."""
+    """Return the unit of librealsense's depth images, millimetres; 1 for all others."""
     found = _REALSENSE.fullmatch(topic)
     unit = recording.first(f"{found[1]}/option/Depth_Units/value") if found else None
     if unit is None or len(unit.data) != 8:
@@ -144,9 +144,9 @@ def _realsense_unit_mm(recording: Recording, topic: str) -> float:
 
 
 def frame_of_image(data: bytes, kind: str, info_data: bytes, rectified: bool = False) -> DepthFrame:
-    """Make a frame of an Image's or CompressedImage's CDR bytes and its camera's calibration.
+    """Build a frame from an Image's or CompressedImage's CDR bytes and its camera's calibration.
 
-    A rectified image (`depth_pose.io.calibration.is_rectified`) is taken as it is.
+    A rectified image (`depth_pose.io.calibration.is_rectified`) is used unchanged.
     """
     image, info = read_message(data, kind), read_message(info_data, schemas.CAMERA_INFO)
     if kind == schemas.COMPRESSED:
@@ -161,7 +161,7 @@ def frame_of_image(data: bytes, kind: str, info_data: bytes, rectified: bool = F
 
 
 def frame_of_cloud(data: bytes) -> DepthFrame:
-    """Make a frame of a PointCloud2's CDR bytes."""
+    """Build a frame from a PointCloud2's CDR bytes."""
     cloud = read_message(data, schemas.POINT_CLOUD)
     fields = {field.name: (field.offset, field.datatype) for field in cloud.fields}
     steps = (cloud.point_step, cloud.row_step)
@@ -172,7 +172,7 @@ def frame_of_cloud(data: bytes) -> DepthFrame:
 def read_frames(
     path: Path | str, depth_topic: str | None = None, images: ImageOptions | None = None
 ) -> Iterator[DepthFrame]:
-    """Give the depth frames of a recording, in order; what was dropped is logged at the end.
+    """Yield the depth frames of a recording, in order; dropped frames are logged at the end.
 
     Parameters
     ----------
@@ -182,7 +182,7 @@ def read_frames(
     Raises
     ------
     InputError
-        As `DepthReader`; at the call where the recording or its topics are at fault.
+        As `DepthReader`; raised at the call for faults of the recording or its topics.
     """
     return _logged(DepthReader(path, depth_topic, images))
 
