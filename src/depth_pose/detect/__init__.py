@@ -1,1 +1,1 @@
-"""People in one frame: the people finder, the joint finder, masks."""
+"""People in one frame: detection, joint proposals, masks."""

@@ -113,7 +113,7 @@ def carry_labels(depth, camera, image, labels, net_chance, marks, out, chance):
 def grow_labels(depth, labels, chance, least, jump, pixels, queue):
     """Grow people along their surfaces into pixels that are not clearly background.
 
-    A step goes to one of four neighbours with ``chance`` of at least ``least`` (or unknown, -1) whose depth
+    A step leads to one of four neighbours with ``chance`` of at least ``least`` (or unknown, -1) whose depth
     differs by less than ``jump`` per metre of distance; at most ``pixels`` / distance steps.
     """
     rows, cols = depth.shape

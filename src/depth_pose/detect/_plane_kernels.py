@@ -103,8 +103,10 @@ def moments(samples, on):
 
 @njit(cache=True)
 def best_plane(samples, normals, areas, seeds, tolerance):
-    """Find the plane (n, d), ``n . p = d``, with the most area that passes through a seed along its
-    normal."""
+    """Find the plane (n, d), ``n . p = d``, with the most area.
+
+    Candidates pass through one of the seeds, along its normal.
+    """
     best = np.zeros(4)
     most = 0.0
     plane = np.empty(4)

@@ -114,10 +114,8 @@ _LIMB = {"area": 0.15, "width": 0.13, "chance": 0.05}
 (m^2); probability chosen on development clips."""
 
 _APART = _LIMB | {"chance": 0.5}
-"""Limits of separate surfaces that mostly vote for one torso; the share of votes replaces the probability.
-
-Chosen on a clip with shanks below a desk.
-"""
+"""Limits of separate surfaces that mostly vote for one torso (a share in place of the probability); chosen
+on a clip with shanks below a desk."""
 
 _CUT_AWAY = 0.5
 """Share of missing pixels above which the background was removed and counts as free space."""

@@ -39,11 +39,8 @@ LEAST_PIXELS = 12
 """Least number of working-grid pixels of a person."""
 
 _CLAIM_LOGIT, _CLAIM_M = -2.0, 0.17
-"""Least logit (a probability of .12), and maximum distance (m) of the vote from a torso, of pixels that may
-belong to a person: shanks below a desk vote within .14 m, chairs at .22 m.
-
-Shanks below a desk, to which the net gives .24, vote for .09 to .14 m beside the torso, chairs for .22.
-"""
+"""Least logit (a probability of .12), and maximum distance (m) of the vote from a torso, of pixels that
+may belong to a person: shanks below a desk vote within .14 m, chairs at .22 m."""
 
 _CONTACT, _LEAST_CONTACT = 18, 0.3
 """Index of the measure of contact with a neighbour, and its least value for a part of that neighbour."""

@@ -18,10 +18,7 @@ _GROW_JUMP = 0.02
 
 _GROW_PIXELS = 4
 """Maximum growth on the working grid, pixels at one metre; the three values are chosen on 160 simulated
-scenes.
-
-These three gave the best overlap with the truth on 160 simulated scenes.
-"""
+scenes."""
 
 _NEAR_CHANCE = 0.15
 """Pixels beside probabilities below this are background on any grid."""

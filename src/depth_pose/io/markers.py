@@ -56,7 +56,7 @@ def write_markers(skeletons: Sequence[Skeleton], stamp_ns: int, frame_id: str) -
     ----------
     skeletons : sequence of Skeleton
     stamp_ns : int
-        Of the depth frame, nanoseconds.
+        Stamp of the depth frame, nanoseconds.
     frame_id : str
         Its optical frame.
     """

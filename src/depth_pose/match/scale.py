@@ -25,13 +25,8 @@ SCALES = 0.6 * 1.04 ** np.arange(-3, 18)
 """Grid of sizes: statures from 0.93 m to 2.05 m for a body of 1.75 m."""
 
 _RARE = 1.0
-"""Score of tall people, times the squared log ratio to 1.75 m; it compensates loose clothes; chosen on real
-people and simulated builds.
-
-Loose clothes make people look larger than they are. Without, two of eight real people seemed to be 2.05 m
-tall and their feet lay below the image of them; with 3, eleven people of random builds, two of whom are that
-tall, are off by 22.7 mm instead of 21.6 (docs/accuracy.md).
-"""
+"""Score of tall people, times the squared log ratio to 1.75 m; it compensates loose clothes; chosen on
+real people and simulated builds."""
 
 _RARITY = _RARE * np.maximum(np.log(SCALES), 0.0) ** 2
 """Rarity term of each of `SCALES`."""

@@ -25,14 +25,14 @@ class Articulation(NamedTuple):
     ----------
     skin : Skin
     normals : (V, 3) float64
-        Of the rest vertices, outward.
+        Normals of the rest vertices, outward.
     free : (21,) int64
-        Number of each node among those that turn, -1 for those that follow their parent.
+        Index of each node among the free ones, -1 for those that follow their parent.
     above : (3 + 3 F,) int64
         Number of each parameter's next one toward the root, -1 for none: three of the translation,
         then three of each free node.
     stiffness : (F,) float64
-        Of each free node toward the start.
+        Stiffness of each free node toward the start.
     """
 
     skin: Skin

@@ -79,11 +79,7 @@ _LACKING = {
     "thigh": 0.014,
 }
 """Bias of each learned parameter, as a share, from smoothing, noise and the fit; measured on 36 simulated
-people.
-
-With these, bones of 36 people of our own come out as long as they are, on the median; forearms and thighs
-were 2 and 2.3 % short (docs/method.md).
-"""
+people."""
 
 _LACK = np.array([0.0, *(_LACKING.get(part, 0.0) for part in BUILD_NAMES)])
 """The same for log size and build, (14,)."""

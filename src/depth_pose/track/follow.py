@@ -34,7 +34,7 @@ class Follower:
         skeletons : sequence of Skeleton
             All skeletons of the frame.
         stamp_ns, frame_id
-            Of the frame.
+            Stamp and frame id of the frame.
         """
         for skeleton in skeletons:
             if skeleton.body_id == self._body_id:

@@ -30,7 +30,7 @@ def draw_labels(people: People, frame: DepthFrame, mount: MountConfig) -> NDArra
     Parameters
     ----------
     people : People
-        Of this frame, on the upright working grid.
+        People of this frame, on the upright working grid.
     frame : DepthFrame
         The sensor's original frame.
     mount : MountConfig
