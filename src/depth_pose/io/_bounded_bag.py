@@ -37,12 +37,12 @@ class _BoundedFile(io.BufferedReader):
     def read(self, size: int | None = -1) -> bytes:
         """Read ``size`` bytes, within the limits."""
         if size is None or not 0 <= size <= MAX_CHUNK:
-            raise DamageError(f"a record of {size} bytes is more than the {MAX_CHUNK >> 20} MiB taken")
+            raise DamageError(f"a record of {size} bytes is more than the {MAX_CHUNK >> 20} MiB allowed")
         if self.index_left is not None:
             self.index_left -= size
             if self.index_left < 0:
                 raise DamageError(
-                    f"its index has more than {_MOST_INDEX >> 20} MiB; 'rosbag filter' keeps topics"
+                    f"its index has more than {_MOST_INDEX >> 20} MiB; 'rosbag filter' selects topics"
                 )
         return super().read(size)
 
@@ -84,7 +84,7 @@ class BoundedReader(Reader):
         self._sizes[at] = len(data)
         self._unpacked += len(data)
         if self._unpacked > MAX_CHUNK + _UNPACKED_AGAIN * sum(self._sizes.values()):
-            raise DamageError("its index goes from chunk to chunk")
+            raise DamageError("its index jumps between chunks")
         return data
 
     def messages(
@@ -95,7 +95,7 @@ class BoundedReader(Reader):
         for found in super().messages(connections, start, stop):
             given += len(found[2])
             if given > sum(self._sizes.values()):
-                raise DamageError("its index names messages twice")
+                raise DamageError("its index lists messages twice")
             yield found
 
 
@@ -103,7 +103,7 @@ def _unpack_bz2(packed: bytes) -> bytes:
     decompressor = bz2.BZ2Decompressor()
     data = decompressor.decompress(packed, max_length=MAX_CHUNK)
     if not decompressor.eof:
-        raise DamageError(f"a chunk unpacks to more than the {MAX_CHUNK >> 20} MiB taken, or is cut off")
+        raise DamageError(f"a chunk unpacks to more than the {MAX_CHUNK >> 20} MiB allowed, or is cut off")
     return data
 
 
@@ -111,7 +111,7 @@ def _unpack_lz4(packed: bytes) -> bytes:
     decompressor = lz4.frame.LZ4FrameDecompressor()
     data = bytes(decompressor.decompress(packed, max_length=MAX_CHUNK))
     if not decompressor.eof:
-        raise DamageError(f"a chunk unpacks to more than the {MAX_CHUNK >> 20} MiB taken, or is cut off")
+        raise DamageError(f"a chunk unpacks to more than the {MAX_CHUNK >> 20} MiB allowed, or is cut off")
     return data
 
 

@@ -110,7 +110,7 @@ def _check_schema(path: Path, database: sqlite3.Connection) -> set[str]:
                 if is_virtual
                 else {"table": "a table", "index": "an index"}.get(kind, f"a {kind}")
             )
-            raise InputError(f"{path} is refused: {name!r} is {what} that computes; a recording has none")
+            raise InputError(f"{path} is refused: {name!r} is {what} that runs code; recordings have none")
     for wanted in ("topics", "messages"):
         if wanted not in tables:
             raise InputError(f"{path} is an SQLite file, but not rosbag2's: it has no table {wanted}")
@@ -189,7 +189,7 @@ def _copy(path: Path, database: sqlite3.Connection, target: Path) -> None:
         database.execute(f"PRAGMA {name}").fetchone() for name in ("page_count", "page_size")
     )
     if pages * size > shutil.disk_usage(target.parent).free - LEFT_FREE:
-        raise InputError(f"{path} cannot be copied: the disk of {target.parent} has too little room")
+        raise InputError(f"{path} cannot be copied: the disk of {target.parent} has too little space")
     with closing(sqlite3.connect(target)) as copy:
         database.backup(copy)
         copy.execute("PRAGMA journal_mode = DELETE")

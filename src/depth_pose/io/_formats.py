@@ -25,7 +25,7 @@ _FOREIGN: tuple[tuple[bytes, str, str], ...] = (
         "play it through azure_kinect_ros_driver (recording_file:=FILE) and record that with "
         f"'depth-pose record'; or {_IMAGES}",
     ),
-    (b"#ROSBAG V1", "a ROS bag of before 2010", "convert it with 'rosbag fix' of ROS 1"),
+    (b"#ROSBAG V1", "a ROS bag from before 2010", "convert it with 'rosbag fix' of ROS 1"),
     (b"\x28\xb5\x2f\xfd", "packed with zstd", "unpack it first: zstd -d FILE"),
     (b"\x1f\x8b", "packed with gzip", "unpack it first: gunzip FILE"),
     (b"BZh", "packed with bzip2", "unpack it first: bunzip2 FILE"),
@@ -35,7 +35,7 @@ _FOREIGN: tuple[tuple[bytes, str, str], ...] = (
     (b"\x93NUMPY", "one array", "give the folder of all of them, with --intrinsics FX,FY,CX,CY"),
     (b"ply", "one point cloud", "record clouds as PointCloud2 messages"),
     (b"# .PCD", "one point cloud", "record clouds as PointCloud2 messages"),
-    (b"RIFF", "a video of colours (.avi)", "depth is needed"),
+    (b"RIFF", "a colour video (.avi)", "depth is needed"),
 )
 """Unsupported formats: first bytes, name, and advice."""
 
@@ -45,7 +45,7 @@ _FOREIGN_ENDINGS = {
     ".klg": ("a Kintinuous log", _IMAGES),
     ".rrd": ("a Rerun recording", "record topics instead"),
     ".xef": ("a Kinect Studio recording", f"with Kinect Studio, {_IMAGES}"),
-    ".mp4": ("a video of colours", "depth is needed"),
+    ".mp4": ("a colour video", "depth is needed"),
 }
 
 
@@ -71,4 +71,4 @@ def _why_not(file: Path, head: bytes) -> str:
     if head[4:8] == b"ftyp" or file.suffix.lower() in _FOREIGN_ENDINGS:
         what, todo = _FOREIGN_ENDINGS.get(file.suffix.lower(), _FOREIGN_ENDINGS[".mp4"])
         return f"{file} cannot be read: it is {what}; {todo}"
-    return f"{file} is not a recording that can be read; those are {READ}"
+    return f"{file} is not a supported recording; supported formats are {READ}"

@@ -101,7 +101,7 @@ class McapFile:
             for chunk in found.chunks
         ]
         if not _are_apart(places):  # otherwise a small file could be read for ever
-            self._faults.append("was read without its index: it names chunks twice")
+            self._faults.append("was read without its index: it lists chunks twice")
             return False
         self._summary, self._places = found, places
         return True
@@ -175,7 +175,7 @@ class McapFile:
         if not wanted or self._bad:
             return
         if os.fstat(stream.fileno()).st_blocks * 512 < at // 2:  # a hole of terabytes would be read as zeros
-            self._faults.append("has holes, so that the checksum of its data is not held")
+            self._faults.append("has holes, so the checksum of its data is not verified")
             return
         crc, left = 0, at
         stream.seek(0)
@@ -278,7 +278,7 @@ class McapFile:
             )
         if self._missing:
             counts = ", ".join(f"{n} of {of} on {topic}" for topic, (n, of) in sorted(self._missing.items()))
-            parts.append(f"gave of its messages {counts}")
+            parts.append(f"does not have the stated number of messages: {counts}")
         elif parts and self._found:
             parts.append(f"gave {counted(self._found.total(), 'message')}")
         return [f"{self.path} {'; '.join(parts)}"] if parts else []
@@ -293,4 +293,4 @@ def _are_apart(places: list[Place]) -> bool:
 def _why_not(channel: Channel) -> str:
     names = {"json": "JSON", "protobuf": "protobuf", "flatbuffer": "FlatBuffers", "ros1": "ROS 1's encoding"}
     encoding = channel.message_encoding
-    return f"in {names.get(encoding, encoding or 'an encoding that is not said')}, not ROS 2's CDR"
+    return f"in {names.get(encoding, encoding or 'an unspecified encoding')}, not ROS 2's CDR"

@@ -133,7 +133,7 @@ def spans(data: bytes) -> Iterator[tuple[int, int, int]]:
         kind, length = RECORD.unpack_from(data, at)
         at += RECORD.size
         if length > size - at:
-            raise DamageError("a record is longer than what it is in")
+            raise DamageError("a record is longer than its chunk or summary")
         if kind == 0:
             raise DamageError("there are zeros where a record should be")
         yield kind, at, at + length
@@ -181,7 +181,7 @@ def read_chunk(stream: BinaryIO, at: int) -> tuple[int, int, bytes]:
 def bounded(size: int) -> int:
     """Return a size after checking it against `MAX_CHUNK`."""
     if size > MAX_CHUNK:
-        raise DamageError(f"a chunk of {size} bytes is more than the {MAX_CHUNK >> 20} MiB that are taken")
+        raise DamageError(f"a chunk of {size} bytes is more than the {MAX_CHUNK >> 20} MiB allowed")
     return size
 
 

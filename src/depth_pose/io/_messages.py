@@ -122,10 +122,10 @@ def read_people(data: bytes, definition: str = schemas.BUILD_LINE) -> SkeletonsM
 
 def _skeleton_of(m: Any) -> Skeleton:
     if m.source not in tuple(Source):
-        raise InputError(f"Skeleton: source is {m.source}; it is one of 0 to {max(Source)}")
+        raise InputError(f"Skeleton: source is {m.source}; it must be one of 0 to {max(Source)}")
     build = np.array(getattr(m, "build", ()), np.float32)
     if len(build) not in (0, BUILD_SIZE):
-        raise InputError(f"Skeleton: the build has {len(build)} numbers; it is none, or {BUILD_SIZE}")
+        raise InputError(f"Skeleton: the build has {len(build)} numbers; it must have none, or {BUILD_SIZE}")
     size = len(JOINTS) if m.joints else 0
     positions = np.full((size, 3), np.nan)
     quats = np.full((size, 4), np.nan)
@@ -134,7 +134,7 @@ def _skeleton_of(m: Any) -> Skeleton:
     for joint in m.joints:
         index = JOINT_INDEX.get(joint.name)
         if joint.state not in tuple(JointState):
-            raise InputError(f"Joint: state is {joint.state}; it is one of 0 to {max(JointState)}")
+            raise InputError(f"Joint: state is {joint.state}; it must be one of 0 to {max(JointState)}")
         if index is not None:
             at, turn = joint.position, joint.orientation
             positions[index] = at.x, at.y, at.z

@@ -80,11 +80,13 @@ class Recording:
             return self._open_rosbag2(read_metadata_file(self.path))
         files = recording_files(self.path)
         if not files:
-            raise InputError(f"{self.path} has no recording in it; what can be read is {READ}")
+            raise InputError(f"{self.path} has no recording in it; supported formats are {READ}")
         if files[0].suffix.lower() in IMAGE_ENDINGS:
             return [ImageFolder(self.path, images)]
         if not _may_be_parts(files):
-            raise InputError(f"{self.path} holds several recordings, not the parts of one: give one of them")
+            raise InputError(
+                f"{self.path} holds several recordings, not the parts of one; choose one of them"
+            )
         return [open_file(file, _head(file)) for file in files]
 
     def _open_rosbag2(self, metadata: Metadata) -> list[RecordingFile]:
@@ -92,7 +94,7 @@ class Recording:
         self._said = metadata.counts
         for path in metadata.files:
             if not path.exists():
-                self._damage.append(f"{path} is not there; {self.path / METADATA} names it")
+                self._damage.append(f"{path} does not exist; {self.path / METADATA} lists it")
                 continue
             if path.suffix == PACKED:
                 _head(path)
@@ -100,7 +102,7 @@ class Recording:
             file = open_file(path, _head(path))
             files.append(PackedMessages(file, path) if metadata.is_packed else file)
         if not files:
-            raise InputError("; ".join(self._damage) or f"{self.path / METADATA} names no files")
+            raise InputError("; ".join(self._damage) or f"{self.path / METADATA} lists no files")
         return files
 
     def _add(self, topic: Topic) -> None:
@@ -122,7 +124,7 @@ class Recording:
         missing = missing_counts(self._said, read, topics)
         if missing and not self.damage:
             counts = ", ".join(f"{n} of {of} on {topic}" for topic, (n, of) in sorted(missing.items()))
-            self._damage.append(f"{self.path} gave of the messages that {METADATA} counts {counts}")
+            self._damage.append(f"{self.path} does not have the number of messages in {METADATA}: {counts}")
 
     def first(self, topic: str) -> RawMessage | None:
         """Return the topic's first message, or None."""

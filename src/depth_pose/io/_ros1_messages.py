@@ -69,4 +69,4 @@ def to_cdr(data: bytes, kind: str) -> bytes:
     try:
         return bytes(_stores()[1].ros1_to_cdr(data, kind))
     except (SerdeError, struct.error, ValueError, AssertionError, IndexError) as error:
-        raise DamageError(f"a message is no {kind}") from error
+        raise DamageError(f"a message is not a valid {kind}") from error

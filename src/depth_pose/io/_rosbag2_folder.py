@@ -76,7 +76,7 @@ def read_metadata_file(folder: Path) -> Metadata:
     except (DepthPoseError, ValueError, TypeError, KeyError, AttributeError) as error:
         text = " ".join(str(error).split())
         said = text if isinstance(error, DepthPoseError) else f"{path} cannot be read: {text}"
-        raise InputError(f"{said}; 'ros2 bag reindex {folder}' makes it anew") from error
+        raise InputError(f"{said}; 'ros2 bag reindex {folder}' recreates it") from error
     return Metadata(tuple(folder / name for name in names), counts, mode == "message")
 
 
@@ -115,12 +115,12 @@ def _unpack_stream(file: Path, source: BinaryIO, out: BinaryIO, room: int) -> No
     size = 0
     while block := reader.read(_BLOCK):
         if not size and not block.startswith(MAGICS):
-            raise InputError(f"{file} cannot be read: what is packed in it is no recording")
+            raise InputError(f"{file} cannot be read: the compressed file is not a recording")
         size += len(block)
         if max(size, declared) > reason:
             raise InputError(f"{file} is refused: it unpacks to over {_MOST_RATIO} times its size")
         if max(size, declared) > room:
-            raise InputError(f"{file} cannot be unpacked: {out.name} has too little room")
+            raise InputError(f"{file} cannot be unpacked: {out.name} has too little space")
         out.write(block)
 
 

@@ -19,8 +19,8 @@ from depth_pose.io._topics import DamageError, RawMessage, Topic, counted
 if TYPE_CHECKING:
     from rosbags.interfaces import Connection
 
-_DB3_REPAIR = "'sqlite3 FILE .recover | sqlite3 NEW.db3' saves what can be"
-_BAG_REPAIR = "ROS 1's 'rosbag reindex FILE' makes the index anew"
+_DB3_REPAIR = "'sqlite3 FILE .recover | sqlite3 NEW.db3' recovers what it can"
+_BAG_REPAIR = "ROS 1's 'rosbag reindex FILE' recreates the index"
 
 
 class RosbagsFile:
@@ -95,7 +95,7 @@ class RosbagsFile:
         if self._is_bag:
             return why_not(connection.msgtype, connection.digest)
         encoding = str(getattr(connection.ext, "serialization_format", ""))
-        return "" if encoding == "cdr" else encoding or "an encoding that is not said"
+        return "" if encoding == "cdr" else encoding or "an unspecified encoding"
 
     def _qos(self, connection: Connection) -> str:
         """Return the publishers' QoS as rosbag2 writes it (YAML), with the fields that players need."""

@@ -87,7 +87,7 @@ def camera_from_info(
     check_shape("camera_info", height, width)
     values = np.asarray(k, np.float64).ravel()
     if values.size != 9:
-        raise InputError(f"camera_info: k has {values.size} numbers; it has 9")
+        raise InputError(f"camera_info: k has {values.size} numbers; it must have 9")
     if not np.isfinite(values).all():
         raise InputError(f"camera_info: k is {values.tolist()}; all must be finite")
     fx, skew, cx, _, fy, cy = values[:6]
@@ -123,8 +123,8 @@ def _distortion(d: Sequence[float] | NDArray[np.float64], model: str) -> tuple[f
         raise InputError(f"camera_info: d is {list(coefficients)}; all must be finite")
     if model not in _DISTORTION_LENGTHS:
         raise InputError(
-            f"camera_info: distortion_model is {model!r}; it is one of {', '.join(_DISTORTION_LENGTHS)}, "
-            "or give a rectified image and its camera_info"
+            f"camera_info: distortion_model is {model!r}; it must be one of "
+            f"{', '.join(_DISTORTION_LENGTHS)}, or give a rectified image and its camera_info"
         )
     if len(coefficients) not in _DISTORTION_LENGTHS[model]:
         raise InputError(

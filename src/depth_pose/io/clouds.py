@@ -64,7 +64,7 @@ def decode_points(
         offset, datatype = fields[name]
         if datatype not in _POINT_TYPES:
             raise InputError(
-                f"cloud: field {name!r} has datatype {datatype}; it is 7 (FLOAT32) or 8 (FLOAT64)"
+                f"cloud: field {name!r} has datatype {datatype}; it must be 7 (FLOAT32) or 8 (FLOAT64)"
             )
         kind = np.dtype(order + _POINT_TYPES[datatype])
         if offset < 0 or offset + kind.itemsize > point_step:
@@ -93,7 +93,7 @@ def camera_from_points(points: NDArray[np.floating]) -> Camera:
         If there are too few points, or they do not fit a pinhole camera.
     """
     if points.ndim != 3 or points.shape[2] != 3:
-        raise InputError(f"cloud has shape {points.shape}; an organised one has (height, width, 3)")
+        raise InputError(f"cloud has shape {points.shape}; an organised cloud has (height, width, 3)")
     from depth_pose.io import _cloud_kernels as kernels
 
     height, width = points.shape[:2]
@@ -137,7 +137,7 @@ def frame_from_cloud(points: NDArray[np.floating], stamp_ns: int, frame_id: str)
         If no point lies in front of the camera.
     """
     if points.ndim not in (2, 3) or points.shape[-1] != 3:
-        raise InputError(f"cloud has shape {points.shape}; it has (height, width, 3) or (n, 3)")
+        raise InputError(f"cloud has shape {points.shape}; it must be (height, width, 3) or (n, 3)")
     flat = points.reshape(-1, 3)
     flat = flat[np.isfinite(flat).all(axis=1) & (flat[:, 2] > 0)]
     if len(flat) == 0:

@@ -73,7 +73,7 @@ def _decode_rvl(body: bytes) -> NDArray[np.uint16]:
     nibbles = ((words[:, None] >> shifts) & 15).astype(np.uint8).ravel()
     out = np.empty(width * height, np.uint16)
     if not kernels.decode(nibbles, out):
-        raise InputError(f"compressed image: the RVL data do not give {width} x {height} pixels")
+        raise InputError(f"compressed image: the RVL data do not decode to {width} x {height} pixels")
     return out.reshape(height, width)
 
 

@@ -30,7 +30,7 @@ def check_size(what: str, height: int, width: int, max_width: int = MAX_SIDE) ->
     if height > MAX_SIDE or width > max_width or height * width > MAX_PIXELS:
         raise InputError(
             f"{what} is too large: width is {width}, height is {height}; "
-            f"the most is {max_width} x {MAX_SIDE} and {MAX_PIXELS} in all"
+            f"the maximum is {max_width} x {MAX_SIDE} and {MAX_PIXELS} in all"
         )
 
 
@@ -38,8 +38,8 @@ def check_shape(what: str, height: int, width: int) -> None:
     """Refuse images that are too elongated for a camera."""
     if max(height, width) > _MOST_ELONGATED * min(height, width):
         raise InputError(
-            f"{what}: width is {width}, height is {height}; a camera's image is at most "
-            f"{_MOST_ELONGATED} times as long as high"
+            f"{what}: width is {width}, height is {height}; the sides of a camera "
+            f"image differ by at most a factor of {_MOST_ELONGATED}"
         )
 
 

@@ -144,16 +144,16 @@ def _what_it_is(recording: Recording, topic: Topic) -> str:
     if topic.count == 0:
         return f"{kind} without messages"
     if kind == schemas.COMPRESSED and not topic.name.endswith(TOPIC_ENDING):
-        return f"{kind}, which holds colours; depth is on topics that end in {TOPIC_ENDING}"
+        return f"{kind}, which holds colour images; depth is on topics that end in {TOPIC_ENDING}"
     if kind != schemas.IMAGE:
         return kind
     message = recording.first(topic.name)
     if message is None:
         return f"{kind} that cannot be read"
     if message.data.startswith(_ZSTD):
-        return f"{kind}, each packed by itself; give the folder with the metadata.yaml that says so"
+        return f"{kind}, individually compressed; give the folder with its metadata.yaml"
     try:
         encoding = read_image(message.data).encoding
     except InputError:
         return f"{kind} that cannot be read"
-    return kind if encoding in _DEPTH_ENCODINGS else f"{kind} of {encoding[:20]}, which is no depth"
+    return kind if encoding in _DEPTH_ENCODINGS else f"{kind} of {encoding[:20]}, which is not depth"

@@ -107,7 +107,7 @@ class ImageFolder:
         given = _completed(options, folder)
         if given.fx is None or given.fy is None or given.cx is None or given.cy is None:
             raise InputError(
-                f"{folder} is a folder of images, which do not say their camera: "
+                f"{folder} is a folder of images, which have no camera parameters: "
                 f"write {folder / CAMERA_FILE} (fx, fy, cx, cy in pixels), or give run, info or play "
                 "--intrinsics FX,FY,CX,CY"
             )
@@ -209,14 +209,14 @@ def _read(file: Path, scale: float | None) -> NDArray[np.generic]:
 def _read_npy(file: Path) -> NDArray[np.generic]:
     with file.open("rb") as stream:
         if stream.read(len(_NPY_MAGIC)) != _NPY_MAGIC:  # NumPy would also accept an archive
-            raise InputError("no NPY array")
+            raise InputError("not an NPY array")
     try:  # memory-mapped, so that allocation is limited by the file's size
         pixels = np.load(file, mmap_mode="r", allow_pickle=False)
     except _NPY_ERRORS as error:
-        raise InputError(f"no NPY array: {' '.join(str(error).split())[:200]}") from error
+        raise InputError(f"not an NPY array: {' '.join(str(error).split())[:200]}") from error
     if pixels.ndim == 3 and pixels.shape[2] == 1:
         pixels = pixels[..., 0]
     if pixels.ndim != 2 or pixels.dtype.kind not in "uif":
-        raise InputError(f"the array is {pixels.dtype}{list(pixels.shape)}; depth is one number a pixel")
+        raise InputError(f"the array is {pixels.dtype}{list(pixels.shape)}; depth has one number per pixel")
     check_size("image", *pixels.shape)
     return np.array(pixels, pixels.dtype.newbyteorder("="))

@@ -33,7 +33,7 @@ class ImageOptions:
         for name in ("fx", "fy", "depth_scale", "fps"):
             value = getattr(self, name)
             if value is not None and not (1e-6 < value < 1e6):
-                raise ConfigError(f"{name} is {value}; it is to be a number above 0")
+                raise ConfigError(f"{name} is {value}; it must be a number above 0")
 
     @staticmethod
     def parse(intrinsics: str | None, depth_scale: float | None, fps: float | None) -> ImageOptions:
@@ -45,6 +45,6 @@ class ImageOptions:
             except ValueError:
                 numbers = []
             if len(numbers) != 4 or not all(n is not None and math.isfinite(n) for n in numbers):
-                raise ConfigError(f"--intrinsics is {intrinsics!r}; it is FX,FY,CX,CY in pixels")
+                raise ConfigError(f"--intrinsics is {intrinsics!r}; it must be FX,FY,CX,CY in pixels")
         fx, fy, cx, cy = numbers
         return ImageOptions(fx, fy, cx, cy, depth_scale, fps)

@@ -36,7 +36,7 @@ class PartlyWritten(KeyboardInterrupt):
     """
 
     def __init__(self, path: Path) -> None:
-        super().__init__(f"what was done until then is in {path}")
+        super().__init__(f"what was written until then is in {path}")
         self.path = path
 
 
@@ -163,7 +163,7 @@ class DepthWriter(_RecordingWriter):
         encoding: str = "16UC1",
     ) -> None:
         if encoding not in ("16UC1", "32FC1"):
-            raise InputError(f"{path}: encoding is {encoding!r}; it is 16UC1 or 32FC1")
+            raise InputError(f"{path}: encoding is {encoding!r}; it must be 16UC1 or 32FC1")
         super().__init__(path, only_whole=True)
         self._camera = camera
         self._frame_id = frame_id
@@ -184,7 +184,7 @@ class DepthWriter(_RecordingWriter):
         if depth.shape != (self._camera.height, self._camera.width):
             raise InputError(
                 f"{self._path}: the image is {depth.shape[1]} x {depth.shape[0]}, "
-                f"the camera's are {self._camera.width} x {self._camera.height}"
+                f"the camera has {self._camera.width} x {self._camera.height}"
             )
         info = write_camera_info(stamp_ns, self._frame_id, self._camera)
         self._write(self._info_topic, schemas.CAMERA_INFO, stamp_ns, info)

@@ -95,7 +95,7 @@ class FailureCheck:
         Failure or None
         """
         if fitted.is_lost:
-            return Failure("no_pose", "no pose was found, though somebody is in view")
+            return Failure("no_pose", "no pose was found, although a person is in view")
         return (
             self._changed_bone(fitted, good)
             or self._bent_too_far(fitted)

@@ -273,7 +273,7 @@ class Recoverer:
     def _carry(self, memory: RecoveryMemory, person: Person, limit: float) -> Fitted:
         """Move the last body to this frame: unchanged, or carried by the clouds if that may help."""
         last, shown = memory.before, memory.person_before
-        assert last is not None and shown is not None, "somebody without a past is not carried"
+        assert last is not None and shown is not None, "a person without a previous frame is not carried"
         kept = self._fit(person, last.pose, last.build)
         if kept.score < limit or kept.score > limit + _NEARLY:
             return kept

@@ -42,8 +42,8 @@ class Limbs(NamedTuple):
 def reach(known, targets, count, out_samples, out_rotations):
     """For each target, bend the ``count`` limbs with the nearest ends so that they end there.
 
-    The plane of the bend turns along with the line from the limb's beginning to its end, so that elbow or
-    knee stay as plausible as they were; the bend itself follows from the distance, by the law of cosines.
+    The plane of the bend rotates with the line from the limb's start to its end, so that elbow or
+    knee remain as plausible as before; the bend itself follows from the distance, by the law of cosines.
 
     Parameters
     ----------
