@@ -57,7 +57,7 @@ class NetImage(NamedTuple):
 
 @njit(cache=True)
 def reduce_grid(depth, stride, rows, cols, near, far, grid):
-    """Sample a depth image (metres) to the net's grid: with four samples per pixel.
+    """Sample a depth image (metres) to the net's grid with four samples per pixel.
 
     Pixel (i, j) of the grid covers ``stride`` x ``stride`` pixels from ``(i stride, j stride)``; ``stride``
     need not be an integer. A pixel with fewer than two samples is a hole (0).

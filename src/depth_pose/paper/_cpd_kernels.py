@@ -86,7 +86,7 @@ def _sum_run(run: Any, centre: Any, kernel: Any, share: Any) -> Any:
 def expect(
     moved: Any, sigma2: Any, outlier: Any, grid: Any, kernel: Any, total: Any, p1: Any, residual: Any
 ) -> Any:
-    """E-step of CPD: ``p1[m] = sum_n p_mn``, ``residual[m] = sum_n p_mn (x_n - t_m)``.
+    """Run the E-step of CPD: ``p1[m] = sum_n p_mn``, ``residual[m] = sum_n p_mn (x_n - t_m)``.
 
     Returns ``sum_mn p_mn |x_n - t_m|^2``. ``total`` holds ``sum_n`` of each target's posteriors
     (Pt1) afterwards, in the order of the grid.
