@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import synthetic as syn
+from depth_pose.core.camera import Camera
 from depth_pose.core.config import MAX_STAMP_GAP_NS, MatchConfig, PipelineConfig
 from depth_pose.core.skeleton import JOINT_NODES, Source
 from depth_pose.motion.procedural.generator import make_clip
@@ -217,3 +218,23 @@ def test_sizes_are_each_person_s_own(bank):
         ]
         _, skeletons = answer(pipeline, syn.to_people(*depths, stamp_ns=syn.START_NS + k * syn.STEP_NS))
     assert [s.scale for s in skeletons] == pytest.approx([1.05, 0.75], rel=0.06)
+
+
+def test_tracks_are_kept_when_the_camera_changes_its_resolution(clip, bank):
+    pipeline, ids = PosePipeline(bank), set()
+    for i, frame in enumerate(clip[0]):
+        if i >= FRAMES // 2:
+            c = frame.camera
+            half = Camera(
+                (c.width + 1) // 2,
+                (c.height + 1) // 2,
+                c.fx / 2,
+                c.fy / 2,
+                (c.cx - 0.5) / 2,
+                (c.cy - 0.5) / 2,
+            )
+            frame = replace(frame, depth=np.ascontiguousarray(frame.depth[::2, ::2]), camera=half)
+        (skeleton,) = pipeline.process_frame(frame).skeletons
+        ids.add(skeleton.body_id)
+        assert np.linalg.norm(skeleton.positions - clip[1][i], axis=-1).mean() < 0.06
+    assert ids == {"body_1"}

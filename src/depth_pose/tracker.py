@@ -24,13 +24,8 @@ from depth_pose.core.progress import loading
 from depth_pose.core.types import DepthFrame, Skeleton
 from depth_pose.io.calibration import camera_from_info
 from depth_pose.io.clouds import frame_from_cloud
+from depth_pose.io.depth_unit import INTEGER_UNIT_M, is_indoors, median_depth
 from depth_pose.pipeline import PosePipeline
-
-_INTEGER_SCALE_M = 0.001
-"""Unit of integer depth images, metres: REP 118."""
-
-_LEAST_MEDIAN_M, _MOST_MEDIAN_M = 0.1, 10.0
-"""Range of the median depth of indoor sensors, metres; an image outside it has another unit. Set by hand."""
 
 _LEAST_STEP_NS = 100_000
 """Integer times closer than this (10 kHz) are frame numbers or other units, not nanoseconds. Set by hand."""
@@ -196,7 +191,7 @@ class Tracker:
                 f"depth has dtype {image.dtype}, at most {np.iinfo(image.dtype).max} mm: it is a picture of "
                 "depth, not depth. If it is depth, give Tracker its unit in metres, say depth_scale=0.02"
             )
-        scale = self._depth_scale or (1.0 if image.dtype.kind == "f" else _INTEGER_SCALE_M)
+        scale = self._depth_scale or (1.0 if image.dtype.kind == "f" else INTEGER_UNIT_M)
         depth = image.astype(np.float32, order="C") * np.float32(scale)
         depth[~(np.isfinite(depth) & (depth > 0))] = 0.0
         self._check_unit(depth, image.dtype, scale)
@@ -204,11 +199,9 @@ class Tracker:
 
     def _check_unit(self, depth: NDArray[np.float32], dtype: np.dtype[Any], scale: float) -> None:
         """Refuse depth whose median no sensor indoors has; once one image has passed, the unit is known."""
-        valid = depth[np.isfinite(depth) & (depth > 0)]
-        if self._is_unit_known or valid.size == 0:
+        if self._is_unit_known or (median := median_depth(depth)) is None:
             return
-        median = float(np.median(valid))
-        if not _LEAST_MEDIAN_M <= median <= _MOST_MEDIAN_M:
+        if not is_indoors(median):
             raise InputError(_wrong_unit(median, dtype, scale))
         self._is_unit_known = True
 

@@ -288,3 +288,71 @@ def test_compressed_depth_gives_the_same_cloud(start, peer, frames):
 
     peer.ask(show, lambda: clouds, what="the cloud")
     assert_same_cloud(clouds[0], PeopleExtractor(SegmentConfig(), DenoiseConfig()).extract(frames[0]))
+
+
+def test_the_info_of_another_camera_is_not_used(start, peer, frames):
+    process = start("-m", "depth_pose.ros.nodes.denoise_node")
+    process.wait_for("is ready")
+    answers = peer.listen(PointCloud2, POINTS)
+    told = peer.listen(DiagnosticArray, "/diagnostics", RELIABLE)
+    images, infos = peer.publisher(Image, IMAGE), peer.publisher(CameraInfo, INFO)
+    frame = frames[0]
+    other = info_msg(frame)
+    other.header.frame_id = "colour"
+    other.k = [1.3 * k if i in (0, 4) else k for i, k in enumerate(other.k)]
+    stamps = itertools.count(frame.stamp_ns, 40_000_000)
+
+    def send():
+        infos.publish(info_msg(frame))
+        infos.publish(other)
+        peer.spin(0.1)
+        images.publish(at(image_msg(frame), next(stamps)))
+
+    peer.ask(send, lambda: len(answers) >= 3, what=lambda: f"answers:\n{process.output}\nthey")
+    expected = PeopleExtractor(SegmentConfig(), DenoiseConfig()).extract(
+        image_to_frame(image_msg(frame), info_msg(frame))
+    )
+    span = np.ptp(expected.points[expected.labels == PERSON], axis=0)[:2]
+    for answer in answers:  # the other camera's would be 1.3 times smaller
+        assert np.allclose(
+            np.ptp(points_of(answer)[labels_of(answer) == PERSON], axis=0)[:2], span, atol=0.03
+        )
+    process.wait_for("of another camera ignored ('colour')")
+    counts = {v.key: v.value for v in told[-1].status[0].values} if told else {}
+    peer.until(
+        lambda: (
+            told
+            and int(
+                {v.key: v.value for v in told[-1].status[0].values}.get("CameraInfo of another camera", 0)
+            )
+            >= 3
+        ),
+        what=lambda: f"the count in diagnostics ({counts})",
+    )
+    assert process.output.count("of another camera ignored") == 1
+
+
+@pytest.mark.parametrize("unit", [None, 0.001])
+def test_float_millimetres_are_said_and_the_parameter_sets_them(start, peer, frames, unit):
+    given = [] if unit is None else ["--ros-args", "-p", f"depth_scale:={unit}"]
+    process = start("-m", "depth_pose.ros.nodes.denoise_node", *given)
+    process.wait_for("is ready")
+    answers = peer.listen(PointCloud2, POINTS)
+    images, infos = peer.publisher(Image, IMAGE), peer.publisher(CameraInfo, INFO)
+    stamps = itertools.count(frames[0].stamp_ns, 40_000_000)
+    message = image_msg(frames[0], "32FC1")
+    message.data = (frames[0].depth * np.float32(1000.0)).astype("<f4").tobytes()
+
+    def send():
+        infos.publish(info_msg(frames[0]))
+        peer.spin(0.1)
+        images.publish(at(message, next(stamps)))
+
+    peer.ask(send, lambda: len(answers) >= 12, what=lambda: f"answers:\n{process.output}\nthey", every_s=0.2)
+    has_person = (labels_of(answers[0]) == PERSON).any()
+    said = "the parameter depth_scale sets the metres per unit, here perhaps 0.001"
+    if unit is None:
+        process.wait_for(said)
+        assert not has_person and process.output.count("look like another unit") == 1
+    else:
+        assert has_person and "look like another unit" not in process.output

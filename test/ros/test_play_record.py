@@ -1,5 +1,8 @@
 """Playing what others recorded, as it was offered; recording so that nothing is lost that was there."""
 
+import os
+import subprocess
+import sys
 import threading
 import time
 
@@ -20,6 +23,7 @@ from sensor_msgs.msg import CameraInfo, Image
 from std_msgs.msg import Header
 
 from depth_pose.core.errors import InputError
+from depth_pose.io._messages import write_image
 from depth_pose.io._recording import Recording
 from depth_pose.io.image_options import ImageOptions
 from depth_pose.ros.messages.basics import make_header, stamp_to_ns
@@ -239,3 +243,76 @@ def read_damaged(path):
     recording = Recording(path)
     assert list(recording.messages("/noise")), "not one message can be read"
     return " ".join(recording.damage)
+
+
+def hostile(path, topics, gap_ns=0):
+    """Write a recording of good images, the last one after a gap, and of other topics, one message each."""
+    frames = list(scene.frames(3))
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start(profile="ros2")
+        made = {}
+        for topic, kind in {IMAGE: "sensor_msgs/msg/Image", **topics}.items():
+            schema = writer.register_schema(kind, "ros2msg", b"string data")
+            made[topic] = writer.register_channel(topic, "cdr", schema)
+        for topic in topics:
+            writer.add_message(made[topic], 1, bytes(16), 1)
+        for i, frame in enumerate(frames):
+            data = write_image(frame.stamp_ns, "optical", np.full((4, 4), 1000 + i, np.uint16))
+            at = 1 + i * 1_000_000 + (gap_ns if i == 2 else 0)
+            writer.add_message(made[IMAGE], at, data, at)
+        writer.finish()
+    return path
+
+
+NAMES_OF_MODULES = [
+    "antigravity/msg/Flight",
+    "this/msg/S",
+    ".x/msg/Y",
+    "sensor_msgs/msg/__doc__",
+    "sensor_msgs/msg/Nothing",
+    "../sensor_msgs/msg/Image",
+    "os/msg/Path",
+    "sensor_msgs.msg/msg/Image",
+]
+
+
+def test_modules_that_a_recording_names_are_not_imported(tmp_path):
+    """In a process of its own: what is imported once stays."""
+    path = hostile(tmp_path / "a.mcap", {f"/t{i}": kind for i, kind in enumerate(NAMES_OF_MODULES)})
+    code = (
+        "import sys\nfrom depth_pose.ros.tools.player import Player\n"
+        f"played = Player({str(path)!r}, rate=100.0).run()\n"
+        "assert not {'antigravity', 'this'} & set(sys.modules)\n"
+        "print(played.messages.total(), len(played.skipped), *played.skipped.values(), sep='\\n')"
+    )
+    environment = os.environ | {"BROWSER": f"touch {tmp_path / 'opened'}"}
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=LIMIT_S, env=environment
+    )
+    assert done.returncode == 0, done.stderr
+    lines = done.stdout.splitlines()
+    assert lines[:2] == ["3", str(len(NAMES_OF_MODULES))] and len(lines) == 2 + len(NAMES_OF_MODULES)
+    assert "Traceback" not in done.stderr and not (tmp_path / "opened").exists()
+
+
+def test_a_bad_topic_name_skips_that_topic(tmp_path, domain):
+    path = hostile(tmp_path / "a.mcap", {"/a b": "std_msgs/msg/String", "": "std_msgs/msg/String"})
+    played = Player(path, rate=100.0).run()
+    assert played.messages == {IMAGE: 3}
+    assert set(played.skipped) == {"/a b", ""}
+    assert all("cannot be a topic" in why and "\n" not in why for why in played.skipped.values())
+
+
+@pytest.mark.parametrize("years", [3, 200])
+def test_a_message_years_later_is_not_waited_for(tmp_path, peer, years):
+    path = hostile(tmp_path / "a.mcap", {}, gap_ns=years * 31_536_000_000_000_000)
+    images = peer.listen(Image, IMAGE, RELIABLE)
+    player = Player(path, wait_for=1, wait_s=LIMIT_S)
+    thread = threading.Thread(target=lambda: setattr(player, "result", player.run()))
+    thread.start()
+    peer.until(lambda: len(images) == 3, what="all images")
+    thread.join(LIMIT_S)
+    assert player.result.wall_s < 10.0
+    (line,) = player.result.gaps
+    assert "hours later than the one before; not waited for" in line

@@ -12,7 +12,7 @@ from typing import Annotated, Any
 import typer
 
 from depth_pose.cli import shared
-from depth_pose.cli.console import console, print_facts, setting
+from depth_pose.cli.console import console, print_facts, setting, warn
 from depth_pose.cli.damage import be_lenient
 from depth_pose.core.config import FollowConfig, RefineConfig, SegmentConfig
 from depth_pose.core.errors import ConfigError, DepthPoseError
@@ -60,6 +60,9 @@ def up(
     sensor: Annotated[
         str | None, typer.Option(help="Topics of a known driver (a wrong name lists them).")
     ] = None,
+    auto: Annotated[
+        bool, typer.Option("--auto", help="Take the only depth topic that there is, of any name and type.")
+    ] = False,
     params: Annotated[
         Path | None, typer.Option(help="ROS parameter file (key /**:) for all nodes.", metavar="FILE")
     ] = None,
@@ -90,12 +93,16 @@ def up(
 
     depth-pose up --sensor realsense --far 5
 
+    depth-pose up --auto
+
     depth-pose up --zone 1:4.5 --follow nearest
 
     depth-pose up --params my.yaml --bank my_bank.npz
 
     depth-pose up -r __ns:=/left --params left.yaml
     """
+    if auto and sensor is not None:
+        raise ConfigError("--auto finds the topics and --sensor names them; give one of them")
     parameters: dict[str, Any] = {
         name: value
         for name, value in (
@@ -114,7 +121,7 @@ def up(
         from depth_pose.bank.default import prepare_default_bank
 
         prepare_default_bank()  # with a progress bar; the nodes would refuse to start
-    options = {"parameters": parameters, "remap": remap or (), "local": local}
+    options = {"parameters": parameters, "remap": remap or (), "local": local, "auto": auto}
     code = call_ros("process.supervisor", "up", params, sensor, bank, **options)
     raise typer.Exit(code)
 
@@ -193,6 +200,7 @@ def play(
     rows = [(name, f"{count} messages") for name, count in sorted(played.messages.items())]
     rows += [(name, f"not played: {reason}") for name, reason in sorted(played.skipped.items())]
     print_facts(f"{bag}: {played.wall_s:.2f} s", rows)
+    warn(played.gaps)
     tell_damage(played.damage)
 
 

@@ -33,7 +33,7 @@ DepthScale = Annotated[
     typer.Option(
         min=1e-6,
         max=1e3,
-        help="For a folder of depth images: metres per unit.",
+        help="Metres per unit of the depth.",
         show_default="0.001; 1 for floats",
     ),
 ]

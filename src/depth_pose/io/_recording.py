@@ -49,6 +49,8 @@ class Recording:
         Topics whose messages are, or are converted to, those of ROS 2.
     others : dict of str to str
         Topics that cannot be read, and why.
+    unit_m : float or None
+        Metres per unit of the depth that was given and is still to be applied; a folder of images has done so.
 
     Raises
     ------
@@ -65,6 +67,8 @@ class Recording:
         self._damage: list[str] = []
         self._unpacked = Unpacker()
         self._files = self._open(images or ImageOptions())
+        is_applied = isinstance(self._files[0], ImageFolder)
+        self.unit_m = images.depth_scale if images is not None and not is_applied else None
         for file in self._files:
             for topic in file.topics:
                 self._add(topic)

@@ -25,7 +25,9 @@ _HEADER = struct.Struct("<iff")
 _PNG = b"\x89PNG\r\n\x1a\n"
 
 
-def decode_compressed_depth(format: str, data: bytes | memoryview | NDArray[np.uint8]) -> NDArray[np.float32]:
+def decode_compressed_depth(
+    format: str, data: bytes | memoryview | NDArray[np.uint8], unit_m: float | None = None
+) -> NDArray[np.float32]:
     """Read a compressed depth image.
 
     Parameters
@@ -34,6 +36,8 @@ def decode_compressed_depth(format: str, data: bytes | memoryview | NDArray[np.u
         The message's format, with the encoding.
     data : bytes-like
         The message's data.
+    unit_m : float, optional
+        Metres per unit, where it is not the encoding's.
 
     Returns
     -------
@@ -58,10 +62,11 @@ def decode_compressed_depth(format: str, data: bytes | memoryview | NDArray[np.u
     body = data[_HEADER.size :]
     pixels = decode_png(body) if body.startswith(_PNG) else _decode_rvl(body)
     if encoding != "32FC1":
-        return pixels.astype(np.float32) / np.float32(1000.0)
+        depth = pixels.astype(np.float32)
+        return depth / np.float32(1000.0) if unit_m is None else depth * np.float32(unit_m)
     coded = pixels.astype(np.float32)
     with np.errstate(divide="ignore", invalid="ignore"):
-        depth = np.float32(a) / (coded - np.float32(b))
+        depth = np.float32(a) / (coded - np.float32(b)) * np.float32(unit_m or 1.0)
     return np.where((pixels > 0) & np.isfinite(depth) & (depth > 0), depth, np.float32(0.0))
 
 

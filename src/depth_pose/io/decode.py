@@ -60,6 +60,7 @@ def decode_depth(
     step: int,
     encoding: str,
     is_bigendian: bool | int = False,
+    unit_m: float | None = None,
 ) -> NDArray[np.float32]:
     """Read the pixels of a ``sensor_msgs/Image`` that holds depth.
 
@@ -75,6 +76,8 @@ def decode_depth(
         ``16UC1`` or ``mono16`` (millimetres), or ``32FC1`` (metres).
     is_bigendian : bool or int
         Byte order of the pixels.
+    unit_m : float, optional
+        Metres per unit, where it is not the encoding's.
 
     Returns
     -------
@@ -95,9 +98,9 @@ def decode_depth(
     raw = np.frombuffer(data, np.uint8)
     check_bytes("image", raw.nbytes, height, step, width * kind.itemsize, "step")
     pixels: NDArray[np.generic] = np.ndarray((height, width), kind, buffer=raw, strides=(step, kind.itemsize))
-    if kind.kind == "u":
+    if kind.kind == "u" and unit_m is None:
         metres: NDArray[np.float32] = pixels.astype(np.float32) / np.float32(1000.0)
         return metres
-    depth: NDArray[np.float32] = pixels.astype(np.float32)
+    depth: NDArray[np.float32] = pixels.astype(np.float32) * np.float32(unit_m or 1.0)
     depth[~(np.isfinite(depth) & (depth > 0))] = 0.0
     return depth

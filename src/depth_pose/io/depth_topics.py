@@ -6,6 +6,7 @@ clouds.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from depth_pose.core.errors import InputError
@@ -14,7 +15,9 @@ from depth_pose.io._messages import read_image
 from depth_pose.io._recording import Recording, Topic
 from depth_pose.io.compressed import TOPIC_ENDING
 
-_DEPTH_ENCODINGS = ("16UC1", "mono16", "32FC1")
+DEPTH_ENCODINGS = ("16UC1", "mono16", "32FC1")
+"""Encodings of images that hold depth."""
+
 _OWN_TOPICS = "/depth_pose/"
 _MOST_TOPICS = 20
 """Maximum number of topics listed in an error; set by hand."""
@@ -63,14 +66,19 @@ def _is_depth_image(recording: Recording, topic: str) -> bool:
     if message is None:
         return False
     try:
-        return read_image(message.data).encoding in _DEPTH_ENCODINGS
+        return read_image(message.data).encoding in DEPTH_ENCODINGS
     except InputError:
         return False
 
 
 def _info_topic(recording: Recording, image_topic: str) -> str:
-    """Return the CameraInfo topic beside an image topic, or in the nearest namespace above; else ''."""
+    """Return the CameraInfo topic for an image topic; else ''."""
     infos = [t.name for t in recording.topics.values() if t.kind == schemas.CAMERA_INFO and t.count > 0]
+    return info_beside(image_topic, infos)
+
+
+def info_beside(image_topic: str, infos: Sequence[str]) -> str:
+    """Name the CameraInfo topic beside an image topic, or in the nearest namespace above; else ''."""
     namespace = image_topic
     while namespace:
         if f"{namespace}/camera_info" in infos:
@@ -156,4 +164,4 @@ def _what_it_is(recording: Recording, topic: Topic) -> str:
         encoding = read_image(message.data).encoding
     except InputError:
         return f"{kind} that cannot be read"
-    return kind if encoding in _DEPTH_ENCODINGS else f"{kind} of {encoding[:20]}, which is not depth"
+    return kind if encoding in DEPTH_ENCODINGS else f"{kind} of {encoding[:20]}, which is not depth"

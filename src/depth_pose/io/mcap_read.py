@@ -7,8 +7,8 @@ import re
 import struct
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -18,11 +18,13 @@ from depth_pose.io import schemas
 from depth_pose.io._messages import read_message, stamp_of
 from depth_pose.io._recording import RawMessage, Recording
 from depth_pose.io.calibration import camera_from_info, is_rectified, lens_of, rectify_depth
+from depth_pose.io.camera_infos import CameraInfos
 from depth_pose.io.clouds import decode_points, frame_from_cloud
 from depth_pose.io.compressed import decode_compressed_depth
 from depth_pose.io.damage import tell_damage
 from depth_pose.io.decode import decode_depth
 from depth_pose.io.depth_topics import choose_depth_topic
+from depth_pose.io.depth_unit import INTEGER_UNIT_M, UnitWatch, unit_of
 from depth_pose.io.image_options import ImageOptions
 
 _log = logging.getLogger(__name__)
@@ -40,7 +42,7 @@ class DepthReader:
     depth_topic : str, optional
         The topic; by default the only one.
     images : ImageOptions, optional
-        Camera, depth unit and frame rate of a folder of images.
+        Camera, depth unit and frame rate of a folder of images. The depth unit applies to any recording.
     tell : bool
         Log damage on `depth_pose.io.damage.DAMAGE_LOG` at the end; `damage` returns it in any case.
 
@@ -66,7 +68,14 @@ class DepthReader:
         self._recording = Recording(path, images)
         self._tell = tell
         self.topic = choose_depth_topic(self._recording, depth_topic)
-        self._unit_mm = _realsense_unit_mm(self._recording, self.topic.name)
+        self._unit_m = self._recording.unit_m or _realsense_unit_m(self._recording, self.topic.name)
+        self._is_unit_given = images is not None and images.depth_scale is not None
+        self._forget()
+
+    def _forget(self) -> None:
+        self._units = UnitWatch("--depth-scale")
+        self._infos = CameraInfos(self.topic.info_topic, sole_after=None)
+        self._looked_for: set[str] = set()
         self._dropped: Counter[str] = Counter()
 
     def __len__(self) -> int:
@@ -91,25 +100,18 @@ class DepthReader:
     @property
     def warnings(self) -> list[str]:
         """Return the problems since iteration began, one line each with its count."""
-        lines = self.damage
+        lines = [*self.damage, *(f"{self._recording.path}: {line}" for line in self._infos.warnings.values())]
+        if self._units.doubt:
+            lines.append(f"{self._recording.path}: {self.topic.name}: {self._units.doubt}")
         for reason, count in self._dropped.items():
             frames = "1 frame was" if count == 1 else f"{count} frames were"
             lines.append(f"{frames} dropped: {self._recording.path}: {self.topic.name}: {reason}")
         return lines
 
     def __iter__(self) -> Iterator[DepthFrame]:
-        self._dropped.clear()
-        info = self._first_info()
+        self._forget()
         used = 0
-        for message in self._recording.messages(*filter(None, (self.topic.name, self.topic.info_topic))):
-            if message.topic == self.topic.info_topic:
-                info = message
-                continue
-            try:
-                frame = self._frame(message, info)
-            except InputError as error:
-                self._dropped[str(error)] += 1
-                continue
+        for frame in self._clouds() if self.topic.kind == schemas.POINT_CLOUD else self._images():
             used += 1
             yield frame
         if self._tell and used:
@@ -117,55 +119,132 @@ class DepthReader:
         if not used:
             raise InputError("; ".join(self.warnings) or f"{self._recording.path} has no frames")
 
-    def _first_info(self) -> RawMessage | None:
-        """Return the first calibration, which may be recorded after the first image."""
-        return self._recording.first(self.topic.info_topic) if self.topic.info_topic else None
+    def _clouds(self) -> Iterator[DepthFrame]:
+        for message in self._recording.messages(self.topic.name):
+            try:
+                frame = frame_of_cloud(message.data, self._unit_m)
+            except InputError as error:
+                self._dropped[str(error)] += 1
+                continue
+            self._check_unit(frame, 1.0)
+            yield frame
 
-    def _frame(self, message: RawMessage, info: RawMessage | None) -> DepthFrame:
-        if self.topic.kind == schemas.POINT_CLOUD:
-            return frame_of_cloud(message.data)
-        if info is None:
-            raise InputError(f"no CameraInfo on {self.topic.info_topic}")
-        frame = frame_of_image(message.data, self.topic.kind, info.data, is_rectified(self.topic.name))
-        if self._unit_mm != 1.0:
-            frame = replace(frame, depth=frame.depth * np.float32(self._unit_mm))
-        return frame
+    def _images(self) -> Iterator[DepthFrame]:
+        rectified = is_rectified(self.topic.name)
+        for image, info in self._paired():
+            if info is None:
+                self._dropped[self._infos.why_none(image.header.frame_id)] += 1
+                continue
+            try:
+                frame = _make_frame(image, self.topic.kind, info, rectified, self._unit_m)
+            except InputError as error:
+                self._dropped[str(error)] += 1
+                continue
+            is_plain = self.topic.kind == schemas.IMAGE
+            encoding = image.encoding if is_plain else image.format.partition(";")[0].strip()
+            self._check_unit(frame, unit_of(encoding))
+            yield frame
+
+    def _paired(self) -> Iterator[tuple[Any, Any]]:
+        """Give every image with the CameraInfo of its frame_id and, where there is one, its stamp.
+
+        Such a one may be recorded shortly after the image, which waits for it until the next image.
+        """
+        image: Any = None  # the one that waits, and what is known of its camera when it comes
+        known: Any = None
+        for message in self._recording.messages(self.topic.name, self.topic.info_topic):
+            if message.topic == self.topic.info_topic:
+                self._add_info(message)
+            else:
+                if image is not None:
+                    yield image, known
+                image = self._read_image(message)
+                known = None if image is None else self._info_for(image)
+            if image is not None and self._infos.has_stamp(image.header.frame_id, stamp_of(image)):
+                yield image, self._info_for(image)
+                image = None
+        if image is not None:
+            yield image, known
+
+    def _read_image(self, message: RawMessage) -> Any:
+        try:
+            return read_message(message.data, self.topic.kind)
+        except InputError as error:
+            self._dropped[str(error)] += 1
+            return None
+
+    def _add_info(self, message: RawMessage, is_ahead: bool = False) -> None:
+        try:
+            info = read_message(message.data, schemas.CAMERA_INFO)
+        except InputError as error:
+            if not is_ahead:
+                self._infos.refuse(str(error))
+        else:
+            self._infos.add(info, stamp_of(info), is_ahead)
+
+    def _info_for(self, image: Any) -> Any:
+        """Return an image's CameraInfo; the first of its camera may be recorded after it."""
+        frame_id = image.header.frame_id
+        found = self._infos.find(frame_id)
+        if found is None and frame_id not in self._looked_for:
+            self._looked_for.add(frame_id)
+            for message in self._recording.messages(self.topic.info_topic):
+                self._add_info(message, is_ahead=True)
+                if (found := self._infos.find(frame_id)) is not None:
+                    break
+            else:
+                self._infos.accept_only()
+                found = self._infos.find(frame_id)
+        return found
+
+    def _check_unit(self, frame: DepthFrame, unit_m: float) -> None:
+        if not self._is_unit_given:
+            self._units.look(frame.depth, self._unit_m or unit_m)
 
 
-def _realsense_unit_mm(recording: Recording, topic: str) -> float:
-    """Return the unit of librealsense's depth images, millimetres; 1 for all others."""
+def _realsense_unit_m(recording: Recording, topic: str) -> float | None:
+    """Return the unit of librealsense's depth images, metres; None for all others."""
     found = _REALSENSE.fullmatch(topic)
     unit = recording.first(f"{found[1]}/option/Depth_Units/value") if found else None
     if unit is None or len(unit.data) != 8:
-        return 1.0
+        return None
     (metres,) = struct.unpack("<f", unit.data[4:])  # std_msgs/Float32
-    mm = round(float(metres) * 1e3, 6)
-    return mm if 1e-3 <= mm <= 1e3 else 1.0
+    unit_m = round(float(metres), 9)
+    return unit_m if 1e-6 <= unit_m <= 1.0 and unit_m != INTEGER_UNIT_M else None
 
 
-def frame_of_image(data: bytes, kind: str, info_data: bytes, rectified: bool = False) -> DepthFrame:
+def frame_of_image(
+    data: bytes, kind: str, info_data: bytes, rectified: bool = False, unit_m: float | None = None
+) -> DepthFrame:
     """Build a frame from an Image's or CompressedImage's CDR bytes and its camera's calibration.
 
-    A rectified image (`depth_pose.io.calibration.is_rectified`) is used unchanged.
+    A rectified image (`depth_pose.io.calibration.is_rectified`) is used unchanged. ``unit_m`` is metres per
+    unit of the depth, where it is not the encoding's.
     """
     image, info = read_message(data, kind), read_message(info_data, schemas.CAMERA_INFO)
+    return _make_frame(image, kind, info, rectified, unit_m)
+
+
+def _make_frame(image: Any, kind: str, info: Any, rectified: bool, unit_m: float | None) -> DepthFrame:
     if kind == schemas.COMPRESSED:
-        depth = decode_compressed_depth(image.format, image.data)
+        depth = decode_compressed_depth(image.format, image.data, unit_m)
     else:
         size = (image.height, image.width, image.step, image.encoding)
-        depth = decode_depth(image.data, *size, image.is_bigendian)
+        depth = decode_depth(image.data, *size, image.is_bigendian, unit_m)
     k, d = lens_of(info.k, info.d, info.p, rectified)
     camera = camera_from_info(k, d, info.width, info.height, info.distortion_model)
     depth = rectify_depth(depth, camera, d, info.distortion_model)
     return DepthFrame(stamp_of(image), image.header.frame_id, depth, camera)
 
 
-def frame_of_cloud(data: bytes) -> DepthFrame:
-    """Build a frame from a PointCloud2's CDR bytes."""
+def frame_of_cloud(data: bytes, unit_m: float | None = None) -> DepthFrame:
+    """Build a frame from a PointCloud2's CDR bytes, whose unit is ``unit_m`` metres, by default 1."""
     cloud = read_message(data, schemas.POINT_CLOUD)
     fields = {field.name: (field.offset, field.datatype) for field in cloud.fields}
     steps = (cloud.point_step, cloud.row_step)
     points = decode_points(cloud.data, cloud.height, cloud.width, *steps, fields, cloud.is_bigendian)
+    if unit_m is not None:
+        points *= np.float32(unit_m)
     return frame_from_cloud(points, stamp_of(cloud), cloud.header.frame_id)
 
 

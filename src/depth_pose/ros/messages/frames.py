@@ -13,10 +13,13 @@ from depth_pose.io.decode import decode_depth
 from depth_pose.ros.messages.basics import stamp_to_ns
 
 
-def image_to_frame(msg: Image | CompressedImage, info: CameraInfo, rectified: bool = False) -> DepthFrame:
+def image_to_frame(
+    msg: Image | CompressedImage, info: CameraInfo, rectified: bool = False, unit_m: float | None = None
+) -> DepthFrame:
     """Depth frame of an image, compressed or not, and its ``CameraInfo``, without the lens' distortion.
 
-    A rectified image (`depth_pose.io.calibration.is_rectified`) has none.
+    A rectified image (`depth_pose.io.calibration.is_rectified`) has none. ``unit_m`` is metres per unit of the
+    depth, where it is not the encoding's.
 
     Raises
     ------
@@ -24,11 +27,10 @@ def image_to_frame(msg: Image | CompressedImage, info: CameraInfo, rectified: bo
         If the encoding, the size or the camera cannot be used.
     """
     if isinstance(msg, CompressedImage):
-        depth = decode_compressed_depth(msg.format, memoryview(msg.data))
+        depth = decode_compressed_depth(msg.format, memoryview(msg.data), unit_m)
     else:
-        depth = decode_depth(
-            memoryview(msg.data), msg.height, msg.width, msg.step, msg.encoding, bool(msg.is_bigendian)
-        )
+        size = (msg.height, msg.width, msg.step, msg.encoding)
+        depth = decode_depth(memoryview(msg.data), *size, bool(msg.is_bigendian), unit_m)
     k, d = lens_of(info.k, np.asarray(info.d), info.p, rectified)
     camera = camera_from_info(k, d, info.width, info.height, info.distortion_model)
     return DepthFrame(
@@ -39,8 +41,8 @@ def image_to_frame(msg: Image | CompressedImage, info: CameraInfo, rectified: bo
     )
 
 
-def msg_to_frame(msg: PointCloud2) -> DepthFrame:
-    """Depth frame of a sensor's point cloud in its optical frame, organised or not.
+def msg_to_frame(msg: PointCloud2, unit_m: float | None = None) -> DepthFrame:
+    """Depth frame of a sensor's point cloud in its optical frame, organised or not, in metres by default.
 
     Raises
     ------
@@ -56,4 +58,6 @@ def msg_to_frame(msg: PointCloud2) -> DepthFrame:
         {f.name: (f.offset, f.datatype) for f in msg.fields},
         bool(msg.is_bigendian),
     )
+    if unit_m is not None:
+        points *= np.float32(unit_m)
     return frame_from_cloud(points, stamp_to_ns(msg.header.stamp), msg.header.frame_id)

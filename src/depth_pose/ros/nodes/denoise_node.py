@@ -13,10 +13,13 @@ from sensor_msgs.msg import CameraInfo, CompressedImage, Image, PointCloud2
 
 from depth_pose.core.config import PipelineConfig
 from depth_pose.core.mount import turn_upright
+from depth_pose.core.types import DepthFrame
 from depth_pose.denoise.extract import PeopleExtractor
 from depth_pose.io.calibration import is_rectified
+from depth_pose.io.camera_infos import CameraInfos
 from depth_pose.io.compressed import TOPIC_ENDING
-from depth_pose.ros.messages.basics import first_stamp_ns
+from depth_pose.io.depth_unit import UnitWatch, unit_of
+from depth_pose.ros.messages.basics import first_stamp_ns, stamp_to_ns
 from depth_pose.ros.messages.frames import image_to_frame, msg_to_frame
 from depth_pose.ros.messages.people import people_to_msgs
 from depth_pose.ros.nodes.node_base import Held, Input, StageNode
@@ -37,7 +40,9 @@ class DenoiseNode(StageNode):
     SETTINGS = DENOISE
 
     def __init__(self) -> None:
-        self._info: CameraInfo | None = None
+        self._infos = CameraInfos("")
+        self._units = UnitWatch("the parameter depth_scale")
+        self._said: set[str] = set()
         self._rectified = False
         self._held: deque[Image | CompressedImage] = deque()
         self._under_way = UnderWay()
@@ -59,9 +64,11 @@ class DenoiseNode(StageNode):
         """Listen to a cloud, or to an image and its CameraInfo; live, to the skeletons that come of it."""
         if not self.lossless:
             self.listen(SkeletonArray, "skeletons", self._take_answer, raw=True)
+        self._unit_m: float | None = self.value("depth_scale") or None
         cloud_topic = self.value("cloud_topic")
         if cloud_topic:
             return [Input(PointCloud2, cloud_topic, sensor=True)]
+        self._infos = CameraInfos(self.resolve_topic_name(self.value("info_topic")))
         self.latch(CameraInfo, self.value("info_topic"), self._take_info)
         topic = self.value("image_topic")
         self._rectified = is_rectified(self.resolve_topic_name(topic))
@@ -79,13 +86,7 @@ class DenoiseNode(StageNode):
             self.drop("overtaken", "a newer frame came before this one was begun")
         if not self._under_way.offer(message, time.monotonic()):
             raise Held
-        if isinstance(message, PointCloud2):
-            frame = msg_to_frame(message)
-        elif self._info is None:
-            self._hold(message)
-            raise Held
-        else:
-            frame = image_to_frame(message, self._info, self._rectified)
+        frame = self._frame(message)
         upright = turn_upright(frame, self.config.mount)
         found = self.stage.extract(upright)
         points, people = people_to_msgs(found)
@@ -93,12 +94,45 @@ class DenoiseNode(StageNode):
         self._people.publish(people)
         self._under_way.begin(found.stamp_ns, time.monotonic())
         self._room.tell(frame, upright, found)
+        self._say()
         self.figures.values["people"] = len(people.people)
         self.figures.values["people cut off or half hidden"] = sum(
             p.is_cut_below or p.is_cut_beside for p in found.persons
         )
         for reason, count in self.stage.passed_over.items():
             self.figures.values[f"ignored: {reason}"] = count
+
+    def _frame(self, message: Any) -> DepthFrame:
+        """Convert a message.
+
+        Raises
+        ------
+        Held
+            Where its camera is not known yet.
+        """
+        if isinstance(message, PointCloud2):
+            frame, unit_m = msg_to_frame(message, self._unit_m), 1.0
+        else:
+            info = self._infos.find(message.header.frame_id)
+            if info is None:
+                self._hold(message)
+                raise Held
+            frame = image_to_frame(message, info, self._rectified, self._unit_m)
+            is_plain = isinstance(message, Image)
+            unit_m = unit_of(message.encoding if is_plain else message.format.partition(";")[0].strip())
+        if self._unit_m is None:
+            self._units.look(frame.depth, unit_m)
+        return frame
+
+    def _say(self) -> None:
+        """Log what is odd about the camera or its unit, once for each kind."""
+        lines = self._infos.warnings
+        if self._units.is_decided and self._units.doubt:
+            lines["unit"] = self._units.doubt
+        for kind, line in lines.items():
+            if kind not in self._said:
+                self._said.add(kind)
+                self.get_logger().warning(line)
 
     def _take_answer(self, message: bytes) -> None:
         """Record the arrival of a frame."""
@@ -112,16 +146,20 @@ class DenoiseNode(StageNode):
             self.process((waited,))
 
     def _hold(self, image: Image | CompressedImage) -> None:
-        """Keep an image until the first CameraInfo says what it shows."""
+        """Keep an image until the first CameraInfo of its camera says what it shows."""
         if len(self._held) >= self.queue:
-            self._held.popleft()
-            self.drop("no CameraInfo", f"nothing has come on {self.value('info_topic')} yet")
+            last = self._held.popleft()
+            self.drop("no CameraInfo", self._infos.why_none(last.header.frame_id))
         self._held.append(image)
 
     def _take_info(self, info: CameraInfo) -> None:
-        self._info = info
-        while self._held:
-            self.process((self._held.popleft(),))
+        self._infos.add(info, stamp_to_ns(info.header.stamp))
+        for name, value in self._infos.counts.items():
+            self.figures.counts[name] = value
+        held = list(self._held)
+        self._held.clear()
+        for image in held:
+            self.process((image,))
 
 
 def main(args: Sequence[str] | None = None) -> int:

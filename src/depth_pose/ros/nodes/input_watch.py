@@ -10,7 +10,9 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 
 from depth_pose.core.printable import printable
+from depth_pose.ros.transport.depth_sources import depth_sources
 from depth_pose.ros.transport.intake import Input
+from depth_pose.ros.transport.losses import cure
 
 SILENT_AFTER_S = 1.9
 """Seconds; a topic is silent if it has had publishers for this long, and nothing ever came.
@@ -114,16 +116,17 @@ class SilenceWatch:
 
     def _explain(self, topic: str, watched: _Watched, found: Sequence[object], silence_s: float) -> str:
         wanted = watched.type_name
+        sources = depth_sources(self._node) if self._node.has_parameter("image_topic") else []
         if not found:
-            others = [name for name, kinds in self._node.get_topic_names_and_types() if wanted in kinds]
-            own = {publisher.topic_name for publisher in self._node.publishers}
-            others = sorted(set(others) - own - {topic})
-            there = f"; topics of that type: {', '.join(others)}" if others else ""
-            return f"nobody publishes {topic} ({wanted}){there}"
+            there = "; ".join(str(source) for source in sources)
+            hint = f"; depth may come from, with these parameters: {there}" if there else ""
+            return printable(f"nobody publishes {topic} ({wanted}){hint}")
         types = sorted({p.topic_type for p in found})  # type: ignore[attr-defined]
         start = f"{topic} has {len(found)} publisher(s) but nothing came for {silence_s:.0f} s: "
         if types != [wanted]:
-            return start + f"it carries {', '.join(types)}, this node takes {wanted}"
+            how = "; ".join(str(source) for source in sources if source.topic == topic)
+            hint = f"; name it by its parameters, without a remap: {how}" if how else ""
+            return printable(f"{start}it carries {', '.join(types)}, this node takes {wanted}{hint}")
         qos = [p.qos_profile for p in found]  # type: ignore[attr-defined]
         if self._reliable and all(q.reliability == ReliabilityPolicy.BEST_EFFORT for q in qos):
             return start + "it is sent best effort, this node asks for reliable: leave the parameter reliable"
@@ -131,7 +134,7 @@ class SilenceWatch:
         return start + (
             "it is published once and kept; a depth topic must stream"
             if durable
-            else "the sensor may be paused, or its messages exceed the transport's 8 MiB or cross a network"
+            else f"the sensor may be paused, or its frames are lost in transport: {cure()}"
         )
 
 

@@ -427,6 +427,8 @@ class StageNode(LifecycleNode, ABC):
     def _watch(self) -> None:
         for topic in self._latched:
             topic.check()
+        if self._intake is not None:
+            self._intake.check()
         if self._watches is not None and self.is_active:
             self._watches[1].check()
 

@@ -62,6 +62,13 @@ DENOISE: tuple[Setting, ...] = (
     ),
     Setting("info_topic", "/camera/depth/camera_info", "CameraInfo of the depth image"),
     Setting("cloud_topic", "", "PointCloud2 in the optical frame; if set, it is used and no image"),
+    Setting(
+        "depth_scale",
+        0.0,
+        "Metres per unit of the depth; 0: 0.001 for 16UC1, 1 for 32FC1 and clouds",
+        0.0,
+        1e3,
+    ),
 )
 REFINE: tuple[Setting, ...] = (
     BANK,

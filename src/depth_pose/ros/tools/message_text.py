@@ -12,6 +12,8 @@ from typing import Any
 
 from depth_pose.core.errors import InputError
 
+_TYPE = re.compile(r"([a-z][a-z0-9_]*)/(?:msg/)?([A-Z][A-Za-z0-9]*)")
+"""A message type by ROS' rules for names."""
 _FIELD_TYPE = re.compile(r"^\s*([A-Za-z][A-Za-z0-9_]*(?:/[A-Za-z0-9_]+)*)(?:<=\d+)?(?:\[[^\]]*\])?\s+\w+")
 _NUMBERS = [f"{kind}{bits}" for kind in ("int", "uint") for bits in (8, 16, 32, 64)]
 """Whole numbers of the ROS interface definition."""
@@ -21,12 +23,16 @@ _PRIMITIVES = frozenset(["bool", "byte", "char", "float32", "float64", "string",
 def message_class(name: str) -> Any:
     """Import the class of a message type.
 
+    Names come from recordings, so a module is imported only if ROS' index has the type's definition.
+
     Raises
     ------
     InputError
-        If its package is not installed.
+        If it is no name of a type, or its package is not installed.
     """
     package, kind = _split(name)
+    if not _share(package).joinpath("msg", f"{kind}.msg").is_file():
+        raise InputError(f"message type {name} is not in the package {package} that is installed here")
     try:
         return getattr(importlib.import_module(f"{package}.msg"), kind)
     except (ImportError, AttributeError) as e:
@@ -64,10 +70,10 @@ def _named_types(text: str, package: str) -> list[tuple[str, str]]:
 
 
 def _split(name: str) -> tuple[str, str]:
-    parts = name.split("/")
-    if len(parts) not in (2, 3) or not all(parts):
-        raise InputError(f"{name!r} is not a message type; one is written like sensor_msgs/msg/Image")
-    return parts[0], parts[-1]
+    found = _TYPE.fullmatch(name)
+    if found is None:
+        raise InputError(f"{name[:80]!r} is not a message type; one is written like sensor_msgs/msg/Image")
+    return found[1], found[2]
 
 
 def _share(package: str) -> Path:

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from depth_pose.core.errors import InputError
+from depth_pose.core.printable import printable
 from depth_pose.io._recording import RawMessage, Recording
 from depth_pose.io.image_options import ImageOptions
 from depth_pose.ros.process.runner import on_stop
@@ -42,6 +43,12 @@ _LONGEST_LOOK_S = 0.1
 _ACKNOWLEDGED_S = 5.0
 """Seconds that reliable subscribers have to acknowledge the last messages. Set by hand."""
 
+_MOST_GAP_S = 3600.0
+"""A longer time without messages (s) is no pause but a wrong clock, and is not waited for. Set by hand."""
+
+_LAST_CLOCK_NS = (1 << 31) * 1_000_000_000 - 1
+"""The last time that ``/clock`` can tell, nanoseconds."""
+
 _AHEAD = 32
 """Messages read ahead of their time: about a second of images. Set by hand."""
 
@@ -64,6 +71,8 @@ class Played:
         What of the recording could not be read, and so was not played; one line a file.
     skipped : dict of str to str
         Topics that could not be played, and why.
+    gaps : list of str
+        Times without messages that were not waited for, a line each.
     """
 
     messages: Counter[str] = field(default_factory=Counter)
@@ -72,6 +81,7 @@ class Played:
     worst_delay_s: float = 0.0
     damage: tuple[str, ...] = ()
     skipped: dict[str, str] = field(default_factory=dict)
+    gaps: list[str] = field(default_factory=list)
 
 
 class Player:
@@ -192,7 +202,10 @@ class Player:
             try:
                 self._publishers[topic] = self._node.create_publisher(kind, name, qos)
             except (ValueError, TypeError, InvalidTopicNameException) as e:
-                raise InputError(f"{name} cannot be a topic: {e}") from e
+                why = f"{name} cannot be a topic: {' '.join(str(e).split())}"
+                if topic in self._remap:
+                    raise InputError(why) from e
+                self._result.skipped[topic] = why
         if not self._publishers:
             why = "; ".join(f"{t}: {w}" for t, w in self._result.skipped.items())
             raise InputError(f"{self._path} has no topic that could be played; {why or 'none was found'}")
@@ -268,17 +281,27 @@ class Player:
 
     def _play_once(self) -> None:
         first_ns: int | None = None
+        last_ns = 0
         start_s = 0.0
         with _ReadAhead(lambda: self._recording.messages(*self._publishers)) as messages:
             for message in messages:
                 if first_ns is None:
                     first_ns, start_s = message.log_time_ns, time.monotonic()
+                elif message.log_time_ns - last_ns > _MOST_GAP_S * 1e9:
+                    self._skip_gap(message.topic, message.log_time_ns - last_ns)
+                    first_ns += message.log_time_ns - last_ns
+                last_ns = message.log_time_ns
                 due_s = start_s + (message.log_time_ns - first_ns) / 1e9 / self._rate
                 self._sleep_until(due_s, message.log_time_ns)
                 if self._stop.is_set():
                     return
                 self._publish(message, due_s)
         self._result.damage = tuple(self._recording.damage)
+
+    def _skip_gap(self, topic: str, gap_ns: int) -> None:
+        hours = gap_ns / 3.6e12
+        line = f"{self._path}: a message on {printable(topic)} is {hours:.0f} hours later than the one before"
+        self._result.gaps.append(f"{line}; not waited for")
 
     def _publish(self, message: RawMessage, due_s: float) -> None:
         self._tick(message.log_time_ns)
@@ -306,7 +329,7 @@ class Player:
         from depth_pose.ros.messages.basics import ns_to_stamp
 
         self._last_tick_s = now
-        self._clock_publisher.publish(Clock(clock=ns_to_stamp(now_ns)))
+        self._clock_publisher.publish(Clock(clock=ns_to_stamp(min(now_ns, _LAST_CLOCK_NS))))
 
 
 class _ReadAhead:

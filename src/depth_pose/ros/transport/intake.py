@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Protocol
@@ -12,7 +13,7 @@ from rclpy.subscription import Subscription
 
 from depth_pose.core.errors import DepthPoseError
 from depth_pose.ros.messages.basics import stamp_to_ns
-from depth_pose.ros.transport.losses import BusyTimes, count_lost
+from depth_pose.ros.transport.losses import BusyTimes, count_lost, cure
 from depth_pose.ros.transport.pairing import Pairer
 
 PAIR_DEPTH = 64
@@ -21,6 +22,13 @@ PAIR_DEPTH = 64
 It spans two seconds at 30 frames a second, which is more than the stages between take. With fewer, a node
 behind a slow stage would let go of a frame's points before its match comes.
 """
+
+RELIABLE_DEPTH = 4
+"""Frames held of a reliable sensor: what it sends again comes together with the next. The newest is answered."""
+
+_SAME_PUBLISHER = 5
+"""So many messages with growing numbers are of one publisher, though others are known: a driver that was
+killed stays known for 20 s. Set by hand."""
 
 NO_EVENTS = SubscriptionEventCallbacks(use_default_callbacks=False)
 """No events: each makes every wait of the executor longer, and a node tells itself what is wrong."""
@@ -61,6 +69,7 @@ class Taker(Protocol):
     busy : BusyTimes
         When it was at work on a frame.
     create_subscription, destroy_subscription, resolve_topic_name, count_publishers, get_logger
+    get_publishers_info_by_topic
         As every node of rclpy has them.
     """
 
@@ -72,6 +81,7 @@ class Taker(Protocol):
     destroy_subscription: Callable[[Subscription], bool]
     resolve_topic_name: Callable[[str], str]
     count_publishers: Callable[[str], int]
+    get_publishers_info_by_topic: Callable[[str], list[Any]]
     get_logger: Callable[[], Any]
 
     def heard(self, topic: str) -> None:
@@ -104,6 +114,9 @@ class FrameSource(Protocol):
     def has_pending(self) -> bool:
         """Whether a whole frame waits."""
 
+    def check(self) -> None:
+        """Suit the subscriptions to their publishers; called periodically."""
+
     def take_waiting(self) -> bool:
         """Take in all that waits; gives whether there was anything."""
 
@@ -133,6 +146,12 @@ def frame_qos(depth: int, reliable: bool) -> QoSProfile:
     """Return the QoS of frames: the newest ``depth``, best effort as sensors send, or reliable."""
     policy = ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT
     return QoSProfile(depth=depth, history=HistoryPolicy.KEEP_LAST, reliability=policy)
+
+
+def is_sent_reliable(node: Taker, topic: str) -> bool | None:
+    """Whether all publishers of a topic are reliable; None where there are none."""
+    found = node.get_publishers_info_by_topic(topic)
+    return all(p.qos_profile.reliability == ReliabilityPolicy.RELIABLE for p in found) if found else None
 
 
 def waiting(subscription: Subscription) -> Iterator[tuple[Any, dict[str, Any]]]:
@@ -169,17 +188,37 @@ class Intake:
             Pairer(len(inputs), depth, self._unpaired, ordered=not self._lossless) if paired else None
         )
         self.forget()
-        qos = frame_qos(depth, self._lossless)
-        self._subscriptions: list[Subscription] = [
-            node.create_subscription(i.kind, i.topic, self._callback(index), qos, event_callbacks=NO_EVENTS)
-            for index, i in enumerate(self.inputs)
-        ]
+        self._depth = depth
+        self._is_reliable = [self._lossless] * len(self.inputs)
+        self._subscriptions = [self._subscribe(index) for index in range(len(self.inputs))]
+
+    def _subscribe(self, index: int) -> Subscription:
+        reliable = self._is_reliable[index]
+        depth = max(self._depth, RELIABLE_DEPTH) if reliable and not self._lossless else self._depth
+        i, qos = self.inputs[index], frame_qos(depth, reliable)
+        return self._node.create_subscription(
+            i.kind, i.topic, self._callback(index), qos, event_callbacks=NO_EVENTS
+        )
+
+    def check(self) -> None:
+        """Subscribe to every sensor as its publishers send, reliable or best effort.
+
+        A reliable publisher sends again what a best-effort subscriber would lose.
+        """
+        for index, i in enumerate(self.inputs):
+            reliable = is_sent_reliable(self._node, i.topic) if i.sensor and not self._lossless else None
+            if reliable is not None and reliable != self._is_reliable[index]:
+                self._is_reliable[index] = reliable
+                self._node.destroy_subscription(self._subscriptions[index])
+                self._last_taken.pop(index, None)
+                self._subscriptions[index] = self._subscribe(index)
 
     def forget(self) -> None:
         """Drop what waits and what is known of earlier messages."""
         self._pending: tuple[Any, ...] | None = None
         self._last_stamp_ns: int | None = None
         self._last_taken: dict[int, dict[str, Any]] = {}
+        self._grown: Counter[int] = Counter()
         if self._pairer is not None:
             self._pairer.clear()
 
@@ -235,7 +274,7 @@ class Intake:
         whole = (message,) if self._pairer is None else self._pairer.add(index, stamp_ns, message)
         if whole is None:
             return
-        if self._pairer is None or self._lossless:
+        if self._lossless or (self._pairer is None and not self._is_reliable[index]):
             self._node.process(whole)
             return
         if self._pending is not None:
@@ -250,18 +289,20 @@ class Intake:
         last = self._last_taken.get(index)
         self._last_taken[index] = info
         topic = self.inputs[index].topic
+        if last is None or sequence <= last["publication_sequence_number"]:
+            self._grown[index] = 0
+            return
+        self._grown[index] += 1
+        if sequence == last["publication_sequence_number"] + 1:
+            return
         # each publisher counts for itself: the numbers of several say nothing
-        if (
-            last is None
-            or sequence <= last["publication_sequence_number"] + 1
-            or self._node.count_publishers(topic) != 1
-        ):
+        if self._grown[index] < _SAME_PUBLISHER and self._node.count_publishers(topic) != 1:
             return
         busy, lost = count_lost(last, info, self._node.busy)
         if busy:
             self._node.drop("missed", f"{topic} brought newer ones while this node was busy", busy)
         if lost:
-            what = f"{topic} sent it, and it never came though this node waited: docs/topics.md, buffers"
+            what = f"{topic} sent it, and it never came though this node waited: {cure()}"
             self._node.drop("lost in transport", what, lost)
 
     def _is_new(self, stamp_ns: int) -> bool:

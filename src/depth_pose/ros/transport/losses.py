@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import os
 from collections import deque
 from typing import Any
+
+from depth_pose.ros import PROFILE_VARIABLE
 
 BUSY_TIMES_KEPT = 64
 """Busy times that are remembered, two seconds' worth at 30 frames a second."""
@@ -13,6 +16,14 @@ _SLACK_NS = 5_000_000
 
 _MOST_LOOKED_FOR = 1000
 """Of more frames that are missing, as after hours without a network, the rest was never there."""
+
+
+def cure() -> str:
+    """Say what keeps a transport from losing frames: on one machine, the driver's shared memory is too small."""
+    return (
+        f"start the sensor's driver with {PROFILE_VARIABLE}={os.environ[PROFILE_VARIABLE]}, for larger "
+        "segments of shared memory (on another machine: docs/topics.md, Two machines)"
+    )
 
 
 class BusyTimes:

@@ -7,13 +7,19 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from rclpy.clock import Clock, ClockType
-from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 from sensor_msgs.msg import Image
 
 from depth_pose.core.errors import InputError
 from depth_pose.io._messages import read_image
-from depth_pose.ros.transport.intake import LOG_EVERY_S, NO_EVENTS, Input, waiting
+from depth_pose.ros.transport.intake import (
+    LOG_EVERY_S,
+    NO_EVENTS,
+    Input,
+    frame_qos,
+    is_sent_reliable,
+    waiting,
+)
 from depth_pose.volume.synchroniser import Synchroniser, ViewSet
 
 if TYPE_CHECKING:
@@ -50,17 +56,28 @@ class ViewSetIntake:
         self._pending: ViewSet | None = None
         self._told_late = -LOG_EVERY_S
         self._numbers = [0] * len(topics)
-        policy = ReliabilityPolicy.RELIABLE if node.lossless else ReliabilityPolicy.BEST_EFFORT
-        qos = QoSProfile(depth=max(_QUEUE, node.queue), reliability=policy)
-        self._subscriptions: list[Subscription] = [
-            node.create_subscription(
-                Image, i.topic, self._callback(c), qos, raw=True, event_callbacks=NO_EVENTS
-            )
-            for c, i in enumerate(self.inputs)
-        ]
+        self._is_reliable = [node.lossless] * len(topics)
+        self._subscriptions = [self._subscribe(camera) for camera in range(len(topics))]
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._timer = node.create_timer(self._period_s(), self._check, clock=steady)
         self._timer.cancel()
+
+    def _subscribe(self, camera: int) -> Subscription:
+        qos = frame_qos(max(_QUEUE, self._node.queue), self._is_reliable[camera])
+        topic, callback = self.inputs[camera].topic, self._callback(camera)
+        return self._node.create_subscription(
+            Image, topic, callback, qos, raw=True, event_callbacks=NO_EVENTS
+        )
+
+    def check(self) -> None:
+        """Subscribe to every camera as its publishers send, reliable or best effort."""
+        for camera, i in enumerate(self.inputs):
+            reliable = None if self._node.lossless else is_sent_reliable(self._node, i.topic)
+            if reliable is not None and reliable != self._is_reliable[camera]:
+                self._is_reliable[camera] = reliable
+                self._node.destroy_subscription(self._subscriptions[camera])
+                self._numbers[camera] = 0
+                self._subscriptions[camera] = self._subscribe(camera)
 
     def _period_s(self) -> float:
         """How often to look whether a late camera was waited for long enough."""

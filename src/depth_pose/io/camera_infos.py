@@ -1,0 +1,150 @@
+"""Which CameraInfo belongs to an image, on topics where several cameras may publish theirs."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from depth_pose.core.printable import printable
+
+SOLE_AFTER = 10
+"""CameraInfos that bear one frame_id after which that is the only camera of the topic. Set by hand."""
+
+
+@dataclass(frozen=True)
+class _Known:
+    info: Any
+    stamp_ns: int
+    calibration: tuple[Any, ...]
+
+
+class CameraInfos:
+    """The newest CameraInfo of every frame_id on a topic.
+
+    An image takes the one of its own frame_id. Names differ by a leading slash in old recordings, and an
+    empty name says nothing. Where all that comes bears one other name, as drivers exist that name the two
+    differently, it is taken, and `warnings` say so.
+
+    Parameters
+    ----------
+    topic : str
+    sole_after : int, optional
+        See `SOLE_AFTER`; with None, `accept_only` says when.
+    """
+
+    def __init__(self, topic: str, sole_after: int | None = SOLE_AFTER) -> None:
+        self._topic, self._sole_after = topic, sole_after
+        self._known: dict[str, _Known] = {}
+        self._counts: Counter[str] = Counter()
+        self._changes: dict[str, tuple[int, str]] = {}
+        self._used: dict[str, str] = {}
+        self._refused: Counter[str] = Counter()
+
+    def add(self, info: Any, stamp_ns: int, is_ahead: bool = False) -> None:
+        """Take a message, of rclpy or of a recording; one that was read ahead is counted when it comes."""
+        name = _name(info)
+        known = _Known(info, stamp_ns, _calibration(info))
+        if is_ahead:
+            self._known.setdefault(name, known)
+            return
+        before = self._known.get(name)
+        if before is not None and before.calibration != known.calibration:
+            count, _ = self._changes.get(name, (0, ""))
+            self._changes[name] = count + 1, f"{_describe(before.info)} -> {_describe(info)}"
+        self._known[name] = known
+        self._counts[name] += 1
+
+    def refuse(self, reason: str) -> None:
+        """Count a message that cannot be read."""
+        self._refused[reason] += 1
+
+    def accept_only(self) -> None:
+        """Take the only frame_id for that of any image: no other will come."""
+        self._sole_after = 0
+
+    def find(self, frame_id: str) -> Any | None:
+        """Return the newest CameraInfo of an image's camera; None where none has come."""
+        name = self._name_for(frame_id.lstrip("/"))
+        return None if name is None else self._known[name].info
+
+    def has_stamp(self, frame_id: str, stamp_ns: int) -> bool:
+        """Whether the one that `find` gives was sent with the image of this stamp."""
+        name = self._name_for(frame_id.lstrip("/"))
+        return name is not None and self._known[name].stamp_ns == stamp_ns
+
+    def _name_for(self, image: str) -> str | None:
+        found = image if image in self._known else None
+        if found is None and len(self._known) == 1:
+            (only,) = self._known
+            is_sole = self._sole_after is not None and self._counts[only] >= self._sole_after
+            if not image or not only or is_sole:
+                found = only
+        if found is not None:
+            self._used[image] = found
+        return found
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Number of CameraInfos by what is odd about them."""
+        used = set(self._used.values())
+        others = sum(count for name, count in self._counts.items() if name not in used)
+        changes = sum(count for name, (count, _) in self._changes.items() if name in used)
+        counts = {
+            "CameraInfo of another camera": others if used else 0,
+            "CameraInfo changed": changes,
+            "CameraInfo damaged": self._refused.total(),
+        }
+        return {what: count for what, count in counts.items() if count}
+
+    @property
+    def warnings(self) -> dict[str, str]:
+        """What did not match, and what changed, so far: a line with its count by its kind."""
+        lines = {}
+        used = set(self._used.values())
+        counts = self.counts
+        if others := counts.get("CameraInfo of another camera"):
+            noun = "a CameraInfo" if others == 1 else f"{others} CameraInfos"
+            names = _quoted(name for name in self._known if name not in used)
+            lines["other"] = f"{self._topic}: {noun} of another camera ignored ({names})"
+        for image, name in self._used.items():
+            if image and name and image != name:
+                lines["name"] = (
+                    f"{self._topic} has frame_id {_quoted([name])}, the images {_quoted([image])}; it is used, "
+                    "as there is no other: is it this camera's?"
+                )
+        for name, (count, what) in self._changes.items():
+            if name in used:
+                times = "" if count == 1 else f" {count} times"
+                lines["change"] = f"{self._topic}: the camera {_quoted([name])} changes{times}: {what}"
+        for reason, count in self._refused.items():
+            times = "" if count == 1 else f" ({count} times)"
+            lines["damage"] = f"{self._topic}: {reason}{times}"
+        return lines
+
+    def why_none(self, frame_id: str) -> str:
+        """Say why `find` gives none."""
+        if not self._known:
+            return f"nothing has come on {self._topic} yet"
+        names = _quoted(self._known)
+        return f"{self._topic} has the camera of frame_id {names}, the image is of {_quoted([frame_id])}"
+
+
+def _quoted(names: Iterable[str]) -> str:
+    return ", ".join(repr(printable(name)) for name in names)
+
+
+def _name(info: Any) -> str:
+    return str(info.header.frame_id).lstrip("/")
+
+
+def _calibration(info: Any) -> tuple[Any, ...]:
+    numbers = [np.asarray(values, np.float64).tobytes() for values in (info.k, info.d, info.p)]
+    return (info.width, info.height, info.distortion_model, *numbers)
+
+
+def _describe(info: Any) -> str:
+    return f"{info.width} x {info.height}, fx {info.k[0]:.1f}"

@@ -1,0 +1,99 @@
+"""Find the only depth topic of a running ROS system."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import rclpy
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from sensor_msgs.msg import Image
+
+from depth_pose.core.errors import ConfigError, InputError
+from depth_pose.core.printable import printable
+from depth_pose.io import schemas
+from depth_pose.io._messages import read_image
+from depth_pose.io.depth_topics import DEPTH_ENCODINGS
+from depth_pose.ros.transport.depth_sources import DepthSource, depth_sources
+from depth_pose.ros.transport.intake import frame_qos
+
+_DISCOVER_S, _SETTLE_S = 10.0, 1.5
+"""Seconds until it is given up that there is a topic, and for which the list must stand. Set by hand."""
+
+_MESSAGE_S = 3.0
+"""Seconds that an image topic has to bring an image, whose encoding says whether it is depth. Set by hand."""
+
+
+def find_depth() -> DepthSource:
+    """Return the only depth topic: the only image, else compressed image, else cloud.
+
+    Raises
+    ------
+    ConfigError
+        Where there is none, or several.
+    """
+    context = Context()
+    rclpy.init(context=context, args=[])
+    try:
+        node = rclpy.create_node("find_depth", namespace="depth_pose", context=context)
+        executor = SingleThreadedExecutor(context=context)
+        executor.add_node(node)
+        found = _discover(node, executor)
+        images = [source for source in found if source.kind == schemas.IMAGE]
+        depth = _those_with_depth(node, executor, images)
+        executor.shutdown()
+        node.destroy_node()
+    finally:
+        rclpy.try_shutdown(context=context)
+    packed = [source for source in found if source.kind == schemas.COMPRESSED]
+    clouds = [source for source in found if source.kind == schemas.POINT_CLOUD]
+    choices = depth or packed or clouds
+    if len(choices) == 1:
+        return choices[0]
+    if not choices:
+        seen = f"; images that are no depth: {', '.join(i.topic for i in images)}" if images else ""
+        raise ConfigError(f"no depth topic was found in {_DISCOVER_S:.0f} s{printable(seen)}")
+    lines = "\n  ".join(printable(choice) for choice in choices)
+    raise ConfigError(f"there are {len(choices)} depth topics; give one by its parameters:\n  {lines}")
+
+
+def _discover(node: Node, executor: SingleThreadedExecutor) -> list[DepthSource]:
+    """Return the topics once their list has stood for a while."""
+    began = changed = time.monotonic()
+    found: list[DepthSource] = []
+    while (now := time.monotonic()) - began < _DISCOVER_S:
+        executor.spin_once(timeout_sec=0.1)
+        before, found = found, depth_sources(node)
+        if found != before:
+            changed = now
+        if found and now - changed > _SETTLE_S:
+            break
+    return found
+
+
+def _those_with_depth(
+    node: Node, executor: SingleThreadedExecutor, images: list[DepthSource]
+) -> list[DepthSource]:
+    """Return the image topics whose first image has an encoding of depth."""
+    encodings: dict[str, str] = {}
+
+    def take(topic: str, data: Any) -> None:
+        try:
+            encodings[topic] = read_image(data).encoding
+        except InputError:
+            encodings[topic] = ""
+
+    for image in images:
+        node.create_subscription(
+            Image,
+            image.topic,
+            lambda data, topic=image.topic: take(topic, data),
+            frame_qos(1, False),
+            raw=True,
+        )
+    began = time.monotonic()
+    while len(encodings) < len(images) and time.monotonic() - began < _MESSAGE_S:
+        executor.spin_once(timeout_sec=0.1)
+    return [image for image in images if encodings.get(image.topic) in DEPTH_ENCODINGS]

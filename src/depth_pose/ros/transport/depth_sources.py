@@ -1,0 +1,60 @@
+"""The depth topics of a running ROS system, and the parameters that name each to the nodes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from rclpy.node import Node
+
+from depth_pose.io import schemas
+from depth_pose.io.compressed import TOPIC_ENDING
+from depth_pose.io.depth_topics import info_beside
+from depth_pose.ros.process import NODES
+
+
+@dataclass(frozen=True)
+class DepthSource:
+    """A topic that may bring depth.
+
+    Attributes
+    ----------
+    topic, kind : str
+        Its name and message type.
+    parameters : dict of str to str
+        Parameters of the nodes that name it.
+    """
+
+    topic: str
+    kind: str
+    parameters: dict[str, str]
+
+    def __str__(self) -> str:
+        given = " ".join(f"{name}:={value}" for name, value in self.parameters.items())
+        return f"{self.topic} ({self.kind}): {given}"
+
+
+def depth_sources(node: Node) -> list[DepthSource]:
+    """List the topics of others that may bring depth: images, compressed depth images, point clouds.
+
+    Of images, where some are named ``depth``, only those. Images without a CameraInfo are of no use. A suite's
+    own topics, of whatever namespace, are left out.
+    """
+    topics = {name: kinds for name, kinds in node.get_topic_names_and_types() if _has_foreign(node, name)}
+    infos = [name for name, kinds in topics.items() if schemas.CAMERA_INFO in kinds]
+    images, clouds = [], []
+    for name, kinds in sorted(topics.items()):
+        for kind in kinds:
+            if kind == schemas.POINT_CLOUD:
+                clouds.append(DepthSource(name, kind, {"cloud_topic": name}))
+            elif kind == schemas.IMAGE or (kind == schemas.COMPRESSED and name.endswith(TOPIC_ENDING)):
+                info = info_beside(name, infos)
+                if info:
+                    images.append(DepthSource(name, kind, {"image_topic": name, "info_topic": info}))
+    named = [image for image in images if "depth" in image.topic.lower()]
+    return (named or images) + clouds
+
+
+def _has_foreign(node: Node, topic: str) -> bool:
+    """Whether somebody else than a suite's nodes publishes a topic."""
+    found = node.get_publishers_info_by_topic(topic)
+    return any(publisher.node_name not in NODES for publisher in found)
