@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import sqlite3
 import subprocess
 import sys
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -111,6 +113,25 @@ def test_two_runs_into_one_folder(tmp_path: Path, call: Callable[..., Done]) -> 
     assert line.startswith("error: another command writes its outputs into")
     assert not (tmp_path / "out").exists()
     assert call("run", tmp_path / "in", "-o", tmp_path / "out", "--workers", "0").returncode == 0
+
+
+def test_hostile_files_cost_an_archive_only_themselves(tmp_path: Path, call: Callable[..., Done]) -> None:
+    folder = tmp_path / "in"
+    folder.mkdir()
+    _write(folder / "whole.mcap", 3)
+    with (_write(folder / "zeros.mcap", 3)).open("r+b") as stream:
+        stream.truncate(4 << 40)
+    with closing(sqlite3.connect(folder / "view.db3")) as database:
+        endless = "WITH RECURSIVE c(x) AS (SELECT 1 UNION ALL SELECT x + 1 FROM c) SELECT x AS id FROM c"
+        for table in ("topics", "messages"):
+            database.execute(f"CREATE VIEW {table} AS {endless}")
+    (folder / "empty.bag").write_bytes(b"#ROSBAG V2.0\n" + bytes(5000))
+    done = call("run", folder, "-o", tmp_path / "out", "--workers", "0", "--lenient")
+    assert done.returncode == 1
+    assert {path.name for path in (tmp_path / "out").glob("*.mcap")} == {"whole.mcap", "zeros.mcap"}
+    lines = done.stderr.splitlines()
+    for name, says in (("view", "is a view"), ("empty", "is damaged"), ("zeros", "ends too early")):
+        assert sum(f"{name}" in line and says in line for line in lines) == 1, (name, lines)
 
 
 def test_reading_skeletons_of_a_damaged_recording(tmp_path: Path, call: Callable[..., Done]) -> None:

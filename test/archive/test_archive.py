@@ -85,7 +85,7 @@ def test_two_workers_one_of_them_killed_and_a_bad_file(clips, setting, alone, he
     assert [row.file for row in rows] == [source.name for source in sources]
     assert [row.state for row in rows] == [*CLIPS * ["done"], "failed"]
     (warning,) = rows[-1].warnings
-    assert warning.startswith(f"{archive}/clip_bad.mcap is not a recording that can be read")
+    assert warning.startswith(f"{archive}/clip_bad.mcap is not a supported recording")
     assert sorted(begun) == sorted([*(s.name for s in sources), begun[0]])  # nothing else twice
     assert told[-1] == Progress(len(sources), CLIPS * FRAMES, pytest.approx(sum(s.size for s in sources)))
     assert_same(tmp_path / "out", alone)

@@ -91,7 +91,7 @@ def _reader(kind: type, convert: Callable[[Any], object]) -> Callable[[bytes], o
 def _check_finite(answer: object) -> None:
     """Refuse places that are none; what a node works with is finite."""
     for one in answer if isinstance(answer, tuple) else ():
-        for name in ("positions", "quats_xyzw", "joints"):
+        for name in ("positions", "quats_xyzw", "nodes"):
             values = np.zeros(1) if getattr(one, "is_lost", False) else getattr(one, name, np.zeros(1))
             if not np.isfinite(values).all():
                 raise ArithmeticError(f"{name} are not finite")

@@ -81,29 +81,25 @@ def valid(bank_path):
 
 
 @pytest.fixture(scope="module")
-def context():
-    """A domain of its own, on this machine alone."""
+def context(bank_path):
+    """A domain of its own, on this machine alone, and the tests' bank as every node's."""
     import rclpy
     from peer import join_own_domain
 
     with pytest.MonkeyPatch.context() as patch:
         join_own_domain(patch)
+        patch.setenv("DEPTH_POSE_BANK", str(bank_path))
         rclpy.init(args=[])
         yield
         rclpy.try_shutdown()
 
 
-def node_of(name, bank_path):
+def node_of(name):
     """Make a node, as its process does."""
     import importlib
 
     module = importlib.import_module(f"depth_pose.ros.nodes.{name}_node")
-    kind = getattr(module, f"{name.capitalize()}Node")
-    kind.arguments = ["--ros-args", *(["-p", f"bank:={bank_path}"] if name != "denoise" else [])]
-    try:
-        return kind()
-    finally:
-        kind.arguments = None
+    return getattr(module, f"{name.capitalize()}Node")()
 
 
 INPUTS = {
@@ -127,9 +123,9 @@ def deliver(node, number, messages):
 
 
 @pytest.mark.parametrize("name", INPUTS)
-def test_odd_messages_do_not_end_a_node(name, valid, context, bank_path):
+def test_odd_messages_do_not_end_a_node(name, valid, context):
     rng = random.Random(7)
-    node = node_of(name, bank_path)
+    node = node_of(name)
     try:
         for number in range(COUNT):
             messages = [copy_of(valid[topic]) for topic in INPUTS[name]]

@@ -331,4 +331,4 @@ def test_an_index_that_names_a_chunk_many_times_is_not_followed(tmp_path: Path) 
     path.write_bytes(path.read_bytes()[:start] + body + end)
     numbers, damage = _read(path)
     assert numbers == list(range(FRAMES))
-    assert "names chunks twice" in damage[0]
+    assert "lists chunks twice" in damage[0]

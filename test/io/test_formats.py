@@ -293,7 +293,7 @@ def test_a_part_that_is_gone_is_told(tmp_path: Path) -> None:
     (folder / "a_1.db3").unlink()
     reader = DepthReader(folder)
     assert len(list(reader)) == 4
-    assert "a_1.db3 is not there" in reader.damage[0]
+    assert "a_1.db3 does not exist" in reader.damage[0]
 
 
 # Images
@@ -365,10 +365,10 @@ def test_a_folder_of_images_needs_a_camera(tmp_path: Path) -> None:
         ("a.mkv", b"\x1a\x45\xdf\xa3", "azure_kinect_ros_driver"),
         ("a.bag", b"#ROSBAG V1.2\n", "rosbag fix"),
         ("a.mcap.gz", b"\x1f\x8b\x08", "gunzip"),
-        ("a.mp4", b"\0\0\0\x20ftypisom", "video of colours"),
+        ("a.mp4", b"\0\0\0\x20ftypisom", "colour video"),
         ("a.svo2", b"SVO", "ZED"),
         ("a.png", b"\x89PNG\r\n", "folder of all images"),
-        ("a.txt", b"hello", "is not a recording that can be read; those are MCAP"),
+        ("a.txt", b"hello", "is not a supported recording; supported formats are MCAP"),
     ],
 )
 def test_other_formats_are_refused_with_what_to_do(tmp_path: Path, name: str, head: bytes, says: str) -> None:
@@ -378,7 +378,7 @@ def test_other_formats_are_refused_with_what_to_do(tmp_path: Path, name: str, he
 
 
 def test_a_folder_without_recordings_says_what_can_be_read(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="no recording in it; what can be read is MCAP"):
+    with pytest.raises(InputError, match="no recording in it; supported formats are MCAP"):
         Recording(tmp_path)
     (tmp_path / "metadata.yaml").write_text("a: [&a 1, *a")
     with pytest.raises(InputError, match="ros2 bag reindex"):
@@ -401,9 +401,9 @@ def _channel(path: Path, encoding: str, kind: str, data: bytes, topic: str = IMA
         ("json", "foxglove.RawImage", b"{}", "in JSON, not ROS 2's CDR"),
         ("protobuf", "foxglove.RawImage", b"", "in protobuf"),
         ("ros1", "custom_msgs/Depth", b"", "ROS 1's custom_msgs/msg/Depth, which is not one of"),
-        ("cdr", schemas.IMAGE, b"\x28\xb5\x2f\xfd....", "packed by itself"),
+        ("cdr", schemas.IMAGE, b"\x28\xb5\x2f\xfd....", "individually compressed"),
         ("cdr", schemas.IMAGE, b"\0\1\0\0", "cannot be read"),
-        ("cdr", schemas.COMPRESSED, b"\0\1\0\0", "holds colours; depth is on topics that end in"),
+        ("cdr", schemas.COMPRESSED, b"\0\1\0\0", "holds colour images; depth is on topics that end in"),
         ("cdr", "sensor_msgs/msg/Imu", b"\0\1\0\0", "sensor_msgs/msg/Imu"),
     ],
 )
@@ -415,7 +415,7 @@ def test_why_a_topic_is_no_depth(tmp_path: Path, encoding: str, kind: str, data:
 
 def test_colours_are_said_to_be_no_depth(tmp_path: Path) -> None:
     data = messages(1)[1][3].replace(b"16UC1", b"bgr8 ")
-    with pytest.raises(InputError, match="Image of bgr8 , which is no depth"):
+    with pytest.raises(InputError, match="Image of bgr8 , which is not depth"):
         DepthReader(_channel(tmp_path / "a.mcap", "cdr", schemas.IMAGE, data))
 
 

@@ -8,7 +8,7 @@ import pytest
 
 import synthetic as syn
 from depth_pose.core.config import MAX_STAMP_GAP_NS
-from depth_pose.track.memory import MEMORY_NS, Subject, Subjects
+from depth_pose.track.memory import RETURN_NS, Subject, Subjects
 
 STEP_NS = 40_000_000
 
@@ -43,7 +43,7 @@ def test_everybody_has_their_own_memory(people):
 def test_who_is_not_seen_is_forgotten_after_a_time_and_nobody_else(people):
     subjects = Subjects()
     one, other = see(subjects, people, 0, "body_1", "body_2")
-    frames = MEMORY_NS // STEP_NS
+    frames = RETURN_NS // STEP_NS
     for k in range(1, frames + 1):
         see(subjects, people, k * STEP_NS, "body_2")
     assert see(subjects, people, frames * STEP_NS, "body_1", "body_2") == [one, other]

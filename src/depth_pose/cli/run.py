@@ -292,9 +292,9 @@ def _run_archive(
         _print_rows(rows)
         is_drawn = _draw(sources, rows, folder, depth_topic, images)
     _print_total(rows, folder, time.monotonic() - start)
+    tell_damage(f"{row.file}: {line}" for row in rows for line in row.damage)
     if not is_drawn or any(row.state == "failed" for row in rows):
         raise typer.Exit(1)
-    tell_damage(f"{row.file}: {line}" for row in rows for line in row.damage)
 
 
 def _work_through(

@@ -1,4 +1,4 @@
-"""Compiled loops of the modified LOP; `depth_pose.denoise.denoise` gives the equations."""
+"""Compiled loops of the modified LOP; see `depth_pose.denoise.denoise` for the equations."""
 
 from __future__ import annotations
 
@@ -9,40 +9,41 @@ from depth_pose.core._fast_exp import falling_exp
 from depth_pose.core.kernels import njit
 
 CUT = 0.6
-"""Neighbours farther than this share of the support h do not count: theta(0.6 h) = exp(-5.8)."""
+"""Neighbours farther than this share of the support h are ignored: theta(0.6 h) = exp(-5.8)."""
 
 _MOST = np.float32(16.0 * CUT * CUT)
-"""`CUT` as the exponent that `theta` takes."""
+"""`CUT` as an argument of `theta`."""
 
 _LANES = 8
-"""A row of neighbours is padded to a multiple of this many, with some that are `_FAR_AWAY`."""
+"""A row of neighbours is padded with `_FAR_AWAY` to a multiple of this number."""
 
 _FAR_AWAY = np.float32(1e4)
-"""Where padding lies, in units of h / 4: so far off that it weighs nothing."""
+"""Coordinate of the padding, in units of h / 4, too far away to get any weight."""
 
 _READ = 8
-"""About so many neighbours are read to each side of a pixel; more change next to nothing (the tests)."""
+"""Approximate number of neighbours read on each side of a pixel; more have almost no effect (see the
+tests)."""
 
 _LEAST_SQUARE = 1e-6
-"""Points nearer than a millimetre count as so far apart, square metres, so that their weight is finite."""
+"""Least squared distance (m^2) of two points, one millimetre, which keeps weights finite."""
 
 
 @njit(cache=True, fastmath=True, forceinline=True)
 def theta(square):
-    """``exp(-16 r^2 / h^2)`` of ``16 r^2 / h^2``; nothing beyond `CUT`."""
+    """Compute ``exp(-16 r^2 / h^2)`` from ``16 r^2 / h^2``; 0 beyond `CUT`."""
     w = falling_exp(min(square, _MOST))
     return w if square < _MOST else np.float32(0.0)
 
 
 @njit(cache=True)
 def window(h, camera, z):
-    """Half-sizes of the support in pixels, rows and columns."""
+    """Compute the half-sizes of the support in pixels, rows and columns."""
     return int(CUT * h * camera.fy / z) + 1, int(CUT * h * camera.fx / z) + 1
 
 
 @njit(cache=True)
 def step_of(depth, h, fx):
-    """Step at which about 16 x 16 neighbours of a pixel are read, at the mean depth."""
+    """Compute the step at which about 16 x 16 neighbours of a pixel are read, at the mean depth."""
     total, count = 0.0, 0
     for i in range(depth.shape[0]):
         for j in range(depth.shape[1]):
@@ -54,10 +55,10 @@ def step_of(depth, h, fx):
 
 @njit(cache=True, fastmath=True)
 def project_first(depth, camera, h, step):
-    """Ye et al. eqs. 1 and 2: weighted mean depth of every ``step``-th neighbour in the support.
+    """Ye et al. eqs. 1 and 2: compute the weighted mean depth of every ``step``-th neighbour in the support.
 
-    The points, in units of h / 4, lie in flat arrays. Columns ``step`` apart lie side by side there
-    with room around them, so that the inner loop, all the time this takes, is vectorised.
+    The points, in units of h / 4, lie in flat arrays. Columns ``step`` apart lie side by side there with
+    padding around them, so that the inner loop, which dominates the run time, is vectorised.
     """
     rows, cols = depth.shape
     out = np.zeros_like(depth)
@@ -69,7 +70,7 @@ def project_first(depth, camera, h, step):
     if nearest == np.inf:
         return out
     pad = window(h, camera, nearest)[1] // step + 1 + _LANES
-    part = (cols - 1) // step + 1 + 2 * pad  # columns of one remainder
+    part = (cols - 1) // step + 1 + 2 * pad  # columns with the same remainder
     width = step * part
     x, y, z = (
         np.empty(rows * width, np.float32),

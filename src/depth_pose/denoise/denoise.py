@@ -1,7 +1,7 @@
 r"""Modified locally optimal projection, LOP (Sec. 4, Ye et al. eqs. 1 to 5).
 
-Every point :math:`p_i` moves along its own viewing ray only. With
-:math:`\theta(r) = e^{-16 r^2 / h^2}`, the first step is
+Every point :math:`p_i` moves along its own viewing ray only. With :math:`\theta(r) = e^{-16 r^2 / h^2}`, the
+first step is
 
 .. math:: z_i^{(1)} = \frac{\sum_s z_s \, \theta(\|p_s - p_i\|)}{\sum_s \theta(\|p_s - p_i\|)}
    \qquad (1)
@@ -15,12 +15,12 @@ and x and y follow the ray (eqs. 2, 4). Each further step is
    \beta_s^i = \frac{\theta(\|p_s^{(k)} - p_i^{(k)}\|)}{\|p_s^{(k)} - p_i^{(k)}\|}
    \left| \frac{\partial \eta}{\partial r} \right|, \quad \eta(r) = r^3 / 3 \qquad (5)
 
-`DenoiseConfig.iterations` 1, the default, is the first step alone, eqs. 1 and 2: eqs. 3 to 5 do nothing
-then, and no point pushes another. `docs/accuracy.md` measures 1 against 3.
+`DenoiseConfig.iterations` 1, the default, is the first step alone, eqs. 1 and 2, without eqs. 3 to 5 and
+without repulsion.
 
-The paper prints the repulsion with the distance between the points, which is never negative and
-pushes every point away from the camera; the signed difference in z, used here, pushes points
-apart as LOP (Lipman et al. 2007) means it to.
+The paper prints the repulsion with the distance between the points, which is never negative and pushes every
+point away from the camera; the signed difference in z, used here, pushes points apart as intended by LOP
+(Lipman et al. 2007).
 """
 
 from __future__ import annotations

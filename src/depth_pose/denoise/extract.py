@@ -1,4 +1,4 @@
-"""From a depth image to everybody's clean points: finding people, then denoising (Sec. 4)."""
+"""People extraction: detect and denoise the points of all people in a depth image (Sec. 4)."""
 
 from __future__ import annotations
 
@@ -28,23 +28,23 @@ _METHODS: dict[str, Callable[[SegmentConfig], Segmenter]] = {
 
 
 class PeopleExtractor:
-    """The first stage: what `denoise_node` runs.
+    """The first stage of the pipeline, run by `denoise_node`.
 
     Parameters
     ----------
     segment, denoise
         Settings.
     mount : MountConfig
-        How the frames, which are upright here, lay in the sensor: its frame is the zone's.
+        Orientation of the frames, which are upright here, in the sensor; the zone is in the sensor's frame.
 
     Attributes
     ----------
     segmenter : Segmenter
-        Finds people, and keeps what it needs from frame to frame.
+        Detects people, and keeps its state from frame to frame.
     choice : PeopleChoice
     passed_over : Counter of str
-        Over all frames, who was seen and not answered: ``too near or too far``, ``not sure enough``,
-        ``too few points``, and what `PeopleChoice` left out.
+        Number of detections not used, over all frames: ``too near or too far``, ``not sure enough``,
+        ``too few points``, and the exclusions by `PeopleChoice`.
     """
 
     def __init__(
@@ -63,13 +63,13 @@ class PeopleExtractor:
         self.passed_over: Counter[str] = Counter()
 
     def reset(self) -> None:
-        """Forget the people."""
+        """Forget all tracks."""
         self.segmenter.reset()
         self._tracks.reset()
         self.choice.reset()
 
     def restart(self) -> None:
-        """Forget the people and the names given, as if new."""
+        """Forget all tracks and ids, as if new."""
         self.reset()
         self._tracks.restart()
         self.passed_over.clear()
@@ -83,9 +83,9 @@ class PeopleExtractor:
         see_people(0, "", camera, camera.back_project(depth), np.ones((48, 64), np.uint8), [found])
 
     def extract(self, frame: DepthFrame) -> People:
-        """Find the people, name them, choose among them, and denoise their points.
+        """Detect people, assign ids, select among them, and denoise their points.
 
-        Denoising finds depths; x and y follow along each pixel's ray (Ye et al. eqs. 2 and 4).
+        Denoising computes depths; x and y follow along each pixel's ray (Ye et al. eqs. 2 and 4).
         """
         if self._guard.is_break(frame.stamp_ns):
             self.reset()
@@ -109,6 +109,6 @@ class PeopleExtractor:
             if name is not None
         )
         # Ye et al. eq. 2: x and y follow the depth along the pixel's ray
-        # Ye et al. eq. 4: so they do where `denoise.iterations` is above 1
+        # Ye et al. eq. 4: also in further iterations, if `denoise.iterations` is above 1
         points = seen.camera.back_project(depth)
         return see_people(frame.stamp_ns, frame.frame_id, seen.camera, points, labels, found)

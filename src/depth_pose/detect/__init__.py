@@ -1,1 +1,1 @@
-"""Everybody in one frame: the people finder, the second look, masks."""
+"""People in one frame: detection, joint proposals, masks."""

@@ -1,4 +1,4 @@
-"""Compiled loops along the borders of people: what belongs to them, what may hide more of them."""
+"""Compiled loops along mask borders: what belongs to a person, and what may occlude more of the person."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ from depth_pose.core.kernels import njit
 from depth_pose.core.types import BACKGROUND, HIDDEN
 
 _FLOOR_STEPS = 2.0
-"""Of a level floor one metre below the camera, neighbouring rows differ by z^2 / f; this many times that is
-no floor any more."""
+"""Factor on the depth step z^2 / f between rows of a level floor one metre below; larger steps are not
+floor."""
 
 _HIDES_M = 0.6
-"""How far beside a person's pixels something nearer may hide more of them: a limb's length, metres."""
+"""Distance (m) beside a person's mask within which a nearer object may occlude more of the person: a limb."""
 
 
 @njit(cache=True)
 def mark_unsupported(depth, labels, jump, least):
-    """Label as hidden every pixel of a person with fewer than ``least`` of 24 neighbours on their surface.
+    """Label as hidden every pixel of a person with fewer than ``least`` of 24 neighbours on the same surface.
 
-    A neighbour is if it is the same person's and within ``jump`` in depth. Such pixels fly between the
-    person and what is behind.
+    A neighbour counts if it belongs to the same person and lies within ``jump`` in depth. The removed pixels
+    are flying pixels between the person and the background.
     """
     rows, cols = depth.shape
     flying = np.empty(rows * cols, np.int64)
@@ -41,7 +41,7 @@ def mark_unsupported(depth, labels, jump, least):
 
 @njit(cache=True)
 def support(depth, labels, i, j, jump, enough):
-    """How many of 24 neighbours are on a pixel's surface; ``enough``, or a few more, once there are."""
+    """Count the neighbours, of 24, on a pixel's surface; may stop at ``enough``."""
     rows, cols = depth.shape
     z, own, count = depth[i, j], labels[i, j], -1
     for a in range(max(0, i - 2), min(rows, i + 3)):
@@ -54,11 +54,11 @@ def support(depth, labels, i, j, jump, enough):
 
 @njit(cache=True)
 def mark_nearer(depth, labels, camera, gap):
-    """Label as hidden what is nearer than the person beside it, and may hide more of them.
+    """Label as hidden what is nearer than the adjacent person and may occlude more of the person.
 
-    From each border pixel of a person the image is followed `_HIDES_M` far. Something hides from where the
-    depth drops by more than ``gap``, and than the floor's can, to where it is no longer nearer by ``gap``.
-    The floor itself, which rises to the feet without a step, hides nothing.
+    From each border pixel of a person the image is searched `_HIDES_M` far. An occluder begins where the
+    depth drops by more than ``gap`` and more than the floor's slope, and ends where it is no longer nearer by
+    ``gap``. The floor itself, which rises to the feet without a step, is not an occluder.
     """
     rows, cols = depth.shape
     hides = np.zeros((rows, cols), np.bool_)
@@ -91,16 +91,16 @@ def mark_nearer(depth, labels, camera, gap):
 
 
 class LimbLimits(NamedTuple):
-    """What `attach_limbs` takes for a limb.
+    """Limits of `attach_limbs` on a limb.
 
     Attributes
     ----------
     jump : float
-        Greatest step in depth between neighbours, metres.
+        Maximum step in depth between neighbours, metres.
     area, width : float
-        Greatest area, square metres, and mean width, metres.
+        Maximum area, square metres, and mean width, metres.
     chance : float
-        Least mean chance of a person.
+        Least mean probability of a person.
     """
 
     jump: float
@@ -110,15 +110,15 @@ class LimbLimits(NamedTuple):
 
 
 class Surfaces(NamedTuple):
-    """Flat images in which surfaces are followed, all (h * w,).
+    """Flat images for following surfaces, all (h * w,).
 
     Attributes
     ----------
     depth, labels : float32, uint8
     seen : uint8
-        1: on the present surface, 2: on one that is nobody's limb.
+        1: on the current surface, 2: on a rejected one.
     queue : int64
-        Pixels of the present surface.
+        Pixels of the current surface.
     """
 
     depth: Any
@@ -129,11 +129,11 @@ class Surfaces(NamedTuple):
 
 @njit(cache=True)
 def attach_limbs(depth, labels, chance, camera, limits):
-    """Give people the small surfaces that go on from theirs: limbs that the net took for something else.
+    """Add small adjacent surfaces to people: limbs that the net missed.
 
-    From every person's border, what is nobody's is followed over neighbours at most ``limits.jump`` apart
-    in ``depth``, in which floor and walls are 0. A surface of less than ``limits.area`` square metres and
-    of a limb's width and chance is theirs; all else is furniture and stays nobody's.
+    From every person's border, unlabelled pixels are followed over neighbours at most ``limits.jump`` apart
+    in ``depth``, in which floor and walls are 0. A surface of less than ``limits.area`` square metres with a
+    limb's width and probability is added to the person. All else is furniture and stays unlabelled.
     """
     flat = flat_surfaces(depth, labels)
     is_beside, flat_chance, cols = beside_anybody(labels).ravel(), chance.ravel(), depth.shape[1]
@@ -152,10 +152,10 @@ def attach_limbs(depth, labels, chance, camera, limits):
 
 @njit(cache=True)
 def attach_apart(depth, labels, claims, camera, limits):
-    """Give people the small surfaces by themselves that vote for them: shanks below a desk.
+    """Add small separate surfaces that vote for a person: shanks below a desk.
 
-    As `attach_limbs`, but for surfaces that touch nobody. ``claims`` (h, w) says for whose torso a pixel
-    votes, 0 for nobody's; ``limits.chance`` is the least share of a surface that votes for one.
+    As `attach_limbs`, but for surfaces that touch nobody. ``claims`` (h, w) is the person whose torso a pixel
+    votes for, 0 for none; ``limits.chance`` is the least share of a surface that votes for one person.
     """
     flat = flat_surfaces(depth, labels)
     votes, cols = claims.ravel(), depth.shape[1]
@@ -175,22 +175,22 @@ def attach_apart(depth, labels, claims, camera, limits):
 
 @njit(cache=True)
 def flat_surfaces(depth, labels):
-    """Begin to follow surfaces; ``labels`` (contiguous) are written through."""
+    """Prepare flat images for following surfaces; ``labels`` (contiguous) is written through."""
     size = depth.size
     return Surfaces(depth.ravel(), labels.ravel(), np.zeros(size, np.uint8), np.empty(size, np.int64))
 
 
 @njit(cache=True)
 def may_start(flat, at):
-    """Whether a pixel is nobody's, has a depth, and was not followed."""
+    """Check that a pixel is unlabelled, has a depth, and was not followed."""
     return flat.labels[at] == BACKGROUND and flat.depth[at] > 0.0 and flat.seen[at] == 0
 
 
 @njit(cache=True)
 def follow_surface(flat, start, camera, limits):
-    """Follow what is nobody's from a pixel; give how many pixels are in the queue, negative if it is no limb.
+    """Follow unlabelled pixels from a start; return the queue's length, negative if it is not a limb.
 
-    No limb is what is larger than ``limits.area``, wider than ``limits.width``, or meets what is no limb.
+    A surface is not a limb if it exceeds ``limits.area`` or ``limits.width``, or meets a rejected surface.
     """
     rows, cols = camera.height, camera.width
     pixel = 1.0 / (camera.fx * camera.fy)
@@ -227,7 +227,7 @@ def follow_surface(flat, start, camera, limits):
 
 @njit(cache=True)
 def settle_surface(flat, count, owner):
-    """Give the surface that was followed to somebody, or leave it as nobody's (`BACKGROUND`)."""
+    """Label the followed surface with its owner, or reject it (`BACKGROUND`)."""
     for n in range(abs(count)):
         at = flat.queue[n]
         if owner != BACKGROUND:
@@ -237,7 +237,7 @@ def settle_surface(flat, count, owner):
 
 @njit(cache=True)
 def beside_anybody(labels):
-    """Mark the pixels that have a person's pixel among their eight neighbours, and people's own, (h, w)."""
+    """Mark the pixels of people and their eight neighbours, (h, w)."""
     rows, cols = labels.shape
     marked = np.zeros((rows, cols), np.bool_)
     for i in range(rows):
@@ -251,7 +251,7 @@ def beside_anybody(labels):
 
 @njit(cache=True)
 def beside_person(depth, labels, at, cols, jump):
-    """Label of a person whose surface goes on at a pixel (of a flat image); `BACKGROUND` for nobody."""
+    """Return the person whose surface continues at a pixel (of a flat image); `BACKGROUND` for none."""
     i, j = at // cols, at % cols
     rows = depth.size // cols
     for a in range(max(0, i - 1), min(rows, i + 2)):

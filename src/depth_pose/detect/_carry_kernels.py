@@ -1,4 +1,4 @@
-"""Compiled loops that carry people's pixels over from the frame before; `last_people` uses them."""
+"""Compiled loops that transfer people's pixels from the previous frame, for `last_people`."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from depth_pose.core.types import BACKGROUND
 
 
 class Before(NamedTuple):
-    """The frame before.
+    """The previous frame.
 
     Attributes
     ----------
     depth : (h, w) float32
-        Metres; 0 where there was none.
+        Metres; 0 without depth.
     labels : (h, w) uint8
         Number of each pixel's person.
     """
@@ -26,14 +26,14 @@ class Before(NamedTuple):
 
 
 class CarryLimits(NamedTuple):
-    """How far things move from one frame to the next.
+    """Limits of movement from one frame to the next.
 
     Attributes
     ----------
     moved, jump : float
-        Most of a point, and the greatest step between neighbours on one surface, metres.
+        Maximum movement of a point, and step between neighbours on one surface, metres.
     pixels : int
-        Most in the image.
+        Maximum movement in the image.
     """
 
     moved: float
@@ -43,9 +43,9 @@ class CarryLimits(NamedTuple):
 
 @njit(cache=True)
 def carry_labels(before, depth, camera, limits, labels, is_new):
-    """Give every pixel to whom the nearest point of the frame before belonged.
+    """Label every pixel with the person of the nearest point of the previous frame.
 
-    Writes ``labels`` (h, w), and ``is_new`` (h, w) where no point was as near as ``limits.moved``.
+    Writes ``labels`` (h, w), and ``is_new`` (h, w) where no point was within ``limits.moved``.
     """
     rows, cols = depth.shape
     most = limits.moved * limits.moved
@@ -60,7 +60,9 @@ def carry_labels(before, depth, camera, limits, labels, is_new):
                 if (ring * pixel) ** 2 >= least:
                     break
                 for a in range(max(0, i - ring), min(rows, i + ring + 1)):
-                    step = 1 if abs(a - i) == ring else 2 * ring  # a ring's upper and lower rows are whole
+                    step = (
+                        1 if abs(a - i) == ring else 2 * ring
+                    )  # the upper and lower rows of a ring are complete
                     for b in range(j - ring, j + ring + 1, max(1, step)):
                         if b < 0 or b >= cols or before.depth[a, b] <= 0.0:
                             continue
@@ -73,7 +75,7 @@ def carry_labels(before, depth, camera, limits, labels, is_new):
 
 @njit(cache=True)
 def count_inside(marked):
-    """Count the marked pixels whose four neighbours are marked: no edge of anything flies so broad."""
+    """Count the marked pixels with four marked neighbours; flying edges are too narrow to count."""
     count = 0
     for i in range(1, marked.shape[0] - 1):
         for j in range(1, marked.shape[1] - 1):
@@ -84,10 +86,10 @@ def count_inside(marked):
 
 @njit(cache=True)
 def take_new(depth, is_new, jump, labels):
-    """Give people what is new and goes on from them: limbs that moved far, and edges that fly beside them.
+    """Add new pixels to the people they are connected to: limbs that moved far, and flying edges.
 
-    A surface goes on over neighbours at most ``jump`` apart. Of what does not, the pixels that touch somebody
-    are theirs as well: `mark_unsupported` tells which of them fly. ``is_new`` is spent.
+    A surface continues over neighbours at most ``jump`` apart. Other new pixels that touch a person are added
+    as well; `mark_unsupported` removes the flying ones. ``is_new`` is overwritten.
     """
     rows, cols = depth.shape
     queue = np.empty(rows * cols, np.int64)
@@ -116,7 +118,7 @@ def take_new(depth, is_new, jump, labels):
 
 @njit(cache=True)
 def middle_of(depth, labels, label, camera, middle):
-    """Write the middle (3,) of somebody's points, metres; returns how many there are."""
+    """Write the mean (3,) of a person's points, metres; return their number."""
     count = 0
     middle[:] = 0.0
     for i in range(depth.shape[0]):

@@ -1,4 +1,4 @@
-"""Compiled loops of the people finder; `depth_pose.detect.finder` says what they are for.
+"""Compiled loops of the people finder, for `depth_pose.detect.finder`.
 
 ``image`` is a `NetImage`; ``grid`` is always its depth.
 """
@@ -18,19 +18,19 @@ ROWS, COLS = 120, 160
 """Size of the net's image, pixels."""
 
 CHANNELS = 10
-"""Features of a pixel; `fill_features` lists them."""
+"""Number of features per pixel; `fill_features` lists them."""
 
 _NARROW_M, _WIDE_M = 0.12, 0.5
-"""Half sides of the windows that a pixel's depth is compared with: a limb, and a body."""
+"""Half sides of the windows for relative depth (m): a limb, and a body."""
 
 _LOG_STEPS = 256
-"""Entries per metre of the table of logarithms: a tenth of the time of the function, off by .004 at most."""
+"""Entries per metre of the logarithm table, which takes a tenth of the time with errors below .004."""
 
 _LOG_TABLE = np.log((np.arange(16 * _LOG_STEPS) + 0.5) / _LOG_STEPS).astype(np.float32)
-"""Logarithms of depths up to 16 m, each of the middle of its step."""
+"""Logarithms of depths up to 16 m, at the middle of each step."""
 
 _RISE_M = 0.04
-"""Samples of a pixel that differ by less, per metre of distance, are one surface and are averaged."""
+"""Depth difference per metre of distance below which a pixel's samples are averaged as one surface."""
 
 
 class NetImage(NamedTuple):
@@ -39,11 +39,11 @@ class NetImage(NamedTuple):
     Attributes
     ----------
     depth : (ROWS, COLS) float32
-        Metres; 0 where there is none, and beyond ``rows`` and ``cols``.
+        Metres; 0 without depth, and beyond ``rows`` and ``cols``.
     rows, cols : int
-        The part that the camera fills, from the top left.
+        Part filled by the camera, from the top left.
     stride : float
-        Pixels of the frame to a pixel of the grid.
+        Frame pixels per grid pixel.
     camera : Camera
         Camera of that part.
     """
@@ -57,10 +57,10 @@ class NetImage(NamedTuple):
 
 @njit(cache=True)
 def reduce_grid(depth, stride, rows, cols, near, far, grid):
-    """Sample a depth image (metres) to the net's grid: of four samples a pixel, those near the second.
+    """Sample a depth image (metres) to the net's grid with four samples per pixel.
 
-    Pixel (i, j) of the grid covers ``stride`` x ``stride`` pixels from ``(i stride, j stride)``;
-    ``stride`` need not be whole. A pixel with fewer than two samples is a hole (0).
+    Pixel (i, j) of the grid covers ``stride`` x ``stride`` pixels from ``(i stride, j stride)``; ``stride``
+    need not be an integer. A pixel with fewer than two samples is a hole (0).
     """
     grid[:] = 0.0
     height, width = depth.shape
@@ -84,13 +84,13 @@ def reduce_grid(depth, stride, rows, cols, near, far, grid):
 
 @njit(cache=True)
 def near_second(a, b, c, d, near, far):
-    """Mean of those of four samples that lie near the second smallest valid one; 0 for fewer than two."""
+    """Compute the mean of the samples near the second smallest valid one; 0 for fewer than two valid."""
     low, high, low2, high2 = min(a, b), max(a, b), min(c, d), max(c, d)
     least, most = min(low, low2), max(high, high2)
     middle = min(max(low, low2), min(high, high2))
-    total = a + b + c + d  # NaN where any is: `min` and `max` may miss it
+    total = a + b + c + d  # NaN if any is: `min` and `max` may miss it
     if total == total and least >= near and most <= far and most - least <= np.float32(_RISE_M) * middle:
-        return total / np.float32(4.0)  # as most pixels are: all four valid, and one surface
+        return total / np.float32(4.0)  # the common case: all four valid, and one surface
     count, total = 0, np.float32(0.0)
     least, second, most = np.float32(np.inf), np.float32(np.inf), np.float32(0.0)
     for z in (a, b, c, d):
@@ -117,12 +117,12 @@ def near_second(a, b, c, d, near, far):
 
 @njit(cache=True)
 def fill_features(image, sums, counts, out):
-    """Describe every pixel of the grid to the net.
+    """Compute the features of every grid pixel for the net.
 
-    0 inverse depth (1/m); 1, 2 depth less its mean in a window of a limb's and of a body's size, at
-    this distance; 3 whether there is a depth; 4 logarithm of what a pixel measures here; 5, 6 slopes
-    of the ray; 7, 8 slopes of the surface; 9 height below the camera's axis. All are 0 in holes, but
-    for 5 and 6. ``sums`` and ``counts`` (ROWS + 1, COLS + 1) are work space.
+    0 inverse depth (1/m); 1, 2 depth minus its mean in a window of a limb's and of a body's size, at this
+    distance; 3 whether there is a depth; 4 logarithm of the pixel's size here; 5, 6 slopes of the ray; 7, 8
+    slopes of the surface; 9 height below the camera's axis. All are 0 in holes, except 5 and 6. ``sums`` and
+    ``counts`` (ROWS + 1, COLS + 1) are work space.
     """
     grid, rows, cols, camera = image.depth, image.rows, image.cols, image.camera
     out[:] = 0.0
@@ -163,13 +163,13 @@ def fill_features(image, sums, counts, out):
 
 @njit(cache=True)
 def bounded(value, most):
-    """Cut a value to within plus and minus ``most``."""
+    """Clip a value to plus and minus ``most``."""
     return min(np.float32(most), max(np.float32(-most), value))
 
 
 @njit(cache=True)
 def mean_around(sums, counts, i, j, reach, rows, cols):
-    """Mean depth within ``reach`` pixels, at least one, up, down, left and right."""
+    """Compute the mean depth within ``reach`` pixels, at least one, up, down, left and right."""
     r = max(1, reach)
     u, v = max(0, i - r), min(rows, i + r + 1)
     p, q = max(0, j - r), min(cols, j + r + 1)
@@ -179,7 +179,7 @@ def mean_around(sums, counts, i, j, reach, rows, cols):
 
 @njit(cache=True)
 def slope(grid, i, j, down, right, rows, cols, scale):
-    """Rise of the depth per metre along the image, from the two neighbours or one, within -2 to 2."""
+    """Compute the rise of the depth per metre along the image, from one or two neighbours, within -2 to 2."""
     a, b, c, d = i - down, j - right, i + down, j + right
     before = grid[a, b] if a >= 0 and b >= 0 else np.float32(0.0)
     after = grid[c, d] if c < rows and d < cols else np.float32(0.0)
@@ -197,7 +197,7 @@ def slope(grid, i, j, down, right, rows, cols, scale):
 
 @njit(cache=True)
 def unpack(packed, out):
-    """Spread four channels to two by two pixels: ``packed`` (4 C, h, w) to ``out`` (C, 2 h, 2 w)."""
+    """Rearrange four channels to two by two pixels: ``packed`` (4 C, h, w) to ``out`` (C, 2 h, 2 w)."""
     for c in range(out.shape[0]):
         for i in range(packed.shape[1]):
             for a in range(2):

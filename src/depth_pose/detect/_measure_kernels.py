@@ -12,26 +12,26 @@ from depth_pose.core.kernels import njit
 from depth_pose.detect._finder_kernels import COLS
 
 _SAME_M = 0.1
-"""Pixels of two grids that differ by less in depth show the same surface."""
+"""Pixels of two grids that differ by less in depth (m) show the same surface."""
 
 MEASURES = 20
-"""What `measure_clusters` and `measure_neighbours` tell of a cluster."""
+"""Number of measures of a cluster, by `measure_clusters` and `measure_neighbours`."""
 
 _ALONE_M = 2.0
-"""Distance that a cluster without a neighbour is said to be from one."""
+"""Distance (m) assigned to a cluster without a neighbour."""
 
 
 @njit(cache=True)
 def distance2(a, b):
-    """Squared distance of two points."""
+    """Compute the squared distance of two points."""
     return (a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2
 
 
 @njit(cache=True)
 def measure_clusters(image, mask, torso, votes, owner, modes, out):
-    """Measure what tells persons from things: see the lines below.
+    """Compute the measures that distinguish people from objects; see the lines below.
 
-    ``out`` (P, MEASURES), the last ones of which `measure_neighbours` fills.
+    Writes ``out`` (P, MEASURES), except the last ones, which `measure_neighbours` writes.
     """
     grid, rows, cols, camera = image.depth, image.rows, image.cols, image.camera
     flat, points, areas = votes.flat, votes.points, votes.areas
@@ -64,7 +64,7 @@ def measure_clusters(image, mask, torso, votes, owner, modes, out):
             mean[p, a] += q[a]
             for b in range(3):
                 moment[p, a, b] += q[a] * q[b]
-        for d in range(4):  # at the cluster's edge: does the depth jump there, or does the surface go on?
+        for d in range(4):  # at the cluster's edge: does the depth jump, or does the surface continue?
             a = i + (1 if d == 0 else -1 if d == 1 else 0)
             b = j + (1 if d == 2 else -1 if d == 3 else 0)
             if a < 0 or b < 0 or a >= rows or b >= cols or grid[a, b] <= 0.0 or mask[a, b] > 0.0:
@@ -96,10 +96,10 @@ def measure_clusters(image, mask, torso, votes, owner, modes, out):
 
 @njit(cache=True)
 def measure_neighbours(image, labels, modes, out, neighbour):
-    """Fill the measures, from 16 on, of each cluster beside the nearest one with more area.
+    """Compute the measures, from 16 on, of each cluster relative to the nearest larger one.
 
-    A part of a person whose votes went astray touches the rest and is small. ``neighbour`` (P,) becomes
-    that other cluster, -1 for none within `_ALONE_M`.
+    A part of a person with wrong votes touches the rest and is small. ``neighbour`` (P,) becomes that other
+    cluster, -1 for none within `_ALONE_M`.
     """
     grid, rows, cols = image.depth, image.rows, image.cols
     count = modes.shape[0]

@@ -1,4 +1,4 @@
-"""Compiled loops that carry persons from the net's image to another grid (`depth_pose.detect.outline`).
+"""Compiled loops that transfer labels from the net's image to another grid (`depth_pose.detect.outline`).
 
 ``image`` is a `NetImage`.
 """
@@ -12,18 +12,19 @@ import numpy as np
 from depth_pose.core.kernels import njit
 
 _SAME_M = 0.1
-"""Pixels of two grids that differ by less in depth show the same surface."""
+"""Pixels of two grids that differ by less in depth (m) show the same surface."""
 
 _LEAST_CHANCE = 0.35
-"""A pixel is a person's from this probability on, as it votes from there on. With .5 shanks below a desk are
-lost (192 mm instead of 89 on that clip); .4 is in between."""
+"""Person probability from which a pixel belongs to a person, as for votes; higher values lose shanks below
+a desk."""
 
 _SOFT_PX2, _SOFT_M = 0.25, 0.03
-"""A net pixel this far aside, square pixels, or off in depth, metres, counts half of one that is not."""
+"""Scales of the weight of a net pixel: squared distance (px^2) and depth difference (m) at which it is
+halved."""
 
 
 class Marks(NamedTuple):
-    """Of the net's pixels: whether one is near a person, and the label of those inside one (`mark_near`)."""
+    """Masks of the net's pixels: near a person, and the label of those inside one (`mark_near`)."""
 
     near: Any
     solid: Any
@@ -31,10 +32,10 @@ class Marks(NamedTuple):
 
 @njit(cache=True)
 def mark_near(labels, chance, least, rows, cols, near, solid):
-    """Mark what lies within a pixel of a person or of a ``chance`` of ``least``; and what is inside a person.
+    """Mark pixels within one pixel of a person or of a ``chance`` of ``least``, and the interiors of people.
 
-    ``chance`` becomes 0 elsewhere. ``solid`` holds the label of pixels whose eight neighbours all are the
-    same person's and more likely than not; 0 for all others.
+    ``chance`` becomes 0 elsewhere. ``solid`` holds the label of pixels whose eight neighbours all belong to
+    the same person with more than even probability; 0 for all others.
     """
     near[:] = False
     solid[:] = 0
@@ -54,11 +55,11 @@ def mark_near(labels, chance, least, rows, cols, near, solid):
 
 @njit(cache=True)
 def carry_labels(depth, camera, image, labels, net_chance, marks, out, chance):
-    """Carry labels (0: nobody) from the net's image to another grid, ``depth`` with its ``camera``.
+    """Transfer labels (0: background) from the net's image to another grid, ``depth`` with its ``camera``.
 
-    A pixel takes, of the nine net pixels around it, what those near it in depth say, the nearer the
-    more. ``chance`` becomes the probability of a person there, -1 where no net pixel has this depth.
-    Where all nine say the same (``solid``) there is nothing to weigh.
+    A pixel takes the weighted vote of the nine net pixels around it, near ones in image and depth weighing
+    more. ``chance`` becomes the person probability there, -1 where no net pixel has this depth. Where all
+    nine agree (``solid``) no weights are computed.
     """
     net_depth, rows, cols = image.depth, image.rows, image.cols
     near, solid = marks.near, marks.solid
@@ -110,10 +111,10 @@ def carry_labels(depth, camera, image, labels, net_chance, marks, out, chance):
 
 @njit(cache=True)
 def grow_labels(depth, labels, chance, least, jump, pixels, queue):
-    """Let persons grow along their surfaces into pixels that the net is not sure are background.
+    """Grow people along their surfaces into pixels that are not clearly background.
 
-    A step goes to one of four neighbours with ``chance`` of at least ``least`` (or unknown, -1) whose
-    depth differs by less than ``jump`` per metre of distance; at most ``pixels`` / distance steps.
+    A step leads to one of four neighbours with ``chance`` of at least ``least`` (or unknown, -1) whose depth
+    differs by less than ``jump`` per metre of distance; at most ``pixels`` / distance steps.
     """
     rows, cols = depth.shape
     count = 0

@@ -9,11 +9,11 @@ from depth_pose.core.kernels import njit
 
 @njit(cache=True)
 def draw_samples(points, most, reach, focal):
-    """Take about ``most`` points of smooth surfaces, evenly over the image.
+    """Draw about ``most`` samples of smooth surfaces, evenly over the image.
 
-    Normals come from the neighbours ``reach`` pixels away; where one is missing there is no sample.
-    Returns points (n, 3), unit normals (n, 3) and the areas (n,) that the samples would cover if they
-    faced the camera, square metres.
+    Normals are computed from the neighbours ``reach`` pixels away; a pixel with a missing neighbour is
+    skipped. Returns points (n, 3), unit normals (n, 3) and the areas (n,) that the samples would cover if
+    they faced the camera, square metres.
     """
     rows, cols = points.shape[:2]
     valid = 0
@@ -40,7 +40,7 @@ def draw_samples(points, most, reach, focal):
 
 @njit(cache=True)
 def normal_at(points, i, j, reach, normal):
-    """Find the unit normal at a pixel from neighbours ``reach`` away; False where one is missing."""
+    """Compute the unit normal at a pixel from neighbours ``reach`` away; return False if one is missing."""
     if i < reach or j < reach or i + reach >= points.shape[0] or j + reach >= points.shape[1]:
         return False
     left, right, up, down = j - reach, j + reach, i - reach, i + reach
@@ -60,7 +60,7 @@ def normal_at(points, i, j, reach, normal):
 
 @njit(cache=True)
 def is_inlier(p, n, plane, tolerance):
-    """Whether a point lies on a plane and its surface faces the plane's way, within 37 degrees."""
+    """Check that a point lies on a plane and its normal agrees with the plane's within 37 degrees."""
     off = plane[0] * p[0] + plane[1] * p[1] + plane[2] * p[2] - plane[3]
     along = plane[0] * n[0] + plane[1] * n[1] + plane[2] * n[2]
     return abs(off) < tolerance * p[2] and abs(along) > 0.8
@@ -68,9 +68,9 @@ def is_inlier(p, n, plane, tolerance):
 
 @njit(cache=True)
 def plane_inliers(samples, normals, areas, plane, tolerance):
-    """Which samples lie on a plane, and their area on it.
+    """Find the samples on a plane, and their total area on it.
 
-    ``areas`` are what the samples would cover if they faced the camera.
+    ``areas`` are those of the samples if they faced the camera.
     """
     on = np.zeros(samples.shape[0], np.bool_)
     total = 0.0
@@ -85,7 +85,7 @@ def plane_inliers(samples, normals, areas, plane, tolerance):
 
 @njit(cache=True)
 def moments(samples, on):
-    """Count, mean (3,) and covariance (3, 3) of some of the samples."""
+    """Compute count, mean (3,) and covariance (3, 3) of the selected samples."""
     count, mean, square = 0, np.zeros(3), np.zeros((3, 3))
     for i in range(samples.shape[0]):
         if on[i]:
@@ -103,7 +103,10 @@ def moments(samples, on):
 
 @njit(cache=True)
 def best_plane(samples, normals, areas, seeds, tolerance):
-    """Plane (n, d), ``n . p = d``, through one of the seeds along its normal, with the most area."""
+    """Find the plane (n, d), ``n . p = d``, with the most area.
+
+    Candidates pass through one of the seeds, along its normal.
+    """
     best = np.zeros(4)
     most = 0.0
     plane = np.empty(4)
@@ -122,7 +125,7 @@ def mark_plane(points, plane, tolerance, window, out):
     """Set ``out`` where a pixel and at least half of its window's pixels lie on the plane."""
     rows, cols = points.shape[:2]
     on = np.zeros((rows, cols), np.bool_)
-    # sums over all pixels above and to the left: of those on the plane less half of the valid ones
+    # summed-area table of on-plane pixels minus half of the valid ones
     sums = np.zeros((rows + 1, cols + 1), np.int32)
     for i in range(rows):
         row = 0

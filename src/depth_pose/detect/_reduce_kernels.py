@@ -1,4 +1,4 @@
-"""Compiled loops that bring a depth image to the working grid (`depth_pose.detect.working_grid`)."""
+"""Compiled loops that reduce a depth image to the working grid (`depth_pose.detect.working_grid`)."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from depth_pose.core.kernels import njit
 
 @njit(cache=True)
 def clip_depth(depth, near, far):
-    """Copy a depth image without what lies outside the limits, or is not finite."""
+    """Copy a depth image without values that are outside the limits or not finite."""
     out = np.zeros(depth.shape, np.float32)
     for i in range(depth.shape[0]):
         for j in range(depth.shape[1]):
@@ -22,8 +22,8 @@ def clip_depth(depth, near, far):
 def reduce_depth(depth, stride, jump, near, far):
     """Average blocks of ``stride`` x ``stride`` pixels over the surface of their median depth.
 
-    A block with fewer valid pixels than half is a hole. What is asked of each block is first summed down
-    its columns, over whole rows of the image, so that the loop over all pixels is vectorised.
+    A block with less than half of its pixels valid becomes a hole. Statistics of each block are first summed
+    down its columns, over whole rows of the image, so that the loop over all pixels is vectorised.
     """
     rows, cols = depth.shape[0] // stride, depth.shape[1] // stride
     near, far, jump = np.float32(near), np.float32(far), np.float32(jump)
@@ -35,7 +35,7 @@ def reduce_depth(depth, stride, jump, near, far):
     for i in range(rows):
         part = depth[i * stride : (i + 1) * stride]
         sum_columns(part, near, far, columns)
-        if stride == 2:  # as most are; with a number that is known the loop is vectorised
+        if stride == 2:  # the common case; with a constant stride the loop is vectorised
             sum_blocks(columns, 2, blocks)
         elif stride == 3:
             sum_blocks(columns, 3, blocks)
@@ -60,7 +60,7 @@ def reduce_depth(depth, stride, jump, near, far):
 
 @njit(cache=True)
 def take_columns(row, blocks, stride, offset, near, far, out):
-    """Take one pixel of each of the ``blocks`` of a row; infinite where it is not valid."""
+    """Copy one pixel of each of the ``blocks`` of a row; infinite if not valid."""
     for k in range(blocks.shape[0]):
         z = np.float32(row[blocks[k] * stride + offset])
         out[k] = z if (z >= near) & (z <= far) else np.float32(np.inf)
@@ -68,7 +68,7 @@ def take_columns(row, blocks, stride, offset, near, far, out):
 
 @njit(cache=True, inline="always")
 def sum_blocks(columns, stride, out):
-    """Count, sum, least and greatest depth of each ``stride`` columns of (4, w), into ``out`` (4, cols)."""
+    """Compute count, sum, least and greatest depth of each ``stride`` columns, into ``out`` (4, cols)."""
     count, total, least, most = out[0], out[1], out[2], out[3]
     for j in range(out.shape[1]):
         n, s, low, high = np.float32(0.0), np.float32(0.0), np.float32(np.inf), np.float32(0.0)
@@ -82,7 +82,7 @@ def sum_blocks(columns, stride, out):
 
 @njit(cache=True)
 def mean_blocks(blocks, fewest, out):
-    """Mean of each block with at least ``fewest`` valid pixels, which is above 0; 0 of the others."""
+    """Compute the mean of each block with at least ``fewest`` valid pixels; 0 for the others."""
     count, total = blocks[0], blocks[1]
     for j in range(out.shape[0]):
         mean = total[j] / max(count[j], np.float32(1.0))
@@ -91,7 +91,7 @@ def mean_blocks(blocks, fewest, out):
 
 @njit(cache=True)
 def sort_columns(values, count):
-    """Sort each of the first columns of (n, k); neighbours in a row are compared and exchanged together."""
+    """Sort each of the first columns of (n, k); whole rows are compared and exchanged, to be vectorised."""
     for last in range(1, values.shape[0]):
         for at in range(last, 0, -1):
             order_rows(values[at - 1, :count], values[at, :count])
@@ -99,7 +99,7 @@ def sort_columns(values, count):
 
 @njit(cache=True)
 def order_rows(low, high):
-    """Put the lesser of two into ``low``; by itself, this loop is vectorised."""
+    """Move the lesser of each two into ``low``; a separate function, so that the loop is vectorised."""
     for k in range(low.shape[0]):
         a, b = low[k], high[k]
         low[k] = a if a < b else b
@@ -108,9 +108,9 @@ def order_rows(low, high):
 
 @njit(cache=True)
 def mean_near_middle(ordered, counts, reach, means):
-    """Mean of those values of each column, in their order, that lie within ``reach`` of the median.
+    """Compute the mean of the values of each sorted column that lie within ``reach`` of the median.
 
-    Column k has ``counts[k]`` values; what follows is infinite.
+    Column k has ``counts[k]`` values; the rest is infinite.
     """
     middle, near = np.empty(counts.shape[0], np.float32), np.zeros(counts.shape[0], np.float32)
     for k in range(counts.shape[0]):
@@ -123,7 +123,7 @@ def mean_near_middle(ordered, counts, reach, means):
 
 @njit(cache=True)
 def add_near(values, middle, reach, total, count):
-    """Add and count those values that lie within ``reach`` of their ``middle``."""
+    """Add and count the values that lie within ``reach`` of their ``middle``."""
     for k in range(count.shape[0]):
         is_near = abs(values[k] - middle[k]) <= reach
         total[k] += values[k] if is_near else np.float32(0.0)
@@ -132,7 +132,7 @@ def add_near(values, middle, reach, total, count):
 
 @njit(cache=True)
 def sum_columns(depth, near, far, out):
-    """Count, sum, least and greatest valid depth of every column of a few rows, into ``out`` (4, w)."""
+    """Compute count, sum, least and greatest valid depth of every column of some rows, into ``out``."""
     count, total, least, most = out[0], out[1], out[2], out[3]
     width = out.shape[1]
     count[:], total[:], least[:], most[:] = 0.0, 0.0, np.inf, 0.0

@@ -1,4 +1,4 @@
-"""Compiled loops over connected surfaces; `depth_pose.detect.plane_segmenter` says what they are for."""
+"""Compiled loops over connected surfaces, for `depth_pose.detect.plane_segmenter`."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from depth_pose.core.kernels import njit
 
 @njit(cache=True)
 def label_components(depth, mask, jump):
-    """Give numbers to the 4-connected surfaces of ``mask`` from 1; 0 elsewhere."""
+    """Label the 4-connected surfaces of ``mask`` from 1; 0 elsewhere."""
     rows, cols = depth.shape
     labels = np.zeros((rows, cols), np.int32)
     stack = np.empty((rows * cols, 2), np.int32)
@@ -39,7 +39,7 @@ def label_components(depth, mask, jump):
 
 @njit(cache=True)
 def component_boxes(points, labels, count, focal):
-    """Area (m^2), bounding box (6), pixel count, and filled share of the image box, from label 1."""
+    """Compute area (m^2), bounding box (6), pixel count, and filled share of the image box, from label 1."""
     stats = np.zeros((count, 9))
     box = np.empty((count, 4), np.int64)
     box[:, :2] = 1_000_000
@@ -65,7 +65,7 @@ def component_boxes(points, labels, count, focal):
 
 @njit(cache=True)
 def touching_components(depth, labels, chosen, small, reach, gap):
-    """Mark components, other than the small ones, within ``reach`` pixels and ``gap`` m of a chosen one."""
+    """Mark components, except small ones, within ``reach`` pixels and ``gap`` m of a chosen one."""
     rows, cols = labels.shape
     touching = np.zeros(chosen.shape[0], np.bool_)
     for i in range(rows):
@@ -82,9 +82,9 @@ def touching_components(depth, labels, chosen, small, reach, gap):
 
 @njit(cache=True)
 def mark_mixed(depth, labels, person, unknown, gap):
-    """Label as unknown what lies beside the person and nearer by ``gap`` than what is behind it.
+    """Label pixels beside the person as unknown if they are nearer by ``gap`` than what is behind them.
 
-    Such pixels saw both, or a limb too thin to be kept: they say nothing about where the person ends.
+    Such pixels are mixed, or show a limb too thin to be kept; they do not locate the person's border.
     """
     rows, cols = depth.shape
     for i in range(rows):

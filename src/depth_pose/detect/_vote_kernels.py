@@ -1,4 +1,4 @@
-"""Compiled loops from the net's votes for torsos to clusters; `depth_pose.detect.finder` says why.
+"""Compiled loops from the net's torso votes to clusters, for `depth_pose.detect.finder`.
 
 ``image`` is a `NetImage`. Flat indices count its pixels, row by row, `COLS` to a row.
 """
@@ -15,38 +15,38 @@ from depth_pose.core.kernels import njit
 from depth_pose.detect._finder_kernels import COLS
 
 _CELL_M = 0.1
-"""Cells in which votes are counted to find where they are dense."""
+"""Cell size (m) of the histogram of votes."""
 
 CELLS = (128, 64, 128)
-"""Cells along x, y, z; votes beyond 6.4 m, 3.2 m and 12.8 m are counted at the edge."""
+"""Number of cells along x, y, z; votes beyond 6.4 m, 3.2 m and 12.8 m are counted at the edge."""
 
 _LEAST_IN_CELL = 0.1
-"""Share of the least area of a person that the densest cell of their votes holds."""
+"""Least share of a person's least area in the densest cell of the votes."""
 
 _SHIFTS = 8
-"""Most moves of a mean; most come to rest in four."""
+"""Maximum number of mean-shift steps; most converge in four."""
 
 _REST_M = 0.01
-"""A mean that moves less than this has come to rest, metres. Set by hand, not swept."""
+"""Step (m) below which a mean has converged; set by hand."""
 
 _KEEN_M = 0.1
-"""A vote whose own error is wider than this counts less."""
+"""Votes with a larger predicted error (m) have less weight."""
 
 _ALONG = 0.5
 """Weight of the squared distance of votes along the camera's axis."""
 
 
 class TorsoVotes(NamedTuple):
-    """The pixels that vote.
+    """The voting pixels.
 
     Attributes
     ----------
     flat : (N,) int64
-        Which pixels.
+        Indices of the pixels.
     points : (N, 3) float64
-        Where they see the torso, camera frame, metres.
+        Torso positions that they vote for, camera frame, metres.
     weights, areas : (N,) float64
-        What they weigh, and the area that they show, m^2.
+        Weights, and visible areas, m^2.
     """
 
     flat: NDArray[np.int64]
@@ -55,16 +55,16 @@ class TorsoVotes(NamedTuple):
     areas: NDArray[np.float64]
 
     def first(self, count: int) -> TorsoVotes:
-        """Give the first ``count`` of them, not copied."""
+        """Return views of the first ``count`` votes."""
         return TorsoVotes(self.flat[:count], self.points[:count], self.weights[:count], self.areas[:count])
 
 
 @njit(cache=True)
 def collect_votes(image, mask, torso, least, out):
-    """List pixels whose mask logit is at least ``least``, where they see the torso, and their weight.
+    """Collect the votes of pixels whose mask logit is at least ``least``, with their weights.
 
-    The weight is the area that the pixel shows (m^2), times the probability, less where the vote is
-    unsure. ``out`` (TorsoVotes) has room for all pixels. Returns how many there are.
+    The weight is the area that the pixel shows (m^2), times the probability, reduced if the vote is
+    uncertain. ``out`` (TorsoVotes) has room for all pixels. Returns the number of votes.
     """
     grid, camera = image.depth, image.camera
     flat, votes, weights, areas = out
@@ -88,7 +88,7 @@ def collect_votes(image, mask, torso, least, out):
 
 @njit(cache=True)
 def cell_of(vote):
-    """Index of the cell that a vote lies in."""
+    """Return the index of a vote's cell."""
     index = 0
     for a in range(3):
         low = 0.0 if a == 2 else -0.5 * CELLS[a]
@@ -99,9 +99,9 @@ def cell_of(vote):
 
 @njit(cache=True)
 def find_modes(votes, weights, density, radius, least, most, modes):
-    """Where votes gather: means of all votes within ``radius``, each of at least ``least`` m^2.
+    """Find the modes of the votes: means of all votes within ``radius``, each of at least ``least`` m^2.
 
-    ``density`` (all cells) is zero on entry and again on return. Returns how many modes there are.
+    ``density`` (all cells) is zero on entry and again on return. Returns the number of modes.
     """
     n = votes.shape[0]
     cells = np.empty(n, np.int64)
@@ -135,7 +135,7 @@ def find_modes(votes, weights, density, radius, least, most, modes):
 
 @njit(cache=True)
 def shift_mean(votes, weights, mean, radius):
-    """Move ``mean`` to the mean of the votes within ``radius`` until it rests; returns their weight."""
+    """Move ``mean`` to the mean of the votes within ``radius`` until it converges; return their weight."""
     total = 0.0
     for _ in range(_SHIFTS):
         total, x, y, z = 0.0, 0.0, 0.0, 0.0
@@ -158,13 +158,16 @@ def shift_mean(votes, weights, mean, radius):
 
 @njit(cache=True)
 def apart2(a, b):
-    """Squared distance of two votes; they err more along the camera's axis, so that counts less."""
+    """Compute the squared distance of two votes.
+
+    The camera's axis has less weight, because votes err more along it.
+    """
     return (a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + _ALONG * (a[2] - b[2]) ** 2
 
 
 @njit(cache=True)
 def assign_votes(flat, votes, modes, reach, labels, owner):
-    """Give every listed pixel the nearest mode within ``reach`` (from 1), in the image and in the list."""
+    """Assign the nearest mode (from 1) within ``reach`` to the listed pixels, in image and list."""
     for k in range(votes.shape[0]):
         best, owner[k] = reach * reach, 0
         for m in range(modes.shape[0]):
@@ -176,9 +179,9 @@ def assign_votes(flat, votes, modes, reach, labels, owner):
 
 @njit(cache=True)
 def claim_pixels(image, mask, torso, least, torsos, reach):
-    """Say whose torso each pixel with a mask logit of ``least`` or more votes for, (ROWS, COLS) uint8.
+    """Compute the torso that each pixel with a mask logit of ``least`` or more votes for, (ROWS, COLS) uint8.
 
-    From 1, in the order of ``torsos`` (P, 3); 0 where the vote lies farther than ``reach`` from all of them.
+    From 1, in the order of ``torsos`` (P, 3); 0 if the vote lies farther than ``reach`` from all of them.
     """
     claims = np.zeros(mask.shape, np.uint8)
     vote = np.empty(3)

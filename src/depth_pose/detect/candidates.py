@@ -1,4 +1,4 @@
-"""Who may be a person in a depth image, with all that is theirs."""
+"""Person candidates in a depth image, with their masks."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ from depth_pose.detect.planes import PlaneFinder
 
 @dataclass(frozen=True)
 class Candidates:
-    """Who may be a person in a frame, on the working grid.
+    """Person candidates of a frame, on the working grid.
 
     Attributes
     ----------
     depth : (h, w) float32
-        Metres; 0 where there is none.
+        Metres; 0 without depth.
     labels : (h, w) uint8
-        The number of the person that a pixel shows; 0: nobody.
+        Number of the person at each pixel; 0: background.
     camera : Camera
         Camera of the working grid.
     people : tuple of Detection
     out_of_range : int
-        How many more there are too near or too far.
+        Number of further people who are too near or too far.
     """
 
     depth: NDArray[np.float32]
@@ -41,16 +41,15 @@ class Candidates:
 
 
 class CandidateFinder:
-    """Finds everybody by `depth_pose.detect.finder`; remembers the room's large planes.
+    """Finds person candidates by `depth_pose.detect.finder`; remembers the room's large planes.
 
-    What the net says is completed along surfaces: hands and feet that it missed go on from somebody's
-    surface.
+    The net's masks are completed along surfaces, which adds hands and feet that it missed.
 
     Parameters
     ----------
     config : SegmentConfig
     weights : path, optional
-        A folder with a net in place of the one that ships.
+        Folder with a net in place of the packaged one.
 
     Attributes
     ----------
@@ -67,12 +66,12 @@ class CandidateFinder:
         self._planes.reset()
 
     def find(self, frame: DepthFrame) -> Candidates:
-        """Find who may be a person."""
+        """Find the person candidates of a frame."""
         found = self.finder.find(frame)
         return Candidates(found.depth, self._complete(found), found.camera, found.people, found.out_of_range)
 
     def mark_hidden(self, candidates: Candidates, filled: float) -> NDArray[np.uint8]:
-        """Drop flying pixels, and mark what may hide more of people.
+        """Remove flying pixels, and mark occluders of people.
 
         Parameters
         ----------
@@ -107,19 +106,16 @@ class CandidateFinder:
 
 
 _HAND = kernels.LimbLimits(jump=0.06, area=0.07, width=np.inf, chance=0.15)
-"""What goes on from somebody is theirs, of whatever shape and wherever it lies, if it is small and likely.
-This area and chance gave the best overlap with the truth on 160 simulated scenes."""
+"""Limits of an adjacent surface of any shape and place; area and probability chosen on 160 simulated
+scenes."""
 
 _LIMB = {"area": 0.15, "width": 0.13, "chance": 0.05}
-"""Away from floor and walls it may be larger and less likely: most that the net misses of a person, square
-metres, is an arm and a half, seen from the side; by hand, the chance of .02, .05 and .1 on the development
-clips. Without, three people who walk about were 68 mm off instead of 40."""
+"""Limits away from floor and walls, where the surface may be larger and less probable: an arm and a half
+(m^2); probability chosen on development clips."""
 
 _APART = _LIMB | {"chance": 0.5}
-"""What touches nobody and mostly votes for somebody's torso is theirs as well (a share in place of a chance).
-
-Shanks below a desk: 88.8 to 46.6 mm on that clip. With .7 it is 51.8; in 1200 simulated rooms there is hardly
-any such surface, right or wrong (docs/method.md)."""
+"""Limits of separate surfaces that mostly vote for one torso (a share in place of the probability); chosen
+on a clip with shanks below a desk."""
 
 _CUT_AWAY = 0.5
-"""Where more of an image is missing than this share, the background was cut away: it is free space."""
+"""Share of missing pixels above which the background was removed and counts as free space."""

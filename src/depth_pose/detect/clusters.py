@@ -1,6 +1,6 @@
-"""Gather what the people finder's net votes for: clusters around torsos.
+"""Clustering of the people finder's torso votes.
 
-Votes for one torso gather, so people are split by where they are, not by what touches (Hough voting as in
+Votes for one torso concentrate, so people are separated by place, not by connectivity (Hough voting as in
 Leibe et al. 2008, from every pixel as in Girshick et al. 2011).
 """
 
@@ -17,36 +17,36 @@ from depth_pose.detect import _vote_kernels as kernels
 from depth_pose.detect._finder_kernels import NetImage
 
 _LEAST_LOGIT = -0.62
-"""A pixel votes from a probability of .35 on (the trial's; .3 to .4 made no difference)."""
+"""Least logit of a voting pixel, a probability of .35."""
 
 _RADIUS_M = 0.3
-"""Votes within it are one torso's; two people side by side are .45 m apart or more."""
+"""Radius of a cluster of votes (m); two people side by side are at least .45 m apart."""
 
 _REACH_M = 0.5
-"""A vote farther than this from every torso is nobody's."""
+"""Maximum distance (m) of a vote from its torso."""
 
 _MOST_VOTES = 1000
-"""As many votes, about, are looked at to find the torsos; all are then given to them."""
+"""Approximate number of votes used to find the torsos; all are assigned afterwards."""
 
 _LEAST_AREA_M2 = 0.02
-"""Weight of votes that a torso needs, square metres of surface. Set by hand, not swept."""
+"""Least weight of the votes of a torso (m^2 of surface); set by hand."""
 _MOST_PEOPLE = 24
-"""Torsos that are found in a frame, at most. Set by hand."""
+"""Maximum number of torsos in a frame; set by hand."""
 
 
 @dataclass(frozen=True)
 class Clusters:
-    """What gathers around each torso, before anybody asked whether it is a person.
+    """Clusters of votes around torsos, before verification.
 
     Attributes
     ----------
     labels : (ROWS, COLS) uint8
-        From 1; 0: nobody.
+        From 1; 0: background.
     torsos : (P, 3) float64
     measures : (P, MEASURES) float64
-        What the verifier asks for.
+        Input of the verifier.
     neighbour : (P,) int64
-        The nearest cluster with more area, -1 for none near.
+        The nearest larger cluster, -1 for none near.
     """
 
     labels: NDArray[np.uint8]
@@ -56,7 +56,7 @@ class Clusters:
 
 
 class VoteGatherer:
-    """Finds where votes for torsos gather; keeps its work space from frame to frame, and nothing else."""
+    """Clusters torso votes; keeps only its work space from frame to frame."""
 
     def __init__(self) -> None:
         shape = (grid.ROWS, grid.COLS)
@@ -76,17 +76,17 @@ class VoteGatherer:
         mask: NDArray[np.float32],
         torso: NDArray[np.float32],
     ) -> Clusters:
-        """Find where votes for torsos gather, and measure those who cast them.
+        """Cluster the votes for torsos, and measure the clusters.
 
         Parameters
         ----------
         image : NetImage
         mask, torso : (ROWS, COLS), (4, ROWS, COLS) float32
-            What the net says.
+            Output of the net.
         """
         n = kernels.collect_votes(image, mask, torso, _LEAST_LOGIT, self._votes)
         votes = self._votes.first(n)
-        step = max(1, n // _MOST_VOTES)  # enough to find the middles
+        step = max(1, n // _MOST_VOTES)  # enough to find the centres
         modes = np.empty((_MOST_PEOPLE, 3))
         count = kernels.find_modes(
             votes.points[::step].copy(),

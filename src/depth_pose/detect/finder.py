@@ -1,15 +1,13 @@
-"""Find everybody in a depth image, with a small net that was trained on simulated rooms.
+"""Detect all people in a depth image, with a small net trained on simulated rooms.
 
-Sec. 4 of the paper cuts one person out with two distances. Here a net says of every pixel of a
-reduced image whether it shows a person, and where that person's torso is, in metres from the point
-that it sees. Votes for one torso gather, so people
-are split by where they are, not by what touches (`depth_pose.detect.clusters`). What is measured of
-each cluster then tells people from things (`depth_pose.detect.verifier`). Last, the people are
-carried to the grid that the later steps work on, along the edges of the depth
-(`depth_pose.detect.outline`).
+Sec. 4 of the paper cuts one person out with two distances. Here a net predicts for every pixel of a reduced
+image whether it shows a person, and the offset in metres to that person's torso. Votes for one torso
+concentrate, so people are separated by place, not by connectivity (`depth_pose.detect.clusters`). Measures of
+each cluster then distinguish people from objects (`depth_pose.detect.verifier`). Finally the labels are
+transferred to the grid of the later steps, along depth edges (`depth_pose.detect.outline`).
 
-What a pixel measures at its distance is an input, so one net serves every sensor, field of view
-and mounting. ``tools/people_finder`` makes the weights.
+The size of a pixel at its distance is an input, so one net serves every sensor, field of view and mounting.
+``tools/people_finder`` trains the weights.
 """
 
 from __future__ import annotations
@@ -35,25 +33,24 @@ from depth_pose.detect.outline import carry_people, spread
 from depth_pose.detect.verifier import Verifier
 
 _NEAR_M, _FAR_M = 0.2, 12.0
-"""What the net was trained to look at."""
+"""Depth range of the net's training data (m)."""
 
 LEAST_PIXELS = 12
-"""Fewer pixels of the working grid than this are nobody."""
+"""Least number of working-grid pixels of a person."""
 
 _CLAIM_LOGIT, _CLAIM_M = -2.0, 0.17
-"""From a probability of .12 on, what votes for a place so near to somebody's torso, metres, may be theirs.
-
-Shanks below a desk, to which the net gives .24, vote for .09 to .14 m beside the torso, chairs for .22."""
+"""Least logit (a probability of .12), and maximum distance (m) of the vote from a torso, of pixels that
+may belong to a person: shanks below a desk vote within .14 m, chairs at .22 m."""
 
 _CONTACT, _LEAST_CONTACT = 18, 0.3
-"""Measure of how much a cluster touches its neighbour, and how much makes it a part of them."""
+"""Index of the measure of contact with a neighbour, and its least value for a part of that neighbour."""
 
 _MEAN, _SURE, _AREA, _JUMP, _ASIDE, _SMALLER = 0, 1, 6, 12, 17, 19
-"""Measures: mean probability, share of sure pixels, logarithm of the area, share of the edge with a jump in
-depth; distance aside of the neighbour, and how much smaller (natural logarithm)."""
+"""Indices of measures: mean probability, share of sure pixels, logarithm of the area, share of the edge
+with a depth jump; lateral distance of the neighbour, and natural logarithm of the size ratio."""
 
 _HALO_MEAN, _HALO_SURE, _HALO_JUMP, _HALO_ASIDE_M, _HALO_SMALLER = 0.6, 0.1, 0.25, 0.65, 0.7
-"""Set by the clusters on the wall behind the people of the development clips; no person was like that."""
+"""Limits on these measures for the wall around a person (`_is_halo`); chosen on development clips."""
 
 
 @dataclass(frozen=True)
@@ -63,11 +60,11 @@ class Detection:
     Attributes
     ----------
     label : int
-        Their number in `Detections.labels`, from 1.
+        Number in `Detections.labels`, from 1.
     probability : float
-        That this is a person.
+        Probability of a person.
     torso : (3,) float64
-        Middle of shoulders and hips, camera frame, metres.
+        Centre of shoulders and hips, camera frame, metres.
     """
 
     label: int
@@ -77,24 +74,24 @@ class Detection:
 
 @dataclass(frozen=True)
 class Detections:
-    """Everybody in one frame, on the working grid.
+    """All detections in one frame, on the working grid.
 
     Attributes
     ----------
     depth : (h, w) float32
-        The frame's depth on the working grid, metres; 0 where there is none.
+        The frame's depth on the working grid, metres; 0 without depth.
     labels : (h, w) uint8
-        The number of the person that a pixel shows; 0: nobody.
+        Number of the person at each pixel; 0: background.
     camera : Camera
         Camera of the working grid.
     chance : (h, w) float32
-        What the net says of every pixel's chance to show a person, 0 to 1.
+        Person probability of every pixel from the net, 0 to 1.
     claims : (h, w) uint8
-        The number of the sure person for whose torso a pixel votes, be it theirs or not; 0: nobody's.
+        Number of the confirmed person whose torso a pixel votes for, whether labelled or not; 0: none.
     people : tuple of Detection
         Nearest first.
     out_of_range : int
-        How many more there are nearer or farther than `SegmentConfig.near` and `SegmentConfig.far` say.
+        Number of further people nearer than `SegmentConfig.near` or farther than `SegmentConfig.far`.
     """
 
     depth: NDArray[np.float32]
@@ -107,9 +104,9 @@ class Detections:
 
 
 def reduce_frame(frame: DepthFrame, nearest: float = _NEAR_M) -> NetImage:
-    """Bring a frame to the net's grid; its sides keep their proportion.
+    """Reduce a frame to the net's grid, keeping the aspect ratio.
 
-    What is nearer than ``nearest``, metres, is left out.
+    Depths below ``nearest``, metres, are removed.
     """
     camera = frame.camera
     stride = max(camera.width / kernels.COLS, camera.height / kernels.ROWS)
@@ -131,15 +128,15 @@ def reduce_frame(frame: DepthFrame, nearest: float = _NEAR_M) -> NetImage:
 
 
 class PeopleFinder:
-    """Finds people; keeps nothing from one frame to the next.
+    """Finds people; keeps no state between frames.
 
     Parameters
     ----------
     config : SegmentConfig, optional
     model : bytes, optional
-        The net (ONNX) in place of the one that ships, with ``settings``.
+        The net (ONNX) in place of the packaged one, with ``settings``.
     settings : mapping, optional
-        What lies beside the net: its verifier.
+        Settings that belong to the net: its verifier.
     """
 
     def __init__(
@@ -163,13 +160,13 @@ class PeopleFinder:
         self._gatherer = VoteGatherer()
 
     def warm_up(self) -> None:
-        """Compile and load everything, so that the first frame takes no longer than the next."""
+        """Compile and load everything, so that the first frame is not slower."""
         rows, cols = np.mgrid[:120, :160]
         depth = np.where(np.hypot(rows - 60, 3.0 * (cols - 80)) < 50, 2.0, 4.0).astype(np.float32)
         self.find(DepthFrame(0, "", depth, Camera(160, 120, 140.0, 140.0, 79.5, 59.5)))
 
     def find(self, frame: DepthFrame) -> Detections:
-        """Find everybody.
+        """Detect all people in a frame.
 
         Parameters
         ----------
@@ -178,7 +175,7 @@ class PeopleFinder:
         Returns
         -------
         Detections
-            With nobody in it where nobody is in view.
+            Empty if no person is in view.
         """
         image = reduce_frame(frame, self.config.near)
         mask, torso, found = self._vote(image)
@@ -218,7 +215,7 @@ class PeopleFinder:
         )
 
     def cluster(self, image: NetImage) -> tuple[NDArray[np.float32], Clusters]:
-        """Let the net vote, and gather the votes.
+        """Run the net, and cluster its votes.
 
         Returns
         -------
@@ -239,10 +236,10 @@ class PeopleFinder:
 
 
 def _is_halo(measures: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Say which clusters are the wall between somebody's limbs.
+    """Return which clusters are the wall between a person's limbs.
 
-    They lie beside or behind a cluster of twice their area, the net is half sure of them at most, and
-    their surface goes on beyond their edge.
+    They lie beside or behind a cluster of twice their area, the net is at most half sure of them, and their
+    surface continues beyond their edge.
     """
     beside = (measures[:, _ASIDE] < _HALO_ASIDE_M) & (measures[:, _SMALLER] > _HALO_SMALLER)
     unsure = (measures[:, _MEAN] < _HALO_MEAN) & (measures[:, _SURE] < _HALO_SURE)
@@ -250,7 +247,7 @@ def _is_halo(measures: NDArray[np.float64]) -> NDArray[np.bool_]:
 
 
 def _join_parts(found: Clusters, number: NDArray[np.uint8], may_join: NDArray[np.bool_]) -> None:
-    """Give the pixels of clusters that are no persons to whom they touch, through others as well."""
+    """Assign the pixels of rejected clusters to the person they touch, through others as well."""
     parts = may_join & (found.measures[:, _CONTACT] >= _LEAST_CONTACT) & (found.neighbour >= 0)
     largest_first = np.argsort(-found.measures[:, _AREA], kind="stable")  # a neighbour is larger
     for k in largest_first[parts[largest_first]]:
@@ -258,6 +255,6 @@ def _join_parts(found: Clusters, number: NDArray[np.uint8], may_join: NDArray[np
 
 
 def load_weights(folder: Path | None = None) -> tuple[bytes, dict[str, Any]]:
-    """Read the net that ships, or that of a folder, and what lies beside it."""
+    """Read the packaged net, or that of a folder, and its settings."""
     settings = json.loads(read_weights("people_finder.json", folder))
     return read_weights("people_finder.onnx", folder), settings

@@ -15,28 +15,27 @@ from depth_pose.detect.working_grid import reduce_frame
 Array = NDArray[np.float64]
 
 _TILT_DEG = 60.0
-"""Farther than this off the image's upward direction a plane is a wall. A sensor may so look down by this
-much; of one that looks straight down the image does not say where up is."""
+"""Maximum angle (degrees) of the floor's normal from the image's upward direction; steeper planes are
+walls."""
 
 _STRAIGHT = np.cos(np.radians(10.0))
-"""Of the angle between the axis of a sensor that looks straight down and the vertical."""
+"""Least cosine between the optical axis and the vertical of a sensor that looks straight down."""
 
 _LEAST_HEIGHT_M = 0.15
-"""Nearer below the sensor than this lies what it stands on; set by hand."""
+"""Least height (m) of the sensor; a nearer plane is what it stands on; set by hand."""
 
 _BANDS_M = (0.04, 0.03, 0.02, 0.02)
-"""Half the thickness of the layer that the floor is fitted to, round by round: wider than a sensor's noise at
-4 m, thinner than a foot. In a simulated room seen from .9 m up the height came out 2 cm off instead of 4."""
+"""Half the layer thickness (m) of each fitting round: above sensor noise at 4 m, below the height of a
+foot."""
 
 _LEAST_POINTS = 100
-"""With fewer points than this the plane stays as it was found."""
+"""Least number of points for refitting a plane."""
 
 _MOST_POINTS = 6000
-"""About so many points of a frame are taken."""
+"""Approximate number of points used per frame."""
 
 _TURNED_DEG, _MOVED_M = 1.0, 0.03
-"""A floor that differs by more than this from the one known is another; by hand, above what noise does
-(docs/topics.md)."""
+"""Maximum change of the known floor's direction (degrees) and height (m), above noise; set by hand."""
 
 
 @dataclass(frozen=True)
@@ -46,11 +45,11 @@ class Floor:
     Attributes
     ----------
     up : (3,) float64
-        Unit normal, towards the sensor, camera frame.
+        Unit normal toward the sensor, camera frame.
     height : float
-        Of the sensor above it, metres.
+        Height of the sensor above the floor, metres.
     source : str
-        What it was found from.
+        Source of the estimate.
     """
 
     up: Array
@@ -59,9 +58,9 @@ class Floor:
 
     @property
     def T_camera_floor(self) -> Array:
-        """Frame on the floor straight below the sensor: z up, x where it looks, y to its left; (4, 4)."""
+        """Transform from the floor frame (below the sensor, z up, x forward, y left), shape (4, 4)."""
         look = np.array([0.0, 0.0, 1.0])
-        if abs(self.up[2]) > _STRAIGHT:  # down, or up: ahead is the image's upper border
+        if abs(self.up[2]) > _STRAIGHT:  # looking down or up: forward is the image's upper border
             look = np.array([0.0, -1.0, 0.0])
         ahead = look - (look @ self.up) * self.up
         ahead /= np.linalg.norm(ahead)
@@ -72,26 +71,26 @@ class Floor:
 
     @property
     def T_floor_camera(self) -> Array:
-        """From the camera's frame to that on the floor, (4, 4)."""
+        """Transform from the camera frame to the floor frame, (4, 4)."""
         return np.asarray(np.linalg.inv(self.T_camera_floor))
 
     def is_like(self, other: Floor) -> bool:
-        """Whether it is the same floor, but for noise."""
+        """Check that another floor is the same up to noise."""
         turned = np.degrees(np.arccos(np.clip(self.up @ other.up, -1.0, 1.0)))
         return bool(turned < _TURNED_DEG and abs(self.height - other.height) < _MOVED_M)
 
     def turned(self, rotation: Array) -> Floor:
-        """Give the same floor in a frame that is turned: ``rotation`` (3, 3) takes vectors there."""
+        """Return the floor in a rotated frame: ``rotation`` (3, 3) maps vectors to it."""
         return Floor(rotation @ self.up, self.height, self.source)
 
 
 class FloorFinder:
-    """Finds the floor, and keeps it while it stays where it is.
+    """Finds the floor, and keeps it while it does not move.
 
     Attributes
     ----------
     floor : Floor or None
-        The one that is known.
+        The known floor.
     """
 
     def __init__(self, config: SegmentConfig) -> None:
@@ -105,9 +104,10 @@ class FloorFinder:
         self._planes = PlaneFinder()
 
     def update(self, frame: DepthFrame) -> bool:
-        """Look for the floor in a frame; gives whether `floor` has changed.
+        """Search a frame for the floor; return whether `floor` has changed.
 
-        Another floor counts once it is seen twice in turn, so that nobody who walks past moves it.
+        A different floor must be seen in two consecutive searches, so that people who walk past do not move
+        it.
         """
         seen = self.find(frame)
         if seen is None or (self.floor is not None and seen.is_like(self.floor)):
@@ -120,12 +120,12 @@ class FloorFinder:
         return True
 
     def find(self, frame: DepthFrame) -> Floor | None:
-        """Find the floor in one frame; None where none is seen.
+        """Find the floor in one frame; None if it is not visible.
 
         Parameters
         ----------
         frame : DepthFrame
-            Its image's upper border is up, roughly. Planes seen before are tried first.
+            The upper image border is roughly up. Planes seen before are tried first.
         """
         depth, camera = reduce_frame(frame, self._config)
         points = camera.back_project(depth)
@@ -140,10 +140,10 @@ class FloorFinder:
 
 
 def _fit(points: NDArray[np.float32], floor: Floor) -> Floor:
-    """Fit the plane again to all points (N, 3) that lie close to it, ever closer.
+    """Refit the plane to all points (N, 3) close to it, with a shrinking tolerance.
 
-    The height is that below the sensor, often metres before the first floor that is seen: half a degree, by
-    which the few samples of `PlaneFinder` may be off, is 4 cm there.
+    The height is that of the sensor, often metres from the first visible floor. The few samples of
+    `PlaneFinder` may tilt the plane by half a degree, which is 4 cm of height there.
     """
     points = points[:: max(1, len(points) // _MOST_POINTS)]
     for band_m in _BANDS_M:

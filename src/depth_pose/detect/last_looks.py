@@ -1,8 +1,7 @@
-"""Who is looked at closely again, and who not yet: several people take turns.
+"""Schedule of second looks: several people take turns.
 
-Of somebody who was sure to be a person a moment ago, and who is where they were, the last look is carried
-along. Who is alone is looked at in every frame: that costs little, and in the frames in between the joints of
-somebody quick lag behind (docs/method.md).
+The last look is reused for a person who was confirmed a moment ago and has not moved away. A single person is
+examined in every frame: that costs little, and reused joints lag behind fast motion.
 """
 
 from __future__ import annotations
@@ -17,18 +16,18 @@ from depth_pose.detect.finder import Detection
 from depth_pose.detect.joint_finder import JointProposals
 
 _LONGEST_NS = 100_000_000
-"""A look is carried along for so long, nanoseconds, as the matcher's candidates are."""
+"""Maximum age (ns) of a reused look, the same as for the matcher's candidates."""
 
 _MOVED_M, _APART_M = 0.15, 0.4
-"""Farther than this from where they were it may be somebody else, metres; and nobody else may be nearer."""
+"""Maximum movement (m) of the same person, and least distance (m) of another person."""
 
 _SURE = 0.9
-"""Probability of a person at which they need no new look at once; of both looks at the last one."""
+"""Least person probability of both looks for reusing the last one."""
 
 
 @dataclass(frozen=True)
 class _Look:
-    """The last look at somebody: where they were, what was seen, when, and how many frames ago."""
+    """The last look at a person: place, result, stamp, and age in frames."""
 
     torso: NDArray[np.float64]
     seen: JointProposals
@@ -37,7 +36,7 @@ class _Look:
 
 
 class LastLooks:
-    """What was seen of everybody in the frame before.
+    """Last looks at the people of the previous frame.
 
     Parameters
     ----------
@@ -50,21 +49,21 @@ class LastLooks:
         self.reset()
 
     def reset(self) -> None:
-        """Forget everybody."""
+        """Forget all people."""
         self._looks: list[_Look] = []
 
     def renew(
         self, people: Sequence[Detection], stamp_ns: int, look: Callable[[Detection], JointProposals]
     ) -> list[JointProposals]:
-        """Look at those whose turn it is, and carry along what was seen of the others.
+        """Examine the people whose turn it is, and reuse the last looks of the others.
 
         Parameters
         ----------
         people : sequence of Detection
-            Everybody in the frame.
+            All people in the frame.
         stamp_ns : int
         look : callable
-            Has a second look at somebody.
+            Examines one person.
 
         Returns
         -------
@@ -79,14 +78,14 @@ class LastLooks:
                 moved = replace(before.seen, joints=before.seen.joints + (person.torso - before.torso))
                 looks.append(_Look(person.torso, moved, before.stamp_ns, before.age + 1))
             else:
-                # who is new rests shorter or longer, so that not all are looked at in the same frames
+                # the first interval varies, so that not all people are examined in the same frames
                 age = 0 if before is not None else n % self._every
                 looks.append(_Look(person.torso, look(person), stamp_ns, age))
         self._looks = looks
         return [k.seen for k in looks]
 
     def _before(self, person: Detection) -> _Look | None:
-        """Give the last look at somebody; None where nobody, or more than one, was about there."""
+        """Return the last look at a person; None if no one, or more than one, was near that place."""
         near = [k for k in self._looks if np.linalg.norm(k.torso - person.torso) < _APART_M]
         alone = len(near) == 1 and np.linalg.norm(near[0].torso - person.torso) < _MOVED_M
         return near[0] if alone else None

@@ -1,9 +1,9 @@
-"""People who were found in the frame before, carried over to the next without a search.
+"""Transfer of detections from the previous frame, without a new search.
 
-People and rooms move little in a thirtieth of a second. While both looks were sure of everybody, every pixel
-of the next frame belongs to whom the nearest point before belonged; what is new and goes on from somebody is
-theirs. Where more is new, somebody may have come in, and the frame is searched. So it is every second frame
-(`SegmentConfig.find_every`), and after each gap in the stream.
+People and rooms move little in a thirtieth of a second. While both looks were confident of all people, every
+pixel of the next frame takes the person of the nearest previous point, and connected new pixels are added to
+the person. If more is new, someone may have come in, and the frame is searched. So is every second frame
+(`SegmentConfig.find_every`), and the first after a gap in the stream.
 """
 
 from __future__ import annotations
@@ -23,29 +23,28 @@ from depth_pose.detect.finder import LEAST_PIXELS, Detection
 from depth_pose.detect.segmentation import Sighting
 
 _LONGEST_NS = 50_000_000
-"""Nobody is carried over a longer gap, nanoseconds: at 15 frames a second it cost 4 of 34 mm
-(docs/method.md)."""
+"""Maximum gap (ns) between frames; longer ones increase the error."""
 
 _MOVED_M, _MOVED_PIXELS = 0.1, 8
-"""Farthest that a point is looked for, metres and pixels: 3 m/s at 30 frames a second. By hand, not swept."""
+"""Maximum movement of a point, metres and pixels: 3 m/s at 30 frames a second; set by hand."""
 
 _SURE = 0.9
-"""Least probability of everybody: a thing taken for a person is searched for again. By hand, not swept."""
+"""Least probability of all people; others are searched again; set by hand."""
 
 _MOST_NEW = 0.02
-"""Share of people's pixels that may be new: most on the development clips is .004. By hand, not swept."""
+"""Maximum share of people's pixels that may be new; the maximum on development clips is .004; set by hand."""
 
 
 @dataclass(frozen=True)
 class _Before:
-    """Whom the frame before showed, and when."""
+    """The people of the previous frame, and its stamp."""
 
     candidates: Candidates
     stamp_ns: int
 
 
 class LastPeople:
-    """Whom the frame before showed.
+    """The people of the previous frame.
 
     Parameters
     ----------
@@ -58,12 +57,12 @@ class LastPeople:
         self.reset()
 
     def reset(self) -> None:
-        """Forget everybody."""
+        """Forget all people."""
         self._before: _Before | None = None
         self._age = 0
 
     def carry(self, frame: DepthFrame) -> Candidates | None:
-        """Find in a frame who was in the one before; None where it has to be searched."""
+        """Find the people of the previous frame in this one; None if a search is needed."""
         self._age += 1
         carried = None if self._before is None else self._carry(self._before, frame)
         if carried is None:
@@ -71,7 +70,7 @@ class LastPeople:
         return carried
 
     def keep(self, candidates: Candidates, sightings: Sequence[Sighting], stamp_ns: int) -> None:
-        """Keep who turned out to be a person; nobody where one of them is not sure."""
+        """Keep the confirmed people; none if one of them is uncertain."""
         self._before = None
         if not sightings or min(s.probability for s in sightings) < _SURE:
             return
@@ -101,7 +100,7 @@ class LastPeople:
 
 
 def _moved(person: Detection, was: Candidates, now: Candidates) -> Detection | None:
-    """Move somebody as the middle of their points moved; None where they are gone."""
+    """Move a person by the mean movement of the points; None if lost."""
     old, new = np.empty(3), np.empty(3)
     kernels.middle_of(was.depth, was.labels, person.label, was.camera, old)
     if kernels.middle_of(now.depth, now.labels, person.label, now.camera, new) < LEAST_PIXELS:

@@ -1,4 +1,4 @@
-"""Open a net for the run time: one thread, the same sums every time."""
+"""Open a net: one thread, reproducible sums."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 def open_net(model: bytes) -> InferenceSession:
     """Open a net (ONNX)."""
-    # else it reports to its makers, from a thread that forked processes lack
+    # otherwise it reports to its makers, from a thread that forked processes lack
     os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")
     import onnxruntime
 
@@ -25,5 +25,5 @@ def open_net(model: bytes) -> InferenceSession:
 
 
 def read_weights(name: str, folder: Path | None = None) -> bytes:
-    """Read a file of weights: of those in a folder, or of those that ship with the package."""
+    """Read a file of weights from a folder, or from the package."""
     return ((folder or resources.files("depth_pose.detect") / "weights") / name).read_bytes()

@@ -1,4 +1,4 @@
-"""Carry people from the net's image to the working grid, along the edges of the depth."""
+"""Transfer of people from the net's image to the working grid, along depth edges."""
 
 from __future__ import annotations
 
@@ -12,18 +12,16 @@ from depth_pose.detect import _outline_kernels as kernels
 from depth_pose.detect._finder_kernels import NetImage
 
 _GROW_CHANCE = 0.2
-"""A person grows over pixels that show one with at least this chance."""
+"""Least person probability of pixels that a person grows into."""
 _GROW_JUMP = 0.02
-"""Step in depth per metre of distance that a surface may make from one working pixel to the next."""
+"""Maximum depth step between working pixels on a surface, per metre of distance."""
 
 _GROW_PIXELS = 4
-"""How far a person grows on the working grid, pixels at one metre.
-
-These three gave the best overlap with the truth on 160 simulated scenes.
-"""
+"""Maximum growth on the working grid, pixels at one metre; the three values are chosen on 160 simulated
+scenes."""
 
 _NEAR_CHANCE = 0.15
-"""Pixels beside a chance of less than this are nobody's on any grid."""
+"""Pixels beside probabilities below this are background on any grid."""
 
 
 def carry_people(
@@ -33,15 +31,15 @@ def carry_people(
     depth: NDArray[np.float32],
     camera: Camera,
 ) -> NDArray[np.uint8]:
-    """Carry the people to the working grid, and let them grow along their surfaces.
+    """Transfer people to the working grid, and grow them along their surfaces.
 
     Parameters
     ----------
     image : NetImage
     net_labels : (ROWS, COLS) uint8
-        Each pixel's person, from 1; 0: nobody.
+        Person at each pixel, from 1; 0: background.
     net_chance : (ROWS, COLS) float32
-        Probability that it shows a person.
+        Person probability.
     depth : (h, w) float32
         The working grid, metres.
     camera : Camera
@@ -64,7 +62,7 @@ def carry_people(
 
 
 def spread(net_values: NDArray[Any], image: NetImage, camera: Camera) -> NDArray[Any]:
-    """Give every pixel of another grid of the same camera what the nearest net pixel holds."""
+    """Resample net values to another grid of the same camera by the nearest pixel."""
     ratio = image.camera.fx / camera.fx
     rows = np.rint((np.arange(camera.height) - camera.cy) * ratio + image.camera.cy).astype(np.int64)
     cols = np.rint((np.arange(camera.width) - camera.cx) * ratio + image.camera.cx).astype(np.int64)

@@ -1,10 +1,10 @@
-"""Cut the person out of a depth image (Sec. 4, first paragraph).
+"""Segmentation of one person in a depth image (Sec. 4, first paragraph).
 
-The paper cuts with two fixed distances. Here nothing is set per recording: after generous
-distance limits, large planes (walls, floor) are taken away, what is left is split into
-surfaces, and the largest one of a person's size is kept together with the smaller ones that
-touch it (a hand in front of the trunk is a surface of its own). Last, a pixel stays only if
-enough of its neighbours are on its surface, which removes the flying pixels at edges.
+The paper cuts with two fixed distances. Here nothing is set per recording. After generous distance limits,
+large planes (walls, floor) are removed, the rest is split into surfaces, and the largest one of a person's
+size is kept together with the smaller ones that touch it (a hand in front of the trunk is a separate
+surface). Finally a pixel is kept only if enough of its neighbours are on its surface, which removes the
+flying pixels at edges.
 """
 
 from __future__ import annotations
@@ -23,26 +23,26 @@ from depth_pose.detect.working_grid import reduce_frame
 from depth_pose.detect.working_grid import warm_up as warm_up_grid
 
 _BOX_FILL = 0.95
-"""A person leaves more of their bounding box empty than this; a curtain or a cupboard fills it."""
+"""Maximum filled share of a person's bounding box; a curtain or a cupboard fills more."""
 
 _SMALL_PIXELS = 6
-"""Surfaces with fewer pixels are flying pixels; none of the person's limbs."""
+"""Least number of pixels of a surface; smaller ones are flying pixels."""
 
 _PERSON_AREA_M2 = (0.04, 2.5)
-"""Least and greatest area of the surface of a person that is seen. Set by hand, not swept."""
+"""Least and greatest visible area of a person (m^2); set by hand."""
 _PERSON_EXTENT_M = 2.6
-"""A person's box is no longer than this on any side, metres. Set by hand, not swept."""
+"""Maximum extent of a person's box on any side (m); set by hand."""
 
 
 _FOLLOW, _FOLLOW_M = 5.0, 0.25
-"""How much more the surface counts that is where the person was; nothing this far off in depth."""
+"""Bonus of the surface at the person's last place, and depth difference (m) at which it ends."""
 
 _KNOWN = 0.8
-"""Share of a surface's box that lies where the person was, for it to be a part of them."""
+"""Least share of a surface's box inside the person's last box, for a part of the person."""
 
 
 class PlaneSegmenter:
-    """Finds the person; remembers where they were, to stay with them."""
+    """Finds one person; remembers the last place, to stay with the person."""
 
     def __init__(self, config: SegmentConfig) -> None:
         self.config = config
@@ -71,7 +71,7 @@ class PlaneSegmenter:
         Returns
         -------
         Segmentation
-            With no `PERSON` pixel where nobody of a person's size is in view.
+            Without `PERSON` pixels if nothing of a person's size is in view.
         """
         config = self.config
         depth, camera = reduce_frame(frame, config)
@@ -89,7 +89,7 @@ class PlaneSegmenter:
             nearer = foreground & (depth < np.median(depth[person]))
             labels[nearer] = HIDDEN
             missing = depth == 0
-            if missing.mean() < 1.0 - 0.5 * frame.filled:  # else the recording's background was cut away
+            if missing.mean() < 1.0 - 0.5 * frame.filled:  # otherwise the recording's background was removed
                 labels[missing] = HIDDEN
             labels[person] = PERSON
             kernels.mark_mixed(depth, labels, PERSON, HIDDEN, 2.0 * config.depth_jump)
@@ -107,7 +107,7 @@ class PlaneSegmenter:
         foreground: NDArray[np.bool_],
         camera: Camera,
     ) -> NDArray[np.bool_]:
-        """Choose the surfaces that are the person."""
+        """Choose the surfaces that belong to the person."""
         labels, count = kernels.label_components(depth, foreground, self.config.depth_jump)
         if count == 0:
             self._last_box = None
@@ -142,8 +142,8 @@ class PlaneSegmenter:
             grown = False
             for k in np.flatnonzero(touching[1:]):
                 union = np.concatenate([np.minimum(box[:3], low[k]), np.maximum(box[3:], high[k])])
-                # beside the person only something smaller is theirs, above or below, or where they
-                # were, also their half
+                # beside the person and away from the last place, only surfaces up to half the size belong to
+                # the person
                 beside = _overlap(low[k : k + 1, :1], high[k : k + 1, :1], box[[0, 3]])[0] < 0.5
                 known = self._last_box is not None and _share_inside(low[k], high[k], self._last_box) > _KNOWN
                 most = area[seed] * (0.5 if beside and not known else 1.2)
@@ -157,7 +157,7 @@ class PlaneSegmenter:
 
 
 def _sighting_of(points: NDArray[np.float32]) -> tuple[Sighting, ...]:
-    """Give the one person whose points (N, 3) these are; nobody without points."""
+    """Build the detection of the person with these points (N, 3); none without points."""
     if len(points) == 0:
         return ()
     place = np.median(points.astype(np.float64), axis=0)
@@ -165,7 +165,7 @@ def _sighting_of(points: NDArray[np.float32]) -> tuple[Sighting, ...]:
 
 
 def _share_inside(low: NDArray[np.float64], high: NDArray[np.float64], box: NDArray[np.float64]) -> float:
-    """Share of one box (3,), (3,) that lies inside another (6,)."""
+    """Compute the share of one box (3,), (3,) that lies inside another (6,)."""
     side = np.minimum(high, box[3:]) - np.maximum(low, box[:3])
     return float(np.prod(np.clip(side / np.maximum(high - low, 1e-3), 0.0, 1.0)))
 
@@ -173,7 +173,7 @@ def _share_inside(low: NDArray[np.float64], high: NDArray[np.float64], box: NDAr
 def _overlap(
     low: NDArray[np.float64], high: NDArray[np.float64], box: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Share of the smaller of two boxes that both cover: many (n, d) boxes and one (2 d,)."""
+    """Compute the overlap of many (n, d) boxes with one (2 d,), as a share of the smaller."""
     d = low.shape[1]
     side = np.minimum(high, box[d:]) - np.maximum(low, box[:d])
     whole = np.maximum(np.minimum(high - low, box[d:] - box[:d]), 1e-3)

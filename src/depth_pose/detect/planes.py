@@ -1,4 +1,4 @@
-"""Walls, floor and ceiling: the large planes of a room, which are not the person."""
+"""Large planes of a room, which are not the person: walls, floor and ceiling."""
 
 from __future__ import annotations
 
@@ -9,29 +9,29 @@ from depth_pose.core.camera import Camera
 from depth_pose.detect import _plane_kernels as kernels
 
 WALL_AREA_M2, WALL_WIDTH_M = 1.5, 0.2
-"""Least visible area of a plane, and least standard deviation of its points along its narrower
-side; a person's back has less."""
+"""Least visible area of a plane (m^2), and least standard deviation (m) along its narrower side; a
+person's back has less."""
 
 FLOOR_AREA_M2, FLOOR_WIDTH_M = 0.6, 0.12
-"""The same for planes less than 40 degrees off the camera's horizontal: nobody's back is there."""
+"""The same for planes less than 40 degrees off the camera's horizontal, where no back is."""
 
 _TOLERANCE = 0.012
-"""Distance from a plane, as a share of the range, within which a point belongs to it."""
+"""Maximum distance of a point from its plane, as a share of the range."""
 
 _MAX_PLANES = 10
-"""Planes of a room, at most. Set by hand, not swept."""
+"""Maximum number of planes in a room; set by hand."""
 _SEEDS = 64
-"""Points whose own plane is tried for each plane. Set by hand, not swept."""
+"""Number of points whose own plane is tried for each plane; set by hand."""
 _SAMPLES = 2500
-"""Points of the image that planes are looked for in, about. Set by hand, not swept."""
+"""Approximate number of image points searched for planes; set by hand."""
 _SEARCH_EVERY = 15
-"""Frames between searches for planes that were not seen before."""
+"""Frames between searches for new planes."""
 
 Array = NDArray[np.float64]
 
 
 class PlaneFinder:
-    """Marks large planes; those of the frame before are tried first, since cameras seldom move."""
+    """Marks large planes; those of the previous frame are tried first, since cameras rarely move."""
 
     def __init__(self) -> None:
         self.reset()
@@ -68,7 +68,7 @@ class PlaneFinder:
         Parameters
         ----------
         points : (h, w, 3) float32
-            Organised points, metres, NaN where there is none.
+            Organised points, metres, NaN without depth.
         camera : Camera
             Camera of the grid.
 
@@ -84,7 +84,7 @@ class PlaneFinder:
 
 
 class _Samples:
-    """Samples of a frame's surfaces that no plane has explained yet."""
+    """Samples of a frame's surfaces that no plane explains yet."""
 
     def __init__(self, points: Array, normals: Array, areas: Array) -> None:
         self.points, self.normals, self.areas = points, normals, areas
@@ -94,7 +94,7 @@ class _Samples:
         return cls(*kernels.draw_samples(points, _SAMPLES, max(2, points.shape[0] // 36), camera.fx))
 
     def take(self, plane: Array) -> Array | None:
-        """Fit a plane to the samples near it and take those out; None where it is none, or small."""
+        """Fit a plane to the samples near it and remove those; None if there is none, or it is small."""
         area, width = 0.0, 0.0
         inliers = np.zeros(len(self.points), np.bool_)
         for _ in range(4):
@@ -104,9 +104,9 @@ class _Samples:
                 break
             variances, axes = np.linalg.eigh(covariance)
             plane = np.append(axes[:, 0], axes[:, 0] @ middle)
-            width = float(np.sqrt(max(variances[1], 0.0)))  # along its narrower side
+            width = float(np.sqrt(max(variances[1], 0.0)))  # along the narrower side
         is_plane = _is_large(plane, area, width)
-        if is_plane:  # its noisy points too must not make up another plane
+        if is_plane:  # its noisy points must not form another plane
             inliers |= np.abs(self.points @ plane[:3] - plane[3]) < 2.5 * _TOLERANCE * self.points[:, 2]
         rest = ~inliers
         self.points, self.normals, self.areas = self.points[rest], self.normals[rest], self.areas[rest]

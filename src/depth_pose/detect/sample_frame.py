@@ -1,4 +1,4 @@
-"""A frame to warm up with: somebody stands before a wall, on a floor."""
+"""A sample frame for warm-up: a person on a floor in front of a wall."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from depth_pose.core.skeleton import NODE_INDEX
 from depth_pose.core.types import DepthFrame
 
 _CAMERA = Camera(width=176, height=144, fx=170.0, fy=170.0, cx=87.5, cy=71.5)
-"""The camera that sees it, pixels. Set by hand."""
+"""Camera of the sample frame, pixels; set by hand."""
 _PERSON_M, _WALL_M, _FLOOR_M = 3.2, 4.8, 1.15
-"""Where the person's pelvis and the wall are, and how far below the camera the floor, metres. Set by hand."""
+"""Depths of the person's pelvis and the wall, and height of the camera above the floor (m); set by hand."""
 
 
 def sample_frame() -> DepthFrame:
-    """Render the template body, arms half raised; the people finder takes it for somebody."""
+    """Render the template body with arms half raised; the people finder detects it."""
     body = make_body()
     rotations = np.tile(R_CAMERA_FACING_MODEL, (len(NODE_INDEX), 1, 1))
     for side, sign in (("left", 1.0), ("right", -1.0)):

@@ -1,4 +1,4 @@
-"""What a frame shows of people, before anybody has a name."""
+"""Detections in a frame, before ids are assigned."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ from depth_pose.core.types import DepthFrame
 
 @dataclass(frozen=True)
 class Sighting:
-    """Somebody in a frame who has no name yet.
+    """A person in a frame, without an id.
 
     Attributes
     ----------
     label : int
-        Their number in the frame's labels.
+        Number in the frame's labels.
     place : (3,) float64
-        Middle of the person, camera frame, metres.
+        Centre of the person, camera frame, metres.
     probability : float
-        That it is a person.
+        Probability of a person.
     proposals : (J, 3) float32
-        Where the finder sees their joints, camera frame, metres; no rows where it does not say.
+        Joints proposed by the finder, camera frame, metres; no rows without proposals.
     proposal_confidence : (J,) float32
     is_news : bool
-        Whether much of them was not there in the frame before, while the room was.
+        Whether much of the person is new since the previous frame, while the room is not.
     """
 
     label: int
@@ -41,7 +41,7 @@ class Sighting:
 
 @dataclass(frozen=True)
 class Segmentation:
-    """Who a frame shows, on the working grid.
+    """The people in a frame, on the working grid.
 
     Attributes
     ----------
@@ -53,7 +53,7 @@ class Segmentation:
         Camera of the working grid.
     sightings : tuple of Sighting
     out_of_range : int
-        People seen who are too near or too far to be served.
+        Number of people who are too near or too far.
     """
 
     depth: NDArray[np.float32]
@@ -64,7 +64,7 @@ class Segmentation:
 
 
 class Segmenter(Protocol):
-    """A way to find people (`depth_pose.core.config.SegmentConfig.method`)."""
+    """A method of finding people (`depth_pose.core.config.SegmentConfig.method`)."""
 
     def reset(self) -> None:
         """Forget earlier frames."""
@@ -73,4 +73,4 @@ class Segmenter(Protocol):
         """Compile every kernel."""
 
     def segment(self, frame: DepthFrame) -> Segmentation:
-        """Find everybody in a frame."""
+        """Find all people in a frame."""

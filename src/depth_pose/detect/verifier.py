@@ -1,4 +1,4 @@
-"""Telling people from things: a small network on what is measured of a cluster of votes."""
+"""Verification of clusters: a small network that distinguishes people from objects by their measures."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from depth_pose.detect._measure_kernels import MEASURES
 
 @dataclass(frozen=True)
 class Verifier:
-    """One hidden layer; fitted by ``tools/people_finder/fit_verifier.py``.
+    """Network with one hidden layer, fitted by ``tools/people_finder/fit_verifier.py``.
 
     Attributes
     ----------
     mean, scale : (MEASURES,) float64
-        What makes the measures comparable.
+        Normalisation of the measures.
     hidden, hidden_bias : (MEASURES, H), (H,) float64
     out : (H,) float64
     out_bias : float
@@ -35,12 +35,12 @@ class Verifier:
 
     @classmethod
     def from_mapping(cls, values: Mapping[str, Any]) -> Verifier:
-        """Make one of the lists that a weights file holds.
+        """Build a verifier from the lists of a weights file.
 
         Raises
         ------
         ConfigError
-            Where it was fitted to other measures.
+            If it was fitted to other measures.
         """
         mean, scale, hidden, hidden_bias, out = (
             np.array(values[n], float) for n in ("mean", "scale", "hidden", "hidden_bias", "out")
@@ -53,7 +53,7 @@ class Verifier:
         return made
 
     def probability(self, measures: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Give the probability that each cluster (P, MEASURES) is a person."""
+        """Compute the probability that each cluster (P, MEASURES) is a person."""
         x = np.clip((measures - self.mean) / self.scale, -5.0, 5.0)
         logit = np.maximum(x @ self.hidden + self.hidden_bias, 0.0) @ self.out + self.out_bias
         return 1.0 / (1.0 + np.exp(-logit))

@@ -1,4 +1,4 @@
-"""The pixel grid that all later steps work on: the image, reduced to about as many rows as they need."""
+"""Working grid of all later steps: the image, reduced to about the required number of rows."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from depth_pose.detect import _reduce_kernels as kernels
 
 
 def reduce_camera(camera: Camera, stride: int) -> Camera:
-    """Give the camera whose pixels are blocks of ``stride`` x ``stride`` pixels."""
+    """Return the camera whose pixels are blocks of ``stride`` x ``stride`` pixels."""
     return Camera(
         width=camera.width // stride,
         height=camera.height // stride,
@@ -24,12 +24,12 @@ def reduce_camera(camera: Camera, stride: int) -> Camera:
 
 
 def reduce_frame(frame: DepthFrame, config: SegmentConfig) -> tuple[NDArray[np.float32], Camera]:
-    """Bring a frame to the working grid.
+    """Reduce a frame to the working grid.
 
     Returns
     -------
     depth : (h, w) float32
-        Metres; 0 where nothing returned between the nearest and the farthest distance.
+        Metres; 0 without a measurement within the distance limits.
     camera : Camera
     """
     stride = max(1, round(frame.camera.height / config.working_height))
@@ -40,7 +40,7 @@ def reduce_frame(frame: DepthFrame, config: SegmentConfig) -> tuple[NDArray[np.f
 
 
 def warm_up(config: SegmentConfig) -> None:
-    """Compile the kernels for images that are reduced and for those that are not."""
+    """Compile the kernels for reduced and for unreduced images."""
     for side in (8, 2 * config.working_height):
         depth = np.full((side, 8), 2.0, np.float32)
         reduce_frame(DepthFrame(0, "", depth, Camera(8, side, 60.0, 60.0, 3.5, 0.5 * side)), config)

@@ -1,5 +1,5 @@
-"""Recordings and messages in and out, with no ROS installed.
+"""Reading and writing of recordings and messages, without ROS.
 
-`decode` turns the bytes of images and clouds into metres, `mcap_read` and `mcap_write` are
+`decode` converts the bytes of images and clouds to metres; `mcap_read` and `mcap_write` read and write
 recordings. Millimetres become metres here, once.
 """

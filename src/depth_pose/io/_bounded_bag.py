@@ -1,7 +1,7 @@
-"""rosbags' reader of ROS 1 bags, with bounds on what a bag can make it read, unpack and keep.
+"""The rosbags reader of ROS 1 bags, with limits on what a bag can make it read, decompress and keep.
 
-Format: wiki.ros.org/Bags/Format/2.0. The reader follows an index that a bag may fill with anything: records
-of gigabytes, a chunk that is named many times, messages that are, chunks that unpack to more than the memory.
+Format: wiki.ros.org/Bags/Format/2.0. The reader follows the index of a bag, which may be hostile: records of
+gigabytes, chunks or messages listed many times, chunks that decompress to more than the memory.
 """
 
 from __future__ import annotations
@@ -20,29 +20,29 @@ from rosbags.rosbag1 import Reader
 from depth_pose.io._topics import MAX_CHUNK, DamageError
 
 _MOST_INDEX = 16 << 20
-"""Largest index, bytes: 1.4 million messages, which take 190 MB while they are read. Set by hand."""
+"""Maximum size of the index (bytes): 1.4 million messages, which take 190 MB during reading; set by hand."""
 
 _UNPACKED_AGAIN = 8
-"""Bytes unpacked, at most, for each byte of a chunk: chunks that overlap in time are unpacked in turn. Set by
+"""Maximum bytes decompressed per byte of a chunk, as overlapping chunks are decompressed in turn; set by
 hand."""
 
 
 class _BoundedFile(io.BufferedReader):
-    """A file that refuses to read too much at once, or too long an index."""
+    """A file that refuses reads that are too large, and an index that is too long."""
 
     def __init__(self, path: Path) -> None:
         super().__init__(io.FileIO(path))
         self.index_left: int | None = _MOST_INDEX
 
     def read(self, size: int | None = -1) -> bytes:
-        """Read as much as asked for, within the bounds."""
+        """Read ``size`` bytes, within the limits."""
         if size is None or not 0 <= size <= MAX_CHUNK:
-            raise DamageError(f"a record of {size} bytes is more than the {MAX_CHUNK >> 20} MiB taken")
+            raise DamageError(f"a record of {size} bytes is more than the {MAX_CHUNK >> 20} MiB allowed")
         if self.index_left is not None:
             self.index_left -= size
             if self.index_left < 0:
                 raise DamageError(
-                    f"its index has more than {_MOST_INDEX >> 20} MiB; 'rosbag filter' keeps topics"
+                    f"its index has more than {_MOST_INDEX >> 20} MiB; 'rosbag filter' selects topics"
                 )
         return super().read(size)
 
@@ -56,7 +56,7 @@ class _BoundedPath(PosixPath):
 
 
 class BoundedReader(Reader):
-    """rosbags' reader with bounds.
+    """The rosbags reader with limits.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ class BoundedReader(Reader):
 
     def __init__(self, path: Path) -> None:
         super().__init__(_BoundedPath(path))
-        self._sizes: dict[int, int] = {}  # chunks that were unpacked: position and size
+        self._sizes: dict[int, int] = {}  # decompressed chunks: position and size
         self._unpacked = 0
 
     def open(self) -> None:
@@ -84,18 +84,18 @@ class BoundedReader(Reader):
         self._sizes[at] = len(data)
         self._unpacked += len(data)
         if self._unpacked > MAX_CHUNK + _UNPACKED_AGAIN * sum(self._sizes.values()):
-            raise DamageError("its index goes from chunk to chunk")
+            raise DamageError("its index jumps between chunks")
         return data
 
     def messages(
         self, connections: Collection[Connection] = (), start: int | None = None, stop: int | None = None
     ) -> Generator[tuple[Connection, int, bytes], None, None]:
-        """Give messages by log time; an index that names messages twice is not followed."""
+        """Yield messages by log time; fails if the index lists a message twice."""
         given = self._unpacked = 0
         for found in super().messages(connections, start, stop):
             given += len(found[2])
             if given > sum(self._sizes.values()):
-                raise DamageError("its index names messages twice")
+                raise DamageError("its index lists messages twice")
             yield found
 
 
@@ -103,7 +103,7 @@ def _unpack_bz2(packed: bytes) -> bytes:
     decompressor = bz2.BZ2Decompressor()
     data = decompressor.decompress(packed, max_length=MAX_CHUNK)
     if not decompressor.eof:
-        raise DamageError(f"a chunk unpacks to more than the {MAX_CHUNK >> 20} MiB taken, or is cut off")
+        raise DamageError(f"a chunk unpacks to more than the {MAX_CHUNK >> 20} MiB allowed, or is cut off")
     return data
 
 
@@ -111,7 +111,7 @@ def _unpack_lz4(packed: bytes) -> bytes:
     decompressor = lz4.frame.LZ4FrameDecompressor()
     data = bytes(decompressor.decompress(packed, max_length=MAX_CHUNK))
     if not decompressor.eof:
-        raise DamageError(f"a chunk unpacks to more than the {MAX_CHUNK >> 20} MiB taken, or is cut off")
+        raise DamageError(f"a chunk unpacks to more than the {MAX_CHUNK >> 20} MiB allowed, or is cut off")
     return data
 
 
@@ -119,4 +119,4 @@ _UNPACK: dict[Callable[[bytes], bytes], Callable[[bytes], bytes]] = {
     bz2.decompress: _unpack_bz2,
     lz4.frame.decompress: _unpack_lz4,
 }
-"""Bounded forms of the functions that rosbags unpacks with."""
+"""Bounded forms of the decompression functions that rosbags uses."""

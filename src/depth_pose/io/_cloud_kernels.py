@@ -1,4 +1,4 @@
-"""Compiled sums over an organised cloud; `depth_pose.io.clouds` says what they are for."""
+"""Compiled sums over an organised cloud, for `depth_pose.io.clouds`."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from depth_pose.core.kernels import njit
 
 @njit(cache=True)
 def pinhole_sums(points, lines, ends):
-    """Sum what a line of pixels against ratios needs, for columns (x/z) and for rows (y/z).
+    """Compute the sums for linear fits of pixel against ratio, for columns (x/z) and for rows (y/z).
 
-    Writes ``lines`` (2, 5): sums of ratio, pixel, ratio^2, ratio * pixel, pixel^2, pixels counted
-    from the image's middle; and ``ends`` (2, 2): the least and the greatest pixel. Returns the
-    number of points in front of the camera.
+    Writes ``lines`` (2, 5): sums of ratio, pixel, ratio^2, ratio * pixel, pixel^2, with pixels counted from
+    the image centre; and ``ends`` (2, 2): the least and the greatest pixel. Returns the number of points in
+    front of the camera.
     """
     rows, columns = points.shape[:2]
     count = 0

@@ -1,7 +1,7 @@
-"""Checks of an SQLite file before rosbags reads it: plain tables of bounded sizes, and nothing that computes.
+"""Checks of an SQLite file before rosbags reads it: plain tables of bounded size, nothing executable.
 
-Views, triggers, virtual tables and generated columns run what a recording's author wrote. rosbag2 makes none
-of them: a file that has one is refused before a query touches its tables.
+Views, triggers, virtual tables and generated columns run code of the recording's author. rosbag2 creates none
+of them; a file with one is refused before a query touches its tables.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 import shutil
 import sqlite3
 import time
+from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -20,30 +21,30 @@ from depth_pose.io._rosbag2_folder import LEFT_FREE
 from depth_pose.io._topics import MAX_CHUNK
 
 _MOST_SCHEMA = 200
-"""Most tables and indexes; rosbag2's files have seven. Set by hand."""
+"""Maximum number of tables and indexes; rosbag2's files have seven; set by hand."""
 
 _MOST_TEXT = 16 << 20
-"""Most characters of topics and of definitions; those of 500 types are 2 MB. Set by hand."""
+"""Maximum number of characters of topics and of definitions; 500 types have 2 MB; set by hand."""
 
 _MOST_ROWS = 10_000
-"""Most topics and most definitions. Set by hand."""
+"""Maximum number of topics, and of definitions; set by hand."""
 
 _MOST_QOS = 512 << 10
-"""Most characters of all topics' ``offered_qos_profiles``, which rosbags parses slowly (2 s): those of 2,000
-publishers. Set by hand."""
+"""Maximum number of characters of all ``offered_qos_profiles``, which rosbags parses slowly (2 s): those
+of 2,000 publishers; set by hand."""
 
 _SCHEMA_S = 1.0
-"""Longest that the schema may take to be read, seconds. Set by hand."""
+"""Maximum time (s) for reading the schema; set by hand."""
 
 _STEPS = 10_000
-"""Steps of SQLite's machine between looks at the clock: about a millisecond. Set by hand."""
+"""Steps of SQLite's virtual machine between time checks, about a millisecond; set by hand."""
 
 
 def checked_reader(path: Path) -> tuple[Any, TemporaryDirectory[str] | None]:
-    """Check a .db3 file, and make rosbags' reader of it.
+    """Check a .db3 file, and open the rosbags reader on it.
 
-    rosbags reads neither a write-ahead log (``-wal``) nor definitions of an encoding it does not know, and
-    takes names apart as URIs: such a file is copied or linked into a folder of its own.
+    rosbags supports neither a write-ahead log (``-wal``) nor definitions in an unknown encoding, and parses
+    names as URIs. Such a file is copied or linked into a temporary folder.
 
     Parameters
     ----------
@@ -54,14 +55,14 @@ def checked_reader(path: Path) -> tuple[Any, TemporaryDirectory[str] | None]:
     -------
     reader : rosbags.rosbag2.Reader
     folder : TemporaryDirectory or None
-        To be kept as long as the reader is.
+        Must be kept as long as the reader.
 
     Raises
     ------
     InputError
-        Where a check fails.
+        If a check fails.
     sqlite3.Error
-        Where the file is damaged.
+        If the file is damaged.
     """
     from rosbags.rosbag2 import Reader
 
@@ -83,18 +84,18 @@ def checked_reader(path: Path) -> tuple[Any, TemporaryDirectory[str] | None]:
 
 
 def _connect(path: Path) -> sqlite3.Connection:
-    """Open for reading only, with a limit on sizes."""
+    """Open a database read-only, with limits on sizes."""
     alone = not path.with_name(f"{path.name}-wal").exists()
     uri = f"{path.absolute().as_uri()}?mode=ro{'&immutable=1' if alone else ''}"
     database = sqlite3.connect(uri, uri=True)
     database.execute("PRAGMA trusted_schema = OFF")
-    if hasattr(database, "setlimit"):  # Python 3.11
-        database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, MAX_CHUNK)
+    if hasattr(database, "setlimit"):  # since Python 3.11
+        database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, _MOST_TEXT)  # messages are never loaded
     return database
 
 
 def _check_schema(path: Path, database: sqlite3.Connection) -> set[str]:
-    """Check that there are only plain tables and indexes; returns the tables' names."""
+    """Check that there are only plain tables and indexes; return the names of the tables."""
     end = time.monotonic() + _SCHEMA_S
     database.set_progress_handler(lambda: time.monotonic() > end, _STEPS)
     rows = database.execute(f"SELECT type, name, sql FROM sqlite_master LIMIT {_MOST_SCHEMA + 1}").fetchall()
@@ -109,7 +110,7 @@ def _check_schema(path: Path, database: sqlite3.Connection) -> set[str]:
                 if is_virtual
                 else {"table": "a table", "index": "an index"}.get(kind, f"a {kind}")
             )
-            raise InputError(f"{path} is refused: {name!r} is {what} that computes; a recording has none")
+            raise InputError(f"{path} is refused: {name!r} is {what} that runs code; recordings have none")
     for wanted in ("topics", "messages"):
         if wanted not in tables:
             raise InputError(f"{path} is an SQLite file, but not rosbag2's: it has no table {wanted}")
@@ -118,7 +119,7 @@ def _check_schema(path: Path, database: sqlite3.Connection) -> set[str]:
 
 
 def _computes(database: sqlite3.Connection, kind: str, name: str) -> bool:
-    """Whether a table has generated or hidden columns, or an index expressions."""
+    """Check whether a table has generated or hidden columns, or an index has expressions."""
     if kind == "table":
         columns = database.execute("SELECT hidden FROM pragma_table_xinfo(?)", (name,))
         return any(hidden for (hidden,) in columns)
@@ -126,7 +127,7 @@ def _computes(database: sqlite3.Connection, kind: str, name: str) -> bool:
 
 
 def _check_texts(path: Path, database: sqlite3.Connection, tables: set[str]) -> bool:
-    """Check the sizes of topics and definitions; returns whether rosbags knows the definitions' encodings."""
+    """Check the sizes of topics and definitions; return whether rosbags supports all encodings."""
     left = _MOST_QOS
     for row in _bounded(path, database, "SELECT * FROM topics"):
         left -= len(_checked_qos(path, dict(row)))
@@ -136,11 +137,11 @@ def _check_texts(path: Path, database: sqlite3.Connection, tables: set[str]) -> 
         return True
     known = ("ros2msg", "ros2idl")
     definitions = _bounded(path, database, "SELECT * FROM message_definitions")
-    return all([row["encoding"] in known for row in definitions])  # a list, so that all are looked at
+    return all([row["encoding"] in known for row in definitions])  # a list, so that all are checked
 
 
 def _checked_qos(path: Path, topic: dict[str, Any]) -> str:
-    """Check the types of a topic's values, and that its YAML is no bomb; returns the YAML."""
+    """Check the types of a topic's values, and that its YAML is safe to parse; return the YAML."""
     named = [topic.get(column) for column in ("name", "type", "serialization_format")]
     if not isinstance(topic.get("id"), int) or not all(isinstance(text, str) for text in named):
         raise InputError(f"{path} is damaged: a topic has no number, name, type or format")
@@ -152,22 +153,26 @@ def _checked_qos(path: Path, topic: dict[str, Any]) -> str:
     return offered
 
 
-def _bounded(path: Path, database: sqlite3.Connection, query: str) -> Any:
-    """Give a query's rows, up to `_MOST_TEXT` characters of them."""
+def _bounded(path: Path, database: sqlite3.Connection, query: str) -> Iterator[sqlite3.Row]:
+    """Yield a query's rows, up to `_MOST_TEXT` characters."""
     cursor = database.cursor()
     cursor.row_factory = sqlite3.Row
     left = _MOST_TEXT
-    for number, row in enumerate(cursor.execute(query)):
-        if number == _MOST_ROWS:
-            raise InputError(f"{path} is refused: it has over {_MOST_ROWS} topics or definitions")
-        left -= sum(len(value) if isinstance(value, str | bytes) else 8 for value in row)
-        if left < 0:
-            raise InputError(f"{path} is refused: its topics or definitions have over {_MOST_TEXT >> 20} MB")
-        yield row
+    too_long = InputError(f"{path} is refused: its topics or definitions have over {_MOST_TEXT >> 20} MB")
+    try:
+        for number, row in enumerate(cursor.execute(query)):
+            if number == _MOST_ROWS:
+                raise InputError(f"{path} is refused: it has over {_MOST_ROWS} topics or definitions")
+            left -= sum(len(value) if isinstance(value, str | bytes) else 8 for value in row)
+            if left < 0:
+                raise too_long
+            yield row
+    except sqlite3.DataError as error:  # the connection's own limit
+        raise too_long from error
 
 
 def _check_messages(path: Path, database: sqlite3.Connection) -> None:
-    """Check that messages are bytes, and not too many: neither loads them."""
+    """Check the type and size of messages, without loading them."""
     plain = "typeof(data) = 'blob' AND typeof(timestamp) = 'integer' AND typeof(topic_id) = 'integer'"
     query = f"SELECT max(CASE WHEN {plain} THEN length(data) END), sum(NOT ({plain})) FROM messages"
     largest, wrong = database.execute(query).fetchone()
@@ -179,12 +184,12 @@ def _check_messages(path: Path, database: sqlite3.Connection) -> None:
 
 
 def _copy(path: Path, database: sqlite3.Connection, target: Path) -> None:
-    """Copy a database as its log has it, without definitions that rosbags does not know."""
+    """Copy a database including its write-ahead log, without definitions that rosbags does not support."""
     (pages,), (size,) = (
         database.execute(f"PRAGMA {name}").fetchone() for name in ("page_count", "page_size")
     )
     if pages * size > shutil.disk_usage(target.parent).free - LEFT_FREE:
-        raise InputError(f"{path} cannot be copied: the disk of {target.parent} has too little room")
+        raise InputError(f"{path} cannot be copied: the disk of {target.parent} has too little space")
     with closing(sqlite3.connect(target)) as copy:
         database.backup(copy)
         copy.execute("PRAGMA journal_mode = DELETE")

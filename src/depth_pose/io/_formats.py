@@ -1,4 +1,4 @@
-"""Formats of recordings by what a file begins with: those that are read, and what to do about others."""
+"""Recording formats by their first bytes: the supported ones, and advice for others."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from depth_pose.core.errors import InputError
 from depth_pose.io._topics import BAG_MAGIC, DB3_MAGIC, MCAP_MAGIC, RecordingFile
 
 ENDINGS = (".mcap", ".db3", ".bag")
-"""Files that are looked for in folders."""
+"""File extensions that are searched for in folders."""
 
 READ = "MCAP, rosbag2's .db3, ROS 1's .bag (RealSense's too), folders of these or of PNG or NPY depth images"
-"""What can be read."""
+"""Supported formats."""
 
 _IMAGES = (
     "export its depth images as 16-bit PNG into a folder, and give that folder with --intrinsics FX,FY,CX,CY"
@@ -25,7 +25,7 @@ _FOREIGN: tuple[tuple[bytes, str, str], ...] = (
         "play it through azure_kinect_ros_driver (recording_file:=FILE) and record that with "
         f"'depth-pose record'; or {_IMAGES}",
     ),
-    (b"#ROSBAG V1", "a ROS bag of before 2010", "convert it with 'rosbag fix' of ROS 1"),
+    (b"#ROSBAG V1", "a ROS bag from before 2010", "convert it with 'rosbag fix' of ROS 1"),
     (b"\x28\xb5\x2f\xfd", "packed with zstd", "unpack it first: zstd -d FILE"),
     (b"\x1f\x8b", "packed with gzip", "unpack it first: gunzip FILE"),
     (b"BZh", "packed with bzip2", "unpack it first: bunzip2 FILE"),
@@ -35,9 +35,9 @@ _FOREIGN: tuple[tuple[bytes, str, str], ...] = (
     (b"\x93NUMPY", "one array", "give the folder of all of them, with --intrinsics FX,FY,CX,CY"),
     (b"ply", "one point cloud", "record clouds as PointCloud2 messages"),
     (b"# .PCD", "one point cloud", "record clouds as PointCloud2 messages"),
-    (b"RIFF", "a video of colours (.avi)", "depth is needed"),
+    (b"RIFF", "a colour video (.avi)", "depth is needed"),
 )
-"""Beginnings of files that are not read, what these are, and what to do."""
+"""Unsupported formats: first bytes, name, and advice."""
 
 _FOREIGN_ENDINGS = {
     ".svo": ("a ZED recording", f"with the ZED SDK, {_IMAGES}"),
@@ -45,12 +45,12 @@ _FOREIGN_ENDINGS = {
     ".klg": ("a Kintinuous log", _IMAGES),
     ".rrd": ("a Rerun recording", "record topics instead"),
     ".xef": ("a Kinect Studio recording", f"with Kinect Studio, {_IMAGES}"),
-    ".mp4": ("a video of colours", "depth is needed"),
+    ".mp4": ("a colour video", "depth is needed"),
 }
 
 
 def open_file(file: Path, head: bytes) -> RecordingFile:
-    """Open a file of a recording, by the bytes that it begins with."""
+    """Open a file of a recording by its first bytes."""
     if head.startswith(MCAP_MAGIC):
         from depth_pose.io._mcap_file import McapFile
 
@@ -71,4 +71,4 @@ def _why_not(file: Path, head: bytes) -> str:
     if head[4:8] == b"ftyp" or file.suffix.lower() in _FOREIGN_ENDINGS:
         what, todo = _FOREIGN_ENDINGS.get(file.suffix.lower(), _FOREIGN_ENDINGS[".mp4"])
         return f"{file} cannot be read: it is {what}; {todo}"
-    return f"{file} is not a recording that can be read; those are {READ}"
+    return f"{file} is not a supported recording; supported formats are {READ}"

@@ -1,8 +1,8 @@
-"""One MCAP file: its topics, and its messages by log time; damaged chunks are left out, counted and told.
+"""One MCAP file: its topics, and its messages by log time; damaged chunks are skipped, counted and reported.
 
-A finished file is read by its index, when the index's checksum is right. Any other is gone through from the
-beginning, record by record. Either way each chunk's checksum is held, and at the end the messages that were
-read are held against the statistics.
+A finished file is read by its index if the index's checksum is right. Any other file is scanned from the
+beginning, record by record. In both cases the checksum of each chunk is verified, and at the end the number
+of messages is compared with the statistics.
 """
 
 from __future__ import annotations
@@ -23,16 +23,16 @@ from depth_pose.io._mcap_records import Summary
 from depth_pose.io._topics import MCAP_MAGIC, DamageError, Place, RawMessage, Topic, counted, in_order
 
 _RUN = 4 << 20
-"""Messages outside chunks are read in runs of about so many bytes. Set by hand."""
+"""Approximate size (bytes) of a run of messages outside chunks; set by hand."""
 
 _BLOCK = 1 << 20
-"""Bytes that are read at once for the checksum of the data. Set by hand."""
+"""Bytes read at once for the checksum of the data; set by hand."""
 
 _MOST_BAD = 10_000
-"""Most bad chunks and records of a file: of one with more, the rest is not read. Set by hand."""
+"""Maximum number of bad chunks and records; after that the rest of the file is not read; set by hand."""
 
 _PRIVATE = 0x80
-"""Kinds of records from here on are applications' own, and passed over."""
+"""First record kind reserved for applications; such records are skipped."""
 
 
 class McapFile:
@@ -41,14 +41,14 @@ class McapFile:
     Parameters
     ----------
     path : Path
-        The file; its first bytes are those of one.
+        A file with the first bytes of MCAP.
 
     Attributes
     ----------
     topics : list of Topic
-        Those in ROS 2's encoding.
+        Topics in the encoding of ROS 2.
     others : dict of str to str
-        Topics in another encoding, and in which.
+        Topics in another encoding, and that encoding.
     """
 
     def __init__(self, path: Path) -> None:
@@ -57,21 +57,21 @@ class McapFile:
         self.others: dict[str, str] = {}
         self._summary = Summary()
         self._places: list[Place] = []
-        self._said: Counter[str] | None = None  # messages by topic, as the statistics have it
-        self._found: Counter[int] = Counter()  # messages by channel, where the file was gone through
+        self._said: Counter[str] | None = None  # messages by topic, from the statistics
+        self._found: Counter[int] = Counter()  # messages by channel, from the scan
         self._bad: dict[int, str] = {}  # damaged chunks: offset and reason
         self._faults: list[str] = []
         self._ros1: dict[int, str] = {}  # channels whose messages are converted, and their types
-        self._missing: dict[str, tuple[int, int]] = {}  # topics: messages read, and said to be there
+        self._missing: dict[str, tuple[int, int]] = {}  # topics: messages read and expected
         with path.open("rb") as stream:
             if not self._read_index(stream):
                 self._scan(stream)
         self._list_topics()
 
-    # What is there
+    # Contents
 
     def _read_index(self, stream: BinaryIO) -> bool:
-        """Take topics and chunks from the summary; False where it does not do."""
+        """Read topics and chunks from the summary; return False if it is unusable."""
         if not mcap.is_finished(stream):
             self._faults.append("ends too early")
             return False
@@ -100,14 +100,14 @@ class McapFile:
             )
             for chunk in found.chunks
         ]
-        if not _are_apart(places):  # or a small file could be read for ever
-            self._faults.append("was read without its index: it names chunks twice")
+        if not _are_apart(places):  # otherwise a small file could be read for ever
+            self._faults.append("was read without its index: it lists chunks twice")
             return False
         self._summary, self._places = found, places
         return True
 
     def _scan(self, stream: BinaryIO) -> None:
-        """Take topics and chunks from all records, up to the first that cannot be one."""
+        """Read topics and chunks from all records, up to the first invalid one."""
         size, at = mcap.size_of(stream), len(MCAP_MAGIC)
         self._summary = Summary()
         run: list[Place] = []
@@ -145,7 +145,7 @@ class McapFile:
             self._bad[at] = str(error)
 
     def _scan_message(self, stream: BinaryIO, at: int, length: int, run: list[Place]) -> None:
-        """Add a message that is in no chunk to the run of those before it."""
+        """Add a message outside chunks to the current run."""
         channel, time_ns = mcap.message_head(stream.read(min(length, 64)))
         end = at + mcap.RECORD.size + length
         self._found[channel] += 1
@@ -163,19 +163,19 @@ class McapFile:
             self._places.append(Place(min(times), max(times), at, end, frozenset(channels)))
 
     def _close_run(self, run: list[Place]) -> None:
-        """Put messages outside chunks together."""
+        """Finish a run of messages outside chunks."""
         if run:
             first, last = min(p.first_ns for p in run), max(p.last_ns for p in run)
             self._places.append(Place(first, last, run[0].start, run[-1].end, None, is_chunk=False))
             run.clear()
 
     def _check_data_end(self, stream: BinaryIO, at: int, length: int) -> None:
-        """Hold the checksum of all data, where chunks have not told already which of them is damaged."""
+        """Verify the checksum of all data if no chunk has been found damaged."""
         wanted = int.from_bytes(stream.read(min(length, 4)), "little")
         if not wanted or self._bad:
             return
         if os.fstat(stream.fileno()).st_blocks * 512 < at // 2:  # a hole of terabytes would be read as zeros
-            self._faults.append("has holes, so that the checksum of its data is not held")
+            self._faults.append("has holes, so the checksum of its data is not verified")
             return
         crc, left = 0, at
         stream.seek(0)
@@ -209,7 +209,7 @@ class McapFile:
         self.topics = list(topics.values())
 
     def _convert(self, number: int, channel: Channel, kind: str) -> None:
-        """Have the messages of a channel converted, where they can be; else say why not."""
+        """Schedule the conversion of a channel's messages if possible; otherwise record the reason."""
         from depth_pose.io._ros1_messages import why_not
 
         reason = why_not(kind, channel.metadata.get("md5sum", ""))
@@ -218,10 +218,10 @@ class McapFile:
         else:
             self._ros1[number] = kind
 
-    # What is in it
+    # Messages
 
     def messages(self, topics: Iterable[str]) -> Iterator[RawMessage]:
-        """Give the topics' messages by log time; those of one time in the file's order."""
+        """Yield the topics' messages by log time; equal times in file order."""
         wanted = set(topics)
         numbers = {
             number: channel.topic
@@ -268,7 +268,7 @@ class McapFile:
 
     @property
     def damage(self) -> list[str]:
-        """What could not be read, as far as reading has come: one line, or none."""
+        """Return the damage found so far: one line, or none."""
         parts = list(self._faults)
         if self._bad:
             first = min(self._bad)
@@ -278,14 +278,14 @@ class McapFile:
             )
         if self._missing:
             counts = ", ".join(f"{n} of {of} on {topic}" for topic, (n, of) in sorted(self._missing.items()))
-            parts.append(f"gave of its messages {counts}")
+            parts.append(f"does not have the stated number of messages: {counts}")
         elif parts and self._found:
             parts.append(f"gave {counted(self._found.total(), 'message')}")
         return [f"{self.path} {'; '.join(parts)}"] if parts else []
 
 
 def _are_apart(places: list[Place]) -> bool:
-    """Whether no two places have bytes of the file in common."""
+    """Check that no two places overlap in the file."""
     order = sorted(places, key=lambda place: place.start)
     return all(before.end <= after.start for before, after in pairwise(order))
 
@@ -293,4 +293,4 @@ def _are_apart(places: list[Place]) -> bool:
 def _why_not(channel: Channel) -> str:
     names = {"json": "JSON", "protobuf": "protobuf", "flatbuffer": "FlatBuffers", "ros1": "ROS 1's encoding"}
     encoding = channel.message_encoding
-    return f"in {names.get(encoding, encoding or 'an encoding that is not said')}, not ROS 2's CDR"
+    return f"in {names.get(encoding, encoding or 'an unspecified encoding')}, not ROS 2's CDR"

@@ -1,7 +1,7 @@
-"""The records of an MCAP file, read with nothing taken on trust: lengths, sizes and checksums are held first.
+"""Records of an MCAP file, parsed defensively: lengths, sizes and checksums are verified first.
 
-Layout and names are those of the MCAP specification (mcap.dev/spec). What cannot be read raises
-`DamageError`; nothing is allocated that the file's own size, or `MAX_CHUNK`, does not allow.
+Layout and names follow the MCAP specification (mcap.dev/spec). Unreadable data raises `DamageError`;
+allocations are limited by the file's size and `MAX_CHUNK`.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ from mcap.records import Channel, ChunkIndex, Metadata, MetadataIndex, Schema, S
 from depth_pose.io._topics import MAX_CHUNK, MCAP_MAGIC, DamageError
 
 RECORD = struct.Struct("<BQ")
-"""What begins each record: its kind, and the length of what follows."""
+"""Head of each record: kind, and length of the content."""
 
 MAX_SUMMARY = 16 << 20
-"""Most bytes of a summary that are read: the index of 90,000 chunks. A file with a larger one is gone through
-record by record. Set by hand."""
+"""Maximum size of a summary (bytes), the index of 90,000 chunks; a file with a larger one is scanned; set
+by hand."""
 
 _FOOTER = struct.Struct("<BQQQI")
 _CHUNK = struct.Struct("<QQQI")
@@ -37,7 +37,7 @@ _LENGTH = struct.Struct("<Q")
 
 
 class Message(NamedTuple):
-    """A message: the number of its channel, log time in nanoseconds, and bytes."""
+    """A message: channel number, log time in nanoseconds, and bytes."""
 
     channel: int
     log_time_ns: int
@@ -46,7 +46,7 @@ class Message(NamedTuple):
 
 @dataclass
 class Summary:
-    """What a file says of itself at its end."""
+    """Summary of a file, from its end."""
 
     schemas: dict[int, Schema] = field(default_factory=dict)
     channels: dict[int, Channel] = field(default_factory=dict)
@@ -56,24 +56,24 @@ class Summary:
 
 
 def size_of(stream: BinaryIO) -> int:
-    """Size of an open file, bytes."""
+    """Return the size of an open file, bytes."""
     return os.fstat(stream.fileno()).st_size
 
 
 def is_finished(stream: BinaryIO) -> bool:
-    """Whether a file ends as one does that was closed."""
+    """Check that a file ends like a properly closed one."""
     size = size_of(stream)
     stream.seek(max(size - len(MCAP_MAGIC), 0))
     return size > len(MCAP_MAGIC) and stream.read(len(MCAP_MAGIC)) == MCAP_MAGIC
 
 
 def read_summary(stream: BinaryIO) -> Summary | None:
-    """Read what a finished file says of itself; None where it says nothing.
+    """Read the summary of a finished file; None if it has none.
 
     Raises
     ------
     DamageError
-        Where it cannot be read, or its checksum is wrong.
+        If it cannot be read, or its checksum is wrong.
     """
     size = size_of(stream)
     end = size - len(MCAP_MAGIC) - _FOOTER.size
@@ -117,7 +117,7 @@ def take(summary: Summary, kind: int, body: bytes) -> None:
 
 
 def parse(kind: Any, body: bytes) -> Any:
-    """Read a record of one of mcap's classes."""
+    """Parse a record of one of mcap's classes."""
     try:
         return kind.read(ReadDataStream(BytesIO(body)))
     except (McapError, struct.error, ValueError) as error:
@@ -125,7 +125,7 @@ def parse(kind: Any, body: bytes) -> Any:
 
 
 def spans(data: bytes) -> Iterator[tuple[int, int, int]]:
-    """Give kind, and beginning and end of the content, of the records in some bytes."""
+    """Yield kind, and start and end of the content, of the records in some bytes."""
     at, size = 0, len(data)
     while at < size:
         if at + RECORD.size > size:
@@ -133,13 +133,15 @@ def spans(data: bytes) -> Iterator[tuple[int, int, int]]:
         kind, length = RECORD.unpack_from(data, at)
         at += RECORD.size
         if length > size - at:
-            raise DamageError("a record is longer than what it is in")
+            raise DamageError("a record is longer than its chunk or summary")
+        if kind == 0:
+            raise DamageError("there are zeros where a record should be")
         yield kind, at, at + length
         at += length
 
 
 def records(data: bytes) -> Iterator[tuple[int, bytes]]:
-    """Give kind and content of the records in some bytes."""
+    """Yield kind and content of the records in some bytes."""
     return ((kind, data[begin:end]) for kind, begin, end in spans(data))
 
 
@@ -155,7 +157,7 @@ def read_metadata_record(stream: BinaryIO, index: MetadataIndex) -> Any:
 
 
 def read_record_head(stream: BinaryIO, at: int) -> tuple[int, int]:
-    """Give a record's kind and the length of its content, which is in the file as a whole."""
+    """Return a record's kind and content length, after checking that the file holds all of it."""
     if at > size_of(stream):
         raise DamageError("the file ends there")
     stream.seek(at)
@@ -169,7 +171,7 @@ def read_record_head(stream: BinaryIO, at: int) -> tuple[int, int]:
 
 
 def read_chunk(stream: BinaryIO, at: int) -> tuple[int, int, bytes]:
-    """Read a chunk; gives first and last log time, and its unpacked records, whose checksum is right."""
+    """Read a chunk and verify its checksum; return first and last log time, and its decompressed records."""
     kind, length = read_record_head(stream, at)
     if kind != Opcode.CHUNK:
         raise DamageError("there is no chunk where the index says")
@@ -177,14 +179,14 @@ def read_chunk(stream: BinaryIO, at: int) -> tuple[int, int, bytes]:
 
 
 def bounded(size: int) -> int:
-    """Give a size back, if it is not more than `MAX_CHUNK`."""
+    """Return a size after checking it against `MAX_CHUNK`."""
     if size > MAX_CHUNK:
-        raise DamageError(f"a chunk of {size} bytes is more than the {MAX_CHUNK >> 20} MiB that are taken")
+        raise DamageError(f"a chunk of {size} bytes is more than the {MAX_CHUNK >> 20} MiB allowed")
     return size
 
 
 def open_chunk(body: bytes) -> tuple[int, int, bytes]:
-    """Unpack a chunk's content; gives first and last log time, and its records."""
+    """Decompress a chunk's content; return first and last log time, and its records."""
     try:
         first_ns, last_ns, size, crc = _CHUNK.unpack_from(body)
         (named,) = struct.unpack_from("<I", body, _CHUNK.size)
@@ -204,7 +206,7 @@ def open_chunk(body: bytes) -> tuple[int, int, bytes]:
 
 
 def _unpack(name: bytes, packed: memoryview, size: int) -> bytes:
-    """Decompress to at most as many bytes as are declared."""
+    """Decompress to at most the declared number of bytes."""
     try:
         if name == b"zstd":
             declared = zstandard.frame_content_size(packed)
@@ -221,7 +223,7 @@ def _unpack(name: bytes, packed: memoryview, size: int) -> bytes:
 
 
 def messages(data: bytes, summary: Summary | None = None) -> list[Message]:
-    """Give the messages in a chunk's records; schemas and channels among them go to the summary."""
+    """Return the messages in a chunk's records; add schemas and channels among them to the summary."""
     found = []
     for kind, begin, end in spans(data):
         if kind == Opcode.MESSAGE:
@@ -235,7 +237,7 @@ def messages(data: bytes, summary: Summary | None = None) -> list[Message]:
 
 
 def message_head(body: bytes) -> tuple[int, int]:
-    """Channel and log time of a message record's content, of which the beginning is enough."""
+    """Return channel and log time from the beginning of a message record's content."""
     if len(body) < _MESSAGE.size:
         raise DamageError("a message is cut off")
     channel, _, log_time_ns, _ = _MESSAGE.unpack_from(body)

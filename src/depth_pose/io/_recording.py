@@ -1,6 +1,6 @@
-"""A recording as topics and serialised messages, whatever its format; also one that was damaged or cut short.
+"""A recording of any format as topics and serialised messages; damaged and truncated ones included.
 
-This is the one reader of recordings: frames are decoded from it, skeletons read, and topics played.
+All reading of recordings goes through this module: decoding frames, reading skeletons, and playing topics.
 """
 
 from __future__ import annotations
@@ -34,19 +34,19 @@ __all__ = ["RawMessage", "Recording", "Span", "Topic", "read_metadata", "read_sp
 
 
 class Recording:
-    """A recording: a file, or a folder of the files of one, or of images.
+    """A recording: a file, or a folder with the files of one recording, or with images.
 
     Parameters
     ----------
     path : Path or str
         MCAP, rosbag2's .db3, ROS 1's .bag, a folder of these, or a folder of PNG or NPY depth images.
     images : ImageOptions, optional
-        What a folder of images does not say.
+        Camera, unit and rate of a folder of images.
 
     Attributes
     ----------
     topics : dict of str to Topic
-        Those whose messages are, or become, ROS 2's.
+        Topics whose messages are, or are converted to, those of ROS 2.
     others : dict of str to str
         Topics that cannot be read, and why.
     unit_m : float or None
@@ -55,7 +55,7 @@ class Recording:
     Raises
     ------
     InputError
-        Where there is no such file, or it is no recording.
+        If there is no such file, or it is not a recording.
     """
 
     def __init__(self, path: Path | str, images: ImageOptions | None = None) -> None:
@@ -63,7 +63,7 @@ class Recording:
         self.topics: dict[str, Topic] = {}
         self.others: dict[str, str] = {}
         self._first: dict[str, RawMessage] = {}
-        self._said: Mapping[str, int] = {}  # messages by topic, as metadata.yaml has it
+        self._said: Mapping[str, int] = {}  # messages by topic, from metadata.yaml
         self._damage: list[str] = []
         self._unpacked = Unpacker()
         self._files = self._open(images or ImageOptions())
@@ -84,11 +84,13 @@ class Recording:
             return self._open_rosbag2(read_metadata_file(self.path))
         files = recording_files(self.path)
         if not files:
-            raise InputError(f"{self.path} has no recording in it; what can be read is {READ}")
+            raise InputError(f"{self.path} has no recording in it; supported formats are {READ}")
         if files[0].suffix.lower() in IMAGE_ENDINGS:
             return [ImageFolder(self.path, images)]
         if not _may_be_parts(files):
-            raise InputError(f"{self.path} holds several recordings, not the parts of one: give one of them")
+            raise InputError(
+                f"{self.path} holds several recordings, not the parts of one; choose one of them"
+            )
         return [open_file(file, _head(file)) for file in files]
 
     def _open_rosbag2(self, metadata: Metadata) -> list[RecordingFile]:
@@ -96,7 +98,7 @@ class Recording:
         self._said = metadata.counts
         for path in metadata.files:
             if not path.exists():
-                self._damage.append(f"{path} is not there; {self.path / METADATA} names it")
+                self._damage.append(f"{path} does not exist; {self.path / METADATA} lists it")
                 continue
             if path.suffix == PACKED:
                 _head(path)
@@ -104,7 +106,7 @@ class Recording:
             file = open_file(path, _head(path))
             files.append(PackedMessages(file, path) if metadata.is_packed else file)
         if not files:
-            raise InputError("; ".join(self._damage) or f"{self.path / METADATA} names no files")
+            raise InputError("; ".join(self._damage) or f"{self.path / METADATA} lists no files")
         return files
 
     def _add(self, topic: Topic) -> None:
@@ -113,7 +115,7 @@ class Recording:
         self.topics[topic.name] = Topic(topic.name, topic.kind, count, topic.definition, topic.qos)
 
     def messages(self, *topics: str) -> Iterator[RawMessage]:
-        """Give the topics' messages by log time, file after file."""
+        """Yield the topics' messages by log time, file after file."""
         if not self._said:
             for file in self._files:
                 yield from file.messages(topics)
@@ -126,10 +128,10 @@ class Recording:
         missing = missing_counts(self._said, read, topics)
         if missing and not self.damage:
             counts = ", ".join(f"{n} of {of} on {topic}" for topic, (n, of) in sorted(missing.items()))
-            self._damage.append(f"{self.path} gave of the messages that {METADATA} counts {counts}")
+            self._damage.append(f"{self.path} does not have the number of messages in {METADATA}: {counts}")
 
     def first(self, topic: str) -> RawMessage | None:
-        """Give the topic's first message, or None."""
+        """Return the topic's first message, or None."""
         if topic not in self._first:
             for message in self.messages(topic):
                 self._first[topic] = message
@@ -138,12 +140,12 @@ class Recording:
 
     @property
     def damage(self) -> list[str]:
-        """What could not be read, as far as reading has come: a line for each file that is damaged."""
+        """Return the damage found so far: a line for each damaged file."""
         return self._damage + [line for file in self._files for line in file.damage]
 
 
 def read_metadata(path: Path | str, name: str) -> dict[str, str] | None:
-    """Give the named metadata record of an MCAP file; None where there is no such file or record."""
+    """Return the named metadata record of an MCAP file; None without such a file or record."""
     try:
         with open_regular(Path(path)) as stream:
             if stream.read(len(MCAP_MAGIC)) != MCAP_MAGIC:
@@ -159,7 +161,7 @@ def read_metadata(path: Path | str, name: str) -> dict[str, str] | None:
 
 
 def _may_be_parts(files: list[Path]) -> bool:
-    """Whether files may be one recording's: one name but for numbers, each begun after the last."""
+    """Check that files may be parts of one recording: equal names but for numbers, consecutive times."""
     if len({re.sub(r"\d+", "", file.name) for file in files}) > 1:
         return False
     spans = [span for file in files if (span := read_span(file)) is not None and span.end_ns]
@@ -168,7 +170,7 @@ def _may_be_parts(files: list[Path]) -> bool:
 
 @dataclass(frozen=True)
 class Span:
-    """What an MCAP file says of itself: first and last log time, nanoseconds, and its topics."""
+    """Summary of an MCAP file: first and last log time, nanoseconds, and its topics."""
 
     start_ns: int
     end_ns: int
@@ -176,7 +178,7 @@ class Span:
 
 
 def read_span(path: Path | str) -> Span | None:
-    """Give the span of an MCAP file; None where it has no summary to read it from."""
+    """Return the span of an MCAP file; None without a summary."""
     try:
         with open_regular(Path(path)) as stream:
             if stream.read(len(MCAP_MAGIC)) != MCAP_MAGIC:
@@ -192,7 +194,7 @@ def read_span(path: Path | str) -> Span | None:
 
 
 def recording_files(path: Path) -> list[Path]:
-    """Give the files of a recording, in their order; of a folder those of one format, images last."""
+    """Return the files of a recording in order; from a folder those of one format, images last."""
     if not path.is_dir():
         return [path]
     if (path / METADATA).is_file():
@@ -210,7 +212,7 @@ def recording_files(path: Path) -> list[Path]:
 
 
 def _is_packed(file: Path) -> bool:
-    """Whether a file is one of a folder that packs each message."""
+    """Check that a file belongs to a folder with individually compressed messages."""
     try:
         found = read_metadata_file(file.parent) if (file.parent / METADATA).is_file() else None
     except InputError:
@@ -219,7 +221,7 @@ def _is_packed(file: Path) -> bool:
 
 
 def _head(file: Path) -> bytes:
-    """Give a file's first bytes."""
+    """Return a file's first bytes."""
     try:
         with open_regular(file) as stream:
             return stream.read(64)
@@ -228,14 +230,14 @@ def _head(file: Path) -> bytes:
 
 
 def open_regular(file: Path) -> BinaryIO:
-    """Open a file for reading; pipes and devices, which may never end, are not opened.
+    """Open a regular file for reading; refuse pipes and devices, which may never end.
 
     Raises
     ------
     InputError
-        Where it is one of those.
+        If it is a pipe or device.
     OSError
-        Where it cannot be opened.
+        If it cannot be opened.
     """
     if not stat.S_ISREG(file.stat().st_mode):
         raise InputError(f"{file} cannot be read: it is a pipe, a device or the like, not a file")

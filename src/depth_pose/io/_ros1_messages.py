@@ -1,7 +1,7 @@
-"""Messages of ROS 1 as those of ROS 2.
+"""Conversion of ROS 1 messages to ROS 2.
 
-They become CDR by rosbags, where the type is one of ROS 1 Noetic's, of the same definition (MD5), and has the
-same fields in ROS 2. No code is made of definitions that a recording brings.
+rosbags converts them to CDR if the type is one of ROS 1 Noetic's, with the same definition (MD5), and has the
+same fields in ROS 2. No code is generated from definitions in a recording.
 """
 
 from __future__ import annotations
@@ -13,7 +13,8 @@ from typing import Any
 from depth_pose.io._topics import DamageError
 
 _TF_MD5 = {"tf2_msgs/msg/TFMessage": "94810edda583a504dfda3829e70d7eec"}
-"""Types that ROS 2 has with the same fields, and rosbags' list of Noetic's has not; as `rosmsg md5`."""
+"""Types with the same fields in ROS 2 that are missing in rosbags' list of Noetic types; from `rosmsg
+md5`."""
 
 
 @cache
@@ -25,9 +26,9 @@ def _stores() -> tuple[Any, Any]:
 
 @cache
 def why_not(kind: str, md5: str) -> str:
-    """Say why messages of a type, and with this checksum of its definition, cannot become ROS 2's.
+    """Return why messages of a type and definition checksum cannot be converted to ROS 2.
 
-    Empty where they can; without a checksum the type's name has to do.
+    Empty if they can. Without a checksum only the type's name is compared.
     """
     from rosbags.typesys.base import TypesysError
 
@@ -45,7 +46,7 @@ def why_not(kind: str, md5: str) -> str:
 
 
 def _layout(store: Any, kind: str) -> Any:
-    """Types of a message's fields, down to numbers; without the header's counter, which ROS 2 has not."""
+    """Return the types of a message's fields, down to numbers, without the header's ROS 1 counter."""
     fields = store.get_msgdef(kind).fields
     if kind == "std_msgs/msg/Header":
         fields = [field for field in fields if field[0] != "seq"]
@@ -62,10 +63,10 @@ def _layout_of(store: Any, description: Any) -> Any:
 
 
 def to_cdr(data: bytes, kind: str) -> bytes:
-    """Make CDR of a ROS 1 message."""
+    """Convert a ROS 1 message to CDR."""
     from rosbags.serde import SerdeError
 
     try:
         return bytes(_stores()[1].ros1_to_cdr(data, kind))
     except (SerdeError, struct.error, ValueError, AssertionError, IndexError) as error:
-        raise DamageError(f"a message is no {kind}") from error
+        raise DamageError(f"a message is not a valid {kind}") from error

@@ -1,4 +1,4 @@
-"""A folder that rosbag2 wrote: what its ``metadata.yaml`` says, and what was packed as a whole."""
+"""A rosbag2 folder: its ``metadata.yaml``, and files that were compressed as a whole."""
 
 from __future__ import annotations
 
@@ -16,38 +16,38 @@ from depth_pose.io._topics import MAGICS, MAX_CHUNK, RawMessage, RecordingFile, 
 METADATA = "metadata.yaml"
 
 PACKED = ".zstd"
-"""How names end of files that rosbag2 packed as a whole."""
+"""Extension of files that rosbag2 compressed as a whole."""
 
 _MOST_METADATA = 16 << 20
-"""Bytes of ``metadata.yaml``, at most; a larger one is refused. Set by hand."""
+"""Maximum size of ``metadata.yaml`` (bytes); set by hand."""
 _ZSTD_HEADER = 18
-"""Most bytes of a frame's header (RFC 8878)."""
+"""Maximum size of a frame header (bytes, RFC 8878)."""
 
 _BLOCK = 1 << 20
-"""Bytes that are unpacked at once. Set by hand."""
+"""Bytes decompressed at once; set by hand."""
 
 _MOST_RATIO = 200
-"""Most bytes that one packed byte may stand for; noisy depth has 2 to 5, simulated depth 20. Set by hand."""
+"""Maximum compression ratio; noisy depth has 2 to 5, simulated depth 20; set by hand."""
 
 _ALWAYS = 256 << 20
-"""Bytes that may be unpacked whatever the ratio. Set by hand."""
+"""Bytes that may be decompressed at any ratio; set by hand."""
 
 LEFT_FREE = 1 << 30
-"""Bytes that unpacking leaves free on the disk. Set by hand."""
+"""Bytes of disk space that decompression leaves free; set by hand."""
 
 
 @dataclass(frozen=True)
 class Metadata:
-    """What ``metadata.yaml`` says.
+    """Content of ``metadata.yaml``.
 
     Attributes
     ----------
     files : tuple of Path
         The recording's files, in their order.
     counts : mapping of str to int
-        Messages by topic, in all files together.
+        Number of messages by topic, in all files.
     is_packed : bool
-        Whether each message is packed by itself.
+        Whether each message is compressed individually.
     """
 
     files: tuple[Path, ...]
@@ -61,7 +61,7 @@ def read_metadata_file(folder: Path) -> Metadata:
     Raises
     ------
     InputError
-        Where it cannot be read; the message says how to make it anew.
+        If it cannot be read; the message says how to recreate it.
     """
     path = folder / METADATA
     try:
@@ -76,18 +76,18 @@ def read_metadata_file(folder: Path) -> Metadata:
     except (DepthPoseError, ValueError, TypeError, KeyError, AttributeError) as error:
         text = " ".join(str(error).split())
         said = text if isinstance(error, DepthPoseError) else f"{path} cannot be read: {text}"
-        raise InputError(f"{said}; 'ros2 bag reindex {folder}' makes it anew") from error
+        raise InputError(f"{said}; 'ros2 bag reindex {folder}' recreates it") from error
     return Metadata(tuple(folder / name for name in names), counts, mode == "message")
 
 
 def unpack(file: Path, folder: Path) -> Path:
-    """Unpack a file that was packed as a whole into a folder; gives the unpacked one.
+    """Decompress a file that was compressed as a whole into a folder; return the new file.
 
     Raises
     ------
     InputError
-        Where it is no recording, is damaged, or unpacks to more than there is room or reason for. Nothing is
-        left of it then.
+        If it is not a recording, is damaged, or decompresses to more than the limits allow. No partial file
+        remains.
     """
     import zstandard
 
@@ -105,7 +105,7 @@ def unpack(file: Path, folder: Path) -> Path:
 
 
 def _unpack_stream(file: Path, source: BinaryIO, out: BinaryIO, room: int) -> None:
-    """Unpack to at most as many bytes as there is room for."""
+    """Decompress to at most ``room`` bytes."""
     import zstandard
 
     reason = max(_MOST_RATIO * file.stat().st_size, _ALWAYS)
@@ -115,23 +115,23 @@ def _unpack_stream(file: Path, source: BinaryIO, out: BinaryIO, room: int) -> No
     size = 0
     while block := reader.read(_BLOCK):
         if not size and not block.startswith(MAGICS):
-            raise InputError(f"{file} cannot be read: what is packed in it is no recording")
+            raise InputError(f"{file} cannot be read: the compressed file is not a recording")
         size += len(block)
         if max(size, declared) > reason:
             raise InputError(f"{file} is refused: it unpacks to over {_MOST_RATIO} times its size")
         if max(size, declared) > room:
-            raise InputError(f"{file} cannot be unpacked: {out.name} has too little room")
+            raise InputError(f"{file} cannot be unpacked: {out.name} has too little space")
         out.write(block)
 
 
 class Unpacker:
-    """Holds a folder for unpacked files, which goes when nobody needs it any more."""
+    """Holds a folder for decompressed files, which is removed after its last use."""
 
     def __init__(self) -> None:
         self._folder: tempfile.TemporaryDirectory[str] | None = None
 
     def __call__(self, file: Path) -> Path:
-        """Give the file, unpacked if it is packed."""
+        """Return the file, decompressed if it is compressed."""
         if file.suffix != PACKED:
             return file
         if self._folder is None:
@@ -140,12 +140,12 @@ class Unpacker:
 
 
 class PackedMessages:
-    """A file whose messages are packed one by one (zstd).
+    """A file with individually compressed messages (zstd).
 
     Parameters
     ----------
     file : RecordingFile
-        The file as it is.
+        The file with compressed messages.
     path : Path
         Its name.
     """
@@ -157,7 +157,7 @@ class PackedMessages:
         self._bad = 0
 
     def messages(self, topics: Iterable[str]) -> Iterator[RawMessage]:
-        """Give the topics' messages, unpacked."""
+        """Yield the topics' messages, decompressed."""
         import zstandard
 
         unpacker, bad = zstandard.ZstdDecompressor(), 0
@@ -174,11 +174,11 @@ class PackedMessages:
 
     @property
     def damage(self) -> list[str]:
-        """What could not be read, as far as reading has come."""
+        """Return the damage found so far."""
         bad = [f"{self._path} is damaged: {counted(self._bad, 'message')} cannot be unpacked"]
         return self._file.damage + (bad if self._bad else [])
 
 
 def missing_counts(said: Mapping[str, int], read: Mapping[str, int], topics: Iterable[str]) -> dict[str, Any]:
-    """Give the topics whose messages are not as many as said: read, and said."""
+    """Return the topics whose number of messages differs from the expected: read, and expected."""
     return {t: (read.get(t, 0), said[t]) for t in topics if t in said and read.get(t, 0) != said[t]}

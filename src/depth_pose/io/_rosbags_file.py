@@ -1,8 +1,8 @@
 """One .db3 file of rosbag2, or one ROS 1 bag, read by rosbags.
 
-rosbags needs a whole index or table: a bag that was not closed and a database with a damaged page are refused
-with what repairs them. What it takes on trust is checked first (`_db3_checks`) or bounded (`_bounded_bag`).
-Neither format has checksums: a changed byte inside a message is not noticed.
+rosbags needs a complete index or table. A bag that was not closed, or a database with a damaged page, is
+refused with advice on how to repair it. Unsafe content is checked first (`_db3_checks`) or bounded
+(`_bounded_bag`). Neither format has checksums, so a changed byte inside a message is not detected.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from depth_pose.io._topics import DamageError, RawMessage, Topic, counted
 if TYPE_CHECKING:
     from rosbags.interfaces import Connection
 
-_DB3_REPAIR = "'sqlite3 FILE .recover | sqlite3 NEW.db3' saves what can be"
-_BAG_REPAIR = "ROS 1's 'rosbag reindex FILE' makes the index anew"
+_DB3_REPAIR = "'sqlite3 FILE .recover | sqlite3 NEW.db3' recovers what it can"
+_BAG_REPAIR = "ROS 1's 'rosbag reindex FILE' recreates the index"
 
 
 class RosbagsFile:
@@ -36,14 +36,14 @@ class RosbagsFile:
     Attributes
     ----------
     topics : list of Topic
-        Topics whose messages are, or become, ROS 2's.
+        Topics whose messages are, or are converted to, those of ROS 2.
     others : dict of str to str
         The other topics, and why they cannot be read.
 
     Raises
     ------
     InputError
-        Where it is damaged, refused by a check, or holds something else.
+        If it is damaged, refused by a check, or of another format.
     """
 
     def __init__(self, path: Path, is_bag: bool) -> None:
@@ -70,7 +70,7 @@ class RosbagsFile:
             raise
         except DamageError as error:
             raise InputError(f"{self.path} is refused: {error}") from error
-        except Exception as error:  # rosbags raises a dozen kinds
+        except Exception as error:  # rosbags raises a dozen exception types
             todo = _BAG_REPAIR if self._is_bag else _DB3_REPAIR
             raise InputError(f"{self.path} is damaged, or ends too early: {_said(error)}; {todo}") from error
         weakref.finalize(self, reader.close)
@@ -91,22 +91,22 @@ class RosbagsFile:
         self.topics = list(topics.values())
 
     def _why_not(self, connection: Connection) -> str:
-        """Say why a connection's messages cannot be read; empty where they can."""
+        """Return why a connection's messages cannot be read; empty if they can."""
         if self._is_bag:
             return why_not(connection.msgtype, connection.digest)
         encoding = str(getattr(connection.ext, "serialization_format", ""))
-        return "" if encoding == "cdr" else encoding or "an encoding that is not said"
+        return "" if encoding == "cdr" else encoding or "an unspecified encoding"
 
     def _qos(self, connection: Connection) -> str:
-        """Return what publishers offered, as rosbag2 writes it (YAML), as far as players need it."""
+        """Return the publishers' QoS as rosbag2 writes it (YAML), with the fields that players need."""
         offered = getattr(connection.ext, "offered_qos_profiles", ())
         return "\n".join(f"- durability: {profile.durability.name.lower()}" for profile in offered)
 
     def messages(self, topics: Iterable[str]) -> Iterator[RawMessage]:
-        """Give the topics' messages by log time."""
+        """Yield the topics' messages by log time."""
         wanted = set(topics)
         connections = [c for c in self._connections if c.topic in wanted]
-        if not connections:  # rosbags would give all
+        if not connections:  # rosbags would yield all
             return
         read = bad = 0
         try:
@@ -120,11 +120,11 @@ class RosbagsFile:
                 yield RawMessage(connection.topic, ns, converted)
         except MemoryError:
             raise
-        except Exception as error:  # rosbags raises a dozen kinds
+        except Exception as error:  # rosbags raises a dozen exception types
             self._fault = f"{_said(error)}, after {counted(read, 'message')}; the rest is not read"
 
     def _cdr(self, data: bytes, connection: Connection) -> bytes | None:
-        """Return a message as ROS 2 encodes it; None where it is not of its type."""
+        """Return a message in ROS 2 encoding; None if it does not match its type."""
         try:
             return to_cdr(data, connection.msgtype) if self._is_bag else data
         except DamageError:
@@ -132,7 +132,7 @@ class RosbagsFile:
 
     @property
     def damage(self) -> list[str]:
-        """What could not be read, as far as reading has come: one line, or none."""
+        """Return the damage found so far: one line, or none."""
         parts = [self._fault] if self._fault else []
         if self._bad:
             parts.append(f"{counted(self._bad, 'message')} cannot be read")
@@ -140,5 +140,5 @@ class RosbagsFile:
 
 
 def _said(error: Exception) -> str:
-    """Return what an error says, on one line of bounded length."""
+    """Return the text of an error, on one line of bounded length."""
     return " ".join(str(error).split())[:200] or type(error).__name__

@@ -1,9 +1,9 @@
 """RVL, run lengths and variable lengths: lossless coding of depth images.
 
-A. Wilson, *Fast Lossless Depth Image Compression*, ACM ISS 2017. The pixels are runs: how many are
-zero, how many are not, and of the latter each one's difference to the one before, its sign in the
-lowest bit. Every number is written in groups of three bits, lowest first, each in half a byte whose
-highest bit says that more follow; the half bytes fill 32-bit little-endian words from the top.
+A. Wilson, *Fast Lossless Depth Image Compression*, ACM ISS 2017. The pixels are coded as runs: number of
+zeros, number of other values, and for each of those the difference to the previous one, its sign in the
+lowest bit. Each number is written in groups of three bits, lowest first, each in half a byte whose highest
+bit marks a continuation. The half bytes fill 32-bit little-endian words from the top.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from depth_pose.core.kernels import njit
 
 @njit(cache=True)
 def _read(nibbles: NDArray[np.uint8], at: int) -> tuple[int, int]:
-    """Read a number at a half byte; gives it and where the next begins, -1 where it is cut off."""
+    """Read a number at a half byte; return it and the next position, -1 if it is cut off."""
     value, shift = 0, 0
     while at < nibbles.size and shift < 33:
         nibble = nibbles[at]
@@ -30,7 +30,7 @@ def _read(nibbles: NDArray[np.uint8], at: int) -> tuple[int, int]:
 
 @njit(cache=True)
 def decode(nibbles: NDArray[np.uint8], out: NDArray[np.uint16]) -> bool:
-    """Decode half bytes into pixels; false where they end early or are too many."""
+    """Decode half bytes into pixels; return False if there are too few or too many."""
     done, at, previous = 0, 0, 0
     while done < out.size:
         zeros, at = _read(nibbles, at)

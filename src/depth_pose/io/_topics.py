@@ -1,4 +1,4 @@
-"""Topics and messages of a recording, whatever its format."""
+"""Topics and messages of a recording, for any format."""
 
 from __future__ import annotations
 
@@ -11,15 +11,13 @@ MCAP_MAGIC = b"\x89MCAP0\r\n"
 DB3_MAGIC = b"SQLite format 3\x00"
 BAG_MAGIC = b"#ROSBAG V2.0\n"
 MAGICS = (MCAP_MAGIC, DB3_MAGIC, BAG_MAGIC)
-"""What recordings begin with."""
+"""First bytes of the supported recordings."""
 
 MOST_WAITING = 256 << 20
-"""Bytes of messages that may wait for earlier ones in chunks that overlap. Set by hand: twice the largest
-chunk."""
+"""Maximum bytes of messages waiting for earlier ones in overlapping chunks: two chunks; set by hand."""
 
 MAX_CHUNK = 128 << 20
-"""The most bytes of a chunk or a message, packed or not: twice the largest image that is taken, in
-metres. Set by hand."""
+"""Maximum bytes of a chunk or a message, compressed or not: twice the largest accepted image; set by hand."""
 
 
 @dataclass(frozen=True)
@@ -31,11 +29,11 @@ class Topic:
     name, kind : str
         Its name and message type.
     count : int
-        How many messages the recording says that it has.
+        Number of messages, from the recording's index.
     definition : str
-        The type's definition; empty where the recording has none.
+        The type's definition; empty if the recording has none.
     qos : str
-        What its publishers offered, as rosbag2 writes it (YAML); empty where the recording does not say.
+        QoS of its publishers, as rosbag2 writes it (YAML); empty if the recording has none.
     """
 
     name: str
@@ -47,7 +45,7 @@ class Topic:
 
 @dataclass(frozen=True)
 class RawMessage:
-    """One message as it was recorded: CDR bytes and log time, nanoseconds."""
+    """One recorded message: CDR bytes and log time, nanoseconds."""
 
     topic: str
     log_time_ns: int
@@ -55,12 +53,12 @@ class RawMessage:
 
 
 def counted(count: int, what: str) -> str:
-    """Say how many, for instance ``3 messages``."""
+    """Format a count with its noun, for instance ``3 messages``."""
     return f"{count} {what}{'' if count == 1 else 's'}"
 
 
 class Place(NamedTuple):
-    """Where in a file messages are: a chunk, or a run of messages that are in none.
+    """Location of messages in a file: a chunk, or a run of messages outside chunks.
 
     Attributes
     ----------
@@ -69,7 +67,7 @@ class Place(NamedTuple):
     start, end : int
         Offsets in the file.
     channels : frozenset of int or None
-        Channels that have messages there; None where that is not known.
+        Channels with messages there; None if unknown.
     is_chunk : bool
     """
 
@@ -82,15 +80,15 @@ class Place(NamedTuple):
 
 
 def in_order(places: Iterable[Place], read: Callable[[Place], Iterable[RawMessage]]) -> Iterator[RawMessage]:
-    """Give the messages of all places by log time; those of one time in the file's order.
+    """Yield the messages of all places by log time; equal times in file order.
 
-    Of more than `MOST_WAITING` that wait, in places that overlap, the earliest are given out.
+    If more than `MOST_WAITING` bytes wait in overlapping places, the earliest messages are yielded.
 
     Parameters
     ----------
     places : iterable of Place
     read : callable
-        Gives a place's messages; is called when all that is earlier was given out.
+        Returns a place's messages; called after all earlier messages were yielded.
     """
     waiting: list[tuple[int, int, int, RawMessage]] = []
     held = 0
@@ -108,23 +106,23 @@ def in_order(places: Iterable[Place], read: Callable[[Place], Iterable[RawMessag
 
 
 class DamageError(Exception):
-    """Something in a recording cannot be read; the text says what, and fits behind 'because'."""
+    """Unreadable data in a recording; the text is a reason that fits behind 'because'."""
 
 
 class RecordingFile(Protocol):
-    """One file of a recording, in whatever format."""
+    """One file of a recording, in any format."""
 
     @property
     def topics(self) -> list[Topic]:
-        """Those that can be read."""
+        """Readable topics."""
 
     @property
     def others(self) -> dict[str, str]:
-        """Topics that cannot be read, and why."""
+        """Unreadable topics, with the reasons."""
 
     def messages(self, topics: Iterable[str]) -> Iterator[RawMessage]:
-        """Give the topics' messages by log time."""
+        """Yield the topics' messages by log time."""
 
     @property
     def damage(self) -> list[str]:
-        """What could not be read so far, one line each."""
+        """Return the damage found so far, one line each."""

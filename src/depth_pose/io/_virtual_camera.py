@@ -1,4 +1,4 @@
-"""A virtual pinhole camera for clouds that come without one."""
+"""A virtual pinhole camera for clouds without one."""
 
 from __future__ import annotations
 
@@ -8,19 +8,19 @@ from numpy.typing import NDArray
 from depth_pose.core.camera import Camera
 
 _POINTS_PER_PIXEL = 1.6
-"""Points on a pixel on average, where there are any: few pixels stay empty. Set by hand; not swept."""
+"""Mean number of points per pixel in occupied areas, so that few pixels stay empty; set by hand."""
 
 _MAX_TANGENT = 1.75
-"""Largest x/z and y/z that is kept: 120 degrees of view. Set by hand; not swept."""
+"""Maximum x/z and y/z: 120 degrees field of view; set by hand."""
 
 _LEAST_SIDE, _MOST_SIDE = 32, 640
-"""Bounds of the longer side, pixels; the most is that of today's sensors. Set by hand."""
+"""Limits of the longer side (pixels); the maximum is that of current sensors; set by hand."""
 
 _COARSE_CELLS = 48
-"""Cells along the longer side, by which the area that holds points is estimated. Set by hand; not swept."""
+"""Number of cells along the longer side for estimating the occupied area; set by hand."""
 
 _SURFACE_JUMP_M = 0.1
-"""Neighbours of a hole that differ by more, metres, are of two surfaces. Set by hand; not swept."""
+"""Depth difference (m) above which neighbours of a hole belong to two surfaces; set by hand."""
 
 
 def project_cloud(points: NDArray[np.floating]) -> tuple[NDArray[np.float32], Camera]:
@@ -34,7 +34,7 @@ def project_cloud(points: NDArray[np.floating]) -> tuple[NDArray[np.float32], Ca
     Returns
     -------
     depth : (H, W) float32
-        Metres, 0 where no point falls. Single empty pixels inside a surface are filled.
+        Metres; 0 without a point. Single empty pixels inside a surface are filled.
     camera : Camera
     """
     x, y, z = points.astype(np.float64).T
@@ -53,7 +53,7 @@ def project_cloud(points: NDArray[np.floating]) -> tuple[NDArray[np.float32], Ca
 
 
 def _fit_camera(a: NDArray[np.float64], b: NDArray[np.float64]) -> Camera:
-    """Choose the camera whose pixels hold about `_POINTS_PER_PIXEL` points where there are any."""
+    """Choose the camera whose occupied pixels hold about `_POINTS_PER_PIXEL` points."""
     low = np.array([a.min(), b.min()])
     extent = np.maximum(np.array([a.max(), b.max()]) - low, 1e-3)
     cell = extent.max() / _COARSE_CELLS
@@ -67,7 +67,7 @@ def _fit_camera(a: NDArray[np.float64], b: NDArray[np.float64]) -> Camera:
 
 
 def _fill_single_holes(depth: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Give empty pixels the median of their neighbours where five or more agree."""
+    """Fill empty pixels with the median of their neighbours where five or more agree."""
     height, width = depth.shape
     padded = np.pad(depth, 1)
     around = np.stack(

@@ -1,9 +1,9 @@
-"""Camera calibrations: from the fields of a CameraInfo to a pinhole camera, and images without distortion.
+"""Camera calibrations: pinhole cameras from the fields of a CameraInfo, and rectification of images.
 
-The functions take plain fields, not messages, so that the nodes and the readers of
-recordings share them. What cannot be used raises `InputError` naming the field and its value.
+The functions take plain fields, not messages, so that the nodes and the readers of recordings share them.
+Invalid input raises `InputError` with the field and its value.
 
-With the pinhole camera ``u = fx x/z + cx``, ``v = fy y/z + cy`` (integer coordinates are pixel centres).
+The pinhole camera is ``u = fx x/z + cx``, ``v = fy y/z + cy`` (integer coordinates are pixel centres).
 """
 
 from __future__ import annotations
@@ -18,28 +18,27 @@ from depth_pose.core.errors import InputError
 from depth_pose.io.decode import MAX_PIXELS, check_shape, check_size
 
 _DISTORTION_LENGTHS = {"plumb_bob": (4, 5), "rational_polynomial": (8,), "equidistant": (4,)}
-"""Coefficients that each model of ``sensor_msgs/distortion_models`` may have."""
+"""Allowed numbers of coefficients of each model of ``sensor_msgs/distortion_models``."""
 
 _LEAST_FOCAL, _MOST_FOCAL = 0.05, 50.0
-"""Bounds of the focal lengths, of the image's longer side: views of 169 and of 1.1 degrees. Sensors have 0.4
-(fisheye) to 5 (long range). Set by hand."""
+"""Limits of the focal lengths, as shares of the image's longer side: fields of view of 169 and 1.1
+degrees; set by hand."""
 
 _MOST_ASPECT = 8.0
-"""Most that the focal lengths may differ by, as a factor: images binned in one direction have 2.
-Set by hand."""
+"""Maximum ratio of the focal lengths; images binned in one direction have 2; set by hand."""
 
 _BAND = 64
-"""Rows that are rectified at a time. Set by hand; not swept."""
+"""Number of rows rectified at a time; set by hand."""
 
 _KEPT_PIXELS = MAX_PIXELS
-"""Pixels of rectifications that are kept, of 9 bytes each: those of 54 cameras of 640 x 480. Set by hand."""
+"""Maximum pixels of cached rectifications, 9 bytes each: 54 cameras of 640 x 480; set by hand."""
 
 
 def is_rectified(topic: str) -> bool:
-    """Whether a topic's images are without distortion, by its name: ``image_rect``, ``image_depth_rect``.
+    """Check that a topic's images are rectified, by its name: ``image_rect``, ``image_depth_rect``.
 
-    By the convention of ``image_proc`` their CameraInfo is that of the raw image: its K and D are the lens',
-    and its P is what the rectified image was made with.
+    By the convention of ``image_proc`` their CameraInfo is that of the raw image: K and D describe the lens,
+    and P the rectified image.
     """
     return "rect" in topic.removesuffix("/compressedDepth").rpartition("/")[2].split("_")
 
@@ -47,9 +46,9 @@ def is_rectified(topic: str) -> bool:
 def lens_of(
     k: NDArray[np.float64], d: NDArray[np.float64], p: NDArray[np.float64], rectified: bool
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Give the K (9,) and D (n,) that an image was taken with, of a ``sensor_msgs/CameraInfo``'s k, d, p.
+    """Return K (9,) and D (n,) of an image from the k, d, p of its ``sensor_msgs/CameraInfo``.
 
-    Of a rectified one (`is_rectified`) D is empty, and K stands in P, if P is set.
+    For a rectified image (`is_rectified`) D is empty, and K is taken from P if P is set.
     """
     if not rectified:
         return k, d
@@ -64,31 +63,31 @@ def camera_from_info(
     height: int,
     distortion_model: str = "plumb_bob",
 ) -> Camera:
-    """Check the fields of a ``sensor_msgs/CameraInfo`` and give its pinhole camera.
+    """Check the fields of a ``sensor_msgs/CameraInfo`` and return its pinhole camera.
 
-    The lens' distortion is not part of a `Camera`: `rectify_depth` takes it out of the image.
+    The lens distortion is not part of a `Camera`: `rectify_depth` removes it from the image.
 
     Parameters
     ----------
     k : (9,) float
         The matrix K, row by row.
     d : (n,) float
-        Distortion coefficients; all zero, or none, where the image is rectified.
+        Distortion coefficients; all zero, or none, for a rectified image.
     width, height : int
         Size, pixels.
     distortion_model : str
-        ``plumb_bob``, ``rational_polynomial`` or ``equidistant``; matters where `d` is not zero.
+        ``plumb_bob``, ``rational_polynomial`` or ``equidistant``; used if `d` is not zero.
 
     Raises
     ------
     InputError
-        Where a field is empty, zero or contradictory.
+        If a field is empty, zero or contradictory.
     """
     check_size("camera_info", height, width)
     check_shape("camera_info", height, width)
     values = np.asarray(k, np.float64).ravel()
     if values.size != 9:
-        raise InputError(f"camera_info: k has {values.size} numbers; it has 9")
+        raise InputError(f"camera_info: k has {values.size} numbers; it must have 9")
     if not np.isfinite(values).all():
         raise InputError(f"camera_info: k is {values.tolist()}; all must be finite")
     fx, skew, cx, _, fy, cy = values[:6]
@@ -116,7 +115,7 @@ def camera_from_info(
 
 
 def _distortion(d: Sequence[float] | NDArray[np.float64], model: str) -> tuple[float, ...]:
-    """Give the coefficients, checked; none where there is no distortion."""
+    """Check and return the coefficients; none without distortion."""
     coefficients = tuple(float(x) for x in d)
     if not any(coefficients):
         return ()
@@ -124,8 +123,8 @@ def _distortion(d: Sequence[float] | NDArray[np.float64], model: str) -> tuple[f
         raise InputError(f"camera_info: d is {list(coefficients)}; all must be finite")
     if model not in _DISTORTION_LENGTHS:
         raise InputError(
-            f"camera_info: distortion_model is {model!r}; it is one of {', '.join(_DISTORTION_LENGTHS)}, "
-            "or give a rectified image and its camera_info"
+            f"camera_info: distortion_model is {model!r}; it must be one of "
+            f"{', '.join(_DISTORTION_LENGTHS)}, or give a rectified image and its camera_info"
         )
     if len(coefficients) not in _DISTORTION_LENGTHS[model]:
         raise InputError(
@@ -141,17 +140,17 @@ def rectify_depth(
     d: Sequence[float] | NDArray[np.float64],
     distortion_model: str = "plumb_bob",
 ) -> NDArray[np.float32]:
-    """Take the lens' distortion out of a depth image.
+    """Remove the lens distortion from a depth image.
 
-    Every pixel of the ideal camera takes the *nearest* pixel of the image: between two
-    surfaces there is no depth to interpolate.
+    Every pixel of the ideal camera takes the *nearest* pixel of the image, because depth cannot be
+    interpolated between two surfaces.
 
     Parameters
     ----------
     depth : (H, W) float32
         Metres.
     camera : Camera
-        From `camera_from_info`; it is the result's camera too.
+        From `camera_from_info`; also the camera of the result.
     d : (n,) float
         Distortion coefficients.
     distortion_model : str
@@ -160,7 +159,7 @@ def rectify_depth(
     Returns
     -------
     (H, W) float32
-        Metres; 0 where the sensor did not see. The input itself if there is no distortion.
+        Metres; 0 without a measurement. The input itself if there is no distortion.
     """
     if depth.shape != (camera.height, camera.width):
         raise InputError(
@@ -179,7 +178,7 @@ def rectify_depth(
 def _rectification(
     camera: Camera, d: tuple[float, ...], model: str
 ) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-    """Index of the distorted pixel that each ideal pixel sees, and whether there is none, (H, W)."""
+    """Return the index of each ideal pixel's distorted pixel, and whether there is none, (H, W)."""
     key = (camera, d, model)
     if key not in _rectifications:
         made = _make_rectification(camera, d, model)
@@ -191,20 +190,20 @@ def _rectification(
 
 
 _rectifications: dict[tuple[Camera, tuple[float, ...], str], tuple[NDArray[np.int64], NDArray[np.bool_]]] = {}
-"""Those of the last cameras, up to `_KEPT_PIXELS`."""
+"""Cache of the last cameras, up to `_KEPT_PIXELS`."""
 
 
 def _make_rectification(
     camera: Camera, d: tuple[float, ...], model: str
 ) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-    """Work in bands of rows: what is between, in float64, is many times the size of the image."""
+    """Compute a rectification in bands of rows, to limit the memory of float64 intermediates."""
     source = np.zeros((camera.height, camera.width), np.int64)
     outside = np.zeros((camera.height, camera.width), np.bool_)
     u = np.arange(camera.width, dtype=np.float64)
     for first in range(0, camera.height, _BAND):
         band = slice(first, min(first + _BAND, camera.height))
         v = np.arange(band.start, band.stop, dtype=np.float64)[:, None]
-        with np.errstate(all="ignore"):  # where a lens has no image; it is not inside then
+        with np.errstate(all="ignore"):  # a ray outside the lens model is marked as outside the image
             rays = np.broadcast_arrays((u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy)
             a, b = distort(rays[0], rays[1], d, model)
             column = np.rint(camera.fx * a + camera.cx)
@@ -218,7 +217,7 @@ def _make_rectification(
 def distort(
     a: NDArray[np.float64], b: NDArray[np.float64], d: Sequence[float], model: str
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Where a lens puts the ray (a, b, 1): the models of ``sensor_msgs/distortion_models``.
+    """Distort the ray (a, b, 1) by a model of ``sensor_msgs/distortion_models``.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
-"""Point clouds: from message fields to points, and to the depth image that a camera of theirs would see.
+"""Point clouds: from message fields to points, and to the depth image of their camera.
 
-The functions take plain fields, not messages, so that the nodes and the readers of
-recordings share them. What cannot be used raises `InputError` naming the field and its value.
+The functions take plain fields, not messages, so that the nodes and the readers of recordings share them.
+Invalid input raises `InputError` with the field and its value.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ from depth_pose.io._virtual_camera import project_cloud
 from depth_pose.io.decode import MAX_PIXELS, check_bytes, check_shape, check_size
 
 _POINT_TYPES = {7: "f4", 8: "f8"}
-"""NumPy's types of those of `sensor_msgs/PointField`'s numbers that a coordinate may have."""
+"""NumPy types of the `sensor_msgs/PointField` datatypes that a coordinate may have."""
 
 _FIT_TOLERANCE_PX = 0.5
-"""A cloud whose points miss a pinhole camera's pixels by more, root mean square, has no such camera."""
+"""Maximum root mean square error (pixels) of a cloud's fit to a pinhole camera."""
 
 
 def decode_points(
@@ -40,7 +40,7 @@ def decode_points(
     data : bytes-like
         The cloud's bytes, ``height * row_step`` of them.
     height, width : int
-        Rows and columns; one row where the cloud is not organised.
+        Rows and columns; one row if the cloud is not organised.
     point_step, row_step : int
         Bytes of a point and of a row.
     fields : mapping of str to (int, int)
@@ -64,7 +64,7 @@ def decode_points(
         offset, datatype = fields[name]
         if datatype not in _POINT_TYPES:
             raise InputError(
-                f"cloud: field {name!r} has datatype {datatype}; it is 7 (FLOAT32) or 8 (FLOAT64)"
+                f"cloud: field {name!r} has datatype {datatype}; it must be 7 (FLOAT32) or 8 (FLOAT64)"
             )
         kind = np.dtype(order + _POINT_TYPES[datatype])
         if offset < 0 or offset + kind.itemsize > point_step:
@@ -78,22 +78,22 @@ def decode_points(
 
 
 def camera_from_points(points: NDArray[np.floating]) -> Camera:
-    """Find the pinhole camera whose pixels an organised cloud's points are.
+    """Find the pinhole camera of an organised cloud.
 
     Least squares in float64 of ``u = fx x/z + cx`` and ``v = fy y/z + cy`` over the points.
 
     Parameters
     ----------
     points : (h, w, 3) float
-        Points in the optical frame, metres; NaN or z <= 0 where there is none.
+        Points in the optical frame, metres; NaN or z <= 0 without a point.
 
     Raises
     ------
     InputError
-        Where there are too few points, or no pinhole camera sees them so.
+        If there are too few points, or they do not fit a pinhole camera.
     """
     if points.ndim != 3 or points.shape[2] != 3:
-        raise InputError(f"cloud has shape {points.shape}; an organised one has (height, width, 3)")
+        raise InputError(f"cloud has shape {points.shape}; an organised cloud has (height, width, 3)")
     from depth_pose.io import _cloud_kernels as kernels
 
     height, width = points.shape[:2]
@@ -119,26 +119,25 @@ def camera_from_points(points: NDArray[np.floating]) -> Camera:
 
 
 def frame_from_cloud(points: NDArray[np.floating], stamp_ns: int, frame_id: str) -> DepthFrame:
-    """Make a depth image of a cloud.
+    """Convert a cloud to a depth image.
 
-    An organised cloud of a pinhole camera keeps its pixels. Any other is projected into a
-    virtual pinhole camera at the origin of its frame, nearest point first, with as many
-    pixels as suit its density.
+    An organised cloud of a pinhole camera keeps its pixels. Any other is projected into a virtual pinhole
+    camera at the origin of its frame, nearest point first, with a resolution that fits its density.
 
     Parameters
     ----------
     points : (h, w, 3) or (n, 3) float
-        Points in an optical frame (x right, y down, z forward), metres; NaN where there is none.
+        Points in an optical frame (x right, y down, z forward), metres; NaN without a point.
     stamp_ns : int
     frame_id : str
 
     Raises
     ------
     InputError
-        Where no point lies in front of the camera.
+        If no point lies in front of the camera.
     """
     if points.ndim not in (2, 3) or points.shape[-1] != 3:
-        raise InputError(f"cloud has shape {points.shape}; it has (height, width, 3) or (n, 3)")
+        raise InputError(f"cloud has shape {points.shape}; it must be (height, width, 3) or (n, 3)")
     flat = points.reshape(-1, 3)
     flat = flat[np.isfinite(flat).all(axis=1) & (flat[:, 2] > 0)]
     if len(flat) == 0:
@@ -149,7 +148,7 @@ def frame_from_cloud(points: NDArray[np.floating], stamp_ns: int, frame_id: str)
         try:
             camera = camera_from_points(points)
         except InputError:
-            pass  # organised, but by something else than a pinhole camera
+            pass  # organised, but not by a pinhole camera
         else:
             depth = points[..., 2].astype(np.float32)
             depth[~(np.isfinite(points).all(axis=2) & (depth > 0))] = 0.0

@@ -1,9 +1,9 @@
-"""Depth images as ``image_transport``'s ``compressedDepth`` sends them.
+"""Depth images in the ``compressedDepth`` transport of ``image_transport``.
 
-A ``sensor_msgs/CompressedImage`` whose format is ``ENCODING; compressedDepth[ png| rvl]``. The data
-begin with twelve bytes, a number and the two parameters A, B of the quantisation; then comes a PNG
-of one 16-bit channel, or the width, the height and RVL. For ``16UC1`` the pixels are the image's;
-for ``32FC1`` they stand for ``A / (pixel - B)`` metres.
+A ``sensor_msgs/CompressedImage`` with the format ``ENCODING; compressedDepth[ png| rvl]``. The data begin
+with twelve bytes, a number and the two parameters A, B of the quantisation. Then follows a PNG of one 16-bit
+channel, or the width, the height and RVL. For ``16UC1`` the pixels are those of the image; for ``32FC1`` they
+encode ``A / (pixel - B)`` metres.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from depth_pose.io import _rvl_kernels as kernels
 from depth_pose.io.decode import check_size
 
 TOPIC_ENDING = "/compressedDepth"
-"""How topics of this transport end."""
+"""Suffix of topics with this transport."""
 
 _HEADER = struct.Struct("<iff")
 _PNG = b"\x89PNG\r\n\x1a\n"
@@ -33,7 +33,7 @@ def decode_compressed_depth(
     Parameters
     ----------
     format : str
-        The message's format, which names the encoding.
+        The message's format, with the encoding.
     data : bytes-like
         The message's data.
     unit_m : float, optional
@@ -42,12 +42,12 @@ def decode_compressed_depth(
     Returns
     -------
     (H, W) float32
-        Metres, 0 where nothing returned.
+        Metres; 0 without a measurement.
 
     Raises
     ------
     InputError
-        Where it is no depth image, or damaged.
+        If it is not a depth image, or damaged.
     """
     encoding, _, transport = (part.strip() for part in format.partition(";"))
     if encoding not in ("16UC1", "mono16", "32FC1") or "compressedDepth" not in transport:
@@ -78,7 +78,7 @@ def _decode_rvl(body: bytes) -> NDArray[np.uint16]:
     nibbles = ((words[:, None] >> shifts) & 15).astype(np.uint8).ravel()
     out = np.empty(width * height, np.uint16)
     if not kernels.decode(nibbles, out):
-        raise InputError(f"compressed image: the RVL data do not give {width} x {height} pixels")
+        raise InputError(f"compressed image: the RVL data do not decode to {width} x {height} pixels")
     return out.reshape(height, width)
 
 
@@ -88,7 +88,7 @@ def decode_png(body: bytes) -> NDArray[np.uint16]:
     Raises
     ------
     InputError
-        Where it is none, damaged or too large.
+        If it is not such a PNG, damaged or too large.
     """
     from PIL import Image
 
@@ -100,5 +100,5 @@ def decode_png(body: bytes) -> NDArray[np.uint16]:
             return np.asarray(image).astype(np.uint16)
     except InputError:
         raise
-    except Exception as error:  # Pillow raises a dozen kinds
+    except Exception as error:  # Pillow raises a dozen exception types
         raise InputError(f"compressed image: the PNG is damaged ({error})") from error

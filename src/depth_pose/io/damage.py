@@ -1,4 +1,4 @@
-"""Damage of recordings is told on a logger of its own, so that who runs a command can act on it."""
+"""Logger for damage in recordings, separate so that commands can act on it."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ import logging
 from collections.abc import Iterable
 
 DAMAGE_LOG = logging.getLogger("depth_pose.damage")
-"""Gets one warning for each recording that could not be read as a whole, when reading it has ended."""
+"""Receives one warning for each damaged recording, at the end of reading."""
 
 
 def tell_damage(lines: Iterable[str]) -> None:
-    """Tell what could not be read, one line a file."""
+    """Log damage, one line per file."""
     for line in lines:
         DAMAGE_LOG.warning("%s", line)

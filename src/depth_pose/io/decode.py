@@ -1,7 +1,7 @@
 """Depth images: from message fields to metres along the optical axis.
 
-The functions take plain fields, not messages, so that the nodes and the readers of
-recordings share them. What cannot be used raises `InputError` naming the field and its value.
+The functions take plain fields, not messages, so that the nodes and the readers of recordings share them.
+Invalid input raises `InputError` with the field and its value.
 """
 
 from __future__ import annotations
@@ -12,40 +12,39 @@ from numpy.typing import NDArray
 from depth_pose.core.errors import InputError
 
 MAX_SIDE = 8192
-"""The most rows or columns an image or cloud may have: larger sizes are damage. Set by hand."""
+"""Maximum rows or columns of an image or cloud; set by hand."""
 
 MAX_PIXELS = 16_777_216
-"""The most pixels of an image, or points of a cloud: 4096 x 4096. Set by hand."""
+"""Maximum pixels of an image, or points of a cloud: 4096 x 4096; set by hand."""
 
 _DEPTH_TYPES: dict[str, str] = {"16UC1": "u2", "mono16": "u2", "32FC1": "f4"}
 
 _MOST_ELONGATED = 16
-"""Most that an image's longer side may be of its shorter one. Of 8192 x 2 pixels a frame takes 20 s, of
-8192 x 512 less than 0.1 s."""
+"""Maximum ratio of an image's sides; a frame of 8192 x 2 pixels would take 20 s."""
 
 
 def check_size(what: str, height: int, width: int, max_width: int = MAX_SIDE) -> None:
-    """Refuse sizes of images and clouds that are empty, or too large to be one."""
+    """Refuse images and clouds that are empty or too large."""
     if height < 1 or width < 1:
         raise InputError(f"{what} is empty: width is {width}, height is {height}")
     if height > MAX_SIDE or width > max_width or height * width > MAX_PIXELS:
         raise InputError(
             f"{what} is too large: width is {width}, height is {height}; "
-            f"the most is {max_width} x {MAX_SIDE} and {MAX_PIXELS} in all"
+            f"the maximum is {max_width} x {MAX_SIDE} and {MAX_PIXELS} in all"
         )
 
 
 def check_shape(what: str, height: int, width: int) -> None:
-    """Refuse images so elongated that no camera makes them."""
+    """Refuse images that are too elongated for a camera."""
     if max(height, width) > _MOST_ELONGATED * min(height, width):
         raise InputError(
-            f"{what}: width is {width}, height is {height}; a camera's image is at most "
-            f"{_MOST_ELONGATED} times as long as high"
+            f"{what}: width is {width}, height is {height}; the sides of a camera "
+            f"image differ by at most a factor of {_MOST_ELONGATED}"
         )
 
 
 def check_bytes(what: str, size: int, height: int, step: int, least_step: int, step_name: str) -> None:
-    """Refuse data whose rows do not fit its size."""
+    """Refuse data whose size and rows disagree."""
     if step < least_step:
         raise InputError(f"{what}: {step_name} is {step} bytes; a row needs at least {least_step}")
     if size != height * step:
@@ -83,12 +82,12 @@ def decode_depth(
     Returns
     -------
     (H, W) float32
-        Metres, 0 where nothing returned (NaN, infinite or negative in the message; REP 118).
+        Metres; 0 without a measurement (NaN, infinite or negative in the message; REP 118).
 
     Raises
     ------
     InputError
-        Where the encoding holds no depth, or size, step and bytes disagree.
+        If the encoding is not of depth, or size, step and bytes disagree.
     """
     if encoding not in _DEPTH_TYPES:
         raise InputError(

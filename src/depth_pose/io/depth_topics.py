@@ -1,7 +1,7 @@
-"""Which topics of a recording depth frames can be made from.
+"""Topics of a recording that provide depth frames.
 
-They are found by what they hold, not by their names: images of a depth encoding with a CameraInfo
-beside them, or point clouds.
+They are found by content, not by name: images of a depth encoding with a matching CameraInfo, or point
+clouds.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ DEPTH_ENCODINGS = ("16UC1", "mono16", "32FC1")
 
 _OWN_TOPICS = "/depth_pose/"
 _MOST_TOPICS = 20
-"""Topics that an error lists. Set by hand."""
+"""Maximum number of topics listed in an error; set by hand."""
 _ZSTD = b"\x28\xb5\x2f\xfd"
 
 
 @dataclass(frozen=True)
 class DepthTopic:
-    """A topic that depth frames can be made from.
+    """A topic that provides depth frames.
 
     Attributes
     ----------
@@ -34,9 +34,9 @@ class DepthTopic:
     kind : str
         ``sensor_msgs/msg/Image``, ``CompressedImage`` or ``PointCloud2``.
     info_topic : str
-        The CameraInfo topic that belongs to it; empty for a cloud.
+        The matching CameraInfo topic; empty for a cloud.
     frames : int
-        How many messages the recording has; for one cut short, how many are readable.
+        Number of messages; of a truncated recording, the number of readable ones.
     """
 
     name: str
@@ -46,7 +46,7 @@ class DepthTopic:
 
 
 def depth_topics(recording: Recording) -> tuple[DepthTopic, ...]:
-    """List the topics of an open recording that depth frames can be made from."""
+    """List the topics of an open recording that provide depth frames."""
     found = []
     for topic in recording.topics.values():
         if topic.count == 0:
@@ -72,6 +72,7 @@ def _is_depth_image(recording: Recording, topic: str) -> bool:
 
 
 def _info_topic(recording: Recording, image_topic: str) -> str:
+    """Return the CameraInfo topic for an image topic; else ''."""
     infos = [t.name for t in recording.topics.values() if t.kind == schemas.CAMERA_INFO and t.count > 0]
     return info_beside(image_topic, infos)
 
@@ -82,7 +83,7 @@ def info_beside(image_topic: str, infos: Sequence[str]) -> str:
     while namespace:
         if f"{namespace}/camera_info" in infos:
             return f"{namespace}/camera_info"
-        if f"{namespace}/info/camera_info" in infos:  # as librealsense records
+        if f"{namespace}/info/camera_info" in infos:  # as recorded by librealsense
             return f"{namespace}/info/camera_info"
         inside = [name for name in infos if name.rpartition("/")[0] == namespace]
         if len(inside) == 1:
@@ -92,7 +93,7 @@ def info_beside(image_topic: str, infos: Sequence[str]) -> str:
 
 
 def choose_depth_topic(recording: Recording, wanted: str | None) -> DepthTopic:
-    """Pick the depth topic: the one wanted, else the only image, else the only cloud."""
+    """Choose the depth topic: the requested one, else the only image, else the only cloud."""
     if wanted is not None:
         return _named_topic(recording, wanted)
     topics = depth_topics(recording)
@@ -136,7 +137,7 @@ def _with_info(recording: Recording, topic: DepthTopic) -> DepthTopic:
 
 
 def describe_topics(recording: Recording) -> str:
-    """Say what topics there are, and why each is no depth."""
+    """Describe the topics of a recording, and why each does not provide depth."""
     topics = {t.name: _what_it_is(recording, t) for t in recording.topics.values()} | recording.others
     lines = [f"{name} ({what})" for name, what in sorted(topics.items())]
     if len(lines) > _MOST_TOPICS:
@@ -146,21 +147,21 @@ def describe_topics(recording: Recording) -> str:
 
 
 def _what_it_is(recording: Recording, topic: Topic) -> str:
-    """Say what a topic holds, and of images why they are no depth."""
+    """Describe the content of a topic, and for images why it is not depth."""
     kind = topic.kind
     if topic.count == 0:
         return f"{kind} without messages"
     if kind == schemas.COMPRESSED and not topic.name.endswith(TOPIC_ENDING):
-        return f"{kind}, which holds colours; depth is on topics that end in {TOPIC_ENDING}"
+        return f"{kind}, which holds colour images; depth is on topics that end in {TOPIC_ENDING}"
     if kind != schemas.IMAGE:
         return kind
     message = recording.first(topic.name)
     if message is None:
         return f"{kind} that cannot be read"
     if message.data.startswith(_ZSTD):
-        return f"{kind}, each packed by itself; give the folder with the metadata.yaml that says so"
+        return f"{kind}, individually compressed; give the folder with its metadata.yaml"
     try:
         encoding = read_image(message.data).encoding
     except InputError:
         return f"{kind} that cannot be read"
-    return kind if encoding in DEPTH_ENCODINGS else f"{kind} of {encoding[:20]}, which is no depth"
+    return kind if encoding in DEPTH_ENCODINGS else f"{kind} of {encoding[:20]}, which is not depth"

@@ -1,6 +1,6 @@
-"""A folder of depth images, PNG or NPY, as a recording: `ImageOptions` say what the files do not.
+"""A folder of depth images, PNG or NPY, as a recording, with `ImageOptions` for the missing data.
 
-What is not given is taken from ``camera.json`` in the folder, if there is one: ``fx``, ``fy``, ``cx``,
+Options that are not given are read from ``camera.json`` in the folder, if it exists: ``fx``, ``fy``, ``cx``,
 ``cy``, ``depth_scale``, ``fps``.
 """
 
@@ -31,31 +31,31 @@ CAMERA_FILE = "camera.json"
 IMAGE_ENDINGS = (".png", ".npy")
 
 FRAME_ID = "camera_depth_optical_frame"
-"""The images' frame; files name none."""
+"""Frame id of the images; files have none."""
 
 INFO_TOPIC = schemas.DEPTH_TOPIC.rpartition("/")[0] + "/camera_info"
-"""Where its camera stands, beside the images."""
+"""Topic of the camera, beside the images."""
 
 _FPS = 30.0
-"""Frames a second where nobody says: that of most sensors. Set by hand."""
+"""Default frame rate (Hz), that of most sensors; set by hand."""
 
 _START_NS = 1_000_000_000
-"""Stamp of the first image; 0 would be no time at all in ROS."""
+"""Stamp of the first image (ns); 0 means no time in ROS."""
 
 _MOST_S = (1 << 31) - 1
-"""The most seconds that a message's stamp holds."""
+"""Maximum seconds in a message's stamp."""
 
 _NPY_MAGIC = b"\x93NUMPY"
 _NPY_ERRORS: tuple[type[Exception], ...] = (ValueError, EOFError, SyntaxError, TypeError, OverflowError)
 _NPY_ERRORS += (RecursionError, MemoryError, tokenize.TokenError)
-"""What NumPy raises of files that are no arrays."""
+"""Exceptions of NumPy for files that are not arrays."""
 
 _MOST_BYTES = 128 << 20
-"""The most bytes of an image's file. Set by hand."""
+"""Maximum size of an image file (bytes); set by hand."""
 
 
 def image_files(folder: Path) -> list[Path]:
-    """Give a folder's depth images, or those of ``depth`` in it, in their order; empty if there are none."""
+    """Return the depth images of a folder, or of ``depth`` in it, in order; empty if there are none."""
     for inside in (folder, folder / "depth"):
         if inside.is_dir():
             files = [p for p in inside.iterdir() if p.suffix.lower() in IMAGE_ENDINGS and p.is_file()]
@@ -72,7 +72,7 @@ def _natural(path: Path) -> tuple[list[int], str]:
 
 
 def _seconds_ns(name: str) -> int | None:
-    """Read a name that is seconds with a fraction, nanoseconds; None where it is another."""
+    """Parse a name that is seconds with a fraction to nanoseconds; None for other names."""
     found = re.fullmatch(r"(\d{1,10})\.(\d{1,9})", name)
     if found is None or int(found[1]) > _MOST_S:
         return None
@@ -90,14 +90,14 @@ class ImageFolder:
     Attributes
     ----------
     topics : list of Topic
-        The images' and their camera's.
+        Topics of the images and of their camera.
     others : dict
         Empty.
 
     Raises
     ------
     InputError
-        Where the camera is not known, or the first image cannot be read.
+        If the camera is unknown, or the first image cannot be read.
     """
 
     def __init__(self, folder: Path, options: ImageOptions) -> None:
@@ -107,7 +107,7 @@ class ImageFolder:
         given = _completed(options, folder)
         if given.fx is None or given.fy is None or given.cx is None or given.cy is None:
             raise InputError(
-                f"{folder} is a folder of images, which do not say their camera: "
+                f"{folder} is a folder of images, which have no camera parameters: "
                 f"write {folder / CAMERA_FILE} (fx, fy, cx, cy in pixels), or give run, info or play "
                 "--intrinsics FX,FY,CX,CY"
             )
@@ -123,7 +123,7 @@ class ImageFolder:
         ]
 
     def _first_size(self) -> tuple[int, int]:
-        """Size of the first image that can be read."""
+        """Return the size of the first readable image."""
         for file in self._files[:-1]:
             with contextlib.suppress(InputError):
                 height, width = _read(file, self._scale).shape
@@ -132,7 +132,7 @@ class ImageFolder:
         return height, width
 
     def messages(self, topics: Iterable[str]) -> Iterator[RawMessage]:
-        """Give the images and their camera as messages, in order."""
+        """Yield the images and their camera as messages, in order."""
         wanted = set(topics)
         for file, stamp_ns in zip(self._files, self._stamps, strict=True):
             if INFO_TOPIC in wanted:
@@ -148,7 +148,7 @@ class ImageFolder:
 
     @property
     def damage(self) -> list[str]:
-        """What could not be read, as far as reading has come: one line, or none."""
+        """Return the damage found so far: one line, or none."""
         if not self._bad:
             return []
         first = next(iter(self._bad.values()))
@@ -158,7 +158,7 @@ class ImageFolder:
 
 
 def _completed(options: ImageOptions, folder: Path) -> ImageOptions:
-    """Add what the folder's own file says."""
+    """Add the options of the folder's own file."""
     path = folder / CAMERA_FILE
     if not path.is_file():
         return options
@@ -179,7 +179,7 @@ def _completed(options: ImageOptions, folder: Path) -> ImageOptions:
 
 
 def _stamps(files: list[Path], fps: float | None) -> list[int]:
-    """Give the images' times, nanoseconds."""
+    """Return the images' times, nanoseconds."""
     if fps is None:
         times = [_seconds_ns(file.stem) for file in files]
         known = [time for time in times if time is not None]
@@ -208,15 +208,15 @@ def _read(file: Path, scale: float | None) -> NDArray[np.generic]:
 
 def _read_npy(file: Path) -> NDArray[np.generic]:
     with file.open("rb") as stream:
-        if stream.read(len(_NPY_MAGIC)) != _NPY_MAGIC:  # NumPy would take an archive, too
-            raise InputError("no NPY array")
-    try:  # mapped, so that nothing is allocated that the file does not hold
+        if stream.read(len(_NPY_MAGIC)) != _NPY_MAGIC:  # NumPy would also accept an archive
+            raise InputError("not an NPY array")
+    try:  # memory-mapped, so that allocation is limited by the file's size
         pixels = np.load(file, mmap_mode="r", allow_pickle=False)
     except _NPY_ERRORS as error:
-        raise InputError(f"no NPY array: {' '.join(str(error).split())[:200]}") from error
+        raise InputError(f"not an NPY array: {' '.join(str(error).split())[:200]}") from error
     if pixels.ndim == 3 and pixels.shape[2] == 1:
         pixels = pixels[..., 0]
     if pixels.ndim != 2 or pixels.dtype.kind not in "uif":
-        raise InputError(f"the array is {pixels.dtype}{list(pixels.shape)}; depth is one number a pixel")
+        raise InputError(f"the array is {pixels.dtype}{list(pixels.shape)}; depth has one number per pixel")
     check_size("image", *pixels.shape)
     return np.array(pixels, pixels.dtype.newbyteorder("="))

@@ -1,4 +1,4 @@
-"""What a folder of depth images does not say of itself."""
+"""Options for a folder of depth images."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from depth_pose.core.errors import ConfigError
 
 @dataclass(frozen=True)
 class ImageOptions:
-    """What a folder of images does not say.
+    """Camera, unit and rate of a folder of images.
 
     Attributes
     ----------
     fx, fy, cx, cy : float, optional
-        The camera, pixels.
+        Intrinsics, pixels.
     depth_scale : float, optional
-        Metres of a pixel's unit; by default 0.001 for whole numbers, 1 for others.
+        Metres per unit; by default 0.001 for integers, 1 for others.
     fps : float, optional
-        Frames a second; by default 30, or names that are seconds say it (``1305031453.374112.png``).
+        Frames a second; by default 30, or from file names that are seconds (``1305031453.374112.png``).
     """
 
     fx: float | None = None
@@ -33,11 +33,11 @@ class ImageOptions:
         for name in ("fx", "fy", "depth_scale", "fps"):
             value = getattr(self, name)
             if value is not None and not (1e-6 < value < 1e6):
-                raise ConfigError(f"{name} is {value}; it is to be a number above 0")
+                raise ConfigError(f"{name} is {value}; it must be a number above 0")
 
     @staticmethod
     def parse(intrinsics: str | None, depth_scale: float | None, fps: float | None) -> ImageOptions:
-        """Make options of those of the command line; intrinsics are ``FX,FY,CX,CY``."""
+        """Parse command-line options; intrinsics are ``FX,FY,CX,CY``."""
         numbers: list[float | None] = [None] * 4
         if intrinsics is not None:
             try:
@@ -45,6 +45,6 @@ class ImageOptions:
             except ValueError:
                 numbers = []
             if len(numbers) != 4 or not all(n is not None and math.isfinite(n) for n in numbers):
-                raise ConfigError(f"--intrinsics is {intrinsics!r}; it is FX,FY,CX,CY in pixels")
+                raise ConfigError(f"--intrinsics is {intrinsics!r}; it must be FX,FY,CX,CY in pixels")
         fx, fy, cx, cy = numbers
         return ImageOptions(fx, fy, cx, cy, depth_scale, fps)

@@ -1,7 +1,8 @@
 """Standard markers (``visualization_msgs/MarkerArray``) of skeletons in a recording, with no ROS installed.
 
-Viewers that know no skeletons, as Foxglove and RViz, draw these: a sphere a joint, coloured by how it was
-seen, a line a bone, and the person's name. `depth_pose.ros.transport.drawing` publishes the same live.
+Viewers without support for skeletons, such as Foxglove and RViz, draw these: a sphere per joint, coloured by
+its state, a line per bone, and the person's name. `depth_pose.ros.transport.drawing` publishes the same
+markers live.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from depth_pose.core.types import Skeleton
 MARKERS_TOPIC, MARKER_ARRAY = "/depth_pose/markers", "visualization_msgs/msg/MarkerArray"
 
 LIFETIME_NS = 500_000_000
-"""How long a viewer keeps a marker, nanoseconds."""
+"""Lifetime of a marker in a viewer (ns)."""
 
 COLOURS = {
     JointState.SEEN: (0.10, 0.80, 0.30),
@@ -31,7 +32,7 @@ COLOURS = {
 """Red, green, blue of a joint by its state."""
 
 BONE_WIDTH_M, JOINT_SIZE_M, NAME_SIZE_M = 0.02, 0.05, 0.12
-"""Metres. Set by hand, for a person who fills the view."""
+"""Sizes (m) for a person who fills the view; set by hand."""
 
 _LINE_LIST, _SPHERE_LIST, _TEXT, _ADD, _DELETE_ALL = 5, 7, 9, 0, 3
 """Constants of ``visualization_msgs/Marker``."""
@@ -44,18 +45,18 @@ def _store() -> Typestore:
 
 @cache
 def definition() -> str:
-    """Give the schema's text, with those of the messages that it names."""
+    """Return the schema's text, with those of the messages that it refers to."""
     return _store().generate_msgdef(MARKER_ARRAY, ros_version=2)[0]
 
 
 def write_markers(skeletons: Sequence[Skeleton], stamp_ns: int, frame_id: str) -> bytes:
-    """Encode everybody's markers in one frame; what was drawn before goes.
+    """Encode the markers of all people in one frame; earlier markers are deleted.
 
     Parameters
     ----------
     skeletons : sequence of Skeleton
     stamp_ns : int
-        Of the depth frame, nanoseconds.
+        Stamp of the depth frame, nanoseconds.
     frame_id : str
         Its optical frame.
     """

@@ -1,4 +1,4 @@
-"""Reading recordings: depth frames from any camera (`depth_pose.io.skeleton_read`: skeletons)."""
+"""Reading of depth frames from recordings of any camera; skeletons are in `depth_pose.io.skeleton_read`."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from depth_pose.io.image_options import ImageOptions
 
 _log = logging.getLogger(__name__)
 _REALSENSE = re.compile(r"(/device_\d+/sensor_\d+)/Depth_\d+/image/data")
-"""Where librealsense puts depth images; their unit is an option of their sensor."""
+"""Depth image topics of librealsense; their unit is an option of the sensor."""
 
 
 class DepthReader:
@@ -40,23 +40,22 @@ class DepthReader:
     path : Path or str
         A recording: MCAP, .db3, ROS 1's .bag, a folder of these, or a folder of depth images.
     depth_topic : str, optional
-        The topic; by default the only one there is.
+        The topic; by default the only one.
     images : ImageOptions, optional
-        What a folder of images does not say: its camera, depth unit, frame rate. The depth unit is taken for
-        any recording.
+        Camera, depth unit and frame rate of a folder of images. The depth unit applies to any recording.
     tell : bool
-        Tell damage on `depth_pose.io.damage.DAMAGE_LOG` at the end; `damage` has it in any case.
+        Log damage on `depth_pose.io.damage.DAMAGE_LOG` at the end; `damage` returns it in any case.
 
     Attributes
     ----------
     topic : DepthTopic
-        What is read.
+        The topic that is read.
 
     Raises
     ------
     InputError
-        Where the recording cannot be read, or it is not clear which topic is meant, or (on
-        iteration) not one of its frames can be used.
+        If the recording cannot be read, the topic is ambiguous, or (on iteration)
+        none of its frames can be used.
     """
 
     def __init__(
@@ -80,7 +79,7 @@ class DepthReader:
         self._dropped: Counter[str] = Counter()
 
     def __len__(self) -> int:
-        """Give the number of frames that the recording is said to have."""
+        """Return the expected number of frames."""
         return self.topic.frames
 
     @property
@@ -90,17 +89,17 @@ class DepthReader:
 
     @property
     def dropped(self) -> int:
-        """Number of frames, since iteration began, that could not be used."""
+        """Number of unusable frames since iteration began."""
         return self._dropped.total()
 
     @property
     def damage(self) -> list[str]:
-        """What of the recording cannot be read, as far as reading has come, one line a file."""
+        """Return the damage found so far, one line per file."""
         return self._recording.damage
 
     @property
     def warnings(self) -> list[str]:
-        """What went wrong since iteration began, one line each with its count."""
+        """Return the problems since iteration began, one line each with its count."""
         lines = [*self.damage, *(f"{self._recording.path}: {line}" for line in self._infos.warnings.values())]
         if self._units.doubt:
             lines.append(f"{self._recording.path}: {self.topic.name}: {self._units.doubt}")
@@ -204,7 +203,7 @@ class DepthReader:
 
 
 def _realsense_unit_m(recording: Recording, topic: str) -> float | None:
-    """Give the unit of librealsense's depth images, metres; None for all others."""
+    """Return the unit of librealsense's depth images, metres; None for all others."""
     found = _REALSENSE.fullmatch(topic)
     unit = recording.first(f"{found[1]}/option/Depth_Units/value") if found else None
     if unit is None or len(unit.data) != 8:
@@ -217,9 +216,9 @@ def _realsense_unit_m(recording: Recording, topic: str) -> float | None:
 def frame_of_image(
     data: bytes, kind: str, info_data: bytes, rectified: bool = False, unit_m: float | None = None
 ) -> DepthFrame:
-    """Make a frame of an Image's or CompressedImage's CDR bytes and its camera's calibration.
+    """Build a frame from an Image's or CompressedImage's CDR bytes and its camera's calibration.
 
-    A rectified image (`depth_pose.io.calibration.is_rectified`) is taken as it is. ``unit_m`` is metres per
+    A rectified image (`depth_pose.io.calibration.is_rectified`) is used unchanged. ``unit_m`` is metres per
     unit of the depth, where it is not the encoding's.
     """
     image, info = read_message(data, kind), read_message(info_data, schemas.CAMERA_INFO)
@@ -242,7 +241,7 @@ def make_frame(
 
 
 def frame_of_cloud(data: bytes, unit_m: float | None = None) -> DepthFrame:
-    """Make a frame of a PointCloud2's CDR bytes, whose unit is ``unit_m`` metres, by default 1."""
+    """Build a frame from a PointCloud2's CDR bytes, whose unit is ``unit_m`` metres, by default 1."""
     cloud = read_message(data, schemas.POINT_CLOUD)
     fields = {field.name: (field.offset, field.datatype) for field in cloud.fields}
     steps = (cloud.point_step, cloud.row_step)
@@ -255,7 +254,7 @@ def frame_of_cloud(data: bytes, unit_m: float | None = None) -> DepthFrame:
 def read_frames(
     path: Path | str, depth_topic: str | None = None, images: ImageOptions | None = None
 ) -> Iterator[DepthFrame]:
-    """Give the depth frames of a recording, in order; what was dropped is logged at the end.
+    """Yield the depth frames of a recording, in order; dropped frames are logged at the end.
 
     Parameters
     ----------
@@ -265,7 +264,7 @@ def read_frames(
     Raises
     ------
     InputError
-        As `DepthReader`; at the call where the recording or its topics are at fault.
+        As `DepthReader`; raised at the call for faults of the recording or its topics.
     """
     return _logged(DepthReader(path, depth_topic, images))
 

@@ -1,7 +1,7 @@
-"""Writing recordings: skeletons, and depth images with their camera.
+"""Writing of recordings: skeletons, and depth images with their camera.
 
-The same input gives the same bytes: every message is logged at its own stamp, and nothing
-of the machine or the moment is written.
+The same input gives the same bytes: every message is logged at its own stamp, and nothing depends on the
+machine or the current time.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _Writer = TypeVar("_Writer", bound="_RecordingWriter")
 
 
 class PartlyWritten(KeyboardInterrupt):
-    """Ctrl-C, after which what was written until then stands in a file of its own.
+    """Interruption by Ctrl-C; the messages written so far are in a separate file.
 
     Attributes
     ----------
@@ -36,16 +36,16 @@ class PartlyWritten(KeyboardInterrupt):
     """
 
     def __init__(self, path: Path) -> None:
-        super().__init__(f"what was done until then is in {path}")
+        super().__init__(f"what was written until then is in {path}")
         self.path = path
 
 
 class _RecordingWriter:
-    """A recording that stands under its name only once it is whole.
+    """A recording that gets its name only when it is complete.
 
-    As a context manager it is closed at the end; after an error, or Ctrl-C, the file is left as it was
-    before. What was written until Ctrl-C is kept as ``NAME.partial.mcap`` (`PartlyWritten`), unless the file
-    is to be whole or not at all.
+    As a context manager it is closed at the end; after an error, or Ctrl-C, an existing file is left
+    unchanged. Messages written before Ctrl-C are kept as ``NAME.partial.mcap`` (`PartlyWritten`), unless only
+    complete files are wanted.
     """
 
     def __init__(self, path: Path | str, only_whole: bool = False) -> None:
@@ -93,7 +93,7 @@ class _RecordingWriter:
             raise
 
     def discard(self) -> None:
-        """Drop what was written."""
+        """Delete the messages written so far."""
         self._file.discard()
 
     def __enter__(self: _Writer) -> _Writer:
@@ -112,14 +112,14 @@ class _RecordingWriter:
 
 
 class SkeletonWriter(_RecordingWriter):
-    """Writes ``depth_pose_msgs/msg/Skeleton`` messages, and ``SkeletonArray`` ones of everybody.
+    """Writes ``depth_pose_msgs/msg/Skeleton`` messages, and ``SkeletonArray`` messages of all people.
 
     Parameters
     ----------
     path : Path or str
-        The MCAP file; folders are made, a file that is there is replaced.
+        The MCAP file; folders are created, an existing file is replaced.
     only_whole : bool
-        After Ctrl-C, drop what was written until then.
+        After Ctrl-C, delete the partial file.
     """
 
     def write(self, skeleton: Skeleton) -> None:
@@ -127,12 +127,12 @@ class SkeletonWriter(_RecordingWriter):
         self._write(SKELETON_TOPIC, schemas.SKELETON, skeleton.stamp_ns, write_skeleton(skeleton))
 
     def write_people(self, skeletons: Sequence[Skeleton], stamp_ns: int, frame_id: str) -> None:
-        """Add everybody in a frame, on `PEOPLE_TOPIC`."""
+        """Add all people of a frame, on `PEOPLE_TOPIC`."""
         data = write_people(skeletons, stamp_ns, frame_id)
         self._write(PEOPLE_TOPIC, schemas.SKELETON_ARRAY, stamp_ns, data)
 
     def write_markers(self, skeletons: Sequence[Skeleton], stamp_ns: int, frame_id: str) -> None:
-        """Add everybody's markers, on `markers.MARKERS_TOPIC`."""
+        """Add the markers of all people, on `markers.MARKERS_TOPIC`."""
         data = markers.write_markers(skeletons, stamp_ns, frame_id)
         self._write(markers.MARKERS_TOPIC, markers.MARKER_ARRAY, stamp_ns, data, markers.definition())
 
@@ -143,7 +143,7 @@ class DepthWriter(_RecordingWriter):
     Parameters
     ----------
     path : Path or str
-        The MCAP file; folders are made, a file that is there is replaced.
+        The MCAP file; folders are created, an existing file is replaced.
     camera : Camera
         The camera of all images.
     frame_id : str
@@ -163,7 +163,7 @@ class DepthWriter(_RecordingWriter):
         encoding: str = "16UC1",
     ) -> None:
         if encoding not in ("16UC1", "32FC1"):
-            raise InputError(f"{path}: encoding is {encoding!r}; it is 16UC1 or 32FC1")
+            raise InputError(f"{path}: encoding is {encoding!r}; it must be 16UC1 or 32FC1")
         super().__init__(path, only_whole=True)
         self._camera = camera
         self._frame_id = frame_id
@@ -179,12 +179,12 @@ class DepthWriter(_RecordingWriter):
         stamp_ns : int
             Nanoseconds.
         depth : (H, W) float32
-            Metres; 0 or NaN where nothing returned. 16UC1 holds up to 65.535 m.
+            Metres; 0 or NaN without a measurement. 16UC1 holds up to 65.535 m.
         """
         if depth.shape != (self._camera.height, self._camera.width):
             raise InputError(
                 f"{self._path}: the image is {depth.shape[1]} x {depth.shape[0]}, "
-                f"the camera's are {self._camera.width} x {self._camera.height}"
+                f"the camera has {self._camera.width} x {self._camera.height}"
             )
         info = write_camera_info(stamp_ns, self._frame_id, self._camera)
         self._write(self._info_topic, schemas.CAMERA_INFO, stamp_ns, info)

@@ -1,13 +1,13 @@
-"""Texts of the message definitions by which recordings are read and written.
+"""Message definitions for reading and writing recordings.
 
-Recordings carry them, so that any MCAP reader decodes them. They say what the ``.msg`` files of
-``depth_pose_msgs`` and of ROS 2 Jazzy say, without the comments; a test holds the former together.
+Recordings carry them, so that any MCAP reader can decode the messages. They agree with the ``.msg`` files of
+``depth_pose_msgs`` and of ROS 2 Jazzy, without comments; a test compares them with the former.
 """
 
 from __future__ import annotations
 
 BUILD_LINE = "\nfloat32[] build"
-"""The last line of a Skeleton's definition; recordings of before there were builds lack it."""
+"""Last line of a Skeleton's definition; older recordings without builds lack it."""
 
 _DEFINITIONS: dict[str, str] = {
     "depth_pose_msgs/Skeleton": """\
@@ -80,13 +80,13 @@ bool do_rectify""",
 }
 
 SKELETON_TOPIC = "/depth_pose/skeleton"
-"""Where the skeletons of the one who is followed are, unless told otherwise."""
+"""Default topic of the followed person's skeletons."""
 
 PEOPLE_TOPIC = "/depth_pose/skeletons"
-"""Where everybody's skeletons are, unless told otherwise."""
+"""Default topic of all people's skeletons."""
 
 DEPTH_TOPIC = "/camera/depth/image_raw"
-"""Where depth images are written, unless told otherwise."""
+"""Default topic of depth images."""
 
 SKELETON = "depth_pose_msgs/msg/Skeleton"
 SKELETON_ARRAY = "depth_pose_msgs/msg/SkeletonArray"
@@ -103,17 +103,17 @@ POINT_CLOUD = "sensor_msgs/msg/PointCloud2"
 
 
 def names() -> list[str]:
-    """Types whose definitions are known, for instance ``depth_pose_msgs/msg/Joint``."""
+    """Return the types with known definitions, for instance ``depth_pose_msgs/msg/Joint``."""
     return [name.replace("/", "/msg/") for name in _DEFINITIONS]
 
 
 def definition(name: str) -> str:
-    """Give one message's own definition, for instance of ``depth_pose_msgs/msg/Joint``."""
+    """Return the definition of one message, for instance of ``depth_pose_msgs/msg/Joint``."""
     return _DEFINITIONS[name.replace("/msg/", "/")]
 
 
 def schema_text(name: str) -> str:
-    """Give a message's definition and those of all that it names, as MCAP's ``ros2msg`` schema.
+    """Return a message's definition and those it refers to, as MCAP's ``ros2msg`` schema.
 
     Parameters
     ----------

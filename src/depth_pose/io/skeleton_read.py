@@ -1,4 +1,4 @@
-"""Reading the skeletons of a recording."""
+"""Reading of skeletons from recordings."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from depth_pose.io.schemas import PEOPLE_TOPIC, SKELETON_TOPIC
 
 
 def read_skeletons(path: Path | str, topic: str = SKELETON_TOPIC) -> Iterator[Skeleton]:
-    """Give the skeletons of a recording, in order.
+    """Yield the skeletons of a recording, in order.
 
     Parameters
     ----------
@@ -29,7 +29,7 @@ def read_skeletons(path: Path | str, topic: str = SKELETON_TOPIC) -> Iterator[Sk
     Raises
     ------
     InputError
-        Where the recording has no such topic.
+        If the recording has no such topic.
     """
     recording = Recording(path)
     _require(recording, topic, schemas.SKELETON)
@@ -38,9 +38,9 @@ def read_skeletons(path: Path | str, topic: str = SKELETON_TOPIC) -> Iterator[Sk
 
 
 def read_people(path: Path | str, topic: str = PEOPLE_TOPIC) -> Iterator[SkeletonsMessage]:
-    """Give everybody's skeletons, frame by frame, in order.
+    """Yield the skeletons of all people, frame by frame, in order.
 
-    A recording without such a topic that has `SKELETON_TOPIC` gives the one person there.
+    For a recording with only `SKELETON_TOPIC`, yields that one person.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ def read_people(path: Path | str, topic: str = PEOPLE_TOPIC) -> Iterator[Skeleto
     Raises
     ------
     InputError
-        Where the recording has neither topic.
+        If the recording has neither topic.
     """
     recording = Recording(path)
     found = recording.topics.get(topic)

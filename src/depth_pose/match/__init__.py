@@ -1,1 +1,1 @@
-"""Canonical axes, search, placing and size (Ye et al. Sec. 5)."""
+"""Canonical axes, search, placement and size (Ye et al. Sec. 5)."""

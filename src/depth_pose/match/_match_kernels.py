@@ -1,4 +1,4 @@
-"""Compiled loops that place, render and score exemplars; `depth_pose.match.placing` uses them."""
+"""Compiled loops that place, render and score exemplars, for `depth_pose.match.placing`."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _multiply = njit(fastmath=True, forceinline=True)(multiply.py_func)
 
 @njit(cache=True)
 def place(entries, view_quats, view_origins, axes, origin, scale, rotations, translations):
-    """Lay entries' views over the input's canonical axes: writes ``T_camera_model`` of each."""
+    """Align the views of entries with the input's canonical axes; write ``T_camera_model`` of each."""
     views = view_quats.shape[1]
     view_matrix = np.empty((3, 3))
     for k in range(entries.shape[0]):
@@ -31,8 +31,8 @@ def place(entries, view_quats, view_origins, axes, origin, scale, rotations, tra
 def score(placed, pose_quats, body, scale, observed, band):
     """Render placed exemplars and compare them.
 
-    Writes ``scores``; ``shifts``, the translations that would bring silhouettes and mean depths
-    together; and ``nodes``, in the camera frame.
+    Writes ``scores``; ``shifts``, the translations that would align silhouettes and mean depths; and
+    ``nodes``, in the camera frame.
     """
     count = body.nodes.shape[0]
     local, turned = np.empty((3, 3)), np.empty((count, 3, 3))
@@ -49,7 +49,7 @@ def score(placed, pose_quats, body, scale, observed, band):
 
 @njit(cache=True)
 def keep_different(nodes, apart, most):
-    """Give the first ``most`` poses, nodes (K, 21, 3), that are farther than ``apart`` from those before.
+    """Return the first ``most`` poses, nodes (K, 21, 3), that are farther than ``apart`` from those before.
 
     The distance of two poses is the mean distance of their nodes, metres.
     """

@@ -1,4 +1,4 @@
-"""Compiled exact search for nearest neighbours; `depth_pose.match.search` says how it works."""
+"""Compiled exact nearest-neighbour search; see `depth_pose.match.search`."""
 
 from __future__ import annotations
 
@@ -7,15 +7,15 @@ import numpy as np
 from depth_pose.core.kernels import njit
 
 BLOCK = 512
-"""Entries whose bounds are computed together; all of a block's sums stay in the fastest cache."""
+"""Number of entries whose bounds are computed together, so that a block's sums stay in the fastest cache."""
 
 
 @njit(cache=True, fastmath=True)
 def bound_distances(head, steps, rest_norms, gamma, gamma_rest, bounds, best):
-    """Squared distances of rounded entries in the first dimensions, and of lengths in the others.
+    """Compute lower bounds: rounded squared distances in the first dimensions, and norms in the others.
 
-    Entry i is ``steps[k] * head[k, i]`` in dimension k of an even number, and ``rest_norms[i]``
-    long in the others. ``best`` gets each block's entry with the lowest bound.
+    Entry i is ``steps[k] * head[k, i]`` in dimension k of an even number, with norm ``rest_norms[i]`` in the
+    others. ``best`` receives each block's entry with the lowest bound.
     """
     dimensions, count = head.shape
     for block in range(best.shape[0]):
@@ -24,7 +24,7 @@ def bound_distances(head, steps, rest_norms, gamma, gamma_rest, bounds, best):
         for i in range(out.shape[0]):
             gap = norms[i] - gamma_rest
             out[i] = gap * gap
-        for k in range(0, dimensions, 2):  # by two: half as many passes over the sums
+        for k in range(0, dimensions, 2):  # two at a time: half as many passes over the sums
             here, step, g = head[k, start:end], steps[k], gamma[k]
             here2, step2, g2 = head[k + 1, start:end], steps[k + 1], gamma[k + 1]
             for i in range(out.shape[0]):
@@ -35,14 +35,14 @@ def bound_distances(head, steps, rest_norms, gamma, gamma_rest, bounds, best):
 
 @njit(cache=True, fastmath=True)
 def joint_distances(squares, local, weights, pulls, out):
-    """Weighted squared distances of known joints from some others, but for what is the same for all.
+    """Compute weighted squared distances of known joints to other joints, without the common terms.
 
     Parameters
     ----------
     squares, local : (J, N), (3 J, N) float32
-        Squared lengths, and coordinates, of the joints of N poses.
+        Squared norms, and coordinates, of the joints of N poses.
     weights, pulls : (R, J), (R, 3 J) float32
-        What each joint counts; weight times twice the coordinates, of R others.
+        Joint weights of R queries, and twice the weighted coordinates.
     out : (R, N) float32
         Written.
     """
@@ -62,7 +62,10 @@ def joint_distances(squares, local, weights, pulls, out):
 
 @njit(cache=True)
 def least_of_rows(values, count):
-    """Numbers (R, count) of the least of each row of (R, N), ascending; of equal ones the first."""
+    """Return the indices (R, count) of the least values of each row of (R, N), ascending.
+
+    Of equal values the first is returned.
+    """
     out, kept = np.empty((values.shape[0], count), np.int64), np.empty(count, values.dtype)
     for r in range(values.shape[0]):
         kept[:] = np.inf
@@ -77,7 +80,7 @@ def least_of_rows(values, count):
 
 @njit(cache=True, fastmath=True, forceinline=True)
 def squared_distance(entry, gamma):
-    """Squared distance in all dimensions."""
+    """Compute the squared distance in all dimensions."""
     total = np.float32(0.0)
     for k in range(gamma.shape[0]):
         gap = entry[k] - gamma[k]
@@ -87,7 +90,7 @@ def squared_distance(entry, gamma):
 
 @njit(cache=True)
 def insert(distance, entry, distances, entries, filled):
-    """Insert into a list kept in ascending order, whose last element falls out where it is full."""
+    """Insert into an ascending list; the last element of a full list is dropped."""
     at = filled if filled < distances.shape[0] else filled - 1
     while at > 0 and (
         distances[at - 1] > distance or (distances[at - 1] == distance and entries[at - 1] > entry)
@@ -101,16 +104,16 @@ def insert(distance, entry, distances, entries, filled):
 
 @njit(cache=True)
 def limit_of(distance, slack):
-    """Bounds above this belong to entries that are farther; the rounding of both is in it."""
+    """Compute the bound above which entries are farther, including the rounding of both."""
     root = np.sqrt(distance) * np.float32(1.0001) + slack
     return root * root
 
 
 @njit(cache=True)
 def search(table, bounds, slack, best, gamma, distances, entries):
-    """Find the nearest entries exactly, nearest first; most of the table is ruled out by its bounds.
+    """Find the nearest entries exactly, nearest first; the bounds exclude most of the table.
 
-    ``slack`` is the most by which rounding may have put the root of a bound above the distance.
+    ``slack`` is the maximum by which rounding may have raised the root of a bound above the distance.
     """
     count = distances.shape[0]
     distances[:] = np.inf

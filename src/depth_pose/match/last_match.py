@@ -1,8 +1,8 @@
-"""When a person's exemplars are searched for again: not in every frame.
+"""Schedule of searches: exemplars are not searched for in every frame.
 
-People move little from one frame to the next, and the refinement keeps their pose. Whoever was matched
-before keeps those candidates for some frames, carried along with the person's points; searches of
-several people are spread over the frames.
+People move little from one frame to the next, and the refinement keeps their pose. A matched person keeps the
+candidates for some frames, moved along with the person's points. Searches for several people are spread over
+the frames.
 """
 
 from __future__ import annotations
@@ -16,19 +16,17 @@ from depth_pose.core.types import PoseMatch
 from depth_pose.track.person import Person
 
 _LONGEST_NS = 100_000_000
-"""Candidates are carried along for so long, nanoseconds: at a few frames a second people move too far. In the
-corridor, 5 frames a second, a search in every second frame cost 1 to 3 points of PCK.10; at 25 and 30 frames
-a second it costs nothing that can be told (docs/accuracy.md)."""
+"""Maximum age (ns) of carried candidates; at 5 frames a second, longer costs 1 to 3 points of PCK.10."""
 
 
 class LastMatch:
-    """What was matched for one person, and when they are searched for again.
+    """The last match of one person, and the time of the next search.
 
     Parameters
     ----------
     every : int
-        Frames from one search to the next. The first rest may be shorter: people whose ids follow each other
-        take turns.
+        Frames from one search to the next. The first interval may be shorter, so that people with consecutive
+        ids take turns.
     """
 
     def __init__(self, every: int) -> None:
@@ -39,13 +37,13 @@ class LastMatch:
         self._middle: NDArray[np.float64] = np.zeros(3)
 
     def carried(self, person: Person, scale: float) -> PoseMatch | None:
-        """Give the last match, moved to where the person is; None where it is time to search.
+        """Return the last match, moved with the person; None when a search is due.
 
         Parameters
         ----------
         person : Person
         scale : float
-            Their size as it is known by now.
+            Current estimate of the size.
         """
         if self._match is None:
             return None
@@ -58,12 +56,12 @@ class LastMatch:
         return replace(self._match, scale=scale, candidates=tuple(candidates))
 
     def keep(self, person: Person, match: PoseMatch) -> None:
-        """Keep what a search found."""
+        """Store the result of a search."""
         if self._match is None:
             self._age = sum(person.body_id.encode()) % self._every
         self._match, self._stamp_ns, self._middle = match, person.stamp_ns, _middle(person)
 
 
 def _middle(person: Person) -> NDArray[np.float64]:
-    """Middle (3,) of a person's points, metres."""
+    """Compute the mean (3,) of a person's points, metres."""
     return np.asarray(person.points.mean(axis=0))

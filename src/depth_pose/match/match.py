@@ -1,11 +1,10 @@
 """Find the exemplars that look like the input, from any view (Sec. 5).
 
-The cloud is put into canonical axes, drawn as a small depth image, projected into the bank's PCA
+The cloud is transformed to canonical axes, drawn as a small depth image, projected into the bank's PCA
 subspace, and compared with every view of every exemplar there (Ye et al. eq. 6, exact search). The paper
-takes the nearest one. Here the nearest hundred are posed, placed at the input and rendered as
-small images, the best few of them as larger ones; the disagreement of rendered and observed depth
-ranks them, and several go on to the refinement. The same score finds the person's size over the
-first frames.
+takes the nearest one. Here the nearest hundred are posed, placed at the input and rendered as small images,
+and the best few of them as larger ones. The disagreement of rendered and observed depth ranks them, and
+several are passed to the refinement. The same score determines the person's size over the first frames.
 """
 
 from __future__ import annotations
@@ -47,56 +46,55 @@ if TYPE_CHECKING:
     from depth_pose.refine.articulated import ArticulatedFitter
 
 _ROUGH_M, _FINE_M = 0.08, 0.04
-"""Widest pixels at the person, of the image that all of the shortlist is compared in, and of the
-image for the finalists."""
+"""Maximum pixel spacing at the person (m) of the coarse comparison, and of the fine one."""
 
 _FINALISTS = 16
-"""Exemplars that are compared in the finer image, where they are and corrected."""
+"""Number of exemplars compared in the fine image, as placed and corrected."""
 
 _CORRECTED = 8
-"""The best of them, which are corrected once more."""
+"""Number of the best of them that are corrected once more."""
 
 _MORE = 1.2
-"""How much more must be seen of a person who is cut off before their size is found again."""
+"""Factor by which more of a cut-off person must be visible before the size is estimated again."""
 
 _WHOLE_FRAMES = 5
-"""Frames in a row in which a person who was cut off is whole before their size is found again: the finder's
-answer wavers from frame to frame where somebody stands behind furniture. Set by hand, not swept."""
+"""Consecutive frames in which a formerly cut-off person is whole before the size is estimated again; set
+by hand."""
 
 _NEARLY = 0.04
-"""Best matches that face opposite ways and whose scores differ by less are told apart by fits."""
+"""Score difference below which best matches that face opposite ways are distinguished by fits."""
 
 _LEFT, _RIGHT = ([NODE_INDEX[f"{side}_{n}"] for n in ("shoulder", "hip")] for side in ("left", "right"))
 
 _SAME_POSE_M = 0.05
-"""Candidates whose nodes are this close on average are the same pose."""
+"""Candidates with a mean node distance below this (m) are the same pose."""
 
 
 _EVEN_SCORE, _SCORE_SPREAD = 0.56, 0.057
-"""Logistic curve fitted to simulated people by ``benchmarks/banks.py score``."""
+"""Centre and scale of a logistic curve fitted to simulated people by ``benchmarks/banks.py score``."""
 
 
 def match_confidence(score: float) -> float:
-    """Chance that a best match with this score is right, 0 to 1.
+    """Compute the probability, 0 to 1, that a best match with this score is right.
 
-    Right means that its joints are within 100 mm on average, before any refinement, and that left
-    and right, front and back are not exchanged.
+    A match is right if its joints are within 100 mm on average, before any refinement, and left and right,
+    front and back are not exchanged.
     """
     return float(1.0 / (1.0 + np.exp((score - _EVEN_SCORE) / _SCORE_SPREAD)))
 
 
 class _Size:
-    """What is known of one person's size.
+    """Size estimate of one person.
 
     Attributes
     ----------
     finder : ScaleFinder
     is_partial : bool
-        Whether it was found while the image's border may have cut the person off.
+        Whether the size was estimated while the image border may have cut the person off.
     shown : float
-        Most that was seen of them meanwhile: points times squared distance.
+        Maximum visible amount of the person since then: points times squared distance.
     whole : int
-        Frames in a row in which nothing cut them off.
+        Consecutive frames in which nothing cut the person off.
     """
 
     def __init__(self, finder: ScaleFinder) -> None:
@@ -110,28 +108,28 @@ class _Size:
 
 @dataclass(frozen=True)
 class MatchMemory:
-    """What the matcher remembers of one person: their size, and what was matched last."""
+    """State of the matcher for one track: size, and last match."""
 
     size: _Size
     last: LastMatch
 
 
 class Matcher:
-    """The second stage: what `matcher_node` runs.
+    """The second stage of the pipeline, run by `matcher_node`.
 
     Parameters
     ----------
     bank : Bank
     config : MatchConfig
     fitter : ArticulatedFitter
-        Of the bank's body; its short fits compare sizes, and poses that face opposite ways.
+        Fitter of the bank's body; short fits compare sizes, and poses that face opposite ways.
     subjects : Subjects, optional
-        What is remembered of everybody, shared with the other stages of a process.
+        State of all tracks, shared with the other stages of a process.
 
     Attributes
     ----------
     turns : Turns
-        Who is served where time is short; without a limit unless somebody sets one.
+        Selection of people when time is short; no limit by default.
     """
 
     def __init__(
@@ -149,11 +147,11 @@ class Matcher:
         self._subjects = subjects or Subjects()
 
     def reset(self) -> None:
-        """Forget everybody."""
+        """Forget all tracks."""
         self._subjects.reset()
 
     def warm_up(self) -> None:
-        """Compile every kernel; forgets everybody."""
+        """Compile every kernel; forgets all tracks."""
         self.match(sample_people(self.bank))
         self.reset()
 
@@ -167,13 +165,13 @@ class Matcher:
         Returns
         -------
         tuple of PoseMatch
-            One for each person who is served (`Turns`).
+            One for each processed person (`Turns`).
         """
         self._subjects.begin(people)
         return tuple(self._match(person) for person in self.turns.take(people.persons))
 
     def _match(self, person: Person) -> PoseMatch:
-        """Return the exemplars nearest to one person: searched for now, or carried along."""
+        """Return the exemplars nearest to one person, from a new search or carried along."""
         subject = self._subjects[person.body_id]
         if subject.match is None:
             size = _Size(ScaleFinder(self._fitter, self.config.score_band))
@@ -199,11 +197,11 @@ class Matcher:
         return PoseMatch(person.body_id, self.bank.bank_id, scale, self._keep_different(placed))
 
     def _is_known(self, finder: ScaleFinder) -> bool:
-        """Tell whether the size is given, or was found and is held."""
+        """Check that the size is configured, or estimated and held."""
         return self.config.scale > 0.0 or finder.frames >= self.config.scale_frames
 
     def _await_whole(self, person: Person, size: _Size) -> None:
-        """Find the size of a person of whom a part is cut off or hidden anew, as more is seen of them."""
+        """Restart the size estimate of a person who was partly cut off or hidden, as more becomes visible."""
         if not (person.is_cut_beside or person.is_cut_below):
             size.whole += 1
             if size.is_partial and size.whole >= _WHOLE_FRAMES:
@@ -218,7 +216,7 @@ class Matcher:
             size.is_partial, size.shown = True, shown
 
     def _scale(self, person: Person, finder: ScaleFinder) -> float:
-        """Give the person's size: as configured, or found over the frames so far."""
+        """Return the person's size: configured, or estimated over the frames so far."""
         if self.config.scale > 0.0:
             return self.config.scale
         if finder.frames == 0:
@@ -229,7 +227,7 @@ class Matcher:
         return finder.scale
 
     def _first_sizes(self, person: Person) -> list[float]:
-        """Give the sizes that are compared first: about the proposals' own, or all over the range."""
+        """Return the sizes that are compared first: near the proposals' size, or over the whole range."""
         sizes = SCALES[1::3]
         if (guess := self._proposed.size(person.found)) is None:
             return sizes.tolist()
@@ -237,12 +235,12 @@ class Matcher:
         return sizes[max(0, nearest - 1) : nearest + 2].tolist()
 
     def _pose(self, placed: Placed, row: int, scale: float) -> BodyPose:
-        """Give one's pose in the camera frame."""
+        """Return the pose of one placed exemplar in the camera frame."""
         rotations = placed.rotations[row] @ self.bank.rotations(int(placed.exemplars[row]))
         return BodyPose(rotations, placed.translations[row], scale)
 
     def _compare_roughly(self, person: Person, scale: float, shortlist: int) -> Placed:
-        """Search with each of the input's axes at one size, and compare all that is found."""
+        """Search with each of the input's axes at one size, and compare all results coarsely."""
         axes = AXES[self.bank.view_scheme](person.points)
         share = max(1, shortlist // len(axes))
         parts = []
@@ -258,10 +256,10 @@ class Matcher:
         return self._renderer.compare(join(parts), scale, _thinned(person, _ROUGH_M))
 
     def _compare_finely(self, person: Person, scale: float, rough: Placed) -> Placed:
-        """Compare the best of the shortlist in a finer image; the best first."""
+        """Compare the best of the shortlist in a finer image, and sort them by score."""
         image = _thinned(person, _FINE_M)
         there = rough.take(rough.ranking()[:_FINALISTS])
-        # a correction found in few pixels is worth a try, no more
+        # a correction from few pixels is only tried
         pairs = (self._renderer.compare(p, scale, image) for p in (there, there.moved()))
         compared = better(*pairs)
         best = compared.take(compared.ranking()[:_CORRECTED])
@@ -269,10 +267,10 @@ class Matcher:
         return self._settle_facing(best.take(best.ranking()), person, scale)
 
     def _settle_facing(self, placed: Placed, person: Person, scale: float) -> Placed:
-        """Put the best that faces the other way first, where it agrees better once both are fitted.
+        """Move the best exemplar that faces the other way to the front if it agrees better after a fit.
 
-        From behind people look much as from before, and where the bank has no pose that is near, one
-        that faces the wrong way may agree as well as one that does not.
+        From behind people look much as from the front. Where the bank has no near pose, one that faces the
+        wrong way may agree as well as one that faces the right way.
         """
         across = placed.nodes[:, _LEFT].sum(axis=1) - placed.nodes[:, _RIGHT].sum(axis=1)
         close = placed.scores < placed.scores[0] + _NEARLY
@@ -286,7 +284,7 @@ class Matcher:
         return placed.take(np.insert(rows[rows != other], 0, other))
 
     def _keep_different(self, placed: Placed) -> tuple[Candidate, ...]:
-        """Give the best few that are different poses."""
+        """Return the best few candidates with different poses."""
         kept = keep_different(placed.nodes, _SAME_POSE_M, self.config.keep)
         return tuple(
             Candidate(
@@ -302,5 +300,5 @@ class Matcher:
 
 
 def _thinned(person: Person, spacing_m: float) -> Observation:
-    """Leave out pixels of the half-resolution image that are closer than need be."""
+    """Subsample the half-resolution image to the required spacing."""
     return thin_image(person.coarse, float(person.points[:, 2].mean()), spacing_m)

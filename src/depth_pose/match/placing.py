@@ -1,4 +1,4 @@
-"""Place exemplars at the input, correct them by their rendering, and score them."""
+"""Place exemplars at the input, correct them by rendering, and score them."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from depth_pose.match import _match_kernels as kernels
 from depth_pose.match.search import Nearest
 
 _VERTICES = 500
-"""Vertices of the coarse body: so many tell poses apart as well as all do, at a quarter of the time."""
+"""Number of vertices of the coarse body: as discriminative as all, in a quarter of the time."""
 
 
 @dataclass(frozen=True)
 class ExemplarViews:
-    """How the views of some poses lie in canonical axes.
+    """Views of poses in canonical axes.
 
     Attributes
     ----------
@@ -32,7 +32,7 @@ class ExemplarViews:
     view_quats : (N, W, 4) float32
         ``R_canonical_model``.
     view_origins : (N, W, 3) float32
-        Point of the model, pelvis at the origin, that comes to lie at the axes' origin, metres.
+        Point of the model, pelvis at the origin, that is placed at the axes' origin, metres.
     """
 
     numbers: NDArray[np.int64]
@@ -54,11 +54,11 @@ class Placed(NamedTuple):
     scores : (K,) float64
         Rendered-depth disagreement.
     shifts : (K, 3) float64
-        Translations that would bring silhouettes and mean depths together, metres.
+        Translations that would align silhouettes and mean depths, metres.
     nodes : (K, 21, 3) float64
         Camera frame, metres.
 
-    The last three are what a comparison finds; there is nothing in them before it.
+    A comparison computes the last three; before it they are empty.
     """
 
     exemplars: NDArray[np.int64]
@@ -71,20 +71,20 @@ class Placed(NamedTuple):
     nodes: NDArray[np.float64]
 
     def take(self, rows: NDArray[np.int64]) -> Placed:
-        """Give some of them, in the order of ``rows``."""
+        """Return a subset in the order of ``rows``."""
         return Placed._make(column[rows] for column in self)
 
     def moved(self) -> Placed:
-        """Give them translated by their shifts."""
+        """Return a copy translated by the shifts."""
         return self._replace(translations=self.translations + self.shifts)
 
     def ranking(self) -> NDArray[np.int64]:
-        """Rows by their scores, the best first."""
+        """Return the row indices by score, the best first."""
         return np.argsort(self.scores, kind="stable")
 
 
 def place_exemplars(views: ExemplarViews, nearest: Nearest, axes: CanonicalAxes, scale: float) -> Placed:
-    """Lay views of exemplars, entries ``pose * W + view``, over an input's canonical axes."""
+    """Place views of exemplars, entries ``pose * W + view``, on an input's canonical axes."""
     count = len(nearest.entries)
     rotations, translations = np.empty((count, 3, 3)), np.empty((count, 3))
     kernels.place(
@@ -99,7 +99,7 @@ def place_exemplars(views: ExemplarViews, nearest: Nearest, axes: CanonicalAxes,
 def unscored(
     exemplars: NDArray[np.int64], rotations: NDArray[np.float64], translations: NDArray[np.float64]
 ) -> Placed:
-    """Give exemplars that lie somewhere, of no view, before any comparison."""
+    """Return exemplars with given transforms, without view, before any comparison."""
     count = len(exemplars)
     return Placed(
         exemplars=exemplars,
@@ -114,13 +114,13 @@ def unscored(
 
 
 def better(a: Placed, b: Placed) -> Placed:
-    """Of each two in the same row the one with the lower score; the first where they are equal."""
+    """Return for each row the one with the lower score; the first if equal."""
     rows = np.arange(len(a.scores))
     return join([a, b]).take(np.where(b.scores < a.scores, rows + len(rows), rows))
 
 
 def join(parts: Sequence[Placed]) -> Placed:
-    """Put several into one, in their order."""
+    """Concatenate several in order."""
     if len(parts) == 1:
         return parts[0]
     return Placed._make(np.concatenate(columns) for columns in zip(*parts, strict=True))
@@ -135,7 +135,7 @@ class ExemplarRenderer:
         self._band = band
 
     def compare(self, placed: Placed, scale: float, observed: Observation) -> Placed:
-        """Score exemplars where they are placed, and find by how much they seem to be off."""
+        """Score exemplars where they are placed, and estimate their offsets."""
         compared = placed._replace(
             scores=np.empty_like(placed.scores),
             shifts=np.empty_like(placed.shifts),

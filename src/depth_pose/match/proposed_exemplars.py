@@ -1,8 +1,8 @@
-"""Exemplars whose joints lie where the finder's second look proposes them.
+"""Exemplars whose joints lie near the joints proposed by the finder.
 
-The subspace of Sec. 5 compares clouds, in which an arm before the trunk hardly counts. The proposals
-(`depth_pose.detect.joint_finder`) say where the arm is; the exemplars whose joints lie most like that
-are compared by rendered depth beside the others.
+The subspace of Sec. 5 compares clouds, in which an arm in front of the trunk has little weight. The proposals
+(`depth_pose.detect.joint_finder`) locate the arm. The exemplars whose joints are most similar to the
+proposals are compared by rendered depth in addition to the others.
 """
 
 from __future__ import annotations
@@ -22,13 +22,14 @@ _RIGHT = [JOINT_INDEX["right_shoulder"], JOINT_INDEX["right_hip"]]
 _NECK, _PELVIS = JOINT_INDEX["neck"], JOINT_INDEX["pelvis"]
 
 _LAID = 16
-"""Exemplars, the nearest with trunk on trunk, that are laid over the proposals as well as can be."""
+"""Number of exemplars, the nearest with aligned trunks, that are aligned with the proposals by least
+squares."""
 
 _TAKEN = (8, 4)
-"""Of these, how many are compared; and how many for left and right taken for each other."""
+"""Number of these that are compared, and number with left and right exchanged."""
 
 _EVEN = 0.25
-"""Joints whose claimed error is half of that of even confidence weigh half of the most that one can."""
+"""Weight offset: joints with half the expected error of even confidence get half the maximum weight."""
 
 
 class ProposedExemplars:
@@ -43,7 +44,7 @@ class ProposedExemplars:
         self._squares = np.ascontiguousarray((local**2).sum(axis=2).T)
 
     def find(self, found: FoundPerson, scale: float) -> Placed | None:
-        """Give the exemplars whose joints lie most like a person's; None without proposals."""
+        """Return the exemplars whose joints are nearest to a person's proposals; None without proposals."""
         if len(found.proposals) != len(JOINTS):
             return None
         joints = found.proposals.astype(np.float64)
@@ -59,7 +60,7 @@ class ProposedExemplars:
         return unscored(near.ravel()[taken], turns[taken], roots[taken])
 
     def size(self, found: FoundPerson) -> float | None:
-        """Give a first guess of a person's size from the lengths between proposed joints; None without."""
+        """Estimate a person's size from the lengths between proposed joints; None without proposals."""
         if len(found.proposals) != len(JOINTS):
             return None
         return body_length(found.proposals) / self._length
@@ -67,7 +68,7 @@ class ProposedExemplars:
     def _nearest(
         self, named: NDArray[np.float64], weights: NDArray[np.float64], scale: float
     ) -> NDArray[np.int64]:
-        """Give the exemplars (2, `_LAID`) that are nearest to joints (2, 19, 3), trunk on trunk."""
+        """Return the exemplars (2, `_LAID`) nearest to joints (2, 19, 3) with aligned trunks."""
         axes, middle = _trunk(named)
         local = ((named - middle[:, None]) @ axes) / scale
         pulls = (2.0 * weights[:, :, None] * local).reshape(2, -1).astype(np.float32)
@@ -78,14 +79,14 @@ class ProposedExemplars:
 
 
 def _both(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Give what is known of joints, and the same with left and right exchanged."""
+    """Stack joint values and the same with left and right exchanged."""
     return np.stack([values, values[MIRROR_JOINTS]])
 
 
 def _lay(
     own: NDArray[np.float64], joints: NDArray[np.float64], weights: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Lay poses' joints (K, 19, 3) over others: what is left (K,), rotations, pelvises (`fit_rigid`)."""
+    """Align joints (K, 19, 3) with others: residuals (K,), rotations, pelvis places (`fit_rigid`)."""
     share = weights[:, None]
     own_middle, middle = share @ own, share @ joints
     turns = nearest_rotation(
@@ -98,7 +99,7 @@ def _lay(
 
 
 def _trunk(joints: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Axes (N, 3, 3), in columns, and middles (N, 3) of the trunks of (N, 19, 3) joints."""
+    """Compute the axes (N, 3, 3), in columns, and centres (N, 3) of the trunks of joints (N, 19, 3)."""
     up = _unit(joints[:, _NECK] - joints[:, _PELVIS])
     across = joints[:, _LEFT].mean(axis=1) - joints[:, _RIGHT].mean(axis=1)
     across = _unit(across - (across * up).sum(axis=1, keepdims=True) * up)

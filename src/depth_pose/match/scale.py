@@ -1,11 +1,10 @@
-"""Find the person's size over the first frames, then hold it.
+"""Estimate the person's size over the first frames, then hold it.
 
-Freeing the size in every fit shrinks the body, frame by frame. So sizes on a fixed grid are
-compared: the matched exemplar is fitted at each, and scored by rendered depth and by how rare
-people of that size are. The first frame walks downhill on the grid. Every further one compares just
-one pair of neighbouring sizes, above or below the best so far in turn, so that no frame takes long.
-Differences within a frame say more than scores of different frames; the size is where their means
-change sign.
+A free size in every fit shrinks the body from frame to frame. So sizes on a fixed grid are compared: the
+matched exemplar is fitted at each, and scored by rendered depth and by how rare people of that size are. The
+first frame descends on the grid. Every later frame compares only one pair of neighbouring sizes, alternately
+above and below the best so far, which bounds the time. Differences within a frame are more informative than
+scores of different frames; the size is where their means change sign.
 """
 
 from __future__ import annotations
@@ -23,24 +22,21 @@ if TYPE_CHECKING:
     from depth_pose.refine.articulated import ArticulatedFitter
 
 SCALES = 0.6 * 1.04 ** np.arange(-3, 18)
-"""Sizes that are tried: statures from 0.93 m to 2.05 m for a body of 1.75 m."""
+"""Grid of sizes: statures from 0.93 m to 2.05 m for a body of 1.75 m."""
 
 _RARE = 1.0
-"""Score of people taller than 1.75 m, times the square of the logarithm of how much: .01 at 1.93 m.
-
-Loose clothes make people look larger than they are. Without, two of eight real people seemed to be 2.05 m
-tall and their feet lay below the image of them; with 3, eleven people of random builds, two of whom are that
-tall, are off by 22.7 mm instead of 21.6 (docs/accuracy.md)."""
+"""Score of tall people, times the squared log ratio to 1.75 m; it compensates loose clothes; chosen on
+real people and simulated builds."""
 
 _RARITY = _RARE * np.maximum(np.log(SCALES), 0.0) ** 2
-"""What each of `SCALES` adds to its score: `_RARE` times that square."""
+"""Rarity term of each of `SCALES`."""
 
 _MOST_STEPS = 5
-"""Steps of 4 % from the first guess, at most: so that the first frame does not take long."""
+"""Maximum number of 4 % steps from the first guess, which bounds the time of the first frame."""
 
 
 class ScaleFinder:
-    """Sums, over frames, how much worse a fit gets from each size to the next."""
+    """Accumulates, over frames, the score differences between neighbouring sizes."""
 
     def __init__(self, fitter: ArticulatedFitter, band: float) -> None:
         self._fitter = fitter
@@ -56,7 +52,7 @@ class ScaleFinder:
 
     @property
     def scale(self) -> float:
-        """Size at which the score, a parabola near its minimum, is lowest; once there was a frame."""
+        """Size with the least score, by a parabola near the minimum; defined after the first frame."""
         k = self._at
         if k == 0 or k == len(SCALES) - 1 or min(self._counts[k - 1], self._counts[k]) == 0:
             return float(SCALES[k])
@@ -65,7 +61,7 @@ class ScaleFinder:
         return float(SCALES[k] * (SCALES[1] / SCALES[0]) ** step)
 
     def add(self, person: Person, start: BodyPose) -> None:
-        """Take a frame into account.
+        """Add a frame to the estimate.
 
         Parameters
         ----------
@@ -95,12 +91,12 @@ class ScaleFinder:
         self._move()
 
     def _pair(self) -> int:
-        """Lower size of the pair beside the best size that was compared less often."""
+        """Return the lower size of the less often compared pair beside the best size."""
         below, above = max(0, self._at - 1), min(len(SCALES) - 2, self._at)
         return below if self._counts[below] < self._counts[above] else above
 
     def _move(self) -> None:
-        """Go to the next size if the mean difference says that it is better."""
+        """Move to the next size if the mean difference favours it."""
         k = self._at
         if k < len(SCALES) - 1 and self._rises[k] < 0.0:
             self._at = k + 1
@@ -109,7 +105,7 @@ class ScaleFinder:
 
 
 def _descend(score: Callable[[int], float], k: int) -> int:
-    """Walk to a size that is better than both its neighbours, a few steps at most."""
+    """Descend to a size that is better than both neighbours, in a few steps at most."""
     for _ in range(_MOST_STEPS):
         best = min(range(max(0, k - 1), min(len(SCALES), k + 2)), key=score)
         if best == k:

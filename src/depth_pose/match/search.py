@@ -1,18 +1,17 @@
 r"""Exact search for the nearest entries of a PCA subspace (Ye et al. eq. 6).
 
-PCA puts most of a distance into the first dimensions. With an entry :math:`x = (x_1, x_2)` split
-into those and the rest, the triangle inequality gives
+PCA puts most of a distance into the first dimensions. With an entry :math:`x = (x_1, x_2)` split into those
+and the rest, the triangle inequality gives
 
 .. math:: \|x - y\|^2 \ge \|x_1 - y_1\|^2 + (\|x_2\| - \|y_2\|)^2,
 
-so one pass over part of the table, kept as 16-bit integers, bounds every distance from below. The
-entries with each block's lowest bound are looked at first; they give a distance that rules out
-nearly all others.
+so one pass over part of the table, kept as 16-bit integers, bounds every distance from below. The entries
+with each block's lowest bound are examined first; their distance excludes nearly all others.
 
-Plain NumPy (all distances by one product with the table, ``argpartition``, the nearest again) reads the
-whole table and takes longer: for 128,000 entries of 16, 32, 48 and 64 dimensions on one thread 0.8, 2.1,
-2.8 and 3.2 ms, against 0.5, 0.7, 1.2 and 1.8 ms here, the least of 30 runs each (`benchmarks/speed.py`
-compares them on the bank's own).
+Plain NumPy (all distances by one product with the table, ``argpartition``, the nearest again) reads the whole
+table and takes longer: for 128,000 entries of 16, 32, 48 and 64 dimensions on one thread 0.8, 2.1, 2.8 and
+3.2 ms, against 0.5, 0.7, 1.2 and 1.8 ms here, the least of 30 runs each (`benchmarks/speed.py` compares them
+on the bank's own).
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ from numpy.typing import NDArray
 from depth_pose.match import _search_kernels as kernels
 
 _HEAD = 24
-"""Dimensions in which every entry is compared; set by hand, not swept: any gives the same result."""
+"""Number of dimensions in which every entry is compared; affects only speed; set by hand."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +41,7 @@ class SubspaceSearch:
     Parameters
     ----------
     table : (N, D) float32
-        The dimensions in the order of falling variance, for speed.
+        Dimensions in the order of decreasing variance, for speed.
     """
 
     def __init__(self, table: NDArray[np.float32]) -> None:
@@ -51,13 +50,13 @@ class SubspaceSearch:
         head = np.pad(head, ((0, len(head) % 2), (0, 0)))  # to an even number
         self._steps = (np.abs(head).max(axis=1, initial=1e-6) / np.float32(32767)).astype(np.float32)
         self._head = np.ascontiguousarray(np.round(head / self._steps[:, None]).astype(np.int16))
-        self._slack = np.float32(0.51 * np.linalg.norm(self._steps))  # rounding is off by half a step
+        self._slack = np.float32(0.51 * np.linalg.norm(self._steps))  # rounding errs by half a step
         self._rest_norms = np.linalg.norm(self.table[:, _HEAD:], axis=1).astype(np.float32)
         self._bounds = np.empty(len(self.table), np.float32)
         self._best = np.empty(-(-len(self.table) // kernels.BLOCK), np.int64)
 
     def find(self, point: NDArray[np.float32], count: int) -> Nearest:
-        r"""Find the entries nearest to a point: Ye et al. eq. 6, for several instead of the one nearest.
+        r"""Find the entries nearest to a point: Ye et al. eq. 6, for several nearest entries in place of one.
 
         .. math:: \langle l, i \rangle = \arg\min_{l, i} \|\lambda_l^i - \gamma\| \qquad (6)
 
@@ -67,7 +66,7 @@ class SubspaceSearch:
         ----------
         point : (D,) float32
         count : int
-            At most so many.
+            Maximum number of entries.
         """
         count = min(count, len(self.table))
         distances, entries = np.empty(count, np.float32), np.empty(count, np.int64)

@@ -1,4 +1,4 @@
-"""Short fits to one frame: poses and sizes are compared by how well they can be made to agree."""
+"""Short fits to one frame, which compare poses and sizes by their agreement after the fit."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from depth_pose.refine.articulated import ArticulatedFitter
 
 _POINTS = 400
-"""Half of the points of a fit (`FitConfig.max_points`) tell sizes apart; set by hand, not swept."""
+"""Number of points, half of a full fit (`FitConfig.max_points`); set by hand."""
 
 
 class TrialFits:
@@ -23,7 +23,7 @@ class TrialFits:
         self._target = view.target(_POINTS, with_proposals=False)
 
     def score(self, start: BodyPose) -> float:
-        """Fit from a start, and give the rendered-depth score."""
+        """Fit from a start, and return the rendered-depth score."""
         pose = self._fitter.fit(self._target, start, self._fitter.config.trial)
         body = self._fitter.body
         posed = body.pose(pose.rotations, pose.root, pose.scale)

@@ -1,9 +1,9 @@
 """Exemplars for a person whose lower body lies below the image.
 
-The axes and the middle of half a body are not those of a whole one, so the bank's views do not
-match it. But such a person stands or sits upright, and their head is in view: upright exemplars,
-turned in steps about the camera's vertical, are hung up by the head. The comparison by rendered
-depth, which leaves out what lies beyond the image, and the limb search do the rest.
+The axes and the centre of half a body differ from those of a whole one, so the bank's views do not match it.
+But such a person stands or sits upright with the head in view. Therefore upright exemplars, rotated in steps
+about the camera's vertical, are aligned at the head. The comparison by rendered depth, which ignores
+everything beyond the image, and the limb search select among them.
 """
 
 from __future__ import annotations
@@ -20,27 +20,27 @@ from depth_pose.match.placing import ExemplarViews
 from depth_pose.match.search import Nearest
 
 _POSES = 12
-"""Upright poses that are tried, about. Set by hand, not swept."""
+"""Approximate number of upright poses that are tried; set by hand."""
 _TURNS = np.radians([0.0, -30.0, 30.0, -60.0, 60.0, 180.0])
-"""Turns about the vertical at which each is seen, radians. Set by hand, not swept."""
+"""Rotations about the vertical (radians); set by hand."""
 _HEAD_M = 0.22
-"""Height of the head's points below the highest, metres on the 1.75 m body. Set by hand, not swept."""
+"""Height of the head's points below the highest point (m on the 1.75 m body); set by hand."""
 _CANONICAL_CAMERA = R_CAMERA_FACING_MODEL.copy()
-"""Right, up and toward the camera, in the camera frame: the axes of somebody who faces it.
+"""Right, up and toward the camera, in the camera frame: the axes of a person who faces it.
 
-A copy, because kernels are compiled once more for an array that cannot be written.
+A copy, because numba compiles kernels again for read-only arrays.
 """
 
 
 def head_axes(points: NDArray[np.float64], scale: float) -> CanonicalAxes:
-    """Give level axes at the middle of the head's visible points."""
+    """Compute level axes at the centre of the head's visible points."""
     top = np.percentile(points[:, 1], 0.5)
     head = points[points[:, 1] < top + scale * _HEAD_M]
     return CanonicalAxes(_CANONICAL_CAMERA, head.mean(axis=0))
 
 
 class UprightExemplars:
-    """Upright poses of a bank, seen from all around, hung up by the head."""
+    """Upright poses of a bank, seen from all sides, aligned at the head."""
 
     def __init__(self, bank: Bank) -> None:
         rotations = quat_to_matrix(bank.pose_quats.astype(np.float64))
@@ -54,7 +54,7 @@ class UprightExemplars:
             skull = bank.body.pose(rotations[number], np.zeros(3)).vertices[head]
             for t, turn in enumerate(turns):
                 toward = skull @ turn[2]
-                origins[k, t] = skull[toward > np.median(toward)].mean(axis=0)  # the half that is seen
+                origins[k, t] = skull[toward > np.median(toward)].mean(axis=0)  # the visible half
         self.views = ExemplarViews(
             numbers=numbers,
             view_quats=np.tile(matrix_to_quat(turns).astype(np.float32), (len(numbers), 1, 1)),

@@ -11,23 +11,23 @@ from depth_pose.core._grid_kernels import Grid, bounds, sort_into_cells
 from depth_pose.core.kernels import njit
 
 _CELL_M = 0.04
-"""Least side of a grid's cells, metres; any gives the same result, this is fast."""
+"""Least side of the grid's cells (m); affects only speed."""
 
 _MOST_CELLS = 128
-"""Cells along the longer side of the grid, at most."""
+"""Maximum number of cells along the longer side of the grid."""
 
 _LEAST_MASS = 1e-8
-"""Source points with fewer target points than this do not count in the M-step."""
+"""Source points with less responsibility than this are ignored in the M-step."""
 
 _LEAST_EXPLAINED = 1e-3
-"""With fewer target points explained in all, nothing is in reach, and the drift ends."""
+"""With fewer explained target points in total, nothing is in reach and the iteration stops."""
 
 _STILL = 1e-3
-"""The drift ends when the variance falls by less than this share in an iteration."""
+"""The iteration stops when the variance falls by less than this share."""
 
 
 class DriftSettings(NamedTuple):
-    """Settings of `drift`; ``depth_pose.paper.cpd`` says what they are. Variances in square metres."""
+    """Settings of `drift`, explained in ``depth_pose.paper.cpd``; variances in square metres."""
 
     stiffness: float
     sigma2: float
@@ -40,7 +40,7 @@ class DriftSettings(NamedTuple):
 
 @njit(cache=True, fastmath=True, forceinline=True)
 def sort_into_grid(target: Any) -> Any:
-    """Sort points by the cells of a grid over x and y, so that a row of cells is one run.
+    """Sort points by the cells of a grid over x and y, so that a row of cells is contiguous.
 
     Returns the sorted points (3, N) float32, the first point of each cell, and the grid.
     """
@@ -86,7 +86,7 @@ def _sum_run(run: Any, centre: Any, kernel: Any, share: Any) -> Any:
 def expect(
     moved: Any, sigma2: Any, outlier: Any, grid: Any, kernel: Any, total: Any, p1: Any, residual: Any
 ) -> Any:
-    """E-step of CPD: ``p1[m] = sum_n p_mn``, ``residual[m] = sum_n p_mn (x_n - t_m)``.
+    """Run the E-step of CPD: ``p1[m] = sum_n p_mn``, ``residual[m] = sum_n p_mn (x_n - t_m)``.
 
     Returns ``sum_mn p_mn |x_n - t_m|^2``. ``total`` holds ``sum_n`` of each target's posteriors
     (Pt1) afterwards, in the order of the grid.
@@ -132,7 +132,7 @@ def expect(
 
 @njit(cache=True, fastmath=True, forceinline=True)
 def _add_normal_equations(basis: Any, p1: Any, residual: Any, shift: Any, matrix: Any, right: Any) -> None:
-    """``B^T diag(p1) B`` (lower half) and ``B^T (residual + diag(p1) shift)``, four rows at a time."""
+    """Add ``B^T diag(p1) B`` (lower half) and ``B^T (residual + diag(p1) shift)``, four rows at a time."""
     count = basis.shape[1]
     matrix[:] = 0.0
     right[:] = 0.0
@@ -165,7 +165,7 @@ def _add_normal_equations(basis: Any, p1: Any, residual: Any, shift: Any, matrix
 
 @njit(cache=True, fastmath=True, forceinline=True)
 def _solve(matrix: Any, right: Any) -> None:
-    """Cholesky in the lower half of ``matrix``; the rows of ``right`` become the solutions."""
+    """Solve by Cholesky in the lower half of ``matrix``; the rows of ``right`` become the solutions."""
     n = matrix.shape[0]
     for j in range(n):
         for i in range(j):
@@ -191,10 +191,10 @@ def _solve(matrix: Any, right: Any) -> None:
 
 @njit(cache=True)
 def drift(source: Any, target: Any, basis: Any, settings: Any, moved: Any, p1: Any, residual: Any) -> Any:
-    """Run the whole of coherent point drift.
+    """Run all iterations of coherent point drift.
 
-    ``moved``, ``p1``, ``residual`` are written. Returns the last sigma squared, the share of the
-    targets that is explained, and the number of iterations.
+    ``moved``, ``p1``, ``residual`` are written. Returns the last sigma squared, the share of explained
+    targets, and the number of iterations.
     """
     grid = sort_into_grid(target)
     count = basis.shape[1]
@@ -242,11 +242,11 @@ def drift(source: Any, target: Any, basis: Any, settings: Any, moved: Any, p1: A
 def follow(
     vertices: Any, before: Any, moved: Any, probability: Any, reach: Any, targets: Any, mass: Any
 ) -> Any:
-    """Move each vertex to where the points around it went: their mean, near ones weighing more.
+    """Move each vertex to the weighted mean of the new places of the points around it.
 
-    The weight is ``exp(-4.5 d^2 / reach^2)`` times the point's probability, and nothing beyond 1.2 times
-    ``reach``. ``mass`` (V,) is the sum of weights; ``targets`` (V, 3), which may be ``vertices``, of vertices
-    without any are left as they are.
+    The weight is ``exp(-4.5 d^2 / reach^2)`` times the point's probability, and 0 beyond 1.2 times ``reach``.
+    ``mass`` (V,) is the sum of weights. ``targets`` (V, 3) may be ``vertices``; those of vertices without
+    points are unchanged.
     """
     steep, most = 4.5 / (reach * reach), (1.2 * reach) ** 2
     for v in range(vertices.shape[0]):

@@ -1,8 +1,8 @@
 """A basis of smooth displacement fields of a body, from distances along its surface.
 
-With Euclidean distances, coherent point drift drags a hand along with the thigh that it touches.
-Along the surface the two are far apart in every pose, and the distances change so little with the
-pose that those of the rest mesh serve all exemplars: one basis per body, made once.
+With Euclidean distances, coherent point drift moves a hand along with the thigh that it touches. Along the
+surface the two are far apart in every pose, and the distances change so little with the pose that those of
+the rest mesh serve all exemplars: one basis per body, computed once.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 
 
 def geodesic_basis(vertices: Array, faces: NDArray[np.integer], count: int, beta: float) -> Array:
-    """Basis of displacement fields that are smooth along a mesh's surface.
+    """Compute a basis of displacement fields that are smooth along a mesh's surface.
 
     Parameters
     ----------
@@ -41,10 +41,10 @@ def geodesic_basis(vertices: Array, faces: NDArray[np.integer], count: int, beta
 
 
 def surface_distances(vertices: Array, faces: NDArray[np.integer], chosen: NDArray[np.integer]) -> Array:
-    """Distance along the surface from the chosen vertices to all, shape (V, C), metres.
+    """Compute the distance along the surface from the chosen vertices to all, shape (V, C), metres.
 
-    Shortest paths over the mesh's edges and over the pairs of vertices opposite an edge, which cuts
-    the detours of edge paths to a few percent. Parts that are not connected are infinitely far.
+    Shortest paths over the mesh's edges and over the pairs of vertices opposite an edge, which reduces the
+    detours of edge paths to a few percent. The distance to disconnected parts is infinite.
     """
     directed = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
     opposite = np.concatenate([faces[:, 2], faces[:, 0], faces[:, 1]])

@@ -1,9 +1,9 @@
-"""The paper's refinement of one exemplar (Sec. 6): register, complete, carry the joints over.
+"""The paper's refinement of one exemplar (Sec. 6): register, complete, transfer the joints.
 
-The exemplar's visible vertices are registered to the input by coherent point drift
-(`depth_pose.paper.cpd`); their correspondences deform the complete mesh
-(`depth_pose.paper.laplacian`, Ye et al. eq. 7); the joints follow their control vertices
-(`depth_pose.paper.rigid`, Ye et al. eq. 8). What is hidden comes from the exemplar.
+The exemplar's visible vertices are registered to the input by coherent point drift (`depth_pose.paper.cpd`);
+their correspondences deform the complete mesh (`depth_pose.paper.laplacian`, Ye et al. eq. 7); the joints
+follow their control vertices (`depth_pose.paper.rigid`, Ye et al. eq. 8). What is hidden comes from the
+exemplar.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ Array = NDArray[np.float64]
 
 
 class MeshCompleter:
-    """Completes meshes of one body; everything that does not change between frames is here."""
+    """Completes meshes of one body; all data that is constant between frames is prepared here."""
 
     def __init__(
         self, body: Body, config: CompletionConfig | None = None, cpd: CpdConfig | None = None
@@ -44,7 +44,7 @@ class MeshCompleter:
         self._transfer = JointTransfer(body)
 
     def of(self, body: Body) -> MeshCompleter:
-        """Give the same completer for another build of its body.
+        """Return the same completer for another build of its body.
 
         Coherence and Laplacian act on displacements, so they are shared; they change little with a build.
         """
@@ -62,7 +62,7 @@ class MeshCompleter:
         points : (N, 3) float64
             The person's points in the camera frame, metres.
         coarse : Observation
-            The frame at low resolution, whose camera decides which vertices are seen.
+            The frame at low resolution, used to determine the visible vertices.
         start : BodyPose
 
         Returns
@@ -76,7 +76,7 @@ class MeshCompleter:
         return found
 
     def _deform(self, points: Array, coarse: Observation, start: BodyPose) -> FittedBody:
-        """Register, complete and carry the joints over, once."""
+        """Register, complete and transfer the joints, once."""
         c = self.config
         posed = self.body.pose(start.rotations, start.root, start.scale)
         facing = self.visible(posed, start.rotations, coarse)
@@ -94,7 +94,7 @@ class MeshCompleter:
         return self.complete(start, posed, targets, weights)
 
     def complete(self, pose: BodyPose, posed: PosedBody, targets: Array, weights: Array) -> FittedBody:
-        """Deform a posed body to correspondences and carry its joints over (Ye et al. eqs. 7, 8).
+        """Deform a posed body to correspondences and transfer its joints (Ye et al. eqs. 7, 8).
 
         Parameters
         ----------
@@ -124,12 +124,12 @@ class MeshCompleter:
         self.fit(points, view, still)
 
     def visible(self, posed: PosedBody, rotations: Array, coarse: Observation) -> Array:
-        """Tell which vertices of a posed body the camera sees, and how squarely.
+        """Compute the visibility of each vertex of a posed body.
 
         Returns
         -------
         (V,) float64
-            Cosine between the vertex's normal and the ray to it; 0 where it is not seen.
+            Cosine between the vertex's normal and the ray to it; 0 if invisible.
         """
         normals = np.empty_like(posed.vertices)
         seen = np.empty(len(posed.vertices), np.bool_)

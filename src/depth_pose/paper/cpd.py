@@ -1,20 +1,19 @@
-r"""Coherent point drift, non-rigid: move one point set onto another, neighbours together.
+r"""Non-rigid coherent point drift: move one point set onto another with a smooth field.
 
-A. Myronenko and X. Song, *Point set registration: coherent point drift*, IEEE TPAMI 32, 2010,
-which the paper uses to find which exemplar vertex corresponds to which input point (Sec. 6).
+A. Myronenko and X. Song, *Point set registration: coherent point drift*, IEEE TPAMI 32, 2010, which the paper
+uses to find which exemplar vertex corresponds to which input point (Sec. 6).
 
-The source points :math:`y_m`, moved to :math:`t_m = y_m + v(y_m)`, are the centres of a Gaussian
-mixture with one variance and a uniform outlier class; the target points :math:`x_n` are samples of
-it.
+The source points :math:`y_m`, moved to :math:`t_m = y_m + v(y_m)`, are the centres of a Gaussian mixture with
+one variance and a uniform outlier class; the target points :math:`x_n` are samples of it.
 
 *E-step*
 
 .. math:: p_{mn} = \frac{e^{-\|x_n - t_m\|^2 / 2\sigma^2}}{c + \sum_k e^{-\|x_n - t_k\|^2 / 2\sigma^2}},
    \qquad c = (2\pi\sigma^2)^{3/2}\, \frac{w}{1 - w}\, \frac{M}{N}
 
-with the outlier weight w. In metres c is small, and what keeps far points out is the cut: Gaussians
-end at 5.7 sigma, and a target beyond the reach of all sources belongs to none. The targets within
-reach of a source are found through a grid.
+with the outlier weight w. In metres c is small, so far points are excluded by a cut: Gaussians end at 5.7
+sigma, and a target beyond the reach of all sources belongs to none. The targets within reach of a source are
+found through a grid.
 
 *M-step*  The field is :math:`v = B a`, with a basis for which :math:`B B^T` approximates the
 coherence kernel :math:`G_{ij} = e^{-d_{ij}^2 / 2\beta^2}` (Nystroem's method: a few vertices far
@@ -25,9 +24,8 @@ apart, their kernel's eigenvectors, extended to all vertices), so that the penal
 .. math:: \left( B^T D B + \lambda\sigma^2 I \right) a = B^T (P X - D Y),
    \qquad D = \mathrm{diag}(P 1)
 
-The distance d may be Euclidean, or along the surface of a template mesh
-(`depth_pose.paper.coherence`): then limbs that touch stay independent, and one basis serves
-all poses.
+The distance d may be Euclidean, or along the surface of a template mesh (`depth_pose.paper.coherence`): then
+limbs that touch stay independent, and one basis serves all poses.
 """
 
 from __future__ import annotations
@@ -45,24 +43,24 @@ from depth_pose.paper import _cpd_kernels as kernels
 Array = NDArray[np.float64]
 
 LEAST_EIGENVALUE = 1e-6
-"""Share of the largest eigenvalue that a direction of the basis has, for the pipeline's stiff fields."""
+"""Least eigenvalue of a basis direction, as a share of the largest, for the pipeline's stiff fields."""
 
 
 @dataclass(frozen=True)
 class CpdResult:
-    """A registration.
+    """Result of a registration.
 
     Attributes
     ----------
     moved : (M, 3) float64
-        The source points where they came to lie, metres.
+        The moved source points, metres.
     probability : (M,) float64
-        ``P1``: how many target points correspond to each source point.
+        ``P1``: number of target points that correspond to each source point.
     target_mean : (M, 3) float64
-        ``PX / P1``: mean of the corresponding target points, metres; the moved point where there
+        ``PX / P1``: mean of the corresponding target points, metres; the moved point if there
         are none.
     sigma : float
-        Standard deviation at the end, metres.
+        Final standard deviation, metres.
     explained : float
         Share of the target points that are not outliers.
     iterations : int
@@ -98,7 +96,7 @@ def register(
     Raises
     ------
     InputError
-        Where an array has the wrong shape, is empty, or is not finite.
+        If an array has the wrong shape, is empty, or is not finite.
     """
     config = config or CpdConfig()
     source, target = _points(source, "source"), _points(target, "target")
@@ -149,14 +147,14 @@ def _points(points: Array, name: str) -> Array:
 
 
 def euclidean_basis(points: Array, count: int, beta: float, least: float = LEAST_EIGENVALUE) -> Array:
-    """Basis of smooth displacement fields of a point set, from Euclidean distances.
+    """Compute a basis of smooth displacement fields of a point set, from Euclidean distances.
 
     Parameters
     ----------
     points : (M, 3) float64
         Metres.
     count : int
-        Points from which the kernel is approximated.
+        Number of points from which the kernel is approximated.
     beta : float
         Width of the Gaussian kernel, metres.
     least : float
@@ -176,19 +174,19 @@ def euclidean_basis(points: Array, count: int, beta: float, least: float = LEAST
 def nystroem_basis(
     distances: Array, chosen: NDArray[np.int64], beta: float, least: float = LEAST_EIGENVALUE
 ) -> Array:
-    """Low-rank factor of a Gaussian kernel matrix from some of its columns.
+    """Compute a low-rank factor of a Gaussian kernel matrix from some of its columns.
 
     Parameters
     ----------
     distances : (M, C)
         Distance of every point from the chosen ones, metres.
     chosen : (C,)
-        Which points these are.
+        Indices of the chosen points.
     beta : float
         Width of the kernel, metres.
     least : float
-        Directions that carry less than this share of the largest eigenvalue are left out. A direction
-        counts as long as its eigenvalue is not small against ``lambda sigma^2``: soft fields need more.
+        Directions below this share of the largest eigenvalue are dropped. A direction
+        matters while its eigenvalue is not small against ``lambda sigma^2``: soft fields need more.
 
     Returns
     -------

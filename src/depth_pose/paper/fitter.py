@@ -1,4 +1,4 @@
-"""The paper's registration and completion as a method of fitting (`refine.method: cpd`)."""
+"""Fitting method of the paper: registration and completion (`refine.method: cpd`)."""
 
 from __future__ import annotations
 
@@ -39,6 +39,6 @@ class CompletionFitter:
         self._space = build_space(completer.body)
 
     def fit_to(self, person: Person, build: NDArray[np.float32]) -> FrameFit:
-        """Prepare the fits of a build, (13,), to one frame."""
+        """Prepare the fits of a build (13,) to one frame."""
         points = thin(person.points, self._completer.config.max_points)
         return _CompletionFit(self._completer.of(self._space.body(build)), points, person)

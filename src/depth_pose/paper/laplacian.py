@@ -2,20 +2,20 @@ r"""Laplacian completion: deform a whole mesh by the correspondences of its visi
 
 .. math:: \hat M = \arg\min_M \|L M - L M_l\|^2 + \sum_{k \in I} w_k \|m_k - x_k\|^2
 
-with L the cotangent Laplacian (U. Pinkall and K. Polthier, *Computing discrete minimal surfaces
-and their conjugates*, Experimental Mathematics 2, 1993), the posed exemplar :math:`M_l`, and input
-points :math:`x_k` that correspond to its vertices. The unknown is the deformed vertex in both terms
-(the paper prints the exemplar's in the second).
+with L the cotangent Laplacian (U. Pinkall and K. Polthier, *Computing discrete minimal surfaces and their
+conjugates*, Experimental Mathematics 2, 1993), the posed exemplar :math:`M_l`, and input points :math:`x_k`
+that correspond to its vertices. The unknown is the deformed vertex in both terms (the paper prints the
+exemplar's in the second).
 
 Only differences enter the first term, so it is solved for the displacement :math:`U = M - M_l`,
 
 .. math:: (L^T L + D)\, U = D (X - M_l), \qquad D = \mathrm{diag}(w_k)
 
-and L is needed of the displacement field's domain alone. It is taken from the body's *rest* mesh:
-a posed limb is the rest limb moved rigidly, so cotangents differ only around the joints, and the
-matrix, its ordering and the pattern of its Cholesky factor are prepared once per body. Each frame
-changes only the diagonal D; the numbers of the factor are computed again, exactly, with no
-iteration. Where nothing corresponds, :math:`U` is as smooth as a thin plate.
+and L is needed only on the domain of the displacement field. It is taken from the body's *rest* mesh: a posed
+limb is the rest limb moved rigidly, so cotangents differ only around the joints, and the matrix, its ordering
+and the pattern of its Cholesky factor are prepared once per body. Each frame changes only the diagonal D; the
+values of the factor are recomputed exactly, without iteration. Where nothing corresponds, :math:`U` is as
+smooth as a thin plate.
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ from depth_pose.refine import _cholesky_kernels as kernels
 Array = NDArray[np.float64]
 
 _HOLD = 1e-9
-"""Weight that holds the whole mesh where nothing corresponds, so that the system has a solution."""
+"""Weight on the whole mesh, which makes the system regular where nothing corresponds."""
 
 
 class LaplacianCompleter:
-    """Completes one body's meshes; all that does not depend on the frame is prepared here.
+    """Completes one body's meshes; all data that is constant between frames is prepared here.
 
     Parameters
     ----------
@@ -79,7 +79,7 @@ class LaplacianCompleter:
         Returns
         -------
         (V, 3) float64
-            The deformed mesh; the posed one where no weight is above 0.
+            The deformed mesh; the posed one if no weight is above 0.
         """
         n = len(self._order)
         if vertices.shape != (n, 3) or targets.shape != (n, 3) or weights.shape != (n,):
@@ -98,7 +98,7 @@ class LaplacianCompleter:
 
 
 def cotangent_laplacian(vertices: Array, faces: NDArray[np.integer]) -> sparse.csr_matrix:
-    r"""Cotangent Laplacian of a mesh.
+    r"""Compute the cotangent Laplacian of a mesh.
 
     Parameters
     ----------

@@ -1,10 +1,9 @@
-r"""Least-squares rigid transforms, and joints carried by control vertices (Ye et al. eq. 8).
+r"""Least-squares rigid transforms, and transfer of joints by control vertices (Ye et al. eq. 8).
 
-The transform that minimises :math:`\sum_i w_i \|R q_i + t - \hat q_i\|^2` is found from the singular
-value decomposition of the weighted covariance (W. Kabsch, Acta Cryst. A 32, 1976; S. Umeyama, IEEE
-TPAMI 13, 1991, for the proper rotation in degenerate cases). The paper iterates closest points;
-here the deformed mesh has the exemplar's vertices, so the correspondences are known and one step
-is exact.
+The transform that minimises :math:`\sum_i w_i \|R q_i + t - \hat q_i\|^2` is found from the singular value
+decomposition of the weighted covariance (W. Kabsch, Acta Cryst. A 32, 1976; S. Umeyama, IEEE TPAMI 13, 1991,
+for the proper rotation in degenerate cases). The paper iterates closest points; here the deformed mesh has
+the exemplar's vertices, so the correspondences are known and one step is exact.
 """
 
 from __future__ import annotations
@@ -22,11 +21,11 @@ Array = NDArray[np.float64]
 _REACH = {"pelvis": 0.11, "spine": 0.10, "chest": 0.11, "neck": 0.07, "head": 0.08, "clavicle": 0.08,
           "shoulder": 0.07, "elbow": 0.05, "wrist": 0.045, "hip": 0.09, "knee": 0.065, "ankle": 0.05,
           "foot": 0.04}  # fmt: skip
-"""Width of the Gaussian that gathers a joint's control vertices, metres on a body of 1.75 m; set by hand
-to about the limb's half width, not swept."""
+"""Width of the Gaussian that weights a joint's control vertices (m on a body of 1.75 m); set by hand to
+about the limb's half width."""
 
 _TAIL = 0.05
-"""Control vertices that weigh less than this share of the heaviest are left out, for speed."""
+"""Control vertices below this share of the largest weight are dropped, for speed."""
 
 
 @dataclass(frozen=True)
@@ -37,12 +36,12 @@ class RigidTransform:
     translation: Array
 
     def apply(self, points: Array) -> Array:
-        """Transform one point for each transform, (..., 3) to (..., 3)."""
+        """Transform one point by each transform, (..., 3) to (..., 3)."""
         return np.asarray(np.einsum("...ij,...j->...i", self.rotation, points) + self.translation)
 
 
 def fit_rigid(source: Array, target: Array, weights: Array) -> RigidTransform:
-    """Find the rigid transforms that carry source points onto target points best: Ye et al. eq. 8.
+    """Find the least-squares rigid transforms from source points to target points: Ye et al. eq. 8.
 
     Parameters
     ----------
@@ -54,7 +53,7 @@ def fit_rigid(source: Array, target: Array, weights: Array) -> RigidTransform:
     Returns
     -------
     RigidTransform
-        With a singular covariance (points on a line) one of the best is returned.
+        With a singular covariance (points on a line) any of the best is returned.
     """
     share = weights / weights.sum(axis=-1, keepdims=True)
     mean_s, mean_t = share @ source, share @ target
@@ -68,10 +67,10 @@ def fit_rigid(source: Array, target: Array, weights: Array) -> RigidTransform:
 
 
 class JointTransfer:
-    """Carries a body's joints from a posed mesh to a deformed one by control vertices.
+    """Transfers a body's joints from a posed mesh to a deformed one by control vertices.
 
-    A joint's place is carried by vertices around it whose skin weights belong to the two segments
-    that meet there; a segment's rotation by the vertices that move with it.
+    A joint's place is transferred by nearby vertices whose skin weights belong to the two segments that meet
+    there, and a segment's rotation by the vertices that move with it.
     """
 
     def __init__(self, body: Body) -> None:
@@ -85,16 +84,16 @@ class JointTransfer:
             near[n] = np.exp(-0.5 * squared / reach**2) * body.weights[:, joins].sum(axis=1)
         segment = body.weights.copy()
         for n, name in enumerate(NODES):
-            if name.endswith("foot"):  # the feet carry the rotation of their ankle
+            if name.endswith("foot"):  # the feet take the rotation of their ankle
                 ankle = NODE_PARENTS[n]
                 segment[:, ankle] = segment[:, n] = body.weights[:, ankle] + body.weights[:, n]
         for n in range(1, count):
-            if not segment[:, n].any():  # nothing moves with it: it turns with its parent
+            if not segment[:, n].any():  # no vertex moves with it: it rotates with its parent
                 segment[:, n] = segment[:, NODE_PARENTS[n]]
         self._place, self._segment = _trim(near), _trim(segment.T)
 
     def transfer(self, posed: Array, nodes: Array, rotations: Array, deformed: Array) -> tuple[Array, Array]:
-        """Carry nodes and segment rotations over (Ye et al. eq. 8).
+        """Transfer nodes and segment rotations (Ye et al. eq. 8).
 
         Parameters
         ----------
@@ -116,5 +115,5 @@ class JointTransfer:
 
 
 def _trim(weights: Array) -> Array:
-    """Drop the tails: weights below a share of the greatest become 0."""
+    """Set weights below a share of the greatest to 0."""
     return np.where(weights < _TAIL * weights.max(axis=1, keepdims=True), 0.0, weights)

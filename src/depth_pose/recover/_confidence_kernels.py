@@ -1,4 +1,4 @@
-"""Compiled comparison of joints with the depth seen around them; `depth_pose.recover.confidence` uses it."""
+"""Compiled comparison of joints with the observed depth, for `depth_pose.recover.confidence`."""
 
 from __future__ import annotations
 
@@ -14,22 +14,21 @@ _SEEN, _OCCLUDED, _OUTSIDE = 0, 1, 2
 """Values of `depth_pose.core.skeleton.JointState`."""
 
 _SAMPLES = 6
-"""Places looked at along a limb segment."""
+"""Number of sample points along a limb segment."""
 
 _FAR_OUTSIDE = 2.0
-"""Farther outside the image than this, in units of ``hidden_behind``, a joint is no less known. Of 5 and 2
-the better one on people who sit or are near (docs/accuracy.md)."""
+"""Maximum distance outside the image, in units of ``hidden_behind``, that lowers the confidence further."""
 
 
 @njit(cache=True)
 def _is_outside(u: Any, v: Any, camera: Any) -> Any:
-    """Tell whether a pixel position lies outside the image."""
+    """Check that a pixel position lies outside the image."""
     return not (-0.5 <= u < camera.width - 0.5 and -0.5 <= v < camera.height - 0.5)
 
 
 @njit(cache=True)
 def _look(x: Any, y: Any, z: Any, below: Any, window: Any) -> Any:
-    """Label of the pixel of a place in the body, and how far behind where it should lie it is."""
+    """Look up the label of a body point's pixel, and how far the surface lies from where it is expected."""
     depth, labels = window.depth, window.labels
     u, v = project(window.camera, x, y, z)
     row, column = int(np.rint(v)), int(np.rint(u))
@@ -51,10 +50,10 @@ def look_at_joints(
     states: Any,
     signs: Any,
 ) -> None:
-    """Write the states (19,) and the first 10 signs (19, 12) of joints, in the order of `confidence.SIGNS`.
+    """Write the states (19,) of joints and their first 10 signs (19, 12), in the order of `confidence.SIGNS`.
 
-    ``camera`` is that of the whole image, ``window`` (`depth_pose.body.rendered_depth.Observation`) what is
-    known around the person.
+    ``camera`` is that of the whole image, ``window`` (`depth_pose.body.rendered_depth.Observation`) the
+    observation around the person.
     """
     width, height = camera.width, camera.height
     signs[:] = 0.0
@@ -85,7 +84,7 @@ def look_at_joints(
             at_y = y + t * (positions[p, 1] - y)
             at_z = z + t * (positions[p, 2] - z)
             u, v = project(camera, at_x, at_y, at_z)
-            if _is_outside(u, v, camera):  # nobody looked there: that is no free space
+            if _is_outside(u, v, camera):  # not observed, so not free space
                 continue
             label, gap = _look(at_x, at_y, at_z, below[j] + t * (below[p] - below[j]), window)
             if label == BACKGROUND:

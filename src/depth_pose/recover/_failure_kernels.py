@@ -1,8 +1,8 @@
 """Compiled joint angles of one skeleton and their excess over the limits, for `depth_pose.recover.failure`.
 
-The same as `depth_pose.body.angles` and `depth_pose.body.limits` for many poses at once, five times faster
-for one (``test/recover/test_failure_kernels.py`` compares them). Only the angles in which a failure shows are
-computed: spine, chest, elbows, knees, hips and the direction of the upper arms.
+Computes the same as `depth_pose.body.angles` and `depth_pose.body.limits`, which handle many poses, but five
+times faster for a single one (``test/recover/test_failure_kernels.py`` compares them). Only the angles that
+reveal failures are computed: spine, chest, elbows, knees, hips and the direction of the upper arms.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ _ARM_AT, _LEG_AT = tuple(a.start for a in ARM), tuple(a.start for a in LEG)
 
 @njit(cache=True)
 def limit_excess(rotations, hang_arm, hang_leg, out):
-    """Write how far each judged angle lies beyond its limit, degrees, into ``out`` (47,).
+    """Write the excess (47,) of each judged angle over its limit, degrees, into ``out``.
 
-    ``rotations`` (21, 3, 3) are against the pelvis; ``hang_arm``, ``hang_leg`` (2, 3, 3) turn the left upper
-    and lower segment from rest to hanging.
+    ``rotations`` (21, 3, 3) are relative to the pelvis; ``hang_arm``, ``hang_leg`` (2, 3, 3) rotate the left
+    upper and lower segment from rest to hanging.
     """
     out[:] = 0.0
     rotation = np.empty((3, 3))
@@ -45,13 +45,13 @@ def limit_excess(rotations, hang_arm, hang_leg, out):
 
 @njit(cache=True)
 def _beyond(number, angle):
-    """How far an angle lies outside its range, degrees."""
+    """Compute how far an angle lies outside its range, degrees."""
     return max(LOW[number] - angle, angle - HIGH[number], 0.0)
 
 
 @njit(cache=True)
 def _mirrored(rotation, side, out):
-    """Copy a rotation, for the right side as seen in a mirror at x = 0."""
+    """Copy a rotation; on the right side mirror it at x = 0."""
     flip = 1.0 if side == 0 else -1.0
     for i in range(3):
         for j in range(3):
@@ -60,7 +60,7 @@ def _mirrored(rotation, side, out):
 
 @njit(cache=True)
 def _limb(rotations, trunk, nodes, side, hang, swing_at, bend_at, out):
-    """Judge the swing of an upper segment against the trunk, and the bend of the lower one."""
+    """Write the excess of an upper segment's swing relative to the trunk, and of the lower segment's bend."""
     base, segment = np.empty((3, 3)), np.empty((3, 3))
     upper, lower, rotation = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
     _mirrored(rotations[trunk], side, base)
@@ -86,7 +86,7 @@ def _limb(rotations, trunk, nodes, side, hang, swing_at, bend_at, out):
 
 @njit(cache=True)
 def _judge_swing(flexion, abduction, at, is_arm, out):
-    """Compare a swing with its cone, a quarter of an ellipse in each quadrant, overhead with half a turn."""
+    """Compare a swing with its cone, a quarter ellipse in each quadrant, allowing half a turn overhead."""
     elevation = np.sqrt(flexion * flexion + abduction * abduction)
     if is_arm and elevation > OVERHEAD_DEG:
         left = 1.0 - min(1.0, 180.0 / max(elevation, 1.0))
@@ -101,7 +101,7 @@ def _judge_swing(flexion, abduction, at, is_arm, out):
 
 @njit(cache=True)
 def _twist(rotation, flexion, abduction):
-    """Give the internal twist, degrees, that is left of a rotation from hanging after its swing, radians."""
+    """Compute the internal twist, degrees, of a rotation from hanging after removing its swing, radians."""
     size = np.sqrt(flexion * flexion + abduction * abduction)
     sinc = np.sin(size) / size if size > 1e-12 else 1.0
     half = (np.sin(0.5 * size) / (0.5 * size)) ** 2 / 2.0 if size > 1e-12 else 0.5

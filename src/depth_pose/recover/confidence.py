@@ -1,14 +1,14 @@
-r"""How sure a skeleton and each of its joints are, and how each joint was seen.
+r"""Confidence of skeletons and joints, and the visibility state of each joint.
 
-A joint's confidence is the chance that it lies within 10 cm of where it should. Its log-odds are
-a sum: a term for the kind of joint, terms for what is seen at the joint and along the segment of
-the limb that ends there, and of how far the finder's second look sees the joint from there (`SIGNS`), and one
-for the fit's rendered-depth score,
+A joint's confidence is the probability that it lies within 10 cm of the true position. Its log-odds are a sum
+of a term for the kind of joint, terms for the observations at the joint and along the limb segment that ends
+there, terms for the distance from the joint proposed by the finder's second look (`SIGNS`), and one for the
+fit's rendered-depth score,
 
 .. math:: \log\frac{p_j}{1 - p_j} = k_j + \sum_i w_i\, s_{ij} + w\, \mathrm{score}
 
-whose figures ``benchmarks/accuracy.py confidence`` fits to simulated people and checks on recordings that
-nothing was fitted to (docs/accuracy.md).
+``benchmarks/accuracy.py confidence`` fits the coefficients to simulated people and checks them on recordings
+that are not used in the fit (docs/accuracy.md).
 """
 
 from __future__ import annotations
@@ -24,23 +24,23 @@ from depth_pose.recover import _confidence_kernels as kernels
 from depth_pose.track.person import Person
 
 _HALF_SURE_SCORE = 0.45
-"""Rendered-depth score at which a fit is as likely right as wrong."""
+"""Rendered-depth score at which a fit is right with probability one half."""
 
 _SCORE_SPREAD = 0.06
-"""How fast that chance falls with the score: to .27 this much above. Set by hand, not swept."""
+"""Scale of the logistic fall with the score: 0.27 at this much above; set by hand."""
 
 _DEPTH_BEHIND_SURFACE = {"wrist": 0.03, "foot": 0.03, "ankle": 0.04, "elbow": 0.05, "knee": 0.06}
-"""How far below the skin a joint's centre lies, metres; 0.11 for those not named."""
+"""Depth of each kind of joint below the skin (m); 0.11 for the others."""
 
 _HIDDEN_BEHIND = 0.07
-"""A joint is hidden if the surface seen there lies this much nearer than its own should, metres."""
+"""A joint is hidden if the observed surface lies nearer than expected by more than this (m)."""
 
 _TOWARD = {
     "pelvis": "spine", "spine": "pelvis", "chest": "spine", "neck": "chest", "head": "neck",
     "shoulder": "neck", "elbow": "shoulder", "wrist": "elbow",
     "hip": "pelvis", "knee": "hip", "ankle": "knee", "foot": "ankle",
 }  # fmt: skip
-"""The other end of the segment that is looked at for each kind of joint."""
+"""Other end of the segment that is examined for each kind of joint."""
 
 SIGNS = {
     "hidden": 0.17,
@@ -56,15 +56,14 @@ SIGNS = {
     "away from the proposal": -0.62,
     "sure of the proposal": 3.03,
 }
-"""Log-odds of what is seen. Hidden, in free space, behind oneself and not another thing, outside next to a
-joint that is seen: 0 or 1. Outside: how far beyond the image's border, in units of 7 cm, at most 2.
-Before or behind: how far the joint is from where it should lie under the surface seen, in those units,
-at most 2. Of the segment: the shares of it in free space and hidden, and the mean distance of the rest.
-Of the proposal: how sure the finder is of it, 0 to 1, and that times how far the joint lies from it, in
-units of 10 cm, at most 4."""
+"""Log-odds of the observations. Hidden, in free space, hidden by the person's own body, outside next to a
+visible joint: 0 or 1. Outside: distance beyond the image border in units of 7 cm, at most 2. Before or
+behind: distance of the joint from its expected place under the surface, in those units, at most 2. Of the
+segment: shares in free space and hidden, and mean distance of the rest. Of the proposal: its confidence, 0
+to 1, and that times the joint's distance from it in units of 10 cm, at most 4."""
 
 _APART_UNIT_M, _MOST_APART = 0.1, 4.0
-"""Unit of the distance from the proposal, metres, and its most in that unit: `SIGNS` are fitted with them."""
+"""Unit (m) and maximum, in that unit, of the distance from the proposal in `SIGNS`."""
 
 KINDS = {
     "pelvis": 8.64,
@@ -86,8 +85,7 @@ SCORE = -6.72
 """Log-odds of the fit's rendered-depth score."""
 
 BESIDE = 0.45
-"""The most that is said of a joint beyond the left or right border of the image: of people cut off there
-by half too much is guessed, and nothing was fitted to them."""
+"""Maximum confidence of a joint beyond the left or right border; `SIGNS` are not fitted to such people."""
 
 SKELETON_SIGNS = {
     "always": -4.12,
@@ -95,37 +93,37 @@ SKELETON_SIGNS = {
     "log-odds of the joints' mean confidence": 1.09,
     "metres from the finder's joints": -6.64,
 }
-"""Log-odds of a skeleton, by what is known of it; fitted to simulated rooms with clutter by
-``benchmarks/accuracy.py confidence --rooms``. The distance from the finder's proposals is weighed by how sure
-they are; that of rendered depth is in the joints' confidence."""
+"""Log-odds of a skeleton by its evidence, fitted to simulated cluttered rooms by ``benchmarks/accuracy.py
+confidence --rooms``. The distance from the proposals is weighted by their confidence; the rendered-depth
+score enters through the joints' confidence."""
 
 _LEAST_SEEN = 4
-"""Where fewer joints are seen, a skeleton's confidence speaks of all of them."""
+"""With fewer visible joints, a skeleton's confidence covers all joints."""
 
 _FAR_APART_M = 0.5
-"""A joint farther from where the finder sees it counts as so far off, metres. Set by hand, not swept."""
+"""Maximum distance (m) of a joint from its proposal that counts; set by hand."""
 _LEAST_CHANCE = 0.01
-"""Chances are cut at this and at 1 less this, so that their log-odds are finite. Set by hand, not swept."""
+"""Probabilities are clipped to this and its complement, so that log-odds are finite; set by hand."""
 _SKELETON_ODDS = np.array(list(SKELETON_SIGNS.values()))
 
 _KIND = [name.split("_")[-1] for name in JOINTS]
-"""What each joint is, without its side."""
+"""Kind of each joint: its name without the side."""
 _BELOW = np.array([_DEPTH_BEHIND_SURFACE.get(kind, 0.11) for kind in _KIND])
-"""How far below the skin each joint lies, (19,), metres on the 1.75 m body."""
+"""Depth of each joint below the skin, (19,), metres on the 1.75 m body."""
 _OTHER_END = np.array(
     [
         JOINT_INDEX.get(name.replace(kind, _TOWARD[kind]), JOINT_INDEX.get(_TOWARD[kind], 0))
         for name, kind in zip(JOINTS, _KIND, strict=True)
     ]
 )
-"""The joint at the other end of each one's bone, by `_TOWARD`, (19,)."""
+"""Joint at the other end of each joint's bone, by `_TOWARD`, (19,)."""
 _KIND_ODDS = np.array([KINDS[kind] for kind in _KIND])
 _SIGN_ODDS = np.array(list(SIGNS.values()))
 
 
 @dataclass(frozen=True)
 class JointSigns:
-    """How each joint was seen: states (19,) uint8, and the figures of `SIGNS`, (19, 12)."""
+    """Visibility of each joint: states (19,) uint8, and the values of `SIGNS`, (19, 12)."""
 
     states: NDArray[np.uint8]
     signs: NDArray[np.float64]
@@ -133,16 +131,16 @@ class JointSigns:
 
 @dataclass(frozen=True)
 class JointReport:
-    """How each joint was seen: states (19,) uint8, and confidence (19,), the chance to be within 10 cm."""
+    """Visibility states (19,) uint8, and confidences (19,), the probability of an error below 10 cm."""
 
     states: NDArray[np.uint8]
     confidence: NDArray[np.float64]
 
 
 def fit_confidence(score: float) -> float:
-    """Confidence, 0 to 1, of a fit with a rendered-depth score; falls with the score.
+    """Compute the confidence, 0 to 1, of a fit from its rendered-depth score; it falls with the score.
 
-    It knows nothing of clutter; `skeleton_confidence` does.
+    It ignores clutter; `skeleton_confidence` takes it into account.
     """
     return float(1.0 / (1.0 + np.exp((score - _HALF_SURE_SCORE) / _SCORE_SPREAD)))
 
@@ -153,7 +151,7 @@ def skeleton_signs(
     states: NDArray[np.uint8],
     joint_confidence: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """Return what the confidence of a skeleton is made from, (4,): `SKELETON_SIGNS`."""
+    """Compute the evidence for the confidence of a skeleton, (4,): `SKELETON_SIGNS`."""
     found, seen, gap = person.found, joints_that_count(states), 0.0
     if len(found.proposals) == len(joints):
         trust = seen * found.proposal_confidence.astype(np.float64)
@@ -164,7 +162,7 @@ def skeleton_signs(
 
 
 def joints_that_count(states: NDArray[np.uint8]) -> NDArray[np.bool_]:
-    """Say which joints (19,) a skeleton's confidence speaks of: those seen; all where hardly any are."""
+    """Return which joints (19,) a skeleton's confidence covers: visible ones, or all if few are visible."""
     seen = states == JointState.SEEN
     return seen if seen.sum() >= _LEAST_SEEN else np.ones_like(seen)
 
@@ -196,7 +194,7 @@ def _log_odds(chance: float) -> float:
 
 
 def look_at_joints(positions: NDArray[np.float64], scale: float, person: Person) -> JointSigns:
-    """Compare joints with the depth seen where they and the limbs' segments project.
+    """Compare joints with the observed depth where they and the limb segments project.
 
     Parameters
     ----------
@@ -227,7 +225,7 @@ def look_at_joints(positions: NDArray[np.float64], scale: float, person: Person)
 
 
 def _proposal_signs(positions: NDArray[np.float64], found: FoundPerson) -> NDArray[np.float64]:
-    """Give how far joints (19, 3) are from where they are proposed, and how sure of that, (19, 2); else 0."""
+    """Compute the distances of joints (19, 3) from their proposals, and the confidences, (19, 2)."""
     if len(found.proposals) != len(positions):
         return np.zeros((len(positions), 2))
     sure = found.proposal_confidence.astype(np.float64)
@@ -236,7 +234,7 @@ def _proposal_signs(positions: NDArray[np.float64], found: FoundPerson) -> NDArr
 
 
 def report_joints(positions: NDArray[np.float64], scale: float, person: Person, score: float) -> JointReport:
-    """Tell how each joint was seen, and how likely it is right.
+    """Compute the visibility state and the confidence of each joint.
 
     Parameters
     ----------

@@ -1,9 +1,9 @@
-"""Telling failed skeletons (Sec. 6): sudden changes, joints beyond their limits, poor agreement.
+"""Detection of failed skeletons (Sec. 6): sudden changes, joints beyond their limits, poor agreement.
 
-The paper looks for sudden changes of bone lengths and for joint angles beyond their limits. A fit
-of a body keeps its bones, and a person taken for their own back view bends no joint; so the joints'
-jumps and the fit's score (`depth_pose.body.rendered_depth`) are looked at too, against the frame before.
-`benchmarks/recovery.py` measures how many of simulated failures are found.
+The paper checks for sudden changes of bone lengths and for joint angles beyond their limits. The articulated
+fit keeps bone lengths, and a person fitted back to front bends no joint beyond its limits. Therefore jumps of
+joints and the fit's score (`depth_pose.body.rendered_depth`) are checked too, against the previous frame.
+`benchmarks/recovery.py` measures how many simulated failures are found.
 """
 
 from __future__ import annotations
@@ -31,26 +31,26 @@ KINDS: tuple[str, ...] = (
     "jump",
     "worse_fit",
 )
-"""Kinds of failure, the keys of the counters, in the order they are looked for."""
+"""Kinds of failure, used as keys of the counters, in the order of the checks."""
 
 _JUMP_M = 0.1
-"""A joint may differ by this from frame to frame, beside what its speed allows."""
+"""Allowed change (m) of a joint from frame to frame, in addition to what its speed allows."""
 
 _UNKNOWN_PERSON = 2.0
-"""How many times as far a bone may be from the body's own, before the person's are known."""
+"""Factor on the allowed bone length deviation from the body's own, before the person's lengths are known."""
 
 _LEAST_CHANGE_M = 0.06
-"""A bone that changes by less is no failure, however short it is."""
+"""Bone length changes below this (m) are not failures."""
 
 _HANGS = tuple(np.stack([HANG[n] for n in names]) for names in (("shoulder", "elbow"), ("hip", "knee")))
 """Rotations from rest to hanging of a left arm's and a left leg's upper and lower segment, (2, 3, 3) each."""
 
 _BENT = 0.5
-"""Sine of the bend from which on elbow and knee tell the twist of the segment above."""
+"""Sine of the bend above which elbow and knee determine the twist of the segment above."""
 
 
 def _hinges() -> list[tuple[int, int, int, NDArray[np.float64], float]]:
-    """Upper and lower segment, end, rotation from rest to hanging, and 1 where it folds forward."""
+    """Return upper and lower segment, end, rotation from rest to hanging, and 1 if it folds forward."""
     out = []
     for side, mirror in (("left", 1.0), ("right", -1.0)):
         flip = np.array([mirror, 1.0, 1.0])
@@ -65,14 +65,14 @@ _HINGES = _hinges()
 
 @dataclass(frozen=True)
 class Failure:
-    """A kind, one of `KINDS`, and what was found, for people."""
+    """A kind, one of `KINDS`, and a readable description."""
 
     kind: str
     reason: str
 
 
 class FailureCheck:
-    """Checks one body's skeletons."""
+    """Checks the skeletons of one body."""
 
     def __init__(self, body: Body, config: RecoverConfig) -> None:
         self.body = body
@@ -86,16 +86,16 @@ class FailureCheck:
         ----------
         fitted : Fitted
         good : Fitted, optional
-            The last one in which none was found; the body's own proportions stand in for it.
+            The last fit without a failure; the body's own proportions by default.
         before : Fitted, optional
-            The answer to the frame before, without the filter.
+            The unfiltered answer for the previous frame.
 
         Returns
         -------
         Failure or None
         """
         if fitted.is_lost:
-            return Failure("no_pose", "no pose was found, though somebody is in view")
+            return Failure("no_pose", "no pose was found, although a person is in view")
         return (
             self._changed_bone(fitted, good)
             or self._bent_too_far(fitted)
@@ -168,21 +168,21 @@ class FailureCheck:
 
 
 def bone_lengths(positions: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Lengths of the 18 bones, metres, of joints (19, 3)."""
+    """Compute the lengths of the 18 bones (m) of joints (19, 3)."""
     start, end = np.array(BONES).T
     return np.asarray(np.linalg.norm(positions[end] - positions[start], axis=1))
 
 
 def limit_excess(body: Body, fitted: Fitted) -> NDArray[np.float64]:
-    """How far each anatomical angle lies beyond its limit, degrees, (47,); 0 for those not judged.
+    """Compute the excess of each anatomical angle over its limit, degrees, (47,); 0 for those not judged.
 
-    What a fit says of the twist of upper arm and thigh comes from the limb's skin alone and is often
-    wrong while all joints are right. Where elbow or knee are bent their plane tells the twist, so it
-    is taken from there: a knee that bends forward shows as a thigh that is twisted too far.
+    The twist of upper arm and thigh is fitted from the limb's skin alone and is often wrong while all joints
+    are right. If elbow or knee are bent, their plane determines the twist, so it is taken from there: a knee
+    that bends forward shows as a thigh that is twisted too far.
     """
     nodes, pose = fitted.nodes, fitted.pose
     rotations = pose_from_nodes(body, pose.rotations, nodes, pose.scale).rotations
-    rotations = rotations[0].T @ rotations  # against the pelvis: the camera may be mounted at any tilt
+    rotations = rotations[0].T @ rotations  # relative to the pelvis: the camera may be mounted at any tilt
     for upper, lower, end, rest_to_hanging, forward in _HINGES:
         frame = rotations[upper] @ rest_to_hanging.T
         bone = body.nodes[end] - body.nodes[lower]
@@ -193,7 +193,7 @@ def limit_excess(body: Body, fitted: Fitted) -> NDArray[np.float64]:
 
 
 def excess_of(rotations: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Give how far each judged angle of (21, 3, 3) against the pelvis is beyond its limit, degrees, (47,)."""
+    """Compute the excess (47,) over the limits, degrees, for rotations (21, 3, 3) relative to the pelvis."""
     excess = np.empty(len(ANGLES))
     kernels.limit_excess(np.ascontiguousarray(rotations), *_HANGS, excess)
     return excess

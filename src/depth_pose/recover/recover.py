@@ -1,12 +1,11 @@
 """Failure check, recovery by temporal registration, and the filter on the output (Sec. 6).
 
-Where a failure is found in a fitted body (`depth_pose.recover.failure`), the body of the frame
-before is carried over by the clouds (`depth_pose.recover.temporal`), as in the paper, and
-fitted to the input, which takes out the drift of repeated registration. Both poses are then
-compared with the input by rendering: one that is implausible in itself must agree much better to
-be kept, one that merely came suddenly only as well. So a good detection wins at once, and a
-recovered pose is never more than a stand-in; after `max_time` without a good one the person counts
-as lost. The published `Skeleton` is made here, at the end.
+If a failure is found in a fitted body (`depth_pose.recover.failure`), the body of the previous frame is
+carried over by the clouds (`depth_pose.recover.temporal`), as in the paper, and fitted to the input, which
+removes the drift of repeated registration. Both poses are then compared with the input by rendering. A pose
+that is implausible in itself is kept only if it agrees much better; a pose that merely changed suddenly is
+kept if it agrees as well. A good detection therefore wins at once, and a recovered pose is only a substitute.
+After `max_time` without a good pose the person counts as lost. The published `Skeleton` is built here.
 """
 
 from __future__ import annotations
@@ -36,57 +35,56 @@ from depth_pose.track.person import People, Person, thin
 from depth_pose.track.sample_people import sample_people
 
 _MAX_POINTS = 450
-"""Points of each of the two clouds that a pose is carried between, at most. Set by hand, for time."""
+"""Maximum number of points of each of the two registered clouds; set by hand, for time."""
 
 _TRUST = 0.8
-"""A recovered skeleton's confidence is its agreement with the input times this."""
+"""Factor on the confidence of a recovered skeleton."""
 
 _JOINT_TRUST = 0.9
-"""The same for its joints."""
+"""Factor on the confidence of its joints."""
 
 _WORSE = {"no_pose": 1.0, "bone_length": 0.1, "joint_angle": 0.1}
-"""How much higher a carried pose's score may be to replace one that failed so; not at all for other kinds."""
+"""Score excess with which a carried pose still replaces a fit that failed this way; 0 for other kinds."""
 
 _PART, _WORSE_OF_PART = 0.7, 0.08
-"""With less than this share of the points of the last good frame a part of the person is missing, and
-what fits the rest best is often something else: the carried pose's score may be higher by the second."""
+"""Share of the last good frame's points below which a part of the person is missing, and the score excess
+that is then allowed for the carried pose."""
 
 _NEARLY = 0.02
-"""Clouds are registered only where the body of the frame before, fitted as it was, misses the score that it
-must reach by less than this. Of 145 failures of several people and in rooms a carried pose answered 63 with
-all clouds registered, and 63 with the 38 that this asks for, at a third of the time."""
+"""Clouds are registered only if the previous body, fitted unchanged, misses the score to reach by less
+than this."""
 
 _HOPELESS = 0.5
-"""A new person is not answered with less than this share of `min_confidence`: it is furniture."""
+"""Share of `min_confidence` below which a new person is not published: it is furniture."""
 
 _VETO, _VETO_SHARE = 0.1, 0.25
-"""A person whose standing (`RecoveryMemory`) stays below the first is not answered, unless they are sure: no
-body fits what the finder detected. The second: each frame's share in the average. Set by hand."""
+"""Standing (`RecoveryMemory`) below which a person is not published unless sure, and the share of each
+frame in its average; set by hand."""
 
 _SURE = 0.75
-"""A person of this probability, over all frames, is answered even if no body fits."""
+"""Person probability, over all frames, above which a person is published even if no body fits."""
 
 _FIRST_STANDING = 0.3
-"""Standing of a new person. Set by hand."""
+"""Standing of a new person; set by hand."""
 
 
 @dataclass
 class RecoveryMemory:
-    """What recovery remembers of one person.
+    """State of recovery for one track.
 
     Attributes
     ----------
     filter : JointFilter
     standing : float
-        Probability of being a person times the fit's confidence, averaged over the last frames.
+        Person probability times the fit's confidence, averaged over the last frames.
     before : Fitted or None
-        The answer to the frame before, not filtered.
+        The unfiltered answer for the previous frame.
     person_before : Person or None
-        What that frame showed.
+        The observation in that frame.
     good : Fitted or None
-        The last one without a failure.
+        The last fit without a failure.
     good_points : int
-        Points that the person had then.
+        Number of the person's points in that frame.
     is_waiting : bool
         Whether the person was lost and a good fit is awaited.
     """
@@ -106,13 +104,13 @@ class RecoveryMemory:
         self.good_points, self.is_waiting = 0, True
 
     def trust(self, person: Person, fitted: Fitted) -> Fitted:
-        """Take a fit for good: what comes is judged against it."""
+        """Accept a fit as the reference for later frames."""
         self.good, self.good_points, self.is_waiting = fitted, len(person.points), False
         return fitted
 
 
 class Recoverer:
-    """The fourth stage: what `recovery_node` runs.
+    """The fourth stage of the pipeline, run by `recovery_node`.
 
     Parameters
     ----------
@@ -122,20 +120,20 @@ class Recoverer:
     match : MatchConfig
     bodies : BodyFitter
     completer : MeshCompleter
-        Of the bank's body.
+        Completes meshes of the bank's body.
     subjects : Subjects, optional
-        What is remembered of everybody, shared with the other stages of a process.
+        State of all tracks, shared with the other stages of a process.
 
     Attributes
     ----------
     last_reasons : dict of str to str
-        What failed in the last frame, by body id.
+        Failures of the last frame, by body id.
     failures : Counter
-        Fits by kind of failure (`depth_pose.recover.failure.KINDS`), since the start.
+        Number of failures by kind (`depth_pose.recover.failure.KINDS`), since the start.
     recoveries : int
-        Skeletons that recovery gave, since the start.
+        Number of recovered skeletons, since the start.
     doubtful : int
-        Detections that no body fits, since the start; those of little probability are not answered.
+        Number of detections that no body fits, since the start; improbable ones are not published.
     """
 
     def __init__(
@@ -163,7 +161,7 @@ class Recoverer:
         self.reset()
 
     def reset(self) -> None:
-        """Forget everybody."""
+        """Forget all tracks."""
         self._subjects.reset()
         self.last_reasons: dict[str, str] = {}
 
@@ -179,18 +177,18 @@ class Recoverer:
             excess_of(fitted.pose.rotations)
 
     def recover(self, people: People, fitted: Iterable[Fitted]) -> tuple[Skeleton, ...]:
-        """Check fitted bodies, recover where they failed, and filter.
+        """Check fitted bodies, recover failed ones, and filter.
 
         Parameters
         ----------
         people : People
         fitted : iterable of Fitted
-            The refiner's answers to the same people.
+            The refiner's answers for the same people.
 
         Returns
         -------
         tuple of Skeleton
-            Source REFINED or RECOVERED, with filtered positions; who is lost is left out. Their
+            Source REFINED or RECOVERED, with filtered positions; lost people are omitted. Their
             confidence is the probability that this is a person and that the pose is right.
         """
         self._subjects.begin(people)
@@ -200,7 +198,7 @@ class Recoverer:
         return tuple(a for a in answers if a is not None)
 
     def _recover(self, person: Person, fitted: Fitted) -> Skeleton | None:
-        """Answer for one person; None where they are lost."""
+        """Build the skeleton of one person; None if lost."""
         memory = self._remembered(self._subjects[person.body_id])
         is_sure = person.found.probability >= _SURE
         answer = self._checked(person, memory, fitted) if self.config.enabled else fitted
@@ -244,7 +242,7 @@ class Recoverer:
         return subject.recovery
 
     def _checked(self, person: Person, memory: RecoveryMemory, refined: Fitted) -> Fitted | None:
-        """Return the refined fit, or a better one; None where the person is lost."""
+        """Return the refined fit, or a better one; None if the person is lost."""
         failure = self._check.find(refined, memory.good, memory.before)
         if failure is None:
             return memory.trust(person, refined)
@@ -268,14 +266,14 @@ class Recoverer:
         return recovered
 
     def _is_over(self, memory: RecoveryMemory, stamp_ns: int) -> bool:
-        """Tell whether the last good fit is too long ago."""
+        """Check that the last good fit is older than `max_time`."""
         good = memory.good
         return good is not None and stamp_ns - good.stamp_ns > self.config.max_time * 1e9
 
     def _carry(self, memory: RecoveryMemory, person: Person, limit: float) -> Fitted:
-        """Bring the last body to this frame: as it was, or carried over by the clouds where that may help."""
+        """Move the last body to this frame: unchanged, or carried by the clouds if that may help."""
         last, shown = memory.before, memory.person_before
-        assert last is not None and shown is not None, "somebody without a past is not carried"
+        assert last is not None and shown is not None, "a person without a previous frame is not carried"
         kept = self._fit(person, last.pose, last.build)
         if kept.score < limit or kept.score > limit + _NEARLY:
             return kept
@@ -285,7 +283,7 @@ class Recoverer:
         return self._fit(person, carried.pose, last.build)
 
     def _fit(self, person: Person, start: BodyPose, build: NDArray[np.float32]) -> Fitted:
-        """Fit the body of the frame before to this frame, and compare the two."""
+        """Fit the body of the previous frame to this frame, and compare the two."""
         fitter = self._bodies.of(build)
         pose = fitter.fit(self._bodies.target(person), start, fitter.config.carried)
         mesh = fitter.body.pose(pose.rotations, pose.root, pose.scale)

@@ -1,8 +1,7 @@
-"""Low-pass filter on the joints (Sec. 6), one that follows fast motion closely.
+"""Low-pass filter on the joints (Sec. 6) that follows fast motion closely.
 
-The One-Euro filter (G. Casiez, N. Roussel, D. Vogel, *1 Euro filter*, CHI 2012): a first-order
-low-pass whose cut-off frequency rises with speed, so that joints at rest do not tremble and
-joints in motion do not lag.
+The One-Euro filter (G. Casiez, N. Roussel, D. Vogel, *1 Euro filter*, CHI 2012): a first-order low-pass whose
+cut-off frequency rises with speed, so that joints at rest do not jitter and moving joints do not lag.
 """
 
 from __future__ import annotations
@@ -15,18 +14,18 @@ from numpy.typing import NDArray
 from depth_pose.core.config import SmoothConfig
 
 _SPEED_CUTOFF_HZ = 4.0
-"""Cut-off frequency of the filter on the speed itself. Set by hand, not swept."""
+"""Cut-off frequency (Hz) of the filter on the speed; set by hand."""
 
 
 class JointFilter:
-    """Filters joint positions, each joint by its own speed."""
+    """Filters joint positions, each joint with its own speed."""
 
     def __init__(self, config: SmoothConfig) -> None:
         self.config = config
         self.reset()
 
     def reset(self) -> None:
-        """Forget the past."""
+        """Reset the filter."""
         self._stamp_ns: int | None = None
 
     def filter(self, positions: NDArray[np.float64], stamp_ns: int) -> NDArray[np.float64]:
@@ -37,7 +36,7 @@ class JointFilter:
         positions : (19, 3) float64
             Metres.
         stamp_ns : int
-            Later than that of the frame before, since the last `reset`.
+            Must increase between calls until `reset`.
 
         Returns
         -------
@@ -60,5 +59,5 @@ class JointFilter:
 
 
 def _share(cutoff: NDArray[np.float64], dt: float) -> NDArray[np.float64]:
-    """Share of a new sample that a first-order low-pass takes over."""
+    """Compute the weight of a new sample in a first-order low-pass."""
     return 1.0 / (1.0 + 1.0 / (2.0 * math.pi * cutoff * dt))

@@ -1,9 +1,8 @@
 """Carry a body from one frame to the next by the clouds alone (Sec. 6, failure recovery).
 
-The cloud of frame t-1 is registered to that of frame t by coherent point drift; each vertex of the
-last mesh that was seen corresponds to the points of frame t-1 around it and goes where they went;
-the rest of the mesh follows by Laplacian completion (Ye et al. eq. 7), and the joints by their control
-vertices (Ye et al. eq. 8).
+The cloud of frame t-1 is registered to that of frame t by coherent point drift. Each visible vertex of the
+last mesh corresponds to the points of frame t-1 around it and moves with them. The rest of the mesh follows
+by Laplacian completion (Ye et al. eq. 7), and the joints by their control vertices (Ye et al. eq. 8).
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ Array = NDArray[np.float64]
 
 
 class TemporalCarrier:
-    """Carries a completer's body from frame to frame."""
+    """Carries the body of a completer from frame to frame."""
 
     def __init__(
         self, completer: MeshCompleter, config: TemporalConfig | None = None, cpd: CpdConfig | None = None
@@ -37,14 +36,14 @@ class TemporalCarrier:
     def carry(
         self, before: Array, now: Array, coarse_before: Observation, pose: BodyPose, body: Body
     ) -> FittedBody:
-        """Carry a body over.
+        """Carry a body from frame t-1 to frame t.
 
         Parameters
         ----------
         before, now : (M, 3), (N, 3) float64
             The person's points at t-1 and t, metres, camera frame; a few hundred suffice.
         coarse_before : Observation
-            Frame t-1 at low resolution, whose camera decides which vertices were seen.
+            Frame t-1 at low resolution, used to determine the visible vertices.
         pose : BodyPose
             The body at t-1.
         body : Body
@@ -53,7 +52,7 @@ class TemporalCarrier:
         Returns
         -------
         FittedBody
-            The body at t; unchanged where nothing was seen of it.
+            The body at t; unchanged if no vertex was visible.
         """
         c, completer = self.config, self._completer.of(body)
         found = register(before, now, self._cpd)

@@ -1,4 +1,4 @@
-"""Compiled loops that turn a pose's segments toward joints, and measure how far joints are away."""
+"""Compiled loops that turn a pose's segments toward joints and measure joint distances."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ _SHORT_M = 1e-6
 
 @njit(cache=True)
 def aim_segments(rest, segments, nodes, rotations):
-    """Turn segments by the smallest rotations that make them point to their next node.
+    """Turn segments by the smallest rotations that make them point at their end node.
 
-    ``segments`` (2, K): the nodes where each begins and ends; ``rest``, ``nodes`` (21, 3);
-    ``rotations`` (21, 3, 3) are changed.
+    ``segments`` (2, K): start and end node of each; ``rest``, ``nodes`` (21, 3); ``rotations`` (21, 3, 3) is
+    updated in place.
     """
     now, seen, turn, turned = np.empty(3), np.empty(3), np.empty((3, 3)), np.empty((3, 3))
     for k in range(segments.shape[1]):
@@ -37,7 +37,7 @@ def aim_segments(rest, segments, nodes, rotations):
 
 @njit(cache=True)
 def mean_gap(joints, places, weights, most):
-    """Mean distance of joints (J, 3) from places, each at most ``most``, times its weight."""
+    """Compute the weighted mean distance of joints (J, 3) from ``places``, each clipped at ``most``."""
     total = 0.0
     for j in range(places.shape[0]):
         x, y, z = joints[j, 0] - places[j, 0], joints[j, 1] - places[j, 1], joints[j, 2] - places[j, 2]
@@ -47,7 +47,7 @@ def mean_gap(joints, places, weights, most):
 
 @njit(cache=True)
 def nearer_naming(joints, places, weights):
-    """Which naming of left and right, of two, puts ``places`` (2, J, 3) nearer to joints (J, 3)."""
+    """Return which of two left/right namings puts ``places`` (2, J, 3) nearer to joints (J, 3)."""
     apart = np.zeros(2)
     for side in range(2):
         for j in range(joints.shape[0]):

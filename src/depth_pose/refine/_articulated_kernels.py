@@ -17,38 +17,37 @@ from depth_pose.refine._tree_kernels import Equations, add_vertex, take_step
 from depth_pose.refine._visibility_kernels import mark_visible, turn_normals
 
 _REACH = 2.5
-"""Vertices within this many standard deviations of a point count."""
+"""Range of a Gaussian, in standard deviations; vertices farther from a point are ignored."""
 
 _LANES = 16
-"""Vertices around a cell are padded to a multiple of this many, with some that are `_FAR_AWAY`."""
+"""The vertices around a cell are padded with `_FAR_AWAY` to a multiple of this number."""
 
 _FAR_AWAY = np.float32(1e6)
-"""Where padding lies, metres: so far off that no point weighs it."""
+"""Coordinate of padding vertices (m), too far away to get any weight."""
 
 _LEAST_MASS = 1e-3
-"""Vertices with fewer points than this pull nothing."""
+"""Vertices with less responsibility than this are ignored in the M-step."""
 
 _THIN = 3
-"""In coarse iterations every third point does: all of the person still shows; set by hand, not swept."""
+"""Stride of the points in coarse iterations; set by hand."""
 
 USUAL_POINTS = 800.0
-"""Number of points for which the weights are given (`FitConfig.max_points`); they go in proportion."""
+"""Number of points for which the weights are given (`FitConfig.max_points`); weights scale with the
+number."""
 
 _BEHIND_M = 0.05
-"""A vertex is seen if it lies at most this far behind the rendered depth, metres; set by hand, not swept."""
+"""A vertex is visible if it lies at most this far (m) behind the rendered depth; set by hand."""
 
 
 _LOOK_EVERY = 2
-"""Iterations between two looks at which vertices are seen. Every time: 26.9 mm on six development clips;
-every second time: 26.6, and a fit takes a fifth less."""
+"""Iterations between two visibility updates; 2 is as accurate as 1 and a fifth faster."""
 
 _ELSEWHERE_M = 0.15
-"""A joint this far from its proposal is pulled a quarter as much as its gap says, a farther one less:
-one of the two is elsewhere; set by hand, not swept."""
+"""Joint distance (m) at which the robust weight is a quarter; it falls further beyond; set by hand."""
 
 
 class Settings(NamedTuple):
-    """Numbers of `depth_pose.core.config.FitConfig` under their names; ``root_prior`` is 0."""
+    """Values of `depth_pose.core.config.FitConfig`, by the same names; ``root_prior`` is 0."""
 
     coarse_sigma: float
     outlier: float
@@ -65,7 +64,7 @@ class Settings(NamedTuple):
 
 
 class Surface(NamedTuple):
-    """A posed skin: vertices and normals (V, 3), and the node that moves each vertex most, (V,)."""
+    """A posed skin: vertices and normals (V, 3), and each vertex's most influential node, (V,)."""
 
     vertices: Any
     normals: Any
@@ -74,12 +73,12 @@ class Surface(NamedTuple):
 
 @njit(cache=True, fastmath=True, forceinline=True)
 def assign(points, stride, vertices, visible, sigma, outlier, mass, pull):
-    """E-step: responsibilities of visible vertices for every ``stride``-th point, summed per vertex.
+    """Run the E-step: sum the responsibilities of visible vertices over every ``stride``-th point.
 
-    ``mass[m] = sum_n p(m | x_n)``, ``pull[m] = sum_n p(m | x_n) (x_n - v_m)``. Only vertices
-    within `_REACH` sigma of a point count. Points and vertices are sorted into cells of that size;
-    the vertices around a cell are gathered for all its points, so that the loops over them, which
-    are all the time this takes, are vectorised.
+    ``mass[m] = sum_n p(m | x_n)``, ``pull[m] = sum_n p(m | x_n) (x_n - v_m)``. Only vertices within `_REACH`
+    sigma of a point count. Points and vertices are sorted into cells of that size. The vertices around a cell
+    are gathered once for all its points, so that the inner loop over them, which dominates the run time, is
+    vectorised.
     """
     mass[:] = 0.0
     pull[:] = 0.0
@@ -146,7 +145,7 @@ def assign(points, stride, vertices, visible, sigma, outlier, mass, pull):
 
 @njit(cache=True, fastmath=True, forceinline=True)
 def add_points(surface, mass, pull, origin, settings, equations):
-    """M-step data term: pull every vertex to its mean point, along its normal and in all."""
+    """Add the data term of the M-step: pull each vertex to its mean point, along its normal and overall."""
     vertices, normals = surface.vertices, surface.normals
     metric = np.empty((3, 3))
     r = np.empty(3)
@@ -163,13 +162,13 @@ def add_points(surface, mass, pull, origin, settings, equations):
 
 @njit(cache=True, fastmath=True, forceinline=True)
 def add_free_space(surface, observed, nearest, origin, weight, settings, equations):
-    """Pull vertices that lie beside the silhouette into it, and those before the surface behind it."""
+    """Pull vertices beside the silhouette into it, and vertices in front of the surface behind it."""
     vertices, depth, labels, camera = surface.vertices, observed.depth, observed.labels, observed.camera
     slack, limit = settings.free_space_slack, settings.free_space_limit
     rows, cols = depth.shape
     metric = np.zeros((3, 3))
     r = np.zeros(3)
-    for i in range(0, vertices.shape[0], 2):  # every second one will do
+    for i in range(0, vertices.shape[0], 2):  # every second vertex is enough
         x, y, z = vertices[i, 0], vertices[i, 1], vertices[i, 2]
         if z < NEAR_M:
             continue
@@ -197,9 +196,9 @@ def add_free_space(surface, observed, nearest, origin, weight, settings, equatio
 
 @njit(cache=True, fastmath=True, forceinline=True)
 def add_proposals(proposals, nodes, origin, weight, equations):
-    """Pull joints to where they are proposed, named left and right as lies nearer to the pose.
+    """Pull joints to their proposed places, with the left/right naming that is nearer to the pose.
 
-    The weights are those of Geman and McClure (1987), of distances in units of `_ELSEWHERE_M`.
+    The weights are those of Geman and McClure (1987), with distances in units of `_ELSEWHERE_M`.
     """
     count = proposals.nodes.shape[0]
     side = nearer_naming(nodes[proposals.nodes], proposals.places, proposals.weights)
@@ -217,7 +216,7 @@ def add_proposals(proposals, nodes, origin, weight, equations):
 
 @njit(cache=True)
 def fit(target, body, settings, sigmas, scale, rotations, root):
-    """Run an iteration a sigma; ``rotations`` and ``root`` go in as the start and come out as the fit."""
+    """Run one iteration per sigma; ``rotations`` and ``root`` hold the start and are updated in place."""
     coarse, count = target.coarse, body.normals.shape[0]
     surface = Surface(np.empty((count, 3)), np.empty((count, 3)), body.skin.influence[:, 0])
     nodes, zbuffer = np.empty(body.skin.nodes.shape), np.empty(coarse.depth.shape, np.float32)
@@ -233,13 +232,13 @@ def fit(target, body, settings, sigmas, scale, rotations, root):
             rasterize(surface.vertices, body.skin.faces, coarse.camera, zbuffer)
             mark_visible(surface.vertices, surface.normals, zbuffer, coarse.camera, _BEHIND_M, seen)
         visible[:] = seen
-        if stride > 1:  # half of the vertices will do for a part of the points
+        if stride > 1:  # half of the vertices are enough for a subset of the points
             visible[k % 2 :: 2] = False
         assign(target.points, stride, surface.vertices, visible, sigmas[k], settings.outlier, mass, pull)
         equations.inertia[:] = 0.0
         equations.force[:] = 0.0
         add_points(surface, mass, pull, root, settings, equations)
-        # all other terms are in proportion to the number of points
+        # scale all other terms with the number of points
         amount = target.points.shape[0] / stride / USUAL_POINTS
         weight = 2.0 * settings.free_space_weight * amount
         add_free_space(surface, target.full, target.nearest, root, weight, settings, equations)

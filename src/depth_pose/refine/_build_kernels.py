@@ -14,14 +14,14 @@ from depth_pose.refine._articulated_kernels import assign
 from depth_pose.refine._visibility_kernels import mark_visible, turn_normals
 
 _LEAST_MASS = 1e-3
-"""Vertices with fewer points than this say nothing."""
+"""Vertices with less responsibility than this are ignored."""
 
 _BEHIND_M = 0.05
-"""A vertex is seen if it lies at most this far behind the rendered depth, metres."""
+"""A vertex is visible if it lies at most this far (m) behind the rendered depth."""
 
 
 class Shapes(NamedTuple):
-    """Derivatives of the rest pose by the parts of a build: vertices (V, 3, K), nodes (21, 3, K), metres."""
+    """Derivatives of the rest pose by the build parameters: vertices (V, 3, K), nodes (21, 3, K), metres."""
 
     vertices: Any
     nodes: Any
@@ -36,7 +36,7 @@ class Pose(NamedTuple):
 
 
 class Model(NamedTuple):
-    """A posed body that can be reshaped, and how its nodes move with each part, (21, 3, K)."""
+    """A posed body with the derivatives of its nodes by the build parameters, (21, 3, K)."""
 
     skin: Any
     shapes: Any
@@ -45,15 +45,15 @@ class Model(NamedTuple):
 
 
 class Sums(NamedTuple):
-    """What the kernel adds up.
+    """Sums over the residuals.
 
     Attributes
     ----------
     motion : (21, 6, 8 + K) float64
-        Of each segment's free motion ``w x (v - root) + t``: products with itself, with the logarithm
+        For each segment's free motion ``w x (v - root) + t``: products with itself, with the logarithm
         of the size, with the build, and with the residual.
     build : (1 + K, 2 + K) float64
-        Of size and build: products with themselves, and with the residual.
+        For size and build: products with themselves, and with the residual.
     """
 
     motion: Any
@@ -62,7 +62,7 @@ class Sums(NamedTuple):
 
 @njit(cache=True)
 def add_up(target, body, shapes, pose, settings, sigma, nodes, sums):
-    """Sum the products of all residuals' derivatives at a pose; ``nodes`` (21, 3) are written as well."""
+    """Sum the products of all residual derivatives at a pose; ``nodes`` (21, 3) is written as well."""
     coarse, count = target.coarse, body.normals.shape[0]
     vertices, normals, visible = np.empty((count, 3)), np.empty((count, 3)), np.empty(count, np.bool_)
     mass, pull, zbuffer = np.empty(count), np.empty((count, 3)), np.empty(coarse.depth.shape)
@@ -91,7 +91,7 @@ def add_up(target, body, shapes, pose, settings, sigma, nodes, sums):
 
 @njit(cache=True)
 def _node_shifts(parents, shapes, pose):
-    """How each node moves with each part, (21, 3, K), metres: forward kinematics of the derivatives."""
+    """Compute the derivatives of the nodes by the build parameters, (21, 3, K), metres."""
     out = np.zeros(shapes.nodes.shape)
     for n in range(1, parents.shape[0]):
         p = parents[n]
@@ -107,7 +107,7 @@ def _node_shifts(parents, shapes, pose):
 
 @njit(cache=True, fastmath=True, forceinline=True)
 def _fill_row(i, vertices, normal, r, model, row):
-    """Write a vertex's derivatives along a direction, by segment motion, size and build, and its residual."""
+    """Write a vertex's derivatives along a direction by segment motion, size and build, and its residual."""
     shapes, pose, shifts = model.shapes, model.pose, model.shifts
     root = pose.root
     x, y, z = vertices[i, 0] - root[0], vertices[i, 1] - root[1], vertices[i, 2] - root[2]
@@ -127,7 +127,7 @@ def _fill_row(i, vertices, normal, r, model, row):
         n = influence[j]
         turn = pose.rotations[n]
         for b in range(3):
-            # the direction in the segment's rest frame
+            # the direction in the rest frame of the segment
             back = turn[0, b] * normal[0] + turn[1, b] * normal[1] + turn[2, b] * normal[2]
             back *= w * pose.scale
             ahead = w * normal[b]
@@ -138,7 +138,7 @@ def _fill_row(i, vertices, normal, r, model, row):
 
 @njit(cache=True, fastmath=True, forceinline=True)
 def _add_row(row, weight, segment, sums):
-    """Add the products of a row to its segment's sums, and to those of size and build."""
+    """Add the products of a row to the sums of its segment, and of size and build."""
     motion, size = sums.motion[segment], row.shape[0]
     for a in range(6):
         w = weight * row[a]
@@ -152,7 +152,7 @@ def _add_row(row, weight, segment, sums):
 
 @njit(cache=True)
 def _free_space(v, target, settings, normal):
-    """How far a vertex stands in free space, metres, and the direction back; 0 where it does not."""
+    """Compute how far a vertex stands in free space (m), and the direction back; 0 if it does not."""
     observed, nearest = target.full, target.nearest
     depth, labels, camera = observed.depth, observed.labels, observed.camera
     if v[2] < NEAR_M:

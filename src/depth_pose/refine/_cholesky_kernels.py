@@ -1,8 +1,7 @@
-"""Sparse Cholesky of a matrix whose pattern is fixed; `depth_pose.paper.laplacian` uses it.
+"""Sparse Cholesky of a matrix with a fixed pattern; `depth_pose.paper.laplacian` uses it.
 
 The analysis follows T. A. Davis, *Direct Methods for Sparse Linear Systems*, SIAM 2006, chapter 4:
-elimination tree, pattern of the factor's columns. The factorisation is left-looking with a
-dense accumulator.
+elimination tree, pattern of the factor's columns. The factorisation is left-looking with a dense accumulator.
 """
 
 from __future__ import annotations
@@ -15,7 +14,7 @@ from depth_pose.core.kernels import njit
 
 
 class Matrix(NamedTuple):
-    """A symmetric matrix in full, by columns: where each begins in ``rows`` (ascending) and ``values``."""
+    """A symmetric matrix, both halves, in compressed columns: ``rows`` is ascending within each column."""
 
     first: Any
     rows: Any
@@ -23,7 +22,7 @@ class Matrix(NamedTuple):
 
 
 class Pattern(NamedTuple):
-    """Where a factor has entries below the diagonal: by rows, by columns, and where a row's lie in these."""
+    """Pattern of a factor below the diagonal, by rows and by columns, with the map between the two."""
 
     row_first: Any
     row_cols: Any
@@ -33,7 +32,7 @@ class Pattern(NamedTuple):
 
 
 class Factor(NamedTuple):
-    """A Cholesky factor: the entries below the diagonal, by columns, and the diagonal."""
+    """A Cholesky factor: entries below the diagonal, by columns, and the diagonal."""
 
     lower: Any
     diagonal: Any
@@ -41,7 +40,7 @@ class Factor(NamedTuple):
 
 @njit(cache=True)
 def elimination_tree(first: Any, rows: Any) -> Any:
-    """Parents of the columns; the matrix is symmetric, given in full by sorted columns."""
+    """Compute the column parents of a symmetric matrix, given in full by sorted columns."""
     n = first.shape[0] - 1
     parent = np.full(n, -1, np.int64)
     ancestor = np.full(n, -1, np.int64)
@@ -59,7 +58,7 @@ def elimination_tree(first: Any, rows: Any) -> Any:
 
 @njit(cache=True)
 def factor_pattern(first: Any, rows: Any, parent: Any) -> Any:
-    """Pattern of the factor: for each row, the columns below the diagonal, ascending."""
+    """Compute the factor's pattern: for each row, the columns below the diagonal, ascending."""
     n = first.shape[0] - 1
     mark = np.full(n, -1, np.int64)
     row_first = np.zeros(n + 1, np.int64)
@@ -91,7 +90,7 @@ def factor_pattern(first: Any, rows: Any, parent: Any) -> Any:
 
 @njit(cache=True)
 def columns_of_rows(row_first: Any, row_cols: Any) -> Any:
-    """Turn rows of a strictly lower pattern into columns, and say where each entry went."""
+    """Convert rows of a strictly lower pattern to columns; return the new place of each entry as well."""
     n = row_first.shape[0] - 1
     col_first = np.zeros(n + 1, np.int64)
     for p in range(row_cols.shape[0]):
@@ -142,7 +141,7 @@ def factorise(matrix: Any, extra: Any, pattern: Any, factor: Any) -> None:
 
 @njit(cache=True, fastmath=True)
 def substitute(pattern: Any, factor: Any, right: Any) -> None:
-    """Solve for three right-hand sides, (n, 3), in place."""
+    """Solve for three right-hand sides (n, 3) in place."""
     col_first, col_rows = pattern.col_first, pattern.col_rows
     lower, diagonal = factor.lower, factor.diagonal
     n = diagonal.shape[0]

@@ -1,4 +1,4 @@
-"""Compiled loops of the limb search; `depth_pose.refine.limbs` says what they are for."""
+"""Compiled loops of the limb search; see `depth_pose.refine.limbs`."""
 
 from __future__ import annotations
 
@@ -12,22 +12,21 @@ from depth_pose.core.kernels import njit
 from depth_pose.core.types import PERSON
 
 _OUT = 0.3
-"""What a ball counts, of its area, where nothing tells whether the limb is there: off the image, in
-unknown space, or behind what was seen; set by hand, not swept."""
+"""Cost of a ball, as a share of its area, where the limb cannot be observed; set by hand."""
 
 _NEAR_M = 0.1
-"""A ball nearer to the camera than this counts its whole area."""
+"""A ball nearer to the camera than this (m) costs its whole area."""
 
 
 class Limb(NamedTuple):
-    """A limb's configurations, as balls along it.
+    """Configurations of a limb, as balls along it.
 
     Attributes
     ----------
     samples : (L, S, 3) float64
-        Centres in the frame of the segment that it hangs on, metres from that node at scale 1.
+        Centres in the frame of the parent segment, metres from its node at scale 1.
     radii, areas : (S,) float64
-        Metres; square metres of limb seen from the side.
+        Radii (m), and side-view areas of the limb (m^2).
     """
 
     samples: NDArray[np.float64]
@@ -36,7 +35,7 @@ class Limb(NamedTuple):
 
 
 class Anchor(NamedTuple):
-    """The segment that a limb hangs on: rotation (3, 3), node (3,), camera frame; and the body's scale."""
+    """Parent segment of a limb: rotation (3, 3) and node (3,), camera frame; and the body's scale."""
 
     rotation: NDArray[np.float64]
     origin: NDArray[np.float64]
@@ -49,12 +48,12 @@ class LimbSettings(NamedTuple):
     Attributes
     ----------
     tolerance : float
-        Distance at which a point is not covered by a limb at all, and a ball wholly out of place, metres.
+        Distance (m) at which a point is not covered by a limb, and a ball counts as fully misplaced.
     keep : float
-        What the limb as it is has ahead, pixels.
+        Advantage of the current limb, pixels.
     fitting, best : int
-        How many configurations that fit the image best are put against the points; how many of
-        those come back, with the limb as it is in any case.
+        Number of configurations that are compared with the points after the image test, and number
+        returned. The current limb is always returned.
     """
 
     tolerance: float
@@ -65,7 +64,7 @@ class LimbSettings(NamedTuple):
 
 @njit(cache=True)
 def is_in_view(nodes, bones, camera):
-    """Whether at least half of some nodes of a left and a right limb, ``bones`` (2, m), lie in the image."""
+    """Check that at least half of the nodes of two limbs, ``bones`` (2, m), lie in the image."""
     inside = 0
     for side in range(2):
         for n in range(bones.shape[1]):
@@ -82,10 +81,10 @@ def unexplained(drawn, observed, explained, ahead):
     Parameters
     ----------
     drawn : (h, w) float32
-        Its depth, infinite where there is none.
+        Rendered depth; infinite where nothing is drawn.
     observed : Observation
     explained, ahead : float
-        Below this difference of depths a point is; from this on it lies before the body. Metres.
+        A point is explained below the first depth difference (m), and in front of the body from the second.
 
     Returns
     -------
@@ -111,7 +110,7 @@ def unexplained(drawn, observed, explained, ahead):
 
 @njit(cache=True, fastmath=True, forceinline=True)
 def place_balls(samples, anchor, balls):
-    """Put ball centres of the anchor's frame (S, 3) into the camera frame."""
+    """Transform ball centres (S, 3) from the anchor's frame to the camera frame."""
     rotation, origin = anchor.rotation, anchor.origin
     for s in range(samples.shape[0]):
         x, y, z = samples[s, 0], samples[s, 1], samples[s, 2]
@@ -122,7 +121,7 @@ def place_balls(samples, anchor, balls):
 
 @njit(cache=True)
 def place_own_balls(rotations, nodes, bones, ends, shares, scale, balls):
-    """Balls (S, 3) of a limb as it is: at each share of each bone from its node to its end."""
+    """Place the balls (S, 3) of the current limb: one for each bone and share of its length."""
     s = 0
     for n in range(bones.shape[0]):
         r = rotations[bones[n]]
@@ -135,7 +134,7 @@ def place_own_balls(rotations, nodes, bones, ends, shares, scale, balls):
 
 @njit(cache=True, fastmath=True, forceinline=True)
 def misfit(balls, limb, scale, observed, nearest, tolerance):
-    """Pixels that a limb's balls put into free space, behind what was seen, or off the surface."""
+    """Compute how many pixels of a limb's balls lie in free space, behind or off the surface."""
     depth, labels, camera, areas = observed.depth, observed.labels, observed.camera, limb.areas
     rows, cols = depth.shape
     total = 0.0
@@ -156,7 +155,7 @@ def misfit(balls, limb, scale, observed, nearest, tolerance):
         elif labels[i, j] == 2:
             total += _OUT * pixels
         else:
-            gap = depth[i, j] - (z - r)  # positive: the limb would stand before the surface
+            gap = depth[i, j] - (z - r)  # positive: the limb is in front of the surface
             if gap > 0.0:
                 total += pixels * min(gap / tolerance, 1.0)
             else:
@@ -166,7 +165,7 @@ def misfit(balls, limb, scale, observed, nearest, tolerance):
 
 @njit(cache=True, fastmath=True, forceinline=True)
 def off_surface(balls, radii, scale, points, tolerance, cover):
-    """Share ``cover`` (P,), 0 to 1, to which each of the points (3, P) lies off the balls' surfaces."""
+    """Compute the share (P,), 0 to 1, to which each of the points (3, P) lies off the balls' surfaces."""
     inverse = np.float32(1.0 / tolerance)
     cover[:] = np.float32(1.0)
     for s in range(balls.shape[0]):
@@ -180,26 +179,26 @@ def off_surface(balls, radii, scale, points, tolerance, cover):
 
 @njit(cache=True)
 def score_limbs(limb, own, anchor, observed, nearest, points, weight, settings):
-    """Find a limb's configurations that suit the image and the points best.
+    """Find the configurations of a limb that agree best with the image and the points.
 
     Parameters
     ----------
     limb : Limb
     own : (S, 3)
-        Balls of the limb as it is, camera frame, which has number L.
+        Balls of the current limb, camera frame; its index is L.
     anchor : Anchor
     observed : Observation
     nearest : (h, w, 2) int32
         Row and column of the nearest person pixel to every pixel.
     points, weight : (3, P) float32, int
-        Observed points that the rest of the body does not explain; each stands for ``weight`` pixels.
+        Observed points that the rest of the body does not explain; each represents ``weight`` pixels.
     settings : LimbSettings
 
     Returns
     -------
     chosen (B,), cost (B,), cover (B, P), centres (B, S, 3)
-        Numbers, misfit in pixels, the share to which each point lies off the limb's surface, and
-        where its balls are, camera frame.
+        Indices, misfit in pixels, share to which each point lies off the limb, and ball centres in the
+        camera frame.
     """
     count, radii, scale, tolerance = limb.samples.shape[0], limb.radii, anchor.scale, settings.tolerance
     balls = np.empty(own.shape)
@@ -225,7 +224,10 @@ def score_limbs(limb, own, anchor, observed, nearest, points, weight, settings):
 
 @njit(cache=True)
 def _least(values, count):
-    """Places of the ``count`` least values, ascending, and last that of the last value in any case."""
+    """Return the indices of the ``count`` least values, ascending.
+
+    The last value is always included, as the last one.
+    """
     own = values.shape[0] - 1
     limit = np.partition(values, count - 1)[count - 1] if count <= own else np.inf
     near = np.flatnonzero(values <= limit)
@@ -235,9 +237,9 @@ def _least(values, count):
 
 @njit(cache=True, fastmath=True)
 def pair_costs(cost_a, cover_a, cost_b, cover_b, weight):
-    """Cost and uncovered points (A, B) of all pairs of configurations, one of each limb.
+    """Compute cost and uncovered points (A, B) of all pairs of configurations, one of each limb.
 
-    ``weight`` is the number of pixels that each point stands for.
+    ``weight`` is the number of pixels that each point represents.
     """
     total = np.empty((cost_a.shape[0], cost_b.shape[0]))
     for a in range(cost_a.shape[0]):
@@ -251,9 +253,9 @@ def pair_costs(cost_a, cover_a, cost_b, cover_b, weight):
 
 @njit(cache=True)
 def best_pairs(total, centres_a, centres_b, count, apart):
-    """Best pairs (n, 2) but for the last one, the limbs as they are, each different from the others.
+    """Find the best pairs (n, 2) that differ from each other and from the last pair, the current limbs.
 
-    Pairs are different where a ball of one limb or the other is ``apart`` or more from its like.
+    Pairs differ if some ball of either limb is at least ``apart`` from its counterpart.
     """
     taken = np.empty((count, 2), np.int64)
     left = total.copy()
@@ -277,7 +279,7 @@ def best_pairs(total, centres_a, centres_b, count, apart):
 
 @njit(cache=True)
 def _gap(one, other):
-    """Greatest distance between balls of two limbs."""
+    """Compute the greatest distance between corresponding balls of two limbs."""
     most = 0.0
     for s in range(one.shape[0]):
         d = 0.0

@@ -1,4 +1,4 @@
-"""Compiled loops of the pose prior; `depth_pose.refine.pose_prior` says what they are for."""
+"""Compiled loops of the pose prior; see `depth_pose.refine.pose_prior`."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ _NECK, _PELVIS = JOINT_INDEX["neck"], JOINT_INDEX["pelvis"]
 
 @njit(cache=True)
 def in_trunk_axes(joints, out):
-    """Joints (19, 3) from the middle of shoulders and hips, along the trunk's axes: left, up, forward.
+    """Transform joints (19, 3) to the trunk's axes: left, up, forward; the origin is the trunk's middle.
 
-    Gives the axes, (3, 3), in rows.
+    The middle is that of shoulders and hips. Returns the axes, (3, 3), in rows.
     """
     axes, middle = np.empty((3, 3)), np.empty(3)
     for a in range(3):
@@ -38,7 +38,7 @@ def in_trunk_axes(joints, out):
 
 @njit(cache=True)
 def in_trunk_axes_all(joints):
-    """Bring the joints of poses (N, 19, 3) into the axes of their trunks."""
+    """Transform the joints of poses (N, 19, 3) to the axes of their trunks."""
     out = np.empty(joints.shape)
     for k in range(joints.shape[0]):
         in_trunk_axes(joints[k], out[k])
@@ -47,7 +47,7 @@ def in_trunk_axes_all(joints):
 
 @njit(cache=True)
 def distance(joints, scale, mean, whiten):
-    """Root mean square of the whitened coordinates of a pose's joints (19, 3)."""
+    """Compute the root mean square of the whitened coordinates of a pose's joints (19, 3)."""
     local = np.empty(joints.shape)
     in_trunk_axes(joints, local)
     off = local.ravel() / scale - mean

@@ -11,10 +11,10 @@ from depth_pose.core._rotation_kernels import multiply, rotation_between
 from depth_pose.core.kernels import njit
 
 _SHORT_M = 1e-3
-"""Shorter directions say nothing, metres at scale 1."""
+"""Shorter directions (m at scale 1) are ignored."""
 
 _FOLDED_M = 0.02
-"""A limb is not folded together more closely than this beyond the difference of its bones' lengths."""
+"""Least distance of a limb's ends (m), beyond the difference of its bone lengths."""
 
 
 class Limbs(NamedTuple):
@@ -25,11 +25,11 @@ class Limbs(NamedTuple):
     samples : (L, 9, 3) float64
         Balls at a third, two thirds and the end of three bones (`refine.limbs`), metres at scale 1.
     tips : (3, L) float64
-        Where the second of these bones ends, in columns.
+        End of the second bone, in columns.
     rotations : (L, n, 3, 3) float64
-        Of the segments that a limb turns.
+        Rotations of the segments that a limb turns.
     first : int
-        Which of them is the first of the three bones.
+        Index of the segment of the first bone among them.
     """
 
     samples: NDArray[np.float64]
@@ -40,10 +40,10 @@ class Limbs(NamedTuple):
 
 @njit(cache=True)
 def reach(known, targets, count, out_samples, out_rotations):
-    """Bend the ``count`` limbs whose ends are nearest to each target so that they end there.
+    """For each target, bend the ``count`` limbs with the nearest ends so that they end there.
 
-    The plane of the bend turns along with the line from the limb's beginning to its end, so that elbow or
-    knee stay as plausible as they were; the bend itself follows from the distance, by the law of cosines.
+    The plane of the bend rotates with the line from the limb's start to its end, so that elbow or
+    knee remain as plausible as before; the bend itself follows from the distance, by the law of cosines.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ def reach(known, targets, count, out_samples, out_rotations):
         gaps[:] = np.inf
         for k in range(limbs):
             gap = (tips[0, k] - x) ** 2 + (tips[1, k] - y) ** 2 + (tips[2, k] - z) ** 2
-            if gap < gaps[count - 1]:  # into the list, which is in ascending order
+            if gap < gaps[count - 1]:  # insert into the ascending list
                 at = count - 1
                 while at > 0 and gaps[at - 1] > gap:
                     gaps[at], nearest[at] = gaps[at - 1], nearest[at - 1]

@@ -1,4 +1,4 @@
-"""Compiled loops for a body that is a tree of segments: its normal equations, their solution, its turns.
+"""Compiled loops for a body that is a tree of segments: normal equations, solution, rotations.
 
 `depth_pose.refine.articulated` derives them; the fit to a volume takes the same steps.
 """
@@ -15,24 +15,24 @@ from depth_pose.core._rotation_kernels import multiply, rotation_of
 from depth_pose.core.kernels import njit
 
 _HOLD = 1e-6
-"""Added to the diagonal of the normal equations, so that what no point pulls at has a solution."""
+"""Added to the diagonal of the normal equations, so that unobserved parts have a solution."""
 
 
 class Articulation(NamedTuple):
-    """A body whose pose is fitted (`depth_pose.refine.articulated.articulate` makes it).
+    """A body prepared for pose fits (by `depth_pose.refine.articulated.articulate`).
 
     Attributes
     ----------
     skin : Skin
     normals : (V, 3) float64
-        Of the rest vertices, outward.
+        Normals of the rest vertices, outward.
     free : (21,) int64
-        Number of each node among those that turn, -1 for those that follow their parent.
+        Index of each node among the free ones, -1 for those that follow their parent.
     above : (3 + 3 F,) int64
         Number of each parameter's next one toward the root, -1 for none: three of the translation,
         then three of each free node.
     stiffness : (F,) float64
-        Of each free node toward the start.
+        Stiffness of each free node toward the start.
     """
 
     skin: Skin
@@ -82,16 +82,16 @@ def add_vertex(v, origin, m, r, equations, segment):
 
 @njit(cache=True, fastmath=True, forceinline=True)
 def assemble(equations, body, nodes, origin, matrix, gradient):
-    """Put the normal equations of the joint angles together from those of the free segments.
+    """Assemble the normal equations of the joint angles from those of the free segments.
 
-    What moves node k moves all segments below it alike, so their inertias are summed up the tree;
-    the block of two nodes is that of the lower one's sum, if one lies above the other, else zero.
-    The equations are used up.
+    A turn of node k moves all segments below it together, so their inertias are summed up the tree. The block
+    of two nodes is that of the lower one's sum if one lies above the other, else zero. The equations are
+    overwritten.
     """
     inertia, force = equations.inertia, equations.force
     parents, free = body.skin.parents, body.free
     count = parents.shape[0]
-    for n in range(count):  # the kernel above fills the lower left block only
+    for n in range(count):  # the kernel above fills only the lower left block
         for a in range(3):
             for b in range(3):
                 inertia[n, b, 3 + a] = inertia[n, 3 + a, b]
@@ -106,7 +106,7 @@ def assemble(equations, body, nodes, origin, matrix, gradient):
             continue
         c = 3 + 3 * free[k]
         x, y, z = nodes[k, 0] - origin[0], nodes[k, 1] - origin[1], nodes[k, 2] - origin[2]
-        for i in range(6):  # inertia times [1; [p]_x], the motion of a turn about the node
+        for i in range(6):  # inertia times [1; [p]_x], the motion of a rotation about the node
             t0, t1, t2 = inertia[k, i, 3], inertia[k, i, 4], inertia[k, i, 5]
             turned[i, 0] = inertia[k, i, 0] + t1 * z - t2 * y
             turned[i, 1] = inertia[k, i, 1] + t2 * x - t0 * z
@@ -133,7 +133,7 @@ def assemble(equations, body, nodes, origin, matrix, gradient):
 
 @njit(cache=True)
 def update(step, body, rotations):
-    """Turn every node's segment by the steps of its free ancestors, the root's first."""
+    """Rotate every node's segment by the steps of its free ancestors, the root's first."""
     parents, free = body.skin.parents, body.free
     count = rotations.shape[0]
     turn = np.zeros((count, 3, 3))
@@ -153,12 +153,12 @@ def update(step, body, rotations):
 
 @njit(cache=True)
 def solve_tree(matrix, above, right):
-    """Solve ``matrix x = right`` in place, where parameters act together only along a tree.
+    """Solve ``matrix x = right`` in place for parameters that are coupled only along a tree.
 
-    Factorises ``L' D L`` from the leaves up, which fills nothing in (R. Featherstone, *Efficient
-    factorization of the joint-space inertia matrix for branched kinematic trees*, 2005). ``above``
-    (n,) is each parameter's next one toward the root, with a lower number; -1 for none. Only the
-    lower triangle is read, and it is overwritten.
+    Factorises ``L' D L`` from the leaves up, without fill-in (R. Featherstone, *Efficient factorization of
+    the joint-space inertia matrix for branched kinematic trees*, 2005). ``above`` (n,) is each parameter's
+    next one toward the root, with a lower number; -1 for none. Only the lower triangle is read, and it is
+    overwritten.
     """
     n = above.shape[0]
     for k in range(n - 1, -1, -1):
@@ -186,10 +186,10 @@ def solve_tree(matrix, above, right):
 
 @njit(cache=True)
 def take_step(equations, body, settings, amount, nodes, moved, rotations, root):
-    """Take one damped Gauss-Newton step: ``rotations`` and ``root`` change, ``moved`` (P,) is their sum.
+    """Take one damped Gauss-Newton step.
 
-    ``settings`` has damping, prior and root_prior, which are in proportion to the ``amount`` of data,
-    and max_step, radians.
+    ``rotations`` and ``root`` are updated in place, and ``moved`` (P,) accumulates the steps. ``settings``
+    has damping, prior and root_prior, which scale with the ``amount`` of data, and max_step, radians.
     """
     size = moved.shape[0]
     matrix, gradient = np.zeros((size, size)), np.empty(size)

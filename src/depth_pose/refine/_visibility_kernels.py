@@ -1,4 +1,4 @@
-"""Compiled loops that find which vertices of a posed body an image shows."""
+"""Compiled loops that find the visible vertices of a posed body."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from depth_pose.core.kernels import njit
 
 @njit(cache=True, fastmath=True, forceinline=True)
 def turn_normals(rest_normals, influence, rotations, normals):
-    """Turn each vertex's rest normal with the node that moves it most."""
+    """Rotate each vertex's rest normal with the node that has the most influence on it."""
     for i in range(rest_normals.shape[0]):
         r = rotations[influence[i, 0]]
         for a in range(3):
@@ -22,7 +22,7 @@ def turn_normals(rest_normals, influence, rotations, normals):
 
 @njit(cache=True, fastmath=True, forceinline=True)
 def mark_visible(vertices, normals, zbuffer, camera, tolerance, visible):
-    """Which vertices face the camera and lie at most ``tolerance`` behind the rendered depth."""
+    """Mark the vertices that face the camera and lie at most ``tolerance`` behind the rendered depth."""
     rows, cols = zbuffer.shape
     for i in range(vertices.shape[0]):
         x, y, z = vertices[i, 0], vertices[i, 1], vertices[i, 2]

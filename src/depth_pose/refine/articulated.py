@@ -1,9 +1,9 @@
 r"""Articulated fit: the pose of a skinned body that explains a partial cloud best.
 
-In the manner of Ye and Yang, *Real-time simultaneous pose and shape estimation for articulated
-objects using a single depth camera* (CVPR 2014). The visible vertices :math:`v_m(\theta)` of the
-posed body are the centres of a Gaussian mixture with one variance and an outlier class; the
-points :math:`x_n` are samples of it. Each iteration does
+In the manner of Ye and Yang, *Real-time simultaneous pose and shape estimation for articulated objects using
+a single depth camera* (CVPR 2014). The visible vertices :math:`v_m(\theta)` of the posed body are the centres
+of a Gaussian mixture with one variance and an outlier class; the points :math:`x_n` are samples of it. Each
+iteration does
 
 *E-step*  :math:`p_{mn} = e^{-\|x_n - v_m\|^2 / 2\sigma^2} / (u + \sum_k e^{-\|x_n - v_k\|^2 / 2\sigma^2})`
 
@@ -12,18 +12,16 @@ points :math:`x_n` are samples of it. Each iteration does
 .. math:: \sum_m P_m \left[ a\,(n_m \cdot (v_m - y_m))^2 + b\,\|v_m - y_m\|^2 \right]
    + E_{free} + E_{joints} + E_{prior}, \qquad P_m = \sum_n p_{mn},\; y_m = \sum_n p_{mn} x_n / P_m
 
-with the variance going down from coarse to fine. :math:`E_{free}` keeps vertices out of space
-that was seen to be free: beside the silhouette, and in front of the observed surface.
-:math:`E_{joints}` pulls joints weakly to where the finder's second look proposes them, each as far as it is
-sure, by the robust distance of Geman and McClure (*Statistical methods for tomographic image reconstruction*,
-1987): it decides where no point says anything, under a desk or beyond the image's border.
-:math:`E_{prior}` holds each joint near the start. The parameters are a translation and, for every
-free node, a rotation vector in the camera frame that turns the whole subtree: a vertex moves by
-:math:`\delta t + \sum_k \omega_k \times (v_m - p_k)`, summed over the free nodes above the segment
-that moves it most. So all vertices of a segment share one 6 x 6 matrix of a free rigid motion,
-and the normal equations of the joint angles are put together from those 21 (the composite rigid
-body algorithm of M. Walker and D. Orin, *Efficient dynamic computer simulation of robotic
-mechanisms*, 1982).
+with a variance that decreases from coarse to fine. :math:`E_{free}` keeps vertices out of space that was seen
+to be free: beside the silhouette, and in front of the observed surface. :math:`E_{joints}` pulls joints
+weakly to the finder's proposals, weighted by their confidence, with the robust distance of Geman and McClure
+(*Statistical methods for tomographic image reconstruction*, 1987). It decides where there are no points:
+under a desk, or beyond the image's border. :math:`E_{prior}` keeps each joint near the start. The parameters
+are a translation and, for every free node, a rotation vector in the camera frame that turns the whole
+subtree: a vertex moves by :math:`\delta t + \sum_k \omega_k \times (v_m - p_k)`, summed over the free nodes
+above the segment that moves it most. All vertices of a segment therefore share one 6 x 6 matrix of a free
+rigid motion, and the normal equations of the joint angles are assembled from those 21 (the composite rigid
+body algorithm of M. Walker and D. Orin, *Efficient dynamic computer simulation of robotic mechanisms*, 1982).
 """
 
 from __future__ import annotations
@@ -55,12 +53,12 @@ _STIFFNESS: dict[str, float] = {
     "knee": 0.1,
     "ankle": 2.0,
 }
-"""Relative stiffness of each free node toward the start; nodes not named follow their parent. Set by hand:
-what a depth image shows poorly (collar bones, hands, feet) is stiff; not swept."""
+"""Relative stiffness of each free node toward the start; other nodes follow their parent. Set by hand:
+parts that depth shows poorly (collar bones, hands, feet) are stiff."""
 
 
 class ArticulatedFitter:
-    """Fits one body; everything that does not change between frames is prepared here."""
+    """Fits one body; all data that is constant between frames is prepared here."""
 
     def __init__(self, body: Body, config: FitConfig | None = None) -> None:
         self.body = body
@@ -70,7 +68,7 @@ class ArticulatedFitter:
         self.settings = kernels.Settings(root_prior=0.0, **numbers)
 
     def of(self, body: Body) -> ArticulatedFitter:
-        """Give the same fitter for another build of its body."""
+        """Return the same fitter for another build of its body."""
         if body is self.body:
             return self
         other = copy(self)
@@ -86,7 +84,7 @@ class ArticulatedFitter:
         target : FitTarget
         start : BodyPose
         sigmas : tuple of float, optional
-            Standard deviation of each iteration, metres, instead of the configured ones.
+            Standard deviation of each iteration, metres, in place of the configured ones.
 
         Returns
         -------
@@ -105,7 +103,7 @@ def articulate(body: Body, stiffness: Mapping[str, float]) -> Articulation:
     ----------
     body : Body
     stiffness : mapping
-        Relative stiffness toward the start of each node that turns, by its name without the side.
+        Relative stiffness toward the start of each free node, by its name without the side.
     """
     free = np.full(len(NODES), -1)
     values: list[float] = []
@@ -120,7 +118,7 @@ def articulate(body: Body, stiffness: Mapping[str, float]) -> Articulation:
 def _parameters_above(free: NDArray[np.int64]) -> NDArray[np.int64]:
     """Find the number of each parameter's next one toward the root (`Articulation.above`)."""
     above = [-1, 0, 1]
-    last = np.full(len(free), 2)  # the last parameter of each node, or of the nearest free one above
+    last = np.full(len(free), 2)  # the last parameter of each node, or of its nearest free ancestor
     for node, parent in enumerate(NODE_PARENTS):
         if parent >= 0:
             last[node] = last[parent]

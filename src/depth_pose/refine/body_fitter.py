@@ -1,4 +1,4 @@
-"""Fits of one body, in every build, to one person's frame, under one interface for all methods."""
+"""Fits of one body, in every build, to one person's frame, with one interface for all methods."""
 
 from __future__ import annotations
 
@@ -18,28 +18,27 @@ from depth_pose.track.person import Person
 from depth_pose.track.target import FitTarget
 
 _VERTICES = 1000
-"""Vertices of the body that glances and rough fits take, about half of all. On eight development clips: all
-22.7 mm, 1000 22.2, 700 22.6; a glance takes .40, .27 and .22 ms."""
+"""Number of body vertices used in glances and rough fits, about half of all; no less accurate than all."""
 
 
 class FrameFit(Protocol):
     """Fits one build to one person in one frame."""
 
     def glance(self, start: BodyPose) -> FittedBody:
-        """Fit just well enough to tell which starts are worth more."""
+        """Run a short fit, precise enough to rank the starts."""
 
     def rough(self, start: BodyPose) -> FittedBody:
-        """Fit well enough to choose one of a few starts."""
+        """Run a rough fit, precise enough to choose between a few starts."""
 
     def finish(self, fitted: FittedBody) -> FittedBody:
-        """Fit as well as possible, from a rough fit."""
+        """Refine a rough fit to full precision."""
 
 
 class PersonFitter(Protocol):
     """A method of fitting: the articulated fit, or the paper's registration and completion."""
 
     def fit_to(self, person: Person, build: NDArray[np.float32]) -> FrameFit:
-        """Prepare the fits of a build, (13,), to one frame."""
+        """Prepare the fits of a build (13,) to one frame."""
 
 
 @dataclass(frozen=True)
@@ -63,9 +62,9 @@ class _ArticulatedFit:
 
 
 class BodyFitter:
-    """The articulated fits of one body: of a coarse one until the last.
+    """The articulated fits of one body; all but the last use a coarse mesh.
 
-    It is made once and shared by the stages of a process.
+    Created once and shared by the stages of a process.
 
     Attributes
     ----------
@@ -73,7 +72,7 @@ class BodyFitter:
     space : BuildSpace
         All builds of the body.
     template : ArticulatedFitter
-        Of the body as it is.
+        The fitter of the unchanged body.
     """
 
     def __init__(self, body: Body, config: FittingConfig | None = None) -> None:
@@ -84,13 +83,13 @@ class BodyFitter:
         self._coarse = ArticulatedFitter(self._few.template, self.config.fit)
 
     def of(self, build: NDArray[np.float32]) -> ArticulatedFitter:
-        """Return the fitter of one build, (13,)."""
+        """Return the fitter of one build (13,)."""
         return self.template.of(self.space.body(build))
 
     def target(self, person: Person) -> FitTarget:
-        """Return what a person's body is fitted to."""
+        """Return the data that a person's body is fitted to."""
         return person.target(self.config.fit.max_points)
 
     def fit_to(self, person: Person, build: NDArray[np.float32]) -> FrameFit:
-        """Prepare the fits of a build, (13,), to one frame."""
+        """Prepare the fits of a build (13,) to one frame."""
         return _ArticulatedFit(self.of(build), self._coarse.of(self._few.body(build)), self.target(person))

@@ -1,7 +1,7 @@
-"""Everybody's build: learned from fitted frames while they are followed, and kept with their id.
+"""Builds: learned from the fitted frames of each track, and kept with its id.
 
-Only the refiner learns builds; they travel on with the fitted bodies. The matcher compares exemplars of the
-bank's body; the size that it finds is one more observation.
+Only the refiner learns builds; the later stages receive them with the fitted bodies. The matcher compares
+exemplars of the bank's body, and the size that it finds is one more observation.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ class BuildLearner:
     space : BuildSpace
     config : PersonalConfig
     fit : FitConfig
-        Settings of the fit whose residuals tell the builds.
+        Settings of the fit that supplies the residuals.
 
     Raises
     ------
     ConfigError
-        Where the file of a build cannot be used.
+        If the file of a build cannot be used.
     """
 
     def __init__(self, space: BuildSpace, config: PersonalConfig, fit: FitConfig) -> None:
@@ -42,24 +42,24 @@ class BuildLearner:
         self.reset()
 
     def reset(self) -> None:
-        """Forget whose build was learned from most frames."""
+        """Forget the build that was learned from the most frames."""
         self._longest: PersonalBuild | None = None
 
     def best_known(self) -> KnownBuild | None:
-        """Give the build that was learned from most frames; None where nobody was followed."""
+        """Return the build learned from the most frames; None before the first."""
         return self._longest.known() if self._longest is not None else None
 
     def of(self, subject: Subject, scale: float, is_given: bool) -> PersonalBuild:
-        """Return somebody's build, up to date.
+        """Return a person's build, up to date.
 
         Parameters
         ----------
         subject : Subject
-            Who keeps it.
+            Holds the build.
         scale : float
-            Size that the matcher found.
+            Size found by the matcher.
         is_given : bool
-            Whether that is given, and kept.
+            Whether the size is configured and fixed.
         """
         if subject.build is None:
             subject.build = PersonalBuild(self._config, self.space, self._known)
@@ -69,13 +69,13 @@ class BuildLearner:
     def learn(
         self, personal: PersonalBuild, target: FitTarget, fitted: FittedBody, score: float, stamp_ns: int
     ) -> None:
-        """Learn from a fitted frame: from skin if it fits well, from proposed joints in any case.
+        """Learn from a fitted frame: from skin if it fits well, and always from proposed joints.
 
         Parameters
         ----------
         personal : PersonalBuild
         target : FitTarget
-            What the body was fitted to.
+            The data that the body was fitted to.
         fitted : FittedBody
         score : float
             Rendered-depth disagreement of the fitted body.

@@ -1,14 +1,13 @@
-"""Limb search: try the bank's arm and leg poses on what the fitted body leaves unexplained.
+"""Limb search: try the bank's arm and leg poses on the points that the fitted body does not explain.
 
-A whole-body exemplar seldom has both arms right, and a fit that starts with a limb far from its
-place does not find it. But the limbs' poses of all exemplars, mirrored and thinned to a few
-hundred, cover what limbs can do. After a fit, the points that the rest of the body does not
-explain are put against every configuration of the left and of the right limb: balls along the
-limb that stand in free space or before the seen surface cost their area, points off every ball
-cost theirs, and the pairs with the least sums are more starts for the fit, whether or not they
-cost less than the limbs as they are: these were fitted, the others not yet. The idea of
-re-assembling partial matches is that of C. Plagemann et al., *Real-time identification and
-localization of body parts from depth images* (ICRA 2010), in spirit; the scoring here is our own.
+A whole-body exemplar rarely has both arms right, and a fit that starts with a limb far from its place does
+not find it. But the limb poses of all exemplars, mirrored and thinned to a few hundred, cover the range of
+limb poses. After a fit, the points that the rest of the body does not explain are compared with every
+configuration of the left and of the right limb. Balls along the limb in free space or in front of the
+observed surface cost their area, and points off every ball cost theirs. The pairs with the least cost are
+further starts for the fit, even if they cost more than the current limbs, because those are fitted already.
+Re-assembling partial matches follows C. Plagemann et al., *Real-time identification and localization of body
+parts from depth images* (ICRA 2010); the scoring here is our own.
 """
 
 from __future__ import annotations
@@ -33,48 +32,46 @@ _LIMBS: tuple[tuple[int, str, tuple[str, ...], tuple[str, ...]], ...] = (
     (3, "chest", ("clavicle", "shoulder", "elbow", "wrist"), ("shoulder", "elbow", "wrist")),
     (1, "pelvis", ("hip", "knee", "ankle", "foot"), ("hip", "knee", "ankle")),
 )
-"""For arms and legs: how many pairs are proposed, the segment they hang on, the nodes that they turn,
-the bones that are sampled."""
+"""Arms and legs: number of proposed pairs, parent segment, nodes that they turn, sampled bones."""
 
 _SHARES = (1 / 3, 2 / 3, 1.0)
-"""Where along a bone its balls lie, as shares of its length."""
+"""Places of the balls along a bone, as shares of its length."""
 
 _CONFIGURATIONS = 800
-"""Configurations of a limb that are kept; set by hand, not swept."""
+"""Number of configurations kept per limb; set by hand."""
 
 _POSES = 6000
-"""Poses of the bank, evenly spread, from which they are chosen; set by hand, not swept."""
+"""Number of bank poses, evenly spread, that they are chosen from; set by hand."""
 
 _EXPLAINED_M = 0.045
-"""Depth difference, metres, below which the body explains a pixel; set by hand, not swept."""
+"""Depth difference (m) below which the body explains a pixel; set by hand."""
 
 _BEFORE_M = 0.1
-"""Unexplained points that lie this far before the body count three times: what else lies there, beside the
-person, may be a thing; nothing but a limb is between them and the camera."""
+"""Unexplained points this far (m) in front of the body count three times: only a limb can be there."""
 
 _SEAT_M = 0.05
-"""Behind the trunk, points this far above the pelvis are no legs, but a chair's back, metres at scale 1."""
+"""Points behind the trunk and this far (m at scale 1) above the pelvis belong to a chair back, not a leg."""
 
 _MOST_POINTS = 24
-"""Unexplained points that configurations are put against, so that the time is bounded; not swept."""
+"""Maximum number of unexplained points that are compared, to bound the time."""
 
 _FEWEST_POINTS = 5
-"""With fewer the input shows nothing of the limb."""
+"""With fewer unexplained points the input shows no limb."""
 
 _SETTINGS = kernels.LimbSettings(tolerance=0.15, keep=4.0, fitting=200, best=24)
-"""Set by hand, not swept; ``keep`` is in pixels of the coarse grid, for each limb."""
+"""Settings of the search, set by hand; ``keep`` is in pixels of the coarse grid, for each limb."""
 
 _REACHING = 3
-"""Configurations that are bent so that they end at each unexplained point: those that end nearest to it."""
+"""Number of configurations, those with the nearest ends, that are bent to reach each unexplained point."""
 
 _UNDER_SKIN_M = 0.03
-"""Wrist and ankle lie so far behind the surface, metres."""
+"""Depth of wrist and ankle behind the surface (m)."""
 
 _BENT_SETTINGS = _SETTINGS._replace(best=8)
-"""The same for those."""
+"""Settings for the bent configurations."""
 
 _APART_M = 0.08
-"""Limbs of which no ball is this far from its like are the same, metres; set by hand, not swept."""
+"""Limbs are the same if all corresponding balls are closer than this (m); set by hand."""
 
 
 @dataclass(frozen=True)
@@ -84,25 +81,25 @@ class _LimbPair:
     Attributes
     ----------
     proposals : int
-        How many pairs are proposed.
+        Number of pairs that are proposed.
     anchor : int
-        Node of the segment that both hang on.
+        Node of the parent segment of both.
     nodes : (2, n) int
         Nodes that the limb turns.
     bones, ends : (2, m) int, (2, m, 3)
-        Nodes at the beginning of its bones, and the bones in the rest pose, metres.
+        Start nodes of its bones, and the bones in the rest pose, metres.
     rotations : (2, L, n, 3, 3)
         ``R_anchor_segment`` of each node's segment.
     limbs : tuple of Limb
         Balls of the left and of the right one.
     tips : (2, 3, L)
-        Where their second bone ends, in columns: the wrist or the ankle.
+        End of their second bone, in columns: the wrist or the ankle.
     faces : (F, 3)
         Faces of the body without both limbs.
     first : int
-        Which of the nodes that turn the first bone begins at.
+        Index of the node that the first bone begins at, among those that turn.
     reaches : bool
-        Whether the limbs are bent to reach for points, as arms are.
+        Whether the limbs are bent to reach points; true for arms.
     """
 
     proposals: int
@@ -119,7 +116,7 @@ class _LimbPair:
 
 
 class LimbSearch:
-    """Proposes poses with one pair of limbs exchanged."""
+    """Proposes poses with one pair of limbs replaced."""
 
     def __init__(self, bank: Bank) -> None:
         step = max(1, bank.poses // _POSES)
@@ -129,7 +126,7 @@ class LimbSearch:
         self._pairs = tuple(_make_pair(bank.body, quats, nodes, *limb) for limb in _LIMBS)
 
     def propose(self, body: FittedBody, comparer: DepthComparer) -> list[BodyPose]:
-        """Exchange the arms, and the legs, where others explain more.
+        """Replace the arms, and the legs, where other configurations explain more points.
 
         Parameters
         ----------
@@ -140,7 +137,7 @@ class LimbSearch:
         Returns
         -------
         list of BodyPose
-            With other arms, and with other legs, where the input shows anything of them.
+            Poses with other arms, and with other legs, where the input shows any part of them.
         """
         nearest = nearest_person_pixels(comparer.observation)
         proposals = []
@@ -152,7 +149,7 @@ class LimbSearch:
 def _exchange(
     pair: _LimbPair, body: FittedBody, comparer: DepthComparer, nearest: NDArray[np.int32]
 ) -> list[BodyPose]:
-    """Put the best pairs of configurations on a pose; none where the input shows nothing of them."""
+    """Apply the best pairs of configurations to a pose; none where the input does not show the limbs."""
     pose, nodes = body.pose, body.nodes
     if not kernels.is_in_view(nodes, pair.bones, comparer.observation.camera):
         return []
@@ -163,7 +160,7 @@ def _exchange(
         points, before = points[possible], before[possible]
     if len(points) < _FEWEST_POINTS:
         return []
-    weight = int(np.ceil(len(points) / _MOST_POINTS))  # of each point that is left
+    weight = int(np.ceil(len(points) / _MOST_POINTS))  # pixels that each remaining point represents
     points, before = points[::weight], before[::weight]
     columns = np.ascontiguousarray(np.concatenate([points, points[before], points[before]]).T, np.float32)
     anchor = kernels.Anchor(pose.rotations[pair.anchor], nodes[pair.anchor], pose.scale)
@@ -181,7 +178,7 @@ def _exchange(
             bent, turns = _reaching(pair, side, anchor, points)
             bent_turns.append(turns)
             others = kernels.score_limbs(bent, *seen, _BENT_SETTINGS)
-            # the last is the limb as it is, which stays the last
+            # the current limb is last and stays last
             found = tuple(np.concatenate([o[:-1], f]) for o, f in zip(others, found, strict=True))
             found[0][: len(others[0]) - 1] += known
         scored.append(found)
@@ -198,7 +195,7 @@ def _exchange(
     for rows in chosen:
         rotations = pose.rotations.copy()
         for side in range(2):
-            if rows[side] < len(numbers[side]) - 1:  # else the limb as it is
+            if rows[side] < len(numbers[side]) - 1:  # otherwise the current limb
                 number = numbers[side][rows[side]]
                 turns = pair.rotations[side] if number < known else bent_turns[side]
                 local = turns[number if number < known else number - known]
@@ -208,7 +205,7 @@ def _exchange(
 
 
 def _may_be_legs(points: NDArray[np.float32], pose: BodyPose) -> NDArray[np.bool_]:
-    """Tell of points (P, 3) whether legs may be there: no leg is at the height of the trunk and behind it."""
+    """Return which points (P, 3) may belong to legs: none at trunk height behind the trunk."""
     local = (points - pose.root) @ pose.rotations[NODE_INDEX["pelvis"]] / pose.scale
     return np.asarray((local[:, 1] < _SEAT_M) | (local[:, 2] > 0.0))
 
@@ -216,7 +213,7 @@ def _may_be_legs(points: NDArray[np.float32], pose: BodyPose) -> NDArray[np.bool
 def _reaching(
     pair: _LimbPair, side: int, anchor: kernels.Anchor, points: NDArray[np.float32]
 ) -> tuple[kernels.Limb, NDArray[np.float64]]:
-    """Give limbs that reach for points (P, 3), and the rotations of their segments."""
+    """Return limbs that reach points (P, 3), and the rotations of their segments."""
     limb, rotations = pair.limbs[side], pair.rotations[side]
     deeper = points * (1.0 + _UNDER_SKIN_M / points[:, 2:])
     targets = (deeper - anchor.origin) @ anchor.rotation / anchor.scale
@@ -237,7 +234,7 @@ def _make_pair(
     turned: tuple[str, ...],
     sampled: tuple[str, ...],
 ) -> _LimbPair:
-    """Collect a limb's configurations from poses (and their mirror images), and thin them."""
+    """Collect a limb's configurations from poses and their mirror images, and thin them."""
     anchor = NODE_INDEX[anchor_name]
     side = [np.array([NODE_INDEX[f"{s}_{n}"] for n in turned]) for s in ("left", "right")]
 
@@ -250,7 +247,7 @@ def _make_pair(
     ends, radii, areas = _balls(body, bones)
     samples = _ball_centres(kept, nodes[keep], anchor, np.array(bones), ends)
 
-    # the right limb's configurations are the left one's, mirrored
+    # the configurations of the right limb are those of the left one, mirrored
     flip = np.array([-1.0, 1.0, 1.0])
     return _LimbPair(
         proposals=proposals,
@@ -268,7 +265,7 @@ def _make_pair(
 
 
 def _with_mirrored(quats: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Rotations (2 N, ...) of segments in the mid-plane, of poses (N, ...) and of their mirror images."""
+    """Return rotations (2 N, ...) of mid-plane segments, for poses (N, ...) and their mirror images."""
     rotations = quat_to_matrix(quats)
     return np.concatenate([rotations, mirror_rotation(rotations)])
 
@@ -276,7 +273,7 @@ def _with_mirrored(quats: NDArray[np.float64]) -> NDArray[np.float64]:
 def _balls(
     body: Body, bones: list[int]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Find the ends (n, 3) of a limb's rest bones, and radii and areas (3 n,) of balls along them."""
+    """Compute the ends (n, 3) of a limb's rest bones, and radii and areas (3 n,) of balls along them."""
     ends, radii, areas = [], [], []
     for bone in bones:
         mine = body.vertices[np.argmax(body.weights, axis=1) == bone] - body.nodes[bone]
@@ -300,7 +297,7 @@ def _ball_centres(
     bones: NDArray[np.int64],
     ends: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """Centres (L, S, 3) of the balls along limbs, from the anchor node, in the anchor's frame."""
+    """Compute the ball centres (L, S, 3) of limbs, relative to the anchor node, in the anchor's frame."""
     reach = np.einsum("lnij,nj->lni", rotations[:, bones], ends)
     places = nodes[:, bones, None] + np.array(_SHARES)[:, None] * reach[:, :, None]
     places = places.reshape(len(nodes), -1, 3) - nodes[:, anchor, None]
@@ -308,10 +305,10 @@ def _ball_centres(
 
 
 _ENDS = frozenset(NODE_INDEX[n] for n in ("right_clavicle", "left_hip"))
-"""Nodes that follow a hand in the order of nodes: they are not its far end."""
+"""Nodes that follow a hand in the node order without being its far end."""
 
 
 def _without(body: Body, nodes: NDArray[np.int64]) -> NDArray[np.int32]:
-    """Faces of the body that none of some nodes moves most."""
+    """Return the faces of the body on which none of ``nodes`` has the most influence."""
     moved = np.isin(np.argmax(body.weights, axis=1), nodes)
     return body.faces[~moved[body.faces].any(axis=1)]

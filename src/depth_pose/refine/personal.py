@@ -1,24 +1,24 @@
-r"""Personal builds: a person's size and proportions, gathered over the frames in which they are followed.
+r"""Personal builds: a person's size and proportions, accumulated over the frames of a track.
 
-After the final fit of a frame the same residuals that posed the body (`depth_pose.refine.articulated`) are
-linearised once more by pose :math:`\theta`, logarithm of the size and build :math:`x = (\log s, \beta)`,
-as in M. Ye and R. Yang, *Real-time simultaneous pose and shape estimation for articulated objects using a
-single depth camera* (CVPR 2014). There each frame solves for both; here the pose is the frame's own and is
-marginalised out, and what is left adds to the information on the person,
+After the final fit of a frame the residuals that posed the body (`depth_pose.refine.articulated`) are
+linearised once more by pose :math:`\theta`, logarithm of the size and build :math:`x = (\log s, \beta)`, as
+in M. Ye and R. Yang, *Real-time simultaneous pose and shape estimation for articulated objects using a single
+depth camera* (CVPR 2014). There each frame solves for both. Here the pose belongs to the frame and is
+marginalised out; the rest is added to the information on the person,
 
 .. math:: \Lambda = \Lambda_{xx} - \Lambda_{x\theta} \Lambda_{\theta\theta}^{-1} \Lambda_{\theta x}, \qquad
    b = g_x - \Lambda_{x\theta} \Lambda_{\theta\theta}^{-1} g_\theta + \Lambda x_0,
 
-so that a part is only learned from poses that tell it: a thigh's length does not show where the whole leg
-could as well be turned or shifted. Sums of them over frames, slowly forgotten, and the prior of
-`depth_pose.body.build` give the build,
+so that a parameter is learned only from poses that determine it: a thigh's length is not observable where the
+whole leg could as well be turned or shifted. The sums over frames, with slow exponential forgetting, and the
+prior of `depth_pose.body.build` give the build,
 
 .. math:: x = (\Lambda_{prior} + \sum \Lambda)^{-1} (\Lambda_{prior}\, x_{prior} + \sum b).
 
-Only distances along the skin's normal count: the distance to the nearest points along the skin is small
-however wrong a length is, and would call every build right. What frames say too little of a part even so is
-added, `_LACKING`. Clothes make people look larger and nearer than they are; how much they do is told by the
-joints that the finder proposes (`depth_pose.refine.proposed_bones`, `depth_pose.refine.proposed_depth`).
+Only distances along the skin's normal count. The tangential distance to the nearest points is small for every
+length and would confirm any build. The remaining bias of each parameter is corrected by `_LACKING`. Clothes
+make people look larger and nearer; the finder's joint proposals measure by how much
+(`depth_pose.refine.proposed_bones`, `depth_pose.refine.proposed_depth`).
 """
 
 from __future__ import annotations
@@ -45,31 +45,29 @@ Array = NDArray[np.float64]
 
 
 _SIZE_SPREAD = 0.03
-"""Standard deviation of the logarithm of the matcher's size: its grid has steps of 4 %."""
+"""Standard deviation of the logarithm of the matcher's size; its grid has steps of 4 %."""
 
 _GIVEN_SPREAD = 1e-4
-"""The same where the size is given."""
+"""Standard deviation of the logarithm of a configured size."""
 
 _LEAST_SPREAD = 0.01
-"""A build from a file is not taken to be surer than this: people dress differently."""
+"""Least standard deviation of a build from a file: people dress differently."""
 
 _STEP = 0.004
-"""The build in use follows once a part differs by more than this: a body is made anew, in about 1 ms."""
+"""A new body is built (about 1 ms) once a parameter differs by more than this from the build in use."""
 
 _FIRST_FRAMES = 3.0
-"""A build is not used before so many frames that fit well told it: the first poses are least sure, and a
-body that has adapted to a wrong one makes the right one look worse. Of 2 and 3 (docs/method.md)."""
+"""Number of well-fitting frames before a learned build is used; early poses are least certain."""
 
 _FITS_WELL = 0.2
-"""Frames that disagree more than this, 0 to 1, say less of a build: the fourth power of what this is of their
-disagreement. People in the open have 0.15 to 0.25, people in bed or behind a desk 0.3 to 0.4."""
+"""Rendered-depth disagreement (0 to 1) above which a frame's weight falls, by the fourth power of the
+ratio."""
 
 _EVERY_NS = 60_000_000
-"""Builds are learned from at most every so many nanoseconds, so that it takes less than 1 ms a frame."""
+"""Least time between learning updates (ns), so that they take less than 1 ms per frame."""
 
 _FOOT = BUILD_NAMES.index("foot")
-"""The foot's length is not learned from points: noise eats toes and soles, shoes add to them. It goes with
-the other bones."""
+"""Index of the foot's length, which follows the other bones: noise and shoes bias the foot's points."""
 
 
 _LACKING = {
@@ -80,17 +78,15 @@ _LACKING = {
     "forearm": 0.011,
     "thigh": 0.014,
 }
-"""What frames say too little of each part, as a share: smoothing, noise and the fit's spread round limbs off.
-
-With these, bones of 36 people of our own come out as long as they are, on the median; forearms and thighs
-were 2 and 2.3 % short (docs/method.md)."""
+"""Bias of each learned parameter, as a share, from smoothing, noise and the fit; measured on 36 simulated
+people."""
 
 _LACK = np.array([0.0, *(_LACKING.get(part, 0.0) for part in BUILD_NAMES)])
-"""The same of log size and build, (14,)."""
+"""The same for log size and build, (14,)."""
 
 
 def _lies_below() -> NDArray[np.bool_]:
-    """Tell of each node (rows) whether it is another one (columns) or lies below it, (21, 21)."""
+    """Return for each node (row) whether it equals or lies below another one (column), (21, 21)."""
     below = np.eye(len(NODE_PARENTS), dtype=bool)
     for n, parent in enumerate(NODE_PARENTS):
         if parent >= 0:
@@ -102,28 +98,31 @@ _LIES_BELOW = _lies_below()
 
 
 class Evidence(NamedTuple):
-    """What a frame says of log size and build: information (14, 14), and that times the value, (14,)."""
+    """A frame's evidence on log size and build, (14,).
+
+    Its information (14, 14), and the information times the value, (14,).
+    """
 
     information: Array
     vector: Array
 
 
 class Proposed(NamedTuple):
-    """What proposed joints say of a build: lengths of bones, and how deep the trunk is."""
+    """Evidence of proposed joints on a build: bone lengths, and depth of the trunk."""
 
     bones: BoneLengths
     depth: TrunkDepth
 
 
 class BuildEvidence:
-    """Finds what fitted frames say of a person's build.
+    """Computes the evidence of fitted frames on a person's build.
 
     Parameters
     ----------
     space : BuildSpace
     config : PersonalConfig
     fit : FitConfig
-        Settings of the fit whose residuals they are.
+        Settings of the fit that supplies the residuals.
     """
 
     def __init__(self, space: BuildSpace, config: PersonalConfig, fit: FitConfig) -> None:
@@ -143,9 +142,9 @@ class BuildEvidence:
         Parameters
         ----------
         body : Body
-            That of ``build``.
+            The body of ``build``.
         target : FitTarget
-            What it was fitted to.
+            The data that it was fitted to.
         pose : BodyPose
         build : (13,) float32
         """
@@ -170,9 +169,9 @@ class BuildEvidence:
 
 
 def _segment_motions(free: NDArray[np.int64], nodes: Array) -> Array:
-    """Motion of each segment, turn and shift of the root, by each parameter of the pose, (21, 6, 3 + 3 F)."""
+    """Compute each segment's rotation and shift of the root by pose parameter, (21, 6, 3 + 3 F)."""
     turning = free >= 0
-    turned, moves = np.nonzero(_LIES_BELOW & turning)  # which segments turn about which nodes
+    turned, moves = np.nonzero(_LIES_BELOW & turning)  # pairs of segment and node that rotates it
     (x, y, z), first = nodes[moves].T, 3 + 3 * free[moves]
     out = np.zeros((len(nodes), 6, 3 + 3 * int(turning.sum())))
     out[:, [3, 4, 5], [0, 1, 2]] = 1.0
@@ -185,23 +184,23 @@ def _segment_motions(free: NDArray[np.int64], nodes: Array) -> Array:
 
 
 class PersonalBuild:
-    """What is known of one person's size and build.
+    """The learned size and build of one person.
 
     Parameters
     ----------
     config : PersonalConfig
     space : BuildSpace
     known : KnownBuild, optional
-        What was known before; else people are like other adults.
+        Previous estimate; the prior of adults by default.
 
     Attributes
     ----------
     frames : int
-        Frames that said something.
+        Number of frames with evidence.
     build : (13,) float32
-        The build in use; it follows the best estimate in steps, so that bodies are seldom made anew.
+        The build in use. It follows the best estimate in steps, so that bodies are rarely rebuilt.
     scale : float
-        The size that goes with it, as float32; 0 before the first frame.
+        The size that belongs to it, as float32; 0 before the first frame.
     """
 
     def __init__(self, config: PersonalConfig, space: BuildSpace, known: KnownBuild | None = None) -> None:
@@ -224,14 +223,14 @@ class PersonalBuild:
         self.scale = 0.0
 
     def take_size(self, scale: float, is_given: bool) -> None:
-        """Begin a frame with the matcher's size, and bring the build in use up to date.
+        """Begin a frame with the matcher's size, and update the build in use.
 
         Parameters
         ----------
         scale : float
-            As the matcher found it, one more thing that is known.
+            Size found by the matcher, one more observation.
         is_given : bool
-            Whether it was not found but given, and is to be kept.
+            Whether the size is configured and fixed.
         """
         self._size = (_GIVEN_SPREAD if is_given else _SIZE_SPREAD) ** -2, float(np.log(scale))
         self._is_given = is_given
@@ -248,23 +247,23 @@ class PersonalBuild:
         return self._is_known or self._told >= _FIRST_FRAMES
 
     def is_due(self, stamp_ns: int) -> bool:
-        """Tell whether the last frame that said something is long enough ago: neighbours say the same."""
+        """Check that the last frame with evidence is long enough ago; adjacent frames are redundant."""
         return self._stamp_ns is None or stamp_ns - self._stamp_ns >= _EVERY_NS
 
     def add(
         self, stamp_ns: int, score: float, evidence: Evidence | None, proposed: Proposed | None = None
     ) -> None:
-        """Add what a frame says; what earlier ones said is slowly forgotten.
+        """Add a frame's evidence; earlier evidence decays slowly.
 
         Parameters
         ----------
         stamp_ns : int
         score : float
-            Rendered-depth disagreement of the fitted body: how little the evidence counts.
+            Rendered-depth disagreement of the fitted body; a higher one lowers the weight.
         evidence : Evidence or None
-            None where the frame fits too badly to say anything.
+            None if the frame fits too badly.
         proposed : Proposed, optional
-            None where nobody stands. It does not depend on how well the body fits.
+            None if the person does not stand. Does not depend on the quality of the fit.
         """
         if self._stamp_ns is not None:
             kept = float(np.exp((self._stamp_ns - stamp_ns) * 1e-9 / self._config.memory))
@@ -285,15 +284,15 @@ class PersonalBuild:
         self._told += share
 
     def known(self) -> KnownBuild:
-        """Give the best estimate and its uncertainty; once there was a frame."""
+        """Return the best estimate and its uncertainty, after the first frame."""
         x, total = self._solve()
         spread = np.sqrt(np.diag(np.linalg.inv(total)))
         return KnownBuild(float(np.exp(x[0])), float(spread[0]), x[1:], spread[1:], self.frames)
 
     def _solve(self) -> tuple[Array, Array]:
-        """Best estimate of log size and build, (14,), and all information on it, (14, 14).
+        """Solve for log size and build, (14,), and their total information, (14, 14).
 
-        What skin says is left out while it is not used.
+        The skin's evidence is excluded until it is used.
         """
         total, vector = self._prior.copy(), self._prior_vector.copy()
         if self._is_used():

@@ -1,4 +1,4 @@
-"""Poses and where joints are proposed: legs aimed there, and how far joints are away."""
+"""Joint proposals and poses: aiming legs at proposals, and the distance of joints from them."""
 
 from __future__ import annotations
 
@@ -16,30 +16,29 @@ _AIMED = np.zeros(len(JOINTS), bool)
 _AIMED[[JOINT_INDEX[f"{s}_{n}"] for s in ("left", "right") for n in ("knee", "ankle")]] = True
 
 _SURE = 0.2
-"""Least confidence of a proposal that a limb is aimed at: an expected error of 0.2 m.
-
-On 15 development clips: no limbs aimed 39.9 mm, arms and legs 38.9, legs alone 37.9."""
+"""Least confidence of a proposal that a leg is aimed at: an expected error of 0.2 m; chosen on development
+clips."""
 
 _FAR_M = 0.3
-"""A joint farther from its proposal than this says no more: one of the two is elsewhere; set by hand."""
+"""Maximum distance (m) that counts between a joint and its proposal; set by hand."""
 
 
 def aim_legs(body: Body, pose: BodyPose, found: FoundPerson) -> BodyPose | None:
     """Turn a pose's legs toward a person's proposed knees and ankles.
 
-    Arms are left: where they can be seen, the limb search finds them better than proposals do.
+    Arms are excluded: where they are visible, the limb search finds them better than proposals do.
 
     Parameters
     ----------
     body : Body
     pose : BodyPose
-        In the camera frame; says which side is which, and keeps the trunk.
+        In the camera frame; defines left and right, and keeps its trunk.
     found : FoundPerson
 
     Returns
     -------
     BodyPose or None
-        None where no proposal is sure enough.
+        None if no proposal is confident enough.
     """
     if len(found.proposals) != len(JOINTS):
         return None
@@ -53,7 +52,7 @@ def aim_legs(body: Body, pose: BodyPose, found: FoundPerson) -> BodyPose | None:
 
 
 def from_proposals(nodes: NDArray[np.float64], found: FoundPerson) -> float:
-    """Give how far a pose's joints lie from a person's proposals, metres, each as far as it is sure."""
+    """Compute the confidence-weighted distance (m) of a pose's joints from a person's proposals."""
     if len(found.proposals) != len(JOINTS):
         return 0.0
     return kernels.mean_gap(nodes[JOINT_NODES], found.proposals, found.proposal_confidence, _FAR_M)
@@ -62,7 +61,7 @@ def from_proposals(nodes: NDArray[np.float64], found: FoundPerson) -> float:
 def named_alike(
     own: NDArray[np.float64], found: FoundPerson
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Return proposed joints and confidences (19,), left and right named as lies nearer to ``own``."""
+    """Return proposed joints and confidences (19,), with the left/right naming nearer to ``own``."""
     places = np.stack([found.proposals, found.proposals[MIRROR_JOINTS]])
     weights = np.stack([found.proposal_confidence, found.proposal_confidence[MIRROR_JOINTS]])
     side = kernels.nearer_naming(own, places, weights)

@@ -1,15 +1,15 @@
-r"""How long bones are as the finder proposes them, and how much of somebody's size is due to clothes.
+r"""Proposed bone lengths, and how much of a person's apparent size is due to clothes.
 
-A build (`refine.personal`) is told by where the skin lies, and clothes only ever add to that: a coat,
-a skirt or thick hair pull the size up, by a quarter at worst. The finder's second look learned joints of
-people in clothes; the lengths between its proposals are coarse in a single frame and for a single bone, but
-their median over frames and bones is right within 3 %, whatever is worn (docs/method.md). Clothes show in
-another way, too: they make arms and legs thicker. With :math:`z` the mean logarithm of how much longer the
-build's bones are than the proposed ones, and :math:`g` the mean of its girths of arms and legs,
+A build (`refine.personal`) is measured on the visible surface, and clothes only ever add to that: a coat, a
+skirt or thick hair increase the size, by up to a quarter. The finder's second look is trained on joints of
+people in clothes. The lengths between its proposals are coarse in a single frame and for a single bone, but
+their median over frames and bones is right within 3 % for any clothes. Clothes also make arms and legs
+thicker. With :math:`z` the mean log ratio of the build's bone lengths to the proposed ones, and :math:`g` the
+mean of its girths of arms and legs,
 
 .. math:: \log s \leftarrow \log s - \max(0,\; z + a\, g - z_0).
 
-Of thin limbs skin is believed the more, of thick ones the less.
+The skin counts more for thin limbs and less for thick ones.
 """
 
 from __future__ import annotations
@@ -38,47 +38,45 @@ _BONES = {
     ("left_knee", "left_ankle"): (-0.002, 0.050),
     ("right_knee", "right_ankle"): (-0.002, 0.050),
 }
-"""How far proposed bones are off, logarithm: in the median of 102 clips of 81 simulated people, and about it
-(1.48 times the median distance). Forearms (-.07, .13) and feet are proposed too poorly to tell a length."""
+"""Bias and standard deviation of the log length of proposed bones, measured on 81 simulated people.
+Forearms and feet are excluded: their proposals are too imprecise."""
 
 _ENDS = np.array([[JOINT_INDEX[joint] for joint in bone] for bone in _BONES]).T
 _NODES = np.asarray(JOINT_NODES)[_ENDS]
 _BIAS, _SPREAD = np.array(list(_BONES.values())).T
 
 _ONE_FRAME = 0.15
-"""Standard deviation of a bone's proposed length in one frame, logarithm; set by hand."""
+"""Standard deviation of a bone's log length in one frame; set by hand."""
 
 _GIRTHS = [1 + BUILD_NAMES.index(girth) for girth in ("arm_girth", "leg_girth")]
 
 _PER_GIRTH, _BELIEVED = 0.25, 0.03
-"""The `a` and `z_0` of above: with .2 to .3 and .03 to .04 the sizes of 59 simulated people, in clothes and
-in none, and of 18 others err least (docs/method.md)."""
+"""The `a` and `z_0` of the module's equation, chosen on 77 simulated people with and without clothes."""
 
 FIRST_FRAMES = 3.0
-"""Proposals do not object before so many frames in which all of somebody is clear to see."""
+"""Number of frames with the whole person clearly visible before proposals are used."""
 
 _SHORTEST_M, _STEP, _STEPS = 0.05, 0.02, 160
-"""Lengths are counted in steps of 2 %, from 5 cm to 1.2 m."""
+"""Range and step of the length histogram: 2 % steps from 5 cm to 1.2 m."""
 
 
 class BoneLengths(NamedTuple):
-    """Logarithms of the proposed lengths of bones, metres, (10,), and how much each counts, (10,)."""
+    """Log lengths of the proposed bones (m), (10,), and their weights, (10,)."""
 
     lengths: Array
     sure: Array
 
 
 def measure_bones(standing: Standing, nodes: Array) -> BoneLengths:
-    """Give the bone lengths between proposed joints.
+    """Compute the bone lengths between proposed joints.
 
-    Bones that point at the camera are proposed too short, and count the less: by the square of what is seen
-    of them.
+    Bones that point at the camera are proposed too short; their weight is the square of their visible share.
 
     Parameters
     ----------
     standing : Standing
     nodes : (21, 3) float64
-        Those of the fitted body, metres, camera frame: they say how bones lie.
+        Nodes of the fitted body, metres, camera frame; they define the bone directions.
     """
     places, weights = standing.places, standing.weights
     apart = np.linalg.norm(places[_ENDS[0]] - places[_ENDS[1]], axis=1)
@@ -105,15 +103,15 @@ class ProposedBones:
         self._told = RunningMedian(len(_BONES), np.log(_SHORTEST_M), _STEP, _STEPS)
 
     def forget(self, kept: float) -> None:
-        """Keep a share of what earlier frames proposed."""
+        """Decay earlier frames to this share."""
         self._told.forget(kept)
 
     def add(self, bones: BoneLengths) -> None:
-        """Add what a frame proposes."""
+        """Add a frame's proposed lengths."""
         self._told.add(bones.lengths, bones.sure)
 
     def excess(self, x: Array) -> float:
-        """Give how much of a size is due to clothes.
+        """Compute how much of the log size is due to clothes.
 
         Parameters
         ----------
@@ -123,7 +121,7 @@ class ProposedBones:
         Returns
         -------
         float
-            To be taken from the logarithm; 0 where proposals do not object.
+            Amount to subtract from the log size; 0 where the proposals agree.
         """
         total = self._told.total
         if total.max() < FIRST_FRAMES:
@@ -135,6 +133,6 @@ class ProposedBones:
         return max(0.0, z + _PER_GIRTH * float(x[_GIRTHS].mean()) - _BELIEVED)
 
     def _lengths(self, x: Array) -> Array:
-        """Logarithms of a build's bone lengths, metres, (10,)."""
+        """Compute the log bone lengths (m) of a build, (10,)."""
         bones = self._rest + np.tensordot(x[1:], self._parts, 1)
         return np.asarray(x[0] + np.log(np.linalg.norm(bones, axis=1)))

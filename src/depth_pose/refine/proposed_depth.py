@@ -1,16 +1,16 @@
-r"""How deep inside their clothes people are, as the finder proposes their joints.
+r"""Depth of the joints below the clothes, from the finder's proposals.
 
-From the front nothing in the skin tells a deep trunk from one that stands a little nearer: under a coat the
-fitted trunk lies 2 to 7 cm before the true one. The finder's second look learned joints of people in clothes;
-the median over frames of how much deeper its joints of the trunk lie is right within 2 cm. With :math:`d`
-that depth, :math:`r` how the trunk's skin moves towards the camera with its breadth and depth, and
-:math:`z = d - r^T x` what proposals find lacking of the trunk's depth,
+From the front the visible surface does not distinguish a deep trunk from one that stands a little nearer:
+under a coat the fitted trunk lies 2 to 7 cm in front of the true one. The finder's second look is trained on
+joints of people in clothes, and the median over frames of the depth difference to its trunk joints is right
+within 2 cm. With :math:`d` that depth, :math:`r` the derivative of the trunk's skin toward the camera by
+breadth and depth, and :math:`z = d - r^T x` the depth that the trunk lacks according to the proposals,
 
 .. math:: \Lambda \leftarrow \Lambda + w\, r r^T, \qquad b \leftarrow b + w\, d\, r, \qquad
    w = \frac{(2 o)^2}{v\; r^T \Lambda^{-1} r}, \qquad o = \max(0, z - z_0):
 
-one more observation of the build (`refine.personal`), weighted as one of two witnesses, of whom skin
-errs by :math:`2 o`, and proposals have the variance :math:`v`. Within :math:`z_0` skin is believed.
+one more observation of the build (`refine.personal`). The weight assumes that the skin has the error :math:`2
+o` and the proposals the variance :math:`v`. Up to :math:`z_0` only the skin counts.
 """
 
 from __future__ import annotations
@@ -36,27 +36,26 @@ _GIRTHS = [BUILD_NAMES.index(girth) for girth in ("trunk_breadth", "trunk_depth"
 _ROW = [1 + girth for girth in _GIRTHS]
 
 _BELIEVED_M = 0.05
-"""Proposals object above this, metres. With .03 simulated people in clothes gain 3 mm more, but joints of
-real people near the camera move away (docs/method.md)."""
+"""Missing depth (m) above which proposals count (:math:`z_0`); lower values harm people near the camera."""
 
 _ERROR_M = 0.012
-"""Standard deviation of the proposed depth of one person's trunk, metres; 11 to 15 mm are measured."""
+"""Standard deviation (m) of the proposed trunk depth of one person; measured 11 to 15 mm."""
 
 _NEAREST_M, _STEP_M, _STEPS = -0.3, 0.005, 140
-"""Depths are counted in steps of 5 mm, up to 40 cm."""
+"""Range and step of the depth histogram: 5 mm steps up to 40 cm."""
 
 
 class TrunkDepth(NamedTuple):
-    """How deep proposals see the trunk's joints.
+    """Proposed depth of the trunk's joints in one frame.
 
     Attributes
     ----------
     depth : float
-        Metres below the skin, less that of the bank's body at the same size.
+        Metres below the skin, less the same depth of the bank's body at that size.
     row : (14,) float64
-        Metres that a build adds to it; the size, the first, is not told by it.
+        Derivative by log size and build, metres; 0 for the size.
     sure : float
-        How much the frame counts, 0 to 1.
+        Weight of the frame, 0 to 1.
     """
 
     depth: float
@@ -65,7 +64,7 @@ class TrunkDepth(NamedTuple):
 
 
 class TrunkSkin:
-    """The skin of the trunk, of which depths are measured.
+    """The trunk's skin, from which depths are measured.
 
     Parameters
     ----------
@@ -80,12 +79,12 @@ class TrunkSkin:
         self._moves = space.vertices[_GIRTHS][:, own]
 
     def measure(self, standing: Standing, fitted: FittedBody, build: NDArray[np.float32]) -> TrunkDepth:
-        """Give how deep a frame's proposals see the joints of a fitted body, (13,) its build."""
+        """Compute the depth of a frame's proposed joints in a fitted body with this build, (13,)."""
         nodes, pose, weights = fitted.nodes[_NODES], fitted.pose, standing.weights[_JOINTS]
         ray = nodes.mean(axis=0)
         ray /= np.linalg.norm(ray)
         deeper = (standing.places[_JOINTS] - nodes) @ ray
-        back = -(ray @ pose.rotations)[self._segment]  # the way to the camera, in each segment's rest frame
+        back = -(ray @ pose.rotations)[self._segment]  # direction to the camera in each segment's rest frame
         facing = np.maximum((self._normals * back).sum(axis=1), 0.0)
         row = np.zeros(1 + len(BUILD_NAMES))
         row[_ROW] = pose.scale * ((self._moves * back).sum(axis=2) @ facing) / facing.sum()
@@ -101,17 +100,17 @@ class ProposedDepth:
         self._row = np.zeros(1 + len(BUILD_NAMES))
 
     def forget(self, kept: float) -> None:
-        """Keep a share of what earlier frames proposed."""
+        """Decay earlier frames to this share."""
         self._told.forget(kept)
         self._row *= kept
 
     def add(self, told: TrunkDepth) -> None:
-        """Add what a frame proposes."""
+        """Add a frame's proposed depth."""
         self._told.add(np.array([told.depth]), np.array([told.sure]))
         self._row += told.sure * told.row
 
     def observe(self, information: Array, vector: Array) -> tuple[Array, Array]:
-        """Add what proposals find lacking to what is known of log size and build, (14, 14) and (14,)."""
+        """Add the missing depth to the information (14, 14) and vector (14,) of log size and build."""
         total = float(self._told.total[0])
         if total < FIRST_FRAMES:
             return information, vector

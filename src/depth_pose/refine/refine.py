@@ -1,14 +1,14 @@
 """Fit the body to the cloud, starting from the matched exemplars (Sec. 6).
 
-Two methods, one interface: ``articulated`` fits joint angles of the skinned body
-(`depth_pose.refine.articulated`); ``cpd`` is the paper's, non-rigid registration of the
-exemplar's visible vertices, Laplacian completion of the mesh and joints from control vertices
-(`depth_pose.paper.completion`). Some sides contend, and the one whose rendered depth agrees
-best wins: the matcher's candidates, and a short beam from the frame before, which is its answer and,
-with ``refine.beam``, the best poses that differed from it. Tracking alone loses arms and does not find
-them again; but a pose that has converged over many frames agrees better than any new one, however wrong
-it is, until that is fitted as well. So each side is fitted by itself. A pose that then is far from what
-became of the answer before takes its place once it was better by enough, over as many frames as that takes.
+There are two methods with one interface. ``articulated`` fits joint angles of the skinned body
+(`depth_pose.refine.articulated`). ``cpd`` is the paper's: non-rigid registration of the exemplar's visible
+vertices, Laplacian completion of the mesh, and joints from control vertices (`depth_pose.paper.completion`).
+Two groups of starts compete, and the one with the best rendered-depth agreement wins: the matcher's
+candidates, and a short beam from the previous frame, which is its answer and, with ``refine.beam``, the best
+poses that differed from it. Tracking alone loses arms and does not recover them. A pose that has converged
+over many frames, however, agrees better than any unfitted one even if it is wrong. Each group is therefore
+fitted separately. A pose that differs much from the continued answer replaces it after it agreed better,
+summed over consecutive frames, by a given margin.
 """
 
 from __future__ import annotations
@@ -37,39 +37,36 @@ from depth_pose.track.person import People, Person
 from depth_pose.track.sample_people import sample_people
 
 _ROUGH = 2
-"""Candidates, the best after a glance, that are fitted roughly."""
+"""Number of candidates, the best after a glance, that are fitted roughly."""
 
 _FIRST_ROUNDS = 4
-"""Rounds of the limb search while there is no previous pose to start from."""
+"""Rounds of limb search while there is no previous pose to start from."""
 
 _NEARLY = 0.04
-"""The side that agrees less well is fitted finely as well if its score is at most this much higher."""
+"""The worse group is also fitted finely if its score is at most this much higher."""
 
 _LEAD = 0.04
-"""A fresh pose that differs from the kept one answers once its score was so much lower, summed over frames
-in a row. Of 0, 0.02 and 0.04 on people of our own (docs/accuracy.md)."""
+"""Score advantage, summed over consecutive frames, after which a different fresh pose becomes the answer."""
 
 _SAME_M = 0.05
-"""Poses whose joints are less far apart than this, on average, do not differ; set by hand, not swept."""
+"""Poses with a mean joint distance below this (m) are the same; set by hand."""
 
 _DIFFERS_M = 0.06
-"""A pose is carried beside the answer if some joint lies this far from that of each better one, metres."""
+"""A pose joins the beam if some joint is this far (m) from that of each better pose."""
 
 _HOPELESS = 0.08
-"""A pose whose score is this much higher than the answer's is not carried; set by hand, .08 and .2 alike."""
+"""Score above the answer's at which a pose leaves the beam; set by hand."""
 
 _AWAY_WEIGHT = 1.0
-"""Score, per metre, of joints that lie away from where they are proposed (`from_proposals`).
-
-Of 0, 0.3, 1 and 3 on 15 development clips (37.9, 37.7, 37.1, 38.2 mm), and office and corridor."""
+"""Weight of the mean distance (1/m) of joints from their proposals (`from_proposals`) in the score."""
 
 _ODD_WEIGHT = 0.2
-"""Score of a pose that is more unusual than poses are, for each standard deviation (`PosePrior.excess`)."""
+"""Weight in the score of each standard deviation above the usual (`PosePrior.excess`)."""
 
 
 @dataclass(frozen=True)
 class _Compared:
-    """A fitted body, how it compares with the input, how far it is from proposals, metres, and how odd."""
+    """A fitted body, its disagreement, distance (m) from proposals, and excess of the pose prior."""
 
     body: FittedBody
     comparison: Comparison
@@ -78,22 +75,22 @@ class _Compared:
 
     @property
     def score(self) -> float:
-        """Disagreement of rendered depth, with the proposals, and with how people hold themselves."""
+        """Return the sum of rendered-depth disagreement, distance from proposals and pose prior."""
         return self.comparison.score + _AWAY_WEIGHT * self.away + _ODD_WEIGHT * self.odd
 
 
 @dataclass
 class KeptPoses:
-    """What the next fit of one person starts from.
+    """Start of a person's next fit.
 
     Attributes
     ----------
     beam : tuple of BodyPose
-        The answer, and the next best that differ from it and from one another.
+        The answer, and the next best poses that differ from it and from one another.
     turn : int
-        The side whose limbs are searched in this frame.
+        The group searched for limbs in this frame.
     lead : float
-        By how much another pose that did not answer was better, summed over the last frames.
+        Score advantage of a different pose that was not the answer, summed over the last frames.
     """
 
     beam: tuple[BodyPose, ...] = ()
@@ -102,7 +99,7 @@ class KeptPoses:
 
 
 class Refiner:
-    """The third stage: what `refine_node` runs.
+    """The third stage of the pipeline, run by `refine_node`.
 
     Parameters
     ----------
@@ -113,12 +110,12 @@ class Refiner:
     fitter : PersonFitter, optional
         The method; the articulated fit of ``bodies`` if not given.
     subjects : Subjects, optional
-        What is remembered of everybody, shared with the other stages of a process.
+        State of all tracks, shared with the other stages of a process.
 
     Attributes
     ----------
     builds : BuildLearner
-        What is known of everybody's proportions.
+        Learned builds of all tracks.
     limbs : LimbSearch
         Proposes other arms and legs.
     """
@@ -144,12 +141,12 @@ class Refiner:
         self.builds = BuildLearner(bodies.space, bodies.config.build, bodies.config.fit)
 
     def reset(self) -> None:
-        """Forget everybody."""
+        """Forget all tracks."""
         self._subjects.reset()
         self.builds.reset()
 
     def warm_up(self) -> None:
-        """Compile every kernel; forgets everybody."""
+        """Compile every kernel; forgets all tracks."""
         people = sample_people(self.bank)
         start = Candidate(0, 0, np.eye(3), np.array([0.0, 0.0, 3.2]), 0.0, 0.0)
         matches = [PoseMatch(p.body_id, self.bank.bank_id, 1.0, (start,)) for p in people.persons]
@@ -157,13 +154,13 @@ class Refiner:
         self.reset()
 
     def refine(self, people: People, matches: Iterable[PoseMatch]) -> tuple[Fitted, ...]:
-        """Fit the body to everybody who was matched.
+        """Fit the body to every matched person.
 
         Parameters
         ----------
         people : People
         matches : iterable of PoseMatch
-            The matcher's answers to the same people; who has none is left out.
+            The matcher's answers for the same people; people without one are skipped.
 
         Returns
         -------
@@ -173,7 +170,7 @@ class Refiner:
         Raises
         ------
         BankError
-            Where a match speaks of another bank.
+            If a match refers to another bank.
         """
         self._subjects.begin(people)
         persons = {p.body_id: p for p in people.persons}
@@ -205,7 +202,7 @@ class Refiner:
         )
 
     def _fit_best(self, person: Person, match: PoseMatch, kept: KeptPoses, fit: FrameFit) -> _Compared:
-        """Fit fresh and kept starts roughly, try other limbs on one of both sides, finish, and choose."""
+        """Fit fresh and kept starts roughly, search limbs in one or both groups, finish, and choose."""
         fresh = self._fit_candidates(person, match, fit)
         sides = [fresh, *self._fit_kept(person, kept, match.scale, fit)]
         kept.turn = (kept.turn + 1) % min(2, len(sides))
@@ -223,18 +220,18 @@ class Refiner:
         return best
 
     def _fit_candidates(self, person: Person, match: PoseMatch, fit: FrameFit) -> _Compared:
-        """Return the best rough fit from the candidates that are best after a glance."""
+        """Return the best rough fit among the best candidates of a glance."""
         starts = [self.bank.pose(candidate, match.scale) for candidate in match.candidates]
         glances = sorted((self._compare(person, fit.glance(s)) for s in starts), key=_by_score)
         return self._best_rough(person, [g.body.pose for g in glances[:_ROUGH]], fit)
 
     def _fit_kept(self, person: Person, kept: KeptPoses, scale: float, fit: FrameFit) -> list[_Compared]:
-        """Return the rough fits from the poses kept of the frame before, the answer first."""
+        """Return the rough fits of the poses kept from the previous frame, the answer first."""
         beam = kept.beam if self.config.track else ()
         return [self._best_rough(person, [BodyPose(pose.rotations, pose.root, scale)], fit) for pose in beam]
 
     def _search_limbs(self, person: Person, side: _Compared, rounds: int, fit: FrameFit) -> _Compared:
-        """Exchange arms and legs as long as that makes the fit better."""
+        """Replace arms and legs as long as the fit improves."""
         for _ in range(rounds):
             starts = self.limbs.propose(side.body, person.comparer)
             aimed = aim_legs(self.bank.body, side.body.pose, person.found)
@@ -252,7 +249,7 @@ class Refiner:
         return min((self._compare(person, fit.rough(start)) for start in starts), key=_by_score)
 
     def _compare(self, person: Person, body: FittedBody) -> _Compared:
-        """Compare a fitted body with the depth, the proposed joints and usual poses."""
+        """Compare a fitted body with the depth, the proposed joints and the pose prior."""
         return _Compared(
             body,
             person.comparer.compare(body.vertices, self.bank.body.faces, self._match_config.score_band),
@@ -264,10 +261,10 @@ class Refiner:
 def _settle(
     kept: KeptPoses, fresh: _Compared | None, old: _Compared | None = None, *others: _Compared | None
 ) -> _Compared:
-    """Return the best of the fits from fresh and kept starts; a pose far from the one before has to last.
+    """Choose between fits from fresh and kept starts; a pose far from the previous one has to persist.
 
-    Of two poses far apart that agree almost as well the kept one is right more often: a single frame's score
-    says less than that other frames led there.
+    Of two distant poses with similar agreement the kept one is right more often: it is supported by many
+    frames, the fresh one by a single score.
     """
     before, kept.lead = kept.lead, 0.0
     rival = min((pose for pose in (fresh, *others) if pose is not None), key=_by_score, default=None)
@@ -285,7 +282,7 @@ def _settle(
 
 
 def _widen(best: _Compared, sides: list[_Compared], most: int) -> tuple[BodyPose, ...]:
-    """Return at most so many poses: the answer, and the best that differ from it and from one another."""
+    """Return at most ``most`` poses: the answer, and the best that differ from it and from one another."""
     beam = [best]
     for side in sorted(sides, key=_by_score):
         if len(beam) >= most or side.score > best.score + _HOPELESS:
@@ -296,7 +293,7 @@ def _widen(best: _Compared, sides: list[_Compared], most: int) -> tuple[BodyPose
 
 
 def _gaps(one: _Compared, other: _Compared) -> NDArray[np.float64]:
-    """Distances of two poses' joints (J,), metres."""
+    """Compute the distances (J,) between the joints of two poses, metres."""
     return np.asarray(np.linalg.norm(one.body.nodes[JOINT_NODES] - other.body.nodes[JOINT_NODES], axis=1))
 
 

@@ -1,4 +1,4 @@
-"""Weighted medians of numbers that come frame by frame, slowly forgotten."""
+"""Weighted running medians with exponential forgetting."""
 
 from __future__ import annotations
 
@@ -9,21 +9,21 @@ Array = NDArray[np.float64]
 
 
 class RunningMedian:
-    """Medians of several numbers: each is counted in equal steps, and the median is interpolated.
+    """Medians of several numbers, from histograms of equal steps with interpolation.
 
     Parameters
     ----------
     rows : int
-        Numbers in a frame.
+        Numbers per frame.
     first, step : float
-        Where counting begins, and how fine it is.
+        Start and step of the histogram.
     steps : int
-        What lies outside counts as the first or the last of them.
+        Number of bins; values outside count in the first or last bin.
 
     Attributes
     ----------
     total : (rows,) float64
-        Weights in all.
+        Sums of weights.
     """
 
     def __init__(self, rows: int, first: float, step: float, steps: int) -> None:
@@ -33,19 +33,19 @@ class RunningMedian:
         self._medians: Array | None = None
 
     def forget(self, kept: float) -> None:
-        """Keep a share of what earlier frames said."""
+        """Decay earlier frames to this share."""
         self._counts *= kept
         self.total *= kept
 
     def add(self, values: Array, weights: Array) -> None:
-        """Add what a frame says, (rows,) each."""
+        """Add a frame's values and weights, (rows,) each."""
         steps = ((values - self._first) / self._step).astype(np.int64)
         self._counts[np.arange(len(steps)), np.clip(steps, 0, self._counts.shape[1] - 1)] += weights
         self.total += weights
         self._medians = None
 
     def medians(self) -> Array:
-        """Give the medians, (rows,); of rows without weight they mean nothing."""
+        """Return the medians, (rows,); rows without weight are undefined."""
         if self._medians is None:
             up = np.cumsum(self._counts, axis=1)
             half = 0.5 * up[:, -1]

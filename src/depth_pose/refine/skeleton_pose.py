@@ -1,4 +1,4 @@
-"""From a published skeleton back to a pose of the body, so that its mesh can be skinned again."""
+"""Pose of the body from a published skeleton, so that its mesh can be skinned again."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _AIMED = np.array(
         )
     ]
 ).T
-"""Segments that are turned to point to the node at their end; those nodes."""
+"""Segments that are turned toward the node at their end, and those nodes."""
 
 
 def pose_from_skeleton(body: Body, skeleton: Skeleton) -> BodyPose:
@@ -35,7 +35,7 @@ def pose_from_skeleton(body: Body, skeleton: Skeleton) -> BodyPose:
     ----------
     body : Body
     skeleton : Skeleton
-        With its 19 joints. The clavicles, which it does not name, take the chest's rotation.
+        A skeleton has no clavicles; they take the chest's rotation.
 
     Returns
     -------
@@ -55,7 +55,7 @@ def pose_from_skeleton(body: Body, skeleton: Skeleton) -> BodyPose:
 
 
 def aim_limbs(body: Body, rotations: NDArray[np.float64], nodes: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Turn limbs by the smallest rotations that make them point to their next node; gives (21, 3, 3)."""
+    """Turn limbs by the smallest rotations that point them at their next node; return (21, 3, 3)."""
     rotations = rotations.copy()
     kernels.aim_segments(body.nodes, _AIMED, nodes, rotations)
     return rotations
@@ -64,7 +64,7 @@ def aim_limbs(body: Body, rotations: NDArray[np.float64], nodes: NDArray[np.floa
 def pose_from_nodes(
     body: Body, rotations: NDArray[np.float64], nodes: NDArray[np.float64], scale: float
 ) -> BodyPose:
-    """Find the pose of a body whose segments' rotations and nodes are roughly known.
+    """Find the pose of a body from approximate segment rotations and nodes.
 
     Parameters
     ----------
@@ -77,9 +77,9 @@ def pose_from_nodes(
     Returns
     -------
     BodyPose
-        Limbs are turned by the smallest rotations that make them point to their next node, and the
-        pelvis is placed so that the nodes of the pose lie around the given ones. Where these have
-        the body's proportions, they are reached.
+        Limbs are turned by the smallest rotations that point them at their next node, and the
+        pelvis is placed so that the nodes of the pose lie around the given ones. If these have
+        the body's proportions, they are met exactly.
     """
     rotations = aim_limbs(body, rotations, nodes)
     reached = body.place(rotations, nodes[0], scale)

@@ -1,10 +1,9 @@
-"""Legs that go on beyond the image: put halfway to where legs of people who hold themselves so are.
+"""Legs beyond the image: moved halfway to the mean of legs in similar poses.
 
-What lies beyond the image's border no point pulls at: it stays as the exemplar had it. The mean of the
-bank's poses that are most like the rest of the body is too even, and the exemplar too odd; their middle is
-nearer than either (on the legs of dev_postures that leave the image: exemplar 96 mm, mean 111, middle 75; on
-those of dev_bodies 60, 59, 53). A bone that is seen for the most part goes there less. Limbs that something
-hides are left as they are: for those the mean is worse.
+Beyond the image's border there are no points, so a leg stays as in the exemplar. The mean leg of the bank's
+poses that are most like the rest of the body is too neutral and the exemplar too specific; their midpoint has
+the least error. A bone that is mostly visible moves less. Occluded limbs are left unchanged: for those the
+mean is worse.
 """
 
 from __future__ import annotations
@@ -25,26 +24,24 @@ _LEGS = tuple(
 )
 
 _NEIGHBOURS = 40
-"""Poses that are most like the rest of the body, of which the mean is taken; not swept."""
+"""Number of most similar poses that are averaged."""
 
 _HALFWAY = 0.5
-"""Share of the way to their mean: of 0.5 and 1 the better one (above)."""
+"""Share of the way to their mean; chosen on development clips."""
 
 _HARDLY_SEEN = 0.5
-"""The first bone that leaves the image goes all of that way if this share of it or more is out of it, else
-less: what is seen of it says where it points (a simulated clip whose ankles are just below the border: 28 mm
-without this, 18 with it)."""
+"""The first bone that leaves the image moves fully if this share of it is outside, and less if less is."""
 
 _UNSEEN = 0.1
-"""Weight of joints out of the image but for the leg's own, beside 1 of the others; not swept."""
+"""Weight of joints outside the image that are not the leg's own, relative to 1 for the others."""
 
 
 _PLACES = (np.arange(8) + 0.5)[:, None] / 8
-"""Where along a bone it is asked whether it is in the image, as shares of its length."""
+"""Places along a bone that are tested for being in the image, as shares of its length."""
 
 
 class LegsBeyond:
-    """Settles legs beyond the image's border.
+    """Corrects legs beyond the image's border.
 
     Parameters
     ----------
@@ -58,15 +55,15 @@ class LegsBeyond:
         self._squares = (self._joints**2).sum(axis=2)
 
     def settle(self, body: Body, fitted: FittedBody, camera: Camera) -> FittedBody:
-        """Give a fitted body with its legs settled; the same where none leaves the image.
+        """Return a fitted body with corrected legs; unchanged if no leg leaves the image.
 
         Parameters
         ----------
         body : Body
-            Which was fitted.
+            The body that was fitted.
         fitted : FittedBody
         camera : Camera
-            Of the whole image.
+            Camera of the whole image.
         """
         joints = fitted.nodes[JOINT_NODES]
         outside = _is_outside(joints, camera)
@@ -103,7 +100,7 @@ class LegsBeyond:
     def _usual(
         self, local: NDArray[np.float64], outside: NDArray[np.bool_], start: int, tail: list[int]
     ) -> NDArray[np.float32]:
-        """Give where joints (n, 3) of a leg usually are from the one they hang on, trunk axes, scale 1."""
+        """Compute the usual places of a leg's joints (n, 3) relative to their parent, trunk axes, scale 1."""
         weights = np.where(outside, _UNSEEN, 1.0).astype(np.float32)
         weights[tail] = 0.0
         pull = (weights[:, None] * local).astype(np.float32).ravel()
@@ -114,11 +111,11 @@ class LegsBeyond:
 
 
 def _is_outside(points: NDArray[np.float64], camera: Camera) -> NDArray[np.bool_]:
-    """Tell which points (n, 3) the image does not show."""
+    """Return which points (n, 3) lie outside the image."""
     u, v = camera.project(points).T
     return np.asarray((u < -0.5) | (v < -0.5) | (u >= camera.width - 0.5) | (v >= camera.height - 0.5))
 
 
 def _share_outside(start: NDArray[np.float64], end: NDArray[np.float64], camera: Camera) -> float:
-    """Give which share of a bone the image does not show: what is seen of one says where it points."""
+    """Compute the share of a bone that lies outside the image."""
     return float(_is_outside(start + _PLACES * (end - start), camera).mean())

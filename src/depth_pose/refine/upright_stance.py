@@ -1,7 +1,7 @@
-"""Proposed joints of somebody who stands: with them builds are told besides skin.
+"""Proposed joints of a standing person, used to learn builds besides the skin.
 
-Of people who kneel, squat, sit or lie bones are proposed up to 30 % too short, and where legs are hidden or
-cut off nothing says whether somebody stands; so neither counts.
+When people kneel, squat, sit or lie, bones are proposed up to 30 % too short; when legs are hidden or cut
+off, standing cannot be verified. Neither case counts.
 """
 
 from __future__ import annotations
@@ -18,21 +18,20 @@ from depth_pose.track.target import Proposals
 Array = NDArray[np.float64]
 
 SUREST = 0.68
-"""Confidence of proposals that are clear to see."""
+"""Confidence of proposals for clearly visible joints."""
 
 _LEGS = [JOINT_INDEX[f"{side}_{joint}"] for side in ("left", "right") for joint in ("knee", "ankle")]
 
 _STRAIGHT = 0.6
-"""Legs of who stands, walks or runs are at least this straight: mean cosine between trunk and thighs,
-thighs and shanks."""
+"""Least straightness of standing, walking or running legs: mean cosine trunk-thigh and thigh-shank."""
 _STRAIGHTER = 0.8
-"""From this on a frame counts in full."""
+"""Straightness from which a frame has full weight."""
 _UPRIGHT = 0.5
-"""Cosine between the trunk and the image's columns, at least."""
+"""Least cosine between the trunk and the image columns."""
 
 
 class Standing(NamedTuple):
-    """Proposed joints of somebody who stands, sides named as in the fitted body.
+    """Proposed joints of a standing person, with sides named as in the fitted body.
 
     Attributes
     ----------
@@ -41,7 +40,7 @@ class Standing(NamedTuple):
     weights : (19,) float64
         0 to 1.
     sure : float
-        How clear it is that they stand, 0 to 1.
+        Confidence that the person stands, 0 to 1.
     """
 
     places: Array
@@ -50,13 +49,13 @@ class Standing(NamedTuple):
 
 
 def find_standing(proposals: Proposals, nodes: Array) -> Standing | None:
-    """Give the proposed joints of somebody who stands; None where nobody does, or none are proposed.
+    """Return the proposed joints of a standing person; None if not standing or without proposals.
 
     Parameters
     ----------
     proposals : Proposals
     nodes : (21, 3) float64
-        Those of the fitted body, metres, camera frame: they say how bones lie, and which side is left.
+        Nodes of the fitted body, metres, camera frame; they define bone directions and sides.
     """
     if not len(proposals.nodes):
         return None
@@ -67,7 +66,7 @@ def find_standing(proposals: Proposals, nodes: Array) -> Standing | None:
 
 
 def _stands(nodes: Array) -> float:
-    """Tell how much a pose is that of somebody upright on straight legs, 0 to 1."""
+    """Compute how well a pose matches an upright person on straight legs, 0 to 1."""
 
     def way(start: str, end: str) -> Array:
         bone = nodes[NODE_INDEX[end]] - nodes[NODE_INDEX[start]]

@@ -1,1 +1,1 @@
-"""Who is who over time, zone, whom to follow, what is remembered of one person."""
+"""Tracking, zone, selection of people, and the state of each track."""

@@ -1,4 +1,4 @@
-"""Compiled loops that take one person out of a frame; `depth_pose.track.person` uses them."""
+"""Compiled loops that extract one person from a frame, for `depth_pose.track.person`."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ from depth_pose.core.kernels import njit
 from depth_pose.core.types import BACKGROUND, HIDDEN, PERSON, UNKNOWN
 
 _BESIDE_M = 0.15
-"""Somebody else's pixel this little behind a person's middle, metres, may still hide them."""
+"""Pixels of another person up to this far (m) behind a person's centre may still hide the person."""
 
 
 @njit(cache=True)
 def take_person(points, labels, label, taken, depth):
-    """Copy a person's points to ``taken`` and their depths to an image; returns their number."""
+    """Copy a person's points to ``taken`` and their depths to an image; return the number of points."""
     count = 0
     for i in range(labels.shape[0]):
         for j in range(labels.shape[1]):
@@ -26,7 +26,7 @@ def take_person(points, labels, label, taken, depth):
 
 @njit(cache=True)
 def label_for(points, labels, label, distance, own):
-    """Write what each pixel says of one person, whose middle is ``distance`` metres away."""
+    """Write the label of each pixel from the view of one person, whose centre is ``distance`` metres away."""
     for i in range(labels.shape[0]):
         for j in range(labels.shape[1]):
             k = labels[i, j]

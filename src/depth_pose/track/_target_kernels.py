@@ -7,7 +7,7 @@ from depth_pose.core.kernels import njit
 
 @njit(cache=True)
 def nearest_person(labels, nearest):
-    """Row and column of (nearly) the nearest person pixel to every pixel, by two sweeps."""
+    """Find row and column of the approximately nearest person pixel for every pixel, in two sweeps."""
     rows, cols = labels.shape
     for i in range(rows):
         for j in range(cols):

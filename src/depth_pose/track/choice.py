@@ -1,4 +1,4 @@
-"""Of the people in view, whom the later steps serve: those in the zone, and of these the nearest."""
+"""Selection of the people that later steps process: those in the zone, and of these the nearest."""
 
 from __future__ import annotations
 
@@ -11,28 +11,28 @@ from numpy.typing import NDArray
 from depth_pose.core.zone import Zone
 
 _SLACK_M = 0.2
-"""Who is served already may be so far outside the zone, or beyond somebody nearer; metres.
+"""Tolerance (m) outside the zone, or beyond a nearer person, for people who are already processed.
 
-So that people on the border, or two at the same distance, do not come and go. Set by hand: a person's
-middle wanders by half of it from frame to frame when limbs are hidden.
+It keeps people on the border, or two at the same distance, from alternating. Set by hand: a person's centre
+moves by half of it from frame to frame when limbs are hidden.
 """
 
 
 class PeopleChoice:
-    """Leaves out people whom the user does not want.
+    """Selects the people that the user wants.
 
     Parameters
     ----------
     zone : Zone
     most : int
-        At most so many people, the nearest; 0 for all.
+        Maximum number of people, the nearest; 0 for all.
     R_sensor_upright : (3, 3) float64
-        From the frame that the places are in to the sensor's.
+        Rotation from the frame of the places to the sensor's.
 
     Attributes
     ----------
     left_out : Counter of str
-        Whom the last frame left out: ``outside the zone`` and ``beyond the most``.
+        Numbers excluded in the last frame: ``outside the zone`` and ``beyond the most``.
     """
 
     def __init__(self, zone: Zone, most: int, R_sensor_upright: NDArray[np.float64]) -> None:
@@ -41,20 +41,20 @@ class PeopleChoice:
         self.reset()
 
     def reset(self) -> None:
-        """Forget who is served."""
+        """Forget the current selection."""
         self._served: frozenset[str] = frozenset()
 
     def choose(
         self, names: Sequence[str | None], places: Sequence[NDArray[np.float64]]
     ) -> tuple[str | None, ...]:
-        """Take away the names of those who are left out.
+        """Replace the ids of excluded people by None.
 
         Parameters
         ----------
         names : sequence of str or None
-            Body ids; None for what is nobody.
+            Body ids; None for detections without a track.
         places : sequence of (3,) float64
-            Where they are, metres.
+            Their places, metres.
         """
         self.left_out = Counter()
         distances = {}

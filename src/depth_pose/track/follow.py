@@ -1,4 +1,4 @@
-"""Who is followed: one of the people in view, kept as long as they are seen."""
+"""Followed person: one of the people in view, kept as long as it is visible."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _PELVIS = JOINT_INDEX["pelvis"]
 
 
 class Follower:
-    """Chooses whom ``/depth_pose/skeleton`` shows."""
+    """Chooses the person published on ``/depth_pose/skeleton``."""
 
     def __init__(self, config: FollowConfig) -> None:
         self.config = config
@@ -27,14 +27,14 @@ class Follower:
         self._seen_ns = 0
 
     def choose(self, skeletons: Sequence[Skeleton], stamp_ns: int, frame_id: str) -> Skeleton:
-        """Give the one who is followed, or a lost skeleton.
+        """Return the followed person's skeleton, or a lost one.
 
         Parameters
         ----------
         skeletons : sequence of Skeleton
-            Everybody in the frame.
+            All skeletons of the frame.
         stamp_ns, frame_id
-            Of the frame.
+            Stamp and frame id of the frame.
         """
         for skeleton in skeletons:
             if skeleton.body_id == self._body_id:
@@ -48,10 +48,10 @@ class Follower:
         return chosen
 
     def _rank(self, skeleton: Skeleton) -> float:
-        """Least for whom to follow."""
+        """Return the rank of a skeleton; the least is followed."""
         x, y, z = skeleton.positions[_PELVIS]
         if self.config.whom == "nearest":
             return float(np.linalg.norm([x, y, z]))
         if self.config.whom == "centre":
             return float(abs(np.arctan2(x, z)))
-        return float(skeleton.body_id.rpartition("_")[2])  # the first who came
+        return float(skeleton.body_id.rpartition("_")[2])  # the first track

@@ -1,4 +1,4 @@
-"""Whose each pixel of the sensor's own image is: people's labels, brought back from the working grid."""
+"""Per-pixel person labels at sensor resolution, mapped back from the working grid."""
 
 from __future__ import annotations
 
@@ -16,30 +16,30 @@ from depth_pose.track.person import People
 
 
 def person_number(body_id: str) -> int:
-    """Give the number that stands for somebody in a label image: 7 for ``body_7``, 1 to `MOST_LABEL`.
+    """Return a person's number in the label image: 7 for ``body_7``, from 1 to `MOST_LABEL`.
 
-    After the last number the first comes again.
+    After the last number the numbers repeat from 1.
     """
     digits = re.findall(r"\d+", body_id)
     return (int(digits[-1]) - 1) % MOST_LABEL + 1 if digits else 1
 
 
 def draw_labels(people: People, frame: DepthFrame, mount: MountConfig) -> NDArray[np.uint8]:
-    """Draw who is where in the sensor's image.
+    """Draw the label image at sensor resolution.
 
     Parameters
     ----------
     people : People
-        Of this frame, on the upright working grid.
+        People of this frame, on the upright working grid.
     frame : DepthFrame
-        As the sensor gave it.
+        The sensor's original frame.
     mount : MountConfig
-        How the sensor is turned.
+        Rotation of the sensor.
 
     Returns
     -------
     (H, W) uint8
-        `person_number` of whom a pixel shows; 0 elsewhere, and where the frame has no depth.
+        `person_number` of the person at each pixel; 0 elsewhere, and where the frame has no depth.
     """
     numbers = np.zeros(256, np.uint8)
     for person in people.persons:
@@ -51,7 +51,7 @@ def draw_labels(people: People, frame: DepthFrame, mount: MountConfig) -> NDArra
 
 @lru_cache(maxsize=4)
 def _lookup(camera: Camera, grid: Camera, roll_deg: float) -> tuple[NDArray[np.int32], NDArray[np.bool_]]:
-    """For each pixel of the sensor, its cell of the working grid, and whether there is one."""
+    """Return for each sensor pixel its cell of the working grid, and whether there is one."""
     v, u = np.mgrid[: camera.height, : camera.width]
     rays = np.stack([(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy], axis=-1)
     x, y = np.moveaxis(rays @ rotation_sensor_upright(roll_deg)[:2, :2], -1, 0)

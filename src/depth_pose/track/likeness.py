@@ -1,7 +1,7 @@
-r"""How well a sighting fits a track, as a log-likelihood ratio in nats.
+r"""Likelihood of a detection given a track, as a log-likelihood ratio in nats.
 
-Sighting k is either track i, or somebody new, or a thing. With the gap :math:`\Delta t` since the track was
-seen and the time :math:`\delta` since the last frame, pairing both is worth
+Detection k is either track i, a newcomer, or an object. With the gap :math:`\Delta t` since the track was
+last seen and the time :math:`\delta` since the last frame, the gain of pairing both is
 
 .. math::
 
@@ -9,13 +9,13 @@ seen and the time :math:`\delta` since the last frame, pairing both is worth
              + \log \frac{f(x_k \mid i, \Delta t)}{\nu \delta + \kappa (1 - p_k) / p_k}
              + \log \frac{f(s_k \mid i)}{f(s_k)} + \log \frac{f(q_k \mid i, \Delta t)}{f(q_k)}
 
-- :math:`P_i`: chance that the track is seen in this frame (`seen_odds`);
+- :math:`P_i`: probability that the track is detected in this frame (`seen_odds`);
 - :math:`f(x \mid i, \Delta t)`: density of its place, 1/m^2 (`place_density`), over the density of newcomers
-  and, for a sighting of person probability :math:`p_k`, of things;
-- :math:`s`: logarithm of the body size, against the population (`size_gain`);
-- :math:`q`: the joints about their centre, against those of anybody (`pose_gain`); this fades with the gap.
+  and, for a detection of person probability :math:`p_k`, of objects;
+- :math:`s`: logarithm of the body size, relative to the population (`size_gain`);
+- :math:`q`: joints about their centre, relative to those of any person (`pose_gain`); fades with the gap.
 
-The best assignment has the largest sum of gains; a pair whose gain is negative is no pair.
+The best assignment has the largest sum of gains; pairs with negative gain are not made.
 """
 
 from __future__ import annotations
@@ -33,47 +33,48 @@ from depth_pose.detect.joint_finder import TYPICAL_ERROR_M
 from depth_pose.detect.segmentation import Sighting
 
 _MISSED, _HIDES_S = 0.03, 4.0
-"""Chance to miss somebody in view in a frame, and mean time for which people are in view (s); by hand."""
+"""Probability of missing a person in view in a frame, and mean time for which people stay in view (s); set
+by hand."""
 
 _UNPROVEN = -4.0
-"""Log-odds that a track that is not yet believed is no fragment of somebody else (nats); by hand."""
+"""Log-odds (nats) that an unconfirmed track is not a fragment of another person; set by hand."""
 
 _RETURN_S = 0.3
-"""Who has been hidden for a time t returns at a rate of 1 / (t + this), seconds; by hand."""
+"""A person hidden for a time t returns at a rate of 1 / (t + this), seconds; set by hand."""
 
 _NEWCOMERS = 0.002
-"""Rate of newcomers, 1/(m^2 s): one in 30 s on 15 m^2; by hand."""
+"""Rate of newcomers, 1/(m^2 s): one in 30 s on 15 m^2; set by hand."""
 
 _THINGS = 0.005
-"""Density of things per frame where the finder gives a person one chance in two, 1/m^2; by hand."""
+"""Density of objects per frame at a person probability of one half, 1/m^2; set by hand."""
 
 _ONE_BODY_M = 0.3
-"""Two torsos are no nearer to each other than this (m); by hand."""
+"""Least distance of two torsos (m); set by hand."""
 
 _STILL_M = 0.45
-"""A torso's place may move by this from frame to frame when parts of the person appear or vanish (m)."""
+"""Movement of a torso's place (m) from frame to frame when parts of the person appear or vanish."""
 
 _SPEED_M_S = 5.0
-"""Nobody moves faster than this indoors (m/s)."""
+"""Maximum speed of people indoors (m/s)."""
 
 _HEIGHT_SHARE = 0.5
-"""Weight of a way along the image's columns: a torso's height varies with what hides the legs, yet under a
-ceiling camera this is a way on the floor."""
+"""Weight of movement along the image columns: a torso's height varies when legs are hidden, but under a
+ceiling camera this direction lies in the floor."""
 
 _PLACE_M, _PLACE_SHARE, _PLACE_M_S = 0.06, 0.02, 1.0
-"""Spread of a place (m), its share of the distance, and its growth for who walks on (m/s). In simulated
-rooms a torso moves by .12 m in 33 ms and by .30 m in 200 ms at the 97th percentile."""
+"""Spread of a place (m), its share of the distance, and its growth for walking people (m/s); measured in
+simulated rooms."""
 
 _JUMPS = 0.02
-"""Share of places anywhere within reach: more of a person comes into view, stamps are off; by hand."""
+"""Share of places anywhere within reach, for people who come into view or wrong stamps; set by hand."""
 
 _STAY_M, _WANDER_M_S, _WANDER_M = 0.3, 1.0, 2.5
-"""Spread of the place of a hidden person who stays (m), its growth for one who wanders (m/s), and the largest
-spread (m); by hand."""
+"""Spread of the place of a hidden person who stays (m), its growth for one who wanders (m/s), and its
+maximum (m); set by hand."""
 
 _STOP_SHARE, _STOP_S = 0.5, 1.0
-"""Share of hidden people who do not walk on, reached with this time constant (s); half of them stay, half of
-them wander; by hand."""
+"""Share of hidden people who stop walking, and the time constant (s); half of them stay, half wander; set
+by hand."""
 
 _COASTING_S = 0.7
 """Time after which a hidden person is no longer expected to walk on (s)."""
@@ -82,23 +83,23 @@ _POPULATION = (math.log(1.65), 0.15)
 """Mean and standard deviation of the logarithm of stature (m), children among them."""
 
 _BUILD_SD = 0.03
-"""Standard deviation of the logarithm of size that no number of looks removes; by hand."""
+"""Least standard deviation of the logarithm of size, for any number of observations; set by hand."""
 
 _CORRELATED_S = 0.2
-"""Looks closer in time than this repeat each other's error of size (s); by hand."""
+"""Observations closer in time than this (s) have correlated size errors; set by hand."""
 
 _WORST_SIZE = -10.0
-"""Least gain from size (nats): a look at somebody who is followed may be wholly wrong about their size."""
+"""Least gain from size (nats): the size in a single frame may be entirely wrong."""
 
 _POSE_M, _POSE_M_S, _ANY_POSE_M = 0.02, 0.28, 0.17
-"""Spread of the joints about their centre from frame to frame (m), its growth (m/s), and the spread between
-two people (m). In simulated rooms: .023 m in 33 ms, .071 m in 200 ms, .21 m between people (medians)."""
+"""Spread of the joints about their centre between frames (m), its growth (m/s), and the spread between two
+people (m); measured in simulated rooms."""
 
 _ODD_POSES = 0.05
-"""Share of poses that do not go on from the last one: left and right are exchanged; by hand."""
+"""Share of poses that do not continue the last one, as when left and right are exchanged; set by hand."""
 
 _LEAST_CONFIDENCE = 1e-3
-"""Confidences below this count as this: an error of 3 m."""
+"""Lower bound of confidences: an error of 3 m."""
 
 _LIMBS = (("hip", "knee"), ("knee", "ankle"), ("shoulder", "elbow"), ("elbow", "wrist"))
 _BONES = np.array(
@@ -113,7 +114,7 @@ _BONES = np.array(
         )
     ]
 ).T
-"""Joints at the two ends of each bone that the size is measured by."""
+"""Joints at both ends of each bone used for the size."""
 
 
 def _lengths(joints: NDArray[np.floating]) -> NDArray[np.float64]:
@@ -132,7 +133,7 @@ class Size:
     variance: float
 
     def merged(self, seen: Size, seconds: float) -> Size:
-        """Return the estimate after one more look, this long (s) after the last one."""
+        """Return the estimate after one more observation, ``seconds`` after the last one."""
         doubt = seen.variance * max(1.0, _CORRELATED_S / max(seconds, 1e-3))
         share = self.variance / (self.variance + doubt)
         variance = max((1.0 - share) * self.variance, _BUILD_SD**2)
@@ -146,11 +147,11 @@ class Traits:
     Attributes
     ----------
     place : (3,) float64
-        Middle of the torso, camera frame (m).
+        Centre of the torso, camera frame (m).
     size : Size or None
-        None where no joints are proposed.
+        None without proposed joints.
     joints : (19, 3) float64
-        Proposed joints, camera frame (m); no rows without.
+        Proposed joints, camera frame (m); no rows without proposals.
     variance : (19,) float64
         Their squared expected errors (m^2).
     """
@@ -162,7 +163,7 @@ class Traits:
 
 
 def traits_of(sighting: Sighting) -> Traits:
-    """Compute what identifies the person of a sighting.
+    """Compute the identifying traits of a detection.
 
     The size is the least-squares scale of the average skeleton's bones to the proposed ones, each weighted by
     the errors of its two ends; a third of a joint's squared error lies along the bone.
@@ -180,9 +181,9 @@ def traits_of(sighting: Sighting) -> Traits:
 
 
 def fragments(everybody: Sequence[Traits]) -> set[int]:
-    """Return the indices of sightings that show part of somebody else.
+    """Return the indices of detections that show a part of another person.
 
-    Of two in one place it is the one whose joints are less certain.
+    Of two detections at one place it is the one with less certain joints.
     """
     known = [n for n, traits in enumerate(everybody) if traits.size is not None]
     return {
@@ -193,14 +194,14 @@ def fragments(everybody: Sequence[Traits]) -> set[int]:
 
 
 def seen_odds(gap_s: float, frame_s: float, is_proven: bool) -> float:
-    """Compute the log-odds that a person is seen in this frame.
+    """Compute the log-odds that a person is detected in this frame.
 
     Parameters
     ----------
     gap_s : float
         Time since the person was seen (s).
     frame_s : float
-        Time since the last frame (s); with the gap no longer than this, the person was seen in it.
+        Time since the last frame (s); if the gap is no longer, the person was seen in the last frame.
     is_proven : bool
         Whether the track is believed to be a person.
     """
@@ -214,7 +215,7 @@ def seen_odds(gap_s: float, frame_s: float, is_proven: bool) -> float:
 
 
 def new_density(probability: float, frame_s: float) -> float:
-    """Compute the density (1/m^2) of newcomers and things at a sighting of this person probability."""
+    """Compute the density (1/m^2) of newcomers and objects for a detection of this person probability."""
     p = min(max(probability, 1e-4), 1.0)
     return _NEWCOMERS * max(frame_s, 1e-3) + _THINGS * (1.0 - p) / p
 
@@ -222,10 +223,10 @@ def new_density(probability: float, frame_s: float) -> float:
 def place_density(
     was: NDArray[np.float64], velocity: NDArray[np.float64], now: NDArray[np.float64], gap_s: float
 ) -> float:
-    """Compute the density (1/m^2) of a person's place after a gap; 0 beyond the reach of anybody.
+    """Compute the density (1/m^2) of a person's place after a gap; 0 beyond the maximum reach.
 
-    A mixture of who walks on with the last velocity, who stays, who turns elsewhere, and who may be anywhere
-    within reach.
+    A mixture of people who walk on with the last velocity, stay, turn elsewhere, or are anywhere within
+    reach.
     """
     away, reach = _distance(now - was), _STILL_M + _SPEED_M_S * gap_s
     if away > reach:
@@ -249,7 +250,7 @@ def size_gain(track: Size | None, seen: Size | None) -> float:
 
 
 def pose_gain(track: Traits, seen: Traits, gap_s: float) -> float:
-    """Compute the log-likelihood ratio of a pose: this person a moment later against anybody (nats)."""
+    """Compute the log-likelihood ratio of a pose: this person after the gap against any person (nats)."""
     spread = math.hypot(_POSE_M, _POSE_M_S * gap_s)
     if spread >= _ANY_POSE_M or track.size is None or seen.size is None:
         return 0.0
@@ -268,7 +269,7 @@ def _distance(way: NDArray[np.float64]) -> float:
 
 
 def _normal(distance: float, spread: float) -> float:
-    """Compute the density of a two-dimensional normal distribution at a distance from its middle."""
+    """Compute the density of a two-dimensional normal distribution at a distance from its mean."""
     return math.exp(-0.5 * (distance / spread) ** 2) / (2.0 * math.pi * spread**2)
 
 

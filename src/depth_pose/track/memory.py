@@ -1,8 +1,8 @@
-"""What is remembered of each person, in one place, for as long as they are followed.
+"""State of each track, in one place.
 
-The rules for streams stand here: all is forgotten once stamps jump back or ahead by more than half a
-second (`depth_pose.core.stamps`), poses of somebody who was out of view for so long, and after
-`MEMORY_NS` the person.
+This module defines the rules for streams. Everything is forgotten if stamps jump back, or ahead by more than
+half a second (`depth_pose.core.stamps`). The poses of a person who was out of view that long are forgotten,
+and after `MEMORY_NS` the person.
 """
 
 from __future__ import annotations
@@ -21,15 +21,15 @@ if TYPE_CHECKING:
     from depth_pose.refine.refine import KeptPoses
 
 MEMORY_NS = 2_000_000_000
-"""A person who comes back within this time, nanoseconds, is remembered."""
+"""Time (ns) for which a person out of view is remembered."""
 
 RETURN_NS = 5_000_000_000
-"""Time (ns) within which a hidden person comes back with the same id and the same build."""
+"""Time (ns) within which a hidden person keeps id and build."""
 
 
 @dataclass
 class Subject:
-    """One person who is followed; each stage fills in its own part.
+    """One track; each stage fills in its own part.
 
     Attributes
     ----------
@@ -49,24 +49,24 @@ class Subject:
     recovery: RecoveryMemory | None = None
 
     def forget_pose(self) -> None:
-        """Forget where the person was and how they held themselves."""
+        """Forget the person's place and pose."""
         self.kept = self.recovery = None
 
 
 class Subjects:
-    """Everybody who is followed, by body id. The stages of one process share it."""
+    """All tracks by body id, shared by the stages of one process."""
 
     def __init__(self) -> None:
         self._guard = StampGuard()
         self.reset()
 
     def reset(self) -> None:
-        """Forget everybody."""
+        """Forget all tracks."""
         self._subjects: dict[str, Subject] = {}
         self._seen_ns: dict[str, int] = {}
 
     def begin(self, people: People) -> None:
-        """Begin a frame: forget what no longer applies. Each stage calls it; the first call does the work."""
+        """Begin a frame: forget expired state. Each stage calls this; only the first call has an effect."""
         now_ns = people.stamp_ns
         if self._guard.is_break(now_ns):
             self.reset()
@@ -79,5 +79,5 @@ class Subjects:
             self._seen_ns[person.body_id] = now_ns
 
     def __getitem__(self, body_id: str) -> Subject:
-        """Somebody whom the frame shows."""
+        """Return the track of a person in the frame."""
         return self._subjects[body_id]

@@ -1,8 +1,8 @@
-"""The people of a frame: found once, and handed on from step to step.
+"""The people of a frame, prepared once for all steps.
 
-Whoever makes `People` (`see_people`) prepares, for each person, all that matching, fitting and
-recovery need: their points, and a window of the image as it looks from that person's side, where
-somebody nearer hides and somebody farther is free space.
+`see_people` builds `People`. It prepares, for each person, all data that matching, fitting and recovery need:
+the points, and a window of the image from the view of that person, in which nearer people occlude and farther
+people are free space.
 """
 
 from __future__ import annotations
@@ -22,21 +22,21 @@ from depth_pose.track import _person_kernels as kernels
 from depth_pose.track.target import NO_PROPOSALS, FitTarget, name_proposals, nearest_person_pixels
 
 MIN_POINTS = 100
-"""With fewer points than this nobody can be matched; set by hand."""
+"""Least number of points of a person that can be matched; set by hand."""
 
 _MARGIN_M = 0.35
-"""The window goes on so far beyond the person, metres: a limb that is not seen may be there."""
+"""Margin of the window around the person (m), where hidden limbs may be."""
 
 _CUT_WIDTH_M = 0.22
-"""A cut through a trunk is wider than this; one through ankles or shins is not."""
+"""A cut through a trunk is wider than this (m); one through ankles or shins is narrower."""
 
 _KNEE_M = 0.15
-"""A knee that the finder proposes is seen if a pixel of the person lies this close to it; set by hand."""
+"""A proposed knee is visible if a pixel of the person lies this close to it (m); set by hand."""
 
 _KNEES = [JOINT_INDEX["left_knee"], JOINT_INDEX["right_knee"]]
 
 _SIDE_PIXELS = 3
-"""A person with more pixels than this in the outermost columns may go on beyond them."""
+"""A person with more pixels than this in an outermost column may extend beyond the image."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class Person:
     stamp_ns : int
     frame_id : str
     found : FoundPerson
-        Who it is, how sure that is, and where the finder sees joints.
+        Id, probability and proposed joints.
     camera : Camera
         Camera of the whole working grid.
     points : (N, 3) float64
@@ -56,8 +56,8 @@ class Person:
     full, coarse : Observation
         A window around the person, at full and at half resolution.
     is_cut_below : bool
-        Whether the legs are not seen: the image's lower border cuts through the person above them, or
-        something hides both knees.
+        Whether the legs are invisible: the lower image border cuts the person above them, or
+        both knees are occluded.
     is_cut_beside : bool
         Whether the image's left or right border may cut through the person.
     """
@@ -74,12 +74,12 @@ class Person:
 
     @property
     def body_id(self) -> str:
-        """Who it is."""
+        """Body id of the track."""
         return self.found.body_id
 
     @cached_property
     def comparer(self) -> DepthComparer:
-        """Scores posed bodies against the half-resolution window."""
+        """Compares posed bodies with the half-resolution window."""
         return DepthComparer(self.coarse)
 
     @cached_property
@@ -89,14 +89,14 @@ class Person:
         )
 
     def target(self, most_points: int, *, with_proposals: bool = True) -> FitTarget:
-        """Return what a body is fitted to, with at most ``most_points`` of the points."""
+        """Return the data that a body is fitted to, with at most ``most_points`` points."""
         target = self._target._replace(points=thin(self.points, most_points))
         return target if with_proposals else target._replace(proposals=NO_PROPOSALS)
 
 
 @dataclass(frozen=True)
 class People:
-    """Everybody in one frame, on the pixel grid that the steps after denoising work on.
+    """All people in one frame, on the working grid of the steps after denoising.
 
     Attributes
     ----------
@@ -105,10 +105,10 @@ class People:
     camera : Camera
         Camera of the working grid.
     points : (h, w, 3) float32
-        Points in the camera frame, metres; NaN where the pixel is nobody's.
+        Points in the camera frame, metres; NaN where a pixel belongs to no person.
     labels : (h, w) uint8
-        Number of the person whose pixel it is; 0 for free space, `depth_pose.core.types.HIDDEN`
-        where something nearer, or nothing, returned.
+        Number of the person at each pixel; 0 for free space, `depth_pose.core.types.HIDDEN` where
+        something nearer, or nothing, was measured.
     persons : tuple of Person
     """
 
@@ -128,14 +128,14 @@ def see_people(
     labels: NDArray[np.uint8],
     found: Iterable[FoundPerson],
 ) -> People:
-    """Prepare everybody whom a frame shows with points enough.
+    """Prepare all people of a frame that have enough points.
 
     Parameters
     ----------
     stamp_ns, frame_id, camera, points, labels
         As in `People`.
     found : iterable of FoundPerson
-        Who the labels stand for.
+        The people that the labels denote.
     """
     persons = tuple(
         person
@@ -177,7 +177,7 @@ def _see_person(
 
 
 def _hides_knees(own: NDArray[np.uint8], camera: Camera, proposals: NDArray[np.float32]) -> bool:
-    """Tell whether no pixel of the person lies near the knees that the finder proposes."""
+    """Check that no pixel of the person lies near the proposed knees."""
     if len(proposals) != len(JOINTS):
         return False
     for x, y, z in proposals[_KNEES].tolist():
@@ -193,7 +193,7 @@ def _hides_knees(own: NDArray[np.uint8], camera: Camera, proposals: NDArray[np.f
 
 
 def thin_image(observed: Observation, distance: float, spacing_m: float) -> Observation:
-    """Leave out pixels of an image as long as the others lie at most so far apart at the person.
+    """Subsample an image to at most this pixel spacing at the person.
 
     Parameters
     ----------
@@ -215,7 +215,7 @@ def thin_image(observed: Observation, distance: float, spacing_m: float) -> Obse
 
 
 def thin(points: NDArray[np.float64], most: int) -> NDArray[np.float64]:
-    """Take at most ``most`` points, evenly over their order in the image."""
+    """Return at most ``most`` points, evenly spread over their order in the image."""
     if len(points) <= most:
         return points
     return points[np.arange(most) * len(points) // most]

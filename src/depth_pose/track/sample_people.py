@@ -1,4 +1,4 @@
-"""Somebody to warm up with: an exemplar of the bank, seen from the front."""
+"""A sample person for warm-up: an exemplar of the bank, seen from the front."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from depth_pose.core.types import BACKGROUND, PERSON, FoundPerson
 from depth_pose.track.person import People, see_people
 
 _CAMERA = Camera(width=176, height=144, fx=200.0, fy=200.0, cx=87.5, cy=71.5)
-"""The camera that sees it, pixels. Set by hand."""
+"""Camera of the sample image, pixels; set by hand."""
 _DISTANCE_M = 3.2
-"""From the camera to the person, metres. Set by hand."""
+"""Distance from the camera to the sample person (m); set by hand."""
 
 
 def sample_people(bank: Bank) -> People:
-    """Render the bank's first pose into a frame that shows nobody else; its joints are proposed."""
+    """Render the bank's first pose into a frame, with its joints as proposals."""
     posed = bank.body.pose(R_CAMERA_FACING_MODEL @ bank.rotations(0), np.array([0.0, 0.0, _DISTANCE_M]))
     drawn = render_depth(posed.vertices, bank.body.faces, _CAMERA)
     depth = np.where(np.isfinite(drawn), drawn, 0.0).astype(np.float32)

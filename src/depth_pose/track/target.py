@@ -1,4 +1,4 @@
-"""One person in one frame, as the articulated fit takes them."""
+"""Data of one person in one frame for the articulated fit."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from depth_pose.track import _target_kernels as kernels
 
 
 class Proposals(NamedTuple):
-    """Joints that the finder's second look proposes, under both namings of left and right.
+    """Joints proposed by the finder's second look, under both namings of left and right.
 
     Attributes
     ----------
     nodes : (J,) int64
         The body's node of each joint.
     places : (2, J, 3) float64
-        Camera frame, metres: as named, and with left and right exchanged.
+        Camera frame, metres: named as proposed, and with left and right exchanged.
     weights : (2, J) float64
         Confidence of each, 0 to 1.
     """
@@ -32,11 +32,11 @@ class Proposals(NamedTuple):
 
 
 NO_PROPOSALS = Proposals(np.zeros(0, np.int64), np.zeros((2, 0, 3)), np.zeros((2, 0)))
-"""Nothing is proposed."""
+"""Empty proposals."""
 
 
 class FitTarget(NamedTuple):
-    """What a body is fitted to, prepared once for all fits of a frame.
+    """Data that a body is fitted to, prepared once for all fits of a frame.
 
     Attributes
     ----------
@@ -70,7 +70,7 @@ def name_proposals(found: FoundPerson) -> Proposals:
 
 
 def nearest_person_pixels(observation: Observation) -> NDArray[np.int32]:
-    """Find row and column of the nearest person pixel to every pixel, shape (h, w, 2)."""
+    """Find row and column of the nearest person pixel for every pixel, shape (h, w, 2)."""
     nearest = np.empty((*observation.labels.shape, 2), np.int32)
     kernels.nearest_person(observation.labels, nearest)
     return nearest

@@ -1,8 +1,8 @@
-"""Who is who from frame to frame: everybody keeps one id while they are followed.
+"""Tracking: each person keeps one id from frame to frame.
 
-Tracks and sightings are paired so that the sum of their gains (`depth_pose.track.likeness`) is largest: place
-given the motion, body size, pose, and how long the person was hidden. Who was hidden is remembered for
-`RETURN_NS` and comes back as themselves where place and build agree.
+Tracks and detections are paired so that the sum of their gains (`depth_pose.track.likeness`) is largest. The
+gains depend on place given the motion, body size, pose, and the time for which the person was hidden. Hidden
+people are remembered for `RETURN_NS` and keep their id if place and build agree when they return.
 """
 
 from __future__ import annotations
@@ -23,22 +23,22 @@ from depth_pose.track.likeness import Size, Traits
 from depth_pose.track.memory import MEMORY_NS, RETURN_NS
 
 _MOST_SPEED_M_S = 3.0
-"""Largest velocity that a track is expected to go on with (m/s)."""
+"""Maximum velocity used to predict a track (m/s)."""
 
 _VELOCITY_SHARE, _VELOCITY_S = 0.3, 0.04
-"""Share of a new velocity that is taken over in a frame, and the length of the frame (s); by hand."""
+"""Weight of a new velocity in a frame, and the length of that frame (s); set by hand."""
 
 _DOUBT = 0.5
-"""Number of doubtful sightings that a track starts with; by hand: a thing that the finder takes for a person
-in one frame, at .9, comes out below .6."""
+"""Number of doubtful detections that a track starts with, so that a single one at .9 stays below .6; set
+by hand."""
 
 _MOVED_M = 0.25
-"""A track that has moved this far (m) is a person, not an object: a coat's place is known to 5 cm."""
+"""A track that has moved this far (m) is a person, not an object: the place of a coat is known to 5 cm."""
 
 
 @dataclass(eq=False)
 class _Track:
-    """Somebody who is followed; their number is 0 until they are believed to be a person."""
+    """A track; its number is 0 until it is confirmed as a person."""
 
     traits: Traits
     seen_ns: int
@@ -55,20 +55,20 @@ class _Track:
 
     @property
     def probability(self) -> float:
-        """That this is a person, after all sightings."""
+        """Probability that this is a person, from all detections."""
         return self.evidence / (self.sightings + _DOUBT)
 
     @property
     def has_moved(self) -> bool:
-        """Whether the person is far from where they were first seen."""
+        """Whether the track is far from its first place."""
         return bool(np.hypot(*(self.traits.place - self.first)[[0, 2]]) >= _MOVED_M)
 
     def is_kept(self, stamp_ns: int) -> bool:
-        """Tell whether the track is remembered; who was never believed in is forgotten sooner."""
+        """Check that the track is still remembered; unconfirmed tracks are forgotten sooner."""
         return stamp_ns - self.seen_ns <= (RETURN_NS if self.number else MEMORY_NS)
 
     def gain(self, seen: Traits, stamp_ns: int) -> float:
-        """Compute the part of the gain (nats) that place, size and pose decide."""
+        """Compute the part of the gain (nats) from place, size and pose."""
         gap_s = (stamp_ns - self.seen_ns) * 1e-9
         density = likeness.place_density(self.traits.place, self.velocity, seen.place, gap_s)
         if density == 0.0:
@@ -77,7 +77,7 @@ class _Track:
         return math.log(density) + likeness.size_gain(self.size, seen.size) + of_pose
 
     def take_over(self, back: _Track) -> None:
-        """Go on as somebody who was hidden."""
+        """Continue the track of a hidden person."""
         self.number = back.number
         self.sightings += back.sightings
         self.evidence += back.evidence
@@ -85,7 +85,7 @@ class _Track:
             self.size = back.size if self.size is None else back.size.merged(self.size, math.inf)
 
     def see(self, seen: Traits, probability: float, stamp_ns: int) -> None:
-        """Update the track with a sighting."""
+        """Update the track with a detection."""
         self.sightings += 1
         self.evidence += probability
         seconds = (stamp_ns - self.seen_ns) * 1e-9
@@ -101,13 +101,13 @@ class _Track:
 
 
 class PeopleTracks:
-    """Names people, and keeps the names.
+    """Assigns ids to detections, and keeps them over time.
 
     Parameters
     ----------
     start, sure, keep : float
-        Least probability with which somebody is followed from now on; is believed in at once, while others
-        must move first; and is still believed in.
+        Person probabilities from which a track starts; from which it is confirmed at once, while others
+        must move first; and from which it stays confirmed.
     """
 
     def __init__(self, start: float, sure: float, keep: float) -> None:
@@ -117,17 +117,17 @@ class PeopleTracks:
         self.reset()
 
     def reset(self) -> None:
-        """Forget everybody; names are not given twice."""
+        """Forget all tracks; ids are not used again."""
         self._tracks: list[_Track] = []
         self._before_ns = self._now_ns = 0
 
     def restart(self) -> None:
-        """Forget everybody and the names given, as if new."""
+        """Forget all tracks and ids, as if new."""
         self.reset()
         self._count = 0
 
     def assign(self, sightings: Sequence[Sighting], stamp_ns: int) -> tuple[str | None, ...]:
-        """Name what a frame shows.
+        """Assign ids to the detections of a frame.
 
         Parameters
         ----------
@@ -137,7 +137,7 @@ class PeopleTracks:
         Returns
         -------
         tuple of str or None
-            A body id for each; None for what is not believed to be a person.
+            A body id for each; None for those not confirmed as a person.
         """
         if self._guard.is_break(stamp_ns):
             self.reset()
@@ -157,11 +157,11 @@ class PeopleTracks:
         return tuple(_name(track_of[k]) if k in track_of else None for k in range(len(sightings)))
 
     def probability(self, body_id: str) -> float:
-        """Chance that somebody who is followed is a person, after all sightings; 0 for nobody."""
+        """Return the person probability of a track, from all detections; 0 without a track."""
         return next((t.probability for t in self._tracks if _name(t) == body_id), 0.0)
 
     def _believe(self, track: _Track, sighting: Sighting, stamp_ns: int) -> None:
-        """Give a number to a track that is believed to be a person: that of somebody hidden, or a new one."""
+        """Give a confirmed track a number: that of a hidden person, or a new one."""
         surely = self._start if sighting.is_news or track.has_moved else self._sure
         if track.number > 0 or sighting.probability < surely:
             return
@@ -176,7 +176,7 @@ class PeopleTracks:
             track.number = self._count
 
     def _gain(self, track: _Track, sighting: Sighting, seen: Traits, stamp_ns: int) -> float:
-        """Compute what it is worth (nats) to take a sighting for somebody who is followed."""
+        """Compute the gain (nats) of pairing a detection with a track."""
         frame_s = (stamp_ns - self._before_ns) * 1e-9
         odds = likeness.seen_odds((stamp_ns - track.seen_ns) * 1e-9, frame_s, track.number > 0)
         new = likeness.new_density(sighting.probability, frame_s)
@@ -185,7 +185,7 @@ class PeopleTracks:
     def _pair(
         self, sightings: Sequence[Sighting], traits: Sequence[Traits], parts: set[int], stamp_ns: int
     ) -> dict[int, _Track]:
-        """Pair sightings, by index, with tracks at the largest sum of gains; parts bring nobody back."""
+        """Pair detections, by index, with tracks at the largest sum of gains; fragments revive no track."""
         gains = {
             (i, k): gain
             for i, track in enumerate(self._tracks)
@@ -198,10 +198,10 @@ class PeopleTracks:
 
 
 def _best_pairs(gains: dict[tuple[int, int], float], tracks: int, sightings: int) -> list[tuple[int, int]]:
-    """Choose pairs of (track, sighting), nobody twice, at the largest sum of gains."""
-    if len({i for i, _ in gains}) == len({k for _, k in gains}) == len(gains):  # as in most frames
+    """Choose disjoint pairs of (track, detection) with the largest sum of gains."""
+    if len({i for i, _ in gains}) == len({k for _, k in gains}) == len(gains):  # the usual case
         return list(gains)
-    # `scipy.optimize` does the same and takes .4 s to import; a track may stay alone at a gain of 0
+    # `scipy.optimize` has the same but takes .4 s to import; a track may stay alone at a gain of 0
     most = 1.0 + max(gains.values())
     costs = np.zeros((tracks, sightings + tracks))
     costs[:, sightings:] = np.diag(np.full(tracks, most))  # 0 is no edge

@@ -1,8 +1,8 @@
-"""Who is served where time is short: in turn, so that nobody waits for long.
+"""Turns: which people are processed when time is short.
 
-Live, a frame's people must be done before the next frames pile up. With a budget, people are served
-until it is spent: first those who were left out of the last frame, then the nearest. Offline there is
-no budget, and everybody is served.
+In live use, the people of a frame must be processed before the next frames accumulate. With a budget, people
+are processed until it is spent: first those skipped in the last frame, then the nearest. Offline there is no
+budget, and all people are processed.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from depth_pose.track.person import Person
 
 
 class Turns:
-    """Hands out the people of a frame, as long as there is time.
+    """Yields the people of a frame while there is time.
 
     Attributes
     ----------
     budget_s : float
         Time for all people of a frame, seconds; 0 for no limit.
     left_out : int
-        People who were not served, over all frames.
+        Number of people skipped, over all frames.
     """
 
     def __init__(self, clock: Callable[[], float] = time.perf_counter) -> None:
@@ -33,7 +33,7 @@ class Turns:
         self._waiting: frozenset[str] = frozenset()
 
     def take(self, persons: Sequence[Person]) -> Iterator[Person]:
-        """Give people one after the other; the first always, the others while there is time."""
+        """Yield people one by one: always the first, the others while there is time."""
         if self.budget_s <= 0.0:
             yield from persons
             return

@@ -35,7 +35,7 @@ Progress = Callable[[float], None]
 """Called with the fraction done, 0 to 1."""
 
 POOL_PER_POSE = 5.0
-"""Poses made for each one chosen. Set by hand; benchmarks/motion_coverage.py measures the result."""
+"""Poses made for each one chosen. Set by hand; benchmarks/banks.py coverage measures the result."""
 
 APART_SHARE = 0.5
 """Part of a set chosen to lie far apart; the rest follows the families' shares.

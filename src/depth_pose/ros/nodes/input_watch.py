@@ -112,7 +112,7 @@ class SilenceWatch:
             self.silent.append(topic)
             if now - watched.warned >= REPEAT_S:
                 watched.warned = now
-                self._node.get_logger().warning(self._explain(topic, watched, found, now - since))
+                self._node.get_logger().warning(printable(self._explain(topic, watched, found, now - since)))
 
     def _explain(self, topic: str, watched: _Watched, found: Sequence[object], silence_s: float) -> str:
         wanted = watched.type_name
