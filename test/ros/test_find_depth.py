@@ -8,8 +8,8 @@ import rclpy
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image, PointCloud2
 
 from depth_pose.core.errors import ConfigError
-from depth_pose.ros.tools.find_depth import find_depth
 from depth_pose.ros.transport.depth_sources import depth_sources
+from depth_pose.ros.transport.find_depth import find_depth
 
 SIZE = {"width": 4, "height": 4}
 KINDS = {

@@ -262,7 +262,7 @@ def up(
     """Run the four nodes until SIGINT, SIGTERM or SIGHUP; signals are heard in the main thread.
 
     Parameters are those of `Suite`; ``local`` keeps all of it to this machine (`depth_pose.ros.stay_local`),
-    and ``auto`` takes the only depth topic that there is (`depth_pose.ros.tools.find_depth`).
+    and ``auto`` takes the only depth topic that there is (`depth_pose.ros.transport.find_depth`).
 
     Returns
     -------
@@ -278,7 +278,7 @@ def up(
     if local:
         stay_local()
     if auto:
-        from depth_pose.ros.tools.find_depth import find_depth
+        from depth_pose.ros.transport.find_depth import find_depth
 
         source = find_depth()
         _print(f"depth comes from {source}")
