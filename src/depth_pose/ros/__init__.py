@@ -25,6 +25,9 @@ LOCAL_PROFILE_PATH = Path(__file__).with_name("fastdds_local.xml")
 PRIVATE_UMASK = 0o077
 """For all processes that hold depth images: nobody else's account may read their files."""
 
+NODES: tuple[str, ...] = ("denoise", "matcher", "refine", "recovery")
+"""The nodes, in the order that a frame passes them."""
+
 _RANGE_VARIABLE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 
 os.environ.setdefault(PROFILE_VARIABLE, str(PROFILE_PATH))

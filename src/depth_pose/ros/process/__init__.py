@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-NODES: tuple[str, ...] = ("denoise", "matcher", "refine", "recovery")
-"""The nodes, in the order that a frame passes them."""
+from depth_pose.ros import NODES as NODES
 
 READY = "is ready"
 """A node prints this when it is active and its connections stand."""

@@ -9,7 +9,7 @@ from rclpy.node import Node
 from depth_pose.io import schemas
 from depth_pose.io.compressed import TOPIC_ENDING
 from depth_pose.io.depth_topics import info_beside
-from depth_pose.ros.process import NODES
+from depth_pose.ros import NODES
 
 
 @dataclass(frozen=True)
