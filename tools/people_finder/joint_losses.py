@@ -5,19 +5,21 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import torch
+from crops import NO_DEPTH
 from joint_net import Answer
 from torch import Tensor
 from torch.nn import functional
 
 from depth_pose.core.skeleton import MIRROR_JOINTS
-from depth_pose.detect.joint_finder import LEAST_ERROR_M
+from depth_pose.detect.joint_finder import LEAST_WIDTH_M
 
 _BEHIND_WEIGHT = 0.5
 _PLACE_WEIGHT = 0.5
 _PERSON_WEIGHT = 1.0
-"""Weights of these three losses; the joints' own counts 1. Set by hand."""
+_MASK_WEIGHT = 1.0
+"""Weights of these losses; the joints' own counts 1. Set by hand."""
 
-_NEAR_M = 0.08
+_NEAR_M = 0.06
 """Deviation of the weights that votes should have about their joint, metres."""
 
 
@@ -27,6 +29,7 @@ class Truth(NamedTuple):
     joints: Tensor
     side: Tensor
     person: Tensor
+    mask: Tensor
 
 
 def joint_loss(answer: Answer, cells: Tensor, truth: Truth) -> tuple[Tensor, dict[str, float]]:
@@ -36,26 +39,42 @@ def joint_loss(answer: Answer, cells: Tensor, truth: Truth) -> tuple[Tensor, dic
     vote for it. ``cells`` (cells, 2) is where they are, metres.
     Joints are named by the side of the image. Who is seen from the side may be named either way, as long
     as the answer to "seen from behind" fits: the better of both counts.
+    A joint's distance from the truth follows exp(-r / width) in the image plane, and so does its depth with
+    a width of its own.
     """
     shown = truth.joints.isfinite().all(dim=(1, 2))
-    joints, log_error, behind, _, log_weights = (part[shown] for part in answer)
+    joints, log_error, behind, _, _, log_weights = (part[shown] for part in answer)
     places, side = truth.joints[shown], truth.side[shown]
-    width = LEAST_ERROR_M + torch.exp(log_error.clamp(-6, 2))
+    width = LEAST_WIDTH_M + torch.exp(log_error.clamp(-6, 2))
+    size = 2 * torch.log(width[..., 0]) + torch.log(width[..., 1])
 
     def unlikelihood(target: Tensor) -> Tensor:
-        distance = torch.linalg.vector_norm(joints - target, dim=-1)
+        off = joints - target
+        aside = (off[..., :2].square().sum(dim=-1) + 1e-8).sqrt() / width[..., 0]
         place = _place_loss(log_weights, cells, target)
-        return (distance / width + 3 * torch.log(width) + _PLACE_WEIGHT * place).mean(dim=1)
+        return (aside + off[..., 2].abs() / width[..., 1] + size + _PLACE_WEIGHT * place).mean(dim=1)
 
     named, mirrored = unlikelihood(places), unlikelihood(places[:, MIRROR_JOINTS])
     other = (mirrored < named) & (side.abs() < 1)
     loss = torch.where(other, mirrored, named).mean()
     from_behind = ((side > 0) ^ other).float()
     loss_behind = functional.binary_cross_entropy_with_logits(behind, from_behind)
+    asked_pixels = truth.mask != NO_DEPTH
+    loss_mask = functional.binary_cross_entropy_with_logits(
+        answer.mask[asked_pixels], truth.mask[asked_pixels].float()
+    )
+    target = torch.where(other[:, None, None], places[:, MIRROR_JOINTS], places)
+    off_mm = 1000 * torch.linalg.vector_norm(joints.detach() - target, dim=-1).mean()
+    parts = {
+        "joints": loss.item(), "behind": loss_behind.item(), "mask": loss_mask.item(), "mm": off_mm.item(),
+    }  # fmt: skip
+    total = loss + _BEHIND_WEIGHT * loss_behind + _MASK_WEIGHT * loss_mask
     asked = truth.person.isfinite()
-    loss_person = functional.binary_cross_entropy_with_logits(answer.person[asked], truth.person[asked])
-    parts = {"joints": loss.item(), "behind": loss_behind.item(), "person": loss_person.item()}
-    return loss + _BEHIND_WEIGHT * loss_behind + _PERSON_WEIGHT * loss_person, parts
+    if asked.any():
+        loss_person = functional.binary_cross_entropy_with_logits(answer.person[asked], truth.person[asked])
+        parts["person"] = loss_person.item()
+        total = total + _PERSON_WEIGHT * loss_person
+    return total, parts
 
 
 def _place_loss(log_weights: Tensor, cells: Tensor, target: Tensor) -> Tensor:

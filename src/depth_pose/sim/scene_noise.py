@@ -281,7 +281,7 @@ def _field(rng: np.random.Generator, shape: tuple[int, ...], cell: float) -> Ima
     return np.asarray(up @ coarse @ across.T)
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=512)
 def _spread(size: int, cell: float) -> Image:
     """Weights (size, coarse) of a cubic B-spline, scaled to keep the variance on average."""
     count = int(np.ceil(size / cell)) + 3
