@@ -30,7 +30,7 @@ POSTURES = {
 }  # fmt: skip
 """How often each posture is drawn: the rare ones oftener than in rooms. Set by hand."""
 
-REACH_M = 2.1
+REACH_M = 1.8
 """Half of the side of what is drawn about a torso, metres: the crop, turned and displaced. Set by hand."""
 
 _TORSO = [JOINT_INDEX[f"{side}_{n}"] for side in ("left", "right") for n in ("shoulder", "hip")]
@@ -178,7 +178,7 @@ def _put_seat(shapes: Assembly, figure: Figure, person: Placed, rng: np.random.G
 
 def _sample_view(torso: Array, around: _Surroundings, rng: np.random.Generator) -> View | None:
     """Draw a camera that looks about at a torso; None for one behind a wall."""
-    width = int(rng.choice([176, 224, 256, 320, 320, 320, 424]))
+    width = int(rng.choice([160, 176, 176, 212, 224, 256, 320]))
     height = min(240, round(width / float(rng.choice([4 / 3, 11 / 9, 16 / 9, 1.0], p=[0.55, 0.2, 0.15, 0.1]))))
     spread = rng.normal(57, 6) if rng.random() < 0.5 else rng.uniform(40, 95)
     focal = width / 2 / np.tan(np.radians(np.clip(spread, 38, 100)) / 2)

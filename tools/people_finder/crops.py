@@ -125,7 +125,7 @@ def _look(torso: NDArray[np.float64], rng: np.random.Generator | None) -> Look:
     spread = _PLACE_M * float(rng.choice([1.0, 2.0, 3.5], p=[0.8, 0.15, 0.05]))
     x, y, z = (torso + spread * rng.standard_normal(3)).tolist()
     z = max(z, 0.35)
-    angle = np.radians(rng.normal(0.0, 12.0)) if rng.random() < 0.5 else 0.0
+    angle = np.radians(rng.normal(0.0, 12.0)) if rng.random() < 0.4 else 0.0
     coarse = int(rng.choice([1, 1, 1, 1, 2, 3]))
     return Look(x, y, z, CELL_M, float(np.cos(angle)), float(np.sin(angle)), rng.choice([-1.0, 1.0]), coarse)
 
