@@ -11,6 +11,7 @@ from typing import Annotated
 import numpy as np
 import typer
 from numpy.typing import NDArray
+from joint_net import CELL_M, SIDE
 from sightings import Sightings
 
 from depth_pose.detect.joint_finder import logit_of
@@ -53,7 +54,8 @@ def main(
     found = Sightings.load(sightings)
     person = fit_odds(logits_of(model, found), found.is_person)
     code = hash_code(JOINT_CODE, JOINT_FEATURES)
-    write_settings(out / "joint_finder.json", model, code, training=note, person=person.tolist())
+    crop = {"side": SIDE, "cell_m": CELL_M}
+    write_settings(out / "joint_finder.json", model, code, training=note, person=person.tolist(), **crop)
 
 
 if __name__ == "__main__":

@@ -103,6 +103,11 @@ def _logistic(logit: float) -> float:
     return float(1.0 / (1.0 + np.exp(-logit)))
 
 
+def _columns(log_width: NDArray[np.float32]) -> NDArray[np.float64]:
+    """Give logarithms of widths as (J, 2); nets of one width for all directions say it once."""
+    return np.broadcast_to(log_width.reshape(len(log_width), -1), (len(log_width), 2)).astype(np.float64)
+
+
 class JointFinder:
     """Proposes joints; keeps nothing from one frame to the next.
 
@@ -151,7 +156,7 @@ class JointFinder:
         kernels.fill_features(self._grid, self._whose, label, look, self._features[0])
         places, log_width, behind, person = self._session.run(_OUTPUTS, {"features": self._features})
         joints = kernels.from_crop(places[0].astype(np.float64), look)
-        sigma = _STANDARD * (LEAST_WIDTH_M + np.exp(log_width[0].astype(np.float64).clip(-6.0, 2.0)))
+        sigma = _STANDARD * (LEAST_WIDTH_M + np.exp(_columns(log_width[0]).clip(-6.0, 2.0)))
         from_behind = _logistic(float(behind[0]))
         if from_behind > 0.5:
             joints, sigma = joints[MIRROR_JOINTS], sigma[MIRROR_JOINTS]

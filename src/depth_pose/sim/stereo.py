@@ -25,6 +25,8 @@ from depth_pose.sim.fields import smooth_field
 
 Image = NDArray[np.float32]
 
+_WEAK_LEAST, _WEAK_GAIN = 3.5, 2.5
+"""Weakness of a surface (a unit field, and up to 2 for dark ones) from which it is lost. Set by eye."""
 _LOGISTIC = 1.702
 """A normal distribution's quantile is about the logit divided by this."""
 
@@ -93,8 +95,10 @@ def measure_stereo(
     cast_shadow(depth, reach, 1.0, shadow)
     ideal = np.divide(reach, depth, out=np.zeros(shape, np.float32), where=depth > 0)
     matched, edge = _match(ideal, config, rng)
-    weak = smooth_field(rng, shape, config.blob) + 2.0 * (1.0 - np.minimum(light, 1.0))
-    lost = shadow | (weak > 3.5 - 2.5 * config.lost)
+    lost = shadow
+    if config.lost > 0:
+        weak = smooth_field(rng, shape, config.blob) + 2.0 * (1.0 - np.minimum(light, 1.0))
+        lost |= weak > _WEAK_LEAST - _WEAK_GAIN * config.lost
     if config.edge_loss > 0:
         lost |= edge & (smooth_field(rng, shape, 4.0) > _threshold(config.edge_loss))
     error = config.error * (1.0 - config.temporal) / np.clip(light, 0.3, 1.0)
