@@ -136,8 +136,9 @@ class _Run:
             self.net.load_state_dict(torch.load(start, weights_only=True))
         self.net = self.net.to(memory_format=torch.channels_last)
         self.average = copy.deepcopy(self.net).eval()
+        learned = [p for p in self.net.parameters() if p.requires_grad]
         self.optimiser = torch.optim.AdamW(
-            self.net.parameters(), rate, weight_decay=_WEIGHT_DECAY, fused=True
+            learned, rate, weight_decay=_WEIGHT_DECAY, fused=True
         )
         self.rate, self.exact, self.steps, self.done = rate, exact, 0, 0
         self._mean: dict[str, float] = {}
