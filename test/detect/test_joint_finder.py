@@ -102,7 +102,10 @@ def test_second_look_tells_coats_and_heaps_from_people():
 
 
 def test_a_point_comes_back_from_the_crop():
-    look, points = Look(0.4, -0.2, 2.5, CELL_M), np.random.default_rng(0).uniform(-0.6, 0.6, (19, 3)) + [0, 0, 2.5]
+    look, points = (
+        Look(0.4, -0.2, 2.5, CELL_M),
+        np.random.default_rng(0).uniform(-0.6, 0.6, (19, 3)) + [0, 0, 2.5],
+    )
     places = np.empty((19, 3))
     kernels.to_crop(points, look, places)
     np.testing.assert_allclose(kernels.from_crop(places, look), points, atol=1e-12)

@@ -1,4 +1,4 @@
-"""The simulated stereo camera: its errors are those of disparity, alike among neighbours, and fat at edges."""
+"""The simulated stereo camera: errors of disparity, alike among neighbours, and fat edges."""
 
 from __future__ import annotations
 

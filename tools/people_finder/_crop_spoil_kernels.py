@@ -22,9 +22,9 @@ def grow_into(grid, whose, row, col, reach, most):
     side, z = whose.shape[0], grid[row, col]
     for i in range(max(0, int(row - reach)), min(side, int(row + reach) + 2)):
         for j in range(max(0, int(col - reach)), min(side, int(col + reach) + 2)):
-            if whose[i, j] >= 0 and grid[i, j] > 0.0 and abs(grid[i, j] - z) < most:
-                if (i - row) ** 2 + (j - col) ** 2 < reach**2:
-                    whose[i, j] = 1
+            near = (i - row) ** 2 + (j - col) ** 2 < reach**2
+            if near and whose[i, j] >= 0 and grid[i, j] > 0.0 and abs(grid[i, j] - z) < most:
+                whose[i, j] = 1
 
 
 @njit(cache=True)

@@ -15,7 +15,15 @@ from numpy.typing import NDArray
 from depth_pose.core.camera import Camera
 from depth_pose.core.skeleton import JOINT_INDEX
 from depth_pose.sim import _scene_kernels as kernels
-from depth_pose.sim.furniture import AT_WALLS, STANDING, make_bed, make_chair, make_sofa, make_stool, make_table
+from depth_pose.sim.furniture import (
+    AT_WALLS,
+    STANDING,
+    make_bed,
+    make_chair,
+    make_sofa,
+    make_stool,
+    make_table,
+)
 from depth_pose.sim.people import Figure, sample_figure
 from depth_pose.sim.scene_noise import Shown, measure, sample_sensor
 from depth_pose.sim.scene_view import View
@@ -115,7 +123,9 @@ class _Surroundings:
     walls: tuple[tuple[float, float], ...]
 
 
-def _surround(figure: Figure, person: Placed, beside: list[Placed], rng: np.random.Generator) -> _Surroundings:
+def _surround(
+    figure: Figure, person: Placed, beside: list[Placed], rng: np.random.Generator
+) -> _Surroundings:
     """Put floor, walls, a seat and furniture about a person at the origin who faces +z."""
     shapes, walls = Assembly(Kind.WALL), []
     _put_seat(shapes, figure, person, rng)
@@ -126,7 +136,10 @@ def _surround(figure: Figure, person: Placed, beside: list[Placed], rng: np.rand
     turn = rng.uniform(0, 2 * np.pi)
     for k, share in enumerate((0.7, 0.3)):
         if rng.random() < share:
-            angle, away = turn + k * np.pi / 2, reach + rng.choice([rng.uniform(0.05, 0.8), rng.uniform(0.5, 3.0)])
+            angle, away = (
+                turn + k * np.pi / 2,
+                reach + rng.choice([rng.uniform(0.05, 0.8), rng.uniform(0.5, 3.0)]),
+            )
             at = (away * np.sin(angle), 1.4, away * np.cos(angle))
             shapes.box(at, (20.0, 2.8, 0.02), angle, 0.0, Kind.WALL, rng.uniform(0.2, 0.9))
             walls.append((angle, away))
@@ -179,7 +192,9 @@ def _put_seat(shapes: Assembly, figure: Figure, person: Placed, rng: np.random.G
 def _sample_view(torso: Array, around: _Surroundings, rng: np.random.Generator) -> View | None:
     """Draw a camera that looks about at a torso; None for one behind a wall."""
     width = int(rng.choice([160, 176, 176, 212, 224, 256, 320]))
-    height = min(240, round(width / float(rng.choice([4 / 3, 11 / 9, 16 / 9, 1.0], p=[0.55, 0.2, 0.15, 0.1]))))
+    height = min(
+        240, round(width / float(rng.choice([4 / 3, 11 / 9, 16 / 9, 1.0], p=[0.55, 0.2, 0.15, 0.1])))
+    )
     spread = rng.normal(57, 6) if rng.random() < 0.5 else rng.uniform(40, 95)
     focal = width / 2 / np.tan(np.radians(np.clip(spread, 38, 100)) / 2)
     azimuth = rng.normal(0, 0.8) if rng.random() < 0.5 else rng.uniform(-np.pi, np.pi)
@@ -196,7 +211,9 @@ def _sample_view(torso: Array, around: _Surroundings, rng: np.random.Generator) 
         return None
     aside = rng.normal(0, 0.16, 2) if rng.random() < 0.6 else rng.uniform(-0.45, 0.45, 2)
     camera = Camera(width, height, focal, focal, (width - 1) / 2, (height - 1) / 2)
-    roll = rng.normal(0, 4) if rng.random() < 0.92 else rng.choice([90.0, -90.0, 180.0, rng.uniform(-180, 180)])
+    roll = (
+        rng.normal(0, 4) if rng.random() < 0.92 else rng.choice([90.0, -90.0, 180.0, rng.uniform(-180, 180)])
+    )
     turned = _look_at(forward / distance, np.radians(roll))
     # the torso appears at some place of the image, not in its middle
     off = np.array([aside[0] * width / focal, aside[1] * height / focal, 1.0])

@@ -10,8 +10,8 @@ from typing import Annotated
 
 import numpy as np
 import typer
-from numpy.typing import NDArray
 from joint_net import CELL_M, SIDE
+from numpy.typing import NDArray
 from sightings import Sightings
 
 from depth_pose.detect.joint_finder import logit_of

@@ -6,8 +6,8 @@ expected place of Sun et al. 2018, *Integral human pose regression*). Most chann
 the crop's resolution and below, where convolutions run near a processor's peak.
 
 Two nets look at once. The coarse one sees the middle of the crop at 3.2 cm a pixel and was trained before (it
-shipped by itself); it stays as it is. The fine one sees all of it at 2.2 cm and what the coarse one felt, answers by
-itself, and says joint by joint whose answer counts.
+shipped by itself); it stays as it is. The fine one sees all of it at 2.2 cm and what the coarse one felt,
+answers by itself, and says joint by joint whose answer counts.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ _CELLS = SIDE // STRIDE
 _COARSE_SIDE, _COARSE_CELL_M, _COARSE_WIDTH = 80, 0.032, 48
 """Pixels of the coarse net's crop, the side of one in metres, and channels that it hands on."""
 _TRUST, _DOUBT = -1.5, -1.0
-"""How much the coarse answer counts at first: logit where its error is 1 m, and its slope by the error's logarithm."""
+"""How much the coarse answer counts at first: logit at an error of 1 m, and its slope by the logarithm."""
 _PERSON_WIDTH = 64
 """Channels from which it is said whether this is a person, and from which side they are seen."""
 
@@ -73,9 +73,7 @@ class _Unit(nn.Sequential):
     """Convolution and ReLU."""
 
     def __init__(self, channels_in: int, channels_out: int, size: int = 3, stride: int = 1) -> None:
-        super().__init__(
-            nn.Conv2d(channels_in, channels_out, size, stride, size // 2), nn.ReLU(inplace=True)
-        )
+        super().__init__(nn.Conv2d(channels_in, channels_out, size, stride, size // 2), nn.ReLU(inplace=True))
 
 
 class _Straight(nn.Module):
@@ -196,7 +194,7 @@ class JointNet(nn.Module):
         self.squeeze4 = ConvUnit(b + 96, b, 1)
         self.up4 = ConvUnit(b, b)
         n = len(JOINTS)
-        # votes (metres), their weights, two logarithms of the joints' errors, trust in the coarse answer; behind
+        # votes (metres), their weights, two logarithms of errors, trust in the coarse answer; behind
         self.votes = nn.Conv2d(b, 7 * n + 1, 1)
         self.mask = nn.Conv2d(b, STRIDE**2, 1)
         self.look = ConvUnit(d, _PERSON_WIDTH, 1)
@@ -206,9 +204,7 @@ class JointNet(nn.Module):
         self.doubt = nn.Parameter(torch.full((n,), _DOUBT))
         self.coarse = CoarseNet().requires_grad_(False)
         self.register_buffer("cells", _places(_CELLS, STRIDE * CELL_M), persistent=False)
-        self.register_buffer(
-            "middle", _nearest(_COARSE_SIDE, _COARSE_CELL_M, SIDE, CELL_M), persistent=False
-        )
+        self.register_buffer("middle", _nearest(_COARSE_SIDE, _COARSE_CELL_M, SIDE, CELL_M), persistent=False)
         handed = _nearest(SIDE // 8, 8 * CELL_M, _COARSE_SIDE // 4, 4 * _COARSE_CELL_M)
         self.register_buffer("handed", handed, persistent=False)
 

@@ -123,11 +123,13 @@ def _line(name: str, looks: list[Looked | None]) -> str:
     if not seen or not len(seen[0].off):
         share = np.concatenate([s.share for s in seen]) if seen else np.zeros(0)
         found = np.mean([np.isfinite(s.share).all() for s in seen]) if seen else 0.0
-        return f"{name:14s} found {found:.3f} PCK.10 {(share < 0.1).mean():.3f} PCK.05 {(share < 0.05).mean():.3f}"
+        pck = f"PCK.10 {(share < 0.1).mean():.3f} PCK.05 {(share < 0.05).mean():.3f}"
+        return f"{name:14s} found {found:.3f} {pck}"
     off, sigma = np.array([s.off for s in seen]), np.array([s.sigma for s in seen])
     error = np.linalg.norm(off, axis=-1)
     parts = [
-        f"{g} {1000 * error[:, [k for k, n in enumerate(JOINTS) if n.endswith(g)]].mean():.0f}" for g in _GROUPS
+        f"{g} {1000 * error[:, [k for k, n in enumerate(JOINTS) if n.endswith(g)]].mean():.0f}"
+        for g in _GROUPS
     ]
     spread = np.stack([np.sqrt((off[..., :2] ** 2).mean(axis=-1)), np.abs(off[..., 2])], axis=-1)
     inside = (spread < sigma).mean(axis=(0, 1))
@@ -141,7 +143,9 @@ def _line(name: str, looks: list[Looked | None]) -> str:
 @app.command()
 def main(
     data: Annotated[Path, typer.Argument(help="Folder of folders of recordings")],
-    weights: Annotated[Path | None, typer.Option(help="Folder of both nets; those that ship if not given")] = None,
+    weights: Annotated[
+        Path | None, typer.Option(help="Folder of both nets; those that ship if not given")
+    ] = None,
     only: Annotated[list[str] | None, typer.Option(help="Folders to score")] = None,
     step: Annotated[int, typer.Option(help="Look at every so many frames of clips with joints", min=1)] = 4,
     each: Annotated[bool, typer.Option(help="A line for every recording")] = False,

@@ -1,6 +1,7 @@
 """Train the net of the second look on people who are drawn while it trains.
 
-    python tools/people_finder/train_joints.py runs/joints --crops 600000 --decay 80000
+    git show fe355e5:src/depth_pose/people/weights/joint_finder.onnx > coarse.onnx
+    python tools/people_finder/train_joints.py runs/joints --coarse coarse.onnx --crops 1000000 --decay 80000
 
 Training has three parts: a short rise of the rate, a long part at the highest rate, and a short fall to none.
 OUT/stable.pt is the end of the second part, from which a later call with more ``--crops`` goes on; each call
@@ -90,6 +91,7 @@ def train(
     found: Annotated[int, typer.Option(help="How many of a step's crops are sightings")] = 10,
     seed: Annotated[int, typer.Option(help="Start of all random numbers")] = 1,
     start: Annotated[Path | None, typer.Option(help="Weights to start from where OUT has none")] = None,
+    coarse: Annotated[Path | None, typer.Option(help="The coarse net (ONNX), where neither is given")] = None,
     save_every: Annotated[int, typer.Option(help="Crops between checkpoints")] = 20_000,
     threads: Annotated[int, typer.Option(help="Threads")] = 1,
     exact: Annotated[
@@ -101,7 +103,7 @@ def train(
     torch.set_num_threads(threads)
     torch.manual_seed(seed)
     out.mkdir(parents=True, exist_ok=True)
-    run = _Run(out, rate, batch, exact, start)
+    run = _Run(out, rate, exact, start, coarse)
     apart = CropSampler().batch(_check_set(), None)
     seen = Sightings.load(sightings) if sightings else None
     stream = Stream((seed, run.done), keep, fresh)
@@ -111,7 +113,9 @@ def train(
     def next_batch() -> CropBatch:
         if seen is None:
             return sampler.batch(stream.next(batch), rng)
-        return joined([sampler.batch(stream.next(batch - found), rng), seen.batch(seen.draw(found, rng), rng)])
+        return joined(
+            [sampler.batch(stream.next(batch - found), rng), seen.batch(seen.draw(found, rng), rng)]
+        )
 
     while run.done < crops:
         run.step(next_batch(), min(1.0, (run.steps + 1) / _WARM_UP))
@@ -130,16 +134,20 @@ def train(
 class _Run:
     """A net, its optimiser and how far they are."""
 
-    def __init__(self, out: Path, rate: float, batch: int, exact: bool | None, start: Path | None) -> None:
+    def __init__(
+        self, out: Path, rate: float, exact: bool | None, start: Path | None, coarse: Path | None
+    ) -> None:
         self.net = JointNet()
         if start is not None:
             self.net.load_state_dict(torch.load(start, weights_only=True))
+        elif coarse is not None:
+            self.net.coarse.load_onnx(coarse)
+        elif not (out / "stable.pt").exists():
+            raise typer.BadParameter("a new net needs --coarse or --start")
         self.net = self.net.to(memory_format=torch.channels_last)
         self.average = copy.deepcopy(self.net).eval()
         learned = [p for p in self.net.parameters() if p.requires_grad]
-        self.optimiser = torch.optim.AdamW(
-            learned, rate, weight_decay=_WEIGHT_DECAY, fused=True
-        )
+        self.optimiser = torch.optim.AdamW(learned, rate, weight_decay=_WEIGHT_DECAY, fused=True)
         self.rate, self.exact, self.steps, self.done = rate, exact, 0, 0
         self._mean: dict[str, float] = {}
         self._log, self._began = out / "log.jsonl", time.perf_counter()
@@ -209,7 +217,7 @@ def to_input(crops: CropBatch) -> Tensor:
 
 
 def score(net: JointNet, crops: CropBatch) -> dict[str, float]:
-    """Give mean errors, millimetres, the share within 10 cm, of facings that are right, and the mask's overlap."""
+    """Give mean errors (mm), the shares within 10 cm and of facings that are right, the mask's overlap."""
     answers = []
     with torch.no_grad():
         for k in range(0, len(crops.features), 50):

@@ -52,7 +52,7 @@ class Look(NamedTuple):
 
 @njit(cache=True)
 def sample_crop(depth, labels, camera, look, grid, whose):
-    """Sample depth (metres) and labels to a square crop, ``grid`` and ``whose``, as `reduce_grid` does a frame.
+    """Sample depth (metres) and labels to a square crop (``grid``, ``whose``), as `reduce_grid` does.
 
     What lies outside the image gets no depth and the label -1.
     """

@@ -32,7 +32,7 @@ _STANDARD = np.sqrt([3.0, 2.0])
 """Standard deviation of a distribution of width 1: exp(-r) over the plane, each way, and exp(-|z|)."""
 
 _MEAN_SQUARE = np.array([4.0 / 3.0, 0.5])
-"""Squares of the mean distances, by the squares of those deviations: (2 width)^2 in the plane, width^2 in depth."""
+"""Squares of the mean distances, 2 widths in the plane and 1 in depth, by the squares of those deviations."""
 
 _OUTPUTS = ["joints", "log_error", "behind", "person"]
 """What is asked of the net."""

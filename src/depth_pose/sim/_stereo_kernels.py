@@ -32,7 +32,7 @@ def smooth_rows(image, alpha, delta):
 
 @njit(cache=True)
 def fill_holes(disparity, mode, longest):
-    """Fill runs of zeros in a row of at most ``longest`` pixels: 1 from the left, 2 the farther, 3 the nearer side."""
+    """Fill runs of at most ``longest`` zeros in a row: 1 from the left, 2 the farther, 3 the nearer side."""
     height, width = disparity.shape
     for i in range(height):
         j = 0

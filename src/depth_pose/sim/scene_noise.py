@@ -258,7 +258,11 @@ def _noisy(depth: Image, light: Image, sensor: SceneSensor, rng: np.random.Gener
 
 
 def _patches(rng: np.random.Generator, shape: tuple[int, ...]) -> Image:
-    return 0.5 * smooth_field(rng, shape, 2.5) + 0.5 * smooth_field(rng, shape, 6.0) + 0.6 * smooth_field(rng, shape, 16.0)
+    return (
+        0.5 * smooth_field(rng, shape, 2.5)
+        + 0.5 * smooth_field(rng, shape, 6.0)
+        + 0.6 * smooth_field(rng, shape, 16.0)
+    )
 
 
 def _shadow(depth: Image, sensor: SceneSensor, focal: float) -> NDArray[np.bool_]:
@@ -281,7 +285,9 @@ def _aside(
     rows, columns = np.mgrid[: shape[0], : shape[1]]
     if far > 0:
         rows = np.clip(rows + np.rint(far * smooth_field(rng, shape, 2.5)).astype(np.int64), 0, shape[0] - 1)
-        columns = np.clip(columns + np.rint(far * smooth_field(rng, shape, 2.5)).astype(np.int64), 0, shape[1] - 1)
+        columns = np.clip(
+            columns + np.rint(far * smooth_field(rng, shape, 2.5)).astype(np.int64), 0, shape[1] - 1
+        )
     return rows, columns
 
 

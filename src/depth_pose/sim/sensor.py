@@ -62,7 +62,6 @@ class SensorModel:
         return replace(self, camera=camera, stereo=stereo)
 
 
-
 def _stereo(name: str, camera: Camera, near: float, far: float, stereo: StereoConfig) -> SensorModel:
     return SensorModel(name, camera, 30.0, near, far, 0.0, NO_NOISE, stereo)
 
@@ -95,16 +94,27 @@ SENSORS: dict[str, SensorModel] = {
             disparity_step=0.00285,
         ),
     ),
-    "d435": _stereo("d435", Camera(640, 480, 385.0, 385.0, 319.5, 239.5), 0.2, 6.0, StereoConfig(baseline=0.05)),
-    "d455": _stereo("d455", Camera(640, 480, 385.0, 385.0, 319.5, 239.5), 0.4, 8.0, StereoConfig(baseline=0.095)),
+    "d435": _stereo(
+        "d435", Camera(640, 480, 385.0, 385.0, 319.5, 239.5), 0.2, 6.0, StereoConfig(baseline=0.05)
+    ),
+    "d455": _stereo(
+        "d455", Camera(640, 480, 385.0, 385.0, 319.5, 239.5), 0.4, 8.0, StereoConfig(baseline=0.095)
+    ),
     "oak_d": _stereo(
         "oak_d",
         Camera(640, 400, 441.0, 441.0, 319.5, 199.5),
         0.35,
         8.0,
         StereoConfig(
-            baseline=0.075, window=9, error=0.12, blob=9.0, step=1 / 8, lost=0.3, edge_loss=0.4,
-            smoothing=0.0, temporal=0.0,
+            baseline=0.075,
+            window=9,
+            error=0.12,
+            blob=9.0,
+            step=1 / 8,
+            lost=0.3,
+            edge_loss=0.4,
+            smoothing=0.0,
+            temporal=0.0,
         ),
     ),
     "zed": _stereo(
@@ -113,13 +123,22 @@ SENSORS: dict[str, SensorModel] = {
         0.3,
         8.0,
         StereoConfig(
-            baseline=0.12, window=13, fattening=0.8, error=0.15, blob=20.0, step=1 / 16, lost=0.02,
-            edge_loss=0.02, smoothing=0.8, smooth_step=2.0, fill=2,
+            baseline=0.12,
+            window=13,
+            fattening=0.8,
+            error=0.15,
+            blob=20.0,
+            step=1 / 16,
+            lost=0.02,
+            edge_loss=0.02,
+            smoothing=0.8,
+            smooth_step=2.0,
+            fill=2,
         ),
     ),
 }
-"""The sensors by name: a small time-of-flight camera, structured light as in the first Kinect, and stereo cameras
-with the baseline and the field of view of their makers' data sheets."""
+"""The sensors by name: a small time-of-flight camera, structured light as in the first Kinect, and stereo
+cameras with the baseline and the field of view of their makers' data sheets."""
 
 
 class VirtualSensor:

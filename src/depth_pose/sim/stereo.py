@@ -2,12 +2,13 @@
 
 Errors live in disparity, focal length times baseline by depth, so those of depth grow with its square. A
 window is matched as one: its error is the same for neighbours (smooth bumps), what is near grows over its
-edge (foreground fattening), and what is thinner than the window may vanish. What only one camera sees is lost, at
-the left of near things, and so is what has too little texture. Then drivers smooth (across steps below a
-limit), fill holes, and resample to a colour camera.
+edge (foreground fattening), and what is thinner than the window may vanish. What only one camera sees is
+lost, at the left of near things, and so is what has too little texture. Then drivers smooth (across steps
+below a limit), fill holes, and resample to a colour camera.
 
-D. Scharstein and R. Szeliski, *A taxonomy and evaluation of dense two-frame stereo correspondence algorithms*,
-IJCV 47, 2002; L. Keselman et al., *Intel RealSense stereoscopic depth cameras*, CVPR workshops 2017.
+D. Scharstein and R. Szeliski, *A taxonomy and evaluation of dense two-frame stereo correspondence
+algorithms*, IJCV 47, 2002; L. Keselman et al., *Intel RealSense stereoscopic depth cameras*, CVPR workshops
+2017.
 """
 
 from __future__ import annotations
@@ -42,17 +43,35 @@ class StereoConfig(Checked):
     error: float = option(0.08, "Standard deviation of disparity", unit="pixels", low=0.0, high=2.0)
     blob: float = option(12.0, "Size of the bumps of that error", unit="pixels", low=1.0, high=100.0)
     flat: float = option(
-        1.5, "Steps of disparity within a window that are matched as one surface", unit="pixels", low=0.0, high=10.0
+        1.5,
+        "Steps of disparity within a window that are matched as one surface",
+        unit="pixels",
+        low=0.0,
+        high=10.0,
     )
     step: float = option(1 / 32, "Steps of disparity", unit="pixels", low=0.0, high=1.0)
-    lost: float = option(0.1, "Share of weak surfaces (dark, slanted, without texture) lost", low=0.0, high=1.0)
+    lost: float = option(
+        0.1, "Share of weak surfaces (dark, slanted, without texture) lost", low=0.0, high=1.0
+    )
     edge_loss: float = option(0.2, "Share of edges lost", low=0.0, high=1.0)
-    smoothing: float = option(0.5, "The driver's spatial filter: what it takes from neighbours", low=0.0, high=0.95)
-    smooth_step: float = option(0.6, "Steps of disparity that it smooths over", unit="pixels", low=0.0, high=50.0)
-    temporal: float = option(0.3, "The driver's temporal filter: share of the error that it takes", low=0.0, high=1.0)
-    fill: int = option(0, "Holes: 0 left, 1 filled from the left, 2 from the farther side, 3 from the nearer", low=0, high=3)
+    smoothing: float = option(
+        0.5, "The driver's spatial filter: what it takes from neighbours", low=0.0, high=0.95
+    )
+    smooth_step: float = option(
+        0.6, "Steps of disparity that it smooths over", unit="pixels", low=0.0, high=50.0
+    )
+    temporal: float = option(
+        0.3, "The driver's temporal filter: share of the error that it takes", low=0.0, high=1.0
+    )
+    fill: int = option(
+        0, "Holes: 0 left, 1 filled from the left, 2 from the farther side, 3 from the nearer", low=0, high=3
+    )
     colour_offset: float = option(
-        0.0, "Depth is aligned to a colour camera so far to the right; 0 for none", unit="m", low=-0.2, high=0.2
+        0.0,
+        "Depth is aligned to a colour camera so far to the right; 0 for none",
+        unit="m",
+        low=-0.2,
+        high=0.2,
     )
 
     def scaled(self, factor: float) -> StereoConfig:
@@ -110,12 +129,14 @@ def measure_stereo(
 
 
 def _match(ideal: Image, config: StereoConfig, rng: np.random.Generator) -> tuple[Image, NDArray[np.bool_]]:
-    """Match windows: thin things vanish, what is near grows, flat surfaces are averaged; and where edges are."""
+    """Match windows: thin things vanish, what is near grows, flat surfaces are averaged. And give edges."""
     matched, shape = ideal, ideal.shape
     thin, half = max(1, config.window // 2), config.window // 2
     if config.thin > 0 and thin > 1:
         opened = grey_opening(matched, (thin, thin))
-        matched = np.where(smooth_field(rng, shape, 2.0 * config.window) > _threshold(config.thin), opened, matched)
+        matched = np.where(
+            smooth_field(rng, shape, 2.0 * config.window) > _threshold(config.thin), opened, matched
+        )
     if config.fattening > 0 and half > 0:
         grown = maximum_filter(matched, 2 * half + 1)
         grows = smooth_field(rng, shape, 1.5 * config.window) > _threshold(config.fattening)
