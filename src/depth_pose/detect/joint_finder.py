@@ -151,7 +151,8 @@ class JointFinder:
         probability : float
             That this is a person, by the first look.
         """
-        look = Look(*torso.tolist(), self._cell_m)
+        x, y, z = torso.tolist()
+        look = Look(x, y, z, self._cell_m)
         kernels.sample_crop(depth, labels, camera, look, self._grid, self._whose)
         kernels.fill_features(self._grid, self._whose, label, look, self._features[0])
         places, log_width, behind, person = self._session.run(_OUTPUTS, {"features": self._features})

@@ -166,7 +166,7 @@ def _with_free_arms(angles: Array, rng: np.random.Generator) -> Array:
         if rng.random() > FREE_ARM_SHARE:
             continue
         out[arm] = 0.0
-        elevation, plane = rng.uniform(0.0, 165.0), np.radians(rng.uniform(-110.0, 120.0))
+        elevation, plane = rng.uniform(0.0, 165.0), np.radians(rng.uniform(-140.0, 140.0))
         straight = rng.random() < 0.3
         for name, value in (
             ("shoulder_flexion", elevation * np.cos(plane)),

@@ -237,7 +237,8 @@ def _measure_stereo(
     """Measure with a stereo camera; what texture a material has is told by its albedo."""
     texture = np.exp(np.random.default_rng(sensor.materials).normal(0.3, 0.6, _MATERIALS)).astype(np.float32)
     kind = (shown.albedo * 255).astype(np.int64) % _MATERIALS
-    light = texture[kind] * np.maximum(shown.cosine, 0.05) ** np.float32(0.5 * sensor.grazing_power)
+    slant = np.maximum(shown.cosine, np.float32(0.05)) ** np.float32(0.5 * sensor.grazing_power)
+    light = np.asarray(texture[kind] * slant, np.float32)
     camera = stereo.scaled(shown.focal / sensor.native_focal)
     depth = measure_stereo(shown.depth, light, shown.focal, camera, rng)
     gone = (depth < sensor.near) | (depth > sensor.far)
