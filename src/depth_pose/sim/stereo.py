@@ -40,8 +40,8 @@ class StereoConfig(Checked):
     window: int = option(7, "Side of what is matched as one", unit="pixels", low=1, high=41)
     fattening: float = option(0.6, "Share of edges over which what is near grows", low=0.0, high=1.0)
     thin: float = option(0.3, "Share of what is thinner than half a window that vanishes", low=0.0, high=1.0)
-    error: float = option(0.08, "Standard deviation of disparity", unit="pixels", low=0.0, high=2.0)
-    blob: float = option(12.0, "Size of the bumps of that error", unit="pixels", low=1.0, high=100.0)
+    error: float = option(0.13, "Standard deviation of disparity", unit="pixels", low=0.0, high=2.0)
+    blob: float = option(9.0, "Size of the bumps of that error", unit="pixels", low=1.0, high=100.0)
     flat: float = option(
         1.5,
         "Steps of disparity within a window that are matched as one surface",
