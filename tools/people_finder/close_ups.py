@@ -44,6 +44,8 @@ REACH_M = 1.8
 _TORSO = [JOINT_INDEX[f"{side}_{n}"] for side in ("left", "right") for n in ("shoulder", "hip")]
 _LEAST_PIXELS, _LEAST_SHOWN = 60, 0.3
 """A person with fewer pixels, or of whom a smaller share is left, is not asked for. Set by hand."""
+_COMMON_SHARE = 0.6
+"""Share of cameras that look at a person as most do: 2 to 4.6 m away, upright, the person in the middle."""
 _BLOCK = 32
 """Sides of drawn images are multiples of this many pixels, where the image has room."""
 _NEAR_M = 0.05
@@ -198,8 +200,9 @@ def _sample_view(torso: Array, around: _Surroundings, rng: np.random.Generator) 
     spread = rng.normal(57, 6) if rng.random() < 0.5 else rng.uniform(40, 95)
     focal = width / 2 / np.tan(np.radians(np.clip(spread, 38, 100)) / 2)
     azimuth = rng.normal(0, 0.8) if rng.random() < 0.5 else rng.uniform(-np.pi, np.pi)
-    away = float(np.clip(np.exp(rng.normal(np.log(2.5), 0.5)), 0.55, 6.5))
-    above = rng.random() < 0.2
+    common = rng.random() < _COMMON_SHARE
+    away = rng.uniform(1.9, 4.6) if common else float(np.clip(np.exp(rng.normal(0.9, 0.6)), 0.55, 6.5))
+    above = not common and rng.random() < 0.4
     lift = rng.uniform(1.9, 4.0) if above else float(np.clip(rng.normal(1.3, 0.5), 0.25, 3.0))
     flat = rng.uniform(0.0, 2.2) if above else np.sqrt(max(away**2 - (lift - torso[1]) ** 2, 0.2))
     at = np.array([torso[0] + flat * np.sin(azimuth), lift, torso[2] + flat * np.cos(azimuth)])
@@ -209,11 +212,10 @@ def _sample_view(torso: Array, around: _Surroundings, rng: np.random.Generator) 
     distance = float(np.linalg.norm(forward))
     if distance < 0.5:
         return None
-    aside = rng.normal(0, 0.16, 2) if rng.random() < 0.6 else rng.uniform(-0.45, 0.45, 2)
+    aside = rng.normal(0, 0.1, 2) if common else rng.uniform(-0.45, 0.45, 2)
     camera = Camera(width, height, focal, focal, (width - 1) / 2, (height - 1) / 2)
-    roll = (
-        rng.normal(0, 4) if rng.random() < 0.92 else rng.choice([90.0, -90.0, 180.0, rng.uniform(-180, 180)])
-    )
+    odd = rng.choice([90.0, -90.0, 180.0, rng.uniform(-180, 180)]) if rng.random() < 0.15 else 0.0
+    roll = rng.normal(0, 4) + (0.0 if common else odd)
     turned = _look_at(forward / distance, np.radians(roll))
     # the torso appears at some place of the image, not in its middle
     off = np.array([aside[0] * width / focal, aside[1] * height / focal, 1.0])

@@ -116,9 +116,10 @@ def compare(depth: Image, ideal: Image, reach: float) -> str:
     wrong = known & (np.abs(off) >= 1.0)
     nearer = (wrong & (off > 0)).sum() / max(wrong.sum(), 1)
     bumps = " ".join(f"{lag:.2f}" for lag in lags)
+    share = f"wrong {wrong.sum() / known.sum():.3f}, nearer {nearer:.2f}"
     return (
         f"holes {1 - known.sum() / (ideal > 0).sum():.3f}  deviation {np.nanstd(smooth):.3f} px "
-        f"correlation after 2 4 8 16 32 px: {bumps}  wrong {wrong.sum() / known.sum():.3f}, nearer {nearer:.2f}"
+        f"correlation after 2 4 8 16 32 px: {bumps} {share}"
     )
 
 
