@@ -35,12 +35,16 @@ from depth_pose.sim.clips import sample_clip
 _KEPT = {
     "people_finder": ("/stem/stem.0/stem.0.0/Conv", "/torso/Conv", "/mask/Conv"),
     "joint_finder": (
+        "/coarse/stem/stem.0/stem.0.0/Conv",
+        "/coarse/stem/stem.1/stem.1.0/Conv",
+        "/coarse/down4/down4.0/down4.0.0/Conv",
+        "/coarse/votes/votes.1/Conv",
         "/stem/stem.0/Conv",
         "/votes/Conv",
         "/mask/Conv",
     ),
 }
-"""Convolutions that stay in 32 bits. With the second look's last in 8 as well its joints move by 25 mm
+"""Convolutions that stay in 32 bits. With the coarse net's last in 8 as well its joints move by 25 mm
 (median), with its first three by 9 instead of 6."""
 
 _SEED, _FRAMES, _EVERY, _MOST = 77, 12, 4, 100
