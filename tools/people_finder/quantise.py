@@ -39,7 +39,6 @@ _KEPT = {
         "/coarse/stem/stem.1/stem.1.0/Conv",
         "/coarse/down4/down4.0/down4.0.0/Conv",
         "/coarse/votes/votes.1/Conv",
-        "/stem/stem.0/Conv",
         "/votes/Conv",
         "/mask/Conv",
     ),
