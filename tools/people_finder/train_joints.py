@@ -34,9 +34,9 @@ from depth_pose.core.skeleton import JOINTS, MIRROR_JOINTS
 
 _GROUPS = ("head", "neck", "chest", "pelvis", "shoulder", "elbow", "wrist", "hip", "knee", "ankle", "foot")
 
-_EMA, _WEIGHT_DECAY, _WARM_UP, _CLIP = 0.999, 0.02, 400, 5.0
-"""What averaged weights keep a step, the weight decay, steps in which the rate rises, and the largest norm of
-a gradient. Set by hand."""
+_EMA, _EMA_FALLING, _WEIGHT_DECAY, _WARM_UP, _CLIP = 0.999, 0.995, 0.02, 400, 5.0
+"""What averaged weights keep a step, likewise while the rate falls, the weight decay, steps in which the rate
+rises, and the largest norm of a gradient. Set by hand."""
 
 _CHECK_SEED, _CHECKS = 900_001, 400
 """Seed and number of the close-ups that tell how it goes; training seeds are small numbers."""
@@ -118,13 +118,13 @@ def train(
         )
 
     while run.done < crops:
-        run.step(next_batch(), min(1.0, (run.steps + 1) / _WARM_UP))
+        run.step(next_batch(), min(1.0, (run.steps + 1) / _WARM_UP), _EMA)
         if run.done % save_every < batch:
             run.save(out / "stable.pt", apart)
     run.save(out / "stable.pt", apart)
     first = run.done
     while run.done < first + decay:
-        run.step(next_batch(), 1.0 - (run.done - first) / decay)
+        run.step(next_batch(), 1.0 - (run.done - first) / decay, _EMA_FALLING)
         if run.done % save_every < batch:
             run.save(out / "falling.pt", apart)
     run.save(out / "falling.pt", apart)
@@ -158,8 +158,8 @@ class _Run:
             self.optimiser.load_state_dict(kept["optimiser"])
             self.steps, self.done = kept["steps"], kept["done"]
 
-    def step(self, crops: CropBatch, share: float) -> None:
-        """Learn from a batch at a share of the highest rate."""
+    def step(self, crops: CropBatch, share: float, keep: float) -> None:
+        """Learn from a batch at a share of the highest rate; averaged weights keep so much."""
         for group in self.optimiser.param_groups:
             group["lr"] = share * self.rate
         with arithmetic(self.exact):
@@ -172,7 +172,7 @@ class _Run:
         self.optimiser.step()
         self.steps += 1
         self.done += len(crops.features)
-        follow(self.average, self.net, min(_EMA, (1 + self.steps) / (10 + self.steps)))
+        follow(self.average, self.net, min(keep, (1 + self.steps) / (10 + self.steps)))
         self._mean = {k: 0.99 * self._mean.get(k, v) + 0.01 * v for k, v in parts.items()}
 
     def save(self, path: Path, apart: CropBatch) -> None:
