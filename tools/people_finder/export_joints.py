@@ -10,7 +10,7 @@ from typing import Annotated
 
 import numpy as np
 import typer
-from joint_net import CELL_M, SIDE
+from joint_net import CELL_M, LEAST_WIDTH_M, SIDE
 from numpy.typing import NDArray
 from sightings import Sightings
 
@@ -62,7 +62,7 @@ def main(
     found = Sightings.load(sightings)
     person = fit_odds(logits_of(model, found), found.is_person)
     code = hash_code(JOINT_CODE, JOINT_FEATURES)
-    crop = {"side": SIDE, "cell_m": CELL_M}
+    crop = {"side": SIDE, "cell_m": CELL_M, "least_width_m": LEAST_WIDTH_M}
     write_settings(out / "joint_finder.json", model, code, training=note, person=person.tolist(), **crop)
 
 

@@ -6,12 +6,11 @@ from typing import NamedTuple
 
 import torch
 from crops import NO_DEPTH
-from joint_net import Answer
+from joint_net import LEAST_WIDTH_M, Answer
 from torch import Tensor
 from torch.nn import functional
 
 from depth_pose.core.skeleton import MIRROR_JOINTS
-from depth_pose.detect.joint_finder import LEAST_WIDTH_M
 
 _BEHIND_WEIGHT = 0.5
 _PLACE_WEIGHT = 0.5

@@ -29,6 +29,9 @@ SIDE = 128
 CELL_M = 0.022
 """What a pixel of the crop measures at the torso's distance, metres: 2.8 m in all."""
 
+LEAST_WIDTH_M = 0.01
+"""Narrowest distribution that a joint may claim, metres."""
+
 STRIDE = 4
 """Pixels along the side of a cell that votes."""
 

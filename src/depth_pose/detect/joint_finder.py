@@ -25,9 +25,6 @@ from depth_pose.detect import _crop_kernels as kernels
 from depth_pose.detect._crop_kernels import Look
 from depth_pose.detect.net import open_net, read_weights
 
-LEAST_WIDTH_M = 0.01
-"""Narrowest distribution that a joint may claim, as trained (``tools/people_finder/joint_losses.py``)."""
-
 _STANDARD = np.sqrt([3.0, 2.0])
 """Standard deviation of a distribution of width 1: exp(-r) over the plane, each way, and exp(-|z|)."""
 
@@ -103,9 +100,16 @@ def _logistic(logit: float) -> float:
     return float(1.0 / (1.0 + np.exp(-logit)))
 
 
-def _columns(log_width: NDArray[np.float32]) -> NDArray[np.float64]:
-    """Give logarithms of widths as (J, 2); nets of one width for all directions say it once."""
-    return np.broadcast_to(log_width.reshape(len(log_width), -1), (len(log_width), 2)).astype(np.float64)
+def _spread(log_width: NDArray[np.float32], least: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Give standard deviations (J, 2) and mean distances (J,) of a net's distributions, metres.
+
+    ``log_width`` is (J, 2), in the image plane and in depth; or (J,), one for all directions.
+    """
+    width = least + np.exp(log_width.astype(np.float64).clip(-6.0, 2.0))
+    if width.ndim == 1:  # exp(-r / width) in space
+        return np.repeat(2.0 * width[:, None], 2, axis=1), 3.0 * width
+    sigma = _STANDARD * width
+    return sigma, np.sqrt(sigma**2 @ _MEAN_SQUARE)
 
 
 class JointFinder:
@@ -121,7 +125,7 @@ class JointFinder:
         self._session = open_net(read_weights("joint_finder.onnx", weights))
         settings = json.loads(read_weights("joint_finder.json", weights))
         self._person = PersonOdds(*settings["person"])
-        self._cell_m = float(settings["cell_m"])
+        self._cell_m, self._least_width_m = float(settings["cell_m"]), float(settings["least_width_m"])
         shape = (int(settings["side"]), int(settings["side"]))
         self._features = np.zeros((1, kernels.CHANNELS, *shape), np.float32)
         self._grid, self._whose = np.empty(shape, np.float32), np.empty(shape, np.int64)
@@ -157,11 +161,11 @@ class JointFinder:
         kernels.fill_features(self._grid, self._whose, label, look, self._features[0])
         places, log_width, behind, person = self._session.run(_OUTPUTS, {"features": self._features})
         joints = kernels.from_crop(places[0].astype(np.float64), look)
-        sigma = _STANDARD * (LEAST_WIDTH_M + np.exp(_columns(log_width[0]).clip(-6.0, 2.0)))
+        sigma, error = _spread(log_width[0], self._least_width_m)
         from_behind = _logistic(float(behind[0]))
         if from_behind > 0.5:
-            joints, sigma = joints[MIRROR_JOINTS], sigma[MIRROR_JOINTS]
+            joints, sigma, error = joints[MIRROR_JOINTS], sigma[MIRROR_JOINTS], error[MIRROR_JOINTS]
         apart = np.linalg.norm(joints - joints[MIRROR_JOINTS], axis=1)
-        error = np.sqrt(sigma**2 @ _MEAN_SQUARE) + min(from_behind, 1.0 - from_behind) * apart
+        error += min(from_behind, 1.0 - from_behind) * apart
         both = self._person.probability(probability, float(person[0]))
         return JointProposals(joints, error, sigma, from_behind, both)
