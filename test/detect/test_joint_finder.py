@@ -21,6 +21,7 @@ from depth_pose.detect.learned_segmenter import LearnedSegmenter
 from depth_pose.detect.net import read_weights
 from depth_pose.sim.scenes import sample_scene
 
+SIDE, CELL_M = 100, 0.03
 TRUNK = [JOINT_INDEX[n] for n in ("pelvis", "spine", "chest", "neck", "head")]
 
 
@@ -32,7 +33,7 @@ def scene(*bodies):
 
 
 def sample(depth, labels, look):
-    grid = np.empty((kernels.SIDE, kernels.SIDE), np.float32)
+    grid = np.empty((SIDE, SIDE), np.float32)
     whose = np.empty(grid.shape, np.int64)
     kernels.sample_crop(depth, labels, syn.CAMERA, look, grid, whose)
     return grid, whose
@@ -55,6 +56,8 @@ def test_joints_of_somebody_who_stands_free(distance, turn):
     assert np.median(error[TRUNK]) < 0.08
     assert np.median(error) < 0.12
     assert ((seen.proposal_confidence > 0) & (seen.proposal_confidence <= 1)).all()
+    assert seen.proposal_sigma.shape == (19, 2)
+    assert (seen.proposal_sigma > 0).all()
 
 
 def test_same_frame_same_bits():
@@ -99,7 +102,10 @@ def test_second_look_tells_coats_and_heaps_from_people():
 
 
 def test_a_point_comes_back_from_the_crop():
-    look, points = Look(0.4, -0.2, 2.5), np.random.default_rng(0).uniform(-0.6, 0.6, (19, 3)) + [0, 0, 2.5]
+    look, points = (
+        Look(0.4, -0.2, 2.5, CELL_M),
+        np.random.default_rng(0).uniform(-0.6, 0.6, (19, 3)) + [0, 0, 2.5],
+    )
     places = np.empty((19, 3))
     kernels.to_crop(points, look, places)
     np.testing.assert_allclose(kernels.from_crop(places, look), points, atol=1e-12)
@@ -109,7 +115,7 @@ def test_a_point_comes_back_from_the_crop():
 @pytest.mark.parametrize("angle", [0.0, 25.0])
 def test_a_dot_lies_in_the_crop_where_its_coordinates_say(flip, angle):
     cos, sin = np.cos(np.radians(angle)), np.sin(np.radians(angle))
-    look, point = Look(0.2, 0.1, 3.0, cos, sin, flip), np.array([[0.45, -0.3, 2.8]])
+    look, point = Look(0.2, 0.1, 3.0, CELL_M, cos, sin, flip), np.array([[0.45, -0.3, 2.8]])
     u, v = np.rint(syn.CAMERA.project(point[0])).astype(int)
     depth = np.full((syn.CAMERA.height, syn.CAMERA.width), 4.0, np.float32)
     labels = np.zeros(depth.shape, np.uint8)
@@ -118,7 +124,7 @@ def test_a_dot_lies_in_the_crop_where_its_coordinates_say(flip, angle):
     place = np.empty((1, 3))
     kernels.to_crop(point, look, place)
     rows, cols = np.nonzero(whose == 5)
-    middle = (np.array([cols.mean(), rows.mean()]) - 0.5 * (kernels.SIDE - 1)) * kernels.CELL_M
+    middle = (np.array([cols.mean(), rows.mean()]) - 0.5 * (SIDE - 1)) * CELL_M
     np.testing.assert_allclose(middle, place[0, :2], atol=0.02)
 
 
@@ -127,7 +133,7 @@ def test_features_of_own_pixels_others_and_what_lies_outside():
     labels = np.zeros(depth.shape, np.uint8)
     labels[:, : depth.shape[1] // 2] = 1
     depth[labels == 1] = 2.75
-    look = Look(0.0, 0.0, 3.0)
+    look = Look(0.0, 0.0, 3.0, CELL_M)
     grid, whose = sample(depth, labels, look)
     out = np.empty((kernels.CHANNELS, *grid.shape), np.float32)
     kernels.fill_features(grid, whose, 1, look, out)

@@ -31,7 +31,9 @@ class Watcher:
 
     def look(self, person: Detection) -> JointProposals:
         self.told += 1
-        return JointProposals(np.tile(person.torso, (19, 1)), np.full(19, 0.05), 0.0, self.probability)
+        return JointProposals(
+            np.tile(person.torso, (19, 1)), np.full(19, 0.05), np.full((19, 2), 0.05), 0.0, self.probability
+        )
 
     def see(self, *people: Detection, step_ns: int = STEP_NS) -> int:
         """Give how many are looked at in the next frame."""

@@ -136,3 +136,20 @@ def test_unknown_postures_are_refused():
         sample_figure(np.random.default_rng(0), "float")
     with pytest.raises(ConfigError, match="stand"):
         sample_postures("float", np.random.default_rng(0))
+
+
+def wrist_places(loose):
+    """Where left wrists are from the chest, in units of the stature, for 100 who stand."""
+    rng = np.random.default_rng(11)
+    crowd = [sample_figure(rng, "stand", loose=loose) for _ in range(100)]
+    wrist, chest = JOINT_INDEX["left_wrist"], JOINT_INDEX["chest"]
+    return np.array([(f.joints[wrist] - f.joints[chest]) / f.stature for f in crowd])
+
+
+def test_loose_postures_reach_farther_about():
+    plain, loose = wrist_places(False), wrist_places(True)
+    assert (loose.std(axis=0) > plain.std(axis=0)).all()
+    behind, above = (loose[:, 2] < -0.1).mean(), (loose[:, 1] > 0.1).mean()
+    assert behind > 0.02
+    assert above > 0.1
+    assert np.linalg.norm(loose, axis=1).max() < 0.5  # arms are no longer than that

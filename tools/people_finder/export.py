@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import torch
-from joint_net import JointNet
+from joint_net import SIDE, JointNet
 from net import FinderNet
 from onnx_weights import halve
 from torch import Tensor, nn
@@ -34,7 +34,9 @@ JOINT_CODE = (
     "joint_net.py",
     "joint_losses.py",
     "scenes.py",
+    "close_ups.py",
     "crops.py",
+    "_crop_spoil_kernels.py",
     "find_sightings.py",
     "sightings.py",
     "train_joints.py",
@@ -65,9 +67,10 @@ class _Seen(nn.Module):
 
 
 def export_joint_net(checkpoint: Path, target: Path) -> bytes:
-    """Write a checkpoint of the second look as ONNX: ``joints``, ``log_error``, ``behind``, ``person``."""
-    shape = (crop_kernels.CHANNELS, crop_kernels.SIDE, crop_kernels.SIDE)
-    return _export(_load(JointNet(), checkpoint), target, shape, ["joints", "log_error", "behind", "person"])
+    """Write a checkpoint of the second look as ONNX, with the names of `joint_net.Answer`."""
+    shape = (crop_kernels.CHANNELS, SIDE, SIDE)
+    outputs = ["joints", "log_error", "behind", "person", "mask"]
+    return _export(_load(JointNet(), checkpoint), target, shape, outputs)
 
 
 def _load(net: nn.Module, checkpoint: Path) -> nn.Module:

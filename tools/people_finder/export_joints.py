@@ -10,6 +10,7 @@ from typing import Annotated
 
 import numpy as np
 import typer
+from joint_net import CELL_M, LEAST_WIDTH_M, SIDE
 from numpy.typing import NDArray
 from sightings import Sightings
 
@@ -19,6 +20,10 @@ from export import JOINT_CODE, JOINT_FEATURES, export_joint_net, hash_code, writ
 
 _STEPS, _RIDGE = 30, 1e-3
 """Newton's steps, and what is added to the curvature, so that it can be solved. Set by hand."""
+
+
+_THINGS = 0.2
+"""Share of things among what the finder finds in rooms, two of five of which hold lookalikes."""
 
 
 def logits_of(model: bytes, found: Sightings) -> NDArray[np.float64]:
@@ -32,13 +37,17 @@ def logits_of(model: bytes, found: Sightings) -> NDArray[np.float64]:
 
 
 def fit_odds(logits: NDArray[np.float64], is_person: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """Logistic regression by Newton's method; gives the weights of the logits, and the bias."""
+    """Logistic regression by Newton's method; gives the weights of the logits, and the bias.
+
+    People and things count as if `_THINGS` were things, however many lookalikes there are.
+    """
     x = np.column_stack([logits, np.ones(len(logits))])
+    counts = np.where(is_person, (1 - _THINGS) / is_person.mean(), _THINGS / (~is_person).mean())
     weights = np.zeros(x.shape[1])
     for _ in range(_STEPS):
         p = 1.0 / (1.0 + np.exp(-x @ weights))
-        curvature = (x * (p * (1.0 - p))[:, None]).T @ x + _RIDGE * np.eye(x.shape[1])
-        weights -= np.linalg.solve(curvature, x.T @ (p - is_person) + _RIDGE * weights)
+        curvature = (x * (counts * p * (1.0 - p))[:, None]).T @ x + _RIDGE * np.eye(x.shape[1])
+        weights -= np.linalg.solve(curvature, x.T @ (counts * (p - is_person)) + _RIDGE * weights)
     return weights
 
 
@@ -53,7 +62,8 @@ def main(
     found = Sightings.load(sightings)
     person = fit_odds(logits_of(model, found), found.is_person)
     code = hash_code(JOINT_CODE, JOINT_FEATURES)
-    write_settings(out / "joint_finder.json", model, code, training=note, person=person.tolist())
+    crop = {"side": SIDE, "cell_m": CELL_M, "least_width_m": LEAST_WIDTH_M}
+    write_settings(out / "joint_finder.json", model, code, training=note, person=person.tolist(), **crop)
 
 
 if __name__ == "__main__":

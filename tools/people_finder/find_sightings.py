@@ -6,8 +6,8 @@ Every look at a scene is another: mirrored, a part of it as if the view were nar
 in another size. The first look at each is the scene as it is. The file holds, of N sightings:
 
 =========== ===================== ======================================================================
-depth       (N, 80, 80) uint16    crop around the torso, millimetres; 0 where nothing returned
-whose       (N, 80, 80) uint8     1 theirs, 0 not, 255 outside the image
+depth       (N, 128, 128) uint16    crop around the torso, millimetres; 0 where nothing returned
+whose       (N, 128, 128) uint8     1 theirs, 0 not, 255 outside the image
 torso       (N, 3) float32        where the finder sees it, metres, optical frame
 probability (N,) float32          the finder's, that this is a person
 is_person   (N,) bool             half of its pixels are one person's, and none has more of theirs
@@ -24,6 +24,7 @@ from typing import Annotated
 import numpy as np
 import typer
 from fit_verifier import frame_of, truth_on_grid, whose
+from joint_net import CELL_M, SIDE
 from make_scenes import pool
 from numpy.typing import NDArray
 from rich.progress import track
@@ -33,7 +34,7 @@ from sightings import OUTSIDE
 from depth_pose.core.config import SegmentConfig
 from depth_pose.core.skeleton import JOINTS, MIRROR_JOINTS
 from depth_pose.core.types import DepthFrame
-from depth_pose.detect._crop_kernels import SIDE, Look, sample_crop
+from depth_pose.detect._crop_kernels import Look, sample_crop
 from depth_pose.detect.candidates import CandidateFinder
 
 _LEAST = 0.05
@@ -99,7 +100,8 @@ class Collector:
             if is_person[k] < 0:
                 continue
             grid, theirs = np.empty((SIDE, SIDE), np.float32), np.empty((SIDE, SIDE), np.int64)
-            sample_crop(found.depth, labels, found.camera, Look(*person.torso.tolist()), grid, theirs)
+            look = Look(*person.torso.tolist(), CELL_M)
+            sample_crop(found.depth, labels, found.camera, look, grid, theirs)
             mask = np.where(theirs < 0, OUTSIDE, theirs == person.label).astype(np.uint8)
             joints = shot.joints[owner[k]] if is_person[k] else np.full((len(JOINTS), 3), np.nan, np.float32)
             millimetres = np.rint(1000 * grid).astype(np.uint16)

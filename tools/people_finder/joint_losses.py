@@ -5,19 +5,23 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import torch
-from joint_net import Answer
+from crops import NO_DEPTH
+from joint_net import LEAST_WIDTH_M, Answer
 from torch import Tensor
 from torch.nn import functional
 
 from depth_pose.core.skeleton import MIRROR_JOINTS
-from depth_pose.detect.joint_finder import LEAST_ERROR_M
 
 _BEHIND_WEIGHT = 0.5
 _PLACE_WEIGHT = 0.5
 _PERSON_WEIGHT = 1.0
-"""Weights of these three losses; the joints' own counts 1. Set by hand."""
+_MASK_WEIGHT = 1.0
+"""Weights of these losses; the joints' own counts 1. Set by hand."""
 
-_NEAR_M = 0.08
+_OWN_M = 0.2
+"""Error of the fine net's own answer that counts 1, metres: it learns by itself too. Set by hand."""
+
+_NEAR_M = 0.06
 """Deviation of the weights that votes should have about their joint, metres."""
 
 
@@ -27,6 +31,7 @@ class Truth(NamedTuple):
     joints: Tensor
     side: Tensor
     person: Tensor
+    mask: Tensor
 
 
 def joint_loss(answer: Answer, cells: Tensor, truth: Truth) -> tuple[Tensor, dict[str, float]]:
@@ -36,31 +41,53 @@ def joint_loss(answer: Answer, cells: Tensor, truth: Truth) -> tuple[Tensor, dic
     vote for it. ``cells`` (cells, 2) is where they are, metres.
     Joints are named by the side of the image. Who is seen from the side may be named either way, as long
     as the answer to "seen from behind" fits: the better of both counts.
+    A joint's distance from the truth follows exp(-r / width) in the image plane, and so does its depth with
+    a width of its own.
     """
     shown = truth.joints.isfinite().all(dim=(1, 2))
-    joints, log_error, behind, _, log_weights = (part[shown] for part in answer)
+    joints, log_error, behind = (part[shown] for part in answer[:3])
+    log_weights, own = answer.log_weights[shown], answer.own[shown]
     places, side = truth.joints[shown], truth.side[shown]
-    width = LEAST_ERROR_M + torch.exp(log_error.clamp(-6, 2))
+    width = LEAST_WIDTH_M + torch.exp(log_error.clamp(-6, 2))
+    size = 2 * torch.log(width[..., 0]) + torch.log(width[..., 1])
 
     def unlikelihood(target: Tensor) -> Tensor:
-        distance = torch.linalg.vector_norm(joints - target, dim=-1)
+        off = joints - target
+        aside = (off[..., :2].square().sum(dim=-1) + 1e-8).sqrt() / width[..., 0]
         place = _place_loss(log_weights, cells, target)
-        return (distance / width + 3 * torch.log(width) + _PLACE_WEIGHT * place).mean(dim=1)
+        alone = (own - target).square().sum(dim=-1).add(1e-8).sqrt() / _OWN_M
+        likely = aside + off[..., 2].abs() / width[..., 1] + size
+        return (likely + alone + _PLACE_WEIGHT * place).mean(dim=1)
 
     named, mirrored = unlikelihood(places), unlikelihood(places[:, MIRROR_JOINTS])
     other = (mirrored < named) & (side.abs() < 1)
     loss = torch.where(other, mirrored, named).mean()
     from_behind = ((side > 0) ^ other).float()
     loss_behind = functional.binary_cross_entropy_with_logits(behind, from_behind)
+    asked_pixels = (truth.mask != NO_DEPTH).float()
+    loss_mask = functional.binary_cross_entropy_with_logits(
+        answer.mask, (truth.mask == 1).float(), asked_pixels, reduction="sum"
+    ) / asked_pixels.sum().clamp(min=1)
+    target = torch.where(other[:, None, None], places[:, MIRROR_JOINTS], places)
+    off_mm = 1000 * torch.linalg.vector_norm(joints.detach() - target, dim=-1).mean()
+    parts = {
+        "joints": loss.item(), "behind": loss_behind.item(), "mask": loss_mask.item(), "mm": off_mm.item(),
+    }  # fmt: skip
+    total = loss + _BEHIND_WEIGHT * loss_behind + _MASK_WEIGHT * loss_mask
     asked = truth.person.isfinite()
-    loss_person = functional.binary_cross_entropy_with_logits(answer.person[asked], truth.person[asked])
-    parts = {"joints": loss.item(), "behind": loss_behind.item(), "person": loss_person.item()}
-    return loss + _BEHIND_WEIGHT * loss_behind + _PERSON_WEIGHT * loss_person, parts
+    if asked.any():
+        loss_person = functional.binary_cross_entropy_with_logits(answer.person[asked], truth.person[asked])
+        parts["person"] = loss_person.item()
+        total = total + _PERSON_WEIGHT * loss_person
+    return total, parts
 
 
 def _place_loss(log_weights: Tensor, cells: Tensor, target: Tensor) -> Tensor:
     """Cross entropy (N, J) of votes' weights with a Gaussian about each joint; 0 outside the crop."""
     place = target[..., :2]
     inside = (place.abs() < cells.max()).all(dim=-1)
-    near = torch.softmax(-((place[:, :, None] - cells) ** 2).sum(dim=-1) / (2 * _NEAR_M**2), dim=-1)
-    return -(near * log_weights).sum(dim=-1) * inside
+    side = round(len(cells) ** 0.5)
+    along = cells[:side, 0]  # the same for rows and columns
+    near = torch.softmax(-((place[..., None] - along) ** 2) / (2 * _NEAR_M**2), dim=-1)
+    across = (log_weights.unflatten(-1, (side, side)) * near[:, :, 0, None]).sum(dim=-1)
+    return -(across * near[:, :, 1]).sum(dim=-1) * inside

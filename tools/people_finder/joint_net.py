@@ -2,11 +2,17 @@
 
 Every cell of the crop votes for every joint and says how much its vote counts; the joint is where the
 votes' mean lies (as the anchors of Xiong et al. 2019, *A2J: anchor-to-joint regression network*, and the
-expected place of Sun et al. 2018, *Integral human pose regression*).
+expected place of Sun et al. 2018, *Integral human pose regression*). Most channels are spent at an eighth of
+the crop's resolution and below, where convolutions run near a processor's peak.
+
+Two nets look at once. The coarse one sees the middle of the crop at 3.2 cm a pixel and was trained before (it
+shipped by itself); it stays as it is. The fine one sees all of it at 2.2 cm and what the coarse one felt,
+answers by itself, and says joint by joint whose answer counts.
 """
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import NamedTuple
 
 import torch
@@ -15,16 +21,27 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from depth_pose.core.skeleton import JOINTS
-from depth_pose.detect._crop_kernels import CELL_M, CHANNELS, SIDE
+from depth_pose.detect._crop_kernels import CHANNELS
 
-_CELLS = SIDE // 4
-"""Cells along a side that vote, each of four by four pixels."""
-_HEAD_WIDTH = 96
-"""Channels before the votes; no fewer than what they have to say."""
+SIDE = 128
+"""Rows and columns of a crop, pixels."""
 
+CELL_M = 0.022
+"""What a pixel of the crop measures at the torso's distance, metres: 2.8 m in all."""
 
+LEAST_WIDTH_M = 0.01
+"""Narrowest distribution that a joint may claim, metres."""
+
+STRIDE = 4
+"""Pixels along the side of a cell that votes."""
+
+_CELLS = SIDE // STRIDE
+_COARSE_SIDE, _COARSE_CELL_M, _COARSE_WIDTH = 80, 0.032, 48
+"""Pixels of the coarse net's crop, the side of one in metres, and channels that it hands on."""
+_TRUST, _DOUBT = -1.5, -1.0
+"""How much the coarse answer counts at first: logit at an error of 1 m, and its slope by the logarithm."""
 _PERSON_WIDTH = 64
-"""Channels from which it is said whether this is a person."""
+"""Channels from which it is said whether this is a person, and from which side they are seen."""
 
 
 class Answer(NamedTuple):
@@ -34,19 +51,129 @@ class Answer(NamedTuple):
     ----------
     joints : (N, J, 3)
         In the crop's coordinates, metres.
-    log_error : (N, J)
-        Logarithms of their errors.
+    log_error : (N, J, 2)
+        Logarithms of the widths of their distributions, in the image plane and in depth, metres.
     behind, person : (N,)
         Logits of being seen from behind, and of being a person.
+    mask : (N, SIDE, SIDE)
+        Logits of a pixel showing the person.
     log_weights : (N, J, cells)
-        Logarithms of the weights of the cells' votes.
+        Logarithms of the weights of the fine net's votes.
+    own : (N, J, 3)
+        Joints by the fine net alone.
     """
 
     joints: Tensor
     log_error: Tensor
     behind: Tensor
     person: Tensor
+    mask: Tensor
     log_weights: Tensor
+    own: Tensor
+
+
+class _Unit(nn.Sequential):
+    """Convolution and ReLU."""
+
+    def __init__(self, channels_in: int, channels_out: int, size: int = 3, stride: int = 1) -> None:
+        super().__init__(nn.Conv2d(channels_in, channels_out, size, stride, size // 2), nn.ReLU(inplace=True))
+
+
+class _Straight(nn.Module):
+    """Two convolutions beside a straight path."""
+
+    def __init__(self, channels: int, dilation: int = 1) -> None:
+        super().__init__()
+        self.first = _Unit(channels, channels)
+        self.second = nn.Sequential(nn.Conv2d(channels, channels, 3, 1, dilation, dilation))
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Add what the two convolutions find."""
+        return functional.relu(x + self.second(self.first(x)))
+
+
+class Coarse(NamedTuple):
+    """What the coarse net says; as `Answer`, and the channels that it hands on, (N, 48, 20, 20)."""
+
+    joints: Tensor
+    log_error: Tensor
+    behind: Tensor
+    person: Tensor
+    felt: Tensor
+
+
+class CoarseNet(nn.Module):
+    """The net that looks at 80x80 pixels of 3.2 cm; its norms are part of its convolutions."""
+
+    def __init__(self, widths: tuple[int, int, int] = (24, _COARSE_WIDTH, 112)) -> None:
+        super().__init__()
+        a, b, c = widths
+        n, head = len(JOINTS), 96
+        self.stem = nn.Sequential(_Unit(CHANNELS, a, 3, 2), _Unit(a, a))
+        self.down4 = nn.Sequential(_Unit(a, b, 3, 2), _Straight(b))
+        self.down8 = nn.Sequential(_Unit(b, c, 3, 2), _Straight(c, 2), _Straight(c, 4))
+        self.squeeze = _Unit(b + c, b, 1)
+        self.up4 = _Straight(b)
+        self.votes = nn.Sequential(_Unit(b, head), nn.Conv2d(head, 5 * n + 1, 1))
+        self.look = _Unit(c, _PERSON_WIDTH)
+        self.person = nn.Linear(2 * _PERSON_WIDTH, 1)
+        self.register_buffer("cells", _places(_COARSE_SIDE // 4, 4 * _COARSE_CELL_M), persistent=False)
+
+    def forward(self, x: Tensor) -> Coarse:
+        """Look at a crop of its own size."""
+        x4 = self.down4(self.stem(x))
+        x8 = self.down8(x4)
+        y4 = self.up4(self.squeeze(torch.cat([x4, functional.interpolate(x8, scale_factor=2)], 1)))
+        votes, n = self.votes(y4).float().flatten(2), len(JOINTS)
+        weights = torch.softmax(votes[:, 3 * n : 4 * n], dim=-1)
+        offsets = votes[:, : 3 * n].unflatten(1, (n, 3)) + self.cells
+        joints = (offsets * weights[:, :, None]).sum(dim=-1)
+        errors = (votes[:, 4 * n : 5 * n] * weights).sum(dim=-1)
+        seen = self.look(x8).float().flatten(2)
+        person = self.person(torch.cat([seen.mean(dim=-1), seen.amax(dim=-1)], 1).to(x8.dtype))[:, 0].float()
+        return Coarse(joints, errors, votes[:, -1].mean(dim=-1), person, y4)
+
+    def load_onnx(self, path: Path) -> None:
+        """Take the weights of an exported net; its layers are called as here."""
+        import onnx
+        from onnx import numpy_helper
+        from onnx_weights import widen
+
+        model = onnx.load(path)
+        widen(model)
+        held = {t.name: torch.from_numpy(numpy_helper.to_array(t).copy()) for t in model.graph.initializer}
+        state = {}
+        for node in model.graph.node:
+            if node.op_type in ("Conv", "Gemm"):
+                layer = _layer_of(node.name)
+                state[f"{layer}.weight"], state[f"{layer}.bias"] = held[node.input[1]], held[node.input[2]]
+        missing = set(self.state_dict()) - set(state)
+        if missing:
+            raise ValueError(f"{path} has no layer {', '.join(sorted(missing))}")
+        self.load_state_dict({k: v.float() for k, v in state.items()})
+
+
+def _layer_of(node: str) -> str:
+    """Give the layer that a node of an exported net is, as ``/down4/down4.1/first/first.0/Conv``."""
+    names: list[str] = []
+    for name in node.split("/")[1:-1]:
+        if names and name.startswith(f"{names[-1]}."):
+            names.pop()
+        names.append(name)
+    return ".".join(names)
+
+
+def _places(cells: int, cell_m: float) -> Tensor:
+    """Where the middles of cells lie in the crop, metres, (1, 1, 3, cells * cells)."""
+    place = (torch.arange(cells) + 0.5 - cells / 2) * cell_m
+    across, down = place.expand(cells, cells), place[:, None].expand(cells, cells)
+    return torch.stack([across, down, torch.zeros(cells, cells)]).reshape(1, 1, 3, -1)
+
+
+def _nearest(cells: int, cell_m: float, others: int, other_m: float) -> Tensor:
+    """Give for each of a row of cells about the middle the nearest of others, which differ in size."""
+    place = (torch.arange(cells) + 0.5 - cells / 2) * cell_m
+    return ((place / other_m + others / 2 - 0.5).round()).clamp(0, others - 1).long()
 
 
 class JointNet(nn.Module):
@@ -54,44 +181,62 @@ class JointNet(nn.Module):
 
     Parameters
     ----------
-    widths : tuple of 3 int
-        Channels at 1/2, 1/4 and 1/8 of the input's resolution.
+    widths : tuple of 4 int
+        Channels at 1/2, 1/4, 1/8 and 1/16 of the input's resolution.
     """
 
-    def __init__(self, widths: tuple[int, int, int] = (24, 48, 112)) -> None:
+    def __init__(self, widths: tuple[int, int, int, int] = (24, 64, 128, 192)) -> None:
         super().__init__()
-        a, b, c = widths
-        self.stem = nn.Sequential(ConvUnit(CHANNELS, a, 3, 2), ConvUnit(a, a))
-        self.down4 = nn.Sequential(ConvUnit(a, b, 3, 2), Residual(b))
-        self.down8 = nn.Sequential(ConvUnit(b, c, 3, 2), Residual(c, 2), Residual(c, 4))
-        self.squeeze = ConvUnit(b + c, b, 1)
-        self.up4 = Residual(b)
+        a, b, c, d = widths
+        self.stem = ConvUnit(CHANNELS, a, 5, 2)
+        self.down4 = nn.Sequential(ConvUnit(a, b, 3, 2), ConvUnit(b, b))
+        self.down8 = nn.Sequential(ConvUnit(b, c, 3, 2), Residual(c), Residual(c))
+        self.down16 = nn.Sequential(ConvUnit(c, d, 3, 2), Residual(d))
+        self.squeeze8 = ConvUnit(c + d + _COARSE_WIDTH, 96, 1)
+        self.up8 = ConvUnit(96, 96)
+        self.squeeze4 = ConvUnit(b + 96, b, 1)
+        self.up4 = ConvUnit(b, b)
         n = len(JOINTS)
-        # votes (metres), weights of the votes, logarithms of the joints' errors, logit of seen from behind
-        self.votes = nn.Sequential(ConvUnit(b, _HEAD_WIDTH), nn.Conv2d(_HEAD_WIDTH, 5 * n + 1, 1))
-        self.look = ConvUnit(c, _PERSON_WIDTH)
+        # votes (metres), their weights, two logarithms of errors, trust in the coarse answer; behind
+        self.votes = nn.Conv2d(b, 7 * n + 1, 1)
+        self.mask = nn.Conv2d(b, STRIDE**2, 1)
+        self.look = ConvUnit(d, _PERSON_WIDTH, 1)
         self.person = nn.Linear(2 * _PERSON_WIDTH, 1)
-        place = (torch.arange(_CELLS) + 0.5 - _CELLS / 2) * 4 * CELL_M
-        across, down = place.expand(_CELLS, _CELLS), place[:, None].expand(_CELLS, _CELLS)
-        cells = torch.stack([across, down, torch.zeros(_CELLS, _CELLS)]).reshape(1, 1, 3, -1)
-        self.register_buffer("cells", cells, persistent=False)
+        self.behind = nn.Linear(2 * _PERSON_WIDTH, 1)
+        self.trust = nn.Parameter(torch.full((n,), _TRUST))
+        self.doubt = nn.Parameter(torch.full((n,), _DOUBT))
+        self.coarse = CoarseNet().requires_grad_(False)
+        self.register_buffer("cells", _places(_CELLS, STRIDE * CELL_M), persistent=False)
+        self.register_buffer("middle", _nearest(_COARSE_SIDE, _COARSE_CELL_M, SIDE, CELL_M), persistent=False)
+        handed = _nearest(SIDE // 8, 8 * CELL_M, _COARSE_SIDE // 4, 4 * _COARSE_CELL_M)
+        self.register_buffer("handed", handed, persistent=False)
 
     def vote(self, x: Tensor) -> Answer:
         """Answer with all that training asks for."""
+        with torch.no_grad():
+            coarse = self.coarse(x.index_select(2, self.middle).index_select(3, self.middle))
+            felt = coarse.felt.index_select(2, self.handed).index_select(3, self.handed)
         x4 = self.down4(self.stem(x))
         x8 = self.down8(x4)
-        y4 = self.up4(self.squeeze(torch.cat([x4, functional.interpolate(x8, scale_factor=2)], 1)))
+        x16 = self.down16(x8)
+        y8 = self.up8(self.squeeze8(torch.cat([x8, functional.interpolate(x16, scale_factor=2), felt], 1)))
+        y4 = self.up4(self.squeeze4(torch.cat([x4, functional.interpolate(y8, scale_factor=2)], 1)))
         votes = self.votes(y4).float().flatten(2)
         n = len(JOINTS)
         log_weights = torch.log_softmax(votes[:, 3 * n : 4 * n], dim=-1)
         weights = log_weights.exp()
         offsets = votes[:, : 3 * n].unflatten(1, (n, 3)) + self.cells
-        joints = (offsets * weights[:, :, None]).sum(dim=-1)
-        errors = (votes[:, 4 * n : 5 * n] * weights).sum(dim=-1)
-        seen = self.look(x8).float().flatten(2)
-        person = self.person(torch.cat([seen.mean(dim=-1), seen.amax(dim=-1)], 1).to(x8.dtype))[:, 0].float()
-        return Answer(joints, errors, votes[:, -1].mean(dim=-1), person, log_weights)
+        own = (offsets * weights[:, :, None]).sum(dim=-1)
+        said = (votes[:, 4 * n : 7 * n].unflatten(1, (n, 3)) * weights[:, :, None]).sum(dim=-1)
+        share = torch.sigmoid(said[:, :, 2] + self.trust + self.doubt * coarse.log_error)[:, :, None]
+        joints = share * coarse.joints + (1 - share) * own
+        seen = self.look(x16).float().flatten(2)
+        pooled = torch.cat([seen.mean(dim=-1), seen.amax(dim=-1)], 1).to(x16.dtype)
+        person = coarse.person + self.person(pooled)[:, 0].float()
+        behind = coarse.behind + self.behind(pooled)[:, 0].float() + votes[:, -1].mean(dim=-1)
+        mask = functional.pixel_shuffle(self.mask(y4).float(), STRIDE)[:, 0]
+        return Answer(joints, said[:, :, :2], behind, person, mask, log_weights, own)
 
     def forward(self, x: Tensor) -> tuple[Tensor, ...]:
-        """Answer without the weights of votes."""
-        return tuple(self.vote(x)[:4])
+        """Answer without what only training asks for."""
+        return tuple(self.vote(x)[:5])

@@ -28,8 +28,10 @@ _ALIKE, _ALIKE_CHECKS = 7_500, 750
 """Scenes of what looks like people, to train on and to check on. Set by hand."""
 _IMAGES, _BATCH, _RATE = 240_000, 16, 2e-3
 """The finder's training: images in all, images a step, and the highest learning rate. Set by hand."""
-_CROPS, _CROPS_AGAIN = 160_000, 140_000
-"""The second look's training, and what it is trained again with half the rate: crops in all. Set by hand."""
+_CROPS, _FALL = 1_000_000, 80_000
+"""The second look's training: crops at the highest rate, and while it falls. Set by hand."""
+_COARSE = ("git", "show", "fe355e5:src/depth_pose/people/weights/joint_finder.onnx")
+"""Its coarse net is the one that shipped before, with floats."""
 
 app = typer.Typer(add_completion=False)
 
@@ -65,17 +67,14 @@ def main(
     for file, places in ((found, (train, alike)), (found_apart, (check, alike_check))):
         if not file.exists():
             call("find_sightings.py", folder / "weights", file, *places, *at_once)
-    joints, again = folder / "joints", folder / "joints_again"
-    apart = ("--check", check, "--others", found_apart)
+    joints, coarse = folder / "joints", folder / "coarse.onnx"
+    if not coarse.exists():
+        coarse.write_bytes(subprocess.run(_COARSE, check=True, capture_output=True, cwd=_HERE).stdout)
     if not (joints / "last.pt").exists():
-        cycle = ("--images", _CROPS, "--rate", _RATE, "--seed", seed)
-        call("train_joints.py", train, found, joints, *apart, *cycle, *at_once)
-    if not (again / "last.pt").exists():
-        cycle = ("--images", _CROPS_AGAIN, "--rate", 0.5 * _RATE, "--seed", seed + 1)
-        call("train_joints.py", train, found, again, *apart, *cycle, *at_once, "--start", joints / "last.pt")
-    crops = f"{_CROPS} and {_CROPS_AGAIN} crops"
-    note = f"{scenes} scenes, {_ALIKE} of lookalikes, {crops}, seed {seed}, {workers} at once"
-    call("export_joints.py", again / "last.pt", found_apart, folder / "weights", "--note", note)
+        length = ("--crops", _CROPS, "--decay", _FALL, "--seed", seed)
+        call("train_joints.py", joints, "--coarse", coarse, "--sightings", found, *length)
+    note = f"{_CROPS} and {_FALL} crops, seed {seed}"
+    call("export_joints.py", joints / "last.pt", found_apart, folder / "weights", "--note", note)
     call("quantise.py", folder / "weights", folder / "integers")
 
 

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import shutil
 from collections.abc import Iterable
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -34,13 +35,15 @@ from depth_pose.sim.clips import sample_clip
 _KEPT = {
     "people_finder": ("/stem/stem.0/stem.0.0/Conv", "/torso/Conv", "/mask/Conv"),
     "joint_finder": (
-        "/stem/stem.0/stem.0.0/Conv",
-        "/stem/stem.1/stem.1.0/Conv",
-        "/down4/down4.0/down4.0.0/Conv",
-        "/votes/votes.1/Conv",
+        "/coarse/stem/stem.0/stem.0.0/Conv",
+        "/coarse/stem/stem.1/stem.1.0/Conv",
+        "/coarse/down4/down4.0/down4.0.0/Conv",
+        "/coarse/votes/votes.1/Conv",
+        "/votes/Conv",
+        "/mask/Conv",
     ),
 }
-"""Convolutions that stay in 32 bits. With the second look's last in 8 as well its joints move by 25 mm
+"""Convolutions that stay in 32 bits. With the coarse net's last in 8 as well its joints move by 25 mm
 (median), with its first three by 9 instead of 6."""
 
 _SEED, _FRAMES, _EVERY, _MOST = 77, 12, 4, 100
@@ -115,10 +118,15 @@ def main(
     weights: Annotated[Path, typer.Argument(help="Folder of both nets, as make_weights.py trained them")],
     out: Annotated[Path, typer.Argument(help="Folder for both nets, and what made them, as integers")],
     rooms: Annotated[int, typer.Option(help="Simulated rooms that ranges are taken from", min=1)] = 40,
+    only: Annotated[str | None, typer.Option(help="One of the nets; the other one is copied")] = None,
 ) -> None:
     """Write both nets as integers."""
     out.mkdir(parents=True, exist_ok=True)
     for name, inputs in watch(weights, rooms).items():
+        if only not in (None, name):
+            for kind in ("onnx", "json"):
+                shutil.copyfile(weights / f"{name}.{kind}", out / f"{name}.{kind}")
+            continue
         settings = json.loads((weights / f"{name}.json").read_text())
         quantise(weights / f"{name}.onnx", out / f"{name}.onnx", inputs[:_MOST])
         digest = hashlib.sha256((out / f"{name}.onnx").read_bytes()).hexdigest()

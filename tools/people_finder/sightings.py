@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 from crops import CropBatch
+from joint_net import CELL_M
 from numpy.typing import NDArray
 from replicas import Replica
 
@@ -56,7 +57,7 @@ class Sightings:
                 spoil_crop(grid, whose, rng)
                 if rng.random() < 0.5:
                     flip, grid, whose = -1.0, grid[:, ::-1], whose[:, ::-1]
-            look = Look(x, y, z, flip=flip)
+            look = Look(x, y, z, CELL_M, flip=flip)
             fill_features(grid, whose, 1, look, out.features[k])
             out.person[k] = float(self.is_person[n])
             if self.is_person[n]:

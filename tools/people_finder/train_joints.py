@@ -1,24 +1,32 @@
-"""Train the net of the second look on simulated scenes, and on what the finder finds in them.
+"""Train the net of the second look on people who are drawn while it trains.
 
-python tools/people_finder/train_joints.py scenes/train sightings/train.npz runs/joints --check scenes/val
+    git show fe355e5:src/depth_pose/people/weights/joint_finder.onnx > coarse.onnx
+    python tools/people_finder/train_joints.py runs/joints --coarse coarse.onnx --crops 1000000 --decay 80000
+
+Training has three parts: a short rise of the rate, a long part at the highest rate, and a short fall to none.
+OUT/stable.pt is the end of the second part, from which a later call with more ``--crops`` goes on; each call
+ends with a fall that starts from it and writes OUT/last.pt. So a net that is ready can be had at any time,
+and no training is lost. Stopped (Ctrl-C, kill), it goes on from OUT/stable.pt, which is written every few
+minutes.
 """
 
 from __future__ import annotations
 
+import copy
+import json
+import time
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import torch
 import typer
+from close_ups import CloseUp, CloseUpMaker
 from crops import CropBatch, CropSampler
 from joint_losses import Truth, joint_loss
 from joint_net import JointNet
 from numpy.typing import NDArray
-from optimise import Plan, arithmetic, optimise
-from replicas import Replica, run_replicas
-from scenes import list_shards, load_scenes
-from scipy.stats import rankdata
+from optimise import arithmetic, follow
 from sightings import Sightings
 from torch import Tensor
 
@@ -26,138 +34,174 @@ from depth_pose.core.skeleton import JOINTS, MIRROR_JOINTS
 
 _GROUPS = ("head", "neck", "chest", "pelvis", "shoulder", "elbow", "wrist", "hip", "knee", "ankle", "foot")
 
-_FOUND = 16
-"""How many of a step's crops are what the finder finds, half people and half things."""
+_EMA, _EMA_FALLING, _WEIGHT_DECAY, _WARM_UP, _CLIP = 0.999, 0.995, 0.02, 400, 5.0
+"""What averaged weights keep a step, likewise while the rate falls, the weight decay, steps in which the rate
+rises, and the largest norm of a gradient. Set by hand."""
+
+_CHECK_SEED, _CHECKS = 900_001, 400
+"""Seed and number of the close-ups that tell how it goes; training seeds are small numbers."""
 
 app = typer.Typer(add_completion=False)
 
 
+class Stream:
+    """Close-ups, new ones all the time; each is shown a few times, changed, before it goes.
+
+    Parameters
+    ----------
+    seed : tuple of int
+    room : int
+        Close-ups that are kept.
+    fresh : float
+        New ones for each that is shown.
+    """
+
+    def __init__(self, seed: tuple[int, ...], room: int, fresh: float) -> None:
+        self._rng = np.random.default_rng(seed)
+        self._maker, self._room, self._fresh = CloseUpMaker(), room, fresh
+        self._kept: list[CloseUp] = []
+        self._due, self._next = 0.0, 0
+        while len(self._kept) < min(room, 500):
+            self._kept += self._maker.make(self._rng)
+
+    def next(self, size: int) -> list[CloseUp]:
+        """Give some, drawn at random from those that are kept."""
+        self._due += size * self._fresh
+        while self._due >= 1.0:
+            for one in self._maker.make(self._rng):
+                self._due -= 1.0
+                if len(self._kept) < self._room:
+                    self._kept.append(one)
+                else:
+                    self._kept[self._next] = one
+                    self._next = (self._next + 1) % self._room
+        return [self._kept[k] for k in self._rng.integers(len(self._kept), size=size)]
+
+
 @app.command()
 def train(
-    scenes: Annotated[Path, typer.Argument(help="Folder of shards from make_scenes.py")],
-    sightings: Annotated[Path, typer.Argument(help="File from find_sightings.py")],
-    out: Annotated[Path, typer.Argument(help="Folder for checkpoints")],
-    check: Annotated[Path | None, typer.Option(help="Folder of other shards, to tell how it goes")] = None,
-    others: Annotated[Path | None, typer.Option(help="Other sightings, likewise")] = None,
-    images: Annotated[int, typer.Option(help="Crops to train on, repeats counted")] = 300_000,
-    batch: Annotated[int, typer.Option(help="Crops in a step")] = 40,
-    rate: Annotated[float, typer.Option(help="Highest learning rate")] = 2e-3,
-    seed: Annotated[int, typer.Option(help="Start of all random numbers")] = 0,
-    start: Annotated[Path | None, typer.Option(help="Checkpoint to go on from")] = None,
-    save_every: Annotated[int, typer.Option(help="Crops between checkpoints")] = 80_000,
-    workers: Annotated[int, typer.Option(help="Processes, each with its share of a batch")] = 1,
+    out: Annotated[Path, typer.Argument(help="Folder for checkpoints and log.jsonl")],
+    crops: Annotated[int, typer.Option(help="Crops to train on at the highest rate")] = 1_000_000,
+    decay: Annotated[int, typer.Option(help="Crops of the fall of the rate at the end; 0 for none")] = 80_000,
+    batch: Annotated[int, typer.Option(help="Crops in a step")] = 32,
+    rate: Annotated[float, typer.Option(help="Highest learning rate")] = 1.5e-3,
+    fresh: Annotated[float, typer.Option(help="New close-ups for each crop")] = 0.3,
+    keep: Annotated[int, typer.Option(help="Close-ups that are kept (30 kB each)")] = 16_000,
+    sightings: Annotated[Path | None, typer.Option(help="File from find_sightings.py")] = None,
+    found: Annotated[int, typer.Option(help="How many of a step's crops are sightings")] = 10,
+    seed: Annotated[int, typer.Option(help="Start of all random numbers")] = 1,
+    start: Annotated[Path | None, typer.Option(help="Weights to start from where OUT has none")] = None,
+    coarse: Annotated[Path | None, typer.Option(help="The coarse net (ONNX), where neither is given")] = None,
+    save_every: Annotated[int, typer.Option(help="Crops between checkpoints")] = 20_000,
+    threads: Annotated[int, typer.Option(help="Threads")] = 1,
     exact: Annotated[
         bool | None,
         typer.Option(help="32 bits throughout; by default where the processor has no bfloat16"),
     ] = None,
 ) -> None:
-    """Train; writes OUT/NNNNNNN.pt every so often, and OUT/last.pt."""
-    plan = Plan(images, batch, rate, save_every, seed)
-    run_replicas(_train, workers, scenes, sightings, out, plan, check, others, start, exact)
+    """Train, or go on; writes OUT/stable.pt and OUT/last.pt."""
+    torch.set_num_threads(threads)
+    torch.manual_seed(seed)
+    out.mkdir(parents=True, exist_ok=True)
+    run = _Run(out, rate, exact, start, coarse)
+    apart = CropSampler().batch(_check_set(), None)
+    seen = Sightings.load(sightings) if sightings else None
+    stream = Stream((seed, run.done), keep, fresh)
+    rng = np.random.default_rng([seed, run.done, 1])
+    sampler = CropSampler()
+
+    def next_batch() -> CropBatch:
+        if seen is None:
+            return sampler.batch(stream.next(batch), rng)
+        return joined(
+            [sampler.batch(stream.next(batch - found), rng), seen.batch(seen.draw(found, rng), rng)]
+        )
+
+    while run.done < crops:
+        run.step(next_batch(), min(1.0, (run.steps + 1) / _WARM_UP), _EMA)
+        if run.done % save_every < batch:
+            run.save(out / "stable.pt", apart)
+    run.save(out / "stable.pt", apart)
+    first = run.done
+    while run.done < first + decay:
+        run.step(next_batch(), 1.0 - (run.done - first) / decay, _EMA_FALLING)
+        if run.done % save_every < batch:
+            run.save(out / "falling.pt", apart)
+    run.save(out / "falling.pt", apart)
+    torch.save(run.average.state_dict(), out / "last.pt")
 
 
-def _train(
-    replica: Replica,
-    scenes: Path,
-    sightings: Path,
-    out: Path,
-    plan: Plan,
-    check: Path | None,
-    others: Path | None,
-    start: Path | None,
-    exact: bool | None,
-) -> None:
-    feed, found = CropFeed(scenes, plan.seed, replica), Sightings.load(sightings, replica)
-    tells = replica.rank == 0
-    apart = CropSampler(load_scenes(list_shards(check))) if check and tells else None
-    found_apart = Sightings.load(others) if others and tells else None
-    rng = np.random.default_rng([plan.seed, replica.rank])
-    of_found = len(replica.share(range(_FOUND)))
-    of_all = len(replica.share(range(plan.batch - _FOUND)))
+class _Run:
+    """A net, its optimiser and how far they are."""
 
-    def step(net: JointNet) -> tuple[Tensor, dict[str, float]]:
-        crops = joined([feed.next(of_all), found.batch(found.draw(of_found, rng), rng)])
-        with arithmetic(exact):
-            answer = net.vote(to_input(crops))
-        truth = Truth(*map(torch.from_numpy, (crops.joints, crops.side, crops.person)))
-        return joint_loss(answer, net.cells[0, 0, :2].T, truth)
+    def __init__(
+        self, out: Path, rate: float, exact: bool | None, start: Path | None, coarse: Path | None
+    ) -> None:
+        self.net = JointNet()
+        if start is not None:
+            self.net.load_state_dict(torch.load(start, weights_only=True))
+        elif coarse is not None:
+            self.net.coarse.load_onnx(coarse)
+        elif not (out / "stable.pt").exists():
+            raise typer.BadParameter("a new net needs --coarse or --start")
+        self.net = self.net.to(memory_format=torch.channels_last)
+        self.average = copy.deepcopy(self.net).eval()
+        learned = [p for p in self.net.parameters() if p.requires_grad]
+        self.optimiser = torch.optim.AdamW(learned, rate, weight_decay=_WEIGHT_DECAY, fused=True)
+        self.rate, self.exact, self.steps, self.done = rate, exact, 0, 0
+        self._mean: dict[str, float] = {}
+        self._log, self._began = out / "log.jsonl", time.perf_counter()
+        if (out / "stable.pt").exists():
+            kept = torch.load(out / "stable.pt", weights_only=True)
+            self.net.load_state_dict(kept["net"])
+            self.average.load_state_dict(kept["average"])
+            self.optimiser.load_state_dict(kept["optimiser"])
+            self.steps, self.done = kept["steps"], kept["done"]
 
-    def remark(net: JointNet) -> dict[str, float]:
-        joints = {} if apart is None else score(net, apart)
-        persons = {} if found_apart is None else score_persons(net, found_apart)
-        return {"people": feed.count} | joints | persons
+    def step(self, crops: CropBatch, share: float, keep: float) -> None:
+        """Learn from a batch at a share of the highest rate; averaged weights keep so much."""
+        for group in self.optimiser.param_groups:
+            group["lr"] = share * self.rate
+        with arithmetic(self.exact):
+            answer = self.net.vote(to_input(crops))
+        truth = Truth(*map(torch.from_numpy, (crops.joints, crops.side, crops.person, crops.mask)))
+        loss, parts = joint_loss(answer, self.net.cells[0, 0, :2].T, truth)
+        self.optimiser.zero_grad()
+        loss.backward()
+        torch.nn.utils.clip_grad_norm_(self.net.parameters(), _CLIP)
+        self.optimiser.step()
+        self.steps += 1
+        self.done += len(crops.features)
+        follow(self.average, self.net, min(keep, (1 + self.steps) / (10 + self.steps)))
+        self._mean = {k: 0.99 * self._mean.get(k, v) + 0.01 * v for k, v in parts.items()}
 
-    optimise(JointNet, step, plan, replica, out, start, remark)
-
-
-def to_input(crops: CropBatch) -> Tensor:
-    """Give a batch as the net takes it."""
-    return torch.from_numpy(crops.features).contiguous(memory_format=torch.channels_last)
-
-
-def score(net: JointNet, sampler: CropSampler, most: int = 800) -> dict[str, float]:
-    """Give median errors, metres, of people who are well seen, and the share of facings that are right."""
-    number = sampler.people[:, 0], sampler.people[:, 1]
-    seen = np.flatnonzero(sampler.scenes.visible[number] >= 0.6)[:most]
-    errors, right = [], []
-    for k in range(0, len(seen), 50):
-        crops = sampler.batch(seen[k : k + 50], None)
-        with torch.no_grad():
-            joints, _, behind, _ = (o.numpy() for o in net(to_input(crops)))
-        named = np.linalg.norm(joints - crops.joints, axis=-1)
-        swapped = np.linalg.norm(joints - crops.joints[:, MIRROR_JOINTS], axis=-1)
-        other = (swapped.mean(1) < named.mean(1)) & (np.abs(crops.side) < 1)
-        errors.append(np.where(other[:, None], swapped, named))
-        right.append((behind > 0) == ((crops.side > 0) ^ other))
-    error = np.concatenate(errors)
-    kinds = {g: [n for n, name in enumerate(JOINTS) if name.endswith(g)] for g in _GROUPS}
-    medians = {g: round(float(np.median(error[:, k])), 4) for g, k in kinds.items()}
-    return {"facing": round(float(np.concatenate(right).mean()), 4), **medians}
-
-
-def score_persons(net: JointNet, found: Sightings, most: int = 4000) -> dict[str, float]:
-    """Give the share of pairs of a person and a thing that are in the right order, the finder's beside it."""
-    which = np.random.default_rng(0).permutation(len(found))[:most]
-    logits = []
-    for k in range(0, len(which), 100):
-        with torch.no_grad():
-            logits.append(net(to_input(found.batch(which[k : k + 100], None)))[3].numpy())
-    is_person = found.is_person[which]
-    return {
-        "in order": round(in_order(np.concatenate(logits), is_person), 4),
-        "finder's": round(in_order(found.probability[which], is_person), 4),
-    }
+    def save(self, path: Path, apart: CropBatch) -> None:
+        """Write a checkpoint, and a line to the log."""
+        part = path.with_suffix(".part")
+        state: dict[str, Any] = {
+            "net": self.net.state_dict(),
+            "average": self.average.state_dict(),
+            "optimiser": self.optimiser.state_dict(),
+            "steps": self.steps,
+            "done": self.done,
+        }
+        torch.save(state, part)
+        part.replace(path)
+        line = {
+            "crops": self.done,
+            "seconds": round(time.perf_counter() - self._began),
+            **{k: round(v, 4) for k, v in self._mean.items()},
+            **score(self.average, apart),
+        }
+        with self._log.open("a") as log:
+            print(json.dumps(line), file=log)
 
 
-def in_order(values: NDArray[np.float32], is_person: NDArray[np.bool_]) -> float:
-    """Area under the ROC curve."""
-    rank = rankdata(values)
-    n, m = int(is_person.sum()), int((~is_person).sum())
-    return float((rank[is_person].sum() - n * (n + 1) / 2) / (n * m))
-
-
-class CropFeed:
-    """Crops from a replica's share of a folder's shards, each person once a round."""
-
-    def __init__(self, folder: Path, seed: int, replica: Replica) -> None:
-        self._rng = np.random.default_rng([seed, replica.rank])
-        self._samplers = [CropSampler(load_scenes([p])) for p in replica.share(list_shards(folder))]
-        if not self._samplers:
-            raise typer.BadParameter(f"{folder} has no shards; make_scenes.py writes them")
-        self._order: list[tuple[int, int]] = []
-
-    @property
-    def count(self) -> int:
-        """How many people are known."""
-        return sum(len(s.people) for s in self._samplers)
-
-    def next(self, size: int) -> CropBatch:
-        """Give the next few, in random order."""
-        if len(self._order) < size:
-            pairs = [(k, n) for k, s in enumerate(self._samplers) for n in range(len(s.people))]
-            self._order = [pairs[i] for i in self._rng.permutation(len(pairs))]
-        chosen, self._order = self._order[:size], self._order[size:]
-        return joined([self._samplers[k].batch(np.array([n]), self._rng) for k, n in chosen])
+def _check_set() -> list[CloseUp]:
+    rng, maker, out = np.random.default_rng(_CHECK_SEED), CloseUpMaker(2), []
+    while len(out) < _CHECKS:
+        out += maker.make(rng)
+    return out[:_CHECKS]
 
 
 def joined(parts: list[CropBatch]) -> CropBatch:
@@ -165,6 +209,44 @@ def joined(parts: list[CropBatch]) -> CropBatch:
     return CropBatch(
         *(np.concatenate([getattr(p, n) for p in parts]) for n in CropBatch.__dataclass_fields__)
     )
+
+
+def to_input(crops: CropBatch) -> Tensor:
+    """Give a batch as the net takes it."""
+    return torch.from_numpy(crops.features).contiguous(memory_format=torch.channels_last)
+
+
+def score(net: JointNet, crops: CropBatch) -> dict[str, float]:
+    """Give mean errors (mm), the shares within 10 cm and of facings that are right, the mask's overlap."""
+    answers = []
+    with torch.no_grad():
+        for k in range(0, len(crops.features), 50):
+            x = torch.from_numpy(crops.features[k : k + 50]).contiguous(memory_format=torch.channels_last)
+            answers.append([o.numpy() for o in net(x)])
+    joints, _, behind, _, mask = (np.concatenate(parts) for parts in zip(*answers, strict=True))
+    named = np.linalg.norm(joints - crops.joints, axis=-1)
+    swapped = np.linalg.norm(joints - crops.joints[:, MIRROR_JOINTS], axis=-1)
+    other = (swapped.mean(1) < named.mean(1)) & (np.abs(crops.side) < 1)
+    error = np.where(other[:, None], swapped, named)
+    right = (behind > 0) == ((crops.side > 0) ^ other)
+    said, own = (mask > 0) & (crops.mask < 2), crops.mask == 1
+    kinds = {g: [n for n, name in enumerate(JOINTS) if name.endswith(g)] for g in _GROUPS}
+    return {
+        "all": round(1000 * float(error.mean()), 1),
+        "within": round(float((error < 0.1).mean()), 4),
+        "facing": round(float(right.mean()), 4),
+        "overlap": round(float((said & own).sum() / (said | own).sum()), 4),
+        **{g: round(1000 * float(error[:, k].mean()), 1) for g, k in kinds.items()},
+    }
+
+
+def in_order(values: NDArray[np.float32], is_person: NDArray[np.bool_]) -> float:
+    """Area under the ROC curve."""
+    from scipy.stats import rankdata
+
+    rank = rankdata(values)
+    n, m = int(is_person.sum()), int((~is_person).sum())
+    return float((rank[is_person].sum() - n * (n + 1) / 2) / (n * m))
 
 
 if __name__ == "__main__":

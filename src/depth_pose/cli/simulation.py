@@ -35,7 +35,9 @@ def simulate(
         str | None,
         typer.Option(help="Name of a motion (a wrong name lists them), or a BVH file.", show_default="play"),
     ] = None,
-    sensor: Annotated[str | None, typer.Option(help="tof or structured.", show_default="tof")] = None,
+    sensor: Annotated[
+        str | None, typer.Option(help="tof, structured, d435, d455, oak_d or zed.", show_default="tof")
+    ] = None,
     room: Annotated[
         bool, typer.Option("--room", help="Several people in a furnished room, all generated from the seed.")
     ] = False,

@@ -81,6 +81,9 @@ class FoundPerson:
         Where the finder sees their joints (`JOINTS`), camera frame, metres;
         no rows where it does not say.
     proposal_confidence : (J,) float32
+    proposal_sigma : (J, 2) float32
+        Standard deviation of each proposal in each direction of the image plane, and in depth, metres;
+        no rows where it does not say.
     """
 
     label: int
@@ -88,6 +91,7 @@ class FoundPerson:
     probability: float
     proposals: NDArray[np.float32]
     proposal_confidence: NDArray[np.float32]
+    proposal_sigma: NDArray[np.float32] = field(default_factory=lambda: np.zeros((0, 2), np.float32))
 
 
 @dataclass(frozen=True)

@@ -104,7 +104,14 @@ class PeopleExtractor:
         self.passed_over["too few points"] += shown.count(None) - names.count(None)
         self.passed_over.update(self.choice.left_out)
         found = (
-            FoundPerson(s.label, name, self._tracks.probability(name), s.proposals, s.proposal_confidence)
+            FoundPerson(
+                s.label,
+                name,
+                self._tracks.probability(name),
+                s.proposals,
+                s.proposal_confidence,
+                s.proposal_sigma,
+            )
             for s, name in zip(seen.sightings, chosen, strict=True)
             if name is not None
         )

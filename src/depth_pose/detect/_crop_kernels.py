@@ -10,12 +10,6 @@ from numpy.typing import NDArray
 from depth_pose.core.kernels import njit
 from depth_pose.detect._finder_kernels import bounded, near_second
 
-SIDE = 80
-"""Rows and columns of a crop, pixels."""
-
-CELL_M = 0.032
-"""What a pixel of the crop measures at the torso's distance, metres: 2.56 m in all."""
-
 CHANNELS = 8
 """Features of a pixel; `fill_features` lists them."""
 
@@ -36,6 +30,8 @@ class Look(NamedTuple):
     ----------
     x, y, z : float
         Middle of the torso, camera frame, metres.
+    cell : float
+        Side of a pixel of the crop at the torso's distance, metres.
     cos, sin : float
         Of the angle by which the crop is turned in the image.
     flip : float
@@ -47,6 +43,7 @@ class Look(NamedTuple):
     x: float
     y: float
     z: float
+    cell: float
     cos: float = 1.0
     sin: float = 0.0
     flip: float = 1.0
@@ -55,7 +52,7 @@ class Look(NamedTuple):
 
 @njit(cache=True)
 def sample_crop(depth, labels, camera, look, grid, whose):
-    """Sample depth (metres) and labels to a crop of `SIDE` pixels, as `reduce_grid` does a frame.
+    """Sample depth (metres) and labels to a square crop (``grid``, ``whose``), as `reduce_grid` does.
 
     What lies outside the image gets no depth and the label -1.
     """
@@ -63,15 +60,16 @@ def sample_crop(depth, labels, camera, look, grid, whose):
         _sample_level(depth, labels, camera, look, grid, whose)
         return
     height, width = depth.shape
-    px, py = CELL_M * camera.fx / look.z, CELL_M * camera.fy / look.z
+    side = grid.shape[0]
+    px, py = look.cell * camera.fx / look.z, look.cell * camera.fy / look.z
     u0, v0 = camera.fx * look.x / look.z + camera.cx, camera.fy * look.y / look.z + camera.cy
     z, who = np.empty(4, np.float32), np.empty(4, np.int64)
-    for i in range(SIDE):
-        for j in range(SIDE):
+    for i in range(side):
+        for j in range(side):
             count = 0
             for k in range(4):
-                b = i + (-0.25 if k < 2 else 0.25) - 0.5 * (SIDE - 1)
-                a = look.flip * (j + (-0.25 if k % 2 == 0 else 0.25) - 0.5 * (SIDE - 1))
+                b = i + (-0.25 if k < 2 else 0.25) - 0.5 * (side - 1)
+                a = look.flip * (j + (-0.25 if k % 2 == 0 else 0.25) - 0.5 * (side - 1))
                 u = int(np.floor(u0 + px * (look.cos * a - look.sin * b) + 0.5))
                 v = int(np.floor(v0 + py * (look.sin * a + look.cos * b) + 0.5))
                 z[k], who[k] = np.float32(0.0), -1
@@ -86,18 +84,19 @@ def sample_crop(depth, labels, camera, look, grid, whose):
 def _sample_level(depth, labels, camera, look, grid, whose):
     """Do the same where the crop is not turned: places are found by row and column."""
     height, width = depth.shape
-    px, py = CELL_M * camera.fx / look.z, CELL_M * camera.fy / look.z
+    side = grid.shape[0]
+    px, py = look.cell * camera.fx / look.z, look.cell * camera.fy / look.z
     u0, v0 = camera.fx * look.x / look.z + camera.cx, camera.fy * look.y / look.z + camera.cy
-    us, vs = np.empty(2 * SIDE, np.int64), np.empty(2 * SIDE, np.int64)
-    for n in range(2 * SIDE):
-        middle = 0.5 * n - 0.25 - 0.5 * (SIDE - 1)
+    us, vs = np.empty(2 * side, np.int64), np.empty(2 * side, np.int64)
+    for n in range(2 * side):
+        middle = 0.5 * n - 0.25 - 0.5 * (side - 1)
         u = int(np.floor(u0 + px * (look.cos * look.flip * middle) + 0.5))
         v = int(np.floor(v0 + py * (look.cos * middle) + 0.5))
         us[n] = u - u % look.coarse if 0 <= u < width else -1
         vs[n] = v - v % look.coarse if 0 <= v < height else -1
     z, who = np.empty(4, np.float32), np.empty(4, np.int64)
-    for i in range(SIDE):
-        for j in range(SIDE):
+    for i in range(side):
+        for j in range(side):
             left, right, top, bottom = us[2 * j], us[2 * j + 1], vs[2 * i], vs[2 * i + 1]
             if left >= 0 and right >= 0 and top >= 0 and bottom >= 0:
                 own = labels[top, left]
@@ -147,8 +146,8 @@ def fill_features(grid, whose, label, look, out):
     x, y = look.flip * look.x / look.z, look.y / look.z
     out[5], out[6] = look.cos * x + look.flip * look.sin * y, look.cos * y - look.flip * look.sin * x
     out[7] = min(1.0 / look.z, 2.5)
-    for i in range(SIDE):
-        for j in range(SIDE):
+    for i in range(grid.shape[0]):
+        for j in range(grid.shape[1]):
             if whose[i, j] >= 0:
                 out[4, i, j] = 1.0
             if grid[i, j] <= np.float32(0.0):

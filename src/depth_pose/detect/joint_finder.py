@@ -1,12 +1,12 @@
 """A second, closer look at each person whom the finder found: at their joints, and whether it is a person.
 
-The finder looks at whole images and places trunks well, limbs badly. Here a crop of 2.56 m around the
-torso, 3.2 cm to a pixel whatever the sensor and the distance, goes through another small net. Each of its
-400 cells votes for every joint and says how much its vote counts (Xiong et al. 2019, *A2J*); the net gives
-each joint's expected error as well, and whether the person is seen from behind. Joints that are hidden are
-guessed from the others, and their errors say so. Last, it says how likely this is a person and no thing,
-which it has learned from what the finder takes for people; logistic regression joins this with the finder's
-own answer. ``tools/people_finder`` makes the weights.
+The finder looks at whole images and places trunks well, limbs badly. Here a crop around the torso, the same
+size of a pixel whatever the sensor and the distance, goes through another small net. Each of its cells votes
+for every joint and says how much its vote counts (Xiong et al. 2019, *A2J*); the net gives the deviation of
+each joint in the image plane and in depth as well, and whether the person is seen from behind. Joints that
+are hidden are guessed from the others, and their deviations say so. Last, it says how likely this is a person
+and no thing, which it has learned from what the finder takes for people; logistic regression joins this with
+the finder's own answer. ``tools/people_finder`` makes the weights; their settings say how large the crop is.
 """
 
 from __future__ import annotations
@@ -25,10 +25,14 @@ from depth_pose.detect import _crop_kernels as kernels
 from depth_pose.detect._crop_kernels import Look
 from depth_pose.detect.net import open_net, read_weights
 
-LEAST_ERROR_M = 0.02
-"""Narrowest distribution that a joint may claim, as trained (``tools/people_finder/joint_losses.py``).
+_STANDARD = np.sqrt([3.0, 2.0])
+"""Standard deviation of a distribution of width 1: exp(-r) over the plane, each way, and exp(-|z|)."""
 
-The mean distance from the truth is three times as much."""
+_MEAN_SQUARE = np.array([4.0 / 3.0, 0.5])
+"""Squares of the mean distances, 2 widths in the plane and 1 in depth, by the squares of those deviations."""
+
+_OUTPUTS = ["joints", "log_error", "behind", "person"]
+"""What is asked of the net."""
 
 _SUREST = 1e-4
 """No answer counts as surer than this."""
@@ -47,6 +51,8 @@ class JointProposals:
         Hidden ones too, camera frame, metres; left and right as ``from_behind`` says.
     error : (19,) float64
         Expected error, metres, that of left and right taken for each other included.
+    sigma : (19, 2) float64
+        Standard deviation in each direction of the image plane, and in depth, metres.
     from_behind : float
         Probability that the person's left is on the image's left.
     probability : float
@@ -55,6 +61,7 @@ class JointProposals:
 
     joints: NDArray[np.float64]
     error: NDArray[np.float64]
+    sigma: NDArray[np.float64]
     from_behind: float
     probability: float
 
@@ -93,6 +100,18 @@ def _logistic(logit: float) -> float:
     return float(1.0 / (1.0 + np.exp(-logit)))
 
 
+def _spread(log_width: NDArray[np.float32], least: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Give standard deviations (J, 2) and mean distances (J,) of a net's distributions, metres.
+
+    ``log_width`` is (J, 2), in the image plane and in depth; or (J,), one for all directions.
+    """
+    width = least + np.exp(log_width.astype(np.float64).clip(-6.0, 2.0))
+    if width.ndim == 1:  # exp(-r / width) in space
+        return np.repeat(2.0 * width[:, None], 2, axis=1), 3.0 * width
+    sigma = _STANDARD * width
+    return sigma, np.sqrt(sigma**2 @ _MEAN_SQUARE)
+
+
 class JointFinder:
     """Proposes joints; keeps nothing from one frame to the next.
 
@@ -106,7 +125,8 @@ class JointFinder:
         self._session = open_net(read_weights("joint_finder.onnx", weights))
         settings = json.loads(read_weights("joint_finder.json", weights))
         self._person = PersonOdds(*settings["person"])
-        shape = (kernels.SIDE, kernels.SIDE)
+        self._cell_m, self._least_width_m = float(settings["cell_m"]), float(settings["least_width_m"])
+        shape = (int(settings["side"]), int(settings["side"]))
         self._features = np.zeros((1, kernels.CHANNELS, *shape), np.float32)
         self._grid, self._whose = np.empty(shape, np.float32), np.empty(shape, np.int64)
 
@@ -135,16 +155,17 @@ class JointFinder:
         probability : float
             That this is a person, by the first look.
         """
-        look = Look(*torso.tolist())
+        x, y, z = torso.tolist()
+        look = Look(x, y, z, self._cell_m)
         kernels.sample_crop(depth, labels, camera, look, self._grid, self._whose)
         kernels.fill_features(self._grid, self._whose, label, look, self._features[0])
-        places, log_error, behind, person = self._session.run(None, {"features": self._features})
+        places, log_width, behind, person = self._session.run(_OUTPUTS, {"features": self._features})
         joints = kernels.from_crop(places[0].astype(np.float64), look)
-        error = 3.0 * (LEAST_ERROR_M + np.exp(log_error[0].astype(np.float64).clip(-6.0, 2.0)))
+        sigma, error = _spread(log_width[0], self._least_width_m)
         from_behind = _logistic(float(behind[0]))
         if from_behind > 0.5:
-            joints, error = joints[MIRROR_JOINTS], error[MIRROR_JOINTS]
+            joints, sigma, error = joints[MIRROR_JOINTS], sigma[MIRROR_JOINTS], error[MIRROR_JOINTS]
         apart = np.linalg.norm(joints - joints[MIRROR_JOINTS], axis=1)
         error += min(from_behind, 1.0 - from_behind) * apart
         both = self._person.probability(probability, float(person[0]))
-        return JointProposals(joints, error, from_behind, both)
+        return JointProposals(joints, error, sigma, from_behind, both)

@@ -121,5 +121,6 @@ def _sighting(
         probability=seen.probability,
         proposals=seen.joints.astype(np.float32),
         proposal_confidence=seen.confidence,
+        proposal_sigma=seen.sigma.astype(np.float32),
         is_news=bool(np.count_nonzero(news & own) > _NEWS * np.count_nonzero(own)),
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
@@ -27,6 +27,8 @@ class Sighting:
     proposals : (J, 3) float32
         Joints proposed by the finder, camera frame, metres; no rows without proposals.
     proposal_confidence : (J,) float32
+    proposal_sigma : (J, 2) float32
+        As in `depth_pose.core.types.FoundPerson`.
     is_news : bool
         Whether much of the person is new since the previous frame, while the room is not.
     """
@@ -36,6 +38,7 @@ class Sighting:
     probability: float
     proposals: NDArray[np.float32]
     proposal_confidence: NDArray[np.float32]
+    proposal_sigma: NDArray[np.float32] = field(default_factory=lambda: np.zeros((0, 2), np.float32))
     is_news: bool = False
 
 

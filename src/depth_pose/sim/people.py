@@ -12,8 +12,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.body.angles import LEG, TRUNK, rotations_from_angles
-from depth_pose.body.limits import clamp_angles
+from depth_pose.body.angles import ANGLE_INDEX, ARM, LEG, SIDES, TRUNK, rotations_from_angles
+from depth_pose.body.limits import clamp_angles, with_shoulder_rhythm
 from depth_pose.core.errors import ConfigError
 from depth_pose.core.skeleton import JOINT_NODES
 from depth_pose.motion.contact import separate_limbs
@@ -36,6 +36,9 @@ POOL = 1200
 
 NOISE_DEG = 3.0
 """Spread of that variation in arms, neck and head; legs and trunk vary half as much."""
+
+LOOSE_NOISE_DEG, FREE_ARM_SHARE = 9.0, 0.4
+"""The same spread for loose postures, and the share of their arms that point anywhere. Set by hand."""
 
 CLOAKS, SKIRTS, COATS = 0.025, 0.10, 0.09
 """Shares of those who wear one: about what public places show, cloaks oftener than that."""
@@ -81,7 +84,7 @@ class Figure:
     stature: float
 
 
-def sample_figure(rng: np.random.Generator, posture: str | None = None) -> Figure:
+def sample_figure(rng: np.random.Generator, posture: str | None = None, loose: bool = False) -> Figure:
     """Draw a person.
 
     The first figures of a process cost seconds (the body, postures, builds); later ones
@@ -93,6 +96,8 @@ def sample_figure(rng: np.random.Generator, posture: str | None = None) -> Figur
         The same state gives the same figure, whatever was drawn before.
     posture : str, optional
         One of `POSTURES`; drawn by their probabilities when left out.
+    loose : bool
+        Vary the posture widely: halfway to another of its kind, and with arms that point anywhere.
 
     Raises
     ------
@@ -105,7 +110,7 @@ def sample_figure(rng: np.random.Generator, posture: str | None = None) -> Figur
     elif posture not in POSTURES:
         raise ConfigError(f"unknown posture {posture!r}; there are: {', '.join(POSTURES)}")
     build = draw_build(rng)
-    rotations, kind = _draw_rotations(rng, posture)
+    rotations, kind = _draw_rotations(rng, posture, loose)
     posed = build.body.pose(rotations, np.zeros(3))
     cut = draw_cut(rng, build)
     skin = dress(rng, posed.vertices, build.body.faces, cut, build.body.stature)
@@ -135,16 +140,44 @@ def _pool(posture: str) -> Postures:
     return sample_postures(posture, rng, POOL)
 
 
-def _draw_rotations(rng: np.random.Generator, posture: str) -> tuple[Array, Kind]:
+def _draw_rotations(rng: np.random.Generator, posture: str, loose: bool = False) -> tuple[Array, Kind]:
     """Pick a posture from the pool and vary it, (21, 3, 3)."""
     pool, i = _pool(posture), int(rng.integers(POOL))
-    spread = np.full(47, NOISE_DEG)
+    noise_deg = LOOSE_NOISE_DEG if loose else NOISE_DEG
+    spread = np.full(47, noise_deg)
     spread[TRUNK.start : 9] *= 0.5
     for leg in LEG:
         spread[leg] *= 0.5
-    angles = clamp_angles(pool.angles[i] + spread * rng.normal(size=47))
+    angles = pool.angles[i]
+    if loose:
+        others = [j for j in rng.integers(POOL, size=6) if pool.kinds[j] is pool.kinds[i]]
+        if others:
+            angles = angles + rng.uniform(0.0, 0.6) * (pool.angles[others[0]] - angles)
+        angles = _with_free_arms(angles, rng)
+    angles = clamp_angles(angles + spread * rng.normal(size=47))
     rotations = separate_limbs(rotations_from_angles(angles)[None]).rotations[0]
     return pool.turns[i] @ rotations, pool.kinds[i]
+
+
+def _with_free_arms(angles: Array, rng: np.random.Generator) -> Array:
+    """Point some arms anywhere that a shoulder reaches: before, beside, behind the trunk and overhead."""
+    out = angles.copy()
+    for side, arm in zip(SIDES, ARM, strict=True):
+        if rng.random() > FREE_ARM_SHARE:
+            continue
+        out[arm] = 0.0
+        elevation, plane = rng.uniform(0.0, 165.0), np.radians(rng.uniform(-140.0, 140.0))
+        straight = rng.random() < 0.3
+        for name, value in (
+            ("shoulder_flexion", elevation * np.cos(plane)),
+            ("shoulder_abduction", elevation * np.sin(plane)),
+            ("shoulder_twist", rng.uniform(-80.0, 110.0)),
+            ("elbow_flexion", rng.uniform(0.0, 20.0) if straight else rng.uniform(0.0, 145.0)),
+            ("forearm_pronation", rng.uniform(-70.0, 70.0)),
+        ):
+            out[ANGLE_INDEX[f"{side}_{name}"]] = value
+        out[arm] = with_shoulder_rhythm(out)[arm]
+    return out
 
 
 def draw_seated(rng: np.random.Generator) -> Array:

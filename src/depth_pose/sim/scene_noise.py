@@ -7,11 +7,12 @@ windows. So everything here is drawn as smooth fields over the image:
 
 - a pixel is lost where the light that returns, albedo cos(angle)^p / z^2, is too little; the limit varies
   in blobs (structured light, time of flight);
-- structured light and stereo look some pixels aside, so that edges are ragged (the displaced look-up of
+- structured light looks some pixels aside, so that edges are ragged (the displaced look-up of
   J. T. Barron and J. Malik, *Intrinsic scene properties from a single RGB-D image*, CVPR 2013, sec. 5),
-  err in disparity, the same amount among neighbours, and have a shadow beside near things;
-- structured light comes in steps of disparity (K. Khoshelham and S. O. Elberink, *Accuracy and resolution
-  of Kinect depth data*, Sensors 12, 2012, eq. 6); stereo fattens what is near and is biased in patches;
+  errs in disparity, the same amount among neighbours, and has a shadow beside near things;
+- it comes in steps of disparity (K. Khoshelham and S. O. Elberink, *Accuracy and resolution of Kinect depth
+  data*, Sensors 12, 2012, eq. 6);
+- stereo is a world of its own: `depth_pose.sim.stereo`;
 - time of flight mixes the two surfaces at an edge, and its noise grows as the light falls.
 
 The ranges of the parameters are wider than one device's, on purpose. They were set by eye beside
@@ -21,18 +22,19 @@ recordings of an Asus Xtion and a Kinect.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import grey_dilation, maximum_filter, minimum_filter, uniform_filter
+from scipy.ndimage import maximum_filter, minimum_filter
 
 from depth_pose.sim._scene_kernels import cast_shadow
+from depth_pose.sim.fields import smooth_field
+from depth_pose.sim.stereo import StereoConfig, measure_stereo
 
 Image = NDArray[np.float32]
 
 _FAMILIES = ("structured", "tof", "stereo")
-_FAMILY_SHARES = (0.5, 0.3, 0.2)
+_FAMILY_SHARES = (0.4, 0.3, 0.3)
 """How often each family is drawn. Set by hand."""
 _MATERIALS = 64  # kinds of surface texture, told apart by their albedo
 _STEADY, _FLEETING = 0.8, 0.6  # of a video's patches, in deviations: what stays from frame to frame
@@ -82,7 +84,7 @@ class SceneSensor:
     raggedness : float
         How far edges move, pixels.
     noise : float
-        Standard deviation: of 1/z (1/m) for structured light and stereo; of z at 1 m on a white surface
+        Standard deviation: of 1/z (1/m) for structured light; of z at 1 m on a white surface
         for time of flight (m).
     step : float
         Structured light: steps of 1/z, 1/m.
@@ -92,8 +94,10 @@ class SceneSensor:
         Share of edges that are lost.
     flying : float
         Time of flight: share of edge pixels that land between the surfaces.
-    fattening : int
-        Stereo: by how many pixels what is near grows.
+    stereo : StereoConfig, optional
+        Stereo: how it matches, of a camera with `native_focal`.
+    native_focal : float
+        Stereo: focal length of the images that are matched, pixels.
     ghosts : float
         Share of lost patches that return something far away that is not there.
     vignette : float
@@ -117,7 +121,8 @@ class SceneSensor:
     bias: float
     edge_loss: float
     flying: float
-    fattening: int
+    stereo: StereoConfig | None
+    native_focal: float
     ghosts: float
     vignette: float
     dazzle: float
@@ -137,21 +142,42 @@ def sample_sensor(rng: np.random.Generator, family: str | None = None) -> SceneS
         family=name,
         near=rng.uniform(0.2, 0.6),
         far=float(rng.choice([rng.uniform(3.5, 6.0), rng.uniform(6.0, 10.0)], p=[0.3, 0.7])),
-        least_light=float(least) * (0.1 if stereo else 1.0),
+        least_light=float(least),
         grazing_power=rng.uniform(0.4, 1.0),
         patchiness=rng.uniform(0.25, 0.7),
         baseline=0.0 if tof else rng.uniform(0.05, 0.09) * float(rng.choice([-1, 1], p=[0.8, 0.2])),
         raggedness=rng.uniform(0.0, 0.4) if tof else rng.uniform(0.4, 1.1),
-        noise=noise * (rng.uniform(1.0, 4.0) if stereo else 1.0),
+        noise=noise,
         step=0.0 if tof or stereo else steps,
-        bias=rng.uniform(0.0, 0.012) if stereo else rng.uniform(0.0, 0.004),
+        bias=rng.uniform(0.0, 0.004),
         edge_loss=rng.uniform(0.0, 0.7),
         flying=rng.uniform(0.2, 0.9) if tof else 0.0,
-        fattening=int(rng.integers(1, 4)) if stereo else 0,
+        stereo=_sample_stereo(rng) if stereo else None,
+        native_focal=rng.uniform(350.0, 650.0),
         ghosts=float(rng.choice([0.0, rng.uniform(0.02, 0.3)])),
         vignette=rng.uniform(0.75, 1.05) if tof and rng.random() < 0.4 else 2.0,
         dazzle=np.inf if stereo or rng.random() < 0.85 else rng.uniform(1.0, 4.0),
         materials=int(rng.integers(2**31)),
+    )
+
+
+def _sample_stereo(rng: np.random.Generator) -> StereoConfig:
+    """Draw a stereo camera and what its driver does: from raw and full of holes to smooth and filled."""
+    return StereoConfig(
+        baseline=float(rng.choice([0.05, 0.075, 0.095, 0.12])),
+        window=int(rng.integers(5, 22)),
+        fattening=rng.uniform(0.2, 0.95),
+        thin=rng.uniform(0.0, 0.6),
+        error=float(np.exp(rng.uniform(np.log(0.03), np.log(0.3)))),
+        blob=rng.uniform(5.0, 30.0),
+        step=float(rng.choice([1 / 32, 1 / 16, 1 / 8])),
+        lost=rng.uniform(0.0, 0.45),
+        edge_loss=float(rng.choice([0.02, rng.uniform(0.02, 0.6)])),
+        smoothing=float(rng.choice([0.0, rng.uniform(0.3, 0.9)], p=[0.3, 0.7])),
+        smooth_step=float(np.exp(rng.uniform(np.log(0.3), np.log(8.0)))),
+        temporal=rng.uniform(0.0, 0.8),
+        fill=int(rng.choice(4, p=[0.45, 0.15, 0.25, 0.15])),
+        colour_offset=float(rng.choice([0.0, rng.uniform(0.01, 0.06)])) * float(rng.choice([-1, 1])),
     )
 
 
@@ -174,6 +200,8 @@ def measure(
     (H, W) float32
         Metres, whole millimetres; 0 where nothing returns.
     """
+    if sensor.stereo is not None:
+        return _measure_stereo(shown, sensor, sensor.stereo, rng)
     shape = shown.depth.shape
     depth, cosine, albedo = shown.depth, shown.cosine, shown.albedo
     patches = _patches(rng, shape)
@@ -181,8 +209,6 @@ def measure(
         steady = _patches(np.random.default_rng(steady_seed), shape)
         patches = _STEADY * steady + _FLEETING * patches
     lost = _shadow(depth, sensor, shown.focal) if sensor.baseline else np.zeros(shape, bool)
-    if sensor.fattening:
-        depth = _fatten(depth, sensor.fattening)
     rows, columns = _aside(rng, shape, sensor.raggedness)
     depth, cosine, albedo = depth[rows, columns], cosine[rows, columns], albedo[rows, columns]
     light = albedo * np.maximum(cosine, 0.02) ** sensor.grazing_power / np.maximum(depth, 0.3) ** 2
@@ -191,17 +217,13 @@ def measure(
     if sensor.flying:
         flies = edge & (rng.random(shape, dtype=np.float32) < sensor.flying)
         depth = np.where(flies, near + (far - near) * rng.random(shape, dtype=np.float32), depth)
-    if sensor.family == "stereo":
-        texture = np.random.default_rng(sensor.materials).normal(1.0, 1.2, _MATERIALS)
-        light = light * np.exp(texture).astype(np.float32)[(albedo * 255).astype(np.int64) % _MATERIALS]
-        depth = _windowed(depth, edge)
     lost |= light < sensor.least_light * np.exp(sensor.patchiness * patches)
     lost |= edge & (patches > 1.0 - 2.5 * sensor.edge_loss) & ~((sensor.flying > 0) & (patches < 0))
     lost |= albedo > sensor.dazzle * np.maximum(depth, 0.01) ** 2
     noisy = _noisy(depth, light, sensor, rng)
     if sensor.ghosts:
-        ghost = lost & (_field(rng, shape, 5.0) > 2.2 - 3.0 * sensor.ghosts)
-        noisy = np.where(ghost, rng.uniform(3.5, 7.0) + 0.5 * _field(rng, shape, 20.0), noisy)
+        ghost = lost & (smooth_field(rng, shape, 5.0) > 2.2 - 3.0 * sensor.ghosts)
+        noisy = np.where(ghost, rng.uniform(3.5, 7.0) + 0.5 * smooth_field(rng, shape, 20.0), noisy)
         lost &= ~ghost
     gone = (
         lost | (depth <= 0) | (noisy < sensor.near) | (noisy > sensor.far) | _outside(shape, sensor.vignette)
@@ -209,43 +231,45 @@ def measure(
     return np.where(gone, np.float32(0.0), np.rint(noisy * 1000.0) / np.float32(1000.0)).astype(np.float32)
 
 
+def _measure_stereo(
+    shown: Shown, sensor: SceneSensor, stereo: StereoConfig, rng: np.random.Generator
+) -> Image:
+    """Measure with a stereo camera; what texture a material has is told by its albedo."""
+    texture = np.exp(np.random.default_rng(sensor.materials).normal(0.3, 0.6, _MATERIALS)).astype(np.float32)
+    kind = (shown.albedo * 255).astype(np.int64) % _MATERIALS
+    slant = np.maximum(shown.cosine, np.float32(0.05)) ** np.float32(0.5 * sensor.grazing_power)
+    light = np.asarray(texture[kind] * slant, np.float32)
+    camera = stereo.scaled(shown.focal / sensor.native_focal)
+    depth = measure_stereo(shown.depth, light, shown.focal, camera, rng)
+    gone = (depth < sensor.near) | (depth > sensor.far)
+    return np.where(gone, np.float32(0.0), np.rint(depth * 1000.0) / np.float32(1000.0)).astype(np.float32)
+
+
 def _noisy(depth: Image, light: Image, sensor: SceneSensor, rng: np.random.Generator) -> Image:
     shape = depth.shape
-    biased = depth * (1.0 + sensor.bias * _field(rng, shape, 30.0))
+    biased = depth * (1.0 + sensor.bias * smooth_field(rng, shape, 30.0))
     if sensor.family == "tof":
         sigma = sensor.noise * np.minimum(0.3 / np.maximum(light, 1e-4), 60.0) ** 0.7
         grain = rng.standard_normal(shape, dtype=np.float32)
-        return np.asarray(biased + sigma * (0.8 * grain + 0.5 * _field(rng, shape, 2.0)), np.float32)
-    inverse = 1.0 / np.maximum(biased, 0.1) + sensor.noise * _field(rng, shape, 1.7)
+        return np.asarray(biased + sigma * (0.8 * grain + 0.5 * smooth_field(rng, shape, 2.0)), np.float32)
+    inverse = 1.0 / np.maximum(biased, 0.1) + sensor.noise * smooth_field(rng, shape, 1.7)
     if sensor.step:
         inverse = np.rint(inverse / sensor.step) * sensor.step
     return np.asarray(1.0 / np.maximum(inverse, 0.02), np.float32)
 
 
 def _patches(rng: np.random.Generator, shape: tuple[int, ...]) -> Image:
-    return 0.5 * _field(rng, shape, 2.5) + 0.5 * _field(rng, shape, 6.0) + 0.6 * _field(rng, shape, 16.0)
+    return (
+        0.5 * smooth_field(rng, shape, 2.5)
+        + 0.5 * smooth_field(rng, shape, 6.0)
+        + 0.6 * smooth_field(rng, shape, 16.0)
+    )
 
 
 def _shadow(depth: Image, sensor: SceneSensor, focal: float) -> NDArray[np.bool_]:
     shadow = np.zeros(depth.shape, np.bool_)
     cast_shadow(depth, focal * sensor.baseline, 1.0, shadow)
     return shadow
-
-
-def _fatten(depth: Image, pixels: int) -> Image:
-    """Let what is near grow sideways, and half as much up and down."""
-    inverse = np.where(depth > 0, 1.0 / np.maximum(depth, 1e-3), 0.0)
-    grown = grey_dilation(inverse, size=(1 + 2 * (pixels // 2), 1 + 2 * pixels))
-    return np.where(grown > 0, 1.0 / np.maximum(grown, 1e-3), 0.0).astype(np.float32)
-
-
-def _windowed(depth: Image, edge: NDArray[np.bool_]) -> Image:
-    """Mean of a window in 1/z, away from edges."""
-    inverse = 1.0 / np.maximum(depth, 0.05)
-    mean = 1.0 / uniform_filter(inverse, 5)
-    return np.where(edge | (depth <= 0) | (np.abs(mean - depth) > 0.1 * depth), depth, mean).astype(
-        np.float32
-    )
 
 
 def _around(depth: Image) -> tuple[Image, Image]:
@@ -261,8 +285,10 @@ def _aside(
     """Rows and columns of the pixels looked at instead."""
     rows, columns = np.mgrid[: shape[0], : shape[1]]
     if far > 0:
-        rows = np.clip(rows + np.rint(far * _field(rng, shape, 2.5)).astype(np.int64), 0, shape[0] - 1)
-        columns = np.clip(columns + np.rint(far * _field(rng, shape, 2.5)).astype(np.int64), 0, shape[1] - 1)
+        rows = np.clip(rows + np.rint(far * smooth_field(rng, shape, 2.5)).astype(np.int64), 0, shape[0] - 1)
+        columns = np.clip(
+            columns + np.rint(far * smooth_field(rng, shape, 2.5)).astype(np.int64), 0, shape[1] - 1
+        )
     return rows, columns
 
 
@@ -272,20 +298,3 @@ def _outside(shape: tuple[int, ...], radius: float) -> NDArray[np.bool_]:
     v = np.arange(shape[0])[:, None] - (shape[0] - 1) / 2
     u = np.arange(shape[1])[None] - (shape[1] - 1) / 2
     return np.hypot(u, v) > radius * np.hypot(shape[0], shape[1]) / 2
-
-
-def _field(rng: np.random.Generator, shape: tuple[int, ...], cell: float) -> Image:
-    """Smooth noise over the image, deviation about 1, that varies over so many pixels."""
-    up, across = _spread(shape[0], cell), _spread(shape[1], cell)
-    coarse = rng.standard_normal((up.shape[1], across.shape[1]), dtype=np.float32)
-    return np.asarray(up @ coarse @ across.T)
-
-
-@lru_cache(maxsize=64)
-def _spread(size: int, cell: float) -> Image:
-    """Weights (size, coarse) of a cubic B-spline, scaled to keep the variance on average."""
-    count = int(np.ceil(size / cell)) + 3
-    away = np.abs(np.arange(size)[:, None] / cell + 1.0 - np.arange(count)[None])
-    inner, outer = 2 / 3 - away**2 + away**3 / 2, np.maximum(2 - away, 0.0) ** 3 / 6
-    weights = np.where(away < 1, inner, outer)
-    return (weights / np.sqrt((weights**2).sum(axis=1, keepdims=True))).astype(np.float32)

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from depth_pose.core.camera import Camera
 from depth_pose.core.open3d import load_open3d
-from depth_pose.sim.noise import NoiseConfig, add_noise
+from depth_pose.sim.noise import NO_NOISE, NoiseConfig, add_noise
+from depth_pose.sim.stereo import StereoConfig, measure_stereo
 
 Mesh = tuple[NDArray[np.floating], NDArray[np.integer]]
 """Vertices (V, 3), camera frame, metres; and faces (F, 3)."""
@@ -36,6 +37,9 @@ class SensorModel:
         Structured light: how far to the left of the camera the projector sits, metres; what it
         cannot reach is in shadow. 0 for none.
     noise : NoiseConfig
+        Of each pixel by itself.
+    stereo : StereoConfig, optional
+        Stereo cameras: how they match; their pixels have no other noise.
     """
 
     name: str
@@ -45,6 +49,7 @@ class SensorModel:
     far: float
     projector_offset: float
     noise: NoiseConfig
+    stereo: StereoConfig | None = None
 
     def with_width(self, width: int) -> SensorModel:
         """Give the same sensor with images so many pixels wide, and the same field of view."""
@@ -53,7 +58,12 @@ class SensorModel:
         # pixel centres are whole numbers: the image begins half a pixel before the first
         cx, cy = (c.cx + 0.5) * factor - 0.5, (c.cy + 0.5) * factor - 0.5
         camera = Camera(width, round(c.height * factor), c.fx * factor, c.fy * factor, cx, cy)
-        return replace(self, camera=camera)
+        stereo = None if self.stereo is None else self.stereo.scaled(factor)
+        return replace(self, camera=camera, stereo=stereo)
+
+
+def _stereo(name: str, camera: Camera, near: float, far: float, stereo: StereoConfig) -> SensorModel:
+    return SensorModel(name, camera, 30.0, near, far, 0.0, NO_NOISE, stereo)
 
 
 SENSORS: dict[str, SensorModel] = {
@@ -84,8 +94,51 @@ SENSORS: dict[str, SensorModel] = {
             disparity_step=0.00285,
         ),
     ),
+    "d435": _stereo(
+        "d435", Camera(640, 480, 385.0, 385.0, 319.5, 239.5), 0.2, 6.0, StereoConfig(baseline=0.05)
+    ),
+    "d455": _stereo(
+        "d455", Camera(640, 480, 385.0, 385.0, 319.5, 239.5), 0.4, 8.0, StereoConfig(baseline=0.095)
+    ),
+    "oak_d": _stereo(
+        "oak_d",
+        Camera(640, 400, 441.0, 441.0, 319.5, 199.5),
+        0.35,
+        8.0,
+        StereoConfig(
+            baseline=0.075,
+            window=9,
+            error=0.12,
+            blob=9.0,
+            step=1 / 8,
+            lost=0.3,
+            edge_loss=0.4,
+            smoothing=0.0,
+            temporal=0.0,
+        ),
+    ),
+    "zed": _stereo(
+        "zed",
+        Camera(672, 376, 336.0, 336.0, 335.5, 187.5),
+        0.3,
+        8.0,
+        StereoConfig(
+            baseline=0.12,
+            window=13,
+            fattening=0.8,
+            error=0.15,
+            blob=20.0,
+            step=1 / 16,
+            lost=0.02,
+            edge_loss=0.02,
+            smoothing=0.8,
+            smooth_step=2.0,
+            fill=2,
+        ),
+    ),
 }
-"""The sensors by name: a small time-of-flight camera, and structured light as in the first Kinect."""
+"""The sensors by name: a small time-of-flight camera, structured light as in the first Kinect, and stereo
+cameras with the baseline and the field of view of their makers' data sheets."""
 
 
 class VirtualSensor:
@@ -120,7 +173,14 @@ class VirtualSensor:
             Metres; 0 where nothing returns.
         """
         depth, incidence_cos = self._cast(_scene(meshes))
-        return add_noise(depth, incidence_cos, self.model.noise, self._rng)
+        stereo = self.model.stereo
+        if stereo is None:
+            return add_noise(depth, incidence_cos, self.model.noise, self._rng)
+        light = np.sqrt(np.maximum(incidence_cos, np.float32(0.05)))
+        measured = measure_stereo(depth, light, self.model.camera.fx, stereo, self._rng)
+        in_range = (measured >= self.model.near) & (measured <= self.model.far)
+        millimetres = np.rint(measured * np.float32(1000.0))
+        return np.where(in_range, millimetres / np.float32(1000.0), np.float32(0.0)).astype(np.float32)
 
     def _cast(self, scene: Any) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """Depth and cosine of the incidence angle, both (H, W)."""

@@ -1,0 +1,180 @@
+"""A stereo camera: what block matching and a driver's filters make of the ideal depth of a scene.
+
+Errors live in disparity, focal length times baseline by depth, so those of depth grow with its square. A
+window is matched as one: its error is the same for neighbours (smooth bumps), what is near grows over its
+edge (foreground fattening), and what is thinner than the window may vanish. What only one camera sees is
+lost, at the left of near things, and so is what has too little texture. Then drivers smooth (across steps
+below a limit), fill holes, and resample to a colour camera.
+
+D. Scharstein and R. Szeliski, *A taxonomy and evaluation of dense two-frame stereo correspondence
+algorithms*, IJCV 47, 2002; L. Keselman et al., *Intel RealSense stereoscopic depth cameras*, CVPR workshops
+2017.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import grey_opening, maximum_filter, minimum_filter, uniform_filter
+
+from depth_pose.core.options import Checked, option
+from depth_pose.sim._scene_kernels import cast_shadow
+from depth_pose.sim._stereo_kernels import fill_holes, smooth_rows
+from depth_pose.sim.fields import smooth_field
+
+Image = NDArray[np.float32]
+
+_WEAK_LEAST, _WEAK_GAIN = 3.5, 2.5
+"""Weakness of a surface (a unit field, and up to 2 for dark ones) from which it is lost. Set by eye."""
+_LOGISTIC = 1.702
+"""A normal distribution's quantile is about the logit divided by this."""
+
+
+@dataclass(frozen=True)
+class StereoConfig(Checked):
+    """How a stereo camera matches and what its driver does; lengths in its own pixels."""
+
+    baseline: float = option(0.05, "Left to right camera", unit="m", low=0.01, high=1.0)
+    window: int = option(7, "Side of what is matched as one", unit="pixels", low=1, high=41)
+    fattening: float = option(0.6, "Share of edges over which what is near grows", low=0.0, high=1.0)
+    thin: float = option(0.3, "Share of what is thinner than half a window that vanishes", low=0.0, high=1.0)
+    error: float = option(0.13, "Standard deviation of disparity", unit="pixels", low=0.0, high=2.0)
+    blob: float = option(9.0, "Size of the bumps of that error", unit="pixels", low=1.0, high=100.0)
+    flat: float = option(
+        1.5,
+        "Steps of disparity within a window that are matched as one surface",
+        unit="pixels",
+        low=0.0,
+        high=10.0,
+    )
+    step: float = option(1 / 32, "Steps of disparity", unit="pixels", low=0.0, high=1.0)
+    lost: float = option(
+        0.1, "Share of weak surfaces (dark, slanted, without texture) lost", low=0.0, high=1.0
+    )
+    edge_loss: float = option(0.2, "Share of edges lost", low=0.0, high=1.0)
+    smoothing: float = option(
+        0.5, "The driver's spatial filter: what it takes from neighbours", low=0.0, high=0.95
+    )
+    smooth_step: float = option(
+        0.6, "Steps of disparity that it smooths over", unit="pixels", low=0.0, high=50.0
+    )
+    temporal: float = option(
+        0.3, "The driver's temporal filter: share of the error that it takes", low=0.0, high=1.0
+    )
+    fill: int = option(
+        0, "Holes: 0 left, 1 filled from the left, 2 from the farther side, 3 from the nearer", low=0, high=3
+    )
+    colour_offset: float = option(
+        0.0,
+        "Depth is aligned to a colour camera so far to the right; 0 for none",
+        unit="m",
+        low=-0.2,
+        high=0.2,
+    )
+
+    def scaled(self, factor: float) -> StereoConfig:
+        """Give the same camera with images so many times as wide, as if they had been reduced."""
+        return replace(
+            self,
+            window=max(1, round(self.window * factor)),
+            error=self.error * factor,
+            blob=max(1.0, self.blob * factor),
+            flat=self.flat * factor,
+            step=self.step * factor,
+            smooth_step=self.smooth_step * factor,
+        )
+
+
+def measure_stereo(
+    depth: Image, light: Image, focal: float, config: StereoConfig, rng: np.random.Generator
+) -> Image:
+    """Measure ideal depth with a stereo camera.
+
+    Parameters
+    ----------
+    depth : (H, W) float32
+        Metres; 0 where there is nothing.
+    light : (H, W) float32
+        How well a surface can be matched, about 1; less where it is dark or slanted.
+    focal : float
+        Pixels.
+    config : StereoConfig
+    rng : numpy.random.Generator
+        Same state, same noise.
+
+    Returns
+    -------
+    (H, W) float32
+        Metres; 0 where nothing is matched.
+    """
+    shape, reach = depth.shape, focal * config.baseline
+    shadow = np.zeros(shape, np.bool_)
+    cast_shadow(depth, reach, 1.0, shadow)
+    ideal = np.divide(reach, depth, out=np.zeros(shape, np.float32), where=depth > 0)
+    matched, edge = _match(ideal, config, rng)
+    lost = shadow
+    if config.lost > 0:
+        weak = smooth_field(rng, shape, config.blob) + 2.0 * (1.0 - np.minimum(light, 1.0))
+        lost |= weak > _WEAK_LEAST - _WEAK_GAIN * config.lost
+    if config.edge_loss > 0:
+        lost |= edge & (smooth_field(rng, shape, 4.0) > _threshold(config.edge_loss))
+    error = config.error * (1.0 - config.temporal) / np.clip(light, 0.3, 1.0)
+    bumps = 0.85 * smooth_field(rng, shape, config.blob) + 0.5 * smooth_field(rng, shape, 0.3 * config.blob)
+    disparity = np.where(lost | (matched <= 0), np.float32(0), np.maximum(matched + error * bumps, 0.05))
+    if config.step > 0:
+        disparity = np.rint(disparity / config.step) * config.step
+    return _filter(disparity.astype(np.float32), reach, config, rng)
+
+
+def _match(ideal: Image, config: StereoConfig, rng: np.random.Generator) -> tuple[Image, NDArray[np.bool_]]:
+    """Match windows: thin things vanish, what is near grows, flat surfaces are averaged. And give edges."""
+    matched, shape = ideal, ideal.shape
+    thin, half = max(1, config.window // 2), config.window // 2
+    if config.thin > 0 and thin > 1:
+        opened = grey_opening(matched, (thin, thin))
+        matched = np.where(
+            smooth_field(rng, shape, 2.0 * config.window) > _threshold(config.thin), opened, matched
+        )
+    if config.fattening > 0 and half > 0:
+        grown = maximum_filter(matched, 2 * half + 1)
+        grows = smooth_field(rng, shape, 1.5 * config.window) > _threshold(config.fattening)
+        matched = np.where(grows, grown, matched)
+    high, low = maximum_filter(matched, config.window), minimum_filter(matched, config.window)
+    flat = (high - low < config.flat) & (low > 0)
+    matched = np.where(flat, uniform_filter(matched, config.window), matched)
+    return matched.astype(np.float32), (high - low) > config.flat
+
+
+def _filter(disparity: Image, reach: float, config: StereoConfig, rng: np.random.Generator) -> Image:
+    """Do what drivers do: smooth, fill holes, align."""
+    if config.fill:
+        fill_holes(disparity, config.fill, int(6 * config.window))
+    if config.smoothing > 0:
+        alpha, delta = np.float32(1.0 - config.smoothing), np.float32(config.smooth_step)
+        turned = np.ascontiguousarray(disparity.T)
+        for _ in range(2):
+            smooth_rows(turned, alpha, delta)
+            disparity = np.ascontiguousarray(turned.T)
+            smooth_rows(disparity, alpha, delta)
+            turned = np.ascontiguousarray(disparity.T)
+    depth = np.divide(reach, disparity, out=np.zeros_like(disparity), where=disparity > 0)
+    if config.colour_offset:
+        depth = _align(depth, reach * config.colour_offset / config.baseline, rng)
+    return depth
+
+
+def _align(depth: Image, reach: float, rng: np.random.Generator) -> Image:
+    """Resample as alignment to another camera does: rows and columns repeat, what it hides is lost."""
+    hidden = np.zeros(depth.shape, np.bool_)
+    cast_shadow(depth, -reach, 1.5, hidden)
+    depth = np.where(hidden, np.float32(0), depth)
+    coarse = rng.uniform(1.0, 1.8)
+    rows, columns = ((np.floor(np.arange(n) / coarse + 0.5) * coarse).astype(int) for n in depth.shape)
+    return depth[np.minimum(rows, len(rows) - 1)[:, None], np.minimum(columns, len(columns) - 1)]
+
+
+def _threshold(share: float) -> float:
+    """Give the value that a smooth field exceeds in about a share of the image."""
+    return float(np.log((1.0 - share + 1e-3) / (share + 1e-3)) / _LOGISTIC)

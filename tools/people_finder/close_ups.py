@@ -1,0 +1,307 @@
+"""Simulated people seen from near by: only the part of an image that the second look cuts out is drawn.
+
+A person with furniture about them, and several cameras anywhere around and above. What a whole room would
+add lies outside the crop, so this takes a tenth of the time of `depth_pose.sim.scenes` a person, and cameras
+hang where rooms of that module have none: under ceilings, straight above, rolled.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from depth_pose.core.camera import Camera
+from depth_pose.core.skeleton import JOINT_INDEX
+from depth_pose.sim import _scene_kernels as kernels
+from depth_pose.sim.furniture import (
+    AT_WALLS,
+    STANDING,
+    make_bed,
+    make_chair,
+    make_sofa,
+    make_stool,
+    make_table,
+)
+from depth_pose.sim.people import Figure, sample_figure
+from depth_pose.sim.scene_noise import Shown, measure, sample_sensor
+from depth_pose.sim.scene_view import View
+from depth_pose.sim.scenes import Placed, place
+from depth_pose.sim.shapes import Assembly, Kind, Triangles, triangulate
+
+Array = NDArray[np.float64]
+
+POSTURES = {
+    "stand": 0.23, "walk": 0.13, "sit": 0.22, "lie": 0.09, "kneel": 0.06,
+    "squat": 0.05, "crawl": 0.03, "bend": 0.07, "reach": 0.08, "lean": 0.04,
+}  # fmt: skip
+"""How often each posture is drawn: the rare ones oftener than in rooms. Set by hand."""
+
+REACH_M = 1.8
+"""Half of the side of what is drawn about a torso, metres: the crop, turned and displaced. Set by hand."""
+
+_TORSO = [JOINT_INDEX[f"{side}_{n}"] for side in ("left", "right") for n in ("shoulder", "hip")]
+_LEAST_PIXELS, _LEAST_SHOWN = 60, 0.3
+"""A person with fewer pixels, or of whom a smaller share is left, is not asked for. Set by hand."""
+_COMMON_SHARE = 0.6
+"""Share of cameras that look at a person as most do: 2 to 4.6 m away, upright, the person in the middle."""
+_BLOCK = 32
+"""Sides of drawn images are multiples of this many pixels, where the image has room."""
+_NEAR_M = 0.05
+_OTHERS = 12
+"""Figures that are kept to stand beside others."""
+
+
+@dataclass(frozen=True)
+class CloseUp:
+    """A part of a depth image with one person in its middle.
+
+    Attributes
+    ----------
+    depth : (h, w) uint16
+        As measured, millimetres; 0 where nothing returned.
+    whose : (h, w) uint8
+        1 where the image shows the person, 2 for others, 0 for things.
+    camera : Camera
+        Of this part.
+    joints : (19, 3) float32
+        Optical frame, metres.
+    """
+
+    depth: NDArray[np.uint16]
+    whose: NDArray[np.uint8]
+    camera: Camera
+    joints: NDArray[np.float32]
+
+
+@dataclass
+class CloseUpMaker:
+    """Makes close-ups, several of each person.
+
+    Attributes
+    ----------
+    views : int
+        Cameras that look at each person.
+    """
+
+    views: int = 4
+    _others: list[Figure] = field(default_factory=list)
+
+    def make(self, rng: np.random.Generator) -> list[CloseUp]:
+        """Draw a person, what is about them, and some cameras; gives what those see that show enough."""
+        names = list(POSTURES)
+        shares = np.array(list(POSTURES.values()))
+        figure = sample_figure(rng, names[rng.choice(len(names), p=shares / shares.sum())], loose=True)
+        person = place(figure, 0.0, 0.0, 0.0, rng)
+        beside = self._beside(person, rng)
+        surroundings = _surround(figure, person, beside, rng)
+        room = triangulate(surroundings.shapes, rng)
+        self._others = [*self._others[-_OTHERS:], figure]
+        out = []
+        for _ in range(self.views):
+            view = _sample_view(person.joints[_TORSO].mean(axis=0), surroundings, rng)
+            seen = None if view is None else _render(view, person, beside, room, rng)
+            if seen is not None:
+                out.append(seen)
+        return out
+
+    def _beside(self, person: Placed, rng: np.random.Generator) -> list[Placed]:
+        """Put somebody who was drawn before beside the person, now and then."""
+        if not self._others or rng.random() > 0.25:
+            return []
+        other = self._others[int(rng.integers(len(self._others)))]
+        angle, away = rng.uniform(0, 2 * np.pi), rng.uniform(0.4, 1.3)
+        placed = place(other, away * np.sin(angle), away * np.cos(angle), rng.uniform(0, 2 * np.pi), rng)
+        apart = np.linalg.norm(person.joints[:, None] - placed.joints[None], axis=-1)
+        return [placed] if apart.min() > 0.2 else []
+
+
+@dataclass(frozen=True)
+class _Surroundings:
+    """What stands about a person, and walls that cameras must not be behind: angle and distance."""
+
+    shapes: Assembly
+    walls: tuple[tuple[float, float], ...]
+
+
+def _surround(
+    figure: Figure, person: Placed, beside: list[Placed], rng: np.random.Generator
+) -> _Surroundings:
+    """Put floor, walls, a seat and furniture about a person at the origin who faces +z."""
+    shapes, walls = Assembly(Kind.WALL), []
+    _put_seat(shapes, figure, person, rng)
+    if rng.random() < 0.12:  # nothing but the person
+        return _Surroundings(shapes, ())
+    shapes.box((0, -0.01, 0), (30.0, 0.02, 30.0), 0, 0, Kind.FLOOR, rng.uniform(0.05, 0.8))
+    reach = float(np.abs(person.vertices[:, [0, 2]]).max())
+    turn = rng.uniform(0, 2 * np.pi)
+    for k, share in enumerate((0.7, 0.3)):
+        if rng.random() < share:
+            angle, away = (
+                turn + k * np.pi / 2,
+                reach + rng.choice([rng.uniform(0.05, 0.8), rng.uniform(0.5, 3.0)]),
+            )
+            at = (away * np.sin(angle), 1.4, away * np.cos(angle))
+            shapes.box(at, (20.0, 2.8, 0.02), angle, 0.0, Kind.WALL, rng.uniform(0.2, 0.9))
+            walls.append((angle, away))
+    points = np.concatenate([p.vertices[::10] for p in (person, *beside)])
+    for _ in range(int(rng.poisson(rng.choice([0.5, 2.0, 5.0])))):
+        makers = STANDING if rng.random() < 0.7 else AT_WALLS
+        weights = np.array([w for _, w in makers])
+        thing = makers[int(rng.choice(len(makers), p=weights / weights.sum()))][0](rng)
+        angle, away = rng.uniform(0, 2 * np.pi), rng.uniform(0.1, 2.2)
+        _put(shapes, thing, away * np.sin(angle), away * np.cos(angle), rng.uniform(0, 2 * np.pi), points)
+    return _Surroundings(shapes, tuple(walls))
+
+
+def _put(shapes: Assembly, thing: Assembly, x: float, z: float, turn: float, points: Array) -> None:
+    """Put a thing down unless it would cut somebody."""
+    low, high = thing.bounds()
+    c, s = np.cos(turn), np.sin(turn)
+    dx, dz = points[:, 0] - x, points[:, 2] - z
+    own = np.stack([c * dx - s * dz, points[:, 1], s * dx + c * dz], axis=1)
+    if not np.any(np.all((own > low) & (own < high), axis=1)):
+        shapes.add(thing, x, 0.0, z, turn)
+
+
+def _put_seat(shapes: Assembly, figure: Figure, person: Placed, rng: np.random.Generator) -> None:
+    """Put under a person what they sit or lie on, and at times a desk before them."""
+    if figure.seat_height <= 0.0 or figure.posture not in ("sit", "lie"):
+        return
+    high, pelvis = float(figure.seat_height), person.joints[JOINT_INDEX["pelvis"]]
+    if figure.posture == "lie":
+        low, top = person.vertices.min(axis=0), person.vertices.max(axis=0)
+        along = np.pi / 2 if top[0] - low[0] > top[2] - low[2] else 0.0
+        x, _, z = 0.5 * (low + top)
+        shapes.add(make_bed(rng, high, bare=True), x, 0.0, z, along + np.pi * float(rng.integers(2)))
+        return
+    what = rng.choice(4, p=[0.45, 0.1, 0.35, 0.1])
+    makers = (
+        lambda: make_chair(rng, high, plain=True),
+        lambda: make_stool(rng, high),
+        lambda: make_sofa(rng, high, bare=True),
+        lambda: make_bed(rng, high, bare=True),
+    )
+    side, back = (np.pi / 2, 0.3) if what == 3 else (0.0, 0.0)
+    shapes.add(makers[what](), pelvis[0], 0.0, pelvis[2] - back, side)
+    if what < 2 and rng.random() < 0.35:
+        desk = make_table(rng, max(0.62, high + 0.27))
+        away = -desk.bounds()[0][2] + rng.uniform(0.22, 0.4)
+        shapes.add(desk, pelvis[0], 0.0, pelvis[2] + away, np.pi)
+
+
+def _sample_view(torso: Array, around: _Surroundings, rng: np.random.Generator) -> View | None:
+    """Draw a camera that looks about at a torso; None for one behind a wall."""
+    width = int(rng.choice([160, 176, 176, 212, 224, 256, 320]))
+    height = min(
+        240, round(width / float(rng.choice([4 / 3, 11 / 9, 16 / 9, 1.0], p=[0.55, 0.2, 0.15, 0.1])))
+    )
+    spread = rng.normal(57, 6) if rng.random() < 0.5 else rng.uniform(40, 95)
+    focal = width / 2 / np.tan(np.radians(np.clip(spread, 38, 100)) / 2)
+    azimuth = rng.normal(0, 0.8) if rng.random() < 0.5 else rng.uniform(-np.pi, np.pi)
+    common = rng.random() < _COMMON_SHARE
+    away = rng.uniform(1.9, 4.6) if common else float(np.clip(np.exp(rng.normal(0.9, 0.6)), 0.55, 6.5))
+    above = not common and rng.random() < 0.4
+    lift = rng.uniform(1.9, 4.0) if above else float(np.clip(rng.normal(1.3, 0.5), 0.25, 3.0))
+    flat = rng.uniform(0.0, 2.2) if above else np.sqrt(max(away**2 - (lift - torso[1]) ** 2, 0.2))
+    at = np.array([torso[0] + flat * np.sin(azimuth), lift, torso[2] + flat * np.cos(azimuth)])
+    if any(np.sin(a) * at[0] + np.cos(a) * at[2] > d - 0.1 for a, d in around.walls):
+        return None
+    forward = torso - at
+    distance = float(np.linalg.norm(forward))
+    if distance < 0.5:
+        return None
+    aside = rng.normal(0, 0.1, 2) if common else rng.uniform(-0.45, 0.45, 2)
+    camera = Camera(width, height, focal, focal, (width - 1) / 2, (height - 1) / 2)
+    odd = rng.choice([90.0, -90.0, 180.0, rng.uniform(-180, 180)]) if rng.random() < 0.15 else 0.0
+    roll = rng.normal(0, 4) + (0.0 if common else odd)
+    turned = _look_at(forward / distance, np.radians(roll))
+    # the torso appears at some place of the image, not in its middle
+    off = np.array([aside[0] * width / focal, aside[1] * height / focal, 1.0])
+    return View(camera, _between(off / np.linalg.norm(off)) @ turned, at)
+
+
+def _look_at(forward: Array, roll: float) -> Array:
+    """Rotation (3, 3) to the optical frame of a camera that looks along ``forward``."""
+    up = np.array([0.0, 1.0, 0.0]) if abs(forward[1]) < 0.98 else np.array([0.0, 0.0, 1.0])
+    right = np.cross(forward, up)
+    right /= np.linalg.norm(right)
+    down = np.cross(forward, right)
+    c, s = np.cos(roll), np.sin(roll)
+    return np.stack([c * right + s * down, c * down - s * right, forward])
+
+
+def _between(target: Array) -> Array:
+    """Rotation (3, 3) that takes the optical axis to a direction."""
+    axis = np.cross([0.0, 0.0, 1.0], target)
+    k = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
+    return np.asarray(np.eye(3) + k + k @ k / (1.0 + target[2]))
+
+
+def _render(
+    view: View, person: Placed, beside: list[Placed], room: Triangles, rng: np.random.Generator
+) -> CloseUp | None:
+    """Draw and measure what a camera sees about a person; None where it shows too little of them."""
+    joints = view.to_optical(person.joints)
+    torso = joints[_TORSO].mean(axis=0)
+    if torso[2] < 0.4 or (joints[:, 2] < 0.05).sum() > 6:
+        return None
+    camera = _part(view.camera, torso)
+    if camera is None:
+        return None
+    shape = (camera.height, camera.width)
+    inverse, face = np.zeros(shape), np.full(shape, -1, np.int32)
+    own = view.to_optical(person.vertices)
+    kernels.raster(own, person.faces, camera, _NEAR_M, inverse, face)
+    alone = int((face >= 0).sum())
+    if alone < _LEAST_PIXELS:
+        return None
+    parts = [(own, person.faces), (view.to_optical(person.held_vertices), person.held_faces)]
+    albedos = [person.albedo, np.full(len(person.held_faces), person.held_albedo, np.float32)]
+    owners = [np.ones(len(person.faces), np.uint8), np.zeros(len(person.held_faces), np.uint8)]
+    for other in beside:
+        parts.append((view.to_optical(other.vertices), other.faces))
+        albedos.append(other.albedo)
+        owners.append(np.full(len(other.faces), 2, np.uint8))
+    parts.append((view.to_optical(room.vertices), room.faces))
+    albedos.append(room.albedo)
+    owners.append(np.zeros(len(room.faces), np.uint8))
+    starts = np.cumsum([0] + [len(v) for v, _ in parts[:-1]])
+    vertices = np.concatenate([v for v, _ in parts])
+    faces = np.concatenate([f + n for (_, f), n in zip(parts, starts, strict=True)])
+    inverse[:], face[:] = 0.0, -1
+    kernels.raster(vertices, faces, camera, _NEAR_M, inverse, face)
+    whose = np.append(np.concatenate(owners), np.uint8(0))[face]
+    shown = int((whose == 1).sum())
+    if shown < max(_LEAST_PIXELS, _LEAST_SHOWN * alone):
+        return None
+    cosine = np.zeros(shape, np.float32)
+    kernels.shade(vertices, faces, face, camera, cosine)
+    albedo = np.append(np.concatenate(albedos), np.float32(0))[face]
+    depth = np.divide(1.0, inverse, out=np.zeros(shape), where=face >= 0).astype(np.float32)
+    measured = measure(Shown(depth, cosine, albedo, camera.fx), sample_sensor(rng, _family(rng)), rng)
+    whose[measured == 0] = 0
+    if int((whose == 1).sum()) < _LEAST_PIXELS:
+        return None
+    return CloseUp(np.rint(measured * 1000).astype(np.uint16), whose, camera, joints.astype(np.float32))
+
+
+def _family(rng: np.random.Generator) -> str:
+    return str(rng.choice(["structured", "tof", "stereo"], p=[0.3, 0.35, 0.35]))
+
+
+def _part(camera: Camera, torso: Array) -> Camera | None:
+    """Give the camera of the part of an image that lies about a torso; None where there is none."""
+    u = camera.fx * torso[0] / torso[2] + camera.cx
+    v = camera.fy * torso[1] / torso[2] + camera.cy
+    reach = REACH_M * camera.fx / torso[2]
+    spans = []
+    for middle, size in ((u, camera.width), (v, camera.height)):
+        first, last = max(0, int(middle - reach)), min(size, int(middle + reach) + 1)
+        if last - first < 16:
+            return None
+        last = min(size, first + -(-(last - first) // _BLOCK) * _BLOCK)
+        spans.append((first, last))
+    (left, right), (top, bottom) = spans
+    return camera._replace(width=right - left, height=bottom - top, cx=camera.cx - left, cy=camera.cy - top)
