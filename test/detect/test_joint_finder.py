@@ -88,7 +88,7 @@ def test_both_looks_count_for_whether_it_is_a_person():
 def test_second_look_tells_coats_and_heaps_from_people():
     finder, segmenter = PeopleFinder(SegmentConfig()), LearnedSegmenter(SegmentConfig())
     first = second = 0
-    for k in range(40):
+    for k in range(80):
         scene = sample_scene(np.random.default_rng([31, k]), people=0, studio=False, lookalikes=True)
         frame = DepthFrame(0, "", scene.depth, scene.camera)
         segmenter.reset()
@@ -97,8 +97,8 @@ def test_second_look_tells_coats_and_heaps_from_people():
         second += sum(p.probability >= 0.6 for p in seen.sightings)
         labels = {p.label for p in seen.sightings}
         assert set(np.unique(seen.labels)) - {BACKGROUND, HIDDEN} <= labels  # things are background
-    assert first > 0
-    assert second <= first / 2
+    assert first > 10
+    assert second <= 0.6 * first
 
 
 def test_a_point_comes_back_from_the_crop():
