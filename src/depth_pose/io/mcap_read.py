@@ -228,7 +228,7 @@ def frame_of_image(
 def make_frame(
     image: Any, kind: str, info: Any, rectified: bool = False, unit_m: float | None = None
 ) -> DepthFrame:
-    """Make a frame of a decoded Image or CompressedImage and its camera's CameraInfo; see `frame_of_image`."""
+    """Make a frame of a decoded Image or CompressedImage and its CameraInfo; see `frame_of_image`."""
     if kind == schemas.COMPRESSED:
         depth = decode_compressed_depth(image.format, image.data, unit_m)
     else:
