@@ -356,3 +356,22 @@ def test_float_millimetres_are_said_and_the_parameter_sets_them(start, peer, fra
         assert not has_person and process.output.count("look like another unit") == 1
     else:
         assert has_person and "look like another unit" not in process.output
+
+
+def test_an_info_of_another_name_is_used_where_nobody_sends_another(start, peer, frames):
+    process = start("-m", "depth_pose.ros.nodes.denoise_node")
+    process.wait_for("is ready")
+    answers = peer.listen(PointCloud2, POINTS)
+    images, infos = peer.publisher(Image, IMAGE), peer.publisher(CameraInfo, INFO)
+    stamps = itertools.count(frames[0].stamp_ns, 40_000_000)
+    info = info_msg(frames[0])
+    info.header.frame_id = "other name"
+
+    def send():
+        infos.publish(info)
+        peer.spin(0.05)
+        images.publish(at(image_msg(frames[0]), next(stamps)))
+
+    peer.ask(send, lambda: answers, what=lambda: f"answers:\n{process.output}\nthey", every_s=0.1)
+    process.wait_for("is it this camera's?")
+    assert process.output.count("is it this camera's?") == 1

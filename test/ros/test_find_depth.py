@@ -109,9 +109,9 @@ def test_a_remap_to_a_compressed_topic_names_the_parameter(peer, start):
         assert f"image_topic:={topic}" in node.output
 
 
-def test_up_takes_the_only_one(peer, start, bank_path):
+@pytest.mark.parametrize("local", [[], ["--local"]])
+def test_up_takes_the_only_one(peer, start, bank_path, local):
     with published(peer.node, cloud=["/lidar/points"]):
-        code = "from depth_pose.ros.process.supervisor import up\n"
-        process = start("-c", f"{code}up(bank={str(bank_path)!r}, auto=True)")
+        process = start("-m", "depth_pose.cli", "up", "--auto", "--bank", str(bank_path), *local)
         process.wait_for("depth comes from /lidar/points (sensor_msgs/msg/PointCloud2)")
         process.wait_for("denoise is ready: listens to /lidar/points", 300.0)

@@ -12,7 +12,7 @@ from typing import Annotated, Any
 import typer
 
 from depth_pose.cli import shared
-from depth_pose.cli.console import console, print_facts, setting, warn
+from depth_pose.cli.console import console, print_facts, say, setting, warn
 from depth_pose.cli.damage import be_lenient
 from depth_pose.core.config import FollowConfig, RefineConfig, SegmentConfig
 from depth_pose.core.errors import ConfigError, DepthPoseError
@@ -117,11 +117,15 @@ def up(
     }
     if sim_time:
         parameters["use_sim_time"] = True
+    if auto:
+        source = call_ros("transport.find_depth", "find_depth", local)
+        say(f"depth comes from {source}")
+        parameters |= source.parameters
     if bank is None and importlib.util.find_spec("rclpy") is not None:
         from depth_pose.bank.default import prepare_default_bank
 
         prepare_default_bank()  # with a progress bar; the nodes would refuse to start
-    options = {"parameters": parameters, "remap": remap or (), "local": local, "auto": auto}
+    options = {"parameters": parameters, "remap": remap or (), "local": local}
     code = call_ros("process.supervisor", "up", params, sensor, bank, **options)
     raise typer.Exit(code)
 

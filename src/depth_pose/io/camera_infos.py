@@ -11,9 +11,6 @@ import numpy as np
 
 from depth_pose.core.printable import printable
 
-SOLE_AFTER = 10
-"""CameraInfos that bear one frame_id after which that is the only camera of the topic. Set by hand."""
-
 
 @dataclass(frozen=True)
 class _Known:
@@ -26,18 +23,16 @@ class CameraInfos:
     """The newest CameraInfo of every frame_id on a topic.
 
     An image takes the one of its own frame_id. Names differ by a leading slash in old recordings, and an
-    empty name says nothing. Where all that comes bears one other name, as drivers exist that name the two
-    differently, it is taken, and `warnings` say so.
+    empty name says nothing. Some drivers name the two differently: `accept_only` takes the only other name,
+    and `warnings` say so.
 
     Parameters
     ----------
     topic : str
-    sole_after : int, optional
-        See `SOLE_AFTER`; with None, `accept_only` says when.
     """
 
-    def __init__(self, topic: str, sole_after: int | None = SOLE_AFTER) -> None:
-        self._topic, self._sole_after = topic, sole_after
+    def __init__(self, topic: str) -> None:
+        self._topic, self._is_only = topic, False
         self._known: dict[str, _Known] = {}
         self._counts: Counter[str] = Counter()
         self._changes: dict[str, tuple[int, str]] = {}
@@ -63,8 +58,8 @@ class CameraInfos:
         self._refused[reason] += 1
 
     def accept_only(self) -> None:
-        """Take the only frame_id for that of any image: no other will come."""
-        self._sole_after = 0
+        """Take the only frame_id there is for that of any image."""
+        self._is_only = True
 
     def find(self, frame_id: str) -> Any | None:
         """Return the newest CameraInfo of an image's camera; None where none has come."""
@@ -72,9 +67,9 @@ class CameraInfos:
         return None if name is None else self._known[name].info
 
     @property
-    def is_known(self) -> bool:
-        """Whether any has come."""
-        return bool(self._known)
+    def count(self) -> int:
+        """How many have come."""
+        return self._counts.total()
 
     def has_stamp(self, frame_id: str, stamp_ns: int) -> bool:
         """Whether the one that `find` gives was sent with the image of this stamp."""
@@ -85,8 +80,7 @@ class CameraInfos:
         found = image if image in self._known else None
         if found is None and len(self._known) == 1:
             (only,) = self._known
-            is_sole = self._sole_after is not None and self._counts[only] >= self._sole_after
-            if not image or not only or is_sole:
+            if not image or not only or self._is_only:
                 found = only
         if found is not None:
             self._used[image] = found

@@ -74,7 +74,7 @@ class DepthReader:
 
     def _forget(self) -> None:
         self._units = UnitWatch("--depth-scale")
-        self._infos = CameraInfos(self.topic.info_topic, sole_after=None)
+        self._infos = CameraInfos(self.topic.info_topic)
         self._looked_for: set[str] = set()
         self._dropped: Counter[str] = Counter()
 

@@ -28,6 +28,14 @@ from depth_pose.ros.nodes.room_outputs import RoomOutputs
 from depth_pose.ros.process.runner import run_node
 from depth_pose.ros.transport.frames_in_flight import LONGEST_S, UnderWay
 
+_INFOS = 16
+"""CameraInfos that may wait: with a queue of one, those of another camera could hide all of this camera's."""
+
+
+_SOLE_AFTER = 10
+"""CameraInfos of another frame_id, all by one publisher, after which they are taken for the image's: some
+drivers name the two differently. Set by hand."""
+
 
 class DenoiseNode(StageNode):
     """Finds the people and denoises their points (Sec. 4).
@@ -69,7 +77,7 @@ class DenoiseNode(StageNode):
         if cloud_topic:
             return [Input(PointCloud2, cloud_topic, sensor=True)]
         self._infos = CameraInfos(self.resolve_topic_name(self.value("info_topic")))
-        self.latch(CameraInfo, self.value("info_topic"), self._take_info)
+        self.latch(CameraInfo, self.value("info_topic"), self._take_info, _INFOS)
         topic = self.value("image_topic")
         self._rectified = is_rectified(self.resolve_topic_name(topic))
         kind = CompressedImage if topic.endswith(TOPIC_ENDING) else Image
@@ -113,7 +121,7 @@ class DenoiseNode(StageNode):
         if isinstance(message, PointCloud2):
             frame, unit_m = msg_to_frame(message, self._unit_m), 1.0
         else:
-            info = self._infos.find(message.header.frame_id)
+            info = self._find_info(message.header.frame_id)
             if info is None:
                 self._hold(message)
                 raise Held
@@ -123,6 +131,15 @@ class DenoiseNode(StageNode):
         if self._unit_m is None:
             self._units.look(frame.depth, unit_m)
         return frame
+
+    def _find_info(self, frame_id: str) -> CameraInfo | None:
+        """Return the CameraInfo of an image's camera; None where none has come yet."""
+        found = self._infos.find(frame_id)
+        if found is not None or self._infos.count < _SOLE_AFTER:
+            return found
+        if self.count_publishers(self.value("info_topic")) == 1:
+            self._infos.accept_only()
+        return self._infos.find(frame_id)
 
     def _say(self) -> None:
         """Log what is odd about the camera or its unit, once for each kind."""

@@ -257,12 +257,10 @@ def up(
     parameters: Mapping[str, Any] | None = None,
     remap: Sequence[str] = (),
     local: bool = False,
-    auto: bool = False,
 ) -> int:
     """Run the four nodes until SIGINT, SIGTERM or SIGHUP; signals are heard in the main thread.
 
-    Parameters are those of `Suite`; ``local`` keeps all of it to this machine (`depth_pose.ros.stay_local`),
-    and ``auto`` takes the only depth topic that there is (`depth_pose.ros.transport.find_depth`).
+    Parameters are those of `Suite`; ``local`` keeps all of it to this machine (`depth_pose.ros.stay_local`).
 
     Returns
     -------
@@ -277,12 +275,6 @@ def up(
     stop = threading.Event()
     if local:
         stay_local()
-    if auto:
-        from depth_pose.ros.transport.find_depth import find_depth
-
-        source = find_depth()
-        _print(f"depth comes from {source}")
-        parameters = {**(parameters or {}), **source.parameters}
     suite = Suite(params_file, sensor, bank, parameters=parameters, remap=remap)
     namespace = dict(rule.partition(":=")[::2] for rule in remap).get("__ns", "depth_pose").strip("/")
     ready = f"all nodes are ready; skeletons come on /{namespace}/skeletons, Ctrl-C ends"

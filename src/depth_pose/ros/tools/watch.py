@@ -174,6 +174,8 @@ class Watch:
             return frame_of_cloud(data)
         image = read_message(data, self._kind)
         with self._lock:
+            if self._infos.count > _QUEUE:  # as the denoise node does, which reports it
+                self._infos.accept_only()
             info = self._infos.find(image.header.frame_id)
             if info is None:
                 raise InputError(self._infos.why_none(image.header.frame_id))
@@ -235,7 +237,7 @@ class Watch:
             create(CameraInfo, info_topic, self._take_info, self._qos, raw=True)
 
     def _take_depth(self, data: bytes) -> None:
-        if self._infos.is_known or self._kind == schemas.POINT_CLOUD:
+        if self._infos.count or self._kind == schemas.POINT_CLOUD:
             self._hold(self._depth, data)
 
     def _take_info(self, data: bytes) -> None:

@@ -17,6 +17,7 @@ from depth_pose.core.printable import printable
 from depth_pose.io import schemas
 from depth_pose.io._messages import read_image
 from depth_pose.io.depth_topics import DEPTH_ENCODINGS
+from depth_pose.ros import stay_local
 from depth_pose.ros.transport.depth_sources import DepthSource, depth_sources
 from depth_pose.ros.transport.intake import frame_qos
 
@@ -27,14 +28,21 @@ _MESSAGE_S = 3.0
 """Seconds that an image topic has to bring an image, whose encoding says whether it is depth. Set by hand."""
 
 
-def find_depth() -> DepthSource:
+def find_depth(local: bool = False) -> DepthSource:
     """Return the only depth topic: the only image, else compressed image, else cloud.
+
+    Parameters
+    ----------
+    local : bool
+        Stay on this machine (`depth_pose.ros.stay_local`), as the nodes will.
 
     Raises
     ------
     ConfigError
         Where there is none, or several.
     """
+    if local:
+        stay_local()
     context = Context()
     rclpy.init(context=context, args=[])
     try:
