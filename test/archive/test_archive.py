@@ -199,7 +199,7 @@ def test_stopped_and_gone_on(clips, bank_path, here, tmp_path, how):
     run = start(*command[:-1], "0")
     text, _ = run.communicate(timeout=120)
     assert run.returncode == 1, text
-    assert "bad.mcap is not a recording" in text
+    assert "bad.mcap is not a supported recording" in text
     lines = lines_of(out)
     assert [line["file"] for line in lines] == ["bad", *(f"clip_{k}" for k in range(CLIPS))]
     skipped = {f"{line['file']}.mcap" for line in lines if line["state"] == "skipped"}
