@@ -128,7 +128,7 @@ def test_what_cannot_be_played_is_said(recording, tmp_path, domain):
         play(tmp_path / "none.mcap")
     text = tmp_path / "text.mcap"
     text.write_text("this is no recording" * 10)
-    with pytest.raises(InputError, match="not a recording"):
+    with pytest.raises(InputError, match="not a supported recording"):
         play(text)
     with pytest.raises(InputError, match="/camera/depth/image_raw"):
         play(recording, topics=["/nothing"])

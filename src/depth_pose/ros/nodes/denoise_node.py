@@ -137,7 +137,7 @@ class DenoiseNode(StageNode):
         found = self._infos.find(frame_id)
         if found is not None or self._infos.count < _SOLE_AFTER:
             return found
-        if self.count_publishers(self.value("info_topic")) == 1:
+        if self.count_publishers(self.resolve_topic_name(self.value("info_topic"))) == 1:
             self._infos.accept_only()
         return self._infos.find(frame_id)
 
