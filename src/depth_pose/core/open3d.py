@@ -28,5 +28,6 @@ def load_open3d() -> Any:
     except (ImportError, OSError) as error:
         raise ConfigError(
             f"Open3D, which banks and simulated sensors need, cannot be loaded: {error}. Its system "
-            "libraries on Debian and Ubuntu: apt install libx11-6 libgl1 libegl1 libgomp1 libudev1"
+            "libraries on Debian and Ubuntu: apt install libx11-6 libgl1 libegl1 libgomp1 libudev1; on arm64 "
+            "also libgfortran5 libidn2-0"
         ) from error
