@@ -12,7 +12,7 @@ from threadpoolctl import ThreadpoolController
 from depth_pose.bank.bank import Bank
 from depth_pose.body.pose import Fitted
 from depth_pose.core.config import PipelineConfig
-from depth_pose.core.mount import turn_back, turn_upright
+from depth_pose.core.mount import rotate_to_sensor, rotate_upright
 from depth_pose.core.types import DepthFrame, PoseMatch, Skeleton
 from depth_pose.denoise.extract import PeopleExtractor
 from depth_pose.stages import Shared
@@ -69,7 +69,7 @@ class PosePipeline:
     def process_frame(self, frame: DepthFrame) -> FrameResult:
         """Estimate the pose in one frame; frames of a sequence are given in their order."""
         # Sec. 4: find the people, cut them out, modified LOP (eqs. 1 to 5), outliers
-        people = self.extractor.extract(turn_upright(frame, self._mount))
+        people = self.extractor.extract(rotate_upright(frame, self._mount))
         # Sec. 5: canonical axes, PCA subspace, nearest exemplars (eq. 6)
         matches = self.matcher.match(people)
         # Sec. 6: fit the body to each person's points; with method cpd complete the mesh (eqs. 7, 8)
@@ -77,7 +77,7 @@ class PosePipeline:
         # Sec. 6: failure check, temporal registration, low-pass filter
         upright = self.recoverer.recover(people, refined)
         # Back into the frame of a sensor that is mounted rolled
-        skeletons = tuple(turn_back(s, self._mount) for s in upright)
+        skeletons = tuple(rotate_to_sensor(s, self._mount) for s in upright)
         self.unanswered += bool(people.persons and not skeletons)
         followed = self.follower.choose(skeletons, frame.stamp_ns, frame.frame_id)
         return FrameResult(people, matches, refined, skeletons, followed)

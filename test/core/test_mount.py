@@ -10,7 +10,7 @@ import pytest
 from crowd import person, seen
 from depth_pose.core.camera import Camera
 from depth_pose.core.config import MatchConfig, MountConfig, PipelineConfig, SmoothConfig
-from depth_pose.core.mount import rotation_sensor_upright, turn_upright
+from depth_pose.core.mount import rotate_upright, rotation_sensor_upright
 from depth_pose.core.rotations import quat_to_matrix
 from depth_pose.core.types import HIDDEN, DepthFrame
 from depth_pose.detect.learned_segmenter import LearnedSegmenter
@@ -37,7 +37,7 @@ def rolled(frame: DepthFrame, roll: float) -> DepthFrame:
 @pytest.mark.parametrize("roll", [90.0, 180.0, 270.0, -90.0])
 def test_quarters_are_exact(roll) -> None:
     upright = seen(3, [person(3, 0.3, 3.0)])
-    got = turn_upright(rolled(upright, roll), MountConfig(roll=roll))
+    got = rotate_upright(rolled(upright, roll), MountConfig(roll=roll))
     np.testing.assert_array_equal(got.depth, upright.depth)
     assert (got.camera.width, got.camera.height) == (upright.camera.width, upright.camera.height)
     for name in ("fx", "fy", "cx", "cy"):
@@ -49,7 +49,7 @@ def test_quarters_are_exact(roll) -> None:
 def test_points_lie_where_they_were(roll) -> None:
     """Any angle: the upright frame's points, turned back, are the sensor's to half a pixel."""
     frame = seen(0, [person(0, 0.0, 3.0)])
-    got = turn_upright(frame, MountConfig(roll=roll))
+    got = rotate_upright(frame, MountConfig(roll=roll))
     back = points_of(got) @ rotation_sensor_upright(roll).T
     known = points_of(frame)
     sample = back[:: max(1, len(back) // 300)]
@@ -59,8 +59,8 @@ def test_points_lie_where_they_were(roll) -> None:
 
 def test_no_roll_changes_nothing() -> None:
     frame = seen(0, [person(0, 0.0, 3.0)])
-    assert turn_upright(frame, MountConfig()) is frame
-    assert turn_upright(frame, MountConfig(roll=360.0)) is frame
+    assert rotate_upright(frame, MountConfig()) is frame
+    assert rotate_upright(frame, MountConfig(roll=360.0)) is frame
 
 
 @pytest.mark.parametrize("roll", [180.0, 90.0])
@@ -90,8 +90,8 @@ def test_blank_corners_are_no_background_that_was_cut_away() -> None:
     depth = frame.depth.copy()
     depth[:, :20] = 0.0  # an eighth of it returns nothing
     config = MountConfig(roll=45.0)
-    turned = turn_upright(replace(frame, depth=depth), config)
-    assert turned.filled == pytest.approx(np.mean(turn_upright(frame, config).depth > 0), abs=0.01)
+    turned = rotate_upright(replace(frame, depth=depth), config)
+    assert turned.filled == pytest.approx(np.mean(rotate_upright(frame, config).depth > 0), abs=0.01)
     assert (turned.depth == 0).mean() > 0.5
     segmentation = LearnedSegmenter(PipelineConfig().segment).segment(turned)
     assert (segmentation.labels == HIDDEN).mean() > 0.5

@@ -14,13 +14,13 @@ from test_denoise_node import IMAGE, INFO, POINTS, image_msg, info_msg
 
 from depth_pose.core.errors import InputError
 from depth_pose.ros.messages.basics import first_stamp_ns, make_header, stamp_to_ns
-from depth_pose.ros.transport.frames_in_flight import LONGEST_S, MOST, QUIET_S, UnderWay
+from depth_pose.ros.transport.frames_in_flight import LONGEST_S, MOST, QUIET_S, FramesInFlight
 
 
 @pytest.fixture
 def full():
     """As many frames on their way as may be, at 0 s; the one before them was answered."""
-    frames = UnderWay()
+    frames = FramesInFlight()
     frames.begin(0, -0.1)
     frames.arrive(0, 0.0)
     for stamp_ns in range(1, MOST + 1):
@@ -57,7 +57,7 @@ def test_nothing_waits_for_long(full) -> None:
 
 
 def test_without_answers_nothing_waits() -> None:
-    frames = UnderWay()
+    frames = FramesInFlight()
     for stamp_ns in range(2 * MOST):
         assert not frames.is_full(0.0)
         frames.begin(stamp_ns, 0.0)

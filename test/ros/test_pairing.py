@@ -1,4 +1,4 @@
-from depth_pose.ros.nodes.counts import Figures
+from depth_pose.ros.nodes.statistics import NodeStatistics
 from depth_pose.ros.transport.pairing import Pairer
 
 
@@ -53,14 +53,14 @@ def test_order_is_that_of_arrival_where_stamps_jump_back():
     assert drops == [1] and not len(pairer)
 
 
-def test_figures():
-    figures = Figures()
+def test_node_statistics():
+    statistics = NodeStatistics()
     for i in range(20):
-        figures.answer(0.010, 0.020 if i else 1e9)
-    figures.drop("overtaken", 3)
-    text = figures.as_text()
+        statistics.answer(0.010, 0.020 if i else 1e9)
+    statistics.drop("overtaken", 3)
+    text = statistics.as_text()
     assert text["answered"] == "20" and text["dropped"] == "3" and text["dropped: overtaken"] == "3"
     assert text["process_ms_median"] == "10.0" and text["latency_ms_p95"] == "20.0"
-    assert figures.new_drops() == {"overtaken": 3} and not figures.new_drops()
-    figures.answer(0.010, -4.0)  # a stamp of another clock: its latency means nothing
-    assert figures.as_text()["latency_ms_median"] == "unknown"
+    assert statistics.new_drops() == {"overtaken": 3} and not statistics.new_drops()
+    statistics.answer(0.010, -4.0)  # a stamp of another clock: its latency means nothing
+    assert statistics.as_text()["latency_ms_median"] == "unknown"

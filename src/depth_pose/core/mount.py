@@ -31,8 +31,8 @@ def rotation_sensor_upright(roll_deg: float) -> NDArray[np.float64]:
     return np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
-def turn_upright(frame: DepthFrame, config: MountConfig) -> DepthFrame:
-    """Turn a frame upright; each pixel takes the nearest of the sensor's."""
+def rotate_upright(frame: DepthFrame, config: MountConfig) -> DepthFrame:
+    """Rotate a frame upright; each pixel takes the nearest of the sensor's."""
     if config.roll % 360.0 == 0.0:
         return frame
     camera, source, inside = _lookup(frame.camera, config.roll)
@@ -45,10 +45,10 @@ def sensor_frame(frame_id: str, config: MountConfig) -> str:
     return frame_id if config.roll % 360.0 == 0.0 else frame_id.removesuffix(UPRIGHT)
 
 
-def check_turned(frame_id: str, config: MountConfig) -> None:
+def check_upright(frame_id: str, config: MountConfig) -> None:
     """Check that data from a rolled sensor was rotated upright with this setting.
 
-    Without a roll nothing is turned back: then results stay in the frame that they say they are in.
+    Without a roll nothing is rotated back: then results stay in the frame that they say they are in.
 
     Raises
     ------
@@ -61,15 +61,15 @@ def check_turned(frame_id: str, config: MountConfig) -> None:
         )
 
 
-def turn_back(skeleton: Skeleton, config: MountConfig) -> Skeleton:
+def rotate_to_sensor(skeleton: Skeleton, config: MountConfig) -> Skeleton:
     """Return a skeleton of an upright frame in the sensor's frame."""
     if config.roll % 360.0 == 0.0:
         return skeleton
     rotation = rotation_sensor_upright(config.roll)
-    return _turned(skeleton, rotation, sensor_frame(skeleton.frame_id, config))
+    return _rotated(skeleton, rotation, sensor_frame(skeleton.frame_id, config))
 
 
-def _turned(skeleton: Skeleton, rotation: NDArray[np.float64], frame_id: str) -> Skeleton:
+def _rotated(skeleton: Skeleton, rotation: NDArray[np.float64], frame_id: str) -> Skeleton:
     quats = matrix_to_quat(rotation @ quat_to_matrix(skeleton.quats_xyzw))
     return replace(
         skeleton,
@@ -90,11 +90,11 @@ def _lookup(camera: Camera, roll_deg: float) -> tuple[Camera, NDArray[np.int64],
     corners = np.stack([(columns - camera.cx) / camera.fx, (rows - camera.cy) / camera.fy])
     x, y = rotation.T @ corners
     width, height = round(fx * float(np.ptp(x))), round(fy * float(np.ptp(y)))
-    turned = Camera(width, height, fx, fy, -0.5 - fx * float(x.min()), -0.5 - fy * float(y.min()))
+    upright = Camera(width, height, fx, fy, -0.5 - fx * float(x.min()), -0.5 - fy * float(y.min()))
     v, u = np.mgrid[:height, :width].astype(np.float64)
-    rays = np.stack([(u - turned.cx) / fx, (v - turned.cy) / fy]).reshape(2, -1)
+    rays = np.stack([(u - upright.cx) / fx, (v - upright.cy) / fy]).reshape(2, -1)
     a, b = rotation @ rays
     column = np.rint(camera.fx * a + camera.cx).astype(np.int64).reshape(height, width)
     row = np.rint(camera.fy * b + camera.cy).astype(np.int64).reshape(height, width)
     inside = (column >= 0) & (column < camera.width) & (row >= 0) & (row < camera.height)
-    return turned, np.where(inside, row * camera.width + column, 0), inside
+    return upright, np.where(inside, row * camera.width + column, 0), inside

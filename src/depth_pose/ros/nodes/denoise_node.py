@@ -12,7 +12,7 @@ from depth_pose_msgs.msg import People, SkeletonArray
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image, PointCloud2
 
 from depth_pose.core.config import PipelineConfig
-from depth_pose.core.mount import turn_upright
+from depth_pose.core.mount import rotate_upright
 from depth_pose.core.types import DepthFrame
 from depth_pose.denoise.extract import PeopleExtractor
 from depth_pose.io.calibration import is_rectified
@@ -26,7 +26,7 @@ from depth_pose.ros.nodes.node_base import Held, Input, StageNode
 from depth_pose.ros.nodes.parameters import DENOISE
 from depth_pose.ros.nodes.room_outputs import RoomOutputs
 from depth_pose.ros.process.runner import run_node
-from depth_pose.ros.transport.frames_in_flight import LONGEST_S, UnderWay
+from depth_pose.ros.transport.frames_in_flight import LONGEST_S, FramesInFlight
 
 _INFOS = 16
 """CameraInfos that may wait: with a queue of one, those of another camera could hide all of this camera's."""
@@ -53,10 +53,10 @@ class DenoiseNode(StageNode):
         self._said: set[str] = set()
         self._rectified = False
         self._held: deque[Image | CompressedImage] = deque()
-        self._under_way = UnderWay()
+        self._in_flight = FramesInFlight()
         super().__init__("denoise")
         if not self.lossless:
-            self.create_timer(LONGEST_S, self._begin_waiting, clock=self._steady)
+            self.create_timer(LONGEST_S, self._begin_waiting, clock=self.steady_clock)
 
     def make_stage(self, config: PipelineConfig) -> PeopleExtractor:
         """Make the extractor."""
@@ -86,29 +86,29 @@ class DenoiseNode(StageNode):
     def forget(self) -> None:
         """Drop the images that wait."""
         self._held.clear()
-        self._under_way.forget()
+        self._in_flight.forget()
 
     def answer(self, message: Any) -> None:
         """Find the people in one frame."""
-        if self._under_way.has_waiting:
+        if self._in_flight.has_waiting:
             self.drop("overtaken", "a newer frame came before this one was begun")
-        if not self._under_way.offer(message, time.monotonic()):
+        if not self._in_flight.offer(message, time.monotonic()):
             raise Held
         frame = self._frame(message)
-        upright = turn_upright(frame, self.config.mount)
+        upright = rotate_upright(frame, self.config.mount)
         found = self.stage.extract(upright)
         points, people = people_to_msgs(found)
         self._points.publish(points)
         self._people.publish(people)
-        self._under_way.begin(found.stamp_ns, time.monotonic())
+        self._in_flight.begin(found.stamp_ns, time.monotonic())
         self._room.tell(frame, upright, found)
         self._say()
-        self.figures.values["people"] = len(people.people)
-        self.figures.values["people cut off or half hidden"] = sum(
+        self.statistics.values["people"] = len(people.people)
+        self.statistics.values["people cut off or half hidden"] = sum(
             p.is_cut_below or p.is_cut_beside for p in found.persons
         )
         for reason, count in self.stage.passed_over.items():
-            self.figures.values[f"ignored: {reason}"] = count
+            self.statistics.values[f"ignored: {reason}"] = count
 
     def _frame(self, message: Any) -> DepthFrame:
         """Convert a message.
@@ -153,12 +153,12 @@ class DenoiseNode(StageNode):
 
     def _take_answer(self, message: bytes) -> None:
         """Record the arrival of a frame."""
-        self._under_way.arrive(first_stamp_ns(message), time.monotonic())
+        self._in_flight.arrive(first_stamp_ns(message), time.monotonic())
         self._begin_waiting()
 
     def _begin_waiting(self) -> None:
         """Begin the frame that waits, if it may."""
-        waited = self._under_way.release(time.monotonic())
+        waited = self._in_flight.release(time.monotonic())
         if waited is not None:
             self.process((waited,))
 
@@ -172,7 +172,7 @@ class DenoiseNode(StageNode):
     def _take_info(self, info: CameraInfo) -> None:
         self._infos.add(info, stamp_to_ns(info.header.stamp))
         for name, value in self._infos.counts.items():
-            self.figures.counts[name] = value
+            self.statistics.counts[name] = value
         held = list(self._held)
         self._held.clear()
         for image in held:

@@ -14,29 +14,29 @@ from depth_pose.ros.transport.depth_sources import depth_sources
 from depth_pose.ros.transport.intake import Input
 from depth_pose.ros.transport.losses import cure
 
-SILENT_AFTER_S = 1.9
-"""Seconds; a topic is silent if it has had publishers for this long, and nothing ever came.
+MISSING_AFTER_S = 1.9
+"""Seconds; a topic is missing if it has had publishers for this long, and nothing ever came.
 
 With a look every half second, the warning comes within three seconds.
 """
 
 PAUSED_AFTER_S = 5.0
-"""Seconds; a topic that has delivered is silent after this, or after three of its own periods if longer.
+"""Seconds; a topic that has delivered is missing after this, or after three of its own periods if longer.
 
 Set by hand.
 """
 
 REPEAT_S = 10.0
-"""Seconds after which the warning is repeated while the silence lasts. Set by hand."""
+"""Seconds after which the warning is repeated while the input is missing. Set by hand."""
 
-CROWD_AFTER_S = 8.0
+SEVERAL_AFTER_S = 8.0
 """Seconds after which several publishers are worth a warning.
 
 More than the 5 s for which Fast DDS keeps one that was killed (`fastdds.xml`, leaseDuration).
 """
 
 
-class CrowdWatch:
+class PublisherWatch:
     """Warns of topics with several publishers, whose frames mix; `check` is called once a second."""
 
     def __init__(self, node: Node, inputs: Sequence[Input]) -> None:
@@ -52,7 +52,7 @@ class CrowdWatch:
                 self._since[topic] = None
             elif since is None:
                 self._since[topic] = now
-            elif now - since >= CROWD_AFTER_S:
+            elif now - since >= SEVERAL_AFTER_S:
                 self._since[topic] = now
                 self._node.get_logger().warning(
                     f"{topic} has {count} publishers, and their frames mix; does another suite run in "
@@ -69,17 +69,17 @@ class _Watched:
     warned: float = -1e9
 
 
-class SilenceWatch:
+class MissingInputWatch:
     """Watches the inputs that come from outside; `check` is called twice a second.
 
     Attributes
     ----------
-    silent : list of str
+    missing : list of str
         Topics from which nothing comes, or that nobody publishes.
     """
 
     def __init__(self, node: Node, inputs: Sequence[Input], *, reliable: bool = False) -> None:
-        self.silent: list[str] = []
+        self.missing: list[str] = []
         self._node, self._reliable = node, reliable
         self._started = time.monotonic()
         self._watched = {i.topic: _Watched(_type_name(i.kind)) for i in inputs if i.sensor}
@@ -94,11 +94,11 @@ class SilenceWatch:
             watched.heard = now
 
     def check(self) -> None:
-        """Warn about every silent topic; called twice a second, it does so within three seconds."""
+        """Warn about every missing topic; called twice a second, it does so within three seconds."""
         now = time.monotonic()
-        self.silent = []
+        self.missing = []
         for topic, watched in self._watched.items():
-            patience = SILENT_AFTER_S
+            patience = MISSING_AFTER_S
             if watched.heard is not None:
                 patience = max(PAUSED_AFTER_S, 3.0 * watched.period)
                 if now - watched.heard < patience:
@@ -109,12 +109,12 @@ class SilenceWatch:
             since = max(watched.published or self._started, watched.heard or self._started)
             if now - since < patience:
                 continue
-            self.silent.append(topic)
+            self.missing.append(topic)
             if now - watched.warned >= REPEAT_S:
                 watched.warned = now
                 self._node.get_logger().warning(printable(self._explain(topic, watched, found, now - since)))
 
-    def _explain(self, topic: str, watched: _Watched, found: Sequence[object], silence_s: float) -> str:
+    def _explain(self, topic: str, watched: _Watched, found: Sequence[object], missing_s: float) -> str:
         wanted = watched.type_name
         sources = depth_sources(self._node) if self._node.has_parameter("image_topic") else []
         if not found:
@@ -122,7 +122,7 @@ class SilenceWatch:
             hint = f"; depth may come from, with these parameters: {there}" if there else ""
             return printable(f"nobody publishes {topic} ({wanted}){hint}")
         types = sorted({p.topic_type for p in found})  # type: ignore[attr-defined]
-        start = f"{topic} has {len(found)} publisher(s) but nothing came for {silence_s:.0f} s: "
+        start = f"{topic} has {len(found)} publisher(s) but nothing came for {missing_s:.0f} s: "
         if types != [wanted]:
             how = "; ".join(str(source) for source in sources if source.topic == topic)
             hint = f"; name it by its parameters, without a remap: {how}" if how else ""

@@ -47,13 +47,13 @@ class MatcherNode(BankNode):
         people = msgs_to_people(points, found)
         matches = self.stage.match(people)
         self._matches.publish(matches_to_msg(matches, people))
-        self.figures.values["people"] = len(matches)
-        self.figures.values["people left out for want of time"] = self.stage.turns.left_out
+        self.statistics.values["people"] = len(matches)
+        self.statistics.values["people left out for want of time"] = self.stage.turns.left_out
         best = [m for m in matches if m.candidates][:1]
         for match in best:
-            self.figures.values["match_score"] = match.candidates[0].score
-            self.figures.values["match_confidence"] = match_confidence(match.candidates[0].score)
-            self.figures.values["match_scale"] = match.scale
+            self.statistics.values["match_score"] = match.candidates[0].score
+            self.statistics.values["match_confidence"] = match_confidence(match.candidates[0].score)
+            self.statistics.values["match_scale"] = match.scale
 
 
 def main(args: Sequence[str] | None = None) -> int:

@@ -1,10 +1,10 @@
-"""What the nodes share: life cycle, parameters, diagnostics, and staying alive.
+"""What the nodes share: life cycle, frames, parameters and the judgement for the diagnostics.
 
 A node of this package is a thin, managed skin over one stage of the core. Configuring
 makes the stage from the parameters and warms it up *before* anything is subscribed, so that the
 first frame is not the one that waits for a compiler; once active it hands over frames
-(`depth_pose.ros.transport.intake`) and counts whatever gets no answer. Nothing that arrives on a topic ends
-a node. Unless the parameter ``autostart`` is false, a node configures and activates itself.
+(`depth_pose.ros.transport.intake`) and counts whatever gets no answer. Unless the parameter ``autostart``
+is false, a node configures and activates itself.
 """
 
 from __future__ import annotations
@@ -12,43 +12,31 @@ from __future__ import annotations
 import time
 import traceback
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
-from functools import partial
+from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar, Protocol
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from diagnostic_msgs.msg import DiagnosticStatus
 from rcl_interfaces.msg import SetParametersResult
-from rclpy.clock import Clock, ClockType
-from rclpy.event_handler import PublisherEventCallbacks
-from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
-from rclpy.publisher import Publisher
-from rclpy.qos import QoSProfile
-from rclpy.subscription import Subscription
 from threadpoolctl import threadpool_limits
 
 from depth_pose.core.config import PipelineConfig
 from depth_pose.core.errors import BankError, ConfigError, DepthPoseError, InputError
 from depth_pose.core.options import Sections
-from depth_pose.core.printable import printable
 from depth_pose.ros.messages.basics import stamp_to_ns
-from depth_pose.ros.nodes.counts import Figures
-from depth_pose.ros.nodes.input_watch import CrowdWatch, SilenceWatch
-from depth_pose.ros.nodes.parameters import COMMON, declare, holds_setting, read_config
+from depth_pose.ros.nodes.input_watch import MissingInputWatch, PublisherWatch
+from depth_pose.ros.nodes.parameters import holds_setting, read_config
+from depth_pose.ros.nodes.topic_node import TopicNode
 from depth_pose.ros.process import READY
-from depth_pose.ros.process.shared_memory import keep_private
 from depth_pose.ros.setting import Setting
 from depth_pose.ros.transport.intake import (
-    LOG_EVERY_S,
-    NO_EVENTS,
     Drop,
     FrameSource,
     Held,
     Input,
     Intake,
-    frame_qos,
 )
-from depth_pose.ros.transport.latched import LatchedTopic
 from depth_pose.ros.transport.losses import BusyTimes
 
 __all__ = ["Drop", "Held", "Input", "Stage", "StageNode"]
@@ -73,7 +61,7 @@ class Stage(Protocol):
         """Forget everything that was kept between frames."""
 
 
-class StageNode(LifecycleNode, ABC):
+class StageNode(TopicNode, ABC):
     """A node around one stage; sub-classes say which, and convert.
 
     Queues hold one frame and the newest wins. With the parameter ``reliable`` every frame is taken
@@ -85,8 +73,6 @@ class StageNode(LifecycleNode, ABC):
         What `make_stage` made; None until the node is configured.
     is_active : bool
         Whether frames are answered.
-    figures : Figures
-        Counts and times that go to ``/diagnostics``.
     """
 
     CONFIG: ClassVar[type[Sections]] = PipelineConfig
@@ -95,31 +81,19 @@ class StageNode(LifecycleNode, ABC):
 
     def __init__(self, name: str) -> None:
         threadpool_limits(1)  # the processes share the cores; and sums as `PosePipeline` makes them
-        super().__init__(name, namespace="depth_pose")
-        keep_private()
-        self.figures = Figures()
+        super().__init__(name, self.SETTINGS, self.SECTIONS, self.CONFIG)
         self.busy = BusyTimes()
         self.stage: Any = None
         self.is_active = False
         self._intake: FrameSource | None = None
         self._refused: Exception | None = None
-        self._logged: dict[str, tuple[float, int]] = {}
-        self._outputs: list[Publisher] = []
-        self._sources: list[Subscription] = []
-        self._opened: list[Publisher | Subscription] = []
-        self._latched: list[LatchedTopic] = []
-        self._watches: tuple[CrowdWatch, SilenceWatch] | None = None
-        declare(self, (*COMMON, *self.SETTINGS), self.SECTIONS, self.CONFIG)
-        self.lossless: bool = self.value("reliable")
-        self.queue: int = self.value("queue")
-        self._steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        self._watches: tuple[PublisherWatch, MissingInputWatch] | None = None
         self.add_on_set_parameters_callback(self._check_parameters)
         self.add_post_set_parameters_callback(self._take_parameters)
-        self.create_timer(1.0, self._tell, clock=self._steady)
-        self.create_timer(0.5, self._watch, clock=self._steady)
+        self.create_timer(1.0, self.publish_diagnostics, clock=self.steady_clock)
+        self.create_timer(0.5, self._watch, clock=self.steady_clock)
         self._joined_ticks = 0
-        self._ready_timer = self.create_timer(_READY_TICK_S, self._tell_ready, clock=self._steady)
+        self._ready_timer = self.create_timer(_READY_TICK_S, self._tell_ready, clock=self.steady_clock)
         if self.value("autostart"):
             self.start()
 
@@ -169,93 +143,6 @@ class StageNode(LifecycleNode, ABC):
     def forget(self) -> None:
         """Drop messages that a sub-class keeps; called when the node is paused or cleaned up."""
 
-    # What a sub-class may call
-
-    def value(self, name: str) -> Any:
-        """Value of a parameter."""
-        return self.get_parameter(name).value
-
-    def publisher(self, kind: type, topic: str, *, reliable: bool = False, counted: bool = True) -> Publisher:
-        """Make a publisher of frames: sensor QoS, or `reliable`, which suits every subscriber.
-
-        Parameters
-        ----------
-        kind, topic
-            Message class, and a name below the node's namespace.
-        reliable : bool
-            For small messages that others read.
-        counted : bool
-            Whether its subscribers count for the parameter ``consumers``.
-        """
-        qos = frame_qos(self.queue, reliable or self.lossless)
-        quiet = PublisherEventCallbacks(use_default_callbacks=False)
-        made = self.create_publisher(kind, topic, qos, event_callbacks=quiet)
-        self._opened.append(made)
-        if counted:
-            self._outputs.append(made)
-        return made
-
-    def open_publisher(self, kind: type, topic: str, qos: QoSProfile | int) -> Publisher:
-        """Make a publisher that is no output of frames; it closes with the others."""
-        quiet = PublisherEventCallbacks(use_default_callbacks=False)
-        made = self.create_publisher(kind, topic, qos, event_callbacks=quiet)
-        self._opened.append(made)
-        return made
-
-    def close_publisher(self, publisher: Publisher) -> None:
-        """Close one that `open_publisher` made."""
-        self._opened.remove(publisher)
-        self.destroy_publisher(publisher)
-
-    def listen(
-        self, kind: type, topic: str, callback: Callable[[Any], None], *, raw: bool = False
-    ) -> Subscription:
-        """Subscribe to a topic of the suite's own that is no part of a frame; ``raw`` gives its bytes."""
-        qos = frame_qos(self.queue, self.lossless)
-        made = self.create_subscription(
-            kind, topic, partial(self.guard, topic, callback), qos, event_callbacks=NO_EVENTS, raw=raw
-        )
-        self._opened.append(made)
-        self._sources.append(made)
-        return made
-
-    def latch(self, kind: type, topic: str, callback: Callable[[Any], None], depth: int = 1) -> None:
-        """Subscribe to what may be sent with every frame, or once and for all, by up to ``depth`` senders."""
-        take = partial(self.guard, topic, callback)
-        self._latched.append(LatchedTopic(self, kind, topic, take, depth))
-
-    def guard(self, topic: str, call: Callable[..., None], *arguments: Any) -> None:
-        """Call the handler of a message; count bad messages instead of raising."""
-        try:
-            call(*arguments)
-        except ConfigError:  # the settings are wrong, not the message
-            raise
-        except InputError as e:
-            self.drop("bad input", f"{topic}: {e}")
-        except Exception as e:
-            self.survive(e, topic)
-
-    def survive(self, error: Exception, where: str) -> None:
-        """Log and count an error that nobody expected, unless it comes of being told to stop."""
-        if self.context.ok():
-            self.get_logger().error(traceback.format_exc(), throttle_duration_sec=LOG_EVERY_S)
-            self.drop("error", f"{where}: {type(error).__name__}: {error}")
-
-    def drop(self, reason: str, detail: str, count: int = 1) -> None:
-        """Count frames without an answer, and log it now and then."""
-        self.figures.drop(reason, count)
-        last, before = self._logged.get(reason, (-1e9, 0))
-        now, total = time.monotonic(), self.figures.drops[reason]
-        if now - last < LOG_EVERY_S:
-            return
-        self._logged[reason] = (now, total)
-        more = f" ({total - before} of these since the last such line)" if total - before > 1 else ""
-        self.get_logger().warning(f"dropped, {reason}: {printable(detail)}{more}")
-
-    def count(self, what: str) -> None:
-        """Count what diagnostics tell, but is no drop."""
-        self.figures.counts[what] += 1
-
     # Life cycle
 
     def start(self) -> None:
@@ -292,7 +179,7 @@ class StageNode(LifecycleNode, ABC):
         self.open_outputs()
         self._intake = self.make_intake()
         inputs = self._intake.inputs
-        self._watches = CrowdWatch(self, inputs), SilenceWatch(self, inputs, reliable=self.lossless)
+        self._watches = PublisherWatch(self, inputs), MissingInputWatch(self, inputs, reliable=self.lossless)
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Begin to answer frames."""
@@ -326,14 +213,7 @@ class StageNode(LifecycleNode, ABC):
         self.forget()
         if self._intake is not None:
             self._intake.close()
-        for entity in self._opened:
-            if isinstance(entity, Publisher):
-                self.destroy_publisher(entity)
-            else:
-                self.destroy_subscription(entity)
-        for topic in self._latched:
-            topic.close()
-        self._opened, self._outputs, self._sources, self._latched = [], [], [], []
+        self.close_topics()
         self._intake = self._watches = self.stage = None
 
     # Frames
@@ -376,7 +256,7 @@ class StageNode(LifecycleNode, ABC):
         else:
             now_ns = self.get_clock().now().nanoseconds
             latency_s = (now_ns - self.stamp_ns(*messages)) / 1e9
-            self.figures.answer(time.perf_counter() - started, latency_s)
+            self.statistics.answer(time.perf_counter() - started, latency_s)
         finally:
             self.busy.add(began_ns, time.time_ns())
 
@@ -414,10 +294,7 @@ class StageNode(LifecycleNode, ABC):
     def _tell_ready(self) -> None:
         if self._intake is None or not self.is_active:
             return
-        wanted = self.value("consumers")
-        joined = all(p.get_subscription_count() >= wanted for p in self._outputs)
-        if self.value("producers"):
-            joined = joined and self._intake.joined and all(s.get_publisher_count() for s in self._sources)
+        joined = self.is_joined and (self._intake.joined or not self.value("producers"))
         self._joined_ticks = self._joined_ticks + 1 if joined else 0
         if self._joined_ticks > SETTLE_S / _READY_TICK_S:
             self._ready_timer.cancel()
@@ -425,32 +302,22 @@ class StageNode(LifecycleNode, ABC):
             self.get_logger().info(f"{self.get_name()} {READY}: listens to {topics}")
 
     def _watch(self) -> None:
-        for topic in self._latched:
-            topic.check()
+        self.check_latched()
         if self._intake is not None:
             self._intake.check()
         if self._watches is not None and self.is_active:
             self._watches[1].check()
 
-    def _tell(self) -> None:
-        status = DiagnosticStatus(name=self.get_fully_qualified_name(), hardware_id="depth_pose")
-        status.level, status.message = self._judge()
-        self.figures.counts["listeners"] = min((p.get_subscription_count() for p in self._outputs), default=0)
-        status.values = [KeyValue(key=k, value=v) for k, v in self.figures.as_text().items()]
-        message = DiagnosticArray(status=[status])
-        message.header.stamp = self.get_clock().now().to_msg()
-        self._diagnostics.publish(message)
-
-    def _judge(self) -> tuple[bytes, str]:
+    def judge(self) -> tuple[bytes, str]:
         """Return level and text of this second's diagnostics."""
-        new = self.figures.new_drops()
+        new = self.statistics.new_drops()
         if self._watches is None or not self.is_active:
             return DiagnosticStatus.OK, "is paused" if self._watches else "is not configured"
-        crowd, silence = self._watches
-        crowd.check()
+        publishers, missing_inputs = self._watches
+        publishers.check()
         if new:
             level = DiagnosticStatus.ERROR if new["error"] else DiagnosticStatus.WARN
             return level, "dropped " + ", ".join(f"{n} {reason}" for reason, n in sorted(new.items()))
-        if silence.silent:
-            return DiagnosticStatus.WARN, "nothing from " + ", ".join(silence.silent)
-        return DiagnosticStatus.OK, "answers" if self.figures.rate_hz() else "waits"
+        if missing_inputs.missing:
+            return DiagnosticStatus.WARN, "nothing from " + ", ".join(missing_inputs.missing)
+        return DiagnosticStatus.OK, "answers" if self.statistics.rate_hz() else "waits"

@@ -11,7 +11,7 @@ from visualization_msgs.msg import MarkerArray
 
 from depth_pose.body.build import build_space
 from depth_pose.core.config import PipelineConfig
-from depth_pose.core.mount import check_turned, sensor_frame, turn_back
+from depth_pose.core.mount import check_upright, rotate_to_sensor, sensor_frame
 from depth_pose.core.types import Skeleton as SkeletonData
 from depth_pose.recover.recover import Recoverer
 from depth_pose.ros.messages.people import msgs_to_people
@@ -62,9 +62,9 @@ class RecoveryNode(BankNode):
     def answer(self, points: PointCloud2, found: People, fitted: FittedArray) -> None:
         """Check, recover and smooth the people of one frame."""
         people, mount = msgs_to_people(points, found), self.config.mount
-        check_turned(people.frame_id, mount)
+        check_upright(people.frame_id, mount)
         upright = self.stage.recover(people, msg_to_fitted(fitted, self._space))
-        skeletons = [turn_back(s, mount) for s in upright]
+        skeletons = [rotate_to_sensor(s, mount) for s in upright]
         frame_id = sensor_frame(people.frame_id, mount)
         message = skeletons_to_msg(skeletons, people.stamp_ns, frame_id)
         self._skeletons.publish(message)
@@ -80,14 +80,14 @@ class RecoveryNode(BankNode):
 
     def _note(self, followed: SkeletonData, people: int) -> None:
         """Keep what ``/diagnostics`` says."""
-        self.figures.counts[f"source {followed.source.name}"] += 1
-        self.figures.values["people"] = people
-        self.figures.values["confidence"] = followed.confidence
-        self.figures.values["residual_m"] = followed.residual
-        self.figures.values["recoveries"] = self.stage.recoveries
-        self.figures.values["found, pose doubtful"] = self.stage.doubtful
+        self.statistics.counts[f"source {followed.source.name}"] += 1
+        self.statistics.values["people"] = people
+        self.statistics.values["confidence"] = followed.confidence
+        self.statistics.values["residual_m"] = followed.residual
+        self.statistics.values["recoveries"] = self.stage.recoveries
+        self.statistics.values["found, pose doubtful"] = self.stage.doubtful
         for kind, count in self.stage.failures.items():
-            self.figures.values[f"failures {kind}"] = count
+            self.statistics.values[f"failures {kind}"] = count
 
 
 def main(args: Sequence[str] | None = None) -> int:

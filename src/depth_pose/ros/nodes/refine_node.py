@@ -14,7 +14,7 @@ from visualization_msgs.msg import Marker
 from depth_pose.body.build_file import load_build
 from depth_pose.body.pose import Fitted
 from depth_pose.core.config import PipelineConfig
-from depth_pose.core.mount import check_turned
+from depth_pose.core.mount import check_upright
 from depth_pose.refine.refine import Refiner
 from depth_pose.ros.messages.matches import msg_to_matches
 from depth_pose.ros.messages.people import msgs_to_people
@@ -59,13 +59,13 @@ class RefineNode(BankNode):
     def answer(self, points: PointCloud2, found: People, matches: PoseMatchArray) -> None:
         """Fit the people of one frame."""
         people = msgs_to_people(points, found)
-        check_turned(people.frame_id, self.config.mount)
+        check_upright(people.frame_id, self.config.mount)
         fitted = self.stage.refine(people, msg_to_matches(matches))
         self._fitted.publish(fitted_to_msg(fitted, people))
-        self.figures.values["people"] = len(fitted)
+        self.statistics.values["people"] = len(fitted)
         for f in fitted[:1]:
-            self.figures.values["score"] = f.score
-            self.figures.values["residual_m"] = f.gap
+            self.statistics.values["score"] = f.score
+            self.statistics.values["residual_m"] = f.gap
         self._publish_meshes(fitted, people)
 
     def _publish_meshes(self, fitted: Sequence[Fitted], people: PeopleData) -> None:

@@ -120,16 +120,16 @@ class VolumeNode(StageNode):
         if self._markers.get_subscription_count():
             shown = [] if pose.skeleton.is_lost else [pose.skeleton]
             self._markers.publish(skeletons_to_markers(shown, stamp_ns, self._frame))
-        self.figures.counts[f"source {pose.skeleton.source.name}"] += 1
+        self.statistics.counts[f"source {pose.skeleton.source.name}"] += 1
         for camera in pose.disregarded:
-            self.figures.counts[f"shows nobody: {self._rig.topics[camera]}"] += 1
+            self.statistics.counts[f"shows nobody: {self._rig.topics[camera]}"] += 1
             self.get_logger().warning(
                 f"{self._rig.topics[camera]} shows nobody while others do: it has no say",
                 throttle_duration_sec=LOG_EVERY_S,
             )
         if pose.skeleton.is_lost or pose.tracked is None:
             return
-        self.figures.values |= {
+        self.statistics.values |= {
             "confidence": pose.skeleton.confidence,
             "misfit": pose.tracked.misfit,
             "stature_m": pose.stature,
@@ -142,18 +142,19 @@ class VolumeNode(StageNode):
 
     # Telling
 
-    def _judge(self) -> tuple[bytes, str]:
+    def judge(self) -> tuple[bytes, str]:
+        """Return level and text: what the rig lacks, cameras without views, or as for every node."""
         missing = ", ".join(self._source.missing()) if self._source is not None else ""
         if missing:
             self.get_logger().warning(f"waits for {missing}", throttle_duration_sec=LOG_EVERY_S)
             return DiagnosticStatus.WARN, f"waits for {missing}"
         if self._intake is None:
-            return super()._judge()
+            return super().judge()
         topics, held = self._rig.topics, self._synchroniser
         for kind, counts in (("late", held.late), ("answered without", held.missing)):
             for camera, count in counts.items():
-                self.figures.counts[f"{kind}: {topics[camera]}"] = count
-        level, words = super()._judge()
+                self.statistics.counts[f"{kind}: {topics[camera]}"] = count
+        level, words = super().judge()
         if not self.is_active:
             return level, words
         gone = self._gone()

@@ -119,12 +119,12 @@ def _spin(node: Any) -> None:
     executor.add_node(node)
     try:
         while rclpy.ok():
-            _take_a_turn(executor, node)
+            _spin_once(executor, node)
     finally:
         executor.shutdown(timeout_sec=0.2)
 
 
-def _take_a_turn(executor: Any, node: Any) -> None:
+def _spin_once(executor: Any, node: Any) -> None:
     from rclpy.executors import ExternalShutdownException
 
     try:

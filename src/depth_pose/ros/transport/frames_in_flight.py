@@ -19,7 +19,7 @@ QUIET_S = 1.0
 """Seconds without any answer after which none is waited for: who gives them may be paused. Set by hand."""
 
 
-class UnderWay:
+class FramesInFlight:
     """Counts by the answers' stamps, and keeps the newest frame that waits; times in seconds of one clock."""
 
     def __init__(self) -> None:

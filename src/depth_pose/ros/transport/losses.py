@@ -63,9 +63,9 @@ def count_lost(before: dict[str, Any], after: dict[str, Any], busy: BusyTimes) -
     missing = after["publication_sequence_number"] - before["publication_sequence_number"] - 1
     sent_ns = before["source_timestamp"]
     step_ns = (after["source_timestamp"] - sent_ns) // (missing + 1)
-    under_way_ns = after["received_timestamp"] - after["source_timestamp"]
+    flight_ns = after["received_timestamp"] - after["source_timestamp"]
     while_busy = sum(
-        any(busy.covers(sent_ns + k * step_ns + under_way_ns + off) for off in (-_SLACK_NS, 0, _SLACK_NS))
+        any(busy.covers(sent_ns + k * step_ns + flight_ns + off) for off in (-_SLACK_NS, 0, _SLACK_NS))
         for k in range(1, min(missing, _MOST_LOOKED_FOR) + 1)
     )
     return while_busy, missing - while_busy

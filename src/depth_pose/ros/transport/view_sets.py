@@ -145,9 +145,9 @@ class ViewSetIntake:
         number, last = info.get("publication_sequence_number") or 0, self._numbers[camera]
         self._numbers[camera] = number
         if last and number > last + 1:
-            self._node.figures.counts[f"missed: {topic}"] += number - last - 1
+            self._node.statistics.counts[f"missed: {topic}"] += number - last - 1
         if not self._node.is_active:
-            self._node.figures.counts["ignored while paused"] += 1
+            self._node.statistics.counts["ignored while paused"] += 1
             return
         try:
             image = read_image(data)

@@ -1,4 +1,4 @@
-"""What a node tells of itself once a second: rate, latency, drops by reason, figures of its stage."""
+"""Counts and times of a node for its diagnostics: rate, latency, drops by reason, values of its stage."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ MAX_LATENCY_S = 5.0
 """A stamp older than this, or from the future, is not of the node's clock."""
 
 
-class Figures:
+class NodeStatistics:
     """Counts and times of one node; plain Python, no ROS."""
 
     def __init__(self) -> None:
@@ -25,7 +25,7 @@ class Figures:
         self._latency_s: deque[float] = deque(maxlen=WINDOW)
         self._process_s: deque[float] = deque(maxlen=WINDOW)
         self._times: deque[float] = deque(maxlen=WINDOW)
-        self._told: Counter[str] = Counter()
+        self._reported: Counter[str] = Counter()
 
     def answer(self, process_s: float, latency_s: float) -> None:
         """Count a frame that was answered.
@@ -56,12 +56,12 @@ class Figures:
 
     def new_drops(self) -> Counter[str]:
         """Return the drops since the last call."""
-        new = self.drops - self._told
-        self._told = self.drops.copy()
+        new = self.drops - self._reported
+        self._reported = self.drops.copy()
         return new
 
     def as_text(self) -> dict[str, str]:
-        """Everything, as the key-value pairs of a ``DiagnosticStatus``."""
+        """Return all of it as the key-value pairs of a ``DiagnosticStatus``."""
         out = {
             "rate_hz": f"{self.rate_hz():.1f}",
             "answered": str(self.answered),
