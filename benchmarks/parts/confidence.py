@@ -43,7 +43,7 @@ from depth_pose.recover.confidence import (
     SIGNS,
     SKELETON_SIGNS,
     joints_that_count,
-    look_at_joints,
+    measure_joint_signs,
     skeleton_signs,
 )
 from depth_pose.sim.clips import sample_clip
@@ -161,7 +161,7 @@ def measure(pipeline: PosePipeline, path: Path) -> Answers:
         (fitted,) = (f for f in result.refined if f.body_id == skeleton.body_id)
         known = truth.joints[int(np.argmin(np.abs(truth.stamps_ns - frame.stamp_ns)))]
         error = np.linalg.norm(skeleton.positions - known, axis=1)
-        signs = look_at_joints(skeleton.positions, skeleton.scale, person).signs
+        signs = measure_joint_signs(skeleton.positions, skeleton.scale, person).signs
         score = np.full((len(JOINTS), 1), fitted.score)
         design = np.concatenate([kinds, signs, score], axis=1)
         of_seen = error[joints_that_count(skeleton.joint_states)].mean()

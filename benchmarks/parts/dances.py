@@ -30,9 +30,9 @@ from depth_pose.sim.roof_cameras import (
 from depth_pose.sim.wearers import Wearer, dressed_frames
 from depth_pose.volume.config import LearnConfig, SpaceConfig, TrackConfig, ViewsConfig, VolumeConfig
 from depth_pose.volume.hull import HullCarver
-from depth_pose.volume.learn.figures import save_latent, save_report
 from depth_pose.volume.learn.learning import learn_model
 from depth_pose.volume.learn.performances import TEST_SHAPES, rig_eyes, watch
+from depth_pose.volume.learn.plots import save_latent, save_report
 from depth_pose.volume.learn.report import Report, report_rows, track_performance
 from depth_pose.volume.learn.training import dance_clips, default_wearers, simulate_views
 from depth_pose.volume.model import VolumeModel

@@ -14,7 +14,7 @@ from depth_pose.recover.confidence import (
     KINDS,
     SIGNS,
     fit_confidence,
-    look_at_joints,
+    measure_joint_signs,
     report_joints,
 )
 
@@ -121,7 +121,7 @@ def test_what_hides_a_joint_matters():
     """An arm behind the trunk hides behind oneself; behind a post it does not."""
     oneself = list(SIGNS).index("hidden behind oneself")
     body = syn.posed(syn.arms_down(), turn=90.0)
-    found = look_at_joints(body.nodes[JOINT_NODES], 1.0, syn.to_person(syn.draw(syn.mesh(body))))
+    found = measure_joint_signs(body.nodes[JOINT_NODES], 1.0, syn.to_person(syn.draw(syn.mesh(body))))
     hidden = found.states == JointState.OCCLUDED
     assert hidden.any()
     np.testing.assert_array_equal(found.signs[:, oneself], hidden)
@@ -130,7 +130,7 @@ def test_what_hides_a_joint_matters():
     elbow = JOINT_INDEX["left_elbow"]
     column = round(syn.CAMERA.project(joints[elbow])[0])
     post[:, column - 3 : column + 4] = True
-    found = look_at_joints(joints, 1.0, syn.to_person(syn.draw(syn.mesh(body)), hidden=post))
+    found = measure_joint_signs(joints, 1.0, syn.to_person(syn.draw(syn.mesh(body)), hidden=post))
     assert found.states[elbow] == JointState.OCCLUDED
     assert found.signs[elbow, oneself] == 0.0
 
@@ -141,10 +141,10 @@ def test_a_foot_below_an_ankle_that_is_seen_is_told_from_one_below_nothing():
     body = syn.posed(syn.arms_down(), distance=1.9)
     joints, person = body.nodes[JOINT_NODES].copy(), syn.to_person(syn.draw(syn.mesh(body)))
     foot, ankle, knee = (JOINT_INDEX[f"left_{n}"] for n in ("foot", "ankle", "knee"))
-    assert look_at_joints(joints, 1.0, person).states[ankle] == JointState.OUTSIDE_IMAGE
-    assert look_at_joints(joints, 1.0, person).signs[foot, sign] == 0.0
+    assert measure_joint_signs(joints, 1.0, person).states[ankle] == JointState.OUTSIDE_IMAGE
+    assert measure_joint_signs(joints, 1.0, person).signs[foot, sign] == 0.0
     joints[ankle] = joints[knee] + 0.5 * (joints[ankle] - joints[knee])  # in the image
-    found = look_at_joints(joints, 1.0, person)
+    found = measure_joint_signs(joints, 1.0, person)
     assert (found.states[ankle], found.states[foot]) == (JointState.SEEN, JointState.OUTSIDE_IMAGE)
     assert found.signs[foot, sign] == 1.0
     assert SIGNS["outside, the other end seen"] > 0.0
@@ -154,7 +154,7 @@ def test_what_lies_outside_the_image_is_no_free_space():
     """Of a shank whose lower half the image does not show, the shown half alone is looked at."""
     body = syn.posed(syn.arms_down(), distance=1.9)
     person = syn.to_person(syn.draw(syn.mesh(body)))
-    found = look_at_joints(body.nodes[JOINT_NODES], 1.0, person)
+    found = measure_joint_signs(body.nodes[JOINT_NODES], 1.0, person)
     free = list(SIGNS).index("segment in free space")
     for name in ("left_ankle", "right_ankle", "left_foot", "right_foot"):
         assert found.states[JOINT_INDEX[name]] == JointState.OUTSIDE_IMAGE
@@ -166,7 +166,7 @@ def test_signs_and_confidence_follow_the_formulas():
     body = syn.posed(syn.arms_down(), turn=60.0)
     person = syn.to_person(syn.draw(syn.mesh(body)))
     joints = body.nodes[JOINT_NODES] + np.random.default_rng(2).normal(size=(19, 3)) * 0.06
-    found, camera = look_at_joints(joints, 1.0, person), person.full.camera
+    found, camera = measure_joint_signs(joints, 1.0, person), person.full.camera
     below = {"wrist": 0.03, "foot": 0.03, "ankle": 0.04, "elbow": 0.05, "knee": 0.06}
     toward = {"wrist": "elbow", "elbow": "shoulder", "knee": "hip", "ankle": "knee", "foot": "ankle"}
 

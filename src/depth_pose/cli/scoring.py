@@ -90,7 +90,7 @@ def evaluate(
     else:
         _print_score(result)
     if plot:
-        from depth_pose.evaluate.figures import save_joint_errors
+        from depth_pose.evaluate.joint_error_plot import save_joint_errors
 
         save_joint_errors(result, plot, truth.stem)
 

@@ -172,7 +172,7 @@ def train(
     _print_model(output, model)
     console.print(f"made in {time.monotonic() - start:.0f} s", style="dim", highlight=False)
     if plot is not None:
-        from depth_pose.volume.learn.figures import save_latent
+        from depth_pose.volume.learn.plots import save_latent
 
         save_latent(model, [], plot, ["latent space"])
 
@@ -324,7 +324,7 @@ def demo(
     depth-pose volume demo --model depth.npz --input depth --cameras 2 --garment robe --record dance.mcap
     """
     from depth_pose.evaluate.pictures import check_picture
-    from depth_pose.volume.learn.figures import save_report
+    from depth_pose.volume.learn.plots import save_report
     from depth_pose.volume.learn.report import report_rows, track_performance
     from depth_pose.volume.learn.training import dance_clips
     from depth_pose.volume.model import VolumeModel

@@ -13,7 +13,7 @@ from depth_pose.core.camera import Camera
 from depth_pose.core.outputs import new_file
 from depth_pose.core.skeleton import BONES, JointState
 from depth_pose.core.types import DepthFrame, Skeleton
-from depth_pose.evaluate.figures import LEFT, MIDDLE, RIGHT
+from depth_pose.evaluate.joint_error_plot import LEFT, MIDDLE, RIGHT
 from depth_pose.evaluate.overlay import bone_colour, project
 from depth_pose.evaluate.shading import shade_depth
 from depth_pose.io.mcap_read import DepthReader

@@ -13,7 +13,7 @@ from depth_pose.core.camera import Camera
 from depth_pose.core.errors import InputError
 from depth_pose.core.skeleton import BONES, JOINT_INDEX, JOINTS, JointState
 from depth_pose.core.types import DepthFrame, Skeleton
-from depth_pose.evaluate.figures import LEFT, MIDDLE, RIGHT
+from depth_pose.evaluate.joint_error_plot import LEFT, MIDDLE, RIGHT
 from depth_pose.evaluate.pictures import plain_text, save_picture
 from depth_pose.evaluate.score_people import WEAK_SHARE
 from depth_pose.evaluate.shading import shade_depth

@@ -40,7 +40,7 @@ from depth_pose.match.upright_exemplars import UprightExemplars, head_axes
 from depth_pose.track.memory import Subjects
 from depth_pose.track.person import People, Person, thin_image
 from depth_pose.track.sample_people import sample_people
-from depth_pose.track.turns import Turns
+from depth_pose.track.time_budget import TimeBudget
 
 if TYPE_CHECKING:
     from depth_pose.refine.articulated import ArticulatedFitter
@@ -128,7 +128,7 @@ class Matcher:
 
     Attributes
     ----------
-    turns : Turns
+    time_budget : TimeBudget
         Selection of people when time is short; no limit by default.
     """
 
@@ -137,7 +137,7 @@ class Matcher:
     ) -> None:
         self.bank = bank
         self.config = config
-        self.turns = Turns()
+        self.time_budget = TimeBudget()
         self._search = SubspaceSearch(bank.coefficients.reshape(-1, bank.coefficients.shape[-1]))
         self._views = ExemplarViews(np.arange(bank.poses), bank.view_quats, bank.view_origins)
         self._renderer = ExemplarRenderer(bank, config.score_band)
@@ -165,10 +165,10 @@ class Matcher:
         Returns
         -------
         tuple of PoseMatch
-            One for each processed person (`Turns`).
+            One for each processed person (`TimeBudget`).
         """
         self._subjects.begin(people)
-        return tuple(self._match(person) for person in self.turns.take(people.persons))
+        return tuple(self._match(person) for person in self.time_budget.take(people.persons))
 
     def _match(self, person: Person) -> PoseMatch:
         """Return the exemplars nearest to one person, from a new search or carried along."""

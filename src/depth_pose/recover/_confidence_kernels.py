@@ -40,7 +40,7 @@ def _look(x: Any, y: Any, z: Any, below: Any, window: Any) -> Any:
 
 
 @njit(cache=True)
-def look_at_joints(
+def measure_joint_signs(
     positions: Any,
     parents: Any,
     below: Any,

@@ -35,16 +35,16 @@ def limit_excess(rotations, hang_arm, hang_leg, out):
     for k in range(1, 3):
         multiply(rotations[_TRUNK[k - 1]].T, rotations[_TRUNK[k]], rotation)
         at = 3 * k
-        out[at] = _beyond(at, np.degrees(np.arcsin(min(max(-rotation[1, 2], -1.0), 1.0))))
-        out[at + 1] = _beyond(at + 1, np.degrees(-np.arctan2(rotation[1, 0], rotation[1, 1])))
-        out[at + 2] = _beyond(at + 2, np.degrees(np.arctan2(rotation[0, 2], rotation[2, 2])))
+        out[at] = _excess(at, np.degrees(np.arcsin(min(max(-rotation[1, 2], -1.0), 1.0))))
+        out[at + 1] = _excess(at + 1, np.degrees(-np.arctan2(rotation[1, 0], rotation[1, 1])))
+        out[at + 2] = _excess(at + 2, np.degrees(np.arctan2(rotation[0, 2], rotation[2, 2])))
     for side in range(2):
         _limb(rotations, _TRUNK[2], _ARMS[side], side, hang_arm, _ARM_AT[side] + 2, _ARM_AT[side] + 5, out)
         _limb(rotations, _TRUNK[0], _LEGS[side], side, hang_leg, _LEG_AT[side], _LEG_AT[side] + 3, out)
 
 
 @njit(cache=True)
-def _beyond(number, angle):
+def _excess(number, angle):
     """Compute how far an angle lies outside its range, degrees."""
     return max(LOW[number] - angle, angle - HIGH[number], 0.0)
 
@@ -76,12 +76,12 @@ def _limb(rotations, trunk, nodes, side, hang, swing_at, bend_at, out):
     flexion, abduction = np.degrees(factor * w), np.degrees(factor * u)
     _judge_swing(flexion, abduction, swing_at, is_arm, out)
     if not is_arm:
-        out[swing_at + 2] = _beyond(
+        out[swing_at + 2] = _excess(
             swing_at + 2, _twist(rotation, np.radians(flexion), np.radians(abduction))
         )
     multiply(upper.T, lower, rotation)
     bend = -rotation[2, 1] if is_arm else rotation[2, 1]
-    out[bend_at] = _beyond(bend_at, np.degrees(np.arctan2(bend, rotation[1, 1])))
+    out[bend_at] = _excess(bend_at, np.degrees(np.arctan2(bend, rotation[1, 1])))
 
 
 @njit(cache=True)

@@ -193,7 +193,7 @@ def _log_odds(chance: float) -> float:
     return float(np.log(chance / (1.0 - chance)))
 
 
-def look_at_joints(positions: NDArray[np.float64], scale: float, person: Person) -> JointSigns:
+def measure_joint_signs(positions: NDArray[np.float64], scale: float, person: Person) -> JointSigns:
     """Compare joints with the observed depth where they and the limb segments project.
 
     Parameters
@@ -210,7 +210,7 @@ def look_at_joints(positions: NDArray[np.float64], scale: float, person: Person)
         lies nearer, or where nothing is known; OUTSIDE_IMAGE beyond the image's border.
     """
     states, signs = np.empty(len(JOINTS), np.uint8), np.empty((len(JOINTS), len(SIGNS)))
-    kernels.look_at_joints(
+    kernels.measure_joint_signs(
         positions,
         _OTHER_END,
         scale * _BELOW,
@@ -245,7 +245,7 @@ def report_joints(positions: NDArray[np.float64], scale: float, person: Person, 
     score : float
         Rendered-depth score of the fit.
     """
-    seen = look_at_joints(positions, scale, person)
+    seen = measure_joint_signs(positions, scale, person)
     odds = _KIND_ODDS + seen.signs @ _SIGN_ODDS + SCORE * score
     confidence = 1.0 / (1.0 + np.exp(-odds))
     column = person.camera.fx * positions[:, 0] / positions[:, 2] + person.camera.cx

@@ -42,7 +42,7 @@ _UNKNOWN_PERSON = 2.0
 _LEAST_CHANGE_M = 0.06
 """Bone length changes below this (m) are not failures."""
 
-_HANGS = tuple(np.stack([HANG[n] for n in names]) for names in (("shoulder", "elbow"), ("hip", "knee")))
+_LIMB_REST = tuple(np.stack([HANG[n] for n in names]) for names in (("shoulder", "elbow"), ("hip", "knee")))
 """Rotations from rest to hanging of a left arm's and a left leg's upper and lower segment, (2, 3, 3) each."""
 
 _BENT = 0.5
@@ -195,5 +195,5 @@ def limit_excess(body: Body, fitted: Fitted) -> NDArray[np.float64]:
 def excess_of(rotations: NDArray[np.float64]) -> NDArray[np.float64]:
     """Compute the excess (47,) over the limits, degrees, for rotations (21, 3, 3) relative to the pelvis."""
     excess = np.empty(len(ANGLES))
-    kernels.limit_excess(np.ascontiguousarray(rotations), *_HANGS, excess)
+    kernels.limit_excess(np.ascontiguousarray(rotations), *_LIMB_REST, excess)
     return excess

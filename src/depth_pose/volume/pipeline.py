@@ -37,7 +37,7 @@ from depth_pose.volume.model import VolumeModel
 from depth_pose.volume.rigfile import Rig, upright_from
 from depth_pose.volume.stature import StatureFinder
 from depth_pose.volume.synchroniser import ViewSet
-from depth_pose.volume.tracker import UNLIKELY, LatentTracker, Tracked, look
+from depth_pose.volume.tracker import UNLIKELY, LatentTracker, Tracked, describe_headings
 
 Array = NDArray[np.float64]
 
@@ -132,7 +132,7 @@ class VolumePoseTracker:
         self._absent = 0
         stature = self._size.update(volume)
         # Sec. 4: the descriptor for all headings
-        sights = look(volume, stature, self.model.bins)
+        sights = describe_headings(volume, stature, self.model.bins)
         # Sec. 3: the particle filter in the latent space
         tracked = self._tracker.track(sights, seconds)
         # Sec. 5: from the latent point to the pose

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from depth_pose.volume.config import TrackConfig
 from depth_pose.volume.hull import Volume
 from depth_pose.volume.model import VolumeModel
-from depth_pose.volume.tracker import look, search_costs
+from depth_pose.volume.tracker import describe_headings, search_costs
 
 # Chosen like the defaults of `depth_pose.volume.config`.
 _GRID_M = np.arange(1.05, 2.06, 0.025)
@@ -74,7 +74,7 @@ class StatureFinder:
             tried = tried[np.abs(_GRID_M - self.stature) < _NEAR_M]
         window: NDArray[np.int64] = np.arange(0, self._model.bins.fine, _HEADING_STRIDE)
         for i in tried:
-            sights = look(volume, float(_GRID_M[i]), self._model.bins)
+            sights = describe_headings(volume, float(_GRID_M[i]), self._model.bins)
             self._cost[i] += search_costs(self._model, sights, window).min() / len(sights)
             self._count[i] += 1
         tries = self._frames + 1

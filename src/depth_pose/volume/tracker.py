@@ -71,7 +71,7 @@ class Sight:
     seen_from: float = 0.0
 
 
-def look(volume: Volume, stature: float, bins: Bins) -> list[Sight]:
+def describe_headings(volume: Volume, stature: float, bins: Bins) -> list[Sight]:
     """Describe what each camera saw, for a person of a stature (metres)."""
     return [Sight(describe(part, stature, bins), part.seen_from) for part in volume.sights]
 

@@ -31,7 +31,7 @@ class MatcherNode(BankNode):
     def make_stage(self, config: PipelineConfig) -> Matcher:
         """Make the matcher; live, its time is limited."""
         matcher = Shared(self.bank, config).make_matcher()
-        matcher.turns.budget_s = 0.0 if self.lossless else config.match.budget
+        matcher.time_budget.limit_s = 0.0 if self.lossless else config.match.budget
         return matcher
 
     def open_outputs(self) -> None:
@@ -48,7 +48,7 @@ class MatcherNode(BankNode):
         matches = self.stage.match(people)
         self._matches.publish(matches_to_msg(matches, people))
         self.statistics.values["people"] = len(matches)
-        self.statistics.values["people left out for want of time"] = self.stage.turns.left_out
+        self.statistics.values["people left out for want of time"] = self.stage.time_budget.left_out
         best = [m for m in matches if m.candidates][:1]
         for match in best:
             self.statistics.values["match_score"] = match.candidates[0].score

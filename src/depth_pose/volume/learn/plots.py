@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.skeleton import BONES, JOINTS
-from depth_pose.evaluate.figures import side_colour
+from depth_pose.evaluate.joint_error_plot import side_colour
 from depth_pose.evaluate.pictures import save_picture
 from depth_pose.volume.gp import Kernel, Regression
 from depth_pose.volume.learn.performances import Performance
@@ -18,7 +18,7 @@ from depth_pose.volume.learn.report import Report
 from depth_pose.volume.model import VolumeModel
 from depth_pose.volume.pipeline import VolumePose
 from depth_pose.volume.scoring import joint_positions
-from depth_pose.volume.tracker import look
+from depth_pose.volume.tracker import describe_headings
 
 Array = NDArray[np.float64]
 
@@ -53,7 +53,7 @@ def _seen_points(model: VolumeModel, poses: Sequence[VolumePose]) -> Array:
     for p in poses:
         if p.tracked is None:
             continue
-        descriptors = look(p.volume, p.stature, model.bins)[0].descriptors
+        descriptors = describe_headings(p.volume, p.stature, model.bins)[0].descriptors
         components, _ = model.space.split(descriptors[[round(p.tracked.step) % model.bins.fine]])
         rows.append(model.to_latent[p.tracked.views[0]].predict(components)[0])
     return np.array(rows)

@@ -1,4 +1,4 @@
-"""Turns: which people are processed when time is short.
+"""Time budget: which people are processed when time is short.
 
 In live use, the people of a frame must be processed before the next frames accumulate. With a budget, people
 are processed until it is spent: first those skipped in the last frame, then the nearest. Offline there is no
@@ -15,29 +15,29 @@ import numpy as np
 from depth_pose.track.person import Person
 
 
-class Turns:
+class TimeBudget:
     """Yields the people of a frame while there is time.
 
     Attributes
     ----------
-    budget_s : float
+    limit_s : float
         Time for all people of a frame, seconds; 0 for no limit.
     left_out : int
         Number of people skipped, over all frames.
     """
 
     def __init__(self, clock: Callable[[], float] = time.perf_counter) -> None:
-        self.budget_s = 0.0
+        self.limit_s = 0.0
         self.left_out = 0
         self._clock = clock
         self._waiting: frozenset[str] = frozenset()
 
     def take(self, persons: Sequence[Person]) -> Iterator[Person]:
         """Yield people one by one: always the first, the others while there is time."""
-        if self.budget_s <= 0.0:
+        if self.limit_s <= 0.0:
             yield from persons
             return
-        ends = self._clock() + self.budget_s
+        ends = self._clock() + self.limit_s
         order = sorted(persons, key=lambda p: (p.body_id not in self._waiting, np.median(p.points[:, 2])))
         served = 0
         for person in order:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import synthetic as syn
-from depth_pose.track.turns import Turns
+from depth_pose.track.time_budget import TimeBudget
 
 
 class Clock:
@@ -31,9 +31,9 @@ def persons():
     return syn.to_people(*layers).persons
 
 
-def serve(turns, persons, clock, seconds):
+def serve(budget, persons, clock, seconds):
     served = []
-    for person in turns.take(persons):
+    for person in budget.take(persons):
         served.append(float(np.median(person.points[:, 2])))
         clock.now += seconds
     return served
@@ -41,16 +41,16 @@ def serve(turns, persons, clock, seconds):
 
 def test_without_a_budget_all_in_their_order(persons):
     clock = Clock()
-    assert serve(Turns(clock), persons, clock, 100.0) == [5.0, 4.0, 3.0]
+    assert serve(TimeBudget(clock), persons, clock, 100.0) == [5.0, 4.0, 3.0]
 
 
 def test_the_nearest_first_and_then_who_was_left_out(persons):
     clock = Clock()
-    turns = Turns(clock)
-    turns.budget_s = 1.0
-    assert serve(turns, persons, clock, 0.6) == [3.0, 4.0]
-    assert turns.left_out == 1
-    assert serve(turns, persons, clock, 0.6) == [5.0, 3.0]
-    assert serve(turns, persons, clock, 2.0) == [4.0]
-    assert turns.left_out == 4
-    assert serve(turns, persons, clock, 0.1) == [3.0, 5.0, 4.0]
+    budget = TimeBudget(clock)
+    budget.limit_s = 1.0
+    assert serve(budget, persons, clock, 0.6) == [3.0, 4.0]
+    assert budget.left_out == 1
+    assert serve(budget, persons, clock, 0.6) == [5.0, 3.0]
+    assert serve(budget, persons, clock, 2.0) == [4.0]
+    assert budget.left_out == 4
+    assert serve(budget, persons, clock, 0.1) == [3.0, 5.0, 4.0]
