@@ -58,7 +58,7 @@ def wait_for(true, what, seconds=120.0):
 
 def joints_shown(viewer):
     """Joints (19, 3) of everybody in the scene, of the frame that is shown."""
-    return [s.positions for s in viewer._moment.skeletons or ()] if viewer._moment else []
+    return [s.positions for s in viewer.frame.skeletons or ()] if viewer.frame else []
 
 
 def show(viewer, recording, tmp_path):
@@ -68,11 +68,11 @@ def show(viewer, recording, tmp_path):
     """
     for _ in range(10):
         answers = play_once(recording, tmp_path)
-        wait_for(lambda: viewer._moment is not None, "something to show")
-        moment = viewer._moment
-        (found,) = answers[moment.stamp_ns]
-        if viewer.drawn > 5 and [s.body_id for s in moment.skeletons or ()] == [found.body_id]:
-            return moment, found
+        wait_for(lambda: viewer.frame is not None, "something to show")
+        frame = viewer.frame
+        (found,) = answers[frame.stamp_ns]
+        if viewer.drawn > 5 and [s.body_id for s in frame.skeletons or ()] == [found.body_id]:
+            return frame, found
     raise AssertionError("the viewer does not show what the nodes answer")
 
 
@@ -90,23 +90,23 @@ def play_once(recording, tmp_path):
 
 
 def test_the_scene_shows_what_the_nodes_answer(viewer, recording, tmp_path):
-    moment, found = show(viewer, recording, tmp_path)
+    frame, found = show(viewer, recording, tmp_path)
     bones = viewer.server.scene.get_handle_by_name(f"/sensor/people/{found.body_id}/bones")
     wanted = found.positions[np.array(BONES)]
     wait_for(lambda: np.allclose(bones.points, wanted, rtol=0.0, atol=1e-5), "the bones of what is shown")
-    depth = next(f.depth for f in read_frames(recording) if f.stamp_ns == moment.stamp_ns)
+    depth = next(f.depth for f in read_frames(recording) if f.stamp_ns == frame.stamp_ns)
     points = np.asarray(viewer.server.scene.get_handle_by_name("/sensor/points").points, np.float32)
     assert points[:, 2].min() == pytest.approx(depth[depth > 0].min(), abs=0.1)
-    wait_for(lambda: "denoise" in viewer._nodes_text.content, "the table of nodes")
-    assert found.body_id in viewer._people_text.content
+    wait_for(lambda: "denoise" in viewer.tables, "the table of nodes")
+    assert found.body_id in viewer.tables
 
 
 def test_a_browser_shows_people_live(viewer, recording, tmp_path):
     with page_of(viewer) as page:
         for wish in ("points", "names", "floor", "camera"):
-            viewer._set_wish(wish, False)
+            viewer.set_visible(wish, False)
         _, found = show(viewer, recording, tmp_path)
         page.get_by_text(found.body_id).first.wait_for(timeout=30_000)
-        wait_for(viewer._pace.is_free, "the browser's answer")
+        wait_for(viewer.rate_limit.is_free, "the browser's answer")
         assert_shows(viewer, scene.CAMERA, joints_shown(viewer))
         assert page.problems == []

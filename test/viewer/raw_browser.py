@@ -28,19 +28,22 @@ _CAMERA = {
 
 
 class RawBrowser:
-    """One connection; `hear` answers what a page would answer."""
+    """One connection; `hear` answers what a page would answer.
+
+    `controls` has the number of each control of the panel that was heard of, by its label.
+    """
 
     def __init__(self, socket):
-        self.socket = socket
+        self.socket, self.controls = socket, {}
         self.send(_CAMERA)
 
     def send(self, message):
         """Send a message, as a mapping."""
         self.socket.send(msgspec.msgpack.encode(message))
 
-    def set(self, handle, value):
+    def set(self, label, value):
         """Do as a page does whose control gets a value; a button takes True."""
-        self.send({"type": "GuiUpdateMessage", "uuid": handle._impl.uuid, "updates": {"value": value}})
+        self.send({"type": "GuiUpdateMessage", "uuid": self.controls[label], "updates": {"value": value}})
 
     def hear(self, seconds=0.2):
         """Take what comes for a while; a picture that is asked for is sent."""
@@ -54,6 +57,8 @@ class RawBrowser:
             inner = zstandard.ZstdDecompressor().decompress(data[16 : 16 + size])
             for message in msgspec.msgpack.decode(inner)["messages"]:
                 heard.append(message)
+                if message["type"].startswith("Gui") and "value" in message and "uuid" in message:
+                    self.controls[message["props"]["label"]] = message["uuid"]
                 if message["type"] == "GetRenderRequestMessage":
                     self._show(message)
         return heard

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import threading
-import time
 
 import msgspec
 import numpy as np
@@ -17,7 +16,6 @@ from websockets.sync.client import connect
 
 from depth_pose.core.camera import Camera
 from depth_pose.core.types import DepthFrame
-from depth_pose.viewer import rate_limit as pace
 from depth_pose.viewer.app import RATE_HZ
 from depth_pose.viewer.source import RecordedSource
 
@@ -25,11 +23,10 @@ CAMERA = Camera(width=80, height=60, fx=80.0, fy=80.0, cx=40.0, cy=30.0)
 
 
 class Reader:
-    """What a browser's page is to the viewer: takes messages, and answers what it is asked, while it may."""
+    """What a browser's page is to the viewer: takes messages, and answers what it is asked."""
 
     def __init__(self, port):
-        self.frames, self.may_answer = 0, threading.Event()
-        self.may_answer.set()
+        self.frames, self.is_asked, self._answering = 0, False, threading.Lock()
         protocol = f"viser-v{viser.__version__}"
         self._socket = connect(f"ws://127.0.0.1:{port}", subprotocols=[protocol], max_size=None)
         here = {"wxyz": (1.0, 0, 0, 0), "position": (0.0, 0, 0), "look_at": (1.0, 0, 0), "fov": 1.0}
@@ -55,9 +52,17 @@ class Reader:
         if message["type"] == "SceneNodeUpdateMessage" and message["name"] == "/sensor/points":
             self.frames += "points" in message["updates"]
         elif message["type"] == "LocalStorageGetItemRequestMessage":
-            self.may_answer.wait()
-            asked = message["request_uuid"]
-            self._send("LocalStorageGetItemResponseMessage", value=None, error=None, request_uuid=asked)
+            self.is_asked, asked = True, message["request_uuid"]
+            with self._answering:
+                self._send("LocalStorageGetItemResponseMessage", value=None, error=None, request_uuid=asked)
+                self.is_asked = False
+
+    @contextlib.contextmanager
+    def silent(self):
+        """Answer nothing, from a question on that was heard and is open."""
+        with self._answering:
+            wait_for(lambda: self.is_asked)
+            yield
 
 
 @pytest.fixture
@@ -72,7 +77,6 @@ def viewer(start_viewer):
 def reader(viewer):
     reader = Reader(viewer.port)
     yield reader
-    reader.may_answer.set()
     reader.close()
 
 
@@ -80,37 +84,31 @@ def test_a_client_that_answers_gets_frame_after_frame(viewer, reader):
     wait_for(lambda: reader.frames > 3 * RATE_HZ)
 
 
-def test_one_that_does_not_answer_gets_no_more_until_it_does(viewer, reader, monkeypatch):
-    monkeypatch.setattr(pace, "_PATIENCE_S", 60.0)
+def test_one_that_does_not_answer_gets_no_more_until_it_does(viewer, reader):
+    viewer.rate_limit.patience_s = 60.0
     wait_for(lambda: reader.frames > 3)
-    reader.may_answer.clear()
-
-    def is_still():
-        """Frames are left out for far longer than lies between two, and not kept for later."""
-        before, drawn = reader.frames, viewer.drawn
-        time.sleep(1.5)
-        return (reader.frames, viewer.drawn) == (before, drawn)
-
-    wait_for(is_still)  # once what was on the way has come
-    before = reader.frames
-    reader.may_answer.set()
+    with reader.silent():
+        drawn = viewer.drawn
+        with pytest.raises(
+            AssertionError, match="nothing came"
+        ):  # for far longer than lies between two frames
+            wait_for(lambda: viewer.drawn > drawn, seconds=1.5)
+        before = reader.frames
     wait_for(lambda: reader.frames > before + 5)
 
 
-def test_it_is_not_waited_for_for_ever(viewer, reader, monkeypatch):
-    monkeypatch.setattr(pace, "_PATIENCE_S", 0.5)
+def test_it_is_not_waited_for_for_ever(viewer, reader):
+    viewer.rate_limit.patience_s = 0.5
     wait_for(lambda: reader.frames > 3)
-    reader.may_answer.clear()
-    time.sleep(0.2)
-    drawn = viewer.drawn
-    wait_for(lambda: viewer.drawn > drawn + 10)
+    with reader.silent():
+        drawn = viewer.drawn
+        wait_for(lambda: viewer.drawn > drawn + 10)
 
 
-def test_one_that_goes_is_not_waited_for(viewer, reader, monkeypatch):
-    monkeypatch.setattr(pace, "_PATIENCE_S", 600.0)
+def test_one_that_goes_is_not_waited_for(viewer, reader):
+    viewer.rate_limit.patience_s = 600.0
     wait_for(lambda: reader.frames > 3)
-    reader.may_answer.clear()
-    time.sleep(0.5)
-    drawn = viewer.drawn
-    reader.close()
-    wait_for(lambda: viewer.drawn > drawn + 10)
+    with reader.silent():
+        drawn = viewer.drawn
+        reader.close()
+        wait_for(lambda: viewer.drawn > drawn + 10)

@@ -14,7 +14,7 @@ from depth_pose.core.types import DepthFrame, Skeleton
 from depth_pose.core.zone import parse_zone
 from depth_pose.ros.tools.watch import NodeState
 from depth_pose.viewer import colours
-from depth_pose.viewer.frames import Moment, keep, owners
+from depth_pose.viewer.frames import ViewerFrame, keep, owners
 from depth_pose.viewer.playback import Playback
 from depth_pose.viewer.screenshots import free_name, save_gif, save_png
 from depth_pose.viewer.source import Recent, RecordedSource
@@ -87,8 +87,8 @@ def test_a_kept_frame_has_the_points_of_the_image():
     rng = np.random.default_rng(0)
     depth = (rng.integers(500, 4000, (144, 176)) / 1e3).astype(np.float32)
     depth[::3] = np.nan
-    moment = keep(DepthFrame(START_NS, "optical", depth, CAMERA), None, most=2000)
-    points = moment.points()
+    frame = keep(DepthFrame(START_NS, "optical", depth, CAMERA), None, most=2000)
+    points = frame.points()
     assert len(points) <= 2000
     everything = CAMERA.back_project(depth).reshape(-1, 3)
     everything = everything[np.isfinite(everything).all(axis=1)]
@@ -141,7 +141,7 @@ def test_who_had_no_turn_is_shown_for_a_second():
         stamp = START_NS + step * STEP_NS
         people = (replace(skeleton_at(0.0, 3.0, body_id), stamp_ns=stamp),)
         recent.add(people)
-        shown.append([s.body_id for s in recent.people(Moment(stamp, depth, CAMERA, people))])
+        shown.append([s.body_id for s in recent.people(ViewerFrame(stamp, depth, CAMERA, people))])
     assert shown[:2] == [["body_10"], ["body_2", "body_10"]]
     assert shown[2:4] == [["body_2", "body_3", "body_10"], ["body_2", "body_3"]]
     assert shown[4] == ["body_1"], "time went back"

@@ -48,14 +48,13 @@ def test_the_floor_comes_from_their_feet(viewer):
 
 def test_whom_one_chooses_is_shown(viewer):
     wait_for(lambda: viewer.drawn > 2)
-    viewer._choose("people", 1)
+    assert viewer.choose("people", 1) == ""
     wait_for(lambda: handle(viewer, "/sensor/people/body_2/bones") is None)
     assert handle(viewer, "/sensor/people/body_1/bones") is not None
-    viewer._choose("people", 0)
-    viewer._choose("zone", "3.4:9")
+    viewer.choose("people", 0)
+    viewer.choose("zone", "3.4:9")
     wait_for(lambda: handle(viewer, "/sensor/people/body_1/bones") is None)
-    viewer._choose("zone", "what?")
-    assert "zone is 'what?'" in viewer._choice_text.content
+    assert "zone is 'what?'" in viewer.choose("zone", "what?")
 
 
 def test_the_page_is_served_to_this_machine_only(viewer):
@@ -90,7 +89,7 @@ def test_a_recording_without_skeletons_has_them_found(bank_path, tmp_path):
     source.start()
     source.wait()
     assert source.error == ""
-    (found,) = source.moment(5).skeletons
+    (found,) = source.frame(5).skeletons
     assert found.positions[0, 2] == pytest.approx(2.5, abs=0.15)
 
 
@@ -117,19 +116,19 @@ def page(viewer):
 
 def test_a_browser_shows_the_skeletons_where_they_are(viewer, page):
     for wish in ("points", "names", "floor", "camera"):
-        viewer._set_wish(wish, False)
+        viewer.set_visible(wish, False)
     page.get_by_label("playing").dispatch_event("click")
-    wait_for(lambda: not viewer._recorded.playback.playing)
+    wait_for(lambda: not viewer.source.playback.playing)
     assert_shows(viewer, CAMERA, [skeleton.positions for skeleton in people(None)])
     assert page.problems == []
 
 
 def test_the_controls_of_the_page_work(viewer, page, tmp_path):
     page.get_by_label("playing").dispatch_event("click")
-    wait_for(lambda: not viewer._recorded.playback.playing)
-    before = viewer._recorded.playback.index
+    wait_for(lambda: not viewer.source.playback.playing)
+    before = viewer.source.playback.index
     page.get_by_role("button", name="+1").dispatch_event("click")
-    wait_for(lambda: viewer._recorded.playback.index in (before + 1, FRAMES - 1))
+    wait_for(lambda: viewer.source.playback.index in (before + 1, FRAMES - 1))
     page.get_by_label("depth points").dispatch_event("click")
     wait_for(lambda: not handle(viewer, "/sensor/points").visible)
     page.get_by_role("button", name="screenshot").dispatch_event("click")
@@ -139,7 +138,7 @@ def test_the_controls_of_the_page_work(viewer, page, tmp_path):
 
 
 def test_a_clip_is_saved(viewer, page, tmp_path):
-    viewer._clip_s.value = 1
+    viewer.clip_s = 1
     page.get_by_role("button", name="clip", exact=True).dispatch_event("click")
     wait_for(lambda: list((tmp_path / "pictures").glob("view_*.gif")), 240.0)
     with Image.open(tmp_path / "pictures" / "view_001.gif") as clip:

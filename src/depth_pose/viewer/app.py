@@ -22,8 +22,8 @@ from depth_pose.core.types import Skeleton
 from depth_pose.core.zone import Zone, parse_zone
 from depth_pose.track.follow import Follower
 from depth_pose.viewer.access import own_pages_only
-from depth_pose.viewer.frames import Moment
-from depth_pose.viewer.rate_limit import Pace
+from depth_pose.viewer.frames import ViewerFrame
+from depth_pose.viewer.rate_limit import RateLimit
 from depth_pose.viewer.room import FloorSeeker
 from depth_pose.viewer.scene import Scene, Wishes
 from depth_pose.viewer.screenshots import free_name, save_gif, save_png
@@ -80,8 +80,14 @@ class Viewer:
     Attributes
     ----------
     server : viser.ViserServer
+    source : RecordedSource or LiveSource
+        What was given.
+    frame : ViewerFrame or None
+        The frame that is shown.
     drawn : int
         Frames that were drawn.
+    rate_limit : RateLimit
+        Waits for slow browsers.
     """
 
     def __init__(
@@ -98,8 +104,9 @@ class Viewer:
 
         with redirect_stdout(io.StringIO()), own_pages_only(host):  # it prints its addresses, and so do we
             self.server: Any = viser.ViserServer(host=host, port=port, label="depth_pose", verbose=False)
+        self.source = source
         self.drawn = 0
-        self._pace = Pace(self.server)
+        self.rate_limit = RateLimit(self.server)
         self._recorded = source if isinstance(source, RecordedSource) else None
         self._live = source if isinstance(source, LiveSource) else None
         self._pictures = pictures
@@ -107,7 +114,7 @@ class Viewer:
         self._follower = Follower(FollowConfig())
         self._zone, self._most = Zone(), 0
         self._lock, self._taking = threading.RLock(), threading.Lock()
-        self._moment: Moment | None = None
+        self.frame: ViewerFrame | None = None
         self._must_draw = False
         self._stopping = threading.Event()
         self._running = threading.RLock()
@@ -123,6 +130,22 @@ class Viewer:
         """The port that browsers connect to."""
         return int(self.server.get_port())
 
+    @property
+    def tables(self) -> str:
+        """The tables of people and nodes in the panel, as Markdown."""
+        nodes = "" if self._live is None else str(self._nodes_text.content)
+        return f"{self._people_text.content}\n\n{nodes}"
+
+    @property
+    def clip_s(self) -> float:
+        """Length of the next clip, seconds."""
+        least, most = _CLIP_S
+        return min(max(float(self._clip_slider.value), least), most)
+
+    @clip_s.setter
+    def clip_s(self, seconds: float) -> None:
+        self._clip_slider.value = seconds
+
     def run(self) -> None:
         """Show frames until `stop`."""
         with self._running:
@@ -131,14 +154,14 @@ class Viewer:
     def _run(self) -> None:
         last, told, is_settled = time.monotonic(), 0.0, True
         while not self._stopping.wait(1.0 / RATE_HZ):
-            if not self._pace.is_free():
+            if not self.rate_limit.is_free():
                 continue
             now = time.monotonic()
-            moment = self._next(now - last)
+            frame = self._next(now - last)
             last = now
-            if moment is not None and (moment is not self._moment or self._must_draw):
-                self._draw(moment)
-                self._pace.sent()
+            if frame is not None and (frame is not self.frame or self._must_draw):
+                self._draw(frame)
+                self.rate_limit.sent()
                 is_settled = False
             elif not is_settled:
                 self._scene.settle()
@@ -150,15 +173,15 @@ class Viewer:
     def stop(self) -> None:
         """End `run` and the server."""
         self._stopping.set()
-        self._pace.stop()
+        self.rate_limit.stop()
         with self._running:  # until the frame that is being drawn is there
             self.server.stop()
 
     # Frames
 
-    def _next(self, passed_s: float) -> Moment | None:
+    def _next(self, passed_s: float) -> ViewerFrame | None:
         if self._live is not None:
-            return self._live.newest() or (self._moment if self._must_draw else None)
+            return self._live.newest() or (self.frame if self._must_draw else None)
         assert self._recorded is not None
         playback = self._recorded.playback
         if not len(playback):
@@ -167,24 +190,24 @@ class Viewer:
         playback.advance(passed_s)
         if playback.index < before:
             self._scene.forget_trails()
-        return self._recorded.moment(playback.index)
+        return self._recorded.frame(playback.index)
 
-    def _draw(self, moment: Moment) -> None:
+    def _draw(self, frame: ViewerFrame) -> None:
         with self._lock:
             self._must_draw = False
-            self._moment = moment
-            found = self._floor.add(moment)
+            self.frame = frame
+            found = self._floor.add(frame)
             if found is not None:
                 self._scene.place(found)
                 self._aim_cameras()
-            self._scene.show(moment, self._shown(moment))
+            self._scene.show(frame, self._shown(frame))
             self.drawn += 1
 
-    def _shown(self, moment: Moment) -> tuple[Skeleton, ...]:
+    def _shown(self, frame: ViewerFrame) -> tuple[Skeleton, ...]:
         """Return the people to draw; running nodes choose by themselves."""
         if self._live is not None:
-            return self._live.people(moment)
-        return chosen(moment.skeletons or (), self._zone, self._most)
+            return self._live.people(frame)
+        return chosen(frame.skeletons or (), self._zone, self._most)
 
     def _aim_cameras(self) -> None:
         """Look over the sensor's shoulder into the room."""
@@ -218,11 +241,11 @@ class Viewer:
                 if field.name == "bodies" and not with_bodies:
                     continue
                 value = getattr(self._scene.wishes, field.name)
-                self._on_change(gui.add_checkbox(_LABELS[field.name], value), self._set_wish, field.name)
+                self._on_change(gui.add_checkbox(_LABELS[field.name], value), self.set_visible, field.name)
         self._make_choices()
         with gui.add_folder("pictures"):
             gui.add_button("screenshot").on_click(partial(self._take, self._take_picture))
-            self._clip_s = gui.add_slider("seconds of a clip", *_CLIP_S, 1, 3)
+            self._clip_slider = gui.add_slider("seconds of a clip", *_CLIP_S, 1, 3)
             gui.add_button("clip").on_click(partial(self._take, self._take_clip))
         if self._live is not None:
             with gui.add_folder("nodes"):
@@ -271,20 +294,33 @@ class Viewer:
             zone = gui.add_text("zone", "", hint="1:4.5 distances, or -1:1,0.5:3 a box in x and z, metres")
             most = gui.add_slider("nearest", 0, 10, 1, 0, hint="maximum number of people; 0: all")
             self._choice_text = gui.add_markdown("")
-        self._on_change(follow, self._choose, "follow")
-        self._on_change(zone, self._choose, "zone")
-        self._on_change(most, self._choose, "people")
+        self._on_change(follow, self._take_choice, "follow")
+        self._on_change(zone, self._take_choice, "zone")
+        self._on_change(most, self._take_choice, "people")
 
     def _on_change(self, handle: Any, call: Callable[[str, Any], None], name: str) -> None:
         handle.on_update(lambda _: call(name, handle.value))
 
-    def _set_wish(self, name: str, value: bool) -> None:
+    def set_visible(self, name: str, value: bool) -> None:
+        """Show or hide a part of the scene, by its name in `Wishes`."""
         with self._lock:
             setattr(self._scene.wishes, name, bool(value))
             self._must_draw = True
 
-    def _choose(self, name: str, value: str | int) -> None:
-        """Choose people: among those of a recording, or by the nodes' parameters."""
+    def choose(self, name: str, value: str | int) -> str:
+        """Choose people: among those of a recording, or by the nodes' parameters.
+
+        Parameters
+        ----------
+        name : str
+            ``follow``, ``zone`` or ``people``.
+        value : str or int
+
+        Returns
+        -------
+        str
+            What went wrong, or nothing.
+        """
         try:
             with self._lock:
                 if name == "zone":
@@ -294,10 +330,12 @@ class Viewer:
                 else:
                     self._follower = Follower(FollowConfig(whom=str(value)))
                 self._must_draw = True
-            said = "" if self._live is None else self._live.set(name, value)
+            return "" if self._live is None else self._live.set(name, value)
         except (ConfigError, ValueError) as error:  # what no page of ours sends, too
-            said = str(error)
-        self._choice_text.content = said
+            return str(error)
+
+    def _take_choice(self, name: str, value: str | int) -> None:
+        self._choice_text.content = self.choose(name, value)
 
     def _tell(self) -> None:
         """Update the tables."""
@@ -305,12 +343,12 @@ class Viewer:
             _set(self._nodes_text, nodes_table(self._live.nodes()))
         if self._recorded is not None:
             self._tell_time(self._recorded)
-        moment = self._moment
-        if moment is None:
+        frame = self.frame
+        if frame is None:
             return
-        shown = None if moment.skeletons is None else self._shown(moment)
-        followed = self._follower.choose(shown or (), moment.stamp_ns, "").body_id
-        _set(self._people_text, people_table(shown, followed, moment.stamp_ns))
+        shown = None if frame.skeletons is None else self._shown(frame)
+        followed = self._follower.choose(shown or (), frame.stamp_ns, "").body_id
+        _set(self._people_text, people_table(shown, followed, frame.stamp_ns))
 
     def _tell_time(self, source: RecordedSource) -> None:
         playback = source.playback
@@ -350,8 +388,7 @@ class Viewer:
 
     def _take_clip(self, event: Any) -> None:
         """Take the next seconds: frame by frame of a recording, as they come of running nodes."""
-        least, most = _CLIP_S
-        frames = round(min(max(float(self._clip_s.value), least), most) * _CLIP_HZ)
+        frames = round(self.clip_s * _CLIP_HZ)
         width, height = _PICTURE[0] // 2, _PICTURE[1] // 2
         pictures = []
         playback = self._recorded.playback if self._recorded else None
@@ -364,7 +401,7 @@ class Viewer:
                         playback.playing = True
                         playback.advance(1.0 / _CLIP_HZ if i else 0.0)
                         playback.playing = False
-                    self._draw(self._recorded.moment(playback.index))
+                    self._draw(self._recorded.frame(playback.index))
                 pictures.append(
                     event.client.get_render(height, width, transport_format="jpeg", timeout=_RENDER_S)
                 )

@@ -27,7 +27,7 @@ _REACHES = np.array(
 
 
 @dataclass(frozen=True)
-class Moment:
+class ViewerFrame:
     """One frame.
 
     Attributes
@@ -55,13 +55,13 @@ class Moment:
         return np.stack([x, y, z], axis=1).astype(np.float32)
 
 
-def keep(frame: DepthFrame, skeletons: tuple[Skeleton, ...] | None, most: int = MOST_POINTS) -> Moment:
+def keep(frame: DepthFrame, skeletons: tuple[Skeleton, ...] | None, most: int = MOST_POINTS) -> ViewerFrame:
     """Keep of a frame what the viewer shows."""
     height, width = frame.depth.shape
     step = max(1, int(np.ceil(np.sqrt(height * width / most))))
     depth = frame.depth[::step, ::step]
     mm = np.where(np.isfinite(depth) & (depth > 0) & (depth < 65), depth * 1e3, 0)
-    return Moment(frame.stamp_ns, np.rint(mm).astype(np.uint16), frame.camera.strided(step), skeletons)
+    return ViewerFrame(frame.stamp_ns, np.rint(mm).astype(np.uint16), frame.camera.strided(step), skeletons)
 
 
 def owners(points: NDArray[np.float32], skeletons: tuple[Skeleton, ...]) -> NDArray[np.int64]:

@@ -11,7 +11,7 @@ import threading
 import time
 from typing import Any
 
-_PATIENCE_S = 5.0
+PATIENCE_S = 5.0
 """A browser that takes longer is no longer waited for, until it answers: it may be asleep. Set by hand;
 one without a graphics card, on cores that are busy, takes two."""
 
@@ -22,15 +22,22 @@ _AFTER_S = 0.03
 """A question goes out this long after its frame: the frame waits for up to a sixtieth of a second."""
 
 
-class Pace:
+class RateLimit:
     """Waits for the browsers of a server.
 
     Parameters
     ----------
     server : viser.ViserServer
+    patience_s : float, optional
+        A browser that takes longer is no longer waited for, until it answers.
+
+    Attributes
+    ----------
+    patience_s : float
     """
 
-    def __init__(self, server: Any) -> None:
+    def __init__(self, server: Any, patience_s: float = PATIENCE_S) -> None:
+        self.patience_s = patience_s
         self._server = server
         self._lock = threading.Lock()
         self._readers: dict[int, _Reader] = {}
@@ -38,7 +45,7 @@ class Pace:
     def is_free(self) -> bool:
         """Return whether another frame may be sent: all responsive browsers have shown the last one."""
         with self._lock:
-            return not any(reader.is_awaited() for reader in self._readers.values())
+            return not any(reader.is_awaited(self.patience_s) for reader in self._readers.values())
 
     def sent(self) -> None:
         """Record that a frame was sent."""
@@ -66,11 +73,11 @@ class _Reader:
         self._server, self._number = server, number
         self._asked_s: float | None = None  # since when an answer is missing
         self._wanted, self._stopping = threading.Event(), False
-        threading.Thread(target=self._run, name="pace", daemon=True).start()
+        threading.Thread(target=self._run, name="rate_limit", daemon=True).start()
 
-    def is_awaited(self) -> bool:
+    def is_awaited(self, patience_s: float) -> bool:
         asked = self._asked_s
-        return asked is not None and time.monotonic() - asked < _PATIENCE_S
+        return asked is not None and time.monotonic() - asked < patience_s
 
     def ask(self) -> None:
         if self._asked_s is None:

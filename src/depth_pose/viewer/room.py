@@ -10,7 +10,7 @@ from depth_pose.core.types import DepthFrame, Skeleton
 from depth_pose.detect.floor import Floor
 from depth_pose.export.floor import floor_of_depth, floor_of_feet
 from depth_pose.export.tracks import tracks_of
-from depth_pose.viewer.frames import Moment
+from depth_pose.viewer.frames import ViewerFrame
 
 _FRAMES = 15
 """Number of frames with people used to estimate the floor; feet move little in fewer. Set by hand."""
@@ -29,15 +29,15 @@ class FloorSeeker:
         self._looks = 0
         self.floor: Floor | None = None
 
-    def add(self, moment: Moment) -> NDArray[np.float64] | None:
+    def add(self, frame: ViewerFrame) -> NDArray[np.float64] | None:
         """Take a frame; gives ``T_world_camera`` once, when the floor is found."""
-        if self.floor is not None or not moment.skeletons:
+        if self.floor is not None or not frame.skeletons:
             return None
         self._looks += 1
-        if len(self._images) < _IMAGES and moment.stamp_ns not in self._people:
-            depth = moment.depth_mm.astype(np.float32) * np.float32(1e-3)
-            self._images.append(DepthFrame(moment.stamp_ns, "", depth, moment.camera))
-        self._people[moment.stamp_ns] = moment.skeletons
+        if len(self._images) < _IMAGES and frame.stamp_ns not in self._people:
+            depth = frame.depth_mm.astype(np.float32) * np.float32(1e-3)
+            self._images.append(DepthFrame(frame.stamp_ns, "", depth, frame.camera))
+        self._people[frame.stamp_ns] = frame.skeletons
         if len(self._people) < _FRAMES and self._looks < _LOOKS:
             return None
         try:

@@ -15,7 +15,7 @@ from depth_pose.core.rotations import matrix_to_quat
 from depth_pose.core.skeleton import BONES, JOINT_INDEX, JOINTS, JointState
 from depth_pose.core.types import Skeleton
 from depth_pose.viewer import colours
-from depth_pose.viewer.frames import Moment, owners
+from depth_pose.viewer.frames import ViewerFrame, owners
 
 Array = NDArray[np.float64]
 
@@ -66,7 +66,7 @@ class Scene:
         self.wishes = Wishes()
         self._server = server
         self._mesh_of = mesh_of
-        self._people: dict[str, _Figure] = {}
+        self._people: dict[str, _PersonView] = {}
         self._trails: dict[str, deque[tuple[int, Array]]] = {}
         self._camera: Camera | None = None
         self._root = server.scene.add_frame("/sensor", show_axes=False)
@@ -100,21 +100,21 @@ class Scene:
         self._root.wxyz, self._root.position = (w, x, y, z), tuple(T_world_camera[:3, 3])
         self.T_world_camera = T_world_camera
 
-    def show(self, moment: Moment, skeletons: tuple[Skeleton, ...]) -> None:
+    def show(self, frame: ViewerFrame, skeletons: tuple[Skeleton, ...]) -> None:
         """Draw a frame, with these people of it."""
         with self._server.atomic():
-            self._show_camera(moment.camera)
-            self._show_points(moment, skeletons)
+            self._show_camera(frame.camera)
+            self._show_points(frame, skeletons)
             seen = {s.body_id for s in skeletons}
             for gone in self._people.keys() - seen:
                 self._people.pop(gone).remove()
                 self._trails.pop(gone, None)
             for skeleton in skeletons:
-                figure = self._people.get(skeleton.body_id)
-                if figure is None:
-                    figure = self._people[skeleton.body_id] = _Figure(self._server, skeleton.body_id)
-                figure.show(skeleton, self.wishes, self._mesh_of, skeleton.stamp_ns == moment.stamp_ns)
-                figure.show_trail(self._trail(skeleton), self.wishes.trails)
+                view = self._people.get(skeleton.body_id)
+                if view is None:
+                    view = self._people[skeleton.body_id] = _PersonView(self._server, skeleton.body_id)
+                view.show(skeleton, self.wishes, self._mesh_of, skeleton.stamp_ns == frame.stamp_ns)
+                view.show_trail(self._trail(skeleton), self.wishes.trails)
 
     def settle(self) -> None:
         """Make the browser draw again: it places names and new objects one picture late."""
@@ -145,11 +145,11 @@ class Scene:
         self._frustum.visible = self.wishes.camera
         self._grid.visible = self.wishes.floor and self._has_floor
 
-    def _show_points(self, moment: Moment, skeletons: tuple[Skeleton, ...]) -> None:
+    def _show_points(self, frame: ViewerFrame, skeletons: tuple[Skeleton, ...]) -> None:
         self._cloud.visible = self.wishes.points
         if not self.wishes.points:
             return
-        points = moment.points()
+        points = frame.points()
         colour = colours.of_distance(points)
         owner = owners(points, skeletons)
         for number, skeleton in enumerate(skeletons):
@@ -161,7 +161,7 @@ class Scene:
         self._cloud.points, self._cloud.colors = points, colour
 
 
-class _Figure:
+class _PersonView:
     """One person in the scene."""
 
     def __init__(self, server: Any, body_id: str) -> None:

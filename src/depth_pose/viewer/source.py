@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from depth_pose.core.errors import DepthPoseError
 from depth_pose.core.types import DepthFrame, Skeleton
-from depth_pose.viewer.frames import Moment, keep
+from depth_pose.viewer.frames import ViewerFrame, keep
 from depth_pose.viewer.playback import Playback
 
 if TYPE_CHECKING:
@@ -33,13 +33,13 @@ class Recent:
         """Take a frame's answer."""
         self._last.update({s.body_id: s for s in skeletons})
 
-    def people(self, moment: Moment) -> tuple[Skeleton, ...]:
+    def people(self, frame: ViewerFrame) -> tuple[Skeleton, ...]:
         """Return the skeletons of a frame and of shortly before; none if it was not answered."""
-        now = moment.stamp_ns
+        now = frame.stamp_ns
         self._last = {k: s for k, s in self._last.items() if 0 <= now - s.stamp_ns <= _RECENT_NS}
-        if moment.skeletons is None:
+        if frame.skeletons is None:
             return ()
-        known = {**self._last, **{s.body_id: s for s in moment.skeletons}}
+        known = {**self._last, **{s.body_id: s for s in frame.skeletons}}
         return tuple(known[k] for k in sorted(known, key=lambda k: (len(k), k)))
 
 
@@ -58,7 +58,7 @@ class LiveSource:
         self._watch, self._most_points = watch, most_points
         self._recent = Recent()
 
-    def newest(self) -> Moment | None:
+    def newest(self) -> ViewerFrame | None:
         """Return the newest frame that was not returned before."""
         heard = self._watch.newest()
         if heard is None:
@@ -66,9 +66,9 @@ class LiveSource:
         self._recent.add(heard.skeletons or ())
         return keep(heard.frame, heard.skeletons, self._most_points)
 
-    def people(self, moment: Moment) -> tuple[Skeleton, ...]:
+    def people(self, frame: ViewerFrame) -> tuple[Skeleton, ...]:
         """Return the skeletons of a frame and of a moment before."""
-        return self._recent.people(moment)
+        return self._recent.people(frame)
 
     def nodes(self) -> Sequence[NodeState]:
         """Return the latest diagnostics of each node."""
@@ -101,7 +101,7 @@ class RecordedSource:
         self.playback = Playback()
         self.error = ""
         self._frames, self._answer, self._most_points = frames, answer, most_points
-        self._moments: list[Moment] = []
+        self._kept: list[ViewerFrame] = []
         self._stopping = False
         self._thread = threading.Thread(target=self._read, name="reader", daemon=True)
 
@@ -119,16 +119,16 @@ class RecordedSource:
         """Wait until all is read."""
         self._thread.join()
 
-    def moment(self, index: int) -> Moment:
+    def frame(self, index: int) -> ViewerFrame:
         """Return a frame."""
-        return self._moments[index]
+        return self._kept[index]
 
     def _read(self) -> None:
         try:
             for frame in self._frames:
                 if self._stopping:
                     return
-                self._moments.append(keep(frame, self._answer(frame), self._most_points))
+                self._kept.append(keep(frame, self._answer(frame), self._most_points))
                 self.playback.add(frame.stamp_ns)
         except DepthPoseError as error:
             self.error = str(error)
