@@ -32,10 +32,15 @@ def tracker(bank):
 
 @pytest.fixture
 def fresh(tracker):
-    """The same tracker as if new: of no frame, no unit."""
+    """The same tracker, of no frame."""
     tracker.reset()
-    tracker._is_unit_known = False
     return tracker
+
+
+@pytest.fixture(scope="module")
+def new(bank):
+    """A tracker that was never given a right frame, and so does not know the unit."""
+    return Tracker(bank, quiet=True)
 
 
 @pytest.fixture(scope="module")
@@ -173,17 +178,18 @@ CAMERA = Camera(176, 144, 170.0, 170.0, 87.5, 71.5)
     ],
     ids=lambda value: value if isinstance(value, str) else "",
 )
-def test_wrong_inputs_are_refused_with_the_reason(fresh, depth, camera, says):
+def test_wrong_inputs_are_refused_with_the_reason(new, depth, camera, says):
     with pytest.raises(InputError, match=says):
-        fresh(depth, camera, time=0.0)
+        new(depth, camera, time=0.0)
 
 
-def test_the_unit_is_checked_until_an_image_has_shown_it(fresh):
-    fresh(np.zeros((144, 176), np.uint16), CAMERA)  # the lens is covered: nothing to see
+def test_the_unit_is_checked_until_an_image_has_shown_it(bank):
+    new = Tracker(bank, quiet=True)
+    new(np.zeros((144, 176), np.uint16), CAMERA)  # the lens is covered: nothing to see
     with pytest.raises(InputError, match="which no sensor"):
-        fresh(np.full((144, 176), 40_000, np.uint16), CAMERA)
-    fresh(np.full((144, 176), 2_000, np.uint16), CAMERA)
-    fresh(np.full((144, 176), 40_000, np.uint16), CAMERA)
+        new(np.full((144, 176), 40_000, np.uint16), CAMERA)
+    new(np.full((144, 176), 2_000, np.uint16), CAMERA)
+    new(np.full((144, 176), 40_000, np.uint16), CAMERA)
 
 
 @pytest.mark.parametrize(

@@ -30,13 +30,13 @@ from depth_pose.cli.console import read_settings
 from depth_pose.core.camera import Camera
 from depth_pose.core.config import PipelineConfig
 from depth_pose.core.skeleton import JOINTS
-from depth_pose.evaluate.score2d import _load_reference
+from depth_pose.evaluate.score2d import load_reference
 from depth_pose.evaluate.truth import load_known_people
 from depth_pose.motion.asf_amc import read_asf_amc
 from depth_pose.motion.bvh import read_bvh
 from depth_pose.motion.clip import Clip
 from depth_pose.sim.motion import load_motion
-from depth_pose.volume.model import _DIMENSIONS, VolumeModel
+from depth_pose.volume.model import DIMENSIONS, VolumeModel
 from depth_pose.volume.rig import RigCamera
 from depth_pose.volume.rigfile import load_rig, save_rig
 from gltf_writer import document_of, write_glb
@@ -115,7 +115,7 @@ def models() -> list[bytes]:
         "motion_kernel": (4,), "recall_kernel": (3,), "pose_kernel": (3,), "trust": (5,),
     }  # fmt: skip
     arrays = {name: _RNG.normal(size=shape) for name, shape in shapes.items()}
-    assert {*arrays, "lengths"} == set(_DIMENSIONS) == {f.name for f in fields(VolumeModel)} - {"meta"}
+    assert {*arrays, "lengths"} == set(DIMENSIONS) == {f.name for f in fields(VolumeModel)} - {"meta"}
     meta = {"bins": [2, 4, 2, 8], "fps": 30.0, "noise_floor": 0.002, "input": "depth", "about": "x",
             "performances": ["a"], "frames": n, "wearers": 1, "statures": [1.7]}  # fmt: skip
     return [_written("m.npz", VolumeModel(**arrays, lengths=np.array([n]), meta=meta).save)]
@@ -205,7 +205,7 @@ DECODERS = (
     Decoder("rig", rigs, from_file(load_rig, "rig.yaml")),
     Decoder("settings", settings, from_file(_configure, "s.yaml")),
     Decoder("build", builds, from_file(load_build, "b.json")),
-    Decoder("reference_2d", references, from_file(_load_reference, "r.json")),
+    Decoder("reference_2d", references, from_file(load_reference, "r.json")),
     Decoder(
         "bvh", lambda: [_written("a.bvh", lambda p: write_bvh(p, moving()))], from_file(read_bvh, "a.bvh")
     ),

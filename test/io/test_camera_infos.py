@@ -12,7 +12,7 @@ from depth_pose.core.errors import InputError
 from depth_pose.io import schemas
 from depth_pose.io._messages import write_camera_info, write_image
 from depth_pose.io.mcap_read import DepthReader
-from depth_pose.io.mcap_write import _RecordingWriter
+from depth_pose.io.mcap_write import RecordingWriter
 
 TOPIC, INFO = schemas.DEPTH_TOPIC, "/camera/depth/camera_info"
 CAMERA = Camera(64, 48, 60.0, 60.0, 31.5, 23.5)
@@ -20,7 +20,7 @@ OTHER = Camera(64, 48, 80.0, 80.0, 31.5, 23.5)
 SMALL = Camera(32, 24, 30.0, 30.0, 15.5, 11.5)
 
 
-class Writer(_RecordingWriter):
+class Writer(RecordingWriter):
     """Images and CameraInfos in any order."""
 
     def image(
@@ -28,11 +28,11 @@ class Writer(_RecordingWriter):
     ) -> None:
         pixels = np.full((camera.height, camera.width), 2000, np.uint16)
         data = write_image(at if stamp is None else stamp, frame_id, pixels)
-        self._write(TOPIC, schemas.IMAGE, at, data)
+        self.write_message(TOPIC, schemas.IMAGE, at, data)
 
     def info(self, at: int, camera: Camera = CAMERA, frame_id: str = "cam", stamp: int | None = None) -> None:
         data = write_camera_info(at if stamp is None else stamp, frame_id, camera)
-        self._write(INFO, schemas.CAMERA_INFO, at, data)
+        self.write_message(INFO, schemas.CAMERA_INFO, at, data)
 
 
 def read(path: Path) -> tuple[list[float], list[str]]:
@@ -98,7 +98,7 @@ def test_a_camera_that_does_not_change_is_no_news(tmp_path: Path) -> None:
 def test_a_damaged_info_is_counted_and_the_one_before_stays(tmp_path: Path) -> None:
     with Writer(tmp_path / "a.mcap") as out:
         out.info(1)
-        out._write(INFO, schemas.CAMERA_INFO, 2, b"\x00\x01\x00\x00")
+        out.write_message(INFO, schemas.CAMERA_INFO, 2, b"\x00\x01\x00\x00")
         out.image(3)
     focal, warnings = read(tmp_path / "a.mcap")
     assert focal == [60.0]

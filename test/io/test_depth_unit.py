@@ -13,16 +13,16 @@ from depth_pose.io._messages import write_camera_info, write_image
 from depth_pose.io.depth_unit import UnitWatch
 from depth_pose.io.image_options import ImageOptions
 from depth_pose.io.mcap_read import DepthReader
-from depth_pose.io.mcap_write import _RecordingWriter
+from depth_pose.io.mcap_write import RecordingWriter
 
 CAMERA = Camera(64, 48, 60.0, 60.0, 31.5, 23.5)
 INFO = schemas.DEPTH_TOPIC.rpartition("/")[0] + "/camera_info"
 
 
-class Writer(_RecordingWriter):
+class Writer(RecordingWriter):
     def frame(self, at: int, pixels: np.ndarray) -> None:
-        self._write(INFO, schemas.CAMERA_INFO, at, write_camera_info(at, "cam", CAMERA))
-        self._write(schemas.DEPTH_TOPIC, schemas.IMAGE, at, write_image(at, "cam", pixels))
+        self.write_message(INFO, schemas.CAMERA_INFO, at, write_camera_info(at, "cam", CAMERA))
+        self.write_message(schemas.DEPTH_TOPIC, schemas.IMAGE, at, write_image(at, "cam", pixels))
 
 
 def room() -> np.ndarray:

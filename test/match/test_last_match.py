@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 import synthetic as syn
-from depth_pose.core.config import MatchConfig
+from depth_pose.core.config import MatchConfig, PipelineConfig
 from depth_pose.match.match import Matcher
+from depth_pose.stages import Shared
 from depth_pose.track.person import People
 from stages import make_matcher
 
@@ -95,18 +96,18 @@ def cut(people: People, is_cut: bool) -> People:
 
 
 def test_the_size_is_not_sought_anew_whenever_the_image_wavers(bank, people) -> None:
-    matcher = make_matcher(bank, match=MatchConfig(scale_frames=3, search_every=1))
-    frames = []
+    shared = Shared(bank, PipelineConfig(match=MatchConfig(scale_frames=3, search_every=1)))
+    matcher, frames = shared.make_matcher(), []
     for k in range(16):
         matcher.match(cut(syn.restamped(people, k * 33_000_000), is_cut=k % 3 == 1))
-        frames.append(matcher._subjects["body_1"].match.size.finder.frames)
+        frames.append(shared.subjects["body_1"].match.size.finder.frames)
     assert frames[2:] == [3] * 14
 
 
 def test_the_size_is_sought_anew_once_somebody_is_whole_for_good(bank, people) -> None:
-    matcher = make_matcher(bank, match=MatchConfig(scale_frames=3, search_every=1))
-    frames = []
+    shared = Shared(bank, PipelineConfig(match=MatchConfig(scale_frames=3, search_every=1)))
+    matcher, frames = shared.make_matcher(), []
     for k in range(12):
         matcher.match(cut(syn.restamped(people, k * 33_000_000), is_cut=k < 4))
-        frames.append(matcher._subjects["body_1"].match.size.finder.frames)
+        frames.append(shared.subjects["body_1"].match.size.finder.frames)
     assert frames == [1, 2, 3, 3, 3, 3, 3, 3, 1, 2, 3, 3]

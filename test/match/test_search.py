@@ -50,20 +50,21 @@ def test_equal_entries_come_in_their_order_and_no_more_than_there_are():
 def test_bounds_are_below_the_distances_and_rule_out_nearly_all():
     rng = np.random.default_rng(1)
     table, point = clustered(rng, 4_000, 48), clustered(rng, 1, 48)[0]
-    search = SubspaceSearch(table)
-    search.find(point, 20)
-    head = len(search._head)
+    head = 24
+    steps = np.abs(table[:, :head]).max(axis=0) / np.float32(32767)
+    whole = np.round(table[:, :head] / steps).T.astype(np.int16)
+    slack = 0.51 * np.linalg.norm(steps)
     rest, norms = np.linalg.norm(point[head:]), np.linalg.norm(table[:, head:], axis=1)
     bounds, best = np.empty(len(table), np.float32), np.empty(-(-len(table) // kernels.BLOCK), np.int64)
     kernels.bound_distances(
-        search._head, search._steps, norms.astype(np.float32), point[:head], np.float32(rest), bounds, best
+        whole, steps, norms.astype(np.float32), point[:head], np.float32(rest), bounds, best
     )
-    rounded = (search._head * search._steps[:, None]).T.astype(float)
-    assert np.linalg.norm(rounded - table[:, :head], axis=1).max() <= search._slack
+    rounded = (whole * steps[:, None]).T.astype(float)
+    assert np.linalg.norm(rounded - table[:, :head], axis=1).max() <= slack
     expected = np.square(rounded - point[:head]).sum(axis=1) + (norms - rest) ** 2
     np.testing.assert_allclose(bounds, expected, rtol=1e-3)
     squares = np.square(table.astype(float) - point).sum(axis=1)
-    assert (np.sqrt(bounds) <= np.sqrt(squares) * 1.0001 + search._slack).all()
+    assert (np.sqrt(bounds) <= np.sqrt(squares) * 1.0001 + slack).all()
     assert (bounds < np.sort(squares)[20]).mean() < 0.05
     blocks = [np.argmin(bounds[i : i + kernels.BLOCK]) + i for i in range(0, len(table), kernels.BLOCK)]
     np.testing.assert_array_equal(best, blocks)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -22,6 +23,7 @@ from depth_pose.recover.failure import FailureCheck, bone_lengths, limit_excess
 from depth_pose.recover.measurements import weigh_joints
 from depth_pose.recover.recover import Recoverer, RecoveryMemory
 from depth_pose.sim.failures import KINDS, fail
+from depth_pose.stages import Shared
 from depth_pose.track.person import People
 from stages import make_recoverer, make_refiner
 
@@ -49,8 +51,10 @@ def recovered(stage: Recoverer, people: People, *fitted: Fitted) -> Skeleton | N
     return answers[0] if answers else None
 
 
-def memory_of(stage: Recoverer) -> RecoveryMemory:
-    return stage._subjects["body_1"].recovery
+def with_memory() -> tuple[Recoverer, Callable[[], RecoveryMemory]]:
+    """A stage, and what gives its memory of the person."""
+    shared = Shared(the_bank(), PipelineConfig(smooth=SmoothConfig(enabled=False)))
+    return shared.make_recoverer(), lambda: shared.subjects["body_1"].recovery
 
 
 def error(answer: Skeleton | Fitted, k: int) -> float:
@@ -216,12 +220,12 @@ def test_finds_simulated_failures_and_recovers(run, kind) -> None:
 
 def test_a_right_detection_wins_over_a_wrong_past(run) -> None:
     """A pose that comes suddenly, but agrees better than the one carried over, is taken."""
-    stage = recoverer()
+    stage, memory = with_memory()
     for k in range(3):
         recovered(stage, run[k].people, *run[k].refined)
     (person,) = run[2].people.persons
     wrong = fail("flip", run[2].refined[0], person, the_bank(), np.random.default_rng(0))
-    memory_of(stage).before = wrong
+    memory().before = wrong
     answer = recovered(stage, run[3].people, *run[3].refined)
     assert "joint_speed" in stage.last_reasons["body_1"]
     assert answer.source == Source.REFINED
@@ -237,7 +241,7 @@ def test_disabled_passes_failures_on(run) -> None:
 
 
 def test_keeps_a_doubtful_pose_that_agrees_better(run) -> None:
-    stage = recoverer()
+    stage, memory = with_memory()
     recovered(stage, run[0].people, *run[0].refined)
     stamp_ns = run[1].people.stamp_ns
     people = syn.restamped(run[9].people, stamp_ns)
@@ -245,7 +249,7 @@ def test_keeps_a_doubtful_pose_that_agrees_better(run) -> None:
     assert fit_confidence(0.53) < RecoverConfig().min_confidence
     (wrong,) = run[0].refined
     pose = replace(wrong.pose, root=wrong.pose.root + (3.0, 0.0, 0.0))
-    memory_of(stage).before = replace(wrong, body=replace(wrong.body, pose=pose))
+    memory().before = replace(wrong, body=replace(wrong.body, pose=pose))
     answer = recovered(stage, people, doubtful)
     assert answer.source == Source.REFINED
     (person,) = people.persons
@@ -274,10 +278,10 @@ def test_carried_poses_are_compared_as_the_fits_were(run) -> None:
 
 
 def test_first_frame_is_given_even_if_doubtful_but_not_trusted(run) -> None:
-    stage = recoverer()
+    stage, memory = with_memory()
     first = recovered(stage, run[0].people, knees_forward(*run[0].refined))
     assert first.source == Source.REFINED
-    assert memory_of(stage).good is None
+    assert memory().good is None
     assert recovered(stage, run[1].people, *run[1].refined).source == Source.REFINED
 
 

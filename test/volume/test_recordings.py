@@ -11,7 +11,7 @@ from depth_pose.cli import main
 from depth_pose.core.errors import ConfigError, InputError
 from depth_pose.core.rotations import quat_to_matrix
 from depth_pose.core.types import Skeleton
-from depth_pose.io._messages import _store, make, make_header, read_image, write_image
+from depth_pose.io._messages import read_image, write_image, write_message
 from depth_pose.io._recording import Recording
 from depth_pose.io.schemas import IMAGE
 from depth_pose.io.skeleton_read import read_skeletons
@@ -149,7 +149,7 @@ def test_a_stamp_an_hour_ahead_breaks_no_other_set(rig, tmp_path, wrong, images,
             for i, topic in enumerate(cameras.topics):
                 stamp_ns = 10**9 + k * 33_000_000 + i * 100_000
                 told_ns = stamp_ns + 3_600_000_000_000 * wrong(k, i)
-                writer._write(topic, IMAGE, stamp_ns, write_image(told_ns, topic, good))
+                writer.write_message(topic, IMAGE, stamp_ns, write_image(told_ns, topic, good))
     reader = ViewReader(path, cameras, "silhouettes")
     sets = list(reader)
     assert len(sets) == 20
@@ -163,10 +163,9 @@ def test_images_of_the_other_byte_order(rig, tmp_path):
     cameras = Rig(rig[:2], ("/a", "/b"))
     with ViewWriter(path) as writer:
         writer.write("/a", 10**9, "a", depth)
-        image = make(
-            IMAGE, make_header(10**9, "b"), 120, 160, "16UC1", 1, 320, millimetres.view(np.uint8).ravel()
-        )
-        writer._write("/b", IMAGE, 10**9, bytes(_store().serialize_cdr(image, IMAGE, little_endian=True)))
+        image = {"height": 120, "width": 160, "encoding": "16UC1", "is_bigendian": 1, "step": 320}
+        data = write_message(IMAGE, 10**9, "b", **image, data=millimetres.view(np.uint8).ravel())
+        writer.write_message("/b", IMAGE, 10**9, data)
     (views,) = ViewReader(path, cameras, "depth")
     assert np.array_equal(views.images[0], views.images[1])
 

@@ -86,7 +86,7 @@ def score_2d(
     InputError
         Where a file cannot be used, or the reference is of another number of frames.
     """
-    known = _load_reference(Path(reference))
+    known = load_reference(Path(reference))
     frames = list(DepthReader(recording, depth_topic))
     if len(frames) != len(known):
         raise InputError(f"{reference} has {len(known)} frames, {recording} has {len(frames)}")
@@ -114,7 +114,8 @@ def score_2d(
     )
 
 
-def _load_reference(path: Path) -> list[dict[str, list[float]]]:
+def load_reference(path: Path) -> list[dict[str, list[float]]]:
+    """Read the known joints of each frame, [u, v, visibility] by name, from a JSON file."""
     known = parse_json(path, read_text(path, _MOST_BYTES), InputError)
     if not isinstance(known, list) or not all(isinstance(frame, dict) for frame in known):
         raise InputError(f"{path} is to be a list with one mapping of joints per frame")

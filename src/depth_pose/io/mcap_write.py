@@ -23,7 +23,7 @@ from depth_pose.io import markers, schemas
 from depth_pose.io._messages import write_camera_info, write_image, write_people, write_skeleton
 from depth_pose.io.schemas import DEPTH_TOPIC, PEOPLE_TOPIC, SKELETON_TOPIC
 
-_Writer = TypeVar("_Writer", bound="_RecordingWriter")
+_Writer = TypeVar("_Writer", bound="RecordingWriter")
 
 
 class PartlyWritten(KeyboardInterrupt):
@@ -40,7 +40,7 @@ class PartlyWritten(KeyboardInterrupt):
         self.path = path
 
 
-class _RecordingWriter:
+class RecordingWriter:
     """A recording that gets its name only when it is complete.
 
     As a context manager it is closed at the end; after an error, or Ctrl-C, an existing file is left
@@ -57,7 +57,21 @@ class _RecordingWriter:
         self._channels: dict[str, int] = {}
         self._counts: dict[str, int] = {}
 
-    def _write(self, topic: str, kind: str, stamp_ns: int, data: bytes, text: str = "") -> None:
+    def write_message(self, topic: str, kind: str, stamp_ns: int, data: bytes, text: str = "") -> None:
+        """Add an encoded message.
+
+        Parameters
+        ----------
+        topic : str
+        kind : str
+            ROS type, as ``sensor_msgs/msg/Image``.
+        stamp_ns : int
+            Nanoseconds; the time at which the message is logged.
+        data : bytes
+            CDR, little endian.
+        text : str, optional
+            Definition of the type, where `depth_pose.io.schemas` has none.
+        """
         if topic not in self._channels:
             text = text or schemas.schema_text(kind)
             schema = self._writer.register_schema(kind, "ros2msg", text.encode())
@@ -111,7 +125,7 @@ class _RecordingWriter:
             self.discard()
 
 
-class SkeletonWriter(_RecordingWriter):
+class SkeletonWriter(RecordingWriter):
     """Writes ``depth_pose_msgs/msg/Skeleton`` messages, and ``SkeletonArray`` messages of all people.
 
     Parameters
@@ -124,20 +138,20 @@ class SkeletonWriter(_RecordingWriter):
 
     def write(self, skeleton: Skeleton) -> None:
         """Add one skeleton at its stamp, on `SKELETON_TOPIC`."""
-        self._write(SKELETON_TOPIC, schemas.SKELETON, skeleton.stamp_ns, write_skeleton(skeleton))
+        self.write_message(SKELETON_TOPIC, schemas.SKELETON, skeleton.stamp_ns, write_skeleton(skeleton))
 
     def write_people(self, skeletons: Sequence[Skeleton], stamp_ns: int, frame_id: str) -> None:
         """Add all people of a frame, on `PEOPLE_TOPIC`."""
         data = write_people(skeletons, stamp_ns, frame_id)
-        self._write(PEOPLE_TOPIC, schemas.SKELETON_ARRAY, stamp_ns, data)
+        self.write_message(PEOPLE_TOPIC, schemas.SKELETON_ARRAY, stamp_ns, data)
 
     def write_markers(self, skeletons: Sequence[Skeleton], stamp_ns: int, frame_id: str) -> None:
         """Add the markers of all people, on `markers.MARKERS_TOPIC`."""
         data = markers.write_markers(skeletons, stamp_ns, frame_id)
-        self._write(markers.MARKERS_TOPIC, markers.MARKER_ARRAY, stamp_ns, data, markers.definition())
+        self.write_message(markers.MARKERS_TOPIC, markers.MARKER_ARRAY, stamp_ns, data, markers.definition())
 
 
-class DepthWriter(_RecordingWriter):
+class DepthWriter(RecordingWriter):
     """Writes a depth camera's images and calibration.
 
     Parameters
@@ -187,7 +201,7 @@ class DepthWriter(_RecordingWriter):
                 f"the camera has {self._camera.width} x {self._camera.height}"
             )
         info = write_camera_info(stamp_ns, self._frame_id, self._camera)
-        self._write(self._info_topic, schemas.CAMERA_INFO, stamp_ns, info)
+        self.write_message(self._info_topic, schemas.CAMERA_INFO, stamp_ns, info)
         if self._encoding == "16UC1":
             mm = np.rint(np.nan_to_num(depth, posinf=0.0, neginf=0.0).astype(np.float64) * 1000.0)
             image = write_image(
@@ -195,7 +209,7 @@ class DepthWriter(_RecordingWriter):
             )
         else:
             image = write_image(stamp_ns, self._frame_id, depth.astype(np.float32))
-        self._write(self._topic, schemas.IMAGE, stamp_ns, image)
+        self.write_message(self._topic, schemas.IMAGE, stamp_ns, image)
 
     def write_frame(self, frame: DepthFrame) -> None:
         """Add a `DepthFrame` of the same camera."""

@@ -120,6 +120,10 @@ class Clothes:
     ----------
     faces : (F, 3) int32
         Triangles of the cloth, both sides.
+    links : (L, 2) int64
+        Vertices that are held at a distance from each other.
+    lengths : (L,) float64
+        Those distances, metres.
     """
 
     def __init__(self, garment: Garment, body: Body) -> None:
@@ -138,9 +142,9 @@ class Clothes:
         order = np.concatenate([pinned, np.setdiff1d(np.arange(firsts[-1]), pinned)])
         place = np.argsort(order)
         self._sheets, self._rest = sheets, np.concatenate(rests)[order]
-        self._links = place[np.concatenate([s.links(a) for a, s in at])]
-        ends = self._rest[self._links]
-        self._lengths = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1)
+        self.links = place[np.concatenate([s.links(a) for a, s in at])]
+        ends = self._rest[self.links]
+        self.lengths = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1)
         self.faces = place[np.concatenate([s.faces(a) for a, s in at])].astype(np.int32)
         self._now: Array | None = None
         self._before = self._rest.copy()
@@ -225,7 +229,7 @@ class Clothes:
             steps = _SETTLE_STEPS
         dt = seconds / steps if steps != _SETTLE_STEPS else _SUBSTEP_S
         keep = float(np.exp(-self._garment.drag * dt))
-        cloth = Cloth(self._now, self._before, self._links, self._lengths)
+        cloth = Cloth(self._now, self._before, self.links, self.lengths)
         for i in range(steps):
             s = (i + 1) / steps
             between = Capsules(self._held[1] + s * (capsules - self._held[1]), radii)

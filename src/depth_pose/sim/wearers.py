@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from depth_pose.body.body import PosedBody
 from depth_pose.body.procedural import BodyShape, make_body
 from depth_pose.io._messages import write_image
-from depth_pose.io.mcap_write import _RecordingWriter
+from depth_pose.io.mcap_write import RecordingWriter
 from depth_pose.io.schemas import IMAGE
 from depth_pose.motion.clip import Clip
 from depth_pose.sim.clothing import Clothes, Garment
@@ -49,12 +49,12 @@ def dressed_frames(wearer: Wearer, clip: Clip) -> Iterator[tuple[list[Mesh], Pos
         yield meshes, posed
 
 
-class ViewWriter(_RecordingWriter):
+class ViewWriter(RecordingWriter):
     """Writes the images of several cameras."""
 
     def write(self, topic: str, stamp_ns: int, frame_id: str, image: NDArray[np.generic]) -> None:
         """Add one image: uint8 for a silhouette, float32 for depth in metres."""
-        self._write(topic, IMAGE, stamp_ns, write_image(stamp_ns, frame_id, image))
+        self.write_message(topic, IMAGE, stamp_ns, write_image(stamp_ns, frame_id, image))
 
 
 def record_views(

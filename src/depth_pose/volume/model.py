@@ -35,12 +35,12 @@ _META: dict[str, Any] = {
     "bins": list, "fps": (int, float), "noise_floor": (int, float), "input": str, "about": str,
     "performances": list, "frames": int, "wearers": int, "statures": list,
 }  # fmt: skip
-_DIMENSIONS = {
+DIMENSIONS = {
     "latent": 2, "lengths": 1, "volumes": 3, "spread": 1, "poses": 3, "rotations": 4, "space_mean": 1,
     "space_whiten": 2, "space_basis": 2, "pose_mean": 1, "pose_basis": 2, "volume_kernel": 1,
     "motion_kernel": 1, "recall_kernel": 1, "pose_kernel": 1, "trust": 1,
 }  # fmt: skip
-"""Dimensions of each array in the file."""
+"""Number of dimensions of each array in the file, by its name."""
 _MOST_FPS = 1000.0
 """A model of this many frames a second or more is damaged. Set by hand."""
 _MOST_BINS = 1024
@@ -229,7 +229,7 @@ class VolumeModel:
             self._check_meta()
         except (KeyError, TypeError, ValueError, ConfigError) as error:
             raise InputError(f"{where}: what it says of itself is damaged: {error}") from error
-        for name, dimensions in _DIMENSIONS.items():
+        for name, dimensions in DIMENSIONS.items():
             array = getattr(self, name)
             kind = np.int64 if name == "lengths" else np.float64
             if array.dtype != kind or array.ndim != dimensions or array.size == 0:
