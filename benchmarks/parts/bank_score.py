@@ -23,7 +23,7 @@ from depth_pose.bank import Bank
 from depth_pose.core.config import MatchConfig
 from depth_pose.match.match import match_confidence
 from depth_pose.motion.procedural.generator import CLIPS
-from depth_pose.sim.config import Person, Placement, Room
+from depth_pose.sim.config import Room
 from depth_pose.sim.motion import load_motion
 from depth_pose.sim.simulate import Stage, simulate
 from parts.known_people import (
@@ -36,6 +36,7 @@ from parts.known_people import (
     mean_error,
     recordings,
 )
+from parts.random_people import aimed, person_of
 
 _CLIPS, _FRAMES, _FPS = 50, 14, 5.0
 """Simulated clips, their frames, and frames a second. Set by hand."""
@@ -47,22 +48,10 @@ def simulated(folder: Path, captures: list[Path]) -> list[Recording]:
     names, found = sorted(CLIPS), []
     for k in range(_CLIPS):
         build = rng.uniform(-1.0, 1.0, 6)
-        body = Person(
-            stature=1.7 + 0.2 * build[0],
-            girth=1.0 + 0.15 * build[1],
-            shoulder_width=1.0 + 0.06 * build[2],
-            hip_width=1.0 + 0.06 * build[3],
-            leg_length=1.0 + 0.05 * build[4],
-            arm_length=1.0 + 0.05 * build[5],
-        ).body()
+        body = person_of(1.7 + 0.2 * build[0], build[1:]).body()
         motion = str(captures[rng.integers(len(captures))]) if captures and k % 2 else names[k % len(names)]
         elevation, distance = rng.uniform(-10, 45), rng.uniform(2.8, 4.2)
-        place = Placement(
-            distance=float(distance * np.cos(np.radians(elevation))),
-            height=float(max(0.1, 0.9 + distance * np.sin(np.radians(elevation)))),
-            azimuth=float(rng.uniform(-180, 180)),
-            pitch=float(elevation),
-        )
+        place = aimed(distance, elevation, rng.uniform(-180, 180))
         clip = load_motion(motion, _FPS, _FRAMES / _FPS, seed=1000 + k)
         path = folder / f"{k}.mcap"
         simulate(path, body, clip, Stage(placement=place, room=Room(floor=False, wall=0.0)), seed=k)

@@ -15,10 +15,9 @@ import numpy as np
 from command_line import make_parser
 
 from depth_pose.bank import Bank
-from depth_pose.core.config import MatchConfig, PipelineConfig, RefineConfig
+from depth_pose.core.config import MatchConfig
 from depth_pose.match.search import SubspaceSearch
-from depth_pose.stages import Shared
-from parts.known_people import Recording, compare, find_scale, match_frames, read_arguments, subsample
+from parts.known_people import Recording, compare_frames, find_scale, read_arguments, subsample
 
 SHARES = (1, 4, 16, 64)
 """Every how manyth pose is kept."""
@@ -27,12 +26,7 @@ COLUMNS = ("poses", "match mm", "flips %", "refined mm", "flips %", "match ms", 
 
 def measure(bank: Bank, recorded: list[Recording], scales: list[float]) -> list[float]:
     """Give a table's row: the figures of `COLUMNS`."""
-    refiner = Shared(bank, PipelineConfig(refine=RefineConfig(track=False))).make_refiner()
-    rows = []
-    for recording, scale in zip(recorded, scales, strict=True):
-        for people, known, match, taken in match_frames(bank, recording, scale):
-            rows.append((*compare(bank, refiner, people, known, match), taken))
-    table = np.array(rows, float)
+    table = np.concatenate([compare_frames(bank, r, s) for r, s in zip(recorded, scales, strict=True)])
     errors = table[:, :4].mean(axis=0) * (1e3, 1e2, 1e3, 1e2)
     return [bank.poses, *errors.tolist(), 1e3 * float(np.median(table[:, 4])), search_time(bank)]
 

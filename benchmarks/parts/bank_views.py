@@ -19,19 +19,16 @@ from command_line import make_parser
 
 from depth_pose.bank import Bank
 from depth_pose.body.body import Body
-from depth_pose.core.config import PipelineConfig, RefineConfig
 from depth_pose.core.skeleton import ADULT_STATURE_M
 from depth_pose.motion.clip import Clip
 from depth_pose.sim.config import Person, Placement, Room
 from depth_pose.sim.motion import load_motion
 from depth_pose.sim.simulate import Stage, simulate
-from depth_pose.stages import Shared
-from parts.known_people import Recording, compare, load_recording, match_frames
+from parts.known_people import Recording, compare_frames, load_recording
+from parts.random_people import aimed
 
 _DISTANCE_M = 3.6
 """From the camera to the place that it looks at, metres. Set by hand."""
-_AIM_HEIGHT_M = 0.9
-"""Of that place above the floor, metres. Set by hand."""
 
 
 @dataclass(frozen=True)
@@ -53,14 +50,7 @@ class Result:
 
 def placement(azimuth: float = 0.0, elevation: float = 0.0, roll: float = 0.0) -> Placement:
     """A camera at 3.6 m from the middle of the body, that looks at it."""
-    angle = np.radians(elevation)
-    return Placement(
-        distance=float(_DISTANCE_M * np.cos(angle)),
-        height=float(max(0.06, _AIM_HEIGHT_M + _DISTANCE_M * np.sin(angle))),
-        azimuth=azimuth,
-        pitch=elevation,
-        roll=roll,
-    )
+    return aimed(_DISTANCE_M, elevation, azimuth, roll, lowest=0.06)
 
 
 def on_the_spot(clip: Clip) -> Clip:
@@ -77,12 +67,8 @@ def watch(body: Body, clip: Clip, place: Placement, folder: Path, step: int) -> 
 
 def measure(bank: Bank, recording: Recording, scale: float) -> Result:
     """Match and refine every frame by itself."""
-    refiner = Shared(bank, PipelineConfig(refine=RefineConfig(track=False))).make_refiner()
-    rows = [
-        compare(bank, refiner, people, known, match)
-        for people, known, match, _ in match_frames(bank, recording, scale)
-    ]
-    return Result(*np.mean(np.array(rows, float), axis=0).tolist(), frames=len(rows))
+    rows = compare_frames(bank, recording, scale)
+    return Result(*rows[:, :4].mean(axis=0).tolist(), frames=len(rows))
 
 
 def draw(

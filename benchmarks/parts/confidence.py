@@ -47,10 +47,11 @@ from depth_pose.recover.confidence import (
     skeleton_signs,
 )
 from depth_pose.sim.clips import sample_clip
-from depth_pose.sim.config import Person, Placement, Room
+from depth_pose.sim.config import Room
 from depth_pose.sim.motion import load_motion
 from depth_pose.sim.sensor import SENSORS
 from depth_pose.sim.simulate import Stage, simulate
+from parts.random_people import aimed, person_of
 
 RIGHT_M = 0.1
 """A joint, or a skeleton in the mean, that is nearer than this to the truth is right."""
@@ -110,14 +111,7 @@ def simulated(folder: Path, clips: int, captures: list[Path]) -> Iterator[Path]:
         seed, number = (_SEEDS[0], k) if k < _FIRST_CLIPS else (_SEEDS[1], k - _FIRST_CLIPS)
         rng = np.random.default_rng([seed, number])
         build = rng.uniform(-1.0, 1.0, 8)
-        person = Person(
-            stature=1.65 + 0.27 * build[0],
-            girth=1.0 + 0.15 * build[1],
-            shoulder_width=1.0 + 0.06 * build[2],
-            hip_width=1.0 + 0.06 * build[3],
-            leg_length=1.0 + 0.05 * build[4],
-            arm_length=1.0 + 0.05 * build[5],
-        )
+        person = person_of(1.65 + 0.27 * build[0], build[1:])
         sensor = SENSORS["structured" if number % 4 == 3 else "tof"]
         noise, much = sensor.noise, float(2.0 ** rng.uniform(-1.0, 1.0))
         noise = replace(
@@ -128,12 +122,8 @@ def simulated(folder: Path, clips: int, captures: list[Path]) -> Iterator[Path]:
             dropout=noise.dropout * much,
         )
         elevation, distance = rng.uniform(-10, 25), rng.uniform(1.5, 4.0)
-        place = Placement(
-            distance=float(distance * np.cos(np.radians(elevation))),
-            height=float(max(0.1, 0.9 + distance * np.sin(np.radians(elevation)))),
-            azimuth=float(rng.uniform(-180, 180) if number % 2 else rng.uniform(-60, 60)),
-            pitch=float(elevation),
-        )
+        around = 180 if number % 2 else 60
+        place = aimed(distance, elevation, rng.uniform(-around, around))
         motion = names[rng.integers(len(names))]
         if captures and (number // 4) % 2:
             motion = str(captures[rng.integers(len(captures))])

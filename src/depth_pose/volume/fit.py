@@ -42,10 +42,8 @@ class VolumeFit:
 
     Attributes
     ----------
-    rotations : (21, 3, 3) float64
-        Segment rotations, rest pose to world frame.
-    root : (3,) float64
-        Pelvis, metres.
+    rotations, root
+        The pose as `depth_pose.body.pose.BodyPose` has it, in the world frame.
     residual : float
         Root mean square distance of trusted skin from the surface, metres.
     size : float
