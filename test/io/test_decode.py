@@ -9,7 +9,7 @@ from depth_pose.core.camera import Camera
 from depth_pose.core.errors import InputError
 from depth_pose.io.calibration import camera_from_info, distort, rectify_depth
 from depth_pose.io.clouds import camera_from_points, decode_points, frame_from_cloud
-from depth_pose.io.decode import decode_depth
+from depth_pose.io.decode import MAX_PIXELS, decode_depth
 
 K = (225.0, 0.0, 87.5, 0.0, 225.0, 71.5, 0.0, 0.0, 1.0)
 
@@ -267,10 +267,18 @@ def test_rectifying_the_largest_image_takes_little_memory() -> None:
 
 
 def test_rectifications_that_are_kept_are_bounded() -> None:
-    from depth_pose.io import calibration
+    import tracemalloc
 
     depth = np.ones((512, 1024), np.float32)
-    for i in range(80):
-        rectify_depth(depth, Camera(1024, 512, 900.0 + i, 900.0, 512.0, 256.0), (0.1, 0.0, 0.0, 0.0))
-    assert sum(s.size for s, _ in calibration._rectifications.values()) <= calibration.MAX_PIXELS
-    assert len(calibration._rectifications) > 8
+    cameras = [Camera(1024, 512, 900.0 + i, 900.0, 512.0, 256.0) for i in range(48)]
+    tracemalloc.start()
+    for camera in cameras:
+        rectify_depth(depth, camera, (0.1, 0.0, 0.0, 0.0))
+    kept = tracemalloc.get_traced_memory()[0]
+    tracemalloc.reset_peak()
+    for camera in cameras[-9:]:
+        rectify_depth(depth, camera, (0.1, 0.0, 0.0, 0.0))
+    most = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert kept < 10 * MAX_PIXELS  # bytes; 9 a pixel
+    assert most - kept < 9 * depth.size  # none of the last was made again

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -131,23 +130,43 @@ def test_independent_decoder_reads_our_skeletons(tmp_path: Path) -> None:
     np.testing.assert_array_equal(np.array(ros.build, np.float32), skeleton.build)
 
 
-def test_recordings_of_before_there_were_builds_are_read(tmp_path: Path, monkeypatch) -> None:
-    """Written with the definition of then; two people, so that nothing is read past the end of one."""
-    from depth_pose.io import _messages
+def _without_build(skeleton: Skeleton) -> dict[str, object]:
+    """A Skeleton message of before there were builds."""
+    sec, nanosec = divmod(skeleton.stamp_ns, 10**9)
+    joints = [
+        {
+            "name": name,
+            "position": dict(zip("xyz", skeleton.positions[i].tolist(), strict=True)),
+            "orientation": dict(zip("xyzw", skeleton.quats_xyzw[i].tolist(), strict=True)),
+            "confidence": float(skeleton.joint_confidence[i]),
+            "state": int(skeleton.joint_states[i]),
+        }
+        for i, name in enumerate(JOINTS)
+    ]
+    return {
+        "header": {"stamp": {"sec": sec, "nanosec": nanosec}, "frame_id": skeleton.frame_id},
+        **{name: getattr(skeleton, name) for name in ("body_id", "confidence", "residual", "scale")},
+        "source": int(skeleton.source),
+        "joints": joints,
+    }
 
-    people = tuple(replace(_skeleton(i), build=np.zeros(0, np.float32)) for i in (3, 4))
-    kind, before = schemas.SKELETON, schemas.definition(schemas.SKELETON).removesuffix(schemas.BUILD_LINE)
-    assert before != schemas.definition(kind)
-    with monkeypatch.context() as then:
-        old, fields = _messages._store(has_builds=False), _messages._skeleton_fields
-        then.setitem(schemas._DEFINITIONS, "depth_pose_msgs/Skeleton", before)
-        then.setattr(_messages, "_store", lambda: old)
-        then.setattr(
-            _messages, "_skeleton_fields", lambda s: {k: v for k, v in fields(s).items() if k != "build"}
-        )
-        with SkeletonWriter(tmp_path / "s.mcap") as writer:
-            writer.write_people(people, START, "optical")
-            writer.write(people[0])
+
+def test_recordings_of_before_there_were_builds_are_read(tmp_path: Path) -> None:
+    """With the definition of then; two people, so that nothing is read past the end of one."""
+    people = tuple(_skeleton(i) for i in (3, 4))
+    messages = [_without_build(s) for s in people]
+    array = {"header": messages[0]["header"], "skeletons": messages}
+    with (tmp_path / "s.mcap").open("wb") as stream:
+        writer = Ros2Writer(stream)
+        for topic, kind, message in (
+            (schemas.PEOPLE_TOPIC, schemas.SKELETON_ARRAY, array),
+            (schemas.SKELETON_TOPIC, schemas.SKELETON, messages[0]),
+        ):
+            text = schemas.schema_text(kind)
+            before = writer.register_msgdef(kind, text.replace(schemas.BUILD_LINE, ""))
+            assert schemas.BUILD_LINE in text
+            writer.write_message(topic, before, message, log_time=START, publish_time=START)
+        writer.finish()
     (frame,) = read_people(tmp_path / "s.mcap")
     (followed,) = read_skeletons(tmp_path / "s.mcap")
     for got, wanted in (
