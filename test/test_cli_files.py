@@ -209,7 +209,7 @@ def test_nothing_is_left_by_what_is_refused(
         _record(tmp_path / name)
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("DEPTH_POSE_BANK", str(bank_path))
-    monkeypatch.setattr(workers, "_CONNECT_S", "1s")
+    monkeypatch.setattr(workers, "CONNECT_S", "1s")
     for left in (["b.mcap", "in.mcap"], ["b.mcap", "in.mcap", "new", "new/out", "new/out/report.csv"]):
         done = call(*arguments)
         assert done.returncode in (1, 2) and says in done.stderr, done.stderr

@@ -102,14 +102,14 @@ def _line_printer(what: str, total: int | None) -> Callable[[float], None]:
 
 
 @contextmanager
-def loading(what: str) -> Iterator[None]:
-    """Announce loading and compiling: at once on a terminal, else by a line after `_LONG_S`."""
+def loading(what: str, long_s: float = _LONG_S) -> Iterator[None]:
+    """Announce loading and compiling: at once on a terminal, else by a line after ``long_s`` seconds."""
     text = f"loading {what} and compiling the kernels: seconds, the first time minutes"
     if errors.is_terminal:
         with errors.status(text):
             yield
         return
-    tell = threading.Timer(_LONG_S, errors.print, [text], {"highlight": False, "soft_wrap": True})
+    tell = threading.Timer(long_s, errors.print, [text], {"highlight": False, "soft_wrap": True})
     tell.daemon = True
     tell.start()
     try:

@@ -30,7 +30,7 @@ Tell = Callable[[float], None]
 Listen = Callable[[int, float], None]
 """Called with a part's number and the share of it that is done."""
 
-_CONNECT_S = "10s"
+CONNECT_S = "10s"
 """How long a Dask scheduler may take to answer."""
 
 _TRIES = 2
@@ -289,7 +289,7 @@ def _run_on_cluster(function: Callable[..., T], tasks: Sequence[Task], scheduler
     from distributed.scheduler import KilledWorker
 
     try:
-        client = Client(scheduler, timeout=_CONNECT_S)
+        client = Client(scheduler, timeout=CONNECT_S)
     except (OSError, ValueError) as error:
         raise InputError(f"no Dask scheduler answers at {scheduler}: {error}") from error
     with client:
