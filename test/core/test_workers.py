@@ -99,8 +99,8 @@ def cluster():
 
 @pytest.mark.parametrize("views", ["partial", "paper"])
 def test_cluster_builds_the_same_bank(body, cluster, views, monkeypatch):
-    monkeypatch.setattr(building, "_CHUNK", 4)
-    poses = make_clip("wave", fps=4.0, seconds=4.0, seed=2).rotations
+    monkeypatch.setattr(building, "_CHUNK", 2)  # three parts for two workers
+    poses = make_clip("wave", fps=4.0, seconds=4.0, seed=2).rotations[::3]
     config = BuildConfig(dimensions=12, views=views)
     told = []
     here = build_bank(body, poses, config, {}, workers=0)
@@ -115,7 +115,7 @@ def test_results_come_in_order(cluster):
 
 
 def test_no_scheduler_there(monkeypatch):
-    monkeypatch.setattr("depth_pose.core.workers._CONNECT_S", "1s")
+    monkeypatch.setattr("depth_pose.core.workers.CONNECT_S", "1s")
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         address = f"tcp://127.0.0.1:{free.getsockname()[1]}"
