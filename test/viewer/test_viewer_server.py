@@ -9,6 +9,7 @@ import urllib.request
 import numpy as np
 import pytest
 from PIL import Image
+from raw_browser import raw_browser
 from viewer_scene import FRAMES, people, wait_for
 
 from browser import assert_shows, page_of
@@ -104,6 +105,28 @@ def test_an_open_door_is_said(capsys):
     assert "open to other machines" in said
 
 
+def test_a_clip_lasts_as_long_as_the_panel_says(viewer, tmp_path):
+    wait_for(lambda: viewer.drawn > 2)
+    with raw_browser(viewer) as page:
+        wait_for(lambda: page.hear() and {"clip", "seconds of a clip"} <= page.controls.keys())
+        page.set("seconds of a clip", 2)
+        wait_for(lambda: viewer.clip_s == 2.0)
+        page.set("clip", True)
+        wait_for(lambda: any(m.get("props", {}).get("title") == "saved" for m in page.hear()))
+    with Image.open(tmp_path / "pictures" / "view_001.gif") as clip:
+        assert duration_ms(clip) == 2000
+        assert clip.size == (480, 270)
+
+
+def duration_ms(clip):
+    """Sum over its pictures; those that are the same are one, which stays longer."""
+    passed_ms = 0
+    for i in range(clip.n_frames):
+        clip.seek(i)
+        passed_ms += clip.info["duration"]
+    return passed_ms
+
+
 # In a browser
 
 
@@ -142,10 +165,6 @@ def test_a_clip_is_saved(viewer, page, tmp_path):
     page.get_by_role("button", name="clip", exact=True).dispatch_event("click")
     wait_for(lambda: list((tmp_path / "pictures").glob("view_*.gif")), 240.0)
     with Image.open(tmp_path / "pictures" / "view_001.gif") as clip:
-        passed_ms = 0
-        for i in range(clip.n_frames):  # pictures that are the same are one, which stays longer
-            clip.seek(i)
-            passed_ms += clip.info["duration"]
-        assert passed_ms == 1000
+        assert duration_ms(clip) == 1000
         assert clip.size == (480, 270)
     assert page.problems == []
