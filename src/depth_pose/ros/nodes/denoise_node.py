@@ -15,6 +15,7 @@ from depth_pose.core.config import PipelineConfig
 from depth_pose.core.mount import rotate_upright
 from depth_pose.core.types import DepthFrame
 from depth_pose.denoise.extract import PeopleExtractor
+from depth_pose.io import clouds, compressed
 from depth_pose.io.calibration import is_rectified
 from depth_pose.io.camera_infos import CameraInfos
 from depth_pose.io.compressed import TOPIC_ENDING
@@ -75,12 +76,15 @@ class DenoiseNode(StageNode):
         self._unit_m: float | None = self.value("depth_scale") or None
         cloud_topic = self.value("cloud_topic")
         if cloud_topic:
+            clouds.warm_up()
             return [Input(PointCloud2, cloud_topic, sensor=True)]
         self._infos = CameraInfos(self.resolve_topic_name(self.value("info_topic")))
         self.latch(CameraInfo, self.value("info_topic"), self._take_info, _INFOS)
         topic = self.value("image_topic")
         self._rectified = is_rectified(self.resolve_topic_name(topic))
         kind = CompressedImage if topic.endswith(TOPIC_ENDING) else Image
+        if kind is CompressedImage:
+            compressed.warm_up()
         return [Input(kind, topic, sensor=True)]
 
     def forget(self) -> None:
