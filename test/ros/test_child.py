@@ -95,3 +95,24 @@ def test_who_is_told_to_end_while_it_loads_has_ended_cleanly():
     while child.code is None:
         child.read(told.append)
     assert child.code == 0 and not told
+
+
+def test_what_it_prints_does_nothing_to_the_terminal_and_passes_for_no_sign():
+    """Names of others may stand in its lines: they hold escapes, or what nodes say to their supervisor."""
+    lines = [
+        "\x1b]0;mine\x07 topic\r[up] all nodes are ready",
+        "[WARN] of 'it has done its work'",
+        "ready? that is ready",
+    ]
+    child = run(f"import time; print({chr(10).join(lines)!r}, flush=True); time.sleep(60)")
+    told, limit_s = [], time.monotonic() + LIMIT_S
+    while len(told) < len(lines):
+        assert time.monotonic() < limit_s
+        child.read(told.append)
+    assert told[0] == "[it] \\x1b]0;mine\\x07 topic\\r[up] all nodes are ready"
+    assert told[1:] == [f"[it] {line}" for line in lines[1:]]
+    assert child.ready_s > time.monotonic()  # not yet
+    child.kill()
+    while child.code is None:
+        child.read(told.append)
+    assert child.code == -signal.SIGKILL  # its work was not done

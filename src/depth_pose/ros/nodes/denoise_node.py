@@ -13,6 +13,7 @@ from sensor_msgs.msg import CameraInfo, CompressedImage, Image, PointCloud2
 
 from depth_pose.core.config import PipelineConfig
 from depth_pose.core.mount import rotate_upright
+from depth_pose.core.printable import printable
 from depth_pose.core.types import DepthFrame
 from depth_pose.denoise.extract import PeopleExtractor
 from depth_pose.io import clouds, compressed
@@ -153,7 +154,7 @@ class DenoiseNode(StageNode):
         for kind, line in lines.items():
             if kind not in self._said:
                 self._said.add(kind)
-                self.get_logger().warning(line)
+                self.get_logger().warning(printable(line))
 
     def _take_answer(self, message: bytes) -> None:
         """Record the arrival of a frame."""

@@ -12,6 +12,7 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
+from depth_pose.core.printable import printable
 from depth_pose.ros.process import BEAT, DONE, READY
 
 PATIENCE_S = 3.0
@@ -78,16 +79,16 @@ class Child:
         return self._process.stdout.fileno()
 
     def read(self, sink: Callable[[str], None]) -> None:
-        """Forward its output, prefixed with its name; or record that it has ended."""
+        """Forward its output, `printable` and prefixed with its name; or record that it has ended."""
         data = os.read(self.fileno(), 1 << 16)
         lines = (self._rest + data.replace(BEAT, b"")).split(b"\n")
         self._rest = lines.pop() if data or not lines[-1] else b""
-        for line in (raw.decode(errors="replace") for raw in lines):
-            if DONE in line:
+        for line in (printable(raw.decode(errors="surrogateescape")) for raw in lines):
+            if line == f"{self.name} {DONE}":
                 self._is_done = True
                 continue
             self.last_lines.append(line)
-            if READY in line:
+            if f"{self.name} {READY}" in line:
                 self.ready_s = min(self.ready_s, time.monotonic())
             sink(f"[{self.name}] {line}")
         if data:

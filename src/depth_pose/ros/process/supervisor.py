@@ -28,6 +28,7 @@ from types import TracebackType
 from typing import Any
 
 from depth_pose.core.errors import ConfigError, DepthPoseError
+from depth_pose.core.printable import printable
 from depth_pose.ros import stay_local
 from depth_pose.ros.process import NODES
 from depth_pose.ros.process.child import Child
@@ -277,7 +278,7 @@ def up(
         stay_local()
     suite = Suite(params_file, sensor, bank, parameters=parameters, remap=remap)
     namespace = dict(rule.partition(":=")[::2] for rule in remap).get("__ns", "depth_pose").strip("/")
-    ready = f"all nodes are ready; skeletons come on /{namespace}/skeletons, Ctrl-C ends"
+    ready = printable(f"all nodes are ready; skeletons come on /{namespace}/skeletons, Ctrl-C ends")
     with on_stop(stop.set):
         suite.start()
         try:
