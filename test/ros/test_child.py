@@ -62,6 +62,7 @@ def test_who_waits_for_the_processor_does_not_hang(starved):
     watch(child, told, lambda: time.monotonic() > ends_s)
     assert not told and child.silent_s < PATIENCE_S
     first.kill()
+    os.sched_setscheduler(child.pid, os.SCHED_OTHER, os.sched_param(0))
     watch(child, told, lambda: told)  # it could now, and does not
     child.read(told.append)
     assert child.code == -signal.SIGKILL and len(told) == 1

@@ -8,7 +8,7 @@ READY = "is ready"
 """A node prints this after its name when it is active and its connections stand."""
 
 DONE = "has done its work"
-"""A node prints its name and this before it leaves the ROS graph: Fast DDS does not always return from that."""
+"""A node prints its name and this before it leaves the ROS graph, which Fast DDS does not always end."""
 
 BEAT, BEAT_S = b"\0", 0.25
 """Sign of life in a node's output, and the seconds between two: a tenth of the patience, set by hand."""
