@@ -82,6 +82,20 @@ def test_tf(start, peer, beat):
     assert process.process.returncode == 0 and all(told), process.output
 
 
+def test_frames_in_a_circle_and_names_that_forge_lines(start, peer, beat):
+    moving = peer.node.create_publisher(TFMessage, "/tf", TF_QUEUE)
+    pairs = [("a", "b"), ("b", "a"), ("c", "c"), ("a", "evil\x1b[2J\nnodes are ready")]
+    circle = TFMessage(transforms=[stamped(0, above, below, np.eye(4)) for above, below in pairs])
+    beat(lambda: moving.publish(circle), 20)
+    process = command(start, "tf", "--every", "0.5")
+    assert process.process.wait(LIMIT_S) == 0, process.output
+    assert "evil\\x1b[2J\\nnodes are ready" in process.output and "\x1b" not in process.output
+    process = command(start, "tf", "a", "--in", "c", "--every", "0.2")
+    process.wait_for("a in c: not known yet")
+    code, _ = process.end(signal.SIGINT)
+    assert code == 0 and "Traceback" not in process.output
+
+
 def test_tf_says_that_there_is_nothing(start):
     process = command(start, "tf", "--every", "0.5")
     assert process.process.wait(LIMIT_S) == 1
