@@ -192,7 +192,7 @@ class Refiner:
         if match.bank_id != self.bank.bank_id:
             raise BankError(
                 f"the match refers to bank {match.bank_id}, but {self.bank.bank_id} is loaded here; "
-                "give the matcher and the refiner the same bank file"
+                "give the nodes one bank file, and start all of them again where it was replaced"
             )
         if not match.candidates:
             subject.kept = None
