@@ -31,14 +31,19 @@ def silent():
     child.kill()
 
 
+def give_share(pid, cores, policy, group_nice):
+    """Set where a process runs, and with which share of the processor."""
+    os.sched_setaffinity(pid, cores)
+    os.sched_setscheduler(pid, policy, os.sched_param(0))
+    with contextlib.suppress(OSError):  # there are no groups by session
+        Path(f"/proc/{pid}/autogroup").write_text(str(group_nice))
+
+
 @pytest.fixture
 def starved(silent):
     """The same on one core with a program that goes before it."""
     core = {min(os.sched_getaffinity(0))}
-    os.sched_setaffinity(silent.pid, core)
-    os.sched_setscheduler(silent.pid, os.SCHED_IDLE, os.sched_param(0))
-    with contextlib.suppress(OSError):  # there are no groups by session
-        Path(f"/proc/{silent.pid}/autogroup").write_text("19")
+    give_share(silent.pid, core, os.SCHED_IDLE, 19)
     command = [sys.executable, "-c", SPIN]
     with subprocess.Popen(command, stdout=subprocess.PIPE, start_new_session=True) as first:
         os.sched_setaffinity(first.pid, core)
@@ -62,7 +67,7 @@ def test_who_waits_for_the_processor_does_not_hang(starved):
     watch(child, told, lambda: time.monotonic() > ends_s)
     assert not told and child.silent_s < PATIENCE_S
     first.kill()
-    os.sched_setscheduler(child.pid, os.SCHED_OTHER, os.sched_param(0))
+    give_share(child.pid, os.sched_getaffinity(0), os.SCHED_OTHER, 0)
     watch(child, told, lambda: told)  # it could now, and does not
     child.read(told.append)
     assert child.code == -signal.SIGKILL and len(told) == 1

@@ -73,7 +73,7 @@ def test_tf(start, peer, beat):
     assert process.process.wait(LIMIT_S) == 0, process.output
     assert "- Translation: [2.000, -1.000, 1.500]" in process.output
     assert "- Rotation: in RPY (degree) [0.000, 0.000, -90.000]" in process.output.replace("-0.000", "0.000")
-    for listens_s in ("2", "4", "8", "16"):  # where that is long enough to hear of both
+    for listens_s in ("0.5", "1", "2", "4", "8", "16"):  # where that is long enough to hear of both
         process = command(start, "tf", "--every", listens_s)
         process.process.wait(LIMIT_S)
         told = [re.search(rf"{name}\W+in optical", process.output) for name in ("body_1_left_wrist", "floor")]

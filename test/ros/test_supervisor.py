@@ -64,9 +64,9 @@ def test_only_a_node_that_dies_young_again_and_again_waits(domain, peer, monkeyp
             with monkeypatch.context() as patch:
                 if young:  # however long the machine stood still since it was ready
                     patch.setattr(supervisor, "HEALTHY_S", 3600.0)
-                else:
-                    ripe_s = supervisor.HEALTHY_S + 0.1
-                    wait_until(lambda s=ripe_s: suite.lived_s("denoise") > s, "that it lives so long")
+                else:  # sooner than usual, which saves three waits of three seconds
+                    patch.setattr(supervisor, "HEALTHY_S", 0.2)
+                    wait_until(lambda: suite.lived_s("denoise") > 0.3, "that it lives so long")
                 pids.append(suite.pid("denoise"))
                 os.kill(pids[-1], signal.SIGKILL)
                 wait_until(lambda n=count: suite.restarts["denoise"] == n, "the restart")
