@@ -160,8 +160,9 @@ def descendants(pid: int) -> list[int]:
     """Processes that one has started, and those that they have."""
     found = []
     for children in Path(f"/proc/{pid}/task").glob("*/children"):
-        for child in map(int, children.read_text().split()):
-            found += [child, *descendants(child)]
+        with contextlib.suppress(OSError):  # it has ended
+            for child in map(int, children.read_text().split()):
+                found += [child, *descendants(child)]
     return found
 
 
