@@ -41,11 +41,11 @@ def main(name, path, *arguments):
     for count, (info, frame) in enumerate(zip(infos, frames, strict=True), start=1):
         sender.publish(deserialize_message(info, CameraInfo))
         node.process(tuple(deserialize_message(data, message) for message, data in frame))
-        while node.figures.answered < count and not node.figures.drops:  # it waits for the CameraInfo
+        while node.statistics.answered < count and not node.statistics.drops:  # it waits for the CameraInfo
             executor.spin_once(timeout_sec=0.1)
         news.append(sorted(loaded() - before))
         before = loaded()
-    print(json.dumps({"known": len(before), "answered": node.figures.answered, "news": news}), flush=True)
+    print(json.dumps({"known": len(before), "answered": node.statistics.answered, "news": news}), flush=True)
 
 
 if __name__ == "__main__":

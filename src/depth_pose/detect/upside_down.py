@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from depth_pose.core.config import MountConfig, SegmentConfig
-from depth_pose.core.mount import turn_upright
+from depth_pose.core.mount import rotate_upright
 from depth_pose.core.types import DepthFrame
 from depth_pose.detect.floor import FloorFinder
 
@@ -51,7 +51,7 @@ class UpsideDownWatch:
             return
         self._looked_ns, self._looks = frame.stamp_ns, self._looks + 1
         is_below = self._finder.find(frame) is not None
-        is_above = not is_below and self._finder.find(turn_upright(frame, _TURNED)) is not None
+        is_above = not is_below and self._finder.find(rotate_upright(frame, _TURNED)) is not None
         self._above = self._above + 1 if is_above else 0
         if self._above >= _LOOKS:
             self._looks = _MOST_LOOKS

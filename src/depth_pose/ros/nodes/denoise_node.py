@@ -163,8 +163,9 @@ class DenoiseNode(StageNode):
         unit = self._units.doubt if self._units.is_decided else ""
         return {kind: line for kind, line in (("unit", unit), ("mount", self._mounting.hint)) if line}
 
-    def _judge(self) -> tuple[bytes, str]:
-        level, words = super()._judge()
+    def judge(self) -> tuple[bytes, str]:
+        """Return the level and the text of this second's diagnostics, with what looks wrong."""
+        level, words = super().judge()
         if level == DiagnosticStatus.OK and self.is_active:
             doubts = self._doubts()
             if doubts:
