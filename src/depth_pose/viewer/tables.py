@@ -84,7 +84,7 @@ def _short(node: NodeState) -> str:
 
 
 def _plain(text: str) -> str:
-    """Return a name of others so that Markdown shows it as it is: no table, link, image or page of its own."""
+    """Return a name of others so that Markdown shows it as it is: no table, link or image of its own."""
     return _MARKS.sub(r"\\\g<0>", printable(text))
 
 
