@@ -160,8 +160,9 @@ def descendants(pid: int) -> list[int]:
     """Processes that one has started, and those that they have."""
     found = []
     for children in Path(f"/proc/{pid}/task").glob("*/children"):
-        for child in map(int, children.read_text().split()):
-            found += [child, *descendants(child)]
+        with contextlib.suppress(OSError):  # it has ended
+            for child in map(int, children.read_text().split()):
+                found += [child, *descendants(child)]
     return found
 
 
@@ -236,6 +237,7 @@ def set_share(suite: Watched, cores: set[int], policy: int, group_nice: int) -> 
 FAULTS: dict[str, tuple[str, Callable[[int, Watched], None]]] = {
     "one": ("one node killed (-9)", lambda turn, suite: kill(1, turn, suite)),
     "two": ("two nodes killed at once", lambda turn, suite: kill(2, turn, suite)),
+    "three": ("three nodes killed at once", lambda turn, suite: kill(3, turn, suite)),
     "all": ("all nodes killed at once", lambda turn, suite: kill(len(NODES), turn, suite)),
     "hang": ("one node hangs (SIGSTOP)", hang),
     "half": (f"two nodes and `up` stopped for {STOPPED_S:.0f} s", lambda turn, suite: stop(2, turn, suite)),

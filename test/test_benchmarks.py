@@ -33,6 +33,8 @@ COMMANDS = [
     ("speed.py",),
     *(("accuracy.py", part) for part in ("table1", "ablation", "confidence", "builds")),
     ("finder.py",),
+    ("faults.py",),
+    ("drivers.py",),
     ("archives.py",),
     *(("volume.py", part) for part in ("dances", "live")),
     *(("banks.py", part) for part in ("match", "size", "views", "score", "coverage")),

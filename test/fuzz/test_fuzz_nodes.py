@@ -134,15 +134,15 @@ def test_odd_messages_do_not_end_a_node(name, valid, context):
                 info = copy_of(valid["info"])
                 node.guard("info", node._take_info, mutate(info, rng) if rng.random() < 0.3 else info)
             deliver(node, number, messages)
-        told = node.figures.answered + sum(node.figures.drops.values())
+        told = node.statistics.answered + sum(node.statistics.drops.values())
         waiting = len(getattr(node, "_held", ()))  # for the CameraInfo of their camera
-        assert told + waiting >= COUNT, node.figures.as_text()
-        assert not node.figures.drops["error"], node.figures.as_text()
-        assert sum(node.figures.drops.values()), "not one odd message was refused"
-        before = node.figures.answered
+        assert told + waiting >= COUNT, node.statistics.as_text()
+        assert not node.statistics.drops["error"], node.statistics.as_text()
+        assert sum(node.statistics.drops.values()), "not one odd message was refused"
+        before = node.statistics.answered
         if name == "denoise":
             node._take_info(copy_of(valid["info"]))
         deliver(node, COUNT + 1, [copy_of(valid[topic]) for topic in INPUTS[name]])
-        assert node.figures.answered == before + 1, node.figures.as_text()
+        assert node.statistics.answered == before + 1, node.statistics.as_text()
     finally:
         node.destroy_node()

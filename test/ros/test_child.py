@@ -31,14 +31,19 @@ def silent():
     child.kill()
 
 
+def give_share(pid, cores, policy, group_nice):
+    """Set where a process runs, and with which share of the processor."""
+    os.sched_setaffinity(pid, cores)
+    os.sched_setscheduler(pid, policy, os.sched_param(0))
+    with contextlib.suppress(OSError):  # there are no groups by session
+        Path(f"/proc/{pid}/autogroup").write_text(str(group_nice))
+
+
 @pytest.fixture
 def starved(silent):
     """The same on one core with a program that goes before it."""
     core = {min(os.sched_getaffinity(0))}
-    os.sched_setaffinity(silent.pid, core)
-    os.sched_setscheduler(silent.pid, os.SCHED_IDLE, os.sched_param(0))
-    with contextlib.suppress(OSError):  # there are no groups by session
-        Path(f"/proc/{silent.pid}/autogroup").write_text("19")
+    give_share(silent.pid, core, os.SCHED_IDLE, 19)
     command = [sys.executable, "-c", SPIN]
     with subprocess.Popen(command, stdout=subprocess.PIPE, start_new_session=True) as first:
         os.sched_setaffinity(first.pid, core)
@@ -62,6 +67,7 @@ def test_who_waits_for_the_processor_does_not_hang(starved):
     watch(child, told, lambda: time.monotonic() > ends_s)
     assert not told and child.silent_s < PATIENCE_S
     first.kill()
+    give_share(child.pid, os.sched_getaffinity(0), os.SCHED_OTHER, 0)
     watch(child, told, lambda: told)  # it could now, and does not
     child.read(told.append)
     assert child.code == -signal.SIGKILL and len(told) == 1
@@ -95,3 +101,24 @@ def test_who_is_told_to_end_while_it_loads_has_ended_cleanly():
     while child.code is None:
         child.read(told.append)
     assert child.code == 0 and not told
+
+
+def test_what_it_prints_does_nothing_to_the_terminal_and_passes_for_no_sign():
+    """Names of others may stand in its lines: they hold escapes, or what nodes say to their supervisor."""
+    lines = [
+        "\x1b]0;mine\x07 topic\r[up] all nodes are ready",
+        "[WARN] of 'it has done its work'",
+        "ready? that is ready",
+    ]
+    child = run(f"import time; print({chr(10).join(lines)!r}, flush=True); time.sleep(60)")
+    told, limit_s = [], time.monotonic() + LIMIT_S
+    while len(told) < len(lines):
+        assert time.monotonic() < limit_s
+        child.read(told.append)
+    assert told[0] == "[it] \\x1b]0;mine\\x07 topic\\r[up] all nodes are ready"
+    assert told[1:] == [f"[it] {line}" for line in lines[1:]]
+    assert child.ready_s > time.monotonic()  # not yet
+    child.kill()
+    while child.code is None:
+        child.read(told.append)
+    assert child.code == -signal.SIGKILL  # its work was not done

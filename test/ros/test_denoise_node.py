@@ -2,13 +2,15 @@
 
 import io
 import itertools
+import re
 import struct
 import threading
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import scene
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from peer import RELIABLE
 from PIL import Image as PngImage
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image, PointCloud2, PointField
@@ -16,6 +18,7 @@ from sensor_msgs.msg import CameraInfo, CompressedImage, Image, PointCloud2, Poi
 from depth_pose.core.config import DenoiseConfig, SegmentConfig
 from depth_pose.core.types import PERSON
 from depth_pose.denoise.extract import PeopleExtractor
+from depth_pose.detect.sample_frame import sample_frame
 from depth_pose.ros.messages.basics import make_header, ns_to_stamp, stamp_to_ns
 from depth_pose.ros.messages.frames import image_to_frame, msg_to_frame
 from depth_pose.ros.messages.people import POINT_DTYPE
@@ -332,12 +335,38 @@ def test_the_info_of_another_camera_is_not_used(start, peer, frames):
     assert process.output.count("of another camera ignored") == 1
 
 
+def warning(told):
+    """What diagnostics warn of now."""
+    status = told[-1].status[0] if told else DiagnosticStatus()
+    return status.message if status.level == DiagnosticStatus.WARN else ""
+
+
+def test_images_that_are_upside_down_are_said(start, peer):
+    process = start("-m", "depth_pose.ros.nodes.denoise_node")
+    process.wait_for("is ready")
+    told = peer.listen(DiagnosticArray, "/diagnostics", RELIABLE)
+    images, infos = peer.publisher(Image, IMAGE), peer.publisher(CameraInfo, INFO)
+    frame = sample_frame()
+    frame = replace(frame, depth=np.ascontiguousarray(frame.depth[::-1, ::-1]))
+    stamps = itertools.count(1, 1_100_000_000)
+
+    def send():
+        infos.publish(info_msg(frame))
+        peer.spin(0.1)
+        images.publish(at(image_msg(frame), next(stamps)))
+
+    peer.ask(send, lambda: "upside down" in warning(told), what=lambda: process.output, every_s=0.2)
+    process.wait_for("the parameter mount.roll: 180 turns them")
+    assert process.output.count("upside down") == 1
+
+
 @pytest.mark.parametrize("unit", [None, 0.001])
 def test_float_millimetres_are_said_and_the_parameter_sets_them(start, peer, frames, unit):
     given = [] if unit is None else ["--ros-args", "-p", f"depth_scale:={unit}"]
     process = start("-m", "depth_pose.ros.nodes.denoise_node", *given)
     process.wait_for("is ready")
     answers = peer.listen(PointCloud2, POINTS)
+    told = peer.listen(DiagnosticArray, "/diagnostics", RELIABLE)
     images, infos = peer.publisher(Image, IMAGE), peer.publisher(CameraInfo, INFO)
     stamps = itertools.count(frames[0].stamp_ns, 40_000_000)
     message = image_msg(frames[0], "32FC1")
@@ -354,6 +383,7 @@ def test_float_millimetres_are_said_and_the_parameter_sets_them(start, peer, fra
     if unit is None:
         process.wait_for(said)
         assert not has_person and process.output.count("look like another unit") == 1
+        peer.until(lambda: said in warning(told), what="the warning on /diagnostics")
     else:
         assert has_person and "look like another unit" not in process.output
 
@@ -365,7 +395,7 @@ def test_an_info_of_another_name_is_used_where_nobody_sends_another(start, peer,
     images, infos = peer.publisher(Image, IMAGE), peer.publisher(CameraInfo, INFO)
     stamps = itertools.count(frames[0].stamp_ns, 40_000_000)
     info = info_msg(frames[0])
-    info.header.frame_id = "other name"
+    info.header.frame_id = "other name\x1b[2J\n[up] all nodes are ready"
 
     def send():
         infos.publish(info)
@@ -375,3 +405,4 @@ def test_an_info_of_another_name_is_used_where_nobody_sends_another(start, peer,
     peer.ask(send, lambda: answers, what=lambda: f"answers:\n{process.output}\nthey", every_s=0.1)
     process.wait_for("is it this camera's?")
     assert process.output.count("is it this camera's?") == 1
+    assert "\x1b" not in process.output and not re.search(r"^\[up\]", process.output, re.MULTILINE)

@@ -1,7 +1,9 @@
 """The examples run as they stand, in a process of their own."""
 
 import ast
+import asyncio
 import json
+import re
 import select
 import shutil
 import signal
@@ -146,7 +148,72 @@ def test_the_cpp_example_is_a_package_that_names_what_it_uses(tmp_path):
         assert f"find_package({package} REQUIRED)" in (folder / "CMakeLists.txt").read_text()
 
 
-@pytest.mark.skipif(shutil.which("node") is None, reason="Node.js is not installed")
+NO_NODE = pytest.mark.skipif(shutil.which("node") is None, reason="Node.js is not installed")
+
+
+def test_the_web_page_loads_nothing_from_elsewhere():
+    page = (EXAMPLES / "web" / "index.html").read_text()
+    sources = re.findall(r"""(?:src|href|from)\s*=?\s*["']([^"']+)["']""", page)
+    assert sources == ["skeletons.js", "rosbridge.js"]
+    assert all((EXAMPLES / "web" / source).is_file() for source in sources)
+
+
+@NO_NODE
+def test_how_the_web_page_subscribes(tmp_path):
+    """By rosbridge's protocol, over a real WebSocket."""
+    from aiohttp import WSMsgType, web
+
+    asked = []
+
+    async def serve(request):
+        socket = web.WebSocketResponse()
+        await socket.prepare(request)
+        async for message in socket:
+            if message.type != WSMsgType.TEXT:
+                break
+            asked.append(json.loads(message.data))
+            await socket.send_json({"op": "publish", "topic": "/other", "msg": {"skeletons": 1}})
+            await socket.send_json({"op": "publish", "topic": asked[-1]["topic"], "msg": {"skeletons": []}})
+        return socket
+
+    code = f"""
+const page = require({json.dumps(str(EXAMPLES / "web" / "rosbridge.js"))});
+const said = [];
+const socket = page.subscribe(
+  process.argv[1],
+  {{ topic: "/depth_pose/skeletons", type: "depth_pose_msgs/msg/SkeletonArray", throttleMs: 40 }},
+  {{
+    onState: (text) => said.push(text),
+    onMessage: (frame) => {{
+      socket.onclose = () => {{ console.log(JSON.stringify([...said, frame])); process.exit(0); }};
+      socket.close();
+    }},
+  }}
+);
+"""
+
+    async def talk():
+        app = web.Application()
+        app.router.add_get("/", serve)
+        runner = web.AppRunner(app)
+        await runner.setup()
+        site = web.TCPSite(runner, "127.0.0.1", 0)
+        await site.start()
+        url = f"ws://127.0.0.1:{runner.addresses[0][1]}/"
+        command = ["node", "--experimental-websocket", "-e", code, url]
+        process = await asyncio.create_subprocess_exec(*command, stdout=asyncio.subprocess.PIPE)
+        out, _ = await asyncio.wait_for(process.communicate(), LIMIT_S)
+        await runner.cleanup()
+        return url, json.loads(out)
+
+    url, said = asyncio.run(talk())
+    assert said == [f"connected to {url}", {"skeletons": []}]
+    (request,) = asked
+    assert request["op"] == "subscribe" and request["topic"] == "/depth_pose/skeletons"
+    assert request["type"] == "depth_pose_msgs/msg/SkeletonArray" and request["throttle_rate"] == 40
+
+
+@NO_NODE
 def test_what_the_web_page_draws():
     points = {"chest": (0.0, 0.0, 2.0, 0.9), "neck": (0.0, -0.3, 2.0, 0.5), "left_knee": (0.1, 0.5, 2.0, 1.0)}
     joints = [

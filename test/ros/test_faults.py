@@ -231,9 +231,8 @@ def test_the_frame_rate_changes(live, peer):
         sensor.fps = fps
         peer.spin(0.5)
         since = time.monotonic()
-        peer.spin(3.0)
-        enough = lambda s=since: sum(t > s for t in heard.came.values()) >= 5  # noqa: E731
-        peer.until(enough, PATIENCE_S, lambda f=fps: f"five at {f}:\n" + "\n".join(lines))
+        enough = lambda s=since: sum(t > s for t in heard.came.values()) >= 10  # noqa: E731
+        peer.until(enough, PATIENCE_S, lambda f=fps: f"ten at {f}:\n" + "\n".join(lines))
     assert not any("Traceback" in line for line in lines), "\n".join(lines)
     assert {source for source, _ in heard.sources[8:]} <= {Skeleton.REFINED, Skeleton.RECOVERED}
     sent = sensor.sent
@@ -257,8 +256,7 @@ def test_another_program_takes_the_processor(live, peer):
         return [(t, heard.came[s]) for s, t in sensor.sent.items() if s in heard.came and since <= t < ended]
 
     try:
-        peer.spin(6.0)
-        peer.until(lambda: len(under_load()) > 2, PATIENCE_S, lambda: "\n".join(lines))
+        peer.until(lambda: len(under_load()) > 20, PATIENCE_S, lambda: "\n".join(lines))
     finally:
         for burner in burners:
             burner.kill()

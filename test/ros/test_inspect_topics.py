@@ -47,6 +47,7 @@ def test_hz(start, peer, beat):
     def attempt():
         process = command(start, "hz", "/words", "--count", "3")
         assert process.process.wait(LIMIT_S) == 0, process.output
+        assert "no messages" not in process.output.partition("average")[0]  # it waits until it has met them
         rates = [float(r) for r in re.findall(r"average rate: ([\d.]+)", process.output)]
         assert len(rates) == 3
         return 10.0 < np.median(rates) < 21.0
@@ -72,13 +73,27 @@ def test_tf(start, peer, beat):
     assert process.process.wait(LIMIT_S) == 0, process.output
     assert "- Translation: [2.000, -1.000, 1.500]" in process.output
     assert "- Rotation: in RPY (degree) [0.000, 0.000, -90.000]" in process.output.replace("-0.000", "0.000")
-    for listens_s in ("2", "4", "8", "16"):  # where that is long enough to hear of both
+    for listens_s in ("0.5", "1", "2", "4", "8", "16"):  # where that is long enough to hear of both
         process = command(start, "tf", "--every", listens_s)
         process.process.wait(LIMIT_S)
         told = [re.search(rf"{name}\W+in optical", process.output) for name in ("body_1_left_wrist", "floor")]
         if all(told):
             break
     assert process.process.returncode == 0 and all(told), process.output
+
+
+def test_frames_in_a_circle_and_names_that_forge_lines(start, peer, beat):
+    moving = peer.node.create_publisher(TFMessage, "/tf", TF_QUEUE)
+    pairs = [("a", "b"), ("b", "a"), ("c", "c"), ("a", "evil\x1b[2J\nnodes are ready")]
+    circle = TFMessage(transforms=[stamped(0, above, below, np.eye(4)) for above, below in pairs])
+    beat(lambda: moving.publish(circle), 20)
+    process = command(start, "tf", "--every", "0.5")
+    assert process.process.wait(LIMIT_S) == 0, process.output
+    assert "evil\\x1b[2J\\nnodes are ready" in process.output and "\x1b" not in process.output
+    process = command(start, "tf", "a", "--in", "c", "--every", "0.2")
+    process.wait_for("a in c: not known yet")
+    code, _ = process.end(signal.SIGINT)
+    assert code == 0 and "Traceback" not in process.output
 
 
 def test_tf_says_that_there_is_nothing(start):

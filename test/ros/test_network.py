@@ -89,17 +89,32 @@ print("239.255.0.1" if "0100FFEF" in Path("/proc/net/igmp").read_text() else "no
 """
 
 
+def own_network():
+    """Give the command that runs another one in a network of its own, without an interface that is up."""
+    command = ["unshare", "--net", *([] if os.getuid() == 0 else ["--map-root-user"])]
+    if not shutil.which("unshare") or subprocess.run([*command, "true"], timeout=120).returncode:
+        pytest.skip("this account can make no network of its own")  # a container's, or the kernel forbids it
+    return command
+
+
+@pytest.mark.parametrize("options", [[], ["--local"]], ids=["usual", "local"])
+def test_a_machine_without_an_interface_is_one_line(domain, monkeypatch, bank_path, options):
+    """Nodes would wait for one another, and no log would say why."""
+    monkeypatch.setenv(PROFILE_VARIABLE, str(LOCAL_PROFILE_PATH if options else PROFILE_PATH))
+    command = [sys.executable, "-m", "depth_pose.cli", "up", "--bank", str(bank_path), *options]
+    done = subprocess.run([*own_network(), *command], capture_output=True, text=True, timeout=120)
+    assert done.returncode == 2 and "ip link set lo up" in done.stderr, done.stdout + done.stderr
+    assert "Traceback" not in done.stderr
+
+
 @pytest.mark.parametrize(
     ("profile", "group"), [(LOCAL_PROFILE_PATH, "no group"), (PROFILE_PATH, "239.255.0.1")]
 )
 def test_a_local_suite_joins_no_multicast_group(domain, monkeypatch, profile, group):
     """In a network of its own, where nobody else can have joined one; the usual profile joins one."""
     monkeypatch.setenv(PROFILE_VARIABLE, str(profile))
-    own_network = ["unshare", "--net", *([] if os.getuid() == 0 else ["--map-root-user"])]
-    if not shutil.which("unshare") or subprocess.run([*own_network, "true"], timeout=120).returncode:
-        pytest.skip("this account can make no network of its own")  # a container's, or the kernel forbids it
     done = subprocess.run(
-        [*own_network, sys.executable, "-c", _GROUPS], capture_output=True, text=True, timeout=120
+        [*own_network(), sys.executable, "-c", _GROUPS], capture_output=True, text=True, timeout=120
     )
     assert group in done.stdout, done.stdout + done.stderr
 

@@ -62,3 +62,18 @@ def test_a_build_that_cannot_be_read_is_refused_by_the_running_node(make_node, t
     for value in ("/nowhere.json", str(odd), str(tmp_path), "/dev/zero", "a\0b"):
         assert refused(node, "build", value) not in ("", "without a reason"), value
     assert node.get_parameter("build").value == "" and node.stage is stage
+
+
+@pytest.mark.parametrize(
+    ("name", "parameter", "says"),
+    [
+        ("denoise", "segment.naer", "the parameter segment.naer; is segment.near meant?"),
+        ("denoise", "segment.zone", "segment.zone is named zone"),
+        ("recovery", "refine.method", "refine.method is a parameter of another node"),
+        ("denoise", "x" * 20 + "\033[2J", "x\\x1b[2J; settings are named SECTION.NAME"),
+    ],
+)
+def test_an_unknown_parameter_is_named_in_its_refusal(make_node, name, parameter, says):
+    node = make_node(name)
+    result = node.set_parameters_atomically([Parameter(parameter, value=1.0)])
+    assert not result.successful and says in result.reason, result.reason

@@ -94,6 +94,21 @@ def test_depth_is_shown_with_the_skeletons_of_its_stamp(watch, peer):
     assert bare.skeletons is None, "depth that nobody answers is shown bare"
 
 
+@pytest.mark.parametrize("qos", [RELIABLE, SENSOR], ids=["reliable", "best effort"])
+def test_it_listens_as_the_driver_sends(watch, peer, qos):
+    """A reliable driver sends again what a best-effort subscriber would lose."""
+    images = peer.node.create_publisher(Image, IMAGE, qos)
+    infos = peer.node.create_publisher(CameraInfo, INFO, qos)
+    people = peer.node.create_publisher(SkeletonArray, "/depth_pose/skeletons", qos)
+
+    def asked(topic):
+        return [s.qos_profile.reliability for s in peer.node.get_subscriptions_info_by_topic(topic)]
+
+    for publisher in (images, infos, people):
+        topic = publisher.topic_name
+        peer.until(lambda t=topic: asked(t) == [qos.reliability], what=lambda t=topic: f"{t}: {asked(t)}")
+
+
 def test_what_nodes_tell_is_kept(watch, peer):
     told = peer.publisher(DiagnosticArray, "/diagnostics", RELIABLE)
     values = [KeyValue(key="rate_hz", value="24.0"), KeyValue(key="dropped: queue", value="2")]

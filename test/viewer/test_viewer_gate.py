@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
+import random
 import resource
 import urllib.error
 import urllib.request
@@ -71,6 +73,44 @@ def test_what_no_page_sends_stops_nothing(viewer):
     assert viewer.source.playback.speed == 1.0
     viewer.source.playback.playing = True
     is_alive(viewer)
+
+
+KINDS = (
+    "ViewerCameraMessage", "GuiUpdateMessage", "GetRenderRequestMessage", "GetRenderResponseMessage",
+    "FileTransferStartUpload", "FileTransferPart", "FileTransferPartAck", "ScenePointerMessage",
+    "SceneNodeClickMessage", "TransformControlsUpdateMessage", "TransformControlsDragEndMessage",
+    "GuiCloseModalMessage", "RunJavascriptMessage", "ShareUrlRequest", "PointCloudMessage", "no such message",
+)  # fmt: skip
+"""Messages of viser's protocol."""
+
+VALUES = (
+    None, True, -1, 0, 2**63 - 1, -(2**63), 1e308, float("nan"), float("inf"), "", "../../x", "x" * 10_000,
+    b"", b"\0" * 10_000, [], [1, 2, 3], [float("nan")] * 4, {}, {"a": {"b": []}},
+)  # fmt: skip
+FIELDS = (
+    "uuid", "updates", "wxyz", "position", "fov", "near", "far", "image_height", "image_width", "look_at",
+    "up_direction", "render_uuid", "payload", "name", "part_index", "content", "transfer_uuid", "filename",
+    "mime_type", "size_bytes", "source_component_uuid", "part_count", "event_type", "ray_origin",
+    "ray_direction", "screen_pos", "instance_index", "share_url",
+)  # fmt: skip
+
+
+def test_messages_of_its_protocol_with_odd_contents_stop_nothing(viewer, tmp_path):
+    logging.getLogger("websockets.server").setLevel(logging.CRITICAL)
+    rng = random.Random(3)
+    uuids = list(viewer.server.gui._gui_input_handle_from_uuid)
+    before = set(tmp_path.rglob("*"))
+    for _ in range(60):
+        with contextlib.suppress(ConnectionClosed), raw_browser(viewer) as page:
+            for _ in range(10):
+                values = {f: rng.choice(VALUES) for f in FIELDS if rng.random() < 0.9}
+                if rng.random() < 0.5:
+                    values |= {name: rng.choice(uuids) for name in ("uuid", "source_component_uuid")}
+                page.send({"type": rng.choice(KINDS)} | values)
+            page.hear(0.05)
+    is_alive(viewer)
+    assert set(tmp_path.rglob("*")) == before
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss < 2 << 20  # KiB
 
 
 def test_many_browsers_that_do_not_listen_stop_nothing(viewer):

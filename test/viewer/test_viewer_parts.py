@@ -147,6 +147,16 @@ def test_who_had_no_turn_is_shown_for_a_second():
     assert shown[4] == ["body_1"], "time went back"
 
 
+def test_names_of_others_stay_text_in_the_tables():
+    """Markdown of a stranger may show an image from elsewhere, which tells them who looks."""
+    evil = "a|![x](http://e/x.png)<b>\n\x1b[2J"
+    shown = r"a\|\!\[x\]\(http\://e/x.png\)\<b\>\\n\\x1b\[2J"
+    assert f"| {shown} |" in people_table([skeleton_at(0.0, 3.0, evil)], "")
+    values = {"rate_hz": evil, "dropped: " + evil: "1"}
+    text = nodes_table([NodeState(evil.replace("/", ""), evil, values)])
+    assert text.count(shown) == 3 and "![x]" not in text and "\x1b" not in text
+
+
 def test_the_table_of_nodes_has_drops_by_reason():
     values = {
         "rate_hz": "24.9",

@@ -39,6 +39,9 @@ setup(
         ("share/ament_index/resource_index/packages", ["resource/depth_pose"]),
         ("share/depth_pose", ["package.xml"]),
         ("share/depth_pose/launch", ["launch/depth_pose.launch.py"]),
-        ("share/depth_pose/config", ["launch/params.yaml"]),
+        (
+            "share/depth_pose/config",
+            ["launch/params.yaml", "launch/depth_pose.rviz", "launch/foxglove_layout.json"],
+        ),
     ],
 )

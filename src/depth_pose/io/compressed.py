@@ -70,6 +70,11 @@ def decode_compressed_depth(
     return np.where((pixels > 0) & np.isfinite(depth) & (depth > 0), depth, np.float32(0.0))
 
 
+def warm_up() -> None:
+    """Compile the decoder of RVL."""
+    kernels.decode(np.ones(1, np.uint8), np.empty(1, np.uint16))
+
+
 def _decode_rvl(body: bytes) -> NDArray[np.uint16]:
     width, height = struct.unpack_from("<II", body)
     check_size("compressed image", height, width)

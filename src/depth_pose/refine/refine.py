@@ -24,6 +24,7 @@ from depth_pose.body.pose import BodyPose, Fitted, FittedBody
 from depth_pose.body.rendered_depth import Comparison
 from depth_pose.core.config import MatchConfig, RefineConfig
 from depth_pose.core.errors import BankError
+from depth_pose.core.rotations import R_CAMERA_FACING_MODEL
 from depth_pose.core.skeleton import JOINT_NODES, Source
 from depth_pose.core.types import Candidate, PoseMatch
 from depth_pose.refine.body_fitter import BodyFitter, FrameFit, PersonFitter
@@ -34,7 +35,7 @@ from depth_pose.refine.proposals import aim_legs, from_proposals
 from depth_pose.refine.unseen_legs import LegsBeyond
 from depth_pose.track.memory import Subject, Subjects
 from depth_pose.track.person import People, Person
-from depth_pose.track.sample_people import sample_people
+from depth_pose.track.sample_people import SAMPLE_DISTANCE_M, sample_people
 
 _ROUGH = 2
 """Number of candidates, the best after a glance, that are fitted roughly."""
@@ -148,9 +149,15 @@ class Refiner:
     def warm_up(self) -> None:
         """Compile every kernel; forgets all tracks."""
         people = sample_people(self.bank)
-        start = Candidate(0, 0, np.eye(3), np.array([0.0, 0.0, 3.2]), 0.0, 0.0)
+        place = np.array([0.0, 0.0, SAMPLE_DISTANCE_M])
+        start = Candidate(
+            0, 0, R_CAMERA_FACING_MODEL, place, 0.0, 0.0
+        )  # fits so well that its build is learned
         matches = [PoseMatch(p.body_id, self.bank.bank_id, 1.0, (start,)) for p in people.persons]
-        self.refine(people, matches)
+        for fitted in self.refine(people, matches):
+            if fitted.body is not None:  # as if the image ended above the legs
+                waist = people.camera._replace(height=5 * people.camera.height // 8)
+                self._beyond.settle(self.bank.body, fitted.body, waist)
         self.reset()
 
     def refine(self, people: People, matches: Iterable[PoseMatch]) -> tuple[Fitted, ...]:
@@ -185,7 +192,7 @@ class Refiner:
         if match.bank_id != self.bank.bank_id:
             raise BankError(
                 f"the match refers to bank {match.bank_id}, but {self.bank.bank_id} is loaded here; "
-                "give the matcher and the refiner the same bank file"
+                "give the nodes one bank file, and start all of them again where it was replaced"
             )
         if not match.candidates:
             subject.kept = None

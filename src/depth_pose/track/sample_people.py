@@ -14,13 +14,13 @@ from depth_pose.track.person import People, see_people
 
 _CAMERA = Camera(width=176, height=144, fx=200.0, fy=200.0, cx=87.5, cy=71.5)
 """Camera of the sample image, pixels; set by hand."""
-_DISTANCE_M = 3.2
+SAMPLE_DISTANCE_M = 3.2
 """Distance from the camera to the sample person (m); set by hand."""
 
 
 def sample_people(bank: Bank) -> People:
     """Render the bank's first pose into a frame, with its joints as proposals."""
-    posed = bank.body.pose(R_CAMERA_FACING_MODEL @ bank.rotations(0), np.array([0.0, 0.0, _DISTANCE_M]))
+    posed = bank.body.pose(R_CAMERA_FACING_MODEL @ bank.rotations(0), np.array([0.0, 0.0, SAMPLE_DISTANCE_M]))
     drawn = render_depth(posed.vertices, bank.body.faces, _CAMERA)
     depth = np.where(np.isfinite(drawn), drawn, 0.0).astype(np.float32)
     labels = np.where(depth > 0, PERSON, BACKGROUND).astype(np.uint8)

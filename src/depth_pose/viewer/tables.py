@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from depth_pose.core.printable import printable
 from depth_pose.core.skeleton import ADULT_STATURE_M, JOINT_INDEX, JointState
 from depth_pose.core.types import Skeleton
 from depth_pose.core.zone import Zone
 
 if TYPE_CHECKING:
     from depth_pose.ros.tools.watch import NodeState
+
+_MARKS = re.compile(r"[\\`*{}\[\]()#+!|<>&~$:]")
+"""What Markdown, and the links that viewers find in it, are made of."""
 
 _PELVIS = JOINT_INDEX["pelvis"]
 
@@ -44,7 +49,7 @@ def people_table(skeletons: Sequence[Skeleton] | None, followed: str, stamp_ns: 
         if stamp_ns is not None and s.stamp_ns != stamp_ns:
             state = f"{(stamp_ns - s.stamp_ns) * 1e-9:.1f} s ago"
         lines.append(
-            f"| {mark} | {s.body_id} | {distance_m(s):.1f} m | {_size(s)} | {s.confidence:.2f} "
+            f"| {mark} | {_plain(s.body_id)} | {distance_m(s):.1f} m | {_size(s)} | {s.confidence:.2f} "
             f"| {state} | {seen}/{len(s.positions)} |"
         )
     return "\n".join([*lines, "", "● followed, \\* own build known"])
@@ -64,10 +69,10 @@ def nodes_table(nodes: Sequence[NodeState]) -> str:
     for node in sorted(nodes, key=lambda n: _ORDER.get(_short(n), 9)):
         v = node.values
         lines.append(
-            f"| {_short(node)} | {v.get('rate_hz', '')} | {v.get('process_ms_median', '')} "
-            f"| {v.get('latency_ms_median', '')} | {_drops(v)} |"
+            f"| {_short(node)} | {_plain(v.get('rate_hz', ''))} | {_plain(v.get('process_ms_median', ''))} "
+            f"| {_plain(v.get('latency_ms_median', ''))} | {_drops(v)} |"
         )
-    unwell = [f"{_short(n)}: {n.message}" for n in nodes if n.message and n.message != "ok"]
+    unwell = [f"{_short(n)}: {_plain(n.message)}" for n in nodes if n.message and n.message != "ok"]
     return "\n".join([*lines, "", *unwell])
 
 
@@ -75,10 +80,15 @@ _ORDER = {name: i for i, name in enumerate(("denoise", "matcher", "refine", "rec
 
 
 def _short(node: NodeState) -> str:
-    return node.name.rpartition("/")[2]
+    return _plain(node.name.rpartition("/")[2])
+
+
+def _plain(text: str) -> str:
+    """Return a name of others so that Markdown shows it as it is: no table, link or image of its own."""
+    return _MARKS.sub(r"\\\g<0>", printable(text))
 
 
 def _drops(values: Mapping[str, str]) -> str:
     """Return the dropped frames by reason; 0 if there are none."""
     reasons = {k.removeprefix("dropped: "): v for k, v in values.items() if k.startswith("dropped: ")}
-    return ", ".join(f"{count} {reason}" for reason, count in reasons.items()) or "0"
+    return _plain(", ".join(f"{count} {reason}" for reason, count in reasons.items())) or "0"

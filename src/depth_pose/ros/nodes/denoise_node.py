@@ -9,12 +9,16 @@ from collections.abc import Sequence
 from typing import Any
 
 from depth_pose_msgs.msg import People, SkeletonArray
+from diagnostic_msgs.msg import DiagnosticStatus
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image, PointCloud2
 
 from depth_pose.core.config import PipelineConfig
 from depth_pose.core.mount import rotate_upright
+from depth_pose.core.printable import printable
 from depth_pose.core.types import DepthFrame
 from depth_pose.denoise.extract import PeopleExtractor
+from depth_pose.detect.upside_down import UpsideDownWatch
+from depth_pose.io import clouds, compressed
 from depth_pose.io.calibration import is_rectified
 from depth_pose.io.camera_infos import CameraInfos
 from depth_pose.io.compressed import TOPIC_ENDING
@@ -60,6 +64,7 @@ class DenoiseNode(StageNode):
 
     def make_stage(self, config: PipelineConfig) -> PeopleExtractor:
         """Make the extractor."""
+        self._mounting = UpsideDownWatch(config.segment, "the parameter mount.roll: 180")
         return PeopleExtractor(config.segment, config.denoise, config.mount)
 
     def open_outputs(self) -> None:
@@ -75,12 +80,15 @@ class DenoiseNode(StageNode):
         self._unit_m: float | None = self.value("depth_scale") or None
         cloud_topic = self.value("cloud_topic")
         if cloud_topic:
+            clouds.warm_up()
             return [Input(PointCloud2, cloud_topic, sensor=True)]
         self._infos = CameraInfos(self.resolve_topic_name(self.value("info_topic")))
         self.latch(CameraInfo, self.value("info_topic"), self._take_info, _INFOS)
         topic = self.value("image_topic")
         self._rectified = is_rectified(self.resolve_topic_name(topic))
         kind = CompressedImage if topic.endswith(TOPIC_ENDING) else Image
+        if kind is CompressedImage:
+            compressed.warm_up()
         return [Input(kind, topic, sensor=True)]
 
     def forget(self) -> None:
@@ -102,6 +110,7 @@ class DenoiseNode(StageNode):
         self._people.publish(people)
         self._in_flight.begin(found.stamp_ns, time.monotonic())
         self._room.tell(frame, upright, found)
+        self._mounting.look(upright, bool(found.persons))
         self._say()
         self.statistics.values["people"] = len(people.people)
         self.statistics.values["people cut off or half hidden"] = sum(
@@ -143,13 +152,25 @@ class DenoiseNode(StageNode):
 
     def _say(self) -> None:
         """Log what is odd about the camera or its unit, once for each kind."""
-        lines = self._infos.warnings
-        if self._units.is_decided and self._units.doubt:
-            lines["unit"] = self._units.doubt
+        lines = self._infos.warnings | self._doubts()
         for kind, line in lines.items():
             if kind not in self._said:
                 self._said.add(kind)
-                self.get_logger().warning(line)
+                self.get_logger().warning(printable(line))
+
+    def _doubts(self) -> dict[str, str]:
+        """Return what looks wrong about the images as a whole, by kind."""
+        unit = self._units.doubt if self._units.is_decided else ""
+        return {kind: line for kind, line in (("unit", unit), ("mount", self._mounting.hint)) if line}
+
+    def judge(self) -> tuple[bytes, str]:
+        """Return the level and the text of this second's diagnostics, with what looks wrong."""
+        level, words = super().judge()
+        if level == DiagnosticStatus.OK and self.is_active:
+            doubts = self._doubts()
+            if doubts:
+                return DiagnosticStatus.WARN, "; ".join(doubts.values())
+        return level, words
 
     def _take_answer(self, message: bytes) -> None:
         """Record the arrival of a frame."""

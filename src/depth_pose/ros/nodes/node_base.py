@@ -24,9 +24,10 @@ from threadpoolctl import threadpool_limits
 from depth_pose.core.config import PipelineConfig
 from depth_pose.core.errors import BankError, ConfigError, DepthPoseError, InputError
 from depth_pose.core.options import Sections
+from depth_pose.core.printable import printable, printable_lines
 from depth_pose.ros.messages.basics import stamp_to_ns
 from depth_pose.ros.nodes.input_watch import MissingInputWatch, PublisherWatch
-from depth_pose.ros.nodes.parameters import holds_setting, read_config
+from depth_pose.ros.nodes.parameters import explain_unknown, holds_setting, read_config
 from depth_pose.ros.nodes.topic_node import TopicNode
 from depth_pose.ros.process import READY
 from depth_pose.ros.setting import Setting
@@ -164,9 +165,9 @@ class StageNode(TopicNode, ABC):
         except Exception as e:
             self._refused = e
             if not isinstance(e, DepthPoseError):
-                self.get_logger().error(traceback.format_exc())
+                self.get_logger().error(printable_lines(traceback.format_exc()))
             elif not self.value("autostart"):  # else it ends the process, which says it
-                self.get_logger().error(str(e))
+                self.get_logger().error(printable_lines(e))
             self._close()
             return TransitionCallbackReturn.FAILURE
         return super().on_configure(state)
@@ -264,9 +265,18 @@ class StageNode(TopicNode, ABC):
         try:
             self.stage.reset()
         except Exception:
-            self.get_logger().error("reset failed as well:\n" + traceback.format_exc())
+            self.get_logger().error(printable_lines("reset failed as well:\n" + traceback.format_exc()))
 
     # Parameters
+
+    def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
+        """Set parameters; unknown ones are refused by name, with what was probably meant."""
+        unknown = [p.name for p in parameter_list if not self.has_parameter(p.name)]
+        if unknown:
+            known = self.get_parameters_by_prefix("")
+            reason = explain_unknown(f"the node {self.get_name()}", unknown, known)
+            return SetParametersResult(successful=False, reason=reason)
+        return super().set_parameters_atomically(parameter_list)
 
     def _check_parameters(self, parameters: list[Parameter]) -> SetParametersResult:
         changes = {p.name: p.value for p in parameters}
@@ -283,11 +293,11 @@ class StageNode(TopicNode, ABC):
             config = read_config(self, self.SECTIONS, config=self.CONFIG)
             stage = self.make_stage(config)
         except Exception:
-            self.get_logger().error("the stage stays as it was:\n" + traceback.format_exc())
+            self.get_logger().error(printable_lines("the stage stays as it was:\n" + traceback.format_exc()))
             return
         self.config, self.stage = config, stage
         changed = ", ".join(f"{p.name} = {p.value}" for p in parameters)
-        self.get_logger().info(f"set {changed}; what was kept of earlier frames is dropped")
+        self.get_logger().info(f"set {printable(changed)}; what was kept of earlier frames is dropped")
 
     # Telling
 

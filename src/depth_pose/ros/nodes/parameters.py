@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import fields
+from difflib import get_close_matches
 from typing import Any
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
@@ -22,6 +23,7 @@ from rclpy.parameter import Parameter
 from depth_pose.core.config import SHORT_NAMES, PipelineConfig
 from depth_pose.core.errors import ConfigError
 from depth_pose.core.options import Sections, options
+from depth_pose.core.printable import printable
 from depth_pose.ros.setting import Setting
 
 SECTIONS: tuple[str, ...] = tuple(f.name for f in fields(PipelineConfig))
@@ -163,17 +165,41 @@ def _declare(
 def _refuse_unknown(
     given: Iterable[str], settings: Sequence[Setting], sections: Sequence[str], config: type[Sections]
 ) -> None:
-    known = EVERYWHERE | {s.name for s in settings}
-    known |= {*_names(sections, config), *_names(SECTIONS, PipelineConfig)}
+    known = {*_known_somewhere(), *(s.name for s in settings), *_names(sections, config)}
     unknown = sorted(n for n in given if n not in known and not n.startswith("qos_overrides."))
     if unknown:
-        names = {".".join(setting): short for short, setting in SHORT_NAMES.items()}
-        hint = ", ".join(f"{n} is named {names[n]}" for n in unknown if n in names)
-        hint = hint or (
-            "settings are named SECTION.NAME with the sections "
-            f"{', '.join(dict.fromkeys([*SECTIONS, *sections]))}, e.g. segment.near"
-        )
-        raise ConfigError(f"no node of depth_pose has the parameter {', '.join(unknown)}; {hint}")
+        raise ConfigError(explain_unknown("no node of depth_pose", unknown, known))
+
+
+def explain_unknown(who: str, unknown: Sequence[str], known: Iterable[str]) -> str:
+    """Return the line that refuses unknown parameters: their names, and what was probably meant.
+
+    Parameters
+    ----------
+    who : str
+        Who does not have them.
+    unknown : sequence of str
+    known : iterable of str
+        The names that there are.
+    """
+    renamed = {".".join(setting): name for name, setting in SHORT_NAMES.items()}
+    known, elsewhere, hints = sorted(known), _known_somewhere(), []
+    for name in unknown:
+        near = get_close_matches(name, known, n=1)
+        if name in renamed:
+            hints.append(f"{name} is named {renamed[name]}")
+        elif name in elsewhere:
+            hints.append(f"{name} is a parameter of another node")
+        elif near:
+            hints.append(f"is {near[0]} meant?")
+    hints = hints or [f"settings are named SECTION.NAME with the sections {', '.join(SECTIONS)}"]
+    has = "has" if who.startswith("no ") else "does not have"
+    return printable(f"{who} {has} the parameter {', '.join(unknown)}; {', '.join(hints)}")
+
+
+def _known_somewhere() -> set[str]:
+    """Return the names of all parameters of the four nodes."""
+    return {*EVERYWHERE, *_names(SECTIONS, PipelineConfig)}
 
 
 def _names(sections: Sequence[str], config: type[Sections]) -> Iterator[str]:

@@ -23,7 +23,7 @@ from rclpy.subscription import Subscription
 
 from depth_pose.core.errors import ConfigError, InputError
 from depth_pose.core.options import Sections
-from depth_pose.core.printable import printable
+from depth_pose.core.printable import printable, printable_lines
 from depth_pose.ros.nodes.parameters import COMMON, declare
 from depth_pose.ros.nodes.statistics import NodeStatistics
 from depth_pose.ros.process.shared_memory import keep_private
@@ -129,7 +129,9 @@ class TopicNode(LifecycleNode, ABC):
     def survive(self, error: Exception, where: str) -> None:
         """Log and count an error that nobody expected, unless it comes of being told to stop."""
         if self.context.ok():
-            self.get_logger().error(traceback.format_exc(), throttle_duration_sec=LOG_EVERY_S)
+            self.get_logger().error(
+                printable_lines(traceback.format_exc()), throttle_duration_sec=LOG_EVERY_S
+            )
             self.drop("error", f"{where}: {type(error).__name__}: {error}")
 
     def drop(self, reason: str, detail: str, count: int = 1) -> None:

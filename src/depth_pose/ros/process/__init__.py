@@ -5,10 +5,10 @@ from __future__ import annotations
 from depth_pose.ros import NODES as NODES
 
 READY = "is ready"
-"""A node prints this when it is active and its connections stand."""
+"""A node prints this after its name when it is active and its connections stand."""
 
 DONE = "has done its work"
-"""A node prints this before it leaves the ROS graph: now and then Fast DDS does not return from that."""
+"""A node prints its name and this before it leaves the ROS graph, which Fast DDS does not always end."""
 
 BEAT, BEAT_S = b"\0", 0.25
 """Sign of life in a node's output, and the seconds between two: a tenth of the patience, set by hand."""

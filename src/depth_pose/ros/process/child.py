@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import math
 import os
+import re
 import signal
 import subprocess
 import time
@@ -12,6 +13,7 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
+from depth_pose.core.printable import printable
 from depth_pose.ros.process import BEAT, DONE, READY
 
 PATIENCE_S = 3.0
@@ -26,6 +28,10 @@ _SUSPECT_S = 1.0
 
 _TICKS_A_SECOND = os.sysconf("SC_CLK_TCK")
 """Of the processor time in Linux' /proc/PID/stat."""
+
+
+_COLOUR = re.compile("\x1b\\[[0-9;]*m")
+"""Escape sequences that set colours (ECMA-48, SGR)."""
 
 
 class Child:
@@ -78,16 +84,16 @@ class Child:
         return self._process.stdout.fileno()
 
     def read(self, sink: Callable[[str], None]) -> None:
-        """Forward its output, prefixed with its name; or record that it has ended."""
+        """Forward its output, `printable` and prefixed with its name; or record that it has ended."""
         data = os.read(self.fileno(), 1 << 16)
         lines = (self._rest + data.replace(BEAT, b"")).split(b"\n")
         self._rest = lines.pop() if data or not lines[-1] else b""
-        for line in (raw.decode(errors="replace") for raw in lines):
-            if DONE in line:
+        for line in map(_readable, lines):
+            if line == f"{self.name} {DONE}":
                 self._is_done = True
                 continue
             self.last_lines.append(line)
-            if READY in line:
+            if f"{self.name} {READY}" in line:
                 self.ready_s = min(self.ready_s, time.monotonic())
             sink(f"[{self.name}] {line}")
         if data:
@@ -135,6 +141,11 @@ class Child:
             wants_to = any(_stat(thread)[0] == "R" for thread in (process / "task").iterdir())
         ran_s, self._ran_s = now_s - self._ran_s, now_s
         return ran_s if wants_to else math.inf
+
+
+def _readable(line: bytes) -> str:
+    """Return a line of a process as it may be printed; Fast DDS colours its own."""
+    return printable(_COLOUR.sub("", line.decode(errors="surrogateescape")))
 
 
 def _stat(of: Path) -> list[str]:

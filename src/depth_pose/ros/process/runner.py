@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from depth_pose.core.errors import BankError, ConfigError
+from depth_pose.core.printable import printable_lines
 from depth_pose.ros import PRIVATE_UMASK
 from depth_pose.ros.process import DONE
 from depth_pose.ros.process.pulse import PULSE, start_pulse
@@ -53,6 +54,8 @@ def run_node(make: Callable[[], Any], args: Sequence[str] | None = None) -> int:
     os.umask(PRIVATE_UMASK)
     if os.environ.get(END_WITH_PARENT):
         end_with_parent()
+    if args is None:
+        set_title(Path(sys.argv[0]).stem)
     code = _run(make, args)
     if args is None:
         leave(code)
@@ -84,7 +87,6 @@ def _run(make: Callable[[], Any], args: Sequence[str] | None) -> int:
         node = make()
         gc.freeze()
         gc.enable()
-        Path("/proc/self/comm").write_text(f"{node.get_name()}_node"[:15])  # as `top` shows it
         install_signal_handlers(SignalHandlerOptions.ALL)
         if os.environ.get(PULSE) or os.environ.get(END_WITH_PARENT):  # whoever started it starts it again
             start_pulse(bool(os.environ.get(PULSE)))
@@ -92,7 +94,7 @@ def _run(make: Callable[[], Any], args: Sequence[str] | None) -> int:
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     except (ConfigError, BankError) as e:
-        sys.stderr.write(f"depth_pose: {e}\n")
+        sys.stderr.write(f"depth_pose: {printable_lines(e)}\n")
         return EXIT_CONFIG
     except Exception:
         if node is None or rclpy.ok():  # else it was told to stop, and what it called was shut down
@@ -140,6 +142,11 @@ def _spin_once(executor: Any, node: Any) -> None:
 def end_with_parent() -> None:
     """Make the kernel send SIGTERM to this process when its parent dies."""
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
+
+
+def set_title(title: str) -> None:
+    """Name this process as ``ps -e``, ``top`` and ``pgrep`` show it: at most 15 letters."""
+    Path("/proc/self/comm").write_text(title[:15])
 
 
 @contextlib.contextmanager

@@ -37,7 +37,7 @@ def remove_leftovers() -> None:
         if "port" in lock.name:
             continue
         with contextlib.suppress(OSError), lock.open("r+b") as handle:  # else another user's, or gone
-            if time.time() - lock.stat().st_mtime > _YOUNG_S:
+            if abs(time.time() - lock.stat().st_mtime) > _YOUNG_S:  # the clock may have been set back
                 fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)  # fails where the owner lives
                 lock.with_name(lock.name.removesuffix(_LOCK)).unlink(missing_ok=True)
                 lock.unlink(missing_ok=True)

@@ -28,9 +28,11 @@ from types import TracebackType
 from typing import Any
 
 from depth_pose.core.errors import ConfigError, DepthPoseError
+from depth_pose.core.printable import printable
 from depth_pose.ros import stay_local
 from depth_pose.ros.process import NODES
 from depth_pose.ros.process.child import Child
+from depth_pose.ros.process.interfaces import check_interfaces
 from depth_pose.ros.process.pulse import PULSE
 from depth_pose.ros.process.runner import EXIT_CONFIG, on_stop
 from depth_pose.ros.process.shared_memory import remove_leftovers
@@ -270,14 +272,15 @@ def up(
     Raises
     ------
     ConfigError, NodeDiedError
-        If a node cannot start.
+        If a node cannot start, or no network interface is up.
     """
     stop = threading.Event()
     if local:
         stay_local()
+    check_interfaces()
     suite = Suite(params_file, sensor, bank, parameters=parameters, remap=remap)
     namespace = dict(rule.partition(":=")[::2] for rule in remap).get("__ns", "depth_pose").strip("/")
-    ready = f"all nodes are ready; skeletons come on /{namespace}/skeletons, Ctrl-C ends"
+    ready = printable(f"all nodes are ready; skeletons come on /{namespace}/skeletons, Ctrl-C ends")
     with on_stop(stop.set):
         suite.start()
         try:

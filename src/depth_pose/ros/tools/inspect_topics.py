@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
@@ -25,6 +25,10 @@ from depth_pose.volume.transform_tree import TransformTree, pose_matrix
 
 _TICK_S = 0.05
 """The longest wait for a message before it is seen whether to stop, seconds. Set by hand."""
+
+
+_DISCOVER_S = 3.0
+"""Seconds that publishers have to be found, and then to bring a first message. Set by hand."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +83,8 @@ class Place:
 def watch_rate(topic: str, every_s: float = 1.0) -> Iterator[Rate | None]:
     """Yield the message rate of a topic until SIGINT or SIGTERM; None without messages.
 
-    Listens best effort, which hears every publisher.
+    It begins with the first message, or once discovery has had its time. Listens best effort, which hears
+    every publisher.
 
     Raises
     ------
@@ -91,25 +96,40 @@ def watch_rate(topic: str, every_s: float = 1.0) -> Iterator[Rate | None]:
     times: list[float] = []
     qos = QoSProfile(depth=TF_QUEUE, reliability=ReliabilityPolicy.BEST_EFFORT)
     with _listener("hz") as (node, turns):
-        subscription, last = None, float("nan")
+
+        def listen() -> bool:
+            kinds = dict(node.get_topic_names_and_types()).get(topic)
+            if not kinds:
+                return False
+            kind = message_class(kinds[0])
+            node.create_subscription(kind, topic, lambda _: times.append(time.monotonic()), qos, raw=True)
+            return True
+
+        is_listening = _await(listen, turns)
+        if is_listening:
+            _await(lambda: bool(times), turns)
+        last = times[-1] if times else None
+        times.clear()
         for _ in turns(every_s):
-            if subscription is None:
-                kinds = dict(node.get_topic_names_and_types()).get(topic)
-                if kinds:
-                    subscription = node.create_subscription(
-                        message_class(kinds[0]),
-                        topic,
-                        lambda _: times.append(time.monotonic()),
-                        qos,
-                        raw=True,
-                    )
-            gaps = np.diff([last, *times] if last == last else times)
+            is_listening = is_listening or listen()
+            gaps = np.diff(times if last is None else [last, *times])
             last = times[-1] if times else last
             told = None
             if len(gaps):
                 told = Rate(1.0 / max(gaps.mean(), 1e-9), gaps.min(), gaps.max(), gaps.std(), len(times))
             times.clear()
             yield told
+
+
+def _await(condition: Callable[[], bool], turns: Callable[[float], Iterator[None]]) -> bool:
+    """Wait until a condition holds, at most as long as discovery takes; return whether it does."""
+    began = time.monotonic()
+    for _ in turns(_TICK_S):
+        if condition():
+            return True
+        if time.monotonic() - began > _DISCOVER_S:
+            break
+    return False
 
 
 class _Heard:
@@ -149,7 +169,8 @@ def watch_frame(frame: str, parent: str, every_s: float = 1.0) -> Iterator[Place
 def list_frames(seconds: float) -> dict[str, str]:
     """Return all frames received in a period, each with its parent."""
     with _frames() as (heard, turns):
-        next(turns(seconds))
+        _await(lambda: bool(heard.stamps), turns)
+        next(turns(seconds), None)
         return heard.tree.parents()
 
 

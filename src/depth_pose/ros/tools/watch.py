@@ -1,7 +1,8 @@
 """What a viewer hears of running nodes: the newest depth, everybody's skeletons, diagnostics.
 
-Messages are taken as bytes and kept; only those that are shown are decoded. All subscriptions are best
-effort with short queues, so no node ever waits for a viewer.
+Messages are taken as bytes and kept; only those that are shown are decoded. Subscriptions are reliable where
+their publishers are, as those of the nodes, and have short queues: publishers keep the last few messages, so
+none ever waits for a viewer.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ from __future__ import annotations
 import threading
 import time
 from collections import OrderedDict
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -44,7 +45,7 @@ _BARE_EVERY_NS = 100_000_000
 """Time between frames that are shown without skeletons; these may still come."""
 
 _LOOK_S = 0.5
-"""Time between looks for topics until there are some, seconds. Set by hand."""
+"""Time between looks for topics and at their publishers, seconds. Set by hand."""
 _ANSWER_S = 2.0
 """Seconds for a node to answer a service."""
 
@@ -56,6 +57,16 @@ _PARAMETERS = {
     "zone": ("denoise", "zone"),
     "people": ("denoise", "segment.most_people"),
 }
+
+
+@dataclass
+class _Listened:
+    """A topic that is listened to, and how."""
+
+    kind: type
+    callback: Callable[[bytes], None]
+    is_reliable: bool = False
+    subscription: Any = None
 
 
 @dataclass(frozen=True)
@@ -100,6 +111,7 @@ class Watch:
         self._infos, self._kind, self._shown = CameraInfos("camera_info"), "", (0, False)
         self._subscribed = self._rectified = False
         self._clients: dict[str, Any] = {}
+        self._listened: dict[str, _Listened] = {}
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._run, name="watch", daemon=True)
 
@@ -110,15 +122,10 @@ class Watch:
         from diagnostic_msgs.msg import DiagnosticArray
         from rclpy.context import Context
 
-        from depth_pose.ros.transport.intake import frame_qos
-
         self._context = Context()
         rclpy.init(context=self._context, args=[])
         self._node = rclpy.create_node("viewer", namespace="depth_pose", context=self._context)
-        self._qos = frame_qos(_QUEUE, False)
-        self._node.create_subscription(
-            SkeletonArray, "/depth_pose/skeletons", self._take_skeletons, self._qos, raw=True
-        )
+        self._listen(SkeletonArray, "/depth_pose/skeletons", self._take_skeletons)
         self._node.create_subscription(DiagnosticArray, "/diagnostics", self._take_diagnostics, 10)
         self._thread.start()
 
@@ -191,8 +198,10 @@ class Watch:
         looked = 0.0
         try:
             while not self._stopping.is_set():
-                if not self._subscribed and time.monotonic() - looked > _LOOK_S:
-                    self._look()
+                if time.monotonic() - looked > _LOOK_S:
+                    if not self._subscribed:
+                        self._look()
+                    self._match()
                     looked = time.monotonic()
                 executor.spin_once(timeout_sec=0.1)
         except ExternalShutdownException:
@@ -231,10 +240,29 @@ class Watch:
         if not known:
             return
         self._kind, self._subscribed, self._rectified = known[0], True, is_rectified(topic)
-        create = self._node.create_subscription
-        create(kinds[self._kind], topic, self._take_depth, self._qos, raw=True)
+        self._listen(kinds[self._kind], topic, self._take_depth)
         if self._kind != schemas.POINT_CLOUD:
-            create(CameraInfo, info_topic, self._take_info, self._qos, raw=True)
+            self._listen(CameraInfo, info_topic, self._take_info)
+
+    def _listen(self, kind: type, topic: str, callback: Callable[[bytes], None]) -> None:
+        self._listened[topic] = _Listened(kind, callback)
+        self._match()
+
+    def _match(self) -> None:
+        """Subscribe to every topic as its publishers send, reliable or best effort."""
+        from depth_pose.ros.transport.intake import frame_qos, is_sent_reliable
+
+        for topic, listened in self._listened.items():
+            reliable = is_sent_reliable(self._node, topic)
+            if reliable is None and listened.subscription is not None:
+                continue
+            if listened.subscription is None or reliable != listened.is_reliable:
+                if listened.subscription is not None:
+                    self._node.destroy_subscription(listened.subscription)
+                listened.is_reliable, qos = bool(reliable), frame_qos(_QUEUE, bool(reliable))
+                listened.subscription = self._node.create_subscription(
+                    listened.kind, topic, listened.callback, qos, raw=True
+                )
 
     def _take_depth(self, data: bytes) -> None:
         if self._infos.count or self._kind == schemas.POINT_CLOUD:
