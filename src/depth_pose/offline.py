@@ -46,10 +46,6 @@ class Method(Protocol):
 
     @property
     def warnings(self) -> Sequence[str]:
-        """What is odd about the frames, one line each."""
-
-    @property
-    def warnings(self) -> Sequence[str]:
         """What is odd about the frames since the last reset, one line each."""
 
     def process_frame(self, frame: Any, /) -> Any:

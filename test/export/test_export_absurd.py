@@ -71,3 +71,17 @@ def test_numbers_that_no_skeleton_has_are_refused(tmp_path, field, value, says):
     for ending in (".bvh", ".csv", ".npz", ".trc"):
         with pytest.raises(InputError, match=says):
             export_skeletons(path, tmp_path / f"out{ending}")
+
+
+@pytest.mark.parametrize("ending", [".bvh", ".trc"])
+def test_joints_that_are_no_numbers_are_gaps_or_refused(tmp_path, ending):
+    bad = [replace(skeleton_of(i), positions=np.full((19, 3), np.inf)) for i in range(5)]
+    mixed = [bad[i] if i in (0, 2) else skeleton_of(i) for i in range(5)]
+    given = record(tmp_path / "a.mcap", [[s] for s in mixed])
+    (written,) = export_skeletons(given, tmp_path / f"a{ending}").files
+    assert written.tracks[0].gaps() == [(1, 2)] and len(written.tracks[0]) == 4
+    assert "inf" not in written.path.read_text()
+    path = record(tmp_path / "b.mcap", [[s] for s in bad])
+    with pytest.raises(InputError, match="no frame in which all joints are there"):
+        export_skeletons(path, tmp_path / f"b{ending}")
+    assert not (tmp_path / f"b{ending}").exists()

@@ -75,7 +75,7 @@ class UpsideDownWatch:
             return ""
         return (
             "the images look upside down: there is a floor above the camera, and none that people stand on "
-            "below; mount.roll: 180 is for a sensor that hangs upside down; flipped images must be flipped back"
+            "below; mount.roll: 180 is for a sensor that hangs so; flipped images must be flipped back"
         )
 
 
