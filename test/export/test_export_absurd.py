@@ -11,7 +11,9 @@ from test_export import skeleton_of
 from depth_pose.core.errors import InputError
 from depth_pose.export import export_skeletons
 from depth_pose.export.tracks import MOST_FRAMES
+from depth_pose.io._messages import _skeleton_fields, read_skeleton, write_message
 from depth_pose.io.mcap_write import SkeletonWriter
+from depth_pose.io.schemas import SKELETON
 
 
 def record(path, frames):
@@ -85,3 +87,11 @@ def test_joints_that_are_no_numbers_are_gaps_or_refused(tmp_path, ending):
     with pytest.raises(InputError, match="no frame in which all joints are there"):
         export_skeletons(path, tmp_path / f"b{ending}")
     assert not (tmp_path / f"b{ending}").exists()
+
+
+def test_a_skeleton_of_very_many_joints_is_refused(tmp_path):
+    one = skeleton_of(0)
+    fields = _skeleton_fields(one)
+    message = write_message(SKELETON, 1, "a", **(fields | {"joints": fields["joints"] * 5000}))
+    with pytest.raises(InputError, match="at most 4194304 are read"):
+        read_skeleton(message)
