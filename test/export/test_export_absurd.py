@@ -65,6 +65,8 @@ def test_a_crowd_is_no_bomb_either(tmp_path):
 
 
 @pytest.mark.parametrize("field, value, says", [
+    ("body_id", "x" * 100_000, "body_id has 100000 letters"),
+    ("frame_id", "x" * 100_000, "frame_id has 100000 letters"),
     ("joint_states", np.full(19, 250, np.uint8), "state is 250"),
     ("build", np.zeros(2, np.float32), "the build has 2 numbers"),
 ])  # fmt: skip

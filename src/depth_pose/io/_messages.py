@@ -26,6 +26,9 @@ from depth_pose.io import schemas
 _MOST_SKELETON_BYTES = 4 << 20
 """Largest message of skeletons (bytes): 2,000 people. Decoding takes 20 microseconds a joint. Set by hand."""
 
+_LONGEST_NAME = 1000
+"""Most letters of an id or a frame: every row of a table repeats them. Set by hand."""
+
 
 @dataclass(frozen=True)
 class ImageMessage:
@@ -136,6 +139,9 @@ def _check_size(data: bytes) -> None:
 def _skeleton_of(m: Any) -> Skeleton:
     if m.source not in tuple(Source):
         raise InputError(f"Skeleton: source is {m.source}; it must be one of 0 to {max(Source)}")
+    for name, text in (("body_id", m.body_id), ("frame_id", m.header.frame_id)):
+        if len(text) > _LONGEST_NAME:
+            raise InputError(f"Skeleton: {name} has {len(text)} letters; at most {_LONGEST_NAME} are read")
     build = np.array(getattr(m, "build", ()), np.float32)
     if len(build) not in (0, BUILD_SIZE):
         raise InputError(f"Skeleton: the build has {len(build)} numbers; it must have none, or {BUILD_SIZE}")
