@@ -44,6 +44,10 @@ class Method(Protocol):
     def reset(self) -> None:
         """Forget all earlier frames."""
 
+    @property
+    def warnings(self) -> Sequence[str]:
+        """What is odd about the frames since the last reset, one line each."""
+
     def process_frame(self, frame: Any, /) -> Any:
         """Answer one frame; the result has everybody's ``skeletons``, and the one ``skeleton`` followed."""
 
@@ -171,7 +175,7 @@ def process_recording(
             confidence=float(np.mean(confidences)) if confidences else float("nan"),
             median_ms=float(np.median(times_ms)) if times_ms else float("nan"),
             p95_ms=float(np.percentile(times_ms, 95)) if times_ms else float("nan"),
-            warnings=(*reader.warnings, *reasons),
+            warnings=(*reader.warnings, *(f"{reader.path}: {line}" for line in pipeline.warnings), *reasons),
         )
         if note is not None:
             writer.write_metadata(NOTE, note(summary))

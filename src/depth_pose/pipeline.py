@@ -18,6 +18,7 @@ from depth_pose.denoise.extract import PeopleExtractor
 from depth_pose.stages import Shared
 from depth_pose.track.follow import Follower
 from depth_pose.track.person import People
+from depth_pose.track.upside_down import UpsideDownWatch
 
 _one_thread = ThreadpoolController().wrap(limits=1)
 """Small systems are no faster on more, and sums come in the same order on any number of cores."""
@@ -57,6 +58,7 @@ class PosePipeline:
     def __init__(self, bank: Bank, config: PipelineConfig = PipelineConfig()) -> None:  # noqa: B008
         self._mount = config.mount
         self.unanswered = 0
+        self._orientation = UpsideDownWatch(config.segment)
         shared = Shared(bank, config)
         self.extractor = PeopleExtractor(config.segment, config.denoise, config.mount)
         self.matcher = shared.make_matcher()
@@ -69,7 +71,8 @@ class PosePipeline:
     def process_frame(self, frame: DepthFrame) -> FrameResult:
         """Estimate the pose in one frame; frames of a sequence are given in their order."""
         # Sec. 4: find the people, cut them out, modified LOP (eqs. 1 to 5), outliers
-        people = self.extractor.extract(rotate_upright(frame, self._mount))
+        shown = rotate_upright(frame, self._mount)
+        people = self.extractor.extract(shown)
         # Sec. 5: canonical axes, PCA subspace, nearest exemplars (eq. 6)
         matches = self.matcher.match(people)
         # Sec. 6: fit the body to each person's points; with method cpd complete the mesh (eqs. 7, 8)
@@ -80,12 +83,19 @@ class PosePipeline:
         skeletons = tuple(rotate_to_sensor(s, self._mount) for s in upright)
         self.unanswered += bool(people.persons and not skeletons)
         followed = self.follower.choose(skeletons, frame.stamp_ns, frame.frame_id)
+        self._orientation.look(shown, people)
         return FrameResult(people, matches, refined, skeletons, followed)
 
     def reset(self) -> None:
         """Forget all earlier frames; what was counted goes on."""
         for stage in self._stages:
             stage.reset()
+        self._orientation.reset()
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What is odd about the frames since the last reset, one line each."""
+        return (self._orientation.doubt,) if self._orientation.doubt else ()
 
     def restart(self) -> None:
         """Forget all earlier frames and the names of people, as if new; what was counted goes on.

@@ -67,7 +67,7 @@ _OUTSIDE = ("../up", "/../up", "a/../../up", "/etc/up", "//etc/up", "http://othe
 """Names of recordings that a listing leads to, elsewhere; as links are written they may be encoded."""
 
 _ENDLESS = """
-import http.server, sys
+import http.server, sys, time
 NAMES = sys.argv[1:]
 
 class Endless(http.server.BaseHTTPRequestHandler):
@@ -88,6 +88,15 @@ class Endless(http.server.BaseHTTPRequestHandler):
             self.send_header("Content-Length", str(len(body)))
             self.end_headers()
             return self.wfile.write(body) if self.command == "GET" else None
+        if self.path.startswith(("/drip", "/long")):
+            self.send_response(200)
+            self.send_header("Content-Type", "text/html")
+            self.send_header("Content-Length", str(1 << 40))
+            self.end_headers()
+            while self.command == "GET":
+                self.wfile.write(b"x" if "drip" in self.path else bytes(1 << 20))
+                time.sleep(0.05 if "drip" in self.path else 0)
+            return
         if self.path.startswith("/away"):
             self.send_response(302)
             self.send_header("Location", "file:///etc/passwd")
@@ -121,6 +130,24 @@ def test_an_endless_body_leaves_room_for_others(
     with pytest.raises(InputError, match=r"cannot be fetched.*MiB left"), fetched(f"{hostile}/a.mcap"):
         pass
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_server_that_drips_is_left(hostile: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    monkeypatch.setattr(remote, "_SILENT_S", 0.5)
+    monkeypatch.setattr(remote, "_LISTED_S", 0.7)
+    says = r"cannot be fetched: the server sent only \d+ bytes"
+    with pytest.raises(InputError, match=says), fetched(f"{hostile}/drip.mcap"):
+        pass
+    assert list(tmp_path.iterdir()) == []
+    with pytest.raises(InputError, match="drip/ cannot be read"):
+        find_remote(f"{hostile}/drip/", ".mcap")
+
+
+def test_a_list_without_end_is_left(hostile: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(remote, "_MOST_LISTED_BYTES", 4 << 20)
+    with pytest.raises(InputError, match="its list has more than 4 MiB"):
+        find_remote(f"{hostile}/long/", ".mcap")
 
 
 def test_a_server_does_not_lead_to_our_own_files(hostile: str) -> None:

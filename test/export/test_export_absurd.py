@@ -11,7 +11,9 @@ from test_export import skeleton_of
 from depth_pose.core.errors import InputError
 from depth_pose.export import export_skeletons
 from depth_pose.export.tracks import MOST_FRAMES
+from depth_pose.io._messages import _skeleton_fields, read_skeleton, write_message
 from depth_pose.io.mcap_write import SkeletonWriter
+from depth_pose.io.schemas import SKELETON
 
 
 def record(path, frames):
@@ -63,6 +65,8 @@ def test_a_crowd_is_no_bomb_either(tmp_path):
 
 
 @pytest.mark.parametrize("field, value, says", [
+    ("body_id", "x" * 100_000, "body_id has 100000 letters"),
+    ("frame_id", "x" * 100_000, "frame_id has 100000 letters"),
     ("joint_states", np.full(19, 250, np.uint8), "state is 250"),
     ("build", np.zeros(2, np.float32), "the build has 2 numbers"),
 ])  # fmt: skip
@@ -71,3 +75,25 @@ def test_numbers_that_no_skeleton_has_are_refused(tmp_path, field, value, says):
     for ending in (".bvh", ".csv", ".npz", ".trc"):
         with pytest.raises(InputError, match=says):
             export_skeletons(path, tmp_path / f"out{ending}")
+
+
+@pytest.mark.parametrize("ending", [".bvh", ".trc"])
+def test_joints_that_are_no_numbers_are_gaps_or_refused(tmp_path, ending):
+    bad = [replace(skeleton_of(i), positions=np.full((19, 3), np.inf)) for i in range(5)]
+    mixed = [bad[i] if i in (0, 2) else skeleton_of(i) for i in range(5)]
+    given = record(tmp_path / "a.mcap", [[s] for s in mixed])
+    (written,) = export_skeletons(given, tmp_path / f"a{ending}").files
+    assert written.tracks[0].gaps() == [(1, 2)] and len(written.tracks[0]) == 4
+    assert "inf" not in written.path.read_text()
+    path = record(tmp_path / "b.mcap", [[s] for s in bad])
+    with pytest.raises(InputError, match="no frame in which all joints are there"):
+        export_skeletons(path, tmp_path / f"b{ending}")
+    assert not (tmp_path / f"b{ending}").exists()
+
+
+def test_a_skeleton_of_very_many_joints_is_refused(tmp_path):
+    one = skeleton_of(0)
+    fields = _skeleton_fields(one)
+    message = write_message(SKELETON, 1, "a", **(fields | {"joints": fields["joints"] * 5000}))
+    with pytest.raises(InputError, match="at most 4194304 are read"):
+        read_skeleton(message)

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 from harness import Outcome, attack, find_decoders, make_input, rows
 
-COUNT = 200
-"""Inputs of each decoder: a second of work; `harness.py` tries 10,000."""
+COUNT = 100
+"""Inputs of each decoder: half a second of work; `harness.py` tries 10,000."""
 
 FOUND = find_decoders()
 

@@ -170,6 +170,21 @@ def test_images_of_the_other_byte_order(rig, tmp_path):
     assert np.array_equal(views.images[0], views.images[1])
 
 
+def test_depth_in_another_unit_is_said_and_the_setting_sets_it(rig, tmp_path):
+    depth, path = np.full((120, 160), 3.0, np.float32), tmp_path / "x.mcap"
+    cameras = Rig(rig[:2], ("/a", "/b"))
+    with ViewWriter(path) as writer:
+        for k in range(3):
+            writer.write("/a", 10**9 + k * 33_000_000, "a", depth)
+            writer.write("/b", 10**9 + k * 33_000_000, "b", 1000 * depth)
+    reader = ViewReader(path, cameras, "depth")
+    list(reader)
+    (line,) = reader.warnings
+    assert "/b: the depths look like another unit" in line and "views.depth_scale" in line
+    scaled = ViewReader(path, replace(cameras, topics=("/no", "/b")), "depth", ViewsConfig(depth_scale=0.001))
+    assert all(np.allclose(views.images[1], depth) for views in scaled) and not scaled.warnings
+
+
 def test_a_run_is_repeatable_and_in_the_rigs_world(recorded, model, tmp_path):
     cameras = load_rig(recorded.with_suffix(".yaml"))
     for name in ("a.mcap", "b.mcap"):

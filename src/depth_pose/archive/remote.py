@@ -10,6 +10,7 @@ from __future__ import annotations
 import re
 import shutil
 import tempfile
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from glob import has_magic
@@ -26,6 +27,12 @@ Set by hand."""
 
 _SILENT_S = 60.0
 """A server that sends nothing for so long has failed; the whole may take any time. Set by hand."""
+
+_LEAST_RATE = 1000
+"""Least rate of a copy (bytes a second) after `_SILENT_S`: one that drips has failed, too. Set by hand."""
+
+_LISTED_S, _MOST_LISTED_BYTES = 300.0, 64 << 20
+"""The longest that listing a folder may take (s), and the longest list: half a million names. Set by hand."""
 
 
 def is_remote(text: str) -> bool:
@@ -54,7 +61,7 @@ def find_remote(url: str, ending: str) -> list[tuple[str, str, int]]:
     ConfigError
         Where what reads this kind of storage is not installed.
     """
-    storage, path = _open(url)
+    storage, path = _open(url, _LISTED_S)
     try:
         if has_magic(path):
             fixed = path[: re.search(r"[*?\[]", path).start()].rpartition("/")[0]  # type: ignore[union-attr]
@@ -80,8 +87,8 @@ def _name(path: str, fixed: str) -> str | None:
     return None if ".." in name.parts or name.is_absolute() else str(name)
 
 
-def _open(url: str) -> tuple[Any, str]:
-    """Return the storage of a URL and the path in it."""
+def _open(url: str, total_s: float | None = None) -> tuple[Any, str]:
+    """Return the storage of a URL and the path in it; no request may take longer than ``total_s``."""
     missing = "reading {} needs more than is installed ({}): pip install 'depth_pose[remote]'"
     try:
         from fsspec.core import url_to_fs
@@ -90,9 +97,7 @@ def _open(url: str) -> tuple[Any, str]:
     options: dict[str, Any] = {}
     try:
         if url.lower().startswith("http"):
-            from aiohttp import ClientTimeout
-
-            options["client_kwargs"] = {"timeout": ClientTimeout(total=None, sock_read=_SILENT_S)}
+            options["client_kwargs"] = _patience(total_s)
         storage, path = url_to_fs(url, **options)
     except ImportError as error:
         raise ConfigError(missing.format(url, error)) from error
@@ -101,15 +106,34 @@ def _open(url: str) -> tuple[Any, str]:
     return storage, path
 
 
+def _patience(total_s: float | None) -> dict[str, Any]:
+    """Return what limits the time of a request, and the text of an answer."""
+    from aiohttp import ClientResponse, ClientTimeout
+
+    class Bounded(ClientResponse):
+        async def text(self, encoding: str | None = None, errors: str = "replace") -> str:
+            found = bytearray()
+            while piece := await self.content.read(1 << 20):
+                found += piece
+                if len(found) > _MOST_LISTED_BYTES:
+                    raise InputError(f"its list has more than {_MOST_LISTED_BYTES >> 20} MiB")
+            return found.decode(encoding or "utf-8", errors)
+
+    limits = ClientTimeout(total=total_s, sock_connect=_SILENT_S, sock_read=_SILENT_S)
+    return {"timeout": limits, "response_class": Bounded}
+
+
 def _reason(error: Exception) -> str:
     return " ".join(str(error).split()) or type(error).__name__
 
 
-def _watching_room(folder: Path) -> Any:
-    """Return the fsspec callback that aborts a copy when the disk has no room."""
+def _watching(folder: Path) -> Any:
+    """Return the fsspec callback that aborts a copy when the disk has no room, or the server drips."""
     from fsspec.callbacks import Callback
 
-    class Room(Callback):  # type: ignore[misc, unused-ignore]
+    start = time.monotonic()
+
+    class Watch(Callback):  # type: ignore[misc, unused-ignore]
         def relative_update(self, inc: int = 1) -> None:
             super().relative_update(inc)
             if shutil.disk_usage(folder).free < _SPARE_BYTES:
@@ -117,8 +141,11 @@ def _watching_room(folder: Path) -> Any:
                     f"{folder.parent} has less than {_SPARE_BYTES >> 20} MiB left after {self.value} bytes; "
                     "TMPDIR may name another folder for temporary files"
                 )
+            took = time.monotonic() - start
+            if took > _SILENT_S and self.value < _LEAST_RATE * took:
+                raise InputError(f"the server sent only {self.value} bytes in {took:.0f} s")
 
-    return Room()
+    return Watch()
 
 
 @contextmanager
@@ -137,7 +164,7 @@ def fetched(recording: str) -> Iterator[str]:
     with tempfile.TemporaryDirectory(prefix="depth_pose-") as folder:
         local = Path(folder) / (PurePosixPath(path).name or "recording")
         try:
-            storage.get_file(path, str(local), callback=_watching_room(Path(folder)))
+            storage.get_file(path, str(local), callback=_watching(Path(folder)))
         except Exception as error:  # each kind of storage raises its own
             raise InputError(f"{recording} cannot be fetched: {_reason(error)}") from error
         yield str(local)

@@ -101,12 +101,10 @@ def _nested(flat: Mapping[str, Any]) -> dict[str, Any]:
     nested: dict[str, Any] = {}
     for name, value in flat.items():
         section, dot, key = name.partition(".")
-        if dot:
-            nested.setdefault(section, {})[key] = value
-        elif isinstance(value, Mapping):
-            nested.setdefault(section, {}).update(value)
-        else:
-            nested[section] = value
+        more = {key: value} if dot else value
+        before = nested.get(section, {})
+        if isinstance(before, Mapping):
+            nested[section] = {**before, **more} if isinstance(more, Mapping) else more
     return nested
 
 

@@ -201,6 +201,7 @@ def run(
     likelihood: Annotated[str | None, setting(TrackConfig, "likelihood")] = None,
     stature: Annotated[float | None, setting(TrackConfig, "stature")] = None,
     refine: Annotated[bool | None, setting(TrackConfig, "refine", "--refine/--no-refine")] = None,
+    depth_scale: Annotated[float | None, setting(ViewsConfig, "depth_scale")] = None,
     cut_out: Annotated[bool | None, setting(ViewsConfig, "cut_out", "--cut-out/--no-cut-out")] = None,
     params: Params = None,
 ) -> None:
@@ -222,7 +223,7 @@ def run(
 
     check_targets([output], [recording, model, rig, params])
     config = _settings(
-        params, space=given(voxel=voxel), views=given(cut_out=cut_out),
+        params, space=given(voxel=voxel), views=given(cut_out=cut_out, depth_scale=depth_scale),
         track=given(particles=particles, likelihood=likelihood, stature=stature, refine=refine),
     )  # fmt: skip
     learned, cameras = VolumeModel.load(model), load_rig(rig)

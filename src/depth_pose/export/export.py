@@ -27,6 +27,7 @@ from depth_pose.export.tracks import (
     held,
     in_world,
     read_tracks,
+    whole,
 )
 from depth_pose.export.trc import trc_text
 from depth_pose.io.mcap_read import DepthReader
@@ -211,7 +212,7 @@ def _write_each(
     T_up: NDArray[np.float64] = _T_UP_OPTICAL if floor is None else _T_UP_WORLD
     step_s = even_step_s(tracks.stamps_ns)
     written = []
-    for track, path in zip(tracks.people, _paths_of(output, tracks), strict=True):
+    for track, path in zip(map(whole, tracks.people), _paths_of(output, tracks), strict=True):
         motion = even(in_world(track, T_up, track.frame_id), step_s)
         if fill:
             motion = fill_gaps(motion)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -189,6 +189,26 @@ def _empty(body_id: str, frame_id: str, stamps_ns: NDArray[np.int64]) -> Track:
         np.full(count, Source.LOST, np.uint8),
         np.full((count, BUILD_SIZE), np.nan, np.float32),
     )
+
+
+def whole(track: Track) -> Track:
+    """Return a track whose frames with joints that are missing or no numbers are gaps.
+
+    Raises
+    ------
+    InputError
+        Where no frame is left.
+    """
+    values = np.concatenate([track.positions, track.quats_xyzw], axis=2)
+    good = track.present & np.isfinite(values).all(axis=(1, 2))
+    if not good.any():
+        raise InputError(f"{track.body_id!r} has no frame in which all joints are there and are numbers")
+    first, last = np.flatnonzero(good)[[0, -1]]
+    held = {f.name: getattr(track, f.name) for f in fields(track)}
+    held = {n: v[first : last + 1].copy() for n, v in held.items() if isinstance(v, np.ndarray)}
+    held["present"] = good = good[first : last + 1]
+    held["positions"][~good] = held["quats_xyzw"][~good] = np.nan
+    return replace(track, **held)
 
 
 def in_world(track: Track, T_world_camera: Array, frame_id: str) -> Track:

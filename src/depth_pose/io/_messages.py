@@ -23,6 +23,12 @@ from depth_pose.core.skeleton import JOINT_INDEX, JOINTS, JointState, Source
 from depth_pose.core.types import BUILD_SIZE, Skeleton
 from depth_pose.io import schemas
 
+_MOST_SKELETON_BYTES = 4 << 20
+"""Largest message of skeletons (bytes): 2,000 people. Decoding takes 20 microseconds a joint. Set by hand."""
+
+_LONGEST_NAME = 1000
+"""Most letters of an id or a frame: every row of a table repeats them. Set by hand."""
+
 
 @dataclass(frozen=True)
 class ImageMessage:
@@ -111,18 +117,31 @@ def read_image(data: bytes | memoryview) -> ImageMessage:
 
 def read_skeleton(data: bytes, definition: str = schemas.BUILD_LINE) -> Skeleton:
     """Decode a Skeleton by its definition in the recording; its joints are sorted as in `JOINTS`."""
+    _check_size(data)
     return _skeleton_of(read_message(data, schemas.SKELETON, schemas.BUILD_LINE in definition))
 
 
 def read_people(data: bytes, definition: str = schemas.BUILD_LINE) -> SkeletonsMessage:
     """Decode a SkeletonArray, by its definition in the recording."""
+    _check_size(data)
     m = read_message(data, schemas.SKELETON_ARRAY, schemas.BUILD_LINE in definition)
     return SkeletonsMessage(stamp_of(m), m.header.frame_id, tuple(_skeleton_of(s) for s in m.skeletons))
+
+
+def _check_size(data: bytes) -> None:
+    """Refuse what would be decoded joint by joint for minutes."""
+    if len(data) > _MOST_SKELETON_BYTES:
+        raise InputError(
+            f"Skeleton: the message has {len(data)} bytes; at most {_MOST_SKELETON_BYTES} are read"
+        )
 
 
 def _skeleton_of(m: Any) -> Skeleton:
     if m.source not in tuple(Source):
         raise InputError(f"Skeleton: source is {m.source}; it must be one of 0 to {max(Source)}")
+    for name, text in (("body_id", m.body_id), ("frame_id", m.header.frame_id)):
+        if len(text) > _LONGEST_NAME:
+            raise InputError(f"Skeleton: {name} has {len(text)} letters; at most {_LONGEST_NAME} are read")
     build = np.array(getattr(m, "build", ()), np.float32)
     if len(build) not in (0, BUILD_SIZE):
         raise InputError(f"Skeleton: the build has {len(build)} numbers; it must have none, or {BUILD_SIZE}")

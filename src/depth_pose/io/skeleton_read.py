@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import TypeVar
 
 from depth_pose.core.errors import InputError
 from depth_pose.core.types import Skeleton
@@ -14,6 +15,8 @@ from depth_pose.io._recording import Recording
 from depth_pose.io.damage import tell_damage
 from depth_pose.io.depth_topics import describe_topics
 from depth_pose.io.schemas import PEOPLE_TOPIC, SKELETON_TOPIC
+
+_Read = TypeVar("_Read")
 
 
 def read_skeletons(path: Path | str, topic: str = SKELETON_TOPIC) -> Iterator[Skeleton]:
@@ -34,7 +37,7 @@ def read_skeletons(path: Path | str, topic: str = SKELETON_TOPIC) -> Iterator[Sk
     recording = Recording(path)
     _require(recording, topic, schemas.SKELETON)
     definition = recording.topics[topic].definition or schemas.BUILD_LINE
-    return (read_skeleton(data, definition) for data in _data_of(recording, topic))
+    return _decoded(recording, topic, lambda data: read_skeleton(data, definition))
 
 
 def read_people(path: Path | str, topic: str = PEOPLE_TOPIC) -> Iterator[SkeletonsMessage]:
@@ -58,12 +61,12 @@ def read_people(path: Path | str, topic: str = PEOPLE_TOPIC) -> Iterator[Skeleto
     found = recording.topics.get(topic)
     if found is not None and found.kind == schemas.SKELETON:
         text = found.definition or schemas.BUILD_LINE
-        return (_alone(read_skeleton(data, text)) for data in _data_of(recording, topic))
+        return _decoded(recording, topic, lambda data: _alone(read_skeleton(data, text)))
     if topic == PEOPLE_TOPIC and found is None and SKELETON_TOPIC in recording.topics:
         return read_people(path, SKELETON_TOPIC)
     _require(recording, topic, schemas.SKELETON_ARRAY)
     definition = recording.topics[topic].definition or schemas.BUILD_LINE
-    return (read_people_message(data, definition) for data in _data_of(recording, topic))
+    return _decoded(recording, topic, lambda data: read_people_message(data, definition))
 
 
 def _alone(skeleton: Skeleton) -> SkeletonsMessage:
@@ -81,7 +84,12 @@ def _require(recording: Recording, topic: str, kind: str) -> None:
         )
 
 
-def _data_of(recording: Recording, topic: str) -> Iterator[bytes]:
+def _decoded(recording: Recording, topic: str, read: Callable[[bytes], _Read]) -> Iterator[_Read]:
+    """Yield a topic's messages; an error names the recording."""
     for message in recording.messages(topic):
-        yield message.data
+        try:
+            found = read(message.data)
+        except InputError as error:
+            raise InputError(f"{recording.path}: {topic}: {error}") from error
+        yield found
     tell_damage(recording.damage)

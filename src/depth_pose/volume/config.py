@@ -92,6 +92,9 @@ class ViewsConfig(Checked):
     gone_after: float = option(
         0.5, "A camera silent for this long is gone and not waited for", unit="s", low=0.05, high=60.0
     )
+    depth_scale: float = option(
+        0.0, "Metres per unit of depth; 0: 0.001 for integers, 1 for floats", low=0.0, high=1e3
+    )
     cut_out: bool = option(True, "Depth: find the person in the images; false: they show nothing else")
 
 

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -232,6 +233,7 @@ class VolumePipeline:
         self.rig, config = rig, config or VolumeConfig()
         self.eyes = make_eyes(model.meta["input"], rig.cameras, config)
         self.tracker = VolumePoseTracker(model, config, frame_id)
+        self._disregarded: Counter[int] = Counter()
 
     @_one_thread
     def process_frame(self, views: ViewSet) -> VolumePose:
@@ -249,6 +251,7 @@ class VolumePipeline:
             Where the images are not one per camera, or of other sizes than the cameras'.
         """
         volume, disregarded = self.eyes.see(views)
+        self._disregarded.update(disregarded)
         found = self.tracker.process(volume, views.stamp_ns)
         return replace(found, skeleton=in_world(found.skeleton, self.rig.up), disregarded=disregarded)
 
@@ -256,6 +259,15 @@ class VolumePipeline:
         """Forget all earlier frames."""
         self.eyes.reset()
         self.tracker.reset()
+        self._disregarded.clear()
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Which cameras showed nobody while others did, since the last reset, one line each."""
+        return tuple(
+            f"{self.rig.topics[camera]} shows nobody in {count} frames in which others do"
+            for camera, count in self._disregarded.items()
+        )
 
     def warm_up(self) -> None:
         """Compile every kernel, so that the first frame is not late."""

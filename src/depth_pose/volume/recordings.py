@@ -10,7 +10,7 @@ from depth_pose.core.errors import InputError
 from depth_pose.io._messages import ImageMessage, read_image
 from depth_pose.io._recording import Recording
 from depth_pose.volume.config import ViewsConfig
-from depth_pose.volume.decode import decode_views
+from depth_pose.volume.decode import ViewDecoder
 from depth_pose.volume.rigfile import Rig
 from depth_pose.volume.synchroniser import Synchroniser, ViewSet
 
@@ -46,6 +46,7 @@ class ViewReader:
     def __init__(self, path: Path | str, rig: Rig, kind: str, config: ViewsConfig | None = None) -> None:
         self._recording, self._rig, self._kind = Recording(path), rig, kind
         self._config = config or ViewsConfig()
+        self._decoder = self._new_decoder()
         self._index = {t: i for i, t in enumerate(rig.topics) if t in self._recording.topics}
         if not self._index:
             there = ", ".join(sorted(self._recording.topics)) or "none"
@@ -66,11 +67,16 @@ class ViewReader:
     @property
     def warnings(self) -> list[str]:
         """What went wrong since iteration began."""
-        return [*self.damage, *(f"{count} times: {what}" for what, count in self._wrong.items())]
+        wrong = (f"{count} times: {what}" for what, count in self._wrong.items())
+        return [*self.damage, *(f"{self.path}: {line}" for line in self._decoder.doubts().values()), *wrong]
+
+    def _new_decoder(self) -> ViewDecoder:
+        return ViewDecoder(self._rig, self._kind, self._config.depth_scale, self._complain)
 
     def __iter__(self) -> Iterator[ViewSet]:
         """Yield the decoded views in order of stamps; None for a camera without an image."""
         self._wrong.clear()
+        self._decoder = self._new_decoder()
         self.incomplete = self.dropped = given = 0
         for views in self._read():
             self.incomplete += any(image is None for image in views.images)
@@ -129,7 +135,7 @@ class ViewReader:
 
     def _decode(self, views: ViewSet, gone: int) -> ViewSet | None:
         try:
-            return decode_views(views, self._rig, self._kind, gone, self._complain)
+            return self._decoder.decode(views, gone)
         except InputError as error:
             self.dropped += 1
             self._wrong[f"a frame was dropped: {error}"] += 1

@@ -31,7 +31,7 @@ from depth_pose.ros.transport.intake import LOG_EVERY_S, Input
 from depth_pose.ros.transport.rig_source import RIG_SETTINGS, RigSource
 from depth_pose.ros.transport.view_sets import ViewSetIntake
 from depth_pose.volume.config import VolumeConfig
-from depth_pose.volume.decode import decode_views
+from depth_pose.volume.decode import ViewDecoder
 from depth_pose.volume.model import VolumeModel
 from depth_pose.volume.pipeline import VolumePipeline, VolumePose
 from depth_pose.volume.rigfile import Rig
@@ -54,6 +54,7 @@ class VolumeNode(StageNode):
     def __init__(self) -> None:
         self._source: RigSource | None = None
         self._told_gone: list[int] = []
+        self._told_unit: set[str] = set()
         super().__init__("volume")
 
     # Beginning
@@ -77,6 +78,8 @@ class VolumeNode(StageNode):
     def make_stage(self, config: VolumeConfig) -> VolumePipeline:
         """Make the pipeline."""
         self._synchroniser.config = config.views
+        kind = self._model.meta["input"]
+        self._decoder = ViewDecoder(self._rig, kind, config.views.depth_scale, self._complain)
         return VolumePipeline(self._model, self._rig, config, self._frame)
 
     def open_outputs(self) -> None:
@@ -102,11 +105,13 @@ class VolumeNode(StageNode):
     def answer(self, messages: ViewSet) -> None:
         """Track the views of one time."""
         try:
-            views = decode_views(
-                messages, self._rig, self._model.meta["input"], len(self._gone()), self._complain
-            )
+            views = self._decoder.decode(messages, len(self._gone()))
         except InputError as error:
             raise Drop("bad input", str(error)) from error
+        for topic, line in self._decoder.doubts(live=True).items():
+            if topic not in self._told_unit:
+                self._told_unit.add(topic)
+                self.get_logger().warning(line)
         self._publish(self.stage.process_frame(views), views.stamp_ns)
 
     def _complain(self, topic: str, error: InputError) -> None:
