@@ -49,6 +49,7 @@ class Kind(IntEnum):
     PIPE = 22
     BOARD = 23
     AID = 24
+    PET = 25
 
 
 _LUMP_RINGS, _LUMP_COLUMNS = 7, 12

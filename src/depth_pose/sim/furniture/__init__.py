@@ -1,4 +1,4 @@
-"""Objects in rooms: furniture, things on it, plants, doors, coats on stands, walking aids."""
+"""Objects in rooms: furniture, things on it, plants, doors, coats on stands, walking aids, pets."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from depth_pose.sim.furniture.aids import make_walker, make_wheelchair
+from depth_pose.sim.furniture.animals import make_pet
 from depth_pose.sim.furniture.fixtures import (
     make_bin,
     make_board,
@@ -25,8 +26,8 @@ from depth_pose.sim.furniture.tables import make_table
 from depth_pose.sim.shapes import Assembly
 
 __all__ = [
-    "AT_WALLS", "STANDING", "make_bed", "make_board", "make_chair", "make_coats", "make_pillar", "make_plant",
-    "make_shelf", "make_sofa", "make_stool", "make_table", "make_wheelchair",
+    "AT_WALLS", "STANDING", "make_bed", "make_board", "make_chair", "make_coats", "make_pet", "make_pillar",
+    "make_plant", "make_shelf", "make_sofa", "make_stool", "make_table", "make_wheelchair",
 ]  # fmt: skip
 
 STANDING: tuple[tuple[Callable[[np.random.Generator], Assembly], float], ...] = (
@@ -45,6 +46,7 @@ STANDING: tuple[tuple[Callable[[np.random.Generator], Assembly], float], ...] = 
     (make_board, 1.2),
     (make_wheelchair, 0.4),
     (make_walker, 0.3),
+    (make_pet, 0.8),
 )
 """Makers of what stands about in a room, and how often each is taken."""
 

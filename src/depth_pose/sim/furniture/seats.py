@@ -145,8 +145,24 @@ def make_bed(
         return thing
     for x in (-0.25, 0.25) if wide > 1.2 else (0.0,):
         thing.lump((x * wide, top + 0.03, -0.72), (0.32, 0.07, 0.2), 0.06)
-    if not bare and rng.random() < 0.6:
+    if not bare and rng.random() < 0.5:
+        _heap_duvet(thing, rng, top, wide, long)
+    elif not bare and rng.random() < 0.6:
         for _ in range(int(rng.integers(1, 5))):
             at = (rng.uniform(-0.3, 0.3) * wide, top + 0.02, rng.uniform(-0.4, 0.8))
             thing.lump(at, rng.uniform((0.2, 0.06, 0.2), (0.5, 0.16, 0.6)), 0.12, rng.uniform(0, 3))
     return thing
+
+
+def _heap_duvet(thing: Assembly, rng: np.random.Generator, top: float, wide: float, long: float) -> None:
+    """Leave a crumpled blanket with nobody under it on a bed."""
+    first = rng.uniform(-0.4, 0.1) * long
+    x, z = np.meshgrid(np.arange(-wide / 2, wide / 2, 0.05), np.arange(first, long / 2, 0.05))
+    height = np.full(x.shape, rng.uniform(0.01, 0.04))
+    for _ in range(int(rng.integers(2, 14))):
+        at, size = rng.uniform((-wide / 2, first), (wide / 2, long / 2)), rng.uniform(0.06, 0.35, 2)
+        turn, tall = rng.uniform(0, np.pi), rng.uniform(0.02, 0.22)
+        a, b = np.cos(turn) * (x - at[0]) + np.sin(turn) * (z - at[1]), np.cos(turn) * (z - at[1])
+        b -= np.sin(turn) * (x - at[0])
+        height = np.maximum(height, tall * np.exp(-((a / size[0]) ** 2) - (b / size[1]) ** 2))
+    thing.sheet(np.stack([x, top + height, z], axis=-1), albedo=random_albedo(rng, 0.1))
