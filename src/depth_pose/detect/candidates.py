@@ -73,7 +73,7 @@ class CandidateFinder:
         return Candidates(found.depth, self._complete(found), found.camera, found.people, found.out_of_range)
 
     def _find_turned(self, frame: DepthFrame) -> Detections:
-        """Find people in the image turned as it was of use; now and then in another way if not all are sure."""
+        """Find people in the image turned as it was of use; now and then another way if there is doubt."""
         found = self.finder.find(frame, self._turns)
         doubtful = [p for p in found.people if p.probability < self._config.sure]
         if found.people and not doubtful:
