@@ -1,4 +1,4 @@
-"""Make the people finder's weights: scenes, training, verifier, and the second look's net.
+"""Make the people finder's weights from nothing: scenes, training, verifier, and the second look's net.
 
     pip install -e '.[train]'
     python tools/people_finder/make_weights.py build/people_finder
@@ -26,12 +26,8 @@ _ALIKE_TRAIN_SEED, _ALIKE_CHECK_SEED = 3, 900_003
 """Seeds of all these scenes: what weights are trained on is never what they are checked on."""
 _ALIKE, _ALIKE_CHECKS = 7_500, 750
 """Scenes of what looks like people, to train on and to check on. Set by hand."""
-_BASE = ("git", "show", "40458bc:src/depth_pose/people/weights/people_finder.onnx")
-"""The finder that shipped before, with floats: 240,000 images of 18,500 scenes at a rate of up to 2e-3 by
-``train.py``, from nothing."""
-_IMAGES, _BATCH, _RATE, _SHARE = 9_600, 16, 6e-4, 0.4
-"""The training that goes on from it: images, images a step, highest rate, and the share of the way that is
-gone to its weights. Set by hand."""
+_IMAGES, _BATCH, _RATE = 240_000, 16, 2e-3
+"""The finder's training: images in all, images a step, and the highest learning rate. Set by hand."""
 _CROPS, _FALL = 1_000_000, 80_000
 """The second look's training: crops at the highest rate, and while it falls. Set by hand."""
 _COARSE = ("git", "show", "fe355e5:src/depth_pose/people/weights/joint_finder.onnx")
@@ -62,10 +58,11 @@ def main(
         how = ("--style", style.value, "--seed", made_from, "--workers", workers)
         call("make_scenes.py", "-o", place, "--count", count, *how)
     people, at_once = folder / "people", ("--workers", workers)
-    if not (people / "blend.pt").exists():
-        train_finder(train, people, seed)
-    note = f"240000 images, then {_IMAGES} of {scenes} scenes, seed {seed}, {_SHARE} of the way"
-    call("fit_verifier.py", people / "blend.pt", check, folder / "weights", "--note", note)
+    if not (people / "last.pt").exists():
+        cycle = ("--images", _IMAGES, "--batch", _BATCH, "--rate", _RATE)
+        call("train.py", train, people, *cycle, "--seed", seed, *at_once)
+    note = f"{scenes} scenes, {_IMAGES} images, seed {seed}, {workers} at once"
+    call("fit_verifier.py", people / "last.pt", check, folder / "weights", "--note", note)
     found, found_apart = folder / "sightings_train.npz", folder / "sightings_val.npz"
     for file, places in ((found, (train, alike)), (found_apart, (check, alike_check))):
         if not file.exists():
@@ -79,17 +76,6 @@ def main(
     note = f"{_CROPS} and {_FALL} crops, seed {seed}"
     call("export_joints.py", joints / "last.pt", found_apart, folder / "weights", "--note", note)
     call("quantise.py", folder / "weights", folder / "integers")
-
-
-def train_finder(scenes: Path, people: Path, seed: int) -> None:
-    """Train on from the finder that shipped before, and follow its weights a part of the way."""
-    people.mkdir(parents=True, exist_ok=True)
-    base, start = people / "base.onnx", people / "start.pt"
-    base.write_bytes(subprocess.run(_BASE, check=True, capture_output=True, cwd=_HERE).stdout)
-    call("warm_start.py", base, scenes, start)
-    cycle = ("--images", _IMAGES, "--batch", _BATCH, "--rate", _RATE, "--seed", seed)
-    call("train.py", scenes, people, "--start", start, "--no-joints", *cycle)
-    call("blend.py", start, people / "last.pt", people / "blend.pt", "--share", _SHARE)
 
 
 def call(script: str, *arguments: object) -> None:
