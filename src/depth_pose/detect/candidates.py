@@ -87,20 +87,26 @@ class CandidateFinder:
             return found
         other = (self._turns + _TURNS[self._doubts // _TRY_EVERY % len(_TURNS)]) % 4
         tried = self.finder.find(frame, other)
-        if not self._is_better(doubtful, found, tried):
+        if not self._is_better(doubtful, found, tried, across=other % 2 == 1):
             return found
         self._turns, self._doubts = other, 0
         return tried
 
-    def _is_better(self, doubtful: list[Detection], found: Detections, tried: Detections) -> bool:
-        """Whether another turn shows somebody surely who was in doubt or not found, and all who were sure."""
-        sure = [p.torso for p in tried.people if p.probability >= self._config.sure]
+    def _is_better(
+        self, doubtful: list[Detection], found: Detections, tried: Detections, across: bool
+    ) -> bool:
+        """Whether another turn shows somebody surely who was in doubt or not found, and all who were sure.
 
-        def is_sure(person: Detection) -> bool:
-            return any(np.linalg.norm(person.torso - torso) < _SAME_M for torso in sure)
+        Turned by a quarter only those count who lie ``across`` the image: a post would lie, too.
+        """
+        sure = [p for p in tried.people if p.probability >= self._config.sure]
 
-        kept = all(is_sure(p) for p in found.people if p.probability >= self._config.sure)
-        return kept and (any(is_sure(p) for p in doubtful) or bool(sure and not found.people))
+        def has(person: Detection, people: list[Detection]) -> bool:
+            return any(np.linalg.norm(person.torso - p.torso) < _SAME_M for p in people)
+
+        kept = all(has(p, sure) for p in found.people if p.probability >= self._config.sure)
+        gained = [p for p in sure if not found.people or has(p, doubtful)]
+        return kept and any(not across or _lies_across(tried.labels == p.label) for p in gained)
 
     def mark_hidden(self, candidates: Candidates, filled: float) -> NDArray[np.uint8]:
         """Remove flying pixels, and mark occluders of people.
@@ -136,6 +142,15 @@ class CandidateFinder:
             kernels.attach_apart(free, labels, found.claims, camera, kernels.LimbLimits(jump, **_APART))
         return labels
 
+
+def _lies_across(own: NDArray[np.bool_]) -> bool:
+    """Whether pixels reach farther along rows than along columns."""
+    rows, columns = np.nonzero(own)
+    return len(rows) > 0 and bool(columns.std() > _ACROSS * rows.std())
+
+
+_ACROSS = 1.3
+"""Who lies across the image reaches so many times farther along its rows. Set by hand."""
 
 _TRY_EVERY, _TURNS = 4, (1, 3, 2)
 """Searches from one turned image to the next while there is doubt, and the quarter turns to try in order. Set
