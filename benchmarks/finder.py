@@ -3,11 +3,13 @@
     python benchmarks/finder.py                        # 500 rooms, about three minutes
     python benchmarks/finder.py --rooms 100 --weights build/people_finder/weights
     python benchmarks/finder.py --lookalikes           # rooms with nobody, but with coats
+    python benchmarks/finder.py --mounting ceiling     # cameras of one of the ways to hang them
 
 Each room is one frame by itself: no tracks. A person is found if half of a detection's pixels are theirs
 and its torso lies within 0.4 m of theirs; a detection that is nobody's is false, and counts for the kind of
-thing that most of its pixels show. Prints tables in Markdown: who is found, by how much of them shows, by
-sensor and by distance; what false ones stand on; whether the probability means what it says; time.
+thing that most of its pixels show. Prints tables in Markdown: who is found, false ones and how well masks
+agree, by sensor and by mounting; who is found, by how much of them shows and by distance; what false ones
+stand on; whether the probability means what it says; time.
 """
 
 from __future__ import annotations
@@ -35,7 +37,7 @@ from depth_pose.detect.finder import PeopleFinder, load_weights
 from depth_pose.detect.learned_segmenter import LearnedSegmenter
 from depth_pose.detect.net import read_weights
 from depth_pose.detect.segmentation import Segmentation
-from depth_pose.sim.scenes import Scene, sample_scene
+from depth_pose.sim.scenes import MOUNTINGS, Scene, sample_scene
 from depth_pose.sim.shapes import Kind
 
 SEED = 700_001
@@ -48,6 +50,8 @@ SHOWN = (0.1, 0.3, 0.6, 1.01)
 """Bounds of the groups by the share of a person that shows."""
 DISTANCES_M = (0.0, 1.2, 2.2, 3.5, 12.0)
 """Bounds of the groups by distance, metres."""
+STEEP_DEG, ROLLED_DEG, LOW_M = (40, 65), 45, 0.7
+"""Bounds of the groups by mounting."""
 ASKED = 0.3
 """Who shows by less than this is not asked for, as in the sequences with references."""
 
@@ -58,26 +62,47 @@ _TORSO = [JOINT_INDEX[n] for n in ("left_shoulder", "right_shoulder", "left_hip"
 class Tally:
     """What was found: one row a person, one row a detection."""
 
-    people: list[tuple[float, float, str, float]] = field(default_factory=list)
-    """Share that shows; distance; sensor; probability of who found them, 0 for nobody."""
+    people: list[tuple[float, float, int, float, float]] = field(default_factory=list)
+    """Share that shows; distance; frame; probability of who found them, 0 for nobody; the masks' overlap."""
 
-    overlaps: list[float] = field(default_factory=list)
+    views: list[tuple[str, str]] = field(default_factory=list)
+    """Sensor and mounting of each frame."""
+
     detections: list[tuple[float, bool]] = field(default_factory=list)
     """Probability; whether it is a person."""
 
-    false_kinds: list[tuple[float, Kind]] = field(default_factory=list)
+    false_kinds: list[tuple[float, Kind, int]] = field(default_factory=list)
+    """Probability; what it is; frame."""
+
     milliseconds: list[float] = field(default_factory=list)
-    frames: int = 0
+
+    @property
+    def frames(self) -> int:
+        """How many rooms were looked at."""
+        return len(self.views)
 
 
-def rooms(seed: int, count: int, lookalikes: bool = False) -> Iterator[Scene]:
+def rooms(seed: int, count: int, lookalikes: bool = False, mounting: str | None = None) -> Iterator[Scene]:
     """Make rooms one after another; those with ``lookalikes`` show nobody."""
     for k in range(count):
         rng = np.random.default_rng(np.random.SeedSequence([seed, k]))
         if lookalikes:
-            yield sample_scene(rng, people=0, studio=False, lookalikes=True)
+            yield sample_scene(rng, people=0, studio=False, lookalikes=True, mounting=mounting)
         else:
-            yield sample_scene(rng)
+            yield sample_scene(rng, mounting=mounting)
+
+
+def mounting_of(scene: Scene) -> str:
+    """Say how the camera hangs, by the first that holds."""
+    right, down, ahead = scene.up.astype(float)
+    pitch, roll = np.degrees(np.arcsin(np.clip(-ahead, -1, 1))), np.degrees(np.arctan2(right, -down))
+    if pitch > STEEP_DEG[1]:
+        return f"over {STEEP_DEG[1]} degrees down"
+    if pitch > STEEP_DEG[0]:
+        return f"{STEEP_DEG[0]} to {STEEP_DEG[1]} degrees down"
+    if abs(roll) > ROLLED_DEG:
+        return f"rolled by more than {ROLLED_DEG} degrees"
+    return f"below {LOW_M} m" if scene.height < LOW_M else "others"
 
 
 def frame_of(scene: Scene) -> DepthFrame:
@@ -95,10 +120,10 @@ def on_grid(image: np.ndarray, found: Segmentation, scene: Scene) -> np.ndarray:
 
 def score(tally: Tally, scene: Scene, found: Segmentation) -> None:
     """Compare one frame's detections with the truth; the surest takes a person first."""
-    tally.frames += 1
+    tally.views.append((scene.sensor, mounting_of(scene)))
     owner, kind = on_grid(scene.person, found, scene), on_grid(scene.kind, found, scene)
     torsos = scene.joints[:, _TORSO].mean(axis=1)
-    best = np.zeros(len(torsos))
+    best, overlaps = np.zeros(len(torsos)), np.full(len(torsos), np.nan)
     measured = on_grid(scene.depth, found, scene) > 0
     for person in sorted(found.sightings, key=lambda p: -p.probability):
         own = (found.labels == person.label) & measured
@@ -110,12 +135,13 @@ def score(tally: Tally, scene: Scene, found: Segmentation) -> None:
             k = theirs[0]
             best[k] = person.probability
             truth = (owner == k + 1) & measured
-            tally.overlaps.append(float((own & truth).sum() / max(1, (own | truth).sum())))
+            overlaps[k] = (own & truth).sum() / max(1, (own | truth).sum())
         elif not (shares >= OWN_SHARE).any():
             things = np.bincount(kind[own], minlength=len(Kind))
-            tally.false_kinds.append((person.probability, Kind(int(things.argmax()))))
+            tally.false_kinds.append((person.probability, Kind(int(things.argmax())), tally.frames - 1))
     for k, torso in enumerate(torsos):
-        tally.people.append((float(scene.visible[k]), float(torso[2]), scene.sensor, best[k]))
+        row = (float(scene.visible[k]), float(torso[2]), tally.frames - 1, best[k], overlaps[k])
+        tally.people.append(row)
 
 
 def measure(config: SegmentConfig, weights: Path | None, scenes: Iterable[Scene]) -> Tally:
@@ -143,11 +169,10 @@ def table(columns: Iterable[str], rows: Iterable[Iterable[object]]) -> str:
 
 def by_group(tally: Tally, threshold: float) -> str:
     """Say who is found."""
-    shown, distance, sensor, probability = (np.array(c) for c in zip(*tally.people, strict=True))
+    shown, distance, _, probability, _ = (np.array(c) for c in zip(*tally.people, strict=True))
     asked, hit = shown >= ASKED, probability >= threshold
     groups = [("all asked for", asked)]
     groups += [(f"{a:g} to {min(b, 1):g} shows", (shown >= a) & (shown < b)) for a, b in pairwise(SHOWN)]
-    groups += [(str(name), asked & (sensor == name)) for name in np.unique(sensor)]
     groups += [
         (f"{a:g} to {b:g} m", asked & (distance >= a) & (distance < b)) for a, b in pairwise(DISTANCES_M)
     ]
@@ -155,9 +180,34 @@ def by_group(tally: Tally, threshold: float) -> str:
     return table(("people", "number", f"found at {threshold:g}"), rows)
 
 
+def by_view(tally: Tally, threshold: float) -> str:
+    """Say who is found, how many are false and how well masks agree, by sensor and by mounting."""
+    shown, _, frame, probability, overlap = (np.array(c) for c in zip(*tally.people, strict=True))
+    false = np.array([f for p, _, f in tally.false_kinds if p >= threshold], int)
+    views = np.array(tally.views)
+    rows = []
+    for column in (0, 1):
+        for name in np.unique(views[:, column]):
+            here = views[:, column] == name
+            asked = here[frame.astype(int)] & (shown >= ASKED)
+            found = asked & (probability >= threshold)
+            rows.append(
+                (
+                    name,
+                    int(here.sum()),
+                    int(asked.sum()),
+                    f"{found.sum() / max(1, asked.sum()):.3f}",
+                    f"{here[false].sum() / here.sum():.3f}",
+                    f"{np.nanmedian(overlap[found]):.2f}" if found.any() else "",
+                )
+            )
+    columns = ("view", "rooms", "people", f"found at {threshold:g}", "false a room", "masks' overlap, median")
+    return table(columns, rows)
+
+
 def by_thing(tally: Tally, thresholds: tuple[float, ...]) -> str:
     """Say what false ones stand on."""
-    counts = [Counter(kind.name.lower() for p, kind in tally.false_kinds if p >= t) for t in thresholds]
+    counts = [Counter(kind.name.lower() for p, kind, _ in tally.false_kinds if p >= t) for t in thresholds]
     names = sorted(counts[0], key=lambda n: -counts[0][n])
     rows = [(n, *(c[n] for c in counts)) for n in names]
     rows.append(("all, a frame", *(f"{sum(c.values()) / tally.frames:.3f}" for c in counts)))
@@ -192,9 +242,10 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=SEED, help="of the rooms")
     parser.add_argument("--weights", type=Path, help="folder of other weights than those that ship")
     parser.add_argument("--lookalikes", action="store_true", help="rooms with nobody, but coats")
+    parser.add_argument("--mounting", choices=MOUNTINGS, help="how cameras hang; drawn where not given")
     arguments = parser.parse_args()
     config = SegmentConfig()
-    made = rooms(arguments.seed, arguments.rooms, arguments.lookalikes)
+    made = rooms(arguments.seed, arguments.rooms, arguments.lookalikes, arguments.mounting)
     tally = measure(config, arguments.weights, track(made, "rooms", total=arguments.rooms))
     names = ("people_finder.onnx", "joint_finder.onnx")
     first, second = (hashlib.sha256(read_weights(n, arguments.weights)).hexdigest()[:12] for n in names)
@@ -202,9 +253,10 @@ def main() -> None:
     thresholds = (config.keep, config.start, 0.8)
     print(by_thing(tally, thresholds), "\n")
     if tally.people:
+        print(by_view(tally, config.start), "\n")
         print(by_group(tally, config.start), "\n")
         print(reliability(tally), "\n")
-        low, median, high = np.percentile(tally.overlaps, (10, 50, 90))
+        low, median, high = np.nanpercentile([p[4] for p in tally.people], (10, 50, 90))
         print(f"Overlap with the truth: median {median:.2f} ({low:.2f} to {high:.2f}). ", end="")
     print(f"Processor time {np.median(tally.milliseconds):.1f} ms a frame (320 wide), median, first look.")
 

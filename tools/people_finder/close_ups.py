@@ -15,16 +15,9 @@ from numpy.typing import NDArray
 from depth_pose.core.camera import Camera
 from depth_pose.core.skeleton import JOINT_INDEX
 from depth_pose.sim import _scene_kernels as kernels
-from depth_pose.sim.furniture import (
-    AT_WALLS,
-    STANDING,
-    make_bed,
-    make_chair,
-    make_sofa,
-    make_stool,
-    make_table,
-)
-from depth_pose.sim.people import Figure, sample_figure
+from depth_pose.sim.furniture import AT_WALLS, STANDING
+from depth_pose.sim.people import sample_figure
+from depth_pose.sim.resting import Settled, child_in_arms, settle
 from depth_pose.sim.scene_noise import Shown, measure, sample_sensor
 from depth_pose.sim.scene_view import View
 from depth_pose.sim.scenes import Placed, place
@@ -86,18 +79,22 @@ class CloseUpMaker:
     """
 
     views: int = 4
-    _others: list[Figure] = field(default_factory=list)
+    _others: list[Settled] = field(default_factory=list)
 
     def make(self, rng: np.random.Generator) -> list[CloseUp]:
         """Draw a person, what is about them, and some cameras; gives what those see that show enough."""
         names = list(POSTURES)
         shares = np.array(list(POSTURES.values()))
         figure = sample_figure(rng, names[rng.choice(len(names), p=shares / shares.sum())], loose=True)
-        person = place(figure, 0.0, 0.0, 0.0, rng)
-        beside = self._beside(person, rng)
-        surroundings = _surround(figure, person, beside, rng)
+        settled = settle(figure, rng)
+        person = place(settled.figure, 0.0, 0.0, 0.0, rng)
+        shapes = Assembly(Kind.WALL)
+        for thing in settled.things:
+            shapes.add(thing)
+        beside = self._beside(settled, person, shapes, rng)
+        surroundings = _surround(shapes, person, beside, rng)
         room = triangulate(surroundings.shapes, rng)
-        self._others = [*self._others[-_OTHERS:], figure]
+        self._others = [*self._others[-_OTHERS:], settled]
         out = []
         for _ in range(self.views):
             view = _sample_view(person.joints[_TORSO].mean(axis=0), surroundings, rng)
@@ -106,15 +103,29 @@ class CloseUpMaker:
                 out.append(seen)
         return out
 
-    def _beside(self, person: Placed, rng: np.random.Generator) -> list[Placed]:
-        """Put somebody who was drawn before beside the person, now and then."""
-        if not self._others or rng.random() > 0.25:
-            return []
-        other = self._others[int(rng.integers(len(self._others)))]
-        angle, away = rng.uniform(0, 2 * np.pi), rng.uniform(0.4, 1.3)
-        placed = place(other, away * np.sin(angle), away * np.cos(angle), rng.uniform(0, 2 * np.pi), rng)
-        apart = np.linalg.norm(person.joints[:, None] - placed.joints[None], axis=-1)
-        return [placed] if apart.min() > 0.2 else []
+    def _beside(
+        self, settled: Settled, person: Placed, shapes: Assembly, rng: np.random.Generator
+    ) -> list[Placed]:
+        """Put a child into arms, and others who were drawn before at the same table or beside the person."""
+        child = child_in_arms(settled.figure, rng)
+        around = [] if child is None else [place(child, 0.0, 0.0, 0.0, rng)]
+        others, spots = self._others, []
+        if settled.table > 0:
+            others = [o for o in others if o.figure.posture == "sit" and o.figure.seat_height > 0]
+            across = 2 * settled.table
+            at = ((0.0, across, np.pi), (0.7, across, np.pi), (0.7, 0.0, 0.0), (-0.7, 0.0, 0.0))
+            spots = [spot for spot in at if rng.random() < 0.35]
+        elif rng.random() < 0.25:
+            angle, away = rng.uniform(0, 2 * np.pi), rng.uniform(0.4, 1.3)
+            spots = [(away * np.sin(angle), away * np.cos(angle), rng.uniform(0, 2 * np.pi))]
+        for x, z, turn in spots if others else []:
+            other, turned = others[int(rng.integers(len(others)))], turn + rng.normal(0, 0.1)
+            placed = place(other.figure, x, z, turned, rng)
+            apart = np.linalg.norm(person.joints[:, None] - placed.joints[None], axis=-1)
+            rests = other.things[:1]  # not their table
+            if apart.min() > 0.2 and all(_put(shapes, t, x, z, turned, person.vertices[::10]) for t in rests):
+                around.append(placed)
+        return around
 
 
 @dataclass(frozen=True)
@@ -126,11 +137,10 @@ class _Surroundings:
 
 
 def _surround(
-    figure: Figure, person: Placed, beside: list[Placed], rng: np.random.Generator
+    shapes: Assembly, person: Placed, beside: list[Placed], rng: np.random.Generator
 ) -> _Surroundings:
-    """Put floor, walls, a seat and furniture about a person at the origin who faces +z."""
-    shapes, walls = Assembly(Kind.WALL), []
-    _put_seat(shapes, figure, person, rng)
+    """Put floor, walls and furniture about a person at the origin who faces +z, and what they rest on."""
+    walls: list[tuple[float, float]] = []
     if rng.random() < 0.12:  # nothing but the person
         return _Surroundings(shapes, ())
     shapes.box((0, -0.01, 0), (30.0, 0.02, 30.0), 0, 0, Kind.FLOOR, rng.uniform(0.05, 0.8))
@@ -155,40 +165,16 @@ def _surround(
     return _Surroundings(shapes, tuple(walls))
 
 
-def _put(shapes: Assembly, thing: Assembly, x: float, z: float, turn: float, points: Array) -> None:
-    """Put a thing down unless it would cut somebody."""
+def _put(shapes: Assembly, thing: Assembly, x: float, z: float, turn: float, points: Array) -> bool:
+    """Put a thing down unless it would cut somebody; tells whether it stands there."""
     low, high = thing.bounds()
     c, s = np.cos(turn), np.sin(turn)
     dx, dz = points[:, 0] - x, points[:, 2] - z
     own = np.stack([c * dx - s * dz, points[:, 1], s * dx + c * dz], axis=1)
-    if not np.any(np.all((own > low) & (own < high), axis=1)):
-        shapes.add(thing, x, 0.0, z, turn)
-
-
-def _put_seat(shapes: Assembly, figure: Figure, person: Placed, rng: np.random.Generator) -> None:
-    """Put under a person what they sit or lie on, and at times a desk before them."""
-    if figure.seat_height <= 0.0 or figure.posture not in ("sit", "lie"):
-        return
-    high, pelvis = float(figure.seat_height), person.joints[JOINT_INDEX["pelvis"]]
-    if figure.posture == "lie":
-        low, top = person.vertices.min(axis=0), person.vertices.max(axis=0)
-        along = np.pi / 2 if top[0] - low[0] > top[2] - low[2] else 0.0
-        x, _, z = 0.5 * (low + top)
-        shapes.add(make_bed(rng, high, bare=True), x, 0.0, z, along + np.pi * float(rng.integers(2)))
-        return
-    what = rng.choice(4, p=[0.45, 0.1, 0.35, 0.1])
-    makers = (
-        lambda: make_chair(rng, high, plain=True),
-        lambda: make_stool(rng, high),
-        lambda: make_sofa(rng, high, bare=True),
-        lambda: make_bed(rng, high, bare=True),
-    )
-    side, back = (np.pi / 2, 0.3) if what == 3 else (0.0, 0.0)
-    shapes.add(makers[what](), pelvis[0], 0.0, pelvis[2] - back, side)
-    if what < 2 and rng.random() < 0.35:
-        desk = make_table(rng, max(0.62, high + 0.27))
-        away = -desk.bounds()[0][2] + rng.uniform(0.22, 0.4)
-        shapes.add(desk, pelvis[0], 0.0, pelvis[2] + away, np.pi)
+    if np.any(np.all((own > low) & (own < high), axis=1)):
+        return False
+    shapes.add(thing, x, 0.0, z, turn)
+    return True
 
 
 def _sample_view(torso: Array, around: _Surroundings, rng: np.random.Generator) -> View | None:

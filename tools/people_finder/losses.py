@@ -63,15 +63,15 @@ def behind_loss(logits: Tensor, side: Tensor, weights: Tensor) -> Tensor:
 
 
 def finder_loss(
-    outputs: tuple[Tensor, Tensor, Tensor],
+    outputs: tuple[Tensor, ...],
     grid: Tensor,
     labels: Tensor,
     torso: Tensor,
     cell_labels: Tensor,
     joints: Tensor,
 ) -> tuple[Tensor, dict[str, float]]:
-    """Sum the losses; shapes as `scenes.Batch` and `net.FinderNet`."""
-    mask, votes, joint_votes = (o.float() for o in outputs)
+    """Sum the losses of what the net says, joints or not; shapes as `scenes.Batch` and `net.FinderNet`."""
+    mask, votes = (o.float() for o in outputs[:2])
     valid = (grid > 0).float()
     loss_mask = mask_loss(mask[:, 0], labels, valid)
 
@@ -80,6 +80,11 @@ def finder_loss(
     chosen = votes.permute(0, 2, 3, 1)[at]
     loss_torso = vote_loss(chosen[:, :3], chosen[:, 3], torso.permute(0, 2, 3, 1)[at], weights)
 
+    total = loss_mask + _TORSO_WEIGHT * loss_torso
+    parts = {"mask": loss_mask.item(), "torso": loss_torso.item()}
+    if len(outputs) == 2:
+        return total, parts
+    joint_votes = outputs[2].float()
     at = cell_labels > 0
     n = len(JOINTS)
     weights = person_weights(cell_labels, 8)[at]
@@ -92,13 +97,5 @@ def finder_loss(
         chosen[:, : 3 * n].reshape(-1, 3), chosen[:, 3 * n : 4 * n].reshape(-1), truth, weights
     )
 
-    total = (
-        loss_mask + _TORSO_WEIGHT * loss_torso + _JOINT_WEIGHT * loss_joints + _BEHIND_WEIGHT * loss_behind
-    )
-    parts = {
-        "mask": loss_mask.item(),
-        "torso": loss_torso.item(),
-        "joints": loss_joints.item(),
-        "behind": loss_behind.item(),
-    }
-    return total, parts
+    total = total + _JOINT_WEIGHT * loss_joints + _BEHIND_WEIGHT * loss_behind
+    return total, parts | {"joints": loss_joints.item(), "behind": loss_behind.item()}

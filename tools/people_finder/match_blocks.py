@@ -93,7 +93,7 @@ def _scene(rng: np.random.Generator) -> tuple[list[Drawn], list[Image], float]:
     view = look(_CAMERA, 1.2, np.radians(10.0), 0.0)
     room = make_room(rng, 1.2, False)
     person = place(sample_figure(rng), 0.2, rng.uniform(1.6, 2.8), np.pi, rng)
-    furnish(room, rng, [person.vertices[::12]], 0.8, 5.0)
+    furnish(room, rng, [person.vertices[::12]], view, 5.0)
     shell: Triangles = triangulate(room.shapes, rng)
     vertices = np.concatenate([view.to_optical(person.vertices), view.to_optical(shell.vertices)])
     faces = np.concatenate([person.faces, shell.faces + len(person.vertices)])

@@ -81,6 +81,11 @@ class FinderNet(nn.Module):
         mask, torso, y4 = self.packed(x)
         return functional.pixel_shuffle(mask, 2), functional.pixel_shuffle(torso, 2), self.joints(y4)
 
+    def seen(self, x: Tensor) -> tuple[Tensor, Tensor]:
+        """Give mask logits and torso votes alone."""
+        mask, torso, _ = self.packed(x)
+        return functional.pixel_shuffle(mask, 2), functional.pixel_shuffle(torso, 2)
+
     def packed(self, x: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """Give mask (N,4,H/2,W/2) and torso votes (N,16,H/2,W/2), four pixels to one, and what joints see."""
         x2 = self.stem(x)

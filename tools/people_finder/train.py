@@ -32,6 +32,9 @@ def train(
     start: Annotated[Path | None, typer.Option(help="Checkpoint to go on from")] = None,
     save_every: Annotated[int, typer.Option(help="Images between checkpoints")] = 40_000,
     workers: Annotated[int, typer.Option(help="Processes, each with its share of a batch")] = 1,
+    joints: Annotated[
+        bool, typer.Option(help="Ask for votes for joints, which help a net from nothing to learn")
+    ] = True,
     exact: Annotated[
         bool | None,
         typer.Option(help="32 bits throughout; by default where the processor has no bfloat16"),
@@ -39,11 +42,17 @@ def train(
 ) -> None:
     """Train; writes OUT/NNNNNNN.pt every so often, and OUT/last.pt."""
     plan = Plan(images, batch, rate, save_every, seed)
-    run_replicas(_train, workers, scenes, out, plan, start, exact)
+    run_replicas(_train, workers, scenes, out, plan, start, joints, exact)
 
 
 def _train(
-    replica: Replica, scenes: Path, out: Path, plan: Plan, start: Path | None, exact: bool | None
+    replica: Replica,
+    scenes: Path,
+    out: Path,
+    plan: Plan,
+    start: Path | None,
+    joints: bool,
+    exact: bool | None,
 ) -> None:
     feed = Feed(scenes, plan.seed, replica)
     size = len(replica.share(range(plan.batch)))
@@ -51,7 +60,7 @@ def _train(
     def step(net: FinderNet) -> tuple[Tensor, dict[str, float]]:
         inputs, truths = feed.next(size)
         with arithmetic(exact):
-            outputs = net(inputs)
+            outputs = net(inputs) if joints else net.seen(inputs)
         return finder_loss(outputs, *truths)
 
     optimise(FinderNet, step, plan, replica, out, start, lambda _: {"scenes": feed.count})

@@ -60,15 +60,53 @@ class CandidateFinder:
         self._config = config
         self.finder = PeopleFinder(config, *load_weights(weights))
         self._planes = PlaneFinder()
+        self.reset()
 
     def reset(self) -> None:
         """Forget the room."""
         self._planes.reset()
+        self._turns, self._doubts = 0, 0
 
     def find(self, frame: DepthFrame) -> Candidates:
         """Find the person candidates of a frame."""
-        found = self.finder.find(frame)
+        found = self._find_turned(frame)
         return Candidates(found.depth, self._complete(found), found.camera, found.people, found.out_of_range)
+
+    def _find_turned(self, frame: DepthFrame) -> Detections:
+        """Find people in the image turned as it was of use; now and then another way if there is doubt."""
+        found = self.finder.find(frame, self._turns)
+        doubtful = [p for p in found.people if p.probability < self._config.sure]
+        if found.people and not doubtful:
+            self._doubts = 0
+            return found
+        if self._turns and not found.people:  # who was turned to has left
+            self._turns, self._doubts = 0, 0
+            return found
+        self._doubts += 1
+        if self._doubts % _TRY_EVERY != 1:
+            return found
+        other = (self._turns + _TURNS[self._doubts // _TRY_EVERY % len(_TURNS)]) % 4
+        tried = self.finder.find(frame, other)
+        if not self._is_better(doubtful, found, tried, across=other % 2 == 1):
+            return found
+        self._turns, self._doubts = other, 0
+        return tried
+
+    def _is_better(
+        self, doubtful: list[Detection], found: Detections, tried: Detections, across: bool
+    ) -> bool:
+        """Whether another turn shows somebody surely who was in doubt or not found, and all who were sure.
+
+        Turned by a quarter only those count who lie ``across`` the image: a post would lie, too.
+        """
+        sure = [p for p in tried.people if p.probability >= self._config.sure]
+
+        def has(person: Detection, people: list[Detection]) -> bool:
+            return any(np.linalg.norm(person.torso - p.torso) < _SAME_M for p in people)
+
+        kept = all(has(p, sure) for p in found.people if p.probability >= self._config.sure)
+        gained = [p for p in sure if not found.people or has(p, doubtful)]
+        return kept and any(not across or _lies_across(tried.labels == p.label) for p in gained)
 
     def mark_hidden(self, candidates: Candidates, filled: float) -> NDArray[np.uint8]:
         """Remove flying pixels, and mark occluders of people.
@@ -104,6 +142,22 @@ class CandidateFinder:
             kernels.attach_apart(free, labels, found.claims, camera, kernels.LimbLimits(jump, **_APART))
         return labels
 
+
+def _lies_across(own: NDArray[np.bool_]) -> bool:
+    """Whether pixels reach farther along rows than along columns."""
+    rows, columns = np.nonzero(own)
+    return len(rows) > 0 and bool(columns.std() > _ACROSS * rows.std())
+
+
+_ACROSS = 1.3
+"""Who lies across the image reaches so many times farther along its rows. Set by hand."""
+
+_TRY_EVERY, _TURNS = 4, (1, 3, 2)
+"""Searches from one turned image to the next while there is doubt, and the quarter turns to try in order. Set
+by hand."""
+
+_SAME_M = 0.3
+"""Torsos this near each other are one person's, metres. Set by hand."""
 
 _HAND = kernels.LimbLimits(jump=0.06, area=0.07, width=np.inf, chance=0.15)
 """Limits of an adjacent surface of any shape and place; area and probability chosen on 160 simulated

@@ -30,10 +30,10 @@ from depth_pose.detect._vote_kernels import claim_pixels
 from depth_pose.detect.clusters import Clusters, VoteGatherer
 from depth_pose.detect.net import open_net, read_weights
 from depth_pose.detect.outline import carry_people, spread
+from depth_pose.detect.turned import Turned, reduce_frame
 from depth_pose.detect.verifier import Verifier
 
-_NEAR_M, _FAR_M = 0.2, 12.0
-"""Depth range of the net's training data (m)."""
+__all__ = ["Detection", "Detections", "PeopleFinder", "load_weights", "reduce_frame"]
 
 LEAST_PIXELS = 12
 """Least number of working-grid pixels of a person."""
@@ -103,30 +103,6 @@ class Detections:
     out_of_range: int
 
 
-def reduce_frame(frame: DepthFrame, nearest: float = _NEAR_M) -> NetImage:
-    """Reduce a frame to the net's grid, keeping the aspect ratio.
-
-    Depths below ``nearest``, metres, are removed.
-    """
-    camera = frame.camera
-    stride = max(camera.width / kernels.COLS, camera.height / kernels.ROWS)
-    rows = min(kernels.ROWS, int(camera.height / stride + 1e-6))
-    cols = min(kernels.COLS, int(camera.width / stride + 1e-6))
-    grid = np.empty((kernels.ROWS, kernels.COLS), np.float32)
-    depth = frame.depth if frame.depth.dtype == np.float32 else frame.depth.astype(np.float32)
-    near, far = np.float32(max(nearest, _NEAR_M)), np.float32(_FAR_M)
-    kernels.reduce_grid(depth, stride, rows, cols, near, far, grid)
-    reduced = Camera(
-        width=cols,
-        height=rows,
-        fx=camera.fx / stride,
-        fy=camera.fy / stride,
-        cx=(camera.cx + 0.5) / stride - 0.5,
-        cy=(camera.cy + 0.5) / stride - 0.5,
-    )
-    return NetImage(grid, rows, cols, stride, reduced)
-
-
 class PeopleFinder:
     """Finds people; keeps no state between frames.
 
@@ -165,12 +141,15 @@ class PeopleFinder:
         depth = np.where(np.hypot(rows - 60, 3.0 * (cols - 80)) < 50, 2.0, 4.0).astype(np.float32)
         self.find(DepthFrame(0, "", depth, Camera(160, 120, 140.0, 140.0, 79.5, 59.5)))
 
-    def find(self, frame: DepthFrame) -> Detections:
+    def find(self, frame: DepthFrame, turns: int = 0) -> Detections:
         """Detect all people in a frame.
 
         Parameters
         ----------
         frame : DepthFrame
+        turns : int
+            Quarter turns, counter-clockwise, of the image that the net sees: it knows those best who are
+            upright in it. The answer is of the frame as it is.
 
         Returns
         -------
@@ -178,7 +157,7 @@ class PeopleFinder:
             Empty if no person is in view.
         """
         image = reduce_frame(frame, self.config.near)
-        mask, torso, found = self._vote(image)
+        mask, torso, found = self._vote(image, Turned(frame, turns, self.config.near) if turns else None)
         depth, camera = working_grid.reduce_frame(frame, self.config)
         probability = (
             np.ones(len(found.torsos)) if self.verifier is None else self.verifier.probability(found.measures)
@@ -226,12 +205,18 @@ class PeopleFinder:
         mask, _, clusters = self._vote(image)
         return mask, clusters
 
-    def _vote(self, image: NetImage) -> tuple[NDArray[np.float32], NDArray[np.float32], Clusters]:
-        kernels.fill_features(image, self._sums, self._counts, self._features[0])
+    def _vote(
+        self, image: NetImage, turned: Turned | None = None
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32], Clusters]:
+        """Run the net, on another image where one is given, and cluster its votes."""
+        shown = image if turned is None else turned.image
+        kernels.fill_features(shown, self._sums, self._counts, self._features[0])
         packed_mask, packed_torso = self._session.run(None, {self._input: self._features})
         mask, torso = np.empty((1, kernels.ROWS, kernels.COLS), np.float32), self._torso
         kernels.unpack(packed_mask[0], mask)
         kernels.unpack(packed_torso[0], torso)
+        if turned is not None:
+            mask, torso = turned.back(image, mask, torso)
         return mask[0], torso, self._gatherer.gather(image, mask[0], torso)
 
 

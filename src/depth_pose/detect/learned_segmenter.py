@@ -12,6 +12,7 @@ from depth_pose.core.config import SegmentConfig
 from depth_pose.core.types import BACKGROUND, HIDDEN, DepthFrame
 from depth_pose.detect import working_grid
 from depth_pose.detect._border_kernels import mark_nearer
+from depth_pose.detect.beliefs import Beliefs
 from depth_pose.detect.candidates import CandidateFinder, Candidates
 from depth_pose.detect.finder import Detection
 from depth_pose.detect.joint_finder import JointFinder, JointProposals
@@ -51,6 +52,7 @@ class LearnedSegmenter:
         self._joints = JointFinder(weights)
         self._people = LastPeople(config)
         self._looks = LastLooks(config.look_every)
+        self._beliefs = Beliefs(config.sure)
         self.reset()
 
     def reset(self) -> None:
@@ -58,6 +60,7 @@ class LearnedSegmenter:
         self.candidates.reset()
         self._people.reset()
         self._looks.reset()
+        self._beliefs.reset()
         self._before = np.zeros((0, 0), np.float32)
 
     def warm_up(self) -> None:
@@ -77,6 +80,7 @@ class LearnedSegmenter:
         sightings = [
             _sighting(person, looked, labels, news) for person, looked in zip(found.people, seen, strict=True)
         ]
+        sightings = self._beliefs.renew(sightings, labels, found.depth, frame.stamp_ns)
         sure = tuple(s for s in sightings if s.probability >= self.config.keep)
         for thing in sightings:
             if thing.probability < self.config.keep:

@@ -45,9 +45,12 @@ class Build:
     woman: bool
 
 
-def draw_build(rng: np.random.Generator) -> Build:
-    """Pick a build from this process's pool; the pool is the same in every process."""
-    return _build(int(rng.integers(POOL)))
+def draw_build(rng: np.random.Generator, tallest: float = np.inf) -> Build:
+    """Pick a build, no taller than some metres, from this process's pool: the same in every process."""
+    while True:
+        build = _build(int(rng.integers(POOL)))
+        if build.body.stature <= tallest:
+            return build
 
 
 @lru_cache(maxsize=POOL)

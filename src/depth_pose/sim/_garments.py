@@ -1,8 +1,8 @@
-"""Loose garments: skirts, coats, cloaks, scarves, blankets over lying people.
+"""Loose garments: skirts, coats, cloaks, scarves, long hair.
 
 They are shaped from the posed body directly, without simulating cloth: a skirt's rows are ellipses
 across both legs, a cloak is the body's silhouette about a vertical axis, hanging from what it last
-touched, a blanket the maximum height beneath it.
+touched.
 """
 
 from __future__ import annotations
@@ -22,8 +22,6 @@ _SKIRT_COLUMNS, _SKIRT_ROWS = 28, 9
 """Points of a skirt around and down. Set by hand."""
 _CLOAK_COLUMNS, _CLOAK_ROW_M = 28, 0.06
 """Points of a cloak around, and the height of its rows, metres on the 1.75 m body. Set by hand."""
-_BLANKET_CELL_M = 0.07
-"""Width of a blanket's cells, metres on the 1.75 m body. Set by hand."""
 
 
 @dataclass(frozen=True)
@@ -177,36 +175,6 @@ def cloak(rng: np.random.Generator, wearer: Wearer, drop: float, opened: bool) -
         gap = rng.integers(1, 4)
         return loft(rings[:, gap : _CLOAK_COLUMNS - gap], closed=False)
     return loft(rings)
-
-
-def blanket(rng: np.random.Generator, wearer: Wearer, up_to: float) -> Piece:
-    """Make a blanket over someone who lies along z.
-
-    Parameters
-    ----------
-    rng : numpy.random.Generator
-    wearer : Wearer
-    up_to : float
-        Where it ends: 0 at the pelvis, 1 at the neck.
-    """
-    cell, floor = _BLANKET_CELL_M * wearer.size, wearer.floor
-    toward = np.sign(wearer.node("neck")[2] - wearer.nodes[0, 2]) or 1.0
-    edge = wearer.nodes[0, 2] + up_to * (wearer.node("neck")[2] - wearer.nodes[0, 2])
-    points = wearer.vertices[(edge - wearer.vertices[:, 2]) * toward > 0]
-    low, high = points[:, [0, 2]].min(axis=0) - 0.20, points[:, [0, 2]].max(axis=0) + 0.15
-    counts = np.ceil((high - low) / cell).astype(int) + 1
-    at = np.rint((points[:, [0, 2]] - low) / cell).astype(int)
-    height = np.full(counts, floor)
-    np.maximum.at(height, (at[:, 0], at[:, 1]), points[:, 1])
-    height = uniform_filter(maximum_filter(height, 3), 3) + rng.uniform(0.005, 0.03)
-    x, z = np.meshgrid(
-        low[0] + cell * np.arange(counts[0]), low[1] + cell * np.arange(counts[1]), indexing="ij"
-    )
-    waves = rng.uniform(6.0, 16.0, 2)
-    height = height + rng.uniform(0, 0.015) * np.sin(waves[0] * x + rng.uniform(0, 6)) * np.sin(waves[1] * z)
-    keep = (edge - z[0]) * toward > -cell
-    rings = np.stack([x, np.maximum(height, floor + 0.004), z], axis=-1)[:, keep]
-    return loft(rings, closed=False)
 
 
 def scarf(rng: np.random.Generator, wearer: Wearer) -> Piece:

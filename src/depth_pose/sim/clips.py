@@ -108,7 +108,7 @@ def sample_clip(
     room.ways, room.longest_hidden = [track.spots for _, track in cast], round(_HIDDEN_S * fps)
     _put_seats(rng, room, cast, avoid)
     _put_hiding_places(rng, room, cast, avoid)
-    furnish(room, rng, avoid, view.camera.width / (2 * view.camera.fx), min(room.walls.back, 8.0))
+    furnish(room, rng, avoid, view, min(room.walls.back, 8.0))
     surfaces, sensor = triangulate(room.shapes, rng), replace(sample_sensor(rng), far=rng.uniform(6.0, 10.0))
     steady = int(rng.integers(2**31))
     scenes = []
@@ -149,7 +149,7 @@ def write_clip(path: Path, clip: RoomClip) -> None:
 def _stage(rng: np.random.Generator, width: int) -> tuple[View, Room]:
     """Draw camera and room until people have space to walk and the camera looks along the floor."""
     while True:
-        view = sample_view(rng, width)
+        view = sample_view(rng, width, "common")
         tilt = np.rad2deg(np.arcsin(-view.rotation[2, 1]))
         room = make_room(rng, float(view.position[1]))
         w = room.walls

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from depth_pose.sim.furniture import make_chair, make_coats, make_plant, make_table
 from depth_pose.sim.rooms import Room
+from depth_pose.sim.scene_view import View
 from depth_pose.sim.shapes import Assembly, Kind, random_albedo
 
 Array = NDArray[np.float64]
@@ -21,7 +22,7 @@ _TRIES = 8
 """Spots that are tried for each. Set by hand."""
 
 
-def add_lookalikes(room: Room, rng: np.random.Generator, spread: float, reach: float) -> None:
+def add_lookalikes(room: Room, rng: np.random.Generator, view: View, reach: float) -> None:
     """Place some in view of the camera, sometimes behind a table.
 
     Parameters are those of `depth_pose.sim.rooms.furnish`.
@@ -30,8 +31,8 @@ def add_lookalikes(room: Room, rng: np.random.Generator, spread: float, reach: f
     for _ in range(int(rng.integers(*_MANY))):
         thing = makers[int(rng.integers(len(makers)))](rng)
         for _ in range(_TRIES):
-            z = rng.uniform(0.8, 1.0 + reach)
-            x, turn = z * spread * rng.uniform(-1.0, 1.0), np.pi + rng.normal(0, 0.7)
+            x, z = view.floor_spot(rng, rng.uniform(0.8, 1.0 + reach), 1.0)
+            turn = np.pi + rng.normal(0, 0.7)
             if room.walls.inward(x, z) > 0.2 and room.put(thing, x, z, turn, (), 0.3):
                 if rng.random() < 0.5:
                     share = rng.uniform(0.5, 0.85)

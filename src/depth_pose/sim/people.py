@@ -19,6 +19,7 @@ from depth_pose.core.skeleton import JOINT_NODES
 from depth_pose.motion.contact import separate_limbs
 from depth_pose.motion.procedural.postures.parts import Kind
 from depth_pose.motion.procedural.postures.sampler import POSTURES, Postures, sample_postures
+from depth_pose.motion.reach import arm_to_target
 from depth_pose.sim import _garments as garments
 from depth_pose.sim import _things as things
 from depth_pose.sim._builds import draw_build
@@ -39,6 +40,20 @@ NOISE_DEG = 3.0
 
 LOOSE_NOISE_DEG, FREE_ARM_SHARE = 9.0, 0.4
 """The same spread for loose postures, and the share of their arms that point anywhere. Set by hand."""
+
+HANDS_M = {
+    "frame": ((0.08, -0.44, 0.30), (0.08, -0.44, 0.30)),
+    "crutches": ((0.14, -0.50, 0.10), (0.14, -0.50, 0.10)),
+    "child": ((-0.10, -0.30, 0.26), (-0.06, -0.14, 0.26)),
+}
+"""Wrists from the shoulders of those who hold a walking frame, crutches or a child: away from the trunk, up
+and forward, metres on the 1.75 m body; the left hand, the right hand. Set by hand."""
+
+AIDED = {"stand": 0.16, "walk": 0.16}
+"""Share of each posture with one of these. Set by hand."""
+
+ADULT_M = 1.45
+"""Those who carry children are taller than this, metres."""
 
 CLOAKS, SKIRTS, COATS = 0.025, 0.10, 0.09
 """Shares of those who wear one: about what public places show, cloaks oftener than that."""
@@ -72,6 +87,8 @@ class Figure:
         the floor.
     stature : float
         Height standing upright, metres.
+    doing : str
+        What the figure does: as in `depth_pose.motion.procedural.postures.parts.Kind`, or one of `HANDS_M`.
     """
 
     vertices: NDArray[np.float32]
@@ -82,9 +99,16 @@ class Figure:
     posture: str
     seat_height: float
     stature: float
+    doing: str = "free"
 
 
-def sample_figure(rng: np.random.Generator, posture: str | None = None, loose: bool = False) -> Figure:
+def sample_figure(
+    rng: np.random.Generator,
+    posture: str | None = None,
+    loose: bool = False,
+    doing: str | None = None,
+    tallest: float = np.inf,
+) -> Figure:
     """Draw a person.
 
     The first figures of a process cost seconds (the body, postures, builds); later ones
@@ -98,6 +122,10 @@ def sample_figure(rng: np.random.Generator, posture: str | None = None, loose: b
         One of `POSTURES`; drawn by their probabilities when left out.
     loose : bool
         Vary the posture widely: halfway to another of its kind, and with arms that point anywhere.
+    doing : str, optional
+        One of `HANDS_M`; drawn where not given.
+    tallest : float
+        Of the statures that are drawn, metres.
 
     Raises
     ------
@@ -109,8 +137,11 @@ def sample_figure(rng: np.random.Generator, posture: str | None = None, loose: b
         posture = str(rng.choice(list(POSTURES), p=share / share.sum()))
     elif posture not in POSTURES:
         raise ConfigError(f"unknown posture {posture!r}; there are: {', '.join(POSTURES)}")
-    build = draw_build(rng)
-    rotations, kind = _draw_rotations(rng, posture, loose)
+    build = draw_build(rng, tallest)
+    if doing is None and rng.random() < AIDED.get(posture, 0.0):
+        doing = str(rng.choice([name for name in HANDS_M if name != "child" or build.body.stature > ADULT_M]))
+    rotations, kind = _draw_rotations(rng, posture, loose, doing)
+    doing = doing or kind.doing
     posed = build.body.pose(rotations, np.zeros(3))
     cut = draw_cut(rng, build)
     skin = dress(rng, posed.vertices, build.body.faces, cut, build.body.stature)
@@ -121,7 +152,7 @@ def sample_figure(rng: np.random.Generator, posture: str | None = None, loose: b
     )
     worn = draw_worn(rng, wearer, posture, build.woman)
     vertices, faces = join([(rested.skin, build.body.faces), *worn])
-    held_vertices, held_faces = join(things.belongings(rng, wearer, kind.doing))
+    held_vertices, held_faces = join(things.belongings(rng, wearer, doing))
     return Figure(
         vertices.astype(np.float32),
         faces,
@@ -131,6 +162,7 @@ def sample_figure(rng: np.random.Generator, posture: str | None = None, loose: b
         posture,
         rested.seat,
         build.body.stature,
+        doing,
     )
 
 
@@ -140,7 +172,9 @@ def _pool(posture: str) -> Postures:
     return sample_postures(posture, rng, POOL)
 
 
-def _draw_rotations(rng: np.random.Generator, posture: str, loose: bool = False) -> tuple[Array, Kind]:
+def _draw_rotations(
+    rng: np.random.Generator, posture: str, loose: bool = False, doing: str | None = None
+) -> tuple[Array, Kind]:
     """Pick a posture from the pool and vary it, (21, 3, 3)."""
     pool, i = _pool(posture), int(rng.integers(POOL))
     noise_deg = LOOSE_NOISE_DEG if loose else NOISE_DEG
@@ -154,6 +188,8 @@ def _draw_rotations(rng: np.random.Generator, posture: str, loose: bool = False)
         if others:
             angles = angles + rng.uniform(0.0, 0.6) * (pool.angles[others[0]] - angles)
         angles = _with_free_arms(angles, rng)
+    if doing is not None:
+        angles = _with_hands(angles, rng, doing)
     angles = clamp_angles(angles + spread * rng.normal(size=47))
     rotations = separate_limbs(rotations_from_angles(angles)[None]).rotations[0]
     return pool.turns[i] @ rotations, pool.kinds[i]
@@ -180,6 +216,17 @@ def _with_free_arms(angles: Array, rng: np.random.Generator) -> Array:
     return out
 
 
+def _with_hands(angles: Array, rng: np.random.Generator, doing: str) -> Array:
+    """Bring both hands to where they hold something."""
+    out, swapped = angles.copy(), bool(rng.random() < 0.5)
+    aside = rng.normal(0, (0.03, 0.05, 0.04))
+    for k, arm in enumerate(ARM):
+        target = np.array(HANDS_M[doing][k ^ swapped]) + aside + rng.normal(0, 0.02, 3)
+        out[arm] = arm_to_target(target, np.array([0.4, -0.4, -1.0]) + rng.normal(0, 0.2, 3))
+        out[arm] = with_shoulder_rhythm(out)[arm]
+    return out
+
+
 def draw_seated(rng: np.random.Generator) -> Array:
     """Draw a pose of somebody on a chair, stool or sofa: rotations (21, 3, 3), facing +z."""
     while True:
@@ -200,8 +247,6 @@ def draw_worn(rng: np.random.Generator, wearer: Wearer, posture: str, woman: boo
         elif chance > 1.0 - COATS:
             opened = bool(rng.uniform() < 0.5)
             worn.append(garments.skirt(rng, wearer, rng.uniform(0.2, 0.75), rng.uniform(0.0, 0.07), opened))
-    if posture == "lie" and rng.uniform() < 0.3:
-        worn.append(garments.blanket(rng, wearer, rng.uniform(0.2, 0.95)))
     return worn + _draw_headwear(rng, wearer, woman) + _draw_bags(rng, wearer, posture)
 
 

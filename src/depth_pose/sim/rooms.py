@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.sim.furniture import AT_WALLS, STANDING, make_table
+from depth_pose.sim.scene_view import View
 from depth_pose.sim.shapes import Assembly, Kind, random_albedo
 
 Array = NDArray[np.float64]
@@ -24,6 +25,10 @@ _CLEAR_OF_CAMERA_M = 0.35
 """Free floor between the camera and what ends 15 cm or more below it, metres. Set by hand."""
 _TALL_CLEAR_OF_CAMERA_M = 0.9
 """The same for taller things. Set by hand."""
+_HUNG_M = 2.2
+"""Higher cameras hang from ceilings, not only before a wall, metres. Set by hand."""
+_BELOW_CAMERA_M = 0.8
+"""What ends this far below the camera may stand anywhere, metres: cameras hang from ceilings. Set by hand."""
 _HIDES_FROM_M = 0.8  # who stands behind lower things can still be found
 _TRIES = 6
 """Spots that are tried for each thing. Set by hand."""
@@ -123,7 +128,7 @@ class Room:
         radius = 0.5 * float(np.hypot(high[0] - low[0], high[2] - low[2]))
         # what stands up to the camera would fill the image
         clear = _CLEAR_OF_CAMERA_M if high[1] < self.eye_height - 0.15 else _TALL_CLEAR_OF_CAMERA_M
-        if np.hypot(x, z) < radius * 0.7 + clear:
+        if high[1] > self.eye_height - _BELOW_CAMERA_M and np.hypot(x, z) < radius * 0.7 + clear:
             return False
         if any(np.hypot(x - a, z - b) < crowded * (radius + r) for a, b, r in self._spots if crowded > 0):
             return False
@@ -169,7 +174,8 @@ def make_room(rng: np.random.Generator, eye_height: float, studio: bool | None =
     else:
         left, right, back, turn = *rng.uniform(1.2, 3, 2), rng.uniform(2.0, 4.0), rng.uniform(-0.8, 0.8)
     height = max(height, eye_height + 0.15)
-    walls = Walls(left, right, back, rng.uniform(0.3, 3.0), height, float(np.clip(turn, -1.0, 1.0)))
+    behind = rng.uniform(0.3, 3.0) if eye_height < _HUNG_M else rng.uniform(0.5, 4.0)
+    walls = Walls(left, right, back, behind, height, float(np.clip(turn, -1.0, 1.0)))
     room = Room(walls, False, eye_height)
     _put_shell(room, rng)
     return room
@@ -236,9 +242,7 @@ def _put_beams(shell: Assembly, rng: np.random.Generator, w: Walls) -> None:
             shell.box((x, w.height - 0.25, z), (0.25, 0.08, 1.2), 0, 0, Kind.LAMP)
 
 
-def furnish(
-    room: Room, rng: np.random.Generator, avoid: Sequence[Array], spread: float, reach: float
-) -> None:
+def furnish(room: Room, rng: np.random.Generator, avoid: Sequence[Array], view: View, reach: float) -> None:
     """Fill a room with furniture that cuts none of the people.
 
     Parameters
@@ -247,8 +251,8 @@ def furnish(
     rng : numpy.random.Generator
     avoid : sequence of (V, 3) arrays
         Points of the people, room frame.
-    spread : float
-        Tangent of half the camera's horizontal angle of view: most things stand where it sees them.
+    view : View
+        Most things stand where it sees them.
     reach : float
         How far away things may stand, metres.
     """
@@ -263,8 +267,8 @@ def furnish(
     for _ in range(int(rng.poisson(rng.choice([2.0, 7.0, 14.0])))):
         thing = _draw(rng, STANDING)
         for _ in range(_TRIES):
-            z = rng.uniform(0.5, 1.0) ** 0.7 * reach * rng.uniform(0.2, 1.0)
-            x = z * spread * rng.uniform(-1.15, 1.15)
+            away = rng.uniform(0.5, 1.0) ** 0.7 * reach * rng.uniform(0.2, 1.0)
+            x, z = view.floor_spot(rng, away, 1.15)
             if _hides(thing, x, z, avoid) and rng.random() < 0.8:
                 continue
             if room.walls.inward(x, z) > 0.2 and room.put(thing, x, z, rng.uniform(0, 2 * np.pi), avoid):

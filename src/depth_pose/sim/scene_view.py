@@ -18,6 +18,10 @@ Array = NDArray[np.float64]
 
 _NEAR_M = 0.05
 """What is nearer to the camera's plane is not seen, metres. Set by hand."""
+_OVERHEAD = np.sin(np.radians(40.0))
+"""Sine of the pitch from which a camera is overhead: what it sees is below it, not ahead."""
+_WAIST_M = 0.6
+"""Height above the floor that overhead cameras aim at, metres. Set by hand."""
 _SILHOUETTE_PX = 96
 """Longer side of the image that a silhouette's area is counted in, pixels. Set by hand."""
 
@@ -43,6 +47,36 @@ class View:
         """Return points (..., 3) of the room in the optical frame, metres."""
         moved: Array = (points.astype(np.float64) - self.position) @ self.rotation.T
         return moved
+
+    @property
+    def overhead(self) -> bool:
+        """Whether the camera looks down steeply."""
+        return bool(self.rotation[2, 1] < -_OVERHEAD)
+
+    @property
+    def spread(self) -> float:
+        """Tangent of half the angle that the image spans along the horizon."""
+        c, across = self.camera, np.abs(self.rotation[:2, 0])
+        return float(across[0] * c.width / (2 * c.fx) + across[1] * c.height / (2 * c.fy))
+
+    def floor_spot(self, rng: np.random.Generator, away: float, beyond: float = 1.1) -> tuple[float, float]:
+        """Draw a spot on the floor, x and z, that the camera looks at.
+
+        Parameters
+        ----------
+        rng : numpy.random.Generator
+        away : float
+            How far ahead of a camera that is not overhead, metres.
+        beyond : float
+            The image's extent within which it lies, 1 for the image.
+        """
+        if not self.overhead:
+            return away * self.spread * float(rng.uniform(-beyond, beyond)), away
+        c, off = self.camera, rng.uniform(-beyond, beyond, 2)
+        ray = np.array([off[0] * c.width / (2 * c.fx), off[1] * c.height / (2 * c.fy), 1.0]) @ self.rotation
+        drop = max(float(self.position[1]) - _WAIST_M, 0.5)
+        x, z = drop / max(-float(ray[1]), 0.3) * ray[[0, 2]]
+        return float(x), float(z)
 
     def project(self, points_optical: NDArray[np.floating]) -> Array:
         """Return pixel coordinates (..., 2) of points in the optical frame; NaN for those behind."""

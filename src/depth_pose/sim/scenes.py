@@ -1,10 +1,11 @@
 """Random rooms with nought to six people before a depth camera, every pixel labelled.
 
-Made to teach and to measure a finder of people: the people stand, walk, sit at desks and on sofas, lie,
-touch furniture and each other, hide behind both, are cut off by the image's border, carry things; a third
-of them are nearer than 2.2 m. Around them is what a finder takes for people when it has not seen any
-better: coats on stands, jackets on chairs, pillars, plants, slanted bare walls, screens that send no light
-back. A tenth of the scenes are studios: people before a plain wall or before nothing.
+Made to teach and to measure a finder of people: the people stand, walk, sit at tables and deep in sofas, lie
+under blankets, carry children and things, touch furniture and each other, hide behind both, are cut off by
+the image's border; a third of them are nearer than 2.2 m. Around them is
+what a finder takes for people when it has not seen any better: coats on stands, jackets on chairs, pillars,
+plants, pets, slanted bare walls, screens that send no light back. Cameras hang in the ways of `MOUNTINGS`.
+A tenth of the scenes are studios: people before a plain wall or before nothing.
 """
 
 from __future__ import annotations
@@ -17,13 +18,13 @@ from numpy.typing import NDArray
 
 from depth_pose.core.camera import Camera
 from depth_pose.core.skeleton import JOINT_INDEX
-from depth_pose.sim.furniture import make_bed, make_chair, make_sofa, make_stool, make_table
 from depth_pose.sim.lookalikes import add_lookalikes
 from depth_pose.sim.people import Figure, sample_figure
+from depth_pose.sim.resting import Settled, child_in_arms, settle
 from depth_pose.sim.rooms import Room, add_backdrop, furnish, make_room
 from depth_pose.sim.scene_noise import SceneSensor, Shown, measure, sample_sensor
 from depth_pose.sim.scene_view import View, draw, look, silhouette_area
-from depth_pose.sim.shapes import Assembly, Kind, Triangles, random_albedo, triangulate
+from depth_pose.sim.shapes import Kind, Triangles, random_albedo, triangulate
 
 Array = NDArray[np.float64]
 
@@ -38,6 +39,13 @@ _ASPECTS = (4 / 3, 16 / 9, 11 / 9, 1.0)
 """Width of an image by its height. Set by hand."""
 _ASPECT_SHARES = (0.7, 0.12, 0.1, 0.08)
 """How often each is drawn. Set by hand."""
+MOUNTINGS = {"common": 0.58, "ceiling": 0.24, "rolled": 0.1, "low": 0.08}
+"""How often cameras hang in each way: on a stand, shelf or robot; from a ceiling, looking down by 40 to 90
+degrees; likewise but rolled onto a side or upside down; near the floor. Set by hand."""
+_AT_TABLE_SHARE = 0.6
+"""Share of those who sit, on chairs, that join a table where somebody sits. Set by hand."""
+_CLEAR_ABOVE_M = 0.3
+"""Heads end this far below an overhead camera, metres. Set by hand."""
 _JOINT_SLACK_M = 0.25  # deeper inside its owner's surface no joint is
 _TRIES = 12
 """Spots that are tried for each person. Set by hand."""
@@ -69,6 +77,8 @@ class Scene:
         Whether a joint is inside the image and hidden by nothing but its owner.
     up : (3,) float32
         Unit vector away from the floor, optical frame.
+    height : float
+        Of the camera above the floor, metres.
     sensor : str
         The sensor's family: ``structured``, ``tof`` or ``stereo``.
     """
@@ -82,6 +92,7 @@ class Scene:
     visible: NDArray[np.float32]
     seen: NDArray[np.bool_]
     up: NDArray[np.float32]
+    height: float
     sensor: str
 
 
@@ -115,6 +126,7 @@ def sample_scene(
     people: int | None = None,
     studio: bool | None = None,
     lookalikes: bool = False,
+    mounting: str | None = None,
 ) -> Scene:
     """Make a random scene.
 
@@ -131,26 +143,27 @@ def sample_scene(
         Whether people stand before a plain wall or nothing; drawn where not given.
     lookalikes : bool
         Whether a room gets many things that look like people.
+    mounting : str, optional
+        One of `MOUNTINGS`; drawn where not given.
     """
     if people is None:
         shares = _NOBODY_SHARE, *((1 - _NOBODY_SHARE) * np.array(_PEOPLE_SHARES))
         people = int(rng.choice(1 + MOST_PEOPLE, p=shares))
-    view = sample_view(rng, width)
+    view = sample_view(rng, width, mounting)
     room = make_room(rng, float(view.position[1]), studio)
     persons = _people(rng, people, view, room)
     points = [p.vertices[::_EVERY] for p in persons]
     if room.studio:
         add_backdrop(room, rng, [float(p[:, 2].max()) for p in points])
     else:
-        spread = view.camera.width / (2 * view.camera.fx)
         if lookalikes:
-            add_lookalikes(room, rng, spread, min(room.walls.back, 5.0))
-        furnish(room, rng, points, spread, min(room.walls.back, 9.0))
+            add_lookalikes(room, rng, view, min(room.walls.back, 5.0))
+        furnish(room, rng, points, view, min(room.walls.back, 9.0))
     return render(view, triangulate(room.shapes, rng), persons, sample_sensor(rng), rng)
 
 
-def sample_view(rng: np.random.Generator, width: int) -> View:
-    """Draw a camera: field of view, shape of the image, height, tilt and roll."""
+def sample_view(rng: np.random.Generator, width: int, mounting: str | None = None) -> View:
+    """Draw a camera: field of view, shape of the image, and one of `MOUNTINGS`: height, tilt and roll."""
     aspect = float(rng.choice(_ASPECTS, p=_ASPECT_SHARES))
     tall = min(round(width * 3 / 4), round(width / aspect))
     wide = min(width, round(tall * aspect))
@@ -158,48 +171,99 @@ def sample_view(rng: np.random.Generator, width: int) -> View:
     focal = float(np.clip(focal, wide * 0.5, wide * 1.374))  # 90 to 40 degrees
     cx, cy = (wide - 1) / 2 + rng.normal(0, 0.01 * wide), (tall - 1) / 2 + rng.normal(0, 0.01 * wide)
     camera = Camera(wide, tall, focal, focal * rng.normal(1, 0.003), float(cx), float(cy))
+    mounting = mounting or str(rng.choice(list(MOUNTINGS), p=list(MOUNTINGS.values())))
+    if mounting == "ceiling":
+        height, pitch, roll = rng.uniform(2.1, 4.0), rng.uniform(40, 90), rng.uniform(-180, 180)
+        if rng.random() < 0.6:  # the image's lower side is the nearer
+            roll = rng.normal(0, 5)
+        return look(camera, height, float(np.deg2rad(pitch)), float(np.deg2rad(roll)))
     height = rng.uniform(0.4, 3.0) if rng.random() < 0.4 else float(np.clip(rng.normal(1.3, 0.4), 0.4, 3.0))
-    aim, away = rng.uniform(0.5, 1.4), rng.uniform(1.2, 5.0)
-    pitch = np.rad2deg(np.arctan2(height - aim, away)) + rng.normal(0, 7)
+    if mounting == "low":
+        height = rng.uniform(0.3, 0.6)
+    # some cut off heads, some feet
+    aim = rng.uniform(0.5, 1.4) if rng.random() < 0.85 else rng.uniform(-0.2, 2.0)
+    pitch = np.rad2deg(np.arctan2(height - aim, rng.uniform(1.2, 5.0))) + rng.normal(0, 7)
     roll = rng.normal(0, 2) if rng.random() < 0.8 else rng.normal(0, 8)
+    if mounting == "rolled":
+        roll += float(rng.choice([90.0, -90.0, 180.0, rng.uniform(-180, 180)]))
     return look(camera, height, float(np.deg2rad(np.clip(pitch, -30, 60))), float(np.deg2rad(roll)))
+
+
+_Spot = tuple[float, float, float]
+"""x and z of a place on the floor, and a turn about the vertical, radians."""
 
 
 def _people(rng: np.random.Generator, count: int, view: View, room: Room) -> list[Placed]:
     """Place people so that the camera has a chance to see them and none stand in one another."""
     persons: list[Placed] = []
+    seats: list[_Spot] = []
     for _ in range(count):
         figure = sample_figure(rng)
+        sits = figure.posture == "sit" and figure.seat_height > 0
         for _ in range(_TRIES):
-            x, z = _spot(rng, view, persons)
-            turn = np.pi + rng.normal(0, 0.8) if rng.random() < 0.45 else rng.uniform(0, 2 * np.pi)
-            person = place(figure, x, z, turn, rng)
-            if _fits(person, view, room, persons):
-                persons.append(person)
-                if not room.studio:
-                    _add_seat(rng, figure, x, z, turn, room, persons)
-                break
+            at_table = bool(sits and seats and rng.random() < _AT_TABLE_SHARE)
+            settled = settle(figure, rng, "chair" if at_table else None)
+            spot = seats.pop() if at_table else _spot(rng, view, persons)
+            person = place(settled.figure, *spot, rng)
+            if not _fits(person, view, room, persons):
+                continue
+            if not room.studio and not _put_things(settled, spot, room, at_table):
+                continue
+            persons.append(person)
+            seats += [] if at_table else _seats(settled, spot)
+            child = child_in_arms(figure, rng)
+            if child is not None and len(persons) < count:
+                persons.append(place(child, *spot, rng))
+            break
+        if len(persons) == count:
+            break
     return persons
 
 
-def _spot(rng: np.random.Generator, view: View, persons: Sequence[Placed]) -> tuple[float, float]:
+def _put_things(settled: Settled, spot: _Spot, room: Room, at_table: bool) -> bool:
+    """Put down what somebody rests on, without their table where there is one; tells whether they rest."""
+    things = settled.things[:1] if at_table else settled.things
+    # a table may have no space, a seat must
+    stand = [room.put(thing, *spot, crowded=0.0) for thing in things]
+    return not stand or stand[0]
+
+
+def _seats(settled: Settled, spot: _Spot) -> list[_Spot]:
+    """Return the other places at the table where somebody sits."""
+    if settled.table <= 0:
+        return []
+    x, z, turn = spot
+    c, s = np.cos(turn), np.sin(turn)
+    across = 2 * settled.table
+    return [
+        (float(x + c * a + s * b), float(z + c * b - s * a), float(turn + t))
+        for a, b, t in ((-0.7, 0.0, 0.0), (0.7, across, np.pi), (0.7, 0.0, 0.0), (0.0, across, np.pi))
+    ]
+
+
+def _spot(rng: np.random.Generator, view: View, persons: Sequence[Placed]) -> _Spot:
     """Draw a spot on the floor: anywhere in view, beside somebody, or behind somebody."""
+    turn = np.pi + rng.normal(0, 0.8) if rng.random() < 0.45 else rng.uniform(0, 2 * np.pi)
     if persons and rng.random() < 0.5:
         other = persons[int(rng.integers(len(persons)))].joints[JOINT_INDEX["pelvis"]]
-        if rng.random() < 0.6:
+        if rng.random() < 0.6 or view.overhead:
             angle, away = rng.uniform(0, 2 * np.pi), rng.uniform(0.3, 0.9)
-            return float(other[0] + away * np.cos(angle)), float(other[2] + away * np.sin(angle))
+            return float(other[0] + away * np.cos(angle)), float(other[2] + away * np.sin(angle)), turn
         farther = 1 + rng.uniform(0.4, 1.5) / max(float(np.hypot(other[0], other[2])), 0.3)
-        return float(farther * other[0] + rng.normal(0, 0.15)), float(farther * other[2])
+        return float(farther * other[0] + rng.normal(0, 0.15)), float(farther * other[2]), turn
     near = rng.random() < _NEAR_SHARE
     away = rng.uniform(_NEAR_M, _MIDDLE_M) if near else rng.uniform(_MIDDLE_M, _FAR_M)
-    spread = view.camera.width / (2 * view.camera.fx)
-    return float(away * spread * rng.uniform(-1.1, 1.1)), float(away)
+    return *view.floor_spot(rng, away), turn
 
 
 def _fits(person: Placed, view: View, room: Room, others: Sequence[Placed]) -> bool:
     low, high = person.vertices.min(axis=0), person.vertices.max(axis=0)
-    if low[2] < 0.25 or high[1] > room.walls.height:
+    if view.overhead:
+        if high[1] > view.position[1] - _CLEAR_ABOVE_M:
+            return False
+    elif low[2] < 0.25:
+        return False
+    if high[1] > room.walls.height:
         return False
     if any(room.walls.inward(x, z) < 0.02 for x in (low[0], high[0]) for z in (low[2], high[2])):
         return False
@@ -252,46 +316,6 @@ def _person_albedo(figure: Figure, rng: np.random.Generator) -> NDArray[np.float
     return np.where(on_head, np.where(above, hair, 0.6), albedo).astype(np.float32)
 
 
-def _add_seat(
-    rng: np.random.Generator,
-    figure: Figure,
-    x: float,
-    z: float,
-    turn: float,
-    room: Room,
-    persons: Sequence[Placed],
-) -> None:
-    """Put under a person what they sit or lie on, and at times a desk before them."""
-    if figure.seat_height <= 0.0 or figure.posture not in ("sit", "lie"):
-        return
-    pelvis, high = persons[-1].joints[JOINT_INDEX["pelvis"]], float(figure.seat_height)
-    if figure.posture == "lie":
-        low, top = persons[-1].vertices.min(axis=0), persons[-1].vertices.max(axis=0)
-        along = np.pi / 2 if top[0] - low[0] > top[2] - low[2] else 0.0
-        along += np.pi * float(rng.integers(2))
-        x, _, z = 0.5 * (low + top)
-        room.put(make_bed(rng, high, bare=True), x, z, along, crowded=0.0)
-        return
-    what = rng.choice(4, p=[0.6, 0.1, 0.2, 0.1])
-    if what == 0:
-        seat = make_chair(rng, high, plain=True)
-    elif what == 1:
-        seat = make_stool(rng, high)
-    elif what == 2:
-        seat = make_sofa(rng, high, bare=True)
-    else:
-        seat = make_bed(rng, high, bare=True)
-    side = np.pi / 2 if what == 3 else 0.0  # on the edge of a bed, not along it
-    forward = np.array([np.sin(turn), np.cos(turn)])
-    back = 0.0 if what < 3 else 0.3
-    room.put(seat, pelvis[0] - back * forward[0], pelvis[2] - back * forward[1], turn + side, crowded=0.0)
-    if what < 2 and rng.random() < 0.5:
-        desk = Assembly(Kind.TABLE)
-        desk.add(make_table(rng, max(0.62, high + 0.27)), turn=np.pi)
-        away = -desk.bounds()[0][2] + rng.uniform(0.22, 0.4)
-        room.put(desk, pelvis[0] + away * forward[0], pelvis[2] + away * forward[1], turn, crowded=0.0)
-
-
 def render(
     view: View,
     room: Triangles,
@@ -342,6 +366,7 @@ def render(
         visible=np.clip(shown / np.maximum(areas, 1.0), 0, 1).astype(np.float32),
         seen=_seen(view, joints, drawn.depth, own),
         up=view.rotation[:, 1].astype(np.float32),
+        height=float(view.position[1]),
         sensor=sensor.family,
     )
 

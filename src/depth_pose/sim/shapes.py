@@ -48,6 +48,8 @@ class Kind(IntEnum):
     BIN = 21
     PIPE = 22
     BOARD = 23
+    AID = 24
+    PET = 25
 
 
 _LUMP_RINGS, _LUMP_COLUMNS = 7, 12
