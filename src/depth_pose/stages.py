@@ -28,11 +28,15 @@ class Shared:
     ----------
     bank : Bank
     config : PipelineConfig
+
+    Attributes
+    ----------
+    subjects : Subjects
     """
 
     def __init__(self, bank: Bank, config: PipelineConfig = PipelineConfig()) -> None:  # noqa: B008
         self._bank, self._config = bank, config
-        self._subjects = Subjects()
+        self.subjects = Subjects()
 
     @cached_property
     def _bodies(self) -> BodyFitter:
@@ -50,7 +54,7 @@ class Shared:
         """Return the second stage."""
         from depth_pose.match.match import Matcher
 
-        return Matcher(self._bank, self._config.match, self._bodies.template, self._subjects)
+        return Matcher(self._bank, self._config.match, self._bodies.template, self.subjects)
 
     def make_refiner(self) -> Refiner:
         """Return the third stage, with the method of fitting that is configured."""
@@ -58,7 +62,7 @@ class Shared:
 
         c = self._config
         fitter = self._make_completion_fitter() if c.refine.method == "cpd" else self._bodies
-        return Refiner(self._bank, c.refine, c.match, self._bodies, fitter, self._subjects)
+        return Refiner(self._bank, c.refine, c.match, self._bodies, fitter, self.subjects)
 
     def _make_completion_fitter(self) -> CompletionFitter:
         from depth_pose.paper.fitter import CompletionFitter
@@ -71,5 +75,5 @@ class Shared:
 
         c = self._config
         return Recoverer(
-            self._bank, c.recover, c.smooth, c.match, self._bodies, self._completer, self._subjects
+            self._bank, c.recover, c.smooth, c.match, self._bodies, self._completer, self.subjects
         )

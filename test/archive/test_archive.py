@@ -261,6 +261,13 @@ def test_hash_sees_ends_and_sizes(tmp_path):
     assert content_hash(file) != before
 
 
+def test_two_passes_are_another_setting(clips, setting, begun):
+    sources = find_sources([clips / "clip_0.mcap"])
+    for state in ("done", "skipped"):
+        (row,) = process_archive(sources, begun, dataclasses.replace(setting, passes=2), workers=0)
+        assert row.state == state
+
+
 def test_settings_have_their_digest():
     one = Setting(None, "0", PipelineConfig())
     assert one.digest == Setting(None, "1", PipelineConfig()).digest

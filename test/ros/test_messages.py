@@ -92,6 +92,7 @@ def test_people_round_trip_is_exact(people):
         assert a.found.probability == b.found.probability and a.found.label == b.found.label
         assert_same_bits(a.found.proposals, b.found.proposals)
         assert_same_bits(a.found.proposal_confidence, b.found.proposal_confidence)
+        assert_same_bits(a.found.proposal_sigma, b.found.proposal_sigma)
         assert_same_bits(a.points, b.points)
         assert_same_bits(a.full.labels, b.full.labels)
         assert_same_bits(a.coarse.depth, b.coarse.depth)
