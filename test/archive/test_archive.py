@@ -52,7 +52,7 @@ def here(clips, setting, tmp_path_factory):
     """The archive's skeletons, made in this process."""
     folder = tmp_path_factory.mktemp("here")
     rows = process_archive(find_sources([clips]), folder, setting, workers=0)
-    assert [row.state for row in rows] == CLIPS * ["done"]
+    assert [row.state for row in rows] == CLIPS * ["done"], rows
     return folder
 
 

@@ -15,8 +15,10 @@ FITTED = RNG.normal(0.0, 0.4, (len(JOINTS), 3)) + [0.0, 0.0, 3.0]
 
 def found(places, confidence=0.5):
     count = len(places)
-    confidences = np.full(count, confidence, np.float32)
-    return FoundPerson(1, "body_1", 1.0, np.asarray(places, np.float32).reshape(count, 3), confidences)
+    confidences, sigmas = np.full(count, confidence, np.float32), np.full((count, 2), 0.05, np.float32)
+    return FoundPerson(
+        1, "body_1", 1.0, np.asarray(places, np.float32).reshape(count, 3), confidences, sigmas
+    )
 
 
 def test_a_fit_that_explains_the_depth_is_kept():

@@ -54,7 +54,9 @@ def people(rng):
     labels[0, :5] = 2
     depth = np.where((labels == 1) | (labels == 2), rng.uniform(2.0, 3.0, labels.shape), 0.0)
     found = [
-        FoundPerson(k, f"body_{k + 4}", float(np.float32(0.3 * k)), proposals, proposals[:, 0])
+        FoundPerson(
+            k, f"body_{k + 4}", float(np.float32(0.3 * k)), proposals, proposals[:, 0], proposals[:, :2]
+        )
         for k, proposals in (
             (1, rng.normal(size=(3, 3)).astype(np.float32)),
             (2, np.zeros((0, 3), np.float32)),
