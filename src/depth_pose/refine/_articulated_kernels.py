@@ -42,8 +42,9 @@ _BEHIND_M = 0.05
 _LOOK_EVERY = 2
 """Iterations between two visibility updates; 2 is as accurate as 1 and a fifth faster."""
 
-_SUREST_M = 0.04
-"""Least standard deviation of a proposal (m)."""
+_SHARED_M = 0.04
+"""Standard deviation (m) added to each proposal's: errors that all frames of a person share; chosen on three
+simulated and three real sets."""
 
 _ELSEWHERE_M = 0.15
 """Joint distance (m) at which the robust weight is a quarter; it falls further beyond; set by hand."""
@@ -213,8 +214,8 @@ def add_proposals(proposals, nodes, origin, weight, equations):
             far += r[a] * r[a]
             long += proposals.places[side, j, a] ** 2
         share = weight / (1.0 + far / (_ELSEWHERE_M * _ELSEWHERE_M)) ** 2
-        across = share / (proposals.sigmas[side, j, 0] ** 2 + _SUREST_M**2)
-        along = share / (proposals.sigmas[side, j, 1] ** 2 + _SUREST_M**2)
+        across = share / (proposals.sigmas[side, j, 0] ** 2 + _SHARED_M**2)
+        along = share / (proposals.sigmas[side, j, 1] ** 2 + _SHARED_M**2)
         for a in range(3):
             ray[a] = proposals.places[side, j, a] / np.sqrt(long)
         for a in range(3):
