@@ -4,6 +4,7 @@
     python benchmarks/accuracy.py ablation --data DATA           # one part left out at a time
     python benchmarks/accuracy.py confidence --check DATA        # fits and checks the confidence of joints
     python benchmarks/accuracy.py builds --people 10             # bone lengths found, against the true ones
+    python benchmarks/accuracy.py proposals DATA                 # the answer beside the second look's joints
 
 DATA is a folder of recordings with truth files beside them. ``accuracy.py PART --help`` says more.
 """
@@ -14,4 +15,4 @@ import one_thread  # noqa: F401
 from command_line import run_part
 
 if __name__ == "__main__":
-    run_part(__doc__, {name: name for name in ("table1", "ablation", "confidence", "builds")})
+    run_part(__doc__, {name: name for name in ("table1", "ablation", "confidence", "builds", "proposals")})

@@ -48,6 +48,6 @@ def depth_of(vertices: np.ndarray, body: Body | None = None) -> np.ndarray:
 
 def person_of(vertices: np.ndarray) -> Person:
     depth = depth_of(vertices)
-    found = FoundPerson(PERSON, "body_1", 1.0, np.zeros((0, 3), np.float32), np.zeros(0, np.float32))
+    found = FoundPerson(PERSON, "body_1", 1.0)
     points, labels = CAMERA.back_project(depth), (depth > 0).astype(np.uint8)
     return see_people(0, "camera", CAMERA, points, labels, [found]).persons[0]

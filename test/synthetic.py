@@ -140,8 +140,7 @@ def to_people(*depths, stamp_ns=START_NS, camera=CAMERA, hidden=None):
     z = np.where((labels > 0) & (labels != HIDDEN), z, np.nan)
     v, u = np.mgrid[: camera.height, : camera.width]
     points = np.stack([(u - camera.cx) / camera.fx * z, (v - camera.cy) / camera.fy * z, z], axis=-1)
-    nowhere = np.zeros((0, 3), np.float32), np.zeros(0, np.float32)
-    found = [FoundPerson(k + 1, f"body_{k + 1}", 1.0, *nowhere) for k in range(len(depths))]
+    found = [FoundPerson(k + 1, f"body_{k + 1}", 1.0) for k in range(len(depths))]
     return see_people(stamp_ns, "optical", camera, points.astype(np.float32), labels, found)
 
 

@@ -21,6 +21,7 @@ from depth_pose.io.mcap_write import DepthWriter
 from depth_pose.io.skeleton_read import read_skeletons
 from depth_pose.motion.procedural.generator import make_poses
 from depth_pose.offline import process_recording
+from depth_pose.passes import SecondPass
 from depth_pose.pipeline import PosePipeline
 from depth_pose.sim.config import Person
 from depth_pose.sim.motion import load_motion
@@ -69,6 +70,33 @@ def test_every_frame_is_answered_the_same_each_time(tmp_path: Path, bank: Bank, 
     drawn = list(read_ros2_messages(tmp_path / "m.mcap", topics=[MARKERS_TOPIC]))
     assert [m.log_time_ns for m in drawn] == [s.stamp_ns for s in skeletons]
     assert [len(m.ros_msg.markers) > 1 for m in drawn[:FRAMES]] == [not s.is_lost for s in skeletons[:FRAMES]]
+
+
+@pytest.mark.slow
+def test_two_passes_answer_every_frame_once(tmp_path: Path, bank: Bank, recording: Path) -> None:
+    told: list[int] = []
+    for name in ("a.mcap", "b.mcap"):
+        pipeline = PosePipeline(bank)
+        second = SecondPass(pipeline)
+        reader = DepthReader(recording)
+        summary = process_recording(reader, tmp_path / name, pipeline, told.append, second=second)
+    assert (tmp_path / "a.mcap").read_bytes() == (tmp_path / "b.mcap").read_bytes()
+    assert told == 2 * list(range(1, 2 * (FRAMES + 2) + 1))
+    assert summary.answered >= FRAMES
+    assert summary.gain is not None and summary.gain.skeletons >= FRAMES
+    process_recording(DepthReader(recording), tmp_path / "once.mcap", PosePipeline(bank))
+    once, twice = (list(read_skeletons(tmp_path / name)) for name in ("once.mcap", "a.mcap"))
+    assert [(s.stamp_ns, s.body_id) for s in twice[:FRAMES]] == [
+        (s.stamp_ns, s.body_id) for s in once[:FRAMES]
+    ]
+    assert (
+        max(
+            np.abs(a.positions - b.positions).max()
+            for a, b in zip(once[:FRAMES], twice[:FRAMES], strict=True)
+        )
+        < 0.3
+    )
+    assert any((a.positions != b.positions).any() for a, b in zip(once[:FRAMES], twice[:FRAMES], strict=True))
 
 
 def test_a_recording_whose_stamps_are_none_fails(tmp_path: Path, bank: Bank, recording: Path) -> None:

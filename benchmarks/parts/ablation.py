@@ -33,7 +33,7 @@ from depth_pose.core.config import (
     RefineConfig,
     SegmentConfig,
 )
-from depth_pose.core.types import DepthFrame
+from depth_pose.core.types import DepthFrame, FoundPerson
 from depth_pose.denoise.extract import PeopleExtractor
 from depth_pose.evaluate.truth import load_truth
 from depth_pose.io.mcap_read import DepthReader
@@ -66,9 +66,8 @@ class FirstLook(PeopleExtractor):
     def extract(self, frame: DepthFrame) -> People:
         """Give the people of a frame, without proposals."""
         people = super().extract(frame)
-        nothing = np.zeros((0, 3), np.float32)
         persons = (
-            replace(p, found=replace(p.found, proposals=nothing, proposal_confidence=nothing[:, 0]))
+            replace(p, found=FoundPerson(p.found.label, p.found.body_id, p.found.probability))
             for p in people.persons
         )
         return replace(people, persons=tuple(persons))

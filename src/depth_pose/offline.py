@@ -7,13 +7,16 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
 from depth_pose.core.errors import InputError
 from depth_pose.core.outputs import refuse_inputs
 from depth_pose.io.mcap_write import SkeletonWriter
+
+if TYPE_CHECKING:
+    from depth_pose.passes import Gain, SecondPass
 
 NOTE = "depth_pose"
 """Name of the metadata record of what an output was made from."""
@@ -76,6 +79,8 @@ class RunSummary:
         Time per frame in the pipeline, milliseconds; NaN without frames.
     warnings : tuple of str
         One line for each thing that went wrong, with its count.
+    gain : Gain or None
+        What a second pass changed.
     """
 
     frames: int
@@ -88,6 +93,7 @@ class RunSummary:
     median_ms: float
     p95_ms: float
     warnings: tuple[str, ...]
+    gain: Gain | None = None
 
 
 def _check_stamp(stamp_ns: int) -> None:
@@ -104,6 +110,7 @@ def process_recording(
     note: Callable[[RunSummary], Mapping[str, str]] | None = None,
     *,
     markers: bool = False,
+    second: SecondPass | None = None,
 ) -> RunSummary:
     """Run the pipeline over a recording and write its skeletons.
 
@@ -119,12 +126,14 @@ def process_recording(
     pipeline : Method
         The method; its temporal state is reset first.
     progress : callable, optional
-        Called with the number of frames done.
+        Called with the number of frames done; with a second pass each counts twice.
     note : callable, optional
         Says what is to stand in the output's metadata, under `NOTE`. With it the output is whole or not
         at all; without, what was done until Ctrl-C is left as ``NAME.partial.mcap``.
     markers : bool
         Whether standard markers are written, too, for viewers that know no skeletons.
+    second : SecondPass, optional
+        Plays the recording back, and joins both answers.
 
     Raises
     ------
@@ -136,20 +145,11 @@ def process_recording(
     refuse_inputs([output], [reader.path])
     pipeline.reset()
     sources: Counter[str] = Counter()
-    refused: Counter[str] = Counter()
-    times_ms = []
     confidences: list[float] = []
     empty = most = 0
+    first = _Answers(reader, pipeline, progress)
     with SkeletonWriter(output, only_whole=note is not None) as writer:
-        for frame in reader:
-            start = time.perf_counter()
-            try:
-                _check_stamp(frame.stamp_ns)
-                result = pipeline.process_frame(frame)
-            except InputError as error:
-                refused[str(error)] += 1
-                continue
-            times_ms.append((time.perf_counter() - start) * 1e3)
+        for result in first if second is None else second.join(first, first.count):
             followed, everybody = result.skeleton, result.skeletons
             writer.write_people(everybody, followed.stamp_ns, followed.frame_id)
             writer.write(followed)
@@ -159,11 +159,10 @@ def process_recording(
             confidences += [s.confidence for s in everybody]
             empty += not everybody
             most = max(most, len(everybody))
-            if progress:
-                progress(len(times_ms) + refused.total() + reader.dropped)
-        dropped = reader.dropped + refused.total()
-        reasons = [f"{count} frames were dropped: {reason}" for reason, count in refused.items()]
-        if refused and not times_ms:
+        times_ms = first.times_ms
+        dropped = reader.dropped + first.refused.total()
+        reasons = [f"{count} frames were dropped: {reason}" for reason, count in first.refused.items()]
+        if first.refused and not times_ms:
             raise InputError(f"{reader.path}: " + "; ".join((*reader.warnings, *reasons)))
         summary = RunSummary(
             frames=len(times_ms) + dropped,
@@ -176,7 +175,48 @@ def process_recording(
             median_ms=float(np.median(times_ms)) if times_ms else float("nan"),
             p95_ms=float(np.percentile(times_ms, 95)) if times_ms else float("nan"),
             warnings=(*reader.warnings, *(f"{reader.path}: {line}" for line in pipeline.warnings), *reasons),
+            gain=second.gain if second else None,
         )
         if note is not None:
             writer.write_metadata(NOTE, note(summary))
     return summary
+
+
+class _Answers:
+    """What the method answers to each frame that can be used, in order.
+
+    Attributes
+    ----------
+    times_ms : list of float
+        Of each answered frame.
+    refused : Counter
+        Frames that the method refused, by reason.
+    """
+
+    def __init__(self, reader: Reader, method: Method, progress: Callable[[int], None] | None) -> None:
+        self.times_ms: list[float] = []
+        self.refused: Counter[str] = Counter()
+        self._reader, self._method, self._progress = reader, method, progress
+        self._counted = 0
+
+    def __iter__(self) -> Iterator[Any]:
+        for frame in self._reader:
+            start = time.perf_counter()
+            try:
+                _check_stamp(frame.stamp_ns)
+                result = self._method.process_frame(frame)
+            except InputError as error:
+                self.refused[str(error)] += 1
+                continue
+            self.times_ms.append((time.perf_counter() - start) * 1e3)
+            yield result
+            self._tell()
+
+    def count(self) -> None:
+        """Count a frame of the second pass."""
+        self._counted += 1
+        self._tell()
+
+    def _tell(self) -> None:
+        if self._progress:
+            self._progress(len(self.times_ms) + self.refused.total() + self._reader.dropped + self._counted)

@@ -5,6 +5,8 @@ The four ROS nodes run the same four stages; here they run one after the other i
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 from threadpoolctl import ThreadpoolController
@@ -60,6 +62,7 @@ class PosePipeline:
         self.unanswered = 0
         self._orientation = UpsideDownWatch(config.segment)
         shared = Shared(bank, config)
+        self._subjects = shared.subjects
         self.extractor = PeopleExtractor(config.segment, config.denoise, config.mount)
         self.matcher = shared.make_matcher()
         self.refiner = shared.make_refiner()
@@ -73,6 +76,12 @@ class PosePipeline:
         # Sec. 4: find the people, cut them out, modified LOP (eqs. 1 to 5), outliers
         shown = rotate_upright(frame, self._mount)
         people = self.extractor.extract(shown)
+        self._orientation.look(shown, people)
+        return self.answer(people)
+
+    @_one_thread
+    def answer(self, people: People) -> FrameResult:
+        """Estimate the pose of people who were cut out."""
         # Sec. 5: canonical axes, PCA subspace, nearest exemplars (eq. 6)
         matches = self.matcher.match(people)
         # Sec. 6: fit the body to each person's points; with method cpd complete the mesh (eqs. 7, 8)
@@ -82,8 +91,7 @@ class PosePipeline:
         # Back into the frame of a sensor that is mounted rolled
         skeletons = tuple(rotate_to_sensor(s, self._mount) for s in upright)
         self.unanswered += bool(people.persons and not skeletons)
-        followed = self.follower.choose(skeletons, frame.stamp_ns, frame.frame_id)
-        self._orientation.look(shown, people)
+        followed = self.follower.choose(skeletons, people.stamp_ns, people.frame_id)
         return FrameResult(people, matches, refined, skeletons, followed)
 
     def reset(self) -> None:
@@ -104,6 +112,15 @@ class PosePipeline:
         """
         self.reset()
         self.extractor.restart()
+
+    @contextmanager
+    def keeping_builds(self) -> Iterator[None]:
+        """Keep the builds of people who have left the view, as for a second pass."""
+        self._subjects.keeps_builds = True
+        try:
+            yield
+        finally:
+            self._subjects.keeps_builds = False
 
     def warm_up(self) -> None:
         """Compile (or load from the cache) every kernel, so that the first frame is not late."""

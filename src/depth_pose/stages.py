@@ -28,6 +28,10 @@ class Shared:
     ----------
     bank : Bank
     config : PipelineConfig
+
+    Attributes
+    ----------
+    subjects : Subjects
     """
 
     def __init__(self, bank: Bank, config: PipelineConfig = PipelineConfig()) -> None:  # noqa: B008

@@ -52,7 +52,7 @@ def here(clips, setting, tmp_path_factory):
     """The archive's skeletons, made in this process."""
     folder = tmp_path_factory.mktemp("here")
     rows = process_archive(find_sources([clips]), folder, setting, workers=0)
-    assert [row.state for row in rows] == CLIPS * ["done"]
+    assert [row.state for row in rows] == CLIPS * ["done"], rows
     return folder
 
 
@@ -259,6 +259,13 @@ def test_hash_sees_ends_and_sizes(tmp_path):
     small[3_333_333] = 1
     file.write_bytes(small)
     assert content_hash(file) != before
+
+
+def test_two_passes_are_another_setting(clips, setting, begun):
+    sources = find_sources([clips / "clip_0.mcap"])
+    for state in ("done", "skipped"):
+        (row,) = process_archive(sources, begun, dataclasses.replace(setting, passes=2), workers=0)
+        assert row.state == state
 
 
 def test_settings_have_their_digest():

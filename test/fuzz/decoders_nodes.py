@@ -40,7 +40,9 @@ def everybody() -> Any:
     points = CAMERA.back_project(np.where(labels > 0, np.float32(2.0), np.float32(0.0)))
     rng = np.random.default_rng(0)
     found = [
-        FoundPerson(n, f"body_{n}", 0.9, rng.normal(size=(19, 3)).astype("f4"), rng.random(19).astype("f4"))
+        FoundPerson(
+            n, f"body_{n}", 0.9, *(rng.random(shape).astype("f4") for shape in ((19, 3), 19, (19, 2)))
+        )
         for n in (1, 2)
     ]
     return see_people(7, "optical", CAMERA, points, labels, found)

@@ -31,7 +31,7 @@ def joints_of(body, pose):
 
 def found(joints, confidence=0.9):
     sure = np.broadcast_to(np.float32(confidence), (19,)).astype(np.float32)
-    return FoundPerson(1, "a", 1.0, joints.astype(np.float32), sure)
+    return FoundPerson(1, "a", 1.0, joints.astype(np.float32), sure, np.full((19, 2), 0.05, np.float32))
 
 
 @pytest.mark.parametrize("exemplar", [3, 90, 201])
@@ -57,7 +57,7 @@ def test_a_joint_that_nobody_is_sure_of_does_not_count(bank, exemplars):
 
 
 def test_without_proposals_there_is_nothing(bank, exemplars):
-    nobody = FoundPerson(1, "a", 1.0, np.zeros((0, 3), np.float32), np.zeros(0, np.float32))
+    nobody = FoundPerson(1, "a", 1.0)
     assert exemplars.find(nobody, 1.0) is None
     assert aim_legs(bank.body, pose_of(bank, 0, 0.0), nobody) is None
 

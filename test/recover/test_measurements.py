@@ -13,32 +13,38 @@ RNG = np.random.default_rng(0)
 FITTED = RNG.normal(0.0, 0.4, (len(JOINTS), 3)) + [0.0, 0.0, 3.0]
 
 
-def found(places, confidence=0.5):
+def found(places, across=0.05, along=0.05):
     count = len(places)
-    confidences = np.full(count, confidence, np.float32)
-    return FoundPerson(1, "body_1", 1.0, np.asarray(places, np.float32).reshape(count, 3), confidences)
+    sigmas = np.tile(np.array([across, along], np.float32), (count, 1))
+    confidences = np.full(count, 0.5, np.float32)
+    return FoundPerson(
+        1, "body_1", 1.0, np.asarray(places, np.float32).reshape(count, 3), confidences, sigmas
+    )
 
 
 def test_a_fit_that_explains_the_depth_is_kept():
     measured = weigh_joints(FITTED, 0.2, found(FITTED + 0.1))
-    assert (measured.share < 0.03).all()
-    np.testing.assert_allclose(measured.joints, FITTED, atol=0.003)
+    assert (measured.share < 0.04).all()
+    np.testing.assert_allclose(measured.joints, FITTED, atol=0.004)
 
 
-@pytest.mark.parametrize("confidence", [0.2, 0.5, 0.9])
-def test_a_fit_that_explains_nothing_gives_way_by_variances(confidence):
-    """The plain formula: stated errors are mean distances, of 1.6 deviations."""
-    measured = weigh_joints(FITTED, 0.7, found(FITTED + 0.1, confidence))
-    of_fit = 0.01**2 + (0.7 * 0.3) ** 2
-    of_proposal = (0.1 * np.sqrt(1.0 / confidence - 1.0) / 1.6) ** 2
-    share = of_fit / (of_fit + of_proposal)
-    np.testing.assert_allclose(measured.share, share, rtol=1e-5)
-    np.testing.assert_allclose(measured.joints, FITTED + 0.1 * share, atol=1e-5)
-    np.testing.assert_allclose(measured.proposed, confidence, rtol=1e-6)
+@pytest.mark.parametrize(("across", "along"), [(0.03, 0.03), (0.03, 0.2), (0.1, 0.05)])
+def test_a_fit_that_explains_nothing_gives_way_by_covariances(across, along):
+    """The plain formula, with matrices."""
+    proposed = FITTED + [0.1, -0.05, 0.08]
+    measured = weigh_joints(FITTED, 0.7, found(proposed, across, along))
+    of_fit = (0.01**2 + (0.7 * 0.3) ** 2) * np.eye(3)
+    for fitted, place, joint in zip(FITTED, proposed, measured.joints, strict=True):
+        ray = np.outer(place, place) / (place @ place)
+        covariance = (across**2 + 0.02**2) * (np.eye(3) - ray) + (along**2 + 0.02**2) * ray
+        expected = fitted + of_fit @ np.linalg.inv(of_fit + covariance) @ (place - fitted)
+        np.testing.assert_allclose(joint, expected, atol=1e-5)
 
 
-def test_shares_rise_with_the_score_and_with_the_proposals_confidence():
-    shares = [weigh_joints(FITTED, s, found(FITTED, c)).share[0] for s in (0.3, 0.5, 0.7) for c in (0.2, 0.6)]
+def test_shares_rise_with_the_score_and_fall_with_the_deviation():
+    shares = [
+        weigh_joints(FITTED, s, found(FITTED, c)).share[0, 0] for s in (0.3, 0.5, 0.7) for c in (0.2, 0.05)
+    ]
     assert shares[1] > shares[0] and shares[3] > shares[2] and shares[5] > shares[4]
     assert shares[0] < shares[2] < shares[4]
 

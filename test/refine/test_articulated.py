@@ -49,7 +49,9 @@ def target_of(posed_body, noise=0.0):
 
 def proposed(joints, confidence):
     """A person whose joints the finder proposes."""
-    return FoundPerson(1, "body_1", 1.0, joints.astype(np.float32), confidence.astype(np.float32))
+    sigma = np.sqrt(1.0 / np.clip(confidence, 0.01, 0.99) - 1.0) * 0.1 / 1.6
+    deviations = np.repeat(sigma[:, None], 2, axis=1).astype(np.float32)
+    return FoundPerson(1, "body_1", 1.0, joints.astype(np.float32), confidence.astype(np.float32), deviations)
 
 
 def nodes_of(body, pose):

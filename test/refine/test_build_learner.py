@@ -87,7 +87,9 @@ def test_proposed_bones_are_learned_in_bad_frames_as_well(space, seen):
     nodes = syn.posed(syn.arms_down(), body=space.template).nodes
     joints = nodes[JOINT_NODES] * 0.8  # as proposed: a fifth smaller
     places, weights = np.stack([joints, joints[MIRROR_JOINTS]]), np.full((2, len(joints)), 0.68)
-    proposing = target._replace(proposals=Proposals(np.asarray(JOINT_NODES, np.int64), places, weights))
+    sigmas = np.full((2, len(joints), 2), 0.04)
+    proposals = Proposals(np.asarray(JOINT_NODES, np.int64), places, weights, sigmas)
+    proposing = target._replace(proposals=proposals)
     standing = FittedBody(fitted.pose, fitted.vertices, nodes)
     learner = learner_of(space)
     personal = follow(learner, (proposing, standing), Subject(), 0, 12, score=0.9)

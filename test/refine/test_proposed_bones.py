@@ -14,7 +14,7 @@ from depth_pose.refine.personal import Evidence, PersonalBuild, Proposed
 from depth_pose.refine.proposed_bones import BoneLengths, ProposedBones, measure_bones
 from depth_pose.refine.proposed_depth import TrunkDepth
 from depth_pose.refine.upright_stance import find_standing
-from depth_pose.track.target import Proposals
+from depth_pose.track.target import NO_PROPOSALS, Proposals
 
 PARTS = len(BUILD_NAMES)
 BONES = len(proposed_bones._BONES)
@@ -29,7 +29,7 @@ def space(body):
 def proposing(nodes, sure=0.68):
     joints = nodes[JOINT_NODES]
     places, weights = np.stack([joints, joints[MIRROR_JOINTS]]), np.full((2, len(joints)), sure)
-    return Proposals(np.asarray(JOINT_NODES, np.int64), places, weights)
+    return Proposals(np.asarray(JOINT_NODES, np.int64), places, weights, np.full((2, len(joints), 2), 0.04))
 
 
 def standing(body, scale=1.0, turn=0.0, **turned):
@@ -109,7 +109,7 @@ def test_people_who_kneel_sit_or_lie_say_nothing(space, turned):
 
 
 def test_without_proposals_nothing_is_said(space):
-    nobody = Proposals(np.zeros(0, np.int64), np.zeros((2, 0, 3)), np.zeros((2, 0)))
+    nobody = NO_PROPOSALS
     assert find_standing(nobody, standing(space.template)) is None
     assert ProposedBones(space).excess(size(0.5)) == 0.0
 

@@ -59,6 +59,8 @@ class Setting:
         The depth topic; None for the only one there is.
     images : ImageOptions
         What folders of images do not say.
+    passes : int
+        2: a second pass over each recording (`depth_pose.passes`).
     version : str
         Of this package; another one is refused.
     """
@@ -68,6 +70,7 @@ class Setting:
     config: PipelineConfig
     depth_topic: str | None = None
     images: ImageOptions = field(default_factory=ImageOptions)
+    passes: int = 1
     version: str = __version__
 
     @cached_property
@@ -76,9 +79,11 @@ class Setting:
         settings = self.config.as_mapping()
         if self.config.build.file:  # what is in it counts, not its name
             settings["build"]["file"] = _hash_of_build(self.config.build.file)
-        given = [settings, self.depth_topic]
+        given: list[Any] = [settings, self.depth_topic]
         if self.images != ImageOptions():
             given.append(dataclasses.asdict(self.images))
+        if self.passes > 1:
+            given.append(self.passes)
         text = json.dumps(given, sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
@@ -187,6 +192,7 @@ def _process(
     name: str, recording: str, output: str, setting: Setting, marks: Mapping[str, str], tell: Tell
 ) -> Row:
     from depth_pose.io.mcap_read import DepthReader
+    from depth_pose.passes import SecondPass
 
     reader = DepthReader(recording, setting.depth_topic, setting.images, tell=False)
     pipeline = _pipeline(setting)
@@ -198,12 +204,13 @@ def _process(
         now = time.monotonic()
         if now - told > _TELL_EVERY_S:
             told = now
-            tell(done / max(len(reader), 1))
+            tell(done / max(setting.passes * len(reader), 1))
 
     def note(summary: RunSummary) -> dict[str, str]:
         return {**marks, "row": json.dumps(_facts(summary, reader.damage))}
 
-    summary = process_recording(reader, output, pipeline, progress, note)
+    second = SecondPass(pipeline) if setting.passes > 1 else None
+    summary = process_recording(reader, output, pipeline, progress, note, second=second)
     took = time.monotonic() - start
     row = Row(name, "done", **_facts(summary, reader.damage))
     return dataclasses.replace(row, ms=summary.median_ms, seconds=took, warnings=summary.warnings)

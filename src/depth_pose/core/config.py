@@ -199,12 +199,13 @@ class FitConfig(Checked):
         0.10, "Out of free space skin is pulled by at most this a step", unit="m", low=0.0, high=1.0
     )
     proposal_weight: float = option(
-        2.0,
-        "Weight of a joint that the finder proposes and is sure of, in points of the cloud",
+        0.03,
+        "Standard deviation at which a proposed joint weighs as much as one point of the cloud; 0: ignored",
+        unit="m",
         low=0.0,
-        high=1000.0,
+        high=10.0,
     )
-    prior: float = option(0.2, "Stiffness of the joints toward the start", low=0.0, high=100.0)
+    prior: float = option(0.1, "Stiffness of the joints toward the start", low=0.0, high=100.0)
     damping: float = option(0.02, "Added to the diagonal of every step", low=1e-6, high=100.0)
     max_step: float = option(0.35, "The most that a joint turns in a step", unit="rad", low=0.01, high=3.2)
     max_points: int = option(800, "Points of the cloud that are fitted to", low=10, high=1_000_000)

@@ -89,8 +89,8 @@ class FoundPerson:
     label: int
     body_id: str
     probability: float
-    proposals: NDArray[np.float32]
-    proposal_confidence: NDArray[np.float32]
+    proposals: NDArray[np.float32] = field(default_factory=lambda: np.zeros((0, 3), np.float32))
+    proposal_confidence: NDArray[np.float32] = field(default_factory=lambda: np.zeros(0, np.float32))
     proposal_sigma: NDArray[np.float32] = field(default_factory=lambda: np.zeros((0, 2), np.float32))
 
 

@@ -79,7 +79,7 @@ class PeopleExtractor:
         self.segmenter.warm_up()
         camera = Camera(64, 48, 60.0, 60.0, 31.5, 23.5)
         depth = denoise_depth(np.full((48, 64), 2.0, np.float32), camera, self._denoise)
-        found = FoundPerson(1, "", 1.0, np.zeros((0, 3), np.float32), np.zeros(0, np.float32))
+        found = FoundPerson(1, "", 1.0)
         see_people(0, "", camera, camera.back_project(depth), np.ones((48, 64), np.uint8), [found])
 
     def extract(self, frame: DepthFrame) -> People:

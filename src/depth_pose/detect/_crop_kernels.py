@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.kernels import njit
+from depth_pose.core.types import BACKGROUND
 from depth_pose.detect._finder_kernels import bounded, near_second
 
 CHANNELS = 8
@@ -48,6 +49,22 @@ class Look(NamedTuple):
     sin: float = 0.0
     flip: float = 1.0
     coarse: int = 1
+
+
+class MaskLimits(NamedTuple):
+    """When a mask changes labels (`apply_mask`).
+
+    Attributes
+    ----------
+    least, most : float
+        Logits.
+    near : float
+        Metres.
+    """
+
+    least: float
+    most: float
+    near: float
 
 
 @njit(cache=True)
@@ -156,6 +173,33 @@ def fill_features(grid, whose, label, look, out):
             out[2, i, j], out[3, i, j] = off, 1.0
             if whose[i, j] == label:
                 out[0, i, j], out[1, i, j] = off, 1.0
+
+
+@njit(cache=True)
+def apply_mask(depth, labels, camera, look, logits, label, limits):
+    """Correct a person's pixels by the mask of a crop that is neither turned nor mirrored.
+
+    ``logits`` (side, side). The person's pixels with a logit below ``limits.least`` become background;
+    background within ``limits.near`` metres of the torso's depth with a logit above ``limits.most``
+    becomes the person's.
+    """
+    height, width = depth.shape
+    side = logits.shape[0]
+    px, py = look.cell * camera.fx / look.z, look.cell * camera.fy / look.z
+    u0, v0 = camera.fx * look.x / look.z + camera.cx, camera.fy * look.y / look.z + camera.cy
+    half = 0.5 * side
+    for v in range(max(0, int(v0 - half * py) + 1), min(height, int(v0 + half * py))):
+        i = min(max(int((v - v0) / py + half), 0), side - 1)
+        for u in range(max(0, int(u0 - half * px) + 1), min(width, int(u0 + half * px))):
+            own = labels[v, u]
+            if own != label and own != BACKGROUND:
+                continue
+            logit = logits[i, min(max(int((u - u0) / px + half), 0), side - 1)]
+            if own == label:
+                if logit < limits.least:
+                    labels[v, u] = BACKGROUND
+            elif logit > limits.most and abs(depth[v, u] - look.z) < limits.near and depth[v, u] > 0.0:
+                labels[v, u] = label
 
 
 @njit(cache=True)

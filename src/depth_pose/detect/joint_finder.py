@@ -12,7 +12,7 @@ the finder's own answer. ``tools/people_finder`` makes the weights; their settin
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from depth_pose.core.camera import Camera
 from depth_pose.core.skeleton import MIRROR_JOINTS
 from depth_pose.detect import _crop_kernels as kernels
-from depth_pose.detect._crop_kernels import Look
+from depth_pose.detect._crop_kernels import Look, MaskLimits
 from depth_pose.detect.net import open_net, read_weights
 
 _STANDARD = np.sqrt([3.0, 2.0])
@@ -31,7 +31,7 @@ _STANDARD = np.sqrt([3.0, 2.0])
 _MEAN_SQUARE = np.array([4.0 / 3.0, 0.5])
 """Squares of the mean distances, 2 widths in the plane and 1 in depth, by the squares of those deviations."""
 
-_OUTPUTS = ["joints", "log_error", "behind", "person"]
+_OUTPUTS = ["joints", "log_error", "behind", "person", "mask"]
 """What is asked of the net."""
 
 _SUREST = 1e-4
@@ -39,6 +39,32 @@ _SUREST = 1e-4
 
 TYPICAL_ERROR_M = 0.1
 """Error of a joint's proposal at which its confidence is one half."""
+
+
+_MASK = MaskLimits(least=-1.0, most=1.0, near=1.0)
+"""Logits below and above which a pixel's label changes, and the depth (m) from the torso within which
+pixels are added."""
+
+
+@dataclass(frozen=True)
+class CropMask:
+    """Which pixels of a crop show the person.
+
+    Attributes
+    ----------
+    logits : (side, side) float32
+    look : Look
+        Where the crop lies in the image.
+    """
+
+    logits: NDArray[np.float32]
+    look: Look
+
+    def apply(
+        self, depth: NDArray[np.float32], labels: NDArray[np.uint8], camera: Camera, label: int
+    ) -> None:
+        """Take furniture that touches a person out of their labels, and add pixels that were missed."""
+        kernels.apply_mask(depth, labels, camera, self.look, self.logits, label, _MASK)
 
 
 @dataclass(frozen=True)
@@ -57,6 +83,7 @@ class JointProposals:
         Probability that the person's left is on the image's left.
     probability : float
         That this is a person, by both looks.
+    mask : CropMask
     """
 
     joints: NDArray[np.float64]
@@ -64,11 +91,19 @@ class JointProposals:
     sigma: NDArray[np.float64]
     from_behind: float
     probability: float
+    mask: CropMask
 
     @property
     def confidence(self) -> NDArray[np.float32]:
         """0 to 1, (19,); one half where the error is 0.1 m."""
         return (1.0 / (1.0 + (self.error / TYPICAL_ERROR_M) ** 2)).astype(np.float32)
+
+    def moved(self, by: NDArray[np.float64]) -> JointProposals:
+        """Return the same a vector (3,) farther, metres."""
+        look = self.mask.look
+        x, y, z = (look.x, look.y, look.z) + by
+        moved = replace(self.mask, look=look._replace(x=x, y=y, z=z))
+        return replace(self, joints=self.joints + by, mask=moved)
 
 
 class PersonOdds(NamedTuple):
@@ -159,7 +194,7 @@ class JointFinder:
         look = Look(x, y, z, self._cell_m)
         kernels.sample_crop(depth, labels, camera, look, self._grid, self._whose)
         kernels.fill_features(self._grid, self._whose, label, look, self._features[0])
-        places, log_width, behind, person = self._session.run(_OUTPUTS, {"features": self._features})
+        places, log_width, behind, person, mask = self._session.run(_OUTPUTS, {"features": self._features})
         joints = kernels.from_crop(places[0].astype(np.float64), look)
         sigma, error = _spread(log_width[0], self._least_width_m)
         from_behind = _logistic(float(behind[0]))
@@ -168,4 +203,4 @@ class JointFinder:
         apart = np.linalg.norm(joints - joints[MIRROR_JOINTS], axis=1)
         error += min(from_behind, 1.0 - from_behind) * apart
         both = self._person.probability(probability, float(person[0]))
-        return JointProposals(joints, error, sigma, from_behind, both)
+        return JointProposals(joints, error, sigma, from_behind, both, CropMask(mask[0], look))

@@ -7,7 +7,7 @@ examined in every frame: that costs little, and reused joints lag behind fast mo
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,7 +75,7 @@ class LastLooks:
         for n, person in enumerate(people):
             before = self._before(person)
             if before is not None and are_several and self._may_rest(before, stamp_ns):
-                moved = replace(before.seen, joints=before.seen.joints + (person.torso - before.torso))
+                moved = before.seen.moved(person.torso - before.torso)
                 looks.append(_Look(person.torso, moved, before.stamp_ns, before.age + 1))
             else:
                 # the first interval varies, so that not all people are examined in the same frames

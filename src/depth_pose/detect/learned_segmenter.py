@@ -82,11 +82,13 @@ class LearnedSegmenter:
         ]
         sightings = self._beliefs.renew(sightings, labels, found.depth, frame.stamp_ns)
         sure = tuple(s for s in sightings if s.probability >= self.config.keep)
-        for thing in sightings:
+        for thing, looked in zip(sightings, seen, strict=True):
             if thing.probability < self.config.keep:
                 labels[labels == thing.label] = BACKGROUND
+            else:
+                looked.mask.apply(found.depth, labels, found.camera, thing.label)
         self._people.keep(found, sure, frame.stamp_ns)
-        if len(sure) < len(sightings):  # a thing before somebody may hide more of them
+        if sightings:  # what was taken out may hide more of somebody
             mark_nearer(found.depth, labels, found.camera, self.config.depth_jump)
         is_person = (labels != BACKGROUND) & (labels != HIDDEN)
         return Segmentation(

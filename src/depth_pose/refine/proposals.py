@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.body.body import Body
 from depth_pose.body.pose import BodyPose
-from depth_pose.core.skeleton import JOINT_INDEX, JOINT_NODES, JOINTS, MIRROR_JOINTS
+from depth_pose.core.skeleton import JOINT_INDEX, JOINT_NODES, JOINTS
 from depth_pose.core.types import FoundPerson
 from depth_pose.refine import _aim_kernels as kernels
 from depth_pose.refine.skeleton_pose import aim_limbs
+from depth_pose.track.target import name_proposals
 
 _AIMED = np.zeros(len(JOINTS), bool)
 _AIMED[[JOINT_INDEX[f"{s}_{n}"] for s in ("left", "right") for n in ("knee", "ankle")]] = True
@@ -43,11 +46,11 @@ def aim_legs(body: Body, pose: BodyPose, found: FoundPerson) -> BodyPose | None:
     if len(found.proposals) != len(JOINTS):
         return None
     nodes = body.place(pose.rotations, pose.root, pose.scale)
-    joints, confidence = named_alike(nodes[JOINT_NODES], found)
-    sure = _AIMED & (confidence >= _SURE)
+    proposed = named_alike(nodes[JOINT_NODES], found)
+    sure = _AIMED & (proposed.confidence >= _SURE)
     if not sure.any():
         return None
-    nodes[JOINT_NODES[sure]] = joints[sure]
+    nodes[JOINT_NODES[sure]] = proposed.places[sure]
     return BodyPose(aim_limbs(body, pose.rotations, nodes), pose.root, pose.scale)
 
 
@@ -58,11 +61,16 @@ def from_proposals(nodes: NDArray[np.float64], found: FoundPerson) -> float:
     return kernels.mean_gap(nodes[JOINT_NODES], found.proposals, found.proposal_confidence, _FAR_M)
 
 
-def named_alike(
-    own: NDArray[np.float64], found: FoundPerson
-) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Return proposed joints and confidences (19,), with the left/right naming nearer to ``own``."""
-    places = np.stack([found.proposals, found.proposals[MIRROR_JOINTS]])
-    weights = np.stack([found.proposal_confidence, found.proposal_confidence[MIRROR_JOINTS]])
-    side = kernels.nearer_naming(own, places, weights)
-    return places[side], weights[side]
+class Named(NamedTuple):
+    """Proposed joints (19, 3), confidences (19,) and deviations across and along the ray (19, 2), float64."""
+
+    places: NDArray[np.float64]
+    confidence: NDArray[np.float64]
+    sigmas: NDArray[np.float64]
+
+
+def named_alike(own: NDArray[np.float64], found: FoundPerson) -> Named:
+    """Return a person's proposals with the left/right naming nearer to the joints ``own``, (19, 3)."""
+    proposals = name_proposals(found)
+    side = kernels.nearer_naming(own, proposals.places, proposals.weights)
+    return Named(proposals.places[side], proposals.weights[side], proposals.sigmas[side])

@@ -58,7 +58,7 @@ _DIFFERS_M = 0.06
 _HOPELESS = 0.08
 """Score above the answer's at which a pose leaves the beam; set by hand."""
 
-_AWAY_WEIGHT = 1.0
+_AWAY_WEIGHT = 2.0
 """Weight of the mean distance (1/m) of joints from their proposals (`from_proposals`) in the score."""
 
 _ODD_WEIGHT = 0.2

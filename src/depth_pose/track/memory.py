@@ -54,9 +54,16 @@ class Subject:
 
 
 class Subjects:
-    """All tracks by body id, shared by the stages of one process."""
+    """All tracks by body id, shared by the stages of one process.
+
+    Attributes
+    ----------
+    keeps_builds : bool
+        Whether the builds of people who are forgotten are kept: ids are not given twice.
+    """
 
     def __init__(self) -> None:
+        self.keeps_builds = False
         self._guard = StampGuard()
         self.reset()
 
@@ -71,7 +78,10 @@ class Subjects:
         if self._guard.is_break(now_ns):
             self.reset()
         for body_id in [b for b, seen in self._seen_ns.items() if now_ns - seen > RETURN_NS]:
-            del self._subjects[body_id], self._seen_ns[body_id]
+            forgotten = self._subjects.pop(body_id)
+            del self._seen_ns[body_id]
+            if self.keeps_builds:
+                self._subjects[body_id] = Subject(build=forgotten.build)
         for person in people.persons:
             subject = self._subjects.setdefault(person.body_id, Subject())
             if now_ns - self._seen_ns.get(person.body_id, now_ns) > MAX_STAMP_GAP_NS:

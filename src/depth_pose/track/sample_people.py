@@ -14,6 +14,8 @@ from depth_pose.track.person import People, see_people
 
 _CAMERA = Camera(width=176, height=144, fx=200.0, fy=200.0, cx=87.5, cy=71.5)
 """Camera of the sample image, pixels; set by hand."""
+_SIGMA_M = 0.05
+"""Standard deviation of the sample person's proposals (m); set by hand."""
 SAMPLE_DISTANCE_M = 3.2
 """Distance from the camera to the sample person (m); set by hand."""
 
@@ -25,5 +27,6 @@ def sample_people(bank: Bank) -> People:
     depth = np.where(np.isfinite(drawn), drawn, 0.0).astype(np.float32)
     labels = np.where(depth > 0, PERSON, BACKGROUND).astype(np.uint8)
     joints = posed.nodes[JOINT_NODES].astype(np.float32)
-    found = FoundPerson(PERSON, "sample", 1.0, joints, np.ones(len(joints), np.float32))
+    sure, sigma = np.ones(len(joints), np.float32), np.full((len(joints), 2), _SIGMA_M, np.float32)
+    found = FoundPerson(PERSON, "sample", 1.0, joints, sure, sigma)
     return see_people(0, "", _CAMERA, _CAMERA.back_project(depth), labels, [found])

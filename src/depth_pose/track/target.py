@@ -24,14 +24,17 @@ class Proposals(NamedTuple):
         Camera frame, metres: named as proposed, and with left and right exchanged.
     weights : (2, J) float64
         Confidence of each, 0 to 1.
+    sigmas : (2, J, 2) float64
+        Standard deviation of each across its ray and along it, metres.
     """
 
     nodes: NDArray[np.int64]
     places: NDArray[np.float64]
     weights: NDArray[np.float64]
+    sigmas: NDArray[np.float64]
 
 
-NO_PROPOSALS = Proposals(np.zeros(0, np.int64), np.zeros((2, 0, 3)), np.zeros((2, 0)))
+NO_PROPOSALS = Proposals(np.zeros(0, np.int64), np.zeros((2, 0, 3)), np.zeros((2, 0)), np.zeros((2, 0, 2)))
 """Empty proposals."""
 
 
@@ -61,12 +64,9 @@ def name_proposals(found: FoundPerson) -> Proposals:
     """Return a person's proposed joints under both namings of left and right."""
     if len(found.proposals) != len(JOINTS):
         return NO_PROPOSALS
-    places, weights = found.proposals.astype(np.float64), found.proposal_confidence.astype(np.float64)
-    return Proposals(
-        np.asarray(JOINT_NODES, np.int64),
-        np.stack([places, places[MIRROR_JOINTS]]),
-        np.stack([weights, weights[MIRROR_JOINTS]]),
-    )
+    measured = (found.proposals, found.proposal_confidence, found.proposal_sigma)
+    named = (np.stack([values, values[MIRROR_JOINTS]]).astype(np.float64) for values in measured)
+    return Proposals(np.asarray(JOINT_NODES, np.int64), *named)
 
 
 def nearest_person_pixels(observation: Observation) -> NDArray[np.int32]:

@@ -68,6 +68,7 @@ def _found_to_msg(found: FoundPerson) -> FoundPersonMsg:
         probability=float(found.probability),
         proposals=found.proposals.ravel().tolist(),
         proposal_confidence=found.proposal_confidence.tolist(),
+        proposal_sigma=found.proposal_sigma.ravel().tolist(),
     )
 
 
@@ -115,10 +116,14 @@ def msgs_to_people(points: PointCloud2, people: PeopleMsg) -> People:
 
 def _msg_to_found(msg: FoundPersonMsg) -> FoundPerson:
     confidence = np.array(msg.proposal_confidence, np.float32)
-    proposals = np.array(msg.proposals, np.float32)
-    if len(proposals) != 3 * len(confidence):
+    proposals, sigma = np.array(msg.proposals, np.float32), np.array(msg.proposal_sigma, np.float32)
+    if (len(proposals), len(sigma)) != (3 * len(confidence), 2 * len(confidence)):
         raise InputError(
-            f"{msg.body_id} has {len(proposals)} numbers of proposed joints, not {3 * len(confidence)}"
+            f"{msg.body_id} has {len(proposals)} numbers of proposed joints, {len(sigma)} of deviations "
+            f"and {len(confidence)} confidences; each joint has 3, 2 and 1"
         )
     check_numbers(f"the proposed joints of {msg.body_id}", proposals)
-    return FoundPerson(msg.label, msg.body_id, msg.probability, proposals.reshape(-1, 3), confidence)
+    check_numbers(f"the standard deviations of {msg.body_id}", sigma)
+    return FoundPerson(
+        msg.label, msg.body_id, msg.probability, proposals.reshape(-1, 3), confidence, sigma.reshape(-1, 2)
+    )

@@ -1,0 +1,249 @@
+"""Two passes over a recording: forward with its builds being learned, backward with all of them known.
+
+The second pass plays the people of the first one back, as if time went on from the last frame: tracks, builds
+and poses continue, and what a later frame showed is known in an earlier one. `join` then chooses one path
+through both answers of each person (Viterbi 1967), in which a frame costs what its answer lacks in
+confidence, and a step its movement. Where the other answer is near, the mean of both is taken: the low-pass
+filter lags behind in either direction, so the mean does not.
+"""
+
+from __future__ import annotations
+
+import pickle
+import tempfile
+import zlib
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from depth_pose.core.errors import InputError
+from depth_pose.core.types import Skeleton
+from depth_pose.pipeline import FrameResult, PosePipeline
+from depth_pose.track.person import People, see_people
+
+_STEP_M = 0.1
+"""Mean movement of the joints between two frames (m) that costs as much as a confidence of 1/e; set by
+hand."""
+
+_SAME_M = 0.06
+"""Distance (m) between both answers for a joint at which the other counts half as much as the chosen one;
+set by hand."""
+
+_LEAST_CONFIDENCE = 0.01
+"""Confidences are clipped to this, so that costs are finite."""
+
+_TURN_NS = 33_000_000
+"""Time (ns) from the last frame to itself when the recording turns; about one frame."""
+
+
+@dataclass(frozen=True)
+class Gain:
+    """What the second pass changed.
+
+    Attributes
+    ----------
+    skeletons : int
+        Skeletons in the joined answer.
+    added : int
+        Skeletons that only the second pass has.
+    replaced : int
+        Skeletons of the second pass that replace one of the first.
+    confidence : (2,) tuple of float
+        Mean confidence of the joints in the first pass, and in the joined answer.
+    """
+
+    skeletons: int
+    added: int
+    replaced: int
+    confidence: tuple[float, float]
+
+    def __str__(self) -> str:
+        before, now = self.confidence
+        return (
+            f"{self.replaced} of {self.skeletons} skeletons replaced, {self.added} added; "
+            f"confidence of the joints {before:.3f} -> {now:.3f}"
+        )
+
+
+@dataclass(frozen=True)
+class Joined:
+    """The answer of both passes to one frame: everybody, and the one who is followed."""
+
+    skeletons: tuple[Skeleton, ...]
+    skeleton: Skeleton
+
+
+class SecondPass:
+    """Plays a recording back after the first pass.
+
+    Parameters
+    ----------
+    pipeline : PosePipeline
+        That of the first pass.
+
+    Attributes
+    ----------
+    gain : Gain or None
+        None until all is joined.
+    """
+
+    def __init__(self, pipeline: PosePipeline) -> None:
+        self.gain: Gain | None = None
+        self._pipeline = pipeline
+
+    def join(self, results: Iterable[FrameResult], seen: Callable[[], None]) -> Iterator[Joined]:
+        """Run the first pass to its end, play it back, and give the joined answers in order.
+
+        Parameters
+        ----------
+        results : iterable of FrameResult
+            The first pass.
+        seen : callable
+            Called after each frame of the second pass.
+
+        Raises
+        ------
+        InputError
+            If the disk has no room for the people of all frames.
+        """
+        pipeline = self._pipeline
+        forward, backward = [], []
+        with pipeline.keeping_builds(), _Spool() as spool:
+            for result in results:
+                spool.add(result.people)
+                forward.append(Joined(result.skeletons, result.skeleton))
+            unanswered, doubtful = pipeline.unanswered, pipeline.recoverer.doubtful
+            for people in spool.played_back():
+                again = pipeline.answer(people).skeletons
+                backward.append([replace(s, stamp_ns=spool.time_of(people.stamp_ns)) for s in again])
+                seen()
+        everybody, self.gain = join([one.skeletons for one in forward], backward[::-1])
+        answered = sum(not one.skeletons and bool(all_) for one, all_ in zip(forward, everybody, strict=True))
+        pipeline.unanswered, pipeline.recoverer.doubtful = unanswered - answered, doubtful
+        pipeline.follower.reset()
+        for one, skeletons in zip(forward, everybody, strict=True):
+            stamp_ns, frame_id = one.skeleton.stamp_ns, one.skeleton.frame_id
+            yield Joined(skeletons, pipeline.follower.choose(skeletons, stamp_ns, frame_id))
+
+
+class _Spool:
+    """The people of all frames, in a temporary file: about 100 kB a frame and person."""
+
+    def __init__(self) -> None:
+        self._file = tempfile.TemporaryFile(prefix="depth_pose_")  # noqa: SIM115
+        self._starts: list[int] = []
+        self._last_ns = 0
+
+    def __enter__(self) -> _Spool:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._file.close()
+
+    def add(self, people: People) -> None:
+        """Append a frame."""
+        at = np.flatnonzero(np.isfinite(people.points[..., 2]))
+        points = people.points.reshape(-1, 3)[at]
+        found = [person.found for person in people.persons]
+        self._last_ns = people.stamp_ns
+        self._starts.append(self._file.tell())
+        labels = zlib.compress(people.labels.tobytes(), 1)
+        try:
+            pickle.dump(
+                (people.stamp_ns, people.frame_id, people.camera, at, points, labels, found), self._file
+            )
+            self._file.flush()
+        except OSError as error:
+            raise InputError(
+                f"{tempfile.gettempdir()} has no room for what the second pass needs ({error.strerror}): "
+                "let TMPDIR name a folder with more, or give --passes 1"
+            ) from error
+
+    def played_back(self) -> Iterator[People]:
+        """Give the frames from the last to the first, with stamps that go on from the last one."""
+        for start in reversed(self._starts):
+            self._file.seek(start)
+            stamp_ns, frame_id, camera, at, few, packed, found = pickle.load(self._file)  # our own file
+            labels = np.frombuffer(zlib.decompress(packed), np.uint8).reshape(camera.height, camera.width)
+            points = np.full((*labels.shape, 3), np.nan, np.float32)
+            points.reshape(-1, 3)[at] = few
+            yield see_people(self.time_of(stamp_ns), frame_id, camera, points, labels, found)
+
+    def time_of(self, stamp_ns: int) -> int:
+        """Return the stamp at which a frame is played back, or that of a frame that was played back."""
+        return 2 * self._last_ns + _TURN_NS - stamp_ns
+
+
+def join(
+    forward: Sequence[Sequence[Skeleton]], backward: Sequence[Sequence[Skeleton]]
+) -> tuple[list[tuple[Skeleton, ...]], Gain]:
+    """Join the answers of both passes.
+
+    Parameters
+    ----------
+    forward, backward : sequence of sequence of Skeleton
+        Everybody in each frame, in the order of the recording; the same person has the same body id in both.
+
+    Returns
+    -------
+    list of tuple of Skeleton
+        Everybody in each frame, ordered as in the first pass.
+    Gain
+    """
+    named = [[{s.body_id: s for s in frame} for frame in passed] for passed in (forward, backward)]
+    answers: list[dict[str, Skeleton]] = [{} for _ in forward]
+    added = replaced = 0
+    for body_id in dict.fromkeys(b for passed in named for frame in passed for b in frame):
+        frames = [n for n in range(len(forward)) if any(body_id in passed[n] for passed in named)]
+        both = [tuple(passed[n].get(body_id) for passed in named) for n in frames]
+        for n, choice, pair in zip(frames, _path(both), both, strict=True):
+            chosen, other = pair[choice], pair[1 - choice]
+            assert chosen is not None, "a path leads through answers"
+            added += pair[0] is None
+            replaced += choice == 1 and other is not None
+            answers[n][body_id] = chosen if other is None else _mean(chosen, other)
+    everybody = [tuple(frame.values()) for frame in answers]
+    first = _confidence(forward)
+    return everybody, Gain(sum(map(len, everybody)), added, replaced, (first, _confidence(everybody)))
+
+
+def _path(both: Sequence[tuple[Skeleton | None, ...]]) -> list[int]:
+    """Choose one of two answers in each frame, at the least cost of frames and steps."""
+    cost = np.array([_lack(s) for s in both[0]])
+    came = np.zeros((len(both), 2), np.int64)
+    for n in range(1, len(both)):
+        steps = np.array([[_step(a, b) for a in both[n - 1]] for b in both[n]])  # (to, from)
+        total = steps + cost
+        came[n] = total.argmin(axis=1)
+        cost = total.min(axis=1) + np.array([_lack(s) for s in both[n]])
+    path = [int(cost.argmin())]
+    for n in range(len(both) - 1, 0, -1):
+        path.append(int(came[n, path[-1]]))
+    return path[::-1]
+
+
+def _lack(skeleton: Skeleton | None) -> float:
+    """Compute the cost of an answer by its joints' confidence; very high for none."""
+    if skeleton is None:
+        return 1e6
+    return -float(np.log(max(float(skeleton.joint_confidence.mean()), _LEAST_CONFIDENCE)))
+
+
+def _step(before: Skeleton | None, now: Skeleton | None) -> float:
+    if before is None or now is None:
+        return 0.0
+    return float(np.linalg.norm(now.positions - before.positions, axis=1).mean()) / _STEP_M
+
+
+def _mean(chosen: Skeleton, other: Skeleton) -> Skeleton:
+    """Return the mean of two answers, in which the other counts less the farther it is, joint by joint."""
+    apart: NDArray[np.float64] = other.positions - chosen.positions
+    near = 1.0 / (1.0 + (apart**2).sum(axis=1) / _SAME_M**2)
+    return replace(chosen, positions=chosen.positions + (near / (1.0 + near))[:, None] * apart)
+
+
+def _confidence(frames: Sequence[Sequence[Skeleton]]) -> float:
+    values = [s.joint_confidence.mean() for frame in frames for s in frame]
+    return float(np.mean(values)) if values else float("nan")
