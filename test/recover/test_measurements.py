@@ -22,8 +22,11 @@ def found(places, across=0.05, along=0.05):
     )
 
 
+SURE, EVEN = np.full(len(JOINTS), 1.0), np.full(len(JOINTS), 0.5)
+
+
 def test_a_fit_that_explains_the_depth_is_kept():
-    measured = weigh_joints(FITTED, 0.2, found(FITTED + 0.1))
+    measured = weigh_joints(FITTED, 0.2, SURE, found(FITTED + 0.1))
     assert (measured.share < 0.04).all()
     np.testing.assert_allclose(measured.joints, FITTED, atol=0.004)
 
@@ -32,8 +35,8 @@ def test_a_fit_that_explains_the_depth_is_kept():
 def test_a_fit_that_explains_nothing_gives_way_by_covariances(across, along):
     """The plain formula, with matrices."""
     proposed = FITTED + [0.1, -0.05, 0.08]
-    measured = weigh_joints(FITTED, 0.7, found(proposed, across, along))
-    of_fit = (0.01**2 + (0.7 * 0.3) ** 2) * np.eye(3)
+    measured = weigh_joints(FITTED, 0.7, EVEN, found(proposed, across, along))
+    of_fit = (0.01**2 + (0.3 * 0.45) ** 2 + 0.05**2) * np.eye(3)
     for fitted, place, joint in zip(FITTED, proposed, measured.joints, strict=True):
         ray = np.outer(place, place) / (place @ place)
         covariance = (across**2 + 0.02**2) * (np.eye(3) - ray) + (along**2 + 0.02**2) * ray
@@ -41,21 +44,25 @@ def test_a_fit_that_explains_nothing_gives_way_by_covariances(across, along):
         np.testing.assert_allclose(joint, expected, atol=1e-5)
 
 
-def test_shares_rise_with_the_score_and_fall_with_the_deviation():
+def test_shares_rise_with_the_score_and_fall_with_deviation_and_confidence():
     shares = [
-        weigh_joints(FITTED, s, found(FITTED, c)).share[0, 0] for s in (0.3, 0.5, 0.7) for c in (0.2, 0.05)
+        weigh_joints(FITTED, score, SURE, found(FITTED, deviation)).share[0, 0]
+        for score in (0.3, 0.5, 0.7)
+        for deviation in (0.2, 0.05)
     ]
     assert shares[1] > shares[0] and shares[3] > shares[2] and shares[5] > shares[4]
     assert shares[0] < shares[2] < shares[4]
+    doubted = weigh_joints(FITTED, 0.3, EVEN, found(FITTED)).share
+    assert (doubted > weigh_joints(FITTED, 0.3, SURE, found(FITTED)).share).all()
 
 
 def test_left_and_right_are_named_as_in_the_fit():
-    plain = weigh_joints(FITTED, 0.7, found(FITTED + 0.05))
-    exchanged = weigh_joints(FITTED, 0.7, found((FITTED + 0.05)[MIRROR_JOINTS]))
+    plain = weigh_joints(FITTED, 0.7, EVEN, found(FITTED + 0.05))
+    exchanged = weigh_joints(FITTED, 0.7, EVEN, found((FITTED + 0.05)[MIRROR_JOINTS]))
     np.testing.assert_allclose(exchanged.joints, plain.joints, atol=1e-6)
 
 
 def test_without_proposals_the_fit_is_all():
-    measured = weigh_joints(FITTED, 0.7, found(np.zeros((0, 3))))
+    measured = weigh_joints(FITTED, 0.7, EVEN, found(np.zeros((0, 3))))
     assert measured.joints is FITTED
     assert not measured.share.any()

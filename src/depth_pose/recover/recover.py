@@ -214,7 +214,8 @@ class Recoverer:
         trust = _TRUST if is_recovered else 1.0
         standing = person.found.probability * trust * fit_confidence(answer.score)
         memory.standing += _VETO_SHARE * (standing - memory.standing)
-        measured = weigh_joints(answer.joints, answer.score, person.found)
+        sure = report_joints(answer.joints, answer.pose.scale, person, answer.score).confidence
+        measured = weigh_joints(answer.joints, answer.score, sure, person.found)
         positions = memory.filter.filter(measured.joints, person.stamp_ns)
         if memory.standing < _VETO:
             self.doubtful += 1
