@@ -13,7 +13,7 @@ from depth_pose.core.config import MAX_STAMP_GAP_NS, MatchConfig, PipelineConfig
 from depth_pose.core.skeleton import JOINT_NODES, Source
 from depth_pose.motion.procedural.generator import make_clip
 from depth_pose.pipeline import PosePipeline
-from depth_pose.recover.confidence import skeleton_confidence
+from depth_pose.recover.confidence import report_joints, skeleton_confidence
 from depth_pose.recover.measurements import weigh_joints
 
 FRAMES = 10
@@ -61,7 +61,8 @@ def test_every_stage_speaks_of_the_same_frame_and_person(clip, results, bank):
         assert match.bank_id == bank.bank_id
         assert refined.source == Source.REFINED
         assert len(person.points) > 1000
-        joints = weigh_joints(refined.joints, refined.score, person.found).joints
+        fit = report_joints(refined.joints, refined.pose.scale, person, refined.score)
+        joints = weigh_joints(refined.joints, refined.score, fit.confidence, person.found).joints
         sure = skeleton_confidence(person, joints, skeleton.joint_states, skeleton.joint_confidence)
         assert skeleton.confidence == pytest.approx(sure)
         assert sure > 0.6

@@ -98,11 +98,11 @@ class TimedFinder:
         self._finder = finder
         self.seconds = 0.0
 
-    def find(self, frame: DepthFrame) -> Detections:
+    def find(self, frame: DepthFrame, turns: int = 0) -> Detections:
         """Find everybody, and note how long that took."""
         begin = time.thread_time()
-        found = self._finder.find(frame)
-        self.seconds = time.thread_time() - begin
+        found = self._finder.find(frame, turns)
+        self.seconds += time.thread_time() - begin
         return found
 
 

@@ -7,8 +7,9 @@ import pytest
 
 from crowd import person, seen
 from depth_pose.core.config import SegmentConfig
+from depth_pose.detect._crop_kernels import Look
 from depth_pose.detect.finder import Detection
-from depth_pose.detect.joint_finder import JointProposals
+from depth_pose.detect.joint_finder import CropMask, JointProposals
 from depth_pose.detect.last_looks import LastLooks
 from depth_pose.detect.learned_segmenter import LearnedSegmenter
 
@@ -32,7 +33,12 @@ class Watcher:
     def look(self, person: Detection) -> JointProposals:
         self.told += 1
         return JointProposals(
-            np.tile(person.torso, (19, 1)), np.full(19, 0.05), np.full((19, 2), 0.05), 0.0, self.probability
+            np.tile(person.torso, (19, 1)),
+            np.full(19, 0.05),
+            np.full((19, 2), 0.05),
+            0.0,
+            self.probability,
+            CropMask(np.zeros((8, 8), np.float32), Look(*person.torso.tolist(), 0.3)),
         )
 
     def see(self, *people: Detection, step_ns: int = STEP_NS) -> int:

@@ -46,7 +46,7 @@ from depth_pose.bank import Bank
 from depth_pose.body.build_file import load_build
 from depth_pose.body.files import load_body, save_body
 from depth_pose.body.gltf import load_gltf_body
-from depth_pose.evaluate.score2d import _load_reference
+from depth_pose.evaluate.score2d import load_reference
 from depth_pose.evaluate.truth import load_known_people
 from depth_pose.motion.asf_amc import read_asf_amc
 from depth_pose.motion.bvh import read_bvh
@@ -439,6 +439,6 @@ DECODERS = (
     _decoder("rig_tree", partial(_yaml_of, cache(rigs)), load_rig, "odd.yaml"),
     _decoder("settings_tree", partial(_yaml_of, settings), _configure, "odd.yaml"),
     _decoder("build_tree", partial(_json_of, cache(builds)), load_build, "odd.json"),
-    _decoder("reference_tree", partial(_json_of, references), _load_reference, "odd.json"),
+    _decoder("reference_tree", partial(_json_of, references), load_reference, "odd.json"),
     *_motion(),
 )

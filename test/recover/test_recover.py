@@ -18,7 +18,7 @@ from depth_pose.core.rotations import matrix_to_quat, rotvec_to_matrix
 from depth_pose.core.skeleton import BONES, JOINT_NODES, JOINTS, NODE_INDEX, Source
 from depth_pose.core.types import Skeleton
 from depth_pose.pipeline import FrameResult, PosePipeline
-from depth_pose.recover.confidence import fit_confidence, skeleton_confidence
+from depth_pose.recover.confidence import fit_confidence, report_joints, skeleton_confidence
 from depth_pose.recover.failure import FailureCheck, bone_lengths, limit_excess
 from depth_pose.recover.measurements import weigh_joints
 from depth_pose.recover.recover import Recoverer, RecoveryMemory
@@ -65,7 +65,8 @@ def error(answer: Skeleton | Fitted, k: int) -> float:
 def measured(result: FrameResult) -> np.ndarray:
     """The joints of a good fit, weighed against the proposals."""
     (person,), (fitted,) = result.people.persons, result.refined
-    return weigh_joints(fitted.joints, fitted.score, person.found).joints
+    sure = report_joints(fitted.joints, fitted.pose.scale, person, fitted.score).confidence
+    return weigh_joints(fitted.joints, fitted.score, sure, person.found).joints
 
 
 def moved(fitted: Fitted, nodes: np.ndarray, rotations: np.ndarray | None = None) -> Fitted:
@@ -150,7 +151,9 @@ def test_a_sure_person_is_answered_where_no_body_fits(run) -> None:
     assert answers[-1].confidence < 0.8 * run[-1].skeleton.confidence
     assert stage.doubtful >= 4
     (person,) = run[-1].people.persons
-    share = weigh_joints(run[-1].refined[0].joints, 0.68, person.found).share
+    fitted = run[-1].refined[0]
+    sure = report_joints(fitted.joints, fitted.pose.scale, person, 0.68).confidence
+    share = weigh_joints(fitted.joints, 0.68, sure, person.found).share
     assert np.median(share) > 0.5
 
 

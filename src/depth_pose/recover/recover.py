@@ -173,8 +173,8 @@ class Recoverer:
             points = thin(person.points, _MAX_POINTS)
             self._carrier.carry(points, points, person.coarse, start, self.bank.body)
             fitted = self._fit(person, start, np.zeros(0, np.float32))
-            measured = weigh_joints(fitted.joints, fitted.score, person.found)
-            report_joints(measured.joints, fitted.pose.scale, person, fitted.score)
+            sure = report_joints(fitted.joints, fitted.pose.scale, person, fitted.score).confidence
+            weigh_joints(fitted.joints, fitted.score, sure, person.found)
             excess_of(fitted.pose.rotations)
 
     def recover(self, people: People, fitted: Iterable[Fitted]) -> tuple[Skeleton, ...]:
