@@ -16,7 +16,7 @@ from depth_pose.core.types import BACKGROUND, HIDDEN, DepthFrame
 from depth_pose.detect import _crop_kernels as kernels
 from depth_pose.detect._crop_kernels import Look
 from depth_pose.detect.candidates import CandidateFinder
-from depth_pose.detect.joint_finder import JointFinder, PersonOdds
+from depth_pose.detect.joint_finder import CropMask, JointFinder, PersonOdds
 from depth_pose.detect.learned_segmenter import LearnedSegmenter
 from depth_pose.detect.net import read_weights
 from depth_pose.sim.scenes import sample_scene
@@ -149,3 +149,28 @@ def test_features_of_own_pixels_others_and_what_lies_outside():
     np.testing.assert_array_equal(out[1], own)
     np.testing.assert_array_equal(out[4], inside)
     np.testing.assert_allclose(out[7], 1 / 3, rtol=1e-6)
+
+
+def test_the_mask_takes_furniture_out_and_puts_limbs_in():
+    """The left half of the crop is surely the person, the right one is not, the lowest quarter is unknown."""
+    depth = np.full((syn.CAMERA.height, syn.CAMERA.width), 3.0, np.float32)
+    depth[:, :20] = 6.0  # too far from the torso to be the person's
+    labels = np.zeros(depth.shape, np.uint8)
+    labels[:, depth.shape[1] // 2 :] = 1
+    labels[:10] = 2  # somebody else
+    before = labels.copy()
+    logits = np.full((SIDE, SIDE), 9.0, np.float32)
+    logits[:, SIDE // 2 :], logits[3 * SIDE // 4 :] = -9.0, 0.0
+    middle = 3.0 * np.array([(syn.CAMERA.width / 2 - syn.CAMERA.cx) / syn.CAMERA.fx, 0.0])
+    mask = CropMask(logits, Look(float(middle[0]), 0.0, 3.0, CELL_M))
+    mask.apply(depth, labels, syn.CAMERA, 1)
+    changed = labels != before
+    assert changed.any()
+    assert set(labels[changed & (before == 1)]) == {BACKGROUND}
+    assert set(labels[changed & (before == BACKGROUND)]) == {1}
+    assert (labels[:10] == 2).all()
+    assert not changed[:, :20].any()
+    rows = np.flatnonzero(changed.any(axis=1))
+    assert rows.max() - syn.CAMERA.cy <= syn.CAMERA.fy * 0.25 * SIDE * CELL_M / 3.0 + 2
+    right = np.flatnonzero((changed & (before == 1)).any(axis=0))
+    assert right.min() >= depth.shape[1] // 2 - 1

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -24,6 +25,9 @@ from depth_pose.detect.segmentation import Segmentation, Sighting
 _CHANGE_M, _MOST_CHANGED, _NEWS = 0.15, 0.4, 0.3
 """What is nearer by so much was not there before, metres; not if this share of the image changed, when the
 camera moved; and the share of somebody's pixels that makes them news. Set by hand; not swept."""
+
+_ALONE_M = 1.2
+"""Distance (m) to others beyond which the second look's mask corrects a person's pixels; set by hand."""
 
 _STEP_NS = 30_000_000
 """From the first frame of the warm-up to the second, nanoseconds: carried over (`LastPeople`)."""
@@ -85,7 +89,7 @@ class LearnedSegmenter:
         for thing, looked in zip(sightings, seen, strict=True):
             if thing.probability < self.config.keep:
                 labels[labels == thing.label] = BACKGROUND
-            else:
+            elif _is_alone(thing, sure):
                 looked.mask.apply(found.depth, labels, found.camera, thing.label)
         self._people.keep(found, sure, frame.stamp_ns)
         if sightings:  # what was taken out may hide more of somebody
@@ -114,6 +118,11 @@ class LearnedSegmenter:
         return self._joints.find(
             found.depth, labels, found.camera, person.label, person.torso, person.probability
         )
+
+
+def _is_alone(person: Sighting, people: Sequence[Sighting]) -> bool:
+    """Check that nobody else is so near that the mask might take parts of them."""
+    return all(p is person or np.linalg.norm(p.place - person.place) > _ALONE_M for p in people)
 
 
 def _sighting(
