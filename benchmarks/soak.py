@@ -32,7 +32,7 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 
-from depth_pose.io._messages import read_people
+from depth_pose.io.messages import read_people
 from depth_pose.io.schemas import PEOPLE_TOPIC
 from depth_pose.ros import stay_local
 from depth_pose.ros.process import NODES

@@ -31,7 +31,7 @@ from pathlib import Path
 import numpy as np
 from command_line import make_parser
 
-from depth_pose.io._messages import write_image
+from depth_pose.io.messages import write_image
 from depth_pose.motion.procedural.dance import perform
 from depth_pose.ros import PROFILE_PATH  # noqa: F401  (names the transport's profile)
 from depth_pose.sim.clothing import Garment

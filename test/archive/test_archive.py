@@ -26,7 +26,7 @@ from depth_pose.archive.sheet import save_archive_sheet
 from depth_pose.core import workers as working
 from depth_pose.core.config import PipelineConfig
 from depth_pose.core.errors import ConfigError
-from depth_pose.io._recording import Recording
+from depth_pose.io.recording import Recording
 from depth_pose.io.schemas import PEOPLE_TOPIC, SKELETON_TOPIC
 
 pytestmark = pytest.mark.slow

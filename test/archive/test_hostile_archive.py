@@ -13,8 +13,8 @@ from small_archive import CLIPS
 from command import caller
 from depth_pose.archive.inputs import find_sources
 from depth_pose.archive.jobs import Setting, work_on
-from depth_pose.io._recording import read_metadata
 from depth_pose.io.mcap_write import SkeletonWriter
+from depth_pose.io.recording import read_metadata
 from depth_pose.offline import NOTE
 
 ODD = ("a b", "new\nline", "[red]x", "-rf", "bad\udcff", "$x^{", "sub/=1+1", "sub/ü" + 60 * "x")

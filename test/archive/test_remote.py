@@ -195,7 +195,7 @@ def test_skeletons_of_remote_recordings_are_the_same(
 
 
 def messages_of(path: Path) -> list[bytes]:
-    from depth_pose.io._recording import Recording
+    from depth_pose.io.recording import Recording
 
     recording = Recording(path)
     return [message.data for message in recording.messages(*sorted(recording.topics))]

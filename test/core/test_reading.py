@@ -23,7 +23,7 @@ from depth_pose.core.reading import (
     parse_yaml,
     read_text,
 )
-from depth_pose.io._recording import Recording
+from depth_pose.io.recording import Recording
 from depth_pose.motion.bvh import read_bvh
 from depth_pose.sim.motion import load_motion
 from little_memory import little_memory, yaml_bombs

@@ -38,17 +38,17 @@ def test_who_was_not_there_before_is_news_and_another_view_is_not() -> None:
     segmenter, room = LearnedSegmenter(SegmentConfig()), seen(0, [])
     there = seen(0, [person(0, -0.5, 3.2)])
 
-    def is_news(frame):
+    def is_new_content(frame):
         (sighting,) = segmenter.segment(frame).sightings
-        return sighting.is_news
+        return sighting.is_new_content
 
-    assert not is_news(there)  # nothing was seen before
-    assert not is_news(there)
+    assert not is_new_content(there)  # nothing was seen before
+    assert not is_new_content(there)
     segmenter.segment(room)
-    assert is_news(there)
-    assert not is_news(there)
+    assert is_new_content(there)
+    assert not is_new_content(there)
     segmenter.segment(replace(room, depth=room.depth + 1.0))
-    assert not is_news(there)
+    assert not is_new_content(there)
 
 
 def bar(left: int, right: int, z: float = 2.0):

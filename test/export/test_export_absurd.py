@@ -11,8 +11,8 @@ from test_export import skeleton_of
 from depth_pose.core.errors import InputError
 from depth_pose.export import export_skeletons
 from depth_pose.export.tracks import MOST_FRAMES
-from depth_pose.io._messages import _skeleton_fields, read_skeleton, write_message
 from depth_pose.io.mcap_write import SkeletonWriter
+from depth_pose.io.messages import _skeleton_fields, read_skeleton, write_message
 from depth_pose.io.schemas import SKELETON
 
 

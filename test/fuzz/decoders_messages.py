@@ -13,7 +13,9 @@ from depth_pose.core.camera import Camera
 from depth_pose.core.skeleton import Source
 from depth_pose.core.types import Skeleton
 from depth_pose.io import schemas
-from depth_pose.io._messages import (
+from depth_pose.io.compressed import decode_compressed_depth
+from depth_pose.io.mcap_read import frame_of_cloud, frame_of_image
+from depth_pose.io.messages import (
     make,
     read_people,
     read_skeleton,
@@ -23,8 +25,6 @@ from depth_pose.io._messages import (
     write_people,
     write_skeleton,
 )
-from depth_pose.io.compressed import decode_compressed_depth
-from depth_pose.io.mcap_read import frame_of_cloud, frame_of_image
 
 CAMERA = Camera(32, 24, 30.0, 30.0, 15.5, 11.5)
 

@@ -11,7 +11,7 @@ from mcap.writer import CompressionType, Writer
 
 from depth_pose.core.camera import Camera
 from depth_pose.io import schemas
-from depth_pose.io._messages import write_camera_info, write_image
+from depth_pose.io.messages import write_camera_info, write_image
 
 CAMERA = Camera(64, 48, 60.0, 61.0, 31.5, 23.5)
 IMAGE, INFO = "/camera/depth/image_raw", "/camera/depth/camera_info"

@@ -10,9 +10,9 @@ import pytest
 from depth_pose.core.camera import Camera
 from depth_pose.core.errors import InputError
 from depth_pose.io import schemas
-from depth_pose.io._messages import write_camera_info, write_image
 from depth_pose.io.mcap_read import DepthReader
 from depth_pose.io.mcap_write import RecordingWriter
+from depth_pose.io.messages import write_camera_info, write_image
 
 TOPIC, INFO = schemas.DEPTH_TOPIC, "/camera/depth/camera_info"
 CAMERA = Camera(64, 48, 60.0, 60.0, 31.5, 23.5)

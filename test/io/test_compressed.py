@@ -139,8 +139,8 @@ def test_recordings_of_it_are_read(tmp_path) -> None:
     from mcap.writer import Writer
 
     from depth_pose.core.types import Camera, DepthFrame
-    from depth_pose.io._messages import write_message
     from depth_pose.io.mcap_write import DepthWriter
+    from depth_pose.io.messages import write_message
 
     camera = Camera(64, 48, 60.0, 60.0, 31.5, 23.5)
     depth = depth_image(48, 64)
@@ -150,7 +150,7 @@ def test_recordings_of_it_are_read(tmp_path) -> None:
     body = np.frombuffer(message(encode_rvl(depth)), np.uint8)
     kind, coding = "sensor_msgs/msg/CompressedImage", "16UC1; compressedDepth rvl"
     image = write_message(kind, 10**18, "optical", format=coding, data=body)
-    from depth_pose.io._recording import Recording
+    from depth_pose.io.recording import Recording
 
     info = Recording(plain).first("/camera/depth/camera_info")
     with packed.open("wb") as file:

@@ -26,9 +26,9 @@ from mcap.opcode import Opcode
 from mcap.writer import CompressionType, IndexType
 
 from depth_pose.core.errors import InputError
-from depth_pose.io._recording import Recording
 from depth_pose.io.damage import DAMAGE_LOG
 from depth_pose.io.mcap_read import DepthReader, read_frames
+from depth_pose.io.recording import Recording
 from little_memory import little_memory
 
 FRAMES = 40

@@ -9,11 +9,11 @@ import pytest
 
 from depth_pose.core.camera import Camera
 from depth_pose.io import schemas
-from depth_pose.io._messages import write_camera_info, write_image
 from depth_pose.io.depth_unit import UnitWatch
 from depth_pose.io.image_options import ImageOptions
 from depth_pose.io.mcap_read import DepthReader
 from depth_pose.io.mcap_write import RecordingWriter
+from depth_pose.io.messages import write_camera_info, write_image
 
 CAMERA = Camera(64, 48, 60.0, 60.0, 31.5, 23.5)
 INFO = schemas.DEPTH_TOPIC.rpartition("/")[0] + "/camera_info"

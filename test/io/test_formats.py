@@ -21,9 +21,9 @@ from rosbags.typesys import Stores, get_typestore
 from depth_pose.core.errors import ConfigError, InputError
 from depth_pose.core.types import DepthFrame
 from depth_pose.io import schemas
-from depth_pose.io._recording import Recording
 from depth_pose.io.image_options import ImageOptions
 from depth_pose.io.mcap_read import DepthReader, read_frames
+from depth_pose.io.recording import Recording
 from depth_pose.io.skeleton_read import read_people, read_skeletons
 
 FRAMES = 12
@@ -430,7 +430,7 @@ def test_skeletons_of_a_database(tmp_path: Path, has_definitions: bool) -> None:
     """Also of one by a ROS before definitions were written with the messages."""
     from test_mcap import _skeleton
 
-    from depth_pose.io._messages import write_people, write_skeleton
+    from depth_pose.io.messages import write_people, write_skeleton
 
     with Writer2(tmp_path / "bag", version=9, storage_plugin=StoragePlugin.SQLITE3) as writer:
         for topic, kind, data in (

@@ -17,8 +17,8 @@ from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_typestore
 
 from depth_pose.core.errors import InputError
-from depth_pose.io._bounded_bag import BoundedReader
-from depth_pose.io._recording import Recording
+from depth_pose.io.bounded_bag import BoundedReader
+from depth_pose.io.recording import Recording
 from little_memory import little_memory
 
 JAZZY, NOETIC = get_typestore(Stores.ROS2_JAZZY), get_typestore(Stores.ROS1_NOETIC)

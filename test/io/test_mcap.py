@@ -15,11 +15,11 @@ from depth_pose.core.errors import InputError
 from depth_pose.core.skeleton import JOINTS, Source
 from depth_pose.core.types import Skeleton
 from depth_pose.io import schemas
-from depth_pose.io._messages import write_camera_info, write_image
-from depth_pose.io._recording import Recording
 from depth_pose.io.depth_topics import depth_topics
 from depth_pose.io.mcap_read import DepthReader, read_frames
 from depth_pose.io.mcap_write import DepthWriter, PartlyWritten, SkeletonWriter
+from depth_pose.io.messages import write_camera_info, write_image
+from depth_pose.io.recording import Recording
 from depth_pose.io.skeleton_read import read_people, read_skeletons
 from skeletons import random_skeleton
 

@@ -11,7 +11,7 @@ import synthetic as syn
 from depth_pose.body.pose import BodyPose, FittedBody
 from depth_pose.core.skeleton import NODE_INDEX
 from depth_pose.refine.pose_prior import usual_joints
-from depth_pose.refine.unseen_legs import LegsBeyond
+from depth_pose.refine.unseen_legs import UnseenLegs
 
 KNEE_BENT = {"left_knee": syn.rotation("x", 35.0)}
 LEFT = [NODE_INDEX[f"left_{n}"] for n in ("ankle", "foot")]
@@ -19,7 +19,7 @@ LEFT = [NODE_INDEX[f"left_{n}"] for n in ("ankle", "foot")]
 
 @pytest.fixture(scope="module")
 def legs(bank):
-    return LegsBeyond(usual_joints(bank))
+    return UnseenLegs(usual_joints(bank))
 
 
 def _fitted(body, down_m, **turned):
@@ -73,5 +73,5 @@ def test_joints_that_were_fitted_apart_from_the_pose_stay(body, legs):
 
 
 def test_few_exemplars_are_enough(body, bank):
-    few = LegsBeyond(usual_joints(bank)[:5])
+    few = UnseenLegs(usual_joints(bank)[:5])
     assert np.isfinite(few.settle(body, _fitted(body, 0.12, **KNEE_BENT), syn.CAMERA).nodes).all()

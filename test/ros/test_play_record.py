@@ -23,9 +23,9 @@ from sensor_msgs.msg import CameraInfo, Image
 from std_msgs.msg import Header
 
 from depth_pose.core.errors import InputError
-from depth_pose.io._messages import write_image
-from depth_pose.io._recording import Recording
 from depth_pose.io.image_options import ImageOptions
+from depth_pose.io.messages import write_image
+from depth_pose.io.recording import Recording
 from depth_pose.ros.messages.basics import make_header, stamp_to_ns
 from depth_pose.ros.tools.bag import Player, Recorder
 from depth_pose.ros.tools.recorded_qos import is_latched

@@ -65,7 +65,7 @@ def test_who_is_not_sure_is_believed_once_they_move() -> None:
         coat, walker = at(-1.5 + 0.02 * (-1) ** k, probability=0.8), at(0.02 * k, probability=0.7)
         expected = (None, None if k < 13 else "body_1")
         assert tracks.assign([coat, walker], k * STEP_NS) == expected
-    new = replace(at(1.8, probability=0.7), is_news=True)
+    new = replace(at(1.8, probability=0.7), is_new_content=True)
     assert tracks.assign([at(-1.5, probability=0.9), at(0.6), new], 30 * STEP_NS) == (
         "body_2",
         "body_1",

@@ -11,8 +11,8 @@ from depth_pose.cli import main
 from depth_pose.core.errors import ConfigError, InputError
 from depth_pose.core.rotations import quat_to_matrix
 from depth_pose.core.types import Skeleton
-from depth_pose.io._messages import read_image, write_image, write_message
-from depth_pose.io._recording import Recording
+from depth_pose.io.messages import read_image, write_image, write_message
+from depth_pose.io.recording import Recording
 from depth_pose.io.schemas import IMAGE
 from depth_pose.io.skeleton_read import read_skeletons
 from depth_pose.motion.procedural.dance import perform

@@ -20,9 +20,9 @@ from pathlib import Path
 from depth_pose.archive.remote import find_remote, is_remote
 from depth_pose.core.errors import ConfigError, InputError
 from depth_pose.io._formats import ENDINGS
-from depth_pose.io._recording import read_span, recording_files
 from depth_pose.io._rosbag2_folder import METADATA
 from depth_pose.io.image_folder import CAMERA_FILE, image_files
+from depth_pose.io.recording import read_span, recording_files
 
 ENDING = ".mcap"
 """Of the skeletons' files."""

@@ -27,10 +27,10 @@ from depth_pose.core.config import PipelineConfig
 from depth_pose.core.errors import BankError, ConfigError, DepthPoseError, InputError
 from depth_pose.core.reading import MOST_SETTINGS_BYTES, open_ordinary
 from depth_pose.core.workers import Tell
-from depth_pose.io._recording import open_regular, read_metadata, recording_files
 from depth_pose.io._rosbag2_folder import METADATA
 from depth_pose.io.image_folder import CAMERA_FILE, IMAGE_ENDINGS
 from depth_pose.io.image_options import ImageOptions
+from depth_pose.io.recording import open_regular, read_metadata, recording_files
 from depth_pose.offline import NOTE, RunSummary, process_recording
 
 if TYPE_CHECKING:

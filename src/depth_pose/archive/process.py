@@ -12,7 +12,7 @@ from depth_pose.archive.jobs import Row, Setting, failure, work_on
 from depth_pose.core.errors import DepthPoseError, InputError
 from depth_pose.core.outputs import refuse_inputs, remove_parts
 from depth_pose.core.workers import run_each
-from depth_pose.io._recording import recording_files
+from depth_pose.io.recording import recording_files
 
 
 @dataclass(frozen=True)

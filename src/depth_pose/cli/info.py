@@ -14,7 +14,7 @@ from depth_pose.io.damage import tell_damage
 from depth_pose.io.image_options import ImageOptions
 
 if TYPE_CHECKING:
-    from depth_pose.io._recording import Recording
+    from depth_pose.io.recording import Recording
 
 
 def add_to(app: typer.Typer) -> None:
@@ -37,7 +37,7 @@ def info(
 
     depth-pose info rosbag2_folder/
     """
-    from depth_pose.io._recording import Recording
+    from depth_pose.io.recording import Recording
 
     be_lenient(lenient)
     images = ImageOptions.parse(intrinsics, depth_scale, fps)

@@ -49,8 +49,8 @@ _MEAN, _SURE, _AREA, _JUMP, _ASIDE, _SMALLER = 0, 1, 6, 12, 17, 19
 """Indices of measures: mean probability, share of sure pixels, logarithm of the area, share of the edge
 with a depth jump; lateral distance of the neighbour, and natural logarithm of the size ratio."""
 
-_HALO_MEAN, _HALO_SURE, _HALO_JUMP, _HALO_ASIDE_M, _HALO_SMALLER = 0.6, 0.1, 0.25, 0.65, 0.7
-"""Limits on these measures for the wall around a person (`_is_halo`); chosen on development clips."""
+_FRINGE_MEAN, _FRINGE_SURE, _FRINGE_JUMP, _FRINGE_ASIDE_M, _FRINGE_SMALLER = 0.6, 0.1, 0.25, 0.65, 0.7
+"""Limits on these measures for the wall around a person (`_is_fringe`); chosen on development clips."""
 
 
 @dataclass(frozen=True)
@@ -162,7 +162,7 @@ class PeopleFinder:
         probability = (
             np.ones(len(found.torsos)) if self.verifier is None else self.verifier.probability(found.measures)
         )
-        probability[_is_halo(found.measures)] = 0.0
+        probability[_is_fringe(found.measures)] = 0.0
         distance = found.torsos[:, 2]
         near_enough = (distance >= self.config.near) & (distance <= self.config.far)
         likely = (probability >= self.config.keep) & near_enough
@@ -220,15 +220,15 @@ class PeopleFinder:
         return mask[0], torso, self._gatherer.gather(image, mask[0], torso)
 
 
-def _is_halo(measures: NDArray[np.float64]) -> NDArray[np.bool_]:
+def _is_fringe(measures: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Return which clusters are the wall between a person's limbs.
 
     They lie beside or behind a cluster of twice their area, the net is at most half sure of them, and their
     surface continues beyond their edge.
     """
-    beside = (measures[:, _ASIDE] < _HALO_ASIDE_M) & (measures[:, _SMALLER] > _HALO_SMALLER)
-    unsure = (measures[:, _MEAN] < _HALO_MEAN) & (measures[:, _SURE] < _HALO_SURE)
-    return beside & unsure & (measures[:, _JUMP] < _HALO_JUMP)
+    beside = (measures[:, _ASIDE] < _FRINGE_ASIDE_M) & (measures[:, _SMALLER] > _FRINGE_SMALLER)
+    unsure = (measures[:, _MEAN] < _FRINGE_MEAN) & (measures[:, _SURE] < _FRINGE_SURE)
+    return beside & unsure & (measures[:, _JUMP] < _FRINGE_JUMP)
 
 
 def _join_parts(found: Clusters, number: NDArray[np.uint8], may_join: NDArray[np.bool_]) -> None:

@@ -29,7 +29,7 @@ class Sighting:
     proposal_confidence : (J,) float32
     proposal_sigma : (J, 2) float32
         As in `depth_pose.core.types.FoundPerson`.
-    is_news : bool
+    is_new_content : bool
         Whether much of the person is new since the previous frame, while the room is not.
     """
 
@@ -39,7 +39,7 @@ class Sighting:
     proposals: NDArray[np.float32]
     proposal_confidence: NDArray[np.float32]
     proposal_sigma: NDArray[np.float32] = field(default_factory=lambda: np.zeros((0, 2), np.float32))
-    is_news: bool = False
+    is_new_content: bool = False
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 rosbags needs a complete index or table. A bag that was not closed, or a database with a damaged page, is
 refused with advice on how to repair it. Unsafe content is checked first (`_db3_checks`) or bounded
-(`_bounded_bag`). Neither format has checksums, so a changed byte inside a message is not detected.
+(`bounded_bag`). Neither format has checksums, so a changed byte inside a message is not detected.
 """
 
 from __future__ import annotations
@@ -58,11 +58,11 @@ class RosbagsFile:
         self._list_topics()
 
     def _open(self) -> Any:
-        from depth_pose.io import _bounded_bag, _db3_checks
+        from depth_pose.io import _db3_checks, bounded_bag
 
         try:
             if self._is_bag:
-                reader: Any = _bounded_bag.BoundedReader(self.path)
+                reader: Any = bounded_bag.BoundedReader(self.path)
             else:
                 reader, self._folder = _db3_checks.checked_reader(self.path)
             reader.open()

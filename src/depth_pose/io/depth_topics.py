@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 from depth_pose.core.errors import InputError
 from depth_pose.io import schemas
-from depth_pose.io._messages import read_image
-from depth_pose.io._recording import Recording, Topic
 from depth_pose.io.compressed import TOPIC_ENDING
+from depth_pose.io.messages import read_image
+from depth_pose.io.recording import Recording, Topic
 
 DEPTH_ENCODINGS = ("16UC1", "mono16", "32FC1")
 """Encodings of images that hold depth."""

@@ -15,8 +15,6 @@ import numpy as np
 from depth_pose.core.errors import InputError
 from depth_pose.core.types import DepthFrame
 from depth_pose.io import schemas
-from depth_pose.io._messages import read_message, stamp_of
-from depth_pose.io._recording import RawMessage, Recording
 from depth_pose.io.calibration import camera_from_info, is_rectified, lens_of, rectify_depth
 from depth_pose.io.camera_infos import CameraInfos
 from depth_pose.io.clouds import decode_points, frame_from_cloud
@@ -26,6 +24,8 @@ from depth_pose.io.decode import decode_depth
 from depth_pose.io.depth_topics import choose_depth_topic
 from depth_pose.io.depth_unit import INTEGER_UNIT_M, UnitWatch, unit_of
 from depth_pose.io.image_options import ImageOptions
+from depth_pose.io.messages import read_message, stamp_of
+from depth_pose.io.recording import RawMessage, Recording
 
 _log = logging.getLogger(__name__)
 _REALSENSE = re.compile(r"(/device_\d+/sensor_\d+)/Depth_\d+/image/data")

@@ -20,7 +20,7 @@ from depth_pose.core.errors import InputError
 from depth_pose.core.outputs import NewFile
 from depth_pose.core.types import DepthFrame, Skeleton
 from depth_pose.io import markers, schemas
-from depth_pose.io._messages import write_camera_info, write_image, write_people, write_skeleton
+from depth_pose.io.messages import write_camera_info, write_image, write_people, write_skeleton
 from depth_pose.io.schemas import DEPTH_TOPIC, PEOPLE_TOPIC, SKELETON_TOPIC
 
 _Writer = TypeVar("_Writer", bound="RecordingWriter")

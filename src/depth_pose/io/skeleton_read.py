@@ -9,11 +9,11 @@ from typing import TypeVar
 from depth_pose.core.errors import InputError
 from depth_pose.core.types import Skeleton
 from depth_pose.io import schemas
-from depth_pose.io._messages import SkeletonsMessage, read_skeleton
-from depth_pose.io._messages import read_people as read_people_message
-from depth_pose.io._recording import Recording
 from depth_pose.io.damage import tell_damage
 from depth_pose.io.depth_topics import describe_topics
+from depth_pose.io.messages import SkeletonsMessage, read_skeleton
+from depth_pose.io.messages import read_people as read_people_message
+from depth_pose.io.recording import Recording
 from depth_pose.io.schemas import PEOPLE_TOPIC, SKELETON_TOPIC
 
 _Read = TypeVar("_Read")

@@ -32,7 +32,7 @@ from depth_pose.refine.build_learner import BuildLearner
 from depth_pose.refine.limbs import LimbSearch
 from depth_pose.refine.pose_prior import PosePrior, usual_joints
 from depth_pose.refine.proposals import aim_legs, from_proposals
-from depth_pose.refine.unseen_legs import LegsBeyond
+from depth_pose.refine.unseen_legs import UnseenLegs
 from depth_pose.track.memory import Subject, Subjects
 from depth_pose.track.person import People, Person
 from depth_pose.track.sample_people import SAMPLE_DISTANCE_M, sample_people
@@ -138,7 +138,7 @@ class Refiner:
         self._subjects = subjects or Subjects()
         self.limbs = LimbSearch(bank)
         usual = usual_joints(bank)
-        self._prior, self._beyond = PosePrior(usual), LegsBeyond(usual)
+        self._prior, self._unseen_legs = PosePrior(usual), UnseenLegs(usual)
         self.builds = BuildLearner(bodies.space, bodies.config.build, bodies.config.fit)
 
     def reset(self) -> None:
@@ -157,7 +157,7 @@ class Refiner:
         for fitted in self.refine(people, matches):
             if fitted.body is not None:  # as if the image ended above the legs
                 waist = people.camera._replace(height=5 * people.camera.height // 8)
-                self._beyond.settle(self.bank.body, fitted.body, waist)
+                self._unseen_legs.settle(self.bank.body, fitted.body, waist)
         self.reset()
 
     def refine(self, people: People, matches: Iterable[PoseMatch]) -> tuple[Fitted, ...]:
@@ -201,7 +201,7 @@ class Refiner:
         personal = self.builds.of(subject, match.scale, self._match_config.scale > 0.0)
         build, fit = personal.build, self._fitter.fit_to(person, personal.build)
         best = self._fit_best(person, replace(match, scale=personal.scale), subject.kept, fit)
-        whole = self._beyond.settle(self._bodies.space.body(build), best.body, person.camera)
+        whole = self._unseen_legs.settle(self._bodies.space.body(build), best.body, person.camera)
         score = best.comparison.score
         self.builds.learn(personal, self._bodies.target(person), best.body, score, person.stamp_ns)
         return Fitted(

@@ -40,7 +40,7 @@ _PLACES = (np.arange(8) + 0.5)[:, None] / 8
 """Places along a bone that are tested for being in the image, as shares of its length."""
 
 
-class LegsBeyond:
+class UnseenLegs:
     """Corrects legs beyond the image's border.
 
     Parameters

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from depth_pose.body.body import PosedBody
 from depth_pose.body.procedural import BodyShape, make_body
-from depth_pose.io._messages import write_image
 from depth_pose.io.mcap_write import RecordingWriter
+from depth_pose.io.messages import write_image
 from depth_pose.io.schemas import IMAGE
 from depth_pose.motion.clip import Clip
 from depth_pose.sim.clothing import Clothes, Garment

@@ -162,7 +162,7 @@ class PeopleTracks:
 
     def _believe(self, track: _Track, sighting: Sighting, stamp_ns: int) -> None:
         """Give a confirmed track a number: that of a hidden person, or a new one."""
-        surely = self._start if sighting.is_news or track.has_moved else self._sure
+        surely = self._start if sighting.is_new_content or track.has_moved else self._sure
         if track.number > 0 or sighting.probability < surely:
             return
         hidden = [t for t in self._tracks if t.number > 0 and t.seen_ns < track.began_ns]

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.errors import InputError
-from depth_pose.io._messages import ImageMessage
 from depth_pose.io.decode import decode_depth
 from depth_pose.io.depth_unit import UnitWatch, unit_of
+from depth_pose.io.messages import ImageMessage
 from depth_pose.volume.rigfile import Rig
 from depth_pose.volume.synchroniser import ViewSet
 

@@ -7,8 +7,8 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from depth_pose.core.errors import InputError
-from depth_pose.io._messages import ImageMessage, read_image
-from depth_pose.io._recording import Recording
+from depth_pose.io.messages import ImageMessage, read_image
+from depth_pose.io.recording import Recording
 from depth_pose.volume.config import ViewsConfig
 from depth_pose.volume.decode import ViewDecoder
 from depth_pose.volume.rigfile import Rig

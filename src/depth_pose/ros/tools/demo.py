@@ -19,9 +19,9 @@ import numpy as np
 
 from depth_pose.core.outputs import check_targets
 from depth_pose.core.printable import printable
-from depth_pose.io._recording import RawMessage
 from depth_pose.io.depth_topics import DepthTopic
 from depth_pose.io.mcap_read import DepthReader
+from depth_pose.io.recording import RawMessage
 from depth_pose.io.schemas import PEOPLE_TOPIC, POINT_CLOUD, SKELETON_TOPIC
 from depth_pose.io.skeleton_read import read_people
 from depth_pose.ros import PROFILE_PATH, PROFILE_VARIABLE, stay_local

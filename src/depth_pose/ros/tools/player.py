@@ -14,8 +14,8 @@ from typing import Any
 
 from depth_pose.core.errors import InputError
 from depth_pose.core.printable import printable
-from depth_pose.io._recording import RawMessage, Recording
 from depth_pose.io.image_options import ImageOptions
+from depth_pose.io.recording import RawMessage, Recording
 from depth_pose.ros.process.runner import on_stop
 from depth_pose.ros.process.shared_memory import keep_private
 from depth_pose.ros.tools.recorded_qos import is_latched
@@ -90,7 +90,7 @@ class Player:
     Parameters
     ----------
     path : path
-        A recording, of any format that `depth_pose.io._recording.Recording` reads.
+        A recording, of any format that `depth_pose.io.recording.Recording` reads.
     rate : float
         Speed; 2 is twice as fast.
     loop : bool

@@ -18,10 +18,10 @@ from depth_pose.core.errors import InputError
 from depth_pose.core.printable import printable
 from depth_pose.core.types import DepthFrame, Skeleton
 from depth_pose.io import schemas
-from depth_pose.io._messages import read_message, read_people, stamp_of
 from depth_pose.io.calibration import is_rectified
 from depth_pose.io.camera_infos import CameraInfos
 from depth_pose.io.mcap_read import frame_of_cloud, make_frame
+from depth_pose.io.messages import read_message, read_people, stamp_of
 from depth_pose.ros.tools.bag import header_stamp_ns
 
 _HELD, _HELD_BYTES = 64, 64 << 20

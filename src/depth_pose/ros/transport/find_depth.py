@@ -15,8 +15,8 @@ from sensor_msgs.msg import Image
 from depth_pose.core.errors import ConfigError, InputError
 from depth_pose.core.printable import printable
 from depth_pose.io import schemas
-from depth_pose.io._messages import read_image
 from depth_pose.io.depth_topics import DEPTH_ENCODINGS
+from depth_pose.io.messages import read_image
 from depth_pose.ros import stay_local
 from depth_pose.ros.transport.depth_sources import DepthSource, depth_sources
 from depth_pose.ros.transport.intake import frame_qos

@@ -11,7 +11,7 @@ from rclpy.subscription import Subscription
 from sensor_msgs.msg import Image
 
 from depth_pose.core.errors import InputError
-from depth_pose.io._messages import read_image
+from depth_pose.io.messages import read_image
 from depth_pose.ros.transport.intake import (
     LOG_EVERY_S,
     NO_EVENTS,
