@@ -149,7 +149,7 @@ def process_recording(
     empty = most = 0
     first = _Answers(reader, pipeline, progress)
     with SkeletonWriter(output, only_whole=note is not None) as writer:
-        for result in first if second is None else second.join(first, first.count):
+        for result in first if second is None else second.run(first, first.count):
             followed, everybody = result.skeleton, result.skeletons
             writer.write_people(everybody, followed.stamp_ns, followed.frame_id)
             writer.write(followed)

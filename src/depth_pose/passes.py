@@ -93,14 +93,14 @@ class SecondPass:
         self.gain: Gain | None = None
         self._pipeline = pipeline
 
-    def join(self, results: Iterable[FrameResult], seen: Callable[[], None]) -> Iterator[Joined]:
+    def run(self, results: Iterable[FrameResult], progress: Callable[[], None]) -> Iterator[Joined]:
         """Run the first pass to its end, play it back, and give the joined answers in order.
 
         Parameters
         ----------
         results : iterable of FrameResult
             The first pass.
-        seen : callable
+        progress : callable
             Called after each frame of the second pass.
 
         Raises
@@ -118,9 +118,11 @@ class SecondPass:
             for people in spool.played_back():
                 again = pipeline.answer(people).skeletons
                 backward.append([replace(s, stamp_ns=spool.time_of(people.stamp_ns)) for s in again])
-                seen()
+                progress()
         everybody, self.gain = join([one.skeletons for one in forward], backward[::-1])
-        answered = sum(not one.skeletons and bool(all_) for one, all_ in zip(forward, everybody, strict=True))
+        answered = sum(
+            not first.skeletons and bool(joined) for first, joined in zip(forward, everybody, strict=True)
+        )
         pipeline.unanswered, pipeline.recoverer.doubtful = unanswered - answered, doubtful
         pipeline.follower.reset()
         for one, skeletons in zip(forward, everybody, strict=True):

@@ -15,7 +15,8 @@ from depth_pose.core.skeleton import JOINT_INDEX, JOINT_NODES
 from depth_pose.detect import _finder_kernels as kernels
 from depth_pose.detect import _vote_kernels as votes_of
 from depth_pose.detect.clusters import Clusters
-from depth_pose.detect.finder import PeopleFinder, _join_parts, load_weights, reduce_frame
+from depth_pose.detect.finder import PeopleFinder, _join_parts, load_weights
+from depth_pose.detect.turned import reduce_frame
 
 CERTAIN = 0.6
 KINECT = Camera(640, 480, 575.0, 575.0, 319.5, 239.5)

@@ -7,8 +7,8 @@ import numpy as np
 from depth_pose.core.camera import Camera
 from depth_pose.core.types import DepthFrame
 from depth_pose.detect import _outline_kernels as kernels
-from depth_pose.detect.finder import reduce_frame
 from depth_pose.detect.outline import carry_people, spread
+from depth_pose.detect.turned import reduce_frame
 
 CAMERA = Camera(176, 144, 160.0, 160.0, 87.5, 71.5)
 

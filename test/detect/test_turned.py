@@ -8,8 +8,8 @@ import pytest
 from depth_pose.core.config import SegmentConfig
 from depth_pose.core.types import DepthFrame
 from depth_pose.detect.candidates import CandidateFinder, _lies_across
-from depth_pose.detect.finder import PeopleFinder, reduce_frame
-from depth_pose.detect.turned import Turned
+from depth_pose.detect.finder import PeopleFinder
+from depth_pose.detect.turned import Turned, reduce_frame
 from depth_pose.sim.scenes import sample_scene
 
 SCENE = next(

@@ -182,3 +182,17 @@ def test_files_of_several_people(folders: tuple[Path, Path], tmp_path: Path) -> 
         load_known_people(tmp_path / "other.npz")
     with pytest.raises(InputError, match="no recording for x"):
         score_people(truth / "x.npz", tmp_path)
+
+
+def test_a_truth_file_that_names_no_joint_is_refused(tmp_path):
+    """Its joints may be declared for any number of people: they take no room."""
+    people = 1 << 40
+    np.savez(
+        tmp_path / "a.npz",
+        joints=np.empty((1, people, 0, 3)),
+        names=np.zeros(0, "U4"),
+        stamps_ns=np.zeros(1, np.int64),
+        seen=np.empty((1, people, 0), bool),
+    )
+    with pytest.raises(InputError, match=r"a\.npz is not a truth file: it names no joint"):
+        load_known_people(tmp_path / "a.npz")

@@ -356,7 +356,7 @@ def test_images_that_are_upside_down_are_said(start, peer):
         images.publish(at(image_msg(frame), next(stamps)))
 
     peer.ask(send, lambda: "upside down" in warning(told), what=lambda: process.output, every_s=0.2)
-    process.wait_for("the parameter mount.roll: 180 turns them")
+    process.wait_for("mount.roll: 180 is for a sensor that hangs so")
     assert process.output.count("upside down") == 1
 
 

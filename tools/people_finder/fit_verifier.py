@@ -20,7 +20,8 @@ from torch import Tensor
 
 from depth_pose.core.camera import Camera
 from depth_pose.core.types import DepthFrame
-from depth_pose.detect.finder import PeopleFinder, reduce_frame
+from depth_pose.detect.finder import PeopleFinder
+from depth_pose.detect.turned import reduce_frame
 from depth_pose.sim.scenes import MOST_PEOPLE
 from export import export_net, write_settings
 

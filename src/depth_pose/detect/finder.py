@@ -33,8 +33,6 @@ from depth_pose.detect.outline import carry_people, spread
 from depth_pose.detect.turned import Turned, reduce_frame
 from depth_pose.detect.verifier import Verifier
 
-__all__ = ["Detection", "Detections", "PeopleFinder", "load_weights", "reduce_frame"]
-
 LEAST_PIXELS = 12
 """Least number of working-grid pixels of a person."""
 

@@ -154,6 +154,8 @@ def _read(path: Path | str) -> tuple[dict[str, NDArray[np.generic]], tuple[str, 
     unknown = [name for name in names if name not in JOINT_INDEX]
     if unknown:
         raise InputError(f"{path} is not a truth file: no joint is called {unknown[0]!r}")
+    if not names:
+        raise InputError(f"{path} is not a truth file: it names no joint")
     if not len(fields["stamps_ns"]):
         raise InputError(f"{path} is not a truth file: it has no frames")
     _check_shapes(path, fields, names)

@@ -8,7 +8,7 @@ across and along its ray. The joint is the mean weighted by inverse covariances,
 .. math:: x_j = f_j + \sigma_f^2\, (\sigma_f^2 1 + C_j)^{-1} (q_j - f_j), \qquad
    \sigma_f^2 = \sigma_0^2 + k^2 \max(0, s - s_0)^2 + c^2 (1 / p_j - 1),
 
-with the covariance :math:`C_j` of `depth_pose.refine.articulated`.
+with the covariance :math:`C_j` of `depth_pose.refine.articulated`, but a smaller floor.
 """
 
 from __future__ import annotations

@@ -23,12 +23,12 @@ with the deviations that the second look states across and along the ray :math:`
 :math:`\sigma_0` for what all frames of a person have in common, and the robust weights :math:`\rho_j` of
 Geman and McClure (*Statistical methods for tomographic image reconstruction*, 1987). It decides where there
 are no points: under a desk, or beyond the image's border. :math:`E_{prior}` keeps each joint near the
-start. The parameters
-are a translation and, for every free node, a rotation vector in the camera frame that turns the whole
-subtree: a vertex moves by :math:`\delta t + \sum_k \omega_k \times (v_m - p_k)`, summed over the free nodes
-above the segment that moves it most. All vertices of a segment therefore share one 6 x 6 matrix of a free
-rigid motion, and the normal equations of the joint angles are assembled from those 21 (the composite rigid
-body algorithm of M. Walker and D. Orin, *Efficient dynamic computer simulation of robotic mechanisms*, 1982).
+start. The parameters are a translation and, for every free node, a rotation vector in the camera frame that
+turns the whole subtree: a vertex moves by :math:`\delta t + \sum_k \omega_k \times (v_m - p_k)`, summed
+over the free nodes above the segment that moves it most. All vertices of a segment therefore share one 6 x
+6 matrix of a free rigid motion, and the normal equations of the joint angles are assembled from those 21
+(the composite rigid body algorithm of M. Walker and D. Orin, *Efficient dynamic computer simulation of
+robotic mechanisms*, 1982).
 """
 
 from __future__ import annotations

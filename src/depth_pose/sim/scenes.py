@@ -1,11 +1,11 @@
 """Random rooms with nought to six people before a depth camera, every pixel labelled.
 
-Made to teach and to measure a finder of people: the people stand, walk, sit at tables and deep in sofas, lie
-under blankets, carry children and things, touch furniture and each other, hide behind both, are cut off by
-the image's border; a third of them are nearer than 2.2 m. Around them is
-what a finder takes for people when it has not seen any better: coats on stands, jackets on chairs, pillars,
-plants, pets, slanted bare walls, screens that send no light back. Cameras hang in the ways of `MOUNTINGS`.
-A tenth of the scenes are studios: people before a plain wall or before nothing.
+Made to teach and to measure a finder of people: the people stand, walk, sit at tables and deep in sofas,
+lie under blankets, carry children and things, touch furniture and each other, hide behind both, are cut off
+by the image's border; a third of them are nearer than 2.2 m. Around them is what a finder takes for people
+when it has not seen any better: coats on stands, jackets on chairs, pillars, plants, pets, slanted bare
+walls, screens that send no light back. Cameras hang in the ways of `MOUNTINGS`. A tenth of the scenes are
+studios: people before a plain wall or before nothing.
 """
 
 from __future__ import annotations

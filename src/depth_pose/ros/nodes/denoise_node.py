@@ -17,7 +17,6 @@ from depth_pose.core.mount import rotate_upright
 from depth_pose.core.printable import printable
 from depth_pose.core.types import DepthFrame
 from depth_pose.denoise.extract import PeopleExtractor
-from depth_pose.detect.upside_down import UpsideDownWatch
 from depth_pose.io import clouds, compressed
 from depth_pose.io.calibration import is_rectified
 from depth_pose.io.camera_infos import CameraInfos
@@ -31,6 +30,7 @@ from depth_pose.ros.nodes.parameters import DENOISE
 from depth_pose.ros.nodes.room_outputs import RoomOutputs
 from depth_pose.ros.process.runner import run_node
 from depth_pose.ros.transport.frames_in_flight import LONGEST_S, FramesInFlight
+from depth_pose.track.upside_down import UpsideDownWatch
 
 _INFOS = 16
 """CameraInfos that may wait: with a queue of one, those of another camera could hide all of this camera's."""
@@ -64,7 +64,7 @@ class DenoiseNode(StageNode):
 
     def make_stage(self, config: PipelineConfig) -> PeopleExtractor:
         """Make the extractor."""
-        self._mounting = UpsideDownWatch(config.segment, "the parameter mount.roll: 180")
+        self._mounting = UpsideDownWatch(config.segment)
         return PeopleExtractor(config.segment, config.denoise, config.mount)
 
     def open_outputs(self) -> None:
@@ -110,7 +110,7 @@ class DenoiseNode(StageNode):
         self._people.publish(people)
         self._in_flight.begin(found.stamp_ns, time.monotonic())
         self._room.tell(frame, upright, found)
-        self._mounting.look(upright, bool(found.persons))
+        self._mounting.look(upright, found)
         self._say()
         self.statistics.values["people"] = len(people.people)
         self.statistics.values["people cut off or half hidden"] = sum(
@@ -161,7 +161,7 @@ class DenoiseNode(StageNode):
     def _doubts(self) -> dict[str, str]:
         """Return what looks wrong about the images as a whole, by kind."""
         unit = self._units.doubt if self._units.is_decided else ""
-        return {kind: line for kind, line in (("unit", unit), ("mount", self._mounting.hint)) if line}
+        return {kind: line for kind, line in (("unit", unit), ("mount", self._mounting.doubt)) if line}
 
     def judge(self) -> tuple[bytes, str]:
         """Return the level and the text of this second's diagnostics, with what looks wrong."""

@@ -29,7 +29,7 @@ def scene(
 
 
 def found(depth: np.ndarray, labels: np.ndarray) -> tuple[DepthFrame, People]:
-    person = FoundPerson(1, "a", 1.0, np.zeros((0, 3), np.float32), np.zeros(0, np.float32))
+    person = FoundPerson(1, "a", 1.0)
     who = [person] if labels.any() else []
     points = CAMERA.back_project(np.where(labels > 0, depth, np.float32(0)))
     return DepthFrame(0, "a", depth, CAMERA), see_people(0, "a", CAMERA, points, labels, who)
@@ -55,3 +55,7 @@ def test_a_floor_above_is_said(with_person: bool, turn: tuple[int, int]) -> None
 def test_upright_images_are_not_doubted(with_floor: bool, ceiling_m: float) -> None:
     assert doubt(*scene(with_person=True, with_floor=with_floor, ceiling_m=ceiling_m)) == ""
     assert doubt(*scene(with_person=False, ceiling_m=ceiling_m)) == ""
+
+
+def test_a_wall_alone_says_nothing() -> None:
+    assert doubt(np.full((120, 160), 3.0, np.float32), np.zeros((120, 160), np.uint8)) == ""
