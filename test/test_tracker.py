@@ -7,6 +7,7 @@ import json
 import subprocess
 import sys
 import threading
+import warnings
 from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
@@ -223,6 +224,22 @@ def test_people_keep_their_ids_until_time_jumps(fresh, frame):
     ids = [fresh(frame.depth, frame.camera, time=t)[0].id for t in (5.0, 5.04, 4.0, 4.04, 9.0)]
     assert ids[0] == ids[1] != ids[2] == ids[3] != ids[4]
     assert fresh(frame.depth, frame.camera)[0].id not in ids  # without a time: on its own
+
+
+def test_images_that_are_upside_down_give_one_warning(fresh):
+    camera = Camera(160, 120, 110.0, 110.0, 79.5, 59.5)
+    below = (np.arange(120) - camera.cy)[:, None] / camera.fy
+    room = np.minimum(np.where(below > 0, 1.2 / np.maximum(below, 1e-6), np.inf), 4.0)
+    room = np.broadcast_to(room, (120, 160)).astype(np.float32)  # a floor 1.2 m below, a wall 4 m away
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for k in range(8):
+            assert fresh(room, camera, time=k / 30) == ()
+    fresh.reset()
+    with pytest.warns(RuntimeWarning, match=r"upside down.*mount\.roll: 180") as said:
+        for k in range(16):
+            fresh(room[::-1].copy(), camera, time=k / 30)
+    assert len(said) == 1
 
 
 def test_a_depth_frame_has_metres_of_its_camera_s_size(fresh, frame):

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import replace
@@ -92,6 +93,7 @@ class Tracker:
         self._depth_scale, self._frame_id = depth_scale, frame_id
         self._last_ns: int | None = None
         self._is_unit_known = depth_scale is not None
+        self._warned = frozenset[str]()
         if bank is None:
             bank = ensure_default_bank() if quiet else prepare_default_bank()
         with ExitStack() as stack:
@@ -126,6 +128,11 @@ class Tracker:
         ------
         InputError
             Where the frame cannot be used; the message says why.
+
+        Warns
+        -----
+        RuntimeWarning
+            Where the images look upside down; once.
         """
         if isinstance(depth, DepthFrame):
             if camera is not None or time is not None:
@@ -133,12 +140,21 @@ class Tracker:
             frame = replace(depth, camera=_check_camera(depth.depth, depth.camera))
         else:
             frame = self._make_frame(np.asarray(depth), camera, self._stamp(time))
-        return self._pipeline.process_frame(frame).skeletons
+        skeletons = self._pipeline.process_frame(frame).skeletons
+        self._warn()
+        return skeletons
 
     def reset(self) -> None:
         """Forget all earlier frames; people get new ids."""
         self._pipeline.reset()
         self._last_ns = None
+
+    def _warn(self) -> None:
+        """Warn of what is odd about the frames, each thing once."""
+        for line in self._pipeline.warnings:
+            if line not in self._warned:
+                self._warned |= {line}
+                warnings.warn(line, RuntimeWarning, stacklevel=3)
 
     def _stamp(self, time: float | None) -> int:
         """Convert a time to nanoseconds."""
