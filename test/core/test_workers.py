@@ -1,5 +1,6 @@
 """Parts of a task in processes and on a cluster."""
 
+import os
 import socket
 import subprocess
 import sys
@@ -112,6 +113,47 @@ def test_cluster_builds_the_same_bank(body, cluster, views, monkeypatch):
 def test_results_come_in_order(cluster):
     tasks = [(np.arange(n),) for n in range(12)]
     assert list(run_parts(len, tasks, scheduler=cluster)) == list(range(12))
+
+
+@pytest.mark.slow
+def test_a_scheduler_that_dies_is_said_in_one_line(tmp_path):
+    start = """if __name__ == "__main__":
+    import distributed, time
+    made = distributed.LocalCluster(n_workers=1, processes=False, dashboard_address=None, protocol="tcp")
+    print(made.scheduler_address, flush=True)
+    time.sleep(120)"""
+    (tmp_path / "cluster.py").write_text(start)
+    mark = tmp_path / "mark"
+    code = f"""if __name__ == "__main__":
+    import sys; sys.path[:] = {sys.path!r}
+    from pathlib import Path
+    from parts import first_then_sleep
+    from depth_pose.core.workers import run_each
+    from depth_pose.core.errors import InputError
+    try:
+        list(run_each(first_then_sleep, [(Path({str(mark)!r}),)], scheduler=sys.argv[1]))
+    except InputError as error:
+        sys.exit(f"error: {{error}}")"""
+    (tmp_path / "program.py").write_text(code)
+    paths = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    cluster = subprocess.Popen(
+        [sys.executable, tmp_path / "cluster.py"], stdout=subprocess.PIPE, text=True, env=paths
+    )
+    address = cluster.stdout.readline().strip()
+    program = subprocess.Popen(
+        [sys.executable, tmp_path / "program.py", address], stderr=subprocess.PIPE, text=True
+    )
+    try:
+        end = time.monotonic() + 60
+        while not mark.exists() and program.poll() is None and time.monotonic() < end:
+            time.sleep(0.05)
+        cluster.kill()
+        _, said = program.communicate(timeout=90)
+    finally:
+        program.kill()
+        cluster.kill()
+    assert program.returncode == 1
+    assert said.strip() == f"error: the Dask scheduler at {address} is gone"
 
 
 def test_no_scheduler_there(monkeypatch):

@@ -7,13 +7,14 @@ fail.
 
 from __future__ import annotations
 
+import logging
 import os
 import signal
 import sys
 import threading
 from collections import Counter, deque
 from collections.abc import Callable, Generator, Iterator, Sequence
-from contextlib import closing, suppress
+from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass
 from functools import partial
 from multiprocessing import connection, get_context, parent_process
@@ -283,6 +284,18 @@ def _end_with_parent() -> None:
         os._exit(1)
 
 
+@contextmanager
+def _one_line_of(name: str) -> Iterator[None]:
+    """Silence a library's logger, which reports a lost connection as a traceback beside our error."""
+    logger = logging.getLogger(name)
+    before = logger.level
+    logger.setLevel(logging.CRITICAL + 1)
+    try:
+        yield
+    finally:
+        logger.setLevel(before)
+
+
 def _run_on_cluster(function: Callable[..., T], tasks: Sequence[Task], scheduler: str) -> Outcomes[T]:
     require("distributed", "working on a cluster")
     from distributed import Client, as_completed
@@ -292,7 +305,7 @@ def _run_on_cluster(function: Callable[..., T], tasks: Sequence[Task], scheduler
         client = Client(scheduler, timeout=CONNECT_S)
     except (OSError, ValueError) as error:
         raise InputError(f"no Dask scheduler answers at {scheduler}: {error}") from error
-    with client:
+    with _one_line_of("distributed.client"), client:
         if not client.scheduler_info()["workers"]:
             raise InputError(f"the Dask scheduler at {scheduler} has no workers; start some: dask worker")
         # pure=False: the arguments are not hashed; the same call twice is two tasks
