@@ -21,7 +21,7 @@ import depth_pose.cli.run, depth_pose.offline
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)  # else it ends the process
 limit, trial, commands = json.loads(sys.argv[1])
 if trial is not None:  # the disk takes what is written on trial, and is full later
-    outputs._TRIAL_BYTES = trial
+    outputs.TRIAL_BYTES = trial
 for arguments in commands:
     ours, theirs = os.pipe()
     if os.fork() == 0:

@@ -1,6 +1,7 @@
 """The checks of style, types and arrows, as tests, so that pytest's last line speaks for everything."""
 
 import ast
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -55,3 +56,41 @@ def test_kernels_with_fast_arithmetic_are_inlined_into_kernels():
             if "fastmath=True" in compiled[0] and "inline" not in compiled[0]:
                 fast[function.name] = f"{path.relative_to(ROOT)}: {function.name}"
     assert [where for name, where in fast.items() if name in called] == []
+
+
+PRIVATE_USED = {
+    "test_articulated.py": {"_REACH"},  # kernels and their NumPy twins share a constant
+    "test_personal.py": {"_node_shifts", "_fill_row"},  # kernels compared with NumPy twins
+    "test_contact.py": {"_closest"},  # as well
+    "test_viewer_gate.py": {"_gui_input_handle_from_uuid"},  # viser offers no public list of its inputs
+    "decoders_files.py": {"_expected_crc"},  # zipfile cannot read past a wrong checksum otherwise
+}
+"""Underscore names that tests may use, by file. A test module that needs another is given a public one."""
+
+
+def test_tests_use_public_names():
+    """Tests import and reach for no underscore name of another module, but for a few with a reason.
+
+    Modules ``_NAME_kernels`` and the like may be imported: their functions are compared with NumPy.
+    """
+    tuples = {"_replace", "_asdict", "_fields", "_make", "_exit"}
+    private = re.compile(r"_[A-Za-z]\w*(?<!__)").fullmatch
+    used: dict[str, set[str]] = {}
+    for path in sorted((ROOT / "test").rglob("*.py")):
+        found = set()
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("depth_pose."):
+                found |= {
+                    a.name for a in node.names if private(a.name) and not _is_module(node.module, a.name)
+                }
+            elif isinstance(node, ast.Attribute) and ast.unparse(node.value) not in ("self", "cls"):
+                found |= {node.attr} if private(node.attr) else set()
+            elif isinstance(node, ast.Call) and ast.unparse(node.func).endswith(("setattr", "getattr")):
+                names = [a.value for a in node.args if isinstance(a, ast.Constant)]
+                found |= {n for n in names if isinstance(n, str) and private(n)}
+        used[path.name] = used.get(path.name, set()) | (found - tuples)
+    assert {name: found for name, found in used.items() if found} == PRIVATE_USED
+
+
+def _is_module(package: str, name: str) -> bool:
+    return (ROOT / "src" / package.replace(".", "/") / f"{name}.py").exists()

@@ -72,14 +72,14 @@ def test_two_workers_one_of_them_killed_and_a_bad_file(clips, setting, alone, he
     sources = find_sources([archive])
     begun = []
 
-    class Watched(working._Worker):
+    class Watched(working.Worker):
         def begin(self, index, task):
             super().begin(index, task)
             begun.append(task[0])
             if len(begun) == 1:
                 os.kill(self.process.pid, signal.SIGKILL)
 
-    monkeypatch.setattr(working, "_Worker", Watched)
+    monkeypatch.setattr(working, "Worker", Watched)
     told: list[Progress] = []
     rows = process_archive(sources, tmp_path / "out", setting, workers=2, progress=told.append)
     assert [row.file for row in rows] == [source.name for source in sources]

@@ -126,7 +126,7 @@ def test_an_endless_body_leaves_room_for_others(
     hostile: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
-    monkeypatch.setattr(remote, "_SPARE_BYTES", shutil.disk_usage(tmp_path).free - (8 << 20))
+    monkeypatch.setattr(remote, "SPARE_BYTES", shutil.disk_usage(tmp_path).free - (8 << 20))
     with pytest.raises(InputError, match=r"cannot be fetched.*MiB left"), fetched(f"{hostile}/a.mcap"):
         pass
     assert list(tmp_path.iterdir()) == []
@@ -134,8 +134,8 @@ def test_an_endless_body_leaves_room_for_others(
 
 def test_a_server_that_drips_is_left(hostile: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
-    monkeypatch.setattr(remote, "_SILENT_S", 0.5)
-    monkeypatch.setattr(remote, "_LISTED_S", 0.7)
+    monkeypatch.setattr(remote, "SILENT_S", 0.5)
+    monkeypatch.setattr(remote, "LISTED_S", 0.7)
     says = r"cannot be fetched: the server sent only \d+ bytes"
     with pytest.raises(InputError, match=says), fetched(f"{hostile}/drip.mcap"):
         pass
@@ -145,7 +145,7 @@ def test_a_server_that_drips_is_left(hostile: str, tmp_path: Path, monkeypatch: 
 
 
 def test_a_list_without_end_is_left(hostile: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(remote, "_MOST_LISTED_BYTES", 4 << 20)
+    monkeypatch.setattr(remote, "MOST_LISTED_BYTES", 4 << 20)
     with pytest.raises(InputError, match="its list has more than 4 MiB"):
         find_remote(f"{hostile}/long/", ".mcap")
 
@@ -165,11 +165,11 @@ def test_names_from_a_server_stay_in_the_folder(hostile: str, tmp_path: Path, pa
 
 
 def test_names_that_lead_elsewhere_are_none() -> None:
-    from depth_pose.archive.remote import _name
+    from depth_pose.archive.remote import name_below
 
-    assert _name("http://a/b/c.mcap", "http://a/b") == "c"
+    assert name_below("http://a/b/c.mcap", "http://a/b") == "c"
     for path in ("http://a/b/../../c.mcap", "http://a/b//etc/c.mcap", "http://other/c.mcap"):
-        assert _name(path, "http://a/b") is None
+        assert name_below(path, "http://a/b") is None
 
 
 def test_skeletons_of_remote_recordings_are_the_same(

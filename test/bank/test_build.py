@@ -16,7 +16,7 @@ def few(bank):
 
 @pytest.mark.slow
 def test_same_bank_from_any_number_of_workers(body, few, monkeypatch):
-    monkeypatch.setattr(building, "_CHUNK", 4)
+    monkeypatch.setattr(building, "POSES_PER_PART", 4)
     told = []
     config = BuildConfig(dimensions=12)
     banks = [

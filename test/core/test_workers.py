@@ -100,7 +100,7 @@ def cluster():
 
 @pytest.mark.parametrize("views", ["partial", "paper"])
 def test_cluster_builds_the_same_bank(body, cluster, views, monkeypatch):
-    monkeypatch.setattr(building, "_CHUNK", 2)  # three parts for two workers
+    monkeypatch.setattr(building, "POSES_PER_PART", 2)  # three parts for two workers
     poses = make_clip("wave", fps=4.0, seconds=4.0, seed=2).rotations[::3]
     config = BuildConfig(dimensions=12, views=views)
     told = []

@@ -15,7 +15,7 @@ from depth_pose.core.skeleton import JOINT_INDEX, JOINT_NODES
 from depth_pose.detect import _finder_kernels as kernels
 from depth_pose.detect import _vote_kernels as votes_of
 from depth_pose.detect.clusters import Clusters
-from depth_pose.detect.finder import PeopleFinder, _join_parts, load_weights
+from depth_pose.detect.finder import PeopleFinder, join_parts, load_weights
 from depth_pose.detect.turned import reduce_frame
 
 CERTAIN = 0.6
@@ -186,5 +186,5 @@ def test_parts_are_joined_through_parts():
         found = Clusters(np.zeros((1, 1), np.uint8), np.zeros((4, 3)), measures, neighbours)
         number = np.zeros(5, np.uint8)
         number[1 + where[2]], number[1 + where[3]] = 1, 2
-        _join_parts(found, number, order < 2)
+        join_parts(found, number, order < 2)
         assert number[1 + where].tolist() == [1, 1, 1, 2]

@@ -14,7 +14,7 @@ from depth_pose.core.config import SegmentConfig
 from depth_pose.core.skeleton import JOINT_INDEX, JOINT_NODES
 from depth_pose.core.types import BACKGROUND, HIDDEN, DepthFrame
 from depth_pose.detect import _crop_kernels as kernels
-from depth_pose.detect._crop_kernels import Look
+from depth_pose.detect._crop_kernels import CropView
 from depth_pose.detect.candidates import CandidateFinder
 from depth_pose.detect.joint_finder import CropMask, JointFinder, PersonOdds
 from depth_pose.detect.learned_segmenter import LearnedSegmenter
@@ -108,7 +108,7 @@ def test_second_look_tells_coats_and_heaps_from_people():
 
 def test_a_point_comes_back_from_the_crop():
     look, points = (
-        Look(0.4, -0.2, 2.5, CELL_M),
+        CropView(0.4, -0.2, 2.5, CELL_M),
         np.random.default_rng(0).uniform(-0.6, 0.6, (19, 3)) + [0, 0, 2.5],
     )
     places = np.empty((19, 3))
@@ -120,7 +120,7 @@ def test_a_point_comes_back_from_the_crop():
 @pytest.mark.parametrize("angle", [0.0, 25.0])
 def test_a_dot_lies_in_the_crop_where_its_coordinates_say(flip, angle):
     cos, sin = np.cos(np.radians(angle)), np.sin(np.radians(angle))
-    look, point = Look(0.2, 0.1, 3.0, CELL_M, cos, sin, flip), np.array([[0.45, -0.3, 2.8]])
+    look, point = CropView(0.2, 0.1, 3.0, CELL_M, cos, sin, flip), np.array([[0.45, -0.3, 2.8]])
     u, v = np.rint(syn.CAMERA.project(point[0])).astype(int)
     depth = np.full((syn.CAMERA.height, syn.CAMERA.width), 4.0, np.float32)
     labels = np.zeros(depth.shape, np.uint8)
@@ -138,7 +138,7 @@ def test_features_of_own_pixels_others_and_what_lies_outside():
     labels = np.zeros(depth.shape, np.uint8)
     labels[:, : depth.shape[1] // 2] = 1
     depth[labels == 1] = 2.75
-    look = Look(0.0, 0.0, 3.0, CELL_M)
+    look = CropView(0.0, 0.0, 3.0, CELL_M)
     grid, whose = sample(depth, labels, look)
     out = np.empty((kernels.CHANNELS, *grid.shape), np.float32)
     kernels.fill_features(grid, whose, 1, look, out)
@@ -162,7 +162,7 @@ def test_the_mask_takes_furniture_out_and_puts_limbs_in():
     logits = np.full((SIDE, SIDE), 9.0, np.float32)
     logits[:, SIDE // 2 :], logits[3 * SIDE // 4 :] = -9.0, 0.0
     middle = 3.0 * np.array([(syn.CAMERA.width / 2 - syn.CAMERA.cx) / syn.CAMERA.fx, 0.0])
-    mask = CropMask(logits, Look(float(middle[0]), 0.0, 3.0, CELL_M))
+    mask = CropMask(logits, CropView(float(middle[0]), 0.0, 3.0, CELL_M))
     mask.apply(depth, labels, syn.CAMERA, 1)
     changed = labels != before
     assert changed.any()

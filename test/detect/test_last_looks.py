@@ -7,7 +7,7 @@ import pytest
 
 from crowd import person, seen
 from depth_pose.core.config import SegmentConfig
-from depth_pose.detect._crop_kernels import Look
+from depth_pose.detect._crop_kernels import CropView
 from depth_pose.detect.finder import Detection
 from depth_pose.detect.joint_finder import CropMask, JointProposals
 from depth_pose.detect.last_looks import LastLooks
@@ -38,7 +38,7 @@ class Watcher:
             np.full((19, 2), 0.05),
             0.0,
             self.probability,
-            CropMask(np.zeros((8, 8), np.float32), Look(*person.torso.tolist(), 0.3)),
+            CropMask(np.zeros((8, 8), np.float32), CropView(*person.torso.tolist(), 0.3)),
         )
 
     def see(self, *people: Detection, step_ns: int = STEP_NS) -> int:

@@ -12,6 +12,7 @@ from depth_pose.core.config import SegmentConfig
 from depth_pose.core.types import HIDDEN, PERSON, DepthFrame
 from depth_pose.detect._carry_kernels import count_inside, take_new
 from depth_pose.detect.candidates import Candidates
+from depth_pose.detect.last_people import LastPeople
 from depth_pose.detect.learned_segmenter import LearnedSegmenter
 
 STEP_NS = 33_000_000
@@ -122,14 +123,14 @@ def test_what_is_new_goes_on_from_somebody_or_stays_nobody_s() -> None:
     assert (labels == PERSON).sum() == 50 + 30 + 1
 
 
-def test_the_warm_up_carries_people_over() -> None:
+def test_the_warm_up_carries_people_over(monkeypatch: pytest.MonkeyPatch) -> None:
     segmenter = LearnedSegmenter(SegmentConfig())
-    carried, carry = [], segmenter._people.carry
+    carried, carry = [], LastPeople.carry
 
-    def watch(frame: DepthFrame) -> Candidates | None:
-        carried.append(carry(frame))
+    def watch(people: LastPeople, frame: DepthFrame) -> Candidates | None:
+        carried.append(carry(people, frame))
         return carried[-1]
 
-    segmenter._people.carry = watch
+    monkeypatch.setattr(LastPeople, "carry", watch)
     segmenter.warm_up()
     assert [c is not None for c in carried] == [False, True]

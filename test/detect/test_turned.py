@@ -7,7 +7,7 @@ import pytest
 
 from depth_pose.core.config import SegmentConfig
 from depth_pose.core.types import DepthFrame
-from depth_pose.detect.candidates import CandidateFinder, _lies_across
+from depth_pose.detect.candidates import CandidateFinder, lies_across
 from depth_pose.detect.finder import PeopleFinder
 from depth_pose.detect.turned import Turned, reduce_frame
 from depth_pose.sim.scenes import sample_scene
@@ -87,6 +87,6 @@ def test_in_doubt_the_image_is_turned_and_stays_so() -> None:
 def test_only_who_lies_across_the_image_counts_in_one_turned_by_a_quarter() -> None:
     own = np.zeros((60, 80), bool)
     own[20:30, 10:60] = True
-    assert _lies_across(own)
-    assert not _lies_across(own.T)
-    assert not _lies_across(own[:, :20] & False)
+    assert lies_across(own)
+    assert not lies_across(own.T)
+    assert not lies_across(own[:, :20] & False)

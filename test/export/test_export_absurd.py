@@ -12,7 +12,7 @@ from depth_pose.core.errors import InputError
 from depth_pose.export import export_skeletons
 from depth_pose.export.tracks import MOST_FRAMES
 from depth_pose.io.mcap_write import SkeletonWriter
-from depth_pose.io.messages import _skeleton_fields, read_skeleton, write_message
+from depth_pose.io.messages import read_skeleton, skeleton_fields, write_message
 from depth_pose.io.schemas import SKELETON
 
 
@@ -93,7 +93,7 @@ def test_joints_that_are_no_numbers_are_gaps_or_refused(tmp_path, ending):
 
 def test_a_skeleton_of_very_many_joints_is_refused(tmp_path):
     one = skeleton_of(0)
-    fields = _skeleton_fields(one)
+    fields = skeleton_fields(one)
     message = write_message(SKELETON, 1, "a", **(fields | {"joints": fields["joints"] * 5000}))
     with pytest.raises(InputError, match="at most 4194304 are read"):
         read_skeleton(message)

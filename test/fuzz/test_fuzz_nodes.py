@@ -116,8 +116,8 @@ def deliver(node, number, messages):
 
     for index, message in enumerate(messages):
         message.header.stamp = ns_to_stamp(10**18 + number * 40_000_000)
-        node._intake._callback(index)(message, {"publication_sequence_number": 0})
-    whole = node._intake.take_pending()
+        node.intake.take(index, message, {"publication_sequence_number": 0})
+    whole = node.intake.take_pending()
     if whole is not None:
         node.process(whole)
 
@@ -132,16 +132,16 @@ def test_odd_messages_do_not_end_a_node(name, valid, context):
             mutate(rng.choice(messages), rng)
             if name == "denoise":
                 info = copy_of(valid["info"])
-                node.guard("info", node._take_info, mutate(info, rng) if rng.random() < 0.3 else info)
+                node.guard("info", node.take_info, mutate(info, rng) if rng.random() < 0.3 else info)
             deliver(node, number, messages)
         told = node.statistics.answered + sum(node.statistics.drops.values())
-        waiting = len(getattr(node, "_held", ()))  # for the CameraInfo of their camera
+        waiting = len(getattr(node, "held", ()))  # for the CameraInfo of their camera
         assert told + waiting >= COUNT, node.statistics.as_text()
         assert not node.statistics.drops["error"], node.statistics.as_text()
         assert sum(node.statistics.drops.values()), "not one odd message was refused"
         before = node.statistics.answered
         if name == "denoise":
-            node._take_info(copy_of(valid["info"]))
+            node.take_info(copy_of(valid["info"]))
         deliver(node, COUNT + 1, [copy_of(valid[topic]) for topic in INPUTS[name]])
         assert node.statistics.answered == before + 1, node.statistics.as_text()
     finally:

@@ -150,7 +150,7 @@ def test_warm_up_leaves_no_trace(bank):
 def test_a_wrong_facing_that_agrees_nearly_as_well_gives_way(bank, matcher):
     """The right exemplar, and one facing the other way whose score was a little better."""
     person = seen_as_in_the_bank(bank, 31, 4)[1].persons[0]
-    rough = matcher._compare_roughly(person, 1.0, 64)
+    rough = matcher.compare_roughly(person, 1.0, 64)
     right = rough.take(rough.ranking()[:1])
     half = right.rotations @ syn.rotation("y", 180.0)
     wrong = right._replace(
@@ -158,9 +158,9 @@ def test_a_wrong_facing_that_agrees_nearly_as_well_gives_way(bank, matcher):
         nodes=right.nodes[:, MIRROR_NODES],
         scores=right.scores - 0.01,
     )
-    settled = matcher._settle_facing(join([wrong, right]), person, 1.0)
+    settled = matcher.settle_facing(join([wrong, right]), person, 1.0)
     np.testing.assert_array_equal(settled.rotations[0], right.rotations[0])
     np.testing.assert_array_equal(settled.rotations[1], half[0])
     far = wrong._replace(scores=right.scores - 0.2)
-    kept = matcher._settle_facing(join([far, right]), person, 1.0)
+    kept = matcher.settle_facing(join([far, right]), person, 1.0)
     np.testing.assert_array_equal(kept.rotations[0], half[0])

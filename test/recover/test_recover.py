@@ -271,12 +271,12 @@ def test_carried_poses_are_compared_as_the_fits_were(run) -> None:
             (seen,) = pipeline.process_frame(frame_of(k)).refined
         stage, person = make_recoverer(the_bank(), match=match), run[4].people.persons[0]
         past = RecoveryMemory(None, before=seen, person_before=run[3].people.persons[0])
-        as_it_was = stage._carry(past, person, 1.0)
-        registered = stage._carry(past, person, as_it_was.score - 0.01)  # nearly good enough: more is tried
+        as_it_was = stage.carry(past, person, 1.0)
+        registered = stage.carry(past, person, as_it_was.score - 0.01)  # nearly good enough: more is tried
         assert (registered.joints != as_it_was.joints).any()
         for carried in (as_it_was, registered):
             assert carried.score == pytest.approx(seen.score, abs=0.3 * seen.score)
-        hopeless = stage._carry(past, person, as_it_was.score - 0.1)
+        hopeless = stage.carry(past, person, as_it_was.score - 0.1)
         assert (hopeless.joints == as_it_was.joints).all()
 
 

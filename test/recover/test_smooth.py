@@ -38,7 +38,7 @@ def test_agrees_with_its_plain_twin() -> None:
     from depth_pose.recover import smooth
 
     frames = np.cumsum(np.random.default_rng(1).normal(size=(30, 19, 3)) * 0.02, axis=0)
-    expected = filter_slowly(frames, SmoothConfig(), smooth._SPEED_CUTOFF_HZ)
+    expected = filter_slowly(frames, SmoothConfig(), smooth.SPEED_CUTOFF_HZ)
     np.testing.assert_allclose(run(JointFilter(SmoothConfig()), frames), expected, atol=1e-12)
 
 

@@ -13,7 +13,7 @@ from depth_pose.core.skeleton import NODE_INDEX
 from depth_pose.refine import _limb_kernels as kernels
 from depth_pose.refine._reach_kernels import Limbs, reach
 from depth_pose.refine.articulated import ArticulatedFitter
-from depth_pose.refine.limbs import LimbSearch, _may_be_legs
+from depth_pose.refine.limbs import LimbSearch, may_be_legs
 from depth_pose.track.target import nearest_person_pixels
 
 DOWN = syn.rotation("z", -38.0), syn.rotation("z", 38.0)
@@ -103,7 +103,7 @@ def test_proposals_change_nothing_but_limbs(body, search):
 
 def test_limbs_reach(search):
     """Bent limbs keep their bones, and end where they are to, or as far toward it as they can."""
-    pair = search._pairs[0]
+    pair = search.pairs[0]
     samples, rotations = pair.limbs[0].samples, pair.rotations[0]
     targets = np.array([[0.3, 0.1, 0.3], [0.2, -0.2, 0.1], [0.5, 0.3, 2.0]])
     balls, turned = np.empty((6, 9, 3)), np.empty((6, *rotations.shape[1:]))
@@ -125,7 +125,7 @@ def test_no_leg_explains_a_chairs_back(body, search):
     """What lies behind the trunk at its height is no leg; before it, or below, it may be one."""
     pose = BodyPose(syn.FACING @ syn.arms_down(), np.array([0.0, 0.0, 3.0]), 1.0)
     points = np.array([[0.0, -0.3, 3.3], [0.0, -0.3, 2.6], [0.0, 0.4, 3.3]], np.float32)
-    np.testing.assert_array_equal(_may_be_legs(points, pose), [False, True, True])
+    np.testing.assert_array_equal(may_be_legs(points, pose), [False, True, True])
 
 
 def test_pair_costs_twin():

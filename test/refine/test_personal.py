@@ -169,14 +169,14 @@ def test_a_rigid_motion_of_everything_changes_no_evidence(space):
 def test_what_frames_say_too_little_of_a_part_is_added(space, monkeypatch):
     pose, build = pose_at(3, scale=1.0), np.zeros(PARTS, np.float32)
     target = target_of(syn.draw(syn.mesh(space.template.pose(*vars(pose).values()))))
-    lack = personal_builds._LACK
+    lack = personal_builds.BUILD_BIAS
     assert lack[0] == 0.0 and lack[1 + BUILD_NAMES.index("thigh")] > 0.0
 
     def evidence():
         return BuildEvidence(space, PersonalConfig(), FitConfig()).find(space.template, target, pose, build)
 
     told = evidence()
-    monkeypatch.setattr(personal_builds, "_LACK", np.zeros(1 + PARTS))
+    monkeypatch.setattr(personal_builds, "BUILD_BIAS", np.zeros(1 + PARTS))
     plain = evidence()
     np.testing.assert_array_equal(told.information, plain.information)
     np.testing.assert_allclose(told.vector - plain.vector, plain.information @ lack, atol=1e-9)

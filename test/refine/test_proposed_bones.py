@@ -17,7 +17,7 @@ from depth_pose.refine.upright_stance import find_standing
 from depth_pose.track.target import NO_PROPOSALS, Proposals
 
 PARTS = len(BUILD_NAMES)
-BONES = len(proposed_bones._BONES)
+BONES = len(proposed_bones.BONES)
 AS_DEEP = TrunkDepth(0.0, np.eye(1 + PARTS)[1 + BUILD_NAMES.index("trunk_depth")], 1.0)
 
 
@@ -46,7 +46,7 @@ def proposed(space, scale, build=None, seed=0, noise=0.0):
     body = space.body(np.asarray(np.zeros(PARTS) if build is None else build, np.float32))
     bones = measure(proposing(standing(body, scale)), standing(body, scale))
     about = np.random.default_rng(seed).normal(0.0, noise, BONES)
-    return BoneLengths(bones.lengths + proposed_bones._BIAS + about, bones.sure)  # as if it had no bias
+    return BoneLengths(bones.lengths + proposed_bones.BIAS + about, bones.sure)  # as if it had no bias
 
 
 def size(logarithm, build=None):
@@ -63,9 +63,9 @@ def gathered(space, frames):
 def test_lengths_are_those_between_proposals_less_the_bias(space):
     nodes = standing(space.template, 1.1)
     told = measure(proposing(nodes), nodes)
-    ends = np.array(list(proposed_bones._NODES)).T
+    ends = np.array(list(proposed_bones.NODES)).T
     true = [np.log(np.linalg.norm(nodes[a] - nodes[b])) for a, b in ends]
-    np.testing.assert_allclose(told.lengths, true - proposed_bones._BIAS, atol=1e-9)
+    np.testing.assert_allclose(told.lengths, true - proposed_bones.BIAS, atol=1e-9)
     assert (told.sure[4:] > 0.5).all()  # arms hang, legs stand: all across the line of sight
 
 
@@ -79,7 +79,7 @@ def test_either_naming_of_the_sides_says_the_same(space):
 
 def test_bones_toward_the_camera_count_little(space):
     ahead = standing(space.template, left_shoulder=("x", -90.0))
-    names = list(proposed_bones._BONES)
+    names = list(proposed_bones.BONES)
     arm = names.index(("left_shoulder", "left_elbow"))
     aside = standing(space.template)
     there, across = measure(proposing(ahead), ahead), measure(proposing(aside), aside)

@@ -80,7 +80,7 @@ def test_a_full_disk_is_told_before_the_work_or_with_what_is_left(tmp_path, bank
         with pytest.raises(InputError, match=r"in_skeleton\.mcap cannot be written: File too large"):
             run_demo(tmp_path / "in.mcap", results)
         assert [p.name for p in results.iterdir()] == ["in_skeleton.mcap"]
-        monkeypatch.setattr(outputs, "_TRIAL_BYTES", 1)  # as where it fills up later
+        monkeypatch.setattr(outputs, "TRIAL_BYTES", 1)  # as where it fills up later
         with pytest.raises(
             InputError, match=r"what was recorded before that is in .*in_skeleton\.partial\.mcap"
         ):

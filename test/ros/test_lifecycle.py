@@ -112,7 +112,7 @@ def test_a_refused_configuration_leaves_the_node_there(start, peer, tmp_path):
 
 def test_asks_again_where_an_answer_is_lost(peer, monkeypatch):
     """An answer to a client that the node has not met yet goes nowhere; the next client gets its own."""
-    monkeypatch.setattr(lifecycle, "_ANSWER_S", 1.0)
+    monkeypatch.setattr(lifecycle, "ANSWER_S", 1.0)
     asked = []
 
     def get_state(_, response):

@@ -212,7 +212,7 @@ _ON_A_SMALL_DISK = """
 import resource, sys
 from depth_pose.cli import main
 from depth_pose.core import outputs
-outputs._TRIAL_BYTES = 1
+outputs.TRIAL_BYTES = 1
 resource.setrlimit(resource.RLIMIT_FSIZE, (3_000_000, 3_000_000))
 sys.argv = ["depth-pose", "record", "-o", sys.argv[1], "--seconds", "60", "/noise"]
 main()

@@ -9,6 +9,7 @@ from depth_pose_msgs.msg import SkeletonArray
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from peer import RELIABLE, SENSOR
 from rcl_interfaces.srv import SetParameters
+from rclpy.serialization import serialize_message
 from sensor_msgs.msg import CameraInfo, Image
 
 from depth_pose.ros.messages.basics import make_header
@@ -157,8 +158,11 @@ def test_choices_become_parameters(watch, peer):
 
 def test_bytes_that_hold_no_stamp_are_left_out():
     watch = Watch(IMAGE)
-    watch._info = b"known"
+    watch.take_info(serialize_message(CameraInfo(width=4, height=3, k=[9.0, 0, 2, 0, 9, 1, 0, 0, 1])))
     for data in (b"", b"\x00\x01\x00\x00", b"\x00\x01\x00\x00" + bytes(7)):
-        watch._take_depth(data)
-        watch._take_skeletons(data)
-    assert not watch._depth and not watch._skeletons
+        watch.take_depth(data)
+        watch.take_skeletons(data)
+    assert watch.held == 0
+    image = Image(height=3, width=4, encoding="16UC1", step=8, data=bytes(24))
+    watch.take_depth(serialize_message(image))
+    assert watch.held == 1

@@ -78,7 +78,7 @@ def test_it_says_what_to_install(monkeypatch):
 
 def test_a_recording_without_skeletons_has_them_found(bank_path, tmp_path):
     """As ``depth-pose view in.mcap`` does."""
-    from depth_pose.cli.view import _recorded
+    from depth_pose.cli.view import recorded_source
     from depth_pose.io.mcap_write import DepthWriter
 
     with DepthWriter(tmp_path / "in.mcap", CAMERA, "optical") as writer:
@@ -86,7 +86,7 @@ def test_a_recording_without_skeletons_has_them_found(bank_path, tmp_path):
             person = draw(mesh(posed(varied(1, 5.0), distance=2.5)))
             depth = np.fmin(np.where(person > 0, person, np.inf), room())
             writer.write(START_NS + i * STEP_NS, depth.astype(np.float32))
-    source = _recorded(tmp_path / "in.mcap", None, bank_path, None, "", 4000)
+    source = recorded_source(tmp_path / "in.mcap", None, bank_path, None, "", 4000)
     source.start()
     source.wait()
     assert source.error == ""
@@ -95,11 +95,11 @@ def test_a_recording_without_skeletons_has_them_found(bank_path, tmp_path):
 
 
 def test_an_open_door_is_said(capsys):
-    from depth_pose.cli.view import _tell_address
+    from depth_pose.cli.view import print_address
 
-    _tell_address("127.0.0.1", 8080)
+    print_address("127.0.0.1", 8080)
     assert "open to other machines" not in capsys.readouterr().out
-    _tell_address("0.0.0.0", 8080)
+    print_address("0.0.0.0", 8080)
     said = capsys.readouterr().out
     assert "http://localhost:8080" in said
     assert "open to other machines" in said

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scenes import seen_from_behind, spoil
 
 from depth_pose.core.skeleton import JOINT_INDEX, JOINTS, MIRROR_JOINTS
-from depth_pose.detect._crop_kernels import CHANNELS, Look, fill_features, sample_crop, to_crop
+from depth_pose.detect._crop_kernels import CHANNELS, CropView, fill_features, sample_crop, to_crop
 
 _TORSO = [JOINT_INDEX[f"{side}_{n}"] for side in ("left", "right") for n in ("shoulder", "hip")]
 _LIMBS = [
@@ -64,7 +64,7 @@ class CropBatch:
             np.full((n, SIDE, SIDE), NO_DEPTH, np.uint8),
         )
 
-    def place(self, k: int, joints: NDArray[np.float64], look: Look) -> None:
+    def place(self, k: int, joints: NDArray[np.float64], look: CropView) -> None:
         """Say where the joints (J, 3) of sample ``k`` are, camera frame, metres."""
         places = np.empty((len(JOINTS), 3))
         to_crop(joints, look, places)
@@ -118,23 +118,25 @@ class CropSampler:
         return True
 
 
-def _look(torso: NDArray[np.float64], rng: np.random.Generator | None) -> Look:
+def _look(torso: NDArray[np.float64], rng: np.random.Generator | None) -> CropView:
     """Look at a torso: where it is, or about there, turned, mirrored, coarser."""
     if rng is None:
-        return Look(*torso.tolist(), CELL_M)
+        return CropView(*torso.tolist(), CELL_M)
     spread = _PLACE_M * float(rng.choice([1.0, 2.0, 3.5], p=[0.8, 0.15, 0.05]))
     x, y, z = (torso + spread * rng.standard_normal(3)).tolist()
     z = max(z, 0.35)
     angle = np.radians(rng.normal(0.0, 12.0)) if rng.random() < 0.4 else 0.0
     coarse = int(rng.choice([1, 1, 1, 1, 2, 3]))
-    return Look(x, y, z, CELL_M, float(np.cos(angle)), float(np.sin(angle)), rng.choice([-1.0, 1.0]), coarse)
+    return CropView(
+        x, y, z, CELL_M, float(np.cos(angle)), float(np.sin(angle)), rng.choice([-1.0, 1.0]), coarse
+    )
 
 
 def _spoil_mask(
     grid: NDArray[np.float32],
     whose: NDArray[np.int64],
     joints: NDArray[np.float64],
-    look: Look,
+    look: CropView,
     rng: np.random.Generator,
 ) -> None:
     """Take limbs out of the mask, and put what is near into it: each now and then."""

@@ -34,7 +34,7 @@ from sightings import OUTSIDE
 from depth_pose.core.config import SegmentConfig
 from depth_pose.core.skeleton import JOINTS, MIRROR_JOINTS
 from depth_pose.core.types import DepthFrame
-from depth_pose.detect._crop_kernels import Look, sample_crop
+from depth_pose.detect._crop_kernels import CropView, sample_crop
 from depth_pose.detect.candidates import CandidateFinder
 
 _LEAST = 0.05
@@ -100,7 +100,7 @@ class Collector:
             if is_person[k] < 0:
                 continue
             grid, theirs = np.empty((SIDE, SIDE), np.float32), np.empty((SIDE, SIDE), np.int64)
-            look = Look(*person.torso.tolist(), CELL_M)
+            look = CropView(*person.torso.tolist(), CELL_M)
             sample_crop(found.depth, labels, found.camera, look, grid, theirs)
             mask = np.where(theirs < 0, OUTSIDE, theirs == person.label).astype(np.uint8)
             joints = shot.joints[owner[k]] if is_person[k] else np.full((len(JOINTS), 3), np.nan, np.float32)

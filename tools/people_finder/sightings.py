@@ -11,7 +11,7 @@ from joint_net import CELL_M
 from numpy.typing import NDArray
 from replicas import Replica
 
-from depth_pose.detect._crop_kernels import Look, fill_features
+from depth_pose.detect._crop_kernels import CropView, fill_features
 
 OUTSIDE = 255
 """In a sighting's mask: a pixel outside the image."""
@@ -57,7 +57,7 @@ class Sightings:
                 spoil_crop(grid, whose, rng)
                 if rng.random() < 0.5:
                     flip, grid, whose = -1.0, grid[:, ::-1], whose[:, ::-1]
-            look = Look(x, y, z, CELL_M, flip=flip)
+            look = CropView(x, y, z, CELL_M, flip=flip)
             fill_features(grid, whose, 1, look, out.features[k])
             out.person[k] = float(self.is_person[n])
             if self.is_person[n]:

@@ -21,17 +21,17 @@ from depth_pose.core.errors import ConfigError, InputError
 
 _URL = re.compile(r"[a-z][a-z0-9+.-]+://", re.IGNORECASE)
 
-_SPARE_BYTES = 256 << 20
+SPARE_BYTES = 256 << 20
 """So much is left free of the folder for temporary files, whatever a server sends: others work there, too.
 Set by hand."""
 
-_SILENT_S = 60.0
+SILENT_S = 60.0
 """A server that sends nothing for so long has failed; the whole may take any time. Set by hand."""
 
 _LEAST_RATE = 1000
-"""Least rate of a copy (bytes a second) after `_SILENT_S`: one that drips has failed, too. Set by hand."""
+"""Least rate of a copy (bytes a second) after `SILENT_S`: one that drips has failed, too. Set by hand."""
 
-_LISTED_S, _MOST_LISTED_BYTES = 300.0, 64 << 20
+LISTED_S, MOST_LISTED_BYTES = 300.0, 64 << 20
 """The longest that listing a folder may take (s), and the longest list: half a million names. Set by hand."""
 
 
@@ -61,7 +61,7 @@ def find_remote(url: str, ending: str) -> list[tuple[str, str, int]]:
     ConfigError
         Where what reads this kind of storage is not installed.
     """
-    storage, path = _open(url, _LISTED_S)
+    storage, path = _open(url, LISTED_S)
     try:
         if has_magic(path):
             fixed = path[: re.search(r"[*?\[]", path).start()].rpartition("/")[0]  # type: ignore[union-attr]
@@ -73,13 +73,13 @@ def find_remote(url: str, ending: str) -> list[tuple[str, str, int]]:
         return [
             (storage.unstrip_protocol(found), name, storage.size(found) or 0)
             for found in sorted(paths)
-            if found.endswith(ending) and (name := _name(found, fixed)) is not None
+            if found.endswith(ending) and (name := name_below(found, fixed)) is not None
         ]
     except Exception as error:  # each kind of storage raises its own
         raise InputError(f"{url} cannot be read: {_reason(error)}") from error
 
 
-def _name(path: str, fixed: str) -> str | None:
+def name_below(path: str, fixed: str) -> str | None:
     """Return a recording's name below a folder; None for a path outside it."""
     if not path.startswith(f"{fixed}/"):
         return None
@@ -115,11 +115,11 @@ def _patience(total_s: float | None) -> dict[str, Any]:
             found = bytearray()
             while piece := await self.content.read(1 << 20):
                 found += piece
-                if len(found) > _MOST_LISTED_BYTES:
-                    raise InputError(f"its list has more than {_MOST_LISTED_BYTES >> 20} MiB")
+                if len(found) > MOST_LISTED_BYTES:
+                    raise InputError(f"its list has more than {MOST_LISTED_BYTES >> 20} MiB")
             return found.decode(encoding or "utf-8", errors)
 
-    limits = ClientTimeout(total=total_s, sock_connect=_SILENT_S, sock_read=_SILENT_S)
+    limits = ClientTimeout(total=total_s, sock_connect=SILENT_S, sock_read=SILENT_S)
     return {"timeout": limits, "response_class": Bounded}
 
 
@@ -136,13 +136,13 @@ def _watching(folder: Path) -> Any:
     class Watch(Callback):  # type: ignore[misc, unused-ignore]
         def relative_update(self, inc: int = 1) -> None:
             super().relative_update(inc)
-            if shutil.disk_usage(folder).free < _SPARE_BYTES:
+            if shutil.disk_usage(folder).free < SPARE_BYTES:
                 raise InputError(
-                    f"{folder.parent} has less than {_SPARE_BYTES >> 20} MiB left after {self.value} bytes; "
+                    f"{folder.parent} has less than {SPARE_BYTES >> 20} MiB left after {self.value} bytes; "
                     "TMPDIR may name another folder for temporary files"
                 )
             took = time.monotonic() - start
-            if took > _SILENT_S and self.value < _LEAST_RATE * took:
+            if took > SILENT_S and self.value < _LEAST_RATE * took:
                 raise InputError(f"the server sent only {self.value} bytes in {took:.0f} s")
 
     return Watch()

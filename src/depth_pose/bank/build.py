@@ -22,8 +22,8 @@ from depth_pose.core.workers import run_parts
 Progress = Callable[[int, int], None]
 """Called with the number of poses done and their total."""
 
-_CHUNK = 50
-"""Poses of one part of the work."""
+POSES_PER_PART = 50
+"""Number of poses a worker renders at a time."""
 
 _SAMPLE = 24_000
 """Descriptors from which the subspace is learned, evenly spread: all 128,000 would take 1.2 GB; not swept."""
@@ -85,7 +85,9 @@ def build_bank(
     # as they will be read back from the file, so that views and poses belong together exactly
     quats = matrix_to_quat(rotations).astype(np.float32)
     poses = quat_to_matrix(quats.astype(np.float64))
-    tasks = [(body, poses[i : i + _CHUNK], i, config.views) for i in range(0, len(poses), _CHUNK)]
+    tasks = [
+        (body, poses[i : i + POSES_PER_PART], i, config.views) for i in range(0, len(poses), POSES_PER_PART)
+    ]
     views = _gather_views(run_parts(render_views, tasks, workers, scheduler), len(poses), progress)
     descriptors = views.descriptors
     with threadpool_limits(1):  # sums in the same order on any number of cores

@@ -83,13 +83,13 @@ def view(
         watch = call_ros("tools.watch", "start_watch", depth_topic)
         source, stop = LiveSource(watch, points), watch.stop
     else:
-        source = _recorded(recording, skeletons, bank, depth_topic, topic, points)
+        source = recorded_source(recording, skeletons, bank, depth_topic, topic, points)
         source.start()
         stop = source.stop
     viewer = None
     try:
         viewer = Viewer(source, host=host, port=port, pictures=pictures, mesh_of=_bodies(bank))
-        _tell_address(host, viewer.port)
+        print_address(host, viewer.port)
         viewer.run()
     except KeyboardInterrupt:
         pass
@@ -99,7 +99,7 @@ def view(
         stop()
 
 
-def _recorded(
+def recorded_source(
     recording: Path,
     skeletons: Path | None,
     bank: Path | None,
@@ -107,6 +107,7 @@ def _recorded(
     topic: str,
     points: int,
 ) -> RecordedSource:
+    """Return the frames of a recording with skeletons read from a file, or found while it is shown."""
     from depth_pose.io.mcap_read import DepthReader
     from depth_pose.io.skeleton_read import read_people
     from depth_pose.viewer.source import RecordedSource
@@ -135,7 +136,8 @@ def _bodies(bank: Path | None) -> MeshOf | None:
     return BodyMaker(path) if bank is not None or path.is_file() else None
 
 
-def _tell_address(host: str, port: int) -> None:
+def print_address(host: str, port: int) -> None:
+    """Print the viewer's address, with a warning if other machines can reach it."""
     from depth_pose.viewer.access import LOOPBACK
 
     shown = "localhost" if host in (*LOOPBACK, "0.0.0.0", "::") else host

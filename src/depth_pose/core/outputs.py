@@ -30,7 +30,7 @@ from depth_pose.core.errors import InputError
 
 _PART = ".part"
 _PARTIAL = ".partial"
-_TRIAL_BYTES = 1 << 16
+TRIAL_BYTES = 1 << 16
 """So much is written on trial before the work: a full disk may still take an empty file. Set by hand."""
 
 _DISK_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EFBIG, errno.EIO, errno.ESTALE)
@@ -123,7 +123,7 @@ def _try_to_write(path: Path) -> None:
     part, number = _open_part(folder / path.name)
     try:
         with os.fdopen(number, "wb") as stream:
-            stream.write(bytes(_TRIAL_BYTES))
+            stream.write(bytes(TRIAL_BYTES))
     finally:
         part.unlink(missing_ok=True)
 

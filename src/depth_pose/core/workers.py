@@ -168,7 +168,7 @@ def _attempt(function: Callable[..., T], task: Task, tell: Tell) -> tuple[T | No
         return None, error
 
 
-class _Worker:
+class Worker:
     """A process that calls the function with one task after the other."""
 
     def __init__(self, function: Callable[..., Any]) -> None:
@@ -211,14 +211,14 @@ def _run_in_processes(
 ) -> Outcomes[T]:
     waiting = deque(range(len(tasks)))
     deaths: Counter[int] = Counter()
-    busy: dict[Any, _Worker] = {}
+    busy: dict[Any, Worker] = {}
 
-    def begin(worker: _Worker) -> None:
+    def begin(worker: Worker) -> None:
         index = waiting.popleft()
         worker.begin(index, tasks[index])
         busy[worker.pipe] = worker
 
-    idle = [_Worker(function) for _ in range(count)]  # all start at the same time
+    idle = [Worker(function) for _ in range(count)]  # all start at the same time
     try:
         while idle or busy:
             while idle and waiting:
@@ -235,7 +235,7 @@ def _run_in_processes(
                     else:
                         yield Outcome(index, error=_death(worker.process.exitcode))
                     if waiting:
-                        idle.append(_Worker(function))
+                        idle.append(Worker(function))
                 elif heard[0] < 1.0:
                     listen(index, heard[0])
                 else:

@@ -24,21 +24,21 @@ _MOST = 2.4
 """In units of `_UNIT_M`: 1.2 m. Set by hand, not swept."""
 
 
-class Look(NamedTuple):
-    """Where a crop lies in an image.
+class CropView(NamedTuple):
+    """Placement of a crop in an image.
 
     Attributes
     ----------
     x, y, z : float
-        Middle of the torso, camera frame, metres.
+        Centre of the torso, camera frame, metres.
     cell : float
         Side of a pixel of the crop at the torso's distance, metres.
     cos, sin : float
-        Of the angle by which the crop is turned in the image.
+        Cosine and sine of the crop's rotation in the image.
     flip : float
         1, or -1 for the mirror image.
     coarse : int
-        The image is looked at as if its pixels were blocks of so many; each shows its first one.
+        Side of the blocks of pixels that are read as one; each block shows its first pixel.
     """
 
     x: float
@@ -218,7 +218,7 @@ def to_crop(points, look, out):
         out[k, 2] = points[k, 2] - look.z
 
 
-def from_crop(places: NDArray[np.float64], look: Look) -> NDArray[np.float64]:
+def from_crop(places: NDArray[np.float64], look: CropView) -> NDArray[np.float64]:
     """From the crop's coordinates (J, 3), neither turned nor mirrored, to points in the camera frame."""
     z = np.maximum(look.z + places[:, 2], _NEAR)
     x, y = (look.x + places[:, 0]) / look.z, (look.y + places[:, 1]) / look.z

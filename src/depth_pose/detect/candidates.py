@@ -106,7 +106,7 @@ class CandidateFinder:
 
         kept = all(has(p, sure) for p in found.people if p.probability >= self._config.sure)
         gained = [p for p in sure if not found.people or has(p, doubtful)]
-        return kept and any(not across or _lies_across(tried.labels == p.label) for p in gained)
+        return kept and any(not across or lies_across(tried.labels == p.label) for p in gained)
 
     def mark_hidden(self, candidates: Candidates, filled: float) -> NDArray[np.uint8]:
         """Remove flying pixels, and mark occluders of people.
@@ -143,8 +143,8 @@ class CandidateFinder:
         return labels
 
 
-def _lies_across(own: NDArray[np.bool_]) -> bool:
-    """Whether pixels reach farther along rows than along columns."""
+def lies_across(own: NDArray[np.bool_]) -> bool:
+    """Check that the marked pixels (h, w) extend farther along rows than along columns."""
     rows, columns = np.nonzero(own)
     return len(rows) > 0 and bool(columns.std() > _ACROSS * rows.std())
 

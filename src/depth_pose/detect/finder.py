@@ -168,7 +168,7 @@ class PeopleFinder:
         chosen = np.flatnonzero(likely)[np.argsort(distance[likely], kind="stable")]
         number = np.zeros(len(distance) + 1, np.uint8)
         number[chosen + 1] = np.arange(1, len(chosen) + 1)
-        _join_parts(found, number, probability < self.config.keep)
+        join_parts(found, number, probability < self.config.keep)
         net_chance = np.reciprocal(1.0 + np.exp(-mask), dtype=np.float32)
         labels = carry_people(image, number[found.labels], net_chance, depth, camera)
         pixels = np.bincount(labels.ravel(), minlength=len(chosen) + 1)
@@ -229,8 +229,18 @@ def _is_fringe(measures: NDArray[np.float64]) -> NDArray[np.bool_]:
     return beside & unsure & (measures[:, _JUMP] < _FRINGE_JUMP)
 
 
-def _join_parts(found: Clusters, number: NDArray[np.uint8], may_join: NDArray[np.bool_]) -> None:
-    """Assign the pixels of rejected clusters to the person they touch, through others as well."""
+def join_parts(found: Clusters, number: NDArray[np.uint8], may_join: NDArray[np.bool_]) -> None:
+    """Assign rejected clusters to the person they touch, directly or through other clusters.
+
+    Parameters
+    ----------
+    found : Clusters
+        K clusters.
+    number : (K + 1,) uint8
+        Person of each cluster after the background's 0; changed in place.
+    may_join : (K,) bool
+        Clusters that may be part of a neighbour.
+    """
     parts = may_join & (found.measures[:, _CONTACT] >= _LEAST_CONTACT) & (found.neighbour >= 0)
     largest_first = np.argsort(-found.measures[:, _AREA], kind="stable")  # a neighbour is larger
     for k in largest_first[parts[largest_first]]:

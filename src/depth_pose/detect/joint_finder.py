@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from depth_pose.core.camera import Camera
 from depth_pose.core.skeleton import MIRROR_JOINTS
 from depth_pose.detect import _crop_kernels as kernels
-from depth_pose.detect._crop_kernels import Look, MaskLimits
+from depth_pose.detect._crop_kernels import CropView, MaskLimits
 from depth_pose.detect.net import open_net, read_weights
 
 _STANDARD = np.sqrt([3.0, 2.0])
@@ -53,12 +53,12 @@ class CropMask:
     Attributes
     ----------
     logits : (side, side) float32
-    look : Look
+    look : CropView
         Where the crop lies in the image.
     """
 
     logits: NDArray[np.float32]
-    look: Look
+    look: CropView
 
     def apply(
         self, depth: NDArray[np.float32], labels: NDArray[np.uint8], camera: Camera, label: int
@@ -174,7 +174,7 @@ class JointFinder:
         torso: NDArray[np.float64],
         probability: float,
     ) -> JointProposals:
-        """Look at one person.
+        """Find the joints of one person.
 
         Parameters
         ----------
@@ -191,7 +191,7 @@ class JointFinder:
             That this is a person, by the first look.
         """
         x, y, z = torso.tolist()
-        look = Look(x, y, z, self._cell_m)
+        look = CropView(x, y, z, self._cell_m)
         kernels.sample_crop(depth, labels, camera, look, self._grid, self._whose)
         kernels.fill_features(self._grid, self._whose, label, look, self._features[0])
         places, log_width, behind, person, mask = self._session.run(_OUTPUTS, {"features": self._features})

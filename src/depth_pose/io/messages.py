@@ -177,19 +177,20 @@ def _skeleton_of(m: Any) -> Skeleton:
 
 def write_skeleton(skeleton: Skeleton) -> bytes:
     """Encode a Skeleton."""
-    fields = _skeleton_fields(skeleton)
+    fields = skeleton_fields(skeleton)
     return write_message(schemas.SKELETON, skeleton.stamp_ns, skeleton.frame_id, **fields)
 
 
 def write_people(skeletons: Sequence[Skeleton], stamp_ns: int, frame_id: str) -> bytes:
     """Encode a SkeletonArray."""
     messages = [
-        make(schemas.SKELETON, make_header(s.stamp_ns, s.frame_id), **_skeleton_fields(s)) for s in skeletons
+        make(schemas.SKELETON, make_header(s.stamp_ns, s.frame_id), **skeleton_fields(s)) for s in skeletons
     ]
     return write_message(schemas.SKELETON_ARRAY, stamp_ns, frame_id, skeletons=messages)
 
 
-def _skeleton_fields(skeleton: Skeleton) -> dict[str, Any]:
+def skeleton_fields(skeleton: Skeleton) -> dict[str, Any]:
+    """Return the fields of a `Skeleton` message by name."""
     joints = [
         make(
             schemas.JOINT,

@@ -190,7 +190,7 @@ class Matcher:
         """Find the exemplars nearest to one person."""
         is_new = size.finder.frames == 0
         scale = self._scale(person, size.finder)
-        rough = self._compare_roughly(person, scale, self.config.shortlist)
+        rough = self.compare_roughly(person, scale, self.config.shortlist)
         placed = self._compare_finely(person, scale, rough)
         if not is_new and not self._is_known(size.finder):
             size.finder.add(person, self._pose(placed, 0, scale))
@@ -221,7 +221,7 @@ class Matcher:
             return self.config.scale
         if finder.frames == 0:
             few = max(4, self.config.shortlist // 4)
-            tried = [(s, self._compare_roughly(person, s, few)) for s in self._first_sizes(person)]
+            tried = [(s, self.compare_roughly(person, s, few)) for s in self._first_sizes(person)]
             scale, rough = min(tried, key=lambda t: float(t[1].scores.min()))
             finder.add(person, self._pose(self._compare_finely(person, scale, rough), 0, scale))
         return finder.scale
@@ -239,8 +239,22 @@ class Matcher:
         rotations = placed.rotations[row] @ self.bank.rotations(int(placed.exemplars[row]))
         return BodyPose(rotations, placed.translations[row], scale)
 
-    def _compare_roughly(self, person: Person, scale: float, shortlist: int) -> Placed:
-        """Search with each of the input's axes at one size, and compare all results coarsely."""
+    def compare_roughly(self, person: Person, scale: float, shortlist: int) -> Placed:
+        """Search with each of the input's axes at one size, and compare all results coarsely.
+
+        Parameters
+        ----------
+        person : Person
+        scale : float
+            Size of the body, relative to the bank's.
+        shortlist : int
+            Maximum number of results of the search.
+
+        Returns
+        -------
+        Placed
+            Not ranked.
+        """
         axes = AXES[self.bank.view_scheme](person.points)
         share = max(1, shortlist // len(axes))
         parts = []
@@ -264,13 +278,24 @@ class Matcher:
         compared = better(*pairs)
         best = compared.take(compared.ranking()[:_CORRECTED])
         best = better(best, self._renderer.compare(best.moved(), scale, image))
-        return self._settle_facing(best.take(best.ranking()), person, scale)
+        return self.settle_facing(best.take(best.ranking()), person, scale)
 
-    def _settle_facing(self, placed: Placed, person: Person, scale: float) -> Placed:
+    def settle_facing(self, placed: Placed, person: Person, scale: float) -> Placed:
         """Move the best exemplar that faces the other way to the front if it agrees better after a fit.
 
         From behind people look much as from the front. Where the bank has no near pose, one that faces the
         wrong way may agree as well as one that faces the right way.
+
+        Parameters
+        ----------
+        placed : Placed
+            Ranked, the best first.
+        person : Person
+        scale : float
+
+        Returns
+        -------
+        Placed
         """
         across = placed.nodes[:, _LEFT].sum(axis=1) - placed.nodes[:, _RIGHT].sum(axis=1)
         close = placed.scores < placed.scores[0] + _NEARLY

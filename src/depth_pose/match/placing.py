@@ -17,7 +17,7 @@ from depth_pose.core.skeleton import NODE_PARENTS
 from depth_pose.match import _match_kernels as kernels
 from depth_pose.match.search import Nearest
 
-_VERTICES = 500
+COARSE_VERTICES = 500
 """Number of vertices of the coarse body: as discriminative as all, in a quarter of the time."""
 
 
@@ -131,7 +131,7 @@ class ExemplarRenderer:
 
     def __init__(self, bank: Bank, band: float) -> None:
         self._quats = bank.pose_quats
-        self._skin = coarsen(bank.body, _VERTICES).skin
+        self._skin = coarsen(bank.body, COARSE_VERTICES).skin
         self._band = band
 
     def compare(self, placed: Placed, scale: float, observed: Observation) -> Placed:

@@ -260,7 +260,7 @@ class Recoverer:
             return None if in_itself else memory.trust(person, refined)
         partial = len(person.points) < _PART * memory.good_points
         limit = refined.score + max(_WORSE.get(failure.kind, 0.0), _WORSE_OF_PART if partial else 0.0)
-        recovered = self._carry(memory, person, limit)
+        recovered = self.carry(memory, person, limit)
         if recovered.score >= limit:
             is_bad = in_itself or failure.kind == "low_confidence"
             return refined if is_bad else memory.trust(person, refined)
@@ -272,8 +272,22 @@ class Recoverer:
         good = memory.good
         return good is not None and stamp_ns - good.stamp_ns > self.config.max_time * 1e9
 
-    def _carry(self, memory: RecoveryMemory, person: Person, limit: float) -> Fitted:
-        """Move the last body to this frame: unchanged, or carried by the clouds if that may help."""
+    def carry(self, memory: RecoveryMemory, person: Person, limit: float) -> Fitted:
+        """Move the last body to this frame: unchanged, or moved by registering the point clouds.
+
+        Parameters
+        ----------
+        memory : RecoveryMemory
+            With the previous frame's fit and person.
+        person : Person
+        limit : float
+            The clouds are registered if the unchanged pose scores slightly above this.
+
+        Returns
+        -------
+        Fitted
+            Source RECOVERED.
+        """
         last, shown = memory.before, memory.person_before
         assert last is not None and shown is not None, "a person without a previous frame is not carried"
         kept = self._fit(person, last.pose, last.build)

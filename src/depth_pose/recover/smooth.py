@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from depth_pose.core.config import SmoothConfig
 
-_SPEED_CUTOFF_HZ = 4.0
+SPEED_CUTOFF_HZ = 4.0
 """Cut-off frequency (Hz) of the filter on the speed; set by hand."""
 
 
@@ -49,7 +49,7 @@ class JointFilter:
             self._velocity = np.zeros_like(positions)
             return positions
         dt = (stamp_ns - self._stamp_ns) * 1e-9
-        share = _share(np.full(1, _SPEED_CUTOFF_HZ), dt)
+        share = _share(np.full(1, SPEED_CUTOFF_HZ), dt)
         self._velocity = self._velocity + share * ((positions - self._last) / dt - self._velocity)
         speed = np.linalg.norm(self._velocity, axis=1)
         cutoff = self.config.min_cutoff + self.config.beta * speed

@@ -75,7 +75,7 @@ _APART_M = 0.08
 
 
 @dataclass(frozen=True)
-class _LimbPair:
+class LimbPair:
     """Configurations of a left and a right limb; index 0 is left.
 
     Attributes
@@ -116,14 +116,20 @@ class _LimbPair:
 
 
 class LimbSearch:
-    """Proposes poses with one pair of limbs replaced."""
+    """Proposes poses with one pair of limbs replaced.
+
+    Attributes
+    ----------
+    pairs : tuple of LimbPair
+        Configurations of the arms, and of the legs.
+    """
 
     def __init__(self, bank: Bank) -> None:
         step = max(1, bank.poses // _POSES)
         quats = bank.pose_quats[::step].astype(np.float64)
         nodes = bank.pose_nodes[::step]
         nodes = np.concatenate([nodes, nodes[:, MIRROR_NODES] * np.array([-1.0, 1.0, 1.0])])
-        self._pairs = tuple(_make_pair(bank.body, quats, nodes, *limb) for limb in _LIMBS)
+        self.pairs = tuple(_make_pair(bank.body, quats, nodes, *limb) for limb in _LIMBS)
 
     def propose(self, body: FittedBody, comparer: DepthComparer) -> list[BodyPose]:
         """Replace the arms, and the legs, where other configurations explain more points.
@@ -141,13 +147,13 @@ class LimbSearch:
         """
         nearest = nearest_person_pixels(comparer.observation)
         proposals = []
-        for pair in self._pairs:
+        for pair in self.pairs:
             proposals += _exchange(pair, body, comparer, nearest)
         return proposals
 
 
 def _exchange(
-    pair: _LimbPair, body: FittedBody, comparer: DepthComparer, nearest: NDArray[np.int32]
+    pair: LimbPair, body: FittedBody, comparer: DepthComparer, nearest: NDArray[np.int32]
 ) -> list[BodyPose]:
     """Apply the best pairs of configurations to a pose; none where the input does not show the limbs."""
     pose, nodes = body.pose, body.nodes
@@ -156,7 +162,7 @@ def _exchange(
     drawn = render_depth(body.vertices, pair.faces, comparer.observation.camera)
     points, before = kernels.unexplained(drawn, comparer.observation, _EXPLAINED_M, _BEFORE_M)
     if not pair.reaches:
-        possible = _may_be_legs(points, pose)
+        possible = may_be_legs(points, pose)
         points, before = points[possible], before[possible]
     if len(points) < _FEWEST_POINTS:
         return []
@@ -204,14 +210,25 @@ def _exchange(
     return proposals
 
 
-def _may_be_legs(points: NDArray[np.float32], pose: BodyPose) -> NDArray[np.bool_]:
-    """Return which points (P, 3) may belong to legs: none at trunk height behind the trunk."""
+def may_be_legs(points: NDArray[np.float32], pose: BodyPose) -> NDArray[np.bool_]:
+    """Return which points may belong to legs: those behind the trunk at its height belong to a chair.
+
+    Parameters
+    ----------
+    points : (P, 3) float32
+        Camera frame, metres.
+    pose : BodyPose
+
+    Returns
+    -------
+    (P,) bool
+    """
     local = (points - pose.root) @ pose.rotations[NODE_INDEX["pelvis"]] / pose.scale
     return np.asarray((local[:, 1] < _SEAT_M) | (local[:, 2] > 0.0))
 
 
 def _reaching(
-    pair: _LimbPair, side: int, anchor: kernels.Anchor, points: NDArray[np.float32]
+    pair: LimbPair, side: int, anchor: kernels.Anchor, points: NDArray[np.float32]
 ) -> tuple[kernels.Limb, NDArray[np.float64]]:
     """Return limbs that reach points (P, 3), and the rotations of their segments."""
     limb, rotations = pair.limbs[side], pair.rotations[side]
@@ -233,7 +250,7 @@ def _make_pair(
     anchor_name: str,
     turned: tuple[str, ...],
     sampled: tuple[str, ...],
-) -> _LimbPair:
+) -> LimbPair:
     """Collect a limb's configurations from poses and their mirror images, and thin them."""
     anchor = NODE_INDEX[anchor_name]
     side = [np.array([NODE_INDEX[f"{s}_{n}"] for n in turned]) for s in ("left", "right")]
@@ -249,7 +266,7 @@ def _make_pair(
 
     # the configurations of the right limb are those of the left one, mirrored
     flip = np.array([-1.0, 1.0, 1.0])
-    return _LimbPair(
+    return LimbPair(
         proposals=proposals,
         anchor=anchor,
         nodes=np.stack(side),

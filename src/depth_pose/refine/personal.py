@@ -81,8 +81,8 @@ _LACKING = {
 """Bias of each learned parameter, as a share, from smoothing, noise and the fit; measured on 36 simulated
 people."""
 
-_LACK = np.array([0.0, *(_LACKING.get(part, 0.0) for part in BUILD_NAMES)])
-"""The same for log size and build, (14,)."""
+BUILD_BIAS = np.array([0.0, *(_LACKING.get(part, 0.0) for part in BUILD_NAMES)])
+"""`_LACKING` as a vector (14,) of log size and build, added to what the frames measure."""
 
 
 def _lies_below() -> NDArray[np.bool_]:
@@ -164,7 +164,7 @@ class BuildEvidence:
         hold[3:] += settings.prior * np.repeat(articulation.stiffness, 3)
         inertia[np.diag_indices_from(inertia)] += len(target.points) / USUAL_POINTS * hold
         left = sums.build - joint[:, :-1].T @ np.linalg.solve(inertia, joint)
-        x = np.concatenate([[np.log(pose.scale)], build]) + _LACK
+        x = np.concatenate([[np.log(pose.scale)], build]) + BUILD_BIAS
         return Evidence(left[:, :-1], left[:, -1] + left[:, :-1] @ x)
 
 

@@ -26,7 +26,7 @@ from depth_pose.refine.upright_stance import SUREST, Standing
 
 Array = NDArray[np.float64]
 
-_BONES = {
+BONES = {
     ("pelvis", "neck"): (-0.045, 0.036),
     ("neck", "head"): (-0.024, 0.064),
     ("left_shoulder", "right_shoulder"): (-0.040, 0.065),
@@ -41,9 +41,11 @@ _BONES = {
 """Bias and standard deviation of the log length of proposed bones, measured on 81 simulated people.
 Forearms and feet are excluded: their proposals are too imprecise."""
 
-_ENDS = np.array([[JOINT_INDEX[joint] for joint in bone] for bone in _BONES]).T
-_NODES = np.asarray(JOINT_NODES)[_ENDS]
-_BIAS, _SPREAD = np.array(list(_BONES.values())).T
+_ENDS = np.array([[JOINT_INDEX[joint] for joint in bone] for bone in BONES]).T
+NODES = np.asarray(JOINT_NODES)[_ENDS]
+"""Body nodes (2, B) at the two ends of each bone."""
+BIAS, _SPREAD = np.array(list(BONES.values())).T
+"""Bias and standard deviation (B,) of each bone's log length, in the order of `BONES`."""
 
 _ONE_FRAME = 0.15
 """Standard deviation of a bone's log length in one frame; set by hand."""
@@ -80,11 +82,11 @@ def measure_bones(standing: Standing, nodes: Array) -> BoneLengths:
     """
     places, weights = standing.places, standing.weights
     apart = np.linalg.norm(places[_ENDS[0]] - places[_ENDS[1]], axis=1)
-    bone, ray = nodes[_NODES[0]] - nodes[_NODES[1]], nodes[_NODES[0]] + nodes[_NODES[1]]
+    bone, ray = nodes[NODES[0]] - nodes[NODES[1]], nodes[NODES[0]] + nodes[NODES[1]]
     along = (bone * ray).sum(axis=1) ** 2 / ((bone**2).sum(axis=1) * (ray**2).sum(axis=1))
     both = weights[_ENDS[0]] * weights[_ENDS[1]] / SUREST**2
     return BoneLengths(
-        np.log(np.maximum(apart, _SHORTEST_M)) - _BIAS, standing.sure * both * (1.0 - along) ** 2
+        np.log(np.maximum(apart, _SHORTEST_M)) - BIAS, standing.sure * both * (1.0 - along) ** 2
     )
 
 
@@ -98,9 +100,9 @@ class ProposedBones:
 
     def __init__(self, space: BuildSpace) -> None:
         rest = space.template.nodes
-        self._rest = rest[_NODES[0]] - rest[_NODES[1]]
-        self._parts = space.nodes[:, _NODES[0]] - space.nodes[:, _NODES[1]]
-        self._told = RunningMedian(len(_BONES), np.log(_SHORTEST_M), _STEP, _STEPS)
+        self._rest = rest[NODES[0]] - rest[NODES[1]]
+        self._parts = space.nodes[:, NODES[0]] - space.nodes[:, NODES[1]]
+        self._told = RunningMedian(len(BONES), np.log(_SHORTEST_M), _STEP, _STEPS)
 
     def forget(self, kept: float) -> None:
         """Decay earlier frames to this share."""

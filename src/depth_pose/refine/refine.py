@@ -14,21 +14,20 @@ summed over consecutive frames, by a given margin.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from depth_pose.bank.bank import Bank
 from depth_pose.body.pose import BodyPose, Fitted, FittedBody
-from depth_pose.body.rendered_depth import Comparison
 from depth_pose.core.config import MatchConfig, RefineConfig
 from depth_pose.core.errors import BankError
 from depth_pose.core.rotations import R_CAMERA_FACING_MODEL
-from depth_pose.core.skeleton import JOINT_NODES, Source
+from depth_pose.core.skeleton import Source
 from depth_pose.core.types import Candidate, PoseMatch
 from depth_pose.refine.body_fitter import BodyFitter, FrameFit, PersonFitter
 from depth_pose.refine.build_learner import BuildLearner
+from depth_pose.refine.kept_poses import KeptPoses, ScoredFit, by_score, choose_answer, keep_differing
 from depth_pose.refine.limbs import LimbSearch
 from depth_pose.refine.pose_prior import PosePrior, usual_joints
 from depth_pose.refine.proposals import aim_legs, from_proposals
@@ -45,58 +44,6 @@ _FIRST_ROUNDS = 4
 
 _NEARLY = 0.04
 """The worse group is also fitted finely if its score is at most this much higher."""
-
-_LEAD = 0.04
-"""Score advantage, summed over consecutive frames, after which a different fresh pose becomes the answer."""
-
-_SAME_M = 0.05
-"""Poses with a mean joint distance below this (m) are the same; set by hand."""
-
-_DIFFERS_M = 0.06
-"""A pose joins the beam if some joint is this far (m) from that of each better pose."""
-
-_HOPELESS = 0.08
-"""Score above the answer's at which a pose leaves the beam; set by hand."""
-
-_AWAY_WEIGHT = 2.0
-"""Weight of the mean distance (1/m) of joints from their proposals (`from_proposals`) in the score."""
-
-_ODD_WEIGHT = 0.2
-"""Weight in the score of each standard deviation above the usual (`PosePrior.excess`)."""
-
-
-@dataclass(frozen=True)
-class _Compared:
-    """A fitted body, its disagreement, distance (m) from proposals, and excess of the pose prior."""
-
-    body: FittedBody
-    comparison: Comparison
-    away: float
-    odd: float
-
-    @property
-    def score(self) -> float:
-        """Return the sum of rendered-depth disagreement, distance from proposals and pose prior."""
-        return self.comparison.score + _AWAY_WEIGHT * self.away + _ODD_WEIGHT * self.odd
-
-
-@dataclass
-class KeptPoses:
-    """Start of a person's next fit.
-
-    Attributes
-    ----------
-    beam : tuple of BodyPose
-        The answer, and the next best poses that differ from it and from one another.
-    turn : int
-        The group searched for limbs in this frame.
-    lead : float
-        Score advantage of a different pose that was not the answer, summed over the last frames.
-    """
-
-    beam: tuple[BodyPose, ...] = ()
-    turn: int = 0
-    lead: float = 0.0
 
 
 class Refiner:
@@ -208,7 +155,7 @@ class Refiner:
             person.body_id, person.stamp_ns, Source.REFINED, whole, build, score, best.comparison.gap
         )
 
-    def _fit_best(self, person: Person, match: PoseMatch, kept: KeptPoses, fit: FrameFit) -> _Compared:
+    def _fit_best(self, person: Person, match: PoseMatch, kept: KeptPoses, fit: FrameFit) -> ScoredFit:
         """Fit fresh and kept starts roughly, search limbs in one or both groups, finish, and choose."""
         fresh = self._fit_candidates(person, match, fit)
         sides = [fresh, *self._fit_kept(person, kept, match.scale, fit)]
@@ -221,23 +168,23 @@ class Refiner:
         finished = [
             self._compare(person, fit.finish(side.body)) if side.score <= enough else None for side in sides
         ]
-        best = _settle(kept, *finished)
+        best = choose_answer(kept, *finished)
         answers = [done or rough for done, rough in zip(finished, sides, strict=True)]
-        kept.beam = _widen(best, answers, self.config.beam)
+        kept.beam = keep_differing(best, answers, self.config.beam)
         return best
 
-    def _fit_candidates(self, person: Person, match: PoseMatch, fit: FrameFit) -> _Compared:
+    def _fit_candidates(self, person: Person, match: PoseMatch, fit: FrameFit) -> ScoredFit:
         """Return the best rough fit among the best candidates of a glance."""
         starts = [self.bank.pose(candidate, match.scale) for candidate in match.candidates]
-        glances = sorted((self._compare(person, fit.glance(s)) for s in starts), key=_by_score)
+        glances = sorted((self._compare(person, fit.glance(s)) for s in starts), key=by_score)
         return self._best_rough(person, [g.body.pose for g in glances[:_ROUGH]], fit)
 
-    def _fit_kept(self, person: Person, kept: KeptPoses, scale: float, fit: FrameFit) -> list[_Compared]:
+    def _fit_kept(self, person: Person, kept: KeptPoses, scale: float, fit: FrameFit) -> list[ScoredFit]:
         """Return the rough fits of the poses kept from the previous frame, the answer first."""
         beam = kept.beam if self.config.track else ()
         return [self._best_rough(person, [BodyPose(pose.rotations, pose.root, scale)], fit) for pose in beam]
 
-    def _search_limbs(self, person: Person, side: _Compared, rounds: int, fit: FrameFit) -> _Compared:
+    def _search_limbs(self, person: Person, side: ScoredFit, rounds: int, fit: FrameFit) -> ScoredFit:
         """Replace arms and legs as long as the fit improves."""
         for _ in range(rounds):
             starts = self.limbs.propose(side.body, person.comparer)
@@ -245,64 +192,21 @@ class Refiner:
             starts += [] if aimed is None else [aimed]
             if not starts:
                 break
-            glanced = min((self._compare(person, fit.glance(s)) for s in starts), key=_by_score)
+            glanced = min((self._compare(person, fit.glance(s)) for s in starts), key=by_score)
             exchanged = self._best_rough(person, [glanced.body.pose], fit)
             if exchanged.score >= side.score:
                 break
             side = exchanged
         return side
 
-    def _best_rough(self, person: Person, starts: Iterable[BodyPose], fit: FrameFit) -> _Compared:
-        return min((self._compare(person, fit.rough(start)) for start in starts), key=_by_score)
+    def _best_rough(self, person: Person, starts: Iterable[BodyPose], fit: FrameFit) -> ScoredFit:
+        return min((self._compare(person, fit.rough(start)) for start in starts), key=by_score)
 
-    def _compare(self, person: Person, body: FittedBody) -> _Compared:
+    def _compare(self, person: Person, body: FittedBody) -> ScoredFit:
         """Compare a fitted body with the depth, the proposed joints and the pose prior."""
-        return _Compared(
+        return ScoredFit(
             body,
             person.comparer.compare(body.vertices, self.bank.body.faces, self._match_config.score_band),
             from_proposals(body.nodes, person.found),
             self._prior.excess(body.nodes, body.pose.scale),
         )
-
-
-def _settle(
-    kept: KeptPoses, fresh: _Compared | None, old: _Compared | None = None, *others: _Compared | None
-) -> _Compared:
-    """Choose between fits from fresh and kept starts; a pose far from the previous one has to persist.
-
-    Of two distant poses with similar agreement the kept one is right more often: it is supported by many
-    frames, the fresh one by a single score.
-    """
-    before, kept.lead = kept.lead, 0.0
-    rival = min((pose for pose in (fresh, *others) if pose is not None), key=_by_score, default=None)
-    if rival is None or old is None:
-        best = rival or old
-        assert best is not None, "the best side is always finished"
-        return best
-    better = old.score - rival.score
-    if better <= 0.0 or _gaps(rival, old).mean() < _SAME_M:
-        return rival if better > 0.0 else old
-    if before + better > _LEAD:
-        return rival
-    kept.lead = before + better
-    return old
-
-
-def _widen(best: _Compared, sides: list[_Compared], most: int) -> tuple[BodyPose, ...]:
-    """Return at most ``most`` poses: the answer, and the best that differ from it and from one another."""
-    beam = [best]
-    for side in sorted(sides, key=_by_score):
-        if len(beam) >= most or side.score > best.score + _HOPELESS:
-            break
-        if all(_gaps(side, other).max() > _DIFFERS_M for other in beam):
-            beam.append(side)
-    return tuple(pose.body.pose for pose in beam)
-
-
-def _gaps(one: _Compared, other: _Compared) -> NDArray[np.float64]:
-    """Compute the distances (J,) between the joints of two poses, metres."""
-    return np.asarray(np.linalg.norm(one.body.nodes[JOINT_NODES] - other.body.nodes[JOINT_NODES], axis=1))
-
-
-def _by_score(fitted: _Compared) -> float:
-    return fitted.score

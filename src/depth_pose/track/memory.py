@@ -17,8 +17,8 @@ from depth_pose.track.person import People
 if TYPE_CHECKING:
     from depth_pose.match.match import MatchMemory
     from depth_pose.recover.recover import RecoveryMemory
+    from depth_pose.refine.kept_poses import KeptPoses
     from depth_pose.refine.personal import PersonalBuild
-    from depth_pose.refine.refine import KeptPoses
 
 MEMORY_NS = 2_000_000_000
 """Time (ns) for which a person out of view is remembered."""

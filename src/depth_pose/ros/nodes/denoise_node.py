@@ -45,7 +45,12 @@ class DenoiseNode(StageNode):
     """Finds the people and denoises their points (Sec. 4).
 
     Live, it begins no frame while several are on their way: where time is short, none of it goes into frames
-    that a later node would drop. It hears by the skeletons what has arrived.
+    that a later node would drop. The published skeletons tell it which frames have arrived.
+
+    Attributes
+    ----------
+    held : deque
+        Images that wait for the first CameraInfo of their camera.
     """
 
     SECTIONS = ("mount", "segment", "denoise")
@@ -56,7 +61,7 @@ class DenoiseNode(StageNode):
         self._units = UnitWatch("the parameter depth_scale")
         self._said: set[str] = set()
         self._rectified = False
-        self._held: deque[Image | CompressedImage] = deque()
+        self.held: deque[Image | CompressedImage] = deque()
         self._in_flight = FramesInFlight()
         super().__init__("denoise")
         if not self.lossless:
@@ -83,7 +88,7 @@ class DenoiseNode(StageNode):
             clouds.warm_up()
             return [Input(PointCloud2, cloud_topic, sensor=True)]
         self._infos = CameraInfos(self.resolve_topic_name(self.value("info_topic")))
-        self.latch(CameraInfo, self.value("info_topic"), self._take_info, _INFOS)
+        self.latch(CameraInfo, self.value("info_topic"), self.take_info, _INFOS)
         topic = self.value("image_topic")
         self._rectified = is_rectified(self.resolve_topic_name(topic))
         kind = CompressedImage if topic.endswith(TOPIC_ENDING) else Image
@@ -93,7 +98,7 @@ class DenoiseNode(StageNode):
 
     def forget(self) -> None:
         """Drop the images that wait."""
-        self._held.clear()
+        self.held.clear()
         self._in_flight.forget()
 
     def answer(self, message: Any) -> None:
@@ -185,17 +190,18 @@ class DenoiseNode(StageNode):
 
     def _hold(self, image: Image | CompressedImage) -> None:
         """Keep an image until the first CameraInfo of its camera says what it shows."""
-        if len(self._held) >= self.queue:
-            last = self._held.popleft()
+        if len(self.held) >= self.queue:
+            last = self.held.popleft()
             self.drop("no CameraInfo", self._infos.why_none(last.header.frame_id))
-        self._held.append(image)
+        self.held.append(image)
 
-    def _take_info(self, info: CameraInfo) -> None:
+    def take_info(self, info: CameraInfo) -> None:
+        """Add a camera's calibration, and process the images that wait for it."""
         self._infos.add(info, stamp_to_ns(info.header.stamp))
         for name, value in self._infos.counts.items():
             self.statistics.counts[name] = value
-        held = list(self._held)
-        self._held.clear()
+        held = list(self.held)
+        self.held.clear()
         for image in held:
             self.process((image,))
 

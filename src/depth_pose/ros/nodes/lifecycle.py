@@ -21,7 +21,7 @@ _FIND_S, _LONGEST_LOOK_S = 5.0, 0.2
 """Seconds to find a node's services, of which one look is at most so long: while the machine stood still
 nobody met. Set by hand."""
 
-_ANSWER_S = 10.0
+ANSWER_S = 10.0
 """Seconds for an answer, after which the state is asked for again; loading a bank takes less. Set by hand."""
 
 _STEPS = {
@@ -116,6 +116,6 @@ class _Caller:
                 raise DepthPoseError(f"there is no service {name}; is the node running in this domain?")
             self._executor.spin_once(timeout_sec=0.05)
         future: Future = client.call_async(request)
-        self._executor.spin_until_future_complete(future, min(_ANSWER_S, self._timeout_s))
+        self._executor.spin_until_future_complete(future, min(ANSWER_S, self._timeout_s))
         self._node.destroy_client(client)
         return future.result()

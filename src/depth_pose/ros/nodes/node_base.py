@@ -74,6 +74,8 @@ class StageNode(TopicNode, ABC):
         What `make_stage` made; None until the node is configured.
     is_active : bool
         Whether frames are answered.
+    intake : FrameSource or None
+        The subscriptions; None until the node is configured.
     """
 
     CONFIG: ClassVar[type[Sections]] = PipelineConfig
@@ -86,7 +88,7 @@ class StageNode(TopicNode, ABC):
         self.busy = BusyTimes()
         self.stage: Any = None
         self.is_active = False
-        self._intake: FrameSource | None = None
+        self.intake: FrameSource | None = None
         self._refused: Exception | None = None
         self._watches: tuple[PublisherWatch, MissingInputWatch] | None = None
         self.add_on_set_parameters_callback(self._check_parameters)
@@ -178,8 +180,8 @@ class StageNode(TopicNode, ABC):
         self.stage = self.make_stage(self.config)
         self.stage.warm_up()
         self.open_outputs()
-        self._intake = self.make_intake()
-        inputs = self._intake.inputs
+        self.intake = self.make_intake()
+        inputs = self.intake.inputs
         self._watches = PublisherWatch(self, inputs), MissingInputWatch(self, inputs, reliable=self.lossless)
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -194,8 +196,8 @@ class StageNode(TopicNode, ABC):
         self.forget()
         if self.stage is not None:
             self._reset_stage()
-        if self._intake is not None:
-            self._intake.forget()
+        if self.intake is not None:
+            self.intake.forget()
         self.get_logger().info(f"{self.get_name()} is paused")
         return super().on_deactivate(state)
 
@@ -212,23 +214,23 @@ class StageNode(TopicNode, ABC):
     def _close(self) -> None:
         self.is_active = False
         self.forget()
-        if self._intake is not None:
-            self._intake.close()
+        if self.intake is not None:
+            self.intake.close()
         self.close_topics()
-        self._intake = self._watches = self.stage = None
+        self.intake = self._watches = self.stage = None
 
     # Frames
 
     @property
     def has_pending(self) -> bool:
         """Whether a whole frame waits for `process_pending`."""
-        return self._intake is not None and self._intake.has_pending
+        return self.intake is not None and self.intake.has_pending
 
     def process_pending(self) -> None:
         """Answer the newest whole frame, once nothing more waits."""
-        if self._intake is None or self._intake.take_waiting():
+        if self.intake is None or self.intake.take_waiting():
             return
-        whole = self._intake.take_pending()
+        whole = self.intake.take_pending()
         if whole is not None:
             self.process(whole)
 
@@ -247,7 +249,7 @@ class StageNode(TopicNode, ABC):
         except Drop as e:
             self.drop(e.reason, str(e))
         except InputError as e:
-            topic = self._intake.inputs[0].topic if self._intake is not None else ""
+            topic = self.intake.inputs[0].topic if self.intake is not None else ""
             self.drop("bad input", f"{topic}: {e}")
         except BankError as e:
             self.drop("other bank", str(e))
@@ -302,19 +304,19 @@ class StageNode(TopicNode, ABC):
     # Telling
 
     def _tell_ready(self) -> None:
-        if self._intake is None or not self.is_active:
+        if self.intake is None or not self.is_active:
             return
-        joined = self.is_joined and (self._intake.joined or not self.value("producers"))
+        joined = self.is_joined and (self.intake.joined or not self.value("producers"))
         self._joined_ticks = self._joined_ticks + 1 if joined else 0
         if self._joined_ticks > SETTLE_S / _READY_TICK_S:
             self._ready_timer.cancel()
-            topics = ", ".join(i.topic for i in self._intake.inputs)
+            topics = ", ".join(i.topic for i in self.intake.inputs)
             self.get_logger().info(f"{self.get_name()} {READY}: listens to {topics}")
 
     def _watch(self) -> None:
         self.check_latched()
-        if self._intake is not None:
-            self._intake.check()
+        if self.intake is not None:
+            self.intake.check()
         if self._watches is not None and self.is_active:
             self._watches[1].check()
 

@@ -153,7 +153,7 @@ class VolumeNode(StageNode):
         if missing:
             self.get_logger().warning(f"waits for {missing}", throttle_duration_sec=LOG_EVERY_S)
             return DiagnosticStatus.WARN, f"waits for {missing}"
-        if self._intake is None:
+        if self.intake is None:
             return super().judge()
         topics, held = self._rig.topics, self._synchroniser
         for kind, counts in (("late", held.late), ("answered without", held.missing)):

@@ -125,7 +125,7 @@ class Watch:
         self._context = Context()
         rclpy.init(context=self._context, args=[])
         self._node = rclpy.create_node("viewer", namespace="depth_pose", context=self._context)
-        self._listen(SkeletonArray, "/depth_pose/skeletons", self._take_skeletons)
+        self._listen(SkeletonArray, "/depth_pose/skeletons", self.take_skeletons)
         self._node.create_subscription(DiagnosticArray, "/diagnostics", self._take_diagnostics, 10)
         self._thread.start()
 
@@ -137,6 +137,12 @@ class Watch:
         self._thread.join()
         self._node.destroy_node()
         rclpy.try_shutdown(context=self._context)
+
+    @property
+    def held(self) -> int:
+        """Return the number of images, clouds and skeleton arrays held."""
+        with self._lock:
+            return len(self._depth) + len(self._skeletons)
 
     def newest(self) -> Heard | None:
         """Return the newest frame that was not returned before, decoded; None if there is none."""
@@ -240,9 +246,9 @@ class Watch:
         if not known:
             return
         self._kind, self._subscribed, self._rectified = known[0], True, is_rectified(topic)
-        self._listen(kinds[self._kind], topic, self._take_depth)
+        self._listen(kinds[self._kind], topic, self.take_depth)
         if self._kind != schemas.POINT_CLOUD:
-            self._listen(CameraInfo, info_topic, self._take_info)
+            self._listen(CameraInfo, info_topic, self.take_info)
 
     def _listen(self, kind: type, topic: str, callback: Callable[[bytes], None]) -> None:
         self._listened[topic] = _Listened(kind, callback)
@@ -264,11 +270,13 @@ class Watch:
                     listened.kind, topic, listened.callback, qos, raw=True
                 )
 
-    def _take_depth(self, data: bytes) -> None:
+    def take_depth(self, data: bytes) -> None:
+        """Hold a serialized image or cloud; ignored without a stamp, or before the CameraInfo it needs."""
         if self._infos.count or self._kind == schemas.POINT_CLOUD:
             self._hold(self._depth, data)
 
-    def _take_info(self, data: bytes) -> None:
+    def take_info(self, data: bytes) -> None:
+        """Add a serialized CameraInfo."""
         try:
             info = read_message(data, schemas.CAMERA_INFO)
         except InputError:  # the denoise node reports it
@@ -276,7 +284,8 @@ class Watch:
         with self._lock:
             self._infos.add(info, stamp_of(info))
 
-    def _take_skeletons(self, data: bytes) -> None:
+    def take_skeletons(self, data: bytes) -> None:
+        """Hold a serialized SkeletonArray; ignored without a stamp, or if it is too large."""
         if len(data) > _MOST_BYTES:  # reading it would take the viewer minutes
             self._node.get_logger().warning(
                 f"skeletons of {len(data)} bytes are not shown; more than {_MOST_BYTES} no frame's can be",

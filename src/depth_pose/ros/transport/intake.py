@@ -244,7 +244,7 @@ class Intake:
         before = self.arrivals
         for index, subscription in enumerate(self._subscriptions):
             for message, info in waiting(subscription):
-                self._take(index, message, info)
+                self.take(index, message, info)
         return self.arrivals > before
 
     def take_pending(self) -> tuple[Any, ...] | None:
@@ -254,11 +254,12 @@ class Intake:
 
     def _callback(self, index: int) -> Callable[..., None]:
         def take(message: Any, info: Any) -> None:  # rclpy counts the arguments
-            self._take(index, message, info)
+            self.take(index, message, info)
 
         return take
 
-    def _take(self, index: int, message: Any, info: dict[str, Any]) -> None:
+    def take(self, index: int, message: Any, info: dict[str, Any]) -> None:
+        """Take a message of one input, with rclpy's message info; log exceptions instead of raising."""
         self._node.guard(self.inputs[index].topic, self._add, index, message, info)
 
     def _add(self, index: int, message: Any, info: dict[str, Any]) -> None:
