@@ -26,7 +26,7 @@ class Reader(Protocol):
     """The frames of a recording, for instance `depth_pose.io.mcap_read.DepthReader`."""
 
     def __iter__(self) -> Iterator[Any]:
-        """Give the frames in their order."""
+        """Yield the frames in their order."""
 
     @property
     def path(self) -> Path:

@@ -164,7 +164,7 @@ class _Spool:
             ) from error
 
     def played_back(self) -> Iterator[People]:
-        """Give the frames from the last to the first, with stamps that go on from the last one."""
+        """Yield the frames from the last to the first, with stamps that continue from the last one."""
         for start in reversed(self._starts):
             self._file.seek(start)
             stamp_ns, frame_id, camera, at, few, packed, found = pickle.load(self._file)  # our own file

@@ -1,4 +1,4 @@
-"""The stages that need the exemplar bank, made from one configuration; each is imported once it is asked for.
+"""The stages that need the exemplar bank, made from one configuration; each is imported at first use.
 
 A node's process runs one of them, and starts in less time and memory without the others.
 """

@@ -283,7 +283,7 @@ def content_hash(recording: Path) -> str:
 
 
 def _read_beside(recording: Path, files: Sequence[Path]) -> list[Path]:
-    """Give what a reader reads beside a recording's files: metadata, the images' camera, SQLite's logs."""
+    """Return the files read beside a recording's own: metadata, the images' camera, SQLite's logs."""
     beside = [recording / METADATA, recording / CAMERA_FILE] if recording.is_dir() else []
     beside += [file.with_name(f"{file.name}-wal") for file in files]
     return [file for file in beside if file.is_file()]

@@ -70,7 +70,7 @@ def make_anny_body(shape: AnnyShape | None = None) -> Body:
 
 
 def _load(shape: AnnyShape) -> RiggedMesh:
-    """Take Anny's rest pose, its rig and its weights."""
+    """Read Anny's rest pose, rig and skin weights."""
     require("anny", "the body 'anny'")
     from dataclasses import asdict
 

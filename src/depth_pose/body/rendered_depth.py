@@ -38,7 +38,7 @@ class Observation(NamedTuple):
 def observe(
     depth: NDArray[np.float32], labels: NDArray[np.uint8], camera: Camera, stride: int, margin_m: float
 ) -> Observation:
-    """Take every ``stride``-th pixel of a window around the person, with a margin in metres."""
+    """Sample every ``stride``-th pixel of a window around the person, with a margin in metres."""
     box = np.empty(4, np.int64)
     distance = kernels.person_box(depth, labels, box)
     first_row, last_row, first_column, last_column = box.tolist()

@@ -152,7 +152,7 @@ def cores() -> int:
 
 
 def _nobody_listens(*_: Any) -> None:
-    """Take what is told, and do nothing."""
+    """Ignore progress."""
 
 
 def _run_here(function: Callable[..., T], tasks: Sequence[Task], listen: Listen) -> Outcomes[T]:
@@ -191,7 +191,7 @@ class Worker:
             self.pipe.send(task)
 
     def hear(self) -> tuple[float, Any] | None:
-        """Take what it says: the share done, and once that is 1 the value and the error; None if it died."""
+        """Receive the share done, and at 1 the value and the error; None if the process died."""
         try:
             return self.pipe.recv()
         except (EOFError, OSError):

@@ -137,7 +137,7 @@ def _sample_level(depth, labels, camera, look, grid, whose):
 
 @njit(cache=True)
 def _join_samples(z, who, count, i, j, grid, whose):
-    """Give a pixel of the crop the depth of its four samples, and the label of the nearest of them."""
+    """Set a crop's pixel to the depth of its four samples and the label of the nearest one."""
     grid[i, j], whose[i, j] = np.float32(0.0), -1
     if count < 2:
         return

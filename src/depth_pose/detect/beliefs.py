@@ -57,7 +57,7 @@ class Beliefs:
         depth: NDArray[np.float32],
         stamp_ns: int,
     ) -> list[Sighting]:
-        """Give sightings the probability that they had when they were seen best, a little less with time.
+        """Raise probabilities to those of the best earlier sighting, which decay with time.
 
         Parameters
         ----------

@@ -32,7 +32,7 @@ _MEAN_SQUARE = np.array([4.0 / 3.0, 0.5])
 """Squares of the mean distances, 2 widths in the plane and 1 in depth, by the squares of those deviations."""
 
 _OUTPUTS = ["joints", "log_error", "behind", "person", "mask"]
-"""What is asked of the net."""
+"""Outputs of the net."""
 
 _SUREST = 1e-4
 """No answer counts as surer than this."""
@@ -63,7 +63,7 @@ class CropMask:
     def apply(
         self, depth: NDArray[np.float32], labels: NDArray[np.uint8], camera: Camera, label: int
     ) -> None:
-        """Take furniture that touches a person out of their labels, and add pixels that were missed."""
+        """Remove touching furniture from a person's labels, and add missed pixels."""
         kernels.apply_mask(depth, labels, camera, self.look, self.logits, label, _MASK)
 
 
@@ -126,7 +126,7 @@ class PersonOdds(NamedTuple):
 
 
 def logit_of(probability: float) -> float:
-    """Give the logit of a probability, which is cut at `_SUREST` from 0 and 1."""
+    """Return the logit of a probability, clipped to `_SUREST` from 0 and 1."""
     p = min(max(probability, _SUREST), 1.0 - _SUREST)
     return float(np.log(p / (1.0 - p)))
 
@@ -136,7 +136,7 @@ def _logistic(logit: float) -> float:
 
 
 def _spread(log_width: NDArray[np.float32], least: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Give standard deviations (J, 2) and mean distances (J,) of a net's distributions, metres.
+    """Return standard deviations (J, 2) and mean distances (J,) of a net's distributions, metres.
 
     ``log_width`` is (J, 2), in the image plane and in depth; or (J,), one for all directions.
     """

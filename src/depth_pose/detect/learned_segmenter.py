@@ -104,7 +104,7 @@ class LearnedSegmenter:
         )
 
     def _news(self, depth: NDArray[np.float32]) -> NDArray[np.bool_]:
-        """Say which pixels show something nearer than in the frame before; none where all has changed."""
+        """Find the pixels that are nearer than in the previous frame; none if the view changed."""
         before, self._before = self._before, depth
         if before.shape != depth.shape:
             return np.zeros(depth.shape, np.bool_)
@@ -128,7 +128,7 @@ def _is_alone(person: Sighting, people: Sequence[Sighting]) -> bool:
 def _sighting(
     person: Detection, seen: JointProposals, labels: NDArray[np.uint8], news: NDArray[np.bool_]
 ) -> Sighting:
-    """Put together what both looks say of somebody."""
+    """Join the results of both looks at one person."""
     own = labels == person.label
     return Sighting(
         label=person.label,

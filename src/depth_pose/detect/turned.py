@@ -75,7 +75,7 @@ class Turned:
     def back(
         self, image: NetImage, mask: NDArray[np.float32], torso: NDArray[np.float32]
     ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """Give the net's answer of the turned image for the pixels of the frame as it is.
+        """Return the net's answer for the rotated image, mapped to the pixels of the frame.
 
         Parameters
         ----------

@@ -40,7 +40,7 @@ class CameraInfos:
         self._refused: Counter[str] = Counter()
 
     def add(self, info: Any, stamp_ns: int, is_ahead: bool = False) -> None:
-        """Take a message, of rclpy or of a recording; one that was read ahead is counted when it comes."""
+        """Add a message of rclpy or of a recording; one read ahead is counted when it arrives."""
         name = _name(info)
         known = _Known(info, stamp_ns, _calibration(info))
         if is_ahead:
@@ -58,7 +58,7 @@ class CameraInfos:
         self._refused[reason] += 1
 
     def accept_only(self) -> None:
-        """Take the only frame_id there is for that of any image."""
+        """Use the only frame_id for every image."""
         self._is_only = True
 
     def find(self, frame_id: str) -> Any | None:
@@ -125,7 +125,7 @@ class CameraInfos:
         return lines
 
     def why_none(self, frame_id: str) -> str:
-        """Say why `find` gives none."""
+        """Return why `find` returned none."""
         if not self._known:
             return f"nothing has come on {self._topic} yet"
         names = _quoted(self._known)

@@ -63,7 +63,7 @@ class UnitWatch:
         return len(self._medians) >= _FEWEST_LIVE
 
     def look(self, depth: NDArray[np.float32], unit_m: float) -> None:
-        """Take a frame into account.
+        """Add a frame.
 
         Parameters
         ----------

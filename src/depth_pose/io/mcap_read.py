@@ -146,7 +146,7 @@ class DepthReader:
             yield frame
 
     def _paired(self) -> Iterator[tuple[Any, Any]]:
-        """Give every image with the CameraInfo of its frame_id and, where there is one, its stamp.
+        """Yield every image with the CameraInfo of its frame_id and, where there is one, its stamp.
 
         Such a one may be recorded shortly after the image, which waits for it until the next image.
         """

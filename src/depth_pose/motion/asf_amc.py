@@ -117,7 +117,7 @@ class _AsfParser:
         self.section, self.bone, self.name = "", _Bone(), ""
 
     def take(self, words: list[str]) -> None:
-        """Take one line; raises ValueError, IndexError or KeyError if it makes no sense."""
+        """Parse one line; raise ValueError, IndexError or KeyError if it makes no sense."""
         if words[0].startswith(":"):
             self.section = words[0].lower()
         elif self.section == ":units" and words[0].lower() == "angle":

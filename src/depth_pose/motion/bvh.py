@@ -97,7 +97,7 @@ def _parse_hierarchy(head: str, path: Path) -> _Hierarchy:
 
 
 def _parse_line(words: list[str], out: _Hierarchy, stack: list[int], pending: str | None) -> str | None:
-    """Take one line of the hierarchy; gives the name of a block that is about to open."""
+    """Parse one line of the hierarchy; return the name of the block that opens next."""
     key = words[0].lower()
     if key in ("root", "joint"):
         if key == "joint" and not stack:

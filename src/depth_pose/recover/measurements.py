@@ -27,8 +27,8 @@ chosen on three real and six simulated sets: later and steeper loses .02 to .04 
 twentieth of the height."""
 
 _EVEN_M = 0.07
-"""Standard deviation (m) of a joint whose confidence is one half; chosen on the same sets: .05 loses .015 of the
-real joints within a twentieth of the height, .10 adds 1 mm to the simulated ones."""
+"""Standard deviation (m) of a joint whose confidence is one half; chosen on the same sets: .05 loses .015 of
+the real joints within a twentieth of the height, .10 adds 1 mm to the simulated ones."""
 
 _LEAST, _MOST = 0.02, 0.998
 """Confidences are clipped to this range."""

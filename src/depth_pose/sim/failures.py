@@ -62,7 +62,7 @@ KINDS: dict[str, Callable[[Bank, BodyPose, np.random.Generator], BodyPose]] = {
 
 
 def fail(kind: str, fitted: Fitted, person: Person, bank: Bank, rng: np.random.Generator) -> Fitted:
-    """Put a failure into a fitted body.
+    """Apply a failure to a fitted body.
 
     Parameters
     ----------

@@ -73,7 +73,7 @@ class Plane:
 
 
 def spread(bump: Array, slope: float) -> Array:
-    """Let bumps (or dents, as positive numbers) pass over to what is around them with a slope."""
+    """Blend bumps (or dents, as positive numbers) into their surroundings with a slope."""
     reach = min(int(np.ceil(float(bump.max(initial=0.0)) / (slope * CELL_M))), 10)
     if reach == 0:
         return bump

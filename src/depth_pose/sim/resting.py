@@ -55,7 +55,7 @@ class Settled:
 
 
 def settle(figure: Figure, rng: np.random.Generator, seat: str | None = None) -> Settled:
-    """Put under, before and over a figure what it needs: a seat, a bed, a table, a blanket, a walking frame.
+    """Add what a figure needs around it: a seat, a bed, a table, a blanket, a walking frame.
 
     Parameters
     ----------

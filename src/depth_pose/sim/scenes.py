@@ -221,7 +221,7 @@ def _people(rng: np.random.Generator, count: int, view: View, room: Room) -> lis
 
 
 def _put_things(settled: Settled, spot: _Spot, room: Room, at_table: bool) -> bool:
-    """Put down what somebody rests on, without their table where there is one; tells whether they rest."""
+    """Place what a person rests on, except a second table; return whether they rest on it."""
     things = settled.things[:1] if at_table else settled.things
     # a table may have no space, a seat must
     stand = [room.put(thing, *spot, crowded=0.0) for thing in things]

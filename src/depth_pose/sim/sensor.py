@@ -52,7 +52,7 @@ class SensorModel:
     stereo: StereoConfig | None = None
 
     def with_width(self, width: int) -> SensorModel:
-        """Give the same sensor with images so many pixels wide, and the same field of view."""
+        """Return the same sensor with another image width and the same field of view."""
         c = self.camera
         factor = width / c.width
         # pixel centres are whole numbers: the image begins half a pixel before the first
@@ -209,7 +209,7 @@ class VirtualSensor:
     def sees(
         self, points: NDArray[np.floating], meshes: Sequence[Mesh], depth_inside: float
     ) -> NDArray[np.bool_]:
-        """Tell which points inside a body the camera sees the near side of.
+        """Find the points inside a body whose near side the camera sees.
 
         Parameters
         ----------
@@ -238,7 +238,7 @@ class VirtualSensor:
 
 
 def _scene(meshes: Sequence[Mesh]) -> Any:
-    """Put meshes into an Open3D ray-casting scene."""
+    """Build an Open3D ray-casting scene from meshes."""
     open3d = load_open3d()
 
     scene = open3d.t.geometry.RaycastingScene()

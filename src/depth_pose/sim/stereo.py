@@ -75,7 +75,7 @@ class StereoConfig(Checked):
     )
 
     def scaled(self, factor: float) -> StereoConfig:
-        """Give the same camera with images so many times as wide, as if they had been reduced."""
+        """Return the same camera with images scaled in width by a factor."""
         return replace(
             self,
             window=max(1, round(self.window * factor)),
@@ -176,5 +176,5 @@ def _align(depth: Image, reach: float, rng: np.random.Generator) -> Image:
 
 
 def _threshold(share: float) -> float:
-    """Give the value that a smooth field exceeds in about a share of the image."""
+    """Return the value that a smooth field exceeds in about a given share of the image."""
     return float(np.log((1.0 - share + 1e-3) / (share + 1e-3)) / _LOGISTIC)

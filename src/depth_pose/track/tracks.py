@@ -161,7 +161,7 @@ class PeopleTracks:
         return next((t.probability for t in self._tracks if _name(t) == body_id), 0.0)
 
     def _believe(self, track: _Track, sighting: Sighting, stamp_ns: int) -> None:
-        """Give a confirmed track a number: that of a hidden person, or a new one."""
+        """Assign a number to a confirmed track: that of a hidden person, or a new one."""
         surely = self._start if sighting.is_new_content or track.has_moved else self._sure
         if track.number > 0 or sighting.probability < surely:
             return

@@ -45,7 +45,7 @@ class UpsideDownWatch:
         self._frames = self._looks = self._doubtful = 0
 
     def look(self, frame: DepthFrame, people: People) -> None:
-        """Take a frame into account.
+        """Add a frame.
 
         Parameters
         ----------

@@ -365,7 +365,7 @@ class Viewer:
     # Pictures
 
     def _take(self, take: Callable[[Any], None], event: Any) -> None:
-        """Take a picture or a clip for a browser, one at a time, and tell it where that cannot be."""
+        """Record a picture or a clip for a browser, one at a time; report failures to it."""
         if event.client is None:
             return
         if not self._taking.acquire(blocking=False):
@@ -387,7 +387,7 @@ class Viewer:
         self._hand_over(event.client, path)
 
     def _take_clip(self, event: Any) -> None:
-        """Take the next seconds: frame by frame of a recording, as they come of running nodes."""
+        """Record the next seconds: every frame of a recording, or live frames as they arrive."""
         frames = round(self.clip_s * _CLIP_HZ)
         width, height = _PICTURE[0] // 2, _PICTURE[1] // 2
         pictures = []

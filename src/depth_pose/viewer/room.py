@@ -30,7 +30,7 @@ class FloorSeeker:
         self.floor: Floor | None = None
 
     def add(self, frame: ViewerFrame) -> NDArray[np.float64] | None:
-        """Take a frame; gives ``T_world_camera`` once, when the floor is found."""
+        """Add a frame; return ``T_world_camera`` once, when the floor is found."""
         if self.floor is not None or not frame.skeletons:
             return None
         self._looks += 1

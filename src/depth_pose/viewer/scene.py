@@ -183,7 +183,7 @@ class _PersonView:
         self._trail: Any = None
 
     def remove(self) -> None:
-        """Take the person out of the scene."""
+        """Remove the person from the scene."""
         for handle in (self._joints, self._hidden, self._bones, self._name, self._mesh, self._trail):
             if handle is not None:
                 handle.remove()

@@ -30,7 +30,7 @@ class Recent:
         self._last: dict[str, Skeleton] = {}
 
     def add(self, skeletons: Iterable[Skeleton]) -> None:
-        """Take a frame's answer."""
+        """Receive the skeletons of a frame."""
         self._last.update({s.body_id: s for s in skeletons})
 
     def people(self, frame: ViewerFrame) -> tuple[Skeleton, ...]:

@@ -54,7 +54,7 @@ class StatureFinder:
         return self._config.stature > 0 or self._frames >= self._config.stature_frames
 
     def update(self, volume: Volume) -> float:
-        """Take one frame's volume, which is not empty; gives the stature in metres."""
+        """Add the volume of one frame, which is not empty; return the stature in metres."""
         if self.is_held:
             return self.stature
         if self._frames < min(_SEARCH_FRAMES, self._config.stature_frames):
@@ -63,7 +63,7 @@ class StatureFinder:
         return self.stature
 
     def follow(self, factor: float) -> None:
-        """Take the factor on the body's size that one frame's fit asks for."""
+        """Add the factor on the body's size that one frame's fit suggests."""
         if not self.is_held and self._frames >= _SEARCH_FRAMES:
             gain = min(_MOST_STEP, _GAIN / self._frames)
             self.stature *= float(np.clip(factor, *_FACTORS)) ** gain

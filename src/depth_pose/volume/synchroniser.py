@@ -86,7 +86,7 @@ class Synchroniser:
         return [c for c, heard in enumerate(self._heard) if heard is None or now - heard > after]
 
     def add(self, camera: int, stamp_ns: int, image: Any, now: float) -> None:
-        """Take one image."""
+        """Add one image."""
         self._heard[camera] = now
         for c, since in enumerate(self._behind):
             if c == camera:

@@ -117,7 +117,7 @@ class LatentTracker:
         self._step, self._speed, self._unlikely = 0.0, 0.0, 0
 
     def track(self, sights: Sequence[Sight], seconds: float) -> Tracked:
-        """Take the next frame.
+        """Process the next frame.
 
         Parameters
         ----------

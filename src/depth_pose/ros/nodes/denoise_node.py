@@ -79,7 +79,7 @@ class DenoiseNode(StageNode):
         self._room = RoomOutputs(self)
 
     def inputs(self) -> Sequence[Input]:
-        """Listen to a cloud, or to an image and its CameraInfo; live, to the skeletons that come of it."""
+        """Subscribe to a cloud, or to an image and its CameraInfo; live, also to the resulting skeletons."""
         if not self.lossless:
             self.listen(SkeletonArray, "skeletons", self._take_answer, raw=True)
         self._unit_m: float | None = self.value("depth_scale") or None
@@ -207,7 +207,7 @@ class DenoiseNode(StageNode):
 
 
 def main(args: Sequence[str] | None = None) -> int:
-    """Run the node until it is asked to stop; gives the exit code."""
+    """Run the node until a stop signal; return the exit code."""
     return run_node(DenoiseNode, args)
 
 

@@ -22,7 +22,7 @@ _FIND_S, _LONGEST_LOOK_S = 5.0, 0.2
 nobody met. Set by hand."""
 
 ANSWER_S = 10.0
-"""Seconds for an answer, after which the state is asked for again; loading a bank takes less. Set by hand."""
+"""Seconds to wait for an answer before requesting the state again; loading a bank takes less. Set by hand."""
 
 _STEPS = {
     (State.PRIMARY_STATE_UNCONFIGURED, True): Transition.TRANSITION_CONFIGURE,

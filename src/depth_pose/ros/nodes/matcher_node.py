@@ -57,7 +57,7 @@ class MatcherNode(BankNode):
 
 
 def main(args: Sequence[str] | None = None) -> int:
-    """Run the node until it is asked to stop; gives the exit code."""
+    """Run the node until a stop signal; return the exit code."""
     return run_node(MatcherNode, args)
 
 

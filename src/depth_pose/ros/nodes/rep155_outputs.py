@@ -169,7 +169,7 @@ class _BodyTopics:
             self._node.declare_parameter(name, urdf)
 
     def close(self) -> None:
-        """Take the topics and the parameter away."""
+        """Remove the topics and the parameter."""
         for publisher in (self.skeleton2d, self.states, self._urdf):
             self._node.close_publisher(publisher)
         self._node.undeclare_parameter(f"human_description_{self._id}")

@@ -63,7 +63,7 @@ class RoomOutputs:
         self._looked_ns: int | None = None
 
     def tell(self, frame: DepthFrame, upright: DepthFrame, people: People) -> None:
-        """Publish what is asked for of one frame.
+        """Publish the enabled outputs of one frame.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""Run a node, and end what runs, with exit code 0, when it is asked to stop."""
+"""Run a node until it receives a stop signal; exit with code 0."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _PR_SET_PDEATHSIG = 1
 
 
 def run_node(make: Callable[[], Any], args: Sequence[str] | None = None) -> int:
-    """Make a node and run it until it is asked to stop.
+    """Create a node and run it until a stop signal.
 
     Parameters
     ----------

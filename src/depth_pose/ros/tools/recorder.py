@@ -186,7 +186,7 @@ class Recorder:
             rclpy.try_shutdown(context=context)
 
     def _drain(self, executor: Any) -> None:
-        """Take what had come when it was told to stop."""
+        """Write the messages that arrived before the stop."""
         quiet, deadline = 0, time.monotonic() + _DRAIN_S
         while quiet < _QUIET_TURNS and time.monotonic() < deadline:
             before = self._counts.total()

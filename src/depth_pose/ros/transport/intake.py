@@ -118,7 +118,7 @@ class FrameSource(Protocol):
         """Suit the subscriptions to their publishers; called periodically."""
 
     def take_waiting(self) -> bool:
-        """Take in all that waits; gives whether there was anything."""
+        """Receive all waiting messages; return whether there were any."""
 
     def take_pending(self) -> tuple[Any, ...] | None:
         """Return the newest complete frame, once."""
@@ -240,7 +240,7 @@ class Intake:
         return self._pending is not None
 
     def take_waiting(self) -> bool:
-        """Take in what has come meanwhile, without the cost of a wait; True if anything had."""
+        """Receive messages that arrived meanwhile, without waiting; return whether there were any."""
         before = self.arrivals
         for index, subscription in enumerate(self._subscriptions):
             for message, info in waiting(subscription):
@@ -259,7 +259,7 @@ class Intake:
         return take
 
     def take(self, index: int, message: Any, info: dict[str, Any]) -> None:
-        """Take a message of one input, with rclpy's message info; log exceptions instead of raising."""
+        """Receive a message of one input with rclpy's message info; log exceptions."""
         self._node.guard(self.inputs[index].topic, self._add, index, message, info)
 
     def _add(self, index: int, message: Any, info: dict[str, Any]) -> None:

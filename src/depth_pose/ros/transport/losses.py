@@ -19,7 +19,7 @@ _MOST_LOOKED_FOR = 1000
 
 
 def cure() -> str:
-    """Say what keeps the transport from losing frames: on one machine, more shared memory for the driver."""
+    """Return the advice against lost frames: on one machine, more shared memory for the driver."""
     return (
         f"start the sensor's driver with {PROFILE_VARIABLE}={os.environ[PROFILE_VARIABLE]}, for larger "
         "segments of shared memory (on another machine: docs/topics.md, Two machines)"

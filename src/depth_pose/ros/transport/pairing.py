@@ -37,7 +37,7 @@ class Pairer:
         return len(self._held)
 
     def add(self, index: int, stamp_ns: int, message: Any) -> tuple[Any, ...] | None:
-        """Take a message of topic `index`; give the whole set if this completes it."""
+        """Add a message of topic `index`; return the whole set if it is complete."""
         entry = self._held.setdefault(stamp_ns, [None] * self._inputs)
         entry[index] = message
         if all(part is not None for part in entry):

@@ -119,7 +119,7 @@ class ViewSetIntake:
         return take
 
     def take_waiting(self) -> bool:
-        """Take in all that waits; whether there was anything."""
+        """Receive all waiting messages; return whether there were any."""
         before = self.arrivals
         self._take_all()
         self._check()
@@ -131,7 +131,7 @@ class ViewSetIntake:
                 self._node.guard(self.inputs[camera].topic, self._add, camera, data, info)
 
     def _take_others(self) -> None:
-        """Take what has come from all cameras, and what comes presently."""
+        """Receive what all cameras sent, and what arrives within a moment."""
         while True:
             self._take_all()
             if not self.synchroniser.is_fresh(time.monotonic(), _TOGETHER_S):

@@ -76,7 +76,7 @@ class Performance:
 
 
 def rig_eyes(kind: str, rig: Sequence[RigCamera], space: SpaceConfig | None = None) -> Eyes:
-    """See as the pipeline does, through ``silhouettes`` or ``depth`` of the person alone."""
+    """Observe the person as the pipeline does: ``silhouettes``, or ``depth`` of the person alone."""
     config = VolumeConfig(space=space or SpaceConfig(), views=ViewsConfig(cut_out=False))
     eyes, renderer = make_eyes(kind, rig, config), RigRenderer(rig)
     return lambda meshes: eyes.see(ViewSet(0, renderer.images(meshes, kind)))[0]
