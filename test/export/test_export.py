@@ -316,6 +316,13 @@ def tilted_room(path, pitch_deg, wall=True):
     return path
 
 
+def test_feet_that_no_sensor_saw_are_no_floor(tmp_path):
+    (track,) = read_tracks(standing(tmp_path / "walk.mcap")).people
+    far = replace(track, positions=track.positions * 1e30)
+    with pytest.raises(InputError, match="farther than 100 m"):
+        floor_of_feet([far])
+
+
 def test_feet_tell_the_floor(tmp_path):
     floor = floor_of_feet(read_tracks(standing(tmp_path / "walk.mcap")).people)
     assert floor.height == pytest.approx(CAMERA_HEIGHT, abs=0.06)

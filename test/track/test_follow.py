@@ -46,6 +46,12 @@ def test_whom_you_have_you_keep(whom) -> None:
     assert follower.choose([*PEOPLE, mine], 21 * STEP_NS, "camera") is not mine
 
 
+def test_people_without_a_number_come_last() -> None:
+    others = [replace(PEOPLE[0], body_id=name) for name in ("b0", "ann", "a\x1b[31m\n_x", "")]
+    assert Follower(FollowConfig()).choose([*others, *PEOPLE], 0, "camera").body_id == "body_9"
+    assert Follower(FollowConfig()).choose(others, 0, "camera").body_id == "b0"
+
+
 def test_lost_where_there_is_nobody() -> None:
     follower = Follower(FollowConfig())
     for k in range(2):

@@ -33,6 +33,8 @@ _FEET_SPREAD_M = 0.04
 of the size of the feet's error in `docs/accuracy.md`."""
 _UP_SPREAD = 0.07
 """How far a standing trunk leans on average over a recording, radians (4 degrees). Set by hand."""
+_FAR_M = 100.0
+"""Feet farther from the camera than this (m) are no feet that a depth sensor saw; set by hand."""
 _ROUNDS = 8
 """Times the plane is fitted with weights from the fit before. Set by hand, not swept."""
 _FRAMES = 12
@@ -57,6 +59,8 @@ def floor_of_feet(tracks: Iterable[Track]) -> Floor:
     if len(points) < 2:
         raise InputError("nobody's feet are seen well enough to tell the floor")
     below = np.concatenate([h for _, h in toes])
+    if not np.abs(points).max() < _FAR_M:
+        raise InputError(f"feet farther than {_FAR_M:.0f} m from the camera do not show the floor")
     return _settled(points - below[:, None] * up, up)
 
 

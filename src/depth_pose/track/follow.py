@@ -37,7 +37,7 @@ class Follower:
             Stamp and frame id of the frame.
         """
         for skeleton in skeletons:
-            if skeleton.body_id == self._body_id:
+            if self._body_id and skeleton.body_id == self._body_id:
                 self._seen_ns = stamp_ns
                 return skeleton
         is_awaited = self._body_id and 0 <= stamp_ns - self._seen_ns <= MEMORY_NS
@@ -54,4 +54,5 @@ class Follower:
             return float(np.linalg.norm([x, y, z]))
         if self.config.whom == "centre":
             return float(abs(np.arctan2(x, z)))
-        return float(skeleton.body_id.rpartition("_")[2])  # the first track
+        number = skeleton.body_id.rpartition("_")[2]  # other programs name people without one
+        return float(number) if number.isdecimal() else float("inf")  # the first track
