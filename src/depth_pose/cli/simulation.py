@@ -36,7 +36,11 @@ def simulate(
         typer.Option(help="Name of a motion (a wrong name lists them), or a BVH file.", show_default="play"),
     ] = None,
     sensor: Annotated[
-        str | None, typer.Option(help="tof, structured, d435, d455, oak_d or zed.", show_default="tof")
+        str | None,
+        typer.Option(
+            help="tof, structured, kinect_v1, xtion, kinect_v2, azure_kinect, d435, d455, oak_d or zed.",
+            show_default="tof",
+        ),
     ] = None,
     room: Annotated[
         bool, typer.Option("--room", help="Several people in a furnished room, all generated from the seed.")

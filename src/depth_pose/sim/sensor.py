@@ -66,6 +66,25 @@ def _stereo(name: str, camera: Camera, near: float, far: float, stereo: StereoCo
     return SensorModel(name, camera, 30.0, near, far, 0.0, NO_NOISE, stereo)
 
 
+_STRUCTURED = SensorModel(
+    name="structured",
+    camera=Camera(640, 480, 575.0, 575.0, 319.5, 239.5),
+    fps=30.0,
+    near=0.5,
+    far=6.0,
+    projector_offset=0.075,
+    noise=NoiseConfig(
+        constant=0.0008,
+        quadratic=0.0014,
+        grazing_power=1.0,
+        flying=0.15,
+        edge_loss=0.35,
+        dropout=0.004,
+        grazing_limit=78.0,
+        disparity_step=0.00285,
+    ),
+)
+
 SENSORS: dict[str, SensorModel] = {
     "tof": SensorModel(
         name="tof",
@@ -76,22 +95,32 @@ SENSORS: dict[str, SensorModel] = {
         projector_offset=0.0,
         noise=NoiseConfig(constant=0.002, quadratic=0.0014, grazing_power=1.0, flying=0.5, dropout=0.002),
     ),
-    "structured": SensorModel(
-        name="structured",
-        camera=Camera(640, 480, 575.0, 575.0, 319.5, 239.5),
+    "structured": _STRUCTURED,
+    "kinect_v1": replace(_STRUCTURED, name="kinect_v1"),
+    "xtion": replace(
+        _STRUCTURED,
+        name="xtion",
+        camera=Camera(640, 480, 570.3, 570.3, 319.5, 239.5),
+        noise=replace(_STRUCTURED.noise, disparity_step=0.0029),
+    ),
+    "kinect_v2": SensorModel(
+        name="kinect_v2",
+        camera=Camera(512, 424, 365.5, 365.5, 255.5, 211.5),
         fps=30.0,
         near=0.5,
-        far=6.0,
-        projector_offset=0.075,
+        far=8.0,
+        projector_offset=0.0,
+        noise=NoiseConfig(constant=0.0015, quadratic=0.0004, grazing_power=1.0, flying=0.4, dropout=0.001),
+    ),
+    "azure_kinect": SensorModel(
+        name="azure_kinect",
+        camera=Camera(640, 576, 504.0, 504.0, 319.5, 287.5),
+        fps=30.0,
+        near=0.5,
+        far=5.5,
+        projector_offset=0.0,
         noise=NoiseConfig(
-            constant=0.0008,
-            quadratic=0.0014,
-            grazing_power=1.0,
-            flying=0.15,
-            edge_loss=0.35,
-            dropout=0.004,
-            grazing_limit=78.0,
-            disparity_step=0.00285,
+            constant=0.001, quadratic=0.0003, grazing_power=1.0, flying=0.05, edge_loss=0.5, dropout=0.001
         ),
     ),
     "d435": _stereo(
@@ -137,8 +166,9 @@ SENSORS: dict[str, SensorModel] = {
         ),
     ),
 }
-"""The sensors by name: a small time-of-flight camera, structured light as in the first Kinect, and stereo
-cameras with the baseline and the field of view of their makers' data sheets."""
+"""The sensors by name: a small time-of-flight camera; structured light, in general and as made; two Kinects
+with time of flight (the Azure in its narrow mode); stereo cameras. Fields of view, ranges and baselines are
+those of the makers' data sheets; the noise of each is set by hand after published measurements."""
 
 
 class VirtualSensor:
