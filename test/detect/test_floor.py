@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 import synthetic as syn
-from depth_pose.core.config import SegmentConfig
+from depth_pose.core.config import MountConfig, SegmentConfig
+from depth_pose.core.mount import up_direction
 from depth_pose.core.rotations import rotation_x
 from depth_pose.core.types import DepthFrame
-from depth_pose.detect.floor import Floor, FloorFinder
+from depth_pose.detect.floor import BY_PEOPLE, Floor, FloorFinder
 
 RAYS = np.dstack(
     [
@@ -65,6 +66,23 @@ def test_a_table_is_not_the_floor():
 def test_no_floor_no_answer():
     for depth in (plane([0, 0, 1], 3.0), np.full(RAYS.shape[:2], np.inf), plane([0, -1, 0], 1.2)):
         assert FloorFinder(SegmentConfig()).find(frame(depth)) is None
+
+
+def test_a_sensor_that_looks_straight_down_is_told_of_it():
+    depth = frame(plane([0, 0, 1], 2.6))
+    up = up_direction(MountConfig(pitch=90.0))
+    floor = FloorFinder(SegmentConfig(), up).find(depth)
+    assert floor.height == pytest.approx(2.6, abs=0.02) and floor.up @ up > 0.999
+
+
+def test_people_tell_of_the_floor_below_a_ceiling():
+    """Who stands on a plane tells that it is the floor; who leans against a wall does not."""
+    rng = np.random.default_rng(0)
+    standing, leaning = (rng.uniform([-0.3, -0.3, z], [0.3, 0.3, 2.6], (500, 3)) for z in (0.9, 2.2))
+    finder, seen = FloorFinder(SegmentConfig()), frame(plane([0, 0, 1], 2.6))
+    assert finder.find(seen, [leaning]) is None
+    assert not finder.update(seen, [standing]) and finder.update(seen, [leaning, standing])
+    assert finder.floor.source == BY_PEOPLE and finder.floor.height == pytest.approx(2.6, abs=0.02)
 
 
 def test_it_stays_until_it_has_moved():

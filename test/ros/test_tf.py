@@ -11,17 +11,18 @@ from geometry_msgs.msg import PoseStamped
 from hri_msgs.msg import IdsList, Skeleton2D
 from peer import LIMIT_S, RELIABLE
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from sensor_msgs.msg import CameraInfo, Image, JointState, PointCloud2
+from sensor_msgs.msg import CameraInfo, Image, Imu, JointState, PointCloud2
 from std_msgs.msg import String
 from tf2_msgs.msg import TFMessage
 
 from depth_pose.body.human_model import JOINTS, LINKS
-from depth_pose.core.rotations import quat_to_matrix
+from depth_pose.core.rotations import quat_to_matrix, rotation_x
 from depth_pose.core.skeleton import JOINTS as OURS
 from depth_pose.pipeline import PosePipeline
 from depth_pose.ros.messages.basics import make_header, stamp_to_ns
 from depth_pose.ros.messages.people import people_to_msgs
 from depth_pose.ros.messages.skeletons import fitted_to_msg, msg_to_skeleton
+from depth_pose.ros.transport.tf import stamped
 from depth_pose.track.label_image import person_number
 
 LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -290,6 +291,53 @@ def test_floor_and_labels(start, peer, roll):
     assert np.allclose([place.x, place.y, place.z], T[:3, 3])
     if roll:
         assert np.allclose(matrix(known["optical_upright"])[:3, :3], np.diag([-1.0, -1.0, 1.0]))
+
+
+@pytest.fixture
+def ceiling(start, peer):
+    """A denoise node that asks an IMU for up, and its sensor 2.4 m above a floor."""
+    process = start(
+        *("-m", "depth_pose.ros.nodes.denoise_node", "--ros-args", "-p", "tf:=true"),
+        *("-p", "imu_topic:=/camera/imu"),
+    )
+    process.wait_for("is ready")
+    images = peer.publisher(Image, "/camera/depth/image_raw")
+    infos = peer.publisher(CameraInfo, "/camera/depth/camera_info")
+    imu = peer.publisher(Imu, "/camera/imu")
+    transforms = peer.publisher(TFMessage, "/tf_static", LATCHED)
+    peer.spin(0.5)
+    T = np.eye(4)
+    T[:3, :3] = rotation_x(np.pi / 2)  # the IMU's y axis is the sensor's z axis
+    transforms.publish(TFMessage(transforms=[stamped(1, "optical", "imu", T)]))
+    sent = []
+
+    def show(*push):
+        infos.publish(camera_info())
+        frame = next(iter(scene.frames(1)))
+        sent.append(replace(frame, stamp_ns=scene.START_NS + len(sent) * scene.STEP_NS))
+        images.publish(image_of(sent[-1], np.full_like(frame.depth, 2.4)))
+        for _ in range(4):
+            reading = Imu(header=make_header(sent[-1].stamp_ns, "imu"))
+            a = reading.linear_acceleration
+            a.x, a.y, a.z = push
+            imu.publish(reading)
+            peer.spin(0.05)
+
+    return process, show
+
+
+def test_an_imu_tells_the_floor_below_a_ceiling(ceiling, peer):
+    process, show = ceiling
+    floors = peer.listen(PoseStamped, "/depth_pose/floor", LATCHED)
+    up = (0.0, -9.8, 0.0)  # towards the sensor
+    peer.ask(lambda: show(*up), lambda: floors, what=lambda: f"a floor: {process.output}", every_s=0.05)
+    assert np.allclose(floors[-1].pose.position.z, 2.4, atol=0.02)
+
+
+def test_an_imu_tells_of_a_wrong_roll(ceiling, peer):
+    process, show = ceiling
+    hanging = (0.0, 0.0, -9.8)  # up is the sensor's y axis, the lower border of its images
+    peer.ask(lambda: show(*hanging), lambda: "set mount.roll: 180" in process.output, what="its word")
 
 
 def test_numbers_of_people():

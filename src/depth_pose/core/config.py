@@ -25,6 +25,13 @@ class MountConfig(Checked):
         low=-360.0,
         high=360.0,
     )
+    pitch: float = option(
+        0.0,
+        "How far the sensor looks down, roughly: 0 level, 90 under a ceiling; it tells the floor from walls",
+        unit="deg",
+        low=-90.0,
+        high=90.0,
+    )
 
 
 @dataclass(frozen=True)

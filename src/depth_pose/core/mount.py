@@ -31,6 +31,12 @@ def rotation_sensor_upright(roll_deg: float) -> NDArray[np.float64]:
     return np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
+def up_direction(config: MountConfig) -> NDArray[np.float64]:
+    """Return the direction of up in the upright frame by ``mount.pitch``, unit vector (3,)."""
+    pitch = np.radians(config.pitch)
+    return np.array([0.0, -np.cos(pitch), -np.sin(pitch)])
+
+
 def rotate_upright(frame: DepthFrame, config: MountConfig) -> DepthFrame:
     """Rotate a frame upright; each pixel takes the nearest of the sensor's."""
     if config.roll % 360.0 == 0.0:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,8 +16,17 @@ from depth_pose.detect.working_grid import reduce_frame
 Array = NDArray[np.float64]
 
 _TILT_DEG = 60.0
-"""Maximum angle (degrees) of the floor's normal from the image's upward direction; steeper planes are
+"""Maximum angle (degrees) of the floor's normal from the expected upward direction; steeper planes are
 walls."""
+
+_FACING_DEG = 35.0
+"""Maximum angle (degrees) between the viewing direction and the normal of a floor that only people tell."""
+
+_NEAR_M, _TALL_M = 0.15, 0.9
+"""Who stands on a plane begins this near to it and ends at least so far from it (m). Set by hand."""
+
+LEVEL_UP = np.array([0.0, -1.0, 0.0])
+"""Up as a level sensor sees it, camera frame."""
 
 _STRAIGHT = np.cos(np.radians(10.0))
 """Least cosine between the optical axis and the vertical of a sensor that looks straight down."""
@@ -33,6 +43,9 @@ _LEAST_POINTS = 100
 
 _MOST_POINTS = 6000
 """Approximate number of points used per frame."""
+
+BY_PEOPLE = "people who stand on it"
+"""Source of a floor that a sensor with unknown mounting sees before it."""
 
 _TURNED_DEG, _MOVED_M = 1.0, 0.03
 """Maximum change of the known floor's direction (degrees) and height (m), above noise; set by hand."""
@@ -84,17 +97,33 @@ class Floor:
         return Floor(rotation @ self.up, self.height, self.source)
 
 
+def stands_on(points: NDArray[np.floating], floor: Floor) -> bool:
+    """Check whether somebody's points (N, 3), camera frame, begin at a floor and reach far from it."""
+    low, high = np.percentile(points @ floor.up + floor.height, [2.0, 98.0])
+    return bool(abs(low) < _NEAR_M and high > _TALL_M)
+
+
 class FloorFinder:
     """Finds the floor, and keeps it while it does not move.
+
+    Parameters
+    ----------
+    config : SegmentConfig
+        Settings of the working grid.
+    up : (3,) float64
+        Approximate direction of up, camera frame: from the mounting, an IMU or a transform.
 
     Attributes
     ----------
     floor : Floor or None
         The known floor.
+    up : (3,) float64
+        As the parameter; may be set at any time.
     """
 
-    def __init__(self, config: SegmentConfig) -> None:
+    def __init__(self, config: SegmentConfig, up: Array = LEVEL_UP) -> None:
         self._config = config
+        self.up = up
         self.reset()
 
     def reset(self) -> None:
@@ -103,37 +132,47 @@ class FloorFinder:
         self._new: Floor | None = None
         self._planes = PlaneFinder()
 
-    def update(self, frame: DepthFrame) -> bool:
+    def update(self, frame: DepthFrame, people: Sequence[NDArray[np.floating]] = ()) -> bool:
         """Search a frame for the floor; return whether `floor` has changed.
 
-        A different floor must be seen in two consecutive searches, so that people who walk past do not move
-        it.
+        A different floor, and one that only people tell, must be seen in two consecutive searches, so that
+        people who walk past do not move it.
         """
-        seen = self.find(frame)
+        seen = self.find(frame, people)
         if seen is None or (self.floor is not None and seen.is_like(self.floor)):
             self._new = None
             return False
-        if self.floor is not None and (self._new is None or not seen.is_like(self._new)):
+        doubtful = self.floor is not None or seen.source == BY_PEOPLE
+        if doubtful and (self._new is None or not seen.is_like(self._new)):
             self._new = seen
             return False
         self.floor, self._new = seen, None
         return True
 
-    def find(self, frame: DepthFrame) -> Floor | None:
+    def find(self, frame: DepthFrame, people: Sequence[NDArray[np.floating]] = ()) -> Floor | None:
         """Find the floor in one frame; None if it is not visible.
 
         Parameters
         ----------
         frame : DepthFrame
-            The upper image border is roughly up. Planes seen before are tried first.
+            Planes seen before are tried first.
+        people : sequence of (N, 3) arrays
+            Everybody's points, camera frame, metres. A plane before a sensor that may look straight down is
+            the floor if somebody stands on it.
         """
         depth, camera = reduce_frame(frame, self._config)
         points = camera.back_project(depth)
-        floors = []
+        floors, before = [], []
         for plane in self._planes.find(points, camera):
             up, height = (-plane[:3], float(plane[3])) if plane[3] > 0.0 else (plane[:3], float(-plane[3]))
-            if -up[1] > np.cos(np.radians(_TILT_DEG)) and height > _LEAST_HEIGHT_M:
+            if height <= _LEAST_HEIGHT_M:
+                continue
+            if up @ self.up > np.cos(np.radians(_TILT_DEG)):
                 floors.append(Floor(up, height))
+            elif -up[2] > np.cos(np.radians(_FACING_DEG)):
+                before.append(Floor(up, height, BY_PEOPLE))
+        if not floors:
+            floors = [floor for floor in before if any(stands_on(p, floor) for p in people)]
         if not floors:
             return None
         return _fit(points[depth > 0.0], max(floors, key=lambda floor: floor.height))
@@ -153,5 +192,5 @@ def _fit(points: NDArray[np.float32], floor: Floor) -> Floor:
         middle = near.mean(axis=0)
         up = np.linalg.eigh((near - middle).T @ (near - middle))[1][:, 0]
         up = -up if up @ floor.up < 0.0 else up
-        floor = Floor(up, float(-up @ middle))
+        floor = replace(floor, up=up, height=float(-up @ middle))
     return floor

@@ -128,7 +128,7 @@ def floor_of_depth(frames: Iterable[DepthFrame], guess: Floor) -> Floor | None:
     Floor or None
         The middle of those that `FloorFinder` sees near the guess.
     """
-    finder = FloorFinder(SegmentConfig())
+    finder = FloorFinder(SegmentConfig(), guess.up)
     seen = [floor for frame in frames if (floor := finder.find(frame)) is not None]
     near = [f for f in seen if f.up @ guess.up > _SAME_COS and abs(f.height - guess.height) < _SAME_M]
     if not near:

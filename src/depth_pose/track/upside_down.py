@@ -2,27 +2,19 @@
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
-
 from depth_pose.core.config import MountConfig, SegmentConfig
 from depth_pose.core.mount import rotate_upright
 from depth_pose.core.types import DepthFrame
-from depth_pose.detect.floor import Floor, FloorFinder
+from depth_pose.detect.floor import FloorFinder, stands_on
 from depth_pose.track.person import People
 
 _HALF_TURN = MountConfig(roll=180.0)
-
-_NEAR_M, _TALL_M = 0.15, 0.9
-"""Who stands on a plane begins this near to it and ends at least so far from it (m). Set by hand."""
 
 _DROP_M = (0.5, 2.5)
 """Range of the camera's distance (m) from a floor above it. Set by hand."""
 
 _FEWEST = 3
 """Looks after which images are called upside down. Set by hand."""
-
-Array = NDArray[np.float64]
 
 
 class UpsideDownWatch:
@@ -65,8 +57,8 @@ class UpsideDownWatch:
         points = [person.points for person in people.persons]
         if not points:
             self._doubtful += below is None
-        elif any(_stands(p * [-1.0, -1.0, 1.0], above) for p in points):
-            self._doubtful += below is None or not any(_stands(p, below) for p in points)
+        elif any(stands_on(p * [-1.0, -1.0, 1.0], above) for p in points):
+            self._doubtful += below is None or not any(stands_on(p, below) for p in points)
 
     @property
     def doubt(self) -> str:
@@ -77,9 +69,3 @@ class UpsideDownWatch:
             "the images look upside down: there is a floor above the camera, and none that people stand on "
             "below; mount.roll: 180 is for a sensor that hangs so; flipped images must be flipped back"
         )
-
-
-def _stands(points: Array, floor: Floor) -> bool:
-    """Whether points (N, 3) begin at a floor and reach far from it."""
-    low, high = np.percentile(points @ floor.up + floor.height, [2.0, 98.0])
-    return bool(abs(low) < _NEAR_M and high > _TALL_M)

@@ -166,7 +166,8 @@ class DenoiseNode(StageNode):
     def _doubts(self) -> dict[str, str]:
         """Return what looks wrong about the images as a whole, by kind."""
         unit = self._units.doubt if self._units.is_decided else ""
-        return {kind: line for kind, line in (("unit", unit), ("mount", self._mounting.doubt)) if line}
+        mounting = self._room.doubt or self._mounting.doubt
+        return {kind: line for kind, line in (("unit", unit), ("mount", mounting)) if line}
 
     def judge(self) -> tuple[bytes, str]:
         """Return the level and the text of this second's diagnostics, with what looks wrong."""

@@ -55,8 +55,15 @@ TF: tuple[Setting, ...] = (
     Setting("tf_prefix", "", "Put before the joints' names on /tf, for more than one camera"),
 )
 
+LEVEL: tuple[Setting, ...] = (
+    Setting("imu_topic", "", "sensor_msgs/Imu of the sensor: it tells which way is up, for the floor"),
+    Setting("level_frame", "", "Frame on /tf whose z axis points up, such as odom: the same from transforms"),
+)
+"""Parameters that tell which way is up."""
+
 DENOISE: tuple[Setting, ...] = (
     *TF,
+    *LEVEL,
     Setting(
         "image_topic",
         "/camera/depth/image_raw",

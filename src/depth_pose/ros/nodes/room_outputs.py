@@ -12,10 +12,11 @@ from sensor_msgs.msg import Image
 
 from depth_pose.core.camera import Camera
 from depth_pose.core.config import MountConfig
-from depth_pose.core.mount import UPRIGHT, rotation_sensor_upright
+from depth_pose.core.mount import UPRIGHT, rotation_sensor_upright, up_direction
 from depth_pose.core.types import DepthFrame
 from depth_pose.detect.floor import FloorFinder
 from depth_pose.ros.messages.basics import make_header
+from depth_pose.ros.transport.level import Level
 from depth_pose.ros.transport.tf import LATCHED, Transforms, pose_of, stamped
 from depth_pose.track.label_image import draw_labels
 from depth_pose.track.person import People
@@ -29,6 +30,11 @@ FLOOR = "floor"
 FLOOR_EVERY_NS = 1_000_000_000
 """Between two looks at the floor, nanoseconds of the frames' stamps."""
 
+_ROLL_SEEN = np.cos(np.radians(60.0))
+"""Least share of up in the image plane that tells of a roll: not from a sensor that looks straight down."""
+_ROLL_DEG = 40.0
+"""A roll that differs from that of the mounting by more than this (degrees) is reported. Set by hand."""
+
 
 class RoomOutputs:
     """Publishes ``labels`` and ``floor``, and on ``/tf_static`` the floor and the upright frame.
@@ -38,7 +44,7 @@ class RoomOutputs:
     Parameters
     ----------
     node : StageNode
-        With the parameters of `depth_pose.ros.nodes.parameters.TF`, and ``config``.
+        With the parameters of `depth_pose.ros.nodes.parameters.TF` and ``LEVEL``, and ``config``.
     """
 
     def __init__(self, node: StageNode) -> None:
@@ -48,6 +54,9 @@ class RoomOutputs:
         self._tf, self._prefix = bool(node.value("tf")), str(node.value("tf_prefix"))
         self._statics = Transforms(node, "the parameter tf", static=True) if self._tf else None
         self._upright: tuple[str, float] | None = None
+        self._level = Level(node)
+        self.doubt = ""
+        """Why the roll of the mounting looks wrong; empty where it does not."""
         self._take_settings()
         if self._tf:  # loads the kernels
             FloorFinder(self._config.segment).find(
@@ -59,7 +68,7 @@ class RoomOutputs:
     def _take_settings(self) -> None:
         self._config = self._node.config
         self._mount: MountConfig = self._config.mount
-        self._finder = FloorFinder(self._config.segment)
+        self._finder = FloorFinder(self._config.segment, up_direction(self._mount))
         self._looked_ns: int | None = None
 
     def tell(self, frame: DepthFrame, upright: DepthFrame, people: People) -> None:
@@ -76,16 +85,30 @@ class RoomOutputs:
             self._take_settings()
         if self._labels.get_subscription_count():
             self._labels.publish(labels_to_msg(draw_labels(people, frame, self._mount), frame))
+        self._take_level(frame)
         if self._tf or self._floor.get_subscription_count():
-            self._look_down(frame, upright)
+            self._look_down(frame, upright, people)
         if (frame.frame_id, self._mount.roll) != self._upright:
             self._tell_upright(frame)
 
-    def _look_down(self, frame: DepthFrame, upright: DepthFrame) -> None:
+    def _take_level(self, frame: DepthFrame) -> None:
+        """Use the measured direction of up, and compare it with the roll of the mounting."""
+        up = self._level.up(frame.frame_id)
+        if up is None:
+            return
+        self._finder.up = rotation_sensor_upright(self._mount.roll).T @ up
+        roll = float(np.degrees(np.arctan2(-up[0], -up[1]))) % 360.0
+        away = (roll - self._mount.roll + 180.0) % 360.0 - 180.0
+        rolled = np.hypot(up[0], up[1]) > _ROLL_SEEN and abs(away) > _ROLL_DEG
+        says = f"{self._level.source} says that the sensor is rolled by {roll:.0f} degrees"
+        self.doubt = f"{says}: set mount.roll: {roll:.0f} for all nodes" if rolled else ""
+
+    def _look_down(self, frame: DepthFrame, upright: DepthFrame, people: People) -> None:
         if self._looked_ns is not None and 0 <= frame.stamp_ns - self._looked_ns < FLOOR_EVERY_NS:
             return
         self._looked_ns = frame.stamp_ns
-        if not self._finder.update(upright) or self._finder.floor is None:
+        standing = [person.points for person in people.persons]
+        if not self._finder.update(upright, standing) or self._finder.floor is None:
             return
         T_sensor_floor = self._finder.floor.turned(rotation_sensor_upright(self._mount.roll)).T_camera_floor
         header = make_header(frame.stamp_ns, frame.frame_id)
