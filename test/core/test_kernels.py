@@ -1,4 +1,4 @@
-"""The cache of compiled kernels: where it is."""
+"""The cache of compiled kernels: where it is, and what happens to it."""
 
 from __future__ import annotations
 
@@ -48,6 +48,16 @@ def script(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_what_is_compiled_is_kept_where_the_user_says(script: Path, tmp_path: Path) -> None:
+    for hits in ("0", "1"):
+        assert _run(script, NUMBA_CACHE_DIR=str(tmp_path)) == ["285", hits, str(tmp_path)]
+
+
+@pytest.mark.parametrize(("kind", "damage"), [("nbi", b""), ("nbc", b"\0" * 4096), ("nbc", b"\x80\x05\x95")])
+def test_a_damaged_cache_is_compiled_again(script: Path, tmp_path: Path, kind: str, damage: bytes) -> None:
+    """A power cut leaves empty files, zeros or a part."""
+    _run(script, NUMBA_CACHE_DIR=str(tmp_path))
+    [file] = tmp_path.rglob(f"*.{kind}")
+    file.write_bytes(damage)
     for hits in ("0", "1"):
         assert _run(script, NUMBA_CACHE_DIR=str(tmp_path)) == ["285", hits, str(tmp_path)]
 

@@ -2,6 +2,7 @@
 
 numba keeps compiled code beside the source, else in the user's cache, and refuses ``cache=True`` where
 neither can be written. A private folder takes their place; without one, each process compiles its kernels.
+Where files of the cache are damaged, as a power cut leaves them, their kernel is compiled again.
 """
 
 from __future__ import annotations
@@ -12,16 +13,35 @@ from pathlib import Path
 from typing import Any
 
 import numba
+from numba.core.caching import FunctionCache
 
 from depth_pose.core.private_folder import is_writable, private_folder
 
 
 def njit(*functions: Callable[..., Any], **options: Any) -> Any:
     """Compile a function as `numba.njit` does, without ``cache`` where there is no folder for it."""
-    if not _HAS_CACHE:
-        options.pop("cache", None)
+    cached = options.pop("cache", False) and _HAS_CACHE
     compile_it: Any = numba.njit
-    return compile_it(*functions, **options)
+
+    def compile_one(function: Callable[..., Any]) -> Any:
+        kernel = compile_it(function, **options)
+        if cached:
+            kernel._cache = _MendingCache(function)  # what enable_caching() does, with another cache
+        return kernel
+
+    return compile_one(*functions) if functions else compile_one
+
+
+class _MendingCache(FunctionCache):
+    """numba's cache of a function, emptied where its files cannot be read."""
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """Return the compiled code, or None: not cached, or damaged."""
+        try:
+            return super().load_overload(sig, target_context)
+        except Exception:  # unpickling and LLVM fail with any; numba compiles after None, and saves
+            self.flush()
+            return None
 
 
 def _find_cache() -> bool:
