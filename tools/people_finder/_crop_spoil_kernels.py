@@ -1,4 +1,4 @@
-"""Compiled loops that spoil the mask of a crop as a finder of people does."""
+"""Compiled loops that corrupt the mask of a crop with the errors that a people finder makes."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from numba import njit
 
 @njit(cache=True)
 def clear_near(whose, row, col, reach):
-    """Take the person's pixels within ``reach`` pixels of a place out of the mask."""
+    """Remove the person's pixels within ``reach`` pixels of a place from the mask."""
     side = whose.shape[0]
     for i in range(max(0, int(row - reach)), min(side, int(row + reach) + 2)):
         for j in range(max(0, int(col - reach)), min(side, int(col + reach) + 2)):
@@ -18,7 +18,7 @@ def clear_near(whose, row, col, reach):
 
 @njit(cache=True)
 def grow_into(grid, whose, row, col, reach, most):
-    """Put what lies within ``reach`` pixels of a place, and ``most`` metres of its depth, into the mask."""
+    """Add the pixels within ``reach`` pixels of a place, and ``most`` metres of its depth, to the mask."""
     side, z = whose.shape[0], grid[row, col]
     for i in range(max(0, int(row - reach)), min(side, int(row + reach) + 2)):
         for j in range(max(0, int(col - reach)), min(side, int(col + reach) + 2)):
@@ -29,7 +29,7 @@ def grow_into(grid, whose, row, col, reach, most):
 
 @njit(cache=True)
 def thin_edge(whose, share, draws):
-    """Take a share of the mask's edge out of it."""
+    """Remove a share of the mask's edge pixels."""
     side = whose.shape[0]
     lost = np.zeros(whose.shape, np.bool_)
     for i in range(side):

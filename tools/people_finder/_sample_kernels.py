@@ -1,4 +1,4 @@
-"""Compiled loops that turn a simulated scene into what the net sees and should say."""
+"""Compiled loops that turn a simulated scene into the net's input and targets."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from depth_pose.core._camera_kernels import ray
 from depth_pose.detect._finder_kernels import COLS, near_second
 
 _NEAR, _FAR = np.float32(0.2), np.float32(12.0)
-"""Depths outside this range are none, metres; as in `depth_pose.detect._crop_kernels`."""
+"""Depths outside this range are invalid, metres; as in `depth_pose.detect._crop_kernels`."""
 
 
 class Cut(NamedTuple):
@@ -32,8 +32,8 @@ class Cut(NamedTuple):
 def reduce_scene(depth_mm, person, reach, cut, grid, labels):
     """Sample a scene as `reduce_grid` does a frame, with the person that each pixel shows (0: nobody).
 
-    The sensor's edges are not those of the labels; what lies outside a person's ``reach`` (P, 2), their
-    least and greatest depth, is not theirs.
+    The sensor's edges differ from those of the labels: pixels outside a person's ``reach`` (P, 2), their
+    least and greatest depth, do not belong to the person.
     """
     left, top, stride, rows, cols, mirrored = cut
     grid[:] = 0.0
@@ -60,7 +60,7 @@ def reduce_scene(depth_mm, person, reach, cut, grid, labels):
 
 @njit(cache=True)
 def cell_labels(labels, cells, out):
-    """Give the person that stands for each cell; 0 where there is none or nobody."""
+    """Fill in the person at each cell's representative pixel; 0 where there is no pixel or no person."""
     for i in range(cells.shape[0]):
         for j in range(cells.shape[1]):
             at = cells[i, j]
@@ -83,7 +83,7 @@ def fill_offsets(grid, labels, targets, camera, out):
 
 @njit(cache=True)
 def fill_joint_offsets(grid, cells, labels, joints, camera, out):
-    """Offsets (3 J, h, w) from the pixel that stands for each person cell to their joints (P, J, 3)."""
+    """Offsets (3 J, h, w) from the representative pixel of each person cell to their joints (P, J, 3)."""
     for i in range(cells.shape[0]):
         for j in range(cells.shape[1]):
             k = labels[i, j] - 1
@@ -101,7 +101,7 @@ def fill_joint_offsets(grid, cells, labels, joints, camera, out):
 
 @njit(cache=True)
 def drape(grid, labels, person, share, hang, smooth, rows, cols):
-    """Hang a blanket over a person: from their top down it grows no narrower and hides what is between.
+    """Drape a blanket over a person: from their top down it grows no narrower and hides what is between.
 
     ``share`` of their height is covered; ``hang``: pixels by which each side moves outwards from one row
     to the next, at most; ``smooth``: how often the cloth is averaged with its neighbours. Nothing happens to
@@ -139,7 +139,7 @@ def drape(grid, labels, person, share, hang, smooth, rows, cols):
             if labels[i, j] == person:
                 cloth = min(cloth, grid[i, j]) - 0.01
             elif 0.0 < grid[i, j] < cloth:
-                continue  # something stands before them
+                continue  # something occludes them
             grid[i, j], labels[i, j] = cloth, person
             before[j] = cloth
     for _ in range(smooth):
@@ -158,9 +158,9 @@ def drape(grid, labels, person, share, hang, smooth, rows, cols):
 
 @njit(cache=True)
 def choose_cells(grid, rows, cols, side, cells):
-    """For blocks of ``side`` x ``side`` pixels, the pixel that stands for each; -1 where all are holes.
+    """Choose a representative pixel for each block of ``side`` x ``side`` pixels; -1 where all are holes.
 
-    It is the pixel at the lower quarter of the block's depths, so that what is in front is kept.
+    It is the pixel at the lower quartile of the block's depths, so that the foreground is kept.
     """
     keep = side * side // 4 + 1
     flat, least = np.empty(keep, np.int64), np.empty(keep, np.float32)

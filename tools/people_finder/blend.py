@@ -1,10 +1,10 @@
-"""Go only a part of the way from one checkpoint of the finder to another that was trained on from it.
+"""Interpolate between a checkpoint of the finder and another that was trained further from it.
 
     python tools/people_finder/blend.py start.pt people/last.pt people/blend.pt --share 0.4
 
-A short training on new kinds of rooms forgets some of what a long one had learned. Between the two lies a net
-that knows both (Wortsman et al. 2022, *Robust fine-tuning of zero-shot models*). Norms are folded into the
-convolutions first, because their statistics and scales go together.
+A short training on new kinds of rooms forgets some of what a long one had learned. A net between the two
+keeps both (Wortsman et al. 2022, *Robust fine-tuning of zero-shot models*). Norms are folded into the
+convolutions first, because their statistics and scales belong together.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from warm_start import norm_after
 
 
 def folded(checkpoint: Path) -> dict[str, Tensor]:
-    """Read a checkpoint; convolutions do what the norms after them did, which only add their shifts."""
+    """Read a checkpoint and fold the scales of norms into the convolutions; norms keep only shifts."""
     net = FinderNet()
     net.load_state_dict(torch.load(checkpoint, weights_only=True))
     with torch.no_grad():
@@ -35,10 +35,12 @@ def folded(checkpoint: Path) -> dict[str, Tensor]:
 
 
 def main(
-    start: Annotated[Path, typer.Argument(help="Checkpoint that training began with")],
+    start: Annotated[Path, typer.Argument(help="Checkpoint that training started from")],
     end: Annotated[Path, typer.Argument(help="Checkpoint that it ended with")],
     out: Annotated[Path, typer.Argument(help="Checkpoint to write")],
-    share: Annotated[float, typer.Option(help="Part of the way, 0 to 1", min=0.0, max=1.0)] = 0.4,
+    share: Annotated[
+        float, typer.Option(help="Fraction of the way from the first to the second, 0 to 1", min=0.0, max=1.0)
+    ] = 0.4,
 ) -> None:
     """Write the checkpoint."""
     first, last = folded(start), folded(end)

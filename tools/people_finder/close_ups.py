@@ -1,8 +1,8 @@
-"""Simulated people seen from near by: only the part of an image that the second look cuts out is drawn.
+"""Simulated close-ups of people: only the part of an image that the second look crops is drawn.
 
-A person with furniture about them, and several cameras anywhere around and above. What a whole room would
-add lies outside the crop, so this takes a tenth of the time of `depth_pose.sim.scenes` a person, and cameras
-hang where rooms of that module have none: under ceilings, straight above, rolled.
+A person with furniture around them, and several cameras anywhere around and above. What a whole room would
+add lies outside the crop, so this takes a tenth of the time of `depth_pose.sim.scenes` per person, and its
+cameras also hang where rooms of that module have none: under ceilings, straight above, rolled.
 """
 
 from __future__ import annotations
@@ -29,26 +29,26 @@ POSTURES = {
     "stand": 0.23, "walk": 0.13, "sit": 0.22, "lie": 0.09, "kneel": 0.06,
     "squat": 0.05, "crawl": 0.03, "bend": 0.07, "reach": 0.08, "lean": 0.04,
 }  # fmt: skip
-"""How often each posture is drawn: the rare ones oftener than in rooms. Set by hand."""
+"""Frequency of each posture: rare ones are drawn more often than in rooms. Set by hand."""
 
 REACH_M = 1.8
-"""Half of the side of what is drawn about a torso, metres: the crop, turned and displaced. Set by hand."""
+"""Half of the side of the area drawn around a torso, metres: the crop, rotated and displaced. Set by hand."""
 
 _TORSO = [JOINT_INDEX[f"{side}_{n}"] for side in ("left", "right") for n in ("shoulder", "hip")]
 _LEAST_PIXELS, _LEAST_SHOWN = 60, 0.3
-"""A person with fewer pixels, or of whom a smaller share is left, is not asked for. Set by hand."""
+"""People with fewer pixels, or with a smaller visible share, are not used. Set by hand."""
 _COMMON_SHARE = 0.6
-"""Share of cameras that look at a person as most do: 2 to 4.6 m away, upright, the person in the middle."""
+"""Share of cameras in the usual arrangement: 2 to 4.6 m away, upright, with the person in the middle."""
 _BLOCK = 32
 """Sides of drawn images are multiples of this many pixels, where the image has room."""
 _NEAR_M = 0.05
 _OTHERS = 12
-"""Figures that are kept to stand beside others."""
+"""Number of figures kept for placing beside later ones."""
 
 
 @dataclass(frozen=True)
 class CloseUp:
-    """A part of a depth image with one person in its middle.
+    """Part of a depth image with one person in its middle.
 
     Attributes
     ----------
@@ -57,7 +57,7 @@ class CloseUp:
     whose : (h, w) uint8
         1 where the image shows the person, 2 for others, 0 for things.
     camera : Camera
-        Of this part.
+        Camera of this part.
     joints : (19, 3) float32
         Optical frame, metres.
     """
@@ -70,19 +70,19 @@ class CloseUp:
 
 @dataclass
 class CloseUpMaker:
-    """Makes close-ups, several of each person.
+    """Generator of close-ups, several of each person.
 
     Attributes
     ----------
     views : int
-        Cameras that look at each person.
+        Number of cameras that look at each person.
     """
 
     views: int = 4
     _others: list[Settled] = field(default_factory=list)
 
     def make(self, rng: np.random.Generator) -> list[CloseUp]:
-        """Draw a person, what is about them, and some cameras; gives what those see that show enough."""
+        """Sample a person, their surroundings and some cameras; return the views that show enough of them."""
         names = list(POSTURES)
         shares = np.array(list(POSTURES.values()))
         figure = sample_figure(rng, names[rng.choice(len(names), p=shares / shares.sum())], loose=True)
@@ -106,7 +106,7 @@ class CloseUpMaker:
     def _beside(
         self, settled: Settled, person: Placed, shapes: Assembly, rng: np.random.Generator
     ) -> list[Placed]:
-        """Put a child into arms, and others who were drawn before at the same table or beside the person."""
+        """Place a child in the person's arms, and earlier figures at the same table or beside the person."""
         child = child_in_arms(settled.figure, rng)
         around = [] if child is None else [place(child, 0.0, 0.0, 0.0, rng)]
         others, spots = self._others, []
@@ -130,7 +130,7 @@ class CloseUpMaker:
 
 @dataclass(frozen=True)
 class _Surroundings:
-    """What stands about a person, and walls that cameras must not be behind: angle and distance."""
+    """Objects around a person, and the angle and distance of walls that cameras must not be behind."""
 
     shapes: Assembly
     walls: tuple[tuple[float, float], ...]
@@ -139,7 +139,7 @@ class _Surroundings:
 def _surround(
     shapes: Assembly, person: Placed, beside: list[Placed], rng: np.random.Generator
 ) -> _Surroundings:
-    """Put floor, walls and furniture about a person at the origin who faces +z, and what they rest on."""
+    """Place floor, walls, furniture and supports around a person at the origin who faces +z."""
     walls: list[tuple[float, float]] = []
     if rng.random() < 0.12:  # nothing but the person
         return _Surroundings(shapes, ())
@@ -166,7 +166,7 @@ def _surround(
 
 
 def _put(shapes: Assembly, thing: Assembly, x: float, z: float, turn: float, points: Array) -> bool:
-    """Put a thing down unless it would cut somebody; tells whether it stands there."""
+    """Place an object unless it would intersect a person; return whether it was placed."""
     low, high = thing.bounds()
     c, s = np.cos(turn), np.sin(turn)
     dx, dz = points[:, 0] - x, points[:, 2] - z
@@ -178,7 +178,7 @@ def _put(shapes: Assembly, thing: Assembly, x: float, z: float, turn: float, poi
 
 
 def _sample_view(torso: Array, around: _Surroundings, rng: np.random.Generator) -> View | None:
-    """Draw a camera that looks about at a torso; None for one behind a wall."""
+    """Sample a camera that looks roughly at a torso; None if it is behind a wall."""
     width = int(rng.choice([160, 176, 176, 212, 224, 256, 320]))
     height = min(
         240, round(width / float(rng.choice([4 / 3, 11 / 9, 16 / 9, 1.0], p=[0.55, 0.2, 0.15, 0.1])))
@@ -228,7 +228,7 @@ def _between(target: Array) -> Array:
 def _render(
     view: View, person: Placed, beside: list[Placed], room: Triangles, rng: np.random.Generator
 ) -> CloseUp | None:
-    """Draw and measure what a camera sees about a person; None where it shows too little of them."""
+    """Render a camera's depth image around a person; None where it shows too little of them."""
     joints = view.to_optical(person.joints)
     torso = joints[_TORSO].mean(axis=0)
     if torso[2] < 0.4 or (joints[:, 2] < 0.05).sum() > 6:
@@ -278,7 +278,7 @@ def _family(rng: np.random.Generator) -> str:
 
 
 def _part(camera: Camera, torso: Array) -> Camera | None:
-    """Give the camera of the part of an image that lies about a torso; None where there is none."""
+    """Return the camera of the image part around a torso; None where the image does not contain it."""
     u = camera.fx * torso[0] / torso[2] + camera.cx
     v = camera.fy * torso[1] / torso[2] + camera.cy
     reach = REACH_M * camera.fx / torso[2]

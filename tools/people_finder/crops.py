@@ -1,4 +1,4 @@
-"""Close-ups as training samples of the second look: crops, changed so that no two are the same."""
+"""Close-ups as training samples of the second look: randomly augmented crops."""
 
 from __future__ import annotations
 
@@ -20,31 +20,31 @@ _LIMBS = [
 ]
 
 _LEAST_PIXELS = 30
-"""A person with fewer pixels left after the changes is shown without them. Set by hand."""
+"""If fewer pixels of a person are left after augmentation, the crop is used as it was. Set by hand."""
 
 _PLACE_M = 0.06
-"""Deviation of the torso that is given from the truth, each way, metres: about what the finder's is."""
+"""Standard deviation of the given torso from the truth, each axis, metres: about that of the finder."""
 
 NO_DEPTH = 2
-"""In a batch's mask: nothing is asked of this pixel."""
+"""Mask value of pixels that are excluded from the loss."""
 
 
 @dataclass(frozen=True)
 class CropBatch:
-    """What the net sees, and should say.
+    """The net's input and targets.
 
     Attributes
     ----------
     features : (B, C, H, W) float32
     joints : (B, J, 3) float32
         In the crop's coordinates, metres; named as if all people faced the camera.
-        Not finite where they are not known, as for a thing.
+        Not finite where unknown, as for an object.
     side : (B,) float32
         How surely the person is seen from behind: -1 (from the front) to 1.
     person : (B,) float32
-        1 for a person, 0 for a thing, NaN where the mask tells too easily.
+        1 for a person, 0 for an object, NaN where the mask gives the answer away.
     mask : (B, H, W) uint8
-        1 where a pixel truly shows the person, 0 where not, `NO_DEPTH` where it is not asked.
+        1 where a pixel truly shows the person, 0 where not, `NO_DEPTH` where it is excluded.
     """
 
     features: NDArray[np.float32]
@@ -55,7 +55,7 @@ class CropBatch:
 
     @classmethod
     def empty(cls, n: int) -> CropBatch:
-        """Make room for some samples."""
+        """Allocate arrays for some samples."""
         return cls(
             np.empty((n, CHANNELS, SIDE, SIDE), np.float32),
             np.full((n, len(JOINTS), 3), np.nan, np.float32),
@@ -65,27 +65,27 @@ class CropBatch:
         )
 
     def place(self, k: int, joints: NDArray[np.float64], look: CropView) -> None:
-        """Say where the joints (J, 3) of sample ``k`` are, camera frame, metres."""
+        """Set the joints (J, 3) of sample ``k``, camera frame, metres."""
         places = np.empty((len(JOINTS), 3))
         to_crop(joints, look, places)
         if look.flip < 0:
             places = places[MIRROR_JOINTS]
         shown = places + np.array([0.0, 0.0, look.z])
-        shown[:, :2] *= shown[:, 2:] / look.z  # as points, for who is seen from behind
+        shown[:, :2] *= shown[:, 2:] / look.z  # as points, to tell whether the person is seen from behind
         side = float(seen_from_behind(shown[None].astype(np.float32))[0])
         self.joints[k] = places[MIRROR_JOINTS] if side > 0 else places
         self.side[k] = side
 
 
 class CropSampler:
-    """Makes crops of close-ups; with ``rng`` changed at random, without as they are."""
+    """Crops of close-ups: augmented at random with ``rng``, unchanged without."""
 
     def __init__(self) -> None:
         self._grid = np.empty((SIDE, SIDE), np.float32)
         self._whose = np.empty((SIDE, SIDE), np.int64)
 
     def batch(self, seen: list[CloseUp], rng: np.random.Generator | None) -> CropBatch:
-        """Make a crop of each; who is hidden by the changes is shown without."""
+        """Crop each close-up; a person hidden by the augmentation is cropped again without it."""
         out = CropBatch.empty(len(seen))
         for k, one in enumerate(seen):
             if not self._fill(one, rng, out, k):
@@ -119,7 +119,7 @@ class CropSampler:
 
 
 def _look(torso: NDArray[np.float64], rng: np.random.Generator | None) -> CropView:
-    """Look at a torso: where it is, or about there, turned, mirrored, coarser."""
+    """Build the view of a torso: exact, or displaced, rotated, mirrored and coarser at random."""
     if rng is None:
         return CropView(*torso.tolist(), CELL_M)
     spread = _PLACE_M * float(rng.choice([1.0, 2.0, 3.5], p=[0.8, 0.15, 0.05]))
@@ -139,7 +139,7 @@ def _spoil_mask(
     look: CropView,
     rng: np.random.Generator,
 ) -> None:
-    """Take limbs out of the mask, and put what is near into it: each now and then."""
+    """Remove limbs from the mask and add nearby pixels to it, each with some probability."""
     places = np.empty((len(joints), 3))
     to_crop(joints, look, places)
     pixels = places[:, :2] / CELL_M + 0.5 * (SIDE - 1)
@@ -151,7 +151,7 @@ def _spoil_mask(
         if len(inside) == 0:
             return
         i, j = inside[rng.integers(len(inside))].tolist()
-        largest = 0.9 if rng.random() < 0.3 else 0.35  # a sofa, a floor; or a part of something
+        largest = 0.9 if rng.random() < 0.3 else 0.35  # a sofa, a floor; or part of an object
         grow_into(grid, whose, i, j, rng.uniform(0.06, largest) / CELL_M, rng.uniform(0.05, 0.5))
     if rng.random() < 0.25:  # a ragged edge
         thin_edge(whose, rng.uniform(0.1, 0.9), rng.random(whose.shape, np.float32))

@@ -1,4 +1,4 @@
-"""Write a checkpoint as the ONNX file that the run time reads, with what made it beside it."""
+"""Write a checkpoint as the ONNX file that the run time reads, with its provenance beside it."""
 
 from __future__ import annotations
 
@@ -48,20 +48,20 @@ JOINT_FEATURES = "src/depth_pose/detect/_crop_kernels.py"
 
 
 def export_net(checkpoint: Path, target: Path) -> bytes:
-    """Write a checkpoint as ONNX: ``mask`` and ``torso``, packed; votes for joints only help to train."""
+    """Write a checkpoint as ONNX: ``mask`` and ``torso``, packed; votes for joints only serve training."""
     net = _Seen(_load(FinderNet(), checkpoint))
     return _export(net, target, (CHANNELS, ROWS, COLS), ["mask", "torso"])
 
 
 class _Seen(nn.Module):
-    """The outputs of a finder's net that the run time asks for."""
+    """The outputs of the finder's net that the run time uses."""
 
     def __init__(self, net: FinderNet) -> None:
         super().__init__()
         self.net = net
 
     def forward(self, x: Tensor) -> tuple[Tensor, Tensor]:
-        """Give mask logits and torso votes, four pixels to one: the run time spreads them faster."""
+        """Return mask logits and torso votes, four pixels packed into one, which the run time unpacks faster."""
         mask, torso, _ = self.net.packed(x)
         return mask, torso
 
@@ -106,7 +106,7 @@ def hash_code(names: tuple[str, ...] = _CODE, features: str = _FEATURES) -> str:
 
 
 def write_settings(target: Path, model: bytes, code: str | None = None, **values: Any) -> None:
-    """Write what lies beside the net; ``code`` is the hash of what made it, the finder's if none is given."""
+    """Write the settings beside the net; ``code`` is the hash of its sources, by default the finder's."""
     settings = {
         "weights_sha256": hashlib.sha256(model).hexdigest(),
         "code_sha256": code or hash_code(),

@@ -1,4 +1,4 @@
-"""Write a checkpoint of the second look as what ships, with the odds that join it to the finder's answer.
+"""Write a checkpoint of the second look for release, with the odds that combine it with the finder's answer.
 
 python tools/people_finder/export_joints.py runs/joints/last.pt sightings/val.npz build/weights
 """
@@ -19,15 +19,15 @@ from depth_pose.detect.net import open_net
 from export import JOINT_CODE, JOINT_FEATURES, export_joint_net, hash_code, write_settings
 
 _STEPS, _RIDGE = 30, 1e-3
-"""Newton's steps, and what is added to the curvature, so that it can be solved. Set by hand."""
+"""Newton steps, and the ridge added to the Hessian to keep it invertible. Set by hand."""
 
 
 _THINGS = 0.2
-"""Share of things among what the finder finds in rooms, two of five of which hold lookalikes."""
+"""Share of objects among the finder's detections in rooms, two of five of which hold lookalikes."""
 
 
 def logits_of(model: bytes, found: Sightings) -> NDArray[np.float64]:
-    """Give the logits of both looks, (N, 2)."""
+    """Return the logits of both looks, (N, 2)."""
     session = open_net(model)
     second = [
         session.run(["person"], {"features": found.batch(np.array([k]), None).features})[0].item()
@@ -37,9 +37,9 @@ def logits_of(model: bytes, found: Sightings) -> NDArray[np.float64]:
 
 
 def fit_odds(logits: NDArray[np.float64], is_person: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """Logistic regression by Newton's method; gives the weights of the logits, and the bias.
+    """Fit a logistic regression by Newton's method; return the weights of the logits, and the bias.
 
-    People and things count as if `_THINGS` were things, however many lookalikes there are.
+    People and objects are weighted as if a share of `_THINGS` were objects, whatever the number of lookalikes.
     """
     x = np.column_stack([logits, np.ones(len(logits))])
     counts = np.where(is_person, (1 - _THINGS) / is_person.mean(), _THINGS / (~is_person).mean())
@@ -57,7 +57,7 @@ def main(
     out: Annotated[Path, typer.Argument(help="Folder for joint_finder.onnx and .json")],
     note: Annotated[str, typer.Option(help="How the net was trained, for the record")] = "",
 ) -> None:
-    """Write the net, and what made it beside it."""
+    """Write the net and its provenance."""
     model = export_joint_net(checkpoint, out / "joint_finder.onnx")
     found = Sightings.load(sightings)
     person = fit_odds(logits_of(model, found), found.is_person)

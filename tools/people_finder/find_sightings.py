@@ -1,17 +1,17 @@
-"""Keep what the people finder finds in simulated scenes, people and things: the second look learns from it.
+"""Collect true and false detections of the people finder in simulated scenes, to train the second look.
 
     python tools/people_finder/find_sightings.py weights sightings.npz scenes/train lookalikes/train
 
-Every look at a scene is another: mirrored, a part of it as if the view were narrower, a room without people
-in another size. The first look at each is the scene as it is. The file holds, of N sightings:
+Every look at a scene differs: mirrored, cropped as if the view were narrower, a room without people scaled.
+The first look at each is the scene as it is. The file holds, of N sightings:
 
 =========== ===================== ======================================================================
 depth       (N, 128, 128) uint16    crop around the torso, millimetres; 0 where nothing returned
-whose       (N, 128, 128) uint8     1 theirs, 0 not, 255 outside the image
-torso       (N, 3) float32        where the finder sees it, metres, optical frame
+whose       (N, 128, 128) uint8     1 of the person, 0 not, 255 outside the image
+torso       (N, 3) float32        the finder's estimate, metres, optical frame
 probability (N,) float32          the finder's, that this is a person
-is_person   (N,) bool             half of its pixels are one person's, and none has more of theirs
-joints      (N, 19, 3) float32    of that person, metres, optical frame; NaN for a thing
+is_person   (N,) bool             half of its pixels are one person's, and no other detection has more of them
+joints      (N, 19, 3) float32    of that person, metres, optical frame; NaN for an object
 =========== ===================== ======================================================================
 """
 
@@ -38,18 +38,18 @@ from depth_pose.detect._crop_kernels import CropView, sample_crop
 from depth_pose.detect.candidates import CandidateFinder
 
 _LEAST = 0.05
-"""Probability below which the finder is sure enough by itself."""
+"""Detections below this probability are left out: the finder rejects them by itself."""
 
 _NARROWEST = 0.4
-"""Share of a scene's width and height that a look shows at least."""
+"""Smallest share of a scene's width and height that a look shows."""
 
 _SMALLEST, _LARGEST = 0.6, 1.4
-"""Sizes of a room without people."""
+"""Range of scale factors of a room without people."""
 
 
 @dataclass(frozen=True)
 class Shot:
-    """One look at a scene: a frame, who is where in it, and where everybody's joints are, (P, 19, 3)."""
+    """One look at a scene: a frame, its person labels, and the joints of all people, (P, 19, 3)."""
 
     frame: DepthFrame
     person: NDArray[np.uint8]
@@ -57,7 +57,7 @@ class Shot:
 
 
 def shoot(scenes: Scenes, k: int, rng: np.random.Generator | None) -> Shot:
-    """Look at a scene; changed at random with ``rng``."""
+    """Take a look at a scene; changed at random with ``rng``."""
     frame, joints = frame_of(scenes, k), scenes.joints[k]
     camera = frame.camera
     person = scenes.person[k, : camera.height, : camera.width]
@@ -81,14 +81,14 @@ def shoot(scenes: Scenes, k: int, rng: np.random.Generator | None) -> Shot:
 
 
 class Collector:
-    """Gathers what a finder finds."""
+    """Collector of a finder's detections."""
 
     def __init__(self, weights: Path) -> None:
         self._candidates = CandidateFinder(SegmentConfig(keep=_LEAST), weights)
         self.rows: list[tuple[NDArray, ...]] = []
 
     def add(self, shot: Shot) -> None:
-        """Look at one frame."""
+        """Collect the detections in one frame."""
         self._candidates.reset()
         found = self._candidates.find(shot.frame)
         labels = self._candidates.mark_hidden(found, shot.frame.filled)
@@ -111,7 +111,7 @@ class Collector:
 
 
 def find_in(weights: Path, shard: Path, looks: int, seed: tuple[int, int]) -> list[tuple[NDArray, ...]]:
-    """Give the sightings in one shard."""
+    """Return the sightings in one shard."""
     collector, loaded, rng = Collector(weights), load_scenes([shard]), np.random.default_rng(seed)
     for k in range(len(loaded)):
         for n in range(looks):
@@ -134,12 +134,12 @@ def main(
     seed: Annotated[int, typer.Option(help="Start of all random numbers")] = 5,
     workers: Annotated[int, typer.Option(min=1, help="Processes")] = 1,
 ) -> None:
-    """Find people in scenes, and keep what was found."""
+    """Run the finder over scenes and save its detections."""
     shards = [shard for folder in scenes for shard in list_shards(folder)]
     rows = []
     with pool(workers) as processes:
         jobs = [processes.submit(find_in, weights, s, looks, (seed, k)) for k, s in enumerate(shards)]
-        for job in track(jobs, "sightings"):  # in the order of the shards, whoever is done first
+        for job in track(jobs, "sightings"):  # in the order of the shards, whichever is done first
             rows += job.result()
     save(rows, out)
     persons = sum(bool(row[4]) for row in rows)

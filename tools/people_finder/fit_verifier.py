@@ -26,13 +26,13 @@ from depth_pose.sim.scenes import MOST_PEOPLE
 from export import export_net, write_settings
 
 _LEAST_SHARE = 0.5
-"""A cluster is somebody's from this share of its pixels on. Set by hand."""
+"""A cluster belongs to a person if at least this share of its pixels is theirs. Set by hand."""
 _CUT_EVERY = 3
-"""Of every so manyth scene the people alone are shown, too. Set by hand."""
+"""Every n-th scene is also shown with nothing but its people. Set by hand."""
 _NETS, _HIDDEN = 8, 12
 """Networks whose answers are averaged, and the hidden units of each. Set by hand."""
 _STEPS, _RATE, _DECAY, _NOISE = 500, 1e-2, 1e-2, 0.2
-"""Of each network's training; the noise is added to measures of unit deviation. Set by hand."""
+"""Each network's training; the noise is added to measures of unit deviation. Set by hand."""
 
 app = typer.Typer(add_completion=False)
 
@@ -46,23 +46,23 @@ class Examples:
 
 
 def frame_of(scenes: Scenes, k: int) -> DepthFrame:
-    """Give one scene as a frame of its camera."""
+    """Convert one scene to a frame of its camera."""
     width, height = (int(n) for n in scenes.size[k])
     depth = scenes.depth[k, :height, :width].astype(np.float32) / np.float32(1000)
     return DepthFrame(0, "", depth, Camera(width, height, *(float(v) for v in scenes.camera[k])))
 
 
 def truth_on_grid(person: NDArray[np.uint8], stride: float, shape: tuple[int, int]) -> NDArray[np.uint8]:
-    """Give the persons of a frame on a grid."""
+    """Sample the person labels of a frame on a grid."""
     rows = np.minimum(((np.arange(shape[0]) + 0.5) * stride).astype(int), person.shape[0] - 1)
     cols = np.minimum(((np.arange(shape[1]) + 0.5) * stride).astype(int), person.shape[1] - 1)
     return person[np.ix_(rows, cols)]
 
 
 def collect(finder: PeopleFinder, scenes: Scenes) -> Examples:
-    """Run the net over scenes.
+    """Run the net over scenes and collect its clusters.
 
-    A cluster is a person if half of its pixels are one's, and none has more of theirs.
+    A cluster is a person if half of its pixels are one person's, and no other cluster has more of them.
     """
     measures, person = [], []
     for k in track(range(len(scenes)), "clusters"):
@@ -79,7 +79,7 @@ def collect(finder: PeopleFinder, scenes: Scenes) -> Examples:
 def looks(
     frame: DepthFrame, person: NDArray[np.uint8], cut: bool
 ) -> Iterator[tuple[DepthFrame, NDArray[np.uint8]]]:
-    """Give a frame and its persons, both mirrored, and with ``cut`` a frame with nothing in it but people."""
+    """Yield a frame with its labels, its mirror image, and with ``cut`` the frame with only its people."""
     camera = frame.camera
     person = person[: camera.height, : camera.width]
     yield frame, person
@@ -92,9 +92,9 @@ def looks(
 def whose(
     labels: NDArray[np.uint8], truth: NDArray[np.uint8], count: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Say of each cluster who it is, from 0, and whether it is a person (1) or not (0).
+    """Return for each cluster its person, from 0, and whether it is a person (1) or not (0).
 
-    It is -1 for one without a pixel.
+    The second is -1 for a cluster without a pixel.
     """
     shown = np.zeros((count + 1, MOST_PEOPLE + 1), np.int64)
     np.add.at(shown, (labels, truth), 1)
@@ -108,7 +108,7 @@ def whose(
 
 
 def fit(examples: Examples, seed: int) -> dict[str, Any]:
-    """Fit small networks by cross entropy and put them side by side, which averages their answers.
+    """Fit small networks by cross entropy and stack them side by side, which averages their outputs.
 
     Returns the lists that `Verifier.from_mapping` reads.
     """
@@ -156,7 +156,7 @@ def main(
     seed: Annotated[int, typer.Option(help="Start of all random numbers")] = 0,
     note: Annotated[str, typer.Option(help="How the net was trained, for the record")] = "",
 ) -> None:
-    """Fit the verifier and write what ships."""
+    """Fit the verifier and write the files that are released."""
     torch.set_num_threads(1)
     model = export_net(checkpoint, out / "people_finder.onnx")
     loaded = load_scenes(list_shards(scenes))

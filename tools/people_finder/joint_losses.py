@@ -1,4 +1,4 @@
-"""What training asks of the net of the second look; as `losses`, for one person at a time."""
+"""Losses of the second look's net; as `losses`, for one person at a time."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ _BEHIND_WEIGHT = 0.5
 _PLACE_WEIGHT = 0.5
 _PERSON_WEIGHT = 1.0
 _MASK_WEIGHT = 1.0
-"""Weights of these losses; the joints' own counts 1. Set by hand."""
+"""Weights of these losses; that of the joints is 1. Set by hand."""
 
 _OWN_M = 0.2
-"""Error of the fine net's own answer that counts 1, metres: it learns by itself too. Set by hand."""
+"""Error of the fine net's own answer that costs 1, metres: it is trained by itself too. Set by hand."""
 
 _NEAR_M = 0.06
-"""Deviation of the weights that votes should have about their joint, metres."""
+"""Standard deviation of the target weights of votes around their joint, metres."""
 
 
 class Truth(NamedTuple):
-    """What a batch of crops shows; shapes as `crops.CropBatch`."""
+    """Targets of a batch of crops; shapes as `crops.CropBatch`."""
 
     joints: Tensor
     side: Tensor
@@ -35,12 +35,12 @@ class Truth(NamedTuple):
 
 
 def joint_loss(answer: Answer, cells: Tensor, truth: Truth) -> tuple[Tensor, dict[str, float]]:
-    """Sum the losses: joints where they are known, person or thing where that is asked.
+    """Sum the losses: joints where they are known, person or object where that is included.
 
-    The votes' mean alone teaches too slowly whose votes should count; so cells near a joint are told to
-    vote for it. ``cells`` (cells, 2) is where they are, metres.
-    Joints are named by the side of the image. Who is seen from the side may be named either way, as long
-    as the answer to "seen from behind" fits: the better of both counts.
+    The mean of the votes alone teaches too slowly which votes should count, so cells near a joint are trained
+    to vote for it. ``cells`` (cells, 2) holds their positions, metres.
+    Joints are named by the side of the image. For people seen from the side either naming is valid, as long
+    as the answer to "seen from behind" agrees: the lower loss of both is used.
     A joint's distance from the truth follows exp(-r / width) in the image plane, and so does its depth with
     a width of its own.
     """

@@ -1,13 +1,13 @@
 """The net of the second look: a crop around one person to their joints, and to whether it is a person.
 
-Every cell of the crop votes for every joint and says how much its vote counts; the joint is where the
-votes' mean lies (as the anchors of Xiong et al. 2019, *A2J: anchor-to-joint regression network*, and the
+Every cell of the crop votes for every joint and predicts a weight for its vote; the joint is the weighted
+mean of the votes (as the anchors of Xiong et al. 2019, *A2J: anchor-to-joint regression network*, and the
 expected place of Sun et al. 2018, *Integral human pose regression*). Most channels are spent at an eighth of
 the crop's resolution and below, where convolutions run near a processor's peak.
 
-Two nets look at once. The coarse one sees the middle of the crop at 3.2 cm a pixel and was trained before (it
-shipped by itself); it stays as it is. The fine one sees all of it at 2.2 cm and what the coarse one felt,
-answers by itself, and says joint by joint whose answer counts.
+There are two nets. The coarse one sees the middle of the crop at 3.2 cm a pixel, was trained before (it was
+released by itself) and stays fixed. The fine one sees the whole crop at 2.2 cm and features of the coarse
+one, predicts joints by itself, and weighs both predictions joint by joint.
 """
 
 from __future__ import annotations
@@ -27,25 +27,25 @@ SIDE = 128
 """Rows and columns of a crop, pixels."""
 
 CELL_M = 0.022
-"""What a pixel of the crop measures at the torso's distance, metres: 2.8 m in all."""
+"""Size of a pixel of the crop at the torso's distance, metres: 2.8 m in all."""
 
 LEAST_WIDTH_M = 0.01
-"""Narrowest distribution that a joint may claim, metres."""
+"""Smallest width of a joint's predicted distribution, metres."""
 
 STRIDE = 4
-"""Pixels along the side of a cell that votes."""
+"""Side of a voting cell, pixels."""
 
 _CELLS = SIDE // STRIDE
 _COARSE_SIDE, _COARSE_CELL_M, _COARSE_WIDTH = 80, 0.032, 48
-"""Pixels of the coarse net's crop, the side of one in metres, and channels that it hands on."""
+"""Pixels along the coarse net's crop, the side of one in metres, and channels that it passes on."""
 _TRUST, _DOUBT = -1.5, -1.0
-"""How much the coarse answer counts at first: logit at an error of 1 m, and its slope by the logarithm."""
+"""Initial weight of the coarse answer: logit at an error of 1 m, and its slope by the logarithm."""
 _PERSON_WIDTH = 64
-"""Channels from which it is said whether this is a person, and from which side they are seen."""
+"""Channels from which "is a person" and "seen from behind" are predicted."""
 
 
 class Answer(NamedTuple):
-    """What the net says.
+    """The net's output.
 
     Attributes
     ----------
@@ -60,7 +60,7 @@ class Answer(NamedTuple):
     log_weights : (N, J, cells)
         Logarithms of the weights of the fine net's votes.
     own : (N, J, 3)
-        Joints by the fine net alone.
+        Joints from the fine net alone.
     """
 
     joints: Tensor
@@ -93,7 +93,7 @@ class _Straight(nn.Module):
 
 
 class Coarse(NamedTuple):
-    """What the coarse net says; as `Answer`, and the channels that it hands on, (N, 48, 20, 20)."""
+    """The coarse net's output; as `Answer`, and the channels that it passes on, (N, 48, 20, 20)."""
 
     joints: Tensor
     log_error: Tensor
@@ -120,7 +120,7 @@ class CoarseNet(nn.Module):
         self.register_buffer("cells", _places(_COARSE_SIDE // 4, 4 * _COARSE_CELL_M), persistent=False)
 
     def forward(self, x: Tensor) -> Coarse:
-        """Look at a crop of its own size."""
+        """Predict from a crop of the coarse net's size."""
         x4 = self.down4(self.stem(x))
         x8 = self.down8(x4)
         y4 = self.up4(self.squeeze(torch.cat([x4, functional.interpolate(x8, scale_factor=2)], 1)))
@@ -134,7 +134,7 @@ class CoarseNet(nn.Module):
         return Coarse(joints, errors, votes[:, -1].mean(dim=-1), person, y4)
 
     def load_onnx(self, path: Path) -> None:
-        """Take the weights of an exported net; its layers are called as here."""
+        """Load the weights of an exported net, whose layers have the same names as here."""
         import onnx
         from onnx import numpy_helper
         from onnx_weights import widen
@@ -154,7 +154,7 @@ class CoarseNet(nn.Module):
 
 
 def _layer_of(node: str) -> str:
-    """Give the layer that a node of an exported net is, as ``/down4/down4.1/first/first.0/Conv``."""
+    """Return the layer name of a node of an exported net, as ``/down4/down4.1/first/first.0/Conv``."""
     names: list[str] = []
     for name in node.split("/")[1:-1]:
         if names and name.startswith(f"{names[-1]}."):
@@ -164,14 +164,14 @@ def _layer_of(node: str) -> str:
 
 
 def _places(cells: int, cell_m: float) -> Tensor:
-    """Where the middles of cells lie in the crop, metres, (1, 1, 3, cells * cells)."""
+    """Centres of the cells in the crop, metres, (1, 1, 3, cells * cells)."""
     place = (torch.arange(cells) + 0.5 - cells / 2) * cell_m
     across, down = place.expand(cells, cells), place[:, None].expand(cells, cells)
     return torch.stack([across, down, torch.zeros(cells, cells)]).reshape(1, 1, 3, -1)
 
 
 def _nearest(cells: int, cell_m: float, others: int, other_m: float) -> Tensor:
-    """Give for each of a row of cells about the middle the nearest of others, which differ in size."""
+    """Return for each cell of a centred row the nearest cell of another, whose cells differ in size."""
     place = (torch.arange(cells) + 0.5 - cells / 2) * cell_m
     return ((place / other_m + others / 2 - 0.5).round()).clamp(0, others - 1).long()
 
@@ -212,7 +212,7 @@ class JointNet(nn.Module):
         self.register_buffer("handed", handed, persistent=False)
 
     def vote(self, x: Tensor) -> Answer:
-        """Answer with all that training asks for."""
+        """Return the full output, as training needs it."""
         with torch.no_grad():
             coarse = self.coarse(x.index_select(2, self.middle).index_select(3, self.middle))
             felt = coarse.felt.index_select(2, self.handed).index_select(3, self.handed)
@@ -238,5 +238,5 @@ class JointNet(nn.Module):
         return Answer(joints, said[:, :, :2], behind, person, mask, log_weights, own)
 
     def forward(self, x: Tensor) -> tuple[Tensor, ...]:
-        """Answer without what only training asks for."""
+        """Return the output without what only training needs."""
         return tuple(self.vote(x)[:5])

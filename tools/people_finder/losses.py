@@ -1,9 +1,9 @@
-"""What training asks of the net: who is where, and where their torso and joints are.
+"""Losses of the people finder's net: person mask, torso votes and joint votes.
 
-Votes are scored by the likelihood of a Laplace distribution whose width the net gives as well
+Votes are scored by the likelihood of a Laplace distribution whose width the net predicts as well
 (Kendall and Gal 2017, *What uncertainties do we need in Bayesian deep learning*, eq. 8 with the
-absolute error), so that a vote says how much it is worth. Every person weighs the square root of
-their pixels, so that those far away count.
+absolute error), so that a vote carries its own uncertainty. Every person is weighted by the square root of
+their pixel count, so that people far away count.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ from torch.nn import functional
 from depth_pose.core.skeleton import JOINTS
 
 _HARD_MASK = 1.5
-"""Exponent by which well-known pixels lose weight (Lin et al. 2017, focal loss)."""
+"""Exponent that reduces the weight of well-classified pixels (Lin et al. 2017, focal loss)."""
 
 _TORSO_WEIGHT, _JOINT_WEIGHT, _OVERLAP_WEIGHT = 0.25, 1.0, 0.5
 _BEHIND_WEIGHT = 0.5
-"""Weights of these four losses; the mask's focal one counts 1. Set by hand."""
+"""Weights of these four losses; that of the mask's focal loss is 1. Set by hand."""
 _LEAST_ERROR_M = 0.02
-"""Narrowest width that a vote may claim."""
+"""Smallest width that a vote may predict."""
 
 
 def mask_loss(logits: Tensor, labels: Tensor, valid: Tensor) -> Tensor:
@@ -38,7 +38,7 @@ def mask_loss(logits: Tensor, labels: Tensor, valid: Tensor) -> Tensor:
 
 
 def person_weights(labels: Tensor, least: float) -> Tensor:
-    """Weigh every pixel so that a person's weights sum to the root of their pixels."""
+    """Weight every pixel so that a person's weights sum to the square root of their pixel count."""
     flat = labels.flatten(1)
     counts = torch.zeros(len(flat), 8).scatter_add_(1, flat, torch.ones_like(flat, dtype=torch.float32))
     counts[:, 0] = torch.inf
@@ -70,7 +70,7 @@ def finder_loss(
     cell_labels: Tensor,
     joints: Tensor,
 ) -> tuple[Tensor, dict[str, float]]:
-    """Sum the losses of what the net says, joints or not; shapes as `scenes.Batch` and `net.FinderNet`."""
+    """Sum the losses of an output, with or without joints; shapes as `scenes.Batch` and `net.FinderNet`."""
     mask, votes = (o.float() for o in outputs[:2])
     valid = (grid > 0).float()
     loss_mask = mask_loss(mask[:, 0], labels, valid)

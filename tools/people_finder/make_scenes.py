@@ -3,7 +3,7 @@
     python tools/people_finder/make_scenes.py -o scenes/train --count 24000 --seed 1
     python tools/people_finder/make_scenes.py -o scenes/val --count 1000 --seed 900001
 
-Scene number i of a seed is the same whoever makes it, in whatever order. A shard ``scenes_FIRST.npz``
+Scene number i of a seed is always the same, in whatever order scenes are made. A shard ``scenes_FIRST.npz``
 holds `SHARD` scenes on a grid of 240 rows by 320 columns, on which the image begins at the top left:
 
 ========== ====================== =====================================================================
@@ -14,7 +14,7 @@ K          (N, 4) float32         fx, fy, cx, cy, pixels of the grid
 valid_size (N, 2) int16           rows and columns that the image fills; the rest of the grid is 0
 joints     (N, 6, 19, 3) float32  metres, optical frame; NaN where there is no such person
 visible    (N, 6) float32         share of a person's silhouette that the image shows; 0 for no person
-seen       (N, 6, 19) bool        whether a joint is in the image and hidden by nothing but its owner
+seen       (N, 6, 19) bool        whether a joint is in the image and hidden by nothing but the person
 up         (N, 3) float32         away from the floor, optical frame
 index      (N,) int64             number of the scene
 ========== ====================== =====================================================================
@@ -50,7 +50,7 @@ app = typer.Typer(add_completion=False)
 
 
 class Style(StrEnum):
-    """What scenes there are; the value is the first part of their files' names."""
+    """Kinds of scenes; the value is the first part of their file names."""
 
     ROOMS = "scenes"
     STUDIOS = "studios"
@@ -66,7 +66,7 @@ def make_scene(seed: int, index: int, style: Style = Style.ROOMS) -> Scene:
 
 
 def make_shard(folder: Path, seed: int, style: Style, first: int, count: int) -> int:
-    """Make a file of scenes, unless it is there; gives how many."""
+    """Make a file of scenes, unless it exists; return the number of scenes."""
     path = folder / f"{style.value}_{first:07d}.npz"
     if path.exists():
         return count
@@ -107,7 +107,7 @@ def _stack(scenes: list[Scene]) -> dict[str, NDArray[Any]]:
 
 
 def _save(path: Path, arrays: dict[str, NDArray[Any]]) -> None:
-    """Write an .npz at the least level of compression, which is nearly as small and far faster."""
+    """Write an .npz at the lowest compression level, which is nearly as small and far faster."""
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
         for name, array in arrays.items():
             with archive.open(f"{name}.npy", "w", force_zip64=True) as stream:
@@ -117,7 +117,7 @@ def _save(path: Path, arrays: dict[str, NDArray[Any]]) -> None:
 @app.command()
 def main(
     out: Annotated[Path, typer.Option("-o", "--out", help="Folder for the shards")],
-    count: Annotated[int, typer.Option(min=1, help="How many scenes")] = 24_000,
+    count: Annotated[int, typer.Option(min=1, help="Number of scenes")] = 24_000,
     first: Annotated[int, typer.Option(min=0, help="Number of the first scene")] = 0,
     seed: Annotated[int, typer.Option(min=0, help="Seed of all scenes")] = 1,
     workers: Annotated[int, typer.Option(min=1, help="Processes")] = 1,
@@ -125,7 +125,7 @@ def main(
         Style, typer.Option(help="Rooms; studios: people before a plain wall; lookalikes: nobody, but coats")
     ] = Style.ROOMS,
 ) -> None:
-    """Make scenes; shards that are there already are kept, so that it can be run again."""
+    """Make scenes; existing shards are kept, so that an interrupted run can be continued."""
     out.mkdir(parents=True, exist_ok=True)
     starts = range(first, first + count, SHARD)
     sizes = [min(SHARD, first + count - start) for start in starts]
@@ -139,7 +139,7 @@ def main(
 def _made(
     folder: Path, seed: int, style: Style, shards: list[tuple[int, int]], workers: int
 ) -> Iterator[int]:
-    """Make shards, in as many processes; gives the size of each when it is done."""
+    """Make shards in several processes; yield the size of each when it is done."""
     if workers == 1:
         yield from (make_shard(folder, seed, style, *shard) for shard in shards)
         return
@@ -152,7 +152,7 @@ def _made(
 
 @contextmanager
 def pool(workers: int) -> Iterator[ProcessPoolExecutor]:
-    """Give processes that end with the block, its failure included."""
+    """Provide a pool of processes that ends with the block, also if the block fails."""
     with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as processes:
         try:
             yield processes

@@ -1,11 +1,11 @@
-"""Make the people finder's weights from nothing: scenes, training, verifier, and the second look's net.
+"""Make the people finder's weights from scratch: scenes, training, verifier, and the second look's net.
 
     pip install -e '.[train]'
     python tools/people_finder/make_weights.py build/people_finder
 
-What is there already is kept, so that it can be run again. The result is in FOLDER/integers (with floats in
-FOLDER/weights); copy it to src/depth_pose/detect/weights to ship it. It takes two and a half hours on 2
-cores.
+Existing files are kept, so that an interrupted run can be continued. The result is in FOLDER/integers (with
+floats in FOLDER/weights); copy it to src/depth_pose/detect/weights to release it. It takes two and a half
+hours on 2 cores.
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ _HERE = Path(__file__).resolve().parent
 _TRAIN_SEED, _CHECK_SEED = 1, 900_001
 _STUDIO_TRAIN_SEED, _STUDIO_CHECK_SEED = 2, 900_002
 _ALIKE_TRAIN_SEED, _ALIKE_CHECK_SEED = 3, 900_003
-"""Seeds of all these scenes: what weights are trained on is never what they are checked on."""
+"""Seeds of all these scenes: weights are never checked on what they were trained on."""
 _ALIKE, _ALIKE_CHECKS = 7_500, 750
-"""Scenes of what looks like people, to train on and to check on. Set by hand."""
+"""Number of scenes with lookalikes, for training and for checking. Set by hand."""
 _IMAGES, _BATCH, _RATE = 240_000, 16, 2e-3
-"""The finder's training: images in all, images a step, and the highest learning rate. Set by hand."""
+"""The finder's training: images in all, images per step, and the highest learning rate. Set by hand."""
 _CROPS, _FALL = 1_000_000, 80_000
 """The second look's training: crops at the highest rate, and while it falls. Set by hand."""
 _COARSE = ("git", "show", "fe355e5:src/depth_pose/people/weights/joint_finder.onnx")
-"""Its coarse net is the one that shipped before, with floats."""
+"""Its coarse net is the one released before, with floats."""
 
 app = typer.Typer(add_completion=False)
 
@@ -79,7 +79,7 @@ def main(
 
 
 def call(script: str, *arguments: object) -> None:
-    """Run one of the scripts beside this one; its failure ends all."""
+    """Run one of the scripts beside this one; its failure ends the run."""
     Console().rule(script)
     subprocess.run([sys.executable, str(_HERE / script), *map(str, arguments)], check=True)
 

@@ -1,11 +1,11 @@
-"""Simulate a stereo camera as it is made, and show the fast model of `depth_pose.sim.stereo` beside it.
+"""Simulate a stereo camera from its images, and show the fast model of `depth_pose.sim.stereo` beside it.
 
     pip install opencv-python-headless
     python tools/people_finder/match_blocks.py stereo.png
 
 A room is drawn from two cameras in infrared: surfaces with texture, a projected pattern of dots or none,
-sensor noise. Semi-global matching (OpenCV) finds disparities, with a check from right to left. Then come the
-same driver's filters as in the fast model. The figures say how far the fast model's errors are like those.
+sensor noise. Semi-global matching (OpenCV) finds disparities, with a right-to-left check. Then come the same
+driver's filters as in the fast model. The figures show how similar the fast model's errors are.
 """
 
 from __future__ import annotations
@@ -34,13 +34,13 @@ _DISPARITIES = 96
 _GRAIN_M = (0.004, 0.015, 0.06)
 """Sizes of a surface's texture, metres."""
 _PATTERN_PX = 3.0
-"""Distance of the projector's dots, pixels."""
+"""Spacing of the projector's dots, pixels."""
 
 
 def infrared(
     drawn: Drawn, albedo: Image, shift: float, dots: bool, rng: np.random.Generator
 ) -> NDArray[np.uint8]:
-    """Draw what an infrared camera sees that stands ``shift`` metres to the right of the left one."""
+    """Render the image of an infrared camera ``shift`` metres to the right of the left one."""
     points = _CAMERA.back_project(np.nan_to_num(drawn.depth)).astype(np.float64) + np.array([shift, 0.0, 0.0])
     grain = sum(_lattice_noise(points / size, k) for k, size in enumerate(_GRAIN_M))
     light = albedo * np.maximum(drawn.cosine, 0.05) * (1.0 + 0.15 * grain)
@@ -89,7 +89,7 @@ def match(left: NDArray[np.uint8], right: NDArray[np.uint8], window: int) -> Ima
 
 
 def _scene(rng: np.random.Generator) -> tuple[list[Drawn], list[Image], float]:
-    """Draw a room with somebody in it from both cameras."""
+    """Render a room with a person in it from both cameras."""
     view = look(_CAMERA, 1.2, np.radians(10.0), 0.0)
     room = make_room(rng, 1.2, False)
     person = place(sample_figure(rng), 0.2, rng.uniform(1.6, 2.8), np.pi, rng)
@@ -104,8 +104,8 @@ def _scene(rng: np.random.Generator) -> tuple[list[Drawn], list[Image], float]:
 
 
 def compare(depth: Image, ideal: Image, reach: float) -> str:
-    """Say how far measured depth is off in disparity: spread, size of bumps, edges, holes."""
-    depth, ideal = depth[:, _DISPARITIES:], ideal[:, _DISPARITIES:]  # matching finds nothing before
+    """Report the errors of measured depth in disparity: spread, size of bumps, edges, holes."""
+    depth, ideal = depth[:, _DISPARITIES:], ideal[:, _DISPARITIES:]  # nothing is matched left of this
     known = (depth > 0) & (ideal > 0)
     off = np.where(known, reach / np.maximum(depth, 0.1) - reach / np.maximum(ideal, 0.1), np.nan)
     flat = known & (np.abs(off) < 1.0)
@@ -128,7 +128,7 @@ def main(
     rooms: Annotated[int, typer.Option(help="Rooms", min=1)] = 3,
     seed: Annotated[int, typer.Option(help="Of the rooms and all noise")] = 5,
 ) -> None:
-    """Draw both side by side, and tell how far they are off."""
+    """Draw both side by side, and print their errors."""
     import matplotlib.pyplot as plt
 
     config = StereoConfig(window=9)

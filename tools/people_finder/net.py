@@ -14,7 +14,7 @@ from depth_pose.core.skeleton import JOINTS
 from depth_pose.detect._finder_kernels import CHANNELS
 
 _JOINT_WIDTH = 80
-"""Channels before the votes for joints; no fewer than what they have to say."""
+"""Channels before the votes for joints; no fewer than the outputs."""
 
 
 class ConvUnit(nn.Sequential):
@@ -77,17 +77,17 @@ class FinderNet(nn.Module):
         )
 
     def forward(self, x: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """Give mask logits (N,1,H,W), torso votes (N,4,H,W) and joint votes (N,4J+1,H/4,W/4)."""
+        """Return mask logits (N,1,H,W), torso votes (N,4,H,W) and joint votes (N,4J+1,H/4,W/4)."""
         mask, torso, y4 = self.packed(x)
         return functional.pixel_shuffle(mask, 2), functional.pixel_shuffle(torso, 2), self.joints(y4)
 
     def seen(self, x: Tensor) -> tuple[Tensor, Tensor]:
-        """Give mask logits and torso votes alone."""
+        """Return mask logits and torso votes alone."""
         mask, torso, _ = self.packed(x)
         return functional.pixel_shuffle(mask, 2), functional.pixel_shuffle(torso, 2)
 
     def packed(self, x: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """Give mask (N,4,H/2,W/2) and torso votes (N,16,H/2,W/2), four pixels to one, and what joints see."""
+        """Return mask (N,4,H/2,W/2) and torso votes (N,16,H/2,W/2), packed by four, and joint features."""
         x2 = self.stem(x)
         x4 = self.down4(x2)
         x8 = self.down8(x4)
@@ -99,7 +99,7 @@ class FinderNet(nn.Module):
 
 
 def _double(x: Tensor, like: Tensor) -> Tensor:
-    """Double the resolution; the last row or column goes where the other has none."""
+    """Double the resolution; the last row or column is cropped where the other has none."""
     doubled = functional.interpolate(x, scale_factor=2, mode="nearest")
     if doubled.shape[2:] == like.shape[2:]:  # a cut that cuts nothing would cost time in the exported net
         return doubled

@@ -1,4 +1,4 @@
-"""Keep the weights of a net (ONNX) in 16 bits, and bring them back to 32."""
+"""Store the weights of a net (ONNX) in 16 bits, and convert them back to 32."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _FEW = 256
 
 
 def halve(path: Path) -> None:
-    """Keep a net's weights in 16 bits; the run time widens them once, as it loads them."""
+    """Store a net's weights in 16 bits; the run time converts them once, on loading."""
     model = onnx.load(path)
     widened = []
     for tensor in list(model.graph.initializer):
@@ -31,7 +31,7 @@ def halve(path: Path) -> None:
 
 
 def widen(model: onnx.ModelProto) -> None:
-    """Bring weights that are kept in 16 bits to 32."""
+    """Convert weights stored in 16 bits to 32."""
     halves = {t.name: t for t in model.graph.initializer if t.data_type == TensorProto.FLOAT16}
     for node in [n for n in model.graph.node if n.op_type == "Cast" and n.input[0] in halves]:
         half = halves[node.input[0]]

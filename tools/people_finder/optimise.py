@@ -17,12 +17,12 @@ from torch import Tensor, nn
 Net = TypeVar("Net", bound=nn.Module)
 
 _EMA, _WEIGHT_DECAY, _WARM_UP, _CLIP = 0.998, 1e-4, 0.05, 5.0
-"""What averaged weights keep a step, the weight decay, the share of the steps in which the rate rises, and
-the largest norm of a gradient. Set by hand."""
+"""Decay of the averaged weights per step, weight decay, share of the steps in which the rate rises, and
+largest norm of a gradient. Set by hand."""
 
 
 class Plan(NamedTuple):
-    """How long and how fast: examples in all and in a step, highest rate, examples between checkpoints.
+    """Schedule: examples in all and per step, highest rate, examples between checkpoints.
 
     Examples are counted over all replicas.
     """
@@ -35,10 +35,9 @@ class Plan(NamedTuple):
 
 
 def arithmetic(exact: bool | None) -> torch.autocast:
-    """Give the context of a net's forward pass: bfloat16, or 32 bits throughout.
+    """Return the context of a net's forward pass: bfloat16, or 32 bits throughout.
 
-    Without a choice it is bfloat16 where the processor computes with it; others only imitate it, at twice the
-    time that 32 bits take.
+    By default it is bfloat16 where the processor supports it; others emulate it, at twice the time of 32 bits.
     """
     has = torch.cpu.get_capabilities()
     if exact is None:
@@ -60,18 +59,18 @@ def optimise(
     Parameters
     ----------
     make : callable
-        Makes the net.
+        Function that builds the net.
     loss_of : callable
-        Gives the loss of this replica's part of the next batch, and its parts for the log.
+        Function that returns the loss of this replica's part of the next batch, and its parts for the log.
     plan : Plan
     replica : Replica
-        Which of those that train together this is; the first one writes and tells.
+        This process; the first replica writes files and logs.
     out : Path
         Folder for checkpoints and ``log.jsonl``.
     start : Path, optional
-        Checkpoint to go on from.
+        Checkpoint to continue from.
     remark : callable
-        Gives what else the log says of the averaged net.
+        Function that returns further log entries for the averaged net.
     """
     torch.manual_seed(plan.seed)
     out.mkdir(parents=True, exist_ok=True)

@@ -2,10 +2,10 @@
 
     python tools/people_finder/quantise.py build/people_finder/weights src/depth_pose/detect/weights
 
-Values between the layers get 8 bits, over the range that they have in simulated rooms; weights get 7, with a
-scale for each channel: with 8, the sums of processors without VNNI could overflow. So all of them compute the
-same. The first layers, which read metres, and those that answer in metres stay as they are (`_KEPT`);
-docs/method.md says what that is worth.
+Values between the layers get 8 bits, over their range in simulated rooms; weights get 7, with a scale for
+each channel: with 8, the sums of processors without VNNI could overflow. So all processors compute the same.
+The first layers, which read metres, and those that output metres stay in floats (`_KEPT`); docs/method.md
+gives the effect.
 """
 
 from __future__ import annotations
@@ -47,36 +47,36 @@ _KEPT = {
 (median), with its first three by 9 instead of 6."""
 
 _SEED, _FRAMES, _EVERY, _MOST = 77, 12, 4, 100
-"""Of the rooms: seed, frames of each and which of them are looked at. And how many inputs a range is from."""
+"""Seed of the rooms, frames of each, every n-th of which is used, and number of inputs to find a range."""
 
 Features = NDArray[np.float32]
 
 
 class _Watched:
-    """A net whose inputs are kept."""
+    """A net whose inputs are recorded."""
 
     def __init__(self, session: Any) -> None:
         self._session, self.inputs = session, list[Features]()
 
     def run(self, outputs: list[str] | None, inputs: dict[str, Features]) -> list[NDArray[Any]]:
-        """Answer as the net does."""
+        """Run the net and record its inputs."""
         self.inputs += [v.copy() for v in inputs.values()]
         return self._session.run(outputs, inputs)
 
 
 class _Inputs(CalibrationDataReader):
-    """Inputs, one after the other, as the run time's quantiser asks for them."""
+    """Recorded inputs, one at a time, as ONNX Runtime's quantiser reads them."""
 
     def __init__(self, name: str, inputs: Iterable[Features]) -> None:
         self._inputs = ({name: i} for i in inputs)
 
     def get_next(self) -> dict[str, Features] | None:
-        """Give the next; None after the last."""
+        """Return the next input; None after the last."""
         return next(self._inputs, None)
 
 
 def watch(weights: Path, rooms: int) -> dict[str, list[Features]]:
-    """Give what both nets are asked in simulated rooms, by the net's name."""
+    """Record the inputs of both nets in simulated rooms, by the net's name."""
     segmenter = LearnedSegmenter(SegmentConfig(find_every=1), weights)
     finder, joints = segmenter.candidates.finder, segmenter._joints
     finder._session, joints._session = _Watched(finder._session), _Watched(joints._session)
@@ -89,7 +89,7 @@ def watch(weights: Path, rooms: int) -> dict[str, list[Features]]:
 
 
 def quantise(source: Path, target: Path, inputs: list[Features]) -> None:
-    """Write a net whose convolutions, but those of `_KEPT`, are integers."""
+    """Write a net whose convolutions, except those of `_KEPT`, use integers."""
     kept = list(_KEPT[source.stem])
     with TemporaryDirectory() as folder:
         wide, ready = Path(folder) / "wide.onnx", Path(folder) / "ready.onnx"
@@ -116,8 +116,8 @@ def quantise(source: Path, target: Path, inputs: list[Features]) -> None:
 
 def main(
     weights: Annotated[Path, typer.Argument(help="Folder of both nets, as make_weights.py trained them")],
-    out: Annotated[Path, typer.Argument(help="Folder for both nets, and what made them, as integers")],
-    rooms: Annotated[int, typer.Option(help="Simulated rooms that ranges are taken from", min=1)] = 40,
+    out: Annotated[Path, typer.Argument(help="Folder for both nets as integers, and their settings")],
+    rooms: Annotated[int, typer.Option(help="Number of simulated rooms for finding the ranges", min=1)] = 40,
     only: Annotated[str | None, typer.Option(help="One of the nets; the other one is copied")] = None,
 ) -> None:
     """Write both nets as integers."""

@@ -1,6 +1,6 @@
-"""Copies of a net that train side by side, a process each: every one on its share of the examples.
+"""Replicas of a net that train in parallel, one process each, on their shares of the examples.
 
-Two threads of one process gain little here (layers are small, and half of a step is not their work); two
+Two threads of one process gain little here (layers are small, and half of a step is other work); two
 processes that average their gradients after each step take half the time.
 """
 
@@ -18,17 +18,17 @@ T = TypeVar("T")
 
 
 class Replica(NamedTuple):
-    """One of the copies: its number, and how many there are."""
+    """One of the replicas: its number, and how many there are."""
 
     rank: int = 0
     count: int = 1
 
     def share(self, items: Sequence[T]) -> Sequence[T]:
-        """Give those of the items that are this copy's."""
+        """Return this replica's share of the items."""
         return items[self.rank :: self.count]
 
     def average(self, tensors: Iterable[Tensor]) -> None:
-        """Replace tensors by their means over all copies; every copy must ask for it."""
+        """Replace tensors by their means over all replicas; every replica must call this."""
         if self.count == 1:
             return
         chosen = list(tensors)
@@ -40,7 +40,7 @@ class Replica(NamedTuple):
 
 
 def run_replicas(work: Callable[..., None], count: int, *arguments: Any) -> None:
-    """Call ``work(replica, *arguments)`` in as many processes; the failure of one ends all."""
+    """Call ``work(replica, *arguments)`` in ``count`` processes; if one fails, all are ended."""
     with tempfile.TemporaryDirectory() as folder:
         begin = (count, Path(folder) / "meet", work, arguments)
         multiprocessing.spawn(_begin, begin, nprocs=count)

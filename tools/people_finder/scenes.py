@@ -1,4 +1,4 @@
-"""Simulated scenes as training samples: loading, and changing them so that no two looks are the same."""
+"""Simulated scenes as training samples: loading and random augmentation."""
 
 from __future__ import annotations
 
@@ -28,17 +28,17 @@ from depth_pose.detect._finder_kernels import (
 )
 
 CELL = 4
-"""Side of the cells that vote for joints, pixels of the net's image."""
+"""Side of a cell that votes for joints, pixels of the net's image."""
 
 _FLESH_M = 0.35
-"""No part of a person or of what they wear is nearer or farther than their joints by more than this."""
+"""No part of a person or their clothes is nearer or farther than their joints by more than this, metres."""
 
 _INDEX = {name: n for n, name in enumerate(JOINTS)}
 _TORSO = [_INDEX[n] for n in ("left_shoulder", "right_shoulder", "left_hip", "right_hip")]
 _LEFT = [_INDEX[n] for n in ("left_shoulder", "left_hip")]
 _RIGHT = [_INDEX[n] for n in ("right_shoulder", "right_hip")]
 _CLEAR_M = 0.1
-"""Left and right this far apart across the view are told from each other without doubt."""
+"""Left and right joints this far apart across the view (m) decide the facing with certainty."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,7 @@ class Scenes:
 
 
 def list_shards(folder: Path) -> list[Path]:
-    """Give a folder's shards, in order."""
+    """List a folder's shards, in order."""
     return sorted(p for p in folder.glob("*.npz") if not p.name.startswith("."))
 
 
@@ -96,14 +96,14 @@ def load_scenes(shards: list[Path]) -> Scenes:
 
 
 def join(parts: list[Scenes]) -> Scenes:
-    """Put scenes together."""
+    """Concatenate scenes."""
     names = Scenes.__dataclass_fields__
     return Scenes(*(np.concatenate([getattr(p, n) for p in parts]) for n in names))
 
 
 @dataclass(frozen=True)
 class Batch:
-    """What the net sees, and should say.
+    """The net's input and targets.
 
     Attributes
     ----------
@@ -129,7 +129,7 @@ class Batch:
 
 
 class Sampler:
-    """Makes batches; with ``rng`` changed at random, without as they are."""
+    """Batches of scenes: augmented at random with ``rng``, unchanged without."""
 
     def __init__(self, scenes: Scenes) -> None:
         self.scenes = scenes
@@ -195,10 +195,10 @@ class Sampler:
 
 
 def seen_from_behind(joints: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Say of each person (P, J, 3) whether their left is on the image's left: 1 surely, -1 surely not.
+    """Return for each person (P, J, 3) whether their left is on the image's left: 1 surely, -1 surely not.
 
-    Which way people face is hard to see in depth, where their limbs are is not; so joints are learned by
-    the side of the image, and this on its own.
+    Depth images show where limbs are better than which way a person faces; so joints are learned by the side
+    of the image, and the facing separately.
     """
     column = joints[..., 0] / np.maximum(joints[..., 2], 0.1)
     apart = column[:, _RIGHT].mean(axis=1) - column[:, _LEFT].mean(axis=1)
@@ -213,7 +213,7 @@ def spoil(
     cols: int,
     rng: np.random.Generator,
 ) -> None:
-    """Cut away the background, put things in front, make holes and noise: each now and then."""
+    """Remove the background, add occluders, holes and noise, each with some probability."""
     view = grid[:rows, :cols]
     if rng.random() < 0.15:  # a blanket or cloak over somebody
         for person in np.unique(labels)[1:]:
@@ -246,7 +246,7 @@ def spoil(
 
 
 def _occlude(view: NDArray[np.float32], labels: NDArray[np.int64], rng: np.random.Generator) -> None:
-    """Put a flat thing in front of a part of the view."""
+    """Place a flat occluder in front of part of the view."""
     rows, cols = view.shape
     h, w = rng.integers(rows // 12, rows // 2), rng.integers(cols // 16, cols // 2)
     i, j = rng.integers(-h // 2, rows - h // 2), rng.integers(-w // 2, cols - w // 2)

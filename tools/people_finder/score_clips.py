@@ -1,4 +1,4 @@
-"""Score the people finder by itself on recordings with a reference, and draw what it finds.
+"""Score the people finder by itself on recordings with a reference.
 
     python tools/people_finder/score_clips.py DATA --weights runs/a/finder.onnx
 
@@ -26,16 +26,16 @@ from depth_pose.io.mcap_read import read_frames
 _SEQUENCES = ("real_office", "real_corridor", "real_empty", "dev_people", "dev_postures", "dev", "dev_bodies")
 _SINGLES = ("real_kinect2", "real_itop", "real_wave")
 _DEPTH_M, _TORSO_M = 0.5, 0.4
-"""Farthest from a reference that is theirs: the median depth, and the torso, metres. Set by hand."""
+"""Largest distance from the matching reference, metres: of the median depth and the torso. Set by hand."""
 _ASKED, _WEAK = 0.3, 0.05
-"""Who shows by less than the first is not asked for, by less than the second not there. Set by hand."""
+"""People visible by less than the first share do not count, by less than the second are absent. Set by hand."""
 
 app = typer.Typer(add_completion=False)
 
 
 @dataclass(frozen=True)
 class Seen:
-    """What a person's pixels say: rays, medians."""
+    """A detected person's pixels in the frame, and their medians."""
 
     probability: float
     column: float
@@ -47,7 +47,7 @@ class Seen:
 
 
 def look(found: Detections, person: Detection, frame: DepthFrame) -> Seen | None:
-    """Give a person's pixels in those of the frame."""
+    """Convert a person's pixels to those of the frame; None if there are none."""
     rows, cols = np.nonzero(found.labels == person.label)
     if len(rows) == 0:
         return None
@@ -80,7 +80,7 @@ def fits_box(seen: Seen, box: list[float], depth: float) -> bool:
 
 
 def score_boxes(seen: list[Seen], reference: dict) -> Counter:
-    """Count as the trial did."""
+    """Count people found, false and double in a real sequence."""
     count = Counter(frames=1, found_all=len(seen))
     persons = reference["persons"]
     asked = [p for p in persons if not p["ignore"]]
@@ -108,7 +108,7 @@ def score_boxes(seen: list[Seen], reference: dict) -> Counter:
 
 
 def score_joints(seen: list[Seen], joints: NDArray[np.float64], visible: NDArray[np.float64]) -> Counter:
-    """Count persons whose torso is within 0.4 m of the truth's, and those of no one."""
+    """Count detections whose torso is within 0.4 m of the truth, and false ones."""
     count = Counter(frames=1, found_all=len(seen))
     torso = joints[:, _TORSO_JOINTS].mean(axis=1)
     asked = [k for k in range(len(joints)) if visible[k] >= _ASKED]
@@ -181,7 +181,7 @@ def score_recording(
 
 
 def line(name: str, c: Counter) -> str:
-    """One line of figures."""
+    """Format one line of figures."""
     n = max(c["found"], 1)
     return (
         f"{name:14s} frames {c['frames']:4d} asked {c['asked']:4d} "
@@ -196,9 +196,9 @@ def main(
     data: Annotated[Path, typer.Argument(help="Folder of folders of recordings")],
     weights: Annotated[Path | None, typer.Option(help="Net to score (.onnx, its .json beside it)")] = None,
     only: Annotated[list[str] | None, typer.Option(help="Folders to score")] = None,
-    step: Annotated[int, typer.Option(help="Score every so many frames of clips with joints")] = 10,
-    threshold: Annotated[list[float] | None, typer.Option(help="Probabilities to ask for")] = None,
-    each: Annotated[bool, typer.Option(help="A line for every recording")] = False,
+    step: Annotated[int, typer.Option(help="Score every n-th frame of clips with joints")] = 10,
+    threshold: Annotated[list[float] | None, typer.Option(help="Detection thresholds (probability)")] = None,
+    each: Annotated[bool, typer.Option(help="Print a line for every recording")] = False,
 ) -> None:
     """Score the finder."""
     thresholds = threshold or [0.3, 0.5, 0.6, 0.8]

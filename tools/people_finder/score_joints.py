@@ -33,7 +33,7 @@ SETS = (
 )  # fmt: skip
 _GROUPS = ("head", "shoulder", "elbow", "wrist", "hip", "knee", "ankle", "foot")
 _FAR_M = 0.6
-"""A person whose torso is farther than this from the truth is somebody else, metres."""
+"""A person whose torso is farther than this from the truth is another one, metres."""
 _TORSO = [JOINT_INDEX[f"{side}_{n}"] for side in ("left", "right") for n in ("shoulder", "hip")]
 _ADULT_M = 1.7
 
@@ -62,7 +62,7 @@ def _frames(path: Path, weights: Path | None, step: int) -> Iterator[tuple[Any, 
 
 
 def score_clip(path: Path, weights: Path | None, step: int) -> Iterator[Looked | None]:
-    """Compare with joints in metres; None where nobody is near the truth."""
+    """Compare with joints in metres; None where no person is near the truth."""
     data = np.load(path.with_suffix(".npz"))
     for frame, found in _frames(path, weights, step):
         truth = data["joints"][int(np.argmin(np.abs(data["stamps_ns"] - frame.stamp_ns)))].astype(float)
@@ -80,7 +80,7 @@ def _sigma(person: Any) -> Array:
 
 
 def score_sequence(path: Path, weights: Path | None) -> Iterator[Looked | None]:
-    """Compare with joints in pixels, of everybody who is asked for."""
+    """Compare with joints in pixels, of every person that counts."""
     references = {r["stamp_ns"]: r for r in json.loads(path.with_suffix(".json").read_text())}
     for frame, found in _frames(path, weights, 1):
         if frame.stamp_ns not in references:
@@ -99,7 +99,7 @@ def score_singles(path: Path, weights: Path | None) -> Iterator[Looked | None]:
 
 
 def _height(asked: dict[str, Any], camera: Camera) -> float:
-    """Height of a person in the image: of their box, or what it would be where they are cut or seated."""
+    """Height of a person in the image: of their box, or of an adult if they are cut off or seated."""
     tall, away = asked["box"][3] - asked["box"][1], asked["median_depth_m"]
     whole = _ADULT_M * camera.fy / away if away > 0 else tall
     cut = tall < 0.8 * whole or any(word in asked["note"] for word in ("cut", "seated"))
@@ -144,11 +144,11 @@ def _line(name: str, looks: list[Looked | None]) -> str:
 def main(
     data: Annotated[Path, typer.Argument(help="Folder of folders of recordings")],
     weights: Annotated[
-        Path | None, typer.Option(help="Folder of both nets; those that ship if not given")
+        Path | None, typer.Option(help="Folder of both nets; the released ones by default")
     ] = None,
     only: Annotated[list[str] | None, typer.Option(help="Folders to score")] = None,
-    step: Annotated[int, typer.Option(help="Look at every so many frames of clips with joints", min=1)] = 4,
-    each: Annotated[bool, typer.Option(help="A line for every recording")] = False,
+    step: Annotated[int, typer.Option(help="Use every n-th frame of clips with joints", min=1)] = 4,
+    each: Annotated[bool, typer.Option(help="Print a line for every recording")] = False,
 ) -> None:
     """Score the second look's joints."""
     for name in only or SETS:

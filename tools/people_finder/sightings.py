@@ -1,4 +1,4 @@
-"""What the finder found in scenes, as training samples of the second look."""
+"""The finder's detections in scenes, as training samples of the second look."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from replicas import Replica
 from depth_pose.detect._crop_kernels import CropView, fill_features
 
 OUTSIDE = 255
-"""In a sighting's mask: a pixel outside the image."""
+"""Mask value of pixels outside the image."""
 
 _ALONE = Replica()
 
 
 @dataclass(frozen=True)
 class Sightings:
-    """People and things that the finder took for people; ``find_sightings.py`` says what is what."""
+    """People, and objects that the finder took for people; ``find_sightings.py`` describes the arrays."""
 
     depth: NDArray[np.uint16]
     whose: NDArray[np.uint8]
@@ -45,7 +45,7 @@ class Sightings:
         return np.concatenate([rng.choice(kind, count // 2) for kind in kinds])
 
     def batch(self, which: NDArray[np.int64], rng: np.random.Generator | None) -> CropBatch:
-        """Make crops; with ``rng`` mirrored and spoiled at random, without as they are."""
+        """Make crops: mirrored and corrupted at random with ``rng``, unchanged without."""
         out = CropBatch.empty(len(which))
         for k, n in enumerate(which):
             grid = self.depth[n] * np.float32(0.001)
@@ -66,7 +66,7 @@ class Sightings:
 
 
 def spoil_crop(grid: NDArray[np.float32], whose: NDArray[np.int64], rng: np.random.Generator) -> None:
-    """Take the background away, make holes and noise: each now and then."""
+    """Remove the background, add holes and noise, each with some probability."""
     if rng.random() < 0.08:
         grid[whose == 0] = 0
     if rng.random() < 0.25:

@@ -26,18 +26,18 @@ def train(
     scenes: Annotated[Path, typer.Argument(help="Folder of shards from make_scenes.py")],
     out: Annotated[Path, typer.Argument(help="Folder for checkpoints")],
     images: Annotated[int, typer.Option(help="Images to train on, repeats counted")] = 400_000,
-    batch: Annotated[int, typer.Option(help="Images in a step")] = 32,
+    batch: Annotated[int, typer.Option(help="Images per step")] = 32,
     rate: Annotated[float, typer.Option(help="Highest learning rate")] = 2e-3,
     seed: Annotated[int, typer.Option(help="Start of all random numbers")] = 0,
-    start: Annotated[Path | None, typer.Option(help="Checkpoint to go on from")] = None,
+    start: Annotated[Path | None, typer.Option(help="Checkpoint to continue from")] = None,
     save_every: Annotated[int, typer.Option(help="Images between checkpoints")] = 40_000,
     workers: Annotated[int, typer.Option(help="Processes, each with its share of a batch")] = 1,
     joints: Annotated[
-        bool, typer.Option(help="Ask for votes for joints, which help a net from nothing to learn")
+        bool, typer.Option(help="Train votes for joints as well, which helps a net that starts from scratch")
     ] = True,
     exact: Annotated[
         bool | None,
-        typer.Option(help="32 bits throughout; by default where the processor has no bfloat16"),
+        typer.Option(help="Use 32 bits throughout; the default where the processor has no bfloat16"),
     ] = None,
 ) -> None:
     """Train; writes OUT/NNNNNNN.pt every so often, and OUT/last.pt."""
@@ -67,7 +67,7 @@ def _train(
 
 
 class Feed:
-    """Batches from a replica's share of a folder's shards, each scene once a round."""
+    """Batches from a replica's share of a folder's shards, each scene once per epoch."""
 
     def __init__(self, folder: Path, seed: int, replica: Replica) -> None:
         self._rng = np.random.default_rng([seed, replica.rank])
@@ -78,11 +78,11 @@ class Feed:
 
     @property
     def count(self) -> int:
-        """How many scenes are known."""
+        """Number of scenes."""
         return sum(len(s.scenes) for s in self._samplers)
 
     def next(self, size: int) -> tuple[Tensor, tuple[Tensor, ...]]:
-        """Give the net's input, and what `finder_loss` compares with."""
+        """Return the net's input, and the targets of `finder_loss`."""
         if len(self._order) < size:
             pairs = [(k, n) for k, s in enumerate(self._samplers) for n in range(len(s.scenes))]
             self._order = [pairs[i] for i in self._rng.permutation(len(pairs))]

@@ -1,13 +1,13 @@
-"""Train the net of the second look on people who are drawn while it trains.
+"""Train the net of the second look on people simulated during training.
 
     git show fe355e5:src/depth_pose/people/weights/joint_finder.onnx > coarse.onnx
     python tools/people_finder/train_joints.py runs/joints --coarse coarse.onnx --crops 1000000 --decay 80000
 
 Training has three parts: a short rise of the rate, a long part at the highest rate, and a short fall to none.
-OUT/stable.pt is the end of the second part, from which a later call with more ``--crops`` goes on; each call
-ends with a fall that starts from it and writes OUT/last.pt. So a net that is ready can be had at any time,
-and no training is lost. Stopped (Ctrl-C, kill), it goes on from OUT/stable.pt, which is written every few
-minutes.
+OUT/stable.pt is the end of the second part, from which a later call with more ``--crops`` continues; each
+call ends with a fall that starts from it and writes OUT/last.pt. So a finished net is available at any time,
+and no training is lost. If stopped (Ctrl-C, kill), it continues from OUT/stable.pt, which is written every
+few minutes.
 """
 
 from __future__ import annotations
@@ -35,25 +35,25 @@ from depth_pose.core.skeleton import JOINTS, MIRROR_JOINTS
 _GROUPS = ("head", "neck", "chest", "pelvis", "shoulder", "elbow", "wrist", "hip", "knee", "ankle", "foot")
 
 _EMA, _EMA_FALLING, _WEIGHT_DECAY, _WARM_UP, _CLIP = 0.999, 0.995, 0.02, 400, 5.0
-"""What averaged weights keep a step, likewise while the rate falls, the weight decay, steps in which the rate
-rises, and the largest norm of a gradient. Set by hand."""
+"""Decay of the averaged weights per step, the same while the rate falls, weight decay, steps in which the
+rate rises, and largest norm of a gradient. Set by hand."""
 
 _CHECK_SEED, _CHECKS = 900_001, 400
-"""Seed and number of the close-ups that tell how it goes; training seeds are small numbers."""
+"""Seed and number of the validation close-ups; training seeds are small numbers."""
 
 app = typer.Typer(add_completion=False)
 
 
 class Stream:
-    """Close-ups, new ones all the time; each is shown a few times, changed, before it goes.
+    """Pool of close-ups that is renewed continuously; each is used a few times, augmented, then dropped.
 
     Parameters
     ----------
     seed : tuple of int
     room : int
-        Close-ups that are kept.
+        Number of close-ups kept.
     fresh : float
-        New ones for each that is shown.
+        New close-ups for each one used.
     """
 
     def __init__(self, seed: tuple[int, ...], room: int, fresh: float) -> None:
@@ -65,7 +65,7 @@ class Stream:
             self._kept += self._maker.make(self._rng)
 
     def next(self, size: int) -> list[CloseUp]:
-        """Give some, drawn at random from those that are kept."""
+        """Return some close-ups, drawn at random from the pool."""
         self._due += size * self._fresh
         while self._due >= 1.0:
             for one in self._maker.make(self._rng):
@@ -83,12 +83,12 @@ def train(
     out: Annotated[Path, typer.Argument(help="Folder for checkpoints and log.jsonl")],
     crops: Annotated[int, typer.Option(help="Crops to train on at the highest rate")] = 1_000_000,
     decay: Annotated[int, typer.Option(help="Crops of the fall of the rate at the end; 0 for none")] = 80_000,
-    batch: Annotated[int, typer.Option(help="Crops in a step")] = 32,
+    batch: Annotated[int, typer.Option(help="Crops per step")] = 32,
     rate: Annotated[float, typer.Option(help="Highest learning rate")] = 1.5e-3,
     fresh: Annotated[float, typer.Option(help="New close-ups for each crop")] = 0.3,
     keep: Annotated[int, typer.Option(help="Close-ups that are kept (30 kB each)")] = 16_000,
     sightings: Annotated[Path | None, typer.Option(help="File from find_sightings.py")] = None,
-    found: Annotated[int, typer.Option(help="How many of a step's crops are sightings")] = 10,
+    found: Annotated[int, typer.Option(help="Number of a step's crops that are sightings")] = 10,
     seed: Annotated[int, typer.Option(help="Start of all random numbers")] = 1,
     start: Annotated[Path | None, typer.Option(help="Weights to start from where OUT has none")] = None,
     coarse: Annotated[Path | None, typer.Option(help="The coarse net (ONNX), where neither is given")] = None,
@@ -96,10 +96,10 @@ def train(
     threads: Annotated[int, typer.Option(help="Threads")] = 1,
     exact: Annotated[
         bool | None,
-        typer.Option(help="32 bits throughout; by default where the processor has no bfloat16"),
+        typer.Option(help="Use 32 bits throughout; the default where the processor has no bfloat16"),
     ] = None,
 ) -> None:
-    """Train, or go on; writes OUT/stable.pt and OUT/last.pt."""
+    """Train, or continue training; writes OUT/stable.pt and OUT/last.pt."""
     torch.set_num_threads(threads)
     torch.manual_seed(seed)
     out.mkdir(parents=True, exist_ok=True)
@@ -132,7 +132,7 @@ def train(
 
 
 class _Run:
-    """A net, its optimiser and how far they are."""
+    """State of training: a net, its optimiser and their progress."""
 
     def __init__(
         self, out: Path, rate: float, exact: bool | None, start: Path | None, coarse: Path | None
@@ -159,7 +159,7 @@ class _Run:
             self.steps, self.done = kept["steps"], kept["done"]
 
     def step(self, crops: CropBatch, share: float, keep: float) -> None:
-        """Learn from a batch at a share of the highest rate; averaged weights keep so much."""
+        """Train on a batch at a share of the highest rate; ``keep`` is the decay of the averaged weights."""
         for group in self.optimiser.param_groups:
             group["lr"] = share * self.rate
         with arithmetic(self.exact):
@@ -205,19 +205,19 @@ def _check_set() -> list[CloseUp]:
 
 
 def joined(parts: list[CropBatch]) -> CropBatch:
-    """Put batches together."""
+    """Concatenate batches."""
     return CropBatch(
         *(np.concatenate([getattr(p, n) for p in parts]) for n in CropBatch.__dataclass_fields__)
     )
 
 
 def to_input(crops: CropBatch) -> Tensor:
-    """Give a batch as the net takes it."""
+    """Return a batch's features as a tensor."""
     return torch.from_numpy(crops.features).contiguous(memory_format=torch.channels_last)
 
 
 def score(net: JointNet, crops: CropBatch) -> dict[str, float]:
-    """Give mean errors (mm), the shares within 10 cm and of facings that are right, the mask's overlap."""
+    """Compute mean errors (mm), shares within 10 cm and of correct facings, and the mask's overlap."""
     answers = []
     with torch.no_grad():
         for k in range(0, len(crops.features), 50):

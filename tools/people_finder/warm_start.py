@@ -1,10 +1,10 @@
-"""Turn the finder's weights (ONNX, floats) into a checkpoint that training can go on from.
+"""Convert the finder's weights (ONNX, floats) to a checkpoint that training can continue from.
 
     python tools/people_finder/warm_start.py weights/people_finder.onnx scenes/train start.pt
 
 An exported net has its batch norms folded into the convolutions. Here every norm gets the mean and the
-variance that it meets in scenes, and the scale and shift that undo them: the net answers as the exported one,
-and trains as one that was never folded. Votes for joints are not exported; they start from random numbers.
+variance of its inputs in scenes, and the scale and shift that undo them: the net computes the same as the
+exported one, and trains as one that was never folded. Votes for joints are not exported and start at random.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ from scenes import Sampler, list_shards, load_scenes
 from torch import Tensor, nn
 
 _SCENES = 48
-"""Scenes that means and variances are from."""
+"""Number of scenes for computing means and variances."""
 
 
 def load_folded(net: FinderNet, path: Path) -> None:
-    """Set convolutions as an exported net has them; norms only add their shifts."""
+    """Copy the convolutions of an exported net; norms only add their shifts."""
     model = onnx.load(path)
     widen(model)
     values = {t.name: onnx.numpy_helper.to_array(t) for t in model.graph.initializer}
@@ -46,13 +46,13 @@ def load_folded(net: FinderNet, path: Path) -> None:
 
 
 def norm_after(net: nn.Module) -> dict[nn.Module, nn.BatchNorm2d]:
-    """Give the norm that follows each convolution."""
+    """Return the norm that follows each convolution."""
     pairs = [(m[0], m[1]) for m in net.modules() if isinstance(m, nn.Sequential) and len(m) >= 2]
     return {a: b for a, b in pairs if isinstance(a, nn.Conv2d) and isinstance(b, nn.BatchNorm2d)}
 
 
 def unfold(net: FinderNet, features: NDArray[np.float32]) -> None:
-    """Give norms the statistics of their inputs, and what undoes them."""
+    """Set the statistics of norms to those of their inputs, and scales and shifts that undo them."""
 
     def measure(norm: nn.BatchNorm2d, inputs: tuple[Tensor], _: Tensor) -> None:
         x = inputs[0]
