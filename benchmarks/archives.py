@@ -1,9 +1,9 @@
-"""Many recordings: frames a second with 1 and 2 workers and on a Dask cluster, and each worker's memory.
+"""Archive runs: frames a second with 1 and 2 workers and on a Dask cluster, and each worker's memory.
 
     python benchmarks/archives.py --recordings 200 --frames 10
 
-The recordings are simulated: parts of a few movements of one person, 176 x 144. On a machine that does other
-things too, the processor time is what can be compared.
+The recordings are simulated: parts of a few movements of one person, 176 x 144. On a machine with other load
+only the processor times can be compared.
 """
 
 from __future__ import annotations
@@ -33,11 +33,11 @@ from depth_pose.sim.simulate import simulate
 
 MOTIONS = ("stand_casual", "wave", "walk", "raise_arms")
 CLIP_FRAMES = 30
-"""Frames of each simulated clip, of which recordings take some."""
+"""Frames of each simulated clip; a recording is a part of one."""
 STEP_NS = 60_000_000_000
-"""From one clip in a recording to the next, nanoseconds."""
+"""Gap between two clips in a recording, nanoseconds."""
 PIPELINE_KB = 250_000
-"""A process with more than this has a pipeline."""
+"""A process with more memory than this holds a pipeline."""
 
 
 def make_archive(folder: Path, recordings: int, frames: int) -> None:
@@ -58,7 +58,7 @@ def make_archive(folder: Path, recordings: int, frames: int) -> None:
 
 @dataclass
 class Run:
-    """What one run took."""
+    """Times and memory of one run."""
 
     name: str
     seconds: float = 0.0
@@ -68,7 +68,7 @@ class Run:
 
 
 def family() -> list[int]:
-    """Give this process and those below it."""
+    """List this process and its descendants."""
     parents = {int(path.parent.name): stat_fields(path) for path in Path("/proc").glob("[0-9]*/stat")}
     found, new = [], [os.getpid()]
     while new:
@@ -78,7 +78,7 @@ def family() -> list[int]:
 
 
 def stat_fields(path: Path) -> list[str]:
-    """Give what the system says of a process, from its state on; nothing where it has ended."""
+    """Return the fields of a process's /proc stat, from its state on; empty if it has ended."""
     try:
         return path.read_text().rpartition(")")[2].split()
     except OSError:
@@ -86,7 +86,7 @@ def stat_fields(path: Path) -> list[str]:
 
 
 def resident(pid: int) -> int:
-    """Give a process's resident memory, kB."""
+    """Return a process's resident memory, kB."""
     try:
         lines = Path(f"/proc/{pid}/status").read_text().splitlines()
     except OSError:
@@ -95,13 +95,13 @@ def resident(pid: int) -> int:
 
 
 def cpu_of(pid: int) -> float:
-    """Give the processor time of a process, seconds."""
+    """Return the processor time of a process, seconds."""
     fields = stat_fields(Path(f"/proc/{pid}/stat"))
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK") if fields else 0.0
 
 
 def measure(name: str, sources, out: Path, setting: Setting, kill=None, **how) -> tuple[Run, list]:
-    """Run the archive, look at its processes after each recording, and call ``kill`` midway."""
+    """Run the archive, sample its processes after each recording, and call ``kill`` midway."""
     run = Run(name)
     began: list[tuple[float, float, int]] = []
     frames = 0
@@ -148,7 +148,7 @@ def measure_on_cluster(name: str, sources, out: Path, setting: Setting) -> tuple
 
 
 def share_of_parts(sources, setting: Setting) -> tuple[float, float]:
-    """Give the processor time of a frame for reading it and for writing a skeleton, ms."""
+    """Measure the processor time per frame of reading it and of writing a skeleton, ms."""
     begin = time.process_time()
     count = sum(1 for s in sources for _ in DepthReader(s.path))
     reading = (time.process_time() - begin) / count * 1e3
@@ -169,7 +169,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--recordings", type=int, default=200)
     parser.add_argument("--frames", type=int, default=10)
-    parser.add_argument("--archive", type=Path, help="Recordings that are there already.")
+    parser.add_argument("--archive", type=Path, help="Existing recordings to use.")
     parser.add_argument("--runs", nargs="+", default=["1", "2", "dask", "killed"])
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:

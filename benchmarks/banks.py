@@ -1,4 +1,4 @@
-"""The figures of docs/method.md and docs/method.md.
+"""The figures of docs/method.md.
 
     python benchmarks/banks.py match DATA embedded=a.npz recorded=b.npz   # error and flips of the best match
     python benchmarks/banks.py size DATA embedded=a.npz recorded=b.npz    # by the number of poses (Fig. 14)

@@ -1,10 +1,10 @@
-"""What arrives of a camera driver's images on one machine: C++ and rclpy, reliable and best effort.
+"""Share of a camera driver's images that arrive on one machine: C++ and rclpy, reliable and best effort.
 
     python benchmarks/drivers.py --times 3
 
 The driver sends 240 images of 640 x 480 at 30 a second, with Fast DDS's own settings or the shipped profile;
-a denoise node answers (docs/topics.md). The driver in C++ (`driver.cpp`) is on rcl, on which rclcpp stands;
-rclcpp is not among the wheels. It needs a C++ compiler and the headers that the set-up installs.
+a denoise node answers (docs/topics.md). The driver in C++ (`driver.cpp`) uses rcl, the library below rclcpp,
+because rclcpp is not among the wheels. It needs a C++ compiler and the headers that the set-up installs.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ from depth_pose.ros import PROFILE_VARIABLE, stay_local
 HERE = Path(__file__).parent
 RCLPY = [sys.executable, str(HERE.parent / "test" / "ros" / "stock_driver.py")]
 IMAGES, LIMIT_S = 240, 90.0
-"""Images that are sent, and seconds that a driver may take."""
+"""Number of images sent, and time limit of a driver, seconds."""
 
 
 def compile_driver(folder: Path) -> list[str]:
-    """Compile the C++ driver against the libraries of this environment; gives its command."""
+    """Compile the C++ driver against the libraries of this environment; return its command."""
     prefix, made = Path(sys.prefix), folder / "driver"
     python = sysconfig.get_config_var("LIBDIR")
     command = ["c++", "-O1", "-std=c++17", HERE / "driver.cpp", "-o", made, f"-L{prefix / 'lib'}"]
@@ -47,7 +47,7 @@ def compile_driver(folder: Path) -> list[str]:
 
 
 def listen() -> dict[str, str]:
-    """Give what the denoise node last told on ``/diagnostics``."""
+    """Return a dictionary that is updated with the denoise node's latest ``/diagnostics``."""
     import rclpy
     from diagnostic_msgs.msg import DiagnosticArray
 
@@ -65,13 +65,13 @@ def listen() -> dict[str, str]:
 
 
 def measure(driver: list[str], environment: dict[str, str], told: dict[str, str]) -> tuple[int, int]:
-    """Run a driver beside a denoise node; gives images answered, and lost in transport."""
+    """Run a driver with a denoise node; return the number of images answered and lost in transport."""
     command = [sys.executable, "-m", "depth_pose.ros.nodes.denoise_node"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as node:
         assert node.stdout is not None
         next(line for line in node.stdout if "is ready" in line)
         threading.Thread(target=node.stdout.read, daemon=True).start()
-        time.sleep(1.5)  # the last words of the node before are heard
+        time.sleep(1.5)  # the previous node's last diagnostics arrive
         told.clear()
         subprocess.run(driver, env=environment, check=True, stdout=subprocess.DEVNULL, timeout=LIMIT_S)
         time.sleep(1.5)
@@ -80,9 +80,9 @@ def measure(driver: list[str], environment: dict[str, str], told: dict[str, str]
 
 
 def main() -> None:
-    """Run."""
+    """Run the comparison and print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("--times", type=int, default=2, help="how often each is done")
+    parser.add_argument("--times", type=int, default=2, help="repetitions of each")
     arguments = parser.parse_args()
     os.environ.setdefault("ROS_DOMAIN_ID", str(random.SystemRandom().randrange(1, 101)))
     stay_local()

@@ -1,9 +1,9 @@
-"""Exports, as Blender's and OpenSim's own readers see them, against the skeletons.
+"""Compare exports, as read by Blender and OpenSim, with the skeletons.
 
 python benchmarks/export.py SKELETONS.mcap [RECORDING.mcap]
 
-Needs ``pip install bpy==4.2.23 opensim`` (Python 3.11), into an environment of its own; what is missing
-is left out.
+Needs ``pip install bpy==4.2.23 opensim`` (Python 3.11), in a separate environment; readers that are not
+installed are skipped.
 """
 
 from __future__ import annotations

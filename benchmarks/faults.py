@@ -1,11 +1,11 @@
-"""Measure start, memory and what becomes of the skeletons when nodes die, hang or starve (docs/faults.md).
+"""Measure start, memory and gaps in the skeletons when nodes die, hang or starve (docs/faults.md).
 
     python benchmarks/faults.py --times 20
     python benchmarks/faults.py --times 5 --only start one starved
 
-The suite runs in a process of its own. This one publishes a simulated person at 15 frames a second, hears the
-skeletons, and does one fault after another to the nodes' processes. The gap is the longest time between two
-skeletons from the fault on.
+The suite runs in a separate process. This one publishes a simulated person at 15 frames a second, receives
+the skeletons, and injects one fault after another into the nodes' processes. The gap is the longest time
+between two skeletons from the fault on.
 """
 
 from __future__ import annotations
@@ -37,14 +37,14 @@ FPS, SECONDS = 15.0, 10.0
 
 IMAGE, INFO = "/camera/depth/image_raw", "/camera/depth/camera_info"
 STOPPED_S, HOGGED_S = 6.0, 20.0
-"""Seconds for which processes are stopped, or get hardly any processor."""
+"""Seconds for which processes are stopped, or get hardly any processor time."""
 
 CALM_S, LIMIT_S = 3.0, 120.0
-"""Seconds that all must have gone well before the next fault, and until one counts as not recovered."""
+"""Seconds without a fault before the next one, and time limit of a recovery."""
 
 
 def run_suite(bank: str | None) -> None:
-    """Run the nodes and print, ten times a second, who is ready with which process id; until stdin ends."""
+    """Run the nodes and print, ten times a second, which are ready, with process ids, until stdin ends."""
     from depth_pose.ros.process.supervisor import Suite
 
     os.set_blocking(0, False)
@@ -56,7 +56,7 @@ def run_suite(bank: str | None) -> None:
 
 
 class Watched:
-    """The suite in a process of its own, as `run_suite` tells of it."""
+    """The suite in a separate process, with the state that `run_suite` prints."""
 
     def __init__(self, bank: str | None, log: Path) -> None:
         command = [sys.executable, __file__, "--suite", *(["--bank", bank] if bank else [])]
@@ -72,14 +72,14 @@ class Watched:
             self.ready = json.loads(line)
 
     def end(self) -> None:
-        """End it in order."""
+        """Shut it down in order."""
         assert self.process.stdin is not None
         self.process.stdin.close()
         self.process.wait(30.0)
 
 
 class Stream:
-    """A sensor, and the times at which skeletons come."""
+    """A simulated sensor, and the arrival times of skeletons."""
 
     def __init__(self, frames: Sequence[tuple[Any, Any]]) -> None:
         import rclpy
@@ -110,12 +110,12 @@ class Stream:
             time.sleep(1.0 / FPS)
 
     def gap_s(self, since_s: float) -> float:
-        """Longest time without a skeleton from a moment on."""
+        """Return the longest time without a skeleton after a given moment."""
         times = [since_s, *(t for t in list(self.came_s) if t > since_s), time.monotonic()]
         return max(b - a for a, b in itertools.pairwise(times))
 
     def await_calm(self, suite: Watched) -> None:
-        """Wait until every node is ready and skeletons come without a pause."""
+        """Wait until every node is ready and skeletons arrive without a pause."""
         limit_s, calm_s = time.monotonic() + LIMIT_S, time.monotonic()
         while time.monotonic() - calm_s < CALM_S:
             if len(suite.ready) < len(NODES) or self.gap_s(time.monotonic() - CALM_S) > 1.0:
@@ -157,7 +157,7 @@ def messages_of(path: Path) -> list[tuple[Any, Any]]:
 
 
 def descendants(pid: int) -> list[int]:
-    """Processes that one has started, and those that they have."""
+    """Descendants of a process."""
     found = []
     for children in Path(f"/proc/{pid}/task").glob("*/children"):
         with contextlib.suppress(OSError):  # it has ended
@@ -173,7 +173,7 @@ def pss_mb(pid: int) -> float:
 
 
 def measure_start(bank: str | None) -> tuple[float, float]:
-    """Start ``depth-pose up``; gives seconds until all nodes are ready, and MB of its processes at rest."""
+    """Start ``depth-pose up``; return seconds until all nodes are ready, and MB of its processes at rest."""
     command = [sys.executable, "-m", "depth_pose.cli", "up", "--local", *(["--bank", bank] if bank else [])]
     began_s = time.monotonic()
     up = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
@@ -183,7 +183,7 @@ def measure_start(bank: str | None) -> tuple[float, float]:
         took_s = time.monotonic() - began_s
         if not said:
             raise RuntimeError("up has ended before all nodes were ready")
-        time.sleep(5.0)  # until all is loaded and joined, also what may take a node's place
+        time.sleep(5.0)  # until everything is loaded, including spare processes
         return took_s, sum(map(pss_mb, [up.pid, *descendants(up.pid)]))
     finally:
         up.send_signal(signal.SIGINT)
@@ -191,18 +191,18 @@ def measure_start(bank: str | None) -> tuple[float, float]:
 
 
 def kill(count: int, turn: int, suite: Watched) -> None:
-    """Kill so many nodes at once, other ones each turn."""
+    """Kill ``count`` nodes at once, different ones each turn."""
     for name in list(itertools.islice(itertools.cycle(NODES), turn, turn + count)):
         os.kill(suite.ready[name], signal.SIGKILL)
 
 
 def hang(turn: int, suite: Watched) -> None:
-    """Stop a node, another each turn."""
+    """Stop a node, a different one each turn."""
     os.kill(suite.ready[NODES[turn % len(NODES)]], signal.SIGSTOP)
 
 
 def stop(count: int, turn: int, suite: Watched) -> None:
-    """Stop so many nodes, and whoever watches over them, for longer than others wait for a sign of them."""
+    """Stop ``count`` nodes and their supervisor for longer than the watchdog's time limit."""
     names = itertools.islice(itertools.cycle(NODES), turn, turn + count)
     stopped = [suite.process.pid, *(suite.ready[name] for name in names)]
     for pid in stopped:
@@ -213,7 +213,7 @@ def stop(count: int, turn: int, suite: Watched) -> None:
 
 
 def starve(suite: Watched) -> None:
-    """Have a program go before all nodes on one core: they get about one part in 300 of it."""
+    """Run a busy program with priority over all nodes on one core: they get about 1/300 of it."""
     cores = os.sched_getaffinity(0)
     hog = subprocess.Popen([sys.executable, "-c", "while True: pass"])
     os.sched_setaffinity(hog.pid, {max(cores)})
@@ -225,7 +225,7 @@ def starve(suite: Watched) -> None:
 
 
 def set_share(suite: Watched, cores: set[int], policy: int, group_nice: int) -> None:
-    """Set where, and with which share of the processor, all processes of the suite run."""
+    """Set the cores and the processor share of all processes of the suite."""
     for pid in [suite.process.pid, *descendants(suite.process.pid)]:
         with contextlib.suppress(OSError):  # it has ended, or there are no groups by session
             for task in Path(f"/proc/{pid}/task").iterdir():
@@ -247,11 +247,11 @@ FAULTS: dict[str, tuple[str, Callable[[int, Watched], None]]] = {
     ),
     "starved": (f"all starved for {HOGGED_S:.0f} s", lambda turn, suite: starve(suite)),
 }
-"""What is done, and how it is called; for those with a duration the gap counts from its end."""
+"""Faults by name: function, label and duration, from the end of which the gap counts."""
 
 
 def measure_fault(name: str, turn: int, suite: Watched, stream: Stream) -> tuple[float, float]:
-    """Do a fault once; gives the longest gap in the skeletons after it, and until all nodes were ready."""
+    """Inject a fault once; return the longest gap in the skeletons, and the time until all were ready."""
     stream.await_calm(suite)
     before, began_s = dict(suite.ready), time.monotonic()
     FAULTS[name][1](turn, suite)
@@ -259,7 +259,7 @@ def measure_fault(name: str, turn: int, suite: Watched, stream: Stream) -> tuple
         began_s = time.monotonic()
     ready_s = began_s
     while len(suite.ready) == len(NODES) and suite.ready == before and time.monotonic() < began_s + 10.0:
-        time.sleep(0.01)  # until it is noticed
+        time.sleep(0.01)  # until it is detected
     while len(suite.ready) < len(NODES) and time.monotonic() < began_s + LIMIT_S:
         time.sleep(0.01)
     if suite.ready != before:
@@ -269,12 +269,12 @@ def measure_fault(name: str, turn: int, suite: Watched, stream: Stream) -> tuple
 
 
 def main() -> None:
-    """Run."""
+    """Run the suite and print the tables."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("--times", type=int, default=5, help="how often each is done")
+    parser.add_argument("--times", type=int, default=5, help="repetitions of each")
     parser.add_argument("--only", nargs="+", choices=["start", *FAULTS], default=["start", *FAULTS])
     parser.add_argument("--bank", help="exemplar bank; the set-up's by default")
-    parser.add_argument("--log", type=Path, default=Path(os.devnull), help="what the nodes print")
+    parser.add_argument("--log", type=Path, default=Path(os.devnull), help="file for the nodes' output")
     parser.add_argument("--suite", action="store_true", help="run the nodes (the script starts it)")
     arguments = parser.parse_args()
     stay_local()
@@ -304,7 +304,7 @@ def main() -> None:
 
 
 def summary(seconds: Sequence[float]) -> str:
-    """Give median and worst."""
+    """Format median and worst."""
     return f"{statistics.median(seconds):.2f}, {max(seconds):.2f} s"
 
 

@@ -1,15 +1,15 @@
-"""The people finder that ships, both its looks, in simulated rooms that nothing was trained on.
+"""Evaluate the released people finder, both looks, in simulated rooms that were not used in training.
 
     python benchmarks/finder.py                        # 500 rooms, about three minutes
     python benchmarks/finder.py --rooms 100 --weights build/people_finder/weights
-    python benchmarks/finder.py --lookalikes           # rooms with nobody, but with coats
-    python benchmarks/finder.py --mounting ceiling     # cameras of one of the ways to hang them
+    python benchmarks/finder.py --lookalikes           # rooms without people, but with coats
+    python benchmarks/finder.py --mounting ceiling     # cameras of one mounting only
 
 Each room is one frame by itself: no tracks. A person is found if half of a detection's pixels are theirs
 and its torso lies within 0.4 m of theirs; a detection that is nobody's is false, and counts for the kind of
 thing that most of its pixels show. Prints tables in Markdown: who is found, false ones and how well masks
-agree, by sensor and by mounting; who is found, by how much of them shows and by distance; what false ones
-stand on; whether the probability means what it says; time.
+agree, by sensor and by mounting; recall by visible share and by distance; the objects behind false ones;
+calibration of the probability; time.
 """
 
 from __future__ import annotations
@@ -47,23 +47,23 @@ TORSO_M, OWN_SHARE = 0.4, 0.5
 """Somebody found is a person of the scene whose torso is nearer than the first, metres, and who has at least
 the second as a share of their pixels. Set by hand."""
 SHOWN = (0.1, 0.3, 0.6, 1.01)
-"""Bounds of the groups by the share of a person that shows."""
+"""Bounds of the groups by the visible share of a person."""
 DISTANCES_M = (0.0, 1.2, 2.2, 3.5, 12.0)
 """Bounds of the groups by distance, metres."""
 STEEP_DEG, ROLLED_DEG, LOW_M = (40, 65), 45, 0.7
 """Bounds of the groups by mounting."""
 ASKED = 0.3
-"""Who shows by less than this is not asked for, as in the sequences with references."""
+"""People whose visible share is below this do not count, as in the sequences with references."""
 
 _TORSO = [JOINT_INDEX[n] for n in ("left_shoulder", "right_shoulder", "left_hip", "right_hip")]
 
 
 @dataclass
 class Tally:
-    """What was found: one row a person, one row a detection."""
+    """Results: one row per person, one row per detection."""
 
     people: list[tuple[float, float, int, float, float]] = field(default_factory=list)
-    """Share that shows; distance; frame; probability of who found them, 0 for nobody; the masks' overlap."""
+    """Visible share; distance; frame; probability of the detection, 0 for none; the masks' overlap."""
 
     views: list[tuple[str, str]] = field(default_factory=list)
     """Sensor and mounting of each frame."""
@@ -78,7 +78,7 @@ class Tally:
 
     @property
     def frames(self) -> int:
-        """How many rooms were looked at."""
+        """Number of rooms evaluated."""
         return len(self.views)
 
 
@@ -93,7 +93,7 @@ def rooms(seed: int, count: int, lookalikes: bool = False, mounting: str | None 
 
 
 def mounting_of(scene: Scene) -> str:
-    """Say how the camera hangs, by the first that holds."""
+    """Classify the camera's mounting by the first condition that holds."""
     right, down, ahead = scene.up.astype(float)
     pitch, roll = np.degrees(np.arcsin(np.clip(-ahead, -1, 1))), np.degrees(np.arctan2(right, -down))
     if pitch > STEEP_DEG[1]:
@@ -106,12 +106,12 @@ def mounting_of(scene: Scene) -> str:
 
 
 def frame_of(scene: Scene) -> DepthFrame:
-    """Give what the sensor measures."""
+    """Build the frame that the sensor measures."""
     return DepthFrame(0, "", scene.depth, scene.camera)
 
 
 def on_grid(image: np.ndarray, found: Segmentation, scene: Scene) -> np.ndarray:
-    """Give an image of the scene on the finder's working grid."""
+    """Resample an image of the scene on the finder's working grid."""
     ratio = scene.camera.fx / found.camera.fx
     rows = ((np.arange(found.labels.shape[0]) + 0.5) * ratio).astype(int).clip(0, image.shape[0] - 1)
     cols = ((np.arange(found.labels.shape[1]) + 0.5) * ratio).astype(int).clip(0, image.shape[1] - 1)
@@ -119,7 +119,7 @@ def on_grid(image: np.ndarray, found: Segmentation, scene: Scene) -> np.ndarray:
 
 
 def score(tally: Tally, scene: Scene, found: Segmentation) -> None:
-    """Compare one frame's detections with the truth; the surest takes a person first."""
+    """Match one frame's detections with the truth, the most probable first."""
     tally.views.append((scene.sensor, mounting_of(scene)))
     owner, kind = on_grid(scene.person, found, scene), on_grid(scene.kind, found, scene)
     torsos = scene.joints[:, _TORSO].mean(axis=1)
@@ -161,14 +161,14 @@ def measure(config: SegmentConfig, weights: Path | None, scenes: Iterable[Scene]
 
 
 def table(columns: Iterable[str], rows: Iterable[Iterable[object]]) -> str:
-    """Lay a table out in Markdown."""
+    """Format a table in Markdown."""
     columns = list(columns)
     lines = [columns, ["---"] * len(columns), *rows]
     return "\n".join("| " + " | ".join(str(c) for c in line) + " |" for line in lines)
 
 
 def by_group(tally: Tally, threshold: float) -> str:
-    """Say who is found."""
+    """Tabulate recall by group."""
     shown, distance, _, probability, _ = (np.array(c) for c in zip(*tally.people, strict=True))
     asked, hit = shown >= ASKED, probability >= threshold
     groups = [("all asked for", asked)]
@@ -181,7 +181,7 @@ def by_group(tally: Tally, threshold: float) -> str:
 
 
 def by_view(tally: Tally, threshold: float) -> str:
-    """Say who is found, how many are false and how well masks agree, by sensor and by mounting."""
+    """Tabulate recall, false detections and mask overlap by sensor and by mounting."""
     shown, _, frame, probability, overlap = (np.array(c) for c in zip(*tally.people, strict=True))
     false = np.array([f for p, _, f in tally.false_kinds if p >= threshold], int)
     views = np.array(tally.views)
@@ -206,7 +206,7 @@ def by_view(tally: Tally, threshold: float) -> str:
 
 
 def by_thing(tally: Tally, thresholds: tuple[float, ...]) -> str:
-    """Say what false ones stand on."""
+    """Tabulate the objects behind false detections."""
     counts = [Counter(kind.name.lower() for p, kind, _ in tally.false_kinds if p >= t) for t in thresholds]
     names = sorted(counts[0], key=lambda n: -counts[0][n])
     rows = [(n, *(c[n] for c in counts)) for n in names]
@@ -215,7 +215,7 @@ def by_thing(tally: Tally, thresholds: tuple[float, ...]) -> str:
 
 
 def reliability(tally: Tally) -> str:
-    """Say how often a detection of each probability is a person."""
+    """Tabulate how often a detection of each probability is a person."""
     p, right = (np.array(c, float) for c in zip(*tally.detections, strict=True))
     edges = np.array([0.2, 0.4, 0.6, 0.8, 0.9, 1.0])
     bins = np.digitize(p, edges[1:-1])
@@ -240,9 +240,9 @@ def main() -> None:
     parser = make_parser(__doc__)
     parser.add_argument("--rooms", type=int, default=500, help="how many rooms")
     parser.add_argument("--seed", type=int, default=SEED, help="of the rooms")
-    parser.add_argument("--weights", type=Path, help="folder of other weights than those that ship")
-    parser.add_argument("--lookalikes", action="store_true", help="rooms with nobody, but coats")
-    parser.add_argument("--mounting", choices=MOUNTINGS, help="how cameras hang; drawn where not given")
+    parser.add_argument("--weights", type=Path, help="folder of other weights than the released ones")
+    parser.add_argument("--lookalikes", action="store_true", help="rooms without people, but with coats")
+    parser.add_argument("--mounting", choices=MOUNTINGS, help="mounting of cameras; random by default")
     arguments = parser.parse_args()
     config = SegmentConfig()
     made = rooms(arguments.seed, arguments.rooms, arguments.lookalikes, arguments.mounting)

@@ -1,14 +1,14 @@
-"""A recording through the live nodes at the rates of sensors: answers, latency, processor time, memory.
+"""Play a recording to the live nodes at sensor rates: answers, latency, processor time, memory.
 
     python benchmarks/live.py -o live
     python benchmarks/live.py --recording bags/person.mcap --fps 30 --seconds 60
 
 The frames of a recording are published with the present time as their stamp, forwards and backwards
-over and over, by this process, which also listens to the skeletons. Told are, for each rate: the share
-of frames answered, the latency from the stamp to the skeleton's arrival, the processor time that each
-node takes per frame beside that of its stage alone (measured first, in this process), and at the end
-the memory of each process (proportional set size: shared pages count in parts) and how long the
-start took. ``live.png`` shows how the latencies are distributed.
+over and over, by this process, which also receives the skeletons. It prints for each rate the share of
+frames answered, the latency from the stamp to the skeleton's arrival, and each node's processor time per
+frame beside that of its stage alone (measured first, in this process); and at the end the memory of each
+process (proportional set size: shared pages count in parts) and the start time. ``live.png`` shows the
+distribution of the latencies.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ def pss_mb(pid: int) -> float:
     for line in Path(f"/proc/{pid}/smaps_rollup").read_text().splitlines():
         if line.startswith("Pss:"):
             return int(line.split()[1]) / 1000
-    raise ValueError("this kernel does not tell the proportional set size")
+    raise ValueError("this kernel does not report the proportional set size")
 
 
 def stages_ms(frames: Sequence[DepthFrame], bank: str | None) -> dict[str, float]:
@@ -81,7 +81,7 @@ def stages_ms(frames: Sequence[DepthFrame], bank: str | None) -> dict[str, float
 
 @dataclass
 class Run:
-    """What was seen at one rate."""
+    """Measurements at one rate."""
 
     fps: float
     sent: dict[int, float] = field(default_factory=dict)
@@ -90,12 +90,12 @@ class Run:
 
     @property
     def answered(self) -> float:
-        """Share of the frames."""
+        """Share of the frames that were answered."""
         return len(self.latency_s) / len(self.sent)
 
 
 class Bench:
-    """Sends frames and hears skeletons."""
+    """Publisher of frames and subscriber to skeletons."""
 
     def __init__(self, frames: Sequence[DepthFrame]) -> None:
         import rclpy
@@ -142,12 +142,12 @@ class Bench:
         from depth_pose.ros.messages.basics import ns_to_stamp
         from depth_pose.ros.process.supervisor import NODES
 
-        self._send(fps, 2.0, ns_to_stamp)  # until the tracking runs
+        self._send(fps, 2.0, ns_to_stamp)  # until tracking runs
         self._run = run = Run(fps)
         before = {name: cpu_s(suite.pid(name) or 0) for name in NODES}
         self._send(fps, seconds, ns_to_stamp)
         self._last_s = time.monotonic()
-        while time.monotonic() - self._last_s < 1.0:  # what is under way still comes
+        while time.monotonic() - self._last_s < 1.0:  # frames in progress still arrive
             time.sleep(0.05)
         answered = max(len(run.latency_s), 1)
         run.node_ms = {n: 1e3 * (cpu_s(suite.pid(n) or 0) - before[n]) / answered for n in NODES}
@@ -204,7 +204,7 @@ def report(runs: Sequence[Run], alone: dict[str, float], output: Path) -> None:
 
 
 def main() -> None:
-    """Run."""
+    """Run all rates, print the tables and draw."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--fps", type=float, nargs="+", default=[25.0, 30.0], help="rates, one after another")
     parser.add_argument("--seconds", type=float, default=40.0, help="at each rate")

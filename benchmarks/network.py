@@ -2,10 +2,10 @@
 
     sudo python benchmarks/network.py
 
-Two network namespaces joined by a cable stand for the machines, each with a /dev/shm of its own, so that
+Two network namespaces joined by a virtual cable act as the machines, each with its own /dev/shm, so that
 images have to go over UDP. A row is a rate of 640 x 480 images, sent best effort for ten seconds; the losses
-that the kernel counts (RcvbufErrors) stand beside it. Ends by saying who hears what of a suite that stays
-local. It needs root, `ip` and `unshare`.
+that the kernel counts (RcvbufErrors) stand beside it. The last row is for nodes with ``--local``, whose
+messages must not leave the machine. It needs root, `ip` and `unshare`.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ ROOT = Path(__file__).resolve().parents[1]
 PROFILE = ROOT / "src" / "depth_pose" / "ros" / "fastdds.xml"
 LOCAL = PROFILE.with_name("fastdds_local.xml")
 SECONDS, DOMAIN = 10.0, "61"
-"""How long messages are sent, and on which ROS domain. Set by hand."""
+"""Duration of sending, and ROS domain. Set by hand."""
 
 
 def play(role: str, rate: float) -> None:
-    """Be the sensor, or the one who listens; prints what went or came."""
+    """Act as the sensor or as the listener; print the number of images sent or received."""
     import rclpy
     from rclpy.qos import QoSProfile, ReliabilityPolicy
     from sensor_msgs.msg import Image
@@ -62,7 +62,7 @@ def play(role: str, rate: float) -> None:
 
 
 def between(profile: Path, rate: float) -> tuple[int, int, int]:
-    """Send from one namespace to the other; gives images sent and taken, and the kernel's losses."""
+    """Send from one namespace to the other; return images sent and received, and the kernel's losses."""
     names = ("depth_pose_a", "depth_pose_b")
     for name in names:
         subprocess.run(["ip", "netns", "add", name], check=True)

@@ -1,4 +1,4 @@
-"""Imported before NumPy: its libraries take one thread, so that what is timed is one core's work."""
+"""Limit numerical libraries to one thread, to time one core; import this before NumPy."""
 
 from __future__ import annotations
 

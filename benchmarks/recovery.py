@@ -4,12 +4,12 @@
     python benchmarks/recovery.py held-out -o recovery.png
     python benchmarks/recovery.py normal --bank BANK --clips CLIP.mcap ...
 
-``detection``: simulated failures (`depth_pose.sim.failures`) are put into right skeletons of clips
-with known joints; how many are found, and how many right skeletons are taken for failures. The
-thresholds were chosen on the even clips; the odd ones are the test.
-``held-out``: a bank without the families of low postures, and clips of those; error with and without
-recovery over the frames in which a failure is found, as the paper's Fig. 13. ``--without`` and
-``--motions`` name others.
+``detection``: inserts simulated failures (`depth_pose.sim.failures`) into right skeletons of clips
+with known joints; counts how many are detected, and how many right skeletons are taken for failures.
+The thresholds were chosen on the even clips; the odd ones are the test.
+``held-out``: uses a bank without the families of low postures, and clips of those; error with and without
+recovery over the frames in which a failure is detected, as the paper's Fig. 13. ``--without`` and
+``--motions`` select other families.
 ``normal``: what recovery changes in clips that need none.
 """
 
@@ -41,14 +41,14 @@ from depth_pose.sim.motion import load_motion
 from depth_pose.sim.simulate import simulate
 
 LOW = ("squats", "bends", "sit_down", "lunges", "balance")
-"""Families of low postures: standing ones say nothing of them."""
+"""Families of low postures, which standing ones do not cover."""
 
 RIGHT_M, WRONG_M = 0.06, 0.2
 """A skeleton is right if its mean error is below the first, a failure moves a joint by the second."""
 
 
 def simulated(names: list[str], folder: Path) -> list[Path]:
-    """Simulate procedural motions of a person who is not the bank's body."""
+    """Simulate procedural motions of a person whose body differs from the bank's."""
     paths = []
     for name in names:
         path = folder / f"{name}.mcap"
@@ -66,7 +66,7 @@ def known_joints(path: Path) -> np.ndarray:
 def run(
     bank: Bank, path: Path, method: str, track: bool, recover: bool
 ) -> tuple[list[FrameResult], list[str]]:
-    """Give every stage's answers, and why recovery found fault."""
+    """Return every stage's results, and recovery's reasons for each failure."""
     config = PipelineConfig(
         refine=RefineConfig(method=method, track=track),
         recover=RecoverConfig(enabled=recover),
@@ -87,7 +87,7 @@ def error_mm(skeleton: Skeleton, known: np.ndarray) -> float:
 
 
 def detection(bank: Bank, paths: list[Path]) -> None:
-    """Count found failures and false alarms, clip by clip, and print them."""
+    """Count detected failures and false alarms, clip by clip, and print them."""
     check, rng = FailureCheck(bank.body, RecoverConfig()), np.random.default_rng(0)
     counts = {part: {k: [0, 0] for k in ("right", *KINDS)} for part in ("chosen on", "tested on")}
     for number, path in enumerate(paths):
@@ -186,7 +186,7 @@ def normal(bank: Bank, paths: list[Path]) -> None:
 
 
 def main() -> None:
-    """Run."""
+    """Run the chosen part."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("what", choices=("detection", "held-out", "normal"))
     parser.add_argument("--clips", nargs="+", type=Path, help="recordings with their .npz beside them")

@@ -1,16 +1,15 @@
-"""Play a recording over and over to the live nodes, and see whether memory or latency grow.
+"""Play a recording over and over to the live nodes, and measure the growth of memory and latency.
 
     python benchmarks/soak.py --hours 8 -o soak
     python benchmarks/soak.py --hours 0.05 --stall 20
 
-A recording loops, in which three people walk about, hide and cross; each turn they are gone and come anew.
-Two others listen to everybody's points: one takes half a second for each cloud, the other stops reading for
-good after a minute (SIGSTOP). Once in two seconds the memory of every process is read, and every answer's
-latency is taken from the moment its frame was sent. Growth is that of the resident set. With ``--stall`` one
-node after another is stopped for two seconds, so that the queues before it fill, as they do where the
-processor is taken away. Written are ``soak.npz``, ``soak.png`` and a table: slope of each process' memory
-after the first tenth, people in view, and the 95th percentile of the latency in the first and in the last
-tenth.
+A recording loops, in which three people walk about, hide and cross; with each loop they disappear and enter
+again. Two other processes subscribe to all points: one takes half a second for each cloud, the other stops
+reading for good after a minute (SIGSTOP). Every two seconds the memory of every process is read, and every
+answer's latency counts from the moment its frame was sent. Growth is that of the resident set. With
+``--stall`` one node after another is stopped for two seconds, so that the queues before it fill, as they do
+without processor time. Writes ``soak.npz``, ``soak.png`` and prints a table: slope of each process's memory
+after the first tenth, people in view, and the 95th percentile of the latency in the first and last tenth.
 """
 
 from __future__ import annotations
@@ -40,17 +39,17 @@ from depth_pose.ros.process import NODES
 os.environ.setdefault("ROS_DOMAIN_ID", str(random.SystemRandom().randrange(1, 101)))
 
 FPS = 15.0
-"""Of the single person's recording, hertz."""
+"""Frame rate of the single person's recording, hertz."""
 SECONDS, PEOPLE, WIDTH = 20.0, 3, 320
-"""Of a recording; the people in the room's, and its pixels a row."""
+"""Length of a recording; number of people in the room's, and its image width."""
 EVERY_S, STALL_S = 2.0, 2.0
-"""From one look at the memory to the next, and how long a node is stopped, seconds."""
+"""Interval of memory readings, and duration of a node's stop, seconds."""
 SLOW_S, DEAF_AFTER_S = 0.5, 60.0
-"""What the slow listener takes for a cloud, and when the other one goes deaf, seconds."""
+"""Time the slow subscriber takes for a cloud, and when the other one stops reading, seconds."""
 
 
 def memory_bytes(pid: int | None, kind: str = "Rss:") -> float:
-    """Resident memory of a process, or its part of it (``"Pss:"``); NaN where it is gone."""
+    """Resident memory of a process, or its proportional share (``"Pss:"``); NaN if it has ended."""
     try:
         lines = Path(f"/proc/{pid}/smaps_rollup").read_text().splitlines()
     except (FileNotFoundError, ProcessLookupError):
@@ -59,7 +58,7 @@ def memory_bytes(pid: int | None, kind: str = "Rss:") -> float:
 
 
 def slope_mb_per_hour(seconds: np.ndarray, memory: np.ndarray) -> float:
-    """Growth by least squares, without the first tenth, in which things are still loaded."""
+    """Growth by least squares, without the first tenth, in which libraries are still loaded."""
     kept = (seconds > seconds[-1] / 10) & np.isfinite(memory)
     return float(np.polyfit(seconds[kept] / 3600, memory[kept] / 1e6, 1)[0])
 
@@ -85,7 +84,7 @@ def make_room(path: Path, fps: float) -> None:
 
 
 def listen_slowly() -> None:
-    """Be a subscriber that takes long for each cloud; a process of its own."""
+    """Run a subscriber that takes long for each cloud, in a separate process."""
     import rclpy
     from rclpy.qos import qos_profile_sensor_data
     from sensor_msgs.msg import PointCloud2
@@ -99,7 +98,7 @@ def listen_slowly() -> None:
 
 
 class Soak:
-    """What was seen while it ran."""
+    """Measurements during the run."""
 
     def __init__(self) -> None:
         self.sent: dict[int, int] = {}
@@ -111,7 +110,7 @@ class Soak:
         self.started = time.monotonic()
 
     def run(self, recording: Path, bank: str | None, minutes: float, stall_s: float) -> dict[str, int]:
-        """Play; gives the restarts."""
+        """Play; return the number of restarts."""
         from depth_pose.ros.process.supervisor import Suite
         from depth_pose.ros.tools.bag import Player, Recorder, header_stamp_ns
 
@@ -195,7 +194,7 @@ def report(soak: Soak, restarts: dict[str, int], output: Path) -> None:
 
 
 def main() -> None:
-    """Run."""
+    """Run the nodes and print the results."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--hours", type=float, default=0.5)
     parser.add_argument("--listen", action="store_true", help="be the slow listener (the script starts it)")

@@ -1,10 +1,10 @@
-"""Speed of everything, beside what else there is: writes docs/speed.md and its plot.
+"""Measure the speed of all stages and of other tools: writes docs/speed.md and its plot.
 
     pip install -e '.[bench]'                             # pycpd
     python benchmarks/speed.py
     python benchmarks/speed.py a.mcap --bank my_bank.npz  # prints the stages on recordings of yours, no more
 
-A few minutes on one core. Nothing is read but the bank: the recordings are simulated.
+Takes a few minutes on one core. Reads nothing but the bank: the recordings are simulated.
 """
 
 from __future__ import annotations
@@ -108,7 +108,7 @@ def draw(measured: list[stages.StageTimes], compared: list[peers.Peer], path: Pa
 
 
 def main() -> None:
-    """Measure everything and write it down."""
+    """Measure everything and write the page."""
     parser = make_parser(__doc__)
     parser.add_argument("recordings", nargs="*", type=Path)
     parser.add_argument("--bank", type=Path, help="exemplar bank; the set-up's by default")

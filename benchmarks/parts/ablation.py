@@ -1,4 +1,4 @@
-"""What the parts are worth: the whole pipeline, and with one part left out at a time.
+"""Ablation: the whole pipeline, and with one part left out at a time.
 
     python benchmarks/accuracy.py ablation --clips 12
     python benchmarks/accuracy.py ablation --data DATA --bank mine=my_bank.npz
@@ -7,7 +7,7 @@ Runs over simulated people of other builds than the bank's (those of the part ``
 sensors, views and motions at random), or over a folder of recordings with truth files. Prints, for each
 variant, the mean joint error in mm, the share of joints within 10 cm (a frame without an answer is a miss)
 and the processor time of a frame, as a table in Markdown. With ``--bank`` other banks are rows of the table
-as well: one of only some motions shows what the others are worth.
+as well: a bank of some motions only shows the value of the others.
 """
 
 from __future__ import annotations
@@ -54,17 +54,17 @@ CONFIGS = {
     "a search for exemplars in every frame": PipelineConfig(match=MatchConfig(search_every=1)),
     "a search for people in every frame": PipelineConfig(segment=SegmentConfig(find_every=1)),
 }
-"""The pipeline whole, and without one of its parts."""
+"""The whole pipeline, and variants without one part."""
 NO_SECOND_LOOK = "no second look at all"
 NO_LIMB_SEARCH = "no limbs exchanged"
 NO_POSTURES = "no seated, lying, kneeling ... postures in the bank"
 
 
 class FirstLook(PeopleExtractor):
-    """Finds people without a second look: nobody proposes joints."""
+    """Extractor without the second look, hence without joint proposals."""
 
     def extract(self, frame: DepthFrame) -> People:
-        """Give the people of a frame, without proposals."""
+        """Extract the people of a frame, without proposals."""
         people = super().extract(frame)
         persons = (
             replace(p, found=FoundPerson(p.found.label, p.found.body_id, p.found.probability))
@@ -74,22 +74,22 @@ class FirstLook(PeopleExtractor):
 
 
 class NoLimbs(LimbSearch):
-    """Proposes no other limbs."""
+    """Limb search without proposals."""
 
     def propose(self, body: FittedBody, comparer: DepthComparer) -> list[BodyPose]:
-        """Give nothing."""
+        """Return no proposals."""
         return []
 
 
 def without_postures(bank: Bank) -> Bank:
-    """Build the bank anew from the embedded poses that are no everyday posture."""
+    """Rebuild the bank from the embedded poses without the everyday postures."""
     poses = make_poses(bank.poses, seed=1)
     plain = np.flatnonzero([family not in POSTURE_SHARES for family in poses.families])
     return build_bank(bank.body, poses.take(plain).rotations, BuildConfig(), {"without": "postures"})
 
 
 def make_pipelines(banks: dict[str, Bank]) -> dict[str, PosePipeline]:
-    """Make the pipelines of all variants: of the first bank all, of others the whole one."""
+    """Build the pipelines of all variants: for the first bank all, for others the whole pipeline."""
     first = next(iter(banks.values()))
     pipelines = {name: PosePipeline(first, config) for name, config in CONFIGS.items()}
     config = CONFIGS["all"]
@@ -104,7 +104,7 @@ def make_pipelines(banks: dict[str, Bank]) -> dict[str, PosePipeline]:
 
 
 def run(pipeline: PosePipeline, path: Path) -> tuple[np.ndarray, np.ndarray]:
-    """Give joint errors (F, 19), metres, NaN without an answer, and processor times (F,), seconds."""
+    """Compute joint errors (F, 19), metres, NaN without an answer, and processor times (F,), seconds."""
     errors, times = [], []
     truth = load_truth(path.with_suffix(".npz"))
     pipeline.reset()

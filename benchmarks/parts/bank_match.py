@@ -3,7 +3,7 @@
     python benchmarks/banks.py match DATA embedded=a.npz recorded=b.npz
 
 DATA holds recordings NAME.mcap with truth files NAME.npz. Each frame is matched by itself, with
-the size that the matcher found over the first frames. Prints a table: the best
+the body scale that the matcher found over the first frames. Prints a table: the best
 of shortlists by rendered depth; a shortlist of one is the paper's match, nearest in the subspace.
 """
 
@@ -27,7 +27,7 @@ from parts.known_people import (
 
 
 def measure(bank: Bank, recorded: list[Recording], shortlist: int) -> dict[str, np.ndarray]:
-    """Error (m), flip, score, best error of those kept (m), time (ms) and recording of every frame."""
+    """Error (m), flip, score, best error of the shortlist (m), time (ms) and recording of every frame."""
     rows = []
     for number, recording in enumerate(recorded):
         scale = find_scale(bank, recording.people)

@@ -5,9 +5,9 @@
 Fifty clips of people of other builds than the bank's, at other distances, from all around and from
 -10 to 45 degrees of elevation, with the noise of a time-of-flight sensor, move as the embedded
 source does and, with ``--mocap``, as BVH files do. A match counts as right if its joints are
-within 100 mm on average and its left is on its left side. Prints the two figures of
+within 100 mm on average and left and right are not swapped. Prints the two figures of
 `depth_pose.match.match.match_confidence`, and how often matches of a confidence are right: on the
-simulated clips and, with ``--check``, on recordings with known joints, which nothing is fitted to.
+simulated clips and, with ``--check``, on recordings with known joints, which are not used in the fit.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ def simulated(folder: Path, captures: list[Path]) -> list[Recording]:
 
 
 def measure(bank: Bank, recorded: list[Recording]) -> np.ndarray:
-    """Score and whether it is right, of the best match of every frame."""
+    """Score and correctness of the best match of every frame."""
     rows = []
     for recording in recorded:
         matcher = make_matcher(bank, MatchConfig(search_every=1))
@@ -75,7 +75,7 @@ def measure(bank: Bank, recorded: list[Recording]) -> np.ndarray:
 
 
 def fit(rows: np.ndarray) -> tuple[float, float]:
-    """Logistic curve of the chance to be right, by Newton's method: score at one half, and spread."""
+    """Fit a logistic curve to the share of right matches by Newton's method: score at one half, and spread."""
     score, right = rows.T
     design = np.stack([np.ones_like(score), score], axis=1)
     weights = np.zeros(2)
@@ -87,7 +87,7 @@ def fit(rows: np.ndarray) -> tuple[float, float]:
 
 
 def report(label: str, rows: np.ndarray) -> np.ndarray:
-    """Print the share of right matches against the confidence; gives the bins that are drawn."""
+    """Print the share of right matches against the confidence; return the bins for drawing."""
     score, right = rows.T
     confidence = np.array([match_confidence(s) for s in score])
     order = np.argsort(score)
@@ -133,7 +133,7 @@ def main() -> None:
     parser.add_argument("banks", nargs="+", metavar="LABEL=FILE")
     parser.add_argument("--mocap", type=Path, help="BVH files; every second clip moves as one of them")
     parser.add_argument("--check", type=Path, help="recordings with truth files")
-    parser.add_argument("--step", type=int, default=2, help="use every so many frames of the recordings")
+    parser.add_argument("--step", type=int, default=2, help="use every n-th frame of the recordings")
     parser.add_argument("--pictures", type=Path)
     arguments = parser.parse_args()
     captures = sorted(arguments.mocap.glob("*.bvh")) if arguments.mocap else []

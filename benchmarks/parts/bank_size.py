@@ -2,7 +2,7 @@
 
     python benchmarks/banks.py size DATA embedded=a.npz recorded=b.npz --pictures docs/images
 
-Every 1st, 4th, 16th and 64th pose of each bank. Each frame stands alone: matched with the size
+Every 1st, 4th, 16th and 64th pose of each bank. Each frame stands alone: matched with the body scale
 that the matcher found over the first frames, and refined without the previous pose.
 """
 
@@ -20,12 +20,12 @@ from depth_pose.match.search import SubspaceSearch
 from parts.known_people import Recording, compare_frames, find_scale, read_arguments, subsample
 
 SHARES = (1, 4, 16, 64)
-"""Every how manyth pose is kept."""
+"""Every n-th pose is kept."""
 COLUMNS = ("poses", "match mm", "flips %", "refined mm", "flips %", "match ms", "search ms")
 
 
 def measure(bank: Bank, recorded: list[Recording], scales: list[float]) -> list[float]:
-    """Give a table's row: the figures of `COLUMNS`."""
+    """Compute a row of the table: the figures of `COLUMNS`."""
     table = np.concatenate([compare_frames(bank, r, s) for r, s in zip(recorded, scales, strict=True)])
     errors = table[:, :4].mean(axis=0) * (1e3, 1e2, 1e3, 1e2)
     return [bank.poses, *errors.tolist(), 1e3 * float(np.median(table[:, 4])), search_time(bank)]

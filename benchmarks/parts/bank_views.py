@@ -28,7 +28,7 @@ from parts.known_people import Recording, compare_frames, load_recording
 from parts.random_people import aimed
 
 _DISTANCE_M = 3.6
-"""From the camera to the place that it looks at, metres. Set by hand."""
+"""Distance from the camera to the point that it looks at, metres. Set by hand."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class Result:
 
 
 def placement(azimuth: float = 0.0, elevation: float = 0.0, roll: float = 0.0) -> Placement:
-    """A camera at 3.6 m from the middle of the body, that looks at it."""
+    """Build a camera 3.6 m from the middle of the body, which it looks at."""
     return aimed(_DISTANCE_M, elevation, azimuth, roll, lowest=0.06)
 
 
@@ -110,7 +110,7 @@ def main() -> None:
     parser.add_argument("bank", type=Path)
     parser.add_argument("--motion", default="walk", help="a procedural motion or a .bvh file")
     parser.add_argument("--seconds", type=float, default=4.0)
-    parser.add_argument("--step", type=int, default=4, help="use every so many frames")
+    parser.add_argument("--step", type=int, default=4, help="use every n-th frame")
     parser.add_argument("--only", choices=("named", "around", "above"), nargs="+")
     parser.add_argument("--pictures", type=Path)
     arguments = parser.parse_args()

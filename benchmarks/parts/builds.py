@@ -1,4 +1,4 @@
-"""How near found bone lengths come to true ones, after 2 to 10 seconds, and whether they are the same twice.
+"""Accuracy of estimated bone lengths after 2 to 10 seconds, and their repeatability.
 
     python benchmarks/accuracy.py builds --people 4 --seconds 12
 
@@ -40,7 +40,7 @@ BONES = {
     "foot": ("left_ankle", "left_foot"),
 }
 MOMENTS_S = (2.0, 5.0, 10.0)
-"""When bones are compared, seconds from the first frame."""
+"""Times of comparison, seconds from the first frame."""
 _ENDS = np.array([[JOINT_INDEX[a], JOINT_INDEX[b]] for a, b in BONES.values()]).T
 
 
@@ -50,7 +50,7 @@ def lengths(joints: np.ndarray) -> np.ndarray:
 
 
 def sample_person(rng: np.random.Generator) -> Person:
-    """Draw a person; proportions differ by a few per cent, as people's do."""
+    """Sample a person; proportions vary by a few per cent, as in real people."""
     part = rng.normal(0.0, 1.0, 6)
     return Person(
         stature=float(np.clip(1.68 + 0.12 * part[0], 1.4, 1.95)),
@@ -63,7 +63,7 @@ def sample_person(rng: np.random.Generator) -> Person:
 
 
 def follow(pipeline: PosePipeline, space: BuildSpace, path: Path) -> tuple[np.ndarray, np.ndarray]:
-    """Give the bone lengths found at `MOMENTS_S` and at the end, (M + 1, 9), and the true ones, (9,)."""
+    """Return the bone lengths found at `MOMENTS_S` and at the end, (M + 1, 9), and the true ones, (9,)."""
     truth = load_truth(path.with_suffix(".npz"))
     pipeline.reset()
     found = np.full((len(MOMENTS_S) + 1, len(BONES)), np.nan)

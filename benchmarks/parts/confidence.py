@@ -8,16 +8,15 @@ Clips (``--clips``) of 40 frames of people of other builds than the bank's, befo
 half to twice their noise, from 1.5 m, where the image cuts off their feet, to 4 m away, half of them from all
 around, from -10 to 25 degrees of elevation, in a room or in none; they move as the embedded source does and,
 with ``--mocap``, half of them as BVH files do. The pipeline runs over them as it is. Prints the figures of
-`depth_pose.recover.confidence` (the chance that a joint lies within 10 cm; logistic regression), what they
-are worth on the simulated clips, apart for joints that are seen, hidden and outside the image, and, with
-``--check``, on recordings with known joints, which nothing is fitted to. The plot shows the stated confidence
+`depth_pose.recover.confidence` (the probability that a joint lies within 10 cm; logistic regression), their
+calibration on the simulated clips, separately for joints that are seen, hidden and outside the image, and,
+with ``--check``, on recordings with known joints, which the fit does not use. The plot shows the confidence
 against the share that is right, as the package states it now; and the skeletons' own confidence against the
 share of frames whose mean error is below 10 cm.
 
-With ``--rooms`` several people go about in furnished rooms (``depth-pose simulate --room``). Prints the
-figures of a skeleton's confidence: the chance that those of its joints that are seen are within 10 cm, on
-average, of those of somebody who is there. It is fitted to every other clip, of rooms and of one person each,
-and checked on the rest.
+With ``--rooms`` several people walk about in furnished rooms (``depth-pose simulate --room``). Prints the
+figures of a skeleton's confidence: the probability that its seen joints are within 10 cm, on average, of
+those of a person. It is fitted to every other clip, of rooms and of one person each, and checked on the rest.
 """
 
 from __future__ import annotations
@@ -54,14 +53,14 @@ from depth_pose.sim.simulate import Stage, simulate
 from parts.random_people import aimed, person_of
 
 RIGHT_M = 0.1
-"""A joint, or a skeleton in the mean, that is nearer than this to the truth is right."""
+"""A joint, or a skeleton on average, that is nearer than this to the truth is right."""
 NOBODY_M = 0.4
-"""A skeleton farther from everybody than this is of nobody, metres. Set by hand."""
+"""A skeleton farther than this from every person is false, metres. Set by hand."""
 _TRUST = 0.9
-"""Recovered joints' confidence is what the figures say times this (`depth_pose.recover.recover`)."""
+"""Factor on the confidence of recovered joints (`depth_pose.recover.recover`)."""
 
 _SEEDS, _FIRST_CLIPS, _FRAMES = (4207, 9311), 12, 40
-"""Seeds of the first clips and of all others, how many the first ones are, and their length."""
+"""Seeds of the first clips and of all others, number of the first ones, and their length."""
 
 FITTED = (
     "outside",
@@ -70,15 +69,15 @@ FITTED = (
     "away from the proposal",
     "sure of the proposal",
 )
-"""Signs whose figures are fitted, beside one that all kinds of joints share."""
+"""Features that are fitted, besides one that all kinds of joints share."""
 
 _BINS = np.linspace(0, 1, 11)
-"""Stated confidence is compared in tenths."""
+"""Edges of the confidence bins."""
 
 
 @dataclass(frozen=True)
 class Answers:
-    """Frames' answers, one row a frame.
+    """Results, one row per frame.
 
     Attributes
     ----------
@@ -164,7 +163,7 @@ def measure(pipeline: PosePipeline, path: Path) -> Answers:
 
 @dataclass(frozen=True)
 class RoomAnswers:
-    """Skeletons in rooms, one row each: what their confidence is made from, and what came of it.
+    """Skeletons in rooms, one row each: features of their confidence, and whether they were right.
 
     Attributes
     ----------
@@ -172,9 +171,9 @@ class RoomAnswers:
         `depth_pose.recover.confidence.skeleton_signs`.
     stated : (S,)
     right : (S,) bool
-        Mean error, of the joints seen, to somebody who is there below 10 cm.
+        Mean error of the seen joints, relative to the nearest person, below 10 cm.
     nobody : (S,) bool
-        Farther than 40 cm, on average, from everybody.
+        Farther than 40 cm, on average, from every person.
     clip : (S,) int
     """
 
@@ -216,7 +215,7 @@ def _rows(
 
 
 def _with_signs(result: FrameResult) -> Iterator[tuple[Skeleton, np.ndarray]]:
-    """Give the refined skeletons of a frame with the signs of their confidence."""
+    """Yield the refined skeletons of a frame with the features of their confidence."""
     people = {p.body_id: p for p in result.people.persons}
     for fitted in result.refined:
         for skeleton in result.skeletons:
@@ -227,7 +226,7 @@ def _with_signs(result: FrameResult) -> Iterator[tuple[Skeleton, np.ndarray]]:
 
 
 def report_rooms(answers: RoomAnswers) -> None:
-    """Fit to every other clip, and say what that and what the package states is worth on the rest."""
+    """Fit to every other clip, and report the calibration of the fit and of the package on the rest."""
     learned = answers.clip % 2 == 0
     weights = regress(answers.design[learned], answers.right[learned])
     for name, value in zip(SKELETON_SIGNS, weights, strict=True):
@@ -254,15 +253,15 @@ def _nothing() -> Answers:
 
 
 def join(parts: list[Answers]) -> Answers:
-    """Put recordings together."""
+    """Concatenate recordings."""
     return Answers(*(np.concatenate([getattr(p, f) for p in parts]) for f in Answers.__dataclass_fields__))
 
 
 def fit(answers: Answers) -> np.ndarray:
-    """Fit what is common to all joints, `FITTED`; the other figures are as the package has them.
+    """Fit the features common to all joints, `FITTED`; the other coefficients are those of the package.
 
-    On frames that needed no recovery. What is seen of a joint was fitted by itself, to sixty other clips,
-    before there were proposals.
+    Uses frames that needed no recovery. The features of a joint's visibility were fitted separately, to sixty
+    other clips, before there were proposals.
     """
     names = [*KINDS, *SIGNS, "score"]
     now = np.array([*KINDS.values(), *SIGNS.values(), SCORE])
@@ -299,7 +298,7 @@ def calibration_error(bins: np.ndarray) -> float:
 
 
 def area(stated: np.ndarray, right: np.ndarray) -> float:
-    """Chance that a right one is stated surer than a wrong one (area under the curve)."""
+    """Probability that a right one has a higher confidence than a wrong one (area under the curve)."""
     stated, right = np.ravel(stated), np.ravel(right)
     ranks = np.argsort(np.argsort(stated))
     count = int(right.sum())
@@ -375,7 +374,7 @@ def main() -> None:
     parser.add_argument("--bank", type=Path, help="exemplar bank; the set-up's by default")
     parser.add_argument("--clips", type=int, default=104)
     parser.add_argument("--mocap", type=Path, help="BVH files; half of the clips move as one of them")
-    parser.add_argument("--rooms", type=int, help="only the skeletons' confidence, in so many rooms")
+    parser.add_argument("--rooms", type=int, help="only the skeletons' confidence, in this many rooms")
     parser.add_argument("--check", type=Path, help="recordings with truth files")
     parser.add_argument("-o", "--output", type=Path, default=Path("reliability.png"))
     arguments = parser.parse_args()

@@ -1,11 +1,11 @@
-"""Coherent point drift: this implementation against pycpd, on the same points, same settings.
+"""Coherent point drift: this implementation against pycpd, with the same points and settings.
 
 Source: 632 visible vertices of the embedded body; target: 578 points of the body in another pose,
 seen from the same camera, with 5 mm of noise. Both get the same kernel width, stiffness, outlier weight,
 first variance and number of iterations. Ours runs with the kernel's full-rank basis (the same problem as
 pycpd's), with 60 basis points, and with what the pipeline uses: a wider, stiffer kernel, a floor under the
-variance, distances along the surface. Given are the median processor time of several runs, the mean distance
-from the moved points to the nearest target point, and the mean distance to where the vertices really went.
+variance, distances along the surface. Reported are the median processor time of several runs, the mean
+distance from the moved points to the nearest target point, and that to the true positions of the vertices.
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ from depth_pose.paper.laplacian import LaplacianCompleter
 from depth_pose.refine._visibility_kernels import mark_visible
 
 SOURCE, TARGET = 632, 578
-"""Points that move, and those that they are moved to: as many as of a person in a small image."""
+"""Number of source and target points: as many as a person has in a small image."""
 
 
 def scene(seed: int):
-    """Body, visible vertices, their true place in the target pose, and the target points."""
+    """Body, visible vertices, their true positions in the target pose, and the target points."""
     rng = np.random.default_rng(seed)
     body = make_body()
     rotations = np.tile(FACING, (21, 1, 1))
@@ -63,7 +63,7 @@ def scene(seed: int):
 
 @dataclass(frozen=True)
 class Registration:
-    """One way to register: median milliseconds, and mean distances in millimetres."""
+    """Result of one method: median milliseconds, and mean distances in millimetres."""
 
     name: str
     ms: float
@@ -113,7 +113,7 @@ def _ways(body, chosen, source, target) -> Iterator[tuple[str, Callable[[], np.n
 
 
 def compare(seed: int = 0, repeats: int = 5) -> list[Registration]:
-    """Register the same points in every way there is."""
+    """Register the same points with every method."""
     body, chosen, before, after, target = scene(seed)
     source, truth = before[chosen], after[chosen]
     tree, rows = cKDTree(target), []
@@ -135,7 +135,7 @@ def completion_time(repeats: int = 5) -> float:
 
 
 def table(rows: list[Registration]) -> str:
-    """Lay out the registrations in Markdown; speed is told against pycpd."""
+    """Format the registrations in Markdown; speed is relative to pycpd."""
     slow = next(r.ms for r in rows if r.name.startswith("pycpd"))
     lines = ["| by | ms | speed | residual mm | off the truth mm |", "|---|---|---|---|---|"]
     lines += [

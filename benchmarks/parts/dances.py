@@ -1,11 +1,11 @@
-"""The volume tracker's accuracy on dances it was never shown, and its cost.
+"""Accuracy of the volume tracker on unseen performances, and its cost.
 
     python benchmarks/volume.py dances accuracy --out docs/images   # tables and plots, about ten minutes
     python benchmarks/volume.py dances depth --out docs/images      # 1, 2 and 4 depth cameras, ten minutes
     python benchmarks/volume.py dances cost                         # time by voxel, particles, cameras
 
-Training is ten performances of each dance, 350 frames in all, on wearers of three builds; test are 300
-frames each of three other people in other garments, performing again. Prints tables in Markdown.
+Training uses ten performances of each dance, 350 frames in all, on wearers of three builds; the test uses 300
+frames each of three other people in other garments, in other performances. Prints tables in Markdown.
 """
 
 from __future__ import annotations
@@ -41,16 +41,16 @@ from depth_pose.volume.rigfile import Rig
 from depth_pose.volume.synchroniser import ViewSet
 
 TEST_SEEDS = (11, 12, 13)
-"""Performances of the three test dancers; the training's are 1 to 10, settings were chosen on 101, 102."""
+"""Performances of the three test dancers; training uses 1 to 10, settings were chosen on 101, 102."""
 
 TEST_BEATS = (0.0, 4.0, 7.0)
-"""Beats of the dance at which they begin."""
+"""Beats of the dance at which the tests begin."""
 TEST_GARMENTS = (
     Garment(skirt=0.50, flare=0.36),
     Garment(skirt=0.65, flare=0.27),
     Garment(skirt=0.74, flare=0.24, drag=2.0),
 )
-"""None of them is the training's."""
+"""Different from those of training."""
 
 
 SHOWN = range(20, 300, 40)
@@ -146,7 +146,7 @@ DEPTH_RIGS = {
 
 
 def depth_accuracy(out: Path, models: Path, dances: list[str]) -> None:
-    """One model for any number of depth cameras, wherever they stand."""
+    """Test one model with any number of depth cameras at any position."""
     for dance in dances:
         views = simulate_views(dance_clips(dance), default_wearers(), "depth")
         model = learn_model(views, LearnConfig(), about=f"dance {dance}")
@@ -212,7 +212,7 @@ def cost(models: Path, out: Path) -> None:
 
 
 def measure(model: VolumeModel, rig, config: VolumeConfig, scenes) -> list[tuple[float, float]]:
-    """Seconds from images to volume, and from there to the pose."""
+    """Measure the seconds from images to volume, and from there to the pose."""
     pipeline, renderer, times = VolumePipeline(model, Rig(rig), config), RigRenderer(rig), []
     pipeline.warm_up()
     for i, meshes in enumerate(scenes):
@@ -226,7 +226,7 @@ def measure(model: VolumeModel, rig, config: VolumeConfig, scenes) -> list[tuple
 
 
 def add_cost(rows: list[list[str]], name: str, times: list[tuple[float, float]]):
-    """Add a row of medians, once the height is settled; gives them."""
+    """Add a row of medians, from when the height is settled; return them."""
     settled = 1e3 * np.array(times)[60:]
     total, middle = settled.sum(axis=1), np.median(settled, axis=0)
     rows.append([name, *(f"{m:.1f} ms" for m in middle), f"{np.median(total):.1f} ms",

@@ -1,4 +1,4 @@
-"""What the bank's benchmarks share: people with known joints, matching them, and errors."""
+"""Functions shared by the bank's benchmarks: people with known joints, matching them, and errors."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ RIGHT = [j for j, name in enumerate(JOINTS) if name in ("right_shoulder", "right
 
 @dataclass(frozen=True)
 class Recording:
-    """A recording's one person, if found, frame by frame, and known joints, (T, 19, 3) metres."""
+    """The one person of a recording, where found, frame by frame, and the known joints, (T, 19, 3) metres."""
 
     name: str
     people: list[People]
@@ -39,7 +39,7 @@ class Recording:
 
 
 def make_matcher(bank: Bank, config: MatchConfig) -> Matcher:
-    """Make the pipeline's matcher, by itself."""
+    """Build the pipeline's matcher by itself."""
     return Shared(bank, PipelineConfig(match=config)).make_matcher()
 
 
@@ -59,14 +59,14 @@ def load_recording(path: Path, step: int = 1) -> Recording:
 
 
 def _nearest(people: People, known: np.ndarray) -> People:
-    """Keep whoever is nearest to the known joints."""
+    """Keep the person nearest to the known joints."""
     middle = known.mean(axis=0)
     near = sorted(people.persons, key=lambda p: float(np.linalg.norm(np.median(p.points, axis=0) - middle)))
     return replace(people, persons=tuple(near[:1]))
 
 
 def recordings(folder: Path, largest_width: int = 200) -> list[Path]:
-    """Recordings with a truth file whose images are at most so wide (the time-of-flight ones)."""
+    """List recordings with a truth file and images of at most this width (time of flight)."""
     found = []
     for path in sorted(folder.glob("*.mcap")):
         if path.with_suffix(".npz").exists():
@@ -82,7 +82,7 @@ def read_arguments(parser: argparse.ArgumentParser, step: int) -> tuple[argparse
     """Add data, banks and step to the options, read them, and load the recordings."""
     parser.add_argument("data", type=Path, help="folder of NAME.mcap with NAME.npz")
     parser.add_argument("banks", nargs="+", metavar="LABEL=FILE")
-    parser.add_argument("--step", type=int, default=step, help="use every so many frames")
+    parser.add_argument("--step", type=int, default=step, help="use every n-th frame")
     arguments = parser.parse_args()
     recorded = [load_recording(path, arguments.step) for path in recordings(arguments.data)]
     print(f"{sum(len(r.people) for r in recorded)} frames of {len(recorded)} recordings")
@@ -92,7 +92,7 @@ def read_arguments(parser: argparse.ArgumentParser, step: int) -> tuple[argparse
 def match_frames(
     bank: Bank, recording: Recording, scale: float, shortlist: int = MatchConfig().shortlist
 ) -> Iterator[tuple[People, np.ndarray, PoseMatch, float]]:
-    """Match each frame by itself; gives those with a match: person, known joints, match, seconds of CPU."""
+    """Match each frame by itself; yield those with a match: person, known joints, match, seconds of CPU."""
     matcher = make_matcher(bank, MatchConfig(scale=scale, shortlist=shortlist, search_every=1))
     for people, known in zip(recording.people, recording.joints, strict=True):
         start = time.thread_time()
@@ -115,7 +115,7 @@ def compare_frames(bank: Bank, recording: Recording, scale: float) -> np.ndarray
 def compare(
     bank: Bank, refiner: Refiner, people: People, known: np.ndarray, match: PoseMatch
 ) -> tuple[float, bool, float, bool]:
-    """Give error (m) and flip of the best match, and of what is made of it."""
+    """Compute error (m) and flip of the best match, and of its refinement."""
     (refined,) = refiner.refine(people, (match,))
     found = joints_of(bank, match), refined.body.nodes[JOINT_NODES]
     first, last = ((mean_error(f, known), is_flipped(f, known)) for f in found)
@@ -123,7 +123,7 @@ def compare(
 
 
 def find_scale(bank: Bank, people: list[People]) -> float:
-    """Size that the matcher finds over its first frames."""
+    """Body scale that the matcher finds over its first frames."""
     matcher = make_matcher(bank, MatchConfig(search_every=1))
     scale = 1.0
     for frame in people[: MatchConfig().scale_frames]:
@@ -133,7 +133,7 @@ def find_scale(bank: Bank, people: list[People]) -> float:
 
 
 def joints_of(bank: Bank, match: PoseMatch, rank: int = 0) -> np.ndarray:
-    """Joints of a candidate where the matcher placed it, (19, 3), camera frame, metres."""
+    """Joints of a candidate as placed by the matcher, (19, 3), camera frame, metres."""
     pose = bank.pose(match.candidates[rank], match.scale)
     return bank.body.pose(pose.rotations, pose.root, pose.scale).nodes[JOINT_NODES]
 
@@ -144,7 +144,7 @@ def mean_error(found: np.ndarray, known: np.ndarray) -> float:
 
 
 def is_flipped(found: np.ndarray, known: np.ndarray) -> bool:
-    """Whether the person's left lies on the wrong side: front for back, or left for right."""
+    """Whether left and right are swapped, or front and back."""
     across = [j[LEFT].mean(axis=0) - j[RIGHT].mean(axis=0) for j in (found, known)]
     return float(across[0] @ across[1]) < 0.0
 

@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 
 
 def measure(poses: PoseSet, wanted: PoseSet) -> Array:
-    """Mean joint distance of each wanted pose to the nearest of a set, metres (N,).
+    """Mean joint distance of each pose to the nearest of a set, metres (N,).
 
     The pelvis is at the origin, the heading removed, the body 1.75 m tall.
     """

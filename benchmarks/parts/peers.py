@@ -1,4 +1,4 @@
-"""Steps of the pipeline beside what a user would otherwise take, on the same input in the same run.
+"""Compare steps of the pipeline with common alternatives, on the same input in the same run.
 
 A simulated person before a time-of-flight camera, twenty-five frames:
 
@@ -8,9 +8,9 @@ denoise    the person's raw points, by the modified locally optimal projection, 
 search     the 128 nearest of the bank's entries to the frame's descriptor, exactly: `SubspaceSearch`, SciPy's
            cKDTree, NumPy comparing with every entry; all find the same ones
 fit        from the matcher's best exemplar: the articulated fit, and Open3D's rigid point-to-plane ICP, which
-           can only move the exemplar as a whole: not the same task, but what a rigid tool gives
+           can only move the exemplar as a whole: not the same task, but what a rigid tool offers
 
-Printed are medians of the processor time, all threads together.
+Prints medians of the processor time, all threads together.
 """
 
 from __future__ import annotations
@@ -46,16 +46,16 @@ from depth_pose.sim.simulate import root_scale, transform
 from parts.known_people import make_matcher
 
 FRAMES, STRIDE = 25, 3
-"""Frames that are compared, and of how many one is taken. Set by hand."""
+"""Number of frames compared, and step between them. Set by hand."""
 _NEAREST = 128
-"""Neighbours that a search is asked for. Set by hand."""
+"""Number of neighbours per search. Set by hand."""
 _ICP_M, _ICP_ITERATIONS = 0.1, 30
-"""Farthest pair, metres, and most iterations of ICP. Set by hand."""
+"""Maximum pair distance, metres, and maximum iterations of ICP. Set by hand."""
 
 
 @dataclass(frozen=True)
 class Peer:
-    """One way to do a step: median milliseconds, and what it is worth, in words."""
+    """Result of one method for a step: median milliseconds, and its quality, as text."""
 
     step: str
     name: str
@@ -73,7 +73,7 @@ class Scene:
 
 
 class _Stopwatch:
-    """Calls something, and keeps the processor time."""
+    """Timer that calls a function and records the processor time."""
 
     def __init__(self) -> None:
         self.ms: list[float] = []
@@ -86,11 +86,11 @@ class _Stopwatch:
 
     @property
     def median(self) -> float:
-        return float(np.median(self.ms[1:]))  # without the first, which may load something
+        return float(np.median(self.ms[1:]))  # without the first, which may load libraries
 
 
 def scenes() -> tuple[Body, list[Scene]]:
-    """Simulate frames whose surface is known."""
+    """Simulate frames with a known surface."""
     body, sensor = Person().body(), VirtualSensor(SENSORS["tof"], seed=1)
     clip = load_motion("play", SENSORS["tof"].fps, FRAMES * STRIDE / SENSORS["tof"].fps, seed=1)
     roots = clip.roots * root_scale(body)
@@ -124,7 +124,7 @@ def _off_surface(points: np.ndarray, scene: Scene, body: Body) -> np.ndarray:
 
 
 def compare_denoising(body: Body, made: list[Scene]) -> list[Peer]:
-    """Denoise the same points in three ways."""
+    """Denoise the same points with three methods."""
     segmenter, config = PlaneSegmenter(SegmentConfig()), DenoiseConfig()
 
     def outliers(points: np.ndarray) -> o3d.geometry.PointCloud:
@@ -156,7 +156,7 @@ def compare_denoising(body: Body, made: list[Scene]) -> list[Peer]:
 
 
 def compare_search(bank: Bank, made: list[Scene]) -> list[Peer]:
-    """Search the bank's entries in three ways."""
+    """Search the bank's entries with three methods."""
     table = np.ascontiguousarray(bank.coefficients.reshape(-1, bank.coefficients.shape[-1]))
     ours, tree = SubspaceSearch(table), cKDTree(table)
     squares = np.einsum("nd,nd->n", table, table)
@@ -229,13 +229,13 @@ def compare_fits(bank: Bank, made: list[Scene]) -> list[Peer]:
 
 
 def compare_all(bank: Bank) -> list[Peer]:
-    """Make all comparisons."""
+    """Run all comparisons."""
     body, made = scenes()
     return [*compare_denoising(body, made), *compare_search(bank, made), *compare_fits(bank, made)]
 
 
 def table(peers: list[Peer]) -> str:
-    """Lay out comparisons in Markdown."""
+    """Format comparisons in Markdown."""
     lines = ["| step | by | ms | worth |", "|---|---|---|---|"]
     lines += [f"| {p.step} | {p.name} | {f'{p.ms:.2f}' if p.ms else ''} | {p.worth} |" for p in peers]
     return "\n".join(lines)

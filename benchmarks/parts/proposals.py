@@ -1,15 +1,15 @@
-"""The answer beside its proposals: is the fit worth its time, on real recordings too?
+"""Compare skeletons with the second look's proposals: is the fit worth its time, on real recordings too?
 
     python benchmarks/accuracy.py proposals DATA [DATA ...]
 
-Every NAME.mcap of a folder is used that has one of these beside it:
+Uses every NAME.mcap of a folder that has one of these beside it:
 
 - NAME.npz, a truth file (`depth-pose eval`): mean distance of the joints, and share within 10 cm;
 - NAME.json, a list of ``{"stamp_ns": ..., "persons": [{"box": [x0, y0, x1, y1], "median_depth_m": ...,
   "joints": {NAME: [u, v, score]}}]}`` in pixels of the depth image: shares of the joints within .10 and .05
   of the person's height in the image. A person with ``"ignore": true`` is left out.
 
-Only joints of people who are answered count.
+Only joints of people with a skeleton count.
 """
 
 from __future__ import annotations
@@ -31,17 +31,17 @@ from depth_pose.io.mcap_read import DepthReader
 from depth_pose.pipeline import PosePipeline
 
 Pair = tuple[np.ndarray, np.ndarray]
-"""Somebody's answered and proposed joints, (19, 3) each."""
+"""A person's answered and proposed joints, (19, 3) each."""
 
 STANDING_M = 1.7
 """A person is taken to be this tall where the box shows less than `WHOLE` of it."""
 WHOLE = 0.8
 FAR = 0.35
-"""Mean distance, in heights, of an answer that is not this person's."""
+"""An answer farther than this from a person, on average, is not theirs, in body heights."""
 
 
 def answered(pipeline: PosePipeline, path: Path) -> Iterator[tuple[int, Camera, list[Pair]]]:
-    """Give stamp, camera, and everybody who is answered."""
+    """Yield stamp, camera, and every person with a skeleton."""
     pipeline.reset()
     for frame in DepthReader(path):
         result = pipeline.process_frame(frame)
@@ -85,7 +85,7 @@ def against_image(pipeline: PosePipeline, path: Path) -> np.ndarray:
 
 
 def height_px(person: dict, camera: Camera) -> float:
-    """Height of a person in the image, pixels; of somebody who stands, where they are cut or sit."""
+    """Height of a person in the image, pixels; that of a standing adult if they are cut off or seated."""
     _, top, _, bottom = person["box"]
     depth = person.get("median_depth_m", 0.0)
     standing = STANDING_M * camera.fy / depth if depth > 0 else 0.0
@@ -112,7 +112,7 @@ def main() -> None:
 
 
 def in_words(off: np.ndarray, ending: str) -> str:
-    """Say how large distances are."""
+    """Summarise distances as text."""
     if ending == ".npz":
         return f"{1000 * off.mean():.1f} mm, {(off < 0.1).mean():.3f}"
     return f"{(off < 0.10).mean():.3f} / {(off < 0.05).mean():.3f}"

@@ -7,7 +7,7 @@ import numpy as np
 from depth_pose.sim.config import Person, Placement
 
 _AIM_HEIGHT_M = 0.9
-"""Height above the floor of what the camera looks at. Set by hand."""
+"""Height above the floor of the point that the camera looks at. Set by hand."""
 
 
 def person_of(stature: float, build: np.ndarray) -> Person:

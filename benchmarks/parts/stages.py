@@ -1,9 +1,9 @@
-"""Processor time of every stage, single thread: three sizes of image, both methods; one, three, six people.
+"""Processor time of every stage, single thread: three image sizes, both methods; one, three, six people.
 
 A table in Markdown: milliseconds a frame, the median and in brackets the 10th and 90th percentile,
 once the first sizes are known; and the median while they are being found. ``finder`` is the learned people
-finder; ``denoise`` the rest of the first stage. A person's share is the sum over the people who are answered,
-the finder included.
+finder; ``denoise`` the rest of the first stage. A person's share is the sum divided by the number of people
+answered, the finder included.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ ROOMS = ((1, 11), (3, 12), (6, 13))
 """People in a simulated room, and the seed; the weights of the finder were trained with other seeds."""
 
 ROOM_FPS, ROOM_WIDTH_PX = 15.0, 320
-"""Hertz, and pixels of a row, of the rooms."""
+"""Frame rate (Hz) and image width of the rooms."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class StageTimes:
     times : (T, 5) float64
         Milliseconds, in the order of `STAGES`.
     people : (T,) int
-        How many were answered.
+        Number of people answered.
     """
 
     images: str
@@ -64,7 +64,7 @@ class StageTimes:
 
     @property
     def first(self) -> int:
-        """Frames that find sizes; 0 where there are no others."""
+        """Number of frames that find sizes; 0 where there are no others."""
         frames = MatchConfig().scale_frames
         return frames if len(self.times) > frames else 0
 
@@ -92,14 +92,14 @@ def simulated_rooms(folder: Path) -> list[Path]:
 
 
 class TimedFinder:
-    """A people finder that says how long it took, seconds of processor time."""
+    """A people finder that records its processor time, seconds."""
 
     def __init__(self, finder: PeopleFinder) -> None:
         self._finder = finder
         self.seconds = 0.0
 
     def find(self, frame: DepthFrame, turns: int = 0) -> Detections:
-        """Find everybody, and note how long that took."""
+        """Find people, and record the processor time."""
         begin = time.thread_time()
         found = self._finder.find(frame, turns)
         self.seconds += time.thread_time() - begin
@@ -107,7 +107,7 @@ class TimedFinder:
 
 
 def measure(pipeline: PosePipeline, frames: list[DepthFrame]) -> tuple[np.ndarray, np.ndarray]:
-    """Processor time of each stage on each frame, (T, 5), milliseconds; how many were answered (T,)."""
+    """Measure each stage on each frame, (T, 5), milliseconds of processor time, and people answered, (T,)."""
     pipeline.reset()
     candidates = pipeline.extractor.segmenter.candidates
     finder = candidates.finder
@@ -155,7 +155,7 @@ def _cell(values: np.ndarray) -> str:
 
 
 def table(measured: list[StageTimes]) -> str:
-    """Lay out the times in Markdown."""
+    """Format the times in Markdown."""
     lines = [
         "| images | people | method | " + " | ".join(STAGES) + " | **sum** | a person | sum, first frames |",
         "|---" * (len(STAGES) + 6) + "|",

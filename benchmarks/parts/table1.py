@@ -12,7 +12,7 @@ without denoising        the person's raw points: no projection, no outliers dro
 without refinement       the matcher's best exemplar where it was placed
 nearest, unrefined       the exemplar nearest in the subspace (eq. 6), as the paper takes it
 
-With ``--step`` only every so many frames are run. A frame without an answer counts as a miss in the shares.
+With ``--step`` only every n-th frame is run. A frame without an answer counts as a miss in the shares.
 Prints the tables and draws ``table1.png`` and ``ablation.png``.
 """
 
@@ -105,7 +105,7 @@ def _off(joints: np.ndarray | None, known: np.ndarray) -> np.ndarray:
 
 
 def table1(measured: dict[str, dict[str, Variant]]) -> str:
-    """Lay out the shares of the whole pipelines in Markdown."""
+    """Format the shares of the whole pipelines in Markdown."""
     lines = ["| within | " + " | ".join(f"{100 * t:.0f} cm" for t in THRESHOLDS_M) + " | mean mm |"]
     lines.append("|---" * (len(THRESHOLDS_M) + 2) + "|")
     rows = {"the paper (Table 1)": PAPER, "its reference 21": SHOTTON}
@@ -122,7 +122,7 @@ def table1(measured: dict[str, dict[str, Variant]]) -> str:
 
 
 def ablation(measured: dict[str, dict[str, Variant]]) -> str:
-    """Lay out the variants in Markdown: mean error of all, within 10 cm, and by recording."""
+    """Format the variants in Markdown: mean error of all, within 10 cm, and by recording."""
     clips = [e.clip for e in next(iter(next(iter(measured.values())).values()))]
     lines = ["| bank | variant | mean mm | within 10 cm | " + " | ".join(clips) + " |"]
     lines.append("|---" * (len(clips) + 4) + "|")
@@ -183,9 +183,9 @@ def main() -> None:
     parser = make_parser(__doc__)
     parser.add_argument("data", type=Path, help="folder of recordings with truth files")
     parser.add_argument("--bank", nargs="*", metavar="[LABEL=]FILE", help="the set-up's by default")
-    parser.add_argument("--step", type=int, default=1, help="run every so many frames")
+    parser.add_argument("--step", type=int, default=1, help="run every n-th frame")
     parser.add_argument("--methods", nargs="+", choices=METHODS, default=list(METHODS))
-    parser.add_argument("-o", "--output", type=Path, default=Path(), help="folder of the pictures")
+    parser.add_argument("-o", "--output", type=Path, default=Path(), help="folder for the pictures")
     arguments = parser.parse_args()
     files = arguments.bank or [str(default_bank_path())]
     paths = recordings(arguments.data)

@@ -1,4 +1,4 @@
-"""The volume node live: simulated cameras on topics, at a rate, and what the node makes of them.
+"""The volume node live: simulated cameras on topics at a given rate, and the node's answers and latency.
 
     python benchmarks/volume.py dances accuracy --dance swing   # once: makes volume_models/swing.npz
     python benchmarks/volume.py live                     # 8 cameras, 60 a second, 20 s
@@ -41,12 +41,12 @@ from depth_pose.volume.learn.performances import TEST_SHAPES
 from depth_pose.volume.rigfile import save_rig
 
 SECONDS_OF_DANCE = 4.0
-"""Of the clip that is played."""
+"""Frames of the clip that is played."""
 TICKS = os.sysconf("SC_CLK_TCK")
 
 
 def serialise(rig, kind: str, fps: float) -> list[list[bytearray]]:
-    """Images of every time and camera as messages, there and back again."""
+    """Images of every time and camera as messages, forwards and backwards."""
     renderer, sets = RigRenderer(rig), []
     clip = perform("swing", 21, SECONDS_OF_DANCE, fps, start_beat=0.5)
     for meshes, _ in dressed_frames(Wearer(TEST_SHAPES[1], Garment(skirt=0.65, flare=0.27)), clip):
@@ -64,7 +64,7 @@ def seconds_of(pid: int) -> float:
 
 
 class Stage:
-    """The cameras' publishers, and who listens to the skeletons."""
+    """The cameras' publishers, and the subscriber to the skeletons."""
 
     def __init__(self, topics: list[str]) -> None:
         import rclpy
@@ -97,7 +97,7 @@ class Stage:
                 self.told, self.reports = {v.key: v.value for v in status.values}, self.reports + 1
 
     def listen_for(self, reports: int) -> None:
-        """Wait until the node has told of itself so often again."""
+        """Wait for this many further diagnostics of the node."""
         wanted = self.reports + reports
         while self.reports < wanted:
             self.executor.spin_once(timeout_sec=0.1)

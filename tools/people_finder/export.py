@@ -61,7 +61,7 @@ class _Seen(nn.Module):
         self.net = net
 
     def forward(self, x: Tensor) -> tuple[Tensor, Tensor]:
-        """Return mask logits and torso votes, four pixels packed into one, which the run time unpacks faster."""
+        """Return mask logits and torso votes, packed by four pixels: the run time unpacks them faster."""
         mask, torso, _ = self.net.packed(x)
         return mask, torso
 

@@ -39,7 +39,7 @@ def logits_of(model: bytes, found: Sightings) -> NDArray[np.float64]:
 def fit_odds(logits: NDArray[np.float64], is_person: NDArray[np.bool_]) -> NDArray[np.float64]:
     """Fit a logistic regression by Newton's method; return the weights of the logits, and the bias.
 
-    People and objects are weighted as if a share of `_THINGS` were objects, whatever the number of lookalikes.
+    People and objects are weighted as if a share of `_THINGS` were objects, however many there are.
     """
     x = np.column_stack([logits, np.ones(len(logits))])
     counts = np.where(is_person, (1 - _THINGS) / is_person.mean(), _THINGS / (~is_person).mean())

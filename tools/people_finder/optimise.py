@@ -37,7 +37,7 @@ class Plan(NamedTuple):
 def arithmetic(exact: bool | None) -> torch.autocast:
     """Return the context of a net's forward pass: bfloat16, or 32 bits throughout.
 
-    By default it is bfloat16 where the processor supports it; others emulate it, at twice the time of 32 bits.
+    The default is bfloat16 where the processor supports it; others emulate it, at twice the time of 32 bits.
     """
     has = torch.cpu.get_capabilities()
     if exact is None:

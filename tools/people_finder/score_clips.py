@@ -28,7 +28,7 @@ _SINGLES = ("real_kinect2", "real_itop", "real_wave")
 _DEPTH_M, _TORSO_M = 0.5, 0.4
 """Largest distance from the matching reference, metres: of the median depth and the torso. Set by hand."""
 _ASKED, _WEAK = 0.3, 0.05
-"""People visible by less than the first share do not count, by less than the second are absent. Set by hand."""
+"""People visible by less than the first share do not count, by less than the second: absent. Set by hand."""
 
 app = typer.Typer(add_completion=False)
 
