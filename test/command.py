@@ -31,7 +31,7 @@ def environment(first: Path | str = "", **more: str) -> dict[str, str]:
 
 
 def caller(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Callable[..., Done]:
-    """Give what calls `main` with a command's arguments."""
+    """Return a function that calls `main` with a command's arguments."""
     monkeypatch.setenv("COLUMNS", "200")
     monkeypatch.setenv("NO_COLOR", "1")
 

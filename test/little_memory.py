@@ -10,7 +10,7 @@ from pathlib import Path
 
 @contextmanager
 def little_memory(megabytes: int = 512) -> Iterator[None]:
-    """Let this process take so much more and no more."""
+    """Limit this process to this much more memory."""
     pages = int(Path("/proc/self/statm").read_text().split()[0])
     before = resource.getrlimit(resource.RLIMIT_AS)
     resource.setrlimit(resource.RLIMIT_AS, (pages * resource.getpagesize() + (megabytes << 20), before[1]))

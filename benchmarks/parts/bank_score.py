@@ -75,7 +75,7 @@ def measure(bank: Bank, recorded: list[Recording]) -> np.ndarray:
 
 
 def fit(rows: np.ndarray) -> tuple[float, float]:
-    """Fit a logistic curve to the share of right matches by Newton's method: score at one half, and spread."""
+    """Fit a logistic curve to the right matches by Newton's method: score at one half, and spread."""
     score, right = rows.T
     design = np.stack([np.ones_like(score), score], axis=1)
     weights = np.zeros(2)

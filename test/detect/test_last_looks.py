@@ -42,7 +42,7 @@ class Watcher:
         )
 
     def see(self, *people: Detection, step_ns: int = STEP_NS) -> int:
-        """Give how many are looked at in the next frame."""
+        """Return the number of people looked at in the next frame."""
         self.stamp_ns, self.told = self.stamp_ns + step_ns, 0
         self.seen = self.looks.renew(people, self.stamp_ns, self.look)
         assert len(self.seen) == len(people)

@@ -46,7 +46,7 @@ _RNG = np.random.default_rng(0)
 
 
 def _written(name: str, write: Callable[[Path], object]) -> bytes:
-    """Give what is written to a file of this name."""
+    """Return the bytes written to a file of this name."""
     with tempfile.TemporaryDirectory() as folder:
         write(Path(folder) / name)
         return (Path(folder) / name).read_bytes()

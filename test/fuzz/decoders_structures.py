@@ -79,7 +79,7 @@ def _statement(rng: Rng) -> str:
 
 
 def _chooser(path: Path) -> tuple[Rng, bool]:
-    """Give random numbers that the input chooses, and whether anything is to be changed."""
+    """Return a random generator seeded by the input, and whether anything is to be changed."""
     given = path.read_bytes()
     return np.random.default_rng(zlib.crc32(given)), given != _UNCHANGED
 

@@ -159,7 +159,7 @@ def _npy(head: str, body: bytes) -> bytes:
 
 
 def _odd_array(array: np.ndarray, rng: Rng) -> bytes:
-    """Give an array's file with one to three of its properties changed."""
+    """Build an array's file with one to three of its properties changed."""
     head = {"descr": repr(array.dtype.str), "fortran_order": "False", "shape": repr(array.shape)}
     body = array.tobytes()
     for _ in range(int(rng.integers(1, 3))):
@@ -186,7 +186,7 @@ def _odd_array(array: np.ndarray, rng: Rng) -> bytes:
 
 
 def _odd_values(array: np.ndarray, rng: Rng) -> np.ndarray:
-    """Give an array of other values, type or shape."""
+    """Build an array of other values, type or shape."""
     kind = int(rng.integers(8))
     if kind == 0 and array.size and array.dtype.kind == "f":
         array = array.copy()
@@ -217,7 +217,7 @@ def _odd_npy(rng: Rng, is_odd: bool) -> bytes:
 
 
 def _odd_npz(seeds: Callable[[], list[bytes]], rng: Rng, is_odd: bool) -> bytes:
-    """Give an archive of arrays, of which some are changed, gone, twice there, or called otherwise."""
+    """Build an archive of arrays, some of which are changed, missing, duplicated or renamed."""
     good = _any(rng, seeds()) if is_odd else seeds()[0]
     if not is_odd:
         return good
@@ -346,7 +346,7 @@ def _document() -> tuple[dict[str, Any], bytes]:
 
 
 def _odd_gltf(rng: Rng, is_odd: bool) -> bytes:
-    """Give a rigged body as text with its data inside."""
+    """Build a rigged body as text with embedded data."""
     document, data = _document()
     uri = "data:application/gltf-buffer;base64," + base64.b64encode(data).decode()
     tree = document | {"buffers": [{"uri": uri, "byteLength": len(data)}]}
@@ -354,7 +354,7 @@ def _odd_gltf(rng: Rng, is_odd: bool) -> bytes:
 
 
 def _odd_glb(rng: Rng, is_odd: bool) -> bytes:
-    """Give a rigged body as binary; also its arrays are changed."""
+    """Build a rigged body as binary, with its arrays changed as well."""
     document, data = _document()
     if is_odd:
         changed, words = bytearray(data), np.array([0, np.nan, np.inf, 1e30, -1.0, 1e-40], np.float32)

@@ -290,7 +290,7 @@ def _limit_memory(more_mb: int) -> None:
 
 
 def find_decoders() -> dict[str, Path]:
-    """Give all decoders' names, each with the file it is in."""
+    """Find all decoders: their names, each with its file."""
     found: dict[str, Path] = {}
     for file in sorted(HERE.glob("decoders_*.py")):
         for decoder in _load(file):

@@ -28,7 +28,7 @@ LIMITS = {
 
 
 def odd_value(kind, value, rng):
-    """Give another value of a field's type; sequences become shorter, longer, empty or of odd elements."""
+    """Return another value of a field's type; sequences become shorter, longer, empty or of odd elements."""
     sequence = re.fullmatch(r"sequence<([\w/]+)(?:, \d+)?>|([\w/]+)\[(\d+)\]", kind)
     if sequence:
         inner, fixed = sequence.group(1) or sequence.group(2), sequence.group(3)
@@ -70,7 +70,7 @@ def copy_of(message):
 
 @pytest.fixture(scope="module")
 def valid(bank_path):
-    """Give a frame's messages, by topic, as the stages make them."""
+    """Build a frame's messages, by topic, as the stages make them."""
     import scene
     from test_denoise_node import image_msg, info_msg
 
@@ -111,7 +111,7 @@ INPUTS = {
 
 
 def deliver(node, number, messages):
-    """Give a frame's messages to the node's callbacks, stamped alike; what waits is answered."""
+    """Pass a frame's messages with equal stamps to the node's callbacks, and process what is pending."""
     from depth_pose.ros.messages.basics import ns_to_stamp
 
     for index, message in enumerate(messages):

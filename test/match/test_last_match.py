@@ -40,7 +40,7 @@ def named(people: People, *body_ids: str) -> People:
 
 
 def searches(matcher: Matcher, people: People, frames: int, step_ns: int = 33_000_000) -> list[list[bool]]:
-    """Say of each frame and person whether exemplars were searched for, or went along."""
+    """Return for each frame and person whether exemplars were searched for (and not carried along)."""
     before: dict[str, np.ndarray] = {}
     out = []
     for k in range(frames):

@@ -53,21 +53,21 @@ def join_own_domain(monkeypatch):
 
 
 def patient(seconds):
-    """Seconds that something may take which takes at most so long where each process has a core."""
+    """Time limit of an action that takes at most this many seconds where each process has a core."""
     return seconds * max(1.0, os.getloadavg()[0] / len(os.sched_getaffinity(0)))
 
 
 def within(seconds, attempt, tries=3):
-    """Hold that something takes at most so long: one of a few attempts must.
+    """Assert that an action takes at most this long in one of a few attempts.
 
-    A virtual machine's core may stand still for a second or two, and nobody on it can tell.
+    A virtual machine's core may stand still for a second or two, which its processes cannot detect.
 
     Parameters
     ----------
     seconds : float
         Where each process has a core.
     attempt : callable
-        Does it; gives the seconds that it took.
+        Does it; returns the seconds that it took.
     tries : int
     """
     took = []

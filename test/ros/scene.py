@@ -19,7 +19,7 @@ STEP_NS = 40_000_000
 
 
 def frames(count, start_ns=START_NS):
-    """Give `count` frames at 25 a second, whole millimetres."""
+    """Yield `count` frames at 25 a second, in whole millimetres."""
     body = make_body()
     for i in range(count):
         rotations = np.tile(FACING, (21, 1, 1))
@@ -48,7 +48,7 @@ def turns(stamps):
 
 
 def frame_messages(bank):
-    """Give the last of four frames, and its messages by topic as the stages make them."""
+    """Return the last of four frames, and its messages by topic as the stages make them."""
     from depth_pose.pipeline import PosePipeline
     from depth_pose.ros.messages.matches import matches_to_msg
     from depth_pose.ros.messages.people import people_to_msgs

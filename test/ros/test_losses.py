@@ -10,7 +10,7 @@ PERIOD, DELAY = 33_000_000, 4_000_000
 
 
 def message(number, offset_ns=0):
-    """Give what rclpy tells of a sensor's message; its clock may be another machine's."""
+    """Build rclpy's info on a sensor's message; its clock may be another machine's."""
     sent = 10**18 + number * PERIOD
     return {
         "publication_sequence_number": number,

@@ -25,7 +25,7 @@ from depth_pose.ros.process.supervisor import NODES, Suite
 
 
 def addresses(pid):
-    """Give the local addresses of a process' sockets of the network, of every kind."""
+    """Return the local addresses of a process's network sockets, of every kind."""
     links = {os.readlink(f) for f in Path(f"/proc/{pid}/fd").iterdir() if f.exists()}
     found = set()
     for kind in ("udp", "udp6", "udplite", "udplite6", "tcp", "tcp6", "raw", "raw6"):
@@ -37,7 +37,7 @@ def addresses(pid):
 
 
 def processes(pid):
-    """Give a process and all that it has started."""
+    """Yield a process and all its descendants."""
     for children in Path(f"/proc/{pid}/task").glob("*/children"):
         for child in children.read_text().split():
             yield from processes(int(child))
@@ -45,14 +45,14 @@ def processes(pid):
 
 
 def segments(pid):
-    """Give the shared memory of a process, and its locks, which it holds open."""
+    """List the shared memory of a process, and its locks, which it holds open."""
     links = {os.readlink(f) for f in Path(f"/proc/{pid}/fd").iterdir() if f.exists()}
     locks = {f for f in links if f.startswith("/dev/shm/fastrtps_") and Path(f).exists()}
     return [Path(f) for f in locks | {f.removesuffix("_el") for f in locks}]
 
 
 def read_as_nobody(paths):
-    """Try to read files by an account without rights; gives what came of each, or nothing where it cannot."""
+    """Try to read files from an account without rights; return each result, or nothing if impossible."""
     code = (
         "import sys\n"
         "for path in sys.argv[1:]:\n"
@@ -90,7 +90,7 @@ print("239.255.0.1" if "0100FFEF" in Path("/proc/net/igmp").read_text() else "no
 
 
 def own_network():
-    """Give the command that runs another one in a network of its own, without an interface that is up."""
+    """Return the command that runs another one in its own network, without an interface that is up."""
     command = ["unshare", "--net", *([] if os.getuid() == 0 else ["--map-root-user"])]
     if not shutil.which("unshare") or subprocess.run([*command, "true"], timeout=120).returncode:
         pytest.skip("this account can make no network of its own")  # a container's, or the kernel forbids it

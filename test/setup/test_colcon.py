@@ -65,7 +65,7 @@ def test_the_package_installs_what_ros2_run_and_launch_look_for(tmp_path):
 
 
 def files_of(package):
-    """Give the files of a package, without what Python and numba keep beside them."""
+    """Return the files of a package, without the caches of Python and numba."""
     return {
         p.relative_to(package) for p in package.rglob("*.*") if p.parent.name != "__pycache__" and p.is_file()
     }
@@ -94,7 +94,7 @@ int main() {
 
 
 def cmake_of_docs():
-    """Give the lines for CMakeLists.txt that docs/topics.md tells to write."""
+    """Return the lines for CMakeLists.txt from docs/topics.md."""
     return re.search(r"```cmake\n(.+?)```", (ROOT / "docs" / "topics.md").read_text(), re.DOTALL).group(1)
 
 

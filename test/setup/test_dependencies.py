@@ -29,7 +29,7 @@ Its typer is 0.9, which does not know ``str | None``, its numba 0.58: these come
 
 
 def requirements(*names):
-    """Give what the set-up's script prints: name and specifier of every dependency, or of extras."""
+    """Return the output of the set-up's script: name and specifier of every dependency, or of extras."""
     done = subprocess.run(
         [sys.executable, ROOT / "launch_scripts/helpers/requirements.py", *(names or ["dependencies"])],
         capture_output=True,
@@ -55,7 +55,7 @@ ROS = r"rclpy|\w+_(?:msgs|interfaces)"
 
 
 def imported():
-    """Give the packages outside the standard library that the sources import, by their import names."""
+    """Return the packages outside the standard library that the sources import, by their import names."""
     names = set()
     for path in (ROOT / "src").rglob("*.py"):
         for node in ast.walk(ast.parse(path.read_text())):

@@ -109,7 +109,7 @@ def test_who_lies_in_bed_lies_on_it_and_may_be_covered():
 
 
 def triangulate_body(figure):
-    """Give a body what `gap` asks for."""
+    """Build a body with the attributes that `gap` needs."""
 
     class Body:
         vertices, faces = figure.vertices, figure.faces

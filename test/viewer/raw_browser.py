@@ -46,7 +46,7 @@ class RawBrowser:
         self.send({"type": "GuiUpdateMessage", "uuid": self.controls[label], "updates": {"value": value}})
 
     def hear(self, seconds=0.2):
-        """Take what comes for a while; a picture that is asked for is sent."""
+        """Receive messages for a while; answer requests for a picture."""
         heard, end = [], time.monotonic() + seconds
         while (left_s := end - time.monotonic()) > 0.0:
             try:

@@ -21,7 +21,7 @@ def frames():
 
 
 def people(frame):
-    """Give everybody in a frame."""
+    """Return the people in a frame."""
     return (skeleton_at(0.3, 3.0, hidden=3), skeleton_at(-0.6, 3.5, "body_2"))
 
 

@@ -278,7 +278,7 @@ def test_a_recording_of_two_depth_cameras(depth_model, space, tmp_path):
 
 
 def sliver(depth):
-    """Give the topmost rows of a person only."""
+    """Keep only the topmost rows of a person."""
     seen = depth.copy()
     seen[np.nonzero(depth.any(axis=1))[0][0] + 10 :] = 0.0
     return seen
