@@ -5,8 +5,8 @@
 >>> for person in tracker(depth, camera, time=0.0):  # doctest: +SKIP
 ...     print(person.id, person["left_wrist"].position)
 
-What is needed for that is imported from here, on first use, so that ``import depth_pose`` itself is quick.
-`depth_pose.pipeline.PosePipeline` is the method; only `depth_pose.ros` knows ROS.
+The public names are imported on first use, so that ``import depth_pose`` itself is quick.
+`depth_pose.pipeline.PosePipeline` is the method; only `depth_pose.ros` imports ROS.
 """
 
 from __future__ import annotations

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from depth_pose.passes import Gain, SecondPass
 
 NOTE = "depth_pose"
-"""Name of the metadata record of what an output was made from."""
+"""Name of the metadata record with the provenance of an output."""
 
 
 class Reader(Protocol):
@@ -49,30 +49,30 @@ class Method(Protocol):
 
     @property
     def warnings(self) -> Sequence[str]:
-        """What is odd about the frames since the last reset, one line each."""
+        """Warnings about the frames since the last reset, one line each."""
 
     def process_frame(self, frame: Any, /) -> Any:
-        """Answer one frame; the result has everybody's ``skeletons``, and the one ``skeleton`` followed."""
+        """Process one frame; the result has all ``skeletons``, and the followed person's ``skeleton``."""
 
 
 @dataclass(frozen=True)
 class RunSummary:
-    """What an offline run did.
+    """Summary of an offline run.
 
     Attributes
     ----------
     frames : int
-        Frames of the recording, those that could not be used included.
+        Frames of the recording, including those that could not be used.
     answered : int
-        Frames with a skeleton that shows somebody.
+        Frames with a skeleton of a person.
     empty : int
-        Frames that show nobody.
+        Frames without a person.
     most_people : int
         Most people in one frame.
     dropped : int
         Frames that could not be used; `warnings` say why.
     sources : mapping of str to int
-        Skeletons by what they came from.
+        Number of skeletons by source.
     confidence : float
         Mean of the skeletons' confidences; NaN without any.
     median_ms, p95_ms : float
@@ -97,7 +97,7 @@ class RunSummary:
 
 
 def _check_stamp(stamp_ns: int) -> None:
-    """Refuse a frame that no recording could hold the answer of."""
+    """Reject a frame whose skeletons could not be recorded."""
     if stamp_ns < 0:
         raise InputError("its stamp is below 0: the sensor's clock was not set")
 
@@ -122,18 +122,18 @@ def process_recording(
     reader : Reader
         The recording's frames.
     output : Path or str
-        The recording of skeletons; it appears once it is whole.
+        The recording of skeletons; it appears once it is complete.
     pipeline : Method
         The method; its temporal state is reset first.
     progress : callable, optional
         Called with the number of frames done; with a second pass each counts twice.
     note : callable, optional
-        Says what is to stand in the output's metadata, under `NOTE`. With it the output is whole or not
-        at all; without, what was done until Ctrl-C is left as ``NAME.partial.mcap``.
+        Returns the output's metadata record `NOTE`. With it the output is complete or not written
+        at all; without, the frames done before Ctrl-C are left as ``NAME.partial.mcap``.
     markers : bool
-        Whether standard markers are written, too, for viewers that know no skeletons.
+        Whether to write standard markers as well, for viewers that do not support skeletons.
     second : SecondPass, optional
-        Plays the recording back, and joins both answers.
+        Plays the recording back, and joins the results of both passes.
 
     Raises
     ------
@@ -183,12 +183,12 @@ def process_recording(
 
 
 class _Answers:
-    """What the method answers to each frame that can be used, in order.
+    """Results of the method for each usable frame, in order.
 
     Attributes
     ----------
     times_ms : list of float
-        Of each answered frame.
+        Processing time of each answered frame.
     refused : Counter
         Frames that the method refused, by reason.
     """

@@ -1,10 +1,10 @@
-"""Two passes over a recording: forward with its builds being learned, backward with all of them known.
+"""Two passes over a recording: forward, which learns people's builds, and backward, with all builds known.
 
-The second pass plays the people of the first one back, as if time went on from the last frame: tracks, builds
-and poses continue, and what a later frame showed is known in an earlier one. `join` then chooses one path
-through both answers of each person (Viterbi 1967), in which a frame costs what its answer lacks in
-confidence, and a step its movement. Where the other answer is near, the mean of both is taken: the low-pass
-filter lags behind in either direction, so the mean does not.
+The second pass plays the people of the first one back, as if time continued from the last frame: tracks,
+builds and poses continue, and what a later frame showed is known in an earlier one. `join` then chooses one
+path through both results of each person (Viterbi 1967): a frame costs its lack of confidence, a step its
+movement. Where both results are close, their mean is taken: the low-pass filter lags behind in either
+direction, so the mean does not.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _STEP_M = 0.1
 hand."""
 
 _SAME_M = 0.06
-"""Distance (m) between both answers for a joint at which the other counts half as much as the chosen one;
+"""Distance (m) between both results for a joint at which the other has half the weight of the chosen one;
 set by hand."""
 
 _LEAST_CONFIDENCE = 0.01
@@ -40,18 +40,18 @@ _TURN_NS = 33_000_000
 
 @dataclass(frozen=True)
 class Gain:
-    """What the second pass changed.
+    """Changes made by the second pass.
 
     Attributes
     ----------
     skeletons : int
-        Skeletons in the joined answer.
+        Skeletons in the joined result.
     added : int
         Skeletons that only the second pass has.
     replaced : int
         Skeletons of the second pass that replace one of the first.
     confidence : (2,) tuple of float
-        Mean confidence of the joints in the first pass, and in the joined answer.
+        Mean confidence of the joints in the first pass, and in the joined result.
     """
 
     skeletons: int
@@ -69,7 +69,7 @@ class Gain:
 
 @dataclass(frozen=True)
 class Joined:
-    """The answer of both passes to one frame: everybody, and the one who is followed."""
+    """Joined result of both passes for one frame: all skeletons, and that of the followed person."""
 
     skeletons: tuple[Skeleton, ...]
     skeleton: Skeleton
@@ -86,7 +86,7 @@ class SecondPass:
     Attributes
     ----------
     gain : Gain or None
-        None until all is joined.
+        None until all frames are joined.
     """
 
     def __init__(self, pipeline: PosePipeline) -> None:
@@ -94,7 +94,7 @@ class SecondPass:
         self._pipeline = pipeline
 
     def run(self, results: Iterable[FrameResult], progress: Callable[[], None]) -> Iterator[Joined]:
-        """Run the first pass to its end, play it back, and give the joined answers in order.
+        """Run the first pass to its end, play it back, and yield the joined results in order.
 
         Parameters
         ----------
@@ -181,17 +181,17 @@ class _Spool:
 def join(
     forward: Sequence[Sequence[Skeleton]], backward: Sequence[Sequence[Skeleton]]
 ) -> tuple[list[tuple[Skeleton, ...]], Gain]:
-    """Join the answers of both passes.
+    """Join the results of both passes.
 
     Parameters
     ----------
     forward, backward : sequence of sequence of Skeleton
-        Everybody in each frame, in the order of the recording; the same person has the same body id in both.
+        Skeletons in each frame, in the order of the recording; a person has the same body id in both.
 
     Returns
     -------
     list of tuple of Skeleton
-        Everybody in each frame, ordered as in the first pass.
+        Skeletons in each frame, ordered as in the first pass.
     Gain
     """
     named = [[{s.body_id: s for s in frame} for frame in passed] for passed in (forward, backward)]
@@ -212,7 +212,7 @@ def join(
 
 
 def _path(both: Sequence[tuple[Skeleton | None, ...]]) -> list[int]:
-    """Choose one of two answers in each frame, at the least cost of frames and steps."""
+    """Choose one of two results in each frame, at the least cost of frames and steps."""
     cost = np.array([_lack(s) for s in both[0]])
     came = np.zeros((len(both), 2), np.int64)
     for n in range(1, len(both)):
@@ -227,7 +227,7 @@ def _path(both: Sequence[tuple[Skeleton | None, ...]]) -> list[int]:
 
 
 def _lack(skeleton: Skeleton | None) -> float:
-    """Compute the cost of an answer by its joints' confidence; very high for none."""
+    """Compute the cost of a result from its joints' confidence; very high without a result."""
     if skeleton is None:
         return 1e6
     return -float(np.log(max(float(skeleton.joint_confidence.mean()), _LEAST_CONFIDENCE)))
@@ -240,7 +240,7 @@ def _step(before: Skeleton | None, now: Skeleton | None) -> float:
 
 
 def _mean(chosen: Skeleton, other: Skeleton) -> Skeleton:
-    """Return the mean of two answers, in which the other counts less the farther it is, joint by joint."""
+    """Return the mean of two results, joint by joint; the farther the other is, the less weight it has."""
     apart: NDArray[np.float64] = other.positions - chosen.positions
     near = 1.0 / (1.0 + (apart**2).sum(axis=1) / _SAME_M**2)
     return replace(chosen, positions=chosen.positions + (near / (1.0 + near))[:, None] * apart)

@@ -23,12 +23,12 @@ from depth_pose.track.person import People
 from depth_pose.track.upside_down import UpsideDownWatch
 
 _one_thread = ThreadpoolController().wrap(limits=1)
-"""Small systems are no faster on more, and sums come in the same order on any number of cores."""
+"""Small systems are no faster on more, and a single thread sums in the same order on any machine."""
 
 
 @dataclass(frozen=True)
 class FrameResult:
-    """What every stage made of one frame; the answer: everybody, and the one who is followed."""
+    """Results of all stages for one frame; ``skeletons`` has all people, ``skeleton`` the followed one."""
 
     people: People
     matches: tuple[PoseMatch, ...]
@@ -38,7 +38,7 @@ class FrameResult:
 
 
 class PosePipeline:
-    """From depth frames to skeletons.
+    """The pipeline from depth frames to skeletons.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ class PosePipeline:
     Attributes
     ----------
     unanswered : int
-        Frames with somebody in view and no skeleton, since the start.
+        Frames with a person in view but no skeleton, since the start.
 
     Examples
     --------
@@ -72,7 +72,7 @@ class PosePipeline:
 
     @_one_thread
     def process_frame(self, frame: DepthFrame) -> FrameResult:
-        """Estimate the pose in one frame; frames of a sequence are given in their order."""
+        """Estimate the poses in one frame; pass the frames of a sequence in their order."""
         # Sec. 4: find the people, cut them out, modified LOP (eqs. 1 to 5), outliers
         shown = rotate_upright(frame, self._mount)
         people = self.extractor.extract(shown)
@@ -81,7 +81,7 @@ class PosePipeline:
 
     @_one_thread
     def answer(self, people: People) -> FrameResult:
-        """Estimate the pose of people who were cut out."""
+        """Estimate the poses of segmented people."""
         # Sec. 5: canonical axes, PCA subspace, nearest exemplars (eq. 6)
         matches = self.matcher.match(people)
         # Sec. 6: fit the body to each person's points; with method cpd complete the mesh (eqs. 7, 8)
@@ -95,20 +95,20 @@ class PosePipeline:
         return FrameResult(people, matches, refined, skeletons, followed)
 
     def reset(self) -> None:
-        """Forget all earlier frames; what was counted goes on."""
+        """Forget all earlier frames; counters continue."""
         for stage in self._stages:
             stage.reset()
         self._orientation.reset()
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What is odd about the frames since the last reset, one line each."""
+        """Warnings about the frames since the last reset, one line each."""
         return (self._orientation.doubt,) if self._orientation.doubt else ()
 
     def restart(self) -> None:
-        """Forget all earlier frames and the names of people, as if new; what was counted goes on.
+        """Forget all earlier frames and people's ids, as if new; counters continue.
 
-        `reset` gives no name twice.
+        `reset` uses no id twice.
         """
         self.reset()
         self.extractor.restart()

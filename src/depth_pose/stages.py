@@ -1,6 +1,6 @@
-"""The stages that need the exemplar bank, made from one configuration; each is imported at first use.
+"""The stages that need the exemplar bank, built from one configuration; each is imported at first use.
 
-A node's process runs one of them, and starts in less time and memory without the others.
+A node's process runs one of them, and starts faster and with less memory without the others.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 class Shared:
-    """What the stages of one process share: the body with its fits, and what is remembered of everybody.
+    """State shared by the stages of one process: the body with its fits, and the memory of all people.
 
     Parameters
     ----------

@@ -36,7 +36,7 @@ _CAMERA_CALL = "depth_pose.Camera.from_matrix(K, width=640, height=480)"
 
 
 class Tracker:
-    """Track everybody in a sequence of depth images.
+    """Track all people in a sequence of depth images.
 
     The first tracker on a machine builds the exemplar bank and compiles the kernels, which takes a few
     minutes and shows a progress bar; later ones load both in seconds.
@@ -49,7 +49,7 @@ class Tracker:
         Settings by step, for instance ``{"segment": {"far": 4.0, "most_people": 2}}``.
     depth_scale : float, optional
         Metres per unit of the depth. By default integers are millimetres and floats are metres, and an
-        image that does not look like it is refused; with a scale given every value is accepted.
+        image with implausible values is rejected; with a scale given every value is accepted.
     frame_id : str
         Name of the optical frame, for ``Skeleton.frame_id``.
     quiet : bool
@@ -105,24 +105,24 @@ class Tracker:
     def __call__(
         self, depth: ArrayLike | DepthFrame, camera: Camera | None = None, *, time: float | None = None
     ) -> tuple[Skeleton, ...]:
-        """Find everybody's skeleton in the next frame.
+        """Find the skeletons of all people in the next frame.
 
         Parameters
         ----------
         depth : (H, W) array, (N, 3) or (H, W, 3) float array, or DepthFrame
             A depth image, distance along the optical axis: integer millimetres or float metres, 0 or NaN
-            where there is none. Or a point cloud in the optical frame (x right, y down, z forward), metres.
-            Or a frame of `depth_pose.read_recording`, which has its own camera and time.
+            where nothing returned. Or a point cloud in the optical frame (x right, y down, z forward),
+            metres. Or a frame of `depth_pose.read_recording`, which has its own camera and time.
         camera : Camera
             The camera of a depth image; a cloud has none.
         time : float or int, optional
             Seconds (float) or nanoseconds (int) of any clock. Memory of earlier frames is dropped where it
-            goes back, or ahead by more than 0.5 s. Without it, the frame stands for itself.
+            goes back, or ahead by more than 0.5 s. Without it, the frame is processed by itself.
 
         Returns
         -------
         tuple of Skeleton
-            Everybody in view; empty where there is nobody.
+            Everybody in view; empty if there is nobody.
 
         Raises
         ------
@@ -150,7 +150,7 @@ class Tracker:
         self._last_ns = None
 
     def _warn(self) -> None:
-        """Warn of what is odd about the frames, each thing once."""
+        """Issue each new warning about the frames once."""
         for line in self._pipeline.warnings:
             if line not in self._warned:
                 self._warned |= {line}
@@ -214,7 +214,7 @@ class Tracker:
         return depth
 
     def _check_unit(self, depth: NDArray[np.float32], dtype: np.dtype[Any], scale: float) -> None:
-        """Refuse depth whose median no sensor indoors has; once one image has passed, the unit is known."""
+        """Reject depth whose median no indoor sensor has; once one image has passed, the unit is known."""
         if self._is_unit_known or (median := median_depth(depth)) is None:
             return
         if not is_indoors(median):
@@ -223,7 +223,7 @@ class Tracker:
 
 
 def _check_camera(image: NDArray[Any], camera: Camera | None) -> Camera:
-    """Return the camera of a depth image, of plain numbers, after checking that the two belong together."""
+    """Return the camera of a depth image, with plain numbers, after checking that the two match."""
     if image.ndim != 2:
         raise InputError(f"depth has shape {image.shape}; an image has (height, width), a cloud (N, 3)")
     if not isinstance(camera, Camera):
@@ -240,7 +240,7 @@ def _check_camera(image: NDArray[Any], camera: Camera | None) -> Camera:
 
 
 def _wrong_unit(median_m: float, dtype: np.dtype[Any], scale: float) -> str:
-    """Explain why depth has another unit than its type stands for."""
+    """Explain why the depth's unit does not match its type."""
     value = median_m / scale
     if dtype.kind != "f":
         unit, example = "millimetres", "depth_scale=0.0002 for 1/5 mm"

@@ -1,1 +1,1 @@
-"""Many recordings: finding them, processing them in parallel, and the report."""
+"""Archives of recordings: finding them, processing them in parallel, and the report."""

@@ -1,7 +1,7 @@
-"""Find the recordings of inputs: files, folders, patterns, recordings that are split into parts.
+"""Find the recordings of inputs: files, folders, patterns, recordings split into parts.
 
 A folder is one recording if it has rosbag2's ``metadata.yaml``, or if its files continue one another: the
-same name but for the last number, the same topics, each beginning where the one before ends. A folder of
+same name except for the last number, the same topics, each beginning where the previous one ends. A folder of
 images without recordings is one if it was given itself or has a ``camera.json``. Any other folder holds
 recordings and folders.
 """
@@ -25,11 +25,11 @@ from depth_pose.io.image_folder import CAMERA_FILE, image_files
 from depth_pose.io.recording import read_span, recording_files
 
 ENDING = ".mcap"
-"""Of the skeletons' files."""
+"""File extension of the skeletons."""
 
 _MOST_GAP_NS = 1_000_000_000
-"""Most time between the parts of one recording, nanoseconds: rosbag2 loses none between them, people who
-start a recording after another take longer. Set by hand."""
+"""Maximum gap between the parts of one recording, nanoseconds: rosbag2 leaves none, separate recordings
+have longer ones. Set by hand."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class Source:
     size : int
         Bytes.
     url : str
-        Of a remote one; its path is none then.
+        URL of a remote recording, which has no path.
     """
 
     path: Path
@@ -62,7 +62,7 @@ class Source:
 def is_one_recording(path: Path) -> bool:
     """Whether a path is one recording: a file, or a folder of one recording's parts or images.
 
-    A folder that happens to hold a single recording is not: it is treated as with two of them.
+    A folder that happens to hold a single recording is not: it is treated like one with several.
     """
     return not path.is_dir() or _is_split(path) or _is_of_images(path)
 
@@ -105,19 +105,19 @@ def _carry_on(files: Sequence[Path]) -> bool:
 
 
 def find_sources(inputs: Iterable[str | Path], but: Path | None = None) -> list[Source]:
-    """Find the recordings that are meant, each once, in the order given.
+    """Find the recordings of the inputs, each once, in the order given.
 
     Parameters
     ----------
     inputs : iterable of str or Path
         Files, folders, and patterns as of `glob`, with ``**`` for folders at any depth; URLs of these.
     but : Path, optional
-        A folder that is not looked into, for instance the output.
+        A folder to skip, for instance the output.
 
     Raises
     ------
     InputError
-        Where an input is not there, or has no recording in it.
+        Where an input does not exist, or has no recording in it.
     ConfigError
         Where two recordings have the same name.
     """
@@ -149,7 +149,7 @@ def find_sources(inputs: Iterable[str | Path], but: Path | None = None) -> list[
 
 
 def _outside(inputs: Sequence[str | Path], but: Path | None) -> str:
-    """Return the note that the output's folder is not searched, where the inputs lead there."""
+    """Return the note that the output's folder is not searched, if an input is inside it."""
     folders = [_fixed_part(str(given)) if glob.has_magic(str(given)) else Path(given) for given in inputs]
     if but and any(_is_within(folder, but) or _is_within(but, folder.resolve()) for folder in folders):
         return f" outside of {but}, which is the output's folder and never read: name another output folder"
@@ -229,7 +229,7 @@ def _name(path: Path, root: Path) -> str:
 
 
 def _with_whole_splits(found: dict[Path, str]) -> dict[Path, str]:
-    """Replace the files of a split recording by its folder, if all of them were given."""
+    """Replace the files of a split recording by its folder if all of them were given."""
     whole: dict[Path, str] = {}
     for path, name in found.items():
         folder = path.parent
@@ -243,7 +243,7 @@ def _with_whole_splits(found: dict[Path, str]) -> dict[Path, str]:
 
 
 def _told_apart(found: dict[Path, str]) -> dict[Path, str]:
-    """Name recordings by their folders too, where their names alone are the same."""
+    """Add folders to the names of recordings whose file names are the same."""
     if max(Counter(found.values()).values(), default=1) == 1:
         return found
     resolved = {path: path.resolve() for path in found}
@@ -257,7 +257,7 @@ def _told_apart(found: dict[Path, str]) -> dict[Path, str]:
 
 
 def _size(path: Path) -> int:
-    """Bytes of a recording; 0 where it cannot be looked at, which its own row of the report will say."""
+    """Size of a recording, bytes; 0 if it cannot be read, which its row of the report will show."""
     try:
         return sum(file.stat().st_size for file in recording_files(path))
     except OSError:

@@ -1,7 +1,7 @@
 """Process one recording of an archive, in any process.
 
-A finished output records what it was made from (`Work.marks`): input, bank, settings and version. If all are
-the same, it is skipped.
+A finished output records its provenance (`Work.marks`): input, bank, settings and version. If all are
+unchanged, the recording is skipped.
 """
 
 from __future__ import annotations
@@ -37,32 +37,32 @@ if TYPE_CHECKING:
     from depth_pose.pipeline import PosePipeline
 
 _BLOCK = 1 << 20
-"""Bytes of a block: 1 MiB. Set by hand."""
+"""Size of a block: 1 MiB. Set by hand."""
 _BLOCKS = 8
-"""Number of blocks of 1 MiB that are hashed of larger files, first and last included."""
+"""Number of blocks of 1 MiB that are hashed in larger files, including the first and the last."""
 _TELL_EVERY_S = 0.5
-"""Least time between two words of progress, seconds. Set by hand."""
+"""Minimum time between two progress reports, seconds. Set by hand."""
 
 
 @dataclass(frozen=True)
 class Setting:
-    """What all recordings of an archive are worked on with.
+    """Settings shared by all recordings of an archive.
 
     Attributes
     ----------
     bank : str or None
-        The bank's file; None for the default one of the machine that does the work.
+        The bank's file; None for the default one of the machine that processes the recording.
     bank_id : str
-        The bank that is meant; another one is refused.
+        Id of the bank; a different one is refused.
     config : PipelineConfig
     depth_topic : str or None
         The depth topic; None for the only one there is.
     images : ImageOptions
-        What folders of images do not say.
+        Options for folders of images.
     passes : int
         2: a second pass over each recording (`depth_pose.passes`).
     version : str
-        Of this package; another one is refused.
+        Version of this package; a different one is refused.
     """
 
     bank: str | None
@@ -77,7 +77,7 @@ class Setting:
     def digest(self) -> str:
         """Hash of the settings, 16 hexadecimal digits."""
         settings = self.config.as_mapping()
-        if self.config.build.file:  # what is in it counts, not its name
+        if self.config.build.file:  # its content counts, not its name
             settings["build"]["file"] = _hash_of_build(self.config.build.file)
         given: list[Any] = [settings, self.depth_topic]
         if self.images != ImageOptions():
@@ -100,7 +100,7 @@ def _hash_of_build(path: str) -> str:
 
 @dataclass(frozen=True)
 class Row:
-    """What came of one recording: a row of the report.
+    """Result of one recording: a row of the report.
 
     Attributes
     ----------
@@ -119,9 +119,9 @@ class Row:
     warnings : tuple of str
         What went wrong; where it failed, why.
     damage : tuple of str
-        Those of the warnings that say that the recording could not be read as a whole.
+        The warnings about parts of the recording that could not be read.
     seconds : float
-        Time for all of it, reading and writing too; NaN where it was not measured.
+        Total time, including reading and writing; NaN where it was not measured.
     """
 
     file: str
@@ -137,7 +137,7 @@ class Row:
 
 
 def work_on(name: str, recording: str, output: str, setting: Setting, tell: Tell) -> Row:
-    """Make the skeletons of one recording, unless that is done.
+    """Compute the skeletons of one recording, unless they exist.
 
     Parameters
     ----------
@@ -152,12 +152,12 @@ def work_on(name: str, recording: str, output: str, setting: Setting, tell: Tell
     Returns
     -------
     Row
-        Failed, with the reason, where the recording is at fault, or a bug is.
+        State ``failed``, with the reason, if the recording is invalid or a bug occurs.
 
     Raises
     ------
     ConfigError, BankError
-        Where no recording could be worked on here: the bank or the version is another one.
+        Where no recording can be processed here: the bank or the version differs.
     """
     try:
         with fetched(recording) as local:
@@ -257,10 +257,10 @@ def _marks(recording: Path, setting: Setting) -> dict[str, str]:
 
 
 def content_hash(recording: Path) -> str:
-    """Hash of a recording's content, 32 hexadecimal digits.
+    """Compute the hash of a recording's content, 32 hexadecimal digits.
 
-    Of each file the size and up to eight blocks of 1 MiB, evenly spread: the beginning and the end,
-    where MCAP has its index, are among them. Names count where they are the images' stamps and order.
+    Covers each file's size and up to eight blocks of 1 MiB, evenly spread, including the beginning and the
+    end, where MCAP has its index. Names count where they define the images' stamps and order.
     """
     digest = hashlib.blake2b(digest_size=16)
     files = recording_files(recording)
@@ -290,14 +290,14 @@ def _read_beside(recording: Path, files: Sequence[Path]) -> list[Path]:
 
 
 _one_at_a_time = threading.Lock()
-"""A Dask worker may have several threads; the pipeline, and the limits on BLAS, are the process's."""
+"""A Dask worker may have several threads, but there is one pipeline, and one BLAS limit, per process."""
 
 _held: dict[tuple[str, str], PosePipeline] = {}
 """The pipeline of this process, by bank and settings: one at most."""
 
 
 def _pipeline(setting: Setting) -> PosePipeline:
-    """Return this process's pipeline; make it with the first recording."""
+    """Return this process's pipeline; it is built for the first recording."""
     key = (setting.bank_id, setting.digest)
     if key not in _held:
         from depth_pose.bank import Bank

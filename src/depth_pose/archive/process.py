@@ -17,7 +17,7 @@ from depth_pose.io.recording import recording_files
 
 @dataclass(frozen=True)
 class Progress:
-    """How far the work is: recordings done, frames worked on for these, bytes of all that is done."""
+    """Progress: recordings done, frames processed for these, bytes of all that is done."""
 
     recordings: int
     frames: int
@@ -38,10 +38,10 @@ def process_archive(
     progress: Callable[[Progress], None] | None = None,
     collect: Callable[[Row], None] | None = None,
 ) -> list[Row]:
-    """Make the skeletons of many recordings; those that are made already are left as they are.
+    """Compute the skeletons of many recordings; finished ones are left as they are.
 
-    A recording's skeletons are the same to the last bit as those made of it alone, and its file is
-    there whole or not at all.
+    A recording's skeletons are bit-identical to those of a single run, and its file is written
+    completely or not at all.
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ def process_archive(
     progress : callable, optional
         Called with the progress.
     collect : callable, optional
-        Is given each row at once; so whoever breaks off has those that are done.
+        Called with each row when it is done, so that finished rows survive an interruption.
 
     Returns
     -------
@@ -66,13 +66,13 @@ def process_archive(
     Raises
     ------
     ConfigError, BankError
-        Where no recording could be worked on: the bank or the version of a worker is another one.
+        Where no recording can be processed: the bank or the version of a worker differs.
     InputError
-        Where an output would be one of the recordings, or the cluster cannot be reached, or is gone.
+        Where an output would be one of the recordings, or the cluster is unreachable or lost.
     """
     files = [file for source in sources if not source.url for file in recording_files(source.path)]
     refuse_inputs((output_of(source, folder) for source in sources), files)
-    # the largest first, so that none of them is begun when all others are done
+    # largest first, so that no long job starts last
     order = sorted(sources, key=lambda source: -source.size)
     absolute = folder.resolve()
     tasks = [(s.name, s.place, str(output_of(s, absolute)), setting) for s in order]
@@ -97,7 +97,7 @@ def process_archive(
                     collect(row)
                 listen(outcome.index, 1.0)
     finally:
-        # where somebody breaks off, a cluster's workers finish what they have begun
+        # on an interruption, a cluster's workers finish what they have begun
         if scheduler is None or len(rows) == len(sources):
             remove_parts(output_of(source, folder) for source in sources)
     return [rows[source.name] for source in sources]

@@ -1,4 +1,4 @@
-"""Recordings on remote storage, by URL: fetched one by one, processed, removed.
+"""Recordings on remote storage, by URL: each is fetched, processed and removed in turn.
 
 `fsspec` supports many kinds of storage: ``http``, ``s3``, ``gs``, ``ftp``, ``sftp`` and more, each with its
 own package. A recording is copied as a whole to a temporary folder of the worker: its index is at its end,
@@ -22,17 +22,16 @@ from depth_pose.core.errors import ConfigError, InputError
 _URL = re.compile(r"[a-z][a-z0-9+.-]+://", re.IGNORECASE)
 
 SPARE_BYTES = 256 << 20
-"""So much is left free of the folder for temporary files, whatever a server sends: others work there, too.
-Set by hand."""
+"""Space left free in the folder for temporary files, which other programs use too. Set by hand."""
 
 SILENT_S = 60.0
-"""A server that sends nothing for so long has failed; the whole may take any time. Set by hand."""
+"""A server that sends nothing for this long (s) has failed; the whole copy may take any time. Set by hand."""
 
 _LEAST_RATE = 1000
-"""Least rate of a copy (bytes a second) after `SILENT_S`: one that drips has failed, too. Set by hand."""
+"""Minimum rate of a copy (bytes a second) after `SILENT_S`: a slower one has failed, too. Set by hand."""
 
 LISTED_S, MOST_LISTED_BYTES = 300.0, 64 << 20
-"""The longest that listing a folder may take (s), and the longest list: half a million names. Set by hand."""
+"""Maximum time to list a folder (s), and maximum size of the list: half a million names. Set by hand."""
 
 
 def is_remote(text: str) -> bool:
@@ -41,25 +40,25 @@ def is_remote(text: str) -> bool:
 
 
 def find_remote(url: str, ending: str) -> list[tuple[str, str, int]]:
-    """Find the recordings that a URL means: a file, a folder's, or those of a pattern.
+    """Find the recordings of a URL: a file, a folder or a pattern.
 
     Parameters
     ----------
     url : str
     ending : str
-        Of recordings' names in folders and patterns.
+        Extension of recordings in folders and patterns.
 
     Returns
     -------
     list of (str, str, int)
-        URL, name within the archive, and size in bytes, 0 where the storage does not tell it.
+        URL, name within the archive, and size in bytes, 0 where the storage does not report it.
 
     Raises
     ------
     InputError
         Where the storage does not answer, or there is no such file.
     ConfigError
-        Where what reads this kind of storage is not installed.
+        Where the package for this kind of storage is not installed.
     """
     storage, path = _open(url, LISTED_S)
     try:
@@ -107,7 +106,7 @@ def _open(url: str, total_s: float | None = None) -> tuple[Any, str]:
 
 
 def _patience(total_s: float | None) -> dict[str, Any]:
-    """Return what limits the time of a request, and the text of an answer."""
+    """Return a wrapper that limits the time of a request, and the size of an answer."""
     from aiohttp import ClientResponse, ClientTimeout
 
     class Bounded(ClientResponse):
@@ -128,7 +127,7 @@ def _reason(error: Exception) -> str:
 
 
 def _watching(folder: Path) -> Any:
-    """Return the fsspec callback that aborts a copy when the disk has no room, or the server drips."""
+    """Return the fsspec callback that aborts a copy when the disk is full or the server too slow."""
     from fsspec.callbacks import Callback
 
     start = time.monotonic()

@@ -28,18 +28,18 @@ COLUMNS = (
     "seconds",
     "warnings",
 )
-"""Of the report. ``people`` are the most in one frame, ``answered`` the frames that show somebody,
-``confidence`` the mean over all skeletons, ``ms_per_frame`` the median in the pipeline, ``seconds`` all
-the time that the recording took, reading and writing too."""
+"""Columns of the report. ``people`` is the maximum in one frame, ``answered`` the frames with a skeleton,
+``confidence`` the mean over all skeletons, ``ms_per_frame`` the median in the pipeline, ``seconds`` the
+total time of the recording, including reading and writing."""
 
 
 class Report:
-    """Writes the report: a line as soon as a recording is done, all in their order at the end.
+    """Writer of the report: a line when a recording is done, all in order at the end.
 
     Nothing is written before there is a line.
 
-    What a recording took stands in no output, so that outputs are the same each time; for those that
-    were done before it is taken from the report that is there.
+    Outputs do not contain processing times, so that they are reproducible; for recordings that were
+    done before, times are taken from the existing report.
 
     Parameters
     ----------
@@ -75,9 +75,9 @@ class Report:
         return stream
 
     def finish(self, order: Iterable[str]) -> list[Row]:
-        """Write the recordings in this order, and give the rows of those that were reached.
+        """Write the recordings in this order, and return the rows of those that were processed.
 
-        Of those that were not, the lines of the report before are kept.
+        For the others, the lines of the previous report are kept.
         """
         if self._stream is None:
             return []

@@ -1,4 +1,4 @@
-"""The picture of an archive: one frame of each recording, with its skeletons."""
+"""Contact sheet of an archive: one frame of each recording, with its skeletons."""
 
 from __future__ import annotations
 
@@ -17,10 +17,9 @@ SHEET = "sheet.png"
 """Name of the picture."""
 
 _MOST_PANELS = 24
-"""Recordings on the picture, at most; for the eye."""
+"""Maximum number of recordings on the picture, for readability."""
 _LOOK_AT = 200
-"""Frames of a recording among which the one to show is chosen; reading more would take longer than it is
-worth. Set by hand."""
+"""Number of frames from which the one to show is chosen; reading more would take too long. Set by hand."""
 
 
 def save_archive_sheet(
@@ -30,9 +29,9 @@ def save_archive_sheet(
     depth_topic: str | None = None,
     images: ImageOptions | None = None,
 ) -> int:
-    """Draw one frame each of at most 24 recordings, evenly spread over all that have skeletons.
+    """Draw one frame of each of at most 24 recordings, evenly spread over those with skeletons.
 
-    Of a recording's first 200 frames that are answered the middle one of those with the most people is shown.
+    Shows the middle one of the frames with the most people, among the first 200 frames with skeletons.
 
     Parameters
     ----------
@@ -50,7 +49,7 @@ def save_archive_sheet(
     Returns
     -------
     int
-        How many are shown; 0 without a picture, where nobody is in view anywhere.
+        Number of recordings shown; 0, and no picture, if no person is in view anywhere.
 
     Raises
     ------

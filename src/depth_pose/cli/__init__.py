@@ -11,7 +11,7 @@ import signal
 import sys
 
 LEAST_MEMORY_MB = 1000
-"""Least address space of a command, MB: with less, libraries hang or die while they load. ``run`` takes
+"""Minimum address space of a command, MB: with less, libraries hang or crash on loading. ``run`` takes
 0.7 to 1 GB."""
 
 STOPPED = 130
@@ -19,7 +19,7 @@ STOPPED = 130
 
 
 def main() -> None:
-    """Run the command; Ctrl-C while it loads ends it without a word."""
+    """Run the command; Ctrl-C while it loads ends it silently."""
     limit, _ = resource.getrlimit(resource.RLIMIT_AS)
     if limit != resource.RLIM_INFINITY and limit < LEAST_MEMORY_MB * 10**6:
         need = f"depth-pose needs {LEAST_MEMORY_MB}"

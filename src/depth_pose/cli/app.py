@@ -1,6 +1,6 @@
 """The commands of ``depth-pose``.
 
-Each command's module imports what it works with inside the command, so that help is quick.
+Each command's module imports its dependencies inside the command, so that help is quick.
 """
 
 from __future__ import annotations
@@ -106,7 +106,7 @@ def run_command() -> None:
 
 
 class _Plain(logging.Formatter):
-    """Logged lines as they may be printed."""
+    """Log formatter that escapes unprintable characters."""
 
     def format(self, record: logging.LogRecord) -> str:
         return printable_lines(super().format(record))

@@ -110,7 +110,7 @@ def build(
 
 
 def _gather(config: BuildConfig, poses: int | None, mocap: Path | None, embedded: bool) -> PoseSources:
-    """Gather the poses, with a progress bar."""
+    """Collect the poses, with a progress bar."""
     from depth_pose.bank.sources import gather_poses
 
     with progress_bar("gathering poses", 100) as update:
@@ -216,7 +216,7 @@ def _print_bank(path: Path, bank: Bank) -> None:
 
 
 def _list_families(families: dict[str, int]) -> str:
-    """Largest families first."""
+    """Format the sizes of families, largest first."""
     largest = sorted(families.items(), key=lambda item: -item[1])
     text = ", ".join(f"{name} {count}" for name, count in largest[:_MOST_FAMILIES])
     rest = sum(count for _, count in largest[_MOST_FAMILIES:])

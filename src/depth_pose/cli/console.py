@@ -1,4 +1,4 @@
-"""What the commands share: consoles, progress bars, options made from the configuration."""
+"""Shared by the commands: consoles, progress bars, options made from the configuration."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ def _long_name(name: str, value: Any) -> tuple[str, Any]:
 
 
 def _nested(flat: Mapping[str, Any]) -> dict[str, Any]:
-    """Make ``{"a": {"b": 1}}`` of ``{"a.b": 1}``."""
+    """Convert ``{"a.b": 1}`` to ``{"a": {"b": 1}}``."""
     nested: dict[str, Any] = {}
     for name, value in flat.items():
         section, dot, key = name.partition(".")
@@ -121,12 +121,12 @@ def print_facts(title: str, facts: Iterable[tuple[str, str]]) -> None:
 
 
 def tell_stopped(stopped: BaseException) -> None:
-    """Print what is left after Ctrl-C."""
+    """Print the state of the output after Ctrl-C."""
     errors.print(f"stopped; {printable(stopped)}", highlight=False, markup=False, soft_wrap=True)
 
 
 def say(line: str) -> None:
-    """Print one line, for instance which file was written."""
+    """Print one line, for instance the file that was written."""
     console.print(printable(line), highlight=False, markup=False, soft_wrap=True)
 
 

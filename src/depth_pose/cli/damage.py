@@ -10,13 +10,13 @@ from depth_pose.cli.console import errors, warn
 from depth_pose.io.damage import DAMAGE_LOG, tell_damage
 
 DAMAGED = 3
-"""Exit code where a recording could not be read as a whole."""
+"""Exit code where part of a recording could not be read."""
 
-LENIENT_HELP = "Damaged recordings are read as far as can be; do not exit with an error for it."
+LENIENT_HELP = "Damaged recordings are read as far as possible; do not exit with an error for them."
 
 
 class _Watch(logging.Handler):
-    """Prints damage, each line once, and records that there was some."""
+    """Printer of damage, each line once, that records whether there was any."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -34,12 +34,12 @@ _watch = _Watch()
 
 
 def be_lenient(wanted: bool) -> None:
-    """Accept damage, if asked to."""
+    """Accept damage if ``--lenient`` was given."""
     _watch.lenient = _watch.lenient or wanted
 
 
 def warn_of(lines: Iterable[str], damage: Iterable[str]) -> None:
-    """Print warnings, of which some are of damage."""
+    """Print warnings, some of which report damage."""
     damage = list(damage)
     warn(line for line in lines if line not in damage)
     tell_damage(damage)

@@ -1,4 +1,4 @@
-"""``depth-pose info``: what is in a recording."""
+"""``depth-pose info``: the content of a recording."""
 
 from __future__ import annotations
 

@@ -189,7 +189,7 @@ def run(
 
 
 def _is_one(recordings: list[str], output: Path) -> bool:
-    """Whether one recording is to go to one file."""
+    """Whether one recording goes to one file."""
     from depth_pose.archive.inputs import is_one_recording
     from depth_pose.archive.remote import is_remote
 
@@ -317,7 +317,7 @@ def _run_archive(
 def _work_through(
     sources: list[Source], folder: Path, setting: Setting, workers: int | None, cluster: str | None
 ) -> list[Row]:
-    """Make the skeletons of all recordings, with a bar and a report."""
+    """Compute the skeletons of all recordings, with a progress bar and a report."""
     from depth_pose.archive.process import Progress, process_archive
     from depth_pose.archive.report import REPORT, Report
 
@@ -370,7 +370,7 @@ def _draw(
 
 
 def _print_rows(rows: list[Row]) -> None:
-    """Print a table of the recordings and their warnings; of many, only those with warnings."""
+    """Print a table of the recordings and their warnings; for many, only those with warnings."""
     from rich.markup import escape
     from rich.table import Table
 

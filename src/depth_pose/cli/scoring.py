@@ -49,13 +49,13 @@ def evaluate(
 ) -> None:
     """Score skeletons against true joints.
 
-    Of one person: coverage is the share of frames that are answered; mean, median and 95 % are distances
-    from the known joints; offset-free leaves out what is always the same at a joint, since bodies differ in
-    where it is; PCK 10 cm is the share of joints within 10 cm.
+    For one person: coverage is the share of frames with a skeleton; mean, median and 95 % are distances
+    from the known joints; offset-free subtracts each joint's mean offset, since bodies differ in
+    where a joint is; PCK 10 cm is the share of joints within 10 cm.
 
-    Where the truth is of several people: of those asked for (at least .3 of them shows) the share that is
-    found (recall), the share of skeletons that are somebody's (precision), those that are nobody's (false),
-    how often ids change (switches), the share under one id (IDF1), and the error of those who are found.
+    For several people: the share of people (of whom at least .3 is visible) that are found (recall), the
+    share of skeletons that belong to a person (precision), those that do not (false), how often ids
+    change (switches), the share under one id (IDF1), and the error of the people found.
 
     [bold]Examples:[/bold]
 

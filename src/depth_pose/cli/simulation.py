@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from depth_pose.sim.simulate import Stage
 
 _ROOM_FPS = 15.0
-"""Frames a second of a simulated room; that of the sensors that it stands for at their full range."""
+"""Frame rate of a simulated room; that of the simulated sensors at their full range."""
 
 _ROOM_WIDTH_PX = 320
 """Width of a simulated room's images where none is given, pixels. Set by hand."""

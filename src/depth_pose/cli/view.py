@@ -57,8 +57,8 @@ def view(
     """Show people and depth in a browser: of the running nodes, or of a recording.
 
     Prints an address; open it in any browser on this machine. In a recording play, pause, scrub and set
-    the speed; live, the panel shows how the nodes do, and follow, zone and nearest set their parameters.
-    Without SKELETONS the recording's people are found while it is shown, which keeps nothing.
+    the speed; live, the panel shows the nodes' state, and follow, zone and nearest set their parameters.
+    Without SKELETONS the recording's people are found while it is shown; nothing is saved.
 
     Other machines cannot connect unless --host admits them; there is no password.
 

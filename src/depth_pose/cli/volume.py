@@ -207,7 +207,7 @@ def run(
 ) -> None:
     """Find the skeleton in every set of views of a recording.
 
-    Images of one time carry (nearly) the same stamp; a camera that misses one has no say in it. The
+    Images of one time carry (nearly) the same stamp; if a camera misses one, the others are used. The
     same recording gives the same file, byte for byte.
 
     [bold]Example:[/bold]

@@ -1,1 +1,1 @@
-"""What everything else speaks of: skeleton, camera, frames, rotations, settings, errors."""
+"""Shared basics: skeleton, camera, frames, rotations, settings, errors."""

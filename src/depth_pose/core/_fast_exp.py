@@ -1,7 +1,7 @@
-"""Exponential functions that loops over many numbers can be vectorised with: plain arithmetic.
+"""Exponential functions in plain arithmetic, so that loops over many numbers can be vectorised.
 
-Both take a power series for a part of the exponent and square the result: `falling_exp` in as few steps
-as weights need, `gauss` in more, where the answer is to be exact and its tail counts.
+Both use a power series for a fraction of the exponent and square the result: `falling_exp` in as few steps
+as weights need, `gauss` in more, where accuracy and the tail matter.
 """
 
 from __future__ import annotations

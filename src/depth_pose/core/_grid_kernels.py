@@ -1,4 +1,4 @@
-"""Sorting points into the cells of a grid over x and y, so that those near a place are found at once."""
+"""Sort points into the cells of a grid over x and y, for fast neighbour search."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def sort_into_cells(points, chosen, grid):
     """Sort the chosen of some points into a grid's cells.
 
     Returns their numbers in the order of the cells, row by row, and where each cell starts
-    (rows * cols + 1). Those that lie off the grid are left out.
+    (rows * cols + 1). Points off the grid are left out.
     """
     start = np.zeros(grid.rows * grid.cols + 1, np.int32)
     cell = np.full(points.shape[0], -1, np.int32)

@@ -1,8 +1,8 @@
-"""Compiled z-buffer; `depth_pose.body.rendered_depth` says what it is for.
+"""Compiled z-buffer, used by `depth_pose.body.rendered_depth`.
 
 The loops choose by arithmetic instead of by branches wherever both outcomes are frequent: which
 faces look away, and which pixels of a small box lie in its triangle, cannot be predicted, and at
-thousands of faces a frame the wrong guesses cost more than the sums.
+thousands of faces a frame branch mispredictions cost more than the arithmetic.
 """
 
 from __future__ import annotations
@@ -13,10 +13,10 @@ from depth_pose.core._camera_kernels import project
 from depth_pose.core.kernels import njit
 
 NEAR_M = 0.05
-"""What is nearer to the camera than this is not drawn, metres: no sensor sees it."""
+"""Surfaces nearer to the camera than this are not drawn, metres: no sensor sees them."""
 
 _FAR_PX = 1e6
-"""Pixels off the image beyond which a coordinate is cut, so that it stays a number."""
+"""Distance from the image (pixels) beyond which a coordinate is clipped, to keep it finite."""
 
 
 @njit(cache=True, fastmath=True, forceinline=True)
@@ -31,7 +31,7 @@ def rasterize(vertices, faces, camera, zbuffer):
         u, v = project(camera, vertices[i, 0], vertices[i, 1], z)
         image[i, 0], image[i, 1] = min(max(u, -_FAR_PX), _FAR_PX), min(max(v, -_FAR_PX), _FAR_PX)
         image[i, 2] = 1.0 / z
-    # of the faces, those that look here and have a pixel in their box
+    # faces that look at the camera and have a pixel in their box
     front = np.empty(m + 1, np.int32)
     areas = np.empty(m + 1, np.float32)
     boxes = np.empty((m + 1, 4), np.int32)

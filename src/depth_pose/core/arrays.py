@@ -1,7 +1,7 @@
-"""Reading NumPy's ``.npz`` files: what they declare is looked at before anything is allocated.
+"""Read NumPy's ``.npz`` files: declared sizes are checked before anything is allocated.
 
-A member's header says its shape, and a damaged or hostile one may say anything: 5 MB of compressed
-zeros unpack to gigabytes. The headers of all members are read first, and their sum is capped.
+A member's header declares its shape, and a damaged or hostile one may declare anything: 5 MB of compressed
+zeros unpack to gigabytes. The headers of all members are read first, and their sum is limited.
 """
 
 from __future__ import annotations
@@ -20,18 +20,18 @@ from depth_pose.core.errors import InputError
 from depth_pose.core.reading import open_ordinary
 
 MOST_MEMBERS = 1000
-"""Arrays in a file; a bank has 11, a volume model 20. Set by hand."""
+"""Maximum number of arrays in a file; a bank has 11, a volume model 20. Set by hand."""
 
 FREE_BYTES = 1 << 28
 """Arrays of 256 MiB are read whatever the size of their file. Set by hand."""
 
 MOST_RATIO = 40
-"""Of larger ones at most so many times their file's size. The embedded body unpacks to 6 times, truths of
-simulated recordings to 2.3 times, zeros to 1,000 times. Set by hand."""
+"""Larger ones may have at most this multiple of their file's size. The embedded body unpacks to 6 times,
+truths of simulated recordings to 2.3 times, zeros to 1,000 times. Set by hand."""
 
 
 class DamagedArrays(ValueError):
-    """A file that is no ``.npz`` file of plain arrays; the message says why."""
+    """A file is not an ``.npz`` file of plain arrays; the message says why."""
 
 
 def load_arrays(path: Path | str, names: Collection[str] | None = None) -> dict[str, NDArray[Any]]:
@@ -41,7 +41,7 @@ def load_arrays(path: Path | str, names: Collection[str] | None = None) -> dict[
     ----------
     path : path
     names : collection of str, optional
-        Only these, as far as they are there; all by default.
+        Only these, where they exist; all by default.
 
     Raises
     ------
@@ -67,7 +67,7 @@ def load_arrays(path: Path | str, names: Collection[str] | None = None) -> dict[
 
 
 def array_names(path: Path | str) -> frozenset[str]:
-    """Name the arrays of an ``.npz`` file; none where it cannot be read."""
+    """List the names of the arrays of an ``.npz`` file; empty if it cannot be read."""
     try:
         with open_ordinary(path) as stream, zipfile.ZipFile(stream) as archive:
             return frozenset(_members(archive, None))
@@ -89,7 +89,7 @@ def _members(archive: zipfile.ZipFile, names: Collection[str] | None) -> dict[st
 
 
 def _header(stream: Any) -> tuple[tuple[int, ...], np.dtype[Any], int]:
-    """Read an array's header; gives shape, type and bytes of the content."""
+    """Read an array's header; return shape, type and bytes of the content."""
     version = npy.read_magic(stream)
     read = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
     shape, _, dtype = read(stream)
@@ -113,6 +113,6 @@ def _declared(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> int:
 def _read(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> NDArray[Any]:
     with archive.open(member) as stream:
         array: NDArray[Any] = npy.read_array(stream, allow_pickle=False)
-        if stream.read(1):  # to the end, where the checksum is looked at
+        if stream.read(1):  # to the end, where the checksum is verified
             raise DamagedArrays(f"{member.filename} is longer than its array")
     return array

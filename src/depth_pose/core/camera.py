@@ -52,7 +52,7 @@ class Camera(NamedTuple):
         Raises
         ------
         InputError
-            Where K is not such a matrix.
+            Where K does not have this form.
 
         Examples
         --------
@@ -73,8 +73,8 @@ class Camera(NamedTuple):
         return np.stack([self.fx * x / z + self.cx, self.fy * y / z + self.cy], axis=-1)
 
     def back_project(self, depth: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Return the points (H, W, 3) of a depth image (H, W), metres; NaN where there is none."""
-        from depth_pose.core._camera_kernels import back_project  # numba only for those who compute
+        """Return the points (H, W, 3) of a depth image (H, W), metres; NaN where nothing returned."""
+        from depth_pose.core._camera_kernels import back_project  # numba is imported only where it is used
 
         return back_project(depth, self)
 
@@ -84,7 +84,7 @@ class Camera(NamedTuple):
         return Camera(width, height, self.fx / step, self.fy / step, self.cx / step, self.cy / step)
 
     def cropped(self, left: int, top: int, width: int, height: int) -> Camera:
-        """Return the camera of a part of the image that begins at column ``left`` and row ``top``."""
+        """Return the camera of an image part that begins at column ``left`` and row ``top``."""
         return Camera(width, height, self.fx, self.fy, self.cx - left, self.cy - top)
 
     def matrix(self) -> NDArray[np.float64]:

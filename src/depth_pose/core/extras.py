@@ -25,7 +25,7 @@ def require(module: str, what: str) -> None:
     module : str
         One of `EXTRAS`.
     what : str
-        What needs it, for instance ``a picture``.
+        Feature that needs it, for instance ``a picture``.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Thinning and choosing rows by their distances; fastest where the first columns vary most."""
+"""Thin out and select rows by their distances; fastest where the first columns vary most."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def farthest_rows(
     ----------
     rows : (N, K) float32 or float64
     count : int
-        How many, at most all.
+        Number of rows, at most all.
     start : int, optional
         The first; by default the row nearest to the mean.
     images : (N, K), optional
@@ -94,9 +94,8 @@ def nearest_points(rows: Any, points: Any) -> Any:
 
 
 _FAR = 4.0001
-"""A point whose squared distance to a row's nearest is so many times the row's own cannot be nearer.
-
-Twice the distance (triangle inequality), and a little for rounding.
+"""A point whose squared distance to a row's nearest point is this multiple of the row's own cannot be nearer:
+twice the distance (triangle inequality), and a margin for rounding.
 """
 
 
@@ -114,7 +113,7 @@ def _squared_distance(row: Any, point: Any, limit: Any) -> Any:
 
 @njit(cache=True)
 def _lower(rows: Any, points: Any, nearest: Any, owners: Any, apart: Any) -> None:
-    """Lower every row's squared distance to the points before by that to the last point."""
+    """Update every row's squared distance to the nearest point with that to the last point."""
     new = len(points) - 1
     for j in range(new):
         apart[j] = _squared_distance(points[j], points[new], np.inf)

@@ -19,7 +19,7 @@ from depth_pose.core.private_folder import is_writable, private_folder
 
 
 def njit(*functions: Callable[..., Any], **options: Any) -> Any:
-    """Compile a function as `numba.njit` does, without ``cache`` where there is no folder for it."""
+    """Compile a function as `numba.njit` does, without ``cache`` if there is no writable folder."""
     cached = options.pop("cache", False) and _HAS_CACHE
     compile_it: Any = numba.njit
 
@@ -57,7 +57,7 @@ def _find_cache() -> bool:
     own = private_folder("kernels")
     if own is None:
         return False
-    os.environ["NUMBA_CACHE_DIR"] = str(own)  # for the processes that this one starts
+    os.environ["NUMBA_CACHE_DIR"] = str(own)  # for child processes
     config: Any = numba.config
     config.CACHE_DIR = str(own)
     return True

@@ -1,7 +1,7 @@
 """Sensors that are mounted upside down, on their side or rolled.
 
-All steps take the image's upper border for up. So frames of a rolled sensor are turned upright about
-the optical axis, which changes no depth, and skeletons are turned back into the sensor's own frame.
+All steps assume that up is the image's upper border. So frames of a rolled sensor are rotated upright about
+the optical axis, which changes no depth, and skeletons are rotated back into the sensor's own frame.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ def sensor_frame(frame_id: str, config: MountConfig) -> str:
 def check_upright(frame_id: str, config: MountConfig) -> None:
     """Check that data from a rolled sensor was rotated upright with this setting.
 
-    Without a roll nothing is rotated back: then results stay in the frame that they say they are in.
+    Without a roll nothing is rotated back: results stay in the frame named in their header.
 
     Raises
     ------
@@ -87,7 +87,7 @@ def _rotated(skeleton: Skeleton, rotation: NDArray[np.float64], frame_id: str) -
 
 @lru_cache(maxsize=8)
 def _lookup(camera: Camera, roll_deg: float) -> tuple[Camera, NDArray[np.int64], NDArray[np.bool_]]:
-    """Camera of the upright image, and for each of its pixels the sensor's, and whether there is one."""
+    """Camera of the upright image, and for each of its pixels that of the sensor, and whether it exists."""
     rotation = rotation_sensor_upright(roll_deg)[:2, :2]
     fx = float(np.hypot(camera.fx * rotation[0, 0], camera.fy * rotation[1, 0]))
     fy = float(np.hypot(camera.fx * rotation[0, 1], camera.fy * rotation[1, 1]))

@@ -1,6 +1,6 @@
-"""What settings are made of: dataclass fields that carry their unit, range and one line of help.
+"""Dataclass fields for settings, which carry their unit, range and one line of help.
 
-ROS parameters, command-line options and YAML files are made from them, and refused by them.
+ROS parameters, command-line options and YAML files are generated from them and validated by them.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ def options(config: type | object) -> Iterator[Option]:
 
 
 class Checked:
-    """Base that refuses values of the wrong type or outside their range."""
+    """Base that rejects values of the wrong type or outside their range."""
 
     def __post_init__(self) -> None:
         for o in options(self):
@@ -108,7 +108,7 @@ def _as(kind: type, value: Any, where: str) -> Any:
 
 
 def _section(name: str, config: type[T], values: Mapping[str, Any]) -> T:
-    """Make one section; what is wrong with it is said by the section's name, as parameter files have it."""
+    """Make one section; error messages name the section, as parameter files do."""
     try:
         return from_mapping(config, values)
     except ConfigError as error:
@@ -116,7 +116,7 @@ def _section(name: str, config: type[T], values: Mapping[str, Any]) -> T:
 
 
 class Sections:
-    """Base of configurations that are made of others, one field for each."""
+    """Base of configurations that consist of others, one field for each."""
 
     @classmethod
     def from_mapping(cls: type[T], values: Mapping[str, Mapping[str, Any]]) -> T:

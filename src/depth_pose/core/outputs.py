@@ -1,16 +1,16 @@
-"""Files that are written: whole or not at all, and never over what is read.
+"""Output files: written completely or not at all, and never over an input.
 
 Everything that writes a file goes through here. `check_targets` refuses, before the work, what cannot
-or must not be written; `new_file` and `new_text_file` give a stream to a temporary file of one's own
-in the target's folder, which takes the target's name once it is whole:
+or must not be written; `new_file` and `new_text_file` open a private temporary file
+in the target's folder, which takes the target's name once it is complete:
 
     check_targets([picture], inputs=[recording])
     ...
     with new_file(picture) as stream:
         figure.savefig(stream, format="png")
 
-After an error, or Ctrl-C, the target is as it was before. A temporary file is locked while somebody
-writes it, so that what a killed process left is known and removed by the next one.
+After an error, or Ctrl-C, the target is as it was before. A temporary file is locked while it is
+written, so that the next process can recognise and remove those of killed processes.
 """
 
 from __future__ import annotations
@@ -31,10 +31,10 @@ from depth_pose.core.errors import InputError
 _PART = ".part"
 _PARTIAL = ".partial"
 TRIAL_BYTES = 1 << 16
-"""So much is written on trial before the work: a full disk may still take an empty file. Set by hand."""
+"""Size of the test file written before the work: a full disk may still take an empty file. Set by hand."""
 
 _DISK_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EFBIG, errno.EIO, errno.ESTALE)
-"""Errors of a system call that only what is written can be the cause of."""
+"""Errors of a system call that only the output can cause."""
 
 AnyPath = Path | str
 
@@ -45,8 +45,8 @@ def check_targets(targets: Iterable[AnyPath | None], inputs: Iterable[AnyPath | 
     Parameters
     ----------
     targets : iterable of path
-        Files that are to be written; None for those that are not asked for. Nothing is left of the check,
-        no folder either: whoever writes makes them.
+        Files to be written; None for outputs that were not requested. The check leaves nothing behind, not
+        even folders: the writers make them.
     inputs : iterable of path
         Files, or folders of files, that are read; None for those that were not given.
 
@@ -72,12 +72,12 @@ def check_targets(targets: Iterable[AnyPath | None], inputs: Iterable[AnyPath | 
 
 
 def refuse_inputs(targets: Iterable[AnyPath], inputs: Iterable[AnyPath | None]) -> None:
-    """Refuse files that are to be written and are read too, by whatever name or link.
+    """Refuse outputs that are also inputs, by whatever name or link.
 
     Parameters
     ----------
     targets, inputs : iterable of path
-        As of `check_targets`, which does this and more; this looks only at what is there.
+        As for `check_targets`, which does this and more; this checks only existing files.
 
     Raises
     ------
@@ -102,7 +102,7 @@ def _identities(path: Path) -> Iterator[tuple[int, int]]:
 
 
 def _check_kind(path: Path) -> None:
-    """Refuse what is there and no ordinary file."""
+    """Refuse an existing target that is not an ordinary file."""
     try:
         mode = path.stat().st_mode
     except FileNotFoundError:
@@ -116,7 +116,7 @@ def _check_kind(path: Path) -> None:
 
 
 def _try_to_write(path: Path) -> None:
-    """Write a little beside a target, in the nearest of its folders that is there, and remove it."""
+    """Write and remove a small file beside a target, in its nearest existing folder."""
     folder = path.parent
     while not _is_there(folder):
         folder = folder.parent
@@ -129,7 +129,7 @@ def _try_to_write(path: Path) -> None:
 
 
 def _is_there(path: Path) -> bool:
-    """Whether there is such a file, folder or link; OSError where it could not be made either."""
+    """Whether a file, folder or link exists; OSError where it could not be made either."""
     try:
         path.lstat()
     except (FileNotFoundError, NotADirectoryError):
@@ -142,7 +142,7 @@ def _unwritable(path: Path, error: OSError) -> InputError:
 
 
 class NewFile:
-    """A file that stands under its name only once it is whole.
+    """A file that gets its name only once it is complete.
 
     As a context manager it is kept at the end, and discarded after an error. `keep`, `keep_partial`, `leave`
     and `discard` end it before; after one of them the others do nothing.
@@ -150,16 +150,16 @@ class NewFile:
     Parameters
     ----------
     path : path
-        The file; folders are made, a file that is there is replaced once the new one is whole. A
-        symbolic link is replaced itself; what it leads to stays as it is.
+        The file; folders are made, an existing file is replaced once the new one is complete. A
+        symbolic link is replaced itself; its target stays as it is.
     visible : bool
-        Write under ``NAME.partial.mcap`` from the start, and leave that where the process is killed: for
-        what cannot be made once more, like a live recording.
+        Write under ``NAME.partial.mcap`` from the start, and leave that if the process is killed: for
+        data that cannot be made again, like a live recording.
 
     Attributes
     ----------
     stream : binary stream
-        Takes the content.
+        Receives the content.
 
     Raises
     ------
@@ -187,7 +187,7 @@ class NewFile:
             os.replace(self._part, self.path)
 
     def keep_partial(self) -> Path:
-        """Finish what there is under a name that says so, ``NAME.partial.mcap``; gives it."""
+        """Finish the incomplete file under the name ``NAME.partial.mcap``; return its path."""
         self._finish()
         if self._visible:
             return self._part
@@ -200,7 +200,7 @@ class NewFile:
         try:
             with self.telling():
                 self.stream.flush()
-                with suppress(OSError):  # where the system cannot; a full disk has been told by now
+                with suppress(OSError):  # not supported by the system; a full disk has been reported by now
                     os.fsync(self.stream.fileno())
                 self.stream.close()
         except BaseException:
@@ -216,7 +216,7 @@ class NewFile:
         return self._part
 
     def discard(self) -> None:
-        """Drop what was written."""
+        """Discard what was written."""
         if not self._ended:
             self._ended = True
             with suppress(OSError):  # of a full disk, for what is still to be flushed
@@ -247,11 +247,11 @@ class NewFile:
 
 
 def _open_part(path: Path) -> tuple[Path, int]:
-    """Open a new, locked, hidden file beside the target; gives its path and its descriptor."""
+    """Open a new, locked, hidden file beside the target; return its path and its descriptor."""
     while True:
         part = path.with_name(f".{path.name}.{secrets.token_hex(6)}{_PART}")
         number = _create(part)
-        if os.fstat(number).st_nlink:  # else somebody has removed it before it was locked
+        if os.fstat(number).st_nlink:  # otherwise another process removed it before it was locked
             return part, number
         os.close(number)
 
@@ -276,7 +276,7 @@ def _create(path: Path) -> int:
 
 
 def remove_parts(paths: Iterable[AnyPath]) -> None:
-    """Remove what writers of these files that were killed have left beside them."""
+    """Remove temporary files that killed writers of these targets have left beside them."""
     names: dict[Path, list[str]] = {}
     for path in map(Path, paths):
         names.setdefault(path.parent, []).append(f".{path.name}.")
@@ -288,7 +288,7 @@ def remove_parts(paths: Iterable[AnyPath]) -> None:
 
 
 def _remove_if_left(part: Path) -> None:
-    """Remove a temporary file that nobody holds a lock on."""
+    """Remove a temporary file that is not locked."""
     with suppress(OSError):
         number = os.open(part, os.O_RDWR | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
         try:
@@ -300,7 +300,7 @@ def _remove_if_left(part: Path) -> None:
 
 @contextmanager
 def own_folder(folder: AnyPath) -> Iterator[None]:
-    """Hold a folder of outputs alone, so that no other process writes another set of them into it.
+    """Lock a folder of outputs, so that no other process writes another set of them into it.
 
     Parameters
     ----------
@@ -342,7 +342,7 @@ def _lock_or_refuse(path: Path, number: int) -> None:
 
 @contextmanager
 def new_file(path: AnyPath) -> Iterator[BinaryIO]:
-    """Write a file of bytes that stands under its name only once it is whole.
+    """Write a file of bytes that gets its name only once it is complete.
 
     Parameters
     ----------
@@ -364,7 +364,7 @@ def new_file(path: AnyPath) -> Iterator[BinaryIO]:
 
 @contextmanager
 def new_text_file(path: AnyPath, newline: str | None = None) -> Iterator[TextIO]:
-    """Write a file of UTF-8 text that stands under its name only once it is whole; as `new_file`.
+    """Write a file of UTF-8 text that gets its name only once it is complete; as `new_file`.
 
     ``newline`` is as of `open`; the `csv` module wants "".
     """

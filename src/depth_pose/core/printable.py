@@ -1,14 +1,14 @@
-"""Text of others on a terminal: names of files, topics, frames and people may hold escape sequences.
+"""Untrusted text on a terminal: names of files, topics, frames and people may hold escape sequences.
 
-Everything that a recording, a message or a file's name says goes through `printable` before it is printed or
-logged: a terminal obeys control characters, and a line break can make a line look like one of ours.
+All text from recordings, messages and file names goes through `printable` before it is printed or logged:
+a terminal executes control characters, and a line break can make a line look like one of ours.
 """
 
 from __future__ import annotations
 
 
 def printable(text: object) -> str:
-    r"""Return text on one line, with whatever a terminal would obey as its escape in Python.
+    r"""Return text on one line, with control characters as Python escapes.
 
     Parameters
     ----------
@@ -18,8 +18,8 @@ def printable(text: object) -> str:
     Returns
     -------
     str
-        Control characters, line breaks, invisible marks (such as those that turn the direction of writing)
-        and bytes that are no UTF-8 stand as ``\x1b``, ``\n``, ``\u202e``, ``\udcff``.
+        Control characters, line breaks, invisible marks (such as those that reverse the writing direction)
+        and bytes that are not UTF-8 become ``\x1b``, ``\n``, ``\u202e``, ``\udcff``.
     """
     shown = str(text)
     if shown.isprintable():
@@ -28,5 +28,5 @@ def printable(text: object) -> str:
 
 
 def printable_lines(text: object) -> str:
-    """Return `printable` lines of a text, all but the first indented: none passes for one of ours."""
+    """Return `printable` lines of a text, all but the first indented, so that none looks like one of ours."""
     return "\n    ".join(printable(line) for line in str(text).split("\n"))

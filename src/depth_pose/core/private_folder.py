@@ -1,4 +1,4 @@
-"""A folder of one's own, for what is only kept to be quicker, where the usual ones cannot be written."""
+"""A private folder for caches, where the usual ones cannot be written."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pathlib import Path
 
 
 def is_writable(folder: Path) -> bool:
-    """Whether files can be made in a folder; it is made where it is missing."""
+    """Whether files can be made in a folder; it is made if it is missing."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
@@ -22,18 +22,18 @@ def is_writable(folder: Path) -> bool:
 def private_folder(name: str) -> Path | None:
     """Return a private folder below the system's folder for temporary files.
 
-    It is the same for all processes of the user, so that what one of them keeps serves the others. Where
-    somebody else has taken that name, it is a new one.
+    It is the same for all processes of the user, so that they share its content. If another user has taken
+    that name, a new folder is made.
 
     Parameters
     ----------
     name : str
-        Of the folder within it.
+        Name of the folder within it.
 
     Returns
     -------
     Path or None
-        None where there is no place at all.
+        None where no folder can be made.
     """
     try:
         own = Path(tempfile.gettempdir()) / f"depth_pose-{os.geteuid()}"

@@ -16,7 +16,7 @@ _OBEYED = {n: ascii(chr(n))[1:-1] for n in (*range(32), *range(127, 160)) if chr
 
 
 class SafeConsole(Console):
-    """A console that shows control characters of what it prints; rich would have the terminal obey them."""
+    """A console that escapes control characters in its output; rich would pass them to the terminal."""
 
     def render_str(self, text: str, **options: Any) -> Text:
         """Return rich's text of a string, which may have rich's markup."""
@@ -35,9 +35,9 @@ _LONG_S = 10.0
 
 @contextmanager
 def progress_bar(what: str, total: int | None) -> Iterator[Callable[[int], None]]:
-    """Show a progress bar; gives a function that is told how many are done.
+    """Show a progress bar; yield a function that takes the number of items done.
 
-    Where the output is no terminal, each tenth is a line.
+    If the output is not a terminal, each tenth is a line.
     """
     with _bar(what, total, lambda done: f"{done}/{total}" if total else str(done)) as update:
         yield lambda done: update(done, done)
@@ -45,7 +45,7 @@ def progress_bar(what: str, total: int | None) -> Iterator[Callable[[int], None]
 
 @contextmanager
 def archive_bar(what: str, size: int, recordings: int) -> Iterator[Callable[[float, int, int], None]]:
-    """Show the bar of an archive; gives a function that is told the bytes, recordings and frames done."""
+    """Show the bar of an archive; yield a function that takes the bytes, recordings and frames done."""
     done_recordings = 0
     with _bar(what, size, lambda _: f"{done_recordings}/{recordings}", " frames") as update:
 
@@ -61,7 +61,7 @@ def archive_bar(what: str, size: int, recordings: int) -> Iterator[Callable[[flo
 def _bar(
     what: str, total: int | None, count: Callable[[float], str], unit: str = ""
 ) -> Iterator[Callable[[float, int], None]]:
-    """Show a bar; gives a function that is told how much is done, and of how many the rate is shown."""
+    """Show a bar; yield a function that takes the amount done, and the count for the displayed rate."""
     if not errors.is_terminal:
         tell = _line_printer(what, total)
         yield lambda done, _: tell(done)

@@ -1,7 +1,7 @@
-"""Files that are read: only ordinary ones, no larger than they may honestly be, as text, JSON or YAML.
+"""Input files: only ordinary ones of plausible size are read, as text, JSON or YAML.
 
-What a file says is not believed before it is looked at: a pipe or a device is refused and not waited
-for, sizes are capped before anything is allocated, and whatever a parser may raise becomes one line.
+Files are not trusted: a pipe or a device is refused and not waited for, sizes are limited before anything
+is allocated, and any error of a parser becomes one line.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ MOST_SETTINGS_BYTES = 1 << 20
 """Largest file of settings, cameras or a build, bytes: a hundred times one of 100 cameras. Set by hand."""
 
 MOST_VALUES = 20_000
-"""Most values of a YAML file, counted as often as aliases repeat them; one of 100 cameras has 4,000. Set by
+"""Maximum number of values of a YAML file, with aliases expanded; one of 100 cameras has 4,000. Set by
 hand."""
 
 _DEEPEST = 100
-"""Most values of YAML within each other, where programs write it; rosbag2's has 6. Set by hand."""
+"""Maximum nesting depth of YAML written by programs; rosbag2's has 6. Set by hand."""
 
 _PARSER_ERRORS = (ValueError, LookupError, TypeError, AttributeError, OverflowError, RecursionError)
-"""What parsers raise beside errors of their own: dates that are none, numbers too long, nesting too deep."""
+"""Errors of parsers besides their own types: invalid dates, numbers too long, nesting too deep."""
 
 
 @contextmanager
@@ -47,7 +47,7 @@ def open_ordinary(path: Path | str, most_bytes: int | None = None) -> Iterator[B
     Raises
     ------
     InputError
-        Where it is missing, must not be read, is no ordinary file or too large.
+        Where it is missing, unreadable, not an ordinary file, or too large.
     """
     try:
         number = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
@@ -66,7 +66,7 @@ def open_ordinary(path: Path | str, most_bytes: int | None = None) -> Iterator[B
 
 
 def read_text(path: Path | str, most_bytes: int = MOST_SETTINGS_BYTES, errors: str = "strict") -> str:
-    """Read a file of UTF-8 text, whole.
+    """Read a whole file of UTF-8 text.
 
     Parameters
     ----------
@@ -74,7 +74,7 @@ def read_text(path: Path | str, most_bytes: int = MOST_SETTINGS_BYTES, errors: s
     most_bytes : int
         A larger file is refused.
     errors : str
-        As of ``bytes.decode``: ``strict``, or ``replace`` where other characters do no harm.
+        As for ``bytes.decode``: ``strict``, or ``replace`` where wrong characters do no harm.
 
     Raises
     ------
@@ -91,7 +91,7 @@ def read_text(path: Path | str, most_bytes: int = MOST_SETTINGS_BYTES, errors: s
 
 
 def parse_json(path: Path | str, text: str, error: type[DepthPoseError] = ConfigError) -> Any:
-    """Parse a file's JSON; ``error`` is raised where it is none."""
+    """Parse a file's JSON; ``error`` is raised if it is invalid."""
     try:
         return json.loads(text)
     except _PARSER_ERRORS as found:
@@ -101,17 +101,17 @@ def parse_json(path: Path | str, text: str, error: type[DepthPoseError] = Config
 def parse_yaml(path: Path | str, text: str) -> Any:
     """Parse a file's YAML.
 
-    Aliases (``*name``) count with all that they stand for, up to `MOST_VALUES`.
+    Aliases (``*name``) count with all values that they expand to, up to `MOST_VALUES`.
 
     Raises
     ------
     ConfigError
-        Where it is no YAML, or too much of it.
+        Where it is not YAML, or too large.
     """
     import yaml
 
     class Loader(yaml.SafeLoader):  # type: ignore[misc]
-        """Knows how many values each node stands for, and refuses too many."""
+        """Loader that counts the values of each node with aliases expanded, and rejects too many."""
 
         def compose_node(self, parent: Any, index: Any) -> Any:
             sizes = self.__dict__.setdefault("sizes", {})
@@ -133,12 +133,12 @@ def parse_yaml(path: Path | str, text: str) -> Any:
 
 
 def parse_long_yaml(path: Path | str, text: str) -> Any:
-    """Parse YAML that programs write, of whatever length; with aliases in it, as `parse_yaml` does.
+    """Parse YAML written by programs, of any length; if it has aliases, as `parse_yaml` does.
 
     Raises
     ------
     ConfigError
-        Where it is no YAML, or its aliases stand for too much.
+        Where it is not YAML, or its aliases expand to too many values.
     """
     import yaml
 

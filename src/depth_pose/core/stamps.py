@@ -1,4 +1,4 @@
-"""When to drop what is remembered of the past."""
+"""Decide when to drop the memory of earlier frames."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from depth_pose.core.config import MAX_STAMP_GAP_NS
 
 
 class StampGuard:
-    """Notices stamps that jump back, or ahead by more than half a second."""
+    """Detector of stamps that jump back, or ahead by more than half a second."""
 
     def __init__(self) -> None:
         self._last_ns: int | None = None

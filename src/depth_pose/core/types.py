@@ -1,4 +1,4 @@
-"""What the steps hand to each other: depth frame, found person, match, and the skeleton that is published.
+"""Data passed between the steps: depth frame, found person, match, and the published skeleton.
 
 All of them are frozen and in SI units.
 """
@@ -31,7 +31,7 @@ class DepthFrame:
         Distance along the optical axis, metres; 0 or NaN where nothing returned.
     camera : Camera
     filled : float
-        Share of the image that the sensor sees; less than 1 where it was turned.
+        Share of the image that the sensor sees; less than 1 where it was rotated.
 
     Raises
     ------
@@ -56,18 +56,18 @@ class DepthFrame:
 
 
 BACKGROUND, PERSON, UNKNOWN = 0, 1, 2
-"""What a pixel says of one person: free space; theirs; hidden by something nearer, or no return."""
+"""State of a pixel for one person: free space; the person; hidden by something nearer, or no return."""
 
 HIDDEN = 255
-"""Label in the cloud of everybody where something nearer than a person, or nothing, returned."""
+"""Label in the cloud of all people where something nearer than a person, or nothing, returned."""
 
 MOST_LABEL = 254
-"""Greatest number of a person in a cloud's labels; 0 is free space."""
+"""Largest number of a person in a cloud's labels; 0 is free space."""
 
 
 @dataclass(frozen=True)
 class FoundPerson:
-    """Somebody whom a frame shows.
+    """A person found in a frame.
 
     Attributes
     ----------
@@ -76,14 +76,14 @@ class FoundPerson:
     body_id : str
         Stays the same while they are followed.
     probability : float
-        That this is a person, 0 to 1, after all frames in which they were followed.
+        Probability that this is a person, 0 to 1, over all frames in which they were followed.
     proposals : (J, 3) float32
-        Where the finder sees their joints (`JOINTS`), camera frame, metres;
-        no rows where it does not say.
+        Joints (`JOINTS`) proposed by the finder, camera frame, metres;
+        no rows without proposals.
     proposal_confidence : (J,) float32
     proposal_sigma : (J, 2) float32
         Standard deviation of each proposal in each direction of the image plane, and in depth, metres;
-        no rows where it does not say.
+        no rows without proposals.
     """
 
     label: int
@@ -120,7 +120,7 @@ class Candidate:
 
 @dataclass(frozen=True)
 class PoseMatch:
-    """The matcher's answer for one person, best candidate first.
+    """The matcher's result for one person, best candidate first.
 
     Attributes
     ----------
@@ -279,7 +279,7 @@ class Skeleton:
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """Return plain numbers, words and lists, as JSON takes them; joints by their names."""
+        """Return plain numbers, strings and lists, suitable for JSON; joints by their names."""
         return {
             "id": self.body_id,
             "time": self.time,

@@ -1,7 +1,7 @@
 """Run the parts of a task: in this process, in processes of this machine, or on a Dask cluster.
 
-The parts do not depend on each other, and what is made of them does not depend on who did the work.
-`run_parts` is for a task that needs all of them, `run_each` for one that goes on without those that
+The parts do not depend on each other, and results do not depend on where they were computed.
+`run_parts` is for a task that needs all of them, `run_each` for one that continues without those that
 fail.
 """
 
@@ -27,26 +27,26 @@ from depth_pose.core.extras import require
 T = TypeVar("T")
 Task = tuple[Any, ...]
 Tell = Callable[[float], None]
-"""Called by a part with the share of it that is done, 0 to 1."""
+"""Function that a part calls with its fraction done, 0 to 1."""
 Listen = Callable[[int, float], None]
-"""Called with a part's number and the share of it that is done."""
+"""Function called with a part's number and its fraction done."""
 
 CONNECT_S = "10s"
-"""How long a Dask scheduler may take to answer."""
+"""Time limit for a Dask scheduler to answer."""
 
 _TRIES = 2
-"""How often a part is begun whose process dies; on Dask, its own ``allowed-failures`` counts."""
+"""Number of attempts for a part whose process dies; on Dask, its own ``allowed-failures`` counts."""
 
 _NEARLY = 0.999
-"""The most that a part is told to have done before its outcome."""
+"""Maximum fraction reported for a part before its outcome."""
 
 _END_S = 5.0
-"""How long a process may take to clear up when it is told to end; then it is killed. Not swept."""
+"""Time for a process to clean up when asked to end; then it is killed. Not swept."""
 
 
 @dataclass(frozen=True)
 class Outcome(Generic[T]):
-    """What came of one part: its number, and its value or the error that ended it."""
+    """Outcome of one part: its number, and its value or the error that ended it."""
 
     index: int
     value: T | None = None
@@ -80,7 +80,7 @@ def run_parts(
     ConfigError
         Where Dask is asked for and not installed.
     InputError
-        Where the scheduler cannot be reached, or workers go on dying.
+        Where the scheduler cannot be reached, or workers keep dying.
     """
     early: dict[int, T] = {}
     due = 0
@@ -96,7 +96,7 @@ def run_parts(
 
 @dataclass(frozen=True)
 class _Untold(Generic[T]):
-    """A function that tells nobody how far it is."""
+    """A function that does not report progress."""
 
     function: Callable[..., T]
 
@@ -111,22 +111,21 @@ def run_each(
     scheduler: str | None = None,
     listen: Listen | None = None,
 ) -> Outcomes[T]:
-    """Call a function with each task's arguments; outcomes come as they are done.
+    """Call a function with each task's arguments; yield outcomes as they are done.
 
-    A process that dies is replaced, and its task begun once more; if that dies as well, the outcome is
-    an `InputError`. Whoever stops taking outcomes ends the processes: on SIGTERM they raise
-    `SystemExit`, so that what is half done is cleared up. They end by themselves where this process
-    is killed.
+    A process that dies is replaced, and its task is started once more; if that dies as well, the outcome is
+    an `InputError`. Closing the generator ends the processes: on SIGTERM they raise `SystemExit`, so that
+    unfinished work is cleaned up. They end by themselves if this process is killed.
 
     Parameters
     ----------
     function : callable
-        Of a module, so that other processes can import it. Its last argument, after the task's, is
-        a function to `Tell` how far it is.
+        Defined in a module, so that other processes can import it. Its last argument, after the task's, is
+        a function (`Tell`) to report progress.
     tasks, workers, scheduler
         As of `run_parts`.
     listen : callable, optional
-        Is told how far the tasks are; not from a cluster.
+        Receives the progress of the tasks; not from a cluster.
 
     Raises
     ------
@@ -169,7 +168,7 @@ def _attempt(function: Callable[..., T], task: Task, tell: Tell) -> tuple[T | No
 
 
 class Worker:
-    """A process that calls the function with one task after the other."""
+    """A process that calls the function with one task after another."""
 
     def __init__(self, function: Callable[..., Any]) -> None:
         context = get_context("spawn")
@@ -187,7 +186,7 @@ class Worker:
     def begin(self, index: int, task: Task) -> None:
         """Send a task."""
         self.index = index
-        with suppress(OSError):  # where it has died, its answer will say so
+        with suppress(OSError):  # if it has died, `receive` reports it
             self.pipe.send(task)
 
     def hear(self) -> tuple[float, Any] | None:
@@ -262,7 +261,7 @@ def _death(code: int | None) -> InputError:
 
 
 def _serve(function: Callable[..., Any], pipe: connection.Connection) -> None:
-    """Work until the pipe is closed; a process of its own."""
+    """Work until the pipe is closed; runs in a separate process."""
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
     threading.Thread(target=_end_with_parent, daemon=True).start()
     while True:

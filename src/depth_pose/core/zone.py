@@ -1,4 +1,4 @@
-"""Where people count: a range of distances from the sensor, or a box in its frame."""
+"""The zone in which people count: a range of distances from the sensor, or a box in its frame."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from depth_pose.core.errors import ConfigError
 _INF = float("inf")
 """No limit."""
 _AXES = {1: ("distance",), 2: ("x", "z"), 3: ("x", "y", "z")}
-"""What ranges are of, by how many a zone is told with."""
+"""Names of the ranges, by the number of them in the text."""
 
 
 @dataclass(frozen=True)
 class Zone:
-    """A part of space in the sensor's optical frame.
+    """A region in the sensor's optical frame.
 
     Attributes
     ----------

@@ -15,10 +15,10 @@ CHANNELS = 8
 """Features of a pixel; `fill_features` lists them."""
 
 _NEAR, _FAR = np.float32(0.2), np.float32(12.0)
-"""Depths outside this range are none, metres. Set by hand, not swept."""
+"""Depths outside this range are invalid, metres. Set by hand, not swept."""
 
 _UNIT_M = 0.5
-"""Depths are told from the torso's in this unit, and cut at `_MOST` of it."""
+"""Unit of depths relative to the torso, which are clipped at `_MOST` units."""
 
 _MOST = 2.4
 """In units of `_UNIT_M`: 1.2 m. Set by hand, not swept."""
@@ -71,7 +71,7 @@ class MaskLimits(NamedTuple):
 def sample_crop(depth, labels, camera, look, grid, whose):
     """Sample depth (metres) and labels to a square crop (``grid``, ``whose``), as `reduce_grid` does.
 
-    What lies outside the image gets no depth and the label -1.
+    Pixels outside the image get no depth and the label -1.
     """
     if look.sin == 0.0:  # rows and columns stay rows and columns
         _sample_level(depth, labels, camera, look, grid, whose)
@@ -99,7 +99,7 @@ def sample_crop(depth, labels, camera, look, grid, whose):
 
 @njit(cache=True)
 def _sample_level(depth, labels, camera, look, grid, whose):
-    """Do the same where the crop is not turned: places are found by row and column."""
+    """Do the same for a crop that is not rotated: samples are located by row and column."""
     height, width = depth.shape
     side = grid.shape[0]
     px, py = look.cell * camera.fx / look.z, look.cell * camera.fy / look.z
@@ -155,7 +155,7 @@ def _join_samples(z, who, count, i, j, grid, whose):
 def fill_features(grid, whose, label, look, out):
     """Describe every pixel of a crop to the net.
 
-    0 depth of the person's pixels from the torso's; 1 whether it is the person's; 2 depth of all
+    0 depth of the person's pixels from the torso's; 1 whether it shows the person; 2 depth of all
     pixels; 3 whether there is a depth; 4 whether it lies in the image; 5, 6 slopes of the ray to the
     torso; 7 inverse of its distance (1/m).
     """
@@ -204,10 +204,10 @@ def apply_mask(depth, labels, camera, look, logits, label, limits):
 
 @njit(cache=True)
 def to_crop(points, look, out):
-    """From points (J, 3) in the camera frame, metres, to the crop's coordinates.
+    """Convert points (J, 3) in the camera frame, metres, to the crop's coordinates.
 
-    The first two are where a point appears, metres at the torso's distance, right and down of the
-    crop's middle; the third is how much farther it is than the torso.
+    The first two are a point's position in the image, metres at the torso's distance, right and down of the
+    crop's middle; the third is its depth relative to the torso.
     """
     for k in range(points.shape[0]):
         z = max(points[k, 2], 0.1)
@@ -219,7 +219,7 @@ def to_crop(points, look, out):
 
 
 def from_crop(places: NDArray[np.float64], look: CropView) -> NDArray[np.float64]:
-    """From the crop's coordinates (J, 3), neither turned nor mirrored, to points in the camera frame."""
+    """Convert the crop's coordinates (J, 3), neither rotated nor mirrored, to points in the camera frame."""
     z = np.maximum(look.z + places[:, 2], _NEAR)
     x, y = (look.x + places[:, 0]) / look.z, (look.y + places[:, 1]) / look.z
     return np.stack([x * z, y * z, z], axis=1)

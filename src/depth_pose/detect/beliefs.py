@@ -1,7 +1,7 @@
-"""What was surely a person a moment ago and has not moved since is one still.
+"""Memory of confident detections: what was a person a moment ago and has not moved still is one.
 
-The nets judge each image by itself. Somebody who lies still under a camera that sees them in an unusual way
-is surely found in some frames and doubted in others, though nothing has changed.
+The nets judge each image by itself. A person who lies still, in an unusual view, is found with certainty in
+some frames and doubted in others, though nothing has changed.
 """
 
 from __future__ import annotations
@@ -15,17 +15,17 @@ from numpy.typing import NDArray
 from depth_pose.detect.segmentation import Sighting
 
 _HALF_LIFE_S = 4.0
-"""Time after which half of a belief is left, seconds. Set by hand."""
+"""Half-life of a belief, seconds. Set by hand."""
 _LONGEST_S = 0.5
-"""A belief that was not renewed for longer is forgotten, seconds: as all temporal state is."""
+"""A belief not renewed for this long (s) is forgotten, as all temporal state is."""
 _OVERLAP, _MOVED_M = 0.6, 0.04
-"""Share of the smaller mask that both have, and median change of depth there, metres, of what has not moved.
-Set by hand."""
+"""Least overlap, as a share of the smaller mask, and largest median change of depth there (m), of a person who
+has not moved. Set by hand."""
 
 
 @dataclass(frozen=True)
 class _Belief:
-    """A sure sighting: its pixels, their depth, how sure, and when."""
+    """A confident sighting: its pixels, their depth, its probability and its stamp."""
 
     own: NDArray[np.bool_]
     depth: NDArray[np.float32]
@@ -34,7 +34,7 @@ class _Belief:
 
 
 class Beliefs:
-    """Carries the probability of those who do not move from frame to frame.
+    """Carries the probability of people who do not move from frame to frame.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ class Beliefs:
         self.reset()
 
     def reset(self) -> None:
-        """Forget everybody."""
+        """Forget all people."""
         self._beliefs: list[_Belief] = []
 
     def renew(
@@ -63,7 +63,7 @@ class Beliefs:
         ----------
         sightings : sequence of Sighting
         labels : (h, w) uint8
-            Whose each pixel is, by `Sighting.label`.
+            Person at each pixel, by `Sighting.label`.
         depth : (h, w) float32
             Metres.
         stamp_ns : int
@@ -82,7 +82,7 @@ class Beliefs:
     def _carried(
         self, belief: _Belief, own: NDArray[np.bool_], depth: NDArray[np.float32], stamp_ns: int
     ) -> float:
-        """Return what is left of a belief for the pixels of a sighting; 0 for another, or one who moved."""
+        """Return the decayed belief for the pixels of a sighting; 0 for another person, or one who moved."""
         past_s = (stamp_ns - belief.stamp_ns) * 1e-9
         if not 0 < past_s <= _LONGEST_S or belief.own.shape != own.shape:
             return 0.0

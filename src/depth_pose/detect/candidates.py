@@ -73,13 +73,13 @@ class CandidateFinder:
         return Candidates(found.depth, self._complete(found), found.camera, found.people, found.out_of_range)
 
     def _find_turned(self, frame: DepthFrame) -> Detections:
-        """Find people in the image turned as it was of use; now and then another way if there is doubt."""
+        """Find people in the image with the last useful rotation; in doubt, sometimes with another one."""
         found = self.finder.find(frame, self._turns)
         doubtful = [p for p in found.people if p.probability < self._config.sure]
         if found.people and not doubtful:
             self._doubts = 0
             return found
-        if self._turns and not found.people:  # who was turned to has left
+        if self._turns and not found.people:  # the person for whom it was rotated has left
             self._turns, self._doubts = 0, 0
             return found
         self._doubts += 1
@@ -95,9 +95,9 @@ class CandidateFinder:
     def _is_better(
         self, doubtful: list[Detection], found: Detections, tried: Detections, across: bool
     ) -> bool:
-        """Whether another turn shows somebody surely who was in doubt or not found, and all who were sure.
+        """Whether another rotation confirms a doubtful or missed person, and keeps all who were confirmed.
 
-        Turned by a quarter only those count who lie ``across`` the image: a post would lie, too.
+        After a quarter turn only people who lie ``across`` the image count: a post would lie, too.
         """
         sure = [p for p in tried.people if p.probability >= self._config.sure]
 
@@ -150,14 +150,14 @@ def lies_across(own: NDArray[np.bool_]) -> bool:
 
 
 _ACROSS = 1.3
-"""Who lies across the image reaches so many times farther along its rows. Set by hand."""
+"""A person who lies across the image extends this many times farther along its rows. Set by hand."""
 
 _TRY_EVERY, _TURNS = 4, (1, 3, 2)
-"""Searches from one turned image to the next while there is doubt, and the quarter turns to try in order. Set
+"""Searches between two rotated images while there is doubt, and the quarter turns to try in order. Set
 by hand."""
 
 _SAME_M = 0.3
-"""Torsos this near each other are one person's, metres. Set by hand."""
+"""Torsos nearer to each other than this belong to one person, metres. Set by hand."""
 
 _HAND = kernels.LimbLimits(jump=0.06, area=0.07, width=np.inf, chance=0.15)
 """Limits of an adjacent surface of any shape and place; area and probability chosen on 160 simulated

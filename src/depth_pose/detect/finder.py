@@ -146,8 +146,8 @@ class PeopleFinder:
         ----------
         frame : DepthFrame
         turns : int
-            Quarter turns, counter-clockwise, of the image that the net sees: it knows those best who are
-            upright in it. The answer is of the frame as it is.
+            Quarter turns, counter-clockwise, of the net's input image: the net detects upright people
+            best. The result refers to the unrotated frame.
 
         Returns
         -------

@@ -20,10 +20,10 @@ _TILT_DEG = 60.0
 walls."""
 
 _FACING_DEG = 35.0
-"""Maximum angle (degrees) between the viewing direction and the normal of a floor that only people tell."""
+"""Maximum angle (degrees) between the viewing direction and the normal of a floor known only from people."""
 
 _NEAR_M, _TALL_M = 0.15, 0.9
-"""Who stands on a plane begins this near to it and ends at least so far from it (m). Set by hand."""
+"""Points of a person who stands on a plane begin this near to it and reach at least this far (m). Set by hand."""
 
 LEVEL_UP = np.array([0.0, -1.0, 0.0])
 """Up as a level sensor sees it, camera frame."""
@@ -32,7 +32,7 @@ _STRAIGHT = np.cos(np.radians(10.0))
 """Least cosine between the optical axis and the vertical of a sensor that looks straight down."""
 
 _LEAST_HEIGHT_M = 0.15
-"""Least height (m) of the sensor; a nearer plane is what it stands on; set by hand."""
+"""Least height (m) of the sensor; a nearer plane is its support; set by hand."""
 
 _BANDS_M = (0.04, 0.03, 0.02, 0.02)
 """Half the layer thickness (m) of each fitting round: above sensor noise at 4 m, below the height of a
@@ -98,7 +98,7 @@ class Floor:
 
 
 def stands_on(points: NDArray[np.floating], floor: Floor) -> bool:
-    """Check whether somebody's points (N, 3), camera frame, begin at a floor and reach far from it."""
+    """Check whether a person's points (N, 3), camera frame, begin at a floor and reach far from it."""
     low, high = np.percentile(points @ floor.up + floor.height, [2.0, 98.0])
     return bool(abs(low) < _NEAR_M and high > _TALL_M)
 
@@ -135,7 +135,7 @@ class FloorFinder:
     def update(self, frame: DepthFrame, people: Sequence[NDArray[np.floating]] = ()) -> bool:
         """Search a frame for the floor; return whether `floor` has changed.
 
-        A different floor, and one that only people tell, must be seen in two consecutive searches, so that
+        A different floor, and one known only from people, must be seen in two consecutive searches, so that
         people who walk past do not move it.
         """
         seen = self.find(frame, people)
@@ -157,8 +157,8 @@ class FloorFinder:
         frame : DepthFrame
             Planes seen before are tried first.
         people : sequence of (N, 3) arrays
-            Everybody's points, camera frame, metres. A plane before a sensor that may look straight down is
-            the floor if somebody stands on it.
+            Points of all people, camera frame, metres. A plane in front of a sensor that may look straight
+            down is the floor if a person stands on it.
         """
         depth, camera = reduce_frame(frame, self._config)
         points = camera.back_project(depth)

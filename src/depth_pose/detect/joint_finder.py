@@ -1,12 +1,12 @@
-"""A second, closer look at each person whom the finder found: at their joints, and whether it is a person.
+"""The second, closer look at each detection: its joints, and whether it is a person.
 
-The finder looks at whole images and places trunks well, limbs badly. Here a crop around the torso, the same
-size of a pixel whatever the sensor and the distance, goes through another small net. Each of its cells votes
-for every joint and says how much its vote counts (Xiong et al. 2019, *A2J*); the net gives the deviation of
-each joint in the image plane and in depth as well, and whether the person is seen from behind. Joints that
-are hidden are guessed from the others, and their deviations say so. Last, it says how likely this is a person
-and no thing, which it has learned from what the finder takes for people; logistic regression joins this with
-the finder's own answer. ``tools/people_finder`` makes the weights; their settings say how large the crop is.
+The finder looks at whole images and places trunks well, limbs badly. Here a crop around the torso, with the
+same pixel size for every sensor and distance, goes through another small net. Each of its cells votes for
+every joint and predicts a weight for its vote (Xiong et al. 2019, *A2J*); the net also predicts the deviation
+of each joint in the image plane and in depth, and whether the person is seen from behind. Hidden joints are
+inferred from the others, with larger deviations. Last, it predicts the probability that this is a person and
+not an object, trained on the finder's detections; logistic regression combines this with the finder's own
+probability. ``tools/people_finder`` makes the weights; their settings hold the size of the crop.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ _OUTPUTS = ["joints", "log_error", "behind", "person", "mask"]
 """Outputs of the net."""
 
 _SUREST = 1e-4
-"""No answer counts as surer than this."""
+"""Probabilities are limited to this."""
 
 TYPICAL_ERROR_M = 0.1
 """Error of a joint's proposal at which its confidence is one half."""
@@ -54,7 +54,7 @@ class CropMask:
     ----------
     logits : (side, side) float32
     look : CropView
-        Where the crop lies in the image.
+        Placement of the crop in the image.
     """
 
     logits: NDArray[np.float32]
@@ -69,20 +69,20 @@ class CropMask:
 
 @dataclass(frozen=True)
 class JointProposals:
-    """Where one person's joints seem to be.
+    """Proposed joints of one person.
 
     Attributes
     ----------
     joints : (19, 3) float64
-        Hidden ones too, camera frame, metres; left and right as ``from_behind`` says.
+        Including hidden ones, camera frame, metres; left and right as in ``from_behind``.
     error : (19,) float64
-        Expected error, metres, that of left and right taken for each other included.
+        Expected error, metres, including that of swapping left and right.
     sigma : (19, 2) float64
         Standard deviation in each direction of the image plane, and in depth, metres.
     from_behind : float
         Probability that the person's left is on the image's left.
     probability : float
-        That this is a person, by both looks.
+        Probability of a person, from both looks.
     mask : CropMask
     """
 
@@ -95,11 +95,11 @@ class JointProposals:
 
     @property
     def confidence(self) -> NDArray[np.float32]:
-        """0 to 1, (19,); one half where the error is 0.1 m."""
+        """Confidence of each joint, 0 to 1, (19,); one half where the error is 0.1 m."""
         return (1.0 / (1.0 + (self.error / TYPICAL_ERROR_M) ** 2)).astype(np.float32)
 
     def moved(self, by: NDArray[np.float64]) -> JointProposals:
-        """Return the same a vector (3,) farther, metres."""
+        """Return the proposals translated by a vector (3,), metres."""
         look = self.mask.look
         x, y, z = (look.x, look.y, look.z) + by
         moved = replace(self.mask, look=look._replace(x=x, y=y, z=z))
@@ -107,7 +107,7 @@ class JointProposals:
 
 
 class PersonOdds(NamedTuple):
-    """Logistic regression on what both looks say of somebody being a person.
+    """Logistic regression on both looks' logits of a person.
 
     Attributes
     ----------
@@ -121,7 +121,7 @@ class PersonOdds(NamedTuple):
     bias: float
 
     def probability(self, found: float, logit: float) -> float:
-        """Join the finder's probability and the second look's logit."""
+        """Combine the finder's probability and the second look's logit."""
         return _logistic(self.first * logit_of(found) + self.second * logit + self.bias)
 
 
@@ -148,12 +148,12 @@ def _spread(log_width: NDArray[np.float32], least: float) -> tuple[NDArray[np.fl
 
 
 class JointFinder:
-    """Proposes joints; keeps nothing from one frame to the next.
+    """Proposes joints; keeps no state between frames.
 
     Parameters
     ----------
     weights : path, optional
-        A folder with a net in place of the one that ships.
+        A folder with a net in place of the packaged one.
     """
 
     def __init__(self, weights: Path | None = None) -> None:
@@ -179,16 +179,16 @@ class JointFinder:
         Parameters
         ----------
         depth : (h, w) float32
-            The whole image, metres; 0 where there is none.
+            The whole image, metres; 0 where nothing returned.
         labels : (h, w) uint8
-            The number of the person whom a pixel shows.
+            Number of the person at each pixel.
         camera : Camera
         label : int
             Number of this person.
         torso : (3,) float64
-            Middle of their shoulders and hips, about, camera frame, metres.
+            Approximate middle of shoulders and hips, camera frame, metres.
         probability : float
-            That this is a person, by the first look.
+            Probability of a person, from the first look.
         """
         x, y, z = torso.tolist()
         look = CropView(x, y, z, self._cell_m)

@@ -1,4 +1,4 @@
-"""Cut everybody out of a depth image with the learned people finder (the default)."""
+"""Segment all people in a depth image with the learned people finder (the default)."""
 
 from __future__ import annotations
 
@@ -23,26 +23,26 @@ from depth_pose.detect.sample_frame import sample_frame
 from depth_pose.detect.segmentation import Segmentation, Sighting
 
 _CHANGE_M, _MOST_CHANGED, _NEWS = 0.15, 0.4, 0.3
-"""What is nearer by so much was not there before, metres; not if this share of the image changed, when the
-camera moved; and the share of somebody's pixels that makes them news. Set by hand; not swept."""
+"""Depth change (m) of a pixel that shows something new; share of changed pixels above which the camera moved;
+share of new pixels above which a person counts as new content. Set by hand; not swept."""
 
 _ALONE_M = 1.2
 """Distance (m) to others beyond which the second look's mask corrects a person's pixels; set by hand."""
 
 _STEP_NS = 30_000_000
-"""From the first frame of the warm-up to the second, nanoseconds: carried over (`LastPeople`)."""
+"""Time between the two frames of the warm-up, nanoseconds: the second is carried over (`LastPeople`)."""
 
 
 class LearnedSegmenter:
-    """Finds everybody by two looks: at the image, and at each who may be a person.
+    """Finds people by two looks: at the image, and at each detection.
 
-    Who was found for sure is carried over to the next frame without the first look (`LastPeople`).
+    Confident detections are carried over to the next frame without the first look (`LastPeople`).
 
     Parameters
     ----------
     config : SegmentConfig
     weights : path, optional
-        A folder of nets in place of those that ship.
+        A folder of nets in place of the packaged ones.
 
     Attributes
     ----------
@@ -92,7 +92,7 @@ class LearnedSegmenter:
             elif _is_alone(thing, sure):
                 looked.mask.apply(found.depth, labels, found.camera, thing.label)
         self._people.keep(found, sure, frame.stamp_ns)
-        if sightings:  # what was taken out may hide more of somebody
+        if sightings:  # removed pixels may occlude more of a person
             mark_nearer(found.depth, labels, found.camera, self.config.depth_jump)
         is_person = (labels != BACKGROUND) & (labels != HIDDEN)
         return Segmentation(
@@ -114,21 +114,21 @@ class LearnedSegmenter:
         return changed & (depth < before) & ~is_another_view
 
     def _look_closer(self, found: Candidates, labels: NDArray[np.uint8], person: Detection) -> JointProposals:
-        """Propose a person's joints from a crop around them, and say whether it is one."""
+        """Propose a person's joints from a crop around them, and compute the probability of a person."""
         return self._joints.find(
             found.depth, labels, found.camera, person.label, person.torso, person.probability
         )
 
 
 def _is_alone(person: Sighting, people: Sequence[Sighting]) -> bool:
-    """Check that nobody else is so near that the mask might take parts of them."""
+    """Check that no other person is so near that the mask might include parts of them."""
     return all(p is person or np.linalg.norm(p.place - person.place) > _ALONE_M for p in people)
 
 
 def _sighting(
     person: Detection, seen: JointProposals, labels: NDArray[np.uint8], news: NDArray[np.bool_]
 ) -> Sighting:
-    """Join the results of both looks at one person."""
+    """Combine the results of both looks at one person."""
     own = labels == person.label
     return Sighting(
         label=person.label,

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 def open_net(model: bytes) -> InferenceSession:
     """Open a net (ONNX)."""
-    # otherwise it reports to its makers, from a thread that forked processes lack
+    # otherwise it sends telemetry, from a thread that forked processes lack
     os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")
     import onnxruntime
 

@@ -1,7 +1,7 @@
-"""The image that the finder's net sees: a frame on its grid, as it is or turned by a quarter.
+"""The input image of the finder's net: a frame on its grid, as it is or rotated by quarter turns.
 
-The net learned from people who are mostly upright in the image. Who lies across it, or stands before a sensor
-that hangs on its side, is found more surely in an image that is turned.
+The net was trained on people who are mostly upright in the image. People who lie across it, or stand in front
+of a sensor mounted on its side, are detected more reliably in a rotated image.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ def reduce_frame(frame: DepthFrame, nearest: float = _NEAR_M) -> NetImage:
 
 
 class Turned:
-    """A frame turned by quarters, on the net's grid, and the way back.
+    """A frame rotated by quarter turns, on the net's grid, and the inverse mapping.
 
     Parameters
     ----------

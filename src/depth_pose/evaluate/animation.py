@@ -21,15 +21,15 @@ from depth_pose.io.schemas import PEOPLE_TOPIC
 from depth_pose.io.skeleton_read import read_people
 
 _FINE = 2
-"""Pictures are drawn this many times larger and made smaller, for smooth lines."""
+"""Pictures are drawn this many times larger and then reduced, for smooth lines."""
 _COLOURS = 40
-"""Colours of the depth; those of bones and joints come on top."""
+"""Number of colours for depth; those of bones and joints are added."""
 _STEPS = 9
 """Colours of confidence."""
 _NOISE_M, _NOISE_SHARE = 0.03, 0.02
-"""What depth changes by from frame to frame where nothing moves, about three times the sensors' noise."""
+"""Maximum change of depth from frame to frame where nothing moves, about three times the sensors' noise."""
 _MOST_MISSING = 8
-"""So many pictures long a pixel that returns nothing is drawn as before. Set by hand."""
+"""Number of pictures for which a pixel without a return keeps its colour. Set by hand."""
 _BACKGROUND = "#0b0d10"
 _LIGHT = "#f4f4f4"
 
@@ -57,11 +57,11 @@ def save_animation(
     gif_path : Path or str
         The picture; folders are made.
     seconds : float
-        Of the recording from its start, at most.
+        Maximum length, from the recording's start.
     rate_hz : float
         Pictures a second, at most as many as the recording has frames.
     width : int
-        Of the pictures, pixels.
+        Width of the pictures, pixels.
     depth_topic, skeleton_topic : str, optional
         The topics.
 
@@ -109,14 +109,14 @@ def _spaced(reader: DepthReader, seconds: float, step_s: float) -> Iterator[Dept
 
 
 def _range(frames: Sequence[DepthFrame]) -> tuple[float, float]:
-    """Distances that the colours span, the same in all pictures."""
+    """Range of distances of the colours, the same in all pictures."""
     known = np.concatenate([f.depth[(f.depth > 0) & np.isfinite(f.depth)][::50] for f in frames])
     low, high = np.percentile(known, [2, 97]) if known.size else (0.5, 5.0)
     return float(low), float(high)
 
 
 class _Calm:
-    """Depth in which what stands still is drawn as before: noise would flicker, and fill the file."""
+    """Depth in which still pixels keep their value: noise would flicker and enlarge the file."""
 
     def __init__(self) -> None:
         self._shown: NDArray[np.float32] | None = None

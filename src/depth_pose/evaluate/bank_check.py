@@ -24,7 +24,7 @@ from depth_pose.stages import Shared
 from depth_pose.track.person import People
 
 _FRAMES_BEFORE = 2
-"""The person's size is found over these frames and the shown one."""
+"""Number of frames, before the shown one, over which the person's size is found."""
 
 _PANEL_INCHES = 2.1
 """Width of a panel; for the eye."""
@@ -33,7 +33,7 @@ _DARK = "#15181d"
 
 @dataclass(frozen=True)
 class MatchedFrame:
-    """One frame of the recording: its number, its people, and what they were matched with."""
+    """One frame of the recording: its number, its people, and their matches."""
 
     number: int
     people: People
@@ -81,7 +81,7 @@ def match_frames(
     recording : path
         A depth recording (MCAP).
     frames, candidates : int
-        How many frames, and how many matches of each.
+        Number of frames, and of matches for each.
     depth_topic : str, optional
         Found by default.
     progress : callable, optional
@@ -117,13 +117,13 @@ def _near_chosen(reader: DepthReader, count: int) -> Iterator[tuple[int, DepthFr
 
 
 def save_check(matched: Matched, bank: Bank, path: str | Path, title: str = "") -> None:
-    """Draw each person of the input and, beside them, the best matches rendered where the matcher put them.
+    """Draw each person of the input and, beside them, the best matches rendered as placed by the matcher.
 
     Parameters
     ----------
     matched : Matched
     bank : Bank
-        The bank that they were matched with.
+        The bank of the matches.
     path : path
         The picture; folders are made.
     title : str

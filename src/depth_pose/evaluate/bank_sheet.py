@@ -19,9 +19,9 @@ from depth_pose.evaluate.pictures import save_picture
 from depth_pose.evaluate.shading import shade_depth
 
 _PIXELS = 150
-"""Width and height of an exemplar's image, pixels; for the eye."""
+"""Width and height of an exemplar's image, pixels; for readability."""
 _HALF_WIDTH_M = 1.15
-"""Half of what an exemplar's image shows at the body's distance, metres; a person with raised arms fits."""
+"""Half the width of an exemplar's image at the body's distance, metres; a person with raised arms fits."""
 _CAMERA = Camera(
     _PIXELS,
     _PIXELS,
@@ -32,7 +32,7 @@ _CAMERA = Camera(
 )
 """The sheet's camera: it shows `_HALF_WIDTH_M` to each side at the body's distance."""
 _COLUMNS = 12
-"""Exemplars in a row; for the eye."""
+"""Exemplars in a row; for readability."""
 _DARK = "#15181d"
 
 
@@ -47,7 +47,7 @@ def save_contact_sheet(bank: Bank, path: str | Path, count: int = 48) -> None:
     path : path
         The picture; folders are made.
     count : int
-        How many exemplars, at most as many as there are.
+        Number of exemplars, at most all.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure

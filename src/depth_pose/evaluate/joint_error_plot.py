@@ -30,7 +30,7 @@ def save_joint_errors(score: Score, path: Path | str, title: str = "") -> None:
     path : Path or str
         The picture; folders are made.
     title : str
-        Said above the numbers.
+        Text above the numbers.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure

@@ -23,26 +23,26 @@ from depth_pose.io.schemas import PEOPLE_TOPIC
 from depth_pose.io.skeleton_read import read_people
 
 _PANEL_INCHES = (2.9, 3.6)
-"""Width and height of a panel among three or more columns; for the eye."""
+"""Width and height of a panel among three or more columns; for readability."""
 _MOST_COLUMNS = 6
-"""Panels in a row, at most; for the eye."""
+"""Maximum number of panels in a row; for readability."""
 _CROP_MARGIN = 0.22
-"""Room around the skeletons, as a share of their larger extent; for the eye."""
+"""Margin around the skeletons, as a share of their larger extent; for readability."""
 _MOST_DRAWN = 40
-"""People drawn in a frame, the surest of them: each takes 20 ms. Set by hand."""
+"""Maximum number of people drawn in a frame, by confidence: each takes 20 ms. Set by hand."""
 _TRUTH, _DARK = "#ffffff", "#15181d"
 _LEAST_COLUMNS_FOR_ONE_LINE = 4
-"""With fewer columns the title gets a line above the legend; for the eye."""
+"""With fewer columns the title gets a line above the legend; for readability."""
 
 NOBODY = np.zeros((0, len(JOINTS), 3))
-"""The known joints where nobody's are known."""
+"""True joints of a frame without truth."""
 
 
 @dataclass(frozen=True)
 class Panel:
-    """One frame of a sheet: the depth, everybody's skeletons or None, and the known joints (P, 19, 3).
+    """One frame of a sheet: the depth, all skeletons or None, and the true joints (P, 19, 3).
 
-    ``name`` is what is written beside its time.
+    ``name`` is written beside its time.
     """
 
     frame: DepthFrame
@@ -81,9 +81,9 @@ def save_overlay(
     png_path : Path or str
         The picture; folders are made.
     frames : int
-        How many frames to show.
+        Number of frames to show.
     truth_path : Path or str, optional
-        A truth file; its skeletons are drawn dashed. Of one person each frame's error is given.
+        A truth file; its skeletons are drawn dashed. For one person each frame's error is shown.
     depth_topic, skeleton_topic : str, optional
         The topics.
 
@@ -104,13 +104,13 @@ def collect_panels(
     depth_topic: str | None = None,
     skeleton_topic: str = PEOPLE_TOPIC,
 ) -> list[Panel]:
-    """Choose the frames of a sheet, spread over the recording; arguments as of `save_overlay`."""
+    """Choose the frames of a sheet, spread over the recording; arguments as for `save_overlay`."""
     if frames < 1:
         raise InputError(f"frames is {frames}; it must be at least 1")
     answers = {s.stamp_ns: s.skeletons for s in read_people(skeleton_path, skeleton_topic)}
     truth = load_known_people(truth_path) if truth_path else None
     reader = DepthReader(recording_path, depth_topic)
-    # of each equal part the frame nearest to its middle, one with an answer where there is any
+    # in each equal part the frame nearest to its middle, with a skeleton if there is one
     chosen: dict[int, tuple[tuple[bool, float], Panel]] = {}
     start_ns = None
     for i, frame in enumerate(reader):
@@ -232,7 +232,7 @@ def _draw_skeleton(axes: Any, skeleton: Skeleton, camera: Camera) -> None:
 
 
 def _draw_name(axes: Any, skeleton: Skeleton, camera: Camera) -> None:
-    """Write who it is, and how sure that is, above the head."""
+    """Write the person's id and confidence above the head."""
     u, v = project(skeleton.positions[JOINT_INDEX["head"]], camera)
     text = f"{plain_text(skeleton.body_id)} {skeleton.confidence:.2f}"
     box = {"facecolor": _DARK, "alpha": 0.6, "edgecolor": "none", "pad": 1.5}
@@ -241,7 +241,7 @@ def _draw_name(axes: Any, skeleton: Skeleton, camera: Camera) -> None:
 
 
 def _label(axes: Any, panel: Panel) -> None:
-    """Write the time, and what was found."""
+    """Write the time and the result."""
     text, skeletons = f"{plain_text(panel.name)}  {panel.seconds:.2f} s  ".lstrip(), panel.skeletons
     if skeletons is None:
         text += "no answer"

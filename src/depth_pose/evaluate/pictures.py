@@ -1,4 +1,4 @@
-"""Picture files: written whole or not at all, with the format checked before the work."""
+"""Picture files: written completely or not at all, with the format checked before the work."""
 
 from __future__ import annotations
 
@@ -14,26 +14,26 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _LONGEST_NAME = 100
-"""Letters of a name that are drawn. Set by hand."""
+"""Maximum number of letters drawn of a name. Set by hand."""
 
 FORMATS = ("png", "jpg", "jpeg", "webp", "tif", "tiff", "pdf", "svg")
 
 
 def check_picture(path: Path | str | None, inputs: Iterable[Path | str | None] = ()) -> None:
-    """Refuse a picture that cannot be written, before any work; nothing where None is asked for.
+    """Refuse a picture that cannot be written, before any work; does nothing if the path is None.
 
     Parameters
     ----------
     path : path, optional
     inputs : iterable of path
-        As of `depth_pose.core.outputs.check_targets`.
+        As for `depth_pose.core.outputs.check_targets`.
 
     Raises
     ------
     ConfigError
-        Where its name ends in no format that is known, or matplotlib is not installed.
+        Where its extension is not a known format, or matplotlib is not installed.
     InputError
-        As of `depth_pose.core.outputs.check_targets`.
+        As for `depth_pose.core.outputs.check_targets`.
     """
     if path is not None:
         _format_of(Path(path))
@@ -42,7 +42,7 @@ def check_picture(path: Path | str | None, inputs: Iterable[Path | str | None] =
 
 
 def save_picture(figure: Figure, path: Path | str, **options: Any) -> None:
-    """Write a figure; its name's ending says the format, PNG where it has none.
+    """Write a figure; the format is inferred from the file extension, PNG without one.
 
     Parameters
     ----------

@@ -71,7 +71,7 @@ def score_2d(
     Parameters
     ----------
     recording : Path or str
-        The depth recording: its cameras project the joints, its images tell the persons' heights.
+        The depth recording: its cameras project the joints, its images define the persons' heights.
     skeletons : Path or str
         The recording of the skeletons.
     reference : Path or str
@@ -84,7 +84,7 @@ def score_2d(
     Raises
     ------
     InputError
-        Where a file cannot be used, or the reference is of another number of frames.
+        Where a file cannot be used, or the reference has another number of frames.
     """
     known = load_reference(Path(reference))
     frames = list(DepthReader(recording, depth_topic))

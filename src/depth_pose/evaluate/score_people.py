@@ -1,8 +1,8 @@
 """Score the skeletons of several people against their true joints.
 
 In each frame true people and skeletons are assigned to each other with the smallest sum of mean joint
-distances; pairs farther apart than `REACH_M` are not matched. A person is asked for if at least `ASKED_SHARE`
-is visible. A person of whom at least `WEAK_SHARE` is visible is neither asked for nor counted as false.
+distances; pairs farther apart than `REACH_M` are not matched. A person is expected if at least `ASKED_SHARE`
+is visible. A skeleton of a person of whom only `WEAK_SHARE` is visible is not counted as false either.
 
 IDF1 is that of Ristani et al., *Performance Measures and a Data Set for Multi-Target, Multi-Camera
 Tracking*, 2016: each person is assigned the id that matches them longest, and frames with that id count.
@@ -25,40 +25,40 @@ from depth_pose.io.schemas import PEOPLE_TOPIC
 from depth_pose.io.skeleton_read import read_people
 
 ASKED_SHARE = 0.3
-"""Visible share from which a person is asked for; that of the development data's scorer."""
+"""Visible share from which a person is expected; that of the development data's scorer."""
 
 WEAK_SHARE = 0.05
 """Minimum visible share at which a skeleton is not counted as false."""
 
 REACH_M = 0.4
-"""Mean joint distance beyond which a skeleton is somebody else's, metres; of the same scorer."""
+"""Mean joint distance beyond which a skeleton belongs to another person, metres; of the same scorer."""
 
 _FAR_M = 9.0
-"""What a pair that must not be costs in the assignment, metres; of the same scorer."""
+"""Cost of a forbidden pair in the assignment, metres; of the same scorer."""
 
 PCK_M = 0.10
-"""A joint nearer than this to its known place counts as right, metres."""
+"""A joint nearer than this to its true position counts as right, metres."""
 
 
 @dataclass(frozen=True)
 class PeopleMatches:
-    """One sequence's answers, assigned to the people.
+    """One sequence's skeletons, assigned to the people.
 
     Attributes
     ----------
     frames : int
     asked : int
-        People asked for, over all frames.
+        People expected, over all frames.
     answered : int
         Skeletons, over all frames.
     false : int
-        Skeletons that are nobody's.
+        Skeletons without a person.
     switches : int
-        How often a person's id is another than when they were last found.
+        How often a person's id differs from when they were last found.
     identified : int
-        Found people under the id that serves them longest.
+        Found people under their longest-lasting id.
     errors : (F, J) float64
-        Joint errors of the found among those asked for, metres; NaN where a joint is not answered.
+        Joint errors of the expected people that are found, metres; NaN where a joint is missing.
     """
 
     frames: int
@@ -77,17 +77,17 @@ class PeopleScore:
     Attributes
     ----------
     frames, asked, found, false, switches : int
-        As in `PeopleMatches`; ``found`` are the people asked for with a skeleton.
+        As in `PeopleMatches`; ``found`` are the expected people with a skeleton.
     recall : float
-        Share of the people asked for that are found; NaN if nobody is asked for.
+        Share of the expected people that are found; NaN if nobody is expected.
     precision : float
         Found, as a share of found and false; NaN where there is nothing.
     idf1 : float
-        How well ids hold, 0 to 1; NaN where nobody is asked for or answered.
+        Consistency of ids, 0 to 1; NaN where nobody is expected or found.
     mean_error_mm : float
-        Mean joint error of the found; NaN where nobody is.
+        Mean joint error of the people found; NaN if there are none.
     pck10 : float
-        Share of joints within 10 cm over the people asked for; missed people count.
+        Share of joints within 10 cm over the expected people; missed people count.
     """
 
     frames: int
@@ -117,7 +117,7 @@ def match_people(truth: KnownPeople, answers: Mapping[int, Sequence[Skeleton]]) 
     ----------
     truth : KnownPeople
     answers : mapping of int to sequence of Skeleton
-        Everybody answered, by stamp in nanoseconds.
+        All skeletons, by stamp in nanoseconds.
     """
     stamps = np.array(sorted(answers), np.int64)
     shared: Counter[tuple[int, str]] = Counter()
@@ -212,7 +212,7 @@ def _share(part: int, whole: int) -> float:
 
 
 def score_people(truth: Path | str, predicted: Path | str, topic: str = PEOPLE_TOPIC) -> PeopleScores:
-    """Score recordings of everybody's skeletons against truth files of several people.
+    """Score recordings of several people's skeletons against truth files.
 
     Parameters
     ----------
@@ -222,7 +222,7 @@ def score_people(truth: Path | str, predicted: Path | str, topic: str = PEOPLE_T
         A recording, or a folder with ``NAME.mcap`` for every ``NAME.npz``; where one is missing
         its people count as not found.
     topic : str
-        Of the skeletons. A recording that lacks the default one may have one person's.
+        Topic of the skeletons. A recording that lacks the default one may have one person's.
 
     Raises
     ------

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 _NO_RETURN = (0.082, 0.094, 0.114)
-"""Colour of pixels without depth: red, green, blue, 0 to 1; for the eye."""
+"""Colour of pixels without depth: red, green, blue, 0 to 1; for readability."""
 _SURFACE_JUMP = 0.12
 """Depth farther than this from its smoothed value is an edge and not smoothed, metres. For readability."""
 

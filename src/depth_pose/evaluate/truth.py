@@ -48,7 +48,7 @@ class KnownJoints:
 
 @dataclass(frozen=True)
 class KnownPeople:
-    """The truth about everybody.
+    """The truth about all people.
 
     Attributes
     ----------
@@ -58,7 +58,7 @@ class KnownPeople:
         The J joints.
     stamps_ns : (T,) int64
     visible : (T, P) float64
-        Share of each person that the image shows and nobody hides.
+        Share of each person that is in the image and not hidden.
     """
 
     joints: NDArray[np.float64]
@@ -73,7 +73,7 @@ def load_truth(path: Path | str) -> KnownJoints:
     Raises
     ------
     InputError
-        Where it is missing, lacks a field, or tells of several people.
+        Where it is missing, lacks a field, or holds several people.
     """
     fields, names = _read(path)
     joints = fields["joints"]
@@ -87,7 +87,7 @@ def load_truth(path: Path | str) -> KnownJoints:
 
 
 def load_known_people(path: Path | str) -> KnownPeople:
-    """Read a truth file of several people, or of one, who then is visible throughout.
+    """Read a truth file of several people, or of one, who counts as visible throughout.
 
     Raises
     ------
