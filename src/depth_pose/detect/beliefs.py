@@ -19,8 +19,8 @@ _HALF_LIFE_S = 4.0
 _LONGEST_S = 0.5
 """A belief not renewed for this long (s) is forgotten, as all temporal state is."""
 _OVERLAP, _MOVED_M = 0.6, 0.04
-"""Least overlap, as a share of the smaller mask, and largest median change of depth there (m), of a person who
-has not moved. Set by hand."""
+"""Least overlap, as a share of the smaller mask, and largest median change of depth there (m), of a person
+who has not moved. Set by hand."""
 
 
 @dataclass(frozen=True)

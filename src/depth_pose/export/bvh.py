@@ -10,7 +10,7 @@ motion: with :math:`R_j` the rotation of the segment that begins in joint *j* an
 .. math:: o_i = \mathrm{median}_t \, R_j(t)^\top (p_i(t) - p_j(t)), \qquad j \text{ the parent of } i,
 
 at the median length. It equals the bone of the person's build in all frames that were fitted with it. Every
-segment with one child is then turned, by the smallest rotation, to point to where that child was found.
+segment with one child is then turned, by the smallest rotation, to point to that child's position.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from depth_pose.export.tracks import Track
 Array = NDArray[np.float64]
 
 _SURE = 0.5
-"""Least confidence of both ends of a bone in a frame that its length is taken from, where there are any."""
+"""Minimum confidence of both ends of a bone in the frames used for its length, if there are such frames."""
 
 _ENDS = {"head": (0.0, 0.063, 0.0), "wrist": (0.108, 0.0, 0.0), "foot": (0.0, 0.0, 0.062)}
 """End sites beyond the last joints as shares of stature: top of the head, finger tips along the forearm,
@@ -42,7 +42,7 @@ _CHANNELS = "Zrotation Xrotation Yrotation"
 def rest_offsets(track: Track) -> Array:
     """Offset of every node from its parent in the rest pose, model frame, metres, (21, 3).
 
-    The pelvis has none. The clavicles lie where those of the average body of the same trunk do.
+    The pelvis has none. The clavicles are those of the average body with the same trunk.
     """
     there = track.present
     positions, turns = track.positions[there], quat_to_matrix(track.quats_xyzw[there])
@@ -64,7 +64,7 @@ def rest_offsets(track: Track) -> Array:
     trunk /= np.linalg.norm(average[NODE_INDEX["neck"]] - average[NODE_INDEX["chest"]])
     for node in _CLAVICLES:
         offsets[node] = trunk * (average[node] - average[NODE_INDEX["chest"]])
-        offsets[node + 1] -= offsets[node]  # the shoulder hangs from it
+        offsets[node + 1] -= offsets[node]  # the parent of the shoulder
     return offsets
 
 
@@ -99,7 +99,7 @@ def bvh_text(track: Track, step_s: float, factor: float = 1.0) -> str:
     Parameters
     ----------
     track : Track
-        At an even rate.
+        Motion at an even rate.
     step_s : float
         Time between frames, seconds.
     factor : float

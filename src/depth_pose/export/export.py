@@ -1,4 +1,4 @@
-"""A recording of skeletons to files that other tools open."""
+"""Export a recording of skeletons to files for other tools."""
 
 from __future__ import annotations
 
@@ -39,10 +39,10 @@ FORMATS = {
     ".csv": "spreadsheets, R, pandas; a row a joint a frame a person",
     ".npz": "NumPy; arrays over frames and people",
 }
-"""Formats by the ending of the file's name, and what each is for."""
+"""Formats by file extension, and their uses."""
 
 UNITS = {"m": 1.0, "cm": 100.0, "mm": 1000.0}
-"""Units of length, in a metre."""
+"""Units of length, per metre."""
 
 FLOOR_FRAME = "floor"
 """Name of the frame on the floor."""
@@ -51,7 +51,7 @@ _USUAL_UNIT = {".bvh": "m", ".trc": "mm"}
 _A_FILE_A_PERSON = (".bvh", ".trc")
 
 _T_UP_OPTICAL = np.diag([1.0, -1.0, -1.0, 1.0])
-"""The optical frame turned to y up, z towards the viewer: who faces the sensor faces the viewer."""
+"""The optical frame turned to y up, z towards the viewer: people who face the sensor face the viewer."""
 _T_UP_WORLD = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
 """REP-103's z up turned to y up, as importers turn it back: (x, y, z) goes to (x, z, -y)."""
 
@@ -64,11 +64,11 @@ class Exported:
     ----------
     path : Path
     tracks : tuple of Track
-        Whom it holds, as they were found, before gaps were bridged.
+        People in the file, as found, before gaps were filled.
     frames : int
         Frames in the file.
     rate_hz : float
-        Frames a second; of CSV and NPZ the recording's mean.
+        Frames a second; for CSV and NPZ the recording's mean.
     start_ns : int
         Stamp of the recording's first frame. A file of one person begins with their first frame.
     """
@@ -82,7 +82,7 @@ class Exported:
 
 @dataclass(frozen=True)
 class ExportResult:
-    """What an export wrote, and the floor that it stands on, if it does."""
+    """Files of an export, and the floor if it is on one."""
 
     files: tuple[Exported, ...]
     floor: Floor | None
@@ -100,7 +100,7 @@ def export_skeletons(
     topic: str = PEOPLE_TOPIC,
     depth_topic: str | None = None,
 ) -> ExportResult:
-    """Write a recording's skeletons in the format that the output's name ends with.
+    """Write a recording's skeletons in the format of the output's file extension.
 
     Parameters
     ----------
@@ -111,7 +111,7 @@ def export_skeletons(
     people : sequence of str
         Only these ``body_id``; all if empty.
     fill : bool
-        Bridge gaps. Without it BVH holds the last pose, TRC and NPZ have NaN, CSV no rows.
+        Fill gaps. Without it BVH holds the last pose, TRC and NPZ have NaN, CSV no rows.
     world : str
         ``camera``, or ``floor``: z up, the origin on the floor below the sensor.
     recording : Path or str, optional
@@ -126,7 +126,7 @@ def export_skeletons(
     InputError
         Where a recording cannot be used, has nobody, or the file cannot be written.
     ConfigError
-        Where the format, the unit or the world is none of the known ones.
+        Where the format, the unit or the world is unknown.
     """
     output = Path(output)
     kind = output.suffix.lower()
@@ -208,7 +208,7 @@ def _on_floor(tracks: Tracks, floor: Floor) -> Tracks:
 def _write_each(
     output: Path, kind: str, tracks: Tracks, fill: bool, unit: str, floor: Floor | None
 ) -> tuple[Exported, ...]:
-    """Write a file a person, y up."""
+    """Write one file per person, y up."""
     T_up: NDArray[np.float64] = _T_UP_OPTICAL if floor is None else _T_UP_WORLD
     step_s = even_step_s(tracks.stamps_ns)
     written = []
@@ -228,7 +228,7 @@ def _write_each(
 
 
 def _paths_of(output: Path, tracks: Tracks) -> list[Path]:
-    """Name each person's file, no two alike, whatever the ids are."""
+    """Return a unique file name for each person, for any ids."""
     if len(tracks.people) == 1:
         return [output]
     names: dict[str, None] = {}

@@ -25,32 +25,32 @@ from depth_pose.export.tracks import Track
 Array = NDArray[np.float64]
 
 _SURE = 0.5
-"""Least confidence of a toe base that tells of the floor. Set by hand, not swept."""
+"""Minimum confidence of a toe base used for the floor. Set by hand, not swept."""
 _STANDING_COS = np.cos(np.radians(25.0))
 """Trunk and shanks within this angle of each other: the person stands. Set by hand."""
 _FEET_SPREAD_M = 0.04
-"""How far toe bases lie from where feet on the floor have them: joint error and lifted feet. Set by hand,
-of the size of the feet's error in `docs/accuracy.md`."""
+"""Deviation of toe bases from feet on the floor, metres: joint error and lifted feet. Set by hand,
+about the feet's error in `docs/accuracy.md`."""
 _UP_SPREAD = 0.07
-"""How far a standing trunk leans on average over a recording, radians (4 degrees). Set by hand."""
+"""Mean lean of a standing trunk over a recording, radians (4 degrees). Set by hand."""
 _FAR_M = 100.0
-"""Feet farther from the camera than this (m) are no feet that a depth sensor saw; set by hand."""
+"""Feet farther from the camera than this (m) are beyond the range of depth sensors; set by hand."""
 _ROUNDS = 8
-"""Times the plane is fitted with weights from the fit before. Set by hand, not swept."""
+"""Number of reweighted fits of the plane. Set by hand, not swept."""
 _FRAMES = 12
-"""Depth images in which the floor is looked for, at most. Set by hand, not swept."""
+"""Maximum number of depth images searched for the floor. Set by hand, not swept."""
 _SAME_COS, _SAME_M = np.cos(np.radians(20.0)), 0.4
-"""A floor in the images this near to what feet say is theirs: feet err by 5 degrees and 10 cm, a table stands
-higher. Set by hand."""
+"""A floor in the images this near to the estimate from feet is accepted: feet err by 5 degrees and 10 cm, a
+table stands higher. Set by hand."""
 
 
 def floor_of_feet(tracks: Iterable[Track]) -> Floor:
-    """Find the floor from where people's feet are.
+    """Estimate the floor from people's feet.
 
     Raises
     ------
     InputError
-        Where nobody's feet and trunk are known well enough.
+        Where no feet and trunk are known well enough.
     """
     tracks = [track for track in tracks if track.present.any()]
     up = _up(tracks)
@@ -65,7 +65,7 @@ def floor_of_feet(tracks: Iterable[Track]) -> Floor:
 
 
 def _up(tracks: list[Track]) -> Array:
-    """Mean direction of trunks that stand, else of all trunks, camera frame."""
+    """Mean direction of standing trunks, else of all trunks, camera frame."""
     standing, trunks = [], []
     for track in tracks:
         at = {name: track.positions[track.present, i] for name, i in JOINT_INDEX.items()}
@@ -83,7 +83,7 @@ def _up(tracks: list[Track]) -> Array:
 
 
 def _toes(track: Track, up: Array) -> tuple[Array, Array]:
-    """Toe bases that are lowest of the body, and how high they should lie above the floor, metres."""
+    """Toe bases that are the lowest points of a body, and their nominal height above the floor, metres."""
     share = rest_nodes()[-1, 1]
     feet = [JOINT_INDEX["left_foot"], JOINT_INDEX["right_foot"]]
     there = np.flatnonzero(track.present)
@@ -96,7 +96,7 @@ def _toes(track: Track, up: Array) -> tuple[Array, Array]:
 
 
 def _settled(points: Array, up: Array) -> Floor:
-    """Fit a plane to points on the floor, pulled to a direction of up; jumps count little."""
+    """Fit a plane to points on the floor, pulled to a direction of up, with little weight on jumps."""
     forward = np.array([0.0, 0.0, 1.0]) if abs(up[2]) < 0.9 else np.array([0.0, -1.0, 0.0])
     first = unit_vectors(forward - (forward @ up) * up)
     second = np.cross(up, first)
@@ -115,7 +115,7 @@ def _settled(points: Array, up: Array) -> Floor:
 
 
 def floor_of_depth(frames: Iterable[DepthFrame], guess: Floor) -> Floor | None:
-    """Find the floor in depth images, near a guess; None where too little of it is seen.
+    """Find the floor in depth images, near a guess; None if too little of it is visible.
 
     Parameters
     ----------
@@ -126,7 +126,7 @@ def floor_of_depth(frames: Iterable[DepthFrame], guess: Floor) -> Floor | None:
     Returns
     -------
     Floor or None
-        The middle of those that `FloorFinder` sees near the guess.
+        The median of the floors that `FloorFinder` finds near the guess.
     """
     finder = FloorFinder(SegmentConfig(), guess.up)
     seen = [floor for frame in frames if (floor := finder.find(frame)) is not None]

@@ -1,4 +1,4 @@
-"""Everybody in one file: CSV with a row a joint, and NPZ with arrays over frames and people."""
+"""All people in one file: CSV with a row per joint, and NPZ with arrays over frames and people."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ CSV_COLUMNS = (
 
 
 def csv_text(tracks: Tracks) -> str:
-    """Make a CSV file's text: a row for every joint of every person in every frame that has them.
+    """Build a CSV file's text: a row for every joint of every person in every frame with that person.
 
-    Numbers are written with all their digits, so that they are read back as they were.
+    Numbers are written with all digits, so that they are read back unchanged.
     """
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
@@ -51,7 +51,7 @@ def _rows(track: Track, stamps_ns: NDArray[np.int64]) -> Iterator[list[Any]]:
 
 
 def npz_arrays(tracks: Tracks, T_world_camera: NDArray[np.float64] | None) -> dict[str, NDArray[Any]]:
-    """Make a NPZ file's arrays: (T, P, ...), frames first, then people.
+    """Build a NPZ file's arrays: (T, P, ...), frames first, then people.
 
     Where a frame lacks a person, ``present`` is false and values are NaN.
     """

@@ -31,25 +31,25 @@ ARRAYS = (
     "source",
     "build",
 )
-"""Names of a track's arrays over frames, beside the stamps."""
+"""Names of a track's arrays over frames, besides the stamps."""
 
 _LONGEST_STEP = 1.5
-"""Of the usual time between frames: what lies farther apart has a gap between it. A frame that is
-missing doubles the time; jitter of stamps stays below a half. Set by hand."""
+"""Multiple of the usual time between frames beyond which there is a gap. A missing frame doubles the time;
+jitter of stamps stays below a half. Set by hand."""
 MOST_FRAMES = 2_000_000
-"""Frames that a file with even frames may have, and frames times people of one with arrays: 18 h at 30 a
-second, 1.2 kB of memory each."""
+"""Maximum number of frames of a file with an even rate, and of frames times people of one with arrays: 18 h
+at 30 a second, 1.2 kB of memory each."""
 
 _MOST_TOLD = 3
 """Maximum number of gaps listed one by one."""
 _ON_GRID = 0.02
-"""Share of the time between frames within which a frame's stamp counts as that of an even rate. Set by
+"""Tolerance of a frame's stamp against an even rate, as a share of the time between frames. Set by
 hand: at 30 frames a second it is 0.7 ms, in which a hand at 6 m/s moves 4 mm."""
 
 
 @dataclass(frozen=True)
 class Track:
-    """One person over time; T frames from the first to the last that has them.
+    """One person over time; T frames from the person's first to the last.
 
     Attributes
     ----------
@@ -67,7 +67,7 @@ class Track:
     joint_states : (T, 19) uint8
         `depth_pose.core.skeleton.JointState` values.
     confidence, residual, scale : (T,) float32
-        As of `depth_pose.core.types.Skeleton`.
+        As in `depth_pose.core.types.Skeleton`.
     source : (T,) uint8
         `depth_pose.core.skeleton.Source` values; LOST in gaps.
     build : (T, 13) float32
@@ -105,15 +105,15 @@ class Track:
 
 @dataclass(frozen=True)
 class Tracks:
-    """Everybody in a recording.
+    """All people in a recording.
 
     Attributes
     ----------
     stamps_ns : (T,) int64
-        All frames that were answered, those that show nobody included.
+        All answered frames, including those without people.
     frame_id : str
     people : tuple of Track
-        In the order in which they came.
+        In order of appearance.
     """
 
     stamps_ns: NDArray[np.int64]
@@ -122,7 +122,7 @@ class Tracks:
 
 
 def read_tracks(path: Path | str, topic: str = PEOPLE_TOPIC) -> Tracks:
-    """Read everybody's motion from a recording of skeletons.
+    """Read all people's motion from a recording of skeletons.
 
     Raises
     ------
@@ -143,7 +143,7 @@ def read_tracks(path: Path | str, topic: str = PEOPLE_TOPIC) -> Tracks:
 
 
 def tracks_of(frames: Mapping[int, Sequence[Skeleton]], frame_id: str) -> Tracks:
-    """Sort frames, at least one, by people; ``frames`` has everybody by stamp."""
+    """Sort frames, at least one, by people; ``frames`` has all skeletons by stamp."""
     stamps_ns = np.array(sorted(frames), np.int64)
     seen: dict[str, dict[int, Skeleton]] = {}
     for i, stamp in enumerate(stamps_ns):
@@ -192,7 +192,7 @@ def _empty(body_id: str, frame_id: str, stamps_ns: NDArray[np.int64]) -> Track:
 
 
 def whole(track: Track) -> Track:
-    """Return a track whose frames with joints that are missing or no numbers are gaps.
+    """Return a track in which frames with missing or non-finite joints are gaps.
 
     Raises
     ------
@@ -222,7 +222,7 @@ def in_world(track: Track, T_world_camera: Array, frame_id: str) -> Track:
 
 
 def usual_step_s(stamps_ns: NDArray[np.int64]) -> float:
-    """Return the median time between frames, seconds; a 30th where there is one frame."""
+    """Return the median time between frames, seconds; 1/30 if there is only one frame."""
     return float(np.median(np.diff(stamps_ns))) * 1e-9 if len(stamps_ns) > 1 else 1 / 30
 
 
@@ -237,13 +237,13 @@ def even_step_s(stamps_ns: NDArray[np.int64]) -> float:
 def even(track: Track, step_s: float) -> Track:
     """Resample the motion at an even rate, as BVH and TRC require.
 
-    A time that no stamp is near to gets what lies between the frames around it; where these are more
+    A time without a stamp nearby is interpolated from the frames around it; if these are more
     than `_LONGEST_STEP` steps apart, or one lacks the person, it is a gap.
 
     Raises
     ------
     InputError
-        Where that would be more frames than `MOST_FRAMES`: stamps far apart.
+        Where that would give more than `MOST_FRAMES` frames: stamps far apart.
     """
     count = round(track.seconds / step_s) + 1
     if count > MOST_FRAMES:
@@ -256,9 +256,9 @@ def even(track: Track, step_s: float) -> Track:
 
 
 def fill_gaps(track: Track) -> Track:
-    """Bridge the gaps: positions go straight, segments turn evenly; confidence 0, state LOST.
+    """Fill the gaps: positions move straight, segments rotate evenly; confidence 0, state LOST.
 
-    ``present`` is then true everywhere; frames that were bridged have the source LOST.
+    ``present`` is then true everywhere; filled frames have the source LOST.
     """
     filled = _sampled(track, track.stamps_ns, None)
     bridged = ~track.present
@@ -281,9 +281,9 @@ def _picked(track: Track, index: NDArray[np.int64], stamps_ns: NDArray[np.int64]
 
 
 def _sampled(track: Track, stamps_ns: NDArray[np.int64], step_ns: int | None) -> Track:
-    """Interpolate the motion at other times, between frames that show the person.
+    """Interpolate the motion at other times, between frames with the person.
 
-    With the usual step between frames gaps stay gaps; without it they are bridged.
+    With the usual step between frames gaps stay gaps; without it they are filled.
     """
     known = np.flatnonzero(track.present)
     times = track.stamps_ns[known]
@@ -322,7 +322,7 @@ def _mixed(a: Array, b: Array, share: Array) -> Array:
 
 
 def slerp(a: Array, b: Array, share: Array) -> Array:
-    """Quaternions (..., 4) on the shortest way from others to others, at shares (...) of it.
+    """Interpolate quaternions (..., 4) along the shortest path, at shares (...) of it.
 
     K. Shoemake, *Animating rotation with quaternion curves*, SIGGRAPH 1985.
     """

@@ -13,7 +13,7 @@ from depth_pose.export.tracks import Track
 
 
 def trc_text(track: Track, step_s: float, name: str, unit: str, factor: float) -> str:
-    """Make a TRC file's text of a motion at an even rate; gaps are NaN.
+    """Build a TRC file's text for a motion at an even rate; gaps are NaN.
 
     Parameters
     ----------

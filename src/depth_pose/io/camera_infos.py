@@ -1,4 +1,4 @@
-"""Which CameraInfo belongs to an image, on topics where several cameras may publish theirs."""
+"""Find the CameraInfo of an image, on topics with several cameras."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ class _Known:
 class CameraInfos:
     """The newest CameraInfo of every frame_id on a topic.
 
-    An image takes the one of its own frame_id. Names differ by a leading slash in old recordings, and an
-    empty name says nothing. Some drivers name the two differently: `accept_only` takes the only other name,
-    and `warnings` say so.
+    An image uses the one of its own frame_id. A leading slash, as in old recordings, is ignored, and an
+    empty name matches any. Some drivers name the two differently: `accept_only` uses the only other name,
+    and `warnings` reports it.
 
     Parameters
     ----------
@@ -62,17 +62,17 @@ class CameraInfos:
         self._is_only = True
 
     def find(self, frame_id: str) -> Any | None:
-        """Return the newest CameraInfo of an image's camera; None where none has come."""
+        """Return the newest CameraInfo of an image's camera; None if there is none yet."""
         name = self._name_for(frame_id.lstrip("/"))
         return None if name is None else self._known[name].info
 
     @property
     def count(self) -> int:
-        """How many have come."""
+        """Number of CameraInfos received."""
         return self._counts.total()
 
     def has_stamp(self, frame_id: str, stamp_ns: int) -> bool:
-        """Whether the one that `find` gives was sent with the image of this stamp."""
+        """Whether the one that `find` returns was sent with the image of this stamp."""
         name = self._name_for(frame_id.lstrip("/"))
         return name is not None and self._known[name].stamp_ns == stamp_ns
 
@@ -88,7 +88,7 @@ class CameraInfos:
 
     @property
     def counts(self) -> dict[str, int]:
-        """Number of CameraInfos by what is odd about them."""
+        """Number of odd CameraInfos by kind."""
         used = set(self._used.values())
         others = sum(count for name, count in self._counts.items() if name not in used)
         changes = sum(count for name, (count, _) in self._changes.items() if name in used)
@@ -101,7 +101,7 @@ class CameraInfos:
 
     @property
     def warnings(self) -> dict[str, str]:
-        """What did not match, and what changed, so far: a line with its count by its kind."""
+        """Mismatches and changes so far: a line with its count by kind."""
         lines = {}
         used = set(self._used.values())
         counts = self.counts

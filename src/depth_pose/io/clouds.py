@@ -119,7 +119,7 @@ def camera_from_points(points: NDArray[np.floating]) -> Camera:
 
 
 def warm_up() -> None:
-    """Compile what finds the camera of a cloud."""
+    """Compile the kernels of `camera_from_points`."""
     camera = Camera(8, 6, 8.0, 8.0, 3.5, 2.5)
     frame_from_cloud(camera.back_project(np.full((6, 8), 2.0, np.float32)), 0, "")
 

@@ -1,4 +1,4 @@
-"""The unit of depth values, and streams whose depths look like another."""
+"""The unit of depth values, and detection of streams in another unit."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ INTEGER_UNIT_M = 0.001
 """Unit of integer depth images, metres: REP 118."""
 
 _FRAMES = 30
-"""Frames with depth that are looked at in a stream: one second of most sensors. Set by hand."""
+"""Number of frames with depth that are checked in a stream: one second of most sensors. Set by hand."""
 
 _FEWEST_LIVE = 10
-"""Frames with depth after which a live stream is judged. Set by hand."""
+"""Number of frames with depth after which a live stream is judged. Set by hand."""
 
 _STEP = 8
 """Rows and columns between the pixels whose median is taken."""
@@ -81,7 +81,7 @@ class UnitWatch:
 
     @property
     def doubt(self) -> str:
-        """Why the depths look like another unit, and what sets it; empty where they do not."""
+        """Reason why the depths look like another unit, and the option to set; empty if they do not."""
         doubtful = [median for median in self._medians if not is_indoors(median)]
         if 2 * len(doubtful) <= len(self._medians):
             return ""

@@ -146,11 +146,11 @@ class DepthReader:
             yield frame
 
     def _paired(self) -> Iterator[tuple[Any, Any]]:
-        """Yield every image with the CameraInfo of its frame_id and, where there is one, its stamp.
+        """Yield every image with the CameraInfo of its frame_id and, if there is one, of its stamp.
 
-        Such a one may be recorded shortly after the image, which waits for it until the next image.
+        That one may be recorded shortly after the image, which waits for it until the next image.
         """
-        image: Any = None  # the one that waits, and what is known of its camera when it comes
+        image: Any = None  # the waiting image, and its camera as known on arrival
         known: Any = None
         for message in self._recording.messages(self.topic.name, self.topic.info_topic):
             if message.topic == self.topic.info_topic:
@@ -259,7 +259,7 @@ def read_frames(
     Parameters
     ----------
     path, depth_topic, images
-        As of `DepthReader`.
+        As for `DepthReader`.
 
     Raises
     ------

@@ -27,7 +27,7 @@ _MOST_SKELETON_BYTES = 4 << 20
 """Largest message of skeletons (bytes): 2,000 people. Decoding takes 20 microseconds a joint. Set by hand."""
 
 _LONGEST_NAME = 1000
-"""Most letters of an id or a frame: every row of a table repeats them. Set by hand."""
+"""Maximum letters of an id or a frame: every row of a table repeats them. Set by hand."""
 
 
 @dataclass(frozen=True)
@@ -129,7 +129,7 @@ def read_people(data: bytes, definition: str = schemas.BUILD_LINE) -> SkeletonsM
 
 
 def _check_size(data: bytes) -> None:
-    """Refuse what would be decoded joint by joint for minutes."""
+    """Refuse messages that would take minutes to decode."""
     if len(data) > _MOST_SKELETON_BYTES:
         raise InputError(
             f"Skeleton: the message has {len(data)} bytes; at most {_MOST_SKELETON_BYTES} are read"

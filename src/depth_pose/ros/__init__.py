@@ -1,9 +1,9 @@
-"""The four ROS 2 nodes and what serves them. Nothing outside this package imports rclpy.
+"""The four ROS 2 nodes and their tools. Nothing outside this package imports rclpy.
 
-Importing it names the shipped Fast DDS profile (`fastdds.xml`) in the environment, unless
-the user has named one: Fast DDS reads that variable once, so it has to stand there before
-the first participant is made, and child processes inherit it. `stay_local` names the
-one for this machine alone.
+Importing it sets the shipped Fast DDS profile (`fastdds.xml`) in the environment, unless
+the user has set one: Fast DDS reads that variable once, so it must be set before the first
+participant is made, and child processes inherit it. `stay_local` sets the profile for this
+machine alone.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from pathlib import Path
 from depth_pose.core.errors import ConfigError
 
 PROFILE_VARIABLE = "FASTRTPS_DEFAULT_PROFILES_FILE"
-"""What Fast DDS reads; a value that the user has set is kept."""
+"""Environment variable that Fast DDS reads; a value set by the user is kept."""
 
 PROFILE_PATH = Path(__file__).with_name("fastdds.xml")
 """Shared memory of 16 MiB with messages up to 8 MiB, beside UDP with buffers of 4 MiB; quick discovery."""
@@ -23,10 +23,10 @@ LOCAL_PROFILE_PATH = Path(__file__).with_name("fastdds_local.xml")
 """The same on the loopback interface alone, without multicast: nothing outside this machine can reach it."""
 
 PRIVATE_UMASK = 0o077
-"""For all processes that hold depth images: nobody else's account may read their files."""
+"""File mode mask of processes with depth images: other accounts may not read their files."""
 
 NODES: tuple[str, ...] = ("denoise", "matcher", "refine", "recovery")
-"""The nodes, in the order that a frame passes them."""
+"""The nodes, in the order in which they process a frame."""
 
 _RANGE_VARIABLE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 
@@ -39,11 +39,11 @@ def stay_local() -> None:
     Raises
     ------
     ConfigError
-        If the user has named a profile of their own, which would say otherwise.
+        If the user has set a profile, which would conflict.
     """
     if os.environ[PROFILE_VARIABLE] not in (str(PROFILE_PATH), str(LOCAL_PROFILE_PATH)):
         raise ConfigError(
             f"{PROFILE_VARIABLE} names a profile of yours; unset it to stay local, or see to it there"
         )
     os.environ[PROFILE_VARIABLE] = str(LOCAL_PROFILE_PATH)
-    os.environ[_RANGE_VARIABLE] = "SYSTEM_DEFAULT"  # any other opens sockets beside those of the profile
+    os.environ[_RANGE_VARIABLE] = "SYSTEM_DEFAULT"  # any other value opens further sockets

@@ -1,4 +1,4 @@
-"""A parameter of a node that the core knows nothing of."""
+"""A parameter of a node that is not a setting of the core."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Setting:
-    """A parameter of a node that the core knows nothing of; fixed once the node runs."""
+    """A parameter of a node that is not a setting of the core; fixed once the node runs."""
 
     name: str
     default: bool | int | float | str | list[str] | list[float]

@@ -1,4 +1,4 @@
-"""What all messages share: stamps, headers, turns."""
+"""Shared by all messages: stamps, headers, quaternions."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from depth_pose.core.errors import InputError
 _NS_PER_S = 1_000_000_000
 """Nanoseconds in a second."""
 _STAMP = struct.Struct("<xB2xiI")
-"""How a message that begins with a header begins: whether it is little-endian, seconds, nanoseconds."""
+"""Start of a serialised message with a header: byte order, seconds, nanoseconds."""
 
 
 def stamp_to_ns(stamp: Time) -> int:
-    """Nanoseconds of a message's stamp."""
+    """Convert a message's stamp to nanoseconds."""
     return int(stamp.sec) * _NS_PER_S + int(stamp.nanosec)
 
 
@@ -32,16 +32,16 @@ def first_stamp_ns(raw: bytes) -> int:
 
 
 def ns_to_stamp(stamp_ns: int) -> Time:
-    """Stamp of a message from nanoseconds."""
+    """Convert nanoseconds to a message's stamp."""
     return Time(sec=stamp_ns // _NS_PER_S, nanosec=stamp_ns % _NS_PER_S)
 
 
 def make_header(stamp_ns: int, frame_id: str) -> Header:
-    """Header with the given stamp and frame."""
+    """Build a header with the given stamp and frame."""
     return Header(stamp=ns_to_stamp(stamp_ns), frame_id=frame_id)
 
 
 def make_quaternion(xyzw: list[float]) -> Quaternion:
-    """Turn of a message from its four numbers."""
+    """Build a quaternion message from its four numbers."""
     x, y, z, w = xyzw
     return Quaternion(x=x, y=y, z=z, w=w)

@@ -1,4 +1,4 @@
-"""What nodes refuse in messages of each other: people twice, odd ids, numbers that no sensor can mean."""
+"""Checks of messages between nodes: duplicate people, invalid ids, impossible numbers."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from numpy.typing import ArrayLike, NDArray
 from depth_pose.core.errors import InputError
 
 _BODY_ID = re.compile("[A-Za-z0-9_]{1,64}")
-"""What ROS takes in names of topics and tf2 in those of frames; the denoise node's are ``body_NUMBER``."""
+"""Ids allowed in names of ROS topics and tf2 frames; the denoise node's are ``body_NUMBER``."""
 
 MOST_PEOPLE = 255
-"""People of one frame: their labels in the points are 1 to 255."""
+"""Maximum number of people in a frame: their labels in the points are 1 to 255."""
 
 _FARTHEST_M = 1e3
-"""Metres; no depth sensor sees farther, and numbers beyond overflow where they are squared."""
+"""Maximum distance, metres; no depth sensor sees farther, and larger numbers overflow when squared."""
 
 
 def check_people(what: str, body_ids: Sequence[str]) -> None:
-    """Refuse a message of people that are none, before they are read.
+    """Refuse a message with invalid people, before it is read.
 
-    There are no more than labels, none of them twice, and frames and topics can be named by their ids.
+    There may be no more people than labels, no duplicates, and only ids valid in names of frames and topics.
 
     Raises
     ------
@@ -47,7 +47,7 @@ def check_numbers(what: str, numbers: ArrayLike, most: float = _FARTHEST_M) -> N
     Raises
     ------
     InputError
-        If one is NaN or so large that no sensor can have meant it.
+        If one is NaN or impossibly large.
     """
     array = np.asarray(numbers, np.float64)
     if not (np.abs(array) <= most).all():

@@ -1,4 +1,4 @@
-"""What sensors publish, as depth frames."""
+"""Conversion of sensor messages to depth frames."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from depth_pose.ros.messages.basics import stamp_to_ns
 def image_to_frame(
     msg: Image | CompressedImage, info: CameraInfo, rectified: bool = False, unit_m: float | None = None
 ) -> DepthFrame:
-    """Depth frame of an image, compressed or not, and its ``CameraInfo``, without the lens' distortion.
+    """Convert an image, compressed or not, and its ``CameraInfo`` to a depth frame without lens distortion.
 
     A rectified image (`depth_pose.io.calibration.is_rectified`) has none. ``unit_m`` is metres per unit of
     the depth, where it is not the encoding's.
@@ -42,7 +42,7 @@ def image_to_frame(
 
 
 def msg_to_frame(msg: PointCloud2, unit_m: float | None = None) -> DepthFrame:
-    """Depth frame of a sensor's point cloud in its optical frame, organised or not, in metres by default.
+    """Convert a point cloud in its optical frame, organised or not, by default in metres, to a depth frame.
 
     Raises
     ------

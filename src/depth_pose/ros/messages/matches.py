@@ -1,4 +1,4 @@
-"""The matcher's answers."""
+"""Messages of the matcher's results."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from depth_pose.track.person import People
 
 
 def matches_to_msg(matches: Sequence[PoseMatch], people: People) -> PoseMatchArray:
-    """Message of the matches of a frame's people."""
+    """Build the message of the matches of a frame's people."""
     return PoseMatchArray(
         header=make_header(people.stamp_ns, people.frame_id),
         matches=[
@@ -52,7 +52,7 @@ def msg_to_matches(msg: PoseMatchArray) -> tuple[PoseMatch, ...]:
     Raises
     ------
     InputError
-        If a number is none that a match can have.
+        If a number is not valid in a match.
     """
     check_people("matches", [m.body_id for m in msg.matches])
     for m in msg.matches:

@@ -1,4 +1,4 @@
-"""People and their points."""
+"""Messages of people and their points."""
 
 from __future__ import annotations
 
@@ -34,9 +34,9 @@ _FIELDS = [
 
 
 def people_to_msgs(people: People) -> tuple[PointCloud2, PeopleMsg]:
-    """Organised ``PointCloud2`` of 16 bytes a point (x, y, z float32, label uint8), and who is in it.
+    """Build an organised ``PointCloud2`` of 16 bytes a point (x, y, z float32, label uint8), and its people.
 
-    The data go in as ``bytes``: assigning a numpy array to the field costs 50 times as much.
+    The data is assigned as ``bytes``: a numpy array would take 50 times as long.
     """
     height, width = people.labels.shape
     packed = np.zeros((height, width, 4), "<f4")
@@ -73,12 +73,12 @@ def _found_to_msg(found: FoundPerson) -> FoundPersonMsg:
 
 
 def msgs_to_people(points: PointCloud2, people: PeopleMsg) -> People:
-    """People of the messages that `people_to_msgs` made.
+    """Convert the messages of `people_to_msgs` back to people.
 
     Raises
     ------
     InputError
-        If the layout is another one, the data are shorter than they should be, or a point is no place.
+        If the layout differs, the data is too short, or a point is invalid.
     """
     layout = [(f.name, f.offset, f.datatype) for f in points.fields]
     if layout != [(f.name, f.offset, f.datatype) for f in _FIELDS] or points.point_step != 16:

@@ -1,4 +1,4 @@
-"""Skeletons: the refiner's, with their scores, and everybody's."""
+"""Messages of skeletons: those of the fits, with scores, and those of all people."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ from depth_pose.track.person import People
 _STATES = frozenset(map(int, JointState))
 
 _CLAVICLES = [NODE_INDEX["left_clavicle"], NODE_INDEX["right_clavicle"]]
-"""Segments that a skeleton does not name."""
+"""Segments that a skeleton does not include."""
 
 
 def skeleton_to_msg(skeleton: Skeleton) -> SkeletonMsg:
-    """Message of a skeleton; without joints where it is lost."""
+    """Build the message of a skeleton; without joints if it is lost."""
     rows = zip(
         JOINTS,
         skeleton.positions.tolist(),
@@ -59,13 +59,13 @@ def skeleton_to_msg(skeleton: Skeleton) -> SkeletonMsg:
 
 
 def msg_to_skeleton(msg: SkeletonMsg) -> Skeleton:
-    """Skeleton of a message, equal to the one that was sent.
+    """Convert a message to its skeleton, equal to the one that was sent.
 
     Raises
     ------
     InputError
-        If there are joints, but not the 19 of `depth_pose.core.skeleton.JOINTS`, or a number is none that a
-        skeleton can have.
+        If there are joints, but not the 19 of `depth_pose.core.skeleton.JOINTS`, or a number is not valid in
+        a skeleton.
     """
     count = len(msg.joints)
     names = [joint.name for joint in msg.joints]
@@ -106,16 +106,16 @@ def msg_to_skeleton(msg: SkeletonMsg) -> Skeleton:
 
 
 def skeletons_to_msg(skeletons: Sequence[Skeleton], stamp_ns: int, frame_id: str) -> SkeletonArray:
-    """Message of everybody in a frame."""
+    """Build the message of all skeletons in a frame."""
     return SkeletonArray(
         header=make_header(stamp_ns, frame_id), skeletons=[skeleton_to_msg(s) for s in skeletons]
     )
 
 
 def fitted_to_msg(fitted: Sequence[Fitted], people: People) -> FittedArray:
-    """Message of the bodies fitted to a frame's people.
+    """Build the message of the bodies fitted to a frame's people.
 
-    Each travels as a skeleton without confidences and states, which the recovery node finds.
+    Each is sent as a skeleton without confidences and states, which the recovery node computes.
     """
     return FittedArray(
         header=make_header(people.stamp_ns, people.frame_id),
@@ -150,7 +150,7 @@ def _fitted_to_skeleton(fitted: Fitted, people: People) -> SkeletonMsg:
 
 
 def msg_to_fitted(msg: FittedArray, space: BuildSpace) -> tuple[Fitted, ...]:
-    """Return the fitted bodies of a message, posed again.
+    """Convert a message to its fitted bodies, posed again.
 
     Parameters
     ----------
@@ -161,7 +161,7 @@ def msg_to_fitted(msg: FittedArray, space: BuildSpace) -> tuple[Fitted, ...]:
     Raises
     ------
     InputError
-        If there are not as many scores as skeletons, or a skeleton is damaged.
+        If the numbers of scores and skeletons differ, or a skeleton is invalid.
     """
     if len(msg.scores) != len(msg.skeletons):
         raise InputError(f"there are {len(msg.scores)} scores of {len(msg.skeletons)} skeletons")
@@ -183,7 +183,7 @@ def msg_to_fitted(msg: FittedArray, space: BuildSpace) -> tuple[Fitted, ...]:
 def _skeleton_to_fitted(
     skeleton: Skeleton, score: float, clavicles: NDArray[np.float64], space: BuildSpace
 ) -> Fitted:
-    """Pose the body of a skeleton, whose joints stay where they are."""
+    """Pose the body of a skeleton, keeping its joints."""
     rotations = np.empty((len(NODES), 3, 3))
     rotations[JOINT_NODES] = quat_to_matrix(skeleton.quats_xyzw)
     rotations[_CLAVICLES] = quat_to_matrix(clavicles)

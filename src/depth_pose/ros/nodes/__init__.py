@@ -1,1 +1,1 @@
-"""The nodes: thin, managed skins over the core's stages."""
+"""The nodes: thin, managed wrappers of the core's stages."""

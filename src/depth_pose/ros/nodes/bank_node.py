@@ -1,4 +1,4 @@
-"""What the nodes share that need the exemplar bank."""
+"""Base of the nodes that need the exemplar bank."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from depth_pose.ros.nodes.node_base import StageNode
 
 
 class BankNode(StageNode):
-    """A stage that needs the bank of the parameter ``bank``; it is loaded once."""
+    """A node whose stage needs the bank of the parameter ``bank``, which is loaded once."""
 
     _bank: Bank | None = None
 

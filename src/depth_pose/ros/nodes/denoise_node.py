@@ -1,4 +1,4 @@
-"""Node: depth image or cloud of a sensor -> people's points, ``/depth_pose/points``, and who they are."""
+"""Node: depth image or cloud of a sensor -> people's points, ``/depth_pose/points``, and their ids."""
 
 from __future__ import annotations
 
@@ -33,24 +33,24 @@ from depth_pose.ros.transport.frames_in_flight import LONGEST_S, FramesInFlight
 from depth_pose.track.upside_down import UpsideDownWatch
 
 _INFOS = 16
-"""CameraInfos that may wait: with a queue of one, those of another camera could hide all of this camera's."""
+"""Queue length for CameraInfos: with one, those of another camera could displace all of this camera's."""
 
 
 _SOLE_AFTER = 10
-"""CameraInfos of another frame_id, all by one publisher, after which they are taken for the image's: some
-drivers name the two differently. Set by hand."""
+"""Number of CameraInfos of another frame_id, all from one publisher, after which they are used for the image:
+some drivers name the two differently. Set by hand."""
 
 
 class DenoiseNode(StageNode):
     """Finds the people and denoises their points (Sec. 4).
 
-    Live, it begins no frame while several are on their way: where time is short, none of it goes into frames
-    that a later node would drop. The published skeletons tell it which frames have arrived.
+    Live, it begins no frame while several are in flight, so that no time is spent on frames that a later node
+    would drop. The published skeletons tell which frames are done.
 
     Attributes
     ----------
     held : deque
-        Images that wait for the first CameraInfo of their camera.
+        Images waiting for the first CameraInfo of their camera.
     """
 
     SECTIONS = ("mount", "segment", "denoise")
@@ -68,12 +68,12 @@ class DenoiseNode(StageNode):
             self.create_timer(LONGEST_S, self._begin_waiting, clock=self.steady_clock)
 
     def make_stage(self, config: PipelineConfig) -> PeopleExtractor:
-        """Make the extractor."""
+        """Build the extractor."""
         self._mounting = UpsideDownWatch(config.segment)
         return PeopleExtractor(config.segment, config.denoise, config.mount)
 
     def open_outputs(self) -> None:
-        """Publish people's points, and who they are."""
+        """Create the publishers of people's points and ids."""
         self._points = self.publisher(PointCloud2, "points")
         self._people = self.publisher(People, "people")
         self._room = RoomOutputs(self)
@@ -97,7 +97,7 @@ class DenoiseNode(StageNode):
         return [Input(kind, topic, sensor=True)]
 
     def forget(self) -> None:
-        """Drop the images that wait."""
+        """Drop the waiting images."""
         self.held.clear()
         self._in_flight.forget()
 
@@ -147,7 +147,7 @@ class DenoiseNode(StageNode):
         return frame
 
     def _find_info(self, frame_id: str) -> CameraInfo | None:
-        """Return the CameraInfo of an image's camera; None where none has come yet."""
+        """Return the CameraInfo of an image's camera; None if there is none yet."""
         found = self._infos.find(frame_id)
         if found is not None or self._infos.count < _SOLE_AFTER:
             return found
@@ -156,7 +156,7 @@ class DenoiseNode(StageNode):
         return self._infos.find(frame_id)
 
     def _say(self) -> None:
-        """Log what is odd about the camera or its unit, once for each kind."""
+        """Log warnings about the camera or its unit, once for each kind."""
         lines = self._infos.warnings | self._doubts()
         for kind, line in lines.items():
             if kind not in self._said:
@@ -164,13 +164,13 @@ class DenoiseNode(StageNode):
                 self.get_logger().warning(printable(line))
 
     def _doubts(self) -> dict[str, str]:
-        """Return what looks wrong about the images as a whole, by kind."""
+        """Return warnings about the images as a whole, by kind."""
         unit = self._units.doubt if self._units.is_decided else ""
         mounting = self._room.doubt or self._mounting.doubt
         return {kind: line for kind, line in (("unit", unit), ("mount", mounting)) if line}
 
     def judge(self) -> tuple[bytes, str]:
-        """Return the level and the text of this second's diagnostics, with what looks wrong."""
+        """Return the level and the text of this second's diagnostics, with warnings about the images."""
         level, words = super().judge()
         if level == DiagnosticStatus.OK and self.is_active:
             doubts = self._doubts()
@@ -184,13 +184,13 @@ class DenoiseNode(StageNode):
         self._begin_waiting()
 
     def _begin_waiting(self) -> None:
-        """Begin the frame that waits, if it may."""
+        """Begin the waiting frame if it may begin now."""
         waited = self._in_flight.release(time.monotonic())
         if waited is not None:
             self.process((waited,))
 
     def _hold(self, image: Image | CompressedImage) -> None:
-        """Keep an image until the first CameraInfo of its camera says what it shows."""
+        """Keep an image until the first CameraInfo of its camera arrives."""
         if len(self.held) >= self.queue:
             last = self.held.popleft()
             self.drop("no CameraInfo", self._infos.why_none(last.header.frame_id))

@@ -15,14 +15,12 @@ from depth_pose.ros.transport.intake import Input
 from depth_pose.ros.transport.losses import cure
 
 MISSING_AFTER_S = 1.9
-"""Seconds; a topic is missing if it has had publishers for this long, and nothing ever came.
-
-With a look every half second, the warning comes within three seconds.
+"""Seconds after which a topic with publishers but without any message counts as missing.
+With a check every half second, the warning comes within three seconds.
 """
 
 PAUSED_AFTER_S = 5.0
-"""Seconds; a topic that has delivered is missing after this, or after three of its own periods if longer.
-
+"""Seconds of silence after which a topic counts as missing, or three of its own periods if longer.
 Set by hand.
 """
 
@@ -30,21 +28,20 @@ REPEAT_S = 10.0
 """Seconds after which the warning is repeated while the input is missing. Set by hand."""
 
 SEVERAL_AFTER_S = 8.0
-"""Seconds after which several publishers are worth a warning.
-
-More than the 5 s for which Fast DDS keeps one that was killed (`fastdds.xml`, leaseDuration).
+"""Seconds after which several publishers give a warning.
+More than the 5 s for which Fast DDS keeps a killed one (`fastdds.xml`, leaseDuration).
 """
 
 
 class PublisherWatch:
-    """Warns of topics with several publishers, whose frames mix; `check` is called once a second."""
+    """Warns of topics with several publishers, whose frames would mix; call `check` once a second."""
 
     def __init__(self, node: Node, inputs: Sequence[Input]) -> None:
         self._node = node
         self._since: dict[str, float | None] = {i.topic: None for i in inputs}
 
     def check(self) -> None:
-        """Warn, and again after a while, if more than one has published for some time."""
+        """Warn, repeatedly, if more than one has published for some time."""
         now = time.monotonic()
         for topic, since in self._since.items():
             count = self._node.count_publishers(topic)
@@ -70,12 +67,12 @@ class _Watched:
 
 
 class MissingInputWatch:
-    """Watches the inputs that come from outside; `check` is called twice a second.
+    """Watches the inputs from outside the suite; call `check` twice a second.
 
     Attributes
     ----------
     missing : list of str
-        Topics from which nothing comes, or that nobody publishes.
+        Topics without messages or publishers.
     """
 
     def __init__(self, node: Node, inputs: Sequence[Input], *, reliable: bool = False) -> None:
@@ -104,7 +101,7 @@ class MissingInputWatch:
                 if now - watched.heard < patience:
                     continue
             found = self._node.get_publishers_info_by_topic(topic)
-            if bool(found) != (watched.published is not None):  # they came, or left
+            if bool(found) != (watched.published is not None):  # publishers appeared or left
                 watched.published = now if found else None
             since = max(watched.published or self._started, watched.heard or self._started)
             if now - since < patience:

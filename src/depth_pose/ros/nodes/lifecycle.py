@@ -1,4 +1,4 @@
-"""Pause and resume running nodes through their lifecycle services, for those without ``ros2``."""
+"""Pause and resume running nodes through their lifecycle services, without ``ros2``."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from depth_pose.core.errors import DepthPoseError
 from depth_pose.ros.process import NODES
 
 _FIND_S, _LONGEST_LOOK_S = 5.0, 0.2
-"""Seconds to find a node's services, of which one look is at most so long: while the machine stood still
-nobody met. Set by hand."""
+"""Seconds to find a node's services, and the maximum that one check counts: while the machine stood still
+nothing was discovered. Set by hand."""
 
 ANSWER_S = 10.0
 """Seconds to wait for an answer before requesting the state again; loading a bank takes less. Set by hand."""
@@ -29,7 +29,7 @@ _STEPS = {
     (State.PRIMARY_STATE_INACTIVE, True): Transition.TRANSITION_ACTIVATE,
     (State.PRIMARY_STATE_ACTIVE, False): Transition.TRANSITION_DEACTIVATE,
 }
-"""What brings a node in a state nearer to being active, or not."""
+"""Transition that brings a node in a state nearer to the goal, active or not."""
 
 
 def set_active(
@@ -39,7 +39,7 @@ def set_active(
     *,
     timeout_s: float = 60.0,
 ) -> dict[str, str]:
-    """Pause nodes, or resume them, configuring where they are not.
+    """Pause nodes, or resume them, configuring them first if necessary.
 
     Parameters
     ----------
@@ -59,14 +59,14 @@ def set_active(
     Raises
     ------
     DepthPoseError
-        If a node is not there, does not answer, or refuses.
+        If a node does not exist, does not answer, or refuses.
     """
     context = Context()
     rclpy.init(context=context, args=[])
     node = rclpy.create_node("depth_pose_lifecycle", context=context)
     try:
         caller = _Caller(node, context, timeout_s)
-        # the first node stops first and starts last, so that the others have nothing to wait for
+        # the first node stops first and starts last, so that the others are ready for its frames
         order = list(nodes or NODES)
         order = order[::-1] if active else order
         return {name: caller.bring(f"/{namespace.strip('/')}/{name}", active) for name in order}
@@ -76,7 +76,7 @@ def set_active(
 
 
 class _Caller:
-    """Calls the lifecycle services of one node after the other."""
+    """Calls the lifecycle services of one node after another."""
 
     def __init__(self, node: Node, context: Context, timeout_s: float) -> None:
         self._node = node
@@ -87,8 +87,8 @@ class _Caller:
     def bring(self, name: str, active: bool) -> str:
         """Activate or deactivate a node; return the label of its state.
 
-        What is not answered is asked again, from the state on: an answer is lost where the node had not
-        yet met the client that it was for.
+        A request without an answer is repeated, beginning with the state: an answer is lost if the node had
+        not yet discovered the client.
         """
         deadline = time.monotonic() + self._timeout_s
         while time.monotonic() < deadline:

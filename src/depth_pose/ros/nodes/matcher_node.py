@@ -1,4 +1,4 @@
-"""Node: people's points -> the exemplars that may show their poses, ``/depth_pose/match``."""
+"""Node: people's points -> exemplars with similar poses, ``/depth_pose/match``."""
 
 from __future__ import annotations
 
@@ -29,17 +29,17 @@ class MatcherNode(BankNode):
         super().__init__("matcher")
 
     def make_stage(self, config: PipelineConfig) -> Matcher:
-        """Make the matcher; live, its time is limited."""
+        """Build the matcher; live, its time is limited."""
         matcher = Shared(self.bank, config).make_matcher()
         matcher.time_budget.limit_s = 0.0 if self.lossless else config.match.budget
         return matcher
 
     def open_outputs(self) -> None:
-        """Publish the matches."""
+        """Create the publisher of the matches."""
         self._matches = self.publisher(PoseMatchArray, "match")
 
     def inputs(self) -> Sequence[Input]:
-        """Pair the points with who they are."""
+        """Pair the points with the people's ids."""
         return [Input(PointCloud2, "points"), Input(People, "people")]
 
     def answer(self, points: PointCloud2, found: People) -> None:

@@ -1,9 +1,9 @@
-"""What the nodes share: life cycle, frames, parameters and the judgement for the diagnostics.
+"""Base of the nodes: life cycle, frames, parameters and diagnostics.
 
-A node of this package is a thin, managed skin over one stage of the core. Configuring
-makes the stage from the parameters and warms it up *before* anything is subscribed, so that the
-first frame is not the one that waits for a compiler; once active it hands over frames
-(`depth_pose.ros.transport.intake`) and counts whatever gets no answer. Unless the parameter ``autostart``
+A node of this package is a thin, managed wrapper of one stage of the core. Configuring
+builds the stage from the parameters and warms it up *before* any subscription, so that the
+first frame does not wait for a compiler; once active it processes frames
+(`depth_pose.ros.transport.intake`) and counts those without an answer. Unless the parameter ``autostart``
 is false, a node configures and activates itself.
 """
 
@@ -43,35 +43,34 @@ from depth_pose.ros.transport.losses import BusyTimes
 __all__ = ["Drop", "Held", "Input", "Stage", "StageNode"]
 
 SETTLE_S = 0.2
-"""Seconds for which the connections must stand before a node calls itself ready.
-
+"""Seconds for which the connections must exist before a node reports that it is ready.
 A publisher finds a subscriber before the subscriber finds the publisher. Set by hand.
 """
 
 _READY_TICK_S = 0.05
-"""Seconds between two looks at the connections. Set by hand."""
+"""Seconds between two checks of the connections. Set by hand."""
 
 
 class Stage(Protocol):
-    """One stage of the core, as nodes know it."""
+    """Interface of a stage of the core, as nodes use it."""
 
     def warm_up(self) -> None:
-        """Compile what will be needed."""
+        """Compile every kernel."""
 
     def reset(self) -> None:
-        """Forget everything that was kept between frames."""
+        """Forget all earlier frames."""
 
 
 class StageNode(TopicNode, ABC):
-    """A node around one stage; sub-classes say which, and convert.
+    """A node around one stage; subclasses build the stage and convert messages.
 
-    Queues hold one frame and the newest wins. With the parameter ``reliable`` every frame is taken
-    in turn, up to ``queue`` of them.
+    Queues hold one frame and the newest wins. With the parameter ``reliable`` every frame is processed
+    in turn, and up to ``queue`` of them wait.
 
     Attributes
     ----------
     stage
-        What `make_stage` made; None until the node is configured.
+        Result of `make_stage`; None until the node is configured.
     is_active : bool
         Whether frames are answered.
     intake : FrameSource or None
@@ -83,7 +82,7 @@ class StageNode(TopicNode, ABC):
     SETTINGS: ClassVar[tuple[Setting, ...]] = ()
 
     def __init__(self, name: str) -> None:
-        threadpool_limits(1)  # the processes share the cores; and sums as `PosePipeline` makes them
+        threadpool_limits(1)  # the processes share the cores; and the same order of sums as `PosePipeline`
         super().__init__(name, self.SETTINGS, self.SECTIONS, self.CONFIG)
         self.busy = BusyTimes()
         self.stage: Any = None
@@ -100,11 +99,11 @@ class StageNode(TopicNode, ABC):
         if self.value("autostart"):
             self.start()
 
-    # What a sub-class says
+    # Implemented by subclasses
 
     @abstractmethod
     def make_stage(self, config: Any) -> Stage:
-        """Make the stage."""
+        """Build the stage."""
 
     @abstractmethod
     def open_outputs(self) -> None:
@@ -112,7 +111,7 @@ class StageNode(TopicNode, ABC):
 
     @abstractmethod
     def inputs(self) -> Sequence[Input]:
-        """Topics whose messages of one stamp make a frame."""
+        """Return the topics whose messages of one stamp form a frame."""
 
     def make_intake(self) -> FrameSource:
         """Subscribe to the inputs."""
@@ -125,9 +124,9 @@ class StageNode(TopicNode, ABC):
         Raises
         ------
         InputError, BankError, Drop
-            Where there is no answer to this frame.
+            Where this frame has no answer.
         Held
-            Where it is kept; the sub-class calls `process` with it later.
+            Where it is kept; the subclass calls `process` with it later.
         """
 
     def stamp_ns(self, *messages: Any) -> int:
@@ -135,16 +134,16 @@ class StageNode(TopicNode, ABC):
         return stamp_to_ns(messages[0].header.stamp)
 
     def check_config(self, config: Any, changes: Mapping[str, Any]) -> None:
-        """Refuse settings that are set while the node runs, by name, for more than their range.
+        """Check settings that are changed while the node runs, beyond their ranges.
 
         Raises
         ------
         ConfigError
-            Where the stage could not be made of them.
+            Where the stage cannot be built from them.
         """
 
     def forget(self) -> None:
-        """Drop messages that a sub-class keeps; called when the node is paused or cleaned up."""
+        """Drop messages that a subclass keeps; called when the node is paused or cleaned up."""
 
     # Life cycle
 
@@ -161,21 +160,21 @@ class StageNode(TopicNode, ABC):
                 raise self._refused or DepthPoseError(f"{self.get_name()} could not be started")
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Load the bank, make the stage, compile or load its kernels, open the topics."""
+        """Load the bank, build the stage, compile or load its kernels, open the topics."""
         try:
             self.prepare()
         except Exception as e:
             self._refused = e
             if not isinstance(e, DepthPoseError):
                 self.get_logger().error(printable_lines(traceback.format_exc()))
-            elif not self.value("autostart"):  # else it ends the process, which says it
+            elif not self.value("autostart"):  # otherwise the process ends and reports it
                 self.get_logger().error(printable_lines(e))
             self._close()
             return TransitionCallbackReturn.FAILURE
         return super().on_configure(state)
 
     def prepare(self) -> None:
-        """Make all that is needed; a sub-class may put it off until it knows what it needs."""
+        """Build the stage; a subclass may defer this until its inputs are known."""
         self.config = read_config(self, self.SECTIONS, config=self.CONFIG)
         self.stage = self.make_stage(self.config)
         self.stage.warm_up()
@@ -191,7 +190,7 @@ class StageNode(TopicNode, ABC):
         return super().on_activate(state)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Pause: topics stay open, frames that come are ignored."""
+        """Pause: topics stay open, arriving frames are ignored."""
         self.is_active = False
         self.forget()
         if self.stage is not None:
@@ -223,11 +222,11 @@ class StageNode(TopicNode, ABC):
 
     @property
     def has_pending(self) -> bool:
-        """Whether a whole frame waits for `process_pending`."""
+        """Whether a complete frame waits for `process_pending`."""
         return self.intake is not None and self.intake.has_pending
 
     def process_pending(self) -> None:
-        """Answer the newest whole frame, once nothing more waits."""
+        """Process the newest complete frame, once all waiting messages are received."""
         if self.intake is None or self.intake.take_waiting():
             return
         whole = self.intake.take_pending()
@@ -240,7 +239,7 @@ class StageNode(TopicNode, ABC):
             self._watches[1].heard(topic)
 
     def process(self, messages: tuple[Any, ...]) -> None:
-        """Answer a whole frame, or count why not; whatever happens, the node lives."""
+        """Process a complete frame, or count the reason why not; no error ends the node."""
         started, began_ns = time.perf_counter(), time.time_ns()
         try:
             self.answer(*messages)
@@ -253,7 +252,7 @@ class StageNode(TopicNode, ABC):
             self.drop("bad input", f"{topic}: {e}")
         except BankError as e:
             self.drop("other bank", str(e))
-        except Exception as e:  # a node outlives every frame
+        except Exception as e:  # no frame may end a node
             self.survive(e, "answering a frame")
             self._reset_stage()
         else:
@@ -272,7 +271,7 @@ class StageNode(TopicNode, ABC):
     # Parameters
 
     def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
-        """Set parameters; unknown ones are refused by name, with what was probably meant."""
+        """Set parameters; unknown ones are refused with a suggestion."""
         unknown = [p.name for p in parameter_list if not self.has_parameter(p.name)]
         if unknown:
             known = self.get_parameters_by_prefix("")
@@ -301,7 +300,7 @@ class StageNode(TopicNode, ABC):
         changed = ", ".join(f"{p.name} = {p.value}" for p in parameters)
         self.get_logger().info(f"set {printable(changed)}; what was kept of earlier frames is dropped")
 
-    # Telling
+    # Diagnostics
 
     def _tell_ready(self) -> None:
         if self.intake is None or not self.is_active:

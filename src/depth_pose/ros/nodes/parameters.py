@@ -1,7 +1,7 @@
 """ROS parameters of the nodes, declared from the core's configuration classes.
 
-A setting ``near`` of the section ``segment`` is the parameter ``segment.near``, with the
-default, range and help that `depth_pose.core.config` gives it. Those of `SHORT_NAMES` are named without it.
+A setting ``near`` of the section ``segment`` is the parameter ``segment.near``, with the default,
+range and help of `depth_pose.core.config`. Those of `SHORT_NAMES` have no section in their name.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ SECTIONS: tuple[str, ...] = tuple(f.name for f in fields(PipelineConfig))
 
 
 FIXED_SECTIONS: tuple[str, ...] = ("mount",)
-"""Sections that several nodes must agree on: set at the start for all, refused for one alone later."""
+"""Sections that must be equal for several nodes: set at the start for all, refused for one alone later."""
 
 COMMON: tuple[Setting, ...] = (
     Setting("queue", 1, "Frames that may wait; 1: the newest wins", 1, 10000),
@@ -59,7 +59,7 @@ LEVEL: tuple[Setting, ...] = (
     Setting("imu_topic", "", "sensor_msgs/Imu of the sensor: it tells which way is up, for the floor"),
     Setting("level_frame", "", "Frame on /tf whose z axis points up, such as odom: the same from transforms"),
 )
-"""Parameters that tell which way is up."""
+"""Parameters for the direction of up."""
 
 DENOISE: tuple[Setting, ...] = (
     *TF,
@@ -95,7 +95,7 @@ EVERYWHERE: frozenset[str] = frozenset(s.name for s in (*COMMON, *DENOISE, *REFI
     "use_sim_time",
     "start_type_description_service",
 }
-"""Parameters that a file shared by all nodes may name, beside the sections."""
+"""Parameters, besides the sections, that a file shared by all nodes may contain."""
 
 
 def declare(
@@ -108,7 +108,7 @@ def declare(
     ConfigError
         If the values given at the start are unknown, of the wrong type, or out of range.
     """
-    # rclpy has no public way to ask what the command line or file set
+    # rclpy has no public function for parameters from the command line or a file
     given: dict[str, Parameter] = getattr(node, "_parameter_overrides", {})
     _refuse_unknown(given, settings, sections, config)
     for s in settings:
@@ -179,15 +179,15 @@ def _refuse_unknown(
 
 
 def explain_unknown(who: str, unknown: Sequence[str], known: Iterable[str]) -> str:
-    """Return the line that refuses unknown parameters: their names, and what was probably meant.
+    """Return the error line for unknown parameters: their names, and suggestions.
 
     Parameters
     ----------
     who : str
-        Who does not have them.
+        The node or file that does not have them.
     unknown : sequence of str
     known : iterable of str
-        The names that there are.
+        The valid names.
     """
     renamed = {".".join(setting): name for name, setting in SHORT_NAMES.items()}
     known, elsewhere, hints = sorted(known), _known_somewhere(), []
@@ -229,7 +229,7 @@ def read_config(
     changes: Mapping[str, Any] | None = None,
     config: type[Sections] = PipelineConfig,
 ) -> Any:
-    """Make the configuration from a node's parameters, with some of them changed.
+    """Build the configuration from a node's parameters, with some of them changed.
 
     Raises
     ------

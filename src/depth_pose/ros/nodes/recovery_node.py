@@ -37,13 +37,13 @@ class RecoveryNode(BankNode):
         super().__init__("recovery")
 
     def make_stage(self, config: PipelineConfig) -> Recoverer:
-        """Make the recoverer, and who chooses the one that is followed."""
+        """Build the recoverer, and the selection of the followed person."""
         self._follower = Follower(config.follow)
         self._space = build_space(self.bank.body)
         return Shared(self.bank, config).make_recoverer()
 
     def open_outputs(self) -> None:
-        """Publish what other programs read: reliable, which suits every subscriber."""
+        """Create the publishers for other programs: reliable, which suits every subscriber."""
         self._skeletons = self.publisher(SkeletonArray, "skeletons", reliable=True)
         self._followed = self.publisher(Skeleton, "skeleton", reliable=True, counted=False)
         self._markers = self.publisher(MarkerArray, "markers", reliable=True, counted=False)
@@ -79,7 +79,7 @@ class RecoveryNode(BankNode):
         self._note(followed, len(skeletons))
 
     def _note(self, followed: SkeletonData, people: int) -> None:
-        """Keep what ``/diagnostics`` says."""
+        """Update the values for ``/diagnostics``."""
         self.statistics.counts[f"source {followed.source.name}"] += 1
         self.statistics.values["people"] = people
         self.statistics.values["confidence"] = followed.confidence

@@ -39,7 +39,7 @@ class RefineNode(BankNode):
         super().__init__("refine")
 
     def make_stage(self, config: PipelineConfig) -> Refiner:
-        """Make the refiner."""
+        """Build the refiner."""
         return Shared(self.bank, config).make_refiner()
 
     def check_config(self, config: PipelineConfig, changes: Mapping[str, Any]) -> None:
@@ -48,7 +48,7 @@ class RefineNode(BankNode):
             load_build(config.build.file)
 
     def open_outputs(self) -> None:
-        """Publish the fitted bodies, and their meshes while somebody listens."""
+        """Create the publishers of the fitted bodies, and of their meshes for subscribers."""
         self._fitted = self.publisher(FittedArray, "skeletons_refined")
         self._meshes = self.publisher(Marker, "mesh", reliable=True, counted=False)
 

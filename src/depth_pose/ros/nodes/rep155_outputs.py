@@ -1,4 +1,4 @@
-"""Everybody as REP-155 tells them: ``/humans/bodies/...`` and frames on ``/tf``."""
+"""Outputs of REP-155: ``/humans/bodies/...`` and frames on ``/tf``."""
 
 from __future__ import annotations
 
@@ -28,16 +28,16 @@ if TYPE_CHECKING:
     from depth_pose.ros.nodes.node_base import StageNode
 
 QUEUE = 10
-"""Messages that wait for a slow subscriber."""
+"""Queue length for a slow subscriber."""
 
 KEPT_NS = 3_000_000_000
-"""How long somebody's topics stay after they were last seen, nanoseconds: longer than an id is kept."""
+"""Time for which a person's topics stay after the last sighting, nanoseconds: longer than an id is kept."""
 
 TRACKED_NS = 1_000_000_000
-"""How long somebody stays in ``tracked`` after a frame without them, nanoseconds. A client drops all that it
-has of a body that is not in the list, and listens anew when it is again: without this pyhri lost and found
-people 20 times in 4 s of a room where they hide each other, on busy nodes, which take turns. Of three people
-these answer each every third frame. Set by hand.
+"""Time for which a person stays in ``tracked`` after a frame without them, nanoseconds. A client drops a body
+that is not in the list, and subscribes anew when it is listed again: without this pyhri lost and found people
+20 times in 4 s in a room where they hide each other. Busy nodes process people in turn: of three people, each
+is answered in every third frame. Set by hand.
 """
 
 KEY_POINTS: tuple[str, ...] = (
@@ -45,15 +45,15 @@ KEY_POINTS: tuple[str, ...] = (
     *("left_shoulder", "left_elbow", "left_wrist", "right_hip", "right_knee", "right_ankle"),
     *("left_hip", "left_knee", "left_ankle", "head", "head", "head", "head"),
 )
-"""Our joint for each key point of ``hri_msgs/Skeleton2D``. Nose, eyes and ears are not found: they are given
-the head's place, and no confidence."""
+"""Our joint for each key point of ``hri_msgs/Skeleton2D``. Nose, eyes and ears are not detected: they get the
+head's position and zero confidence."""
 
 _UNKNOWN = [0, 14, 15, 16, 17]
-"""Key points that nobody finds: nose, eyes and ears."""
+"""Key points that are not detected: nose, eyes and ears."""
 
 
 class Rep155Outputs:
-    """Publishes ``tracked``, and for everybody ``skeleton2d``, ``joint_states``, ``urdf`` and frames.
+    """Publishes ``tracked``, and for each person ``skeleton2d``, ``joint_states``, ``urdf`` and frames.
 
     Parameters
     ----------
@@ -61,12 +61,12 @@ class Rep155Outputs:
     body : Body
         The bank's, whose proportions a person's build changes.
     prefix : str
-        Put before the ids.
+        Prefix of the ids.
 
     Raises
     ------
     ConfigError
-        If the messages are not installed, or topics cannot have such names.
+        If the messages are not installed, or the prefix is not valid in names of topics.
     """
 
     def __init__(self, node: StageNode, body: Body, prefix: str) -> None:
@@ -89,7 +89,7 @@ class Rep155Outputs:
         Parameters
         ----------
         skeletons, frame_id
-            Everybody in the sensor's frame, and its name.
+            All people in the sensor's frame, and its name.
         upright : sequence of Skeleton
             The same people in the frame of ``people``.
         people : People
@@ -121,7 +121,7 @@ class Rep155Outputs:
             self._transforms.tell(frames)
 
     def _topics(self, body_id: str, skeleton: Skeleton) -> _BodyTopics:
-        """Open somebody's topics, and tell of their build once it has changed."""
+        """Open a person's topics, and publish their build when it has changed."""
         if body_id not in self._bodies:
             self._bodies[body_id] = _BodyTopics(self._node, body_id, self._skeleton2d)
         topics = self._bodies[body_id]
@@ -152,12 +152,12 @@ class _BodyTopics:
 
     @property
     def sizes(self) -> Sizes:
-        """Those of the URDF that was published."""
+        """Proportions of the published URDF."""
         assert self._sizes is not None
         return self._sizes
 
     def set_sizes(self, sizes: Sizes) -> None:
-        """Publish a URDF, unless the last one is as good."""
+        """Publish a URDF, unless the last one is still accurate."""
         if self._sizes is not None and sizes.is_like(self._sizes):
             return
         self._sizes = sizes
@@ -176,7 +176,7 @@ class _BodyTopics:
 
 
 def body_frames(body_id: str, skeleton: Skeleton, posture: Posture) -> list[Any]:
-    """Frames of somebody's links: ``body_ID`` in the sensor's frame, the others in that one."""
+    """Frames of a person's links: ``body_ID`` in the sensor's frame, the others in that one."""
     names = [f"{name}_{body_id}" for name in LINKS]
     T_body_link = np.linalg.inv(posture.frames[0]) @ posture.frames[1:]
     return [
@@ -186,7 +186,7 @@ def body_frames(body_id: str, skeleton: Skeleton, posture: Posture) -> list[Any]
 
 
 def key_points(skeleton: Skeleton, camera: Camera) -> NDArray[np.float64]:
-    """Place the key points of ``hri_msgs/Skeleton2D`` in the image.
+    """Project the key points of ``hri_msgs/Skeleton2D`` into the image.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What the denoise node tells beside the people: label images, the floor, and its own frames' places."""
+"""Further outputs of the denoise node: label images, the floor, and the transform of its upright frame."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ if TYPE_CHECKING:
     from depth_pose.ros.nodes.node_base import StageNode
 
 FLOOR = "floor"
-"""Name of the floor's frame, after the prefix."""
+"""Name of the floor's frame, without the prefix."""
 
 FLOOR_EVERY_NS = 1_000_000_000
-"""Between two looks at the floor, nanoseconds of the frames' stamps."""
+"""Interval between two searches for the floor, nanoseconds of the frames' stamps."""
 
 _ROLL_SEEN = np.cos(np.radians(60.0))
-"""Least share of up in the image plane that tells of a roll: not from a sensor that looks straight down."""
+"""Minimum component of up in the image plane to measure a roll; smaller if a sensor looks straight down."""
 _ROLL_DEG = 40.0
 """A roll that differs from that of the mounting by more than this (degrees) is reported. Set by hand."""
 
@@ -39,7 +39,7 @@ _ROLL_DEG = 40.0
 class RoomOutputs:
     """Publishes ``labels`` and ``floor``, and on ``/tf_static`` the floor and the upright frame.
 
-    Labels are drawn while somebody listens; the floor is looked for while somebody listens or ``tf`` is set.
+    Labels are drawn only with a subscriber; the floor is searched with a subscriber or if ``tf`` is set.
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ class RoomOutputs:
         self._upright: tuple[str, float] | None = None
         self._level = Level(node)
         self.doubt = ""
-        """Why the roll of the mounting looks wrong; empty where it does not."""
+        """Reason why the roll of the mounting looks wrong; empty if it does not."""
         self._take_settings()
         if self._tf:  # loads the kernels
             FloorFinder(self._config.segment).find(
@@ -77,7 +77,7 @@ class RoomOutputs:
         Parameters
         ----------
         frame, upright : DepthFrame
-            As the sensor gave it, and as the steps take it.
+            As measured by the sensor, and as processed.
         people : People
             Of this frame.
         """

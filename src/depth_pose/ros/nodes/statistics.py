@@ -8,10 +8,10 @@ from collections import Counter, deque
 import numpy as np
 
 WINDOW = 256
-"""Frames over which medians and percentiles are taken."""
+"""Number of frames for medians and percentiles."""
 
 MAX_LATENCY_S = 5.0
-"""A stamp older than this, or from the future, is not of the node's clock."""
+"""A stamp older than this, or from the future, is not from the node's clock."""
 
 
 class NodeStatistics:
@@ -28,14 +28,14 @@ class NodeStatistics:
         self._reported: Counter[str] = Counter()
 
     def answer(self, process_s: float, latency_s: float) -> None:
-        """Count a frame that was answered.
+        """Count an answered frame.
 
         Parameters
         ----------
         process_s : float
             Time the node spent on it, seconds.
         latency_s : float
-            Node's clock minus stamp, seconds; left out where it cannot be one.
+            Node's clock minus stamp, seconds; left out if implausible.
         """
         self.answered += 1
         self._times.append(time.monotonic())
@@ -46,7 +46,7 @@ class NodeStatistics:
             self._latency_s.clear()
 
     def drop(self, reason: str, count: int = 1) -> None:
-        """Count frames that get no answer."""
+        """Count frames without an answer."""
         self.drops[reason] += count
 
     def rate_hz(self) -> float:

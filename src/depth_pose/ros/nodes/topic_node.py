@@ -1,7 +1,7 @@
 """The topics of a node: publishers, subscriptions, bad messages, and its diagnostics once a second.
 
-Nothing that arrives on a topic ends a node: bad messages and unexpected errors are counted, logged now
-and then, and told on ``/diagnostics``.
+No message ends a node: bad messages and unexpected errors are counted, logged now
+and then, and reported on ``/diagnostics``.
 """
 
 from __future__ import annotations
@@ -33,14 +33,14 @@ from depth_pose.ros.transport.latched import LatchedTopic
 
 
 class TopicNode(LifecycleNode, ABC):
-    """A managed node that opens and closes its topics together, and counts what gets no answer.
+    """A managed node that opens and closes its topics together, and counts frames without an answer.
 
     Attributes
     ----------
     statistics : NodeStatistics
         Counts and times that go to ``/diagnostics``.
     lossless : bool
-        Parameter ``reliable``: whether every frame is taken.
+        Parameter ``reliable``: whether every frame is processed.
     queue : int
         Parameter ``queue``: frames that may wait.
     """
@@ -67,14 +67,14 @@ class TopicNode(LifecycleNode, ABC):
         return self.get_parameter(name).value
 
     def publisher(self, kind: type, topic: str, *, reliable: bool = False, counted: bool = True) -> Publisher:
-        """Make a publisher of frames: sensor QoS, or `reliable`, which suits every subscriber.
+        """Create a publisher of frames: sensor QoS, or `reliable`, which suits every subscriber.
 
         Parameters
         ----------
         kind, topic
             Message class, and a name below the node's namespace.
         reliable : bool
-            For small messages that others read.
+            For small messages to other programs.
         counted : bool
             Whether its subscribers count for the parameter ``consumers``.
         """
@@ -87,21 +87,21 @@ class TopicNode(LifecycleNode, ABC):
         return made
 
     def open_publisher(self, kind: type, topic: str, qos: QoSProfile | int) -> Publisher:
-        """Make a publisher that is no output of frames; it closes with the others."""
+        """Create a publisher that is not an output of frames; it closes with the others."""
         quiet = PublisherEventCallbacks(use_default_callbacks=False)
         made = self.create_publisher(kind, topic, qos, event_callbacks=quiet)
         self._opened.append(made)
         return made
 
     def close_publisher(self, publisher: Publisher) -> None:
-        """Close one that `open_publisher` made."""
+        """Close a publisher of `open_publisher`."""
         self._opened.remove(publisher)
         self.destroy_publisher(publisher)
 
     def listen(
         self, kind: type, topic: str, callback: Callable[[Any], None], *, raw: bool = False
     ) -> Subscription:
-        """Subscribe to a topic of the suite's own that is no part of a frame; ``raw`` gives its bytes."""
+        """Subscribe to a topic of the suite that is not part of a frame; with ``raw`` as bytes."""
         qos = frame_qos(self.queue, self.lossless)
         made = self.create_subscription(
             kind, topic, partial(self.guard, topic, callback), qos, event_callbacks=NO_EVENTS, raw=raw
@@ -111,7 +111,7 @@ class TopicNode(LifecycleNode, ABC):
         return made
 
     def latch(self, kind: type, topic: str, callback: Callable[[Any], None], depth: int = 1) -> None:
-        """Subscribe to what may be sent with every frame, or once and for all, by up to ``depth`` senders."""
+        """Subscribe to a topic sent with every frame, or once and latched, by up to ``depth`` senders."""
         take = partial(self.guard, topic, callback)
         self._latched.append(LatchedTopic(self, kind, topic, take, depth))
 
@@ -127,7 +127,7 @@ class TopicNode(LifecycleNode, ABC):
             self.survive(e, topic)
 
     def survive(self, error: Exception, where: str) -> None:
-        """Log and count an error that nobody expected, unless it comes of being told to stop."""
+        """Log and count an unexpected error, unless it is caused by a stop signal."""
         if self.context.ok():
             self.get_logger().error(
                 printable_lines(traceback.format_exc()), throttle_duration_sec=LOG_EVERY_S
@@ -135,7 +135,7 @@ class TopicNode(LifecycleNode, ABC):
             self.drop("error", f"{where}: {type(error).__name__}: {error}")
 
     def drop(self, reason: str, detail: str, count: int = 1) -> None:
-        """Count frames without an answer, and log it now and then."""
+        """Count frames without an answer, and log them now and then."""
         self.statistics.drop(reason, count)
         last, before = self._logged.get(reason, (-1e9, 0))
         now, total = time.monotonic(), self.statistics.drops[reason]
@@ -146,11 +146,11 @@ class TopicNode(LifecycleNode, ABC):
         self.get_logger().warning(f"dropped, {reason}: {printable(detail)}{more}")
 
     def count(self, what: str) -> None:
-        """Count what diagnostics tell, but is no drop."""
+        """Count an event for the diagnostics that is not a drop."""
         self.statistics.counts[what] += 1
 
     def close_topics(self) -> None:
-        """Close all that was opened."""
+        """Close all topics."""
         for entity in self._opened:
             if isinstance(entity, Publisher):
                 self.destroy_publisher(entity)
@@ -161,13 +161,13 @@ class TopicNode(LifecycleNode, ABC):
         self._opened, self._outputs, self._sources, self._latched = [], [], [], []
 
     def check_latched(self) -> None:
-        """Subscribe again where a latched topic's publisher changed its QoS; called twice a second."""
+        """Renew subscriptions if a latched topic's publisher changed its QoS; called twice a second."""
         for topic in self._latched:
             topic.check()
 
     @property
     def is_joined(self) -> bool:
-        """Whether the outputs have their ``consumers``, and with ``producers`` the sources a publisher."""
+        """Whether the outputs have their ``consumers``, and with ``producers`` the inputs a publisher."""
         wanted = self.value("consumers")
         joined = all(p.get_subscription_count() >= wanted for p in self._outputs)
         if self.value("producers"):

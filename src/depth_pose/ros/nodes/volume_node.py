@@ -1,9 +1,9 @@
 """Node: silhouettes of several cameras, or depth images of one or more -> pose in loose clothing.
 
 ``/depth_pose/skeleton`` (source VOLUME) in the world frame, ``/depth_pose/markers`` for viewers, and
-``/depth_pose/joint_states`` with the anatomical angles. Images of one time are brought together by their
-stamps; a camera that is late is not waited for longer than ``views.patience``, one that is gone not at all,
-and ``/diagnostics`` says so. The newest set of views wins.
+``/depth_pose/joint_states`` with the anatomical angles. Images of one time are grouped by their
+stamps; the node waits for a late camera at most ``views.patience``, for a lost one not at all,
+and ``/diagnostics`` reports it. The newest set of views wins.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ SETTINGS: tuple[Setting, ...] = (
     Setting("model", "", "Volume model, made with 'depth-pose volume train'"),
     *RIG_SETTINGS,
 )
-"""Parameters beside those of `VolumeConfig` (``space.voxel`` and so on)."""
+"""Parameters besides those of `VolumeConfig` (``space.voxel`` and so on)."""
 
 
 class VolumeNode(StageNode):
@@ -60,13 +60,13 @@ class VolumeNode(StageNode):
     # Beginning
 
     def prepare(self) -> None:
-        """Load the model; the rest once the cameras are known."""
+        """Load the model; the pipeline is built once the cameras are known."""
         if not self.value("model"):
             raise ConfigError("give the parameter model: a file that 'depth-pose volume train' made")
         try:
             self._model = VolumeModel.load(Path(self.value("model")))
             self._source = RigSource(self)
-        except InputError as error:  # starting again will not help
+        except InputError as error:  # a restart would not help
             raise ConfigError(str(error)) from error
         self._source.listen(self._begin)
 
@@ -76,20 +76,20 @@ class VolumeNode(StageNode):
         super().prepare()
 
     def make_stage(self, config: VolumeConfig) -> VolumePipeline:
-        """Make the pipeline."""
+        """Build the pipeline."""
         self._synchroniser.config = config.views
         kind = self._model.meta["input"]
         self._decoder = ViewDecoder(self._rig, kind, config.views.depth_scale, self._complain)
         return VolumePipeline(self._model, self._rig, config, self._frame)
 
     def open_outputs(self) -> None:
-        """Publish what other programs read: reliable, which suits every subscriber."""
+        """Create the publishers for other programs: reliable, which suits every subscriber."""
         self._skeletons = self.publisher(SkeletonMsg, "skeleton", reliable=True)
         self._markers = self.publisher(MarkerArray, "markers", reliable=True, counted=False)
         self._states = self.publisher(JointState, "joint_states", reliable=True, counted=False)
 
     def inputs(self) -> Sequence[Input]:
-        """Listen to all cameras."""
+        """Subscribe to all cameras."""
         return [Input(Image, topic, sensor=True) for topic in self._rig.topics]
 
     def make_intake(self) -> ViewSetIntake:
@@ -145,10 +145,10 @@ class VolumeNode(StageNode):
             state.position = np.radians(pose.angles_deg).tolist()
             self._states.publish(state)
 
-    # Telling
+    # Diagnostics
 
     def judge(self) -> tuple[bytes, str]:
-        """Return level and text: what the rig lacks, cameras without views, or as for every node."""
+        """Return level and text: missing parts of the rig, cameras without views, or as for every node."""
         missing = ", ".join(self._source.missing()) if self._source is not None else ""
         if missing:
             self.get_logger().warning(f"waits for {missing}", throttle_duration_sec=LOG_EVERY_S)

@@ -1,4 +1,4 @@
-"""A node's process, as the supervisor sees it: what it prints, and whether it lives."""
+"""A node's process, as the supervisor sees it: its output and signs of life."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ hung one is replaced within 5 s.
 """
 
 _SUSPECT_S = 1.0
-"""Seconds of silence from which on it is asked whether the process could have said something; set by hand."""
+"""Seconds of silence after which it is checked whether the process could run; set by hand."""
 
 _TICKS_A_SECOND = os.sysconf("SC_CLK_TCK")
-"""Of the processor time in Linux' /proc/PID/stat."""
+"""Unit of the processor time in Linux' /proc/PID/stat."""
 
 
 _COLOUR = re.compile("\x1b\\[[0-9;]*m")
@@ -40,7 +40,7 @@ class Child:
     Parameters
     ----------
     name : str
-        What stands before each of its lines.
+        Prefix of each of its lines.
     command : sequence of str
     environment : mapping
 
@@ -48,13 +48,13 @@ class Child:
     ----------
     pid : int
     code : int or None
-        Exit code, once it has ended: 0 also where it was told to end or had done its work when it was killed.
+        Exit code, once it has ended: 0 also if it was asked to end or had done its work when it was killed.
     ready_s : float
-        When it said that it is ready, by the monotonic clock; before that infinity.
+        Time when it reported ready, by the monotonic clock; infinity before that.
     silent_s : float
-        Seconds since its last sign of life, without those that it waited for a processor.
+        Seconds since its last sign of life, without the time it waited for a processor.
     last_lines : deque of str
-        What it has printed last.
+        Its last lines of output.
     """
 
     def __init__(self, name: str, command: Sequence[str], environment: Mapping[str, str]) -> None:
@@ -62,7 +62,7 @@ class Child:
         self.code: int | None = None
         self.last_lines, self._rest = deque[str](maxlen=20), b""
         self._ran_s, self._doomed, self._is_done, self._told_to_end = 0.0, False, False, False
-        self._process = subprocess.Popen(  # in a session of its own, so that Ctrl-C does not reach it
+        self._process = subprocess.Popen(  # in its own session, so that Ctrl-C does not reach it
             command,
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
@@ -75,11 +75,11 @@ class Child:
 
     @property
     def lived_s(self) -> float:
-        """Seconds from when it was ready to its last sign of life."""
+        """Seconds from ready to the last sign of life."""
         return time.monotonic() - self.silent_s - self.ready_s
 
     def fileno(self) -> int:
-        """Return the file descriptor of its output, for those who wait for news."""
+        """Return the file descriptor of its output, for `select`."""
         assert self._process.stdout is not None
         return self._process.stdout.fileno()
 
@@ -123,17 +123,17 @@ class Child:
             self._process.kill()
 
     def kill_if_hung(self, waited_s: float, sink: Callable[[str], None]) -> None:
-        """End a process that gives no sign of life though it could, once it was ready; another follows it."""
+        """Kill a process that was ready and gives no sign of life though it could run."""
         if self.silent_s > _SUSPECT_S:
             waited_s = min(waited_s, self._could_run_s())
         self.silent_s += waited_s
         if self.silent_s > PATIENCE_S and self.ready_s < math.inf and self.code is None and not self._doomed:
             sink(f"[{self.name}] gave no sign of life for {PATIENCE_S:.1f} s; it is killed")
-            self._doomed = True  # on a busy machine its end takes a while
+            self._doomed = True  # on a busy machine the end takes a while
             self.kill()
 
     def _could_run_s(self) -> float:
-        """Return how long it could run since the last call: not while all processors were taken."""
+        """Return how long it could run since the last call, without waiting for a processor."""
         now_s, wants_to = self._ran_s, False
         with contextlib.suppress(OSError):  # it has ended, or a thread of it
             process = Path(f"/proc/{self.pid}")
@@ -144,7 +144,7 @@ class Child:
 
 
 def _readable(line: bytes) -> str:
-    """Return a line of a process as it may be printed; Fast DDS colours its own."""
+    """Return a line of a process for printing; Fast DDS colours its own."""
     return printable(_COLOUR.sub("", line.decode(errors="surrogateescape")))
 
 

@@ -1,4 +1,4 @@
-"""Network interfaces: nodes of one machine find one another through one, too."""
+"""Check of network interfaces: even nodes on one machine need one for discovery."""
 
 from __future__ import annotations
 
@@ -36,6 +36,6 @@ def _is_up(name: str) -> bool:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as any_socket:
         try:
             told = fcntl.ioctl(any_socket, _GET_FLAGS, struct.pack("16sh14x", name.encode(), 0))
-        except OSError:  # it is gone
+        except OSError:  # it has disappeared
             return False
     return bool(struct.unpack("16sh14x", told)[1] & _UP)

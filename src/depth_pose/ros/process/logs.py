@@ -1,4 +1,4 @@
-"""Where ROS writes its logs: elsewhere, where the usual place cannot be written."""
+"""The log folder of ROS, with a fallback if the usual one cannot be written."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from depth_pose.core.private_folder import is_writable, private_folder
 
 
 def ensure_log_folder() -> None:
-    """Make a folder for the logs of ROS, without which rclpy does not start.
+    """Create a folder for the logs of ROS, without which rclpy does not start.
 
-    It takes ``$ROS_LOG_DIR``, else ``$ROS_HOME/log``, else ``~/.ros/log``; where that cannot be written, a
-    private one for temporary files takes its place, for this process and those that it starts.
+    It is ``$ROS_LOG_DIR``, else ``$ROS_HOME/log``, else ``~/.ros/log``; if that cannot be written, a private
+    folder for temporary files, for this process and its children.
     """
     given = os.environ.get("ROS_LOG_DIR")
     home = os.environ.get("ROS_HOME") or os.path.expanduser("~/.ros")

@@ -1,11 +1,11 @@
-"""The pulse of a node's process: signs of life for `up`, and a new start after it did not run for seconds.
+"""The pulse of a node's process: signs of life for `up`, and a restart if it did not run for seconds.
 
-A thread writes a byte to the standard output four times a second, also while a frame takes long. Where that
-output is gone, so is whoever started the process, and it ends.
+A thread writes a byte to the standard output four times a second, also while a frame takes long. If that
+output is closed, the parent has ended, and the process ends.
 
 A process that did not run for longer than the lease of its ROS participant may have been dropped from the
 ROS graph by others, or have dropped them, and Fast DDS does not always find all of them again. It ends, and
-whoever started it starts it anew.
+its supervisor restarts it.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import time
 from depth_pose.ros.process import BEAT, BEAT_S
 
 PULSE = "DEPTH_POSE_PULSE"
-"""Environment variable; where it is set, a node writes its signs of life to its standard output."""
+"""Environment variable; if set, a node writes its signs of life to its standard output."""
 
 STARVED_S = 4.5
 """Seconds without running after which others may have dropped a process.
@@ -27,14 +27,14 @@ Less than ``leaseDuration`` in ``fastdds.xml``, 5 s, by an announcement or two.
 """
 
 _SETTLED = 8
-"""Beats in time that show that a process runs again, 2 s: before that, the next one would fare no better."""
+"""Timely beats after which a process counts as running again, 2 s: an earlier restart would starve, too."""
 
 _GOODBYE_S = 5.0
 """Seconds for an orderly end, after which the process kills itself. Set by hand."""
 
 
 def start_pulse(beats: bool) -> None:
-    """Start the thread; it writes signs of life if told to, and ends a process that has starved."""
+    """Start the thread; it writes signs of life if enabled, and ends a process that has starved."""
     threading.Thread(target=_beat_until_starved, args=(beats,), name="pulse", daemon=True).start()
 
 
@@ -55,7 +55,7 @@ def _beat_until_starved(beats: bool) -> None:
 
 
 def _beat() -> bool:
-    """Write a sign of life; gives whether anybody can read it."""
+    """Write a sign of life; return whether the output is still open."""
     try:
         os.write(1, BEAT)
     except OSError:

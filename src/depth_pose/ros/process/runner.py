@@ -21,10 +21,10 @@ from depth_pose.ros.process import DONE
 from depth_pose.ros.process.pulse import PULSE, start_pulse
 
 EXIT_CONFIG = 2
-"""Exit code where the configuration or the bank cannot be used: starting again will not help."""
+"""Exit code where the configuration or the bank cannot be used: a restart would not help."""
 
 END_WITH_PARENT = "DEPTH_POSE_END_WITH_PARENT"
-"""Environment variable; where it is set, a node ends with the process that started it, as launch's do."""
+"""Environment variable; if set, a node ends with its parent process, as those of launch do."""
 
 STOPS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 """Signals that ask a process to stop; the last when its terminal is closed."""
@@ -39,7 +39,7 @@ def run_node(make: Callable[[], Any], args: Sequence[str] | None = None) -> int:
     Parameters
     ----------
     make : callable
-        Gives the `depth_pose.ros.nodes.node_base.StageNode`; called once rclpy is initialised.
+        Returns the `depth_pose.ros.nodes.node_base.StageNode`; called once rclpy is initialised.
     args : sequence of str, optional
         Command line with ``--ros-args``; the process' own if None, and then the process ends here.
 
@@ -48,7 +48,7 @@ def run_node(make: Callable[[], Any], args: Sequence[str] | None = None) -> int:
     int
         Exit code: 0 after one of `STOPS`, `EXIT_CONFIG` where the settings cannot be used.
     """
-    faulthandler.enable()  # a crash says where
+    faulthandler.enable()  # a crash prints a traceback
     for number in _heard():
         signal.signal(number, _stop)
     os.umask(PRIVATE_UMASK)
@@ -63,8 +63,8 @@ def run_node(make: Callable[[], Any], args: Sequence[str] | None = None) -> int:
 
 
 def leave(code: int) -> NoReturn:
-    """End the process without taking everything down one by one, which takes seconds; nothing is lost."""
-    gc.collect()  # what is left of the node lets go of its shared memory
+    """End the process without destroying all objects, which takes seconds; nothing is lost."""
+    gc.collect()  # the remaining parts of the node release its shared memory
     with contextlib.suppress(OSError):
         sys.stdout.flush()
         sys.stderr.flush()
@@ -83,12 +83,12 @@ def _run(make: Callable[[], Any], args: Sequence[str] | None) -> int:
         ensure_log_folder()
         known = list(args) if args is not None else None
         rclpy.init(args=known, signal_handler_options=SignalHandlerOptions.NO)
-        gc.disable()  # collections take a tenth of a start; what is made here stays
+        gc.disable()  # garbage collection takes a tenth of the start; these objects stay
         node = make()
         gc.freeze()
         gc.enable()
         install_signal_handlers(SignalHandlerOptions.ALL)
-        if os.environ.get(PULSE) or os.environ.get(END_WITH_PARENT):  # whoever started it starts it again
+        if os.environ.get(PULSE) or os.environ.get(END_WITH_PARENT):  # the supervisor restarts it
             start_pulse(bool(os.environ.get(PULSE)))
         _spin(node)
     except (KeyboardInterrupt, ExternalShutdownException):
@@ -97,7 +97,7 @@ def _run(make: Callable[[], Any], args: Sequence[str] | None) -> int:
         sys.stderr.write(f"depth_pose: {printable_lines(e)}\n")
         return EXIT_CONFIG
     except Exception:
-        if node is None or rclpy.ok():  # else it was told to stop, and what it called was shut down
+        if node is None or rclpy.ok():  # else it was asked to stop, and rclpy was shut down during a call
             raise
     finally:
         for number in STOPS:
@@ -135,7 +135,7 @@ def _spin_once(executor: Any, node: Any) -> None:
             node.process_pending()
     except (ExternalShutdownException, BankError, ConfigError):
         raise
-    except Exception as e:  # as where what came is no message of its type
+    except Exception as e:  # for instance data that is not a message of its type
         node.survive(e, "taking a message")
 
 
@@ -145,7 +145,7 @@ def end_with_parent() -> None:
 
 
 def set_title(title: str) -> None:
-    """Name this process as ``ps -e``, ``top`` and ``pgrep`` show it: at most 15 letters."""
+    """Set the name of this process for ``ps -e``, ``top`` and ``pgrep``: at most 15 letters."""
     Path("/proc/self/comm").write_text(title[:15])
 
 

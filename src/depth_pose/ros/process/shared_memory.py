@@ -1,6 +1,6 @@
-"""Shared memory of Fast DDS: nobody else's to read, and removed where killed processes leave it behind.
+"""Shared memory of Fast DDS: unreadable for other accounts, and removed after killed processes.
 
-Fast DDS keeps 16 MiB of /dev/shm for each process (`depth_pose.ros.PROFILE_PATH`), and beside it a lock file
+Fast DDS keeps 16 MiB of /dev/shm for each process (`depth_pose.ros.PROFILE_PATH`), and a lock file
 that the process holds as long as it lives.
 """
 
@@ -12,13 +12,13 @@ import time
 from pathlib import Path
 
 _FOLDER, _LOCK, _YOUNG_S = Path("/dev/shm"), "_el", 0.5
-"""Where it is, what ends a lock's name, and seconds for which a lock file may not yet be locked."""
+"""Its folder, the suffix of a lock's name, and seconds for which a new lock file may not be locked yet."""
 
 
 def keep_private() -> None:
-    """Make this process' shared memory unreadable for other accounts; called once it has joined the graph.
+    """Make this process's shared memory unreadable for other accounts; call it after joining the graph.
 
-    Fast DDS gives everybody leave to read it, whatever the umask is: boost sets 0644 once a file is made.
+    Fast DDS lets everybody read it, regardless of the umask: boost sets 0644 once a file is made.
     """
     for link in Path("/proc/self/fd").iterdir():
         with contextlib.suppress(OSError):  # closed meanwhile
@@ -28,10 +28,10 @@ def keep_private() -> None:
 
 
 def remove_leftovers() -> None:
-    """Remove segments whose owner is gone (``fastdds shm clean`` does what is done here).
+    """Remove segments whose owner has ended, as ``fastdds shm clean`` does.
 
-    Ports stay: others write to them, and whoever takes one over tells them so; a port that is gone they would
-    miss only after a second.
+    Ports stay: others write to them, and learn from a new owner when one takes over; they would notice a
+    missing port only after a second.
     """
     for lock in _FOLDER.glob(f"fastrtps_*{_LOCK}"):
         if "port" in lock.name:

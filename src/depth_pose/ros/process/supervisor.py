@@ -7,8 +7,8 @@
                                             # all four have ended here
 
 `up` is the same as a command that runs until SIGINT, SIGTERM or SIGHUP. Each node is an ordinary process. One
-that dies or hangs is started again: at once at first, and up to 10 s later when it goes on dying. What a
-process prints appears with its name in front. If the supervisor is killed, all end.
+that dies or hangs is restarted: at once at first, and up to 10 s later if it keeps dying. Output of a
+process is prefixed with its name. If the supervisor is killed, all end.
 """
 
 from __future__ import annotations
@@ -43,33 +43,32 @@ SENSORS_PATH = Path(__file__).parents[1] / "sensors"
 """Parameter files of known sensor drivers, NAME.yaml."""
 
 _ENVIRONMENT = {PULSE: "1", "PYTHONUNBUFFERED": "1", "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
-"""Of the nodes' processes: signs of life; lines at once; one thread each, as they share the cores."""
+"""Environment of the nodes: signs of life; unbuffered lines; one thread each, as they share the cores."""
 
 _CONSUMERS = {"denoise": 3, "matcher": 1, "refine": 1, "recovery": 0}
-"""Nodes of the suite that always subscribe to what each publishes; it is ready once they have."""
+"""Number of nodes of the suite that subscribe to each node's outputs; it is ready once they have."""
 
 _LOOK_EVERY_S, _STOP_PATIENCE_S = 0.1, 5.0
-"""Seconds between looks where there is no news, and until a process that does not end is killed."""
+"""Seconds between checks without events, and until a process that does not end is killed."""
 
 _LONGEST_LOOK_S = 0.5
-"""Seconds that one look can add to a silence or a wait: a machine that was itself paused proves nothing."""
+"""Maximum seconds that one check can add to a silence or a wait: the machine itself may have been paused."""
 
 _FIRST_DELAY_S, _MAX_DELAY_S = 0.1, 10.0
-"""Seconds before a process is started again that died young twice; it doubles up to the most. Set by hand."""
+"""Seconds before a process that died young twice is restarted; doubles up to the maximum. Set by hand."""
 
 HEALTHY_S = 3.0
-"""Seconds; a process that was ready for so long before its last sign of life is started again at once.
-
-What a bug or a frame ends, it ends while it loads or with its first frames.
+"""A process that was ready for at least this long (s) before its last sign of life restarts at once.
+A bug or a bad frame ends a process while it loads or with its first frames.
 """
 
 
 class NodeDiedError(DepthPoseError):
-    """A node ended before it was ready; the message holds its last words."""
+    """A node ended before it was ready; the message holds its last lines of output."""
 
 
 def sensor_names() -> list[str]:
-    """Sensors that `up` and `Suite` know by name."""
+    """Names of the sensor presets of `up` and `Suite`."""
     return sorted(p.stem for p in SENSORS_PATH.glob("*.yaml"))
 
 
@@ -90,14 +89,14 @@ class Suite:
     nodes : sequence of str
         Which of `NODES` to run.
     remap : sequence of str
-        ROS' rules for names, e.g. ``("__ns:=/left",)`` for a second suite in the same domain.
+        ROS remapping rules, e.g. ``("__ns:=/left",)`` for a second suite in the same domain.
     sink : callable
-        Gets every line of output, with ``[name] `` in front; prints it by default.
+        Receives every line of output, with ``[name] `` in front; prints it by default.
 
     Attributes
     ----------
     failure : DepthPoseError or None
-        Why the suite cannot go on, if so.
+        The reason if the suite cannot continue.
     """
 
     def __init__(
@@ -125,7 +124,7 @@ class Suite:
 
     @property
     def restarts(self) -> dict[str, int]:
-        """How often each node was started again."""
+        """Number of restarts of each node."""
         return {name: self._restarts[name] for name in self._arguments}
 
     def pid(self, name: str) -> int | None:
@@ -134,7 +133,7 @@ class Suite:
         return child.pid if child is not None and child.code is None else None
 
     def is_ready(self, name: str) -> bool:
-        """Whether a node has said so since it was last started."""
+        """Whether a node has reported ready since it was last started."""
         child = self._children.get(name)
         return child is not None and child.ready_s < math.inf and child.code is None
 
@@ -172,7 +171,7 @@ class Suite:
             time.sleep(0.02)
 
     def stop(self) -> dict[str, int]:
-        """End all nodes; gives their exit codes, 0 where they ended cleanly."""
+        """End all nodes; return their exit codes, 0 where they ended cleanly."""
         self._stopping.set()
         if self._thread.ident is not None:
             self._thread.join()
@@ -192,7 +191,7 @@ class Suite:
     ) -> None:
         self.stop()
 
-    # In a thread of its own
+    # In a separate thread
 
     def _run(self) -> None:
         while not self._stopping.is_set() and self.failure is None:
@@ -210,7 +209,7 @@ class Suite:
         remove_leftovers()
 
     def _look_after(self, name: str) -> None:
-        """Start a node that is not there, or no longer."""
+        """Start a node that does not run."""
         last = self._children.get(name)
         if last is not None:
             if last.code is None or time.monotonic() < self._due_s[name]:
@@ -220,7 +219,7 @@ class Suite:
         self._children[name] = Child(name, command, os.environ | _ENVIRONMENT)
 
     def _look(self) -> float:
-        """Handle events and silence for one period; return the seconds that count."""
+        """Handle events and silence for one period; return its duration, limited."""
         alive = [child for child in self._children.values() if child.code is None]
         news: Sequence[Any] = wait(alive, _LOOK_EVERY_S)
         last_s, self._looked_s = self._looked_s, time.monotonic()
@@ -238,7 +237,7 @@ class Suite:
     def _take_end(self, child: Child) -> None:
         """Schedule a restart: at once, or with growing delay if processes die young."""
         name, was_ready = child.name, child.ready_s < math.inf
-        may_go_on = was_ready or self._restarts[name] or child.code == 0  # 0: as where it has starved
+        may_go_on = was_ready or self._restarts[name] or child.code == 0  # 0: for instance it has starved
         if child.code == EXIT_CONFIG or not may_go_on:
             kind = ConfigError if child.code == EXIT_CONFIG else NodeDiedError
             what = f"the {name} ended with code {child.code} before it was ready"
@@ -260,7 +259,7 @@ def up(
     remap: Sequence[str] = (),
     local: bool = False,
 ) -> int:
-    """Run the four nodes until SIGINT, SIGTERM or SIGHUP; signals are heard in the main thread.
+    """Run the four nodes until SIGINT, SIGTERM or SIGHUP; signals are handled in the main thread.
 
     Parameters are those of `Suite`; ``local`` keeps all of it to this machine (`depth_pose.ros.stay_local`).
 
@@ -296,7 +295,7 @@ def up(
 
 
 def _links(name: str, nodes: Sequence[str]) -> list[str]:
-    """Return the parameters that say whom a node waits for before it is ready."""
+    """Return the parameters for the connections that a node waits for before it is ready."""
     whole = set(nodes) == set(NODES)
     return ["-p", f"consumers:={_CONSUMERS[name] * whole}", "-p", f"producers:={str(whole).lower()}"]
 
@@ -332,5 +331,5 @@ def _last_words(child: Child) -> str:
 
 
 def _print(line: str) -> None:
-    with contextlib.suppress(OSError):  # nobody reads it, or the disk that it goes to is full
+    with contextlib.suppress(OSError):  # its reader has ended, or the disk is full
         print(line, flush=True)

@@ -1,6 +1,6 @@
-"""The main job: a recording in real time through the four live nodes, and what came out of it.
+"""The demo: play a recording in real time through the four live nodes, and report the results.
 
-`replay_live` plays a recording's depth topic, records the skeletons, and gives the figures;
+`replay_live` plays a recording's depth topic, records the skeletons, and returns the figures;
 `run_demo` is that as a command, with a table and a picture at the end.
 """
 
@@ -37,31 +37,31 @@ if TYPE_CHECKING:
     from depth_pose.evaluate.score import Score
 
 _QUIET_S, _FIRST_S = 3.0, 15.0
-"""Seconds without another answer, and without the first, after which the rest was dropped. Set by hand."""
+"""Seconds without a further, or the first, answer after which the rest counts as dropped. Set by hand."""
 
 
 @dataclass(frozen=True)
 class DemoResult:
-    """What became of a recording that was replayed live.
+    """Result of a recording that was replayed live.
 
     Attributes
     ----------
     recording, skeletons : Path
         The depth recording, and that of its skeletons.
     frames, answered, occupied : int
-        Frames played; those that an answer came for; those of them with somebody in view.
+        Frames played; those answered; those of them with a person in view.
     people : int
         People in the recording, by their ids.
     input_hz, output_hz : float
         Frames and answers a second; NaN for fewer than two.
     latency_s : (answered,) float64
-        Wall time from publishing a frame to receiving its whole answer, seconds.
+        Wall time from publishing a frame to receiving its complete answer, seconds.
     wall_s : float
         From the first frame to the last answer.
     restarts : int
-        How often a node died and was started again.
+        Number of restarts of nodes that died.
     damage : tuple of str
-        What was wrong with the recording or could not be played.
+        Damage of the recording, and topics that could not be played.
     """
 
     recording: Path
@@ -79,9 +79,9 @@ class DemoResult:
 
 
 class _Timing:
-    """Wall times of frames going out and answers coming in, by stamp.
+    """Wall times of published frames and received answers, by stamp.
 
-    A frame's answer is whole once both of its messages are in: everybody's, and the followed one's.
+    An answer is complete once both of its messages are in: all skeletons, and the followed person's.
     """
 
     def __init__(self, depth_topic: str, told: Callable[[int], None]) -> None:
@@ -113,7 +113,7 @@ class _Timing:
             time.sleep(0.05)
 
     def latency_s(self) -> np.ndarray:
-        received = self.received_ns.copy()  # the recorder's thread goes on
+        received = self.received_ns.copy()  # the recorder's thread continues
         return np.array([(received[s] - self.sent_ns[s]) / 1e9 for s in received if s in self.sent_ns])
 
 
@@ -137,11 +137,11 @@ def replay_live(
     bank : Path or str, optional
         Exemplar bank; the set-up's by default.
     on_ready : callable, optional
-        Called when the nodes are ready and the first frame is about to go.
+        Called when the nodes are ready, before the first frame.
     progress : callable, optional
-        Told the number of answers so far.
+        Called with the number of answers so far.
     sink : callable, optional
-        Gets every line that the nodes print.
+        Receives every line that the nodes print.
 
     Raises
     ------
@@ -192,7 +192,7 @@ def _topic_parameters(topic: DepthTopic) -> dict[str, str | bool]:
 
 
 def _people_of(path: Path) -> list[set[str]]:
-    """Who is in each frame."""
+    """Read the people's ids in each frame."""
     return [{s.body_id for s in frame.skeletons} for frame in read_people(path)]
 
 
@@ -220,8 +220,8 @@ def run_demo(recording: Path | str | None = None, output: Path | str = Path("res
     Returns
     -------
     int
-        Exit code: 0 where every frame was answered or dropped for a stated reason, 1 where
-        nothing came out.
+        Exit code: 0 if every frame was answered or dropped for a stated reason, 1 if
+        there were no answers.
     """
     from rich.console import Console
 
@@ -253,7 +253,7 @@ def _log(path: Path) -> Iterator[Callable[[str], None]]:
 
 
 def _choose_domain(console: Console) -> None:
-    """Keep to this machine, and apart from other nodes on the same topics, unless the user chose."""
+    """Isolate the demo on this machine, and from other nodes on the same topics, unless the user chose."""
     if (
         os.environ[PROFILE_VARIABLE] == str(PROFILE_PATH)
         and "ROS_AUTOMATIC_DISCOVERY_RANGE" not in os.environ

@@ -1,6 +1,6 @@
-"""Looking at topics from a terminal: how often messages come, and where a frame is.
+"""Inspect topics from a terminal: message rates, and transforms of frames.
 
-Twins of ``ros2 topic hz`` and ``tf2_echo`` for machines without ROS from apt.
+Counterparts of ``ros2 topic hz`` and ``tf2_echo`` for machines without ROS from apt.
 """
 
 from __future__ import annotations
@@ -24,16 +24,16 @@ from depth_pose.ros.transport.tf import LATCHED, TF_QUEUE, tf_message
 from depth_pose.volume.transform_tree import TransformTree, pose_matrix
 
 _TICK_S = 0.05
-"""The longest wait for a message before it is seen whether to stop, seconds. Set by hand."""
+"""Maximum wait for a message between checks for a stop signal, seconds. Set by hand."""
 
 
 _DISCOVER_S = 3.0
-"""Seconds that publishers have to be found, and then to bring a first message. Set by hand."""
+"""Time limit for finding publishers, and then for a first message, seconds. Set by hand."""
 
 
 @dataclass(frozen=True)
 class Rate:
-    """How often a topic's messages came since it was last told.
+    """Message rate of a topic since the last report.
 
     Attributes
     ----------
@@ -54,12 +54,12 @@ class Rate:
 
 @dataclass(frozen=True)
 class Place:
-    """Where a frame is in another.
+    """Transform of a frame in another.
 
     Attributes
     ----------
     stamp_ns : int
-        Of the newest message that spoke of it.
+        Stamp of its newest message.
     T_parent_frame : (4, 4) float64
         Metres.
     """
@@ -83,8 +83,8 @@ class Place:
 def watch_rate(topic: str, every_s: float = 1.0) -> Iterator[Rate | None]:
     """Yield the message rate of a topic until SIGINT or SIGTERM; None without messages.
 
-    It begins with the first message, or once discovery has had its time. Listens best effort, which hears
-    every publisher.
+    It begins with the first message, or after the time limit of discovery. Subscribes best effort, which
+    receives from every publisher.
 
     Raises
     ------
@@ -133,7 +133,7 @@ def _await(condition: Callable[[], bool], turns: Callable[[float], Iterator[None
 
 
 class _Heard:
-    """What ``/tf`` and ``/tf_static`` have told."""
+    """Transforms from ``/tf`` and ``/tf_static``."""
 
     def __init__(self) -> None:
         self.tree = TransformTree()
@@ -185,7 +185,7 @@ def _frames() -> Iterator[Any]:
 
 @contextmanager
 def _listener(name: str) -> Iterator[Any]:
-    """Make a node of one's own, and a way to spin it in turns of some seconds until one is told to stop."""
+    """Create a node, and a function that spins it for some seconds, until a stop signal."""
     import rclpy
     from rclpy.context import Context
     from rclpy.executors import SingleThreadedExecutor

@@ -13,7 +13,7 @@ from typing import Any
 from depth_pose.core.errors import InputError
 
 _TYPE = re.compile(r"([a-z][a-z0-9_]*)/(?:msg/)?([A-Z][A-Za-z0-9]*)")
-"""A message type by ROS' rules for names."""
+"""A message type by the naming rules of ROS."""
 _FIELD_TYPE = re.compile(r"^\s*([A-Za-z][A-Za-z0-9_]*(?:/[A-Za-z0-9_]+)*)(?:<=\d+)?(?:\[[^\]]*\])?\s+\w+")
 _NUMBERS = [f"{kind}{bits}" for kind in ("int", "uint") for bits in (8, 16, 32, 64)]
 """Whole numbers of the ROS interface definition."""
@@ -28,7 +28,7 @@ def message_class(name: str) -> Any:
     Raises
     ------
     InputError
-        If it is no name of a type, or its package is not installed.
+        If it is not the name of a type, or its package is not installed.
     """
     package, kind = _split(name)
     if not _share(package).joinpath("msg", f"{kind}.msg").is_file():
@@ -41,7 +41,7 @@ def message_class(name: str) -> Any:
 
 @cache
 def message_text(name: str) -> str:
-    """Full definition of a type as MCAP keeps it: its ``.msg`` file and those it names.
+    """Return the full definition of a type as in MCAP: its ``.msg`` file and those it refers to.
 
     The files are joined by a line of 80 ``=`` and ``MSG: package/Type``, each type once.
     """

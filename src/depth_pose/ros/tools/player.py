@@ -1,4 +1,4 @@
-"""A recording -> topics: the recorded bytes as they are, at the recorded times, with ``/clock``."""
+"""Publish a recording: the recorded bytes unchanged, at the recorded times, with ``/clock``."""
 
 from __future__ import annotations
 
@@ -21,33 +21,33 @@ from depth_pose.ros.process.shared_memory import keep_private
 from depth_pose.ros.tools.recorded_qos import is_latched
 
 CLOCK_HZ = 40.0
-"""``/clock`` messages a second of wall time, beside one before every recorded message."""
+"""``/clock`` messages a second of wall time, besides one before every recorded message."""
 
 _DEPTH = 100
-"""Messages that wait for a reliable subscriber that is slow."""
+"""Queue length for a slow reliable subscriber."""
 
 _DISCOVER_S, _MOST_DISCOVER_S = 1.0, 5.0
-"""Seconds that nodes which run already have to find the publishers, least and most, where nobody is waited
-for. On one machine they took 0.1 to 0.6 s. Set by hand."""
+"""Seconds for running nodes to find the publishers, least and most, without ``--wait-for``. On one machine
+they took 0.1 to 0.6 s. Set by hand."""
 
 _SETTLE_S, _MOST_SETTLE_S = 0.2, 2.0
 """Seconds, least and most, between the last subscriber's discovery and the first message.
 
-A publisher finds a subscriber before the subscriber finds the publisher, and what is sent between is
-lost. The busier the machine, the longer that takes: as long as the discovery took. Set by hand.
+A publisher finds a subscriber before the subscriber finds the publisher, and messages sent in between are
+lost. On a busy machine that takes longer: as long as the discovery took. Set by hand.
 """
 
 _LONGEST_LOOK_S = 0.1
-"""Seconds that one look for subscribers can add to these times: while the machine stood still nobody met."""
+"""Maximum seconds that one check for subscribers adds to these times: the machine may have stood still."""
 
 _ACKNOWLEDGED_S = 5.0
-"""Seconds that reliable subscribers have to acknowledge the last messages. Set by hand."""
+"""Time limit for reliable subscribers to acknowledge the last messages, seconds. Set by hand."""
 
 _MOST_GAP_S = 3600.0
-"""A longer time without messages (s) is no pause but a wrong clock, and is not waited for. Set by hand."""
+"""A longer gap between messages (s) is not a pause but a wrong clock, and is skipped. Set by hand."""
 
 _LAST_CLOCK_NS = (1 << 31) * 1_000_000_000 - 1
-"""The last time that ``/clock`` can tell, nanoseconds."""
+"""Maximum time of a ``/clock`` message, nanoseconds."""
 
 _AHEAD = 32
 """Messages read ahead of their time: about a second of images. Set by hand."""
@@ -55,24 +55,24 @@ _AHEAD = 32
 
 @dataclass
 class Played:
-    """What was published.
+    """Summary of a playback.
 
     Attributes
     ----------
     messages : Counter
         Messages by topic, all rounds together.
     rounds : int
-        Times the recording was begun.
+        Number of times the recording was started.
     wall_s : float
         From the first message to the last.
     worst_delay_s : float
-        Longest time by which a message came later than it should.
+        Maximum delay of a message.
     damage : tuple of str
-        What of the recording could not be read, and so was not played; one line a file.
+        Parts of the recording that could not be read and played; one line per file.
     skipped : dict of str to str
-        Topics that could not be played, and why.
+        Topics that could not be played, with the reason.
     gaps : list of str
-        Times without messages that were not waited for, a line each.
+        Skipped gaps between messages, a line each.
     """
 
     messages: Counter[str] = field(default_factory=Counter)
@@ -104,15 +104,15 @@ class Player:
     wait_for_subscribers : sequence of str
         Published topics (new names) that must have a subscriber before the start.
     wait_for : int
-        So many subscribers, of all topics together, must there be before the start.
+        Number of subscribers, over all topics, required before the start.
     wait_s : float
-        How long to wait for them.
+        Time limit for them.
     delay_s : float
-        How long to wait at least, from the publishers' making to the first message.
+        Minimum time from the creation of the publishers to the first message.
     images : ImageOptions, optional
-        What a folder of images does not say.
+        Options for a folder of images.
     on_message : callable, optional
-        Told every message just published, and when that began, ``time.time_ns()``.
+        Called with every message just published, and its time, ``time.time_ns()``.
     """
 
     def __init__(
@@ -153,7 +153,7 @@ class Player:
         Raises
         ------
         InputError
-            If nothing can be played, or the subscribers waited for do not come.
+            If nothing can be played, or the required subscribers do not appear.
         """
         import rclpy
         from rclpy.context import Context
@@ -195,7 +195,7 @@ class Player:
                 self._result.skipped[topic] = str(e)
                 continue
             name = self._remap.get(topic, topic)
-            # reliable suits every subscriber; those that ask for best effort get that
+            # reliable suits every subscriber, also best-effort ones
             qos = QoSProfile(depth=_DEPTH)
             if is_latched(topic, self._recording.topics[topic].qos):
                 qos.durability = DurabilityPolicy.TRANSIENT_LOCAL
@@ -251,9 +251,9 @@ class Player:
         return f"its topics but {count} of {self._wait_count}" if count < self._wait_count else ""
 
     def _is_settled(self, took_s: float, changed_s: float) -> bool:
-        """Whether those who subscribe will get the first message: nobody has come for a while.
+        """Whether subscribers will receive the first message: none has appeared for a while.
 
-        Where somebody is waited for, as long as that took; else as long as discovery takes.
+        With required subscribers, as long as that took; else as long as discovery takes.
         """
         if self._wait_for or self._wait_count:
             return took_s - changed_s >= min(max(changed_s, _SETTLE_S), _MOST_SETTLE_S)
@@ -261,7 +261,7 @@ class Player:
         return took_s >= _MOST_DISCOVER_S or (took_s >= _DISCOVER_S and quiet_s >= _SETTLE_S)
 
     def _await_acknowledgement(self) -> None:
-        """Wait until reliable subscribers have all: what is on its way is lost with its publisher."""
+        """Wait until reliable subscribers have all messages: those in transit are lost with the publisher."""
         from rclpy.duration import Duration
 
         deadline = time.monotonic() + (0.0 if self._stop.is_set() else _ACKNOWLEDGED_S)
@@ -305,7 +305,7 @@ class Player:
 
     def _publish(self, message: RawMessage, due_s: float) -> None:
         self._tick(message.log_time_ns)
-        now_ns = time.time_ns()  # an answer may come before the thread goes on
+        now_ns = time.time_ns()  # an answer may come before the thread continues
         self._publishers[message.topic].publish(message.data)
         self._result.messages[message.topic] += 1
         self._result.worst_delay_s = max(self._result.worst_delay_s, time.monotonic() - due_s)
@@ -333,7 +333,7 @@ class Player:
 
 
 class _ReadAhead:
-    """Reads in a thread, so that unpacking a chunk delays no message."""
+    """Reader in a separate thread, so that decompressing a chunk delays no message."""
 
     def __init__(self, source: Callable[[], Iterator[RawMessage]]) -> None:
         self._source = source

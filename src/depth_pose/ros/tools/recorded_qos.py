@@ -1,4 +1,4 @@
-"""What publishers offered, as rosbag2 writes it into recordings (``offered_qos_profiles``), and back."""
+"""QoS of publishers, as rosbag2 writes it into recordings (``offered_qos_profiles``), and back."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from depth_pose.core.errors import ConfigError
 from depth_pose.core.reading import parse_yaml
 
 _LATCHED = ("/tf_static", "/robot_description")
-"""Topics that are kept for who comes later, also where a recording does not say so (REP 105, urdf)."""
+"""Topics that are latched, even if a recording does not say so (REP 105, urdf)."""
 
 _MOST_TEXT = 1 << 16
-"""The most characters of profiles that are read. Set by hand: a profile has 400."""
+"""Maximum number of characters of profiles. Set by hand: a profile has 400."""
 
 
 def qos_text(offers: Sequence[Any]) -> str:
@@ -41,7 +41,7 @@ def _duration_text(duration: Any) -> str:
 
 
 def is_latched(topic: str, text: str) -> bool:
-    """Whether a topic's messages were kept for subscribers that come later (transient local)."""
+    """Whether a topic's messages were latched for later subscribers (transient local)."""
     try:
         profiles = parse_yaml(topic, text[:_MOST_TEXT])
     except ConfigError:

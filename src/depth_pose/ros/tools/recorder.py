@@ -1,4 +1,4 @@
-"""Topics -> MCAP, as they come: serialised bytes, and the full text of every definition."""
+"""Record topics to MCAP: serialised bytes, and the full text of every definition."""
 
 from __future__ import annotations
 
@@ -18,40 +18,40 @@ from depth_pose.ros.process.runner import on_stop
 from depth_pose.ros.tools.recorded_qos import qos_text
 
 _LOOK_EVERY_S = 0.05
-"""Seconds between two looks for new topics. Set by hand."""
+"""Seconds between two checks for new topics. Set by hand."""
 
 _SETTLE_S = 0.2
-"""Seconds after both sides should have found each other: a publisher may find the recorder last."""
+"""Seconds for discovery on both sides: a publisher may find the recorder last."""
 
 _DRAIN_S = 2.0
-"""Most seconds, once told to stop, for what has come by then. Set by hand."""
+"""Time limit, after the stop, for messages that have arrived by then, seconds. Set by hand."""
 
 _QUIET_TURNS, _TURN_S = 3, 0.02
-"""All has come after so many turns without a message, of so many seconds at most: one may have brought other
-news, and what the sender knows to be here is seen a moment later. Set by hand."""
+"""Number and maximum duration (s) of spins without a message after which all have been received: one spin may
+handle another event, and delivered messages appear a moment later. Set by hand."""
 
 _QUEUE = 1000
-"""Messages of a topic that may wait to be written. Set by hand."""
+"""Queue length of a topic's messages. Set by hand."""
 
 _INTERNAL = ("/parameter_events", "/rosout")
 
 
 class Recorder:
-    """Records topics in a thread of its own, from `start` to `stop`.
+    """Records topics in a separate thread, from `start` to `stop`.
 
-    A topic is recorded as soon as somebody publishes it, with whatever QoS its publishers
+    A topic is recorded as soon as it has a publisher, with the QoS that its publishers
     offer. Log times are those of arrival.
 
     Parameters
     ----------
     output : path
         MCAP file. Until it is finished it is ``NAME.partial.mcap``; then an existing one is replaced,
-        unless nothing was recorded, which leaves no file. Where the disk fills up the recording ends, and
-        what came before is left under that name.
+        unless nothing was recorded, which leaves no file. If the disk fills up the recording ends, and
+        earlier messages are left under that name.
     topics : sequence of str, optional
         Topics to record; all but `rosout` and parameter events by default.
     on_message : callable, optional
-        Told topic, serialised bytes and arrival (``time.time_ns()``) of every message, in
+        Called with topic, serialised bytes and arrival (``time.time_ns()``) of every message, in
         the recorder's thread.
     """
 
@@ -83,12 +83,12 @@ class Recorder:
 
     @property
     def refused(self) -> dict[str, str]:
-        """Topics that cannot be recorded, and why."""
+        """Topics that cannot be recorded, with the reason."""
         return dict(self._refused)
 
     @property
     def is_running(self) -> bool:
-        """Whether it still records; a full disk ends it before `stop`, which then says so."""
+        """Whether it still records; a full disk ends it before `stop`, which then raises the error."""
         return self._thread is not None and self._thread.is_alive()
 
     def start(self) -> None:
@@ -108,7 +108,7 @@ class Recorder:
         self._thread.start()
 
     def stop(self) -> Counter[str]:
-        """Finish the file; gives the messages recorded by topic, without any of which there is no file."""
+        """Finish the file; return the number of messages by topic. Without messages there is no file."""
         self._stopping.set()
         if self._thread is not None:
             self._thread.join()
@@ -133,7 +133,7 @@ class Recorder:
             self._file.keep()
 
     def wait_for(self, topic: str, count: int, timeout_s: float = 10.0) -> bool:
-        """Wait until `count` messages of a topic are recorded; False if they do not come in time."""
+        """Wait until `count` messages of a topic are recorded; False if they do not arrive in time."""
         with self._changed:
             return self._changed.wait_for(lambda: self._counts[topic] >= count, timeout_s)
 
@@ -194,7 +194,7 @@ class Recorder:
             quiet = 0 if self._counts.total() > before else quiet + 1
 
     def _look(self) -> None:
-        """Subscribe to what has appeared."""
+        """Subscribe to new topics."""
         if self._topics is not None and len(self._subscriptions) + len(self._refused) == len(self._topics):
             return
         for topic, types in self._node.get_topic_names_and_types():
@@ -242,7 +242,7 @@ class Recorder:
 
 
 def _matching_qos(publishers: Sequence[Any]) -> Any:
-    """Reliable and durable only where all publishers are, so that each of them is heard."""
+    """Return a QoS that is reliable and durable only if all publishers are, so that all can be received."""
     from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
     offers = [p.qos_profile for p in publishers]

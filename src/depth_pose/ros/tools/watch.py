@@ -1,6 +1,6 @@
-"""What a viewer hears of running nodes: the newest depth, everybody's skeletons, diagnostics.
+"""A viewer's subscriptions to running nodes: the newest depth, all skeletons, diagnostics.
 
-Messages are taken as bytes and kept; only those that are shown are decoded. Subscriptions are reliable where
+Messages are kept as bytes; only those that are shown are decoded. Subscriptions are reliable if
 their publishers are, as those of the nodes, and have short queues: publishers keep the last few messages, so
 none ever waits for a viewer.
 """
@@ -25,32 +25,32 @@ from depth_pose.io.messages import read_message, read_people, stamp_of
 from depth_pose.ros.tools.bag import header_stamp_ns
 
 _HELD, _HELD_BYTES = 64, 64 << 20
-"""Depth messages that wait for their skeletons, at most, and the memory that they may take: two seconds of
-640 x 480 with 16 bits at 30 a second."""
+"""Maximum number and memory of depth messages that wait for their skeletons: two seconds of 640 x 480 with 16
+bits at 30 a second."""
 
 _MOST_BYTES = 2 << 20
-"""A message of skeletons may have: 255 people of 2 kB each, and some room."""
+"""Maximum size of a message of skeletons: 255 people of 2 kB each, and a margin."""
 
 _LEAST_BYTES = 12
-"""What the stamp of a message takes; a shorter one is none."""
+"""Bytes of a message's stamp; a shorter message is invalid."""
 
 _UNANSWERED_NS = 2_000_000_000
 """Depth this much newer than the newest skeletons is shown without any. Nodes on free cores take a tenth of
-a second; on cores that others keep busy more than one was seen."""
+a second; on busy cores more than a second was observed."""
 
 _QUEUE = 8
-"""Messages of a topic that may wait for the viewer; skeletons whose depth image was lost are not shown."""
+"""Queue length of a topic for the viewer; skeletons whose depth image was lost are not shown."""
 
 _BARE_EVERY_NS = 100_000_000
-"""Time between frames that are shown without skeletons; these may still come."""
+"""Time between frames shown without skeletons, which may still arrive."""
 
 _LOOK_S = 0.5
-"""Time between looks for topics and at their publishers, seconds. Set by hand."""
+"""Time between checks of topics and their publishers, seconds. Set by hand."""
 _ANSWER_S = 2.0
-"""Seconds for a node to answer a service."""
+"""Time limit for a node to answer a service, seconds."""
 
 _STALE_S = 5.0
-"""A node that said nothing for so long is no longer listed; it speaks once a second."""
+"""A node silent for this long is no longer listed; it reports once a second."""
 
 _PARAMETERS = {
     "follow": ("recovery", "follow"),
@@ -61,7 +61,7 @@ _PARAMETERS = {
 
 @dataclass
 class _Listened:
-    """A topic that is listened to, and how."""
+    """A subscribed topic, and its QoS."""
 
     kind: type
     callback: Callable[[bytes], None]
@@ -71,7 +71,7 @@ class _Listened:
 
 @dataclass(frozen=True)
 class Heard:
-    """A frame, and everybody's skeletons in it; None where there is no answer."""
+    """A frame, and all its skeletons; None without an answer."""
 
     frame: DepthFrame
     skeletons: tuple[Skeleton, ...] | None
@@ -79,7 +79,7 @@ class Heard:
 
 @dataclass(frozen=True)
 class NodeState:
-    """What a node tells of itself on ``/diagnostics``.
+    """A node's state from ``/diagnostics``.
 
     Attributes
     ----------
@@ -94,12 +94,12 @@ class NodeState:
 
 
 class Watch:
-    """Listens to the nodes in a thread of its own, from `start` to `stop`.
+    """Subscriber to the nodes in a separate thread, from `start` to `stop`.
 
     Parameters
     ----------
     depth_topic : str, optional
-        Depth images or clouds; by default what the denoise node takes.
+        Depth images or clouds; by default the denoise node's input.
     """
 
     def __init__(self, depth_topic: str | None = None) -> None:
@@ -116,7 +116,7 @@ class Watch:
         self._thread = threading.Thread(target=self._run, name="watch", daemon=True)
 
     def start(self) -> None:
-        """Begin to listen."""
+        """Start the thread."""
         import rclpy
         from depth_pose_msgs.msg import SkeletonArray
         from diagnostic_msgs.msg import DiagnosticArray
@@ -130,7 +130,7 @@ class Watch:
         self._thread.start()
 
     def stop(self) -> None:
-        """Stop listening."""
+        """Stop the thread."""
         import rclpy
 
         self._stopping.set()
@@ -145,7 +145,7 @@ class Watch:
             return len(self._depth) + len(self._skeletons)
 
     def newest(self) -> Heard | None:
-        """Return the newest frame that was not returned before, decoded; None if there is none."""
+        """Return the newest frame not returned before, decoded; None if there is none."""
         with self._lock:
             both = [stamp for stamp in self._skeletons if stamp in self._depth]
             stamp = both[-1] if both else 0
@@ -171,7 +171,7 @@ class Watch:
             return [state for told, state in self._nodes.values() if now - told < _STALE_S]
 
     def set(self, name: str, value: str | int) -> str:
-        """Set ``follow``, ``zone`` or ``people`` of the nodes; gives what went wrong, or nothing."""
+        """Set ``follow``, ``zone`` or ``people`` of the nodes; return an error text, or an empty one."""
         from rcl_interfaces.srv import SetParameters
         from rclpy.parameter import Parameter
 
@@ -216,7 +216,7 @@ class Watch:
             executor.shutdown()
 
     def _look(self) -> None:
-        """Subscribe to the depth topic once it is there."""
+        """Subscribe to the depth topic once it exists."""
         if self._depth_topic is not None:
             self._subscribe(self._depth_topic, self._depth_topic.rpartition("/")[0] + "/camera_info")
             return
@@ -255,7 +255,7 @@ class Watch:
         self._match()
 
     def _match(self) -> None:
-        """Subscribe to every topic as its publishers send, reliable or best effort."""
+        """Subscribe to every topic with its publishers' reliability."""
         from depth_pose.ros.transport.intake import frame_qos, is_sent_reliable
 
         for topic, listened in self._listened.items():
@@ -271,7 +271,7 @@ class Watch:
                 )
 
     def take_depth(self, data: bytes) -> None:
-        """Hold a serialized image or cloud; ignored without a stamp, or before the CameraInfo it needs."""
+        """Store a serialized image or cloud; ignored without a stamp, or before the CameraInfo it needs."""
         if self._infos.count or self._kind == schemas.POINT_CLOUD:
             self._hold(self._depth, data)
 
@@ -285,7 +285,7 @@ class Watch:
             self._infos.add(info, stamp_of(info))
 
     def take_skeletons(self, data: bytes) -> None:
-        """Hold a serialized SkeletonArray; ignored without a stamp, or if it is too large."""
+        """Store a serialized SkeletonArray; ignored without a stamp, or if it is too large."""
         if len(data) > _MOST_BYTES:  # reading it would take the viewer minutes
             self._node.get_logger().warning(
                 f"skeletons of {len(data)} bytes are not shown; more than {_MOST_BYTES} no frame's can be",
@@ -299,7 +299,7 @@ class Watch:
             return
         stamp = header_stamp_ns(data)
         with self._lock:
-            if kept and stamp < next(reversed(kept)):  # the recording begins again
+            if kept and stamp < next(reversed(kept)):  # the recording restarts
                 kept.clear()
                 self._shown = (0, False)
             kept[stamp] = data
@@ -336,7 +336,7 @@ class Watch:
 
 
 def start_watch(depth_topic: str | None) -> Watch:
-    """Listen to the nodes."""
+    """Run a watch on the nodes."""
     watch = Watch(depth_topic)
     watch.start()
     return watch

@@ -1,1 +1,1 @@
-"""What arrives and leaves: messages, pairing of topics, playing and recording."""
+"""Transport of messages: subscriptions, pairing of topics, transforms, markers."""

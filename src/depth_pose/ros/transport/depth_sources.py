@@ -1,4 +1,4 @@
-"""The depth topics of a running ROS system, and the parameters that name each to the nodes."""
+"""The depth topics of a running ROS system, and the node parameters for each."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from depth_pose.ros import NODES
 
 @dataclass(frozen=True)
 class DepthSource:
-    """A topic that may bring depth.
+    """A topic that may carry depth.
 
     Attributes
     ----------
     topic, kind : str
         Its name and message type.
     parameters : dict of str to str
-        Parameters of the nodes that name it.
+        Parameters of the nodes that select it.
     """
 
     topic: str
@@ -34,10 +34,10 @@ class DepthSource:
 
 
 def depth_sources(node: Node) -> list[DepthSource]:
-    """List the topics of others that may bring depth: images, compressed depth images, point clouds.
+    """List the topics, other than the suite's, that may carry depth: images, compressed depth images, clouds.
 
-    Of images, where some are named ``depth``, only those. Images without a CameraInfo are of no use. Topics
-    of a suite's nodes, of whatever namespace, are left out.
+    If some image topics are named ``depth``, only those are listed. Images without a CameraInfo are left out,
+    and so are topics of a suite's nodes in any namespace.
     """
     topics = {name: kinds for name, kinds in node.get_topic_names_and_types() if _has_foreign(node, name)}
     infos = [name for name, kinds in topics.items() if schemas.CAMERA_INFO in kinds]
@@ -55,6 +55,6 @@ def depth_sources(node: Node) -> list[DepthSource]:
 
 
 def _has_foreign(node: Node, topic: str) -> bool:
-    """Whether somebody else than a suite's nodes publishes a topic."""
+    """Whether a topic has a publisher outside a suite."""
     found = node.get_publishers_info_by_topic(topic)
     return any(publisher.node_name not in NODES for publisher in found)

@@ -24,7 +24,7 @@ _COLOURS = {state: ColorRGBA(r=r, g=g, b=b, a=1.0) for state, (r, g, b) in COLOU
 
 
 def skeletons_to_markers(skeletons: Sequence[Skeleton], stamp_ns: int, frame_id: str) -> MarkerArray:
-    """Joints as spheres coloured by state, bones as lines, and each one's name; what was drawn before goes.
+    """Build markers: joints as spheres coloured by state, bones as lines, names; earlier ones are deleted.
 
     The namespaces are ``BODY_ID/joints``, ``/bones`` and ``/name``.
     """
@@ -58,7 +58,7 @@ def _skeleton_markers(skeleton: Skeleton) -> list[Marker]:
 def mesh_to_marker(
     vertices: NDArray[np.floating], faces: NDArray[np.integer], stamp_ns: int, frame_id: str, number: int = 0
 ) -> Marker:
-    """Body surface as a ``TRIANGLE_LIST``.
+    """Build a body surface as a ``TRIANGLE_LIST``.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ def mesh_to_marker(
     stamp_ns, frame_id
         Of the depth frame.
     number : int
-        Which of the frame's people it is.
+        Number of the person in the frame.
     """
     marker = _marker(stamp_ns, frame_id, "mesh", Marker.TRIANGLE_LIST, Marker.ADD)
     marker.id = number

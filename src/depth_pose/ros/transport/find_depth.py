@@ -22,10 +22,10 @@ from depth_pose.ros.transport.depth_sources import DepthSource, depth_sources
 from depth_pose.ros.transport.intake import frame_qos
 
 _DISCOVER_S, _SETTLE_S = 10.0, 1.5
-"""Seconds until it is given up that there is a topic, and for which the list must stand. Set by hand."""
+"""Time limit for finding a topic, and time for which the list must be stable, seconds. Set by hand."""
 
 _MESSAGE_S = 3.0
-"""Seconds that an image topic has to bring an image, whose encoding says whether it is depth. Set by hand."""
+"""Time limit for an image, whose encoding shows whether it is depth, seconds. Set by hand."""
 
 
 def find_depth(local: bool = False) -> DepthSource:
@@ -69,7 +69,7 @@ def find_depth(local: bool = False) -> DepthSource:
 
 
 def _discover(node: Node, executor: SingleThreadedExecutor) -> list[DepthSource]:
-    """Return the topics once their list has stood for a while."""
+    """Return the topics once their list is stable."""
     began = changed = time.monotonic()
     found: list[DepthSource] = []
     while (now := time.monotonic()) - began < _DISCOVER_S:

@@ -1,6 +1,6 @@
-"""Which frames are on their way through the nodes: where time is short, no more are begun.
+"""Frames in flight through the nodes: if time is short, no more are begun.
 
-What one node has worked on and the next one drops, because a newer frame came, is time lost for all.
+A frame that one node has processed and the next one drops, for a newer frame, is wasted time.
 """
 
 from __future__ import annotations
@@ -10,17 +10,17 @@ from collections import deque
 from typing import Any
 
 MOST = 3
-"""Frames on their way at once; 2 are as good on two cores, and keep fewer cores busy where there are more."""
+"""Maximum number of frames in flight; 2 are as good on two cores, and keep fewer cores busy on more."""
 
 LONGEST_S = 0.2
-"""Seconds after which the next one is begun all the same: an answer may never come. Set by hand."""
+"""Seconds after which the next one is begun anyway: an answer may never arrive. Set by hand."""
 
 QUIET_S = 1.0
-"""Seconds without any answer after which none is waited for: who gives them may be paused. Set by hand."""
+"""Seconds without any answer after which none is waited for: the recovery node may be paused. Set by hand."""
 
 
 class FramesInFlight:
-    """Counts by the answers' stamps, and keeps the newest frame that waits; times in seconds of one clock."""
+    """Counts frames by answers' stamps, and keeps the newest waiting one; times in seconds of one clock."""
 
     def __init__(self) -> None:
         self.forget()
@@ -33,7 +33,7 @@ class FramesInFlight:
 
     @property
     def has_waiting(self) -> bool:
-        """Whether a frame waits; whichever is offered next overtakes it."""
+        """Whether a frame waits; the next one offered replaces it."""
         return self._waiting is not None
 
     def offer(self, frame: Any, now_s: float) -> bool:

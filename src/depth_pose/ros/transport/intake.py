@@ -1,4 +1,4 @@
-"""From the messages of a node's topics to whole frames: pairing, newest first, every miss counted."""
+"""Group the messages of a node's topics into complete frames: pairing, newest first, losses counted."""
 
 from __future__ import annotations
 
@@ -17,24 +17,23 @@ from depth_pose.ros.transport.losses import BusyTimes, count_lost, cure
 from depth_pose.ros.transport.pairing import Pairer
 
 PAIR_DEPTH = 64
-"""Stamps held by a node that pairs topics, until the later part of a frame comes.
-
-It spans two seconds at 30 frames a second, which is more than the stages between take. With fewer, a node
-behind a slow stage would let go of a frame's points before its match comes.
+"""Number of stamps held by a node that pairs topics, until the later part of a frame arrives.
+They span two seconds at 30 frames a second, more than the stages in between take. With fewer, a node
+behind a slow stage would drop a frame's points before its match arrives.
 """
 
 RELIABLE_DEPTH = 4
-"""Frames held of a reliable sensor: what it sends again comes with the next. The newest is answered."""
+"""Queue length for a reliable sensor: resent frames arrive with the next. The newest is answered."""
 
 _SAME_PUBLISHER = 5
-"""So many messages with growing numbers are of one publisher, though others are known: a driver that was
-killed stays known for 20 s. Set by hand."""
+"""This many messages with increasing numbers come from one publisher, even if others are listed: a killed
+driver stays listed for 20 s. Set by hand."""
 
 NO_EVENTS = SubscriptionEventCallbacks(use_default_callbacks=False)
-"""No events: each makes every wait of the executor longer, and a node tells itself what is wrong."""
+"""No event callbacks: each makes every wait of the executor longer, and nodes report problems themselves."""
 
 LOG_EVERY_S = 5.0
-"""A message of the same kind is logged at most this often, seconds. Set by hand."""
+"""Minimum time between log messages of the same kind, seconds. Set by hand."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +46,7 @@ class Input:
         Message class, with a header.
     topic : str
     sensor : bool
-        Whether it comes from outside the suite: then its silence is worth a warning.
+        Whether it comes from outside the suite: then its silence gives a warning.
     """
 
     kind: type
@@ -56,21 +55,21 @@ class Input:
 
 
 class Taker(Protocol):
-    """A node that takes frames, as their source knows it: `depth_pose.ros.nodes.node_base.StageNode`.
+    """Interface of a node that processes frames: `depth_pose.ros.nodes.node_base.StageNode`.
 
     Attributes
     ----------
     lossless : bool
-        Whether it takes every frame in turn; else the newest wins.
+        Whether it processes every frame in turn; else the newest wins.
     queue : int
         Frames that may wait.
     is_active : bool
         Whether frames are answered.
     busy : BusyTimes
-        When it was at work on a frame.
+        Times when it was busy with a frame.
     create_subscription, destroy_subscription, resolve_topic_name, count_publishers, get_logger
     get_publishers_info_by_topic
-        As every node of rclpy has them.
+        As in every node of rclpy.
     """
 
     lossless: bool
@@ -88,20 +87,20 @@ class Taker(Protocol):
         """Record the arrival of a message."""
 
     def count(self, what: str) -> None:
-        """Count what is told, but is no drop."""
+        """Count an event that is not a drop."""
 
     def drop(self, reason: str, detail: str, count: int = 1) -> None:
         """Count frames without an answer."""
 
     def process(self, messages: tuple[Any, ...]) -> None:
-        """Answer a whole frame."""
+        """Process a complete frame."""
 
     def guard(self, topic: str, call: Callable[..., None], *arguments: Any) -> None:
         """Call the handler; log exceptions instead of raising."""
 
 
 class FrameSource(Protocol):
-    """Where a node's frames come from, as the node knows it: `Intake`, or one of the node's own."""
+    """Interface of a node's source of frames: `Intake`, or one of the node's own."""
 
     inputs: tuple[Input, ...]
     arrivals: int
@@ -112,10 +111,10 @@ class FrameSource(Protocol):
 
     @property
     def has_pending(self) -> bool:
-        """Whether a whole frame waits."""
+        """Whether a complete frame waits."""
 
     def check(self) -> None:
-        """Suit the subscriptions to their publishers; called periodically."""
+        """Adapt the subscriptions to their publishers; called periodically."""
 
     def take_waiting(self) -> bool:
         """Receive all waiting messages; return whether there were any."""
@@ -131,7 +130,7 @@ class FrameSource(Protocol):
 
 
 class Drop(DepthPoseError):
-    """Raised by `StageNode.answer` where a frame gets no answer, with the reason to count it by."""
+    """Raised by `StageNode.answer` if a frame has no answer, with the reason for the count."""
 
     def __init__(self, reason: str, detail: str) -> None:
         super().__init__(detail)
@@ -139,17 +138,17 @@ class Drop(DepthPoseError):
 
 
 class Held(Exception):
-    """Raised by `StageNode.answer` where a frame is kept and answered later."""
+    """Raised by `StageNode.answer` if a frame is kept and answered later."""
 
 
 def frame_qos(depth: int, reliable: bool) -> QoSProfile:
-    """Return the QoS of frames: the newest ``depth``, best effort as sensors send, or reliable."""
+    """Return the QoS of frames: the newest ``depth``, best effort as for sensors, or reliable."""
     policy = ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT
     return QoSProfile(depth=depth, history=HistoryPolicy.KEEP_LAST, reliability=policy)
 
 
 def is_sent_reliable(node: Taker, topic: str) -> bool | None:
-    """Whether all publishers of a topic are reliable; None where there are none."""
+    """Whether all publishers of a topic are reliable; None without publishers."""
     found = node.get_publishers_info_by_topic(topic)
     return all(p.qos_profile.reliability == ReliabilityPolicy.RELIABLE for p in found) if found else None
 
@@ -163,18 +162,18 @@ def waiting(subscription: Subscription) -> Iterator[tuple[Any, dict[str, Any]]]:
 
 
 class Intake:
-    """The subscriptions of a node whose messages of one stamp make a frame.
+    """The subscriptions of a node whose messages of one stamp form a frame.
 
-    Up to `PAIR_DEPTH` incomplete frames are held, because the parts of one frame come at different
-    times, and all that waits is taken in before the newest whole frame is begun. A lossless node
-    begins every frame in turn. While the node is not active, what comes is ignored.
+    Up to `PAIR_DEPTH` incomplete frames are held, because the parts of one frame arrive at different
+    times, and all waiting messages are received before the newest complete frame is begun. A lossless node
+    begins every frame in turn. While the node is not active, messages are ignored.
 
     Attributes
     ----------
     inputs : tuple of Input
         With the topics' full names.
     arrivals : int
-        Messages taken in.
+        Number of messages received.
     """
 
     def __init__(self, node: Taker, inputs: Sequence[Input]) -> None:
@@ -201,9 +200,9 @@ class Intake:
         )
 
     def check(self) -> None:
-        """Subscribe to every sensor as its publishers send, reliable or best effort.
+        """Subscribe to every sensor with its publishers' reliability.
 
-        A reliable publisher sends again what a best-effort subscriber would lose.
+        A reliable publisher resends messages that a best-effort subscriber would lose.
         """
         for index, i in enumerate(self.inputs):
             reliable = is_sent_reliable(self._node, i.topic) if i.sensor and not self._lossless else None
@@ -236,7 +235,7 @@ class Intake:
 
     @property
     def has_pending(self) -> bool:
-        """Whether a whole frame waits."""
+        """Whether a complete frame waits."""
         return self._pending is not None
 
     def take_waiting(self) -> bool:
@@ -283,7 +282,7 @@ class Intake:
         self._pending = whole
 
     def _count_missed(self, index: int, info: dict[str, Any]) -> None:
-        """Count what the publisher sent and this node never saw, by the publisher's own numbers."""
+        """Count messages that were sent and never received, by the publisher's sequence numbers."""
         sequence = info.get("publication_sequence_number")
         if not sequence:
             return
@@ -296,7 +295,7 @@ class Intake:
         self._grown[index] += 1
         if sequence == last["publication_sequence_number"] + 1:
             return
-        # each publisher counts for itself: the numbers of several say nothing
+        # each publisher has its own numbers: those of several cannot be compared
         if self._grown[index] < _SAME_PUBLISHER and self._node.count_publishers(topic) != 1:
             return
         busy, lost = count_lost(last, info, self._node.busy)

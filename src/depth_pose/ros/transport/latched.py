@@ -1,4 +1,4 @@
-"""A topic that may be sent with every frame, or once and kept for those who come later."""
+"""A topic that may be sent with every frame, or once and latched."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from depth_pose.ros.transport.intake import NO_EVENTS
 
 
 class LatchedTopic:
-    """One subscription, whose QoS is one that every publisher of the topic can serve.
+    """One subscription, with a QoS that every publisher of the topic can serve.
 
-    Best effort and volatile suits all of them, but what was sent before it stood does not come. Where all
-    publishers keep what they sent (transient local), it is asked for as well. A QoS that one of them cannot
+    Best effort and volatile suits all of them, but earlier messages are not received. If all publishers
+    are latched (transient local), the subscription requests it as well. A QoS that one of them cannot
     serve would be reported on their side, and by ``ros2 doctor``.
 
     Parameters
@@ -25,9 +25,9 @@ class LatchedTopic:
     kind, topic
         Message class and name.
     callback : callable
-        Gets every message.
+        Receives every message.
     depth : int
-        Senders of which one message each may be kept.
+        Number of senders with one latched message each.
     """
 
     def __init__(

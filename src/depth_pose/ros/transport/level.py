@@ -1,4 +1,4 @@
-"""Which way is up, as an IMU or the transforms of a robot say it."""
+"""The direction of up from an IMU or the transforms of a robot."""
 
 from __future__ import annotations
 
@@ -22,19 +22,19 @@ Array = NDArray[np.float64]
 
 _GRAVITY = 9.80665
 _AT_REST = 0.05
-"""A reading that differs from gravity by more than this share is not of a sensor at rest. Set by hand."""
+"""A reading that differs from gravity by more than this share is not from a sensor at rest. Set by hand."""
 _EVERY_S = 0.02
-"""Readings that follow sooner are left out: some IMUs send a thousand a second. Set by hand."""
+"""Minimum time between readings used: some IMUs send a thousand a second. Set by hand."""
 _SHARE = 0.05
 """Weight of a new reading; about half a second of readings counts. Set by hand."""
 _FEWEST = 10
-"""Readings before which the IMU tells nothing. Set by hand."""
+"""Number of readings before the IMU is used. Set by hand."""
 
 
 class Level:
-    """Listens to an IMU or to transforms for the direction of up.
+    """Subscriber to an IMU or to transforms for the direction of up.
 
-    An accelerometer at rest measures the push against gravity, which points up (REP-145).
+    An accelerometer at rest measures the reaction to gravity, which points up (REP-145).
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ class Level:
 
     @property
     def source(self) -> str:
-        """Where the direction comes from; empty where nothing is asked."""
+        """Source of the direction; empty if none is set."""
         return self._imu or self._level
 
     def take_reading(self, reading: Imu) -> None:
@@ -80,7 +80,7 @@ class Level:
         add_transforms(self._tree, message.transforms)
 
     def up(self, frame_id: str) -> Array | None:
-        """Return the direction of up in a sensor's frame, unit vector (3,); None where it is not known."""
+        """Return the direction of up in a sensor's frame, unit vector (3,); None if unknown."""
         if self._imu:
             if self._count < _FEWEST:
                 return None

@@ -1,4 +1,4 @@
-"""Where a frame went that a sensor sent and a node never saw: the node was busy, or the transport lost it."""
+"""Causes of frames that were sent but never received: the node was busy, or the transport lost them."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from typing import Any
 from depth_pose.ros import PROFILE_VARIABLE
 
 BUSY_TIMES_KEPT = 64
-"""Busy times that are remembered, two seconds' worth at 30 frames a second."""
+"""Number of busy times remembered, two seconds' worth at 30 frames a second."""
 
 _SLACK_NS = 5_000_000
-"""A frame that came so shortly before or after a busy time may have come within it. Set by hand."""
+"""A frame this close to a busy time may have arrived within it. Set by hand."""
 
 _MOST_LOOKED_FOR = 1000
-"""Of more frames that are missing, as after hours without a network, the rest was never there."""
+"""Maximum number of missing frames that are attributed, as after hours without a network."""
 
 
 def cure() -> str:
@@ -27,7 +27,7 @@ def cure() -> str:
 
 
 class BusyTimes:
-    """When a node was busy with a frame, nanoseconds of the system's clock; plain Python, no ROS."""
+    """Times when a node was busy with a frame, nanoseconds of the system's clock; plain Python, no ROS."""
 
     def __init__(self) -> None:
         self._times: deque[tuple[int, int]] = deque(maxlen=BUSY_TIMES_KEPT)
@@ -44,21 +44,21 @@ class BusyTimes:
 def count_lost(before: dict[str, Any], after: dict[str, Any], busy: BusyTimes) -> tuple[int, int]:
     """Distinguish messages missed by a busy node from those lost in transport.
 
-    A message that comes while the node waits is taken at once; one that comes while it is busy is lost to the
-    next where the queue holds one. Those between two that were taken are thought of as sent at equal
-    distances, and as long under way as the later of the two.
+    A message that arrives while the node waits is received at once; one that arrives while it is busy is
+    displaced by the next, as the queue holds one. Messages between two received ones are assumed to be sent
+    at equal intervals, with the transport time of the later one.
 
     Parameters
     ----------
     before, after : mapping
-        What rclpy tells of two messages of one publisher, taken one after the other:
+        Info from rclpy on two messages of one publisher, received one after the other:
         ``publication_sequence_number``, ``source_timestamp`` and ``received_timestamp`` (nanoseconds).
     busy : BusyTimes
 
     Returns
     -------
     busy, transport : int
-        How many were missed because the node was busy, and how many the transport lost.
+        Number missed because the node was busy, and number lost in transport.
     """
     missing = after["publication_sequence_number"] - before["publication_sequence_number"] - 1
     sent_ns = before["source_timestamp"]

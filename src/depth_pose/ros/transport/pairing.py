@@ -15,12 +15,12 @@ class Pairer:
     inputs : int
         Number of topics.
     capacity : int
-        Incomplete stamps held; the one that came first is dropped to make room.
+        Maximum number of incomplete stamps; the first one is dropped to make room.
     on_drop : callable
-        Told the number of stamps dropped, each time there are any.
+        Called with the number of stamps dropped.
     ordered : bool
-        Whether a complete set drops the incomplete ones that came before it: right when the
-        newest frame wins, wrong when every frame must come through.
+        Whether a complete set drops earlier incomplete ones: right if the newest frame wins,
+        wrong if every frame must be processed.
     """
 
     def __init__(
@@ -33,11 +33,11 @@ class Pairer:
         self._held: OrderedDict[int, list[Any]] = OrderedDict()
 
     def __len__(self) -> int:
-        """Incomplete stamps held."""
+        """Count the incomplete stamps."""
         return len(self._held)
 
     def add(self, index: int, stamp_ns: int, message: Any) -> tuple[Any, ...] | None:
-        """Add a message of topic `index`; return the whole set if it is complete."""
+        """Add a message of topic `index`; return the set if it is complete."""
         entry = self._held.setdefault(stamp_ns, [None] * self._inputs)
         entry[index] = message
         if all(part is not None for part in entry):
@@ -49,7 +49,7 @@ class Pairer:
         return None
 
     def clear(self) -> None:
-        """Forget all that is held, without counting it."""
+        """Forget all incomplete sets, without counting them."""
         self._held.clear()
 
     def _complete(self, stamp_ns: int) -> None:

@@ -1,4 +1,4 @@
-"""Where the volume node's cameras are: a rig file, or CameraInfo with extrinsics or static transforms."""
+"""Cameras of the volume node: a rig file, or CameraInfo with extrinsics or static transforms."""
 
 from __future__ import annotations
 
@@ -35,14 +35,14 @@ RIG_SETTINGS: tuple[Setting, ...] = (
     Setting("world_frame", "map", "Frame of the skeletons, and of the static transforms"),
     Setting("up", "z", "Axis of the world frame that points up, z or y; a rig file says its own"),
 )
-"""Parameters that tell a node of its cameras."""
+"""Parameters for a node's cameras."""
 
 _SENDERS = 100
-"""Senders of static transforms that may have spoken before the node listens."""
+"""Number of senders of static transforms with a latched message."""
 
 
 class RigSource:
-    """Collects the cameras of a rig until all are known, and then calls back once.
+    """Collects the cameras of a rig until all are known, then calls back once.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ class RigSource:
         upright_from(self._up)
 
     def listen(self, done: Callable[[Rig], None]) -> None:
-        """Subscribe to what is not known yet; ``done`` is called with the rig, at once if it is known."""
+        """Subscribe to the unknown parts; ``done`` is called with the rig, at once if it is known."""
         if self.rig is not None:
             done(self.rig)
             return
@@ -113,7 +113,7 @@ class RigSource:
         return self._tree.find(self._world, frame)
 
     def _try(self) -> None:
-        """Make the rig once everything is known."""
+        """Build the rig once everything is known."""
         if self._done is None or len(self._infos) < len(self.topics):
             return
         cameras = []
@@ -135,7 +135,7 @@ class RigSource:
 
 
 def add_transforms(tree: TransformTree, transforms: Sequence[TransformStamped]) -> list[ConfigError]:
-    """Add a message's transforms, of ``/tf_static``; gives what is wrong with those that cannot be added."""
+    """Add the transforms of a ``/tf_static`` message; return the errors of those that cannot be added."""
     return [error for t in transforms if (error := _add_transform(tree, t)) is not None]
 
 
@@ -149,7 +149,7 @@ def _add_transform(tree: TransformTree, t: TransformStamped) -> ConfigError | No
 
 
 def given_extrinsics(values: Sequence[float], cameras: int) -> list[Array] | None:
-    """Read the parameter ``extrinsics``: seven numbers a camera; None where it is not given."""
+    """Read the parameter ``extrinsics``: seven numbers per camera; None if it is not set."""
     if len(values) < 7:  # [0.0] is the empty default: an empty list has no type
         return None
     if len(values) != 7 * cameras:

@@ -1,4 +1,4 @@
-"""Transforms on ``/tf`` and ``/tf_static``: messages, publishers, and who is where."""
+"""Transforms on ``/tf`` and ``/tf_static``: messages, publishers, and frames of people."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ if TYPE_CHECKING:
     from depth_pose.ros.nodes.node_base import StageNode
 
 TF_QUEUE = 100
-"""Messages of ``/tf`` that wait for a slow listener; tf2's own depth."""
+"""Queue length of ``/tf``; that of tf2."""
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-"""QoS of ``/tf_static`` and of what seldom changes: who comes late gets what was sent last."""
+"""QoS of ``/tf_static`` and of rare messages: late subscribers get the last one."""
 
 
 def tf_message(what: str) -> Any:
@@ -33,7 +33,7 @@ def tf_message(what: str) -> Any:
     Parameters
     ----------
     what : str
-        What needs it, for the error.
+        Feature that needs it, for the error.
 
     Raises
     ------
@@ -57,9 +57,9 @@ class Transforms:
     ----------
     node : StageNode
     what : str
-        What needs it, for the error where `tf2_msgs` is missing.
+        Feature that needs it, for the error if `tf2_msgs` is missing.
     static : bool
-        On ``/tf_static``; what was told before is told again: who comes late hears only the last message.
+        On ``/tf_static``; each message repeats all transforms: late subscribers get only the last one.
     """
 
     def __init__(self, node: StageNode, what: str, static: bool = False) -> None:
@@ -71,7 +71,7 @@ class Transforms:
 
     @property
     def is_heard(self) -> bool:
-        """Whether somebody listens."""
+        """Whether there is a subscriber."""
         return bool(self._publisher.get_subscription_count())
 
     def tell(self, transforms: Iterable[TransformStamped]) -> None:
@@ -84,14 +84,14 @@ class Transforms:
 
 
 def stamped(stamp_ns: int, parent: str, child: str, T_parent_child: NDArray[np.float64]) -> TransformStamped:
-    """Message of a transform (4, 4)."""
+    """Build the message of a transform (4, 4)."""
     return stamped_all(stamp_ns, parent, [child], T_parent_child[None])[0]
 
 
 def stamped_all(
     stamp_ns: int, parent: str, children: Sequence[str], T_parent_child: NDArray[np.float64]
 ) -> list[TransformStamped]:
-    """Messages of several transforms (N, 4, 4) in one frame."""
+    """Build the messages of several transforms (N, 4, 4) in one frame."""
     header = make_header(stamp_ns, parent)
     quats = matrix_to_quat(T_parent_child[:, :3, :3])
     rows = zip(children, T_parent_child[:, :3, 3].tolist(), quats.tolist(), strict=True)
@@ -108,7 +108,7 @@ def _transform(header: Header, child: str, place: list[float], quat_xyzw: list[f
 
 
 def pose_of(T: NDArray[np.float64]) -> Pose:
-    """Message of a pose (4, 4)."""
+    """Build the message of a pose (4, 4)."""
     (x, y, z), (a, b, c, d) = T[:3, 3].tolist(), matrix_to_quat(T[:3, :3]).ravel().tolist()
     return Pose(position=Point(x=x, y=y, z=z), orientation=Quaternion(x=a, y=b, z=c, w=d))
 
@@ -116,7 +116,7 @@ def pose_of(T: NDArray[np.float64]) -> Pose:
 def skeletons_to_transforms(
     skeletons: Sequence[Skeleton], followed: Skeleton, prefix: str = ""
 ) -> list[TransformStamped]:
-    """Camera frame to every joint of everybody, named ``BODY_ID_joint``; of the one followed also ``joint``.
+    """Camera frame to every person's joints, named ``BODY_ID_joint``; for the followed person also ``joint``.
 
     Parameters
     ----------
@@ -124,7 +124,7 @@ def skeletons_to_transforms(
     followed : Skeleton
         May be lost.
     prefix : str
-        Put before all names.
+        Prefix of all names.
     """
     out = _transforms(followed, prefix)
     for skeleton in skeletons:

@@ -1,4 +1,4 @@
-"""From the images of several cameras to sets of views: brought together by stamp, newest first."""
+"""Group the images of several cameras to sets of views: by stamp, newest first."""
 
 from __future__ import annotations
 
@@ -26,20 +26,20 @@ if TYPE_CHECKING:
     from depth_pose.ros.nodes.node_base import StageNode
 
 _QUEUE = 8
-"""Images of each camera that may wait: all are taken, so that sets that are let go are counted."""
+"""Queue length of each camera: all images are received, so that dropped sets are counted."""
 
 
 _TOGETHER_S, _DOZE_S = 0.001, 0.0002
-"""Cameras that are triggered together bring their images within the first; how often to look."""
+"""Time within which triggered cameras deliver their images, and period of checks."""
 
 
 class ViewSetIntake:
-    """The subscriptions of a node that sees through several cameras.
+    """The subscriptions of a node with several cameras.
 
-    With eight cameras at 60 images a second, taking them in is a good part of the work: a wake-up of the
-    executor costs several times what an image does. So one wake-up takes what has come from all cameras,
-    and dozes for a millisecond until the rest has; messages are taken as the bytes that came; and the
-    clock that ends the wait for a late camera runs only while one is waited for.
+    With eight cameras at 60 images a second, receiving is a good part of the work: a wake-up of the
+    executor costs several times as much as an image. So one wake-up receives the images of all cameras,
+    and sleeps for a millisecond until the rest has arrived; messages are received as bytes; and the
+    timer that ends the wait for a late camera runs only during such a wait.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ class ViewSetIntake:
         )
 
     def check(self) -> None:
-        """Subscribe to every camera as its publishers send, reliable or best effort."""
+        """Subscribe to every camera with its publishers' reliability."""
         for camera, i in enumerate(self.inputs):
             reliable = None if self._node.lossless else is_sent_reliable(self._node, i.topic)
             if reliable is not None and reliable != self._is_reliable[camera]:
@@ -80,12 +80,12 @@ class ViewSetIntake:
                 self._subscriptions[camera] = self._subscribe(camera)
 
     def _period_s(self) -> float:
-        """How often to look whether a late camera was waited for long enough."""
+        """Set the period of checks whether a late camera was waited for long enough."""
         return max(self.synchroniser.config.patience / 2, _TOGETHER_S)
 
     @property
     def joined(self) -> bool:
-        """Whether every topic of the suite's own has a publisher: cameras are none of them."""
+        """Whether every topic of the suite has a publisher: cameras are not part of it."""
         return True
 
     @property
