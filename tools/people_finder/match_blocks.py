@@ -1,4 +1,4 @@
-"""Simulate a stereo camera from its images, and show the fast model of `depth_pose.sim.stereo` beside it.
+"""Simulate a stereo camera by matching images, and compare the fast model of `depth_pose.sim.stereo`.
 
     pip install opencv-python-headless
     python tools/people_finder/match_blocks.py stereo.png

@@ -17,7 +17,7 @@ from depth_pose.body.body import Body
 from depth_pose.body.procedural import BodyShape, make_body
 
 POOL = 320
-"""Builds a process makes at most; each costs some 7 ms, once."""
+"""Maximum number of builds per process; each costs some 7 ms, once."""
 
 CHILDREN = 0.2
 """Share of children."""
@@ -30,7 +30,7 @@ _POOL_SEED = 4711
 
 @dataclass(frozen=True)
 class Build:
-    """A body and what its shape factors do not say.
+    """A body, and attributes that its shape factors do not define.
 
     Attributes
     ----------
@@ -68,7 +68,7 @@ def _build(index: int) -> Build:
 
 
 def _shape(rng: np.random.Generator, stature: float, heaviness: float, child: bool, woman: bool) -> BodyShape:
-    """Draw proportions that go with a stature, a weight, an age and a sex."""
+    """Sample proportions for a stature, a weight, an age and a sex."""
 
     def vary(mean: float, spread: float) -> float:
         return float(np.clip(mean + spread * rng.normal(), 0.55, 1.95))

@@ -23,7 +23,7 @@ class Cloth(NamedTuple):
 
 
 class Capsules(NamedTuple):
-    """What pushes particles out: ``ends`` (C, 2, 3) with ``radii`` (C, 2) at them, metres."""
+    """Capsules that push particles out: ``ends`` (C, 2, 3) with ``radii`` (C, 2) at them, metres."""
 
     ends: NDArray[np.float64]
     radii: NDArray[np.float64]
@@ -31,7 +31,7 @@ class Capsules(NamedTuple):
 
 @njit(cache=True)
 def step_cloth(cloth, pins, capsules, gravity_step, damping, rounds):
-    """One step of position-based dynamics; moves the cloth on.
+    """Run one step of position-based dynamics.
 
     ``pins`` (K, 3) are the first K particles' places.
     """

@@ -18,10 +18,10 @@ from depth_pose.sim._builds import Build
 Array = NDArray[np.float64]
 
 TOUCHING, DEEPEST_SINK_M = 0.04, 0.03
-"""Share of a lying body's surface that touches what it lies on, and how far it sinks in at most."""
+"""Share of a lying body's surface in contact with its support, and maximum depth that it sinks in, metres."""
 
 MOST_TILT_DEG = 12.0
-"""Postures are drawn nearly level; more than this would be another posture."""
+"""Maximum tilt: postures are made nearly level; more than this would be another posture."""
 
 _LEVELLED = ("lie", "crawl", "kneel")
 
@@ -58,7 +58,7 @@ def put_down(
     Parameters
     ----------
     rng : numpy.random.Generator
-        Of the bed's height.
+        Random numbers for the bed's height.
     body : (skin, nodes, rotations)
         Posed with the pelvis at the origin.
     build : Build
@@ -91,7 +91,7 @@ def _support_slope(skin: Array) -> float:
 def _heights(
     rng: np.random.Generator, skin: Array, build: Build, posture: str, raised: bool
 ) -> tuple[float, float]:
-    """Height of the seat or bed, and how far the body must rise from its pelvis at the origin."""
+    """Height of the seat or bed, and the body's rise from its pelvis at the origin."""
     lowest = float(skin[:, 1].min())
     if posture == "lie":
         # Beds and sofas are 0.35 to 0.65 m high.

@@ -1,7 +1,7 @@
 """Tight clothes, hair and belly: the body's surface moved outward.
 
-Thickness is drawn a region and varied smoothly over the surface; folds are shorter waves. Cloth
-on the underside of a limb hangs off it further. Hands and face stay bare.
+Thickness is drawn per region and varied smoothly over the surface; folds are shorter waves. Cloth
+on the underside of a limb hangs further off it. Hands and face stay bare.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 REGIONS = ("trunk", "neck", "head", "upper_arms", "forearms", "hands", "thighs", "shanks", "feet")
 THICKEST_M = 0.06
-"""Most that cloth stands off the skin: what closed the gap to real depth images in a trial."""
+"""Maximum distance of cloth from the skin: the value that closed the gap to real depth images in a trial."""
 
 _REGION_OF = {
     "pelvis": "trunk", "spine": "trunk", "chest": "trunk", "clavicle": "trunk", "neck": "neck",
@@ -33,7 +33,7 @@ _REGION_OF = {
 
 @dataclass(frozen=True)
 class Surface:
-    """What of the template's surface clothes need.
+    """Attributes of the template's surface that clothes need.
 
     Attributes
     ----------
@@ -85,7 +85,7 @@ def _bump(points: Array, centre: Array, width: float) -> Array:
 
 @dataclass(frozen=True)
 class Cut:
-    """How thick the clothes are, metres on the 1.75 m body, and what is under them.
+    """Thickness of the clothes, metres on the 1.75 m body, and bumps under them.
 
     Attributes
     ----------
@@ -96,7 +96,7 @@ class Cut:
     belly, chest : float
         Height of a bump there.
     sag : float
-        How much further cloth hangs off undersides, as a factor on its thickness.
+        Extra distance of cloth from undersides, as a factor on its thickness.
     """
 
     thickness: Array
@@ -144,7 +144,7 @@ def draw_cut(rng: np.random.Generator, build: Build) -> Cut:
 def dress(
     rng: np.random.Generator, vertices: Array, faces: NDArray[np.int32], cut: Cut, stature: float
 ) -> Array:
-    """Push a posed body's skin out to what is worn on it.
+    """Push a posed body's skin out to its clothes.
 
     Parameters
     ----------

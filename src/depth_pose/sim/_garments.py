@@ -1,8 +1,8 @@
 """Loose garments: skirts, coats, cloaks, scarves, long hair.
 
 They are shaped from the posed body directly, without simulating cloth: a skirt's rows are ellipses
-across both legs, a cloak is the body's silhouette about a vertical axis, hanging from what it last
-touched.
+across both legs, a cloak is the body's silhouette around a vertical axis, hanging from the last point
+of contact.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class Wearer:
         Skin weights.
     stature : float
     floor : float
-        Height of what the person rests on, metres.
+        Height of the person's support, metres.
     """
 
     vertices: Array
@@ -74,7 +74,7 @@ def skirt(rng: np.random.Generator, wearer: Wearer, reach: float, flare: float, 
     reach : float
         Length along the leg: 0.5 ends at the knee, 1 at the ankle.
     flare : float
-        How much wider the hem is than the legs, metres on the 1.75 m body.
+        Extra width of the hem over the legs, metres on the 1.75 m body.
     opened : bool
         Whether the front is open, as a coat's.
     """

@@ -78,7 +78,7 @@ def shoulder_bag(rng: np.random.Generator, wearer: Wearer) -> Piece:
 
 
 def belongings(rng: np.random.Generator, wearer: Wearer, doing: str) -> list[Piece]:
-    """Draw what the person holds, by what they do and where their hands are.
+    """Sample the object that the person holds, by their activity and the position of their hands.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ def belongings(rng: np.random.Generator, wearer: Wearer, doing: str) -> list[Pie
     Returns
     -------
     list of (vertices, faces)
-        Nothing, or a thing.
+        Empty, or one object.
     """
     hands = [_palm(wearer, side) for side in ("left", "right")]
     if doing == "carry":

@@ -1,7 +1,7 @@
 """Clips of several people in one room, with the truth, for scoring trackers.
 
 People walk from place to place, cross each other, hide behind furniture and each other, leave the image and
-come back, stand side by side, and one may sit down. Room, camera, sensor, builds and clothes stay.
+come back, stand side by side, and one may sit down. Room, camera, sensor, builds and clothes stay the same.
 
 The truth beside a recording holds ``joints`` (T, P, 19, 3) float32, optical frame, metres; ``seen``
 (T, P, 19); ``visible`` (T, P), share of a person's silhouette that the image shows; ``stamps_ns`` (T,);
@@ -33,16 +33,16 @@ from depth_pose.sim.simulate import FRAME_ID, START_NS
 Array = NDArray[np.float64]
 
 _APART_M, _FROM_WALLS_M = 0.5, 0.35
-"""Ways keep this far from each other and from walls, metres. Set by hand."""
+"""Minimum distance of paths from each other and from walls, metres. Set by hand."""
 _HIDDEN_S = 2.0
-"""Furniture hides nobody for longer than this, seconds. Set by hand."""
+"""Maximum time for which furniture hides a person, seconds. Set by hand."""
 _SITS_SHARE = 0.25
-"""Share of those who may sit down that do. Set by hand."""
+"""Probability that a person who may sit down does. Set by hand."""
 _TRIES = 40
-"""Draws of a way, and of a spot, before it is given up. Set by hand."""
-_LOOK_EVERY_S = 0.3  # between the moments at which furniture must not cut anybody
+"""Maximum number of attempts for a path, and for a spot. Set by hand."""
+_LOOK_EVERY_S = 0.3  # between the moments at which furniture must not intersect people
 _EVERY = 24
-"""Stride over a person's vertices for keeping furniture out of them. Set by hand."""
+"""Stride over a person's vertices in the intersection test with furniture. Set by hand."""
 
 
 @dataclass(frozen=True)
@@ -87,11 +87,11 @@ def sample_clip(
     fps : float
         Frames a second.
     people : int
-        How many take part; fewer where the room has no space for their ways.
+        Number of people; fewer if the room has no space for their paths.
     width : int
         As for `depth_pose.sim.scenes.sample_scene`.
     progress : callable, optional
-        Told how many frames are done.
+        Called with the number of frames done.
     """
     view, room = _stage(rng, width)
     cast: list[tuple[Performer, Track]] = []
@@ -147,7 +147,7 @@ def write_clip(path: Path, clip: RoomClip) -> None:
 
 
 def _stage(rng: np.random.Generator, width: int) -> tuple[View, Room]:
-    """Draw camera and room until people have space to walk and the camera looks along the floor."""
+    """Sample camera and room until people have space to walk and the camera looks along the floor."""
     while True:
         view = sample_view(rng, width, "common")
         tilt = np.rad2deg(np.arcsin(-view.rotation[2, 1]))
@@ -166,7 +166,7 @@ def _free_track(
     frames: int,
     may_sit: bool,
 ) -> Track | None:
-    """Draw ways through the room until one meets neither walls nor the others; None after many tries."""
+    """Sample paths through the room until one meets neither walls nor other people; None after many tries."""
     for _ in range(_TRIES):
         acts = _plan(rng, view, room, frames / performer.fps, may_sit)
         start = _spot(rng, view, room)
@@ -174,7 +174,7 @@ def _free_track(
         clear = min(room.walls.inward(x, z) for x, z in track.spots) > _FROM_WALLS_M
         near = min(np.hypot(*spot) for spot in track.spots) < 0.9
         meets = any(np.linalg.norm(track.spots - o.spots, axis=1).min() < _APART_M for o in others)
-        if any(o.seated.any() for o in others):  # nobody walks over a seat that waits
+        if any(o.seated.any() for o in others):  # no one walks over a reserved seat
             seats = [o.spots[o.seated][0] for o in others if o.seated.any()]
             meets |= any(np.linalg.norm(track.spots - seat, axis=1).min() < 1.1 * _APART_M for seat in seats)
         if clear and not near and not meets:
@@ -183,7 +183,7 @@ def _free_track(
 
 
 def _plan(rng: np.random.Generator, view: View, room: Room, seconds: float, may_sit: bool) -> list[Act]:
-    """Draw what to do: walks between spots that mostly are in view, pauses, and perhaps a seat at the end."""
+    """Sample acts: walks between spots mostly in view, pauses, and perhaps a seat at the end."""
     acts, spent = [Act("stand", rng.uniform(0.2, 3.0))], 0.0
     while spent < seconds:
         away = rng.random() < 0.25
@@ -196,7 +196,7 @@ def _plan(rng: np.random.Generator, view: View, room: Room, seconds: float, may_
 
 
 def _spot(rng: np.random.Generator, view: View, room: Room, outside: bool = False) -> tuple[float, float]:
-    """Draw a spot on the floor that the camera sees, or one beside its view, away from the walls."""
+    """Sample a spot on the floor in the camera's view, or one beside it, away from the walls."""
     for _ in range(_TRIES):
         z = rng.uniform(1.3, 5.5)
         edge = z * view.camera.width / (2 * view.camera.fx)
@@ -216,7 +216,7 @@ def _put(performer: Performer, track: Track, t: int) -> Placed:
 def _put_seats(
     rng: np.random.Generator, room: Room, cast: Sequence[tuple[Performer, Track]], avoid: Sequence[Array]
 ) -> None:
-    """Place a chair where somebody will sit."""
+    """Place a chair where a person will sit."""
     for i, (performer, track) in enumerate(cast):
         if track.seated.any():
             t = int(np.flatnonzero(track.seated)[-1])
@@ -229,7 +229,7 @@ def _put_seats(
 def _put_hiding_places(
     rng: np.random.Generator, room: Room, cast: Sequence[tuple[Performer, Track]], avoid: Sequence[Array]
 ) -> None:
-    """Stand things between the camera and where people pass."""
+    """Place objects between the camera and people's paths."""
     for _, track in cast:
         for _ in range(6):
             x, z = track.spots[int(rng.integers(len(track.spots)))] * rng.uniform(0.5, 0.85)

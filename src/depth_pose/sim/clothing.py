@@ -25,11 +25,11 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 _SUBSTEP_S = 1.0 / 120.0
-"""Longest step of the cloth, seconds. Set by hand, as all below: cloth that looks right."""
+"""Longest step of the cloth, seconds. Set by hand, as all below, for realistic cloth."""
 _GRAVITY = 9.81
 """Metres per second squared."""
 _ROUNDS = 8
-"""Times that all links are mended in each step."""
+"""Iterations over all links in each step."""
 _SETTLE_STEPS = 150
 """Steps in which the cloth comes to rest before the first frame."""
 _COLUMNS, _SLEEVE_COLUMNS = 32, 8
@@ -48,7 +48,7 @@ _LIMBS_M = {
 
 @dataclass(frozen=True)
 class Garment(Checked):
-    """A piece of loose clothing; lengths are for a 1.75 m adult and go with the wearer's height."""
+    """A piece of loose clothing; lengths are for a 1.75 m adult and scale with the wearer's height."""
 
     skirt: float = option(0.55, "Length of the skirt from the waist; 0 for none", unit="m", low=0.0, high=1.1)
     flare: float = option(
@@ -71,7 +71,7 @@ GARMENTS: dict[str, Garment | None] = {
 
 
 def find_garment(name: str) -> Garment | None:
-    """Return a garment by its name; None for ``none``."""
+    """Return a garment by name; None for ``none``."""
     if name not in GARMENTS:
         raise ConfigError(f"there is no garment {name!r}; there are {', '.join(GARMENTS)}")
     return GARMENTS[name]
@@ -85,7 +85,7 @@ class _Sheet:
     wraps: bool
 
     def _numbers(self, first: int) -> tuple[NDArray[np.int64], ...]:
-        """All particles' numbers, those with one to the right, and these."""
+        """Return the indices of all particles, of those with a right neighbour, and of these neighbours."""
         rows, columns = self.rest.shape[:2]
         at = first + np.arange(rows * columns).reshape(rows, columns)
         return (at, at, np.roll(at, -1, axis=1)) if self.wraps else (at, at[:, :-1], at[:, 1:])
@@ -114,14 +114,14 @@ class Clothes:
     ----------
     garment : Garment
     body : Body
-        Who wears it.
+        The wearer.
 
     Attributes
     ----------
     faces : (F, 3) int32
         Triangles of the cloth, both sides.
     links : (L, 2) int64
-        Vertices that are held at a distance from each other.
+        Pairs of vertices that are held at a fixed distance.
     lengths : (L,) float64
         Those distances, metres.
     """
@@ -200,7 +200,7 @@ class Clothes:
         self._now = None
 
     def step(self, nodes: Array, rotations: Array, seconds: float) -> Array:
-        """Move the cloth on and give its vertices.
+        """Advance the cloth by one step and return its vertices.
 
         Parameters
         ----------
@@ -209,7 +209,7 @@ class Clothes:
         rotations : (21, 3, 3)
             Segment rotations.
         seconds : float
-            Since the step before.
+            Time since the previous step.
 
         Returns
         -------

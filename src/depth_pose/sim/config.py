@@ -51,7 +51,7 @@ class Placement(Checked):
 
 @dataclass(frozen=True)
 class Room(Checked):
-    """What stands around the person."""
+    """Surroundings of the person."""
 
     floor: bool = option(True, "Put a floor under the person")
     wall: float = option(

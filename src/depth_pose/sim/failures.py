@@ -1,7 +1,7 @@
 """Failures inserted into correct skeletons, for testing their detection: `KINDS` by name.
 
-``flip``: the person taken for their own back view. ``legs``: left and right leg exchanged.
-``arm``: one arm somewhere else. ``jump``: another pose altogether. They are typical failures of depth
+``flip``: the back view of the person. ``legs``: left and right leg exchanged. ``arm``: one arm in
+another pose. ``jump``: another pose altogether. They are typical failures of depth
 trackers; bones keep their lengths, and the scores are those of the wrong poses.
 """
 
@@ -58,7 +58,7 @@ KINDS: dict[str, Callable[[Bank, BodyPose, np.random.Generator], BodyPose]] = {
     "arm": _move_arm,
     "jump": _jump,
 }
-"""Makers of wrong poses from right ones."""
+"""Functions that make wrong poses from right ones."""
 
 
 def fail(kind: str, fitted: Fitted, person: Person, bank: Bank, rng: np.random.Generator) -> Fitted:
@@ -69,18 +69,18 @@ def fail(kind: str, fitted: Fitted, person: Person, bank: Bank, rng: np.random.G
     kind : str
         One of `KINDS`.
     fitted : Fitted
-        A right one, made with the default `MatchConfig.score_band`, as all are that this is used on:
-        the wrong pose is compared with the same band, for scores of other bands are not alike.
+        A correct one, made with the default `MatchConfig.score_band`: the wrong pose is compared with
+        the same band, because scores of other bands are not comparable.
     person : Person
-        The input that it answers, with which the wrong pose is compared as a fit would be.
+        The person it was fitted to, with which the wrong pose is compared as a fit would be.
     bank : Bank
-        Whose poses a wrong arm, or a wrong pose, is taken from.
+        Source of the poses of a wrong arm, or of a wrong pose.
     rng : Generator
 
     Returns
     -------
     Fitted
-        With the wrong pose, and how it compares with the input.
+        With the wrong pose, and its comparison with the input.
     """
     body = bank.body
     pose = KINDS[kind](bank, fitted.pose, rng)

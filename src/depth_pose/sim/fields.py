@@ -1,4 +1,4 @@
-"""Smooth random fields over an image: what sensors' errors are made of."""
+"""Smooth random fields over an image, from which sensor errors are made."""
 
 from __future__ import annotations
 

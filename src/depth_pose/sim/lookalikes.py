@@ -16,14 +16,14 @@ from depth_pose.sim.shapes import Assembly, Kind, random_albedo
 Array = NDArray[np.float64]
 
 _MANY = (2, 8)
-"""How many are put into a room, at least, and fewer than."""
+"""Number of lookalikes in a room: minimum, and exclusive maximum."""
 
 _TRIES = 8
-"""Spots that are tried for each. Set by hand."""
+"""Number of spots tried for each. Set by hand."""
 
 
 def add_lookalikes(room: Room, rng: np.random.Generator, view: View, reach: float) -> None:
-    """Place some in view of the camera, sometimes behind a table.
+    """Place some lookalikes in view of the camera, sometimes behind a table.
 
     Parameters are those of `depth_pose.sim.rooms.furnish`.
     """

@@ -1,8 +1,8 @@
-"""What a real depth sensor does to the ideal depth of a scene.
+"""Noise model of a depth sensor.
 
-In order: pixels that straddle an edge land between its two surfaces (flying pixels), every
-pixel gets Gaussian noise that grows with range and with the angle at which the surface is
-seen, some pixels return nothing, and what is left is quantised.
+In order: pixels that straddle an edge get a depth between its two surfaces (flying pixels), every
+pixel gets Gaussian noise that grows with range and with the angle of incidence, some pixels
+return nothing, and the rest is quantised.
 
 The growth with range and angle follows C. V. Nguyen, S. Izadi and D. Lovell, *Modeling
 Kinect sensor noise for improved 3D reconstruction and tracking*, 3DIMPVT 2012, and for time
@@ -24,7 +24,7 @@ from depth_pose.core.options import Checked, option
 
 @dataclass(frozen=True)
 class NoiseConfig(Checked):
-    """How a sensor spoils ideal depth: sigma = (constant + linear z + quadratic z^2) / cos(angle)^power."""
+    """Parameters of the noise: sigma = (constant + linear z + quadratic z^2) / cos(angle)^power."""
 
     constant: float = option(0.002, "Standard deviation at no distance", unit="m", low=0.0, high=0.1)
     linear: float = option(0.0, "Standard deviation gained per metre", unit="m/m", low=0.0, high=0.1)
@@ -61,7 +61,7 @@ def add_noise(
     config: NoiseConfig,
     rng: np.random.Generator,
 ) -> NDArray[np.float32]:
-    """Spoil an ideal depth image.
+    """Add noise to an ideal depth image.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ def add_noise(
     incidence_cos : (H, W) float32
         Cosine of the angle between the ray and the surface's normal, 0 to 1.
     config : NoiseConfig
-        How much.
+        Parameters of the noise.
     rng : numpy.random.Generator
         Same state, same noise.
 

@@ -33,7 +33,7 @@ __all__ = ["POSTURES", "Figure", "sample_figure"]
 Array = NDArray[np.float64]
 
 POOL = 1200
-"""Postures of a name that a process draws from; each figure varies its own a little."""
+"""Size of a process's pool of postures per name; each figure varies its own a little."""
 
 NOISE_DEG = 3.0
 """Spread of that variation in arms, neck and head; legs and trunk vary half as much."""
@@ -46,17 +46,17 @@ HANDS_M = {
     "crutches": ((0.14, -0.50, 0.10), (0.14, -0.50, 0.10)),
     "child": ((-0.10, -0.30, 0.26), (-0.06, -0.14, 0.26)),
 }
-"""Wrists from the shoulders of those who hold a walking frame, crutches or a child: away from the trunk, up
-and forward, metres on the 1.75 m body; the left hand, the right hand. Set by hand."""
+"""Wrists relative to the shoulders of people with a walking frame, crutches or a child: away from the trunk,
+up and forward, metres on the 1.75 m body; the left hand, the right hand. Set by hand."""
 
 AIDED = {"stand": 0.16, "walk": 0.16}
 """Share of each posture with one of these. Set by hand."""
 
 ADULT_M = 1.45
-"""Those who carry children are taller than this, metres."""
+"""Minimum stature of people who carry children, metres."""
 
 CLOAKS, SKIRTS, COATS = 0.025, 0.10, 0.09
-"""Shares of those who wear one: about what public places show, cloaks oftener than that."""
+"""Shares of people who wear one: as in public places, cloaks more often."""
 
 _POOL_SEED = 815
 """Seed of the postures; any would do."""
@@ -67,19 +67,19 @@ _UPRIGHT = ("stand", "walk", "sit", "lean", "reach")
 class Figure:
     """A simulated person.
 
-    The frame: metres, y up, x to the figure's left, the figure faces +z (who lies, lies along z),
+    The frame: metres, y up, x to the figure's left, the figure faces +z (lying figures lie along z),
     origin on the floor below the pelvis.
 
     Attributes
     ----------
     vertices : (V, 3) float32
     faces : (F, 3) int32
-        Skin, clothes, hair, what is worn: all that counts as the person.
+        Skin, clothes, hair, worn objects: all that counts as the person.
     joints : (19, 3) float32
         In the order of `depth_pose.core.skeleton.JOINTS`, metres.
     held_vertices : (H, 3) float32
     held_faces : (G, 3) int32
-        Things in the hands, which do not count as the person; may be empty.
+        Objects in the hands, which do not count as the person; may be empty.
     posture : str
         One of `POSTURES`.
     seat_height : float
@@ -88,7 +88,7 @@ class Figure:
     stature : float
         Height standing upright, metres.
     doing : str
-        What the figure does: as in `depth_pose.motion.procedural.postures.parts.Kind`, or one of `HANDS_M`.
+        Activity: as in `depth_pose.motion.procedural.postures.parts.Kind`, or one of `HANDS_M`.
     """
 
     vertices: NDArray[np.float32]
@@ -117,15 +117,15 @@ def sample_figure(
     Parameters
     ----------
     rng : numpy.random.Generator
-        The same state gives the same figure, whatever was drawn before.
+        The same state gives the same figure, regardless of earlier draws.
     posture : str, optional
         One of `POSTURES`; drawn by their probabilities when left out.
     loose : bool
         Vary the posture widely: halfway to another of its kind, and with arms that point anywhere.
     doing : str, optional
-        One of `HANDS_M`; drawn where not given.
+        One of `HANDS_M`; random by default.
     tallest : float
-        Of the statures that are drawn, metres.
+        Maximum stature, metres.
 
     Raises
     ------
@@ -196,7 +196,7 @@ def _draw_rotations(
 
 
 def _with_free_arms(angles: Array, rng: np.random.Generator) -> Array:
-    """Point some arms anywhere that a shoulder reaches: before, beside, behind the trunk and overhead."""
+    """Point some arms in any direction within the shoulder's range, also behind the trunk and overhead."""
     out = angles.copy()
     for side, arm in zip(SIDES, ARM, strict=True):
         if rng.random() > FREE_ARM_SHARE:
@@ -217,7 +217,7 @@ def _with_free_arms(angles: Array, rng: np.random.Generator) -> Array:
 
 
 def _with_hands(angles: Array, rng: np.random.Generator, doing: str) -> Array:
-    """Bring both hands to where they hold something."""
+    """Move both hands to the positions for holding an object."""
     out, swapped = angles.copy(), bool(rng.random() < 0.5)
     aside = rng.normal(0, (0.03, 0.05, 0.04))
     for k, arm in enumerate(ARM):
@@ -228,7 +228,7 @@ def _with_hands(angles: Array, rng: np.random.Generator, doing: str) -> Array:
 
 
 def draw_seated(rng: np.random.Generator) -> Array:
-    """Draw a pose of somebody on a chair, stool or sofa: rotations (21, 3, 3), facing +z."""
+    """Sample a pose of a person on a chair, stool or sofa: rotations (21, 3, 3), facing +z."""
     while True:
         rotations, kind = _draw_rotations(rng, "sit")
         if kind.raised:

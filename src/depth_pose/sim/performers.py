@@ -1,4 +1,4 @@
-"""Simulated people who move while their build and clothes stay the same.
+"""Simulated people who move, with constant build and clothes.
 
 A performer plays acts one after the other: walk to a spot, stand about with some motion of the embedded
 motion source, sit down. Transitions rotate every segment evenly, and the path on
@@ -31,9 +31,9 @@ _STANDING = ("stand_casual", "stand_gesture", "reach_around", "hold_things", "wa
 _WALKING = ("walk", "walk", "walk_gesture")
 _CLIP_S = 4.0
 """Length of a motion before it begins again, seconds. Set by hand."""
-_TURN_RATE = 2.2  # radians a second, of somebody who walks round a corner
+_TURN_RATE = 2.2  # radians a second, for walking around a corner
 _THERE_M = 0.25
-"""Who is this near to where they are going has arrived, metres. Set by hand."""
+"""Distance from the goal at which a walk ends, metres. Set by hand."""
 _BLEND_S, _SIT_DOWN_S = 0.35, 1.2
 """Time from one motion to the next, and of sitting down or rising, seconds. Set by hand."""
 _ANKLES = [NODE_INDEX["left_ankle"], NODE_INDEX["right_ankle"]]
@@ -42,14 +42,14 @@ _PELVIS = NODE_INDEX["pelvis"]
 
 @dataclass(frozen=True)
 class Act:
-    """Something to do.
+    """An act of a performer.
 
     Attributes
     ----------
     kind : str
         ``walk``, ``stand`` or ``sit``.
     seconds : float
-        How long, transition included; of a walk the longest.
+        Duration, including the transition; for a walk the maximum.
     goal : tuple of float, optional
         Spot on the floor that a walk leads to, x and z, metres.
     """
@@ -61,7 +61,7 @@ class Act:
 
 @dataclass(frozen=True)
 class Track:
-    """What a performer does over time.
+    """Motion of a performer.
 
     Attributes
     ----------
@@ -70,7 +70,7 @@ class Track:
     heading : (T,) float64
         Radians about the vertical, from +z to +x.
     spots : (T, 2) float64
-        Of the pelvis on the floor, x and z, metres.
+        Position of the pelvis on the floor, x and z, metres.
     seated : (T,) bool
         Whether the person sits still on their seat.
     """
@@ -87,9 +87,9 @@ class Performer:
     Parameters
     ----------
     rng : numpy.random.Generator
-        Draws build, outfit and habits.
+        Random numbers for build, outfit and habits.
     fps : float
-        Frames a second of what they will do.
+        Frame rate of the motion.
     """
 
     def __init__(self, rng: np.random.Generator, fps: float) -> None:
@@ -107,7 +107,7 @@ class Performer:
         return without_heading(make_clip(name, self.fps, _CLIP_S, int(rng.integers(2**31))).rotations)
 
     def perform(self, acts: Sequence[Act], spot: tuple[float, float], heading: float, frames: int) -> Track:
-        """Play acts from a spot on the floor; the last goes on to the end."""
+        """Play acts from a spot on the floor; the last continues to the end."""
         rotations, headings, spots = np.empty((frames, 21, 3, 3)), np.empty(frames), np.empty((frames, 2))
         seated = np.zeros(frames, bool)
         at, ankles = np.array(spot, float), None
@@ -165,7 +165,7 @@ class Performer:
 
 @dataclass(frozen=True)
 class _Blend:
-    """A pose that is left behind over some frames; None for none."""
+    """A pose that is blended out over some frames; None for none."""
 
     before: Array | None
     frames: float
@@ -184,7 +184,7 @@ def _frame(clip: Array, phase: int) -> Array:
 
 
 def _between(one: Array, other: Array, share: float) -> Array:
-    """Turn each segment evenly from one pose to another, slowly at both ends."""
+    """Rotate each segment evenly from one pose to another, slowly at both ends."""
     share = share * share * (3 - 2 * share)
     step = Rotation.from_matrix(np.swapaxes(one, 1, 2) @ other).as_rotvec()
     return np.asarray(one @ Rotation.from_rotvec(share * step).as_matrix())

@@ -18,7 +18,7 @@ def camera_pose(placement: Placement, target: NDArray[np.float64]) -> NDArray[np
     Parameters
     ----------
     placement : Placement
-        The camera's place.
+        The camera's position.
     target : (3,) float64
         The spot it looks toward, model frame (y up, floor at 0), metres; its height is not used.
 
@@ -44,7 +44,7 @@ def room_mesh(
     Parameters
     ----------
     room : Room
-        What there is.
+        The parts of the room.
     placement : Placement
         The wall stands across this camera's view.
     target : (3,) float64

@@ -1,4 +1,4 @@
-"""Surfaces that give way to a body and cloth that lies over it, as heights above a plane.
+"""Soft surfaces under a body and cloth over it, as heights above a plane.
 
 A body is drawn along the plane's normal into a grid of heights. A cushion is lowered where the body is below
 its surface, a sheet is raised where the body is above; both pass over to the untouched surface with a
@@ -22,12 +22,12 @@ Array = NDArray[np.float64]
 CELL_M = 0.03
 """Width of a grid's cells, metres."""
 DEEPEST_M = 0.22
-"""A body that lies farther below a surface than this is not in it but beside it, metres. Set by hand."""
+"""A body farther below a surface than this is beside it, not in it, metres. Set by hand."""
 
 _FAR_M = 20.0
 """Distance of the drawing camera from the plane, metres: farther than any body reaches."""
 _COVERED_M = 0.012
-"""A sheet that lies this far above what is below it covers somebody, metres. Set by hand."""
+"""A sheet this far above the surface below it covers a person, metres. Set by hand."""
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
-"""What people sit and lie on, lean on and are covered with, fitted to their bodies.
+"""Supports and covers of people, such as seats, beds and blankets, fitted to their bodies.
 
-Everything is made in the figure's own frame (metres, y up, facing +z, pelvis above the origin), so that it is
-put at the same place and with the same turn as the figure.
+Everything is made in the figure's own frame (metres, y up, facing +z, pelvis above the origin), and placed
+with the same position and rotation as the figure.
 """
 
 from __future__ import annotations
@@ -23,30 +23,30 @@ from depth_pose.sim.shapes import Assembly, Kind, random_albedo
 Array = NDArray[np.float64]
 
 SEATS = {"chair": 0.34, "stool": 0.07, "sofa": 0.38, "edge of a bed": 0.08, "wheelchair": 0.13}
-"""How often each is sat on. Set by hand."""
+"""Frequency of each seat. Set by hand."""
 
 _BLANKETS, _LAP_BLANKETS, _FLOOR_BLANKETS, _COUCHES = 0.65, 0.15, 0.3, 0.2
-"""Shares of those in bed, on sofas and on the floor who are covered, and of beds with a back. Set by hand."""
+"""Shares of people in bed, on sofas and on the floor with a cover, and of beds with a back. Set by hand."""
 _DESKS = 0.4
-"""Share of those on chairs and wheelchairs who sit at a table. Set by hand."""
+"""Share of people on chairs and wheelchairs who sit at a table. Set by hand."""
 _SMALL_M, _CARRIED_M = 1.3, (0.6, 0.95)
-"""Statures, metres: greatest of children that carried ones are scaled from, and range of the carried."""
+"""Statures, metres: maximum of the children from which carried ones are scaled, and range of carried ones."""
 _HALF_TRUNK_M = 0.14
 """Half the width of the strip of a back that a backrest is fitted to, metres. Set by hand."""
 
 
 @dataclass(frozen=True)
 class Settled:
-    """A figure with what it rests on.
+    """A figure with its supports.
 
     Attributes
     ----------
     figure : Figure
-        With what covers it, which counts as the person.
+        Including its covers, which count as the person.
     things : tuple of Assembly
         Figure's frame.
     table : float
-        How far ahead the middle of a table is that the figure sits at, metres; 0 for none.
+        Distance to the middle of the figure's table, ahead, metres; 0 for none.
     """
 
     figure: Figure
@@ -62,7 +62,7 @@ def settle(figure: Figure, rng: np.random.Generator, seat: str | None = None) ->
     figure : Figure
     rng : numpy.random.Generator
     seat : str, optional
-        One of `SEATS` for those who sit on one; drawn where not given.
+        One of `SEATS` for seated figures; random by default.
     """
     if figure.posture == "lie":
         return _in_bed(figure, rng) if figure.seat_height > 0 else _on_floor(figure, rng)
@@ -80,11 +80,11 @@ def hands_of(figure: Figure) -> Array:
 
 
 def child_in_arms(figure: Figure, rng: np.random.Generator) -> Figure | None:
-    """Make the small child that a figure carries, in the figure's frame; None where it carries none."""
+    """Make the small child that a figure carries, in the figure's frame; None if it carries none."""
     if figure.doing != "child":
         return None
     child = sample_figure(rng, "sit", tallest=_SMALL_M)
-    while child.seat_height == 0:  # those who sit on the floor have their legs before them
+    while child.seat_height == 0:  # people who sit on the floor have their legs in front of them
         child = sample_figure(rng, "sit", tallest=_SMALL_M)
     size = rng.uniform(*_CARRIED_M) / child.stature
     hands, bottom = hands_of(figure), np.array([0.0, child.seat_height, 0.0])
@@ -120,7 +120,7 @@ def _aids(figure: Figure, rng: np.random.Generator) -> list[Assembly]:
 
 
 def _covered(figure: Figure, pieces: list[tuple[Array, NDArray[np.int32]]]) -> Figure:
-    """Add meshes to what counts as the person."""
+    """Add meshes that count as the person."""
     own = (figure.vertices.astype(np.float64), figure.faces)
     vertices, faces = join([own, *pieces])
     return replace(figure, vertices=vertices.astype(np.float32), faces=faces)
@@ -134,14 +134,14 @@ def _flat(low: Array, high: Array, level: float) -> Plane:
 
 
 def _span(figure: Figure) -> tuple[Array, Array, float]:
-    """Return where a lying figure begins and ends (x, z), and the sign of z toward the head."""
+    """Return both ends of a lying figure (x, z), and the sign of z toward the head."""
     low, high = (f(axis=0)[[0, 2]].astype(np.float64) for f in (figure.vertices.min, figure.vertices.max))
     neck, pelvis = _joints(figure, "neck", "pelvis")
     return low, high, 1.0 if neck[2] > pelvis[2] else -1.0
 
 
 def _on_floor(figure: Figure, rng: np.random.Generator) -> Settled:
-    """Cover some of those who lie on the floor."""
+    """Cover some of the people who lie on the floor."""
     if rng.random() > _FLOOR_BLANKETS:
         return Settled(figure)
     low, high, toward = _span(figure)
@@ -151,7 +151,7 @@ def _on_floor(figure: Figure, rng: np.random.Generator) -> Settled:
 
 
 def _in_bed(figure: Figure, rng: np.random.Generator) -> Settled:
-    """Make a bed or couch along a figure who lies along z: mattress, pillow, perhaps a blanket."""
+    """Make a bed or couch for a figure that lies along z: mattress, pillow, perhaps a blanket."""
     low, high, toward = _span(figure)
     couch = rng.random() < _COUCHES
     sunk, level = rng.uniform(0.01, 0.09), figure.seat_height
@@ -175,7 +175,7 @@ def _in_bed(figure: Figure, rng: np.random.Generator) -> Settled:
 
 
 def _couch(rng: np.random.Generator, middle: Array, half: Array, level: float) -> Assembly:
-    """Make a sofa without its seat, its back along x: somebody lies on it."""
+    """Make a sofa without its seat, its back along x, for a person to lie on."""
     thing, side = Assembly(Kind.SOFA, random_albedo(rng, 0.05)), float(rng.choice([-1, 1]))
     (x, z), back, arm = middle, rng.uniform(0.3, 0.45), rng.uniform(0.1, 0.22)
     thing.box((x, level / 2 - 0.05, z), (2 * half[0], level - 0.1, 2 * half[1]))
@@ -187,7 +187,7 @@ def _couch(rng: np.random.Generator, middle: Array, half: Array, level: float) -
 
 
 def _raised_back(figure: Figure, plane: Plane) -> Array:
-    """Return how far the head end of a bed is raised under somebody who half sits, (rows, columns)."""
+    """Return the elevation of a bed's head end under a half-seated person, (rows, columns)."""
     pelvis, chest, neck = _joints(figure, "pelvis", "chest", "neck")
     along = plane.origin[2] + CELL_M * np.arange(plane.shape[0])
     run = (along - pelvis[2]) * (1.0 if neck[2] > pelvis[2] else -1.0)
@@ -197,7 +197,7 @@ def _raised_back(figure: Figure, plane: Plane) -> Array:
 
 
 def _pillow(figure: Figure, rng: np.random.Generator, plane: Plane) -> Array:
-    """Return how far a pillow under the head stands above the mattress, (rows, columns)."""
+    """Return the height of a pillow above the mattress, (rows, columns)."""
     if rng.random() < 0.15:
         return np.zeros(plane.shape)
     head = _joints(figure, "head")[0]
@@ -211,7 +211,7 @@ def _pillow(figure: Figure, rng: np.random.Generator, plane: Plane) -> Array:
 def _blanket(
     figure: Figure, rng: np.random.Generator, thing: Assembly, plane: Plane, rest: Array, toward: float
 ) -> Figure:
-    """Cover a lying figure from the feet up, or only a part; gives it with what covers it."""
+    """Cover a lying figure from the feet up, or only a part; return it with its cover."""
     pelvis, neck = _joints(figure, "pelvis", "neck")
     edge = pelvis[2] + rng.uniform(-0.35, 1.0) * (neck[2] - pelvis[2])
     row = int(np.clip((edge - plane.origin[2]) / CELL_M, 1, plane.shape[0] - 2))
@@ -232,7 +232,7 @@ def _blanket(
 
 
 def _on_seat(figure: Figure, rng: np.random.Generator, what: str) -> Settled:
-    """Make what a figure sits on, and perhaps a table before it."""
+    """Make a figure's seat, and perhaps a table in front of it."""
     high = float(figure.seat_height)
     if what == "sofa":
         return _in_sofa(figure, rng)
@@ -254,7 +254,7 @@ def _on_seat(figure: Figure, rng: np.random.Generator, what: str) -> Settled:
 
 
 def _backrest(figure: Figure) -> tuple[float, float]:
-    """Fit a backrest to a back: how far it leans back (radians), and where it meets the seat (z, metres)."""
+    """Fit a backrest to a back: return its tilt (radians), and its contact with the seat (z, metres)."""
     spine, neck = _joints(figure, "spine", "neck")
     points = figure.vertices.astype(np.float64)
     strip = points[(np.abs(points[:, 0]) < _HALF_TRUNK_M) & (points[:, 1] < neck[1])]
@@ -265,7 +265,7 @@ def _backrest(figure: Figure) -> tuple[float, float]:
 
 
 def _in_sofa(figure: Figure, rng: np.random.Generator) -> Settled:
-    """Make an armchair or sofa whose cushions give way to a figure who sits deep in it."""
+    """Make an armchair or sofa with soft cushions for a figure that sits deep in it."""
     thing = Assembly(Kind.SOFA, random_albedo(rng, 0.05))
     lean, back = _backrest(figure)
     back += rng.uniform(-0.02, 0.09)  # the back lies this deep in the cushion
@@ -319,7 +319,7 @@ def _sofa_front(figure: Figure, back: float, rng: np.random.Generator) -> float:
 def _lap_blanket(
     figure: Figure, rng: np.random.Generator, thing: Assembly, seat: Plane, surface: Array
 ) -> Figure:
-    """Lay a blanket over the thighs of somebody who sits; gives them with it."""
+    """Lay a blanket over the thighs of a seated figure; return the figure with it."""
     knees = _joints(figure, "left_knee", "right_knee")
     first = int(np.clip((rng.uniform(0.0, 0.15) - seat.origin[2]) / CELL_M, 0, seat.shape[0] - 3))
     ahead = int(max(knees[:, 2].max() + 0.1 - seat.origin[2], 0.0) / CELL_M)

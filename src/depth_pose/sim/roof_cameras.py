@@ -48,7 +48,7 @@ def _ring(
 
 
 class RigRenderer:
-    """Renders what each camera of a rig sees of a scene."""
+    """Renderer of the images of a rig's cameras."""
 
     def __init__(self, rig: Sequence[RigCamera]) -> None:
         self.rig = tuple(rig)
@@ -58,7 +58,7 @@ class RigRenderer:
         return tuple(self.silhouettes(meshes) if kind == "silhouettes" else self.depths(meshes))
 
     def depths(self, meshes: Sequence[Mesh]) -> list[NDArray[np.float32]]:
-        """Depth images (H, W) of meshes in the world frame, metres, 0 where nothing is."""
+        """Depth images (H, W) of meshes in the world frame, metres, 0 where there is nothing."""
         vertices, faces = join_meshes(meshes)
         out = []
         for c in self.rig:
@@ -67,7 +67,7 @@ class RigRenderer:
         return out
 
     def silhouettes(self, meshes: Sequence[Mesh]) -> list[NDArray[np.uint8]]:
-        """Silhouettes (H, W) of meshes in the world frame, 255 where something is."""
+        """Silhouettes (H, W) of meshes in the world frame, 255 on the meshes."""
         return [np.where(depth > 0, np.uint8(255), np.uint8(0)) for depth in self.depths(meshes)]
 
 
@@ -82,16 +82,16 @@ def join_meshes(meshes: Sequence[Mesh]) -> tuple[NDArray[np.float64], NDArray[np
 def roughen(
     silhouette: NDArray[np.uint8], rng: np.random.Generator, edge: float, specks: float
 ) -> NDArray[np.uint8]:
-    """Spoil a silhouette as background subtraction does.
+    """Add errors of background subtraction to a silhouette.
 
     Parameters
     ----------
     silhouette : (H, W) uint8
     rng : numpy.random.Generator
     edge : float
-        Chance that a pixel at the outline changes sides.
+        Probability that a pixel at the outline is flipped.
     specks : float
-        Share of all pixels that change sides anywhere.
+        Share of all pixels that are flipped.
     """
     inside = silhouette > 0
     around = np.zeros_like(inside)

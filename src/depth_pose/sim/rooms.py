@@ -1,6 +1,6 @@
 """Random rooms: shell, fixtures on the walls, and places for furniture.
 
-The camera stands over the origin of the room frame (y up, z away from it along the floor, metres); the
+The camera is above the origin of the room frame (y up, z away from it along the floor, metres); the
 walls are around it, rotated by some angle.
 """
 
@@ -22,16 +22,16 @@ Maker = Callable[[np.random.Generator], Assembly]
 _STUDIO_SHARE = 0.1
 """Share of studios among rooms. Set by hand."""
 _CLEAR_OF_CAMERA_M = 0.35
-"""Free floor between the camera and what ends 15 cm or more below it, metres. Set by hand."""
+"""Free floor between the camera and objects that end 15 cm or more below it, metres. Set by hand."""
 _TALL_CLEAR_OF_CAMERA_M = 0.9
 """The same for taller things. Set by hand."""
 _HUNG_M = 2.2
-"""Higher cameras hang from ceilings, not only before a wall, metres. Set by hand."""
+"""Height above which cameras hang from ceilings, not only in front of a wall, metres. Set by hand."""
 _BELOW_CAMERA_M = 0.8
-"""What ends this far below the camera may stand anywhere, metres: cameras hang from ceilings. Set by hand."""
-_HIDES_FROM_M = 0.8  # who stands behind lower things can still be found
+"""Objects that end this far below a ceiling camera may stand anywhere, metres. Set by hand."""
+_HIDES_FROM_M = 0.8  # people behind lower objects can still be found
 _TRIES = 6
-"""Spots that are tried for each thing. Set by hand."""
+"""Number of spots tried for each object. Set by hand."""
 
 
 @dataclass(frozen=True)
@@ -62,13 +62,13 @@ class Walls:
         return float(min(self.left - wx, wx + self.right, self.back - wz, wz + self.behind))
 
     def spot(self, wx: float, wz: float) -> tuple[float, float]:
-        """Turn a spot of the walls' own frame into the room frame, x and z."""
+        """Convert a spot from the walls' own frame to the room frame, x and z."""
         c, s = np.cos(self.turn), np.sin(self.turn)
         return float(c * wx + s * wz), float(c * wz - s * wx)
 
 
 _EVERYWHERE = Walls(50.0, 50.0, 50.0, 50.0, 50.0, 0.0)
-"""A studio's walls and ceiling: so far off, metres, that they stop nobody."""
+"""Distance of a studio's walls and ceiling, metres: far enough to restrict nobody."""
 
 
 @dataclass
@@ -79,14 +79,14 @@ class Room:
     ----------
     walls : Walls
     studio : bool
-        There is nothing but at most one wall, and no floor to see.
+        Whether there is at most one wall, and no visible floor.
     eye_height : float
-        Of the camera above the floor, metres.
+        Height of the camera above the floor, metres.
     shapes : Assembly
         All surfaces so far, room frame.
     ways : list of (T, 2) arrays
-        In videos: where people are, x and z, a row a frame; nothing is put down that hides one of them
-        for more than `longest_hidden` frames on end.
+        In videos: people's positions, x and z, one row per frame; no object is placed that hides one of them
+        for more than `longest_hidden` consecutive frames.
     longest_hidden : int
     """
 
@@ -107,13 +107,13 @@ class Room:
         avoid: Sequence[Array] = (),
         crowded: float = 0.7,
     ) -> bool:
-        """Place an object if it intersects nobody, nor the camera, nor another object.
+        """Place an object unless it intersects a person, the camera or another object.
 
         Parameters
         ----------
         thing : Assembly
         x, z, turn : float
-            Where, room frame.
+            Position and rotation, room frame.
         avoid : sequence of (V, 3) arrays
             Points of people that must stay outside the thing's bounding box.
         crowded : float
@@ -122,11 +122,11 @@ class Room:
         Returns
         -------
         bool
-            Whether it stands there now.
+            Whether it was placed.
         """
         low, high = thing.bounds()
         radius = 0.5 * float(np.hypot(high[0] - low[0], high[2] - low[2]))
-        # what stands up to the camera would fill the image
+        # an object close to the camera would fill the image
         clear = _CLEAR_OF_CAMERA_M if high[1] < self.eye_height - 0.15 else _TALL_CLEAR_OF_CAMERA_M
         if high[1] > self.eye_height - _BELOW_CAMERA_M and np.hypot(x, z) < radius * 0.7 + clear:
             return False
@@ -155,7 +155,7 @@ class Room:
 def make_room(rng: np.random.Generator, eye_height: float, studio: bool | None = None) -> Room:
     """Draw a room's shell: an office, a corridor, a hall, or a studio's plain background.
 
-    The camera is `eye_height` metres above the floor. Whether it is a ``studio`` is drawn where not given.
+    The camera is `eye_height` metres above the floor. ``studio`` is random by default.
     """
     drawn = rng.random() < _STUDIO_SHARE
     if drawn if studio is None else studio:
@@ -182,7 +182,7 @@ def make_room(rng: np.random.Generator, eye_height: float, studio: bool | None =
 
 
 def add_backdrop(room: Room, rng: np.random.Generator, reaches: Sequence[float]) -> None:
-    """Place a studio wall behind everybody in half of the scenes; `reaches` is each person's reach."""
+    """Place a studio wall behind all people in half of the scenes; `reaches` is each person's reach."""
     if not reaches or rng.random() < 0.5:
         z, turn = max(reaches, default=1.0) + rng.uniform(0.3, 2.5), rng.normal(0, 0.15)
         room.shapes.box((0.0, 0.0, z), (40.0, 40.0, 0.02), turn, 0.0, Kind.WALL, rng.uniform(0.4, 0.9))
@@ -219,7 +219,7 @@ def _hang(wall: Assembly, rng: np.random.Generator, x: float) -> None:
     """Hang a picture, board or poster on a wall in the plane z = 0, or let a window into it."""
     what, size = rng.integers(0, 4), rng.uniform((0.3, 0.3), (1.8, 1.4))
     y = rng.uniform(1.0, 1.9)
-    if what == 0:  # glass sends nothing back, its frame does
+    if what == 0:  # glass returns nothing, its frame does
         wall.box((x, y, 0.005), (size[0], size[1], 0.01), 0, 0, Kind.WALL, 0.004)
         wall.box((x, y - size[1] / 2, 0.06), (size[0] + 0.1, 0.04, 0.16))
         wall.box((x, y, 0.02), (0.06, size[1], 0.05))
@@ -243,7 +243,7 @@ def _put_beams(shell: Assembly, rng: np.random.Generator, w: Walls) -> None:
 
 
 def furnish(room: Room, rng: np.random.Generator, avoid: Sequence[Array], view: View, reach: float) -> None:
-    """Fill a room with furniture that cuts none of the people.
+    """Fill a room with furniture that does not intersect people.
 
     Parameters
     ----------
@@ -252,11 +252,11 @@ def furnish(room: Room, rng: np.random.Generator, avoid: Sequence[Array], view: 
     avoid : sequence of (V, 3) arrays
         Points of the people, room frame.
     view : View
-        Most things stand where it sees them.
+        Most objects stand in its view.
     reach : float
-        How far away things may stand, metres.
+        Maximum distance of objects, metres.
     """
-    if rng.random() < 0.12:  # a desk close before the camera
+    if rng.random() < 0.12:  # a desk close to the camera
         desk = make_table(rng, rng.uniform(0.4, 0.9))
         room.put(desk, rng.normal(0, 0.3), rng.uniform(0.7, 1.3), np.pi + rng.normal(0, 0.4), avoid, 0.0)
     for _ in range(int(rng.poisson(5))):
@@ -276,7 +276,7 @@ def furnish(room: Room, rng: np.random.Generator, avoid: Sequence[Array], view: 
 
 
 def _put_at_wall(room: Room, rng: np.random.Generator, avoid: Sequence[Array]) -> None:
-    """Stand something with its back to the left, right or back wall."""
+    """Place an object with its back to the left, right or back wall."""
     thing, w = _draw(rng, AT_WALLS), room.walls
     low, _ = thing.bounds()
     off = 0.03 - low[2]
@@ -295,7 +295,7 @@ def _put_at_wall(room: Room, rng: np.random.Generator, avoid: Sequence[Array]) -
 
 
 def _hides(thing: Assembly, x: float, z: float, avoid: Sequence[Array]) -> bool:
-    """Whether a thing at a spot stands between the camera and the middle of somebody."""
+    """Whether an object at a spot stands between the camera and the middle of a person."""
     low, high = thing.bounds()
     radius = 0.35 * float(np.hypot(high[0] - low[0], high[2] - low[2]))
     for points in avoid:
@@ -308,7 +308,7 @@ def _hides(thing: Assembly, x: float, z: float, avoid: Sequence[Array]) -> bool:
 
 
 def _put_before(room: Room, rng: np.random.Generator, points: Array, avoid: Sequence[Array]) -> None:
-    """Stand something between the camera and a person, or so close beside them that it touches."""
+    """Place an object between the camera and a person, or touching the person from the side."""
     middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
     for _ in range(_TRIES):
         thing = _draw(rng, STANDING)

@@ -17,9 +17,9 @@ from depth_pose.sim import _scene_kernels as kernels
 Array = NDArray[np.float64]
 
 _NEAR_M = 0.05
-"""What is nearer to the camera's plane is not seen, metres. Set by hand."""
+"""Surfaces nearer to the camera's plane are not seen, metres. Set by hand."""
 _OVERHEAD = np.sin(np.radians(40.0))
-"""Sine of the pitch from which a camera is overhead: what it sees is below it, not ahead."""
+"""Sine of the pitch above which a camera is overhead: its view is below it, not ahead."""
 _WAIST_M = 0.6
 """Height above the floor that overhead cameras aim at, metres. Set by hand."""
 _SILHOUETTE_PX = 96
@@ -28,7 +28,7 @@ _SILHOUETTE_PX = 96
 
 @dataclass(frozen=True)
 class View:
-    """A camera's place in a room.
+    """A camera's pose in a room.
 
     Attributes
     ----------
@@ -60,13 +60,13 @@ class View:
         return float(across[0] * c.width / (2 * c.fx) + across[1] * c.height / (2 * c.fy))
 
     def floor_spot(self, rng: np.random.Generator, away: float, beyond: float = 1.1) -> tuple[float, float]:
-        """Draw a spot on the floor, x and z, that the camera looks at.
+        """Sample a spot on the floor, x and z, that the camera looks at.
 
         Parameters
         ----------
         rng : numpy.random.Generator
         away : float
-            How far ahead of a camera that is not overhead, metres.
+            Distance ahead of a camera that is not overhead, metres.
         beyond : float
             The image's extent within which it lies, 1 for the image.
         """
@@ -106,7 +106,7 @@ class Drawn:
     depth : (H, W) float32
         Metres; 0 where there is nothing.
     face : (H, W) int32
-        Which triangle; -1 for none.
+        Index of the triangle; -1 for none.
     cosine : (H, W) float32
         Of the angle between ray and normal.
     """
@@ -130,8 +130,8 @@ def draw(vertices_optical: Array, faces: NDArray[np.int64], camera: Camera) -> D
 def silhouette_area(vertices_optical: Array, faces: NDArray[np.int64], camera: Camera) -> float:
     """Area of a mesh's silhouette, pixels of the image, as if the image went on beyond its borders.
 
-    It goes on by one image on each side: what is nearer than that to the plane of the camera would have
-    no end.
+    It is extended by one image on each side, as surfaces close to the plane of the camera would have an
+    infinite image.
     """
     z = vertices_optical[:, 2]
     before = vertices_optical[z > _NEAR_M]

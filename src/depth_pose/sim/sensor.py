@@ -18,7 +18,7 @@ Mesh = tuple[NDArray[np.floating], NDArray[np.integer]]
 """Vertices (V, 3), camera frame, metres; and faces (F, 3)."""
 
 _OCCLUSION_SLACK_M = 0.02
-"""The projector's ray may end this far before the surface that it lights, metres. Set by hand."""
+"""Tolerance of the projector's ray in front of the surface that it lights, metres. Set by hand."""
 
 
 @dataclass(frozen=True)
@@ -34,12 +34,12 @@ class SensorModel:
     near, far : float
         Range that it measures, metres.
     projector_offset : float
-        Structured light: how far to the left of the camera the projector sits, metres; what it
-        cannot reach is in shadow. 0 for none.
+        Structured light: offset of the projector to the left of the camera, metres; surfaces that it
+        cannot reach are in shadow. 0 for none.
     noise : NoiseConfig
-        Of each pixel by itself.
+        Noise of each pixel by itself.
     stereo : StereoConfig, optional
-        Stereo cameras: how they match; their pixels have no other noise.
+        Matching of stereo cameras; their pixels have no other noise.
     """
 
     name: str
@@ -248,7 +248,7 @@ class VirtualSensor:
         meshes : sequence of (vertices, faces)
             The scene, camera frame, metres.
         depth_inside : float
-            How far behind the first surface on its ray a seen point may lie, metres.
+            Maximum distance of a seen point behind the first surface on its ray, metres.
 
         Returns
         -------

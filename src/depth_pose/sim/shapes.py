@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 
 class Kind(IntEnum):
-    """What a pixel of a simulated scene shows."""
+    """Kind of object at a pixel of a simulated scene."""
 
     NOTHING = 0
     PERSON = 1
@@ -103,7 +103,7 @@ class Triangles:
     kind : (F,) uint8
         `Kind` of each triangle.
     albedo : (F,) float32
-        Share of the sensor's light that a triangle sends back, 0 to 1.
+        Infrared reflectance of a triangle, 0 to 1.
     """
 
     vertices: Array
@@ -118,7 +118,7 @@ class Assembly:
     Parameters
     ----------
     kind : Kind
-        Of shapes that do not say otherwise.
+        Default for its shapes.
     albedo : float
         Likewise.
     """
@@ -189,7 +189,7 @@ class Assembly:
         self.sheets += [(p @ turned.T + np.array([x, y, z]), *rest) for p, *rest in other.sheets]
 
     def bounds(self) -> tuple[Array, Array]:
-        """Least and greatest x, y, z of the shapes, roughly: turns and tilts are not looked at."""
+        """Approximate least and greatest x, y, z of the shapes: rotations and tilts are ignored."""
         low, high = [np.zeros((0, 3))], [np.zeros((0, 3))]
         for rows, reach in ((self.boxes, 0.5), (self.lumps, 1.0)):
             if rows:
@@ -208,7 +208,7 @@ class Assembly:
 
 
 def triangulate(assembly: Assembly, rng: np.random.Generator) -> Triangles:
-    """Turn all shapes into triangles; `rng` makes the lumps uneven."""
+    """Convert all shapes to triangles; `rng` makes the lumps uneven."""
     parts = [
         _box_triangles(assembly.boxes),
         _round_triangles(assembly.rounds),
@@ -287,5 +287,5 @@ def _lump_triangles(rows: list[tuple[float, ...]], rng: np.random.Generator) -> 
 
 
 def random_albedo(rng: np.random.Generator, dark: float = 0.15) -> float:
-    """Draw what share of the light a thing sends back; of all things `dark` are nearly black."""
+    """Sample the reflectance of an object; a share of `dark` of all objects is nearly black."""
     return float(rng.uniform(0.02, 0.12) if rng.random() < dark else rng.uniform(0.25, 0.9))

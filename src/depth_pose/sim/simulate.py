@@ -32,7 +32,7 @@ FRAME_ID = "camera_depth_optical_frame"
 START_NS = 1_700_000_000_000_000_000
 """Stamp of the first frame of every simulated recording."""
 _JOINT_DEPTH_M = 0.2
-"""A joint lies at most this far below the skin that is seen before it, metres. Set by hand."""
+"""A joint lies at most this far below the visible skin in front of it, metres. Set by hand."""
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ class Truth:
 
 @dataclass(frozen=True)
 class Stage:
-    """How a person is watched: sensor, camera placement and room."""
+    """Recording setup: sensor, camera placement and room."""
 
     sensor: SensorModel = field(default_factory=lambda: SENSORS["tof"])
     placement: Placement = field(default_factory=Placement)
@@ -93,9 +93,9 @@ def simulate(
     path : Path or str
         The recording, ``NAME.mcap``; the truth goes to ``NAME.npz`` beside it.
     body : Body
-        Who is seen.
+        The person's body.
     clip : Clip
-        How they move; its frames are the sensor's frames.
+        The person's motion; its frames are the sensor's frames.
     stage : Stage, optional
         Sensor, camera placement and room; the time-of-flight sensor in front of a wall.
     seed : int
@@ -106,7 +106,7 @@ def simulate(
     Returns
     -------
     Truth
-        What was written to ``NAME.npz``.
+        The content of ``NAME.npz``.
     """
     path = Path(path)
     if path.suffix != ".mcap":

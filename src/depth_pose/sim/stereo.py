@@ -1,10 +1,10 @@
-"""A stereo camera: what block matching and a driver's filters make of the ideal depth of a scene.
+"""A stereo camera: effects of block matching and of a driver's filters on the ideal depth of a scene.
 
-Errors live in disparity, focal length times baseline by depth, so those of depth grow with its square. A
-window is matched as one: its error is the same for neighbours (smooth bumps), what is near grows over its
-edge (foreground fattening), and what is thinner than the window may vanish. What only one camera sees is
-lost, at the left of near things, and so is what has too little texture. Then drivers smooth (across steps
-below a limit), fill holes, and resample to a colour camera.
+Errors are in disparity, focal length times baseline by depth, so those of depth grow with its square. A
+window is matched as one: its error is the same for neighbours (smooth bumps), near objects grow over their
+edges (foreground fattening), and objects thinner than the window may vanish. Pixels seen by only one camera,
+at the left of near objects, are lost, and so are those with too little texture. Then drivers smooth (across
+steps below a limit), fill holes, and resample to a colour camera.
 
 D. Scharstein and R. Szeliski, *A taxonomy and evaluation of dense two-frame stereo correspondence
 algorithms*, IJCV 47, 2002; L. Keselman et al., *Intel RealSense stereoscopic depth cameras*, CVPR workshops
@@ -27,14 +27,14 @@ from depth_pose.sim.fields import smooth_field
 Image = NDArray[np.float32]
 
 _WEAK_LEAST, _WEAK_GAIN = 3.5, 2.5
-"""Weakness of a surface (a unit field, and up to 2 for dark ones) from which it is lost. Set by eye."""
+"""Weakness of a surface (a unit field, and up to 2 for dark ones) above which it is lost. Set by eye."""
 _LOGISTIC = 1.702
 """A normal distribution's quantile is about the logit divided by this."""
 
 
 @dataclass(frozen=True)
 class StereoConfig(Checked):
-    """How a stereo camera matches and what its driver does; lengths in its own pixels."""
+    """Parameters of a stereo camera's matching and driver; lengths in its own pixels."""
 
     baseline: float = option(0.05, "Left to right camera", unit="m", low=0.01, high=1.0)
     window: int = option(7, "Side of what is matched as one", unit="pixels", low=1, high=41)
@@ -97,7 +97,7 @@ def measure_stereo(
     depth : (H, W) float32
         Metres; 0 where there is nothing.
     light : (H, W) float32
-        How well a surface can be matched, about 1; less where it is dark or slanted.
+        Quality of matching a surface, about 1; less where it is dark or slanted.
     focal : float
         Pixels.
     config : StereoConfig
@@ -129,7 +129,7 @@ def measure_stereo(
 
 
 def _match(ideal: Image, config: StereoConfig, rng: np.random.Generator) -> tuple[Image, NDArray[np.bool_]]:
-    """Match windows: thin things vanish, what is near grows, flat surfaces are averaged. And give edges."""
+    """Match windows: thin objects vanish, near ones grow, flat surfaces are averaged. Also return edges."""
     matched, shape = ideal, ideal.shape
     thin, half = max(1, config.window // 2), config.window // 2
     if config.thin > 0 and thin > 1:
@@ -148,7 +148,7 @@ def _match(ideal: Image, config: StereoConfig, rng: np.random.Generator) -> tupl
 
 
 def _filter(disparity: Image, reach: float, config: StereoConfig, rng: np.random.Generator) -> Image:
-    """Do what drivers do: smooth, fill holes, align."""
+    """Apply the driver's filters: smooth, fill holes, align."""
     if config.fill:
         fill_holes(disparity, config.fill, int(6 * config.window))
     if config.smoothing > 0:
@@ -166,7 +166,7 @@ def _filter(disparity: Image, reach: float, config: StereoConfig, rng: np.random
 
 
 def _align(depth: Image, reach: float, rng: np.random.Generator) -> Image:
-    """Resample as alignment to another camera does: rows and columns repeat, what it hides is lost."""
+    """Resample as alignment to another camera does: rows and columns repeat, hidden pixels are lost."""
     hidden = np.zeros(depth.shape, np.bool_)
     cast_shadow(depth, -reach, 1.5, hidden)
     depth = np.where(hidden, np.float32(0), depth)

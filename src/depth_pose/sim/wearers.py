@@ -25,7 +25,7 @@ from depth_pose.volume.rigfile import save_rig
 
 @dataclass(frozen=True)
 class Wearer:
-    """Who performs.
+    """A performer.
 
     Attributes
     ----------
@@ -50,7 +50,7 @@ def dressed_frames(wearer: Wearer, clip: Clip) -> Iterator[tuple[list[Mesh], Pos
 
 
 class ViewWriter(RecordingWriter):
-    """Writes the images of several cameras."""
+    """Writer of the images of several cameras."""
 
     def write(self, topic: str, stamp_ns: int, frame_id: str, image: NDArray[np.generic]) -> None:
         """Add one image: uint8 for a silhouette, float32 for depth in metres."""
@@ -65,7 +65,7 @@ def record_views(
     kind: str,
     progress: Callable[[int], None] | None = None,
 ) -> None:
-    """Record what cameras see of a performance, and write the cameras to a rig file beside it.
+    """Record a performance with several cameras, and write the cameras to a rig file beside it.
 
     ``kind`` is ``silhouettes`` or ``depth``.
     """

@@ -1,4 +1,4 @@
-"""Who may connect to the viewer: programs, and the page that it serves itself; no page of another site.
+"""Access control of the viewer: programs and its own page may connect, pages of other sites may not.
 
 A browser lets any visited page open a websocket to a port of its own machine and read the answers (RFC 6455,
 section 10.2), so listening on the loopback interface excludes no web page. With each connection the browser
@@ -17,7 +17,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
-"""Addresses to listen on that other machines do not reach."""
+"""Addresses to listen on that other machines cannot reach."""
 
 
 def refusal(hosts: Sequence[str], origins: Sequence[str], is_local: bool) -> str:
@@ -28,7 +28,7 @@ def refusal(hosts: Sequence[str], origins: Sequence[str], is_local: bool) -> str
     hosts, origins : sequence of str
         Its headers ``Host`` and ``Origin``; programs send none of the latter.
     is_local : bool
-        Whether only this machine is served: then it must be called by a name that is always this machine.
+        Whether only this machine is served: then the host name must always denote this machine.
     """
     if len(hosts) != 1 or len(origins) > 1:
         return "a request has one Host, and at most one Origin"
@@ -47,7 +47,7 @@ def _place(origin: str) -> str:
 
 
 def _is_fixed(host: str) -> bool:
-    """Whether a name cannot be led elsewhere by whoever owns it: an address, or localhost."""
+    """Whether a name cannot be redirected by its owner: an address, or localhost."""
     try:
         name = urlsplit(f"//{host}").hostname or ""
         if name == "localhost" or name.endswith(".localhost"):
@@ -60,7 +60,7 @@ def _is_fixed(host: str) -> bool:
 
 @contextmanager
 def own_pages_only(host: str) -> Iterator[None]:
-    """Make the server started inside refuse what `refusal` refuses.
+    """Make the server started inside refuse requests by `refusal`.
 
     `viser` has no setting for it; it starts its server by ``websockets.asyncio.server.serve``, whose hook for
     requests comes before the one that it sets itself.

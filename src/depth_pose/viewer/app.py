@@ -31,24 +31,24 @@ from depth_pose.viewer.source import LiveSource, RecordedSource
 from depth_pose.viewer.tables import chosen, nodes_table, people_table
 
 RATE_HZ = 15.0
-"""Frames that are drawn a second, at most; fewer where a browser takes longer. Set by hand."""
+"""Maximum frames drawn per second; fewer if a browser takes longer. Set by hand."""
 
 _TABLE_S = 0.4
-"""Time between two updates of the panel's table, seconds. For the eye."""
+"""Time between two updates of the panel's table, seconds. For readability."""
 _CLIP_HZ = 10.0
-"""Frames a second of a clip that is saved. For the eye."""
+"""Frame rate of a saved clip. For smooth motion."""
 _PICTURE = (960, 540)
-"""Width and height of a picture that is saved, pixels; a clip has half of both. For the eye."""
+"""Width and height of a saved picture, pixels; a clip has half of both."""
 _RENDER_S = 60.0
 """Time limit for a browser's picture, seconds; one without a graphics card takes ten."""
 
 _EYE, _TARGET = (-1.4, 1.5, 1.2), (2.8, -0.6, -0.5)
-"""Where one looks from and to, from the sensor: forward, left, up, metres; the panel covers the right."""
+"""Viewpoint and target relative to the sensor: forward, left, up, metres; the panel covers the right."""
 
 _FOLLOW = ("first", "nearest", "centre")
 _SPEEDS = ("0.1", "0.25", "0.5", "1", "2", "4")
 _CLIP_S = (1, 10)
-"""Seconds that a clip may have, least and most."""
+"""Minimum and maximum length of a clip, seconds."""
 
 _LABELS = {
     "points": "depth points",
@@ -71,23 +71,23 @@ class Viewer:
     ----------
     source : RecordedSource or LiveSource
     host, port
-        Where browsers connect to; port 0 takes any.
+        Address for browsers; port 0 takes any.
     pictures : Path
         Folder of screenshots and clips.
     mesh_of : callable, optional
-        Gives a person's fitted body.
+        Returns a person's fitted body.
 
     Attributes
     ----------
     server : viser.ViserServer
     source : RecordedSource or LiveSource
-        What was given.
+        The given source.
     frame : ViewerFrame or None
-        The frame that is shown.
+        The frame shown.
     drawn : int
-        Frames that were drawn.
+        Number of frames drawn.
     rate_limit : RateLimit
-        Waits for slow browsers.
+        Limit of the frame rate for slow browsers.
     """
 
     def __init__(
@@ -102,7 +102,7 @@ class Viewer:
         require("viser", "the viewer")
         import viser
 
-        with redirect_stdout(io.StringIO()), own_pages_only(host):  # it prints its addresses, and so do we
+        with redirect_stdout(io.StringIO()), own_pages_only(host):  # viser prints its addresses, and so do we
             self.server: Any = viser.ViserServer(host=host, port=port, label="depth_pose", verbose=False)
         self.source = source
         self.drawn = 0
@@ -174,7 +174,7 @@ class Viewer:
         """End `run` and the server."""
         self._stopping.set()
         self.rate_limit.stop()
-        with self._running:  # until the frame that is being drawn is there
+        with self._running:  # until the current frame is drawn
             self.server.stop()
 
     # Frames
@@ -204,13 +204,13 @@ class Viewer:
             self.drawn += 1
 
     def _shown(self, frame: ViewerFrame) -> tuple[Skeleton, ...]:
-        """Return the people to draw; running nodes choose by themselves."""
+        """Return the people to draw; live, the nodes choose."""
         if self._live is not None:
             return self._live.people(frame)
         return chosen(frame.skeletons or (), self._zone, self._most)
 
     def _aim_cameras(self) -> None:
-        """Look over the sensor's shoulder into the room."""
+        """Set the view over the sensor's shoulder into the room."""
         eye, target = self._view()
         camera = self.server.initial_camera
         camera.up, camera.position, camera.look_at = (0.0, 0.0, 1.0), eye, target
@@ -275,7 +275,7 @@ class Viewer:
 
         @speed.on_update
         def _(_: Any) -> None:
-            if speed.value in _SPEEDS:  # else no page of ours has sent it
+            if speed.value in _SPEEDS:  # otherwise our page has not sent it
                 playback.speed = float(speed.value)
 
         @step.on_click
@@ -319,7 +319,7 @@ class Viewer:
         Returns
         -------
         str
-            What went wrong, or nothing.
+            An error text, or an empty one.
         """
         try:
             with self._lock:
@@ -331,7 +331,7 @@ class Viewer:
                     self._follower = Follower(FollowConfig(whom=str(value)))
                 self._must_draw = True
             return "" if self._live is None else self._live.set(name, value)
-        except (ConfigError, ValueError) as error:  # what no page of ours sends, too
+        except (ConfigError, ValueError) as error:  # including values that our page never sends
             return str(error)
 
     def _take_choice(self, name: str, value: str | int) -> None:
@@ -374,7 +374,7 @@ class Viewer:
         try:
             take(event)
         except (DepthPoseError, OSError, RuntimeError, TimeoutError) as error:
-            # a full disk, a browser that is gone, or one that gives no picture
+            # a full disk, a disconnected browser, or one that sends no picture
             _tell_client(event.client, "not taken", " ".join(str(error).split()) or type(error).__name__)
         finally:
             self._taking.release()
@@ -414,7 +414,7 @@ class Viewer:
         self._hand_over(event.client, path)
 
     def _hand_over(self, client: Any, path: Path) -> None:
-        """Print where a picture is, and send it to the browser, which may be on another machine."""
+        """Print the path of a picture, and send it to the browser, which may be on another machine."""
         client.send_file_download(path.name, path.read_bytes())
         _tell_client(client, "saved", str(path.resolve()))
 

@@ -14,9 +14,9 @@ from depth_pose.refine.skeleton_pose import pose_from_skeleton
 
 
 class BodyMaker:
-    """Skins the bank's body, in each person's size and build, to their skeletons.
+    """Poses the bank's body, in each person's size and build, by their skeletons.
 
-    The nodes are asked for nothing: a viewer that shows bodies costs them no time.
+    This needs nothing from the nodes: a viewer that shows bodies costs them no time.
     """
 
     def __init__(self, bank: Path) -> None:

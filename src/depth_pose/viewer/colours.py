@@ -18,13 +18,13 @@ _PEOPLE = np.array(
     ],
     np.uint8,
 )
-"""Colours of people by their number, then again from the first; for the eye."""
+"""Colours of people by number, repeated from the first; for readability."""
 _DOUBT, _HALF, _SURE = np.array([215, 48, 39]), np.array([254, 224, 90]), np.array([26, 190, 90])
-"""Colours of confidences 0, one half and 1; for the eye."""
+"""Colours of confidences 0, one half and 1; for readability."""
 _NEAR, _FAR = np.array([196, 201, 210]), np.array([74, 82, 96])
-"""Greys of the nearest and of the farthest points; for the eye."""
+"""Greys of the nearest and of the farthest points; for readability."""
 _SPAN_M = (1.0, 6.0)
-"""Distances between which points go from light to dark. Set by hand, for rooms."""
+"""Range of distances over which points go from light to dark. Set by hand, for rooms."""
 
 
 def of_person(body_id: str) -> NDArray[np.uint8]:
@@ -49,6 +49,6 @@ def of_distance(points: NDArray[np.float32]) -> NDArray[np.uint8]:
 
 
 def as_light(colour: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Turn colours as on a screen (sRGB) into amounts of light, which lines and repeated shapes take."""
+    """Convert screen colours (sRGB) to linear light, which lines and repeated shapes need."""
     light = np.power(colour / 255.0, 2.2)
     return np.asarray(np.rint(255 * light)).astype(np.uint8)

@@ -1,4 +1,4 @@
-"""What the viewer shows of one frame, small enough to keep a whole recording of them."""
+"""Data of one frame for the viewer, small enough to keep a whole recording in memory."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from depth_pose.core.skeleton import BONES, JOINTS
 from depth_pose.core.types import DepthFrame, Skeleton
 
 MOST_POINTS = 20_000
-"""Points of a frame that are kept and sent to the browser; 240 kB. Set by hand."""
+"""Maximum number of a frame's points kept and sent to the browser; 240 kB. Set by hand."""
 
 _REACH_M = {"foot": 0.07, "ankle": 0.11, "knee": 0.15, "elbow": 0.11, "wrist": 0.12, "head": 0.2}
-"""By kind of joint, metres; `_TRUNK_REACH_M` for the others."""
+"""Reach by kind of joint, metres; `_TRUNK_REACH_M` for the others."""
 _TRUNK_REACH_M = 0.22
-"""Distance from the bone that ends at a joint within which points are the person's, skin and clothes; at
-the feet it is little, since the floor is near. Set by hand."""
+"""Distance from the bone that ends at a joint within which points belong to the person, including clothes;
+smaller at the feet, near the floor. Set by hand."""
 
 _REACHES = np.array(
     [_REACH_M.get(JOINTS[b].rpartition("_")[2], _TRUNK_REACH_M) for _, b in BONES], np.float32
@@ -38,7 +38,7 @@ class ViewerFrame:
     camera : Camera
         Of that grid.
     skeletons : tuple of Skeleton or None
-        Everybody; None where the frame got no answer.
+        All people; None if the frame was not answered.
     """
 
     stamp_ns: int
@@ -56,7 +56,7 @@ class ViewerFrame:
 
 
 def keep(frame: DepthFrame, skeletons: tuple[Skeleton, ...] | None, most: int = MOST_POINTS) -> ViewerFrame:
-    """Keep of a frame what the viewer shows."""
+    """Reduce a frame to the data that the viewer shows."""
     height, width = frame.depth.shape
     step = max(1, int(np.ceil(np.sqrt(height * width / most))))
     depth = frame.depth[::step, ::step]
@@ -83,7 +83,7 @@ def owners(points: NDArray[np.float32], skeletons: tuple[Skeleton, ...]) -> NDAr
 def _to_bones(
     points: NDArray[np.float32], joints: NDArray[np.float32], reaches: NDArray[np.float32]
 ) -> NDArray[np.float32]:
-    """Least distance of points from a bone, as a share of that bone's reach."""
+    """Distance of points from a bone, as a share of that bone's reach."""
     start, end = np.array(BONES).T
     bones = joints[end] - joints[start]
     squares = np.maximum((bones**2).sum(axis=1), 1e-9)

@@ -23,7 +23,7 @@ _AFTER_S = 0.03
 
 
 class RateLimit:
-    """Waits for the browsers of a server.
+    """Waits for a server's browsers.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ class RateLimit:
                 self._readers[number].ask()
 
     def stop(self) -> None:
-        """Wait for nobody any more."""
+        """Stop waiting."""
         with self._lock:
             for reader in self._readers.values():
                 reader.stop()
@@ -67,7 +67,7 @@ class RateLimit:
 
 
 class _Reader:
-    """One browser; asks it in a thread of its own."""
+    """One browser, which is queried in a separate thread."""
 
     def __init__(self, server: Any, number: int) -> None:
         self._server, self._number = server, number
@@ -108,6 +108,6 @@ class _Reader:
             client.local_storage.get_item("depth_pose", timeout=_GIVE_UP_S)
         except TimeoutError:
             return False
-        except RuntimeError:  # gone; or it has no local storage, which is an answer, too
+        except RuntimeError:  # disconnected; or without local storage, which counts as an answer
             pass
         return True

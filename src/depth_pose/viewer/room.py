@@ -1,4 +1,4 @@
-"""The floor of the scene, estimated from the first frames that show somebody standing on it."""
+"""The floor of the scene, estimated from the first frames with a person standing on it."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from depth_pose.viewer.frames import ViewerFrame
 _FRAMES = 15
 """Number of frames with people used to estimate the floor; feet move little in fewer. Set by hand."""
 _LOOKS = 3 * _FRAMES
-"""After so many looks those that there are must do: a short recording that begins again has no others."""
+"""Number of frames after which the available ones are used: a short looping recording has no others."""
 _IMAGES = 6
-"""Depth images that are kept to find the floor in. Set by hand, not swept."""
+"""Number of depth images kept to find the floor. Set by hand, not swept."""
 
 
 class FloorSeeker:
-    """Gathers frames until they tell the floor; then it is done."""
+    """Collects frames until the floor is found."""
 
     def __init__(self) -> None:
         self._people: dict[int, tuple[Skeleton, ...]] = {}

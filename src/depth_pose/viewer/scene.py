@@ -20,26 +20,26 @@ from depth_pose.viewer.frames import ViewerFrame, owners
 Array = NDArray[np.float64]
 
 _JOINT_M, _HIDDEN_M = 0.035, 0.026
-"""Radii of joints that are seen and of those that are hidden."""
+"""Radii of visible and of hidden joints, metres."""
 _BONE_M = 0.016
-"""Thickness of bones, metres; for the eye."""
+"""Thickness of bones, metres; for readability."""
 _TRAIL_S = 1.5
-"""How long the trails of hands last, seconds; for the eye."""
+"""Duration of the trails of hands, seconds; for readability."""
 _POINT_M = 0.012
-"""Size of points, metres; for the eye."""
+"""Size of points, metres; for readability."""
 _HANDS = (JOINT_INDEX["left_wrist"], JOINT_INDEX["right_wrist"])
 _OLD_LIGHT = 0.6
-"""Light of people of an earlier frame."""
+"""Brightness of people from an earlier frame."""
 _NOTHING = 1e-4
-"""Size of what is not to be seen."""
+"""Size of invisible objects."""
 
 _T_LEVEL = np.array([[0.0, 0, 1, 0], [-1, 0, 0, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
-"""From a level camera to REP-103's axes, until the floor is known."""
+"""Rotation from a level camera to REP-103's axes, used until the floor is known."""
 
 
 @dataclass
 class Wishes:
-    """What is to be shown."""
+    """Visibility of the parts of the scene."""
 
     points: bool = True
     skeletons: bool = True
@@ -51,13 +51,13 @@ class Wishes:
 
 
 class Scene:
-    """The things in a viser scene; each is made once and changed from then on.
+    """The objects in a viser scene; each is created once and then updated.
 
     Parameters
     ----------
     server : viser.ViserServer
     mesh_of : callable, optional
-        Gives vertices (V, 3) and faces (F, 3) of a person's fitted body; without it there are none.
+        Returns vertices (V, 3) and faces (F, 3) of a person's fitted body; without it no bodies are shown.
     """
 
     def __init__(
@@ -101,7 +101,7 @@ class Scene:
         self.T_world_camera = T_world_camera
 
     def show(self, frame: ViewerFrame, skeletons: tuple[Skeleton, ...]) -> None:
-        """Draw a frame, with these people of it."""
+        """Draw a frame with some of its people."""
         with self._server.atomic():
             self._show_camera(frame.camera)
             self._show_points(frame, skeletons)
@@ -117,12 +117,12 @@ class Scene:
                 view.show_trail(self._trail(skeleton), self.wishes.trails)
 
     def settle(self) -> None:
-        """Make the browser draw again: it places names and new objects one picture late."""
+        """Make the browser redraw: it places names and new objects one picture late."""
         self._is_odd = not self._is_odd
         self._cloud.point_size = _POINT_M * (1.0 + 1e-4 * self._is_odd)
 
     def forget_trails(self) -> None:
-        """Drop the trails, where time jumps."""
+        """Drop the trails after a jump in time."""
         self._trails.clear()
 
     def _trail(self, skeleton: Skeleton) -> list[Array]:
@@ -189,9 +189,9 @@ class _PersonView:
                 handle.remove()
 
     def show(self, skeleton: Skeleton, wishes: Wishes, mesh_of: Any, is_new: bool) -> None:
-        """Draw them as they are: hidden joints hollow and smaller, joints and bones by confidence.
+        """Draw the person: hidden joints hollow and smaller, colours by confidence.
 
-        Who is not of this frame is darker.
+        People from an earlier frame are darker.
         """
         for handle in (self._joints, self._hidden, self._bones):
             handle.visible = wishes.skeletons
@@ -229,7 +229,7 @@ class _PersonView:
         self._mesh.vertices, self._mesh.visible = vertices.astype(np.float32), True
 
     def show_trail(self, hands: list[Array], wanted: bool) -> None:
-        """Draw where the hands were."""
+        """Draw the trails of the hands."""
         if not wanted or len(hands) < 2:
             if self._trail is not None:
                 self._trail.visible = False

@@ -13,7 +13,7 @@ from depth_pose.core.outputs import new_file
 Picture = NDArray[np.uint8]
 
 _COLOURS = 128
-"""Of a GIF. Set by hand."""
+"""Frame rate of a GIF. Set by hand."""
 
 
 def free_name(folder: Path, ending: str) -> Path:
@@ -33,7 +33,7 @@ def save_png(path: Path, picture: Picture) -> None:
 
 
 def save_gif(path: Path, pictures: Sequence[Picture], frame_s: float) -> None:
-    """Write pictures (H, W, 3) as a GIF that repeats; with one table of colours, so that nothing flickers."""
+    """Write pictures (H, W, 3) as a looping GIF, with one table of colours to avoid flicker."""
     from PIL import Image
 
     images = [Image.fromarray(np.ascontiguousarray(p[..., :3])) for p in pictures]

@@ -19,12 +19,12 @@ Answer = Callable[[DepthFrame], tuple[Skeleton, ...] | None]
 
 
 _RECENT_NS = 1_000_000_000
-"""How long somebody is shown whom the nodes did not answer since: busy ones take turns, and of three people
-answer each every third frame. Set by hand."""
+"""Time for which a person is shown without a new answer: busy nodes process people in turn, so that each of
+three people is answered in every third frame. Set by hand."""
 
 
 class Recent:
-    """Who was answered a moment ago."""
+    """The people answered a moment ago."""
 
     def __init__(self) -> None:
         self._last: dict[str, Skeleton] = {}
@@ -34,7 +34,7 @@ class Recent:
         self._last.update({s.body_id: s for s in skeletons})
 
     def people(self, frame: ViewerFrame) -> tuple[Skeleton, ...]:
-        """Return the skeletons of a frame and of shortly before; none if it was not answered."""
+        """Return the skeletons of a frame and of the moment before; none if it was not answered."""
         now = frame.stamp_ns
         self._last = {k: s for k, s in self._last.items() if 0 <= now - s.stamp_ns <= _RECENT_NS}
         if frame.skeletons is None:
@@ -49,7 +49,7 @@ class LiveSource:
     Parameters
     ----------
     watch : Watch
-        Started; it listens to them.
+        The running watch on the nodes.
     most_points : int
         Points kept of a frame.
     """
@@ -59,7 +59,7 @@ class LiveSource:
         self._recent = Recent()
 
     def newest(self) -> ViewerFrame | None:
-        """Return the newest frame that was not returned before."""
+        """Return the newest frame not returned before."""
         heard = self._watch.newest()
         if heard is None:
             return None
@@ -75,7 +75,7 @@ class LiveSource:
         return self._watch.nodes()
 
     def set(self, name: str, value: str | int) -> str:
-        """Set ``follow``, ``zone`` or ``people`` of the nodes; gives what went wrong, or nothing."""
+        """Set ``follow``, ``zone`` or ``people`` of the nodes; return an error text, or an empty one."""
         return self._watch.set(name, value)
 
 
@@ -86,7 +86,7 @@ class RecordedSource:
     ----------
     frames : iterable of DepthFrame
     answer : callable
-        Gives everybody's skeletons in a frame: read from a file, or found by the pipeline.
+        Returns the skeletons in a frame: read from a file, or found by the pipeline.
     most_points : int
         Points kept of a frame.
 
@@ -94,7 +94,7 @@ class RecordedSource:
     ----------
     playback : Playback
     error : str
-        What ended the reading early; empty if nothing did.
+        Error that ended the reading early; empty if there was none.
     """
 
     def __init__(self, frames: Iterable[DepthFrame], answer: Answer, most_points: int) -> None:
@@ -110,7 +110,7 @@ class RecordedSource:
         self._thread.start()
 
     def stop(self) -> None:
-        """End reading, after the frame that is being answered."""
+        """Stop reading, after the current frame."""
         self._stopping = True
         if self._thread.is_alive():
             self._thread.join()

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from depth_pose.ros.tools.watch import NodeState
 
 _MARKS = re.compile(r"[\\`*{}\[\]()#+!|<>&~$:]")
-"""What Markdown, and the links that viewers find in it, are made of."""
+"""Characters with a meaning in Markdown and in links."""
 
 _PELVIS = JOINT_INDEX["pelvis"]
 
@@ -84,7 +84,7 @@ def _short(node: NodeState) -> str:
 
 
 def _plain(text: str) -> str:
-    """Return a name of others so that Markdown shows it as it is: no table, link or image of its own."""
+    """Escape an untrusted name, so that Markdown shows it literally."""
     return _MARKS.sub(r"\\\g<0>", printable(text))
 
 

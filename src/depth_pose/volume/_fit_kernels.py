@@ -31,9 +31,9 @@ class Settings(NamedTuple):
 def fit_volume(points, eyes, body, trust, settings, scale, rotations, root):
     """Run all iterations; ``rotations`` and ``root`` hold the start and are overwritten with the fit.
 
-    Where there are ``eyes`` (n, 3), only what faces one of them is on the surface. Gives the root mean
+    With ``eyes`` (n, 3), only vertices that face one of them are on the surface. Returns the root mean
     square distance of the trusted vertices from the points assigned to them, along the normals, and the
-    factor on the body's size that would make it least.
+    factor on the body's size that would minimise it.
     """
     count = body.normals.shape[0]
     vertices, normals = np.empty((count, 3)), np.empty((count, 3))

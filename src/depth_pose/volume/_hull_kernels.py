@@ -11,11 +11,11 @@ from depth_pose.core._camera_kernels import project
 from depth_pose.core.kernels import njit
 
 OUTSIDE = -1
-"""Entry of the tables where a camera does not see a voxel: it has no say there."""
+"""Entry of the tables where a camera does not see a voxel: it is ignored there."""
 
 
 NEAR_M = 0.05
-"""What is nearer to a camera, or behind it, is not seen by it, metres."""
+"""Voxels nearer to a camera, or behind it, are not seen by it, metres."""
 
 
 class Grid(NamedTuple):
@@ -85,7 +85,7 @@ def integrate(silhouette, sums):
 
 @njit(cache=True)
 def carve(tables, rects, silhouettes, sums, present, least_views, blocks, marks):
-    """Mark the voxels that every camera with a say has in its silhouette.
+    """Mark the voxels that lie in the silhouettes of all cameras that see them.
 
     ``silhouettes`` is (cameras, H * W), ``sums`` (cameras, H + 1, W + 1), padded to the largest
     camera; ``blocks`` (B,) becomes 0 empty, 1 mixed, 2 full; ``marks`` (B, side^3) is 0 or 1 for
@@ -132,7 +132,7 @@ def carve(tables, rects, silhouettes, sums, present, least_views, blocks, marks)
         total = 0
         for q in range(n):
             total += marks[block, q]
-        # what too few cameras see is not known to be the person's
+        # voxels that too few cameras see are not known to be the person's
         if total and views - count < least_views:
             total = 0
             for q in range(n):
@@ -149,7 +149,7 @@ def carve(tables, rects, silhouettes, sums, present, least_views, blocks, marks)
 
 @njit(cache=True)
 def keep_largest(grid, blocks, marks, stack, labels):
-    """Empty all blocks but those of the largest connected group, by its voxels; gives that number."""
+    """Empty all blocks except those of the largest connected group; return its number of voxels."""
     bx, by, bz = grid.blocks
     labels[:] = 0
     best, best_size, label = 0, 0, 0
@@ -186,7 +186,7 @@ def keep_largest(grid, blocks, marks, stack, labels):
 def find_surface(grid, blocks, marks, points, centre):
     """Write centres of voxels with an empty one of six neighbours, and the mean of all voxels.
 
-    Gives the number of surface voxels, and of all; ``points`` may be too small for them.
+    Returns the number of surface voxels, and of all; ``points`` may be too small for them.
     """
     bx, by, bz = grid.blocks
     origin, voxel, side = grid.origin, grid.voxel, grid.side
@@ -257,7 +257,7 @@ def find_surface(grid, blocks, marks, points, centre):
 
 @njit(cache=True)
 def _filled(grid, blocks, marks, x, y, z):
-    """Mark of one voxel by its numbers along the axes; 0 outside the space."""
+    """Mark of one voxel by its indices along the axes; 0 outside the space."""
     side, counts = grid.side, grid.blocks
     if x < 0 or y < 0 or z < 0:
         return np.uint8(0)

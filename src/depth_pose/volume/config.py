@@ -14,7 +14,7 @@ from depth_pose.core.options import Checked, Sections, option
 
 @dataclass(frozen=True)
 class SpaceConfig(Checked):
-    """The space that is watched, and its voxels; world frame, y up, floor at 0."""
+    """The observed space, and its voxels; world frame, y up, floor at 0."""
 
     voxel: float = option(0.02, "Edge of a voxel", unit="m", low=0.005, high=0.08)
     centre_x: float = option(0.0, "Middle of the space along x", unit="m", low=-1000.0, high=1000.0)
@@ -25,7 +25,7 @@ class SpaceConfig(Checked):
 
 @dataclass(frozen=True)
 class TrackConfig(Checked):
-    """The particle filter and what follows it."""
+    """The particle filter and the steps after it."""
 
     particles: int = option(100, "Particles in the latent space", low=10, high=5000)
     likelihood: str = option(
@@ -81,7 +81,7 @@ class VolumeFitConfig(Checked):
 
 @dataclass(frozen=True)
 class ViewsConfig(Checked):
-    """How images of several cameras become sets of views of one time."""
+    """Grouping of images of several cameras to sets of views of one time."""
 
     tolerance: float = option(
         0.004, "Stamps that differ by at most this are of one set of views", unit="s", low=0.0, high=1.0

@@ -18,12 +18,12 @@ from depth_pose.volume.synchroniser import ViewSet
 def decode_silhouette(
     data: bytes | memoryview, height: int, width: int, step: int, encoding: str
 ) -> NDArray[np.uint8]:
-    """Read a silhouette image: ``mono8`` or ``8UC1``, not 0 where the person is.
+    """Read a silhouette image: ``mono8`` or ``8UC1``, nonzero on the person.
 
     Raises
     ------
     InputError
-        Where the encoding is another, or the data are too short.
+        Where the encoding is a different one, or the data is too short.
     """
     if encoding not in ("mono8", "8UC1"):
         raise InputError(f"the silhouette's encoding is {encoding!r}; it must be mono8 or 8UC1")
@@ -45,7 +45,7 @@ class ViewDecoder:
     depth_scale : float
         Metres per unit of depth; 0: that of the encoding.
     complain : callable
-        Called with the topic of an image that cannot be used, and why.
+        Called with the topic of an unusable image, and the reason.
     """
 
     def __init__(
@@ -68,12 +68,12 @@ class ViewDecoder:
         views : ViewSet
             Of `ImageMessage`, or None.
         gone : int
-            Cameras that nothing is expected of.
+            Number of cameras that are lost.
 
         Raises
         ------
         InputError
-            Where fewer than half of the cameras that are there brought a usable image.
+            Where fewer than half of the live cameras brought a usable image.
         """
         images: list[NDArray[np.generic] | None] = []
         for message, camera, topic in zip(views.images, self._rig.cameras, self._rig.topics, strict=True):

@@ -29,7 +29,7 @@ from depth_pose.volume import _descriptor_kernels as kernels
 from depth_pose.volume.hull import Volume
 
 OUTER_RADIUS_M = 0.8
-"""Radius of the outermost bins' edge for an adult of 1.75 m, metres; all beyond counts there. Set by hand."""
+"""Radius of the outermost bins' edge for an adult of 1.75 m, metres; they include all beyond. Set by hand."""
 
 TOP_M = 1.2 * ADULT_STATURE_M
 """Height of the topmost bins' edge for an adult of 1.75 m, metres: arms up. Set by hand."""

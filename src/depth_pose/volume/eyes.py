@@ -26,8 +26,8 @@ _SLIVER = 0.3
 class HullEyes:
     """Silhouettes: the visual hull.
 
-    An empty silhouette would empty the whole space; where most of the others show somebody, it is taken
-    for a failure and has no say.
+    An empty silhouette would empty the whole space; if most of the others show a person, it counts as
+    a failure and is ignored.
     """
 
     def __init__(self, cameras: Sequence[RigCamera], space: SpaceConfig) -> None:
@@ -41,7 +41,7 @@ class HullEyes:
         return self.carver.carve([None if i in wrong else s for i, s in enumerate(views.images)]), wrong
 
     def reset(self) -> None:
-        """Nothing is kept."""
+        """Do nothing: there is no state."""
 
     def warm_up(self) -> None:
         """Compile every kernel."""
@@ -52,8 +52,8 @@ class HullEyes:
 class DepthEyes:
     """Depth: the person's points in each image, and the surface voxels that they lie in.
 
-    A camera that sees much less of the person than another does is hidden from them, or has failed, and has
-    no say.
+    A camera that sees much less of the person than another one is occluded or has failed, and is
+    ignored.
     """
 
     def __init__(self, cameras: Sequence[RigCamera], config: VolumeConfig) -> None:
@@ -65,7 +65,7 @@ class DepthEyes:
         )
 
     def see(self, views: ViewSet) -> tuple[Volume, tuple[int, ...]]:
-        """Find the person's surfaces and join them."""
+        """Find the person's surfaces and combine them."""
         check_images(views.images, self.cameras)
         seen = {
             i: self._voxels.see(self._points(i, depth, views.stamp_ns), self.cameras[i].position)
@@ -77,7 +77,7 @@ class DepthEyes:
         return self._voxels.join([v for i, v in seen.items() if i not in wrong]), wrong
 
     def _points(self, index: int, depth: NDArray[np.float32], stamp_ns: int) -> NDArray[np.float64]:
-        """Find the points in one camera's image, (N, 3), world frame, of the one who shows most of them."""
+        """Find the points (N, 3), world frame, of the most visible person in one camera's image."""
         rig = self.cameras[index]
         if not self._extractors:
             return rig.points_world(depth)
@@ -99,5 +99,5 @@ class DepthEyes:
 
 
 def make_eyes(kind: str, cameras: Sequence[RigCamera], config: VolumeConfig) -> HullEyes | DepthEyes:
-    """Make the eyes for ``silhouettes`` or for ``depth``."""
+    """Build the eyes for ``silhouettes`` or for ``depth``."""
     return DepthEyes(cameras, config) if kind == "depth" else HullEyes(cameras, config.space)

@@ -1,7 +1,7 @@
-"""A last fit of a body to the volume, from the regressed pose.
+"""The final fit of a body to the volume, from the regressed pose.
 
 Regression returns mixtures of training poses; only the volume shows how this dancer's arm differs from
-all of them. The articulated fit of `depth_pose.refine.articulated`
+them. The articulated fit of `depth_pose.refine.articulated`
 is run on the surface voxels, with one change: the weight of a vertex is the probability that it is on
 the surface, learned from the clothing in training. Parts hidden by clothing keep their regressed
 pose.
@@ -32,22 +32,22 @@ _STIFFNESS: dict[str, float] = {
     "knee": 1.0,
     "ankle": 1.0,
 }
-"""Relative stiffness of each free node toward the start; nodes not named follow their parent. Arms show in a
-volume, what a skirt hides does not. Chosen like the defaults of `depth_pose.volume.config`."""
+"""Relative stiffness of each free node toward the start; nodes not named follow their parent. Arms are
+visible in a volume, limbs under a skirt are not. Chosen like the defaults of `depth_pose.volume.config`."""
 
 
 @dataclass(frozen=True)
 class VolumeFit:
-    """What the fit found.
+    """Result of the fit.
 
     Attributes
     ----------
     rotations, root
-        The pose as `depth_pose.body.pose.BodyPose` has it, in the world frame.
+        The pose as in `depth_pose.body.pose.BodyPose`, in the world frame.
     residual : float
         Root mean square distance of trusted skin from the surface, metres.
     size : float
-        Factor on the body's size that would bring them nearer.
+        Factor on the body's size that would reduce it.
     """
 
     rotations: Array
@@ -63,7 +63,7 @@ class VolumeFitter:
     ----------
     body : Body
     trust : (V,)
-        Of each of its vertices, 0 to 1.
+        Trust in each of its vertices, 0 to 1.
     config : VolumeFitConfig
     """
 
@@ -79,7 +79,7 @@ class VolumeFitter:
     ) -> VolumeFit:
         """Fit the pose to surface voxels (N, 3), from a start; world frame, metres.
 
-        ``eyes`` is where the cameras stand, (n, 3), if the surface is only the sides that they see.
+        ``eyes`` are the cameras' positions, (n, 3), if the surface is only the sides facing them.
         """
         every = max(1, -(-len(surface) // self.config.max_points))
         rotations, root = np.ascontiguousarray(rotations).copy(), np.array(root, np.float64)

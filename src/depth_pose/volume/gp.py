@@ -143,7 +143,7 @@ class Regression:
 
     @cached_property
     def mean(self) -> Array:
-        """Mean output, (D,), that is predicted far from all inputs."""
+        """Mean output, (D,), predicted far from all inputs."""
         return np.asarray(self.outputs.mean(axis=0))
 
     @cached_property
@@ -154,7 +154,7 @@ class Regression:
 
     @cached_property
     def weights(self) -> Array:
-        """What kernel values are multiplied with, (N, D)."""
+        """Coefficients of the kernel values, (N, D)."""
         return np.ascontiguousarray(self.inverse @ (self.outputs - self.mean))
 
     def predict(self, x: Array) -> Array:
@@ -178,7 +178,7 @@ class Regression:
 _START_NOISE = 0.05
 """Share of the variance that `learn_regression` attributes to noise at the start. Set by hand."""
 _STEPS = 40
-"""Most steps of `learn_regression`. Set by hand."""
+"""Maximum number of steps of `learn_regression`. Set by hand."""
 _LEAST_NOISE = 1e-6
 """Least noise variance, in units of the outputs' variance. Set by hand."""
 

@@ -33,7 +33,7 @@ _START = (Kernel(0.0, 0.0, np.log(0.05)), Kernel(np.log(0.5), 0.0, np.log(1e-2),
 
 @dataclass(frozen=True, eq=False)
 class Dynamics:
-    """What learning found.
+    """Result of learning.
 
     Attributes
     ----------
@@ -42,7 +42,7 @@ class Dynamics:
     volume_kernel : Kernel
         Of X to V, for volumes divided by one standard deviation.
     motion_kernel : Kernel
-        Of the latent point before to the next.
+        Kernel from the previous latent point to the next.
     cost : float
         Minus the logarithm of the posterior, up to a constant.
     """
@@ -67,7 +67,7 @@ def learn_dynamics(
     config: LearnConfig,
     progress: Callable[[int], None] | None = None,
 ) -> Dynamics:
-    """Learn the latent points of volume sequences: the most of the posterior (Hirai et al. eq. 3).
+    """Learn the latent points of volume sequences: the maximum of the posterior (Hirai et al. eq. 3).
 
     The paper's roles of alpha and beta change between its text and its equation: here each map has a kernel
     of its own, with the prior 1 / theta on each parameter, as in GPDM. Beyond the paper: the dynamics is

@@ -1,4 +1,4 @@
-"""Headings: which way a person faces, about the vertical.
+"""Headings: the direction that a person faces, about the vertical.
 
 A heading is the azimuth of the pelvis' forward axis in the world frame (y up), ``atan2(x, z)``, radians:
 0 for facing +z.

@@ -22,11 +22,11 @@ from depth_pose.volume.rig import RigCamera, check_images
 _BLOCK_M = 0.08
 """Edge of a block, metres. Set by hand."""
 _MOST_TABLE_BYTES = 3_000_000_000
-"""Larger tables of projections are refused: they would not fit in a small machine's memory."""
+"""Maximum size of the tables of projections: larger ones would not fit in a small machine's memory."""
 _FIRST_CAPACITY = 30_000
-"""Surface voxels that there is room for at first; ten times a person's at 2 cm."""
+"""Initial capacity of surface voxels; ten times a person's at 2 cm."""
 LEAST_VIEWS = 2
-"""Voxels that fewer cameras see are not the person's: one silhouette alone is a cone, not a body."""
+"""Minimum number of cameras that see a voxel: one silhouette alone is a cone, not a body."""
 
 
 @dataclass(frozen=True)
@@ -42,11 +42,11 @@ class Volume:
     voxels : int
         Number of voxels, surface and inside.
     views : int
-        Cameras that had a say.
+        Number of cameras used.
     eyes : (n, 3) float64
-        Where the depth cameras stand that saw only the sides facing them, metres; none for whole volumes.
+        Positions of the depth cameras, which see only the sides facing them, metres; none for whole volumes.
     parts : tuple of Volume
-        What each of several depth cameras saw, in the order of `eyes`; empty otherwise.
+        The volume seen by each of several depth cameras, in the order of `eyes`; empty otherwise.
     """
 
     surface: NDArray[np.float64]
@@ -58,7 +58,7 @@ class Volume:
 
     @property
     def sights(self) -> tuple[Volume, ...]:
-        """What is to be described by itself: what each depth camera saw, or the whole volume."""
+        """Volumes with descriptors of their own: those of each depth camera, or the whole volume."""
         return self.parts or (self,)
 
     @property
@@ -71,7 +71,7 @@ class Volume:
 
     @property
     def is_empty(self) -> bool:
-        """Whether there is nobody."""
+        """Whether there is no person."""
         return len(self.surface) == 0
 
 
@@ -127,8 +127,8 @@ class HullCarver:
         Parameters
         ----------
         silhouettes : sequence of (H, W) arrays or None
-            One per camera, in their order: not 0 where the person is. None where the camera brought
-            nothing; it then has no say. An empty silhouette says that there is nobody.
+            One per camera, in their order, nonzero on the person. None if the camera brought
+            nothing; it is then ignored. An empty silhouette means that there is nobody.
 
         Raises
         ------

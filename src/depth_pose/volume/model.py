@@ -1,6 +1,6 @@
 """The model learned from performances, and its file.
 
-The file is a plain ``.npz`` of arrays and one JSON text; nothing in it is executed when it is read.
+The file is a plain ``.npz`` of arrays and one JSON text; reading executes nothing from it.
 """
 
 from __future__ import annotations
@@ -42,9 +42,9 @@ DIMENSIONS = {
 }  # fmt: skip
 """Number of dimensions of each array in the file, by its name."""
 _MOST_FPS = 1000.0
-"""A model of this many frames a second or more is damaged. Set by hand."""
+"""Maximum frame rate of a valid model. Set by hand."""
 _MOST_BINS = 1024
-"""Bins in one direction; the paper has at most 16, and 128 fine ones. Set by hand."""
+"""Maximum number of bins in one direction; the paper has at most 16, and 128 fine ones. Set by hand."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,17 +61,17 @@ class VolumeModel:
         Descriptor of each training frame in the descriptor space, mean of the wearers; one view for
         hulls, one for each direction that the camera may see the person from for a depth camera.
     spread : (N,) float64
-        Mean squared distance of the wearers' descriptors from that, what the space leaves out included.
+        Mean squared distance of the wearers' descriptors from it, including the part outside the space.
     poses : (views, N, k) float64
         Training poses in the pose space.
     rotations : (N, 21, 3, 3) float64
-        Training poses as they are, the pelvis facing +z; reports measure against them.
+        The original training poses, the pelvis facing +z; reports measure against them.
     space_mean, space_whiten, space_basis, pose_mean, pose_basis
         `DescriptorSpace` and `PoseSpace`.
     volume_kernel, motion_kernel, recall_kernel, pose_kernel : (3,) or (4,) float64
         Kernels of X to V, of X to the next X, of V to X, and of X to poses.
     trust : (V,) float64
-        How far each vertex of the reference body can be trusted to lie on the volume's surface, 0 to 1.
+        Trust that each vertex of the reference body lies on the volume's surface, 0 to 1.
     meta : dict
         ``bins`` (heights, azimuths, radii, fine), ``fps``, ``noise_floor``,
         ``input`` (``silhouettes`` or ``depth``), and what the model was trained on.
@@ -97,12 +97,12 @@ class VolumeModel:
 
     @property
     def views(self) -> int:
-        """Directions that the person is seen from."""
+        """Number of directions from which the person is seen."""
         return len(self.volumes)
 
     @property
     def fps(self) -> float:
-        """Frames a second of the training."""
+        """Frame rate of the training."""
         return float(self.meta["fps"])
 
     @cached_property
@@ -138,7 +138,7 @@ class VolumeModel:
 
     @cached_property
     def to_latent(self) -> tuple[Regression, ...]:
-        """V to X, one for each view: by regression, as Sec. 3 says; GPDM gives none."""
+        """V to X, one for each view: by regression, as in Sec. 3; GPDM has no such map."""
         kernel = Kernel.from_array(self.recall_kernel)
         return tuple(Regression(v, self.latent, kernel) for v in self.volumes)
 
@@ -224,7 +224,7 @@ class VolumeModel:
             raise InputError(f"{where}: the performances have {int(self.lengths.sum())} frames, not {n}")
 
     def _check_kinds(self, where: str) -> None:
-        """Raise InputError where what the file says of itself, or an array, is of another kind."""
+        """Raise InputError where the metadata or an array has another type."""
         try:
             self._check_meta()
         except (KeyError, TypeError, ValueError, ConfigError) as error:
@@ -244,7 +244,7 @@ class VolumeModel:
             raise InputError(f"{where}: a performance has {int(self.lengths.min())} frames")
 
     def _check_meta(self) -> None:
-        """Raise one of several errors where ``meta`` is of another kind."""
+        """Raise one of several errors where ``meta`` is invalid."""
         meta = self.meta
         for name, kind in _META.items():
             if not isinstance(meta[name], kind) or isinstance(meta[name], bool):
@@ -255,4 +255,4 @@ class VolumeModel:
             raise ValueError(f"the bins are {meta['bins']!r:.80}")
         if any(type(value) not in (int, float) for value in meta["statures"]):
             raise TypeError("a stature is not a number")
-        _ = self.bins  # checks itself
+        _ = self.bins  # validates itself

@@ -43,23 +43,23 @@ from depth_pose.volume.tracker import UNLIKELY, LatentTracker, Tracked, describe
 Array = NDArray[np.float64]
 
 _one_thread = ThreadpoolController().wrap(limits=1)
-"""As `depth_pose.pipeline` does: small systems are no faster on more, and sums come in the same order."""
+"""As in `depth_pose.pipeline`: small systems are no faster on more, and the order of sums is fixed."""
 
 LEAST_SURFACE_M2 = 0.06
-"""Smaller surfaces are nobody, m2: 150 voxels of 2 cm, where a person has 3,000. Set by hand."""
+"""Smaller surfaces are not people, m2: 150 voxels of 2 cm; a person has 3,000. Set by hand."""
 
 
 @dataclass(frozen=True)
 class VolumePose:
-    """What was found in one frame.
+    """Result of one frame.
 
     Attributes
     ----------
     volume : Volume
     tracked : Tracked or None
-        Where the volume is in the latent space; None for an empty space.
+        The volume's position in the latent space; None for an empty space.
     regressed : (21, 3, 3) float64
-        Segment rotations that the latent point stands for, rest pose to world frame.
+        Segment rotations of the latent point, rest pose to world frame.
     rotations : (21, 3, 3) float64
         The same after the fit to the volume.
     stature : float
@@ -67,7 +67,7 @@ class VolumePose:
     skeleton : Skeleton
         World frame; source VOLUME, or LOST for an empty space.
     disregarded : tuple of int
-        Cameras that showed nobody, or hardly anybody, while others saw somebody.
+        Cameras that showed little or nothing of the person while others did.
     """
 
     volume: Volume
@@ -80,7 +80,7 @@ class VolumePose:
 
     @property
     def skeletons(self) -> tuple[Skeleton, ...]:
-        """Everybody: the one person, or nobody."""
+        """The skeletons: one, or none."""
         return () if self.skeleton.is_lost else (self.skeleton,)
 
     @cached_property
@@ -90,7 +90,7 @@ class VolumePose:
 
 
 class VolumePoseTracker:
-    """From volumes to poses; frames are given in their order.
+    """The pipeline from volumes to poses; frames must be passed in order.
 
     Parameters
     ----------
@@ -145,7 +145,7 @@ class VolumePoseTracker:
         root = centre + stature * (turn @ offset[0])
         fitted, residual = regressed, 0.0
         if self.config.refine:
-            # what only the volume tells: the fit of a body to it
+            # details that only the volume shows: the fit of a body to it
             found = self._fitter.fit(volume.surface, regressed, root, stature, volume.eyes)
             fitted, root, residual = found.rotations, found.root, found.residual
             self._size.follow(found.size)
@@ -162,7 +162,7 @@ class VolumePoseTracker:
         return (stamp_ns - last) * 1e-9
 
     def _forget(self) -> None:
-        """Whoever comes next is somebody else."""
+        """Forget the person: the next one is another."""
         self._tracker.reset()
         self._size.reset()
         self._person += 1
@@ -192,7 +192,7 @@ class VolumePoseTracker:
         )
 
     def warm_up(self) -> None:
-        """Compile every kernel on a made-up volume."""
+        """Compile every kernel with a synthetic volume."""
         grid = np.stack(np.meshgrid(*[np.arange(0.0, 0.3, 0.02)] * 3), axis=-1).reshape(-1, 3)
         tall = np.concatenate([grid, grid + [0.0, 0.6, 0.0]])
         volume = Volume(tall, tall.mean(axis=0), len(tall), 8)
@@ -202,24 +202,24 @@ class VolumePoseTracker:
 
 
 def _joint_trust(strongest: NDArray[np.int32], trust: Array) -> Array:
-    """How far clothing lets each joint's surroundings be seen, (19,), 0 to 1."""
+    """Visibility of each joint's surroundings under the clothing, (19,), 0 to 1."""
     segment = np.array([trust[strongest == n].mean() if (strongest == n).any() else np.nan
                         for n in range(len(NODES))])  # fmt: skip
     for n in range(1, len(NODES)):
         if np.isnan(segment[n]):
             segment[n] = segment[NODE_PARENTS[n]]
-    # a joint is as well seen as the segments that meet in it
+    # a joint is as visible as the segments that meet in it
     joints = [(segment[n] + segment[max(int(NODE_PARENTS[n]), 0)]) / 2 for n in JOINT_NODES]
     return np.clip(np.array(joints), 0.0, 1.0)
 
 
 class VolumePipeline:
-    """From the images of a set of cameras to poses: silhouettes or depth, as the model was learned.
+    """The pipeline from the images of several cameras to poses: silhouettes or depth, as the model requires.
 
     Parameters
     ----------
     model : VolumeModel
-        One of depth serves any number of cameras.
+        A depth model serves any number of cameras.
     rig : Rig
     config : VolumeConfig
     frame_id : str
@@ -242,13 +242,13 @@ class VolumePipeline:
         Parameters
         ----------
         views : ViewSet
-            One image per camera (silhouettes: not 0 where the person is; depth: metres); None where it
-            brought none. A camera that shows nobody, or hardly anybody, while others do has no say.
+            One image per camera (silhouettes: nonzero on the person; depth: metres); None if there is
+            none. A camera that shows little or nothing of the person while others do is ignored.
 
         Raises
         ------
         InputError
-            Where the images are not one per camera, or of other sizes than the cameras'.
+            Where there is not one image per camera, or their sizes differ from the cameras'.
         """
         volume, disregarded = self.eyes.see(views)
         self._disregarded.update(disregarded)
@@ -263,7 +263,7 @@ class VolumePipeline:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Which cameras showed nobody while others did, since the last reset, one line each."""
+        """Cameras that showed nobody while others did, since the last reset, one line each."""
         return tuple(
             f"{self.rig.topics[camera]} shows nobody in {count} frames in which others do"
             for camera, count in self._disregarded.items()
@@ -276,7 +276,7 @@ class VolumePipeline:
 
 
 def in_world(skeleton: Skeleton, up: str) -> Skeleton:
-    """Return a skeleton of the tracker's world frame in one with another up axis."""
+    """Convert a skeleton from the tracker's world frame to one with another up axis."""
     if up == "y" or skeleton.is_lost:
         return skeleton
     turn = upright_from(up)[:3, :3].T

@@ -15,7 +15,7 @@ from depth_pose.volume.rigfile import Rig
 from depth_pose.volume.synchroniser import Synchroniser, ViewSet
 
 _SURE_AHEAD = 3
-"""Images in succession from which on a later time is believed that only one camera has. Set by hand."""
+"""Number of consecutive images after which a later time from a single camera is accepted. Set by hand."""
 
 
 class ViewReader:
@@ -35,7 +35,7 @@ class ViewReader:
     incomplete, dropped : int
         Sets, since iteration began, in which a camera was missing, and those that could not be used.
     warnings : list of str
-        What went wrong, one line each with its count.
+        Problems, one line each with its count.
 
     Raises
     ------
@@ -56,7 +56,7 @@ class ViewReader:
 
     @property
     def damage(self) -> list[str]:
-        """What of the recording cannot be read, as far as reading has come, one line a file."""
+        """Damage of the recording found so far, one line per file."""
         return self._recording.damage
 
     @property
@@ -66,7 +66,7 @@ class ViewReader:
 
     @property
     def warnings(self) -> list[str]:
-        """What went wrong since iteration began."""
+        """Problems since iteration began."""
         wrong = (f"{count} times: {what}" for what, count in self._wrong.items())
         return [*self.damage, *(f"{self.path}: {line}" for line in self._decoder.doubts().values()), *wrong]
 
@@ -88,7 +88,7 @@ class ViewReader:
             )
 
     def _read(self) -> Iterator[ViewSet]:
-        """Hold every set until images come that are newer by as long as a camera is waited for."""
+        """Yield the sets, each after the time that late cameras are waited for, by newer images."""
         held, hold_ns, now = (
             Synchroniser(len(self._rig.topics), self._config),
             self._config.gone_after * 1e9,

@@ -18,7 +18,7 @@ from depth_pose.core.errors import ConfigError, InputError
 
 @dataclass(frozen=True, eq=False)
 class RigCamera:
-    """One camera and where it is.
+    """One camera and its pose.
 
     Attributes
     ----------
@@ -42,7 +42,7 @@ class RigCamera:
 
     @property
     def position(self) -> NDArray[np.float64]:
-        """The pinhole in the world frame, shape (3,), metres."""
+        """Position of the pinhole in the world frame, shape (3,), metres."""
         T = self.T_camera_world
         return np.asarray(-T[:3, :3].T @ T[:3, 3])
 
@@ -71,7 +71,7 @@ class RigCamera:
 
 
 def check_images(images: Sequence[Any], cameras: Sequence[RigCamera]) -> None:
-    """Raise InputError where images are not one per camera (None: it brought none), or of another size."""
+    """Raise InputError unless there is one image per camera (None: missing), of the camera's size."""
     if len(images) != len(cameras):
         raise InputError(f"{len(images)} images for {len(cameras)} cameras")
     for image, rig in zip(images, cameras, strict=True):

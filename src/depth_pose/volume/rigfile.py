@@ -58,7 +58,7 @@ class Rig:
         In the tracker's world frame, y up.
     topics : tuple of str
     up : str
-        Axis that is up in the world frame of the file, and of what is published.
+        Up axis of the world frame in the file, and of published data.
     """
 
     cameras: tuple[RigCamera, ...]

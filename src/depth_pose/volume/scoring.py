@@ -1,7 +1,7 @@
 """Pose errors: joint angles in degrees, joints in centimetres, with baselines.
 
 The baselines are the error of always returning the mean training pose, and that of the training pose nearest
-to the truth, which is the limit of methods that look poses up.
+to the truth, which is the limit of methods that retrieve training poses.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ Array = NDArray[np.float64]
 SCORED: tuple[str, ...] = tuple(
     name for name in JOINTS if not name.endswith(("foot", "wrist", "neck", "head"))
 )
-"""Joints whose rotation is scored, 13: what a volume shows. Hands, neck and head hardly change it (and
-deviate little between performances of the dances, so counting them would flatter every figure); the feet
-turn with the ankles."""
+"""The 13 joints whose rotation is scored, those visible in a volume. Hands, neck and head hardly change it
+(and deviate little between performances of the dances, so counting them would improve every figure); the
+feet rotate with the ankles."""
 
 _NODES = np.array([NODE_INDEX[name] for name in SCORED])
 # shoulders against the chest: the clavicles are not joints of the skeleton
@@ -89,7 +89,7 @@ class Score:
     angle_deg : float
         Mean over frames and the 13 scored joints of the angle between estimate and truth.
     rms_deg : float
-        As the paper counts: root mean square over the frames of each degree of freedom (three per
+        As in the paper: root mean square over the frames of each degree of freedom (three per
         joint), averaged.
     joint_cm : float
         Mean distance of the 19 joints, pelvis on pelvis.

@@ -16,19 +16,19 @@ from depth_pose.volume.tracker import describe_headings, search_costs
 
 # Chosen like the defaults of `depth_pose.volume.config`.
 _GRID_M = np.arange(1.05, 2.06, 0.025)
-"""Heights that are tried, metres: from a child's to a tall adult's."""
+"""Heights tried, metres: from a child's to a tall adult's."""
 _NEAR_M = 0.08
-"""After the first frame only heights this near to the best are tried, metres."""
+"""Range around the best height in which others are tried after the first frame, metres."""
 _HEADING_STRIDE = 4
-"""Every how manyth fine heading is tried."""
+"""Step between the fine headings tried."""
 _SEARCH_FRAMES = 8
-"""Frames that search; in later ones the height follows the fits."""
+"""Number of frames that search; in later ones the height follows the fits."""
 _GAIN = 12.0
 """Frames' worth of steps toward the fits' factor: frame n counts for this over n."""
 _MOST_STEP = 0.5
 """Largest share of the fits' factor that one frame takes."""
 _FACTORS = (0.9, 1.1)
-"""A fit that asks for more than this has failed."""
+"""A fit with a larger factor than this has failed."""
 
 
 class StatureFinder:

@@ -19,7 +19,7 @@ class ViewSet:
     stamp_ns : int
         The earliest of their stamps.
     images : tuple
-        One per camera; None for one that brought nothing (in time).
+        One per camera; None for a missing or late one.
     """
 
     stamp_ns: int
@@ -27,7 +27,7 @@ class ViewSet:
 
 
 class Synchroniser:
-    """Holds images until their set of views is whole, or has waited long enough; plain Python, no ROS.
+    """Holds images until their set of views is complete, or has waited long enough; plain Python, no ROS.
 
     Live, `take` returns the newest set and drops older ones; offline, `take_all` yields every set in order.
     Times are seconds of any clock that does not go back.
@@ -36,14 +36,14 @@ class Synchroniser:
     ----------
     cameras : int
     config : ViewsConfig
-        May be exchanged for another one at any time.
+        May be replaced at any time.
 
     Attributes
     ----------
     late, missing : Counter of int
-        By camera: images that came after their set was given, and sets given without it.
+        By camera: images that arrived after their set was returned, and sets returned without it.
     overtaken : int
-        Sets that a newer one overtook.
+        Number of sets overtaken by a newer one.
     """
 
     def __init__(self, cameras: int, config: ViewsConfig | None = None) -> None:
@@ -63,11 +63,11 @@ class Synchroniser:
 
     @property
     def is_waiting(self) -> bool:
-        """Whether images are held that no set has been made of."""
+        """Whether images are held."""
         return bool(self._held)
 
     def is_fresh(self, now: float, seconds: float) -> bool:
-        """Whether the newest set began less than so long ago and lacks a camera that is there."""
+        """Whether the newest set began less than this long ago and lacks a live camera."""
         if not self._held:
             return False
         stamp = max(self._held)
@@ -76,12 +76,12 @@ class Synchroniser:
         return any(self._held[stamp][c] is None for c in self._waited_for(now))
 
     def _waited_for(self, now: float) -> list[int]:
-        """Cameras that have not been silent for long *while others were not*: a pause of all is none's."""
+        """Cameras not silent for long *while others were not*: a pause of all does not count."""
         after = self.config.gone_after
         return [c for c, since in enumerate(self._behind) if since is None or now - since <= after]
 
     def gone(self, now: float) -> list[int]:
-        """Cameras that bring nothing, or never did."""
+        """Cameras that are silent, or have never sent an image."""
         after = self.config.gone_after
         return [c for c, heard in enumerate(self._heard) if heard is None or now - heard > after]
 

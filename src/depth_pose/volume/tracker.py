@@ -2,7 +2,7 @@ r"""Tracking a volume through the latent space (Secs. 3 and 5).
 
 A particle filter: every particle is a latent point that moves by the learned dynamics. For each frame
 the descriptors of all headings near the expected one are compared with every particle, each particle
-taking the heading that suits it best. Two likelihoods:
+taking the heading that fits it best. There are two likelihoods:
 
 ``descriptor``
     :math:`\max_\theta \exp(-|v^\theta - f(x_i)|^2 / 2T)` in the descriptor space, with f the map from X
@@ -42,13 +42,13 @@ TEMPERATURE = 12.0
 LATENT_NU, LATENT_W = 0.02, 0.5
 """The paper's nu (squared latent distance), and w as a share of the prior variance; it names no values."""
 _AZIMUTH_SIGMA = np.radians(40.0)
-"""How far a heading may be from the expected one, radians."""
+"""Maximum distance of a heading from the expected one, radians."""
 _MOST_STEPS = 4.0
-"""Longest prediction, frames of the training: after a gap the dynamics says little."""
+"""Longest prediction, frames of the training: after a gap the dynamics are uninformative."""
 _LEAST_USUAL = 50.0
-"""Squared distance of wearers from their mean: few differ less than others will, five by about this."""
+"""Squared distance of wearers from their mean: too small if estimated from few; five give about this."""
 _CLEARLY_BETTER = 0.7
-"""A search is believed where its misfit is below this share of the tracked one's."""
+"""A search is accepted if its misfit is below this share of the tracked one's."""
 UNLIKELY = 4.0
 """Squared distance, in units of the training's, above which a frame counts as unlikely."""
 _SPEED_GAIN = 0.5
@@ -57,7 +57,7 @@ _SPEED_GAIN = 0.5
 
 @dataclass(frozen=True)
 class Sight:
-    """What one camera saw, or all of them as one hull.
+    """Observation of one camera, or of all of them as one hull.
 
     Attributes
     ----------
@@ -72,13 +72,13 @@ class Sight:
 
 
 def describe_headings(volume: Volume, stature: float, bins: Bins) -> list[Sight]:
-    """Describe what each camera saw, for a person of a stature (metres)."""
+    """Describe each camera's volume, for a person of a stature (metres)."""
     return [Sight(describe(part, stature, bins), part.seen_from) for part in volume.sights]
 
 
 @dataclass(frozen=True)
 class Tracked:
-    """Where a volume is in the latent space.
+    """Position of a volume in the latent space.
 
     Attributes
     ----------
@@ -86,10 +86,10 @@ class Tracked:
     step : float
         Heading in steps of the fine azimuth.
     views : tuple of int
-        The model's views that each of the sights is.
+        The model's view of each sight.
     misfit : float
-        Squared distance of the descriptors from the model's, over what is usual in the training; mean of
-        the sights.
+        Squared distance of the descriptors from the model's, relative to that in training; mean of the
+        sights.
     """
 
     latent: Array
@@ -99,7 +99,7 @@ class Tracked:
 
 
 class LatentTracker:
-    """The particle filter; frames are given in their order."""
+    """The particle filter; frames must be passed in order."""
 
     def __init__(self, model: VolumeModel, config: TrackConfig | None = None) -> None:
         self.model, self.config = model, config or TrackConfig()
@@ -124,7 +124,7 @@ class LatentTracker:
         sights : sequence of Sight
             One for a hull, one for each depth camera that sees the person.
         seconds : float
-            Since the frame before.
+            Time since the previous frame.
         """
         if self._points is None:
             return self._search(sights)
@@ -150,7 +150,7 @@ class LatentTracker:
         self._unlikely = self._unlikely + 1 if found.misfit > UNLIKELY else 0
         if self._unlikely < self.config.lost_after:
             return found
-        # lost, or merely dressed as nobody in the training: only a clearly better place is believed
+        # lost, or only dressed unlike the training: only a clearly better place is accepted
         self._unlikely = 0
         elsewhere = self._anywhere(sights)
         if elsewhere[0].misfit > _CLEARLY_BETTER * found.misfit:
@@ -229,7 +229,7 @@ class LatentTracker:
         return found
 
     def _anywhere(self, sights: Sequence[Sight]) -> tuple[Tracked, Array]:
-        """Compare all headings with all training points; gives the best, and each point's cost."""
+        """Compare all headings with all training points; return the best, and each point's cost."""
         costs = search_costs(self.model, sights, np.arange(self._fine))
         row, step = np.unravel_index(np.argmin(costs), costs.shape)
         found = self._tracked(self.model.latent[row], sights, float(step))

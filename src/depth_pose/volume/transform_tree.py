@@ -41,11 +41,11 @@ class TransformTree:
         self._parents[child.lstrip("/")] = (parent.lstrip("/"), T_parent_child)
 
     def parents(self) -> dict[str, str]:
-        """Return every frame that has a parent, with it."""
+        """Return every frame that has a parent, with that parent."""
         return {child: parent for child, (parent, _) in self._parents.items()}
 
     def find(self, target: str, source: str) -> Array | None:
-        """Return ``T_target_source`` (4, 4); None where no chain of frames joins them, or one is a circle."""
+        """Return ``T_target_source`` (4, 4); None if no chain of frames connects them, or one is circular."""
         root, T_root_source = self._climb(source.lstrip("/"))
         other, T_other_target = self._climb(target.lstrip("/"))
         if root is None or root != other:

@@ -48,7 +48,7 @@ STANDING: tuple[tuple[Callable[[np.random.Generator], Assembly], float], ...] = 
     (make_walker, 0.3),
     (make_pet, 0.8),
 )
-"""Makers of what stands about in a room, and how often each is taken."""
+"""Functions that make free-standing objects, and their frequencies."""
 
 AT_WALLS: tuple[tuple[Callable[[np.random.Generator], Assembly], float], ...] = (
     (make_shelf, 3.0),
@@ -61,4 +61,4 @@ AT_WALLS: tuple[tuple[Callable[[np.random.Generator], Assembly], float], ...] = 
     (make_coats, 1.0),
     (make_chair, 1.0),
 )
-"""Makers of what stands or hangs along the walls."""
+"""Functions that make objects along the walls."""

@@ -1,4 +1,4 @@
-"""Dogs and cats: they move and are warm and round as people are, and nobody."""
+"""Dogs and cats: rounded shapes that a people finder may confuse with people."""
 
 from __future__ import annotations
 

@@ -17,7 +17,7 @@ def make_chair(rng: np.random.Generator, seat: float | None = None, plain: bool 
     seat : float, optional
         Height of the seat, metres.
     plain : bool
-        Nothing hangs over or lies on it, and it has no arms: somebody sits there.
+        Without armrests and objects on it, for a person to sit on.
     """
     thing = Assembly(Kind.CHAIR, random_albedo(rng, 0.35))
     high = rng.uniform(0.42, 0.5) if seat is None else seat
@@ -53,7 +53,7 @@ def make_chair(rng: np.random.Generator, seat: float | None = None, plain: bool 
 def _put_under_seat(
     thing: Assembly, rng: np.random.Generator, high: float, wide: float, deep: float, office: bool
 ) -> None:
-    """Add what carries a seat: a star on castors, or four legs."""
+    """Add the base of a seat: a star on castors, or four legs."""
     if office:
         thing.bar((0, 0.08, 0), (0, high, 0), 0.03, None, None, 0.1)
         for angle in 2 * np.pi * np.arange(5) / 5 + rng.uniform(0, 1):
@@ -126,9 +126,9 @@ def make_bed(
     high : float, optional
         Height of the mattress, metres.
     bare : bool
-        No blanket lies on it: somebody does, or sits there.
+        Without a blanket, for a person to lie or sit on.
     size : (float, float), optional
-        Width and length, metres; somebody lies in such a bed, so it has no pillow either.
+        Width and length, metres, for a person to lie in; such a bed has no pillow.
     """
     thing = Assembly(Kind.BED, random_albedo(rng, 0.05))
     top = rng.uniform(0.35, 0.6) if high is None else high
@@ -155,7 +155,7 @@ def make_bed(
 
 
 def _heap_duvet(thing: Assembly, rng: np.random.Generator, top: float, wide: float, long: float) -> None:
-    """Leave a crumpled blanket with nobody under it on a bed."""
+    """Place a crumpled blanket without a person under it on a bed."""
     first = rng.uniform(-0.4, 0.1) * long
     x, z = np.meshgrid(np.arange(-wide / 2, wide / 2, 0.05), np.arange(first, long / 2, 0.05))
     height = np.full(x.shape, rng.uniform(0.01, 0.04))

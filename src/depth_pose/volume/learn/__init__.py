@@ -1,1 +1,1 @@
-"""Makes the models of the volume tracker."""
+"""Training of the volume tracker's models."""

@@ -22,7 +22,7 @@ from depth_pose.volume.space import learn_space
 
 Array = NDArray[np.float64]
 Progress = Callable[[str, int, int], None]
-"""Called with what is being done, how far, and of how many."""
+"""Function called with the task, the number done, and the total."""
 
 COMPONENTS = 40
 """Dimensions of the descriptor space; chosen like the defaults of `depth_pose.volume.config`."""
@@ -45,12 +45,12 @@ def learn_model(
     config : LearnConfig
     progress : callable, optional
     about : str
-        What the model is trained on, for people.
+        Description of the training data.
 
     Raises
     ------
     ConfigError
-        Where the performances do not suit each other, or are fewer frames than latent dimensions.
+        Where the performances do not match, or have fewer frames than latent dimensions.
     """
     config = config or LearnConfig()
     tell = progress or (lambda what, done, of: None)
@@ -108,7 +108,7 @@ def _learn_poses(
 ) -> tuple[Array, PoseSpace, Kernel]:
     """Pose components (views, N, k), their space, and the kernel from latent points.
 
-    The rotations are the same in all views; where the pelvis is relative to the centroid is not.
+    The rotations are the same in all views; the position of the pelvis relative to the centroid is not.
     """
     offsets = [np.mean([_offsets(person) for person in wearers], axis=0) for wearers in views]
     space = learn_pose_space(
@@ -139,7 +139,7 @@ def _steps(performance: Performance, bins: Bins) -> Array:
 
 
 def _aligned(person: Sequence[Performance], bins: Bins) -> Array:
-    """Descriptors (N, D) seen from where the pelvis faces."""
+    """Descriptors (N, D) for the heading of the pelvis."""
     rows = []
     for p in person:
         for volume, step in zip(p.volumes, _steps(p, bins), strict=True):

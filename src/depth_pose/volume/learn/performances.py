@@ -1,7 +1,7 @@
 """Performances with known poses, for training and testing the tracker.
 
-A performance is a motion on a body in a garment, as simulated cameras see it: for each frame the
-volume and the true rotations of the body's segments. The same motion on several bodies and in
+A performance is a motion of a body in a garment, seen by simulated cameras: for each frame the
+volume and the true rotations of the body's segments. The same motion of several bodies and in
 several garments shares its frames.
 """
 
@@ -43,12 +43,12 @@ TEST_SHAPES: tuple[BodyShape, ...] = (
     BodyShape(stature_m=1.74, girth=1.16, shoulder_width=0.98, leg_length=0.97, trunk_depth=1.1),
     BodyShape(stature_m=1.86, girth=1.02, shoulder_width=1.05, arm_length=1.04, leg_length=1.03),
 )
-"""Builds of the three test dancers; none of them is taught."""
+"""Builds of the three test dancers; none of them is used in training."""
 
 
 @dataclass(frozen=True, eq=False)
 class Performance:
-    """What was seen of one performance, and the truth.
+    """Observations of one performance, and the truth.
 
     Attributes
     ----------

@@ -18,9 +18,9 @@ from depth_pose.volume.learn.performances import Performance
 Array = NDArray[np.float64]
 
 _SCALE_M = 0.03
-"""At this distance from the surface a vertex is trusted by half, metres. Set by hand; not swept."""
+"""Distance from the surface at which the trust in a vertex is one half, metres. Set by hand; not swept."""
 _EVERY = 10
-"""Every how manyth training frame is looked at."""
+"""Step between the training frames used."""
 
 
 def learn_trust(performances: Sequence[Performance]) -> Array:

@@ -27,20 +27,20 @@ class Report:
     ----------
     name : str
     mean_pose : Score
-        Of always answering the mean training pose, under the true heading.
+        Score of the mean training pose in every frame, under the true heading.
     best_training : Score
-        Of the training pose nearest to the truth, under the true heading.
+        Score of the training pose nearest to the truth, under the true heading.
     regressed : Score
-        Of the pose regressed from the latent point.
+        Score of the pose regressed from the latent point.
     fitted : Score
-        After the fit to the volume.
+        Score after the fit to the volume.
     stature_m : float
-        As it was found.
+        Estimated stature.
     true_stature_m : float
     root_cm : float
-        Mean distance of the pelvis from where it is.
+        Mean position error of the pelvis.
     ms : float
-        Median processor time from volume to pose, once the stature is held.
+        Median processor time from volume to pose, once the stature is fixed.
     poses : tuple of VolumePose
     """
 

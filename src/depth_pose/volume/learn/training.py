@@ -1,4 +1,4 @@
-"""Training by simulation: motions on several bodies in several garments, before virtual cameras.
+"""Training by simulation: motions of several bodies in several garments, seen by virtual cameras.
 
 A real dancer can be tracked if their motion is known beforehand, for instance from motion capture of the
 same dance: the views of the cameras are simulated.
@@ -27,7 +27,7 @@ DEPTH_VIEWS = 16
 INPUTS = ("silhouettes", "depth")
 
 PERFORMANCES, EVERY = 10, 10
-"""Performances of a dance that are taught, and every how manyth of their frames at 30 a second: some
+"""Performances of a dance for training, and step between their frames at 30 a second: some
 350 frames in all, as many as the paper's. One performance of 350 is worse (docs/volume.md)."""
 
 _FPS = 30.0
@@ -35,7 +35,7 @@ _FPS = 30.0
 
 
 def default_wearers(garments: Sequence[str] = ("skirt", "long-skirt", "wide-skirt", "none")) -> list[Wearer]:
-    """Three builds in garments by name, and once more in the first and the last where there are several."""
+    """Return wearers of garments by name, in three builds; of several garments the last is worn twice."""
     found = [find_garment(name) for name in garments]
     wearers = [Wearer(TRAINING_SHAPES[i % len(TRAINING_SHAPES)], g) for i, g in enumerate(found)]
     if len(found) > 1:
@@ -70,7 +70,7 @@ def simulate_views(
     kind : str
         One of `INPUTS`.
     every : int
-        Frames of the motion to one of the training.
+        Step between the frames used.
     space : SpaceConfig
     rig : sequence of RigCamera
         Cameras of silhouettes, by default eight under the roof; depth cameras, one or more, whose mean
