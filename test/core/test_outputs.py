@@ -1,4 +1,4 @@
-"""Files that are written: whole or not at all, and never over what is read."""
+"""Output files: written completely or not at all, and never over an input."""
 
 from __future__ import annotations
 

@@ -165,9 +165,9 @@ def test_agreement_in_pixels(
     ("text", "says"),
     [
         ("[", "not JSON"),
-        ("{}", "to be a list"),
+        ("{}", "must be a list"),
         ("[{}]", "has 1 frames"),
-        ('[{"nose": [1, 2, 3]}]', "nose is to be a joint"),
+        ('[{"nose": [1, 2, 3]}]', "nose must be a joint"),
         ("[{},{},{},{},{}]", "no visible joint"),
     ],
 )

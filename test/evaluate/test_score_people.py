@@ -171,7 +171,7 @@ def test_files_of_several_people(folders: tuple[Path, Path], tmp_path: Path) -> 
     one = score_people(truth / "x.npz", predicted / "x.mcap")
     assert list(one.sequences) == ["x"]
     assert one.total == score_people(truth, predicted).sequences["x"]
-    with pytest.raises(InputError, match="tells of 3 people"):
+    with pytest.raises(InputError, match="has 3 people"):
         load_truth(truth / "x.npz")
     fields = dict(np.load(truth / "x.npz"))
     np.savez(tmp_path / "none.npz", **{k: v for k, v in fields.items() if k != "visible"})

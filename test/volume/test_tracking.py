@@ -179,7 +179,7 @@ def test_files_that_cannot_be_used(model, tmp_path):
     with pytest.raises(InputError, match="not a volume model"):
         VolumeModel.load(path)
     np.savez(path, a=np.array([{"x": 1}], dtype=object))
-    with pytest.raises(InputError, match="no plain numbers"):
+    with pytest.raises(InputError, match="not plain numbers"):
         VolumeModel.load(path)
     dataclasses.replace(model, meta=model.meta | {"version": 99}).save(path)
     with pytest.raises(InputError, match="version 99"):

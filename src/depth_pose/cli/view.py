@@ -144,7 +144,7 @@ def print_address(host: str, port: int) -> None:
     console.print(f"open http://{escape(printable(shown))}:{port} in a browser; Ctrl-C ends", highlight=False)
     if host not in LOOPBACK:
         console.print(
-            f"[yellow]note:[/yellow] {escape(printable(host))} is open to other machines; whoever reaches "
+            f"[yellow]note:[/yellow] {escape(printable(host))} is open to other machines; anyone who reaches "
             f"port {port} sees the room and can change what is shown, without a password",
             highlight=False,
             soft_wrap=True,

@@ -94,7 +94,7 @@ def _header(stream: Any) -> tuple[tuple[int, ...], np.dtype[Any], int]:
     read = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
     shape, _, dtype = read(stream)
     if dtype.hasobject or dtype.names is not None or dtype.subdtype is not None:
-        raise DamagedArrays(f"it holds {dtype}, which are no plain numbers")
+        raise DamagedArrays(f"it holds {dtype}, which are not plain numbers")
     if min(shape, default=0) < 0:
         raise DamagedArrays(f"it has an array of shape {shape}")
     return shape, dtype, math.prod(shape) * max(dtype.itemsize, 1)

@@ -316,6 +316,6 @@ def _run_on_cluster(function: Callable[..., T], tasks: Sequence[Task], scheduler
                 raise InputError(f"the Dask scheduler at {scheduler} is gone")
             failed = future.exception()
             if isinstance(failed, KilledWorker):
-                failed = InputError(f"the Dask workers at {scheduler} died at it, again and again: {failed}")
+                failed = InputError(f"the Dask workers at {scheduler} died repeatedly: {failed}")
             yield Outcome(index, error=failed) if failed else Outcome(index, future.result())
             future.release()

@@ -118,12 +118,12 @@ def load_reference(path: Path) -> list[dict[str, list[float]]]:
     """Read the known joints of each frame, [u, v, visibility] by name, from a JSON file."""
     known = parse_json(path, read_text(path, _MOST_BYTES), InputError)
     if not isinstance(known, list) or not all(isinstance(frame, dict) for frame in known):
-        raise InputError(f"{path} is to be a list with one mapping of joints per frame")
+        raise InputError(f"{path} must be a list with one mapping of joints per frame")
     for i, frame in enumerate(known):
         for name, values in frame.items():
             fits = isinstance(values, list) and all(type(v) in (int, float) for v in values)
             if name not in JOINT_INDEX or not fits or len(values) != 3:
-                raise InputError(f"{path}: frame {i}: {name} is to be a joint with [u, v, visibility]")
+                raise InputError(f"{path}: frame {i}: {name} must be a joint with [u, v, visibility]")
     return known
 
 

@@ -78,9 +78,9 @@ def load_truth(path: Path | str) -> KnownJoints:
     fields, names = _read(path)
     joints = fields["joints"]
     if joints.ndim == 4:
-        raise InputError(f"{path} tells of {joints.shape[1]} people; here the truth is to be of one")
+        raise InputError(f"{path} has {joints.shape[1]} people; the truth must be of one person here")
     if lacking := [name for name in _TORSO if name not in names]:
-        raise InputError(f"{path} has no {', '.join(lacking)}, which tell how the torso lies")
+        raise InputError(f"{path} has no {', '.join(lacking)}, which define the torso's axes")
     return KnownJoints(
         joints.astype(np.float64), names, fields["stamps_ns"].astype(np.int64), fields["seen"].astype(bool)
     )

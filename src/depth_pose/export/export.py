@@ -174,7 +174,7 @@ def _check(output: Path, kind: str, world: str, unit: str | None, recording: Pat
     if unit is not None and kind not in _USUAL_UNIT and unit != "m":
         raise ConfigError(f"{kind} files are in metres; the unit is for {' and '.join(_USUAL_UNIT)}")
     if recording is not None and world != "floor":
-        raise ConfigError("the depth recording tells the floor; it goes with the world floor")
+        raise ConfigError("the depth recording is for finding the floor; use it with the world floor")
 
 
 def _chosen(tracks: Tracks, people: Sequence[str], source: Path | str) -> Tracks:

@@ -57,7 +57,7 @@ def floor_of_feet(tracks: Iterable[Track]) -> Floor:
     toes = [_toes(track, up) for track in tracks]
     points = np.concatenate([p for p, _ in toes]) if toes else np.zeros((0, 3))
     if len(points) < 2:
-        raise InputError("nobody's feet are seen well enough to tell the floor")
+        raise InputError("no feet are seen well enough to find the floor")
     below = np.concatenate([h for _, h in toes])
     if not np.abs(points).max() < _FAR_M:
         raise InputError(f"feet farther than {_FAR_M:.0f} m from the camera do not show the floor")
@@ -79,7 +79,7 @@ def _up(tracks: list[Track]) -> Array:
         found = np.concatenate(some) if some else np.zeros((0, 3))
         if len(found):
             return np.asarray(unit_vectors(np.median(found, axis=0)))
-    raise InputError("the recording has no skeletons to tell the floor from")
+    raise InputError("the recording has no skeletons from which to find the floor")
 
 
 def _toes(track: Track, up: Array) -> tuple[Array, Array]:

@@ -43,7 +43,7 @@ def stay_local() -> None:
     """
     if os.environ[PROFILE_VARIABLE] not in (str(PROFILE_PATH), str(LOCAL_PROFILE_PATH)):
         raise ConfigError(
-            f"{PROFILE_VARIABLE} names a profile of yours; unset it to stay local, or see to it there"
+            f"{PROFILE_VARIABLE} names a profile of yours; unset it to stay local, or restrict that profile"
         )
     os.environ[PROFILE_VARIABLE] = str(LOCAL_PROFILE_PATH)
     os.environ[_RANGE_VARIABLE] = "SYSTEM_DEFAULT"  # any other value opens further sockets

@@ -51,13 +51,11 @@ class Garment(Checked):
     """A piece of loose clothing; lengths are for a 1.75 m adult and scale with the wearer's height."""
 
     skirt: float = option(0.55, "Length of the skirt from the waist; 0 for none", unit="m", low=0.0, high=1.1)
-    flare: float = option(
-        0.30, "How much wider the hem hangs than the waist, in radius", unit="m", low=0.0, high=0.6
-    )
+    flare: float = option(0.30, "Extra radius of the hem over the waist", unit="m", low=0.0, high=0.6)
     sleeve: float = option(
-        0.0, "How far sleeves hang below the arms; 0 for none", unit="m", low=0.0, high=0.8
+        0.0, "Length of the sleeves below the arms; 0 for none", unit="m", low=0.0, high=0.8
     )
-    drag: float = option(1.5, "Share of the speed lost to the air each second", low=0.0, high=20.0)
+    drag: float = option(1.5, "Share of the speed lost to air drag each second", low=0.0, high=20.0)
 
 
 GARMENTS: dict[str, Garment | None] = {

@@ -110,7 +110,7 @@ def simulate(
     """
     path = Path(path)
     if path.suffix != ".mcap":
-        raise ConfigError(f"{path} is to be a recording: its name must end in .mcap")
+        raise ConfigError(f"{path} must be a recording: its name must end in .mcap")
     stage = stage or Stage()
     sensor = VirtualSensor(stage.sensor, seed)
     roots = clip.roots * root_scale(body)

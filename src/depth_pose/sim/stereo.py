@@ -37,9 +37,9 @@ class StereoConfig(Checked):
     """Parameters of a stereo camera's matching and driver; lengths in its own pixels."""
 
     baseline: float = option(0.05, "Left to right camera", unit="m", low=0.01, high=1.0)
-    window: int = option(7, "Side of what is matched as one", unit="pixels", low=1, high=41)
-    fattening: float = option(0.6, "Share of edges over which what is near grows", low=0.0, high=1.0)
-    thin: float = option(0.3, "Share of what is thinner than half a window that vanishes", low=0.0, high=1.0)
+    window: int = option(7, "Side of the matching window", unit="pixels", low=1, high=41)
+    fattening: float = option(0.6, "Share of edges over which near surfaces grow", low=0.0, high=1.0)
+    thin: float = option(0.3, "Share of objects thinner than half a window that vanish", low=0.0, high=1.0)
     error: float = option(0.13, "Standard deviation of disparity", unit="pixels", low=0.0, high=2.0)
     blob: float = option(9.0, "Size of the bumps of that error", unit="pixels", low=1.0, high=100.0)
     flat: float = option(
@@ -54,21 +54,19 @@ class StereoConfig(Checked):
         0.1, "Share of weak surfaces (dark, slanted, without texture) lost", low=0.0, high=1.0
     )
     edge_loss: float = option(0.2, "Share of edges lost", low=0.0, high=1.0)
-    smoothing: float = option(
-        0.5, "The driver's spatial filter: what it takes from neighbours", low=0.0, high=0.95
-    )
+    smoothing: float = option(0.5, "The driver's spatial filter: weight of neighbours", low=0.0, high=0.95)
     smooth_step: float = option(
         0.6, "Steps of disparity that it smooths over", unit="pixels", low=0.0, high=50.0
     )
     temporal: float = option(
-        0.3, "The driver's temporal filter: share of the error that it takes", low=0.0, high=1.0
+        0.3, "The driver's temporal filter: share of the error that it removes", low=0.0, high=1.0
     )
     fill: int = option(
         0, "Holes: 0 left, 1 filled from the left, 2 from the farther side, 3 from the nearer", low=0, high=3
     )
     colour_offset: float = option(
         0.0,
-        "Depth is aligned to a colour camera so far to the right; 0 for none",
+        "Depth is aligned to a colour camera this far to the right; 0 for none",
         unit="m",
         low=-0.2,
         high=0.2,

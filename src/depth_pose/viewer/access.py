@@ -35,7 +35,7 @@ def refusal(hosts: Sequence[str], origins: Sequence[str], is_local: bool) -> str
     if is_local and not _is_fixed(hosts[0]):
         return f"{hosts[0]} is not a loopback name; open the viewer as localhost or 127.0.0.1"
     if origins and _place(origins[0]) != hosts[0].lower():
-        return f"a page of {origins[0]} may not look into this viewer"
+        return f"a page of {origins[0]} may not connect to this viewer"
     return ""
 
 

@@ -34,19 +34,19 @@ class TrackConfig(Checked):
         choices=("descriptor", "latent"),
     )
     restarts: float = option(
-        0.2, "Share of particles put on training points that look like the frame", low=0.0, high=1.0
+        0.2, "Share of particles placed on training points similar to the frame", low=0.0, high=1.0
     )
     azimuth_window: float = option(
         50.0, "Azimuths tried to either side of the expected one", unit="deg", low=5.0, high=180.0
     )
     diffusion: float = option(1.0, "Factor on the noise of the dynamics", low=0.0, high=10.0)
     stature: float = option(
-        0.0, "The person's height; 0 finds it over the first frames", unit="m", low=0.0, high=2.5
+        0.0, "The person's height; 0: estimated over the first frames", unit="m", low=0.0, high=2.5
     )
     stature_frames: int = option(60, "Frames over which the height is found", low=1, high=1000)
     lost_after: int = option(5, "Unlikely frames in a row after which the search is global", low=1, high=1000)
     refine: bool = option(True, "Fit a body to the volume, from the regressed pose")
-    seed: int = option(0, "Of the particles' random numbers", low=0, high=2**31 - 1)
+    seed: int = option(0, "Seed of the particles' random numbers", low=0, high=2**31 - 1)
 
 
 @dataclass(frozen=True)
@@ -69,13 +69,13 @@ class VolumeFitConfig(Checked):
     root_prior: float = option(
         20.0, "Weight that holds the pelvis near the regressed place", low=0.0, high=1000.0
     )
-    damping: float = option(0.02, "Of every Gauss-Newton step", low=0.0, high=10.0)
+    damping: float = option(0.02, "Damping of every Gauss-Newton step", low=0.0, high=10.0)
     max_step: float = option(
-        0.35, "The most that a joint turns in one iteration", unit="rad", low=0.01, high=3.0
+        0.35, "Maximum rotation of a joint in one iteration", unit="rad", low=0.01, high=3.0
     )
-    max_points: int = option(400, "Surface voxels that are fitted to, at most", low=50, high=100000)
+    max_points: int = option(400, "Maximum number of surface voxels for the fit", low=50, high=100000)
     trust_power: float = option(
-        2.0, "Power of how far clothing lets a vertex be seen; 0: all count alike", low=0.0, high=10.0
+        2.0, "Exponent of a vertex's visibility under clothing; 0: all count alike", low=0.0, high=10.0
     )
 
 
@@ -95,7 +95,7 @@ class ViewsConfig(Checked):
     depth_scale: float = option(
         0.0, "Metres per unit of depth; 0: 0.001 for integers, 1 for floats", low=0.0, high=1e3
     )
-    cut_out: bool = option(True, "Depth: find the person in the images; false: they show nothing else")
+    cut_out: bool = option(True, "Depth: find the person in the images; false: they show only the person")
 
 
 @dataclass(frozen=True)
@@ -103,7 +103,7 @@ class LearnConfig(Checked):
     """Learning of the dynamical model and the regressions."""
 
     latent: int = option(6, "Dimensions of the latent space", low=2, high=20)
-    iterations: int = option(150, "Most steps of the optimiser", low=1, high=10000)
+    iterations: int = option(150, "Maximum steps of the optimiser", low=1, high=10000)
     dynamics_weight: float = option(1.0, "Weight of the dynamics against the volumes", low=0.0, high=1000.0)
     noise_floor: float = option(2e-3, "Least noise variance of the dynamics", low=1e-8, high=1.0)
     pose_variance: float = option(

@@ -228,7 +228,7 @@ class VolumeModel:
         try:
             self._check_meta()
         except (KeyError, TypeError, ValueError, ConfigError) as error:
-            raise InputError(f"{where}: what it says of itself is damaged: {error}") from error
+            raise InputError(f"{where}: its metadata is damaged: {error}") from error
         for name, dimensions in DIMENSIONS.items():
             array = getattr(self, name)
             kind = np.int64 if name == "lengths" else np.float64

@@ -34,30 +34,32 @@ FIXED_SECTIONS: tuple[str, ...] = ("mount",)
 """Sections that must be equal for several nodes: set at the start for all, refused for one alone later."""
 
 COMMON: tuple[Setting, ...] = (
-    Setting("queue", 1, "Frames that may wait; 1: the newest wins", 1, 10000),
+    Setting("queue", 1, "Length of the frame queue; 1: the newest wins", 1, 10000),
     Setting(
-        "reliable", False, "Reliable in and out, every frame in turn: for replays that wait, not for sensors"
+        "reliable",
+        False,
+        "Reliable inputs and outputs, every frame in turn: for replays that wait, not for sensors",
     ),
     Setting("autostart", True, "Configure and activate at once; false: wait for the lifecycle services"),
-    Setting(
-        "consumers", 0, "Subscribers that every output must have before the node calls itself ready", 0, 100
-    ),
-    Setting(
-        "producers", False, "Whether every input of the suite's own must have a publisher before that, too"
-    ),
+    Setting("consumers", 0, "Subscribers that every output must have before the node reports ready", 0, 100),
+    Setting("producers", False, "Whether every input from the suite must have a publisher before that, too"),
 )
 """Parameters of every node."""
 
-BANK = Setting("bank", "", "Exemplar bank file; empty: the one that the set-up built")
+BANK = Setting("bank", "", "Exemplar bank file; empty: the default one")
 
 TF: tuple[Setting, ...] = (
     Setting("tf", False, "Broadcast every joint on /tf, and the floor on /tf_static"),
-    Setting("tf_prefix", "", "Put before the joints' names on /tf, for more than one camera"),
+    Setting("tf_prefix", "", "Prefix of the joints' names on /tf, for several cameras"),
 )
 
 LEVEL: tuple[Setting, ...] = (
-    Setting("imu_topic", "", "sensor_msgs/Imu of the sensor: it tells which way is up, for the floor"),
-    Setting("level_frame", "", "Frame on /tf whose z axis points up, such as odom: the same from transforms"),
+    Setting("imu_topic", "", "sensor_msgs/Imu of the sensor: the direction of up, for the floor"),
+    Setting(
+        "level_frame",
+        "",
+        "Frame on /tf whose z axis points up, such as odom: the direction of up from transforms",
+    ),
 )
 """Parameters for the direction of up."""
 
@@ -67,10 +69,10 @@ DENOISE: tuple[Setting, ...] = (
     Setting(
         "image_topic",
         "/camera/depth/image_raw",
-        "Depth image, 16UC1 millimetres or 32FC1 metres; or one that ends in /compressedDepth",
+        "Depth image, 16UC1 millimetres or 32FC1 metres; or a topic that ends in /compressedDepth",
     ),
     Setting("info_topic", "/camera/depth/camera_info", "CameraInfo of the depth image"),
-    Setting("cloud_topic", "", "PointCloud2 in the optical frame; if set, it is used and no image"),
+    Setting("cloud_topic", "", "PointCloud2 in the optical frame; if set, it is used instead of images"),
     Setting(
         "depth_scale",
         0.0,
@@ -81,15 +83,13 @@ DENOISE: tuple[Setting, ...] = (
 )
 REFINE: tuple[Setting, ...] = (
     BANK,
-    Setting(
-        "mesh_rate", 2.0, "Meshes a second, published while somebody listens; 0: none", 0.0, 100.0, False
-    ),
+    Setting("mesh_rate", 2.0, "Meshes per second, published with a subscriber; 0: none", 0.0, 100.0, False),
 )
 """Parameters of the refine node."""
 RECOVERY: tuple[Setting, ...] = (
     BANK,
     *TF,
-    Setting("rep155", False, "Publish everybody as REP-155 says: /humans/bodies/..., and frames on /tf"),
+    Setting("rep155", False, "Publish all people by REP-155: /humans/bodies/..., and frames on /tf"),
 )
 EVERYWHERE: frozenset[str] = frozenset(s.name for s in (*COMMON, *DENOISE, *REFINE, *RECOVERY)) | {
     "use_sim_time",

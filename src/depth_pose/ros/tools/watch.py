@@ -288,7 +288,7 @@ class Watch:
         """Store a serialized SkeletonArray; ignored without a stamp, or if it is too large."""
         if len(data) > _MOST_BYTES:  # reading it would take the viewer minutes
             self._node.get_logger().warning(
-                f"skeletons of {len(data)} bytes are not shown; more than {_MOST_BYTES} no frame's can be",
+                f"skeletons of {len(data)} bytes are not shown; more than {_MOST_BYTES} are not plausible",
                 throttle_duration_sec=5.0,
             )
             return

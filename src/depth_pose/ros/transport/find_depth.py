@@ -62,7 +62,7 @@ def find_depth(local: bool = False) -> DepthSource:
     if len(choices) == 1:
         return choices[0]
     if not choices:
-        seen = f"; images that are no depth: {', '.join(i.topic for i in images)}" if images else ""
+        seen = f"; images that are not depth: {', '.join(i.topic for i in images)}" if images else ""
         raise ConfigError(f"no depth topic was found in {_DISCOVER_S:.0f} s{printable(seen)}")
     lines = "\n  ".join(printable(choice) for choice in choices)
     raise ConfigError(f"there are {len(choices)} depth topics; give one by its parameters:\n  {lines}")

@@ -33,7 +33,7 @@ RIG_SETTINGS: tuple[Setting, ...] = (
     Setting("info_topics", [""], "Their CameraInfo topics; empty: camera_info beside each image"),
     Setting("extrinsics", [0.0], "x y z qx qy qz qw of each optical frame in the world; else /tf_static"),
     Setting("world_frame", "map", "Frame of the skeletons, and of the static transforms"),
-    Setting("up", "z", "Axis of the world frame that points up, z or y; a rig file says its own"),
+    Setting("up", "z", "Up axis of the world frame, z or y; a rig file has its own"),
 )
 """Parameters for a node's cameras."""
 
