@@ -117,6 +117,12 @@ class DenoiseConfig(Checked):
 class MatchConfig(Checked):
     """Matching with the exemplar bank (Sec. 5)."""
 
+    method: str = option(
+        "joints",
+        "joints: also by the joints that the second look proposes, which the fit and the answer use, too; "
+        "exemplars: the paper's way, by the cloud alone, and no step uses proposed joints",
+        choices=("joints", "exemplars"),
+    )
     shortlist: int = option(
         128, "Nearest exemplars in the subspace that are compared by rendered depth", low=1, high=4096
     )

@@ -53,7 +53,7 @@ class DenoiseNode(StageNode):
         Images that wait for the first CameraInfo of their camera.
     """
 
-    SECTIONS = ("mount", "segment", "denoise")
+    SECTIONS = ("mount", "segment", "denoise", "match")
     SETTINGS = DENOISE
 
     def __init__(self) -> None:
@@ -70,7 +70,7 @@ class DenoiseNode(StageNode):
     def make_stage(self, config: PipelineConfig) -> PeopleExtractor:
         """Make the extractor."""
         self._mounting = UpsideDownWatch(config.segment)
-        return PeopleExtractor(config.segment, config.denoise, config.mount)
+        return PeopleExtractor(config.segment, config.denoise, config.mount, config.match)
 
     def open_outputs(self) -> None:
         """Publish people's points, and who they are."""
