@@ -4,6 +4,7 @@
     python benchmarks/finder.py --rooms 100 --weights build/people_finder/weights
     python benchmarks/finder.py --lookalikes           # rooms without people, but with coats
     python benchmarks/finder.py --mounting ceiling     # cameras of one mounting only
+    python benchmarks/finder.py --sensor stereo        # the same rooms, sensors of one family
 
 Each room is one frame by itself: no tracks. A person is found if half of a detection's pixels are theirs
 and its torso lies within 0.4 m of theirs; a detection that is nobody's is false, and counts for the kind of
@@ -37,6 +38,7 @@ from depth_pose.detect.finder import PeopleFinder, load_weights
 from depth_pose.detect.learned_segmenter import LearnedSegmenter
 from depth_pose.detect.net import read_weights
 from depth_pose.detect.segmentation import Segmentation
+from depth_pose.sim.scene_noise import FAMILIES
 from depth_pose.sim.scenes import MOUNTINGS, Scene, sample_scene
 from depth_pose.sim.shapes import Kind
 
@@ -82,14 +84,16 @@ class Tally:
         return len(self.views)
 
 
-def rooms(seed: int, count: int, lookalikes: bool = False, mounting: str | None = None) -> Iterator[Scene]:
+def rooms(
+    seed: int, count: int, lookalikes: bool = False, mounting: str | None = None, sensor: str | None = None
+) -> Iterator[Scene]:
     """Make rooms one after another; those with ``lookalikes`` show nobody."""
     for k in range(count):
         rng = np.random.default_rng(np.random.SeedSequence([seed, k]))
         if lookalikes:
-            yield sample_scene(rng, people=0, studio=False, lookalikes=True, mounting=mounting)
+            yield sample_scene(rng, people=0, studio=False, lookalikes=True, mounting=mounting, sensor=sensor)
         else:
-            yield sample_scene(rng, mounting=mounting)
+            yield sample_scene(rng, mounting=mounting, sensor=sensor)
 
 
 def mounting_of(scene: Scene) -> str:
@@ -243,9 +247,10 @@ def main() -> None:
     parser.add_argument("--weights", type=Path, help="folder of other weights than the released ones")
     parser.add_argument("--lookalikes", action="store_true", help="rooms without people, but with coats")
     parser.add_argument("--mounting", choices=MOUNTINGS, help="mounting of cameras; random by default")
+    parser.add_argument("--sensor", choices=FAMILIES, help="sensor family in all rooms; random by default")
     arguments = parser.parse_args()
     config = SegmentConfig()
-    made = rooms(arguments.seed, arguments.rooms, arguments.lookalikes, arguments.mounting)
+    made = rooms(arguments.seed, arguments.rooms, arguments.lookalikes, arguments.mounting, arguments.sensor)
     tally = measure(config, arguments.weights, track(made, "rooms", total=arguments.rooms))
     names = ("people_finder.onnx", "joint_finder.onnx")
     first, second = (hashlib.sha256(read_weights(n, arguments.weights)).hexdigest()[:12] for n in names)

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import tempfile
 import time
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -33,14 +32,11 @@ from depth_pose.core.config import (
     RefineConfig,
     SegmentConfig,
 )
-from depth_pose.core.types import DepthFrame, FoundPerson
-from depth_pose.denoise.extract import PeopleExtractor
 from depth_pose.evaluate.truth import load_truth
 from depth_pose.io.mcap_read import DepthReader
 from depth_pose.motion.procedural.generator import POSTURE_SHARES, make_poses
 from depth_pose.pipeline import PosePipeline
 from depth_pose.refine.limbs import LimbSearch
-from depth_pose.track.person import People
 from parts.confidence import simulated
 from parts.known_people import recordings
 
@@ -48,6 +44,7 @@ CONFIGS = {
     "all": PipelineConfig(),
     "no personal build": PipelineConfig(build=PersonalConfig(personal=False)),
     "no pull to the second look's joints": PipelineConfig(fit=FitConfig(proposal_weight=0.0)),
+    "no learned joints: the paper's way": PipelineConfig(match=MatchConfig(method="exemplars")),
     "no pose of the frame before": PipelineConfig(refine=RefineConfig(track=False)),
     "no recovery": PipelineConfig(recover=RecoverConfig(enabled=False)),
     "a quarter of the shortlist": PipelineConfig(match=MatchConfig(shortlist=32)),
@@ -55,22 +52,8 @@ CONFIGS = {
     "a search for people in every frame": PipelineConfig(segment=SegmentConfig(find_every=1)),
 }
 """The whole pipeline, and variants without one part."""
-NO_SECOND_LOOK = "no second look at all"
 NO_LIMB_SEARCH = "no limbs exchanged"
 NO_POSTURES = "no seated, lying, kneeling ... postures in the bank"
-
-
-class FirstLook(PeopleExtractor):
-    """Extractor without the second look, hence without joint proposals."""
-
-    def extract(self, frame: DepthFrame) -> People:
-        """Extract the people of a frame, without proposals."""
-        people = super().extract(frame)
-        persons = (
-            replace(p, found=FoundPerson(p.found.label, p.found.body_id, p.found.probability))
-            for p in people.persons
-        )
-        return replace(people, persons=tuple(persons))
 
 
 class NoLimbs(LimbSearch):
@@ -93,8 +76,6 @@ def make_pipelines(banks: dict[str, Bank]) -> dict[str, PosePipeline]:
     first = next(iter(banks.values()))
     pipelines = {name: PosePipeline(first, config) for name, config in CONFIGS.items()}
     config = CONFIGS["all"]
-    pipelines[NO_SECOND_LOOK] = PosePipeline(first, config)
-    pipelines[NO_SECOND_LOOK].extractor = FirstLook(config.segment, config.denoise, config.mount)
     pipelines[NO_LIMB_SEARCH] = PosePipeline(first, config)
     pipelines[NO_LIMB_SEARCH].refiner.limbs = NoLimbs(first)
     pipelines[NO_POSTURES] = PosePipeline(without_postures(first), config)

@@ -63,7 +63,7 @@ class PosePipeline:
         self._orientation = UpsideDownWatch(config.segment)
         shared = Shared(bank, config)
         self._subjects = shared.subjects
-        self.extractor = PeopleExtractor(config.segment, config.denoise, config.mount)
+        self.extractor = PeopleExtractor(config.segment, config.denoise, config.mount, config.match)
         self.matcher = shared.make_matcher()
         self.refiner = shared.make_refiner()
         self.recoverer = shared.make_recoverer()

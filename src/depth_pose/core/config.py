@@ -117,6 +117,12 @@ class DenoiseConfig(Checked):
 class MatchConfig(Checked):
     """Matching with the exemplar bank (Sec. 5)."""
 
+    method: str = option(
+        "joints",
+        "joints: also by the joints that the second look proposes, which the fit and the answer use, too; "
+        "exemplars: the paper's way, by the cloud alone, and no step uses proposed joints",
+        choices=("joints", "exemplars"),
+    )
     shortlist: int = option(
         128, "Nearest exemplars in the subspace that are compared by rendered depth", low=1, high=4096
     )
@@ -206,11 +212,10 @@ class FitConfig(Checked):
         0.10, "Out of free space skin is pulled by at most this a step", unit="m", low=0.0, high=1.0
     )
     proposal_weight: float = option(
-        0.03,
-        "Standard deviation at which a proposed joint weighs as much as one point of the cloud; 0: ignored",
-        unit="m",
+        5.0,
+        "Points of the cloud that a proposed joint with their standard deviation outweighs; 0: ignored",
         low=0.0,
-        high=10.0,
+        high=1000.0,
     )
     prior: float = option(0.1, "Stiffness of the joints toward the start", low=0.0, high=100.0)
     damping: float = option(0.02, "Added to the diagonal of every step", low=1e-6, high=100.0)

@@ -6,9 +6,10 @@ from collections import Counter
 from collections.abc import Callable
 
 import numpy as np
+from numpy.typing import NDArray
 
 from depth_pose.core.camera import Camera
-from depth_pose.core.config import DenoiseConfig, MountConfig, SegmentConfig
+from depth_pose.core.config import DenoiseConfig, MatchConfig, MountConfig, SegmentConfig
 from depth_pose.core.mount import rotation_sensor_upright
 from depth_pose.core.stamps import StampGuard
 from depth_pose.core.types import HIDDEN, DepthFrame, FoundPerson
@@ -16,7 +17,7 @@ from depth_pose.core.zone import parse_zone
 from depth_pose.denoise.denoise import denoise_depth
 from depth_pose.detect.learned_segmenter import LearnedSegmenter
 from depth_pose.detect.plane_segmenter import PlaneSegmenter
-from depth_pose.detect.segmentation import Segmenter
+from depth_pose.detect.segmentation import Segmenter, Sighting
 from depth_pose.track.choice import PeopleChoice
 from depth_pose.track.person import MIN_POINTS, People, see_people
 from depth_pose.track.tracks import PeopleTracks
@@ -36,6 +37,8 @@ class PeopleExtractor:
         Settings.
     mount : MountConfig
         Orientation of the frames, which are upright here, in the sensor; the zone is in the sensor's frame.
+    match : MatchConfig
+        With method ``exemplars`` the second look's joints are withheld from all later stages.
 
     Attributes
     ----------
@@ -52,7 +55,9 @@ class PeopleExtractor:
         segment: SegmentConfig,
         denoise: DenoiseConfig,
         mount: MountConfig = MountConfig(),  # noqa: B008
+        match: MatchConfig = MatchConfig(),  # noqa: B008
     ) -> None:
+        self._with_joints = match.method == "joints"
         self.segmenter: Segmenter = _METHODS[segment.method](segment)
         self._denoise = denoise
         self._tracks = PeopleTracks(segment.start, segment.sure, segment.keep)
@@ -104,14 +109,7 @@ class PeopleExtractor:
         self.passed_over["too few points"] += shown.count(None) - names.count(None)
         self.passed_over.update(self.choice.left_out)
         found = (
-            FoundPerson(
-                s.label,
-                name,
-                self._tracks.probability(name),
-                s.proposals,
-                s.proposal_confidence,
-                s.proposal_sigma,
-            )
+            FoundPerson(s.label, name, self._tracks.probability(name), *self._proposed(s))
             for s, name in zip(seen.sightings, chosen, strict=True)
             if name is not None
         )
@@ -119,3 +117,9 @@ class PeopleExtractor:
         # Ye et al. eq. 4: also in further iterations, if `denoise.iterations` is above 1
         points = seen.camera.back_project(depth)
         return see_people(frame.stamp_ns, frame.frame_id, seen.camera, points, labels, found)
+
+    def _proposed(self, sighting: Sighting) -> tuple[NDArray[np.float32], ...]:
+        """Return a sighting's proposed joints, confidences and deviations, or nothing."""
+        if not self._with_joints:
+            return ()
+        return sighting.proposals, sighting.proposal_confidence, sighting.proposal_sigma

@@ -22,6 +22,9 @@ from depth_pose.io._topics import MAX_CHUNK, DamageError
 _MOST_INDEX = 16 << 20
 """Maximum size of the index (bytes): 1.4 million messages, which take 190 MB during reading; set by hand."""
 
+_MOST_SHARE, _SMALL_INDEX = 0.5, 1 << 20
+"""Maximum share of the file that the index may be, unless it is this small (bytes); set by hand."""
+
 _UNPACKED_AGAIN = 8
 """Maximum bytes decompressed per byte of a chunk, as overlapping chunks are decompressed in turn; set by
 hand."""
@@ -32,7 +35,9 @@ class _BoundedFile(io.BufferedReader):
 
     def __init__(self, path: Path) -> None:
         super().__init__(io.FileIO(path))
-        self.index_left: int | None = _MOST_INDEX
+        share = max(_SMALL_INDEX, int(_MOST_SHARE * path.stat().st_size))
+        self.index_most = min(_MOST_INDEX, share)
+        self.index_left: int | None = self.index_most
 
     def read(self, size: int | None = -1) -> bytes:
         """Read ``size`` bytes, within the limits."""
@@ -42,7 +47,7 @@ class _BoundedFile(io.BufferedReader):
             self.index_left -= size
             if self.index_left < 0:
                 raise DamageError(
-                    f"its index has more than {_MOST_INDEX >> 20} MiB; 'rosbag filter' selects topics"
+                    f"its index has more than {self.index_most >> 20} MiB; 'rosbag filter' selects topics"
                 )
         return super().read(size)
 

@@ -253,5 +253,6 @@ def fit(target, body, settings, sigmas, scale, rotations, root):
         amount = target.points.shape[0] / stride / USUAL_POINTS
         weight = 2.0 * settings.free_space_weight * amount
         add_free_space(surface, target.full, target.nearest, root, weight, settings, equations)
-        add_proposals(target.proposals, nodes, root, settings.proposal_weight**2 * amount, equations)
+        weight = settings.proposal_weight * sigmas[k] ** 2 * amount  # the mixture lacks its 1/sigma^2
+        add_proposals(target.proposals, nodes, root, weight, equations)
         take_step(equations, body, settings, amount, nodes, moved, rotations, root)

@@ -16,19 +16,20 @@ with a variance that decreases from coarse to fine. :math:`E_{free}` keeps verti
 to be free: beside the silhouette, and in front of the observed surface. :math:`E_{joints}` takes the finder's
 proposals :math:`q_j` of the joints :math:`x_j(\theta)` as observations,
 
-.. math:: E_{joints} = w^2 \sum_j \rho_j\, (x_j - q_j)^T C_j^{-1} (x_j - q_j), \qquad
+.. math:: E_{joints} = w\,\sigma^2 \sum_j \rho_j\, (x_j - q_j)^T C_j^{-1} (x_j - q_j), \qquad
    C_j = (\sigma_{j\perp}^2 + \sigma_0^2)(1 - d_j d_j^T) + (\sigma_{j\parallel}^2 + \sigma_0^2)\, d_j d_j^T
 
-with the deviations that the second look states across and along the ray :math:`d_j`, a floor
-:math:`\sigma_0` for what all frames of a person have in common, and the robust weights :math:`\rho_j` of
-Geman and McClure (*Statistical methods for tomographic image reconstruction*, 1987). It decides where there
-are no points: under a desk, or beyond the image's border. :math:`E_{prior}` keeps each joint near the
-start. The parameters are a translation and, for every free node, a rotation vector in the camera frame that
-turns the whole subtree: a vertex moves by :math:`\delta t + \sum_k \omega_k \times (v_m - p_k)`, summed
-over the free nodes above the segment that moves it most. All vertices of a segment therefore share one 6 x
-6 matrix of a free rigid motion, and the normal equations of the joint angles are assembled from those 21
-(the composite rigid body algorithm of M. Walker and D. Orin, *Efficient dynamic computer simulation of
-robotic mechanisms*, 1982).
+with the deviations that the second look states across and along the ray :math:`d_j`, a floor :math:`\sigma_0`
+for what all frames of a person have in common, and the robust weights :math:`\rho_j` of Geman and McClure
+(*Statistical methods for tomographic image reconstruction*, 1987). The factor :math:`\sigma^2` states them in
+the units of the mixture, whose own :math:`1 / \sigma^2` is left out: proposals decide more at the coarse
+stages, and where there are no points, as under a desk or beyond the image's border. :math:`E_{prior}` keeps
+each joint near the start. The parameters are a translation and, for every free node, a rotation vector in the
+camera frame that turns the whole subtree: a vertex moves by :math:`\delta t + \sum_k \omega_k \times (v_m -
+p_k)`, summed over the free nodes above the segment that moves it most. All vertices of a segment therefore
+share one 6 x 6 matrix of a free rigid motion, and the normal equations of the joint angles are assembled from
+those 21 (the composite rigid body algorithm of M. Walker and D. Orin, *Efficient dynamic computer simulation
+of robotic mechanisms*, 1982).
 """
 
 from __future__ import annotations

@@ -33,7 +33,8 @@ from depth_pose.sim.stereo import StereoConfig, measure_stereo
 
 Image = NDArray[np.float32]
 
-_FAMILIES = ("structured", "tof", "stereo")
+FAMILIES = ("structured", "tof", "stereo")
+"""Families of depth sensors."""
 _FAMILY_SHARES = (0.4, 0.3, 0.3)
 """How often each family is drawn. Set by hand."""
 _MATERIALS = 64  # kinds of surface texture, told apart by their albedo
@@ -131,7 +132,7 @@ class SceneSensor:
 
 def sample_sensor(rng: np.random.Generator, family: str | None = None) -> SceneSensor:
     """Draw a sensor, of a family where one is named."""
-    name = family or str(rng.choice(_FAMILIES, p=_FAMILY_SHARES))
+    name = family or str(rng.choice(FAMILIES, p=_FAMILY_SHARES))
     tof, stereo = name == "tof", name == "stereo"
     least = np.exp(
         rng.uniform(np.log(0.0003), np.log(0.006)) if tof else rng.uniform(np.log(0.0015), np.log(0.012))

@@ -127,6 +127,7 @@ def sample_scene(
     studio: bool | None = None,
     lookalikes: bool = False,
     mounting: str | None = None,
+    sensor: str | None = None,
 ) -> Scene:
     """Make a random scene.
 
@@ -145,6 +146,9 @@ def sample_scene(
         Whether a room gets many things that look like people.
     mounting : str, optional
         One of `MOUNTINGS`; drawn where not given.
+    sensor : str, optional
+        The sensor's family, one of `FAMILIES`; drawn where not given. The same state gives the same people
+        and room with each.
     """
     if people is None:
         shares = _NOBODY_SHARE, *((1 - _NOBODY_SHARE) * np.array(_PEOPLE_SHARES))
@@ -159,7 +163,7 @@ def sample_scene(
         if lookalikes:
             add_lookalikes(room, rng, view, min(room.walls.back, 5.0))
         furnish(room, rng, points, view, min(room.walls.back, 9.0))
-    return render(view, triangulate(room.shapes, rng), persons, sample_sensor(rng), rng)
+    return render(view, triangulate(room.shapes, rng), persons, sample_sensor(rng, sensor), rng)
 
 
 def sample_view(rng: np.random.Generator, width: int, mounting: str | None = None) -> View:

@@ -53,7 +53,7 @@ class DenoiseNode(StageNode):
         Images waiting for the first CameraInfo of their camera.
     """
 
-    SECTIONS = ("mount", "segment", "denoise")
+    SECTIONS = ("mount", "segment", "denoise", "match")
     SETTINGS = DENOISE
 
     def __init__(self) -> None:
@@ -70,7 +70,7 @@ class DenoiseNode(StageNode):
     def make_stage(self, config: PipelineConfig) -> PeopleExtractor:
         """Build the extractor."""
         self._mounting = UpsideDownWatch(config.segment)
-        return PeopleExtractor(config.segment, config.denoise, config.mount)
+        return PeopleExtractor(config.segment, config.denoise, config.mount, config.match)
 
     def open_outputs(self) -> None:
         """Create the publishers of people's points and ids."""
