@@ -4,8 +4,8 @@
     python tools/people_finder/make_weights.py build/people_finder
 
 Existing files are kept, so that an interrupted run can be continued. The result is in FOLDER/integers (with
-floats in FOLDER/weights); copy it to src/depth_pose/detect/weights to release it. It takes two and a half
-hours on 2 cores.
+floats in FOLDER/weights); copy it to src/depth_pose/detect/weights to release it. It takes about
+twelve hours on 2 cores.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _ALIKE, _ALIKE_CHECKS = 7_500, 750
 """Number of scenes with lookalikes, for training and for checking. Set by hand."""
 _IMAGES, _BATCH, _RATE = 240_000, 16, 2e-3
 """The finder's training: images in all, images per step, and the highest learning rate. Set by hand."""
-_CROPS, _FALL = 1_000_000, 80_000
+_CROPS, _FALL = 2_300_000, 300_000
 """The second look's training: crops at the highest rate, and while it falls. Set by hand."""
 _COARSE = ("git", "show", "fe355e5:src/depth_pose/people/weights/joint_finder.onnx")
 """Its coarse net is the one released before, with floats."""
