@@ -22,8 +22,9 @@ walls."""
 _FACING_DEG = 35.0
 """Maximum angle (degrees) between the viewing direction and the normal of a floor known only from people."""
 
-_NEAR_M, _TALL_M = 0.15, 0.9
-"""A person who stands on a plane begins this near to it and reaches at least this far (m). Set by hand."""
+_NEAR_M, _TALL_M = 0.3, 0.9
+"""A person who stands on a plane begins this near to it, as the image may cut off the feet, and reaches at
+least this far (m). Set by hand."""
 
 LEVEL_UP = np.array([0.0, -1.0, 0.0])
 """Up as a level sensor sees it, camera frame."""
