@@ -40,14 +40,14 @@ class SegmentConfig(Checked):
 
     method: str = option(
         "learned",
-        "learned: everybody, by a small net; planes: one person, what stands free of large planes",
+        "learned: all people, by a small net; planes: one person, separated from large planes",
         choices=("learned", "planes"),
     )
-    start: float = option(0.6, "Least probability of a person who is followed from now on", low=0.0, high=1.0)
+    start: float = option(0.6, "Minimum probability at which a person is tracked", low=0.0, high=1.0)
     sure: float = option(
-        0.9, "Who is less probable than this is believed once they have moved", low=0.0, high=1.0
+        0.9, "Below this probability a person is tracked only after moving", low=0.0, high=1.0
     )
-    keep: float = option(0.2, "Least probability of a person who is followed already", low=0.0, high=1.0)
+    keep: float = option(0.2, "Minimum probability of a person who is tracked already", low=0.0, high=1.0)
     near: float = option(0.4, "Ignore anything nearer than this", unit="m", low=0.0, high=20.0)
     far: float = option(8.0, "Ignore anything farther than this", unit="m", low=0.1, high=50.0)
     find_every: int = option(
@@ -78,10 +78,10 @@ class SegmentConfig(Checked):
     min_height: float = option(
         0.4, "Least visible extent of a person; planes only", unit="m", low=0.1, high=2.0
     )
-    most_people: int = option(0, "At most so many people, the nearest; 0: all", low=0, high=254)
+    most_people: int = option(0, "Maximum number of people, the nearest; 0: all", low=0, high=254)
     zone: str = option(
         "",
-        "Only people in here, in the sensor's frame, in metres: distances, 1.0:4.5, or a box, X0:X1,Z0:Z1 or "
+        "Only people in this zone, in the sensor's frame, metres: distances, 1.0:4.5, or a box, X0:X1,Z0:Z1 or "
         "X0:X1,Y0:Y1,Z0:Z1; empty: everywhere",
     )
 
@@ -119,8 +119,8 @@ class MatchConfig(Checked):
 
     method: str = option(
         "joints",
-        "joints: also by the joints that the second look proposes, which the fit and the answer use, too; "
-        "exemplars: the paper's way, by the cloud alone, and no step uses proposed joints",
+        "joints: by the cloud and by proposed joints, which the fit and the result use as well; "
+        "exemplars: the paper's method, by the cloud alone, without proposed joints in any step",
         choices=("joints", "exemplars"),
     )
     shortlist: int = option(
@@ -142,7 +142,7 @@ class MatchConfig(Checked):
     scale: float = option(0.0, "The person's size relative to a 1.75 m adult; 0 finds it", low=0.0, high=2.0)
     budget: float = option(
         0.06,
-        "Live, time for all people of a frame; who is left out comes first in the next; 0: no limit",
+        "Live, time for all people of a frame; people left out come first in the next one; 0: no limit",
         unit="s",
         low=0.0,
         high=10.0,
@@ -193,7 +193,7 @@ class FitConfig(Checked):
     )
     outlier: float = option(
         0.3,
-        "What the E-step holds against every point: the density of the outlier class",
+        "Density of the outlier class in the E-step",
         low=1e-6,
         high=100.0,
     )
@@ -213,7 +213,7 @@ class FitConfig(Checked):
     )
     proposal_weight: float = option(
         5.0,
-        "Points of the cloud that a proposed joint with their standard deviation outweighs; 0: ignored",
+        "Weight of a proposed joint, in points of the cloud of the same standard deviation; 0: ignored",
         low=0.0,
         high=1000.0,
     )
@@ -234,12 +234,12 @@ class FitConfig(Checked):
 
     @property
     def rough(self) -> tuple[float, ...]:
-        """The second quarter, which goes on from `glance`."""
+        """The second quarter, which continues from `glance`."""
         return self.sigmas[len(self.sigmas) // 4 : len(self.sigmas) // 2]
 
     @property
     def fine(self) -> tuple[float, ...]:
-        """The second half, which goes on from `rough`."""
+        """The second half, which continues from `rough`."""
         return self.sigmas[len(self.sigmas) // 2 :]
 
     @property
@@ -283,7 +283,7 @@ class PersonalConfig(Checked):
     )
     worst_score: float = option(
         0.4,
-        "Skin of frames whose fit disagrees more than this, 0 to 1, says nothing of the build",
+        "Frames whose fit disagrees more than this, 0 to 1, are not used for the build",
         low=0.0,
         high=1.0,
     )
@@ -410,14 +410,14 @@ class SmoothConfig(Checked):
 
 @dataclass(frozen=True)
 class FollowConfig(Checked):
-    """Whom ``/depth_pose/skeleton`` shows; everybody is on ``/depth_pose/skeletons``."""
+    """The person on ``/depth_pose/skeleton``; all people are on ``/depth_pose/skeletons``."""
 
     whom: str = option(
         "first",
-        "first: who came first; nearest: to the camera; centre: of the image",
+        "first: the first to appear; nearest: to the camera; centre: of the image",
         choices=("first", "nearest", "centre"),
     )
-    patient: bool = option(False, "Wait for the one who is followed for 2 s before another is taken")
+    patient: bool = option(False, "Wait 2 s for the followed person to return before another is chosen")
 
 
 @dataclass(frozen=True)

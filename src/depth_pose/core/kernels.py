@@ -39,7 +39,7 @@ class _MendingCache(FunctionCache):
         """Return the compiled code, or None: not cached, or damaged."""
         try:
             return super().load_overload(sig, target_context)
-        except Exception:  # unpickling and LLVM fail with any; numba compiles after None, and saves
+        except Exception:  # unpickling and LLVM raise any type; after None numba compiles and saves
             self.flush()
             return None
 

@@ -1,4 +1,4 @@
-"""What three families of depth sensors make of a room: structured light, time of flight, stereo.
+"""Simulated depth of a room for three families of sensors: structured light, time of flight, stereo.
 
 `depth_pose.sim.noise` spoils pixels one by one, which suffices for one person before a wall. In rooms
 most of what misleads a finder of people is spatial: surfaces that send no light back lose their pixels
@@ -131,7 +131,7 @@ class SceneSensor:
 
 
 def sample_sensor(rng: np.random.Generator, family: str | None = None) -> SceneSensor:
-    """Draw a sensor, of a family where one is named."""
+    """Draw a sensor, of the given family or a random one."""
     name = family or str(rng.choice(FAMILIES, p=_FAMILY_SHARES))
     tof, stereo = name == "tof", name == "stereo"
     least = np.exp(
@@ -235,7 +235,7 @@ def measure(
 def _measure_stereo(
     shown: Shown, sensor: SceneSensor, stereo: StereoConfig, rng: np.random.Generator
 ) -> Image:
-    """Measure with a stereo camera; what texture a material has is told by its albedo."""
+    """Measure with a stereo camera; the albedo of a material selects its texture."""
     texture = np.exp(np.random.default_rng(sensor.materials).normal(0.3, 0.6, _MATERIALS)).astype(np.float32)
     kind = (shown.albedo * 255).astype(np.int64) % _MATERIALS
     slant = np.maximum(shown.cosine, np.float32(0.05)) ** np.float32(0.5 * sensor.grazing_power)

@@ -1,4 +1,4 @@
-"""Random rooms with nought to six people before a depth camera, every pixel labelled.
+"""Random rooms with zero to six people in front of a depth camera, every pixel labelled.
 
 Made to teach and to measure a finder of people: the people stand, walk, sit at tables and deep in sofas,
 lie under blankets, carry children and things, touch furniture and each other, hide behind both, are cut off
@@ -29,26 +29,26 @@ from depth_pose.sim.shapes import Kind, Triangles, random_albedo, triangulate
 Array = NDArray[np.float64]
 
 MOST_PEOPLE = 6
-"""People in a scene, at most: one for each of `_PEOPLE_SHARES`."""
+"""Maximum number of people in a scene: one for each of `_PEOPLE_SHARES`."""
 _NOBODY_SHARE = 0.15
 """Share of scenes without anybody. Set by hand."""
 _PEOPLE_SHARES = (0.38, 0.27, 0.15, 0.1, 0.06, 0.04)  # one to six
 _NEAR_SHARE, _NEAR_M, _MIDDLE_M, _FAR_M = 1 / 3, 0.6, 2.2, 6.0
-"""Share of people who are near; from where to where near and far ones are, metres. Set by hand."""
+"""Share of people who are near; ranges of near and of far people, metres. Set by hand."""
 _ASPECTS = (4 / 3, 16 / 9, 11 / 9, 1.0)
 """Width of an image by its height. Set by hand."""
 _ASPECT_SHARES = (0.7, 0.12, 0.1, 0.08)
 """How often each is drawn. Set by hand."""
 MOUNTINGS = {"common": 0.58, "ceiling": 0.24, "rolled": 0.1, "low": 0.08}
-"""How often cameras hang in each way: on a stand, shelf or robot; from a ceiling, looking down by 40 to 90
+"""Shares of mountings: on a stand, shelf or robot; from a ceiling, looking down by 40 to 90
 degrees; likewise but rolled onto a side or upside down; near the floor. Set by hand."""
 _AT_TABLE_SHARE = 0.6
-"""Share of those who sit, on chairs, that join a table where somebody sits. Set by hand."""
+"""Share of people seated on chairs who join an occupied table. Set by hand."""
 _CLEAR_ABOVE_M = 0.3
-"""Heads end this far below an overhead camera, metres. Set by hand."""
+"""Minimum distance of heads below an overhead camera, metres. Set by hand."""
 _JOINT_SLACK_M = 0.25  # deeper inside its owner's surface no joint is
 _TRIES = 12
-"""Spots that are tried for each person. Set by hand."""
+"""Number of spots tried for each person. Set by hand."""
 _EVERY = 12  # of a person's vertices suffices to keep furniture out of them
 
 
@@ -198,7 +198,7 @@ _Spot = tuple[float, float, float]
 
 
 def _people(rng: np.random.Generator, count: int, view: View, room: Room) -> list[Placed]:
-    """Place people so that the camera has a chance to see them and none stand in one another."""
+    """Place people within the camera's view, without intersections."""
     persons: list[Placed] = []
     seats: list[_Spot] = []
     for _ in range(count):
@@ -279,7 +279,7 @@ def _fits(person: Placed, view: View, room: Room, others: Sequence[Placed]) -> b
 
 
 def _inside_one_another(one: Placed, other: Placed) -> bool:
-    """Whether trunks come nearer than they can; limbs may touch, and then cut each other a little."""
+    """Whether trunks intersect; limbs may touch and intersect slightly."""
     trunk = [JOINT_INDEX[name] for name in ("pelvis", "chest", "head", "left_knee", "right_knee")]
     apart = np.linalg.norm(one.joints[trunk][:, None] - other.joints[trunk][None], axis=-1)
     return float(apart.min()) < 0.28
@@ -306,7 +306,7 @@ def place(figure: Figure, x: float, z: float, turn: float, rng: np.random.Genera
 
 
 def _person_albedo(figure: Figure, rng: np.random.Generator) -> NDArray[np.float32]:
-    """Light that skin, hair, shirt and trousers send back, by where on the body a triangle lies."""
+    """Albedo of each triangle: skin, hair, shirt or trousers, by its place on the body."""
     shirt, trousers, hair = random_albedo(rng, 0.12), random_albedo(rng, 0.15), random_albedo(rng, 0.3)
     middles = figure.vertices[figure.faces[:, 0]]
     joints = figure.joints
