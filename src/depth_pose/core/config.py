@@ -81,7 +81,7 @@ class SegmentConfig(Checked):
     most_people: int = option(0, "Maximum number of people, the nearest; 0: all", low=0, high=254)
     zone: str = option(
         "",
-        "Only people in this zone, in the sensor's frame, metres: distances, 1.0:4.5, or a box, X0:X1,Z0:Z1 or "
+        "Only people in this zone, sensor's frame, metres: distances, 1.0:4.5, or a box, X0:X1,Z0:Z1 or "
         "X0:X1,Y0:Y1,Z0:Z1; empty: everywhere",
     )
 
