@@ -90,7 +90,9 @@ def test_who_has_done_its_work_may_be_killed():
         assert time.monotonic() < limit_s
         child.read(told.append)
     child.kill()
-    child.read(told.append)
+    while child.code is None:  # on a busy machine the end takes a while
+        assert time.monotonic() < limit_s
+        child.read(told.append)
     assert child.code == 0
     assert told == ["[it] it is ready", "[it] had done its work, but did not end; it was killed"]
 
