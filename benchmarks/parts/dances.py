@@ -18,6 +18,7 @@ from command_line import make_parser
 
 from depth_pose.core.camera import Camera
 from depth_pose.motion.procedural.dance import DANCES, perform
+from depth_pose.rooms.rigfile import Rig
 from depth_pose.sim.clothing import Garment
 from depth_pose.sim.roof_cameras import (
     ROOF_CAMERA,
@@ -37,7 +38,6 @@ from depth_pose.volume.learn.report import Report, report_rows, track_performanc
 from depth_pose.volume.learn.training import dance_clips, default_wearers, simulate_views
 from depth_pose.volume.model import VolumeModel
 from depth_pose.volume.pipeline import VolumePipeline
-from depth_pose.volume.rigfile import Rig
 from depth_pose.volume.synchroniser import ViewSet
 
 TEST_SEEDS = (11, 12, 13)

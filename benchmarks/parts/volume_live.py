@@ -33,12 +33,12 @@ from command_line import make_parser
 
 from depth_pose.io.messages import write_image
 from depth_pose.motion.procedural.dance import perform
+from depth_pose.rooms.rigfile import save_rig
 from depth_pose.ros import PROFILE_PATH  # noqa: F401  (names the transport's profile)
 from depth_pose.sim.clothing import Garment
 from depth_pose.sim.roof_cameras import RigRenderer, depth_ring, roof_rig
 from depth_pose.sim.wearers import Wearer, dressed_frames
 from depth_pose.volume.learn.performances import TEST_SHAPES
-from depth_pose.volume.rigfile import save_rig
 
 SECONDS_OF_DANCE = 4.0
 """Frames of the clip that is played."""

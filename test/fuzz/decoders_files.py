@@ -35,10 +35,10 @@ from depth_pose.evaluate.truth import load_known_people
 from depth_pose.motion.asf_amc import read_asf_amc
 from depth_pose.motion.bvh import read_bvh
 from depth_pose.motion.clip import Clip
+from depth_pose.rooms.rig import RigCamera
+from depth_pose.rooms.rigfile import load_rig, save_rig
 from depth_pose.sim.motion import load_motion
 from depth_pose.volume.model import DIMENSIONS, VolumeModel
-from depth_pose.volume.rig import RigCamera
-from depth_pose.volume.rigfile import load_rig, save_rig
 from gltf_writer import document_of, write_glb
 from motion_writers import write_asf_amc, write_bvh
 

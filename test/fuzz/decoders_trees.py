@@ -50,8 +50,8 @@ from depth_pose.evaluate.score2d import load_reference
 from depth_pose.evaluate.truth import load_known_people
 from depth_pose.motion.asf_amc import read_asf_amc
 from depth_pose.motion.bvh import read_bvh
+from depth_pose.rooms.rigfile import load_rig
 from depth_pose.volume.model import VolumeModel
-from depth_pose.volume.rigfile import load_rig
 from gltf_writer import write_glb
 from motion_writers import write_bvh
 

@@ -9,9 +9,9 @@ from std_msgs.msg import Header
 
 from depth_pose.core.errors import ConfigError
 from depth_pose.core.rotations import matrix_to_quat
+from depth_pose.rooms.transform_tree import TransformTree
 from depth_pose.ros.transport.rig_source import add_transforms, given_extrinsics
 from depth_pose.ros.transport.tf import tf_message
-from depth_pose.volume.transform_tree import TransformTree
 from synthetic import transform
 
 

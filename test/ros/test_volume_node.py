@@ -20,6 +20,7 @@ from depth_pose.core.skeleton import Source
 from depth_pose.io.skeleton_read import read_skeletons
 from depth_pose.motion.procedural.dance import perform
 from depth_pose.offline import process_recording
+from depth_pose.rooms.rigfile import load_rig, save_rig, upright_from
 from depth_pose.ros.messages.basics import make_header
 from depth_pose.ros.messages.skeletons import msg_to_skeleton
 from depth_pose.ros.transport.tf import LATCHED, stamped
@@ -32,7 +33,6 @@ from depth_pose.volume.learn.training import simulate_views
 from depth_pose.volume.model import VolumeModel
 from depth_pose.volume.pipeline import VolumePipeline
 from depth_pose.volume.recordings import ViewReader
-from depth_pose.volume.rigfile import load_rig, save_rig, upright_from
 
 CAMERAS = 8
 FPS = 60.0

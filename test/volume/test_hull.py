@@ -5,10 +5,10 @@ import pytest
 
 from depth_pose.core.camera import Camera
 from depth_pose.core.errors import ConfigError, InputError
+from depth_pose.rooms.rig import RigCamera, look_at
 from depth_pose.sim.roof_cameras import RigRenderer, depth_ring, front_camera, roof_rig, roughen
 from depth_pose.volume.config import SpaceConfig
 from depth_pose.volume.hull import LEAST_VIEWS, HullCarver, SurfaceVoxels
-from depth_pose.volume.rig import RigCamera, look_at
 
 
 def sphere(centre, radius, rings=24):

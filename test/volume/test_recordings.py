@@ -17,6 +17,7 @@ from depth_pose.io.schemas import IMAGE
 from depth_pose.io.skeleton_read import read_skeletons
 from depth_pose.motion.procedural.dance import perform
 from depth_pose.offline import process_recording
+from depth_pose.rooms.rigfile import Rig, load_rig, save_rig, upright_from
 from depth_pose.sim.roof_cameras import RigRenderer, depth_ring, front_camera
 from depth_pose.sim.wearers import ViewWriter, Wearer, dressed_frames, record_views
 from depth_pose.volume.config import LearnConfig, SpaceConfig, TrackConfig, ViewsConfig, VolumeConfig
@@ -27,7 +28,6 @@ from depth_pose.volume.learn.report import track_performance
 from depth_pose.volume.learn.training import default_wearers, simulate_views
 from depth_pose.volume.pipeline import VolumePipeline, VolumePoseTracker, in_world
 from depth_pose.volume.recordings import ViewReader
-from depth_pose.volume.rigfile import Rig, load_rig, save_rig, upright_from
 from depth_pose.volume.scoring import score
 from depth_pose.volume.synchroniser import ViewSet
 

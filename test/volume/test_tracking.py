@@ -11,6 +11,7 @@ from depth_pose.core.errors import ConfigError, InputError
 from depth_pose.core.rotations import quat_to_matrix, rotvec_to_matrix
 from depth_pose.core.skeleton import JOINT_NODES, Source
 from depth_pose.motion.procedural.dance import perform
+from depth_pose.rooms.rigfile import Rig
 from depth_pose.sim.roof_cameras import RigRenderer
 from depth_pose.sim.wearers import Wearer, dressed_frames
 from depth_pose.volume.config import SpaceConfig, TrackConfig, VolumeConfig
@@ -22,7 +23,6 @@ from depth_pose.volume.learn.learning import learn_model
 from depth_pose.volume.learn.report import report_rows, track_performance
 from depth_pose.volume.model import VolumeModel
 from depth_pose.volume.pipeline import VolumePipeline, VolumePoseTracker
-from depth_pose.volume.rigfile import Rig
 from depth_pose.volume.scoring import joint_positions, score
 from depth_pose.volume.synchroniser import ViewSet
 from depth_pose.volume.tracker import UNLIKELY, LatentTracker, Sight

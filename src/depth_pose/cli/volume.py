@@ -62,9 +62,9 @@ def _learn(
     every: int | None = None,
     rig: Path | None = None,
 ) -> VolumeModel:
+    from depth_pose.rooms.rigfile import load_rig
     from depth_pose.volume.learn.learning import learn_model
     from depth_pose.volume.learn.training import EVERY, default_wearers, simulate_views
-    from depth_pose.volume.rigfile import load_rig
 
     bars: dict[str, float] = {}
     with console.status("") as status:
@@ -216,10 +216,10 @@ def run(
     """
     from depth_pose.io.mcap_write import PartlyWritten
     from depth_pose.offline import process_recording
+    from depth_pose.rooms.rigfile import load_rig
     from depth_pose.volume.model import VolumeModel
     from depth_pose.volume.pipeline import VolumePipeline
     from depth_pose.volume.recordings import ViewReader
-    from depth_pose.volume.rigfile import load_rig
 
     check_targets([output], [recording, model, rig, params])
     config = _settings(

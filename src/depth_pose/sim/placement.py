@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from depth_pose.rooms.rig import look_at
 from depth_pose.sim.config import Placement, Room
-from depth_pose.volume.rig import look_at
 
 _ROOM_HALF_WIDTH_M = 6.0
 """Half the width of floor and wall, and the wall's height, metres: more than any sensor sees."""

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from depth_pose.body.rendered_depth import render_depth
 from depth_pose.core.camera import Camera
+from depth_pose.rooms.rig import RigCamera, look_at
 from depth_pose.sim.sensor import Mesh
-from depth_pose.volume.rig import RigCamera, look_at
 
 ROOF_CAMERA = Camera(256, 192, 190.0, 190.0, 127.5, 95.5)
 """A quarter of the paper's 1024 x 768 along each side; 68 degrees wide."""

@@ -15,12 +15,12 @@ from depth_pose.io.mcap_write import RecordingWriter
 from depth_pose.io.messages import write_image
 from depth_pose.io.schemas import IMAGE
 from depth_pose.motion.clip import Clip
+from depth_pose.rooms.rig import RigCamera
+from depth_pose.rooms.rigfile import save_rig
 from depth_pose.sim.clothing import Clothes, Garment
 from depth_pose.sim.roof_cameras import RigRenderer
 from depth_pose.sim.sensor import Mesh
 from depth_pose.sim.simulate import START_NS, root_scale
-from depth_pose.volume.rig import RigCamera
-from depth_pose.volume.rigfile import save_rig
 
 
 @dataclass(frozen=True)

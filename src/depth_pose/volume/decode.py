@@ -11,7 +11,7 @@ from depth_pose.core.errors import InputError
 from depth_pose.io.decode import decode_depth
 from depth_pose.io.depth_unit import UnitWatch, unit_of
 from depth_pose.io.messages import ImageMessage
-from depth_pose.volume.rigfile import Rig
+from depth_pose.rooms.rigfile import Rig
 from depth_pose.volume.synchroniser import ViewSet
 
 

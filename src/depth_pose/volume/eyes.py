@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from depth_pose.core.errors import ConfigError
 from depth_pose.core.types import DepthFrame
 from depth_pose.denoise.extract import PeopleExtractor
+from depth_pose.rooms.rig import RigCamera, check_images
 from depth_pose.volume.config import SpaceConfig, VolumeConfig
 from depth_pose.volume.hull import LEAST_VIEWS, HullCarver, SurfaceVoxels, Volume
-from depth_pose.volume.rig import RigCamera, check_images
 from depth_pose.volume.synchroniser import ViewSet
 
 _SLIVER = 0.3

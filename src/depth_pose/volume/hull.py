@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.errors import ConfigError
+from depth_pose.rooms.rig import RigCamera, check_images
 from depth_pose.volume import _hull_kernels as kernels
 from depth_pose.volume.config import SpaceConfig
-from depth_pose.volume.rig import RigCamera, check_images
 
 _BLOCK_M = 0.08
 """Edge of a block, metres. Set by hand."""

@@ -28,6 +28,7 @@ from depth_pose.core.skeleton import (
     forward_kinematics,
 )
 from depth_pose.core.types import Skeleton
+from depth_pose.rooms.rigfile import Rig, upright_from
 from depth_pose.volume.config import VolumeConfig
 from depth_pose.volume.descriptor import heading_angle
 from depth_pose.volume.eyes import make_eyes
@@ -35,7 +36,6 @@ from depth_pose.volume.fit import VolumeFitter
 from depth_pose.volume.headings import turns
 from depth_pose.volume.hull import Volume
 from depth_pose.volume.model import VolumeModel
-from depth_pose.volume.rigfile import Rig, upright_from
 from depth_pose.volume.stature import StatureFinder
 from depth_pose.volume.synchroniser import ViewSet
 from depth_pose.volume.tracker import UNLIKELY, LatentTracker, Tracked, describe_headings

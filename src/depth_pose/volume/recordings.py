@@ -9,9 +9,9 @@ from pathlib import Path
 from depth_pose.core.errors import InputError
 from depth_pose.io.messages import ImageMessage, read_image
 from depth_pose.io.recording import Recording
+from depth_pose.rooms.rigfile import Rig
 from depth_pose.volume.config import ViewsConfig
 from depth_pose.volume.decode import ViewDecoder
-from depth_pose.volume.rigfile import Rig
 from depth_pose.volume.synchroniser import Synchroniser, ViewSet
 
 _SURE_AHEAD = 3

@@ -21,6 +21,7 @@ from visualization_msgs.msg import MarkerArray
 
 from depth_pose.body.angles import ANGLES
 from depth_pose.core.errors import ConfigError, InputError
+from depth_pose.rooms.rigfile import Rig
 from depth_pose.ros.messages.basics import make_header
 from depth_pose.ros.messages.skeletons import skeleton_to_msg
 from depth_pose.ros.nodes.node_base import Drop, StageNode
@@ -34,7 +35,6 @@ from depth_pose.volume.config import VolumeConfig
 from depth_pose.volume.decode import ViewDecoder
 from depth_pose.volume.model import VolumeModel
 from depth_pose.volume.pipeline import VolumePipeline, VolumePose
-from depth_pose.volume.rigfile import Rig
 from depth_pose.volume.synchroniser import Synchroniser, ViewSet
 
 SETTINGS: tuple[Setting, ...] = (

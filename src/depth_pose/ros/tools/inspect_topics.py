@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 
 from depth_pose.core.errors import ConfigError
 from depth_pose.core.rotations import matrix_to_quat
+from depth_pose.rooms.transform_tree import TransformTree, pose_matrix
 from depth_pose.ros.messages.basics import stamp_to_ns
 from depth_pose.ros.process.runner import on_stop
 from depth_pose.ros.tools.message_text import message_class
 from depth_pose.ros.transport.tf import LATCHED, TF_QUEUE, tf_message
-from depth_pose.volume.transform_tree import TransformTree, pose_matrix
 
 _TICK_S = 0.05
 """Maximum wait for a message between checks for a stop signal, seconds. Set by hand."""

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from sensor_msgs.msg import Imu
 
 from depth_pose.core.rotations import unit_vectors
+from depth_pose.rooms.transform_tree import TransformTree
 from depth_pose.ros.transport.rig_source import add_transforms
 from depth_pose.ros.transport.tf import TF_QUEUE, tf_message
-from depth_pose.volume.transform_tree import TransformTree
 
 if TYPE_CHECKING:
     from depth_pose.ros.nodes.node_base import StageNode

@@ -15,12 +15,12 @@ from sensor_msgs.msg import CameraInfo
 from depth_pose.core.errors import ConfigError, DepthPoseError
 from depth_pose.core.printable import printable
 from depth_pose.io.calibration import camera_from_info
+from depth_pose.rooms.rig import RigCamera
+from depth_pose.rooms.rigfile import Rig, load_rig, upright_from
+from depth_pose.rooms.transform_tree import TransformTree, pose_matrix
 from depth_pose.ros.setting import Setting
 from depth_pose.ros.transport.intake import LOG_EVERY_S
 from depth_pose.ros.transport.tf import tf_message
-from depth_pose.volume.rig import RigCamera
-from depth_pose.volume.rigfile import Rig, load_rig, upright_from
-from depth_pose.volume.transform_tree import TransformTree, pose_matrix
 
 if TYPE_CHECKING:
     from depth_pose.ros.nodes.node_base import StageNode

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from depth_pose.body.procedural import BodyShape
 from depth_pose.motion.clip import Clip
+from depth_pose.rooms.rig import RigCamera, look_at
 from depth_pose.sim.roof_cameras import MIDDLE_M, RigRenderer
 from depth_pose.sim.sensor import Mesh
 from depth_pose.sim.wearers import Wearer, dressed_frames
@@ -22,7 +23,6 @@ from depth_pose.volume.config import SpaceConfig, ViewsConfig, VolumeConfig
 from depth_pose.volume.eyes import make_eyes
 from depth_pose.volume.headings import headings_of
 from depth_pose.volume.hull import SurfaceVoxels, Volume
-from depth_pose.volume.rig import RigCamera, look_at
 from depth_pose.volume.synchroniser import ViewSet
 
 Array = NDArray[np.float64]

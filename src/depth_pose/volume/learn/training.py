@@ -13,13 +13,13 @@ import numpy as np
 from depth_pose.core.errors import ConfigError
 from depth_pose.motion.clip import Clip
 from depth_pose.motion.procedural.dance import DANCES, perform
+from depth_pose.rooms.rig import RigCamera, look_at
 from depth_pose.sim.clothing import find_garment
 from depth_pose.sim.roof_cameras import MIDDLE_M, front_camera, roof_rig
 from depth_pose.sim.wearers import Wearer
 from depth_pose.volume.config import SpaceConfig
 from depth_pose.volume.hull import SurfaceVoxels
 from depth_pose.volume.learn.performances import TRAINING_SHAPES, Performance, rig_eyes, watch, watch_around
-from depth_pose.volume.rig import RigCamera, look_at
 
 DEPTH_VIEWS = 16
 """Directions from which a depth camera may see the person: 22.5 degrees apart. Set by hand; not swept."""

@@ -1,4 +1,4 @@
-"""Rig files: the cameras of a volume tracker, their calibration and their topics.
+"""Rig files: several cameras, their calibration and their topics.
 
 ::
 
@@ -26,7 +26,7 @@ from depth_pose.core.camera import Camera
 from depth_pose.core.errors import ConfigError
 from depth_pose.core.outputs import new_text_file
 from depth_pose.core.reading import parse_yaml, read_text
-from depth_pose.volume.rig import RigCamera
+from depth_pose.rooms.rig import RigCamera
 
 _UPRIGHT: dict[str, NDArray[np.float64]] = {
     "y": np.eye(4),

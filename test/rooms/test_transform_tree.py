@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from depth_pose.core.errors import ConfigError
-from depth_pose.volume.transform_tree import TransformTree, pose_matrix
+from depth_pose.rooms.transform_tree import TransformTree, pose_matrix
 from synthetic import transform
 
 
