@@ -8,13 +8,15 @@ from pathlib import Path
 from types import ModuleType, SimpleNamespace
 
 import numpy as np
-import open3d as o3d
 import pytest
 from PIL import Image
 
+from depth_pose.core.open3d import load_open3d
 from depth_pose.core.types import DepthFrame
 from depth_pose.detect.sample_frame import sample_frame
 from depth_pose.io.mcap_write import DepthWriter
+
+o3d = load_open3d()  # before the examples import it themselves
 
 EXAMPLES = Path(__file__).parents[1] / "examples" / "library"
 STEP_S = 0.04

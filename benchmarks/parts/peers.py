@@ -21,7 +21,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import open3d as o3d
 from scipy.spatial import cKDTree
 
 from depth_pose.bank import Bank
@@ -31,6 +30,7 @@ from depth_pose.body.body import Body
 from depth_pose.body.build import BUILD_NAMES
 from depth_pose.core.camera import Camera
 from depth_pose.core.config import DenoiseConfig, FittingConfig, MatchConfig, SegmentConfig
+from depth_pose.core.open3d import load_open3d
 from depth_pose.core.skeleton import JOINT_NODES
 from depth_pose.core.types import DepthFrame
 from depth_pose.denoise.denoise import denoise_depth
@@ -44,6 +44,8 @@ from depth_pose.sim.placement import camera_pose, room_mesh
 from depth_pose.sim.sensor import SENSORS, VirtualSensor
 from depth_pose.sim.simulate import root_scale, transform
 from parts.known_people import make_matcher
+
+o3d = load_open3d()
 
 FRAMES, STRIDE = 25, 3
 """Number of frames compared, and step between them. Set by hand."""

@@ -9,6 +9,7 @@ import synthetic as syn
 from depth_pose.body.rendered_depth import DepthComparer, Observation, observe
 from depth_pose.core import _raster_kernels as kernels
 from depth_pose.core.camera import Camera
+from depth_pose.core.open3d import load_open3d
 from depth_pose.core.types import BACKGROUND, PERSON, UNKNOWN
 
 BAND = 0.12
@@ -16,8 +17,7 @@ BAND = 0.12
 
 def _cast(vertices, faces, camera):
     """Depth by Open3D's ray casting."""
-    import open3d as o3d
-
+    o3d = load_open3d()
     v, u = np.mgrid[: camera.height, : camera.width].astype(np.float32)
     rays = np.zeros((*u.shape, 6), np.float32)
     rays[..., 3:] = np.stack([(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, np.ones_like(u)], -1)

@@ -225,34 +225,75 @@ def add_proposals(proposals, nodes, origin, weight, equations):
         add_vertex(nodes[n], origin, metric, r, equations, n)
 
 
+class Workspace(NamedTuple):
+    """Arrays of the fit of one body to one view of a person, allocated once for all its iterations."""
+
+    surface: Surface
+    nodes: Any
+    zbuffer: Any
+    mass: Any
+    pull: Any
+    seen: Any
+    visible: Any
+
+
+@njit(cache=True)
+def make_workspace(target, body):
+    """Allocate the arrays of a fit."""
+    count = body.normals.shape[0]
+    return Workspace(
+        Surface(np.empty((count, 3)), np.empty((count, 3)), body.skin.influence[:, 0]),
+        np.empty(body.skin.nodes.shape),
+        np.empty(target.coarse.depth.shape, np.float32),
+        np.empty(count),
+        np.empty((count, 3)),
+        np.empty(count, np.bool_),
+        np.empty(count, np.bool_),
+    )
+
+
+@njit(cache=True)
+def make_equations(body):
+    """Allocate the normal equations of a body's segments."""
+    count = body.skin.nodes.shape[0]
+    return Equations(np.empty((count, 6, 6)), np.empty((count, 6)))
+
+
+@njit(cache=True)
+def add_view(target, body, settings, sigma, k, scale, rotations, root, work, equations):
+    """Run the E-step of iteration ``k`` for one view, and set up the view's equations for the M-step.
+
+    All is in the view's camera frame. Returns the amount of data: the number of points relative to
+    `USUAL_POINTS`.
+    """
+    surface, nodes, visible, coarse = work.surface, work.nodes, work.visible, target.coarse
+    stride = _THIN if sigma > settings.coarse_sigma else 1
+    skin(body.skin, rotations, root, scale, surface.vertices, nodes)
+    turn_normals(body.normals, body.skin.influence, rotations, surface.normals)
+    if k % _LOOK_EVERY == 0:
+        rasterize(surface.vertices, body.skin.faces, coarse.camera, work.zbuffer)
+        mark_visible(surface.vertices, surface.normals, work.zbuffer, coarse.camera, _BEHIND_M, work.seen)
+    visible[:] = work.seen
+    if stride > 1:  # half of the vertices are enough for a subset of the points
+        visible[k % 2 :: 2] = False
+    assign(target.points, stride, surface.vertices, visible, sigma, settings.outlier, work.mass, work.pull)
+    equations.inertia[:] = 0.0
+    equations.force[:] = 0.0
+    add_points(surface, work.mass, work.pull, root, settings, equations)
+    # scale all other terms with the number of points
+    amount = target.points.shape[0] / stride / USUAL_POINTS
+    weight = 2.0 * settings.free_space_weight * amount
+    add_free_space(surface, target.full, target.nearest, root, weight, settings, equations)
+    weight = settings.proposal_weight * sigma**2 * amount  # the mixture lacks its 1/sigma^2
+    add_proposals(target.proposals, nodes, root, weight, equations)
+    return amount
+
+
 @njit(cache=True)
 def fit(target, body, settings, sigmas, scale, rotations, root):
     """Run one iteration per sigma; ``rotations`` and ``root`` hold the start and are updated in place."""
-    coarse, count = target.coarse, body.normals.shape[0]
-    surface = Surface(np.empty((count, 3)), np.empty((count, 3)), body.skin.influence[:, 0])
-    nodes, zbuffer = np.empty(body.skin.nodes.shape), np.empty(coarse.depth.shape, np.float32)
-    mass, pull = np.empty(count), np.empty((count, 3))
-    seen, visible = np.empty(count, np.bool_), np.empty(count, np.bool_)
-    equations = Equations(np.empty((nodes.shape[0], 6, 6)), np.empty((nodes.shape[0], 6)))
+    work, equations = make_workspace(target, body), make_equations(body)
     moved = np.zeros(body.above.shape[0])
     for k in range(sigmas.shape[0]):
-        stride = _THIN if sigmas[k] > settings.coarse_sigma else 1
-        skin(body.skin, rotations, root, scale, surface.vertices, nodes)
-        turn_normals(body.normals, body.skin.influence, rotations, surface.normals)
-        if k % _LOOK_EVERY == 0:
-            rasterize(surface.vertices, body.skin.faces, coarse.camera, zbuffer)
-            mark_visible(surface.vertices, surface.normals, zbuffer, coarse.camera, _BEHIND_M, seen)
-        visible[:] = seen
-        if stride > 1:  # half of the vertices are enough for a subset of the points
-            visible[k % 2 :: 2] = False
-        assign(target.points, stride, surface.vertices, visible, sigmas[k], settings.outlier, mass, pull)
-        equations.inertia[:] = 0.0
-        equations.force[:] = 0.0
-        add_points(surface, mass, pull, root, settings, equations)
-        # scale all other terms with the number of points
-        amount = target.points.shape[0] / stride / USUAL_POINTS
-        weight = 2.0 * settings.free_space_weight * amount
-        add_free_space(surface, target.full, target.nearest, root, weight, settings, equations)
-        weight = settings.proposal_weight * sigmas[k] ** 2 * amount  # the mixture lacks its 1/sigma^2
-        add_proposals(target.proposals, nodes, root, weight, equations)
-        take_step(equations, body, settings, amount, nodes, moved, rotations, root)
+        amount = add_view(target, body, settings, sigmas[k], k, scale, rotations, root, work, equations)
+        take_step(equations, body, settings, amount, work.nodes, moved, rotations, root)

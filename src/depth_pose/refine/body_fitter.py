@@ -92,4 +92,8 @@ class BodyFitter:
 
     def fit_to(self, person: Person, build: NDArray[np.float32]) -> FrameFit:
         """Prepare the fits of a build (13,) to one frame."""
-        return _ArticulatedFit(self.of(build), self._coarse.of(self._few.body(build)), self.target(person))
+        return _ArticulatedFit(*self.both_of(build), self.target(person))
+
+    def both_of(self, build: NDArray[np.float32]) -> tuple[ArticulatedFitter, ArticulatedFitter]:
+        """Return the fitters of one build (13,), with the whole mesh and with a coarse one."""
+        return self.of(build), self._coarse.of(self._few.body(build))
