@@ -1,0 +1,210 @@
+"""Who is who over several cameras: every person in the room has one id.
+
+Each camera's own tracker names its people; here those names are linked to the people of the room, at the
+largest sum of gains (`depth_pose.rooms.room_person`). Who is linked to nobody is new. Two people of the room
+who are seen at one place for a while, and by no camera side by side, are one.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+
+from depth_pose.rooms.room_person import FRESH_NS, RoomPerson
+from depth_pose.rooms.sightings import RoomSighting
+
+FORGET_NS = 5_000_000_000
+"""Time after which a person whom no camera sees is forgotten, nanoseconds."""
+
+_BACK_NS = 1_000_000_000
+"""Stamps that go back by more than this (ns) begin a new session: everything is forgotten; set by hand."""
+
+_JUMP_M = 1.5
+"""Whom a camera that was moved suddenly sees somewhere else is at most so far away (m); set by hand."""
+
+_ONE_PERSON = ((0.3, 0.5), (0.5, 2.0))
+"""Two people closer than the first (m) for the second (s), never seen side by side, are one; set by hand."""
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """One person as a camera sees them, beside what another camera sees.
+
+    Attributes
+    ----------
+    difference : (3,) float64
+        From where the other camera saw them, moved to this camera's stamp, metres.
+    velocity : (3,) float64
+        The person's, m/s.
+    """
+
+    difference: NDArray[np.float64]
+    velocity: NDArray[np.float64]
+
+    @property
+    def distance(self) -> float:
+        """Horizontal distance, metres."""
+        return float(np.hypot(self.difference[0], self.difference[1]))
+
+
+class RoomTracks:
+    """Links the people of all cameras to people of the room, and keeps the ids over time.
+
+    Attributes
+    ----------
+    people : list of RoomPerson
+        All who are remembered, older ones first.
+    same : dict of str to str
+        Ids that turned out to be those of an older person: the younger id, and the older one.
+    """
+
+    def __init__(self) -> None:
+        self._count = 0
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget everybody; ids are not used again."""
+        self.people: list[RoomPerson] = []
+        self.same: dict[str, str] = {}
+        self._near: dict[tuple[int, int, float], int] = {}
+        self._newest_ns = 0
+
+    def person(self, room_id: str) -> RoomPerson | None:
+        """Return who has an id; None where nobody has."""
+        return next((p for p in self.people if p.room_id == room_id), None)
+
+    def assign(self, camera: int, stamp_ns: int, people: Sequence[RoomSighting]) -> tuple[str, ...]:
+        """Link the people of one frame of one camera.
+
+        Parameters
+        ----------
+        camera : int
+            The camera's number.
+        stamp_ns : int
+            In the clock of camera 0. Frames of one camera come in order; those of several cameras nearly.
+        people : sequence of RoomSighting
+            With different ``body_id``.
+
+        Returns
+        -------
+        tuple of str
+            The room id of each, all different: ``person_1`` and so on.
+        """
+        if stamp_ns < self._newest_ns - _BACK_NS:
+            self.reset()
+        self._newest_ns = max(self._newest_ns, stamp_ns)
+        self.people = [p for p in self.people if self._newest_ns - p.seen_ns <= FORGET_NS]
+        found = self._pair(camera, stamp_ns, people)
+        for k, sighting in enumerate(people):
+            if k not in found:
+                found[k] = self._begin(camera, stamp_ns, sighting, found)
+        for k, person in found.items():
+            person.see(camera, stamp_ns, people[k])
+            for other in self.people:
+                if other is not person and other.has(camera, people[k].body_id):
+                    del other.views[camera]
+        self.people = [p for p in self.people if p.views]
+        merged = self._merge_doubles(stamp_ns)
+        return tuple(merged.get(found[k], found[k]).room_id for k in range(len(people)))
+
+    def leave_out(self, camera: int) -> None:
+        """Forget what a camera saw, and the people whom only it saw."""
+        for person in self.people:
+            person.views.pop(camera, None)
+        self.people = [p for p in self.people if p.views]
+
+    def compare(self, camera: int, stamp_ns: int) -> list[Comparison]:
+        """Compare the people of a camera's newest frame with what the other cameras see.
+
+        Where all are seen by this camera alone, those whom it suddenly saw somewhere else are compared with
+        the people for whom it took them.
+        """
+        mine = [(p, p.views[camera].sighting) for p in self.people if p.is_in(camera, stamp_ns)]
+        before = [(p.split_from, sighting) for p, sighting in mine if p.split_from is not None]
+        for pairs in (mine, before):
+            shared = [(p, sighting) for p, sighting in pairs if p.fresh(stamp_ns, without=camera)]
+            if shared:
+                return [self._comparison(p, sighting, camera, stamp_ns) for p, sighting in shared]
+        return []
+
+    def compare_nearest(self, camera: int, stamp_ns: int, people: Sequence[RoomSighting]) -> list[Comparison]:
+        """Compare people of a camera that is left out with the nearest that the other cameras see."""
+        seen = [p for p in self.people if p.fresh(stamp_ns, without=camera)]
+        pairs = [[self._comparison(p, sighting, camera, stamp_ns) for p in seen] for sighting in people]
+        return [min(each, key=lambda c: c.distance) for each in pairs if each]
+
+    def jump(self, camera: int, stamp_ns: int) -> float:
+        """Return the median jump (m) of the people in a camera's newest frame."""
+        jumps = [p.views[camera].jump for p in self.people if p.is_in(camera, stamp_ns)]
+        return float(np.median(jumps)) if jumps else 0.0
+
+    @staticmethod
+    def _comparison(person: RoomPerson, sighting: RoomSighting, camera: int, stamp_ns: int) -> Comparison:
+        ways = [
+            v.sighting.shift_to(sighting) - person.offset(v, stamp_ns)
+            for v in person.fresh(stamp_ns, without=camera)
+        ]
+        return Comparison(min(ways, key=lambda way: float(np.hypot(way[0], way[1]))), person.velocity)
+
+    def _begin(
+        self, camera: int, stamp_ns: int, sighting: RoomSighting, found: Mapping[int, RoomPerson]
+    ) -> RoomPerson:
+        """Begin a person; note whom the camera saw there a moment ago and does not see any more."""
+        here = [
+            p
+            for p in self.people
+            if camera in p.views
+            and p not in found.values()
+            and 0 < stamp_ns - p.views[camera].stamp_ns <= FRESH_NS
+            and p.distance(sighting, [p.views[camera]], stamp_ns) < _JUMP_M
+        ]
+        same = [p for p in here if p.has(camera, sighting.body_id)] or here
+        self._count += 1
+        person = RoomPerson(self._count, split_from=same[0] if same else None)
+        self.people.append(person)
+        return person
+
+    def _pair(self, camera: int, stamp_ns: int, people: Sequence[RoomSighting]) -> dict[int, RoomPerson]:
+        """Pair sightings, by index, with people of the room at the largest sum of gains."""
+        if not self.people or not people:
+            return {}
+        gains = np.array([[p.gain(camera, stamp_ns, sighting) for p in self.people] for sighting in people])
+        rows, columns = linear_sum_assignment(np.maximum(gains, 0.0), maximize=True)
+        return {int(k): self.people[i] for k, i in zip(rows, columns, strict=True) if gains[k, i] > 0.0}
+
+    def _merge_doubles(self, stamp_ns: int) -> dict[RoomPerson, RoomPerson]:
+        """Make one of two who are at one place; return the younger with the older."""
+        merged: dict[RoomPerson, RoomPerson] = {}
+        for old, young in combinations(self.people, 2):
+            if old not in merged and young not in merged and self._are_one(old, young, stamp_ns):
+                merged[young] = old
+        for young, old in merged.items():
+            for camera, view in young.views.items():
+                if camera not in old.views or view.stamp_ns >= old.views[camera].stamp_ns:
+                    old.views[camera] = view
+            self.same[young.room_id] = old.room_id
+            self.people.remove(young)
+            self._near = {k: v for k, v in self._near.items() if young.number not in k[:2]}
+        return merged
+
+    def _are_one(self, old: RoomPerson, young: RoomPerson, stamp_ns: int) -> bool:
+        """Whether two have been at one place for long enough, and no camera sees them side by side."""
+        views, others = young.fresh(stamp_ns), old.fresh(stamp_ns)
+        together = old.sees_with(young, stamp_ns)
+        distance = math.inf
+        if views and others and not together:
+            newest = max(views, key=lambda v: v.stamp_ns)
+            distance = old.distance(newest.sighting, others, newest.stamp_ns)
+        for limit, seconds in _ONE_PERSON:
+            key = (old.number, young.number, limit)
+            if distance > limit:
+                self._near.pop(key, None)
+            elif stamp_ns - self._near.setdefault(key, stamp_ns) >= seconds * 1e9:
+                return True
+        return False
