@@ -2,10 +2,12 @@
 
     python benchmarks/faults.py --times 20
     python benchmarks/faults.py --times 5 --only start one starved
+    python benchmarks/faults.py --random 30
 
 The suite runs in a separate process. This one publishes a simulated person at 15 frames a second, receives
 the skeletons, and injects one fault after another into the nodes' processes. The gap is the longest time
-between two skeletons from the fault on.
+between two skeletons from the fault on. With ``--random`` nodes die and hang in random order for minutes,
+also while others are still starting.
 """
 
 from __future__ import annotations
@@ -23,6 +25,7 @@ import sys
 import tempfile
 import threading
 import time
+from collections import Counter
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -38,6 +41,9 @@ FPS, SECONDS = 15.0, 10.0
 IMAGE, INFO = "/camera/depth/image_raw", "/camera/depth/camera_info"
 STOPPED_S, HOGGED_S = 6.0, 20.0
 """Seconds for which processes are stopped, or get hardly any processor time."""
+
+RANDOM_SIGNALS = (signal.SIGKILL, signal.SIGKILL, signal.SIGSEGV, signal.SIGABRT, signal.SIGSTOP)
+"""Signals of faults in random order, as often as they stand here."""
 
 CALM_S, LIMIT_S = 3.0, 120.0
 """Seconds without a fault before the next one, and time limit of a recovery."""
@@ -113,6 +119,10 @@ class Stream:
         """Return the longest time without a skeleton after a given moment."""
         times = [since_s, *(t for t in list(self.came_s) if t > since_s), time.monotonic()]
         return max(b - a for a, b in itertools.pairwise(times))
+
+    def answers_since(self, since_s: float) -> int:
+        """Return the number of skeletons since a time."""
+        return sum(came_s >= since_s for came_s in list(self.came_s))
 
     def await_calm(self, suite: Watched) -> None:
         """Wait until every node is ready and skeletons arrive without a pause."""
@@ -268,6 +278,39 @@ def measure_fault(name: str, turn: int, suite: Watched, stream: Stream) -> tuple
     return stream.gap_s(began_s), ready_s - began_s
 
 
+def measure_random(minutes: float, suite: Watched, stream: Stream) -> str:
+    """Kill, crash and stop random nodes at random times; return the row of the table.
+
+    Raises TimeoutError where skeletons do not come again, at the end or within `LIMIT_S` of all faults.
+    """
+    rng, counts = random.Random(1), Counter[str]()
+    stream.await_calm(suite)
+    began_s, memory_mb = time.monotonic(), suite_mb(suite)
+    while time.monotonic() < began_s + 60.0 * minutes:
+        time.sleep(rng.choice([0.05, 0.5, 2.0, 6.0]) * rng.random())
+        number = rng.choice(RANDOM_SIGNALS)
+        for name in rng.sample(list(NODES), rng.choice([1, 1, 1, 2, 3, len(NODES)])):
+            pid = suite.ready.get(name)
+            if pid is not None:
+                with contextlib.suppress(ProcessLookupError):  # it has died a moment ago
+                    os.kill(pid, number)
+                    counts[number.name] += 1
+        if rng.random() < 0.1:
+            stream.await_calm(suite)
+    stream.await_calm(suite)
+    signals = ", ".join(f"{count} {name}" for name, count in sorted(counts.items()))
+    return (
+        f"| {signals} in {minutes:g} min | {stream.gap_s(began_s):.1f} s | "
+        f"{stream.answers_since(began_s)} of {round((time.monotonic() - began_s) * FPS)} | "
+        f"{memory_mb:.0f}, {suite_mb(suite):.0f} MB |"
+    )
+
+
+def suite_mb(suite: Watched) -> float:
+    """Proportional set size of all processes of the suite, MB."""
+    return sum(map(pss_mb, [suite.process.pid, *descendants(suite.process.pid)]))
+
+
 def main() -> None:
     """Run the suite and print the tables."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
@@ -276,11 +319,12 @@ def main() -> None:
     parser.add_argument("--bank", help="exemplar bank; the set-up's by default")
     parser.add_argument("--log", type=Path, default=Path(os.devnull), help="file for the nodes' output")
     parser.add_argument("--suite", action="store_true", help="run the nodes (the script starts it)")
+    parser.add_argument("--random", type=float, metavar="MINUTES", help="faults in random order")
     arguments = parser.parse_args()
     stay_local()
     if arguments.suite:
         return run_suite(arguments.bank)
-    if "start" in arguments.only:
+    if "start" in arguments.only and arguments.random is None:
         starts, sizes = zip(*(measure_start(arguments.bank) for _ in range(arguments.times)), strict=True)
         print(f"start of `up`: {summary(starts)}; processes at rest: {max(sizes):.0f} MB (PSS)", flush=True)
     faults = [name for name in FAULTS if name in arguments.only]
@@ -289,6 +333,12 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         frames = messages_of(Path(folder) / "person.mcap")
     suite, stream = Watched(arguments.bank, arguments.log), Stream(frames)
+    if arguments.random is not None:
+        print("| faults | longest gap | answers | memory before, after |")
+        print("|---|---|---|---|")
+        print(measure_random(arguments.random, suite, stream), flush=True)
+        suite.end()
+        return None
     print("| fault | longest gap: median, worst | all ready again: median, worst | times |")
     print("|---|---|---|---|")
     for name in faults:
