@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import pickle
 import tempfile
-import zlib
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
@@ -21,7 +20,8 @@ from numpy.typing import NDArray
 from depth_pose.core.errors import InputError
 from depth_pose.core.types import Skeleton
 from depth_pose.pipeline import FrameResult, PosePipeline
-from depth_pose.track.person import People, see_people
+from depth_pose.track.packed_people import pack_people, unpack_people
+from depth_pose.track.person import People
 
 _STEP_M = 0.1
 """Mean movement of the joints between two frames (m) that costs as much as a confidence of 1/e; set by
@@ -146,16 +146,10 @@ class _Spool:
 
     def add(self, people: People) -> None:
         """Append a frame."""
-        at = np.flatnonzero(np.isfinite(people.points[..., 2]))
-        points = people.points.reshape(-1, 3)[at]
-        found = [person.found for person in people.persons]
         self._last_ns = people.stamp_ns
         self._starts.append(self._file.tell())
-        labels = zlib.compress(people.labels.tobytes(), 1)
         try:
-            pickle.dump(
-                (people.stamp_ns, people.frame_id, people.camera, at, points, labels, found), self._file
-            )
+            pickle.dump(pack_people(people), self._file)
             self._file.flush()
         except OSError as error:
             raise InputError(
@@ -167,11 +161,8 @@ class _Spool:
         """Yield the frames from the last to the first, with stamps that continue from the last one."""
         for start in reversed(self._starts):
             self._file.seek(start)
-            stamp_ns, frame_id, camera, at, few, packed, found = pickle.load(self._file)  # our own file
-            labels = np.frombuffer(zlib.decompress(packed), np.uint8).reshape(camera.height, camera.width)
-            points = np.full((*labels.shape, 3), np.nan, np.float32)
-            points.reshape(-1, 3)[at] = few
-            yield see_people(self.time_of(stamp_ns), frame_id, camera, points, labels, found)
+            packed = pickle.load(self._file)  # our own file
+            yield unpack_people(packed._replace(stamp_ns=self.time_of(packed.stamp_ns)))
 
     def time_of(self, stamp_ns: int) -> int:
         """Return the stamp at which a frame is played back, or that of a frame that was played back."""

@@ -1,0 +1,179 @@
+"""Several cameras that see one room: everybody's skeleton in the room's frame.
+
+Each camera's people are linked to the people of the room (`depth_pose.rooms.tracks`). Whom several cameras
+see, one body is fitted to all their points (`depth_pose.rooms.room_refiner`); whom one camera sees, its
+answer is moved to the room's frame.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from depth_pose.bank.bank import Bank
+from depth_pose.body.pose import BodyPose
+from depth_pose.core.config import PipelineConfig
+from depth_pose.core.errors import InputError
+from depth_pose.core.rotations import matrix_to_quat, quat_to_matrix
+from depth_pose.core.types import Skeleton
+from depth_pose.recover.smooth import JointFilter
+from depth_pose.rooms.camera_frame import CameraFrame
+from depth_pose.rooms.rigfile import Rig, upright_from
+from depth_pose.rooms.room_refiner import Answer, RoomMemory, RoomRefiner
+from depth_pose.rooms.sightings import RoomSighting
+from depth_pose.rooms.tracks import FORGET_NS, RoomTracks
+from depth_pose.rooms.view import view_at
+from depth_pose.track.follow import Follower
+from depth_pose.track.packed_people import unpack_people
+from depth_pose.track.person import Person
+
+ROOM_FRAME = "room"
+"""Name of the room's frame: z up, the floor at z = 0."""
+
+_FRESH_NS = 150_000_000
+"""Maximum age (ns) of a camera's frame that takes part; set by hand."""
+
+
+@dataclass(frozen=True)
+class RoomResult:
+    """Everybody in the room at one time, and the followed person."""
+
+    skeletons: tuple[Skeleton, ...]
+    skeleton: Skeleton
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """A person in a camera's newest frame; pose and skeleton are in the camera's frame."""
+
+    camera: int
+    stamp_ns: int
+    person: Person
+    pose: BodyPose
+    skeleton: Skeleton
+
+
+class RoomFusion:
+    """From the answers of several cameras to skeletons in the room's frame.
+
+    Parameters
+    ----------
+    bank : Bank
+    rig : Rig
+        Where the cameras stand.
+    config : PipelineConfig
+
+    Attributes
+    ----------
+    fitted : int
+        Number of people in the last answer who were fitted to several cameras.
+    """
+
+    def __init__(self, bank: Bank, rig: Rig, config: PipelineConfig = PipelineConfig()) -> None:  # noqa: B008
+        self.rig = rig
+        self._places = [camera.T_camera_world @ upright_from("z") for camera in rig.cameras]
+        self._smooth = config.smooth
+        self._refiner = RoomRefiner(bank, config)
+        self._follower = Follower(config.follow)
+        self._tracks = RoomTracks()
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget all earlier frames."""
+        self._follower.reset()
+        self._tracks.reset()
+        self._newest: dict[int, tuple[int, Mapping[str, _Seen]]] = {}
+        self._memories: dict[str, RoomMemory] = {}
+        self.fitted = 0
+
+    def room_stamp(self, camera: int, stamp_ns: int) -> int:
+        """Return a camera's stamp in the clock of the first one."""
+        return stamp_ns - round(self.rig.clock_offsets[camera] * 1e9)
+
+    def take(self, camera: int, frame: CameraFrame) -> None:
+        """Take a camera's frame, and link its people; frames come in the order of their room stamps.
+
+        Raises
+        ------
+        InputError
+            Where the image is not of the rig's size.
+        """
+        c = self.rig.cameras[camera]
+        if frame.size != (c.camera.width, c.camera.height):
+            raise InputError(
+                f"the images of {c.name} are {frame.size[0]} x {frame.size[1]}; in the rig they are "
+                f"{c.camera.width} x {c.camera.height}"
+            )
+        stamp_ns = self.room_stamp(camera, frame.stamp_ns)
+        persons = {p.body_id: p for p in unpack_people(frame.people).persons}
+        known = [s for s in frame.skeletons if s.body_id in persons and s.body_id in frame.poses]
+        sightings = [RoomSighting.of(in_room(s, self._places[camera])) for s in known]
+        ids = self._tracks.assign(camera, stamp_ns, sightings)
+        people = {
+            room_id: _Seen(camera, stamp_ns, persons[s.body_id], frame.poses[s.body_id], s)
+            for room_id, s in zip(ids, known, strict=True)
+        }
+        self._newest[camera] = stamp_ns, people
+
+    def answer(self, stamp_ns: int) -> RoomResult:
+        """Answer for everybody whom a camera has seen a moment ago.
+
+        Parameters
+        ----------
+        stamp_ns : int
+            Of the answer, in the clock of the first camera; at or after all frames taken.
+        """
+        seen: dict[str, list[_Seen]] = {}
+        for _, (at_ns, people) in sorted(self._newest.items()):
+            if 0 <= stamp_ns - at_ns <= _FRESH_NS:
+                for room_id, one in people.items():
+                    seen.setdefault(self._tracks.same.get(room_id, room_id), []).append(one)
+        self._memories = {
+            i: m for i, m in self._memories.items() if i in seen or stamp_ns - m.stamp_ns <= FORGET_NS
+        }
+        self.fitted = sum(len(views) > 1 for views in seen.values())
+        skeletons = tuple(self._answer_for(i, seen[i], stamp_ns) for i in sorted(seen, key=_number))
+        return RoomResult(skeletons, self._follower.choose(skeletons, stamp_ns, ROOM_FRAME))
+
+    def _answer_for(self, room_id: str, seen: Sequence[_Seen], stamp_ns: int) -> Skeleton:
+        """Answer for one person, from one camera or from several."""
+        memory = self._memories.setdefault(room_id, RoomMemory(JointFilter(self._smooth)))
+        person = self._tracks.person(room_id)
+        velocity = np.zeros(3) if person is None else person.velocity
+        answers = []
+        for one in seen:
+            target = self._refiner.bodies.target(one.person)
+            seconds = (stamp_ns - one.stamp_ns) * 1e-9
+            view = view_at(one.person, target, self._places[one.camera], velocity, seconds)
+            answers.append(Answer(view, view.pose_in_room(one.pose), one.skeleton.joint_confidence))
+        if len(answers) > 1:
+            return self._refiner.refine(answers, memory, velocity, stamp_ns, (ROOM_FRAME, room_id))
+        memory.kept.beam, memory.stamp_ns = (answers[0].pose,), stamp_ns
+        only = in_room(seen[0].skeleton, answers[0].view.T_camera_room)
+        positions = memory.filter.filter(only.positions, stamp_ns)
+        return replace(only, stamp_ns=stamp_ns, body_id=room_id, positions=positions)
+
+
+def in_room(skeleton: Skeleton, T_camera_room: NDArray[np.float64]) -> Skeleton:
+    """Return a camera's skeleton in the room's frame.
+
+    Parameters
+    ----------
+    skeleton : Skeleton
+    T_camera_room : (4, 4) float64
+        Room to optical frame.
+    """
+    rotation, place = T_camera_room[:3, :3], T_camera_room[:3, 3]
+    return replace(
+        skeleton,
+        frame_id=ROOM_FRAME,
+        positions=(skeleton.positions - place) @ rotation,
+        quats_xyzw=matrix_to_quat(rotation.T @ quat_to_matrix(skeleton.quats_xyzw)),
+    )
+
+
+def _number(room_id: str) -> int:
+    return int(room_id.rpartition("_")[2])

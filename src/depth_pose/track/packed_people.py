@@ -1,0 +1,57 @@
+"""The people of a frame as few bytes, about 100 kB a person, for files and other processes."""
+
+from __future__ import annotations
+
+import zlib
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from depth_pose.core.camera import Camera
+from depth_pose.core.types import FoundPerson
+from depth_pose.track.person import People, see_people
+
+
+class PackedPeople(NamedTuple):
+    """`People` without what can be prepared again.
+
+    Attributes
+    ----------
+    stamp_ns : int
+    frame_id : str
+    camera : Camera
+    at : (N,) int64
+        Pixels with a point, by their number.
+    points : (N, 3) float32
+        Camera frame, metres.
+    labels : bytes
+        Compressed.
+    found : tuple of FoundPerson
+    """
+
+    stamp_ns: int
+    frame_id: str
+    camera: Camera
+    at: NDArray[np.int64]
+    points: NDArray[np.float32]
+    labels: bytes
+    found: tuple[FoundPerson, ...]
+
+
+def pack_people(people: People) -> PackedPeople:
+    """Leave out what `unpack_people` prepares again."""
+    at = np.flatnonzero(np.isfinite(people.points[..., 2]))
+    points = people.points.reshape(-1, 3)[at]
+    labels = zlib.compress(people.labels.tobytes(), 1)
+    found = tuple(person.found for person in people.persons)
+    return PackedPeople(people.stamp_ns, people.frame_id, people.camera, at, points, labels, found)
+
+
+def unpack_people(packed: PackedPeople) -> People:
+    """Prepare the people again; the same as before, bit for bit."""
+    camera = packed.camera
+    labels = np.frombuffer(zlib.decompress(packed.labels), np.uint8).reshape(camera.height, camera.width)
+    points = np.full((*labels.shape, 3), np.nan, np.float32)
+    points.reshape(-1, 3)[packed.at] = packed.points
+    return see_people(packed.stamp_ns, packed.frame_id, camera, points, labels, packed.found)
