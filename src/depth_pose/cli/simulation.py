@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from depth_pose.cli.console import given, print_facts, progress_bar, setting
+from depth_pose.cli.console import given, loading, print_facts, progress_bar, setting
 from depth_pose.core.errors import ConfigError
 from depth_pose.core.outputs import check_targets
 from depth_pose.sim.config import Person, Placement, Room
@@ -20,6 +20,9 @@ _ROOM_FPS = 15.0
 
 _ROOM_WIDTH_PX = 320
 """Width of a simulated room's images where none is given, pixels. Set by hand."""
+
+_CLOCK_OFFSET_S = 0.02
+"""Maximum offset of the cameras' clocks where none is given, seconds: hosts that synchronise by NTP."""
 
 
 def add_to(app: typer.Typer) -> None:
@@ -49,6 +52,19 @@ def simulate(
         int | None,
         typer.Option(min=0, max=6, help="Number of people; with --room.", show_default="2"),
     ] = None,
+    cameras: Annotated[
+        int | None,
+        typer.Option(min=1, max=4, help="Number of cameras around the room; with --room.", show_default="1"),
+    ] = None,
+    clock_offset: Annotated[
+        float | None,
+        typer.Option(
+            min=0.0,
+            max=10.0,
+            help="Maximum offset of the other cameras' clocks from camera 0's, seconds; with --cameras.",
+            show_default="0.02",
+        ),
+    ] = None,
     width: Annotated[int | None, typer.Option(min=64, max=4096, help="Image width in pixels.")] = None,
     seconds: Annotated[float, typer.Option(min=0.04, max=3600.0, help="Length.")] = 10.0,
     seed: Annotated[int, typer.Option(min=0, help="Seed of motion, noise and room.")] = 0,
@@ -74,6 +90,9 @@ def simulate(
     builds and clothes walk about, hide and cross each other; camera, sensor and furniture are random too,
     and the same seed gives the same.
 
+    With --cameras N unlike sensors with clocks of their own stand around the room: NAME_0.mcap, NAME_1.mcap
+    and so on, the true rig in NAME.yaml, and the joints in the room's frame in NAME.npz.
+
     [bold]Examples:[/bold]
 
     depth-pose simulate -o bags/sim.mcap
@@ -85,6 +104,8 @@ def simulate(
     depth-pose simulate -o child.mcap --motion wave --stature 1.2 --head-size 1.25 --seed 3
 
     depth-pose simulate -o room.mcap --room --people 3 --seed 7
+
+    depth-pose simulate -o pair.mcap --room --people 2 --cameras 2 --seconds 60
     """
     if output.suffix != ".mcap":
         raise ConfigError(f"{output} must be a recording: its name ends in .mcap")
@@ -102,12 +123,21 @@ def simulate(
     shell = given(floor=floor, wall=wall)
     if not room and people is not None:
         raise ConfigError("--people goes with --room; without it there is one person")
+    if not room and cameras is not None:
+        raise ConfigError("--cameras goes with --room; without it there is one sensor")
+    if clock_offset is not None and (cameras or 1) == 1:
+        raise ConfigError("--clock-offset goes with --cameras 2 or more; a single clock has no offset")
     if room:
         unused = [*given(motion=motion, sensor=sensor), *chosen, *placed, *shell]
         if unused:
             raise ConfigError(f"--room draws all from --seed; leave out --{unused[0].replace('_', '-')}")
-        check_targets([output, output.with_suffix(".npz")])
-        _simulate_room(output, 2 if people is None else people, width or _ROOM_WIDTH_PX, seconds, seed)
+        shown = (2 if people is None else people, width or _ROOM_WIDTH_PX, seconds, seed)
+        if cameras is not None and cameras > 1:
+            offset = _CLOCK_OFFSET_S if clock_offset is None else clock_offset
+            _simulate_cameras(output, cameras, offset, *shown)
+        else:
+            check_targets([output, output.with_suffix(".npz")])
+            _simulate_room(output, *shown)
         return
     is_file = motion is not None and motion.lower().endswith(".bvh")
     check_targets([output, output.with_suffix(".npz")], [motion if is_file else None])
@@ -164,3 +194,27 @@ def _simulate_room(output: Path, people: int, width: int, seconds: float, seed: 
     if clip.visible.size:
         facts.insert(1, ("visible of a person", f"{clip.visible.mean():.0%} on average"))
     print_facts(str(output), facts)
+
+
+def _simulate_cameras(
+    output: Path, cameras: int, clock_offset: float, people: int, width: int, seconds: float, seed: int
+) -> None:
+    import numpy as np
+
+    from depth_pose.sim.room_recordings import record_show, recordings_of, sample_show
+
+    truth, rig = output.with_suffix(".npz"), output.with_suffix(".yaml")
+    recordings = recordings_of(output, cameras)
+    check_targets([*recordings, truth, rig])
+    with loading("people, room and cameras"):
+        show = sample_show(np.random.default_rng(seed), cameras, seconds, people, width, clock_offset)
+    with progress_bar("people in a room", show.frames) as update:
+        visible = record_show(output, show, update)
+    facts = [("people", str(len(show.cast)))]
+    if show.cast:
+        facts.append(("visible of a person", f"{visible:.0%} on average, to the best camera"))
+    for file, c in zip(recordings, show.cameras, strict=True):
+        kind = f"{c.sensor.family}, {c.view.camera.width} x {c.view.camera.height}, {c.fps:g} per second"
+        clock = f"clock {1e3 * c.clock_offset:+.1f} ms {1e6 * c.clock_drift:+.1f} ppm"
+        facts.append((file.name, f"{kind}, {c.view.position[1]:.2f} m high, {clock}"))
+    print_facts(str(output), [*facts, ("rig", str(rig)), ("truth", str(truth))])

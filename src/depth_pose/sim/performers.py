@@ -73,12 +73,32 @@ class Track:
         Position of the pelvis on the floor, x and z, metres.
     seated : (T,) bool
         Whether the person sits still on their seat.
+    acts : (T,) int64
+        Index of the act that is played.
     """
 
     rotations: Array
     heading: Array
     spots: Array
     seated: NDArray[np.bool_]
+    acts: NDArray[np.int64]
+
+    def at(self, frames: Array) -> Track:
+        """Return the motion at moments (N,) between its frames, in units of frames from the first.
+
+        Segments rotate evenly from frame to frame; moments after the last frame get the last.
+        """
+        before = np.minimum(frames.astype(np.int64), len(self.spots) - 1)
+        after = np.minimum(before + 1, len(self.spots) - 1)
+        share = frames - before
+        steps = zip(self.rotations[before], self.rotations[after], share, strict=True)
+        return Track(
+            np.stack([_turned(one, other, s) for one, other, s in steps]),
+            (1 - share) * self.heading[before] + share * self.heading[after],
+            (1 - share)[:, None] * self.spots[before] + share[:, None] * self.spots[after],
+            self.seated[before],
+            self.acts[before],
+        )
 
 
 class Performer:
@@ -109,7 +129,7 @@ class Performer:
     def perform(self, acts: Sequence[Act], spot: tuple[float, float], heading: float, frames: int) -> Track:
         """Play acts from a spot on the floor; the last continues to the end."""
         rotations, headings, spots = np.empty((frames, 21, 3, 3)), np.empty(frames), np.empty((frames, 2))
-        seated = np.zeros(frames, bool)
+        seated, played = np.zeros(frames, bool), np.empty(frames, np.int64)
         at, ankles = np.array(spot, float), None
         queue, act, since, phase = list(acts[1:]), acts[0], 0, 0
         blend = _Blend(None, 0.0)
@@ -131,8 +151,9 @@ class Performer:
             ankles = stands
             rotations[t], headings[t], spots[t] = pose, heading, at
             seated[t] = act.kind == "sit" and since >= self.fps * _SIT_DOWN_S
+            played[t] = len(acts) - 1 - len(queue)
             since, phase = since + 1, phase + 1
-        return Track(rotations, headings, spots, seated)
+        return Track(rotations, headings, spots, seated, played)
 
     def _is_over(self, act: Act, since: int, at: Array) -> bool:
         there = act.goal is not None and np.hypot(*(np.array(act.goal) - at)) < _THERE_M
@@ -185,7 +206,11 @@ def _frame(clip: Array, phase: int) -> Array:
 
 def _between(one: Array, other: Array, share: float) -> Array:
     """Rotate each segment evenly from one pose to another, slowly at both ends."""
-    share = share * share * (3 - 2 * share)
+    return _turned(one, other, share * share * (3 - 2 * share))
+
+
+def _turned(one: Array, other: Array, share: float) -> Array:
+    """Rotate each segment a share of the way from one pose to another."""
     step = Rotation.from_matrix(np.swapaxes(one, 1, 2) @ other).as_rotvec()
     return np.asarray(one @ Rotation.from_rotvec(share * step).as_matrix())
 
