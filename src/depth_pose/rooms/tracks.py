@@ -1,0 +1,140 @@
+"""Who is who over several cameras: every person in the room has one id.
+
+Each camera's own tracker names its people; here those names are linked to the people of the room, at the
+largest sum of gains (`depth_pose.rooms.room_person`). Who is linked to nobody is new. Two people of the room
+who are seen at one place for a while, and by no camera side by side, are one.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from itertools import combinations
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from depth_pose.rooms.room_person import RoomPerson
+from depth_pose.rooms.sightings import RoomSighting
+
+FORGET_NS = 5_000_000_000
+"""Time after which a person whom no camera sees is forgotten, nanoseconds."""
+
+_BACK_NS = 1_000_000_000
+"""Stamps that go back by more than this (ns) begin a new session: everything is forgotten; set by hand."""
+
+_ONE_PERSON = ((0.3, 0.5), (0.5, 2.0))
+"""Two people closer than the first (m) for the second (s), never seen side by side, are one; set by hand."""
+
+
+class RoomTracks:
+    """Links the people of all cameras to people of the room, and keeps the ids over time.
+
+    Attributes
+    ----------
+    people : list of RoomPerson
+        All who are remembered, older ones first.
+    same : dict of str to str
+        Ids that turned out to be those of an older person: the younger id, and the older one.
+    """
+
+    def __init__(self) -> None:
+        self._count = 0
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget everybody; ids are not used again."""
+        self.people: list[RoomPerson] = []
+        self.same: dict[str, str] = {}
+        self._near: dict[tuple[int, int, float], int] = {}
+        self._newest_ns = 0
+
+    def person(self, room_id: str) -> RoomPerson | None:
+        """Return who has an id; None where nobody has."""
+        return next((p for p in self.people if p.room_id == room_id), None)
+
+    def assign(self, camera: int, stamp_ns: int, people: Sequence[RoomSighting]) -> tuple[str, ...]:
+        """Link the people of one frame of one camera.
+
+        Parameters
+        ----------
+        camera : int
+            The camera's number.
+        stamp_ns : int
+            In the clock of camera 0. Frames of one camera come in order; those of several cameras nearly.
+        people : sequence of RoomSighting
+            With different ``body_id``.
+
+        Returns
+        -------
+        tuple of str
+            The room id of each, all different: ``person_1`` and so on.
+        """
+        if stamp_ns < self._newest_ns - _BACK_NS:
+            self.reset()
+        self._newest_ns = max(self._newest_ns, stamp_ns)
+        self.people = [p for p in self.people if self._newest_ns - p.seen_ns <= FORGET_NS]
+        found = self._pair(camera, stamp_ns, people)
+        for k, sighting in enumerate(people):
+            if k not in found:
+                found[k] = self._begin(camera, sighting)
+        for k, person in found.items():
+            for other in self.people:
+                if other is not person and other.has(camera, people[k].body_id):
+                    del other.views[camera]
+            person.see(camera, stamp_ns, people[k])
+        self.people = [p for p in self.people if p.views]
+        merged = self._merge_doubles(stamp_ns)
+        return tuple(merged.get(found[k], found[k]).room_id for k in range(len(people)))
+
+    def leave_out(self, camera: int) -> None:
+        """Forget what a camera saw, and the people whom only it saw."""
+        for person in self.people:
+            person.views.pop(camera, None)
+        self.people = [p for p in self.people if p.views]
+
+    def _begin(self, camera: int, sighting: RoomSighting) -> RoomPerson:
+        before = next((p for p in self.people if p.has(camera, sighting.body_id)), None)
+        self._count += 1
+        person = RoomPerson(self._count, split_from=before)
+        self.people.append(person)
+        return person
+
+    def _pair(self, camera: int, stamp_ns: int, people: Sequence[RoomSighting]) -> dict[int, RoomPerson]:
+        """Pair sightings, by index, with people of the room at the largest sum of gains."""
+        if not self.people or not people:
+            return {}
+        gains = np.array([[p.gain(camera, stamp_ns, sighting) for p in self.people] for sighting in people])
+        rows, columns = linear_sum_assignment(np.maximum(gains, 0.0), maximize=True)
+        return {int(k): self.people[i] for k, i in zip(rows, columns, strict=True) if gains[k, i] > 0.0}
+
+    def _merge_doubles(self, stamp_ns: int) -> dict[RoomPerson, RoomPerson]:
+        """Make one of two who are at one place; return the younger with the older."""
+        merged: dict[RoomPerson, RoomPerson] = {}
+        for old, young in combinations(self.people, 2):
+            if old not in merged and young not in merged and self._are_one(old, young, stamp_ns):
+                merged[young] = old
+        for young, old in merged.items():
+            for camera, view in young.views.items():
+                if camera not in old.views or view.stamp_ns >= old.views[camera].stamp_ns:
+                    old.views[camera] = view
+            self.same[young.room_id] = old.room_id
+            self.people.remove(young)
+            self._near = {k: v for k, v in self._near.items() if young.number not in k[:2]}
+        return merged
+
+    def _are_one(self, old: RoomPerson, young: RoomPerson, stamp_ns: int) -> bool:
+        """Whether two have been at one place for long enough, and no camera sees them side by side."""
+        views, others = young.fresh(stamp_ns), old.fresh(stamp_ns)
+        together = old.sees_with(young, stamp_ns)
+        distance = math.inf
+        if views and others and not together:
+            newest = max(views, key=lambda v: v.stamp_ns)
+            distance = old.distance(newest.sighting, others, newest.stamp_ns)
+        for limit, seconds in _ONE_PERSON:
+            key = (old.number, young.number, limit)
+            if distance > limit:
+                self._near.pop(key, None)
+            elif stamp_ns - self._near.setdefault(key, stamp_ns) >= seconds * 1e9:
+                return True
+        return False
