@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from walkers import Eye, standing
 
 from depth_pose.rooms.sightings import RoomSighting
 from depth_pose.rooms.tracks import FORGET_NS, RoomTracks
-from walkers import Eye, standing
 
 MS = 1_000_000
 

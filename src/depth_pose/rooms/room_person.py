@@ -56,10 +56,19 @@ _VELOCITY_SHARE, _VELOCITY_S = 0.2, 0.04
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """The last sighting of a person by one camera."""
+    """The last sighting of a person by one camera.
+
+    Attributes
+    ----------
+    stamp_ns : int
+    sighting : RoomSighting
+    jump : float
+        Distance (m) from where the camera's last view let it expect the person.
+    """
 
     stamp_ns: int
     sighting: RoomSighting
+    jump: float = 0.0
 
 
 @dataclass(eq=False)
@@ -111,6 +120,10 @@ class RoomPerson:
         """Whether a camera's id is linked to this person."""
         return camera in self.views and self.views[camera].sighting.body_id == body_id
 
+    def is_in(self, camera: int, stamp_ns: int) -> bool:
+        """Whether a camera's frame of a stamp shows this person."""
+        return camera in self.views and self.views[camera].stamp_ns == stamp_ns
+
     def distance(self, sighting: RoomSighting, views: Sequence[View], stamp_ns: int) -> float:
         """Return the distance (m) of a sighting from the nearest of some views of the person."""
         return min(sighting.distance(v.sighting, self.offset(v, stamp_ns)) for v in views)
@@ -133,26 +146,30 @@ class RoomPerson:
 
     def see(self, camera: int, stamp_ns: int, sighting: RoomSighting) -> None:
         """Update with a sighting; the velocity comes from pairs of views by the same camera."""
-        last = self.views.get(camera)
-        if last is not None and last.sighting.body_id == sighting.body_id:
+        source = self.split_from if self.split_from is not None and camera not in self.views else self
+        last, jump = source.views.get(camera), 0.0
+        if last is not None:
             seconds = (stamp_ns - last.stamp_ns) * 1e-9
             if 0.0 < seconds <= FRESH_NS * 1e-9:
-                share = 1.0 - (1.0 - _VELOCITY_SHARE) ** (seconds / _VELOCITY_S)
-                measured = last.sighting.shift_to(sighting) / seconds
-                self.velocity = self.velocity + share * (measured - self.velocity)
-                speed = float(np.linalg.norm(self.velocity))
-                self.velocity *= min(1.0, _FASTEST_M_S / max(speed, 1e-6))
-        self.views[camera] = View(stamp_ns, sighting)
+                jump = sighting.distance(last.sighting, source.offset(last, stamp_ns))
+                if source is self and last.sighting.body_id == sighting.body_id:
+                    self._steer(last.sighting.shift_to(sighting) / seconds, seconds)
+        self.views[camera] = View(stamp_ns, sighting, jump)
         if sighting.scale > 0.0:
             size = math.log(sighting.scale)
-            self.log_size = (
-                size if self.log_size is None else self.log_size + _SIZE_SHARE * (size - self.log_size)
-            )
+            before = size if self.log_size is None else self.log_size
+            self.log_size = before + _SIZE_SHARE * (size - before)
+
+    def _steer(self, velocity: NDArray[np.float64], seconds: float) -> None:
+        """Update the velocity (3,), m/s, with one measured over some seconds."""
+        share = 1.0 - (1.0 - _VELOCITY_SHARE) ** (seconds / _VELOCITY_S)
+        self.velocity = self.velocity + share * (velocity - self.velocity)
+        self.velocity *= min(1.0, _FASTEST_M_S / max(float(np.linalg.norm(self.velocity)), 1e-6))
 
     def sees_with(self, other: RoomPerson, stamp_ns: int) -> bool:
         """Whether a camera shows both in one recent frame."""
         return any(
-            camera in other.views and other.views[camera].stamp_ns == view.stamp_ns
+            other.is_in(camera, view.stamp_ns)
             for camera, view in self.views.items()
             if abs(stamp_ns - view.stamp_ns) <= FRESH_NS
         )

@@ -48,6 +48,8 @@ class RoomSighting:
         Size relative to the bank's body; 0 where it is not known.
     build : (13,) float32
         Proportions (`depth_pose.body.build.BUILD_NAMES`); empty where they are not known.
+    skeleton : Skeleton or None
+        What it was made of.
     """
 
     body_id: str
@@ -57,6 +59,7 @@ class RoomSighting:
     confidence: float = 1.0
     scale: float = 1.0
     build: NDArray[np.float32] = field(default_factory=lambda: np.zeros(0, np.float32))
+    skeleton: Skeleton | None = None
 
     @classmethod
     def of(cls, skeleton: Skeleton) -> RoomSighting:
@@ -69,6 +72,7 @@ class RoomSighting:
             skeleton.confidence,
             skeleton.scale,
             skeleton.build,
+            skeleton,
         )
 
     @property

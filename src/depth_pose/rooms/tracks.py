@@ -8,13 +8,15 @@ who are seen at one place for a while, and by no camera side by side, are one.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from depth_pose.rooms.room_person import RoomPerson
+from depth_pose.rooms.room_person import FRESH_NS, RoomPerson
 from depth_pose.rooms.sightings import RoomSighting
 
 FORGET_NS = 5_000_000_000
@@ -23,8 +25,32 @@ FORGET_NS = 5_000_000_000
 _BACK_NS = 1_000_000_000
 """Stamps that go back by more than this (ns) begin a new session: everything is forgotten; set by hand."""
 
+_JUMP_M = 1.5
+"""Whom a camera that was moved suddenly sees somewhere else is at most so far away (m); set by hand."""
+
 _ONE_PERSON = ((0.3, 0.5), (0.5, 2.0))
 """Two people closer than the first (m) for the second (s), never seen side by side, are one; set by hand."""
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """One person as a camera sees them, beside what another camera sees.
+
+    Attributes
+    ----------
+    difference : (3,) float64
+        From where the other camera saw them, moved to this camera's stamp, metres.
+    velocity : (3,) float64
+        The person's, m/s.
+    """
+
+    difference: NDArray[np.float64]
+    velocity: NDArray[np.float64]
+
+    @property
+    def distance(self) -> float:
+        """Horizontal distance, metres."""
+        return float(np.hypot(self.difference[0], self.difference[1]))
 
 
 class RoomTracks:
@@ -77,12 +103,12 @@ class RoomTracks:
         found = self._pair(camera, stamp_ns, people)
         for k, sighting in enumerate(people):
             if k not in found:
-                found[k] = self._begin(camera, sighting)
+                found[k] = self._begin(camera, stamp_ns, sighting, found)
         for k, person in found.items():
+            person.see(camera, stamp_ns, people[k])
             for other in self.people:
                 if other is not person and other.has(camera, people[k].body_id):
                     del other.views[camera]
-            person.see(camera, stamp_ns, people[k])
         self.people = [p for p in self.people if p.views]
         merged = self._merge_doubles(stamp_ns)
         return tuple(merged.get(found[k], found[k]).room_id for k in range(len(people)))
@@ -93,10 +119,54 @@ class RoomTracks:
             person.views.pop(camera, None)
         self.people = [p for p in self.people if p.views]
 
-    def _begin(self, camera: int, sighting: RoomSighting) -> RoomPerson:
-        before = next((p for p in self.people if p.has(camera, sighting.body_id)), None)
+    def compare(self, camera: int, stamp_ns: int) -> list[Comparison]:
+        """Compare the people of a camera's newest frame with what the other cameras see.
+
+        Where all are seen by this camera alone, those whom it suddenly saw somewhere else are compared with
+        the people for whom it took them.
+        """
+        mine = [(p, p.views[camera].sighting) for p in self.people if p.is_in(camera, stamp_ns)]
+        before = [(p.split_from, sighting) for p, sighting in mine if p.split_from is not None]
+        for pairs in (mine, before):
+            shared = [(p, sighting) for p, sighting in pairs if p.fresh(stamp_ns, without=camera)]
+            if shared:
+                return [self._comparison(p, sighting, camera, stamp_ns) for p, sighting in shared]
+        return []
+
+    def compare_nearest(self, camera: int, stamp_ns: int, people: Sequence[RoomSighting]) -> list[Comparison]:
+        """Compare people of a camera that is left out with the nearest that the other cameras see."""
+        seen = [p for p in self.people if p.fresh(stamp_ns, without=camera)]
+        pairs = [[self._comparison(p, sighting, camera, stamp_ns) for p in seen] for sighting in people]
+        return [min(each, key=lambda c: c.distance) for each in pairs if each]
+
+    def jump(self, camera: int, stamp_ns: int) -> float:
+        """Return the median jump (m) of the people in a camera's newest frame."""
+        jumps = [p.views[camera].jump for p in self.people if p.is_in(camera, stamp_ns)]
+        return float(np.median(jumps)) if jumps else 0.0
+
+    @staticmethod
+    def _comparison(person: RoomPerson, sighting: RoomSighting, camera: int, stamp_ns: int) -> Comparison:
+        ways = [
+            v.sighting.shift_to(sighting) - person.offset(v, stamp_ns)
+            for v in person.fresh(stamp_ns, without=camera)
+        ]
+        return Comparison(min(ways, key=lambda way: float(np.hypot(way[0], way[1]))), person.velocity)
+
+    def _begin(
+        self, camera: int, stamp_ns: int, sighting: RoomSighting, found: Mapping[int, RoomPerson]
+    ) -> RoomPerson:
+        """Begin a person; note whom the camera saw there a moment ago and does not see any more."""
+        here = [
+            p
+            for p in self.people
+            if camera in p.views
+            and p not in found.values()
+            and 0 < stamp_ns - p.views[camera].stamp_ns <= FRESH_NS
+            and p.distance(sighting, [p.views[camera]], stamp_ns) < _JUMP_M
+        ]
+        same = [p for p in here if p.has(camera, sighting.body_id)] or here
         self._count += 1
-        person = RoomPerson(self._count, split_from=before)
+        person = RoomPerson(self._count, split_from=same[0] if same else None)
         self.people.append(person)
         return person
 
