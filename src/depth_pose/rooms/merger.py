@@ -33,8 +33,8 @@ class RoomMerger:
     ----------
     names : sequence of str
         Of the cameras.
-    T_room_camera : sequence of (4, 4) float64
-        Optical frame of each camera to the room's frame.
+    T_room_camera : sequence of (4, 4) float64 or None
+        Optical frame of each camera to the room's frame; None as long as it is not known.
     frame_id : str
         Name of the room's frame.
     clock_offsets_s : sequence of float
@@ -44,6 +44,8 @@ class RoomMerger:
 
     Attributes
     ----------
+    T_room_camera : list of (4, 4) float64 or None
+        As given; may be changed.
     tracks : RoomTracks
     watch : CameraWatch
     clock_offsets_s : list of float
@@ -53,17 +55,20 @@ class RoomMerger:
     def __init__(
         self,
         names: Sequence[str],
-        T_room_camera: Sequence[NDArray[np.float64]],
+        T_room_camera: Sequence[NDArray[np.float64] | None],
         frame_id: str = "room",
         clock_offsets_s: Sequence[float] = (),
         smooth: SmoothConfig | None = None,
     ) -> None:
         self.frame_id = frame_id
-        self.T_room_camera = tuple(np.asarray(T, np.float64) for T in T_room_camera)
+        self.T_room_camera = list(T_room_camera)
         self.clock_offsets_s = list(clock_offsets_s) or [0.0] * len(self.T_room_camera)
         self.tracks, self.watch = RoomTracks(), CameraWatch(names)
         self._smooth = smooth or SmoothConfig()
         self._filters: dict[str, JointFilter] = {}
+
+    def warm_up(self) -> None:
+        """Do nothing: there is nothing to compile."""
 
     def reset(self) -> None:
         """Forget everybody; what is known of the cameras stays."""
@@ -87,10 +92,12 @@ class RoomMerger:
         skeletons : sequence of Skeleton
             In the camera's optical frame; lost ones are left out.
         now_s : float, optional
-            Time of the arrival, in any clock that only goes forward; the stamp by default.
+            Time of the arrival, seconds; the stamp by default.
         """
         self.watch.hear(camera, stamp_ns, stamp_ns * 1e-9 if now_s is None else now_s)
         T, stamp_ns = self.T_room_camera[camera], self.room_stamp_ns(camera, stamp_ns)
+        if T is None:
+            return
         now_s = stamp_ns * 1e-9 if now_s is None else now_s
         people = [RoomSighting.of(place(s, T, self.frame_id)) for s in skeletons if not s.is_lost]
         if self.watch.is_used(camera):
@@ -128,12 +135,14 @@ class RoomMerger:
         seen = [
             PlacedSkeleton(
                 view.sighting.skeleton,
-                self.T_room_camera[camera][:3, 3],
+                T[:3, 3],
                 person.offset(view, stamp_ns),
                 abs(stamp_ns - view.stamp_ns) * 1e-9,
             )
             for camera, view in sorted(person.views.items())
-            if view.sighting.skeleton is not None and abs(stamp_ns - view.stamp_ns) <= SEEN_NS
+            if (T := self.T_room_camera[camera]) is not None
+            and view.sighting.skeleton is not None
+            and abs(stamp_ns - view.stamp_ns) <= SEEN_NS
         ]
         if not seen:
             return None

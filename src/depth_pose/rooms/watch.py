@@ -6,7 +6,7 @@ import math
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from enum import IntEnum
+from enum import Enum
 
 import numpy as np
 
@@ -34,6 +34,9 @@ _USUAL_DELAY_S = 0.1
 _DELAYS = 30
 """Messages of a camera over which the least delay is taken; set by hand."""
 
+_FASTER = 1.25
+"""Factor by which another camera must be faster to set the pace; set by hand."""
+
 _GAP_S = 0.5
 """A disagreement that nobody has seen for this long (s) is over; set by hand."""
 
@@ -41,14 +44,14 @@ _JUMP_FADES_S = 3.0
 """Time constant (s) for which a jump of all people of a camera is remembered; set by hand."""
 
 
-class CameraState(IntEnum):
+class CameraState(Enum):
     """How a camera takes part."""
 
-    USED = 0
-    WAITING = 1
-    STOPPED = 2
-    LAGS = 3
-    MOVED = 4
+    USED = "takes part"
+    WAITING = "has sent nothing yet"
+    STOPPED = "stopped"
+    LAGS = "lags"
+    MOVED = "was moved"
 
 
 @dataclass(eq=False)
@@ -106,6 +109,21 @@ class CameraWatch:
         self.cameras = tuple(WatchedCamera(name) for name in names)
         self._news: list[str] = []
 
+    def fastest(self, before: int | None = None) -> int | None:
+        """Return the camera with the most messages a second among those that take part.
+
+        Parameters
+        ----------
+        before : int, optional
+            The answer of the last call, which stays unless another camera is clearly faster.
+        """
+        used = [c for c in range(len(self.cameras)) if self.is_used(c)]
+        if not used:
+            return None
+        first = max(used, key=lambda c: self.cameras[c].rate_hz)
+        rate_hz = self.cameras[first].rate_hz
+        return before if before in used and rate_hz < _FASTER * self.cameras[before].rate_hz else first
+
     def is_used(self, camera: int) -> bool:
         """Whether a camera takes part."""
         return self.cameras[camera].state == CameraState.USED
@@ -128,10 +146,10 @@ class CameraWatch:
         stamp_ns : int
             As it came, without correction.
         now_s : float
-            Time of the arrival, in any clock that only goes forward.
+            Time of the arrival, seconds; delays are judged by it where the stamps are of the same clock.
         """
         of = self.cameras[camera]
-        if of.heard_s is None or now_s - of.heard_s > STOPPED_S:
+        if of.heard_s is None or not 0.0 <= now_s - of.heard_s <= STOPPED_S:
             of.delays.clear()
             of.arrivals.clear()
             of.agrees_s, of.timely_s = None, now_s
