@@ -26,6 +26,7 @@ COMMANDS = (
     "run",
     "info",
     "up",
+    "fuse",
     "pause",
     "resume",
     "play",

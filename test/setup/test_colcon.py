@@ -53,7 +53,8 @@ def test_the_package_installs_what_ros2_run_and_launch_look_for(tmp_path):
     )
     prefix = tmp_path / "install" / "depth_pose"
     assert {p.name for p in (prefix / "lib" / "depth_pose").iterdir()} == {
-        *("depth-pose", "denoise_node", "matcher_node", "refine_node", "recovery_node", "volume_node")
+        "depth-pose",
+        *("denoise_node", "matcher_node", "refine_node", "recovery_node", "volume_node", "fusion_node"),
     }
     assert (prefix / "share/ament_index/resource_index/packages/depth_pose").is_file()
     assert (prefix / "share/depth_pose/package.xml").is_file()

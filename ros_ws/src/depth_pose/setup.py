@@ -16,7 +16,7 @@ except ModuleNotFoundError:  # Python 3.10
 ROOT = Path(__file__).resolve().parents[3]
 PYPROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
 PROJECT = PYPROJECT["project"]
-NODES = ("denoise", "matcher", "refine", "recovery", "volume")
+NODES = ("denoise", "matcher", "refine", "recovery", "volume", "fusion")
 PROGRAMS = {
     **PROJECT["scripts"],
     **{f"{name}_node": f"depth_pose.ros.nodes.{name}_node:main" for name in NODES},
@@ -38,7 +38,7 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/depth_pose"]),
         ("share/depth_pose", ["package.xml"]),
-        ("share/depth_pose/launch", ["launch/depth_pose.launch.py"]),
+        ("share/depth_pose/launch", ["launch/depth_pose.launch.py", "launch/fusion.launch.py"]),
         (
             "share/depth_pose/config",
             ["launch/params.yaml", "launch/depth_pose.rviz", "launch/foxglove_layout.json"],

@@ -16,6 +16,7 @@ from depth_pose.cli.banks import app as bank_app
 from depth_pose.cli.console import console, tell_error
 from depth_pose.cli.damage import LENIENT_HELP, be_lenient, exit_on_damage
 from depth_pose.cli.export import add_to as add_export
+from depth_pose.cli.fusion import add_to as add_fusion
 from depth_pose.cli.info import add_to as add_info
 from depth_pose.cli.live import add_to as add_live
 from depth_pose.cli.look import add_to as add_look
@@ -73,6 +74,7 @@ def _main(
 add_run(app)
 add_info(app)
 add_live(app)
+add_fusion(app)
 add_look(app)
 add_simulation(app)
 add_scoring(app)

@@ -25,7 +25,8 @@ _ROS_PACKAGES = ("rclpy", "builtin_interfaces", "rosidl_runtime_py", "rpyutils")
 
 _Namespace = Annotated[str, typer.Option(help="Namespace of the nodes.")]
 _Nodes = Annotated[
-    list[str] | None, typer.Option(help="Only denoise, matcher, refine, recovery or volume; may be repeated.")
+    list[str] | None,
+    typer.Option(help="Only denoise, matcher, refine, recovery, volume or fusion; may be repeated."),
 ]
 
 
@@ -74,6 +75,14 @@ def up(
     zone: Annotated[str | None, setting(SegmentConfig, "zone")] = None,
     follow: Annotated[str | None, setting(FollowConfig, "whom", "--follow")] = None,
     sim_time: Annotated[bool, typer.Option("--sim-time", help="Take the time from /clock.")] = False,
+    namespace: Annotated[
+        str | None,
+        typer.Option(
+            help="For one of several cameras: all topics below /NAME/depth_pose.",
+            metavar="NAME",
+            show_default="/depth_pose",
+        ),
+    ] = None,
     remap: Annotated[
         list[str] | None,
         typer.Option("--remap", "-r", help="ROS remapping rule FROM:=TO; may be repeated.", metavar="RULE"),
@@ -99,7 +108,7 @@ def up(
 
     depth-pose up --params my.yaml --bank my_bank.npz
 
-    depth-pose up -r __ns:=/left --params left.yaml
+    depth-pose up --namespace left --params left.yaml
     """
     if auto and sensor is not None:
         raise ConfigError("--auto finds the topics and --sensor names them; give one of them")
@@ -125,7 +134,8 @@ def up(
         from depth_pose.bank.default import prepare_default_bank
 
         prepare_default_bank()  # with a progress bar; the nodes would refuse to start
-    options = {"parameters": parameters, "remap": remap or (), "local": local}
+    rules = [f"__ns:=/{namespace.strip('/')}/depth_pose"] if namespace is not None else []
+    options = {"parameters": parameters, "remap": [*rules, *(remap or ())], "local": local}
     code = call_ros("process.supervisor", "up", params, sensor, bank, **options)
     raise typer.Exit(code)
 

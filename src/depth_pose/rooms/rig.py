@@ -15,6 +15,9 @@ from numpy.typing import NDArray
 from depth_pose.core.camera import Camera
 from depth_pose.core.errors import ConfigError, InputError
 
+T_WORLD_ROOM: NDArray[np.float64] = np.array([[0.0, 1, 0, 0], [0, 0, 1, 0], [1, 0, 0, 0], [0, 0, 0, 1]])
+"""From the room's frame, x forward, y left, z up, to the world's: x left, y up, z forward."""
+
 
 @dataclass(frozen=True, eq=False)
 class RigCamera:
@@ -39,6 +42,11 @@ class RigCamera:
         if not np.allclose(T[:3, :3] @ T[:3, :3].T, np.eye(3), atol=1e-4) or np.linalg.det(T[:3, :3]) < 0:
             raise ConfigError(f"camera {self.name}: T_camera_world does not hold a rotation")
         object.__setattr__(self, "T_camera_world", T)
+
+    @property
+    def T_room_camera(self) -> NDArray[np.float64]:
+        """Optical frame to the room's frame, which is the world's with z up (REP 103), shape (4, 4)."""
+        return np.asarray(np.linalg.inv(self.T_camera_world @ T_WORLD_ROOM))
 
     @property
     def position(self) -> NDArray[np.float64]:

@@ -28,12 +28,11 @@ from depth_pose.core.camera import Camera
 from depth_pose.core.errors import ConfigError
 from depth_pose.core.outputs import new_text_file
 from depth_pose.core.reading import parse_yaml, read_text
-from depth_pose.rooms.rig import RigCamera
+from depth_pose.rooms.rig import T_WORLD_ROOM, RigCamera
 
 _UPRIGHT: dict[str, NDArray[np.float64]] = {
     "y": np.eye(4),
-    # x forward, y left, z up: the tracker's x is left, y up, z forward
-    "z": np.array([[0.0, 1, 0, 0], [0, 0, 1, 0], [1, 0, 0, 0], [0, 0, 0, 1]]),
+    "z": T_WORLD_ROOM,
 }
 
 

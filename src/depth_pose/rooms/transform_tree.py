@@ -46,15 +46,15 @@ class TransformTree:
 
     def find(self, target: str, source: str) -> Array | None:
         """Return ``T_target_source`` (4, 4); None if no chain of frames connects them, or one is circular."""
-        root, T_root_source = self._climb(source.lstrip("/"))
-        other, T_other_target = self._climb(target.lstrip("/"))
+        root, T_root_source = self.root_of(source)
+        other, T_other_target = self.root_of(target)
         if root is None or root != other:
             return None
         return np.asarray(np.linalg.inv(T_other_target) @ T_root_source)
 
-    def _climb(self, frame: str) -> tuple[str | None, Array]:
-        """Return the root of a frame, None if there is none, and the frame's pose in it."""
-        at, T_at_frame = frame, np.eye(4)
+    def root_of(self, frame: str) -> tuple[str | None, Array]:
+        """Return the root of a frame, itself if it has no parent, and its pose there; None in a circle."""
+        at, T_at_frame = frame.lstrip("/"), np.eye(4)
         for _ in range(len(self._parents) + 1):
             if at not in self._parents:
                 return at, T_at_frame

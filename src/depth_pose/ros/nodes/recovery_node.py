@@ -75,7 +75,7 @@ class RecoveryNode(BankNode):
         if self._transforms is not None and self._transforms.is_heard:
             self._transforms.tell(skeletons_to_transforms(skeletons, followed, self.value("tf_prefix")))
         if self._rep155 is not None:
-            self._rep155.tell(skeletons, frame_id, upright, people)
+            self._rep155.tell(skeletons, people.stamp_ns, frame_id, upright, people.camera)
         self._note(followed, len(skeletons))
 
     def _note(self, followed: SkeletonData, people: int) -> None:

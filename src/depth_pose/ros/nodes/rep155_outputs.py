@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from itertools import zip_longest
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -22,7 +23,6 @@ from depth_pose.core.skeleton import JointState as Seen
 from depth_pose.core.types import Skeleton
 from depth_pose.ros.messages.basics import make_header
 from depth_pose.ros.transport.tf import LATCHED, Transforms, stamped, stamped_all
-from depth_pose.track.person import People
 
 if TYPE_CHECKING:
     from depth_pose.ros.nodes.node_base import StageNode
@@ -82,22 +82,27 @@ class Rep155Outputs:
         self._bodies: dict[str, _BodyTopics] = {}
 
     def tell(
-        self, skeletons: Sequence[Skeleton], frame_id: str, upright: Sequence[Skeleton], people: People
+        self,
+        skeletons: Sequence[Skeleton],
+        stamp_ns: int,
+        frame_id: str,
+        upright: Sequence[Skeleton] = (),
+        camera: Camera | None = None,
     ) -> None:
         """Publish one frame.
 
         Parameters
         ----------
-        skeletons, frame_id
-            All people in the sensor's frame, and its name.
+        skeletons, stamp_ns, frame_id
+            All people, and the stamp and the name of their frame.
         upright : sequence of Skeleton
-            The same people in the frame of ``people``.
-        people : People
-            The frame's.
+            The same people in the frame of the camera.
+        camera : Camera, optional
+            Whose image ``skeleton2d`` refers to; without one, it is not published.
         """
-        self._close_old(people.stamp_ns)
-        header, frames = make_header(people.stamp_ns, frame_id), []
-        for skeleton, seen in zip(skeletons, upright, strict=True):
+        self._close_old(stamp_ns)
+        header, frames = make_header(stamp_ns, frame_id), []
+        for skeleton, seen in zip_longest(skeletons, upright):
             if skeleton.is_lost:
                 continue
             body_id = self._prefix + skeleton.body_id
@@ -107,15 +112,15 @@ class Rep155Outputs:
                 frames += body_frames(body_id, skeleton, posture)
                 names = [f"{name}_{body_id}" for name in JOINTS]
                 topics.states.publish(JointState(header=header, name=names, position=posture.angles.tolist()))
-            if topics.skeleton2d.get_subscription_count():
-                points = key_points(seen, people.camera).tolist()
+            if camera is not None and topics.skeleton2d.get_subscription_count():
+                points = key_points(seen, camera).tolist()
                 topics.skeleton2d.publish(
                     self._skeleton2d(
                         header=make_header(seen.stamp_ns, seen.frame_id),
                         skeleton=[self._point(x=x, y=y, c=c) for x, y, c in points],
                     )
                 )
-        ids = [b for b, t in self._bodies.items() if people.stamp_ns - t.seen_ns <= TRACKED_NS]
+        ids = [b for b, t in self._bodies.items() if stamp_ns - t.seen_ns <= TRACKED_NS]
         self._tracked.publish(self._ids(header=header, ids=ids))
         if frames:
             self._transforms.tell(frames)

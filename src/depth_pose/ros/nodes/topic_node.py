@@ -178,6 +178,10 @@ class TopicNode(LifecycleNode, ABC):
     def judge(self) -> tuple[bytes, str]:
         """Return level and text of this second's diagnostics."""
 
+    def more_statuses(self) -> list[DiagnosticStatus]:
+        """Return further statuses for ``/diagnostics``, beside that of the node."""
+        return []
+
     def publish_diagnostics(self) -> None:
         """Publish level, text, counts and times on ``/diagnostics``; called once a second."""
         status = DiagnosticStatus(name=self.get_fully_qualified_name(), hardware_id="depth_pose")
@@ -186,6 +190,6 @@ class TopicNode(LifecycleNode, ABC):
             (p.get_subscription_count() for p in self._outputs), default=0
         )
         status.values = [KeyValue(key=k, value=v) for k, v in self.statistics.as_text().items()]
-        message = DiagnosticArray(status=[status])
+        message = DiagnosticArray(status=[status, *self.more_statuses()])
         message.header.stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(message)

@@ -45,7 +45,7 @@ SENSORS_PATH = Path(__file__).parents[1] / "sensors"
 _ENVIRONMENT = {PULSE: "1", "PYTHONUNBUFFERED": "1", "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 """Environment of the nodes: signs of life; unbuffered lines; one thread each, as they share the cores."""
 
-_CONSUMERS = {"denoise": 3, "matcher": 1, "refine": 1, "recovery": 0}
+_CONSUMERS = {"denoise": 3, "matcher": 1, "refine": 1, "recovery": 0, "fusion": 0}
 """Number of nodes of the suite that subscribe to each node's outputs; it is ready once they have."""
 
 _LOOK_EVERY_S, _STOP_PATIENCE_S = 0.1, 5.0
@@ -87,7 +87,7 @@ class Suite:
         Single parameters, e.g. ``{"refine.method": "cpd", "use_sim_time": True}``; they override
         the files.
     nodes : sequence of str
-        Which of `NODES` to run.
+        Which of `NODES` to run, or ``("fusion",)``.
     remap : sequence of str
         ROS remapping rules, e.g. ``("__ns:=/left",)`` for a second suite in the same domain.
     sink : callable
@@ -258,10 +258,13 @@ def up(
     parameters: Mapping[str, Any] | None = None,
     remap: Sequence[str] = (),
     local: bool = False,
+    nodes: Sequence[str] = NODES,
+    skeletons: str = "skeletons",
 ) -> int:
-    """Run the four nodes until SIGINT, SIGTERM or SIGHUP; signals are handled in the main thread.
+    """Run nodes until SIGINT, SIGTERM or SIGHUP; signals are handled in the main thread.
 
-    Parameters are those of `Suite`; ``local`` keeps all of it to this machine (`depth_pose.ros.stay_local`).
+    Parameters are those of `Suite`; ``local`` keeps all of it to this machine (`depth_pose.ros.stay_local`),
+    and ``skeletons`` is the topic of the result, below the namespace.
 
     Returns
     -------
@@ -277,14 +280,14 @@ def up(
     if local:
         stay_local()
     check_interfaces()
-    suite = Suite(params_file, sensor, bank, parameters=parameters, remap=remap)
+    suite = Suite(params_file, sensor, bank, parameters=parameters, remap=remap, nodes=nodes)
     namespace = dict(rule.partition(":=")[::2] for rule in remap).get("__ns", "depth_pose").strip("/")
-    ready = printable(f"all nodes are ready; skeletons come on /{namespace}/skeletons, Ctrl-C ends")
+    ready = printable(f"all nodes are ready; skeletons come on /{namespace}/{skeletons}, Ctrl-C ends")
     with on_stop(stop.set):
         suite.start()
         try:
             while not stop.wait(0.1) and suite.failure is None:
-                if ready and all(map(suite.is_ready, NODES)):
+                if ready and all(map(suite.is_ready, nodes)):
                     _print(ready)
                     ready = ""
         finally:

@@ -37,7 +37,7 @@ RIG_SETTINGS: tuple[Setting, ...] = (
 )
 """Parameters for a node's cameras."""
 
-_SENDERS = 100
+SENDERS = 100
 """Number of senders of static transforms with a latched message."""
 
 
@@ -80,7 +80,7 @@ class RigSource:
             raise ConfigError(f"info_topics has {len(infos)} names; there are {len(self.topics)} topics")
         if self._poses is None:
             message = tf_message("the cameras' places (else give the parameter rig or extrinsics)")
-            self._node.latch(message, "/tf_static", self._take_transforms, _SENDERS)
+            self._node.latch(message, "/tf_static", self._take_transforms, SENDERS)
         for i, topic in enumerate(infos):
             self._node.latch(CameraInfo, topic, partial(self._take_info, i))
 

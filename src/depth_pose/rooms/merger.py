@@ -1,0 +1,167 @@
+"""Merge the skeletons of several cameras: one a person, in the room's frame.
+
+Its z is up, the floor is at z = 0; metres.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from depth_pose.core.config import SmoothConfig
+from depth_pose.core.types import Skeleton
+from depth_pose.recover.smooth import JointFilter
+from depth_pose.rooms.merge import PlacedSkeleton, merge_skeletons, place
+from depth_pose.rooms.room_person import RoomPerson
+from depth_pose.rooms.sightings import RoomSighting
+from depth_pose.rooms.tracks import RoomTracks
+from depth_pose.rooms.watch import CLOCK_S, CameraWatch
+
+SEEN_NS = 200_000_000
+"""Sightings older than this take no part, nanoseconds."""
+
+_SURE = 2.0
+"""A difference of clocks must exceed `CLOCK_S` by this many standard deviations; set by hand."""
+
+
+class RoomMerger:
+    """Merges the skeletons of several cameras as they arrive.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Of the cameras.
+    T_room_camera : sequence of (4, 4) float64 or None
+        Optical frame of each camera to the room's frame; None as long as it is not known.
+    frame_id : str
+        Name of the room's frame.
+    clock_offsets_s : sequence of float
+        By how much each camera's stamps are too large, seconds; zero by default.
+    smooth : SmoothConfig
+        Of the low-pass filter on the merged joints.
+
+    Attributes
+    ----------
+    T_room_camera : list of (4, 4) float64 or None
+        As given; may be changed.
+    tracks : RoomTracks
+    watch : CameraWatch
+    clock_offsets_s : list of float
+        As corrected by the motion of people.
+    """
+
+    def __init__(
+        self,
+        names: Sequence[str],
+        T_room_camera: Sequence[NDArray[np.float64] | None],
+        frame_id: str = "room",
+        clock_offsets_s: Sequence[float] = (),
+        smooth: SmoothConfig | None = None,
+    ) -> None:
+        self.frame_id = frame_id
+        self.T_room_camera = list(T_room_camera)
+        self.clock_offsets_s = list(clock_offsets_s) or [0.0] * len(self.T_room_camera)
+        self.tracks, self.watch = RoomTracks(), CameraWatch(names)
+        self._smooth = smooth or SmoothConfig()
+        self._filters: dict[str, JointFilter] = {}
+
+    def warm_up(self) -> None:
+        """Do nothing: there is nothing to compile."""
+
+    def reset(self) -> None:
+        """Forget everybody; what is known of the cameras stays."""
+        self.tracks.reset()
+        self._filters = {}
+
+    def room_stamp_ns(self, camera: int, stamp_ns: int) -> int:
+        """Return a stamp of a camera in the room's clock."""
+        return stamp_ns - round(self.clock_offsets_s[camera] * 1e9)
+
+    def add(
+        self, camera: int, stamp_ns: int, skeletons: Sequence[Skeleton], now_s: float | None = None
+    ) -> None:
+        """Take the people of one frame of one camera.
+
+        Parameters
+        ----------
+        camera : int
+        stamp_ns : int
+            In the camera's own clock.
+        skeletons : sequence of Skeleton
+            In the camera's optical frame; lost ones are left out.
+        now_s : float, optional
+            Time of the arrival, seconds; the stamp by default.
+        """
+        self.watch.hear(camera, stamp_ns, stamp_ns * 1e-9 if now_s is None else now_s)
+        T, stamp_ns = self.T_room_camera[camera], self.room_stamp_ns(camera, stamp_ns)
+        if T is None:
+            return
+        now_s = stamp_ns * 1e-9 if now_s is None else now_s
+        people = [RoomSighting.of(place(s, T, self.frame_id)) for s in skeletons if not s.is_lost]
+        if self.watch.is_used(camera):
+            self.tracks.assign(camera, stamp_ns, people)
+            compared, jump = self.tracks.compare(camera, stamp_ns), self.tracks.jump(camera, stamp_ns)
+        else:
+            compared, jump = self.tracks.compare_nearest(camera, stamp_ns, people), 0.0
+        self.watch.compare(camera, stamp_ns, now_s, compared, jump)
+        self.check(now_s)
+
+    def check(self, now_s: float) -> None:
+        """Leave out cameras that stopped, lag or were moved; call it also while nothing arrives."""
+        for camera in self.watch.check(now_s):
+            self.tracks.leave_out(camera)
+        self._correct_clocks()
+
+    def skeletons_at(self, stamp_ns: int) -> tuple[Skeleton, ...]:
+        """Merge what the cameras saw lately.
+
+        Parameters
+        ----------
+        stamp_ns : int
+            In the room's clock, that of camera 0; everybody is moved to it.
+
+        Returns
+        -------
+        tuple of Skeleton
+            One for each person, in the room's frame.
+        """
+        merged = [s for p in self.tracks.people if (s := self._merge(p, stamp_ns)) is not None]
+        self._filters = {p.room_id: f for p in self.tracks.people if (f := self._filters.get(p.room_id))}
+        return tuple(merged)
+
+    def _merge(self, person: RoomPerson, stamp_ns: int) -> Skeleton | None:
+        seen = [
+            PlacedSkeleton(
+                view.sighting.skeleton,
+                T[:3, 3],
+                person.offset(view, stamp_ns),
+                abs(stamp_ns - view.stamp_ns) * 1e-9,
+            )
+            for camera, view in sorted(person.views.items())
+            if (T := self.T_room_camera[camera]) is not None
+            and view.sighting.skeleton is not None
+            and abs(stamp_ns - view.stamp_ns) <= SEEN_NS
+        ]
+        if not seen:
+            return None
+        merged = merge_skeletons(seen, person.room_id, stamp_ns, self.frame_id)
+        smooth = self._filters.setdefault(person.room_id, JointFilter(self._smooth))
+        merged.positions[:] = smooth.filter(merged.positions, stamp_ns)
+        return merged
+
+    def _correct_clocks(self) -> None:
+        """Correct the stamps of cameras whose people walk ahead or behind: the room's clock is camera 0's."""
+        for camera, of in enumerate(self.watch.cameras[1:], start=1):
+            offset_s = of.clock.offset_s
+            if abs(offset_s) - _SURE * of.clock.deviation_s <= CLOCK_S:
+                continue
+            self.clock_offsets_s[camera] += offset_s
+            of.clock.reset()
+            offset_s = self.clock_offsets_s[camera]
+            where = f"{1e3 * abs(offset_s):.0f} ms {'ahead of' if offset_s > 0 else 'behind'}"
+            self.watch.tell(
+                f"the clock of {of.name} is {where} that of {self.watch.cameras[0].name}: "
+                "its stamps are corrected; synchronise the clocks (chrony, PTP)"
+            )

@@ -1,0 +1,266 @@
+"""Which cameras take part: those that stopped, lag, or were moved are left out until they agree again."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from enum import Enum
+
+import numpy as np
+
+from depth_pose.rooms.clock import ClockOffset
+from depth_pose.rooms.tracks import Comparison
+
+STOPPED_S = 1.0
+"""A camera without a message for this long (s) has stopped."""
+
+LATE_S = 0.2
+"""A camera whose messages come later after their stamps than another's by this (s) lags."""
+
+MOVED_M, MOVED_S = 0.25, 2.0
+"""A camera that sees people this far (m) from where others do for this long (s) was moved."""
+
+BACK_S = 1.0
+"""A camera that was left out takes part again once it has agreed for this long (s)."""
+
+CLOCK_S = 0.02
+"""A difference of clocks above this (s) is reported."""
+
+_USUAL_DELAY_S = 0.1
+"""Usual time from a stamp to the skeleton's arrival (s): the camera nearest to it has the right clock."""
+
+_DELAYS = 30
+"""Messages of a camera over which the least delay is taken; set by hand."""
+
+_FASTER = 1.25
+"""Factor by which another camera must be faster to set the pace; set by hand."""
+
+_GAP_S = 0.5
+"""A disagreement that nobody has seen for this long (s) is over; set by hand."""
+
+_JUMP_FADES_S = 3.0
+"""Time constant (s) for which a jump of all people of a camera is remembered; set by hand."""
+
+
+class CameraState(Enum):
+    """How a camera takes part."""
+
+    USED = "takes part"
+    WAITING = "has sent nothing yet"
+    STOPPED = "stopped"
+    LAGS = "lags"
+    MOVED = "was moved"
+
+
+@dataclass(eq=False)
+class WatchedCamera:
+    """What is known of one camera.
+
+    Attributes
+    ----------
+    name : str
+    state : CameraState
+    residual_m : float
+        Median distance of its people from where the others see them; NaN where nobody is shared.
+    clock : ClockOffset
+    """
+
+    name: str
+    state: CameraState = CameraState.WAITING
+    residual_m: float = math.nan
+    clock: ClockOffset = field(default_factory=ClockOffset)
+    heard_s: float | None = None
+    arrivals: deque[float] = field(default_factory=lambda: deque(maxlen=_DELAYS))
+    delays: deque[float] = field(default_factory=lambda: deque(maxlen=_DELAYS))
+    compared_ns: int = 0
+    apart_ns: int | None = None
+    agrees_s: float | None = None
+    timely_s: float | None = None
+    jump_m: float = 0.0
+
+    @property
+    def delay_s(self) -> float:
+        """Least time from a stamp to its arrival, seconds; NaN before there is any."""
+        return min(self.delays, default=math.nan)
+
+    @property
+    def rate_hz(self) -> float:
+        """Messages a second."""
+        span = self.arrivals[-1] - self.arrivals[0] if len(self.arrivals) > 1 else 0.0
+        return (len(self.arrivals) - 1) / span if span > 0.0 else 0.0
+
+
+class CameraWatch:
+    """Watches the cameras of a room.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Of the cameras.
+
+    Attributes
+    ----------
+    cameras : tuple of WatchedCamera
+    """
+
+    def __init__(self, names: Sequence[str]) -> None:
+        self.cameras = tuple(WatchedCamera(name) for name in names)
+        self._news: list[str] = []
+
+    def fastest(self, before: int | None = None) -> int | None:
+        """Return the camera with the most messages a second among those that take part.
+
+        Parameters
+        ----------
+        before : int, optional
+            The answer of the last call, which stays unless another camera is clearly faster.
+        """
+        used = [c for c in range(len(self.cameras)) if self.is_used(c)]
+        if not used:
+            return None
+        first = max(used, key=lambda c: self.cameras[c].rate_hz)
+        rate_hz = self.cameras[first].rate_hz
+        return before if before in used and rate_hz < _FASTER * self.cameras[before].rate_hz else first
+
+    def is_used(self, camera: int) -> bool:
+        """Whether a camera takes part."""
+        return self.cameras[camera].state == CameraState.USED
+
+    def news(self) -> list[str]:
+        """Return what changed since the last call, a line each."""
+        news, self._news = self._news, []
+        return news
+
+    def tell(self, line: str) -> None:
+        """Add a line to the news."""
+        self._news.append(line)
+
+    def hear(self, camera: int, stamp_ns: int, now_s: float) -> None:
+        """Record a message.
+
+        Parameters
+        ----------
+        camera : int
+        stamp_ns : int
+            As it came, without correction.
+        now_s : float
+            Time of the arrival, seconds; delays are judged by it where the stamps are of the same clock.
+        """
+        of = self.cameras[camera]
+        if of.heard_s is None or not 0.0 <= now_s - of.heard_s <= STOPPED_S:
+            of.delays.clear()
+            of.arrivals.clear()
+            of.agrees_s, of.timely_s = None, now_s
+        of.heard_s = now_s
+        of.arrivals.append(now_s)
+        of.delays.append(now_s - stamp_ns * 1e-9)
+        if of.state == CameraState.WAITING:
+            of.state = CameraState.USED
+
+    def compare(
+        self, camera: int, stamp_ns: int, now_s: float, compared: Sequence[Comparison], jump: float = 0.0
+    ) -> None:
+        """Record where a camera sees people, beside the others.
+
+        Parameters
+        ----------
+        camera : int
+        stamp_ns : int
+            Of its frame.
+        now_s : float
+            As for `hear`.
+        compared : sequence of Comparison
+            For the shared people; may be empty.
+        jump : float
+            Median jump (m) of all its people in this frame.
+        """
+        of = self.cameras[camera]
+        passed_s = max(stamp_ns - of.compared_ns, 0) * 1e-9 if of.compared_ns else 0.0
+        of.jump_m = max(jump, of.jump_m * math.exp(-passed_s / _JUMP_FADES_S))
+        if not compared:
+            if passed_s > _GAP_S:
+                of.apart_ns, of.agrees_s, of.residual_m = None, None, math.nan
+            return
+        of.compared_ns = stamp_ns
+        of.residual_m = float(np.median([c.distance for c in compared]))
+        agrees = of.residual_m <= MOVED_M
+        if agrees:
+            of.apart_ns = None
+            for each in compared:
+                of.clock.add(each.difference, each.velocity, passed_s)
+        elif of.apart_ns is None or passed_s > _GAP_S:
+            of.apart_ns = stamp_ns
+        if not agrees:
+            of.agrees_s = None
+        elif of.agrees_s is None:
+            of.agrees_s = now_s
+
+    def check(self, now_s: float) -> list[int]:
+        """Update all states; return the cameras that have just been left out."""
+        left_out = [c for c in range(len(self.cameras)) if self._check_messages(c, now_s)]
+        apart = [
+            c
+            for c, of in enumerate(self.cameras)
+            if of.state == CameraState.USED
+            and of.apart_ns is not None
+            and (of.compared_ns - of.apart_ns) * 1e-9 >= MOVED_S
+        ]
+        if apart:  # of two that disagree, the one whose people jumped; in doubt not the first
+            moved = max(apart, key=lambda c: (round(self.cameras[c].jump_m, 2), c))
+            of = self.cameras[moved]
+            self._leave_out(
+                of,
+                CameraState.MOVED,
+                f"was moved: it sees people {of.residual_m:.2f} m from where others see them; "
+                "put it back, or calibrate again",
+            )
+            left_out.append(moved)
+            for other in self.cameras:
+                other.apart_ns = None
+        return left_out
+
+    def _check_messages(self, camera: int, now_s: float) -> bool:
+        """Check that messages come, in time; return whether the camera has just been left out."""
+        of = self.cameras[camera]
+        if of.state == CameraState.WAITING or of.heard_s is None:
+            return False
+        silent_s, late_s, before = now_s - of.heard_s, self._late_s(camera), of.state
+        if silent_s > STOPPED_S:
+            self._leave_out(of, CameraState.STOPPED, f"stopped: nothing came for {silent_s:.1f} s")
+        elif abs(late_s) > LATE_S:
+            of.timely_s = None
+            when = "later" if late_s > 0 else "earlier"
+            self._leave_out(
+                of,
+                CameraState.LAGS,
+                f"lags: its messages come {abs(late_s):.2f} s {when} after their stamps than the others'; "
+                "its computer is busy, or its clock is wrong",
+            )
+        elif before != CameraState.USED:
+            self._take_back(of, now_s)
+        return before == CameraState.USED != of.state
+
+    def _late_s(self, camera: int) -> float:
+        """Return how much later than the best camera's a camera's messages come (s)."""
+        delays = [of.delay_s for of in self.cameras if of.state != CameraState.STOPPED and of.delays]
+        if not delays or not self.cameras[camera].delays:
+            return 0.0
+        return self.cameras[camera].delay_s - min(delays, key=lambda d: abs(d - _USUAL_DELAY_S))
+
+    def _leave_out(self, of: WatchedCamera, state: CameraState, why: str) -> None:
+        if of.state != state:
+            of.state, of.agrees_s, of.apart_ns = state, None, None
+            self._news.append(f"{of.name} {why}. It is left out")
+
+    def _take_back(self, of: WatchedCamera, now_s: float) -> None:
+        """Take a camera back that has agreed for a while, or is in time again and disagrees with nobody."""
+        if of.timely_s is None:
+            of.timely_s = now_s
+        since_s: float | None = of.timely_s
+        if of.state == CameraState.MOVED or not math.isnan(of.residual_m):
+            since_s = of.agrees_s
+        if since_s is not None and now_s - since_s >= BACK_S:
+            of.state, of.jump_m = CameraState.USED, 0.0
+            self._news.append(f"{of.name} takes part again")
