@@ -26,6 +26,7 @@ from depth_pose.cli.console import (
     warn,
 )
 from depth_pose.cli.damage import be_lenient, warn_of
+from depth_pose.cli.room_run import check_room_options, run_room
 from depth_pose.core.config import FollowConfig, PersonalConfig, PipelineConfig, RefineConfig, SegmentConfig
 from depth_pose.core.errors import ConfigError, InputError
 from depth_pose.core.extras import require
@@ -82,6 +83,14 @@ def run(
     build: Annotated[str | None, setting(PersonalConfig, "file", "--build")] = None,
     save_build: Annotated[
         Path | None, typer.Option(help="Write the build of the person seen most, JSON.", metavar="FILE")
+    ] = None,
+    rig: Annotated[
+        Path | None,
+        typer.Option(
+            help="Rig file of several cameras in one room (calibrate writes it): the recordings are theirs, "
+            "in its order, and go to one file in the room's frame.",
+            metavar="FILE",
+        ),
     ] = None,
     markers: Annotated[
         bool, typer.Option("--markers", help="Also write standard markers, for Foxglove and RViz.")
@@ -150,6 +159,8 @@ def run(
 
     depth-pose run in.mcap -o out.mcap --markers
 
+    depth-pose run --rig rig.yaml left.mcap right.mcap -o room.mcap
+
     depth-pose run recordings/ -o skeletons/ --workers 8
 
     depth-pose run https://lab.example/ward/ -o skeletons/
@@ -170,7 +181,12 @@ def run(
     config = PipelineConfig.from_mapping(values)
     images = ImageOptions.parse(intrinsics, depth_scale, fps)
     target = Path(output)
-    if not output.endswith("/") and _is_one(recordings, target):
+    if rig is not None:
+        check_room_options(save_build=save_build, cluster=cluster, passes=passes if passes > 1 else None)
+        run_room(
+            [Path(r) for r in recordings], rig, target, bank, depth_topic, images, config, workers, markers
+        )
+    elif not output.endswith("/") and _is_one(recordings, target):
         if cluster is not None:
             raise ConfigError(
                 "--cluster is for several recordings; for one, let -o be a folder (its name ends in /)"

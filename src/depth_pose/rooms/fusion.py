@@ -11,17 +11,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from depth_pose.bank.bank import Bank
 from depth_pose.body.pose import BodyPose
 from depth_pose.core.config import PipelineConfig
 from depth_pose.core.errors import InputError
-from depth_pose.core.rotations import matrix_to_quat, quat_to_matrix
 from depth_pose.core.types import Skeleton
 from depth_pose.recover.smooth import JointFilter
 from depth_pose.rooms.camera_frame import CameraFrame
-from depth_pose.rooms.rigfile import Rig, upright_from
+from depth_pose.rooms.merge import place
+from depth_pose.rooms.rigfile import Rig
 from depth_pose.rooms.room_refiner import Answer, RoomMemory, RoomRefiner
 from depth_pose.rooms.sightings import RoomSighting
 from depth_pose.rooms.tracks import FORGET_NS, RoomTracks
@@ -74,7 +73,7 @@ class RoomFusion:
 
     def __init__(self, bank: Bank, rig: Rig, config: PipelineConfig = PipelineConfig()) -> None:  # noqa: B008
         self.rig = rig
-        self._places = [camera.T_camera_world @ upright_from("z") for camera in rig.cameras]
+        self._places = [camera.T_room_camera for camera in rig.cameras]
         self._smooth = config.smooth
         self._refiner = RoomRefiner(bank, config)
         self._follower = Follower(config.follow)
@@ -110,7 +109,7 @@ class RoomFusion:
         stamp_ns = self.room_stamp(camera, frame.stamp_ns)
         persons = {p.body_id: p for p in unpack_people(frame.people).persons}
         known = [s for s in frame.skeletons if s.body_id in persons and s.body_id in frame.poses]
-        sightings = [RoomSighting.of(in_room(s, self._places[camera])) for s in known]
+        sightings = [RoomSighting.of(place(s, self._places[camera], ROOM_FRAME)) for s in known]
         ids = self._tracks.assign(camera, stamp_ns, sightings)
         people = {
             room_id: _Seen(camera, stamp_ns, persons[s.body_id], frame.poses[s.body_id], s)
@@ -147,32 +146,14 @@ class RoomFusion:
         for one in seen:
             target = self._refiner.bodies.target(one.person)
             seconds = (stamp_ns - one.stamp_ns) * 1e-9
-            view = view_at(one.person, target, self._places[one.camera], velocity, seconds)
+            view = view_at(one.person, target, self._places[one.camera], velocity * seconds)
             answers.append(Answer(view, view.pose_in_room(one.pose), one.skeleton.joint_confidence))
         if len(answers) > 1:
             return self._refiner.refine(answers, memory, velocity, stamp_ns, (ROOM_FRAME, room_id))
         memory.kept.beam, memory.stamp_ns = (answers[0].pose,), stamp_ns
-        only = in_room(seen[0].skeleton, answers[0].view.T_camera_room)
+        only = place(seen[0].skeleton, answers[0].view.T_room_camera, ROOM_FRAME)
         positions = memory.filter.filter(only.positions, stamp_ns)
         return replace(only, stamp_ns=stamp_ns, body_id=room_id, positions=positions)
-
-
-def in_room(skeleton: Skeleton, T_camera_room: NDArray[np.float64]) -> Skeleton:
-    """Return a camera's skeleton in the room's frame.
-
-    Parameters
-    ----------
-    skeleton : Skeleton
-    T_camera_room : (4, 4) float64
-        Room to optical frame.
-    """
-    rotation, place = T_camera_room[:3, :3], T_camera_room[:3, 3]
-    return replace(
-        skeleton,
-        frame_id=ROOM_FRAME,
-        positions=(skeleton.positions - place) @ rotation,
-        quats_xyzw=matrix_to_quat(rotation.T @ quat_to_matrix(skeleton.quats_xyzw)),
-    )
 
 
 def _number(room_id: str) -> int:

@@ -123,7 +123,7 @@ class RoomRefiner:
         memory.kept.beam, memory.stamp_ns = (best.body.pose,), stamp_ns
         memory.turn += 1
         teacher = views[memory.turn % len(views)]
-        posed = self._in_camera(teacher, best.body)
+        posed = teacher.body_in_camera(best.body)
         score = self._disagreement(teacher, posed).score
         self._builds.learn(personal, teacher.target, posed, score, stamp_ns)
         return self._report(best, personal.build, views, weights, memory, stamp_ns, named)
@@ -153,7 +153,7 @@ class RoomRefiner:
         """Compare a body in the room's frame with all views, weighted by the area that each sees."""
         weights = np.array([view.area for view in views])
         weights /= weights.sum()
-        posed = [self._in_camera(view, body) for view in views]
+        posed = [view.body_in_camera(body) for view in views]
         seen = [self._disagreement(view, one) for view, one in zip(views, posed, strict=True)]
         away = [from_proposals(one.nodes, v.person.found) for v, one in zip(views, posed, strict=True)]
         return ScoredFit(
@@ -161,11 +161,6 @@ class RoomRefiner:
             Comparison(float(weights @ [c.score for c in seen]), float(weights @ [c.gap for c in seen])),
             float(weights @ away),
             self._prior.excess(body.nodes, body.pose.scale),
-        )
-
-    def _in_camera(self, view: View, body: FittedBody) -> FittedBody:
-        return FittedBody(
-            view.pose_in_camera(body.pose), view.to_camera(body.vertices), view.to_camera(body.nodes)
         )
 
     def _disagreement(self, view: View, posed: FittedBody) -> Comparison:
@@ -185,7 +180,7 @@ class RoomRefiner:
         fitted, scale = best.body.nodes[JOINT_NODES], best.body.pose.scale
         places, confidence, states, whole = [], [], [], []
         for view in views:
-            posed = self._in_camera(view, best.body)
+            posed = view.body_in_camera(best.body)
             joints, score = posed.nodes[JOINT_NODES], self._disagreement(view, posed).score
             sure = report_joints(joints, scale, view.person, score)
             measured = weigh_joints(joints, score, sure.confidence, view.person.found).joints

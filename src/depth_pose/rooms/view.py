@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.body.pose import BodyPose
+from depth_pose.body.pose import BodyPose, FittedBody
 from depth_pose.track.person import Person
 from depth_pose.track.target import FitTarget
 
@@ -25,18 +25,18 @@ class View:
     person : Person
         In the camera's frame.
     target : FitTarget
-    T_camera_room : (4, 4) float64
-        Room to optical frame, for the person where they are at the common time.
+    T_room_camera : (4, 4) float64
+        Optical frame to the room's, for the person where they are at the common time.
     """
 
     person: Person
     target: FitTarget
-    T_camera_room: NDArray[np.float64]
+    T_room_camera: NDArray[np.float64]
 
-    @property
+    @cached_property
     def rotation(self) -> NDArray[np.float64]:
-        """Room to optical frame, (3, 3)."""
-        return np.ascontiguousarray(self.T_camera_room[:3, :3])
+        """Rotation (3, 3) of vectors of the room to the camera."""
+        return np.ascontiguousarray(self.T_room_camera[:3, :3].T)
 
     @cached_property
     def area(self) -> float:
@@ -44,31 +44,31 @@ class View:
         camera = self.person.camera
         return float((self.person.points[:, 2] ** 2).sum() / (camera.fx * camera.fy))
 
-    def pose_in_camera(self, pose: BodyPose) -> BodyPose:
-        """Return a pose of the room in the camera's frame."""
-        T = self.T_camera_room
-        return BodyPose(T[:3, :3] @ pose.rotations, T[:3, :3] @ pose.root + T[:3, 3], pose.scale)
-
-    def pose_in_room(self, pose: BodyPose) -> BodyPose:
-        """Return a pose of the camera's frame in the room."""
-        T = self.T_camera_room
-        return BodyPose(T[:3, :3].T @ pose.rotations, T[:3, :3].T @ (pose.root - T[:3, 3]), pose.scale)
-
     def to_camera(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Points (..., 3) of the room in the camera's frame, metres."""
-        return np.asarray(points @ self.T_camera_room[:3, :3].T + self.T_camera_room[:3, 3])
+        return np.asarray((points - self.T_room_camera[:3, 3]) @ self.rotation.T)
 
     def to_room(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Points (..., 3) of the camera's frame in the room, metres."""
-        return np.asarray((points - self.T_camera_room[:3, 3]) @ self.T_camera_room[:3, :3])
+        return np.asarray(points @ self.rotation + self.T_room_camera[:3, 3])
+
+    def pose_in_camera(self, pose: BodyPose) -> BodyPose:
+        """Return a pose of the room in the camera's frame."""
+        return BodyPose(self.rotation @ pose.rotations, self.to_camera(pose.root), pose.scale)
+
+    def pose_in_room(self, pose: BodyPose) -> BodyPose:
+        """Return a pose of the camera's frame in the room."""
+        return BodyPose(self.rotation.T @ pose.rotations, self.to_room(pose.root), pose.scale)
+
+    def body_in_camera(self, body: FittedBody) -> FittedBody:
+        """Return a body of the room in the camera's frame."""
+        return FittedBody(
+            self.pose_in_camera(body.pose), self.to_camera(body.vertices), self.to_camera(body.nodes)
+        )
 
 
 def view_at(
-    person: Person,
-    target: FitTarget,
-    T_camera_room: NDArray[np.float64],
-    velocity: NDArray[np.float64],
-    seconds: float,
+    person: Person, target: FitTarget, T_room_camera: NDArray[np.float64], way: NDArray[np.float64]
 ) -> View:
     """Return a person's view at another time.
 
@@ -76,13 +76,11 @@ def view_at(
     ----------
     person : Person
     target : FitTarget
-    T_camera_room : (4, 4) float64
+    T_room_camera : (4, 4) float64
         Of the camera.
-    velocity : (3,) float64
-        The person's, room frame, m/s.
-    seconds : float
-        From the camera's stamp to the common time.
+    way : (3,) float64
+        The person's way from the camera's stamp to the common time, room frame, metres.
     """
-    T = T_camera_room.copy()
-    T[:3, 3] -= T[:3, :3] @ (velocity * seconds)
+    T = T_room_camera.copy()
+    T[:3, 3] += way
     return View(person, target, T)
