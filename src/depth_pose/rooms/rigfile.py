@@ -10,6 +10,8 @@
         intrinsics: [190.0, 190.0, 127.5, 95.5]      # fx, fy, cx, cy in pixels
         T_camera_world:                              # world to optical frame, metres
           - [...]
+        frame_id: camera0_optical                    # optional: its optical frame's name
+        clock_offset: 0.012                          # optional: s to subtract from its stamps
 """
 
 from __future__ import annotations
@@ -59,11 +61,23 @@ class Rig:
     topics : tuple of str
     up : str
         Up axis of the world frame in the file, and of published data.
+    clock_offsets : tuple of float
+        Seconds to subtract from each camera's stamps to get those of the first camera's clock.
+    frame_ids : tuple of str
+        Name of each camera's optical frame; empty where it is not known.
     """
 
     cameras: tuple[RigCamera, ...]
     topics: tuple[str, ...] = ()
     up: str = "y"
+    clock_offsets: tuple[float, ...] = ()
+    frame_ids: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not self.clock_offsets:
+            object.__setattr__(self, "clock_offsets", (0.0,) * len(self.cameras))
+        if not self.frame_ids:
+            object.__setattr__(self, "frame_ids", ("",) * len(self.cameras))
 
 
 def load_rig(path: Path) -> Rig:
@@ -81,21 +95,23 @@ def load_rig(path: Path) -> Rig:
         raise ConfigError(f"{path}: it must hold a list 'cameras'")
     up = str(values.get("up", "z"))
     T_upright_world = upright_from(up)
-    cameras, topics = [], []
+    cameras, topics, offsets, frames = [], [], [], []
     for i, entry in enumerate(values["cameras"]):
         where = f"{path}: cameras[{i}]"
         cameras.append(_camera(where, entry, T_upright_world))
         topics.append(str(entry.get("topic", f"/{cameras[-1].name}/silhouette")))
+        offsets.append(float(_numbers(where, {"clock_offset": 0.0, **entry}, "clock_offset", 1)[0]))
+        frames.append(str(entry.get("frame_id", "")))
     names = [c.name for c in cameras]
     if len(set(names)) < len(names):
         raise ConfigError(f"{path}: two cameras have the same name")
-    return Rig(tuple(cameras), tuple(topics), up)
+    return Rig(tuple(cameras), tuple(topics), up, tuple(offsets), tuple(frames))
 
 
 def _camera(where: str, entry: Any, T_upright_world: NDArray[np.float64]) -> RigCamera:
     if not isinstance(entry, dict):
         raise ConfigError(f"{where} must be a mapping")
-    known = {"name", "topic", "size", "intrinsics", "T_camera_world"}
+    known = {"name", "topic", "size", "intrinsics", "T_camera_world", "frame_id", "clock_offset"}
     if set(entry) - known:
         raise ConfigError(f"{where} has unknown fields: {', '.join(sorted(map(str, set(entry) - known)))}")
     name = str(entry.get("name", where))
@@ -118,20 +134,31 @@ def _numbers(where: str, entry: dict[str, Any], field: str, count: int) -> NDArr
     return values
 
 
-def save_rig(path: Path, cameras: Sequence[RigCamera], topics: Sequence[str], up: str = "z") -> None:
-    """Write a rig file."""
+def save_rig(
+    path: Path,
+    cameras: Sequence[RigCamera],
+    topics: Sequence[str],
+    up: str = "z",
+    clock_offsets: Sequence[float] = (),
+    frame_ids: Sequence[str] = (),
+) -> None:
+    """Write a rig file; clock offsets and frame names only where they are known."""
     import yaml
 
     T_upright_world = upright_from(up)
-    entries = [
-        {
+    entries = []
+    for i, (c, topic) in enumerate(zip(cameras, topics, strict=True)):
+        entry: dict[str, Any] = {
             "name": c.name,
             "topic": topic,
             "size": [c.camera.width, c.camera.height],
             "intrinsics": [float(v) for v in (c.camera.fx, c.camera.fy, c.camera.cx, c.camera.cy)],
             "T_camera_world": (c.T_camera_world @ T_upright_world).tolist(),
         }
-        for c, topic in zip(cameras, topics, strict=True)
-    ]
+        if frame_ids and frame_ids[i]:
+            entry["frame_id"] = frame_ids[i]
+        if clock_offsets:
+            entry["clock_offset"] = float(clock_offsets[i])
+        entries.append(entry)
     with new_text_file(path) as stream:
         yaml.safe_dump({"up": up, "cameras": entries}, stream, sort_keys=False, default_flow_style=None)

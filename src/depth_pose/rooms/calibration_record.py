@@ -1,0 +1,79 @@
+"""What one recording tells a calibration: everybody's skeletons, the empty room, static transforms."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from depth_pose.bank.bank import Bank
+from depth_pose.core.camera import Camera
+from depth_pose.core.errors import InputError
+from depth_pose.core.workers import Tell
+from depth_pose.io.mcap_read import DepthReader
+from depth_pose.pipeline import PosePipeline
+from depth_pose.rooms.background import BackgroundBuilder
+from depth_pose.rooms.sightings import CameraRecord
+
+_LEAST_STEP_NS = 50_000_000
+"""Frames closer than this to the one before are skipped: 20 a second suffice. Set by hand."""
+_IMAGES = 40
+"""Number of depth images from which the empty room is computed. Set by hand."""
+
+
+@dataclass(frozen=True)
+class RecordSetting:
+    """How recordings are read: the bank's file, and the depth topic (None for the only one)."""
+
+    bank: str
+    depth_topic: str | None = None
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """The record of one recording, and what went wrong while reading it, one line each."""
+
+    record: CameraRecord
+    warnings: tuple[str, ...]
+
+
+def read_record(recording: str, name: str, setting: RecordSetting, tell: Tell) -> Recorded:
+    """Find the people of a recording and its empty room.
+
+    Parameters
+    ----------
+    recording : str
+        File or folder.
+    name : str
+        The camera's name.
+    setting : RecordSetting
+    tell : callable
+        Called with the fraction done.
+
+    Raises
+    ------
+    InputError
+        Where the recording cannot be read.
+    """
+    reader = DepthReader(Path(recording), setting.depth_topic, tell=False)
+    pipeline = PosePipeline(Bank.load(setting.bank))
+    record = CameraRecord(name, topic=reader.topic.name)
+    room = BackgroundBuilder()
+    every = max(1, len(reader) // _IMAGES)
+    last_ns: int | None = None
+    camera: Camera | None = None
+    for number, frame in enumerate(reader):
+        if number % every == 0:
+            room.add(frame)
+        if last_ns is not None and 0 <= frame.stamp_ns - last_ns < _LEAST_STEP_NS:
+            continue
+        last_ns = frame.stamp_ns
+        if camera is None:
+            camera, record.frame_id = frame.camera, frame.frame_id
+        elif frame.camera != camera:
+            raise InputError(f"{recording}: the camera's image or calibration changes at frame {number}")
+        record.add(frame.stamp_ns, pipeline.process_frame(frame).skeletons)
+        tell(number / max(len(reader), 1))
+    record.camera = camera
+    record.background, record.background_camera = room.image(), room.camera
+    record.upside_down = "; ".join(pipeline.warnings)
+    return Recorded(record, tuple(reader.warnings))

@@ -1,0 +1,120 @@
+"""Joint refinement of all cameras of a room: people first, then the empty room from coarse to fine."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import permutations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from depth_pose.detect.floor import Floor
+from depth_pose.rooms.background import RoomSurface
+from depth_pose.rooms.calibration_terms import (
+    SIZE,
+    CameraState,
+    Normal,
+    PeopleTerm,
+    SurfaceTerm,
+    add_people,
+    add_priors,
+    add_surfaces,
+)
+
+Array = NDArray[np.float64]
+
+_PEOPLE_ROUNDS = 12
+"""Rounds of reweighted Gauss-Newton with people only. Set by hand."""
+_REACHES_M = (0.3, 0.3, 0.25, 0.25, 0.2, 0.2, 0.15, 0.15, 0.1, 0.1, 0.1, 0.08, 0.08, 0.08)
+"""Reach of the empty room's correspondences in each round, metres. Set by hand."""
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Solved cameras.
+
+    Attributes
+    ----------
+    states : tuple of CameraState
+    covariance : (C * SIZE, C * SIZE) float64
+        Of the unknowns of `depth_pose.rooms.calibration_terms`.
+    residual : float
+        Median distance of joints that two cameras see, metres; NaN without people.
+    surfaces : tuple of (int, int, int, float)
+        For each pair of cameras with a common surface: both, the points, their mean distance (m).
+    """
+
+    states: tuple[CameraState, ...]
+    covariance: Array
+    residual: float
+    surfaces: tuple[tuple[int, int, int, float], ...]
+
+
+def solve_room(
+    states: Sequence[CameraState],
+    floors: Sequence[Floor],
+    people: Sequence[PeopleTerm],
+    surfaces: Sequence[RoomSurface | None],
+) -> Solution:
+    """Refine the cameras of a room.
+
+    Parameters
+    ----------
+    states : sequence of CameraState
+        First estimates, in the floor frame of the first camera.
+    floors : sequence of Floor
+        Of each camera, camera frame.
+    people : sequence of PeopleTerm
+    surfaces : sequence of RoomSurface or None
+        The empty room by each camera; None where it is not known.
+    """
+    now = list(states)
+    for _ in range(_PEOPLE_ROUNDS):
+        now = _round(now, floors, people, (), 0.0)[0]
+    pairs = _surface_pairs(surfaces)
+    for reach in _REACHES_M if pairs else ():
+        now = _round(now, floors, people, pairs, reach)[0]
+    _, normal, lengths, found = _round(now, floors, people, pairs, _REACHES_M[-1])
+    shared = tuple((t.a, t.b, count, mean) for t, (count, mean) in zip(pairs, found, strict=True))
+    residual = float(np.median(lengths)) if len(lengths) else float("nan")
+    return Solution(tuple(now), np.asarray(np.linalg.inv(normal.matrix)), residual, shared)
+
+
+def _round(
+    states: Sequence[CameraState],
+    floors: Sequence[Floor],
+    people: Sequence[PeopleTerm],
+    surfaces: Sequence[SurfaceTerm],
+    reach_m: float,
+) -> tuple[list[CameraState], Normal, Array, list[tuple[int, float]]]:
+    normal = Normal(len(states))
+    add_priors(normal, states, floors)
+    lengths = add_people(normal, states, people)
+    found = add_surfaces(normal, states, surfaces, reach_m)
+    steps = normal.step()
+    return [s.moved(step) for s, step in zip(states, steps, strict=True)], normal, lengths, found
+
+
+def _surface_pairs(surfaces: Sequence[RoomSurface | None]) -> list[SurfaceTerm]:
+    """Pair the cameras' surfaces, each pair both ways."""
+    trees = [cKDTree(s.points) if s is not None and len(s.points) else None for s in surfaces]
+    return [
+        SurfaceTerm(a, b, first, second, tree)
+        for a, b in permutations(range(len(surfaces)), 2)
+        if (first := surfaces[a]) is not None and (second := surfaces[b]) is not None
+        if trees[a] is not None and (tree := trees[b]) is not None
+    ]
+
+
+def relative_spread(solution: Solution, camera: int, point: Array) -> tuple[float, float]:
+    """Return the deviation of a camera against the first one: metres at a point of the room, and degrees."""
+    first, other = slice(0, 6), slice(camera * SIZE, camera * SIZE + 6)
+    C = solution.covariance
+    relative = C[first, first] + C[other, other] - C[first, other] - C[other, first]
+    x, y, z = point
+    J = np.hstack([-np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]), np.eye(3)])
+    return float(np.sqrt(np.trace(J @ relative @ J.T))), float(
+        np.degrees(np.sqrt(np.trace(relative[:3, :3])))
+    )
