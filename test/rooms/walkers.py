@@ -9,7 +9,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from depth_pose.core.camera import Camera
-from depth_pose.core.skeleton import ADULT_STATURE_M, JOINT_NODES, rest_nodes
+from depth_pose.core.skeleton import ADULT_STATURE_M, JOINT_NODES, MIRROR_JOINTS, rest_nodes
 from depth_pose.rooms.sightings import CameraRecord
 from skeletons import make_skeleton
 
@@ -88,9 +88,7 @@ def record_camera(
             if not (0 < column < CAMERA.width and 0 < row < CAMERA.height and joints[0, 2] > 0.5):
                 continue
             if mirrored:
-                joints = (joints * [-1.0, 1.0, 1.0])[
-                    [0, 1, 2, 3, 4, 8, 9, 10, 5, 6, 7, *range(15, 19), *range(11, 15)]
-                ]
+                joints = (joints * [-1.0, 1.0, 1.0])[MIRROR_JOINTS]
             skeletons.append(make_skeleton(joints, stamp_ns=stamp_ns, body_id=f"{name}_{i}"))
         record.add(stamp_ns, skeletons)
     if background:

@@ -10,9 +10,10 @@ The room frame: z up, the floor at z = 0, the origin below the first camera, x a
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,12 +25,13 @@ from depth_pose.detect.floor import Floor
 from depth_pose.rooms.background import RoomSurface, find_surface
 from depth_pose.rooms.calibration_checks import check_match, check_records, check_solution
 from depth_pose.rooms.calibration_floor import find_floor
-from depth_pose.rooms.calibration_match import PairMatch, level_walk, match_pair
+from depth_pose.rooms.calibration_match import level_walk, match_pair
 from depth_pose.rooms.calibration_solve import Solution, relative_spread, solve_room
 from depth_pose.rooms.calibration_terms import CameraState, PeopleTerm
 from depth_pose.rooms.rig import RigCamera
 from depth_pose.rooms.rigfile import Rig, upright_from
 from depth_pose.rooms.sightings import BodyTrack, CameraRecord
+from depth_pose.rooms.transform_tree import TransformTree
 
 Array = NDArray[np.float64]
 
@@ -53,7 +55,7 @@ class PairQuality:
     points : int
         Points of the empty room that both see.
     source : str
-        What ties them: ``people``, ``people and room``, or ``/tf_static``.
+        What ties them: ``people``, ``the empty room``, both, or ``/tf_static``.
     """
 
     first: str
@@ -91,6 +93,16 @@ class Calibration:
     pairs: tuple[PairQuality, ...]
     residual: float
 
+    def places(self, camera: int) -> list[Array]:
+        """Return where people's pelvises were by one camera, (N, 3) for each track, room frame, metres."""
+        T = self.T_room_camera[camera]
+        return [t.joints[:, 0] @ T[:3, :3].T + T[:3, 3] for t in self.records[camera].tracks(0)]
+
+    def surface(self, camera: int) -> Array:
+        """Return the points (N, 3) of the empty room that one camera sees, room frame, metres."""
+        surface, T = _surface(self.records[camera]), self.T_room_camera[camera]
+        return np.zeros((0, 3)) if surface is None else surface.points @ T[:3, :3].T + T[:3, 3]
+
     @property
     def rig(self) -> Rig:
         """The rig; every camera needs its intrinsics."""
@@ -112,10 +124,13 @@ class RoomCalibration:
     ----------
     records : sequence of CameraRecord
         One a camera; they may still grow. The first camera defines the room frame.
+    transforms : TransformTree, optional
+        Transforms that are known already: cameras whose optical frames it connects keep them.
     """
 
-    def __init__(self, records: Sequence[CameraRecord]) -> None:
+    def __init__(self, records: Sequence[CameraRecord], transforms: TransformTree | None = None) -> None:
         self.records = tuple(records)
+        self._transforms = transforms or TransformTree()
 
     def add(self, camera: str, stamp_ns: int, skeletons: Sequence[Skeleton]) -> None:
         """Add everybody in a frame of the named camera."""
@@ -133,44 +148,68 @@ class RoomCalibration:
         reference_ns = min(r.stamps_ns[0] for r in self.records)
         tracks = [record.tracks(reference_ns) for record in self.records]
         floors = [_floor(r, t) for r, t in zip(self.records, tracks, strict=True)]
-        matches = self._match_all(tracks, floors)
-        states = _chain(matches, floors)
+        known = self._known()
+        states = _chain(self._links(tracks, floors, known), floors)
         people = _people_terms(tracks, states)
         surfaces = [_surface(record) for record in self.records]
-        solution = solve_room(states, floors, people, surfaces)
+        solution = solve_room(states, floors, people, surfaces, tuple(known))
         check_solution(self.records, solution.states)
-        return _result(self.records, tracks, people, solution)
+        return _result(self.records, tracks, people, solution, known)
 
-    def _match_all(
-        self, tracks: Sequence[Sequence[BodyTrack]], floors: Sequence[Floor]
-    ) -> dict[tuple[int, int], PairMatch]:
-        """Match each pair of cameras by people; those that match connect all of them."""
+    def _known(self) -> dict[tuple[int, int], Array]:
+        """Return the known transforms between cameras, optical frame of the second to that of the first."""
+        known = {}
+        for (a, first), (b, second) in combinations(enumerate(self.records), 2):
+            if first.frame_id and second.frame_id and first.frame_id != second.frame_id:
+                T_a_b = self._transforms.find(first.frame_id, second.frame_id)
+                if T_a_b is not None:
+                    known[a, b] = T_a_b
+        return known
+
+    def _links(
+        self,
+        tracks: Sequence[Sequence[BodyTrack]],
+        floors: Sequence[Floor],
+        known: Mapping[tuple[int, int], Array],
+    ) -> dict[tuple[int, int], _Link]:
+        """Link pairs of cameras by people and known transforms, until all are connected."""
         walks = [
             [w for track in some if (w := level_walk(track, floor.T_floor_camera)) is not None]
             for some, floor in zip(tracks, floors, strict=True)
         ]
-        found: dict[tuple[int, int], PairMatch] = {}
+        links: dict[tuple[int, int], _Link] = {}
         reasons: dict[tuple[int, int], str] = {}
         for a, b in combinations(range(len(self.records)), 2):
             match = match_pair(walks[a], walks[b])
             reason = check_match(self.records[a].name, self.records[b].name, match)
-            if match is None or reason:
+            if (a, b) in known:
+                links[a, b] = _Link(known[a, b], 0.0 if match is None or reason else match.offset, np.inf)
+            elif match is None or reason:
                 reasons[a, b] = reason
-                continue
-            found[a, b] = match
-        reached = _reached(found)
+            else:
+                T_a_b = np.linalg.inv(floors[a].T_floor_camera) @ match.T_flooring @ floors[b].T_floor_camera
+                links[a, b] = _Link(T_a_b, match.offset, match.seconds)
+        reached = _reached(links)
         for b in range(1, len(self.records)):
             if b not in reached:
                 raise InputError("; ".join(text for pair, text in reasons.items() if b in pair))
-        return found
+        return links
 
 
-def _reached(matches: Iterable[tuple[int, int]]) -> set[int]:
-    """Return the cameras that pairs connect with the first."""
+class _Link(NamedTuple):
+    """First estimate of camera b against camera a, and the people's time (s) that it rests on."""
+
+    T_a_b: Array
+    offset: float
+    seconds: float
+
+
+def _reached(links: Iterable[tuple[int, int]]) -> set[int]:
+    """Return the cameras that links connect with the first."""
     reached, before = {0}, set[int]()
     while reached != before:
         before = set(reached)
-        reached |= {c for pair in matches if reached & set(pair) for c in pair}
+        reached |= {c for pair in links if reached & set(pair) for c in pair}
     return reached
 
 
@@ -189,24 +228,19 @@ def _surface(record: CameraRecord) -> RoomSurface | None:
     return find_surface(record.background, record.background_camera)
 
 
-def _chain(matches: Mapping[tuple[int, int], PairMatch], floors: Sequence[Floor]) -> list[CameraState]:
-    """Place all cameras in the first one's floor frame, each by the best matches that lead to it."""
-    T_room_floor: dict[int, Array] = {0: np.eye(4)}
-    offsets = {0: 0.0}
-    while len(T_room_floor) < len(floors):
-        edges = [
-            (match.seconds, pair)
-            for pair, match in matches.items()
-            if len(set(pair) & set(T_room_floor)) == 1
-        ]
-        _, (a, b) = max(edges)
-        match = matches[a, b]
-        if a in T_room_floor:
-            T_room_floor[b], offsets[b] = T_room_floor[a] @ match.T_flooring, offsets[a] + match.offset
+def _chain(links: Mapping[tuple[int, int], _Link], floors: Sequence[Floor]) -> list[CameraState]:
+    """Place all cameras in the first one's floor frame, each by the best links that lead to it."""
+    states = {0: CameraState(floors[0].T_floor_camera)}
+    while len(states) < len(floors):
+        reaching = [pair for pair in links if len(set(pair) & set(states)) == 1]
+        a, b = max(reaching, key=lambda pair: links[pair].seconds)
+        link = links[a, b]
+        if a in states:
+            states[b] = CameraState(states[a].T_room_camera @ link.T_a_b, states[a].offset + link.offset)
         else:
-            T_room_floor[a] = T_room_floor[b] @ np.linalg.inv(match.T_flooring)
-            offsets[a] = offsets[b] - match.offset
-    return [CameraState(T_room_floor[c] @ f.T_floor_camera, offsets[c]) for c, f in enumerate(floors)]
+            T_room_a = states[b].T_room_camera @ np.linalg.inv(link.T_a_b)
+            states[a] = CameraState(T_room_a, states[b].offset - link.offset)
+    return [states[c] for c in range(len(floors))]
 
 
 def _people_terms(tracks: Sequence[Sequence[BodyTrack]], states: Sequence[CameraState]) -> list[PeopleTerm]:
@@ -230,6 +264,7 @@ def _result(
     tracks: Sequence[Sequence[BodyTrack]],
     people: Sequence[PeopleTerm],
     solution: Solution,
+    known: Collection[tuple[int, int]],
 ) -> Calibration:
     T_new_room = _below(solution.states[0].T_room_camera)
     middle = np.median(
@@ -243,7 +278,8 @@ def _result(
         deviation_m=np.array([m for m, _ in spreads]),
         deviation_deg=np.array([d for _, d in spreads]),
         pairs=tuple(
-            _quality(records, tracks, people, solution, a, b) for a, b in combinations(range(len(records)), 2)
+            _quality(records, tracks, people, solution, a, b, (a, b) in known)
+            for a, b in combinations(range(len(records)), 2)
         ),
         residual=solution.residual,
     )
@@ -263,6 +299,7 @@ def _quality(
     solution: Solution,
     a: int,
     b: int,
+    is_known: bool,
 ) -> PairQuality:
     both = 0.0
     for term in people:
@@ -272,7 +309,6 @@ def _quality(
             both += float(term.track_a.seconds[present].sum())
     either = sum(float(t.seconds.sum()) for c in (a, b) for t in tracks[c]) - both
     points = sum(count for i, j, count, _ in solution.surfaces if {i, j} == {a, b})
-    source = " and ".join(
-        name for name, there in (("people", both > 0), ("the empty room", points > 0)) if there
-    )
+    ties = [name for name, there in (("people", both > 0), ("the empty room", points > 0)) if there]
+    source = "/tf_static" if is_known else " and ".join(ties)
     return PairQuality(records[a].name, records[b].name, both, both / max(either, 1e-9), points, source)

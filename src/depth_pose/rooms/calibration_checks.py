@@ -60,8 +60,8 @@ def _check_times(first: CameraRecord, second: CameraRecord) -> None:
         apart = (second.stamps_ns[0] - first.stamps_ns[0]) * 1e-9
         raise InputError(
             f"{first.name} and {second.name} have {max(end - start, 0) * 1e-9:.1f} s in common "
-            f"({second.name} begins {abs(apart):.1f} s {'after' if apart > 0 else 'before'} {first.name}); record all "
-            f"cameras at the same time, for at least 20 s, with clocks that agree within half a second"
+            f"({second.name} begins {abs(apart):.1f} s {'after' if apart > 0 else 'before'} {first.name}); "
+            "record all cameras at the same time, for at least 20 s, with clocks that agree to half a second"
         )
 
 

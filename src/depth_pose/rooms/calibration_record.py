@@ -10,6 +10,7 @@ from depth_pose.core.camera import Camera
 from depth_pose.core.errors import InputError
 from depth_pose.core.workers import Tell
 from depth_pose.io.mcap_read import DepthReader
+from depth_pose.io.static_transforms import StaticTransform, read_static_transforms
 from depth_pose.pipeline import PosePipeline
 from depth_pose.rooms.background import BackgroundBuilder
 from depth_pose.rooms.sightings import CameraRecord
@@ -30,9 +31,10 @@ class RecordSetting:
 
 @dataclass(frozen=True)
 class Recorded:
-    """The record of one recording, and what went wrong while reading it, one line each."""
+    """What one recording tells: the camera's record, its ``/tf_static``, and damage, one line each."""
 
     record: CameraRecord
+    transforms: tuple[StaticTransform, ...]
     warnings: tuple[str, ...]
 
 
@@ -76,4 +78,4 @@ def read_record(recording: str, name: str, setting: RecordSetting, tell: Tell) -
     record.camera = camera
     record.background, record.background_camera = room.image(), room.camera
     record.upside_down = "; ".join(pipeline.warnings)
-    return Recorded(record, tuple(reader.warnings))
+    return Recorded(record, read_static_transforms(recording), tuple(reader.warnings))

@@ -18,6 +18,7 @@ from depth_pose.rooms.calibration_terms import (
     Normal,
     PeopleTerm,
     SurfaceTerm,
+    add_fixed,
     add_people,
     add_priors,
     add_surfaces,
@@ -57,6 +58,7 @@ def solve_room(
     floors: Sequence[Floor],
     people: Sequence[PeopleTerm],
     surfaces: Sequence[RoomSurface | None],
+    fixed: Sequence[tuple[int, int]] = (),
 ) -> Solution:
     """Refine the cameras of a room.
 
@@ -69,14 +71,16 @@ def solve_room(
     people : sequence of PeopleTerm
     surfaces : sequence of RoomSurface or None
         The empty room by each camera; None where it is not known.
+    fixed : sequence of pairs of int
+        Cameras that keep their pose to each other.
     """
     now = list(states)
     for _ in range(_PEOPLE_ROUNDS):
-        now = _round(now, floors, people, (), 0.0)[0]
+        now = _round(now, floors, fixed, people, (), 0.0)[0]
     pairs = _surface_pairs(surfaces)
     for reach in _REACHES_M if pairs else ():
-        now = _round(now, floors, people, pairs, reach)[0]
-    _, normal, lengths, found = _round(now, floors, people, pairs, _REACHES_M[-1])
+        now = _round(now, floors, fixed, people, pairs, reach)[0]
+    _, normal, lengths, found = _round(now, floors, fixed, people, pairs, _REACHES_M[-1])
     shared = tuple((t.a, t.b, count, mean) for t, (count, mean) in zip(pairs, found, strict=True))
     residual = float(np.median(lengths)) if len(lengths) else float("nan")
     return Solution(tuple(now), np.asarray(np.linalg.inv(normal.matrix)), residual, shared)
@@ -85,12 +89,14 @@ def solve_room(
 def _round(
     states: Sequence[CameraState],
     floors: Sequence[Floor],
+    fixed: Sequence[tuple[int, int]],
     people: Sequence[PeopleTerm],
     surfaces: Sequence[SurfaceTerm],
     reach_m: float,
 ) -> tuple[list[CameraState], Normal, Array, list[tuple[int, float]]]:
     normal = Normal(len(states))
     add_priors(normal, states, floors)
+    add_fixed(normal, fixed)
     lengths = add_people(normal, states, people)
     found = add_surfaces(normal, states, surfaces, reach_m)
     steps = normal.step()

@@ -47,6 +47,9 @@ _UP_SPREAD, _HEIGHT_SPREAD_M = np.radians(0.5), 0.03
 _ROUGH = 8.0
 """The same for a floor that is estimated from people, as a multiple. Set by hand."""
 
+_FIXED = 1e9
+"""Weight of what does not move, 1/m^2: far above all others."""
+
 _SURFACE_M = 0.02
 """Deviation of the empty room's points, metres. Set by hand."""
 _ALIKE_POINTS = 20.0
@@ -179,7 +182,14 @@ def add_priors(normal: Normal, states: Sequence[CameraState], floors: Sequence[F
         normal.add([(c, J)], residual, 1.0 / spreads**2)
     J = np.zeros((3, SIZE))  # no turn about the vertical, no shift
     J[0, 2] = J[1, 3] = J[2, 4] = 1.0
-    normal.add([(0, J)], np.zeros(3), np.full(3, 1e8))
+    normal.add([(0, J)], np.zeros(3), np.full(3, _FIXED))
+
+
+def add_fixed(normal: Normal, pairs: Sequence[tuple[int, int]]) -> None:
+    """Let both cameras of each pair move alike, so that they keep their pose to each other."""
+    J = np.eye(6, SIZE)
+    for a, b in pairs:
+        normal.add([(a, J), (b, -J)], np.zeros(6), np.full(6, _FIXED))
 
 
 class SurfaceTerm(NamedTuple):
