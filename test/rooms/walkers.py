@@ -99,7 +99,7 @@ def record_camera(
 
 
 def empty_box(T_room_camera: np.ndarray, low=ROOM[0], high=ROOM[1]) -> np.ndarray:
-    """Depth image (H, W) of an empty box, seen from inside, with a low cupboard in it."""
+    """Depth image (H, W) of an empty box, seen from inside."""
     v, u = np.mgrid[: CAMERA.height, : CAMERA.width]
     rays = np.stack([(u - CAMERA.cx) / CAMERA.fx, (v - CAMERA.cy) / CAMERA.fy, np.ones(u.shape)], axis=-1)
     rays = rays @ T_room_camera[:3, :3].T

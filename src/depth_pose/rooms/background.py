@@ -6,20 +6,24 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter
 from scipy.spatial import cKDTree
 
 from depth_pose.core.camera import Camera
-from depth_pose.core.types import DepthFrame
+from depth_pose.core.types import HIDDEN, DepthFrame
+from depth_pose.track.person import People
 
 Array = NDArray[np.float64]
 
 _MOST_PX = 640
 """Images wider than this are thinned to every second pixel and so on. Set by hand."""
+_MARGIN = 0.012
+"""Margin around people, as a share of the image's width. Set by hand."""
 _QUANTILE = 0.65
-"""Quantile over time of a pixel's depth: people stand before the room, so more than the median. Set by
-hand."""
-_LEAST_SHARE = 0.3
-"""Share of images in which a pixel of the empty room has a return. Set by hand."""
+"""Quantile over time of a pixel's depth: people who are not found stand before the room, so more than the
+median. Set by hand."""
+_LEAST_SHARE = 0.15
+"""Share of images in which a pixel of the empty room has a return, and nobody covers it. Set by hand."""
 _SPREAD_M, _SPREAD = 0.02, 0.02
 """Depths within this (m, and share of the depth) of the quantile are averaged. Set by hand."""
 _VOXEL_M = 0.05
@@ -41,18 +45,29 @@ class BackgroundBuilder:
     _images: list[NDArray[np.float32]] = field(default_factory=list)
     camera: Camera | None = None
 
-    def add(self, frame: DepthFrame) -> None:
-        """Add an image; all have one camera, others are ignored."""
+    def add(self, frame: DepthFrame, people: People) -> None:
+        """Add an image without the people in it; all have one camera, others are ignored."""
         step = -(-frame.camera.width // _MOST_PX)
         camera = frame.camera.strided(step)
         if self.camera is None:
             self.camera = camera
         if camera == self.camera:
-            self._images.append(np.nan_to_num(frame.depth[::step, ::step]).copy())
+            depth = np.nan_to_num(frame.depth[::step, ::step])
+            self._images.append(np.where(_covered(people, camera), np.float32(0.0), depth))
 
     def image(self) -> NDArray[np.float32] | None:
         """Return the depth image of the empty room, metres, 0 where unknown; None without images."""
         return empty_room(np.stack(self._images)) if self._images else None
+
+
+def _covered(people: People, camera: Camera) -> NDArray[np.bool_]:
+    """Return the pixels (H, W) of a camera's image that people cover, with a margin."""
+    own = people.camera
+    covered = (people.labels > 0) & (people.labels < HIDDEN)
+    covered = maximum_filter(covered, size=1 + 2 * round(_MARGIN * own.width))
+    column = np.rint((np.arange(camera.width) - camera.cx) * own.fx / camera.fx + own.cx).astype(np.int64)
+    row = np.rint((np.arange(camera.height) - camera.cy) * own.fy / camera.fy + own.cy).astype(np.int64)
+    return np.asarray(covered[np.clip(row, 0, own.height - 1)][:, np.clip(column, 0, own.width - 1)])
 
 
 def empty_room(images: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -10,7 +10,7 @@ The room frame: z up, the floor at z = 0, the origin below the first camera, x a
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from typing import NamedTuple
@@ -23,7 +23,7 @@ from depth_pose.core.skeleton import JOINT_INDEX
 from depth_pose.core.types import Skeleton
 from depth_pose.detect.floor import Floor
 from depth_pose.rooms.background import RoomSurface, find_surface
-from depth_pose.rooms.calibration_checks import check_match, check_records, check_solution
+from depth_pose.rooms.calibration_checks import check_match, check_records, check_solution, check_ties
 from depth_pose.rooms.calibration_floor import find_floor
 from depth_pose.rooms.calibration_match import level_walk, match_pair
 from depth_pose.rooms.calibration_solve import Solution, relative_spread, solve_room
@@ -264,16 +264,24 @@ def _result(
     tracks: Sequence[Sequence[BodyTrack]],
     people: Sequence[PeopleTerm],
     solution: Solution,
-    known: Collection[tuple[int, int]],
+    known: Mapping[tuple[int, int], Array],
 ) -> Calibration:
-    T_new_room = _below(solution.states[0].T_room_camera)
+    T_room_camera = np.stack([s.T_room_camera for s in solution.states])
+    for (a, b), T_a_b in known.items():  # exactly, not but for rounding
+        T_room_camera[b] = T_room_camera[a] @ T_a_b
+    T_new_room = _below(T_room_camera[0])
     middle = np.median(
         np.concatenate([solution.states[p.a].to_room(p.track_a.joints[:, 0]) for p in people]), axis=0
     )
-    spreads = [relative_spread(solution, c, middle) for c in range(len(records))]
+    check_ties(
+        [record.name for record in records[1:]],
+        [_spread_of_places(solution.states, people, c) for c in range(1, len(records))],
+        [relative_spread(solution.covariance_by_room, c, middle)[0] for c in range(1, len(records))],
+    )
+    spreads = [relative_spread(solution.covariance, c, middle) for c in range(len(records))]
     return Calibration(
         records=tuple(records),
-        T_room_camera=np.stack([T_new_room @ s.T_room_camera for s in solution.states]),
+        T_room_camera=T_new_room @ T_room_camera,
         offsets=np.array([s.offset for s in solution.states]),
         deviation_m=np.array([m for m, _ in spreads]),
         deviation_deg=np.array([d for _, d in spreads]),
@@ -283,6 +291,18 @@ def _result(
         ),
         residual=solution.residual,
     )
+
+
+def _spread_of_places(states: Sequence[CameraState], people: Sequence[PeopleTerm], camera: int) -> Array:
+    """Deviation (2,) of the places where a camera and another saw somebody, along and across, metres."""
+    places = [np.zeros((1, 2))]
+    for a, b, first, second in people:
+        if camera in (a, b):
+            present = second.at(first.times - states[a].offset + states[b].offset).present
+            places.append(states[a].to_room(first.joints[present][:, 0])[:, :2])
+    rows = np.concatenate(places[1:] or places)
+    rows = rows - rows.mean(axis=0)
+    return np.asarray(np.sqrt(np.maximum(np.linalg.eigvalsh(rows.T @ rows / len(rows)), 0.0))[::-1])
 
 
 def _below(T_room_camera: Array) -> Array:

@@ -17,19 +17,24 @@ from depth_pose.rooms.sightings import CameraRecord
 
 Array = NDArray[np.float64]
 
-LEAST_S = 4.0
+LEAST_S = 5.0
 """Least time that people are seen by both of two cameras, seconds. Set by hand."""
 _LEAST_SHARE = 0.4
 """Least share of the people's time that agrees, of that in which both cameras see somebody. Set by hand."""
-_MIRRORED = 1.5
-"""A recording is mirrored if this many times more of the people's time agrees when one is flipped. Set by
-hand."""
+_MORE = 1.8
+"""People's time agrees by more than chance if it is this many times that which agrees when one camera is
+mirrored; a recording is mirrored the other way round. Set by hand."""
 _COPY_M, _COPY_RAD, _COPY_S = 0.01, np.radians(0.3), 0.002
 """Two recordings are of one camera if they differ by less: place, turn and clock. Set by hand."""
 _THROUGH_M = 0.25
 """A surface in front of what a camera sees by this much contradicts it, metres. Set by hand."""
 _MOST_CONTRADICTED = 0.25
 """Most of a camera's points of the empty room that another may contradict. Set by hand."""
+_LINE_M, _PLACE_M = 0.2, 0.3
+"""People walked only one line if their places deviate less across it (m), and stayed in one place if they
+deviate less along it. Set by hand."""
+_RESOLVED_M = 0.05
+"""The empty room tells a camera's place if it does so to this deviation, metres. Set by hand."""
 _LEAST_POINTS = 100
 """Fewest points on which that is judged. Set by hand."""
 
@@ -68,19 +73,25 @@ def _check_times(first: CameraRecord, second: CameraRecord) -> None:
 def check_match(first: str, second: str, match: PairMatch | None) -> str:
     """Return why two cameras do not match by people; empty where they do."""
     both = f"{first} and {second}"
-    if match is not None and match.mirrored > _MIRRORED * match.seconds and match.mirrored >= LEAST_S:
+    if match is None:
+        return f"{both} never see somebody at the same time for long enough to be compared"
+    if match.mirrored > _MORE * match.seconds and _is_enough(match.mirrored, match.common, match.seconds):
         return (
             f"{both} agree only if one of them is mirrored ({match.mirrored:.0f} s of people's time against "
             f"{match.seconds:.0f} s): one recording is flipped; switch the driver's flip or mirror option off"
         )
-    if match is None or match.seconds < LEAST_S or match.seconds < _LEAST_SHARE * match.common:
-        agreed = 0.0 if match is None else match.seconds
-        common = 0.0 if match is None else match.common
+    if not _is_enough(match.seconds, match.common, match.mirrored):
         return (
-            f"nobody is seen by both {both}: of {common:.0f} s in which both see somebody, {agreed:.0f} s "
-            f"agree, and {LEAST_S:.0f} s are needed; they see different rooms, or different parts of one"
+            f"nobody is seen by both {both}: of {match.common:.0f} s in which both see somebody, "
+            f"{match.seconds:.0f} s agree, as many as by chance, or less than {LEAST_S:.0f} s; they see "
+            "different rooms, or different parts of one"
         )
     return ""
+
+
+def _is_enough(seconds: float, common: float, by_chance: float) -> bool:
+    """Whether more of the people's time agrees than by chance."""
+    return seconds >= LEAST_S and (seconds >= _LEAST_SHARE * common or seconds >= _MORE * by_chance)
 
 
 def check_solution(records: Sequence[CameraRecord], states: Sequence[CameraState]) -> None:
@@ -102,6 +113,27 @@ def check_solution(records: Sequence[CameraRecord], states: Sequence[CameraState
                 f"{first.name} and {second.name} see different rooms: with the transform by which people "
                 f"agree best, one sees through {worst:.0%} of the surfaces that the other sees"
             )
+
+
+def check_ties(names: Sequence[str], spreads: Sequence[Array], by_room_m: Sequence[float]) -> None:
+    """Check that people's places and the empty room tie each camera to others.
+
+    Parameters
+    ----------
+    names : sequence of str
+    spreads : sequence of (2,) float64
+        Deviation of the places where each camera and another saw somebody, along and across, metres.
+    by_room_m : sequence of float
+        Deviation of each camera's place by the empty room alone, metres.
+    """
+    for name, (along, across), by_room in zip(names, spreads, by_room_m, strict=True):
+        if across > _LINE_M or by_room < _RESOLVED_M:
+            continue
+        what = "stayed in one place" if along < _PLACE_M else "walked only one line"
+        raise InputError(
+            f"{name}: people whom another camera sees as well {what}, and too little of the empty room is "
+            "seen by both; walk to and fro and across, over at least a metre or two"
+        )
 
 
 def _is_copy(T_first_second: Array, offset: float) -> bool:

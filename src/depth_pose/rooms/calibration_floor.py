@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from depth_pose.core.camera import Camera
 from depth_pose.core.config import SegmentConfig
 from depth_pose.core.rotations import unit_vectors
-from depth_pose.core.skeleton import ADULT_STATURE_M, JOINT_INDEX, rest_nodes
+from depth_pose.core.skeleton import ADULT_STATURE_M, JOINT_INDEX, NODE_INDEX, rest_nodes
 from depth_pose.core.types import DepthFrame
 from depth_pose.detect.floor import Floor, FloorFinder
 from depth_pose.rooms.sightings import BodyTrack
@@ -24,7 +24,7 @@ _STRAIGHT = np.cos(np.radians(25.0))
 _SAME_UP, _SAME_M = np.cos(np.radians(20.0)), 0.5
 """A floor of the images is this near to that of the people who stand on it: they err by 10 degrees. Set by
 hand."""
-_ANKLE_M = float(rest_nodes()[list(JOINT_INDEX).index("left_ankle"), 1]) * ADULT_STATURE_M
+_ANKLE_M = float(rest_nodes()[NODE_INDEX["left_ankle"], 1]) * ADULT_STATURE_M
 """Height of an ankle above the floor, metres."""
 
 BY_STANDING = "people who stand"

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from depth_pose.bank.bank import Bank
 from depth_pose.core.camera import Camera
+from depth_pose.core.config import PipelineConfig, SmoothConfig
 from depth_pose.core.errors import InputError
 from depth_pose.core.workers import Tell
 from depth_pose.io.mcap_read import DepthReader
@@ -57,15 +58,15 @@ def read_record(recording: str, name: str, setting: RecordSetting, tell: Tell) -
         Where the recording cannot be read.
     """
     reader = DepthReader(Path(recording), setting.depth_topic, tell=False)
-    pipeline = PosePipeline(Bank.load(setting.bank))
+    # a low-pass filter lags behind, more where frames are few: unlike cameras would not agree
+    pipeline = PosePipeline(Bank.load(setting.bank), PipelineConfig(smooth=SmoothConfig(enabled=False)))
     record = CameraRecord(name, topic=reader.topic.name)
     room = BackgroundBuilder()
     every = max(1, len(reader) // _IMAGES)
+    next_image = 0
     last_ns: int | None = None
     camera: Camera | None = None
     for number, frame in enumerate(reader):
-        if number % every == 0:
-            room.add(frame)
         if last_ns is not None and 0 <= frame.stamp_ns - last_ns < _LEAST_STEP_NS:
             continue
         last_ns = frame.stamp_ns
@@ -73,7 +74,11 @@ def read_record(recording: str, name: str, setting: RecordSetting, tell: Tell) -
             camera, record.frame_id = frame.camera, frame.frame_id
         elif frame.camera != camera:
             raise InputError(f"{recording}: the camera's image or calibration changes at frame {number}")
-        record.add(frame.stamp_ns, pipeline.process_frame(frame).skeletons)
+        result = pipeline.process_frame(frame)
+        record.add(frame.stamp_ns, result.skeletons)
+        if number >= next_image:
+            room.add(frame, result.people)
+            next_image += every
         tell(number / max(len(reader), 1))
     record.camera = camera
     record.background, record.background_camera = room.image(), room.camera

@@ -28,6 +28,8 @@ Array = NDArray[np.float64]
 
 _PEOPLE_ROUNDS = 12
 """Rounds of reweighted Gauss-Newton with people only. Set by hand."""
+_UNKNOWN = 0.01
+"""Weight of what is not known, 1/m^2: a deviation of 10 m."""
 _REACHES_M = (0.3, 0.3, 0.25, 0.25, 0.2, 0.2, 0.15, 0.15, 0.1, 0.1, 0.1, 0.08, 0.08, 0.08)
 """Reach of the empty room's correspondences in each round, metres. Set by hand."""
 
@@ -41,6 +43,8 @@ class Solution:
     states : tuple of CameraState
     covariance : (C * SIZE, C * SIZE) float64
         Of the unknowns of `depth_pose.rooms.calibration_terms`.
+    covariance_by_room : (C * SIZE, C * SIZE) float64
+        The same by floors and the empty room alone.
     residual : float
         Median distance of joints that two cameras see, metres; NaN without people.
     surfaces : tuple of (int, int, int, float)
@@ -49,6 +53,7 @@ class Solution:
 
     states: tuple[CameraState, ...]
     covariance: Array
+    covariance_by_room: Array
     residual: float
     surfaces: tuple[tuple[int, int, int, float], ...]
 
@@ -83,7 +88,8 @@ def solve_room(
     _, normal, lengths, found = _round(now, floors, fixed, people, pairs, _REACHES_M[-1])
     shared = tuple((t.a, t.b, count, mean) for t, (count, mean) in zip(pairs, found, strict=True))
     residual = float(np.median(lengths)) if len(lengths) else float("nan")
-    return Solution(tuple(now), np.asarray(np.linalg.inv(normal.matrix)), residual, shared)
+    room = _round(now, floors, fixed, (), pairs, _REACHES_M[-1])[1].matrix
+    return Solution(tuple(now), _inverse(normal.matrix), _inverse(room), residual, shared)
 
 
 def _round(
@@ -99,6 +105,7 @@ def _round(
     add_fixed(normal, fixed)
     lengths = add_people(normal, states, people)
     found = add_surfaces(normal, states, surfaces, reach_m)
+    normal.matrix += _UNKNOWN * np.eye(len(normal.matrix))
     steps = normal.step()
     return [s.moved(step) for s, step in zip(states, steps, strict=True)], normal, lengths, found
 
@@ -114,10 +121,14 @@ def _surface_pairs(surfaces: Sequence[RoomSurface | None]) -> list[SurfaceTerm]:
     ]
 
 
-def relative_spread(solution: Solution, camera: int, point: Array) -> tuple[float, float]:
+def _inverse(matrix: Array) -> Array:
+    return np.asarray(np.linalg.inv(matrix))
+
+
+def relative_spread(covariance: Array, camera: int, point: Array) -> tuple[float, float]:
     """Return the deviation of a camera against the first one: metres at a point of the room, and degrees."""
     first, other = slice(0, 6), slice(camera * SIZE, camera * SIZE + 6)
-    C = solution.covariance
+    C = covariance
     relative = C[first, first] + C[other, other] - C[first, other] - C[other, first]
     x, y, z = point
     J = np.hstack([-np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]), np.eye(3)])
