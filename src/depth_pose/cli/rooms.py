@@ -17,7 +17,7 @@ from depth_pose.core.outputs import check_targets
 
 if TYPE_CHECKING:
     from depth_pose.rooms.calibration import Calibration
-    from depth_pose.rooms.calibration_record import Recorded
+    from depth_pose.rooms.calibration_record import Recorded, RecordSetting
 
 _MOST_OFFSET_S = 0.02
 """Clock offset (s) above which a warning is printed: more than live fusion is made for."""
@@ -42,6 +42,10 @@ def calibrate(
     ] = None,
     bank: shared.BankFile = None,
     depth_topic: shared.DepthTopic = None,
+    seconds: Annotated[
+        float | None,
+        typer.Option(min=5.0, max=3600.0, help="Use only this much of the beginning.", show_default="all"),
+    ] = None,
     workers: Annotated[
         int | None,
         typer.Option(min=0, help="Number of processes; 0: only this one.", show_default="all cores"),
@@ -76,10 +80,12 @@ def calibrate(
     from depth_pose.bank.default import prepare_default_bank
     from depth_pose.evaluate.room_picture import save_room_picture
     from depth_pose.rooms.calibration import RoomCalibration
+    from depth_pose.rooms.calibration_record import RecordSetting
     from depth_pose.rooms.rigfile import save_rig
     from depth_pose.rooms.transform_tree import TransformTree, pose_matrix
 
-    found = _read_all(recordings, str(bank or prepare_default_bank()), depth_topic, workers)
+    setting = RecordSetting(str(bank or prepare_default_bank()), depth_topic, seconds)
+    found = read_all(recordings, setting, workers)
     tree = TransformTree()
     for one in found:
         warn(one.warnings)
@@ -106,14 +112,11 @@ def camera_names(recordings: Sequence[Path]) -> list[str]:
     return names
 
 
-def _read_all(
-    recordings: Sequence[Path], bank: str, depth_topic: str | None, workers: int | None
-) -> list[Recorded]:
+def read_all(recordings: Sequence[Path], setting: RecordSetting, workers: int | None) -> list[Recorded]:
     """Read all recordings, one process each, with a progress bar."""
     from depth_pose.core.workers import run_each
-    from depth_pose.rooms.calibration_record import RecordSetting, read_record
+    from depth_pose.rooms.calibration_record import read_record
 
-    setting = RecordSetting(bank, depth_topic)
     names = camera_names(recordings)
     tasks = [(str(path), name, setting) for path, name in zip(recordings, names, strict=True)]
     shares = [0.0] * len(tasks)

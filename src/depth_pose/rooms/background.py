@@ -17,6 +17,8 @@ Array = NDArray[np.float64]
 
 _MOST_PX = 640
 """Images wider than this are thinned to every second pixel and so on. Set by hand."""
+_MOST_IMAGES = 60
+"""Number of images above which every second one is dropped. Set by hand."""
 _MARGIN = 0.012
 """Margin around people, as a share of the image's width. Set by hand."""
 _QUANTILE = 0.65
@@ -44,6 +46,8 @@ class BackgroundBuilder:
 
     _images: list[NDArray[np.float32]] = field(default_factory=list)
     camera: Camera | None = None
+    _count: int = -1
+    _every: int = 1
 
     def add(self, frame: DepthFrame, people: People) -> None:
         """Add an image without the people in it; all have one camera, others are ignored."""
@@ -51,9 +55,12 @@ class BackgroundBuilder:
         camera = frame.camera.strided(step)
         if self.camera is None:
             self.camera = camera
-        if camera == self.camera:
+        self._count += 1
+        if camera == self.camera and self._count % self._every == 0:
             depth = np.nan_to_num(frame.depth[::step, ::step])
             self._images.append(np.where(_covered(people, camera), np.float32(0.0), depth))
+        if len(self._images) > _MOST_IMAGES:
+            self._images, self._every = self._images[::2], 2 * self._every
 
     def image(self) -> NDArray[np.float32] | None:
         """Return the depth image of the empty room, metres, 0 where unknown; None without images."""

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from depth_pose.bank.bank import Bank
-from depth_pose.core.camera import Camera
 from depth_pose.core.config import PipelineConfig, SmoothConfig
 from depth_pose.core.errors import InputError
 from depth_pose.core.workers import Tell
@@ -18,16 +17,27 @@ from depth_pose.rooms.sightings import CameraRecord
 
 _LEAST_STEP_NS = 50_000_000
 """Frames closer than this to the one before are skipped: 20 a second suffice. Set by hand."""
-_IMAGES = 40
-"""Number of depth images from which the empty room is computed. Set by hand."""
+_IMAGE_STEP_NS = 500_000_000
+"""Time from one depth image of the empty room to the next, nanoseconds. Set by hand."""
 
 
 @dataclass(frozen=True)
 class RecordSetting:
-    """How recordings are read: the bank's file, and the depth topic (None for the only one)."""
+    """How recordings are read.
+
+    Attributes
+    ----------
+    bank : str
+        The bank's file.
+    depth_topic : str or None
+        None for the only one.
+    seconds : float or None
+        Length that is used, from the beginning; None for all.
+    """
 
     bank: str
     depth_topic: str | None = None
+    seconds: float | None = None
 
 
 @dataclass(frozen=True)
@@ -62,25 +72,23 @@ def read_record(recording: str, name: str, setting: RecordSetting, tell: Tell) -
     pipeline = PosePipeline(Bank.load(setting.bank), PipelineConfig(smooth=SmoothConfig(enabled=False)))
     record = CameraRecord(name, topic=reader.topic.name)
     room = BackgroundBuilder()
-    every = max(1, len(reader) // _IMAGES)
-    next_image = 0
-    last_ns: int | None = None
-    camera: Camera | None = None
+    first_ns = last_ns = image_ns = -(10**18)
     for number, frame in enumerate(reader):
-        if last_ns is not None and 0 <= frame.stamp_ns - last_ns < _LEAST_STEP_NS:
+        if record.camera is None:
+            record.camera, record.frame_id, first_ns = frame.camera, frame.frame_id, frame.stamp_ns
+        elif frame.camera != record.camera:
+            raise InputError(f"{recording}: the camera's image or calibration changes at frame {number}")
+        if setting.seconds is not None and frame.stamp_ns - first_ns > 1e9 * setting.seconds:
+            break
+        tell(number / max(len(reader), 1))
+        if 0 <= frame.stamp_ns - last_ns < _LEAST_STEP_NS:
             continue
         last_ns = frame.stamp_ns
-        if camera is None:
-            camera, record.frame_id = frame.camera, frame.frame_id
-        elif frame.camera != camera:
-            raise InputError(f"{recording}: the camera's image or calibration changes at frame {number}")
         result = pipeline.process_frame(frame)
         record.add(frame.stamp_ns, result.skeletons)
-        if number >= next_image:
+        if not 0 <= frame.stamp_ns - image_ns < _IMAGE_STEP_NS:
+            image_ns = frame.stamp_ns
             room.add(frame, result.people)
-            next_image += every
-        tell(number / max(len(reader), 1))
-    record.camera = camera
     record.background, record.background_camera = room.image(), room.camera
     record.upside_down = "; ".join(pipeline.warnings)
     return Recorded(record, read_static_transforms(recording), tuple(reader.warnings))
