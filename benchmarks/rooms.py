@@ -43,9 +43,8 @@ def displacement(found: Calibration, truth: dict[str, np.ndarray], camera: int) 
 def calibration(folder: Path, seconds: list[float], names: list[str]) -> None:
     """Calibrate every simulated room of a folder, and print a table."""
     bank = str(prepare_default_bank())
-    print(
-        f"{'room':10} {'s':>4} {'camera':>6} {'mm':>6} {'place':>6} {'deg':>5}   said mm   deg  clock ms (true)"
-    )
+    columns = f"{'room':10} {'s':>4} {'camera':>6} {'mm':>6} {'place':>6} {'deg':>5}"
+    print(f"{columns}   said mm   deg  clock ms (true)")
     for length in seconds:
         rows = []
         for rig in sorted(folder.glob("*.yaml")):

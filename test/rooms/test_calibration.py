@@ -39,7 +39,7 @@ def errors(calibration, numbers):
 
 @pytest.mark.parametrize("background", [True, False])
 def test_three_cameras_from_people_who_appear_too_near(background):
-    """Unlike rates and clocks; joints 3 cm too near in each camera, which is 6 cm between two that face."""
+    """Unlike rates and clocks; trunks 3.5 cm too near in each camera, which is 7 cm between two that face."""
     calibration = RoomCalibration([record(n, background=background) for n in range(3)]).solve()
     for moved_mm, turned_deg in errors(calibration, range(3)):
         assert moved_mm < 10.0

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from depth_pose.core.rotations import cross_matrix, rotvec_to_matrix, unit_vectors
+from depth_pose.core.skeleton import JOINTS
 from depth_pose.detect.floor import Floor
 from depth_pose.rooms.background import RoomSurface
 from depth_pose.rooms.sightings import BodyTrack
@@ -26,10 +27,23 @@ Array = NDArray[np.float64]
 SIZE = 8
 _OFFSET, _NEAR = 6, 7
 
-_JOINT_M = 0.05
-"""Deviation of a sure joint across the ray, metres. Set by hand, about `docs/accuracy.md`'s."""
-_ALONG = 1.5
-"""Deviation along the ray, as a multiple. Set by hand."""
+_ERRORS = {
+    "pelvis": (1.0, 0.03, 0.025),
+    "spine": (1.6, 0.05, 0.025),
+    "chest": (1.9, 0.05, 0.025),
+    "neck": (1.1, 0.03, 0.025),
+    "head": (0.6, 0.02, 0.03),
+    "shoulder": (1.3, 0.045, 0.035),
+    "elbow": (2.5, 0.08, 0.07),
+    "wrist": (3.0, 0.1, 0.1),
+    "hip": (0.9, 0.03, 0.03),
+    "knee": (0.25, 0.02, 0.035),
+    "ankle": (0.15, 0.015, 0.04),
+    "foot": (0.4, 0.03, 0.06),
+}
+"""Errors of joints that are seen: by how much they appear too near, against the pelvis; deviation along the
+ray and across it, metres. From ``python benchmarks/rooms.py joints``."""
+_NEAR_SHARE, _ALONG_M, _ACROSS_M = np.array([_ERRORS[name.rpartition("_")[2]] for name in JOINTS]).T
 _ALIKE_S = 0.7
 """A joint's error is the same for about this time, seconds. Set by hand."""
 _ALIKE_JOINTS = 4.0
@@ -37,7 +51,7 @@ _ALIKE_JOINTS = 4.0
 _FAR_M = 0.12
 """Residual (m) at which a joint has a quarter of its weight. Set by hand."""
 
-NEAR_M, NEAR_SPREAD_M = 0.03, 0.015
+NEAR_M, NEAR_SPREAD_M = 0.03, 0.02
 """By how much people appear too near, mean and deviation over sensors, metres."""
 OFFSET_SPREAD_S = 0.3
 """Deviation of clock offsets, seconds. Set by hand."""
@@ -68,7 +82,7 @@ class CameraState:
     offset : float
         Its clock minus the room's, seconds.
     near : float
-        By how much people appear too near along its rays, metres.
+        By how much people's pelvises appear too near along its rays, metres.
     """
 
     T_room_camera: Array
@@ -142,17 +156,18 @@ def add_people(normal: Normal, states: Sequence[CameraState], terms: Sequence[Pe
         pa, pb = track_a.joints[frame, joint], seen.joints[frame, joint]
         ua, ub = unit_vectors(pa), unit_vectors(pb)
         Ra, Rb = first.T_room_camera[:3, :3], second.T_room_camera[:3, :3]
-        qa, qb = first.to_room(pa + first.near * ua), second.to_room(pb + second.near * ub)
+        share = _NEAR_SHARE[joint, None]
+        qa, qb = first.to_room(pa + first.near * share * ua), second.to_room(pb + second.near * share * ub)
         ua, ub, vb = ua @ Ra.T, ub @ Rb.T, seen.velocities[frame, joint] @ Rb.T
         residual = qa - qb
         length = np.linalg.norm(residual, axis=1)
         lengths.append(length)
         Ja, Jb = motion_rows(qa), -motion_rows(qb)
         Ja[:, :, _OFFSET], Jb[:, :, _OFFSET] = vb, -vb
-        Ja[:, :, _NEAR], Jb[:, :, _NEAR] = ua, -ub
-        more = _JOINT_M**2 * (_ALONG**2 - 1.0)
-        spread = more * (ua[:, :, None] * ua[:, None] + ub[:, :, None] * ub[:, None])
-        spread += 2.0 * _JOINT_M**2 * np.eye(3)
+        Ja[:, :, _NEAR], Jb[:, :, _NEAR] = share * ua, -share * ub
+        along, across = _ALONG_M[joint, None, None] ** 2, _ACROSS_M[joint, None, None] ** 2
+        spread = (along - across) * (ua[:, :, None] * ua[:, None] + ub[:, :, None] * ub[:, None])
+        spread += 2.0 * across * np.eye(3)
         root = np.swapaxes(np.linalg.cholesky(np.linalg.inv(spread)), 1, 2)
         seconds = track_a.seconds[frame]
         weight = (

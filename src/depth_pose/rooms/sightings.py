@@ -18,6 +18,9 @@ Array = NDArray[np.float64]
 MOST_GAP_S = 0.3
 """Joints are interpolated between frames that are at most this far apart, seconds. Set by hand."""
 
+_SMOOTH_S, _MOST_NEIGHBOURS = 0.08, 6
+"""Deviation (s) of the weights over time that smooth a track, and neighbours on either side. Set by hand."""
+
 
 @dataclass(frozen=True)
 class Moments:
@@ -41,14 +44,15 @@ class BodyTrack:
     ----------
     times : (N,) float64
         Stamps, seconds since the calibration's reference time, ascending.
-    joints : (N, 19, 3) float64
-        Camera frame, metres.
+    joints, velocities : (N, 19, 3) float64
+        Smoothed over time; camera frame, metres and m/s.
     confidence : (N, 19) float64
         0 for joints that were not seen.
     """
 
     times: Array
     joints: Array
+    velocities: Array
     confidence: Array
 
     @cached_property
@@ -70,11 +74,10 @@ class BodyTrack:
         share = (times - self.times[before]) / gap
         present = (share >= 0.0) & (share <= 1.0) & (gap <= MOST_GAP_S)
         share = np.clip(share, 0.0, 1.0)[:, None, None]
-        first, second = self.joints[before], self.joints[after]
+        joints = (1.0 - share) * self.joints[before] + share * self.joints[after]
+        velocities = (1.0 - share) * self.velocities[before] + share * self.velocities[after]
         confidence = np.minimum(self.confidence[before], self.confidence[after]) * present[:, None]
-        return Moments(
-            (1.0 - share) * first + share * second, (second - first) / gap[:, None, None], confidence, present
-        )
+        return Moments(joints, velocities, confidence, present)
 
 
 @dataclass
@@ -127,8 +130,39 @@ class CameraRecord:
 def _track_of(skeletons: Sequence[Skeleton], reference_ns: int) -> BodyTrack:
     confidence = np.stack([s.joint_confidence for s in skeletons]).astype(np.float64)
     states = np.stack([s.joint_states for s in skeletons])
-    return BodyTrack(
-        times=np.array([(s.stamp_ns - reference_ns) * 1e-9 for s in skeletons]),
-        joints=np.stack([s.positions for s in skeletons]),
-        confidence=np.where(states == JointState.SEEN, confidence, 0.0),
-    )
+    confidence = np.where(states == JointState.SEEN, confidence, 0.0)
+    times = np.array([(s.stamp_ns - reference_ns) * 1e-9 for s in skeletons])
+    joints, velocities = smooth_joints(times, np.stack([s.positions for s in skeletons]), confidence)
+    return BodyTrack(times, joints, velocities, confidence)
+
+
+def smooth_joints(times: Array, joints: Array, confidence: Array) -> tuple[Array, Array]:
+    """Fit a line through each joint's neighbours in time; return places and velocities, as ``joints``.
+
+    Without it, interpolation between two frames would average their errors, and clocks of which the frames of
+    one camera fall between those of another would seem to agree better than the true ones.
+
+    Parameters
+    ----------
+    times : (N,) float64
+        Seconds, ascending.
+    joints : (N, J, 3) float64
+    confidence : (N, J) float64
+    """
+    sums = np.zeros((3, *confidence.shape))
+    moments = np.zeros((2, *joints.shape))
+    number = np.arange(len(times))
+    for k in range(-_MOST_NEIGHBOURS, _MOST_NEIGHBOURS + 1):
+        other = np.clip(number + k, 0, len(times) - 1)
+        gap = times[other] - times
+        there = (other == number + k) & (np.abs(gap) < 3.0 * _SMOOTH_S)
+        near = np.exp(-0.5 * (gap / _SMOOTH_S) ** 2) * there
+        weight = near[:, None] * np.maximum(confidence[other], 1e-3)
+        sums += weight * gap[:, None] ** np.arange(3)[:, None, None]
+        moments += (weight * gap[:, None] ** np.arange(2)[:, None, None])[..., None] * joints[other]
+    s0, s1, s2 = sums[..., None]
+    spread = s0 * s2 - s1**2
+    alone = spread < 1e-4 * _SMOOTH_S**2 * s0**2
+    spread = np.where(alone, 1.0, spread)
+    places = np.where(alone, joints, (s2 * moments[0] - s1 * moments[1]) / spread)
+    return places, np.where(alone, 0.0, (s0 * moments[1] - s1 * moments[0]) / spread)
