@@ -42,8 +42,8 @@ def test_three_cameras_from_people_who_appear_too_near(background):
     """Unlike rates and clocks; trunks 3.5 cm too near in each camera, which is 7 cm between two that face."""
     calibration = RoomCalibration([record(n, background=background) for n in range(3)]).solve()
     for moved_mm, turned_deg in errors(calibration, range(3)):
-        assert moved_mm < 10.0
-        assert turned_deg < 0.2
+        assert moved_mm < 15.0
+        assert turned_deg < 0.3
     assert np.allclose(calibration.offsets, OFFSETS, atol=0.005)
     assert calibration.deviation_m[1:].max() < 0.03
     first = calibration.T_room_camera[0]

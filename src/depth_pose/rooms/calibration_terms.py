@@ -8,6 +8,7 @@ too near, in either camera, which no transform explains.
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -46,6 +47,9 @@ ray and across it, metres. From ``python benchmarks/rooms.py joints``."""
 _NEAR_SHARE, _ALONG_M, _ACROSS_M = np.array([_ERRORS[name.rpartition("_")[2]] for name in JOINTS]).T
 _ALIKE_S = 0.7
 """A joint's error is the same for about this time, seconds. Set by hand."""
+_MOST_S = 25.0
+"""Two cameras' joints count as at most this much time: systematic errors remain, however long people walk.
+Chosen on simulated pairs from 5, 15 and no limit."""
 _ALIKE_JOINTS = 4.0
 """Number of joints that err alike. Set by hand."""
 _FAR_M = 0.12
@@ -64,8 +68,9 @@ _ROUGH = 8.0
 _FIXED = 1e9
 """Weight of what does not move, 1/m^2: far above all others."""
 
-_SURFACE_M = 0.02
-"""Deviation of the empty room's points, metres. Set by hand."""
+_SURFACE_M, _SURFACE_PER_M = 0.012, 0.0015
+"""Deviation of the empty room's points (m), and its growth with the squared distance (1/m), as of sensors
+that measure disparity. Set by hand."""
 _ALIKE_POINTS = 20.0
 """Number of neighbouring points that err alike. Set by hand."""
 _SAME_COS = np.cos(np.radians(35.0))
@@ -146,6 +151,9 @@ class PeopleTerm(NamedTuple):
 def add_people(normal: Normal, states: Sequence[CameraState], terms: Sequence[PeopleTerm]) -> Array:
     """Add the joints that two cameras see at the same time; return the residuals' lengths (N,), metres."""
     lengths = []
+    total: defaultdict[tuple[int, int], float] = defaultdict(float)
+    for term in terms:
+        total[term.a, term.b] += float(term.track_a.seconds.sum())
     for a, b, track_a, track_b in terms:
         first, second = states[a], states[b]
         seen = track_b.at(track_a.times - first.offset + second.offset)
@@ -170,9 +178,8 @@ def add_people(normal: Normal, states: Sequence[CameraState], terms: Sequence[Pe
         spread += 2.0 * across * np.eye(3)
         root = np.swapaxes(np.linalg.cholesky(np.linalg.inv(spread)), 1, 2)
         seconds = track_a.seconds[frame]
-        weight = (
-            sure[frame, joint] * seconds / (_ALIKE_S * _ALIKE_JOINTS) / (1.0 + (length / _FAR_M) ** 2) ** 2
-        )
+        trust = min(1.0, _MOST_S / total[a, b]) / (1.0 + (length / _FAR_M) ** 2) ** 2
+        weight = trust * sure[frame, joint] * seconds / (_ALIKE_S * _ALIKE_JOINTS)
         rows = [(a, (root @ Ja).reshape(-1, SIZE)), (b, (root @ Jb).reshape(-1, SIZE))]
         normal.add(rows, np.einsum("nij,nj->ni", root, residual).ravel(), np.repeat(weight, 3))
     return np.concatenate(lengths) if lengths else np.zeros(0)
@@ -246,9 +253,12 @@ def add_surfaces(
             found.append((0, 0.0))
             continue
         n, qa, residual = n[good], qa[good], residual[good]
+        spread = 2.0 * _SURFACE_M**2
+        for points in (surface_a.points[there[good]], surface_b.points[index[there[good]]]):
+            spread = spread + (_SURFACE_PER_M * np.sum(points**2, axis=1)) ** 2
         J = np.zeros((len(n), SIZE))
         J[:, :3], J[:, 3:6] = np.cross(qa, n), n
-        weight = (1.0 - (residual / reach_m) ** 2) ** 2 / (_SURFACE_M**2 * _ALIKE_POINTS)
+        weight = (1.0 - (residual / reach_m) ** 2) ** 2 / (spread * _ALIKE_POINTS)
         normal.add([(a, J), (b, -J)], residual, weight)
         found.append((len(n), float(np.abs(residual).mean())))
     return found
