@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from walkers import Walker, place_camera, record_camera
+from strollers import Stroller, place_camera, record_camera
 
 from depth_pose.core.errors import InputError
 from depth_pose.rooms.calibration import RoomCalibration
@@ -17,7 +17,7 @@ CAMERAS = (
 )
 OFFSETS = (0.0, 0.033, -0.12)
 RATES = (10.0, 14.0, 9.0)
-STROLLERS = tuple(Walker.strolling(seed, 20.0) for seed in (1, 2))
+STROLLERS = tuple(Stroller.strolling(seed, 20.0) for seed in (1, 2))
 
 
 def record(number, walkers=STROLLERS, seconds=20.0, **options):
@@ -59,7 +59,7 @@ def test_three_cameras_from_people_who_appear_too_near(background):
 def test_cameras_that_only_a_third_connects():
     """The first and the last see different people; the second sees both."""
     left, right = (
-        Walker.strolling(s, 20.0, low, high)
+        Stroller.strolling(s, 20.0, low, high)
         for s, low, high in ((1, (1.0, -1.8), (2.5, 1.8)), (2, (3.0, -1.8), (4.5, 1.8)))
     )
     records = [record(0, (left,)), record(2, (right,)), record(1, (left, right))]
@@ -89,7 +89,7 @@ def refusal(records):
 
 @pytest.mark.parametrize("background", [True, False])
 def test_different_rooms(background):
-    others = [Walker.strolling(seed, 20.0) for seed in (8, 9)]
+    others = [Stroller.strolling(seed, 20.0) for seed in (8, 9)]
     text = refusal([record(0, background=background), record(1, others, background=background)])
     assert "camera0 and camera1" in text
     assert "different rooms" in text
@@ -126,7 +126,7 @@ def test_nobody_in_one_of_them():
 
 def test_only_one_line_walked():
     """To and fro on one line, with no empty room that could tell what the line does not."""
-    to_and_fro = Walker(np.array([[1.5, 0.0], [2.5, 0.0], [3.5, 0.0], [2.5, 0.0]] * 4))
+    to_and_fro = Stroller(np.array([[1.5, 0.0], [2.5, 0.0], [3.5, 0.0], [2.5, 0.0]] * 4))
     records = [record(n, (to_and_fro,), background=False) for n in (0, 1)]
     assert "one line" in refusal(records)
     calibration = RoomCalibration([record(n, (to_and_fro,)) for n in (0, 2)]).solve()
@@ -136,5 +136,5 @@ def test_only_one_line_walked():
 
 
 def test_somebody_who_stands_still():
-    standing = Walker(np.tile([[2.5, 0.0]], (16, 1)) + np.random.default_rng(0).normal(0, 0.02, (16, 2)))
+    standing = Stroller(np.tile([[2.5, 0.0]], (16, 1)) + np.random.default_rng(0).normal(0, 0.02, (16, 2)))
     assert "one place" in refusal([record(n, (standing,), background=False) for n in (0, 1)])

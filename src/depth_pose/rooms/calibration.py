@@ -25,12 +25,12 @@ from depth_pose.detect.floor import Floor
 from depth_pose.rooms.background import RoomSurface, find_surface
 from depth_pose.rooms.calibration_checks import check_match, check_records, check_solution, check_ties
 from depth_pose.rooms.calibration_floor import find_floor
+from depth_pose.rooms.calibration_input import BodyTrack, CameraRecord
 from depth_pose.rooms.calibration_match import level_walk, match_pair
 from depth_pose.rooms.calibration_solve import Solution, relative_spread, solve_room
 from depth_pose.rooms.calibration_terms import CameraState, PeopleTerm
 from depth_pose.rooms.rig import RigCamera
 from depth_pose.rooms.rigfile import Rig, upright_from
-from depth_pose.rooms.sightings import BodyTrack, CameraRecord
 from depth_pose.rooms.transform_tree import TransformTree
 
 Array = NDArray[np.float64]

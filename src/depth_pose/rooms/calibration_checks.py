@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from depth_pose.core.camera import Camera
 from depth_pose.core.errors import InputError
 from depth_pose.rooms.background import find_surface
+from depth_pose.rooms.calibration_input import CameraRecord
 from depth_pose.rooms.calibration_match import PairMatch
 from depth_pose.rooms.calibration_terms import CameraState
-from depth_pose.rooms.sightings import CameraRecord
 
 Array = NDArray[np.float64]
 

@@ -13,7 +13,7 @@ from depth_pose.core.rotations import unit_vectors
 from depth_pose.core.skeleton import ADULT_STATURE_M, JOINT_INDEX, NODE_INDEX, rest_nodes
 from depth_pose.core.types import DepthFrame
 from depth_pose.detect.floor import Floor, FloorFinder
-from depth_pose.rooms.sightings import BodyTrack
+from depth_pose.rooms.calibration_input import BodyTrack
 
 Array = NDArray[np.float64]
 

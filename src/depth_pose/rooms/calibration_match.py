@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.skeleton import JOINT_INDEX
-from depth_pose.rooms.sightings import BodyTrack
+from depth_pose.rooms.calibration_input import BodyTrack
 
 Array = NDArray[np.float64]
 

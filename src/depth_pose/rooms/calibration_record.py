@@ -13,7 +13,7 @@ from depth_pose.io.mcap_read import DepthReader
 from depth_pose.io.static_transforms import StaticTransform, read_static_transforms
 from depth_pose.pipeline import PosePipeline
 from depth_pose.rooms.background import BackgroundBuilder
-from depth_pose.rooms.sightings import CameraRecord
+from depth_pose.rooms.calibration_input import CameraRecord
 
 _LEAST_STEP_NS = 50_000_000
 """Frames closer than this to the one before are skipped: 20 a second suffice. Set by hand."""

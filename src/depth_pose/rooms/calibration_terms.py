@@ -21,7 +21,7 @@ from depth_pose.core.rotations import cross_matrix, rotvec_to_matrix, unit_vecto
 from depth_pose.core.skeleton import JOINTS
 from depth_pose.detect.floor import Floor
 from depth_pose.rooms.background import RoomSurface
-from depth_pose.rooms.sightings import BodyTrack
+from depth_pose.rooms.calibration_input import BodyTrack
 
 Array = NDArray[np.float64]
 

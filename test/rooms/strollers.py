@@ -10,7 +10,7 @@ from scipy.interpolate import CubicSpline
 
 from depth_pose.core.camera import Camera
 from depth_pose.core.skeleton import ADULT_STATURE_M, JOINT_NODES, JOINTS, MIRROR_JOINTS, rest_nodes
-from depth_pose.rooms.sightings import CameraRecord
+from depth_pose.rooms.calibration_input import CameraRecord
 from skeletons import make_skeleton
 
 CAMERA = Camera(160, 120, 130.0, 130.0, 79.5, 59.5)
@@ -45,13 +45,13 @@ def place_camera(
 
 
 @dataclass
-class Walker:
+class Stroller:
     """Somebody who walks smoothly past points of the floor, one every 1.5 s, arms swinging."""
 
     points: np.ndarray
 
     @classmethod
-    def strolling(cls, seed: int, seconds: float, low=(1.0, -1.8), high=(4.5, 1.8)) -> Walker:
+    def strolling(cls, seed: int, seconds: float, low=(1.0, -1.8), high=(4.5, 1.8)) -> Stroller:
         rng = np.random.default_rng(seed)
         return cls(rng.uniform(low, high, (int(seconds / 1.5) + 3, 2)))
 
@@ -71,7 +71,7 @@ class Walker:
 def record_camera(
     name: str,
     T_room_camera: np.ndarray,
-    walkers: Sequence[Walker],
+    walkers: Sequence[Stroller],
     seconds: float,
     *,
     fps: float = 10.0,
