@@ -20,6 +20,7 @@ from depth_pose.cli.fusion import add_to as add_fusion
 from depth_pose.cli.info import add_to as add_info
 from depth_pose.cli.live import add_to as add_live
 from depth_pose.cli.look import add_to as add_look
+from depth_pose.cli.rooms import add_to as add_rooms
 from depth_pose.cli.run import add_to as add_run
 from depth_pose.cli.scoring import add_to as add_scoring
 from depth_pose.cli.simulation import add_to as add_simulation
@@ -67,6 +68,8 @@ def _main(
 
     [bold]Live, on a sensor's topics:[/bold]  depth-pose up
 
+    [bold]Where several cameras stand:[/bold]  depth-pose calibrate a.mcap b.mcap -o rig.yaml
+
     [bold]Without a sensor:[/bold]  depth-pose simulate -o bags/sim.mcap
     """
 
@@ -78,6 +81,7 @@ add_fusion(app)
 add_look(app)
 add_simulation(app)
 add_scoring(app)
+add_rooms(app)
 add_view(app)
 add_export(app)
 app.add_typer(bank_app, name="bank")

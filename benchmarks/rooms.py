@@ -1,0 +1,88 @@
+"""Several cameras in one room, measured on simulated recordings.
+
+    depth-pose simulate --room --people 2 --cameras 2 --seconds 60 --width 320 --seed 1 -o rooms/pair1.mcap
+    python benchmarks/rooms.py calibration rooms/ --seconds 20 60
+
+``calibration``: for each NAME.yaml of a folder, the true rig, calibrates NAME_0.mcap, NAME_1.mcap and so on;
+prints how far each camera is off against the first: mean displacement of points where people were (0 to 1.8 m
+above the floor), of the camera itself, and the turn; beside what the calibration states itself.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+
+from depth_pose.bank.default import prepare_default_bank
+from depth_pose.cli.rooms import read_all
+from depth_pose.core.errors import InputError
+from depth_pose.rooms.calibration import Calibration, RoomCalibration
+from depth_pose.rooms.calibration_record import RecordSetting
+
+HEIGHTS_M = (0.0, 0.9, 1.8)
+"""Heights of the points whose displacement is measured, metres."""
+
+
+def displacement(found: Calibration, truth: dict[str, np.ndarray], camera: int) -> tuple[float, float, float]:
+    """Return how far a camera is off against the first: points (mm), its place (mm), its turn (degrees)."""
+    T_camera_world = truth["T_camera_world"].astype(np.float64)
+    true = T_camera_world[0] @ np.linalg.inv(T_camera_world[camera])
+    T = np.linalg.inv(found.T_room_camera[0]) @ found.T_room_camera[camera]
+    off = T @ np.linalg.inv(true)
+    spots = truth["joints"][::15, :, 0].reshape(-1, 3)
+    spots = spots[np.isfinite(spots).all(axis=1)]
+    points = np.concatenate([np.column_stack([spots[:, :2], np.full((len(spots), 1), h)]) for h in HEIGHTS_M])
+    points = points @ T_camera_world[0, :3, :3].T + T_camera_world[0, :3, 3]
+    moved = np.linalg.norm(points @ off[:3, :3].T + off[:3, 3] - points, axis=1).mean()
+    turned = np.degrees(np.arccos(np.clip((np.trace(off[:3, :3]) - 1.0) / 2.0, -1.0, 1.0)))
+    return 1e3 * moved, 1e3 * float(np.linalg.norm((T - true)[:3, 3])), float(turned)
+
+
+def calibration(folder: Path, seconds: list[float], names: list[str]) -> None:
+    """Calibrate every simulated room of a folder, and print a table."""
+    bank = str(prepare_default_bank())
+    columns = f"{'room':10} {'s':>4} {'camera':>6} {'mm':>6} {'place':>6} {'deg':>5}"
+    print(f"{columns}   said mm   deg  clock ms (true)")
+    for length in seconds:
+        rows = []
+        for rig in sorted(folder.glob("*.yaml")):
+            if names and rig.stem not in names:
+                continue
+            truth = dict(np.load(rig.with_suffix(".npz")))
+            if len(truth["stamps_ns"]) and np.ptp(truth["stamps_ns"]) < 0.9e9 * length:
+                continue
+            recordings = sorted(folder.glob(f"{rig.stem}_?.mcap"))
+            try:
+                read = read_all(recordings, RecordSetting(bank, None, length), None)
+                found = RoomCalibration([one.record for one in read]).solve()
+            except InputError as error:
+                print(f"{rig.stem:10} {length:4.0f} refused: {error}")
+                continue
+            for c in range(1, len(recordings)):
+                moved, place, turned = displacement(found, truth, c)
+                rows.append((moved, place, turned))
+                print(
+                    f"{rig.stem:10} {length:4.0f} {c:6} {moved:6.1f} {place:6.1f} {turned:5.2f}   "
+                    f"{1e3 * found.deviation_m[c]:7.1f} {found.deviation_deg[c]:5.2f}  "
+                    f"{1e3 * found.offsets[c]:+.1f} ({1e3 * truth['clock_offsets_s'][c]:+.1f})"
+                )
+        if rows:
+            moved, place, turned = np.median(rows, axis=0)
+            print(f"{'median':10} {length:4.0f} {len(rows):6} {moved:6.1f} {place:6.1f} {turned:5.2f}")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parts = parser.add_subparsers(dest="part", required=True)
+    one = parts.add_parser("calibration")
+    one.add_argument("folder", type=Path)
+    one.add_argument("--seconds", type=float, nargs="+", default=[20.0, 60.0])
+    one.add_argument("--names", nargs="*", default=[], help="rooms, by default all")
+    given = parser.parse_args()
+    calibration(given.folder, given.seconds, given.names)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,164 @@
+"""``depth-pose calibrate``."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from contextlib import closing
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from depth_pose.cli import shared
+from depth_pose.cli.console import loading, print_facts, progress_bar, say, warn
+from depth_pose.core.errors import ConfigError
+from depth_pose.core.outputs import check_targets
+
+if TYPE_CHECKING:
+    from depth_pose.rooms.calibration import Calibration
+    from depth_pose.rooms.calibration_record import Recorded, RecordSetting
+
+_MOST_OFFSET_S = 0.02
+"""Clock offset (s) above which a warning is printed: more than live fusion is made for."""
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command()(calibrate)
+
+
+def calibrate(
+    recordings: Annotated[
+        list[Path],
+        typer.Argument(
+            help="Depth recordings of the same time, one a camera.", metavar="A B...", show_default=False
+        ),
+    ],
+    output: Annotated[Path, typer.Option("--output", "-o", help="The rig file, YAML.", metavar="RIG")],
+    picture: Annotated[
+        Path | None,
+        typer.Option(help="Picture of the room from above.", show_default="RIG with .png", metavar="FILE"),
+    ] = None,
+    bank: shared.BankFile = None,
+    depth_topic: shared.DepthTopic = None,
+    seconds: Annotated[
+        float | None,
+        typer.Option(min=5.0, max=3600.0, help="Use only this much of the beginning.", show_default="all"),
+    ] = None,
+    workers: Annotated[
+        int | None,
+        typer.Option(min=0, help="Number of processes; 0: only this one.", show_default="all cores"),
+    ] = None,
+) -> None:
+    """Find where several cameras stand in one room, from people who walk about in it.
+
+    Nothing is held up or measured: record all cameras at the same time for 20 s to a minute while one or more
+    people walk through all of the common view, to and fro and across. Their skeletons and the floor give the
+    first estimate; the surfaces of the empty room that two cameras see refine it. Clocks may differ by half a
+    second. Transforms between the cameras on /tf_static are used as they are.
+
+    The rig file holds each camera's pose in the room frame (z up, floor at z = 0, origin below the first
+    camera, x along its view) and its clock's offset; run --rig and volume run read it.
+
+    [bold]Examples:[/bold]
+
+    depth-pose calibrate left.mcap right.mcap -o rig.yaml
+
+    depth-pose calibrate door.mcap window.mcap corner.mcap -o rig.yaml --picture room.pdf
+    """
+    from depth_pose.evaluate.pictures import check_picture
+
+    drawn = picture or output.with_suffix(".png")
+    if output.suffix.lower() not in (".yaml", ".yml"):
+        raise ConfigError(f"{output} must be a rig file: its name ends in .yaml")
+    if len(recordings) < 2:
+        raise ConfigError("give the recordings of at least two cameras")
+    check_targets([output], [*recordings, bank])
+    check_picture(drawn, recordings)
+
+    from depth_pose.bank.default import prepare_default_bank
+    from depth_pose.evaluate.room_picture import save_room_picture
+    from depth_pose.rooms.calibration import RoomCalibration
+    from depth_pose.rooms.calibration_record import RecordSetting
+    from depth_pose.rooms.rigfile import save_rig
+    from depth_pose.rooms.transform_tree import TransformTree, pose_matrix
+
+    setting = RecordSetting(str(bank or prepare_default_bank()), depth_topic, seconds)
+    found = read_all(recordings, setting, workers)
+    tree = TransformTree()
+    for one in found:
+        warn(one.warnings)
+        for t in one.transforms:
+            tree.add(t.parent, t.child, pose_matrix(t.pose))
+    with loading("the calibration"):
+        calibration = RoomCalibration([one.record for one in found], tree).solve()
+    rig = calibration.rig
+    save_rig(output, rig.cameras, rig.topics, rig.up, rig.clock_offsets, rig.frame_ids)
+    save_room_picture(calibration, drawn)
+    _print_result(calibration, output)
+    say(f"wrote {output} and {drawn}")
+
+
+def camera_names(recordings: Sequence[Path]) -> list[str]:
+    """Return a name for each recording: its stem; with a number where two are alike."""
+    stems = [path.resolve().stem for path in recordings]
+    counts, names = Counter(stems), list[str]()
+    for stem in stems:
+        number, name = 1, stem
+        while name in names or (counts[stem] > 1 and name == stem):
+            name, number = f"{stem}_{number}", number + 1
+        names.append(name)
+    return names
+
+
+def read_all(recordings: Sequence[Path], setting: RecordSetting, workers: int | None) -> list[Recorded]:
+    """Read all recordings, one process each, with a progress bar."""
+    from depth_pose.core.workers import run_each
+    from depth_pose.rooms.calibration_record import read_record
+
+    names = camera_names(recordings)
+    tasks = [(str(path), name, setting) for path, name in zip(recordings, names, strict=True)]
+    shares = [0.0] * len(tasks)
+    found: dict[int, Recorded] = {}
+    with progress_bar("people and room", 100 * len(tasks)) as update:
+
+        def listen(index: int, share: float) -> None:
+            shares[index] = share
+            update(round(100 * sum(shares)))
+
+        with closing(run_each(read_record, tasks, workers, listen=listen)) as outcomes:
+            for outcome in outcomes:
+                if outcome.error is not None:
+                    raise outcome.error
+                assert outcome.value is not None
+                found[outcome.index] = outcome.value
+                listen(outcome.index, 1.0)
+    return [found[index] for index in range(len(tasks))]
+
+
+def _print_result(calibration: Calibration, output: Path) -> None:
+    facts = []
+    for c, record in enumerate(calibration.records):
+        x, y, z = calibration.T_room_camera[c, :3, 3]
+        place = f"at {x:.2f}, {y:.2f}, {z:.2f} m"
+        if c:
+            place += (
+                f", off by about {1e3 * calibration.deviation_m[c]:.0f} mm and "
+                f"{calibration.deviation_deg[c]:.2f} degrees; clock {1e3 * calibration.offsets[c]:+.0f} ms"
+            )
+        facts.append((record.name, place))
+    for pair in calibration.pairs:
+        text = (
+            f"people for {pair.seconds:.0f} s, {pair.overlap:.0%} of their time; {pair.points} points of the "
+            f"empty room; from {pair.source}"
+        )
+        facts.append((f"{pair.first} and {pair.second}", text))
+    facts.append(("joints seen by two", f"{1e3 * calibration.residual:.0f} mm apart, median"))
+    print_facts(str(output), facts)
+    warn(
+        f"the clock of {record.name} is {1e3 * offset:+.0f} ms off that of {calibration.records[0].name}; "
+        "the rig file corrects it for these recordings. For live use let the hosts synchronise (NTP, PTP)"
+        for record, offset in zip(calibration.records, calibration.offsets, strict=True)
+        if abs(offset) > _MOST_OFFSET_S
+    )

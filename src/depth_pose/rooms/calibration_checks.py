@@ -1,0 +1,178 @@
+"""What cannot be calibrated, and why: each check raises `InputError` with the reason and what to do."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from depth_pose.core.camera import Camera
+from depth_pose.core.errors import InputError
+from depth_pose.rooms.background import find_surface
+from depth_pose.rooms.calibration_input import CameraRecord
+from depth_pose.rooms.calibration_match import PairMatch
+from depth_pose.rooms.calibration_terms import CameraState
+
+Array = NDArray[np.float64]
+
+LEAST_S = 5.0
+"""Least time that people are seen by both of two cameras, seconds. Set by hand."""
+_LEAST_SHARE = 0.4
+"""Least share of the people's time that agrees, of that in which both cameras see somebody. Set by hand."""
+_MORE = 1.8
+"""People's time agrees by more than chance if it is this many times that which agrees when one camera is
+mirrored; a recording is mirrored the other way round. Set by hand."""
+_COPY_M, _COPY_RAD, _COPY_S = 0.01, np.radians(0.3), 0.002
+"""Two recordings are of one camera if they differ by less: place, turn and clock. Set by hand."""
+_THROUGH_M = 0.25
+"""A surface in front of what a camera sees by this much contradicts it, metres. Set by hand."""
+_MOST_CONTRADICTED = 0.25
+"""Most of a camera's points of the empty room that another may contradict. Set by hand."""
+_LINE_M, _PLACE_M = 0.2, 0.3
+"""People walked only one line if their places deviate less across it (m), and stayed in one place if they
+deviate less along it. Set by hand."""
+_RESOLVED_M = 0.05
+"""The empty room tells a camera's place if it does so to this deviation, metres. Set by hand."""
+_LEAST_POINTS = 100
+"""Fewest points on which that is judged. Set by hand."""
+
+
+def check_records(records: Sequence[CameraRecord]) -> None:
+    """Check each camera by itself, and that all were there at the same time."""
+    if len(records) < 2:
+        raise InputError("a calibration needs at least two cameras")
+    for record in records:
+        if record.upside_down:
+            raise InputError(f"{record.name}: {record.upside_down}")
+        if not record.stamps_ns:
+            raise InputError(f"{record.name} has no frames")
+    for i, first in enumerate(records):
+        for second in records[i + 1 :]:
+            _check_times(first, second)
+    for record in records:
+        if not record.tracks(0):
+            raise InputError(
+                f"{record.name}: nobody is seen; somebody must walk about where both cameras see them"
+            )
+
+
+def _check_times(first: CameraRecord, second: CameraRecord) -> None:
+    start = max(first.stamps_ns[0], second.stamps_ns[0])
+    end = min(first.stamps_ns[-1], second.stamps_ns[-1])
+    if (end - start) * 1e-9 < LEAST_S:
+        apart = (second.stamps_ns[0] - first.stamps_ns[0]) * 1e-9
+        raise InputError(
+            f"{first.name} and {second.name} have {max(end - start, 0) * 1e-9:.1f} s in common "
+            f"({second.name} begins {abs(apart):.1f} s {'after' if apart > 0 else 'before'} {first.name}); "
+            "record all cameras at the same time, for at least 20 s, with clocks that agree to half a second"
+        )
+
+
+def check_match(first: str, second: str, match: PairMatch | None) -> str:
+    """Return why two cameras do not match by people; empty where they do."""
+    both = f"{first} and {second}"
+    if match is None:
+        return f"{both} never see somebody at the same time for long enough to be compared"
+    if match.mirrored > _MORE * match.seconds and _is_enough(match.mirrored, match.common, match.seconds):
+        return (
+            f"{both} agree only if one of them is mirrored ({match.mirrored:.0f} s of people's time against "
+            f"{match.seconds:.0f} s): one recording is flipped; switch the driver's flip or mirror option off"
+        )
+    if not _is_enough(match.seconds, match.common, match.mirrored):
+        return (
+            f"nobody is seen by both {both}: of {match.common:.0f} s in which both see somebody, "
+            f"{match.seconds:.0f} s agree, as many as by chance, or less than {LEAST_S:.0f} s; they see "
+            "different rooms, or different parts of one"
+        )
+    return ""
+
+
+def _is_enough(seconds: float, common: float, by_chance: float) -> bool:
+    """Whether more of the people's time agrees than by chance."""
+    return seconds >= LEAST_S and (seconds >= _LEAST_SHARE * common or seconds >= _MORE * by_chance)
+
+
+def check_solution(records: Sequence[CameraRecord], states: Sequence[CameraState]) -> None:
+    """Check that no two cameras are one, and that none sees through what another sees."""
+    for (first, one), (second, other) in combinations(zip(records, states, strict=True), 2):
+        T_first_second = np.linalg.inv(one.T_room_camera) @ other.T_room_camera
+        if _is_copy(T_first_second, other.offset - one.offset):
+            raise InputError(
+                f"{first.name} and {second.name} are the same recording, or of the same camera: their "
+                "people coincide; give recordings of different cameras"
+            )
+        contradicted = [
+            _share_contradicted(first, second, T_first_second),
+            _share_contradicted(second, first, np.asarray(np.linalg.inv(T_first_second))),
+        ]
+        worst = max((share for share in contradicted if np.isfinite(share)), default=0.0)
+        if worst > _MOST_CONTRADICTED:
+            raise InputError(
+                f"{first.name} and {second.name} see different rooms: with the transform by which people "
+                f"agree best, one sees through {worst:.0%} of the surfaces that the other sees"
+            )
+
+
+def check_ties(names: Sequence[str], spreads: Sequence[Array], by_room_m: Sequence[float]) -> None:
+    """Check that people's places and the empty room tie each camera to others.
+
+    Parameters
+    ----------
+    names : sequence of str
+    spreads : sequence of (2,) float64
+        Deviation of the places where each camera and another saw somebody, along and across, metres.
+    by_room_m : sequence of float
+        Deviation of each camera's place by the empty room alone, metres.
+    """
+    for name, (along, across), by_room in zip(names, spreads, by_room_m, strict=True):
+        if across > _LINE_M or by_room < _RESOLVED_M:
+            continue
+        what = "stayed in one place" if along < _PLACE_M else "walked only one line"
+        raise InputError(
+            f"{name}: people whom another camera sees as well {what}, and too little of the empty room is "
+            "seen by both; walk to and fro and across, over at least a metre or two"
+        )
+
+
+def _is_copy(T_first_second: Array, offset: float) -> bool:
+    turned = np.arccos(np.clip(0.5 * (np.trace(T_first_second[:3, :3]) - 1.0), -1.0, 1.0))
+    moved = np.linalg.norm(T_first_second[:3, 3])
+    return bool(turned < _COPY_RAD and moved < _COPY_M and abs(offset) < _COPY_S)
+
+
+def _share_contradicted(first: CameraRecord, second: CameraRecord, T_first_second: Array) -> float:
+    """Return the share of the second's surfaces that the first sees through; NaN where it is not known."""
+    camera, depth = first.background_camera, first.background
+    if camera is None or depth is None or second.background is None or second.background_camera is None:
+        return float("nan")
+    points = find_surface(second.background, second.background_camera).points
+    return share_contradicted(depth, camera, points @ T_first_second[:3, :3].T + T_first_second[:3, 3])
+
+
+def share_contradicted(depth: NDArray[np.float32], camera: Camera, points: Array) -> float:
+    """Return the share of points that lie in front of what a camera sees, where it should see them.
+
+    Parameters
+    ----------
+    depth : (H, W) float32
+        Metres; 0 where nothing returned.
+    camera : Camera
+    points : (N, 3) float64
+        Surfaces that another camera sees, in this camera's frame, metres.
+
+    Returns
+    -------
+    float
+        NaN where too few of them are in the image.
+    """
+    points = points[points[:, 2] > _THROUGH_M]
+    column, row = np.rint(camera.project(points)).astype(np.int64).T
+    inside = (column >= 0) & (column < camera.width) & (row >= 0) & (row < camera.height)
+    seen = depth[row[inside], column[inside]]
+    known = seen > 0
+    if known.sum() < _LEAST_POINTS:
+        return float("nan")
+    z = points[inside, 2][known]
+    return float(np.mean(z < seen[known] * 0.95 - _THROUGH_M))

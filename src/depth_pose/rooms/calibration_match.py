@@ -1,0 +1,288 @@
+"""Which tracks of two cameras are the same people: a first transform between the cameras, and their clocks.
+
+Both cameras are levelled by their floors, so what is left is a turn about the vertical, a shift along the
+floor and an offset between the clocks. People are points on the floor with a facing. Transforms are proposed
+by pairs of moments of two tracks that may be one person, for offsets on a grid; the one with which most of
+the people's time agrees wins, and is fitted to all of it. The same search with one camera mirrored tells a
+recording that was flipped.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from depth_pose.core.skeleton import JOINT_INDEX
+from depth_pose.rooms.calibration_input import BodyTrack
+
+Array = NDArray[np.float64]
+
+_TRUNK = [JOINT_INDEX[n] for n in ("pelvis", "spine", "chest", "neck")]
+_LEFT = [JOINT_INDEX["left_shoulder"], JOINT_INDEX["left_hip"]]
+_RIGHT = [JOINT_INDEX["right_shoulder"], JOINT_INDEX["right_hip"]]
+
+SAME_M = 0.25
+"""Places of one person by two cameras differ by less than this, metres. Set by hand."""
+_SAME_COS = 0.5
+"""Facings of one person by two cameras differ by less than 60 degrees. Set by hand."""
+_FARTHEST_S, _STEP_S, _FINE_S = 0.5, 0.1, 0.02
+"""Largest offset between two clocks, and the grid's steps, seconds. Set by hand."""
+_RATE_HZ = 5.0
+"""Moments a second of a track that are compared. Set by hand."""
+_LEAST_TRACK_S = 1.5
+"""Shortest track that proposes a transform, seconds. Set by hand."""
+_MOST_TRACKS = 12
+"""Number of tracks of each camera that propose, the longest. Set by hand."""
+_PROPOSALS = 40
+"""Pairs of moments that propose a transform, for each pair of tracks and offset. Set by hand."""
+_APART_M = 0.5
+"""Places of two moments that propose a turn are this far apart, metres. Set by hand."""
+_ROUNDS = 6
+"""Number of reweighted fits. Set by hand."""
+
+
+@dataclass(frozen=True)
+class Walk:
+    """A levelled track: places and facings on the floor.
+
+    Attributes
+    ----------
+    times : (N,) float64
+        Seconds.
+    places : (N, 2) float64
+        x and y of the trunk, the camera's floor frame (z up), metres.
+    sides : (N, 2) float64
+        From the right side to the left, length 1.
+    seconds : (N,) float64
+        Time that each moment stands for.
+    """
+
+    times: Array
+    places: Array
+    sides: Array
+    seconds: Array
+
+    def at(self, times: Array, most_gap_s: float = 0.6) -> tuple[Array, Array, NDArray[np.bool_]]:
+        """Interpolate places and sides at times (M,); and whether the walk covers them."""
+        after = np.clip(np.searchsorted(self.times, times), 1, len(self.times) - 1)
+        gap = np.maximum(self.times[after] - self.times[after - 1], 1e-6)
+        share = (times - self.times[after - 1]) / gap
+        covered = (share >= 0.0) & (share <= 1.0) & (gap <= most_gap_s)
+        share = np.clip(share, 0.0, 1.0)[:, None]
+        places = (1.0 - share) * self.places[after - 1] + share * self.places[after]
+        sides = (1.0 - share) * self.sides[after - 1] + share * self.sides[after]
+        return places, sides, covered
+
+
+def level_walk(track: BodyTrack, T_floor_camera: Array) -> Walk | None:
+    """Return a track's places and facings on the floor; None if it is too short to be compared."""
+    if len(track.times) < 3 or track.times[-1] - track.times[0] < 0.5:
+        return None
+    step = max(1, int(np.floor(1.0 / (_RATE_HZ * max(float(np.median(np.diff(track.times))), 1e-3)))))
+    kept = slice(None, None, step)
+    flat = (track.joints[kept] @ T_floor_camera[:3, :3].T + T_floor_camera[:3, 3])[..., :2]
+    sides = flat[:, _LEFT].mean(axis=1) - flat[:, _RIGHT].mean(axis=1)
+    sides /= np.maximum(np.linalg.norm(sides, axis=1, keepdims=True), 1e-6)
+    times = track.times[kept]
+    seconds = np.minimum(np.gradient(times), 0.5) if len(times) > 1 else np.zeros(len(times))
+    return Walk(times, flat[:, _TRUNK].mean(axis=1), sides, seconds)
+
+
+@dataclass(frozen=True)
+class PairMatch:
+    """How two cameras stand to each other, by people.
+
+    Attributes
+    ----------
+    turn : float
+        About the vertical, floor frame of b to that of a, radians.
+    shift : (2,) float64
+        Metres.
+    offset : float
+        The clock of b minus that of a, seconds.
+    seconds : float
+        People's time that agrees, seconds.
+    common : float
+        People's time in which both cameras saw somebody, which could agree, seconds.
+    spread : (2,) float64
+        Deviation of the places that agree along their main directions, metres, larger first.
+    mirrored : float
+        People's time that would agree if one of them were mirrored, seconds.
+    """
+
+    turn: float
+    shift: Array
+    offset: float
+    seconds: float
+    common: float
+    spread: Array
+    mirrored: float = 0.0
+
+    @property
+    def T_flooring(self) -> Array:
+        """Transform (4, 4) from the floor frame of b to that of a."""
+        T = np.eye(4)
+        T[:2, :2], T[:2, 3] = _turn_matrix(self.turn), self.shift
+        return T
+
+
+def match_pair(a: list[Walk], b: list[Walk]) -> PairMatch | None:
+    """Find the transform and clock offset with which most of the people's time agrees; None without any.
+
+    Parameters
+    ----------
+    a, b : list of Walk
+        All tracks of the two cameras.
+    """
+    proper = _best(a, b)
+    if proper is None:
+        return None
+    flipped = _best(a, [_mirrored(walk) for walk in b])
+    return proper if flipped is None else PairMatch(**{**vars(proper), "mirrored": flipped.seconds})
+
+
+def _mirrored(walk: Walk) -> Walk:
+    """Return the walk in a mirror; a body's left becomes its right, as a tracker names them."""
+    flip = np.array([1.0, -1.0])
+    return Walk(walk.times, walk.places * flip, -walk.sides * flip, walk.seconds)
+
+
+def _best(a: list[Walk], b: list[Walk]) -> PairMatch | None:
+    rng = np.random.default_rng(0)
+    best: tuple[float, float, Array, float] | None = None
+    for first in _longest(a):
+        for second in _longest(b):
+            for offset in np.arange(-_FARTHEST_S, _FARTHEST_S + 1e-9, _STEP_S):
+                proposed = _propose(first, second, float(offset), rng)
+                if proposed is None:
+                    continue
+                turn, shift = proposed
+                agreed = _agreement(a, b, turn, shift, float(offset))
+                score = agreed.score
+                if best is None or score > best[0]:
+                    best = (score, turn, shift, float(offset))
+    if best is None:
+        return None
+    _, turn, shift, offset = best
+    turn, shift = _refit(a, b, turn, shift, offset)
+    for step in (_STEP_S / 2, _FINE_S):
+        around = [offset + k * step for k in range(-3, 4)]
+        tried = [(*_refit(a, b, turn, shift, o), o) for o in around]
+        turn, shift, offset = max(tried, key=lambda one: _agreement(a, b, *one).score)
+    agreed = _agreement(a, b, turn, shift, offset)
+    if not agreed.seconds:
+        return None
+    middle = agreed.places_a - agreed.places_a.mean(axis=0)
+    spread = np.sqrt(np.maximum(np.linalg.eigvalsh(middle.T @ middle / len(middle)), 0.0))[::-1]
+    return PairMatch(turn, shift, offset, agreed.seconds, agreed.common, spread)
+
+
+def _longest(walks: list[Walk]) -> list[Walk]:
+    long = [w for w in walks if w.times[-1] - w.times[0] >= _LEAST_TRACK_S]
+    return sorted(long, key=lambda w: -w.seconds.sum())[:_MOST_TRACKS]
+
+
+def _turn_matrix(angle: float) -> Array:
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, -s], [s, c]])
+
+
+def _propose(
+    first: Walk, second: Walk, offset: float, rng: np.random.Generator
+) -> tuple[float, Array] | None:
+    """Return the turn and shift with which most moments of two tracks agree."""
+    places, sides, covered = second.at(first.times + offset)
+    there = np.flatnonzero(covered)
+    if first.seconds[there].sum() < _LEAST_TRACK_S:
+        return None
+    pa, pb = first.places[there], places[there]
+    sa, sb = first.sides[there], sides[there]
+    i, j = rng.integers(len(there), size=(2, _PROPOSALS))
+    along_a, along_b = pa[i] - pa[j], pb[i] - pb[j]
+    far = np.minimum(np.linalg.norm(along_a, axis=1), np.linalg.norm(along_b, axis=1)) > _APART_M
+    # where the person hardly moved between two moments, their facing tells the turn
+    along_a, along_b = np.where(far[:, None], along_a, sa[i]), np.where(far[:, None], along_b, sb[i])
+    turns = _angle(along_a) - _angle(along_b)
+    c, s = np.cos(turns), np.sin(turns)
+    R = np.stack([np.stack([c, -s], -1), np.stack([s, c], -1)], -2)
+    shifts = pa[i] - np.einsum("nij,nj->ni", R, pb[i])
+    off = np.einsum("nij,mj->nmi", R, pb) + shifts[:, None] - pa
+    near = np.maximum(0.0, 1.0 - (off**2).sum(-1) / SAME_M**2)
+    alike = np.einsum("nij,mj,mi->nm", R, sb, sa) > _SAME_COS
+    best = int(np.argmax((near * np.where(alike, 1.0, 0.3)).sum(axis=1)))
+    turn, shift = float(turns[best]), shifts[best]
+    for _ in range(3):
+        off2 = ((pb @ _turn_matrix(turn).T + shift - pa) ** 2).sum(-1)
+        turn, shift = _fit(pa, pb, sa, sb, 1.0 / (1.0 + off2 / SAME_M**2) ** 2)
+    return turn, shift
+
+
+def _angle(vectors: Array) -> Array:
+    return np.arctan2(vectors[:, 1], vectors[:, 0])
+
+
+_SIDE_M = 0.2
+"""Facings count as points this far beside the trunk, metres: half of a shoulder's width. Set by hand."""
+
+
+def _fit(pa: Array, pb: Array, sa: Array, sb: Array, weight: Array) -> tuple[float, Array]:
+    """Fit turn and shift to places and facings, weighted least squares in closed form."""
+    weight = weight / max(float(weight.sum()), 1e-12)
+    ca, cb = weight @ pa, weight @ pb
+    a, b = pa - ca, pb - cb
+    cross = weight @ (b[:, 0] * a[:, 1] - b[:, 1] * a[:, 0])
+    dot = weight @ (a * b).sum(-1)
+    cross += _SIDE_M**2 * (weight @ (sb[:, 0] * sa[:, 1] - sb[:, 1] * sa[:, 0]))
+    dot += _SIDE_M**2 * (weight @ (sa * sb).sum(-1))
+    turn = float(np.arctan2(cross, dot))
+    return turn, ca - _turn_matrix(turn) @ cb
+
+
+@dataclass(frozen=True)
+class _Agreement:
+    places_a: Array
+    places_b: Array
+    sides_a: Array
+    sides_b: Array
+    score: float
+    seconds: float
+    common: float
+
+
+def _agreement(a: list[Walk], b: list[Walk], turn: float, shift: Array, offset: float) -> _Agreement:
+    """Compare all people of two cameras: each moment of a with the nearest person of b at that time."""
+    R = _turn_matrix(turn)
+    rows: list[list[Array]] = [[], [], [], []]
+    score = seconds = common = 0.0
+    for walk in a:
+        nearest = np.full(len(walk.times), np.inf)
+        place, side = np.zeros_like(walk.places), np.zeros_like(walk.sides)
+        for other in b:
+            places, sides, covered = other.at(walk.times + offset)
+            off = np.linalg.norm(places @ R.T + shift - walk.places, axis=1)
+            closer = covered & (off < nearest)
+            nearest[closer], place[closer], side[closer] = off[closer], places[closer], sides[closer]
+        alike = np.sum((side @ R.T) * walk.sides, axis=1) > _SAME_COS
+        same = nearest < SAME_M
+        score += float(
+            (walk.seconds * np.maximum(0.0, 1.0 - (nearest / SAME_M) ** 2) * np.where(alike, 1.0, 0.3)).sum()
+        )
+        seconds += float(walk.seconds[same].sum())
+        common += float(walk.seconds[np.isfinite(nearest)].sum())
+        for kept, values in zip(rows, (walk.places, place, walk.sides, side), strict=True):
+            kept.append(values[same])
+    places_a, places_b, sides_a, sides_b = (np.concatenate([np.zeros((0, 2)), *kept]) for kept in rows)
+    return _Agreement(places_a, places_b, sides_a, sides_b, score, seconds, common)
+
+
+def _refit(a: list[Walk], b: list[Walk], turn: float, shift: Array, offset: float) -> tuple[float, Array]:
+    for _ in range(_ROUNDS):
+        found = _agreement(a, b, turn, shift, offset)
+        if len(found.places_a) < 3:
+            break
+        off2 = ((found.places_b @ _turn_matrix(turn).T + shift - found.places_a) ** 2).sum(-1)
+        weight = 1.0 / (1.0 + off2 / (0.4 * SAME_M) ** 2)
+        turn, shift = _fit(found.places_a, found.places_b, found.sides_a, found.sides_b, weight)
+    return turn, shift

@@ -1,0 +1,137 @@
+"""Joint refinement of all cameras of a room: people first, then the empty room from coarse to fine."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import permutations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from depth_pose.detect.floor import Floor
+from depth_pose.rooms.background import RoomSurface
+from depth_pose.rooms.calibration_terms import (
+    SIZE,
+    CameraState,
+    Normal,
+    PeopleTerm,
+    SurfaceTerm,
+    add_fixed,
+    add_people,
+    add_priors,
+    add_surfaces,
+)
+
+Array = NDArray[np.float64]
+
+_PEOPLE_ROUNDS = 12
+"""Rounds of reweighted Gauss-Newton with people only. Set by hand."""
+_UNKNOWN = 0.01
+"""Weight of what is not known, 1/m^2: a deviation of 10 m."""
+_REACHES_M = (0.3, 0.3, 0.25, 0.25, 0.2, 0.2, 0.15, 0.15, 0.1, 0.1, 0.1, 0.08, 0.08, 0.08)
+"""Reach of the empty room's correspondences in each round, metres. Set by hand."""
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Solved cameras.
+
+    Attributes
+    ----------
+    states : tuple of CameraState
+    covariance : (C * SIZE, C * SIZE) float64
+        Of the unknowns of `depth_pose.rooms.calibration_terms`.
+    covariance_by_room : (C * SIZE, C * SIZE) float64
+        The same by floors and the empty room alone.
+    residual : float
+        Median distance of joints that two cameras see, metres; NaN without people.
+    surfaces : tuple of (int, int, int, float)
+        For each pair of cameras with a common surface: both, the points, their mean distance (m).
+    """
+
+    states: tuple[CameraState, ...]
+    covariance: Array
+    covariance_by_room: Array
+    residual: float
+    surfaces: tuple[tuple[int, int, int, float], ...]
+
+
+def solve_room(
+    states: Sequence[CameraState],
+    floors: Sequence[Floor],
+    people: Sequence[PeopleTerm],
+    surfaces: Sequence[RoomSurface | None],
+    fixed: Sequence[tuple[int, int]] = (),
+) -> Solution:
+    """Refine the cameras of a room.
+
+    Parameters
+    ----------
+    states : sequence of CameraState
+        First estimates, in the floor frame of the first camera.
+    floors : sequence of Floor
+        Of each camera, camera frame.
+    people : sequence of PeopleTerm
+    surfaces : sequence of RoomSurface or None
+        The empty room by each camera; None where it is not known.
+    fixed : sequence of pairs of int
+        Cameras that keep their pose to each other.
+    """
+    now = list(states)
+    for _ in range(_PEOPLE_ROUNDS):
+        now = _round(now, floors, fixed, people, (), 0.0)[0]
+    pairs = _surface_pairs(surfaces)
+    for reach in _REACHES_M if pairs else ():
+        now = _round(now, floors, fixed, people, pairs, reach)[0]
+    _, normal, lengths, found = _round(now, floors, fixed, people, pairs, _REACHES_M[-1])
+    shared = tuple((t.a, t.b, count, mean) for t, (count, mean) in zip(pairs, found, strict=True))
+    residual = float(np.median(lengths)) if len(lengths) else float("nan")
+    room = _round(now, floors, fixed, (), pairs, _REACHES_M[-1])[1].matrix
+    return Solution(tuple(now), _inverse(normal.matrix), _inverse(room), residual, shared)
+
+
+def _round(
+    states: Sequence[CameraState],
+    floors: Sequence[Floor],
+    fixed: Sequence[tuple[int, int]],
+    people: Sequence[PeopleTerm],
+    surfaces: Sequence[SurfaceTerm],
+    reach_m: float,
+) -> tuple[list[CameraState], Normal, Array, list[tuple[int, float]]]:
+    normal = Normal(len(states))
+    add_priors(normal, states, floors)
+    add_fixed(normal, fixed)
+    lengths = add_people(normal, states, people)
+    found = add_surfaces(normal, states, surfaces, reach_m)
+    normal.matrix += _UNKNOWN * np.eye(len(normal.matrix))
+    steps = normal.step()
+    return [s.moved(step) for s, step in zip(states, steps, strict=True)], normal, lengths, found
+
+
+def _surface_pairs(surfaces: Sequence[RoomSurface | None]) -> list[SurfaceTerm]:
+    """Pair the cameras' surfaces, each pair both ways."""
+    trees = [cKDTree(s.points) if s is not None and len(s.points) else None for s in surfaces]
+    return [
+        SurfaceTerm(a, b, first, second, tree)
+        for a, b in permutations(range(len(surfaces)), 2)
+        if (first := surfaces[a]) is not None and (second := surfaces[b]) is not None
+        if trees[a] is not None and (tree := trees[b]) is not None
+    ]
+
+
+def _inverse(matrix: Array) -> Array:
+    return np.asarray(np.linalg.inv(matrix))
+
+
+def relative_spread(covariance: Array, camera: int, point: Array) -> tuple[float, float]:
+    """Return the deviation of a camera against the first one: metres at a point of the room, and degrees."""
+    first, other = slice(0, 6), slice(camera * SIZE, camera * SIZE + 6)
+    C = covariance
+    relative = C[first, first] + C[other, other] - C[first, other] - C[other, first]
+    x, y, z = point
+    J = np.hstack([-np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]), np.eye(3)])
+    return float(np.sqrt(np.trace(J @ relative @ J.T))), float(
+        np.degrees(np.sqrt(np.trace(relative[:3, :3])))
+    )
