@@ -2,10 +2,13 @@
 
     depth-pose simulate --room --people 2 --cameras 2 --seconds 60 --width 320 --seed 1 -o rooms/pair1.mcap
     python benchmarks/rooms.py calibration rooms/ --seconds 20 60
+    python benchmarks/rooms.py fusion rooms/
 
 ``calibration``: for each NAME.yaml of a folder, the true rig, calibrates NAME_0.mcap, NAME_1.mcap and so on;
 prints how far each camera is off against the first: mean displacement of points where people were (0 to 1.8 m
-above the floor), of the camera itself, and the turn; beside what the calibration states itself.
+above the floor), of the camera itself, and the turn; beside what the calibration states itself. ``fusion``:
+errors of joints hidden from a camera and seen by it, from that camera alone and from several, on the same
+people at the same moments; found people, ids, and the time of the fusion.
 """
 
 from __future__ import annotations
@@ -14,6 +17,7 @@ import argparse
 from pathlib import Path
 
 import numpy as np
+from parts.room_fusion import fusion
 
 from depth_pose.bank.default import prepare_default_bank
 from depth_pose.cli.rooms import read_all
@@ -55,7 +59,8 @@ def calibration(folder: Path, seconds: list[float], names: list[str]) -> None:
                 continue
             recordings = sorted(folder.glob(f"{rig.stem}_?.mcap"))
             try:
-                read = read_all(recordings, RecordSetting(bank, None, length), None)
+                settings = [RecordSetting(bank, None, length)] * len(recordings)
+                read = read_all(recordings, [path.stem for path in recordings], settings, None)
                 found = RoomCalibration([one.record for one in read]).solve()
             except InputError as error:
                 print(f"{rig.stem:10} {length:4.0f} refused: {error}")
@@ -80,8 +85,15 @@ def main() -> None:
     one.add_argument("folder", type=Path)
     one.add_argument("--seconds", type=float, nargs="+", default=[20.0, 60.0])
     one.add_argument("--names", nargs="*", default=[], help="rooms, by default all")
+    two = parts.add_parser("fusion")
+    two.add_argument("folder", type=Path)
+    two.add_argument("--rigs", type=Path, help="folder of rig files in place of the true ones")
+    two.add_argument("--names", nargs="*", default=[], help="rooms, by default all")
     given = parser.parse_args()
-    calibration(given.folder, given.seconds, given.names)
+    if given.part == "calibration":
+        calibration(given.folder, given.seconds, given.names)
+    else:
+        fusion(given.folder, given.names, given.rigs)
 
 
 if __name__ == "__main__":

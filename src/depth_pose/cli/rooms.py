@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import tempfile
 from collections import Counter
 from collections.abc import Sequence
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from depth_pose.cli import shared
-from depth_pose.cli.console import loading, print_facts, progress_bar, say, warn
-from depth_pose.core.errors import ConfigError
+from depth_pose.cli.console import console, loading, print_facts, progress_bar, say, warn
+from depth_pose.cli.live import call_ros
+from depth_pose.core.errors import ConfigError, InputError
 from depth_pose.core.outputs import check_targets
 
 if TYPE_CHECKING:
@@ -21,6 +24,10 @@ if TYPE_CHECKING:
 
 _MOST_OFFSET_S = 0.02
 """Clock offset (s) above which a warning is printed: more than live fusion is made for."""
+
+
+_LIVE_S = 60.0
+"""Seconds that are recorded with ``--live``; set by hand."""
 
 
 def add_to(app: typer.Typer) -> None:
@@ -32,7 +39,9 @@ def calibrate(
     recordings: Annotated[
         list[Path],
         typer.Argument(
-            help="Depth recordings of the same time, one a camera.", metavar="A B...", show_default=False
+            help="Depth recordings of the same time, one a camera; with --live topics of depth images.",
+            metavar="A B...",
+            show_default=False,
         ),
     ],
     output: Annotated[Path, typer.Option("--output", "-o", help="The rig file, YAML.", metavar="RIG")],
@@ -44,8 +53,14 @@ def calibrate(
     depth_topic: shared.DepthTopic = None,
     seconds: Annotated[
         float | None,
-        typer.Option(min=5.0, max=3600.0, help="Use only this much of the beginning.", show_default="all"),
+        typer.Option(
+            min=5.0,
+            max=3600.0,
+            help="Use only this much of the beginning; with --live: record for this long.",
+            show_default=f"all; {_LIVE_S:.0f} with --live",
+        ),
     ] = None,
+    live: Annotated[bool, typer.Option("--live", help="A B... are topics: record them first.")] = False,
     workers: Annotated[
         int | None,
         typer.Option(min=0, help="Number of processes; 0: only this one.", show_default="all cores"),
@@ -66,6 +81,8 @@ def calibrate(
     depth-pose calibrate left.mcap right.mcap -o rig.yaml
 
     depth-pose calibrate door.mcap window.mcap corner.mcap -o rig.yaml --picture room.pdf
+
+    depth-pose calibrate --live /left/depth/image_raw /right/depth/image_raw -o rig.yaml
     """
     from depth_pose.evaluate.pictures import check_picture
 
@@ -74,8 +91,8 @@ def calibrate(
         raise ConfigError(f"{output} must be a rig file: its name ends in .yaml")
     if len(recordings) < 2:
         raise ConfigError("give the recordings of at least two cameras")
-    check_targets([output], [*recordings, bank])
-    check_picture(drawn, recordings)
+    check_targets([output], [bank] if live else [*recordings, bank])
+    check_picture(drawn, [] if live else recordings)
 
     from depth_pose.bank.default import prepare_default_bank
     from depth_pose.evaluate.room_picture import save_room_picture
@@ -85,7 +102,13 @@ def calibrate(
     from depth_pose.rooms.transform_tree import TransformTree, pose_matrix
 
     setting = RecordSetting(str(bank or prepare_default_bank()), depth_topic, seconds)
-    found = read_all(recordings, setting, workers)
+    if live:
+        if depth_topic is not None:
+            raise ConfigError("--depth-topic is for recordings; with --live the arguments are topics")
+        found = read_live([str(topic) for topic in recordings], setting, workers)
+    else:
+        names = camera_names([path.resolve().stem for path in recordings])
+        found = read_all(recordings, names, [setting] * len(recordings), workers)
     tree = TransformTree()
     for one in found:
         warn(one.warnings)
@@ -100,9 +123,8 @@ def calibrate(
     say(f"wrote {output} and {drawn}")
 
 
-def camera_names(recordings: Sequence[Path]) -> list[str]:
-    """Return a name for each recording: its stem; with a number where two are alike."""
-    stems = [path.resolve().stem for path in recordings]
+def camera_names(stems: Sequence[str]) -> list[str]:
+    """Return a name for each camera: its stem; with a number where two are alike."""
     counts, names = Counter(stems), list[str]()
     for stem in stems:
         number, name = 1, stem
@@ -112,13 +134,33 @@ def camera_names(recordings: Sequence[Path]) -> list[str]:
     return names
 
 
-def read_all(recordings: Sequence[Path], setting: RecordSetting, workers: int | None) -> list[Recorded]:
+def read_live(topics: Sequence[str], setting: RecordSetting, workers: int | None) -> list[Recorded]:
+    """Record depth topics with their cameras, and read what was recorded."""
+    seconds = setting.seconds or _LIVE_S
+    infos = [f"{topic.rpartition('/')[0]}/camera_info" for topic in topics]
+    with tempfile.TemporaryDirectory(prefix="depth_pose_") as folder:
+        bag = Path(folder) / "live.mcap"
+        console.print(f"recording {seconds:g} s: let people walk about in the view of all cameras")
+        counts = call_ros("tools.bag", "record", bag, [*topics, *infos, "/tf_static"], seconds=seconds)
+        silent = [topic for topic in (*topics, *infos) if not counts[topic]]
+        if silent:
+            raise InputError(
+                f"nothing came on {', '.join(silent)}: start the cameras' drivers; `ros2 topic list` or "
+                "`depth-pose up` names the topics that there are"
+            )
+        names = camera_names([topic.strip("/").partition("/")[0] for topic in topics])
+        settings = [replace(setting, depth_topic=topic, seconds=None) for topic in topics]
+        return read_all([bag] * len(topics), names, settings, workers)
+
+
+def read_all(
+    recordings: Sequence[Path], names: Sequence[str], settings: Sequence[RecordSetting], workers: int | None
+) -> list[Recorded]:
     """Read all recordings, one process each, with a progress bar."""
     from depth_pose.core.workers import run_each
     from depth_pose.rooms.calibration_record import read_record
 
-    names = camera_names(recordings)
-    tasks = [(str(path), name, setting) for path, name in zip(recordings, names, strict=True)]
+    tasks = [(str(path), *how) for path, *how in zip(recordings, names, settings, strict=True)]
     shares = [0.0] * len(tasks)
     found: dict[int, Recorded] = {}
     with progress_bar("people and room", 100 * len(tasks)) as update:

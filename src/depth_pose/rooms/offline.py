@@ -97,7 +97,7 @@ def process_room(
     empty = most = shared = 0
     last_ns: int | None = None
     with SkeletonWriter(output) as writer:
-        for count, (stamp_ns, camera, frame) in enumerate(_in_order(watched, fusion), 1):
+        for count, (stamp_ns, camera, frame) in enumerate(in_order(watched, fusion.room_stamp), 1):
             start = time.perf_counter()
             fusion.take(camera, frame)
             is_silent = last_ns is None or stamp_ns - last_ns > _SILENT * period_ns
@@ -133,12 +133,26 @@ def _write(writer: SkeletonWriter, result: RoomResult, stamp_ns: int, markers: b
         writer.write_markers(result.skeletons, stamp_ns, ROOM_FRAME)
 
 
-def _in_order(watched: Sequence[Watched], fusion: RoomFusion) -> Iterator[tuple[int, int, CameraFrame]]:
-    """Yield the frames of all cameras by their stamps in the first one's clock."""
+def in_order(
+    watched: Sequence[Watched], room_stamp: Callable[[int, int], int]
+) -> Iterator[tuple[int, int, CameraFrame]]:
+    """Yield the frames of all cameras by their stamps in the first one's clock.
+
+    Parameters
+    ----------
+    watched : sequence of Watched
+    room_stamp : callable
+        From a camera's number and stamp (ns) to the stamp in the first one's clock.
+
+    Yields
+    ------
+    tuple
+        That stamp, the camera's number, and the frame.
+    """
 
     def of_camera(camera: int) -> Iterator[tuple[int, int, CameraFrame]]:
         for frame in read_spool(watched[camera].spool):
-            yield fusion.room_stamp(camera, frame.stamp_ns), camera, frame
+            yield room_stamp(camera, frame.stamp_ns), camera, frame
 
     return heapq.merge(*map(of_camera, range(len(watched))), key=lambda one: one[:2])
 
