@@ -142,11 +142,12 @@ def fusion(
             watched = watch_all(recordings, watch, Path(spools), 0)
             for row in _rows_of_room(bank, rig, watched, truth):
                 errors, cameras, how, score, ms = row
-                ratios.setdefault((how, len(cameras)), []).append(errors[1] / errors[0])
+                one, several, one_seen, several_seen = errors
+                ratios.setdefault((how, len(cameras)), []).append(several / one)
                 tell(
-                    f"{file.stem:10} {'+'.join(map(str, cameras)):7} {how:6} {errors[0]:8.1f} {errors[1]:6.1f} "
-                    f"({errors[1] / errors[0]:5.2f}) {errors[2]:13.1f} {errors[3]:6.1f} "
-                    f"{score.mean_error_mm:8.1f} {score.recall:6.3f} {score.false:5d} {score.idf1:6.3f} {ms:6.1f}"
+                    f"{file.stem:10} {'+'.join(map(str, cameras)):7} {how:6} {one:8.1f} {several:6.1f} "
+                    f"({several / one:5.2f}) {one_seen:13.1f} {several_seen:6.1f} {score.mean_error_mm:8.1f} "
+                    f"{score.recall:6.3f} {score.false:5d} {score.idf1:6.3f} {ms:6.1f}"
                 )
     for (how, count), found in sorted(ratios.items()):
         tell(f"median ratio of hidden joints, {count} cameras, {how}: {np.median(found):.2f} of {len(found)}")
