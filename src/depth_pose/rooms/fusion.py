@@ -14,7 +14,7 @@ import numpy as np
 
 from depth_pose.bank.bank import Bank
 from depth_pose.body.pose import BodyPose
-from depth_pose.core.config import PipelineConfig
+from depth_pose.core.config import MAX_STAMP_GAP_NS, PipelineConfig
 from depth_pose.core.errors import InputError
 from depth_pose.core.types import Skeleton
 from depth_pose.recover.smooth import JointFilter
@@ -32,8 +32,8 @@ from depth_pose.track.person import Person
 ROOM_FRAME = "room"
 """Name of the room's frame: z up, the floor at z = 0."""
 
-_FRESH_NS = 150_000_000
-"""Maximum age (ns) of a camera's frame that takes part; set by hand."""
+_FRESH_NS, _LATE = 150_000_000, 1.2
+"""A camera's frame takes part up to this age (ns), or this many of its frame periods; set by hand."""
 
 
 @dataclass(frozen=True)
@@ -84,7 +84,7 @@ class RoomFusion:
         """Forget all earlier frames."""
         self._follower.reset()
         self._tracks.reset()
-        self._newest: dict[int, tuple[int, Mapping[str, _Seen]]] = {}
+        self._newest: dict[int, tuple[int, int, Mapping[str, _Seen]]] = {}
         self._memories: dict[str, RoomMemory] = {}
         self.fitted = 0
 
@@ -115,7 +115,9 @@ class RoomFusion:
             room_id: _Seen(camera, stamp_ns, persons[s.body_id], frame.poses[s.body_id], s)
             for room_id, s in zip(ids, known, strict=True)
         }
-        self._newest[camera] = stamp_ns, people
+        before_ns = self._newest[camera][0] if camera in self._newest else stamp_ns
+        period_ns = min(stamp_ns - before_ns, MAX_STAMP_GAP_NS)
+        self._newest[camera] = stamp_ns, max(_FRESH_NS, round(_LATE * period_ns)), people
 
     def answer(self, stamp_ns: int) -> RoomResult:
         """Answer for everybody whom a camera has seen a moment ago.
@@ -126,8 +128,8 @@ class RoomFusion:
             Of the answer, in the clock of the first camera; at or after all frames taken.
         """
         seen: dict[str, list[_Seen]] = {}
-        for _, (at_ns, people) in sorted(self._newest.items()):
-            if 0 <= stamp_ns - at_ns <= _FRESH_NS:
+        for _, (at_ns, longest_ns, people) in sorted(self._newest.items()):
+            if 0 <= stamp_ns - at_ns <= longest_ns:
                 for room_id, one in people.items():
                     seen.setdefault(self._tracks.same.get(room_id, room_id), []).append(one)
         self._memories = {
