@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from depth_pose.core.config import SmoothConfig
 from depth_pose.core.types import Skeleton
 from depth_pose.recover.smooth import JointFilter
+from depth_pose.rooms.jumps import JumpMeter
 from depth_pose.rooms.merge import PlacedSkeleton, merge_skeletons, place
 from depth_pose.rooms.room_person import RoomPerson
 from depth_pose.rooms.sightings import RoomSighting
@@ -64,6 +65,7 @@ class RoomMerger:
         self.T_room_camera = list(T_room_camera)
         self.clock_offsets_s = list(clock_offsets_s) or [0.0] * len(self.T_room_camera)
         self.tracks, self.watch = RoomTracks(), CameraWatch(names)
+        self._jumps = [JumpMeter() for _ in self.T_room_camera]
         self._smooth = smooth or SmoothConfig()
         self._filters: dict[str, JointFilter] = {}
 
@@ -102,9 +104,10 @@ class RoomMerger:
         people = [RoomSighting.of(place(s, T, self.frame_id)) for s in skeletons if not s.is_lost]
         if self.watch.is_used(camera):
             self.tracks.assign(camera, stamp_ns, people)
-            compared, jump = self.tracks.compare(camera, stamp_ns), self.tracks.jump(camera, stamp_ns)
+            compared = self.tracks.compare(camera, stamp_ns)
         else:
-            compared, jump = self.tracks.compare_nearest(camera, stamp_ns, people), 0.0
+            compared = self.tracks.compare_nearest(camera, stamp_ns, people)
+        jump = self._jumps[camera].measure(stamp_ns, people)
         self.watch.compare(camera, stamp_ns, now_s, compared, jump)
         self.check(now_s)
 

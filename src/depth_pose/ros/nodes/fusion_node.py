@@ -16,6 +16,7 @@ from typing import Any
 from depth_pose_msgs.msg import SkeletonArray
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from rclpy.exceptions import InvalidTopicNameException
+from rclpy.validate_topic_name import validate_topic_name
 from visualization_msgs.msg import MarkerArray
 
 from depth_pose.core.config import PipelineConfig
@@ -81,6 +82,8 @@ class FusionNode(BankNode):
             self._read_rig(Path(self.value("rig")))
         if not self._topics:
             raise ConfigError("give the parameter rig (a rig file), or topics (the skeletons of each camera)")
+        for topic in self._topics:
+            _check_name(topic)
         super().prepare()
 
     def _read_rig(self, path: Path) -> None:
@@ -116,10 +119,7 @@ class FusionNode(BankNode):
 
     def make_intake(self) -> CameraIntake:
         """Take the cameras' messages as they come."""
-        try:
-            return CameraIntake(self, SkeletonArray, self._topics)
-        except InvalidTopicNameException as error:
-            raise ConfigError(f"{error}; name the cameras' topics by the parameter topics") from error
+        return CameraIntake(self, SkeletonArray, self._topics)
 
     # Answering
 
@@ -215,6 +215,15 @@ class FusionNode(BankNode):
 
     def _now_s(self) -> float:
         return float(self.get_clock().now().nanoseconds * 1e-9)
+
+
+def _check_name(topic: str) -> None:
+    """Raise ConfigError where a text is no name of a topic."""
+    try:
+        validate_topic_name(topic)
+    except InvalidTopicNameException as error:
+        what = f"{topic!r} is no name of a topic; name all cameras' topics by the parameter topics"
+        raise ConfigError(what) from error
 
 
 def main(args: Sequence[str] | None = None) -> int:
