@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from depth_pose_msgs.msg import SkeletonArray
 from diagnostic_msgs.msg import DiagnosticArray
-from peer import RELIABLE, bring
+from peer import LIMIT_S, RELIABLE, bring
 from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import MarkerArray
 
@@ -194,5 +194,5 @@ def test_what_cannot_be_started_is_refused(start, rig_path):
         (("-p", "topics:=['/a b', /c]"), "name all cameras' topics by the parameter topics"),
     )
     for process, said in [(start(*node, *arguments), said) for arguments, said in cases]:
-        assert process.process.wait(60.0) == 2
+        assert process.process.wait(LIMIT_S) == 2
         assert said in process.output
