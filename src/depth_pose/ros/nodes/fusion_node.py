@@ -78,6 +78,7 @@ class FusionNode(BankNode):
         self._topics = topics
         self._names = [t.removesuffix(SKELETONS).strip("/") or t for t in topics]
         self._given: list[Any] = [None] * len(topics)
+        self._clock_offsets_s: Sequence[float] = ()
         if self.value("rig"):
             self._read_rig(Path(self.value("rig")))
         if not self._topics:
@@ -93,6 +94,7 @@ class FusionNode(BankNode):
             raise ConfigError(str(error)) from error
         self._names = [camera.name for camera in rig.cameras]
         self._given = [camera.T_room_camera for camera in rig.cameras]
+        self._clock_offsets_s = rig.clock_offsets
         self._topics = self._topics or [f"/{name}/{SKELETONS}" for name in self._names]
         if len(self._topics) != len(self._names):
             raise ConfigError(
@@ -102,7 +104,8 @@ class FusionNode(BankNode):
 
     def make_stage(self, config: PipelineConfig) -> RoomMerger:
         """Build the merger."""
-        return RoomMerger(self._names, self._given, self.value("room_frame"), smooth=config.smooth)
+        frame_id, offsets_s = self.value("room_frame"), self._clock_offsets_s
+        return RoomMerger(self._names, self._given, frame_id, offsets_s, config.smooth)
 
     def open_outputs(self) -> None:
         """Create the publishers for other programs: reliable, which suits every subscriber."""
