@@ -174,7 +174,7 @@ def live(name: Path, seconds: float, loss: tuple[float, float]) -> None:
     ids = {s.body_id for m in room.room.messages for s in m[2]}
     print(f"\nids in the room: {', '.join(sorted(ids))}")
     for at, line in lines:
-        if "WARN" in line:
+        if "WARN" in line and at > first_s:
             words = line.rsplit("]: ", 1)[-1]
             print(f"{at - lost_s:+.2f} s from the loss, {at - back_s:+.2f} s from the return: {words}")
 

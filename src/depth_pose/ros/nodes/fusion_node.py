@@ -19,6 +19,7 @@ from rclpy.exceptions import InvalidTopicNameException
 from rclpy.validate_topic_name import validate_topic_name
 from visualization_msgs.msg import MarkerArray
 
+from depth_pose.body.bodies import find_body
 from depth_pose.core.config import PipelineConfig
 from depth_pose.core.errors import ConfigError, InputError
 from depth_pose.core.types import Skeleton
@@ -30,7 +31,6 @@ from depth_pose.ros.messages.checks import check_people
 from depth_pose.ros.messages.skeletons import msg_to_skeleton, skeletons_to_msg
 from depth_pose.ros.nodes.bank_node import BankNode
 from depth_pose.ros.nodes.node_base import Held, Input
-from depth_pose.ros.nodes.parameters import BANK
 from depth_pose.ros.nodes.rep155_outputs import Rep155Outputs
 from depth_pose.ros.process.runner import run_node
 from depth_pose.ros.setting import Setting
@@ -43,7 +43,7 @@ SKELETONS = "depth_pose/skeletons"
 """Topic of a suite's skeletons, below the camera's namespace."""
 
 SETTINGS: tuple[Setting, ...] = (
-    BANK,
+    Setting("bank", "", "Exemplar bank of the suites, for rep155: its body; empty: the embedded body"),
     Setting("rig", "", "Rig file: names and places of the cameras; empty: places by /tf_static"),
     Setting("topics", [""], "Skeletons of each camera; by default /CAMERA/depth_pose/skeletons of the rig's"),
     Setting("room_frame", "room", "Frame of the merged skeletons: z up, the floor at z = 0"),
@@ -55,6 +55,9 @@ SETTINGS: tuple[Setting, ...] = (
 
 _LOOK_S = 0.2
 """Seconds between two checks of the cameras; set by hand."""
+
+_REMIND_S = 10.0
+"""Seconds between two reminders of cameras that have sent nothing; set by hand."""
 
 _FORGET_NS = 1_000_000_000
 """Stamps that go back by more than this (ns) are a replay from the start; set by hand."""
@@ -114,11 +117,14 @@ class FusionNode(BankNode):
         self._poses = RoomPoses(self, self.value("room_frame"), self._given)
         prefix = self.value("tf_prefix")
         self._transforms = Transforms(self, "the parameter tf") if self.value("tf") else None
-        self._rep155 = Rep155Outputs(self, self.bank.body, prefix) if self.value("rep155") else None
+        self._rep155: Rep155Outputs | None = None
+        if self.value("rep155"):
+            body = self.bank.body if self.value("bank") else find_body("embedded")
+            self._rep155 = Rep155Outputs(self, body, prefix)
 
     def inputs(self) -> Sequence[Input]:
         """Subscribe to the skeletons of all cameras."""
-        return [Input(SkeletonArray, topic, sensor=True) for topic in self._topics]
+        return [Input(SkeletonArray, topic) for topic in self._topics]
 
     def make_intake(self) -> CameraIntake:
         """Take the cameras' messages as they come."""
@@ -179,6 +185,11 @@ class FusionNode(BankNode):
             return
         self.stage.check(self._now_s())
         self._say_news()
+        watched = zip(self._topics, self.stage.watch.cameras, strict=True)
+        waits = [topic for topic, camera in watched if camera.state == CameraState.WAITING]
+        if waits:
+            what = f"nothing has come yet on {', '.join(waits)}: do their suites run, in this ROS_DOMAIN_ID?"
+            self.get_logger().warning(what, throttle_duration_sec=_REMIND_S, skip_first=True)
         self._poses.tell(self.get_clock().now().nanoseconds)
 
     def _say_news(self) -> None:
