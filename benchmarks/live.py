@@ -109,7 +109,7 @@ class Bench:
         self._images = self._node.create_publisher(Image, IMAGE, sensor)
         self._infos = self._node.create_publisher(CameraInfo, INFO, sensor)
         self._node.create_subscription(Skeleton, "/depth_pose/skeleton", self._take, QoSProfile(depth=100))
-        messages = [_messages(frame) for frame in frames]
+        messages = [messages_of(frame) for frame in frames]
         self._messages = messages + messages[-2:0:-1]
         self._run: Run | None = None
         self._last_s = 0.0
@@ -167,7 +167,7 @@ class Bench:
             self._images.publish(image)
 
 
-def _messages(frame: DepthFrame) -> tuple[Any, Any]:
+def messages_of(frame: DepthFrame) -> tuple[Any, Any]:
     from sensor_msgs.msg import CameraInfo, Image
 
     camera = frame.camera

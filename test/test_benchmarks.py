@@ -36,6 +36,7 @@ COMMANDS = [
     ("faults.py",),
     ("drivers.py",),
     ("archives.py",),
+    *(("rooms_live.py", part) for part in ("merged", "live")),
     *(("volume.py", part) for part in ("dances", "live")),
     *(("banks.py", part) for part in ("match", "size", "views", "score", "coverage")),
 ]

@@ -6,6 +6,7 @@ Its z is up, the floor is at z = 0; metres.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,8 +14,10 @@ from numpy.typing import NDArray
 from depth_pose.core.config import SmoothConfig
 from depth_pose.core.types import Skeleton
 from depth_pose.recover.smooth import JointFilter
+from depth_pose.rooms.jumps import JumpMeter
 from depth_pose.rooms.merge import PlacedSkeleton, merge_skeletons, place
 from depth_pose.rooms.room_person import RoomPerson
+from depth_pose.rooms.sides import agree_on_sides
 from depth_pose.rooms.sightings import RoomSighting
 from depth_pose.rooms.tracks import RoomTracks
 from depth_pose.rooms.watch import CLOCK_S, CameraWatch
@@ -22,8 +25,27 @@ from depth_pose.rooms.watch import CLOCK_S, CameraWatch
 SEEN_NS = 200_000_000
 """Sightings older than this take no part, nanoseconds."""
 
+_KEPT_NS = 500_000_000
+"""Time for which a person's last joints tell left from right, nanoseconds; set by hand."""
+
 _SURE = 2.0
 """A difference of clocks must exceed `CLOCK_S` by this many standard deviations; set by hand."""
+
+
+@dataclass(eq=False)
+class _Kept:
+    """What is kept of one person: the filter, and the last merged joints."""
+
+    filter: JointFilter
+    stamp_ns: int = 0
+    positions: NDArray[np.float64] | None = None
+
+    def moved_to(self, stamp_ns: int, velocity: NDArray[np.float64]) -> NDArray[np.float64] | None:
+        """Return the last joints (19, 3) where they are not too old, moved by the velocity (m/s)."""
+        span_ns = stamp_ns - self.stamp_ns
+        if self.positions is None or not 0 <= span_ns <= _KEPT_NS:
+            return None
+        return self.positions + velocity * (span_ns * 1e-9)
 
 
 class RoomMerger:
@@ -64,8 +86,9 @@ class RoomMerger:
         self.T_room_camera = list(T_room_camera)
         self.clock_offsets_s = list(clock_offsets_s) or [0.0] * len(self.T_room_camera)
         self.tracks, self.watch = RoomTracks(), CameraWatch(names)
+        self._jumps = [JumpMeter() for _ in self.T_room_camera]
         self._smooth = smooth or SmoothConfig()
-        self._filters: dict[str, JointFilter] = {}
+        self._kept: dict[str, _Kept] = {}
 
     def warm_up(self) -> None:
         """Do nothing: there is nothing to compile."""
@@ -73,7 +96,7 @@ class RoomMerger:
     def reset(self) -> None:
         """Forget everybody; what is known of the cameras stays."""
         self.tracks.reset()
-        self._filters = {}
+        self._kept = {}
 
     def room_stamp_ns(self, camera: int, stamp_ns: int) -> int:
         """Return a stamp of a camera in the room's clock."""
@@ -102,9 +125,10 @@ class RoomMerger:
         people = [RoomSighting.of(place(s, T, self.frame_id)) for s in skeletons if not s.is_lost]
         if self.watch.is_used(camera):
             self.tracks.assign(camera, stamp_ns, people)
-            compared, jump = self.tracks.compare(camera, stamp_ns), self.tracks.jump(camera, stamp_ns)
+            compared = self.tracks.compare(camera, stamp_ns)
         else:
-            compared, jump = self.tracks.compare_nearest(camera, stamp_ns, people), 0.0
+            compared = self.tracks.compare_nearest(camera, stamp_ns, people)
+        jump = self._jumps[camera].measure(stamp_ns, people)
         self.watch.compare(camera, stamp_ns, now_s, compared, jump)
         self.check(now_s)
 
@@ -128,7 +152,7 @@ class RoomMerger:
             One for each person, in the room's frame.
         """
         merged = [s for p in self.tracks.people if (s := self._merge(p, stamp_ns)) is not None]
-        self._filters = {p.room_id: f for p in self.tracks.people if (f := self._filters.get(p.room_id))}
+        self._kept = {p.room_id: k for p in self.tracks.people if (k := self._kept.get(p.room_id))}
         return tuple(merged)
 
     def _merge(self, person: RoomPerson, stamp_ns: int) -> Skeleton | None:
@@ -146,10 +170,11 @@ class RoomMerger:
         ]
         if not seen:
             return None
-        merged = merge_skeletons(seen, person.room_id, stamp_ns, self.frame_id)
-        smooth = self._filters.setdefault(person.room_id, JointFilter(self._smooth))
-        merged.positions[:] = smooth.filter(merged.positions, stamp_ns)
-        return merged
+        kept = self._kept.setdefault(person.room_id, _Kept(JointFilter(self._smooth)))
+        before = kept.moved_to(stamp_ns, person.velocity)
+        merged = merge_skeletons(agree_on_sides(seen, before), person.room_id, stamp_ns, self.frame_id)
+        kept.stamp_ns, kept.positions = stamp_ns, merged.positions
+        return replace(merged, positions=kept.filter.filter(merged.positions, stamp_ns))
 
     def _correct_clocks(self) -> None:
         """Correct the stamps of cameras whose people walk ahead or behind: the room's clock is camera 0's."""

@@ -56,19 +56,10 @@ _VELOCITY_SHARE, _VELOCITY_S = 0.2, 0.04
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """The last sighting of a person by one camera.
-
-    Attributes
-    ----------
-    stamp_ns : int
-    sighting : RoomSighting
-    jump : float
-        Distance (m) from where the camera's last view let it expect the person.
-    """
+    """The last sighting of a person by one camera."""
 
     stamp_ns: int
     sighting: RoomSighting
-    jump: float = 0.0
 
 
 @dataclass(eq=False)
@@ -146,15 +137,12 @@ class RoomPerson:
 
     def see(self, camera: int, stamp_ns: int, sighting: RoomSighting) -> None:
         """Update with a sighting; the velocity comes from pairs of views by the same camera."""
-        source = self.split_from if self.split_from is not None and camera not in self.views else self
-        last, jump = source.views.get(camera), 0.0
-        if last is not None:
+        last = self.views.get(camera)
+        if last is not None and last.sighting.body_id == sighting.body_id:
             seconds = (stamp_ns - last.stamp_ns) * 1e-9
             if 0.0 < seconds <= FRESH_NS * 1e-9:
-                jump = sighting.distance(last.sighting, source.offset(last, stamp_ns))
-                if source is self and last.sighting.body_id == sighting.body_id:
-                    self._steer(last.sighting.shift_to(sighting) / seconds, seconds)
-        self.views[camera] = View(stamp_ns, sighting, jump)
+                self._steer(last.sighting.shift_to(sighting) / seconds, seconds)
+        self.views[camera] = View(stamp_ns, sighting)
         if sighting.scale > 0.0:
             size = math.log(sighting.scale)
             before = size if self.log_size is None else self.log_size

@@ -139,11 +139,6 @@ class RoomTracks:
         pairs = [[self._comparison(p, sighting, camera, stamp_ns) for p in seen] for sighting in people]
         return [min(each, key=lambda c: c.distance) for each in pairs if each]
 
-    def jump(self, camera: int, stamp_ns: int) -> float:
-        """Return the median jump (m) of the people in a camera's newest frame."""
-        jumps = [p.views[camera].jump for p in self.people if p.is_in(camera, stamp_ns)]
-        return float(np.median(jumps)) if jumps else 0.0
-
     @staticmethod
     def _comparison(person: RoomPerson, sighting: RoomSighting, camera: int, stamp_ns: int) -> Comparison:
         ways = [

@@ -16,8 +16,10 @@ from typing import Any
 from depth_pose_msgs.msg import SkeletonArray
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from rclpy.exceptions import InvalidTopicNameException
+from rclpy.validate_topic_name import validate_topic_name
 from visualization_msgs.msg import MarkerArray
 
+from depth_pose.body.bodies import find_body
 from depth_pose.core.config import PipelineConfig
 from depth_pose.core.errors import ConfigError, InputError
 from depth_pose.core.types import Skeleton
@@ -29,7 +31,6 @@ from depth_pose.ros.messages.checks import check_people
 from depth_pose.ros.messages.skeletons import msg_to_skeleton, skeletons_to_msg
 from depth_pose.ros.nodes.bank_node import BankNode
 from depth_pose.ros.nodes.node_base import Held, Input
-from depth_pose.ros.nodes.parameters import BANK
 from depth_pose.ros.nodes.rep155_outputs import Rep155Outputs
 from depth_pose.ros.process.runner import run_node
 from depth_pose.ros.setting import Setting
@@ -42,7 +43,7 @@ SKELETONS = "depth_pose/skeletons"
 """Topic of a suite's skeletons, below the camera's namespace."""
 
 SETTINGS: tuple[Setting, ...] = (
-    BANK,
+    Setting("bank", "", "Exemplar bank of the suites, for rep155: its body; empty: the embedded body"),
     Setting("rig", "", "Rig file: names and places of the cameras; empty: places by /tf_static"),
     Setting("topics", [""], "Skeletons of each camera; by default /CAMERA/depth_pose/skeletons of the rig's"),
     Setting("room_frame", "room", "Frame of the merged skeletons: z up, the floor at z = 0"),
@@ -54,6 +55,9 @@ SETTINGS: tuple[Setting, ...] = (
 
 _LOOK_S = 0.2
 """Seconds between two checks of the cameras; set by hand."""
+
+_REMIND_S = 10.0
+"""Seconds between two reminders of cameras that have sent nothing; set by hand."""
 
 _FORGET_NS = 1_000_000_000
 """Stamps that go back by more than this (ns) are a replay from the start; set by hand."""
@@ -77,10 +81,13 @@ class FusionNode(BankNode):
         self._topics = topics
         self._names = [t.removesuffix(SKELETONS).strip("/") or t for t in topics]
         self._given: list[Any] = [None] * len(topics)
+        self._clock_offsets_s: Sequence[float] = ()
         if self.value("rig"):
             self._read_rig(Path(self.value("rig")))
         if not self._topics:
             raise ConfigError("give the parameter rig (a rig file), or topics (the skeletons of each camera)")
+        for topic in self._topics:
+            _check_name(topic)
         super().prepare()
 
     def _read_rig(self, path: Path) -> None:
@@ -90,6 +97,7 @@ class FusionNode(BankNode):
             raise ConfigError(str(error)) from error
         self._names = [camera.name for camera in rig.cameras]
         self._given = [camera.T_room_camera for camera in rig.cameras]
+        self._clock_offsets_s = rig.clock_offsets
         self._topics = self._topics or [f"/{name}/{SKELETONS}" for name in self._names]
         if len(self._topics) != len(self._names):
             raise ConfigError(
@@ -99,7 +107,8 @@ class FusionNode(BankNode):
 
     def make_stage(self, config: PipelineConfig) -> RoomMerger:
         """Build the merger."""
-        return RoomMerger(self._names, self._given, self.value("room_frame"), smooth=config.smooth)
+        frame_id, offsets_s = self.value("room_frame"), self._clock_offsets_s
+        return RoomMerger(self._names, self._given, frame_id, offsets_s, config.smooth)
 
     def open_outputs(self) -> None:
         """Create the publishers for other programs: reliable, which suits every subscriber."""
@@ -108,18 +117,18 @@ class FusionNode(BankNode):
         self._poses = RoomPoses(self, self.value("room_frame"), self._given)
         prefix = self.value("tf_prefix")
         self._transforms = Transforms(self, "the parameter tf") if self.value("tf") else None
-        self._rep155 = Rep155Outputs(self, self.bank.body, prefix) if self.value("rep155") else None
+        self._rep155: Rep155Outputs | None = None
+        if self.value("rep155"):
+            body = self.bank.body if self.value("bank") else find_body("embedded")
+            self._rep155 = Rep155Outputs(self, body, prefix)
 
     def inputs(self) -> Sequence[Input]:
         """Subscribe to the skeletons of all cameras."""
-        return [Input(SkeletonArray, topic, sensor=True) for topic in self._topics]
+        return [Input(SkeletonArray, topic) for topic in self._topics]
 
     def make_intake(self) -> CameraIntake:
         """Take the cameras' messages as they come."""
-        try:
-            return CameraIntake(self, SkeletonArray, self._topics)
-        except InvalidTopicNameException as error:
-            raise ConfigError(f"{error}; name the cameras' topics by the parameter topics") from error
+        return CameraIntake(self, SkeletonArray, self._topics)
 
     # Answering
 
@@ -176,6 +185,11 @@ class FusionNode(BankNode):
             return
         self.stage.check(self._now_s())
         self._say_news()
+        watched = zip(self._topics, self.stage.watch.cameras, strict=True)
+        waits = [topic for topic, camera in watched if camera.state == CameraState.WAITING]
+        if waits:
+            what = f"nothing has come yet on {', '.join(waits)}: do their suites run, in this ROS_DOMAIN_ID?"
+            self.get_logger().warning(what, throttle_duration_sec=_REMIND_S, skip_first=True)
         self._poses.tell(self.get_clock().now().nanoseconds)
 
     def _say_news(self) -> None:
@@ -215,6 +229,15 @@ class FusionNode(BankNode):
 
     def _now_s(self) -> float:
         return float(self.get_clock().now().nanoseconds * 1e-9)
+
+
+def _check_name(topic: str) -> None:
+    """Raise ConfigError where a text is no name of a topic."""
+    try:
+        validate_topic_name(topic)
+    except InvalidTopicNameException as error:
+        what = f"{topic!r} is no name of a topic; name all cameras' topics by the parameter topics"
+        raise ConfigError(what) from error
 
 
 def main(args: Sequence[str] | None = None) -> int:

@@ -35,7 +35,7 @@ class CameraIntake:
     """
 
     def __init__(self, node: Taker, kind: type, topics: Sequence[str]) -> None:
-        self.inputs = tuple(Input(kind, node.resolve_topic_name(t), sensor=True) for t in topics)
+        self.inputs = tuple(Input(kind, node.resolve_topic_name(t)) for t in topics)
         self.arrivals = 0
         self._node = node
         self._pending: list[tuple[int, Any]] = []
