@@ -4,25 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import permutations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from depth_pose.detect.floor import Floor
 from depth_pose.rooms.background import RoomSurface
-from depth_pose.rooms.calibration_terms import (
-    SIZE,
-    CameraState,
-    Normal,
-    PeopleTerm,
-    SurfaceTerm,
-    add_fixed,
-    add_people,
-    add_priors,
-    add_surfaces,
-)
+from depth_pose.rooms.calibration_people import PeopleTerm, add_people
+from depth_pose.rooms.calibration_room import SurfaceTerm, add_fixed, add_priors, add_surfaces, pair_surfaces
+from depth_pose.rooms.calibration_state import SIZE, CameraState, Normal
 
 Array = NDArray[np.float64]
 
@@ -82,7 +72,7 @@ def solve_room(
     now = list(states)
     for _ in range(_PEOPLE_ROUNDS):
         now = _round(now, floors, fixed, people, (), 0.0)[0]
-    pairs = _surface_pairs(surfaces)
+    pairs = pair_surfaces(surfaces)
     for reach in _REACHES_M if pairs else ():
         now = _round(now, floors, fixed, people, pairs, reach)[0]
     _, normal, lengths, found = _round(now, floors, fixed, people, pairs, _REACHES_M[-1])
@@ -108,17 +98,6 @@ def _round(
     normal.matrix += _UNKNOWN * np.eye(len(normal.matrix))
     steps = normal.step()
     return [s.moved(step) for s, step in zip(states, steps, strict=True)], normal, lengths, found
-
-
-def _surface_pairs(surfaces: Sequence[RoomSurface | None]) -> list[SurfaceTerm]:
-    """Pair the cameras' surfaces, each pair both ways."""
-    trees = [cKDTree(s.points) if s is not None and len(s.points) else None for s in surfaces]
-    return [
-        SurfaceTerm(a, b, first, second, tree)
-        for a, b in permutations(range(len(surfaces)), 2)
-        if (first := surfaces[a]) is not None and (second := surfaces[b]) is not None
-        if trees[a] is not None and (tree := trees[b]) is not None
-    ]
 
 
 def _inverse(matrix: Array) -> Array:
