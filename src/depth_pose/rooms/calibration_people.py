@@ -36,7 +36,7 @@ _ERRORS = {
     "foot": (0.4, 0.03, 0.06),
 }
 """Errors of joints that are seen: by how much they appear too near, against the pelvis; deviation along the
-ray and across it, metres. From ``python benchmarks/rooms.py joints``."""
+ray and across it, metres. Measured on simulated pairs of cameras against the truth."""
 _NEAR_SHARE, _ALONG_M, _ACROSS_M = np.array([_ERRORS[name.rpartition("_")[2]] for name in JOINTS]).T
 _ALIKE_S = 0.7
 """A joint's error is the same for about this time, seconds. Set by hand."""
