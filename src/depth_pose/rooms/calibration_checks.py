@@ -120,25 +120,25 @@ def check_solution(
             )
 
 
-def check_ties(names: Sequence[str], spreads: Sequence[Array], by_room_m: Sequence[float]) -> None:
-    """Check that people's places and the empty room tie each camera to others.
+def check_places(name: str, along: float, across: float, room_across: float, room: float) -> None:
+    """Check that people walked over an area, or that the empty room makes up for it.
 
     Parameters
     ----------
-    names : sequence of str
-    spreads : sequence of (2,) float64
-        Deviation of the places where each camera and another saw somebody, along and across, metres.
-    by_room_m : sequence of float
-        Deviation of each camera's place by the empty room alone, metres.
+    name : str
+        The camera's.
+    along, across : float
+        Deviation of the places where it and another camera saw somebody, metres.
+    room_across, room : float
+        Deviation of the camera's place by the empty room alone, across that line and in all, metres.
     """
-    for name, (along, across), by_room in zip(names, spreads, by_room_m, strict=True):
-        if across > _LINE_M or by_room < _RESOLVED_M:
-            continue
-        what = "stayed in one place" if along < _PLACE_M else "walked only one line"
-        raise InputError(
-            f"{name}: people whom another camera sees as well {what}, and too little of the empty room is "
-            "seen by both; walk to and fro and across, over at least a metre or two"
-        )
+    if across > _LINE_M or (room_across if along > _PLACE_M else room) < _RESOLVED_M:
+        return
+    what = "walked only one line" if along > _PLACE_M else "stayed in one place"
+    raise InputError(
+        f"{name}: people whom another camera sees as well {what}, and too little of the empty room is seen "
+        "by both; walk to and fro and across, over at least a metre or two"
+    )
 
 
 def _is_copy(T_first_second: Array) -> bool:

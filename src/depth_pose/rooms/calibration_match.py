@@ -10,6 +10,7 @@ recording that was flipped.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +33,10 @@ _PROPOSALS = 40
 """Pairs of moments that propose a transform, for each pair of tracks and offset. Set by hand."""
 _APART_M = 0.5
 """Places of two moments that propose a turn are this far apart, metres. Set by hand."""
+_UNLIKE = 0.3
+"""Weight of places that agree while the facings do not. Set by hand."""
+_MOST_TRIED = 60
+"""Number of proposals, the best ones, that are compared for all people. Set by hand."""
 _ROUNDS = 6
 """Number of reweighted fits. Set by hand."""
 
@@ -91,21 +96,18 @@ def match_pair(a: list[Walk], b: list[Walk]) -> PairMatch | None:
 
 def _best(a: list[Walk], b: list[Walk]) -> PairMatch | None:
     rng = np.random.default_rng(0)
-    best: tuple[float, float, Array, float] | None = None
-    for first in _longest(a):
-        for second in _longest(b):
-            for offset in np.arange(-_FARTHEST_S, _FARTHEST_S + 1e-9, _STEP_S):
-                proposed = _propose(first, second, float(offset), rng)
-                if proposed is None:
-                    continue
-                turn, shift = proposed
-                agreed = _agreement(a, b, turn, shift, float(offset))
-                score = agreed.score
-                if best is None or score > best[0]:
-                    best = (score, turn, shift, float(offset))
-    if best is None:
+    offsets = np.arange(-_FARTHEST_S, _FARTHEST_S + 1e-9, _STEP_S)
+    proposed = [
+        found
+        for first in _longest(a)
+        for second in _longest(b)
+        for offset in offsets
+        if (found := _propose(first, second, float(offset), rng)) is not None
+    ]
+    if not proposed:
         return None
-    _, turn, shift, offset = best
+    promising = sorted(proposed, key=lambda one: -one.score)[:_MOST_TRIED]
+    turn, shift, offset, _ = max(promising, key=lambda one: _agreement(a, b, *one[:3]).score)
     turn, shift = _refit(a, b, turn, shift, offset)
     for step in (_STEP_S / 2, _FINE_S):
         around = [offset + k * step for k in range(-3, 4)]
@@ -129,9 +131,16 @@ def _turn_matrix(angle: float) -> Array:
     return np.array([[c, -s], [s, c]])
 
 
-def _propose(
-    first: Walk, second: Walk, offset: float, rng: np.random.Generator
-) -> tuple[float, Array] | None:
+class _Proposal(NamedTuple):
+    """A turn, shift (m) and clock offset (s), and the time (s) of the two tracks that agrees with it."""
+
+    turn: float
+    shift: Array
+    offset: float
+    score: float
+
+
+def _propose(first: Walk, second: Walk, offset: float, rng: np.random.Generator) -> _Proposal | None:
     """Return the turn and shift with which most moments of two tracks agree."""
     places, sides, covered = second.at(first.times + offset)
     there = np.flatnonzero(covered)
@@ -151,12 +160,13 @@ def _propose(
     off = np.einsum("nij,mj->nmi", R, pb) + shifts[:, None] - pa
     near = np.maximum(0.0, 1.0 - (off**2).sum(-1) / SAME_M**2)
     alike = np.einsum("nij,mj,mi->nm", R, sb, sa) > _SAME_COS
-    best = int(np.argmax((near * np.where(alike, 1.0, 0.3)).sum(axis=1)))
+    scores = (near * np.where(alike, 1.0, _UNLIKE)) @ first.seconds[there]
+    best = int(np.argmax(scores))
     turn, shift = float(turns[best]), shifts[best]
     for _ in range(3):
         off2 = ((pb @ _turn_matrix(turn).T + shift - pa) ** 2).sum(-1)
         turn, shift = _fit(pa, pb, sa, sb, 1.0 / (1.0 + off2 / SAME_M**2) ** 2)
-    return turn, shift
+    return _Proposal(turn, shift, offset, float(scores[best]))
 
 
 def _angle(vectors: Array) -> Array:
@@ -207,7 +217,9 @@ def _agreement(a: list[Walk], b: list[Walk], turn: float, shift: Array, offset: 
         alike = np.sum((side @ R.T) * walk.sides, axis=1) > _SAME_COS
         same = nearest < SAME_M
         score += float(
-            (walk.seconds * np.maximum(0.0, 1.0 - (nearest / SAME_M) ** 2) * np.where(alike, 1.0, 0.3)).sum()
+            (
+                walk.seconds * np.maximum(0.0, 1.0 - (nearest / SAME_M) ** 2) * np.where(alike, 1.0, _UNLIKE)
+            ).sum()
         )
         seconds += float(walk.seconds[same].sum())
         common += float(walk.seconds[np.isfinite(nearest)].sum())

@@ -18,8 +18,8 @@ from depth_pose.rooms.calibration_state import NEAR, OFFSET, SIZE, CameraState, 
 Array = NDArray[np.float64]
 
 _TRUNK = [JOINT_INDEX[name] for name in ("pelvis", "spine", "chest", "neck", "head")]
-_SAME_TRACK_M, _SAME_TRACK_S = 0.3, 1.0
-"""Tracks of one person lie within this (m, median of the trunk) for at least this time (s). Set by hand."""
+_SAME_TRACK_M, _SAME_TRACK_S = 0.35, 1.0
+"""Tracks of one person lie within this (m, the trunk) for at least this time (s). Set by hand."""
 
 _ERRORS = {
     "pelvis": (1.0, 0.03, 0.025),
@@ -50,12 +50,21 @@ _FAR_M = 0.12
 
 
 class PeopleTerm(NamedTuple):
-    """One person in two cameras: a track of camera ``a`` and one of camera ``b`` that agree."""
+    """One person in two cameras: a track of camera ``a`` and one of camera ``b``.
+
+    ``agrees`` (N,) are the frames of track a in which they do: either may change over to somebody else.
+    """
 
     a: int
     b: int
     track_a: BodyTrack
     track_b: BodyTrack
+    agrees: NDArray[np.bool_]
+
+    @property
+    def seconds(self) -> float:
+        """Time in which both tracks agree, seconds."""
+        return float(self.track_a.seconds[self.agrees].sum())
 
 
 def add_people(normal: Normal, states: Sequence[CameraState], terms: Sequence[PeopleTerm]) -> Array:
@@ -63,11 +72,11 @@ def add_people(normal: Normal, states: Sequence[CameraState], terms: Sequence[Pe
     lengths = []
     total: defaultdict[tuple[int, int], float] = defaultdict(float)
     for term in terms:
-        total[term.a, term.b] += float(term.track_a.seconds.sum())
-    for a, b, track_a, track_b in terms:
+        total[term.a, term.b] += term.seconds
+    for a, b, track_a, track_b, agrees in terms:
         first, second = states[a], states[b]
         seen = track_b.at(track_a.times - first.offset + second.offset)
-        sure = np.sqrt(track_a.confidence * seen.confidence)
+        sure = np.sqrt(track_a.confidence * seen.confidence) * agrees[:, None]
         frame, joint = np.nonzero(sure > 0.1)
         if not len(frame):
             continue
@@ -102,10 +111,10 @@ def pair_tracks(tracks: Sequence[Sequence[BodyTrack]], states: Sequence[CameraSt
         for first in tracks[a]:
             for second in tracks[b]:
                 seen = second.at(first.times - states[a].offset + states[b].offset)
-                if first.seconds[seen.present].sum() < _SAME_TRACK_S:
-                    continue
-                here = states[a].to_room(first.joints[seen.present][:, _TRUNK]).mean(axis=1)
-                there = states[b].to_room(seen.joints[seen.present][:, _TRUNK]).mean(axis=1)
-                if np.median(np.linalg.norm(here - there, axis=1)) < _SAME_TRACK_M:
-                    terms.append(PeopleTerm(a, b, first, second))
+                here = states[a].to_room(first.joints[:, _TRUNK]).mean(axis=1)
+                there = states[b].to_room(seen.joints[:, _TRUNK]).mean(axis=1)
+                agrees = seen.present & (np.linalg.norm(here - there, axis=1) < _SAME_TRACK_M)
+                term = PeopleTerm(a, b, first, second, agrees)
+                if term.seconds > _SAME_TRACK_S:
+                    terms.append(term)
     return terms

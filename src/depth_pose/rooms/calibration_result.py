@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from depth_pose.core.errors import InputError
 from depth_pose.detect.floor import Floor
 from depth_pose.rooms.background import RoomSurface
-from depth_pose.rooms.calibration_checks import check_ties
+from depth_pose.rooms.calibration_checks import check_places
 from depth_pose.rooms.calibration_input import BodyTrack, CameraRecord
 from depth_pose.rooms.calibration_people import PeopleTerm
-from depth_pose.rooms.calibration_solve import Solution, relative_spread
+from depth_pose.rooms.calibration_solve import Solution, moved_covariance, turned_deviation
 from depth_pose.rooms.calibration_state import CameraState
 from depth_pose.rooms.rig import RigCamera
 from depth_pose.rooms.rigfile import Rig, upright_from
@@ -116,24 +116,21 @@ def make_result(
         T_room_camera[b] = T_room_camera[a] @ T_a_b
     T_new_room = _below(T_room_camera[0])
     T_room_camera = T_new_room @ T_room_camera
-    states = tuple(replace(s, T_room_camera=T_new_room @ s.T_room_camera) for s in solution.states)
-    spots = [_common_spots(states, people, c) for c in range(len(records))]
-    loose = [c for c in range(1, len(records)) if not any(c in pair for pair in known)]
-    middle = np.median(np.concatenate(spots), axis=0) if any(map(len, spots)) else T_room_camera[0, :3, 3]
-    middle = np.linalg.inv(T_new_room)[:3] @ [*middle, 1.0]
-    check_ties(
-        [records[c].name for c in loose],
-        [_spread(spots[c]) for c in loose],
-        [relative_spread(solution.covariance_by_room, c, middle)[0] for c in loose],
-    )
-    spreads = [relative_spread(solution.covariance, c, middle) for c in range(len(records))]
-    offsets = np.array([s.offset for s in states])
+    spots = [_common_spots(solution.states, people, c) for c in range(len(records))]
+    for c in range(1, len(records)):
+        if not any(c in pair for pair in known):
+            _check_tie(records[c].name, spots[c], solution.covariance_by_room, c)
+    everywhere = np.concatenate(spots)
+    middle = np.median(everywhere, axis=0) if len(everywhere) else solution.states[0].T_room_camera[:3, 3]
+    moved = [moved_covariance(solution.covariance, c, middle) for c in range(len(records))]
+    turned = [turned_deviation(solution.covariance, c) for c in range(len(records))]
+    offsets = np.array([s.offset for s in solution.states])
     return Calibration(
         records=tuple(records),
         T_room_camera=T_room_camera,
         offsets=np.round(offsets - offsets[0], 6),
-        deviation_m=np.array([m for m, _ in spreads]),
-        deviation_deg=np.array([d for _, d in spreads]),
+        deviation_m=np.array([np.sqrt(np.trace(C)) for C in moved]),
+        deviation_deg=np.degrees(turned),
         pairs=tuple(
             _quality(records, tracks, people, solution, a, b, (a, b) in known)
             for a, b in combinations(range(len(records)), 2)
@@ -156,20 +153,30 @@ def _moved(T: Array, points: Array) -> Array:
 
 def _common_spots(states: Sequence[CameraState], people: Sequence[PeopleTerm], camera: int) -> Array:
     """Return the places (N, 3) where a camera and another saw somebody, room frame, metres."""
-    spots = [np.zeros((0, 3))]
-    for a, b, first, second in people:
-        if camera in (a, b):
-            present = second.at(first.times - states[a].offset + states[b].offset).present
-            spots.append(states[a].to_room(first.joints[present][:, 0]))
-    return np.concatenate(spots)
+    spots = [
+        states[term.a].to_room(term.track_a.joints[term.agrees][:, 0])
+        for term in people
+        if camera in (term.a, term.b)
+    ]
+    return np.concatenate([np.zeros((0, 3)), *spots])
 
 
-def _spread(spots: Array) -> Array:
-    """Deviation (2,) of places along their main direction on the floor and across it, metres."""
-    if not len(spots):
-        return np.zeros(2)
-    flat = spots[:, :2] - spots[:, :2].mean(axis=0)
-    return np.asarray(np.sqrt(np.maximum(np.linalg.eigvalsh(flat.T @ flat / len(flat)), 0.0))[::-1])
+def _check_tie(name: str, spots: Array, by_room: Array, camera: int) -> None:
+    """Check that what people's places do not tell of a camera, the empty room tells.
+
+    A line tells nothing across it but for the people's width; one place hardly tells a turn.
+    """
+    middle = spots.mean(axis=0) if len(spots) else np.zeros(3)
+    flat = (spots - middle)[:, :2]
+    variance, axes = np.linalg.eigh(flat.T @ flat / max(len(flat), 1))
+    across, along = np.sqrt(np.maximum(variance, 0.0))
+    end = 2.0 * along * np.array([*axes[:, 1], 0.0])
+    aside = np.array([*axes[:, 0], 0.0])
+    missing = max(
+        aside @ moved_covariance(by_room, camera, place) @ aside for place in (middle + end, middle - end)
+    )
+    whole = np.trace(moved_covariance(by_room, camera, middle))
+    check_places(name, float(along), float(across), float(np.sqrt(missing)), float(np.sqrt(whole)))
 
 
 def _below(T_room_camera: Array) -> Array:
@@ -188,12 +195,7 @@ def _quality(
     b: int,
     is_known: bool,
 ) -> PairQuality:
-    both = 0.0
-    for term in people:
-        if (term.a, term.b) == (a, b):
-            offset = solution.states[b].offset - solution.states[a].offset
-            present = term.track_b.at(term.track_a.times + offset).present
-            both += float(term.track_a.seconds[present].sum())
+    both = sum(term.seconds for term in people if (term.a, term.b) == (a, b))
     either = sum(float(t.seconds.sum()) for c in (a, b) for t in tracks[c]) - both
     points = sum(count for i, j, count, _ in solution.surfaces if {i, j} == {a, b})
     ties = [name for name, there in (("people", both > 0), ("the empty room", points > 0)) if there]

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from depth_pose.core.rotations import cross_matrix
 from depth_pose.detect.floor import Floor
 from depth_pose.rooms.background import RoomSurface
 from depth_pose.rooms.calibration_people import PeopleTerm, add_people
@@ -104,13 +105,18 @@ def _inverse(matrix: Array) -> Array:
     return np.asarray(np.linalg.inv(matrix))
 
 
-def relative_spread(covariance: Array, camera: int, point: Array) -> tuple[float, float]:
-    """Return the deviation of a camera against the first one: metres at a point of the room, and degrees."""
-    first, other = slice(0, 6), slice(camera * SIZE, camera * SIZE + 6)
-    C = covariance
-    relative = C[first, first] + C[other, other] - C[first, other] - C[other, first]
+def moved_covariance(covariance: Array, camera: int, point: Array) -> Array:
+    """Return the covariance (3, 3) of a point, m^2, moved by a camera's error against the first one."""
     x, y, z = point
-    J = np.hstack([-np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]), np.eye(3)])
-    return float(np.sqrt(np.trace(J @ relative @ J.T))), float(
-        np.degrees(np.sqrt(np.trace(relative[:3, :3])))
-    )
+    J = np.hstack([-cross_matrix(x, y, z), np.eye(3)])
+    return np.asarray(J @ _relative(covariance, camera) @ J.T)
+
+
+def turned_deviation(covariance: Array, camera: int) -> float:
+    """Return the deviation of a camera's turn against the first one, radians."""
+    return float(np.sqrt(np.trace(_relative(covariance, camera)[:3, :3])))
+
+
+def _relative(C: Array, camera: int) -> Array:
+    first, other = slice(0, 6), slice(camera * SIZE, camera * SIZE + 6)
+    return np.asarray(C[first, first] + C[other, other] - C[first, other] - C[other, first])
