@@ -22,8 +22,9 @@ from parts.room_fusion import fusion
 from depth_pose.bank.default import prepare_default_bank
 from depth_pose.cli.rooms import read_all
 from depth_pose.core.errors import InputError
-from depth_pose.rooms.calibration import Calibration, RoomCalibration
+from depth_pose.rooms.calibration import RoomCalibration
 from depth_pose.rooms.calibration_record import RecordSetting
+from depth_pose.rooms.calibration_result import Calibration
 
 HEIGHTS_M = (0.0, 0.9, 1.8)
 """Heights of the points whose displacement is measured, metres."""

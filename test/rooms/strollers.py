@@ -14,7 +14,7 @@ from depth_pose.rooms.calibration_input import CameraRecord
 from skeletons import make_skeleton
 
 CAMERA = Camera(160, 120, 130.0, 130.0, 79.5, 59.5)
-ROOM = np.array([[-1.0, -3.0, 0.0], [6.0, 3.5, 2.8]])
+ROOM = np.array([[-1.0, -3.0, 0.0], [6.0, 2.6, 2.8]])
 """Low and high corner, room frame (z up), metres."""
 NEAR_M = np.array(
     [

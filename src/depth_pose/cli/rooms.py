@@ -19,8 +19,8 @@ from depth_pose.core.errors import ConfigError, InputError
 from depth_pose.core.outputs import check_targets
 
 if TYPE_CHECKING:
-    from depth_pose.rooms.calibration import Calibration
     from depth_pose.rooms.calibration_record import Recorded, RecordSetting
+    from depth_pose.rooms.calibration_result import Calibration
 
 _MOST_OFFSET_S = 0.02
 """Clock offset (s) above which a warning is printed: more than live fusion is made for."""

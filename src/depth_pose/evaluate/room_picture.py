@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from depth_pose.core.camera import Camera
 from depth_pose.evaluate.pictures import plain_text, save_picture
-from depth_pose.rooms.calibration import Calibration
+from depth_pose.rooms.calibration_result import Calibration
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -36,15 +36,15 @@ def save_room_picture(calibration: Calibration, path: Path | str) -> None:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(7.5, 7.5), dpi=130)
+    figure = Figure(figsize=(7.5, 7.5), dpi=130, layout="constrained")
     FigureCanvasAgg(figure)
     axes = figure.add_subplot()
     for c, record in enumerate(calibration.records):
         colour = _COLOURS[c % len(_COLOURS)]
-        points = calibration.surface(c)
+        points = calibration.surfaces[c]
         walls = points[points[:, 2] > _LOW_M]
         axes.scatter(walls[:, 0], walls[:, 1], s=1.5, color=colour, alpha=0.25, linewidths=0, zorder=1)
-        for places in calibration.places(c):
+        for places in calibration.places[c]:
             axes.plot(places[:, 0], places[:, 1], color=colour, linewidth=0.9, alpha=0.8, zorder=2)
         T = calibration.T_room_camera[c]
         if record.camera is not None:
@@ -58,8 +58,9 @@ def save_room_picture(calibration: Calibration, path: Path | str) -> None:
     axes.set_xlabel("x in m: along the first camera's view")
     axes.set_ylabel("y in m")
     axes.set_title("The room from above: dots are walls and furniture, lines are people", fontsize=10)
-    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.09), fontsize=8, frameon=False)
-    figure.tight_layout()
+    figure.legend(loc="outside lower center", fontsize=8, frameon=False)
+    width, height = np.ptp(axes.get_xlim()), np.ptp(axes.get_ylim())
+    figure.set_size_inches(7.5, float(np.clip(7.0 * height / width + 1.2, 3.5, 10.0)))
     save_picture(figure, path)
 
 

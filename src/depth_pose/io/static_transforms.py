@@ -36,9 +36,7 @@ def read_static_transforms(path: Path | str) -> tuple[StaticTransform, ...]:
     if topic is None:
         return ()
     if topic.kind != schemas.TRANSFORMS:
-        raise InputError(
-            f"{path}: {TOPIC} has messages of type {topic.kind}; it must be {schemas.TRANSFORMS}"
-        )
+        raise InputError(f"{path}: {TOPIC} is of type {topic.kind}; it must be {schemas.TRANSFORMS}")
     found = []
     for raw in recording.messages(TOPIC):
         for t in read_message(raw.data, schemas.TRANSFORMS).transforms:

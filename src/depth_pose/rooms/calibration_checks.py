@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from depth_pose.core.camera import Camera
 from depth_pose.core.errors import InputError
-from depth_pose.rooms.background import find_surface
-from depth_pose.rooms.calibration_input import CameraRecord
+from depth_pose.rooms.background import RoomSurface
+from depth_pose.rooms.calibration_input import BodyTrack, CameraRecord
 from depth_pose.rooms.calibration_match import PairMatch
-from depth_pose.rooms.calibration_terms import CameraState
+from depth_pose.rooms.calibration_state import CameraState
 
 Array = NDArray[np.float64]
 
@@ -24,8 +24,8 @@ _LEAST_SHARE = 0.4
 _MORE = 1.8
 """People's time agrees by more than chance if it is this many times that which agrees when one camera is
 mirrored; a recording is mirrored the other way round. Set by hand."""
-_COPY_M, _COPY_RAD, _COPY_S = 0.01, np.radians(0.3), 0.002
-"""Two recordings are of one camera if they differ by less: place, turn and clock. Set by hand."""
+_COPY_M, _COPY_RAD = 0.01, np.radians(0.3)
+"""Two recordings are of one camera if place and turn differ by less; no housing is so small. Set by hand."""
 _THROUGH_M = 0.25
 """A surface in front of what a camera sees by this much contradicts it, metres. Set by hand."""
 _MOST_CONTRADICTED = 0.25
@@ -51,11 +51,6 @@ def check_records(records: Sequence[CameraRecord]) -> None:
     for i, first in enumerate(records):
         for second in records[i + 1 :]:
             _check_times(first, second)
-    for record in records:
-        if not record.tracks(0):
-            raise InputError(
-                f"{record.name}: nobody is seen; somebody must walk about where both cameras see them"
-            )
 
 
 def _check_times(first: CameraRecord, second: CameraRecord) -> None:
@@ -68,6 +63,12 @@ def _check_times(first: CameraRecord, second: CameraRecord) -> None:
             f"({second.name} begins {abs(apart):.1f} s {'after' if apart > 0 else 'before'} {first.name}); "
             "record all cameras at the same time, for at least 20 s, with clocks that agree to half a second"
         )
+
+
+def check_people(name: str, tracks: Sequence[BodyTrack]) -> None:
+    """Check that a camera sees somebody."""
+    if not tracks:
+        raise InputError(f"{name}: nobody is seen; somebody must walk about where two cameras see them")
 
 
 def check_match(first: str, second: str, match: PairMatch | None) -> str:
@@ -94,18 +95,22 @@ def _is_enough(seconds: float, common: float, by_chance: float) -> bool:
     return seconds >= LEAST_S and (seconds >= _LEAST_SHARE * common or seconds >= _MORE * by_chance)
 
 
-def check_solution(records: Sequence[CameraRecord], states: Sequence[CameraState]) -> None:
+def check_solution(
+    records: Sequence[CameraRecord], states: Sequence[CameraState], surfaces: Sequence[RoomSurface | None]
+) -> None:
     """Check that no two cameras are one, and that none sees through what another sees."""
-    for (first, one), (second, other) in combinations(zip(records, states, strict=True), 2):
+    for (first, one, mine), (second, other, theirs) in combinations(
+        zip(records, states, surfaces, strict=True), 2
+    ):
         T_first_second = np.linalg.inv(one.T_room_camera) @ other.T_room_camera
-        if _is_copy(T_first_second, other.offset - one.offset):
+        if _is_copy(T_first_second):
             raise InputError(
                 f"{first.name} and {second.name} are the same recording, or of the same camera: their "
                 "people coincide; give recordings of different cameras"
             )
         contradicted = [
-            _share_contradicted(first, second, T_first_second),
-            _share_contradicted(second, first, np.asarray(np.linalg.inv(T_first_second))),
+            _share_contradicted(first, theirs, T_first_second),
+            _share_contradicted(second, mine, np.asarray(np.linalg.inv(T_first_second))),
         ]
         worst = max((share for share in contradicted if np.isfinite(share)), default=0.0)
         if worst > _MOST_CONTRADICTED:
@@ -115,39 +120,39 @@ def check_solution(records: Sequence[CameraRecord], states: Sequence[CameraState
             )
 
 
-def check_ties(names: Sequence[str], spreads: Sequence[Array], by_room_m: Sequence[float]) -> None:
-    """Check that people's places and the empty room tie each camera to others.
+def check_places(name: str, along: float, across: float, room_across: float, room: float) -> None:
+    """Check that people walked over an area, or that the empty room makes up for it.
 
     Parameters
     ----------
-    names : sequence of str
-    spreads : sequence of (2,) float64
-        Deviation of the places where each camera and another saw somebody, along and across, metres.
-    by_room_m : sequence of float
-        Deviation of each camera's place by the empty room alone, metres.
+    name : str
+        The camera's.
+    along, across : float
+        Deviation of the places where it and another camera saw somebody, metres.
+    room_across, room : float
+        Deviation of the camera's place by the empty room alone, across that line and in all, metres.
     """
-    for name, (along, across), by_room in zip(names, spreads, by_room_m, strict=True):
-        if across > _LINE_M or by_room < _RESOLVED_M:
-            continue
-        what = "stayed in one place" if along < _PLACE_M else "walked only one line"
-        raise InputError(
-            f"{name}: people whom another camera sees as well {what}, and too little of the empty room is "
-            "seen by both; walk to and fro and across, over at least a metre or two"
-        )
+    if across > _LINE_M or (room_across if along > _PLACE_M else room) < _RESOLVED_M:
+        return
+    what = "walked only one line" if along > _PLACE_M else "stayed in one place"
+    raise InputError(
+        f"{name}: people whom another camera sees as well {what}, and too little of the empty room is seen "
+        "by both; walk to and fro and across, over at least a metre or two"
+    )
 
 
-def _is_copy(T_first_second: Array, offset: float) -> bool:
+def _is_copy(T_first_second: Array) -> bool:
     turned = np.arccos(np.clip(0.5 * (np.trace(T_first_second[:3, :3]) - 1.0), -1.0, 1.0))
     moved = np.linalg.norm(T_first_second[:3, 3])
-    return bool(turned < _COPY_RAD and moved < _COPY_M and abs(offset) < _COPY_S)
+    return bool(turned < _COPY_RAD and moved < _COPY_M)
 
 
-def _share_contradicted(first: CameraRecord, second: CameraRecord, T_first_second: Array) -> float:
-    """Return the share of the second's surfaces that the first sees through; NaN where it is not known."""
+def _share_contradicted(first: CameraRecord, theirs: RoomSurface | None, T_first_second: Array) -> float:
+    """Return the share of the second's surface that the first sees through; NaN where it is not known."""
     camera, depth = first.background_camera, first.background
-    if camera is None or depth is None or second.background is None or second.background_camera is None:
+    if camera is None or depth is None or theirs is None:
         return float("nan")
-    points = find_surface(second.background, second.background_camera).points
+    points = theirs.points
     return share_contradicted(depth, camera, points @ T_first_second[:3, :3].T + T_first_second[:3, 3])
 
 

@@ -15,7 +15,7 @@ from depth_pose.core.types import Skeleton
 
 Array = NDArray[np.float64]
 
-MOST_GAP_S = 0.3
+MOST_GAP_S = 0.45
 """Joints are interpolated between frames that are at most this far apart, seconds. Set by hand."""
 
 _SMOOTH_S, _MOST_NEIGHBOURS = 0.08, 6

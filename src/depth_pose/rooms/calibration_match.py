@@ -10,18 +10,14 @@ recording that was flipped.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.core.skeleton import JOINT_INDEX
-from depth_pose.rooms.calibration_input import BodyTrack
+from depth_pose.rooms.calibration_walks import Walk
 
 Array = NDArray[np.float64]
-
-_TRUNK = [JOINT_INDEX[n] for n in ("pelvis", "spine", "chest", "neck")]
-_LEFT = [JOINT_INDEX["left_shoulder"], JOINT_INDEX["left_hip"]]
-_RIGHT = [JOINT_INDEX["right_shoulder"], JOINT_INDEX["right_hip"]]
 
 SAME_M = 0.25
 """Places of one person by two cameras differ by less than this, metres. Set by hand."""
@@ -29,8 +25,6 @@ _SAME_COS = 0.5
 """Facings of one person by two cameras differ by less than 60 degrees. Set by hand."""
 _FARTHEST_S, _STEP_S, _FINE_S = 0.5, 0.1, 0.02
 """Largest offset between two clocks, and the grid's steps, seconds. Set by hand."""
-_RATE_HZ = 5.0
-"""Moments a second of a track that are compared. Set by hand."""
 _LEAST_TRACK_S = 1.5
 """Shortest track that proposes a transform, seconds. Set by hand."""
 _MOST_TRACKS = 12
@@ -39,55 +33,12 @@ _PROPOSALS = 40
 """Pairs of moments that propose a transform, for each pair of tracks and offset. Set by hand."""
 _APART_M = 0.5
 """Places of two moments that propose a turn are this far apart, metres. Set by hand."""
+_UNLIKE = 0.3
+"""Weight of places that agree while the facings do not. Set by hand."""
+_MOST_TRIED = 60
+"""Number of proposals, the best ones, that are compared for all people. Set by hand."""
 _ROUNDS = 6
 """Number of reweighted fits. Set by hand."""
-
-
-@dataclass(frozen=True)
-class Walk:
-    """A levelled track: places and facings on the floor.
-
-    Attributes
-    ----------
-    times : (N,) float64
-        Seconds.
-    places : (N, 2) float64
-        x and y of the trunk, the camera's floor frame (z up), metres.
-    sides : (N, 2) float64
-        From the right side to the left, length 1.
-    seconds : (N,) float64
-        Time that each moment stands for.
-    """
-
-    times: Array
-    places: Array
-    sides: Array
-    seconds: Array
-
-    def at(self, times: Array, most_gap_s: float = 0.6) -> tuple[Array, Array, NDArray[np.bool_]]:
-        """Interpolate places and sides at times (M,); and whether the walk covers them."""
-        after = np.clip(np.searchsorted(self.times, times), 1, len(self.times) - 1)
-        gap = np.maximum(self.times[after] - self.times[after - 1], 1e-6)
-        share = (times - self.times[after - 1]) / gap
-        covered = (share >= 0.0) & (share <= 1.0) & (gap <= most_gap_s)
-        share = np.clip(share, 0.0, 1.0)[:, None]
-        places = (1.0 - share) * self.places[after - 1] + share * self.places[after]
-        sides = (1.0 - share) * self.sides[after - 1] + share * self.sides[after]
-        return places, sides, covered
-
-
-def level_walk(track: BodyTrack, T_floor_camera: Array) -> Walk | None:
-    """Return a track's places and facings on the floor; None if it is too short to be compared."""
-    if len(track.times) < 3 or track.times[-1] - track.times[0] < 0.5:
-        return None
-    step = max(1, int(np.floor(1.0 / (_RATE_HZ * max(float(np.median(np.diff(track.times))), 1e-3)))))
-    kept = slice(None, None, step)
-    flat = (track.joints[kept] @ T_floor_camera[:3, :3].T + T_floor_camera[:3, 3])[..., :2]
-    sides = flat[:, _LEFT].mean(axis=1) - flat[:, _RIGHT].mean(axis=1)
-    sides /= np.maximum(np.linalg.norm(sides, axis=1, keepdims=True), 1e-6)
-    times = track.times[kept]
-    seconds = np.minimum(np.gradient(times), 0.5) if len(times) > 1 else np.zeros(len(times))
-    return Walk(times, flat[:, _TRUNK].mean(axis=1), sides, seconds)
 
 
 @dataclass(frozen=True)
@@ -139,33 +90,24 @@ def match_pair(a: list[Walk], b: list[Walk]) -> PairMatch | None:
     proper = _best(a, b)
     if proper is None:
         return None
-    flipped = _best(a, [_mirrored(walk) for walk in b])
+    flipped = _best(a, [walk.mirrored() for walk in b])
     return proper if flipped is None else PairMatch(**{**vars(proper), "mirrored": flipped.seconds})
-
-
-def _mirrored(walk: Walk) -> Walk:
-    """Return the walk in a mirror; a body's left becomes its right, as a tracker names them."""
-    flip = np.array([1.0, -1.0])
-    return Walk(walk.times, walk.places * flip, -walk.sides * flip, walk.seconds)
 
 
 def _best(a: list[Walk], b: list[Walk]) -> PairMatch | None:
     rng = np.random.default_rng(0)
-    best: tuple[float, float, Array, float] | None = None
-    for first in _longest(a):
-        for second in _longest(b):
-            for offset in np.arange(-_FARTHEST_S, _FARTHEST_S + 1e-9, _STEP_S):
-                proposed = _propose(first, second, float(offset), rng)
-                if proposed is None:
-                    continue
-                turn, shift = proposed
-                agreed = _agreement(a, b, turn, shift, float(offset))
-                score = agreed.score
-                if best is None or score > best[0]:
-                    best = (score, turn, shift, float(offset))
-    if best is None:
+    offsets = np.arange(-_FARTHEST_S, _FARTHEST_S + 1e-9, _STEP_S)
+    proposed = [
+        found
+        for first in _longest(a)
+        for second in _longest(b)
+        for offset in offsets
+        if (found := _propose(first, second, float(offset), rng)) is not None
+    ]
+    if not proposed:
         return None
-    _, turn, shift, offset = best
+    promising = sorted(proposed, key=lambda one: -one.score)[:_MOST_TRIED]
+    turn, shift, offset, _ = max(promising, key=lambda one: _agreement(a, b, *one[:3]).score)
     turn, shift = _refit(a, b, turn, shift, offset)
     for step in (_STEP_S / 2, _FINE_S):
         around = [offset + k * step for k in range(-3, 4)]
@@ -189,9 +131,16 @@ def _turn_matrix(angle: float) -> Array:
     return np.array([[c, -s], [s, c]])
 
 
-def _propose(
-    first: Walk, second: Walk, offset: float, rng: np.random.Generator
-) -> tuple[float, Array] | None:
+class _Proposal(NamedTuple):
+    """A turn, shift (m) and clock offset (s), and the time (s) of the two tracks that agrees with it."""
+
+    turn: float
+    shift: Array
+    offset: float
+    score: float
+
+
+def _propose(first: Walk, second: Walk, offset: float, rng: np.random.Generator) -> _Proposal | None:
     """Return the turn and shift with which most moments of two tracks agree."""
     places, sides, covered = second.at(first.times + offset)
     there = np.flatnonzero(covered)
@@ -211,12 +160,13 @@ def _propose(
     off = np.einsum("nij,mj->nmi", R, pb) + shifts[:, None] - pa
     near = np.maximum(0.0, 1.0 - (off**2).sum(-1) / SAME_M**2)
     alike = np.einsum("nij,mj,mi->nm", R, sb, sa) > _SAME_COS
-    best = int(np.argmax((near * np.where(alike, 1.0, 0.3)).sum(axis=1)))
+    scores = (near * np.where(alike, 1.0, _UNLIKE)) @ first.seconds[there]
+    best = int(np.argmax(scores))
     turn, shift = float(turns[best]), shifts[best]
     for _ in range(3):
         off2 = ((pb @ _turn_matrix(turn).T + shift - pa) ** 2).sum(-1)
         turn, shift = _fit(pa, pb, sa, sb, 1.0 / (1.0 + off2 / SAME_M**2) ** 2)
-    return turn, shift
+    return _Proposal(turn, shift, offset, float(scores[best]))
 
 
 def _angle(vectors: Array) -> Array:
@@ -267,7 +217,9 @@ def _agreement(a: list[Walk], b: list[Walk], turn: float, shift: Array, offset: 
         alike = np.sum((side @ R.T) * walk.sides, axis=1) > _SAME_COS
         same = nearest < SAME_M
         score += float(
-            (walk.seconds * np.maximum(0.0, 1.0 - (nearest / SAME_M) ** 2) * np.where(alike, 1.0, 0.3)).sum()
+            (
+                walk.seconds * np.maximum(0.0, 1.0 - (nearest / SAME_M) ** 2) * np.where(alike, 1.0, _UNLIKE)
+            ).sum()
         )
         seconds += float(walk.seconds[same].sum())
         common += float(walk.seconds[np.isfinite(nearest)].sum())

@@ -4,25 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import permutations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
+from depth_pose.core.rotations import cross_matrix
 from depth_pose.detect.floor import Floor
 from depth_pose.rooms.background import RoomSurface
-from depth_pose.rooms.calibration_terms import (
-    SIZE,
-    CameraState,
-    Normal,
-    PeopleTerm,
-    SurfaceTerm,
-    add_fixed,
-    add_people,
-    add_priors,
-    add_surfaces,
-)
+from depth_pose.rooms.calibration_people import PeopleTerm, add_people
+from depth_pose.rooms.calibration_room import SurfaceTerm, add_fixed, add_priors, add_surfaces, pair_surfaces
+from depth_pose.rooms.calibration_state import SIZE, CameraState, Normal
 
 Array = NDArray[np.float64]
 
@@ -82,7 +73,7 @@ def solve_room(
     now = list(states)
     for _ in range(_PEOPLE_ROUNDS):
         now = _round(now, floors, fixed, people, (), 0.0)[0]
-    pairs = _surface_pairs(surfaces)
+    pairs = pair_surfaces(surfaces)
     for reach in _REACHES_M if pairs else ():
         now = _round(now, floors, fixed, people, pairs, reach)[0]
     _, normal, lengths, found = _round(now, floors, fixed, people, pairs, _REACHES_M[-1])
@@ -110,28 +101,22 @@ def _round(
     return [s.moved(step) for s, step in zip(states, steps, strict=True)], normal, lengths, found
 
 
-def _surface_pairs(surfaces: Sequence[RoomSurface | None]) -> list[SurfaceTerm]:
-    """Pair the cameras' surfaces, each pair both ways."""
-    trees = [cKDTree(s.points) if s is not None and len(s.points) else None for s in surfaces]
-    return [
-        SurfaceTerm(a, b, first, second, tree)
-        for a, b in permutations(range(len(surfaces)), 2)
-        if (first := surfaces[a]) is not None and (second := surfaces[b]) is not None
-        if trees[a] is not None and (tree := trees[b]) is not None
-    ]
-
-
 def _inverse(matrix: Array) -> Array:
     return np.asarray(np.linalg.inv(matrix))
 
 
-def relative_spread(covariance: Array, camera: int, point: Array) -> tuple[float, float]:
-    """Return the deviation of a camera against the first one: metres at a point of the room, and degrees."""
-    first, other = slice(0, 6), slice(camera * SIZE, camera * SIZE + 6)
-    C = covariance
-    relative = C[first, first] + C[other, other] - C[first, other] - C[other, first]
+def moved_covariance(covariance: Array, camera: int, point: Array) -> Array:
+    """Return the covariance (3, 3) of a point, m^2, moved by a camera's error against the first one."""
     x, y, z = point
-    J = np.hstack([-np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]), np.eye(3)])
-    return float(np.sqrt(np.trace(J @ relative @ J.T))), float(
-        np.degrees(np.sqrt(np.trace(relative[:3, :3])))
-    )
+    J = np.hstack([-cross_matrix(x, y, z), np.eye(3)])
+    return np.asarray(J @ _relative(covariance, camera) @ J.T)
+
+
+def turned_deviation(covariance: Array, camera: int) -> float:
+    """Return the deviation of a camera's turn against the first one, radians."""
+    return float(np.sqrt(np.trace(_relative(covariance, camera)[:3, :3])))
+
+
+def _relative(C: Array, camera: int) -> Array:
+    first, other = slice(0, 6), slice(camera * SIZE, camera * SIZE + 6)
+    return np.asarray(C[first, first] + C[other, other] - C[first, other] - C[other, first])

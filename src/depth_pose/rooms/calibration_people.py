@@ -1,0 +1,120 @@
+"""People whom two cameras see at the same time, as terms of the room's least-squares problem."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Sequence
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from depth_pose.core.rotations import unit_vectors
+from depth_pose.core.skeleton import JOINT_INDEX, JOINTS
+from depth_pose.rooms.calibration_input import BodyTrack
+from depth_pose.rooms.calibration_state import NEAR, OFFSET, SIZE, CameraState, Normal, motion_rows
+
+Array = NDArray[np.float64]
+
+_TRUNK = [JOINT_INDEX[name] for name in ("pelvis", "spine", "chest", "neck", "head")]
+_SAME_TRACK_M, _SAME_TRACK_S = 0.35, 1.0
+"""Tracks of one person lie within this (m, the trunk) for at least this time (s). Set by hand."""
+
+_ERRORS = {
+    "pelvis": (1.0, 0.03, 0.025),
+    "spine": (1.6, 0.05, 0.025),
+    "chest": (1.9, 0.05, 0.025),
+    "neck": (1.1, 0.03, 0.025),
+    "head": (0.6, 0.02, 0.03),
+    "shoulder": (1.3, 0.045, 0.035),
+    "elbow": (2.5, 0.08, 0.07),
+    "wrist": (3.0, 0.1, 0.1),
+    "hip": (0.9, 0.03, 0.03),
+    "knee": (0.25, 0.02, 0.035),
+    "ankle": (0.15, 0.015, 0.04),
+    "foot": (0.4, 0.03, 0.06),
+}
+"""Errors of joints that are seen: by how much they appear too near, against the pelvis; deviation along the
+ray and across it, metres. Measured on simulated pairs of cameras against the truth."""
+_NEAR_SHARE, _ALONG_M, _ACROSS_M = np.array([_ERRORS[name.rpartition("_")[2]] for name in JOINTS]).T
+_ALIKE_S = 0.7
+"""A joint's error is the same for about this time, seconds. Set by hand."""
+_MOST_S = 25.0
+"""Two cameras' joints count as at most this much time: systematic errors remain, however long people walk.
+Chosen on simulated pairs from 5, 15 and no limit."""
+_ALIKE_JOINTS = 4.0
+"""Number of joints that err alike. Set by hand."""
+_FAR_M = 0.12
+"""Residual (m) at which a joint has a quarter of its weight. Set by hand."""
+
+
+class PeopleTerm(NamedTuple):
+    """One person in two cameras: a track of camera ``a`` and one of camera ``b``.
+
+    ``agrees`` (N,) are the frames of track a in which they do: either may change over to somebody else.
+    """
+
+    a: int
+    b: int
+    track_a: BodyTrack
+    track_b: BodyTrack
+    agrees: NDArray[np.bool_]
+
+    @property
+    def seconds(self) -> float:
+        """Time in which both tracks agree, seconds."""
+        return float(self.track_a.seconds[self.agrees].sum())
+
+
+def add_people(normal: Normal, states: Sequence[CameraState], terms: Sequence[PeopleTerm]) -> Array:
+    """Add the joints that two cameras see at the same time; return the residuals' lengths (N,), metres."""
+    lengths = []
+    total: defaultdict[tuple[int, int], float] = defaultdict(float)
+    for term in terms:
+        total[term.a, term.b] += term.seconds
+    for a, b, track_a, track_b, agrees in terms:
+        first, second = states[a], states[b]
+        seen = track_b.at(track_a.times - first.offset + second.offset)
+        sure = np.sqrt(track_a.confidence * seen.confidence) * agrees[:, None]
+        frame, joint = np.nonzero(sure > 0.1)
+        if not len(frame):
+            continue
+        pa, pb = track_a.joints[frame, joint], seen.joints[frame, joint]
+        ua, ub = unit_vectors(pa), unit_vectors(pb)
+        Ra, Rb = first.T_room_camera[:3, :3], second.T_room_camera[:3, :3]
+        share = _NEAR_SHARE[joint, None]
+        qa, qb = first.to_room(pa + first.near * share * ua), second.to_room(pb + second.near * share * ub)
+        ua, ub, vb = ua @ Ra.T, ub @ Rb.T, seen.velocities[frame, joint] @ Rb.T
+        residual = qa - qb
+        length = np.linalg.norm(residual, axis=1)
+        lengths.append(length)
+        Ja, Jb = motion_rows(qa), -motion_rows(qb)
+        Ja[:, :, OFFSET], Jb[:, :, OFFSET] = vb, -vb
+        Ja[:, :, NEAR], Jb[:, :, NEAR] = share * ua, -share * ub
+        along, across = _ALONG_M[joint, None, None] ** 2, _ACROSS_M[joint, None, None] ** 2
+        spread = (along - across) * (ua[:, :, None] * ua[:, None] + ub[:, :, None] * ub[:, None])
+        spread += 2.0 * across * np.eye(3)
+        root = np.swapaxes(np.linalg.cholesky(np.linalg.inv(spread)), 1, 2)
+        seconds = track_a.seconds[frame]
+        trust = min(1.0, _MOST_S / total[a, b]) / (1.0 + (length / _FAR_M) ** 2) ** 2
+        weight = trust * sure[frame, joint] * seconds / (_ALIKE_S * _ALIKE_JOINTS)
+        rows = [(a, (root @ Ja).reshape(-1, SIZE)), (b, (root @ Jb).reshape(-1, SIZE))]
+        normal.add(rows, np.einsum("nij,nj->ni", root, residual).ravel(), np.repeat(weight, 3))
+    return np.concatenate(lengths) if lengths else np.zeros(0)
+
+
+def pair_tracks(tracks: Sequence[Sequence[BodyTrack]], states: Sequence[CameraState]) -> list[PeopleTerm]:
+    """Find the pairs of tracks of two cameras that are one person."""
+    terms = []
+    for a, b in combinations(range(len(states)), 2):
+        for first in tracks[a]:
+            for second in tracks[b]:
+                seen = second.at(first.times - states[a].offset + states[b].offset)
+                here = states[a].to_room(first.joints[:, _TRUNK]).mean(axis=1)
+                there = states[b].to_room(seen.joints[:, _TRUNK]).mean(axis=1)
+                agrees = seen.present & (np.linalg.norm(here - there, axis=1) < _SAME_TRACK_M)
+                term = PeopleTerm(a, b, first, second, agrees)
+                if term.seconds > _SAME_TRACK_S:
+                    terms.append(term)
+    return terms

@@ -1,0 +1,129 @@
+"""Floors, the empty room and what is known beforehand, as terms of the room's least-squares problem."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import permutations
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from depth_pose.core.rotations import cross_matrix
+from depth_pose.detect.floor import Floor
+from depth_pose.rooms.background import RoomSurface
+from depth_pose.rooms.calibration_state import NEAR, NEAR_M, OFFSET, SIZE, CameraState, Normal, motion_rows
+
+Array = NDArray[np.float64]
+
+_NEAR_SPREAD_M = 0.02
+"""Deviation of the nearness over sensors, metres."""
+_OFFSET_SPREAD_S = 0.3
+"""Deviation of clock offsets, seconds. Set by hand."""
+
+_UP_SPREAD, _HEIGHT_SPREAD_M = np.radians(0.5), 0.03
+"""Deviation of the floor that depth images show: direction (radians), height. Set by hand."""
+_ROUGH = 8.0
+"""The same for a floor that is estimated from people, as a multiple. Set by hand."""
+
+_FIXED = 1e9
+"""Weight of what does not move, 1/m^2: far above all others."""
+
+_SURFACE_M, _SURFACE_PER_M = 0.012, 0.0015
+"""Deviation of the empty room's points (m), and its growth with the squared distance (1/m), as of sensors
+that measure disparity. Set by hand."""
+_ALIKE_POINTS = 20.0
+"""Number of neighbouring points that err alike. Set by hand."""
+_SAME_COS = np.cos(np.radians(35.0))
+"""Normals of one surface in two cameras differ by less than this. Set by hand."""
+
+
+def add_priors(normal: Normal, states: Sequence[CameraState], floors: Sequence[Floor]) -> None:
+    """Add each camera's floor, the spread of clocks and nearness, and hold the first camera's place."""
+    for c, (state, floor) in enumerate(zip(states, floors, strict=True)):
+        rough = 1.0 if floor.source == "depth images" else _ROUGH
+        up = state.T_room_camera[:3, :3] @ floor.up
+        J = np.zeros((2, SIZE))
+        J[:, :3] = -cross_matrix(*up)[:2]
+        normal.add([(c, J)], up[:2], np.full(2, 1.0 / (_UP_SPREAD * rough) ** 2))
+        foot = state.to_room(-floor.height * floor.up)
+        normal.add(
+            [(c, motion_rows(foot[None])[0, 2:])], foot[2:], np.full(1, 1.0 / (_HEIGHT_SPREAD_M * rough) ** 2)
+        )
+        J = np.zeros((2, SIZE))
+        J[0, OFFSET], J[1, NEAR] = 1.0, 1.0
+        residual = np.array([state.offset, state.near - NEAR_M])
+        spreads = np.array([_OFFSET_SPREAD_S if c else 1e-6, _NEAR_SPREAD_M])
+        normal.add([(c, J)], residual, 1.0 / spreads**2)
+    J = np.zeros((3, SIZE))  # no turn about the vertical, no shift
+    J[0, 2] = J[1, 3] = J[2, 4] = 1.0
+    normal.add([(0, J)], np.zeros(3), np.full(3, _FIXED))
+
+
+def add_fixed(normal: Normal, pairs: Sequence[tuple[int, int]]) -> None:
+    """Let both cameras of each pair move alike, so that they keep their pose to each other."""
+    J = np.eye(6, SIZE)
+    for a, b in pairs:
+        normal.add([(a, J), (b, -J)], np.zeros(6), np.full(6, _FIXED))
+
+
+class SurfaceTerm(NamedTuple):
+    """The empty room in two cameras, with a tree of the points of each, camera frames."""
+
+    a: int
+    b: int
+    surface_a: RoomSurface
+    surface_b: RoomSurface
+    tree_b: cKDTree
+
+
+def pair_surfaces(surfaces: Sequence[RoomSurface | None]) -> list[SurfaceTerm]:
+    """Pair the cameras' surfaces, each pair both ways."""
+    trees = [cKDTree(s.points) if s is not None and len(s.points) else None for s in surfaces]
+    return [
+        SurfaceTerm(a, b, first, second, tree)
+        for a, b in permutations(range(len(surfaces)), 2)
+        if (first := surfaces[a]) is not None and (second := surfaces[b]) is not None
+        if trees[a] is not None and (tree := trees[b]) is not None
+    ]
+
+
+def add_surfaces(
+    normal: Normal, states: Sequence[CameraState], terms: Sequence[SurfaceTerm], reach_m: float
+) -> list[tuple[int, float]]:
+    """Add points of a that lie near a surface of b; return the count and mean residual (m) of each term.
+
+    Parameters
+    ----------
+    normal, states, terms
+    reach_m : float
+        Distance (m) beyond which a point has no partner; half of it halves its weight.
+    """
+    found = []
+    for a, b, surface_a, surface_b, tree_b in terms:
+        first, second = states[a], states[b]
+        T_b_a = np.linalg.inv(second.T_room_camera) @ first.T_room_camera
+        distance, index = tree_b.query(
+            surface_a.points @ T_b_a[:3, :3].T + T_b_a[:3, 3], distance_upper_bound=max(reach_m, 0.1)
+        )
+        there = np.flatnonzero(np.isfinite(distance))
+        n = surface_b.normals[index[there]] @ second.T_room_camera[:3, :3].T
+        na = surface_a.normals[there] @ first.T_room_camera[:3, :3].T
+        qa = first.to_room(surface_a.points[there])
+        qb = second.to_room(surface_b.points[index[there]])
+        residual = np.sum(n * (qa - qb), axis=1)
+        good = (np.sum(n * na, axis=1) > _SAME_COS) & (np.abs(residual) < reach_m)
+        if not good.any():
+            found.append((0, 0.0))
+            continue
+        n, qa, residual = n[good], qa[good], residual[good]
+        spread = 2.0 * _SURFACE_M**2
+        for points in (surface_a.points[there[good]], surface_b.points[index[there[good]]]):
+            spread = spread + (_SURFACE_PER_M * np.sum(points**2, axis=1)) ** 2
+        J = np.zeros((len(n), SIZE))
+        J[:, :3], J[:, 3:6] = np.cross(qa, n), n
+        weight = (1.0 - (residual / reach_m) ** 2) ** 2 / (spread * _ALIKE_POINTS)
+        normal.add([(a, J), (b, -J)], residual, weight)
+        found.append((len(n), float(np.abs(residual).mean())))
+    return found
