@@ -88,9 +88,10 @@ class Track:
 
         Segments rotate evenly from frame to frame; moments after the last frame get the last.
         """
-        before = np.minimum(frames.astype(np.int64), len(self.spots) - 1)
-        after = np.minimum(before + 1, len(self.spots) - 1)
-        share = frames - before
+        last = len(self.spots) - 1
+        before = np.minimum(frames, last).astype(np.int64)
+        after = np.minimum(before + 1, last)
+        share = np.minimum(frames, last) - before
         steps = zip(self.rotations[before], self.rotations[after], share, strict=True)
         return Track(
             np.stack([_turned(one, other, s) for one, other, s in steps]),
