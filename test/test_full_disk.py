@@ -16,6 +16,7 @@ from skeletons import make_skeleton
 COMMANDS = (
     ("simulate", "-o", "sim.mcap", "--seconds", "0.2", "--motion", "wave"),
     ("simulate", "-o", "sim.mcap", "--seconds", "0.1", "--room", "--width", "160"),
+    ("simulate", "-o", "sim.mcap", "--seconds", "0.1", "--room", "--cameras", "2"),
     ("run", "in.mcap", "-o", "out.mcap"),
     ("run", "in.mcap", "-o", "out.mcap", "--markers", "--save-build", "out.json"),
     ("run", "in.mcap", "other.mcap", "-o", "many", "--workers", "0"),

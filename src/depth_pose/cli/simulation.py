@@ -10,7 +10,7 @@ import typer
 from depth_pose.cli.console import given, loading, print_facts, progress_bar, setting
 from depth_pose.core.errors import ConfigError
 from depth_pose.core.outputs import check_targets
-from depth_pose.sim.config import Person, Placement, Room
+from depth_pose.sim.config import MAX_CAMERAS, Person, Placement, Room
 
 if TYPE_CHECKING:
     from depth_pose.sim.simulate import Stage
@@ -54,7 +54,9 @@ def simulate(
     ] = None,
     cameras: Annotated[
         int | None,
-        typer.Option(min=1, max=4, help="Number of cameras around the room; with --room.", show_default="1"),
+        typer.Option(
+            min=1, max=MAX_CAMERAS, help="Number of cameras around the room; with --room.", show_default="1"
+        ),
     ] = None,
     clock_offset: Annotated[
         float | None,

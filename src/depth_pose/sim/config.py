@@ -10,6 +10,9 @@ from depth_pose.core.options import Checked, option
 if TYPE_CHECKING:
     from depth_pose.body.body import Body
 
+MAX_CAMERAS = 4
+"""Maximum number of cameras in a simulated room."""
+
 
 @dataclass(frozen=True)
 class Person(Checked):

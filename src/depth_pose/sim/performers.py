@@ -83,14 +83,20 @@ class Track:
     seated: NDArray[np.bool_]
     acts: NDArray[np.int64]
 
+    def before(self, act: int) -> Track:
+        """Return the motion before an act begins."""
+        n = int(np.searchsorted(self.acts, act))
+        return Track(self.rotations[:n], self.heading[:n], self.spots[:n], self.seated[:n], self.acts[:n])
+
     def at(self, frames: Array) -> Track:
         """Return the motion at moments (N,) between its frames, in units of frames from the first.
 
         Segments rotate evenly from frame to frame; moments after the last frame get the last.
         """
-        before = np.minimum(frames.astype(np.int64), len(self.spots) - 1)
-        after = np.minimum(before + 1, len(self.spots) - 1)
-        share = frames - before
+        last = len(self.spots) - 1
+        before = np.minimum(frames, last).astype(np.int64)
+        after = np.minimum(before + 1, last)
+        share = np.minimum(frames, last) - before
         steps = zip(self.rotations[before], self.rotations[after], share, strict=True)
         return Track(
             np.stack([_turned(one, other, s) for one, other, s in steps]),
@@ -126,14 +132,40 @@ class Performer:
     def _clip(self, rng: np.random.Generator, name: str) -> Array:
         return without_heading(make_clip(name, self.fps, _CLIP_S, int(rng.integers(2**31))).rotations)
 
-    def perform(self, acts: Sequence[Act], spot: tuple[float, float], heading: float, frames: int) -> Track:
-        """Play acts from a spot on the floor; the last continues to the end."""
+    def perform(
+        self,
+        acts: Sequence[Act],
+        spot: tuple[float, float],
+        heading: float,
+        frames: int,
+        done: Track | None = None,
+    ) -> Track:
+        """Play acts from a spot on the floor; the last continues to the end.
+
+        Parameters
+        ----------
+        acts : sequence of Act
+        spot : tuple of float
+            x and z, metres.
+        heading : float
+            Radians, as in `Track`.
+        frames : int
+        done : Track, optional
+            The motion of the first acts, as performed before with other acts behind them.
+        """
         rotations, headings, spots = np.empty((frames, 21, 3, 3)), np.empty(frames), np.empty((frames, 2))
         seated, played = np.zeros(frames, bool), np.empty(frames, np.int64)
-        at, ankles = np.array(spot, float), None
-        queue, act, since, phase = list(acts[1:]), acts[0], 0, 0
+        at, ankles, first = np.array(spot, float), None, 0
+        act, queue, since, phase = acts[0], list(acts[1:]), 0.0, 0
         blend = _Blend(None, 0.0)
-        for t in range(frames):
+        if done is not None and len(done.acts):
+            first, last = len(done.acts), int(done.acts[-1])
+            act, queue, since = acts[last], list(acts[last + 1 :]), np.inf  # so that the next act begins
+            rotations[:first], headings[:first], spots[:first] = done.rotations, done.heading, done.spots
+            seated[:first], played[:first] = done.seated, done.acts
+            at, heading = spots[first - 1], headings[first - 1]
+            ankles = self._ankles(rotations[first - 1], heading)
+        for t in range(first, frames):
             if queue and self._is_over(act, since, at):
                 sits = "sit" in (act.kind, queue[0].kind)
                 act, since, phase = queue.pop(0), 0, 0
@@ -143,8 +175,7 @@ class Performer:
             pose = blend.toward(_frame(self._clips[act.kind], phase), phase)
             if act.goal is not None:
                 heading = _steer(heading, np.array(act.goal) - at, _TURN_RATE / self.fps)
-            turned = rotation_y(np.array(heading)) @ pose
-            stands = forward_kinematics(turned, np.zeros(3), self._build.body.nodes)[_ANKLES]
+            stands = self._ankles(pose, heading)
             if ankles is not None:
                 low = int(np.argmin(stands[:, 1]))
                 at = at + ankles[low, [0, 2]] - stands[low, [0, 2]]
@@ -155,7 +186,12 @@ class Performer:
             since, phase = since + 1, phase + 1
         return Track(rotations, headings, spots, seated, played)
 
-    def _is_over(self, act: Act, since: int, at: Array) -> bool:
+    def _ankles(self, pose: Array, heading: float) -> Array:
+        """Return the ankles (2, 3) of a pose, relative to the pelvis, metres."""
+        turned = rotation_y(np.array(heading)) @ pose
+        return forward_kinematics(turned, np.zeros(3), self._build.body.nodes)[_ANKLES]
+
+    def _is_over(self, act: Act, since: float, at: Array) -> bool:
         there = act.goal is not None and np.hypot(*(np.array(act.goal) - at)) < _THERE_M
         return bool(there or since >= act.seconds * self.fps)
 

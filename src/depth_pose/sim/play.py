@@ -88,21 +88,23 @@ def sample_long_track(
     """
     step = round(_AHEAD_S * performer.fps)
     acts: list[Act] = []
-    start, heading, length = (0.0, 0.0), 0.0, step
+    start, heading, length, done = (0.0, 0.0), 0.0, step, None
     for _ in range(_LONG_TRIES):
         if not acts:
             acts = _plan(rng, view, room, frames / performer.fps, may_sit)
             start, heading, length = _spot(rng, view, room), rng.uniform(0, 2 * np.pi), step
-        track = performer.perform(acts, start, heading, min(length, frames))
+        track = performer.perform(acts, start, heading, min(length, frames), done)
         wrong = np.flatnonzero(_conflicts(track, room, others))
-        if len(wrong):
-            kept = int(track.acts[wrong[0]]) - int(rng.integers(0, 3))
-            acts = acts[: max(kept, 0)]
-            acts += _plan(rng, view, room, frames / performer.fps, may_sit) if acts else []
-        elif length >= frames:
+        if not len(wrong) and length >= frames:
             return track
+        kept = int(track.acts[-1])
+        if len(wrong):
+            kept = max(int(track.acts[wrong[0]]) - int(rng.integers(0, 3)), 0)
+            acts = acts[:kept]
+            acts += _plan(rng, view, room, frames / performer.fps, may_sit) if acts else []
         else:
             length += step
+        done = track.before(kept)
     return None
 
 

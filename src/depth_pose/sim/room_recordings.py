@@ -30,12 +30,14 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from depth_pose.core.errors import ConfigError
 from depth_pose.core.outputs import new_file
 from depth_pose.core.skeleton import JOINTS
 from depth_pose.io.mcap_write import DepthWriter
 from depth_pose.io.schemas import DEPTH_TOPIC
 from depth_pose.rooms.rig import RigCamera
 from depth_pose.rooms.rigfile import save_rig, upright_from
+from depth_pose.sim.config import MAX_CAMERAS
 from depth_pose.sim.performers import Performer, Track
 from depth_pose.sim.play import furnish_around, person_at, sample_long_track, sample_stage
 from depth_pose.sim.room_cameras import RoomCamera, place_cameras
@@ -43,8 +45,6 @@ from depth_pose.sim.scenes import render
 from depth_pose.sim.shapes import Triangles
 from depth_pose.sim.simulate import START_NS
 
-MAX_CAMERAS = 4
-"""Maximum number of cameras in a room."""
 _MOTION_FPS = 60.0
 """Rate at which motion is made; between its frames, where cameras sample it, segments rotate evenly."""
 
@@ -91,7 +91,7 @@ def sample_show(
     rng : numpy.random.Generator
         Same state, same show.
     cameras : int
-        Number of cameras, 1 to `MAX_CAMERAS`.
+        Number of cameras, 1 to `depth_pose.sim.config.MAX_CAMERAS`.
     seconds : float
     people : int
         Number of people; fewer if the room has no space for their paths.
@@ -99,7 +99,14 @@ def sample_show(
         Maximum width of the images, pixels.
     max_clock_offset : float
         Maximum difference of a camera's clock from camera 0's, seconds.
+
+    Raises
+    ------
+    ConfigError
+        For a wrong number of cameras.
     """
+    if not 1 <= cameras <= MAX_CAMERAS:
+        raise ConfigError(f"{cameras} cameras cannot be simulated; a room has 1 to {MAX_CAMERAS}")
     with threadpool_limits(1):  # sums in the same order on any number of cores
         view, room = sample_stage(rng, width)
         frames = 1 + int(np.ceil((seconds + 0.1) * _MOTION_FPS))
@@ -176,8 +183,8 @@ def record_show(path: Path, show: RoomShow, progress: Callable[[int], None] | No
         truth = _truth(show, times, logs)
         truth["stamps_ns"] = stamps[0]
         np.savez_compressed(beside, **truth)  # type: ignore[arg-type]
-        rig = [RigCamera(f"camera{i}", c.view.camera, c.T_camera_room) for i, c in enumerate(show.cameras)]
-        save_rig(path.with_suffix(".yaml"), rig, [DEPTH_TOPIC] * len(rig))
+    rig = [RigCamera(f"camera{i}", c.view.camera, c.T_camera_room) for i, c in enumerate(show.cameras)]
+    save_rig(path.with_suffix(".yaml"), rig, [DEPTH_TOPIC] * len(rig))
     return float(truth["visible"].mean()) if truth["visible"].size else 0.0
 
 
