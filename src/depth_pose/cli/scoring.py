@@ -55,7 +55,8 @@ def evaluate(
 
     For several people: the share of people (of whom at least .3 is visible) that are found (recall), the
     share of skeletons that belong to a person (precision), those that do not (false), how often ids
-    change (switches), the share under one id (IDF1), and the error of the people found.
+    change (switches), the share under one id (IDF1), and the error of the people found. For skeletons in
+    a room's frame (`run --rig`) the truth is that of `simulate --room --cameras`.
 
     [bold]Examples:[/bold]
 
