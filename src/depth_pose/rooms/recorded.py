@@ -9,7 +9,7 @@ falls with the square of that time; the nearest answer is 27 mm off.
 from __future__ import annotations
 
 from bisect import bisect_left
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -35,13 +35,13 @@ class RecordedPeople:
     path : Path
     frame_id : str
         Of the first message; empty where there is none.
-    answers : mapping of int to sequence of Skeleton
+    answers : mapping of int to tuple of Skeleton
         By stamp in nanoseconds; without lost ones.
     """
 
     path: Path
     frame_id: str
-    answers: Mapping[int, Sequence[Skeleton]]
+    answers: Mapping[int, tuple[Skeleton, ...]]
 
     @property
     def is_room(self) -> bool:
