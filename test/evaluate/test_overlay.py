@@ -13,7 +13,8 @@ from depth_pose.core.errors import InputError
 from depth_pose.core.rotations import R_CAMERA_FACING_MODEL
 from depth_pose.core.skeleton import JOINT_INDEX, JOINT_NODES, JOINTS, rest_nodes
 from depth_pose.core.types import Skeleton
-from depth_pose.evaluate.overlay import collect_panels, project, save_overlay
+from depth_pose.evaluate.overlay import save_overlay
+from depth_pose.evaluate.panels import collect_panels, project
 from depth_pose.evaluate.score2d import person_height_px, score_2d
 from depth_pose.evaluate.shading import shade_depth
 from depth_pose.io.mcap_write import DepthWriter, SkeletonWriter

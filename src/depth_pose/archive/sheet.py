@@ -8,7 +8,8 @@ from pathlib import Path
 
 from depth_pose.archive.inputs import Source
 from depth_pose.archive.process import output_of
-from depth_pose.evaluate.overlay import NOBODY, Panel, draw_sheet
+from depth_pose.evaluate.overlay import draw_sheet
+from depth_pose.evaluate.panels import NOBODY, Panel
 from depth_pose.io.image_options import ImageOptions
 from depth_pose.io.mcap_read import DepthReader
 from depth_pose.io.skeleton_read import read_people

@@ -54,6 +54,7 @@ def export(
     A .bvh or .trc holds one person; of several each gets a file, NAME_ID.bvh. Its bones have the lengths
     of that person. y is up in both, as their importers expect it; they turn z up themselves. .csv and
     .npz hold everybody, in metres, in the sensor's optical frame (x right, y down, z forward) or the floor's.
+    Skeletons of `run --rig` stay in the room's frame (z up, z = 0 on the floor), .bvh and .trc with y up.
 
     Gaps in which a person was not found are reported. Without --fill .bvh keeps the last pose, .trc and
     .npz have NaN, .csv no rows.
@@ -69,9 +70,12 @@ def export(
     depth-pose export out.mcap -o joints.csv
 
     depth-pose export out.mcap -o joints.npz --person body_1
+
+    depth-pose export room.mcap -o room.bvh
     """
     from depth_pose.export import export_skeletons
     from depth_pose.export.tracks import describe_gaps
+    from depth_pose.rooms.rig import ROOM_FRAME
 
     result = export_skeletons(
         skeletons,
@@ -93,6 +97,8 @@ def export(
             )
         elif recording is None:
             _say("[yellow]note:[/yellow] that is rough; with --recording IN it is found in the depth images")
+    if result.frame_id == ROOM_FRAME:
+        _say("the skeletons are in the room's frame, with the floor at height 0")
     for file in result.files:
         _say(f"wrote {escape(printable(file.path))}: {file.frames} frames at {file.rate_hz:.1f} a second")
         for track in file.tracks:

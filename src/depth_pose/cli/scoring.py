@@ -55,7 +55,8 @@ def evaluate(
 
     For several people: the share of people (of whom at least .3 is visible) that are found (recall), the
     share of skeletons that belong to a person (precision), those that do not (false), how often ids
-    change (switches), the share under one id (IDF1), and the error of the people found.
+    change (switches), the share under one id (IDF1), and the error of the people found. For skeletons in
+    a room's frame (`run --rig`) the truth is that of `simulate --room --cameras`.
 
     [bold]Examples:[/bold]
 
@@ -216,10 +217,13 @@ def overlay(
     truth: Annotated[Path | None, typer.Option(help="Truth file (.npz) to draw as well.")] = None,
     depth_topic: shared.DepthTopic = None,
     topic: shared.SkeletonsTopic = PEOPLE_TOPIC,
+    rig: shared.RigFile = None,
+    camera: shared.RigCameraName = None,
 ) -> None:
     """Draw skeletons over depth images, as a picture or an animation.
 
     Above a frame stand its time, the skeleton's source and its confidence, and with --truth the mean error.
+    Skeletons in a room's frame (`run --rig`) are drawn into the images of one of its cameras, with --rig.
 
     [bold]Examples:[/bold]
 
@@ -228,20 +232,34 @@ def overlay(
     depth-pose overlay sim.mcap out.mcap -o picture.png --truth sim.npz --frames 12
 
     depth-pose overlay in.mcap out.mcap -o moving.gif --seconds 4
+
+    depth-pose overlay B.mcap room.mcap -o seen_by_b.png --rig rig.yaml --camera B
     """
+    placed = shared.placed_camera(rig, camera, recording)
+    by = "" if placed is None else f", as {placed.camera.name} sees it"
     if output.suffix.lower() == ".gif":
         if truth is not None:
             raise typer.BadParameter("--truth is for a PNG; a GIF shows the skeletons only")
         from depth_pose.core.outputs import check_targets
         from depth_pose.evaluate.animation import save_animation
 
-        check_targets([output], [recording, skeletons])
-        save_animation(recording, skeletons, output, seconds, depth_topic=depth_topic, skeleton_topic=topic)
-        say(f"wrote {output}")
+        check_targets([output], [recording, skeletons, rig])
+        save_animation(
+            *(recording, skeletons, output, seconds),
+            depth_topic=depth_topic,
+            skeleton_topic=topic,
+            camera=placed,
+        )
+        say(f"wrote {output}{by}")
         return
     from depth_pose.evaluate.overlay import save_overlay
     from depth_pose.evaluate.pictures import check_picture
 
-    check_picture(output, [recording, skeletons, truth])
-    save_overlay(recording, skeletons, output, frames, truth, depth_topic=depth_topic, skeleton_topic=topic)
-    say(f"wrote {output}")
+    check_picture(output, [recording, skeletons, truth, rig])
+    save_overlay(
+        *(recording, skeletons, output, frames, truth),
+        depth_topic=depth_topic,
+        skeleton_topic=topic,
+        camera=placed,
+    )
+    say(f"wrote {output}{by}")

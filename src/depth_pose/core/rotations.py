@@ -54,6 +54,23 @@ def matrix_to_quat(matrix: Array) -> Array:
     return np.asarray(np.where(quat[..., 3:] < 0, -quat, quat))
 
 
+def slerp(a: Array, b: Array, share: Array) -> Array:
+    """Interpolate quaternions (..., 4) along the shortest path, at shares (...) of it.
+
+    K. Shoemake, *Animating rotation with quaternion curves*, SIGGRAPH 1985.
+    """
+    cosine = np.sum(a * b, axis=-1, keepdims=True)
+    b = np.where(cosine < 0, -b, b)
+    share = np.broadcast_to(share[..., None], cosine.shape)
+    angle = np.arccos(np.clip(np.abs(cosine), 0.0, 1.0))
+    sine = np.maximum(np.sin(angle), 1e-12)
+    close = angle < 1e-6
+    mixed = np.where(close, 1 - share, np.sin((1 - share) * angle) / sine) * a
+    mixed += np.where(close, share, np.sin(share * angle) / sine) * b
+    mixed /= np.linalg.norm(mixed, axis=-1, keepdims=True)
+    return np.asarray(np.where(share == 0, a, np.where(share == 1, b, mixed)))
+
+
 def rotvec_to_matrix(rotvec: Array) -> Array:
     """Rotations, shape (..., 3, 3), of rotation vectors in radians, shape (..., 3)."""
     v = np.asarray(rotvec, np.float64)

@@ -14,11 +14,13 @@ from depth_pose.core.outputs import new_file
 from depth_pose.core.skeleton import BONES, JointState
 from depth_pose.core.types import DepthFrame, Skeleton
 from depth_pose.evaluate.joint_error_plot import LEFT, MIDDLE, RIGHT
-from depth_pose.evaluate.overlay import bone_colour, project
+from depth_pose.evaluate.overlay import bone_colour
+from depth_pose.evaluate.panels import answers_in_images, project
 from depth_pose.evaluate.shading import shade_depth
 from depth_pose.io.mcap_read import DepthReader
 from depth_pose.io.schemas import PEOPLE_TOPIC
-from depth_pose.io.skeleton_read import read_people
+from depth_pose.rooms.placed_camera import PlacedCamera
+from depth_pose.rooms.recorded import read_recorded
 
 _FINE = 2
 """Pictures are drawn this many times larger and then reduced, for smooth lines."""
@@ -44,6 +46,7 @@ def save_animation(
     *,
     depth_topic: str | None = None,
     skeleton_topic: str = PEOPLE_TOPIC,
+    camera: PlacedCamera | None = None,
 ) -> int:
     """Draw the skeletons over the depth as an animated GIF, in the recording's own time.
 
@@ -64,14 +67,17 @@ def save_animation(
         Width of the pictures, pixels.
     depth_topic, skeleton_topic : str, optional
         The topics.
+    camera : PlacedCamera, optional
+        The camera of the depth recording; needed for skeletons in a room's frame.
 
     Returns
     -------
     int
         Number of pictures.
     """
-    answers = {s.stamp_ns: s.skeletons for s in read_people(skeleton_path, skeleton_topic)}
+    answer = answers_in_images(read_recorded(skeleton_path, skeleton_topic), camera)
     frames = list(_spaced(DepthReader(recording_path, depth_topic), seconds, 1.0 / rate_hz))
+    answers = {frame.stamp_ns: answer(frame) or () for frame in frames}
     pictures = draw_frames(frames, answers, width)
     table = _shared_table(pictures)
     drawn = [picture.quantize(palette=table, dither=Image.Dither.NONE) for picture in pictures]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -10,17 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.camera import Camera
-from depth_pose.core.errors import InputError
 from depth_pose.core.skeleton import BONES, JOINT_INDEX, JOINTS, JointState
-from depth_pose.core.types import DepthFrame, Skeleton
+from depth_pose.core.types import Skeleton
 from depth_pose.evaluate.joint_error_plot import LEFT, MIDDLE, RIGHT
+from depth_pose.evaluate.panels import Panel, collect_panels, project
 from depth_pose.evaluate.pictures import plain_text, save_picture
-from depth_pose.evaluate.score_people import WEAK_SHARE
 from depth_pose.evaluate.shading import shade_depth
-from depth_pose.evaluate.truth import STAMP_TOLERANCE_NS, KnownPeople, load_known_people
-from depth_pose.io.mcap_read import DepthReader
 from depth_pose.io.schemas import PEOPLE_TOPIC
-from depth_pose.io.skeleton_read import read_people
+from depth_pose.rooms.placed_camera import PlacedCamera
 
 _PANEL_INCHES = (2.9, 3.6)
 """Width and height of a panel among three or more columns; for readability."""
@@ -34,28 +30,6 @@ _TRUTH, _DARK = "#ffffff", "#15181d"
 _LEAST_COLUMNS_FOR_ONE_LINE = 4
 """With fewer columns the title gets a line above the legend; for readability."""
 
-NOBODY = np.zeros((0, len(JOINTS), 3))
-"""True joints of a frame without truth."""
-
-
-@dataclass(frozen=True)
-class Panel:
-    """One frame of a sheet: the depth, all skeletons or None, and the true joints (P, 19, 3).
-
-    ``name`` is written beside its time.
-    """
-
-    frame: DepthFrame
-    skeletons: tuple[Skeleton, ...] | None
-    truth: NDArray[np.float64]
-    seconds: float
-    name: str = ""
-
-
-def project(points: NDArray[np.floating], camera: Camera) -> NDArray[np.float64]:
-    """Pixel coordinates (u, v) of points (..., 3) in the camera frame; NaN behind the camera."""
-    return camera.project(np.where(points[..., 2:] > 1e-6, points, np.nan))
-
 
 def save_overlay(
     recording_path: Path | str,
@@ -66,6 +40,7 @@ def save_overlay(
     *,
     depth_topic: str | None = None,
     skeleton_topic: str = PEOPLE_TOPIC,
+    camera: PlacedCamera | None = None,
 ) -> None:
     """Draw the skeletons over the depth of several frames, spread over the recording.
 
@@ -86,51 +61,20 @@ def save_overlay(
         A truth file; its skeletons are drawn dashed. For one person each frame's error is shown.
     depth_topic, skeleton_topic : str, optional
         The topics.
+    camera : PlacedCamera, optional
+        The camera of the depth recording; needed where skeletons or truth are in a room's frame.
 
     Raises
     ------
     InputError
         Where a file cannot be used.
+    ConfigError
+        Where the camera is needed and not given.
     """
-    panels = collect_panels(recording_path, skeleton_path, frames, truth_path, depth_topic, skeleton_topic)
+    panels = collect_panels(
+        recording_path, skeleton_path, frames, truth_path, depth_topic, skeleton_topic, camera
+    )
     draw_sheet(panels, Path(png_path), Path(recording_path).stem)
-
-
-def collect_panels(
-    recording_path: Path | str,
-    skeleton_path: Path | str,
-    frames: int,
-    truth_path: Path | str | None = None,
-    depth_topic: str | None = None,
-    skeleton_topic: str = PEOPLE_TOPIC,
-) -> list[Panel]:
-    """Choose the frames of a sheet, spread over the recording; arguments as for `save_overlay`."""
-    if frames < 1:
-        raise InputError(f"frames is {frames}; it must be at least 1")
-    answers = {s.stamp_ns: s.skeletons for s in read_people(skeleton_path, skeleton_topic)}
-    truth = load_known_people(truth_path) if truth_path else None
-    reader = DepthReader(recording_path, depth_topic)
-    # in each equal part the frame nearest to its middle, with a skeleton if there is one
-    chosen: dict[int, tuple[tuple[bool, float], Panel]] = {}
-    start_ns = None
-    for i, frame in enumerate(reader):
-        start_ns = frame.stamp_ns if start_ns is None else start_ns
-        part = i * frames // max(len(reader), i + 1)
-        skeletons = answers.get(frame.stamp_ns)
-        rank = (not skeletons, abs(i + 0.5 - (part + 0.5) * len(reader) / frames))
-        if part not in chosen or rank < chosen[part][0]:
-            known = _known(truth, frame.stamp_ns)
-            chosen[part] = (rank, Panel(frame, skeletons, known, (frame.stamp_ns - start_ns) * 1e-9))
-    return [chosen[part][1] for part in sorted(chosen)]
-
-
-def _known(truth: KnownPeople | None, stamp_ns: int) -> NDArray[np.float64]:
-    """Return the true joints of the people in the frame, (P, 19, 3)."""
-    if truth is None or truth.names != JOINTS:
-        return NOBODY
-    nearest = int(np.argmin(np.abs(truth.stamps_ns - stamp_ns)))
-    near = abs(int(truth.stamps_ns[nearest]) - stamp_ns) <= STAMP_TOLERANCE_NS
-    return truth.joints[nearest][truth.visible[nearest] >= WEAK_SHARE] if near else NOBODY
 
 
 def draw_sheet(panels: list[Panel], path: Path, title: str) -> None:

@@ -22,7 +22,13 @@ from numpy.typing import NDArray
 
 from depth_pose.core.errors import InputError
 from depth_pose.core.skeleton import JOINTS
-from depth_pose.evaluate.truth import STAMP_TOLERANCE_NS, KnownJoints, load_truth, pair_files
+from depth_pose.evaluate.truth import (
+    STAMP_TOLERANCE_NS,
+    KnownJoints,
+    load_truth,
+    pair_files,
+    require_camera_frame,
+)
 from depth_pose.io.schemas import SKELETON_TOPIC
 from depth_pose.io.skeleton_read import read_skeletons
 
@@ -263,4 +269,7 @@ def read_answers(path: Path, topic: str = SKELETON_TOPIC) -> dict[int, dict[str,
     """Read the joints of a recording by stamp and name; empty if there is no recording."""
     if not path.exists():
         return {}
-    return {s.stamp_ns: dict(zip(JOINTS, s.positions, strict=False)) for s in read_skeletons(path, topic)}
+    skeletons = list(read_skeletons(path, topic))
+    for skeleton in skeletons[:1]:
+        require_camera_frame(path, skeleton.frame_id)
+    return {s.stamp_ns: dict(zip(JOINTS, s.positions, strict=False)) for s in skeletons}

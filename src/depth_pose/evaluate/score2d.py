@@ -17,7 +17,8 @@ from depth_pose.core.errors import InputError
 from depth_pose.core.reading import parse_json, read_text
 from depth_pose.core.skeleton import JOINT_INDEX
 from depth_pose.core.types import DepthFrame, Skeleton
-from depth_pose.evaluate.overlay import project
+from depth_pose.evaluate.panels import project
+from depth_pose.evaluate.truth import require_camera_frame
 from depth_pose.io.mcap_read import DepthReader
 from depth_pose.io.schemas import SKELETON_TOPIC
 from depth_pose.io.skeleton_read import read_skeletons
@@ -91,6 +92,8 @@ def score_2d(
     if len(frames) != len(known):
         raise InputError(f"{reference} has {len(known)} frames, {recording} has {len(frames)}")
     answers = {s.stamp_ns: s for s in read_skeletons(skeletons, topic)}
+    for skeleton in list(answers.values())[:1]:
+        require_camera_frame(skeletons, skeleton.frame_id)
     found = [answers.get(frame.stamp_ns) for frame in frames]
     distances = [_distances(f, s, k) for f, s, k in zip(frames, found, known, strict=True)]
     rows = [(name, d) for frame in distances for name, d in frame.items()]

@@ -3,6 +3,7 @@
 In each frame true people and skeletons are assigned to each other with the smallest sum of mean joint
 distances; pairs farther apart than `REACH_M` are not matched. A person is expected if at least `ASKED_SHARE`
 is visible. A skeleton of a person of whom only `WEAK_SHARE` is visible is not counted as false either.
+Skeletons in a room's frame are interpolated to the times of the truth.
 
 IDF1 is that of Ristani et al., *Performance Measures and a Data Set for Multi-Target, Multi-Camera
 Tracking*, 2016: each person is assigned the id that matches them longest, and frames with that id count.
@@ -18,11 +19,18 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from depth_pose.core.errors import InputError
 from depth_pose.core.skeleton import JOINT_INDEX
 from depth_pose.core.types import Skeleton
-from depth_pose.evaluate.truth import STAMP_TOLERANCE_NS, KnownPeople, load_known_people, pair_files
+from depth_pose.evaluate.truth import (
+    STAMP_TOLERANCE_NS,
+    KnownPeople,
+    load_known_people,
+    pair_files,
+    require_camera_frame,
+)
 from depth_pose.io.schemas import PEOPLE_TOPIC
-from depth_pose.io.skeleton_read import read_people
+from depth_pose.rooms.recorded import read_recorded
 
 ASKED_SHARE = 0.3
 """Visible share from which a person is expected; that of the development data's scorer."""
@@ -227,21 +235,30 @@ def score_people(truth: Path | str, predicted: Path | str, topic: str = PEOPLE_T
     Raises
     ------
     InputError
-        Where there is no truth, or no recording at all.
+        Where there is no truth, or no recording at all, or one is in a room's frame and the other in a
+        camera's.
     """
-    matches = {
-        known.stem: match_people(load_known_people(known), _read_everybody(recording, topic))
-        for known, recording in pair_files(Path(truth), Path(predicted))
-    }
+    matches = {}
+    for path, recording in pair_files(Path(truth), Path(predicted)):
+        known = load_known_people(path)
+        matches[path.stem] = match_people(known, _answers(known, path, recording, topic))
     return PeopleScores(
         score_matches(list(matches.values())), {name: score_matches([m]) for name, m in matches.items()}
     )
 
 
-def _read_everybody(path: Path, topic: str) -> dict[int, tuple[Skeleton, ...]]:
+def _answers(known: KnownPeople, truth: Path, path: Path, topic: str) -> Mapping[int, Sequence[Skeleton]]:
+    """Read a recording's skeletons, in the frame of the truth."""
     if not path.exists():
         return {}
-    return {
-        message.stamp_ns: tuple(s for s in message.skeletons if not s.is_lost)
-        for message in read_people(path, topic)
-    }
+    people = read_recorded(path, topic)
+    if not known.is_room:
+        require_camera_frame(path, people.frame_id)
+        return people.answers
+    if people.answers and not people.is_room:
+        raise InputError(
+            f"{truth} is in a room's frame, and {path} in a camera's ({people.frame_id!r}): run all cameras' "
+            "recordings with `run --rig`"
+        )
+    at_truth = {int(stamp): people.at(int(stamp)) for stamp in known.stamps_ns}
+    return {stamp: skeletons for stamp, skeletons in at_truth.items() if skeletons is not None}

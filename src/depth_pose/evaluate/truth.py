@@ -2,7 +2,8 @@
 
 A file is an ``.npz`` with ``names`` (J,), ``stamps_ns`` (T,), ``joints`` and ``seen``. For one person
 ``joints`` is (T, J, 3) and ``seen`` (T, J). For several they are (T, P, J, 3) and (T, P, J), and
-``visible`` (T, P) is the visible share of each person.
+``visible`` (T, P) is the visible share of each person. A file with ``T_camera_world`` is of several cameras
+(`depth_pose.sim.room_recordings`): its joints are in the room's frame.
 """
 
 from __future__ import annotations
@@ -16,11 +17,13 @@ from numpy.typing import NDArray
 from depth_pose.core.arrays import DamagedArrays, load_arrays
 from depth_pose.core.errors import InputError
 from depth_pose.core.skeleton import JOINT_INDEX
+from depth_pose.rooms.rig import ROOM_FRAME
 
 STAMP_TOLERANCE_NS = 2_000_000
 """Maximum difference between the stamps of a frame and its skeletons."""
 
 _FIELDS = ("joints", "names", "stamps_ns", "seen")
+_ROOM_FIELD = "T_camera_world"
 
 _TORSO = ("pelvis", "neck", "left_shoulder", "right_shoulder", "left_hip", "right_hip")
 """Joints that define a person's own axes for offsets."""
@@ -53,18 +56,21 @@ class KnownPeople:
     Attributes
     ----------
     joints : (T, P, J, 3) float64
-        Optical frame, metres.
+        Optical frame, or the room's, metres.
     names : tuple of str
         The J joints.
     stamps_ns : (T,) int64
     visible : (T, P) float64
         Share of each person that is in the image and not hidden.
+    is_room : bool
+        Whether the joints are in a room's frame.
     """
 
     joints: NDArray[np.float64]
     names: tuple[str, ...]
     stamps_ns: NDArray[np.int64]
     visible: NDArray[np.float64]
+    is_room: bool = False
 
 
 def load_truth(path: Path | str) -> KnownJoints:
@@ -99,13 +105,23 @@ def load_known_people(path: Path | str) -> KnownPeople:
     if joints.ndim == 3:
         joints = joints[:, None]
     visible = fields.get("visible", np.ones(joints.shape[:2])).astype(np.float64)
-    return KnownPeople(joints, names, fields["stamps_ns"].astype(np.int64), visible)
+    stamps_ns = fields["stamps_ns"].astype(np.int64)
+    return KnownPeople(joints, names, stamps_ns, visible, _ROOM_FIELD in fields)
 
 
 def tells_of_people(path: Path | str) -> bool:
     """Whether a truth file, or the first of a folder, has the form for several people."""
     files = sorted(Path(path).glob("*.npz")) if Path(path).is_dir() else [Path(path)]
     return bool(files) and _read(files[0])[0]["joints"].ndim == 4
+
+
+def require_camera_frame(path: Path | str, frame_id: str) -> None:
+    """Raise InputError for skeletons in a room's frame."""
+    if frame_id == ROOM_FRAME:
+        raise InputError(
+            f"{path} is in a room's frame, and the truth in a camera's: skeletons of `run --rig` are scored "
+            "against truths of `simulate --cameras`"
+        )
 
 
 def pair_files(truth: Path, predicted: Path) -> list[tuple[Path, Path]]:
@@ -140,7 +156,7 @@ def pair_files(truth: Path, predicted: Path) -> list[tuple[Path, Path]]:
 def _read(path: Path | str) -> tuple[dict[str, NDArray[np.generic]], tuple[str, ...]]:
     """Read and check the arrays of a file, and the joints' names."""
     try:
-        fields = load_arrays(path, (*_FIELDS, "visible"))
+        fields = load_arrays(path, (*_FIELDS, "visible", _ROOM_FIELD))
     except DamagedArrays as error:
         raise InputError(f"{path} cannot be read as a truth file: {error}") from error
     missing = [name for name in _FIELDS if name not in fields]

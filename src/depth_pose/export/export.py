@@ -32,6 +32,7 @@ from depth_pose.export.tracks import (
 from depth_pose.export.trc import trc_text
 from depth_pose.io.mcap_read import DepthReader
 from depth_pose.io.schemas import PEOPLE_TOPIC
+from depth_pose.rooms.rig import ROOM_FRAME
 
 FORMATS = {
     ".bvh": "animation (Blender, MotionBuilder, Unity and others); a file a person",
@@ -82,9 +83,10 @@ class Exported:
 
 @dataclass(frozen=True)
 class ExportResult:
-    """Files of an export, and the floor if it is on one."""
+    """Files of an export, the frame of their skeletons, and the floor where it was estimated."""
 
     files: tuple[Exported, ...]
+    frame_id: str
     floor: Floor | None
 
 
@@ -113,7 +115,8 @@ def export_skeletons(
     fill : bool
         Fill gaps. Without it BVH holds the last pose, TRC and NPZ have NaN, CSV no rows.
     world : str
-        ``camera``, or ``floor``: z up, the origin on the floor below the sensor.
+        ``camera``, or ``floor``: z up, the origin on the floor below the sensor. Skeletons in a room's
+        frame (`depth_pose.rooms.rig.ROOM_FRAME`) stay in it with both: z is up, the floor at z = 0.
     recording : Path or str, optional
         The depth recording in which to find the floor; without it, the floor is estimated from feet.
     unit : str, optional
@@ -133,12 +136,15 @@ def export_skeletons(
     _check(output, kind, world, unit, recording)
     check_targets([output], [skeletons, recording])
     found = _chosen(read_tracks(skeletons, topic), people, skeletons)
-    floor = _floor(found, recording, depth_topic) if world == "floor" else None
+    if found.frame_id == ROOM_FRAME and recording is not None:
+        raise ConfigError(f"{skeletons} is in the room's frame, whose floor is known; leave out --recording")
+    seeks_floor = world == "floor" and found.frame_id != ROOM_FRAME
+    floor = _floor(found, recording, depth_topic) if seeks_floor else None
     tracks = found if floor is None else _on_floor(found, floor)
     if kind in _A_FILE_A_PERSON:
         unit = unit or _USUAL_UNIT[kind]
         check_targets(_paths_of(output, tracks), [skeletons, recording])
-        return ExportResult(_write_each(output, kind, tracks, fill, unit, floor), floor)
+        return ExportResult(_write_each(output, kind, tracks, fill, unit), tracks.frame_id, floor)
     shown = replace(tracks, people=tuple(map(fill_gaps, tracks.people))) if fill else tracks
     if kind == ".npz" and len(shown.stamps_ns) * len(shown.people) > MOST_FRAMES:
         raise InputError(
@@ -154,7 +160,8 @@ def export_skeletons(
             np.savez_compressed(stream, **arrays)  # type: ignore[arg-type]
     span = max(float(tracks.stamps_ns[-1] - tracks.stamps_ns[0]) * 1e-9, 1e-9)
     rate, start_ns = (len(tracks.stamps_ns) - 1) / span, int(tracks.stamps_ns[0])
-    return ExportResult((Exported(output, tracks.people, len(tracks.stamps_ns), rate, start_ns),), floor)
+    file = Exported(output, tracks.people, len(tracks.stamps_ns), rate, start_ns)
+    return ExportResult((file,), tracks.frame_id, floor)
 
 
 def _write_text(path: Path, text: str) -> None:
@@ -205,11 +212,10 @@ def _on_floor(tracks: Tracks, floor: Floor) -> Tracks:
     return replace(tracks, people=turned, frame_id=FLOOR_FRAME)
 
 
-def _write_each(
-    output: Path, kind: str, tracks: Tracks, fill: bool, unit: str, floor: Floor | None
-) -> tuple[Exported, ...]:
+def _write_each(output: Path, kind: str, tracks: Tracks, fill: bool, unit: str) -> tuple[Exported, ...]:
     """Write one file per person, y up."""
-    T_up: NDArray[np.float64] = _T_UP_OPTICAL if floor is None else _T_UP_WORLD
+    has_z_up = tracks.frame_id in (FLOOR_FRAME, ROOM_FRAME)
+    T_up: NDArray[np.float64] = _T_UP_WORLD if has_z_up else _T_UP_OPTICAL
     step_s = even_step_s(tracks.stamps_ns)
     written = []
     for track, path in zip(map(whole, tracks.people), _paths_of(output, tracks), strict=True):

@@ -15,9 +15,9 @@ from depth_pose.export.tracks import ARRAYS, Track, Tracks
 
 CSV_COLUMNS = (
     *("frame", "stamp_ns", "time_s", "body_id", "joint", "x", "y", "z", "qx", "qy", "qz", "qw"),
-    *("joint_confidence", "joint_state", "confidence", "source", "scale"),
+    *("joint_confidence", "joint_state", "confidence", "source", "scale", "frame_id"),
 )
-"""Columns of a CSV file; lengths in metres, quaternions as in the messages."""
+"""Columns of a CSV file; lengths in metres, in the frame ``frame_id``; quaternions as in the messages."""
 
 
 def csv_text(tracks: Tracks) -> str:
@@ -43,7 +43,7 @@ def _rows(track: Track, stamps_ns: NDArray[np.int64]) -> Iterator[list[Any]]:
     for i in np.flatnonzero(track.present):
         stamp = int(track.stamps_ns[i])
         start = [int(frames[i]), stamp, f"{(stamp - int(stamps_ns[0])) * 1e-9:.9f}", track.body_id]
-        end = [track.confidence[i], Source(track.source[i]).name, track.scale[i]]
+        end = [track.confidence[i], Source(track.source[i]).name, track.scale[i], track.frame_id]
         for j, name in enumerate(JOINTS):
             state = JointState(track.joint_states[i, j]).name
             where = [repr(float(v)) for v in (*track.positions[i, j], *track.quats_xyzw[i, j])]

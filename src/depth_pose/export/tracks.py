@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.errors import InputError
-from depth_pose.core.rotations import matrix_to_quat, quat_to_matrix
+from depth_pose.core.rotations import matrix_to_quat, quat_to_matrix, slerp
 from depth_pose.core.skeleton import JOINTS, JointState, Source
 from depth_pose.core.types import BUILD_SIZE, Skeleton
 from depth_pose.io.schemas import PEOPLE_TOPIC
@@ -319,23 +319,6 @@ def _without(track: Track, gone: NDArray[np.bool_]) -> Track:
 def _mixed(a: Array, b: Array, share: Array) -> Array:
     """Interpolate points; exact where the share is 0 or 1."""
     return np.asarray(np.where(share == 1, b, a + share * (b - a)))
-
-
-def slerp(a: Array, b: Array, share: Array) -> Array:
-    """Interpolate quaternions (..., 4) along the shortest path, at shares (...) of it.
-
-    K. Shoemake, *Animating rotation with quaternion curves*, SIGGRAPH 1985.
-    """
-    cosine = np.sum(a * b, axis=-1, keepdims=True)
-    b = np.where(cosine < 0, -b, b)
-    share = np.broadcast_to(share[..., None], cosine.shape)
-    angle = np.arccos(np.clip(np.abs(cosine), 0.0, 1.0))
-    sine = np.maximum(np.sin(angle), 1e-12)
-    close = angle < 1e-6
-    mixed = np.where(close, 1 - share, np.sin((1 - share) * angle) / sine) * a
-    mixed += np.where(close, share, np.sin(share * angle) / sine) * b
-    mixed /= np.linalg.norm(mixed, axis=-1, keepdims=True)
-    return np.asarray(np.where(share == 0, a, np.where(share == 1, b, mixed)))
 
 
 def describe_gaps(track: Track) -> str:

@@ -20,6 +20,7 @@ from depth_pose.core.types import Skeleton
 from depth_pose.recover.smooth import JointFilter
 from depth_pose.rooms.camera_frame import CameraFrame
 from depth_pose.rooms.merge import place
+from depth_pose.rooms.rig import ROOM_FRAME
 from depth_pose.rooms.rigfile import Rig
 from depth_pose.rooms.room_refiner import Answer, RoomMemory, RoomRefiner
 from depth_pose.rooms.sightings import RoomSighting
@@ -28,9 +29,6 @@ from depth_pose.rooms.view import view_at
 from depth_pose.track.follow import Follower
 from depth_pose.track.packed_people import unpack_people
 from depth_pose.track.person import Person
-
-ROOM_FRAME = "room"
-"""Name of the room's frame: z up, the floor at z = 0."""
 
 _FRESH_NS, _LATE = 150_000_000, 1.2
 """A camera's frame takes part up to this age (ns), or this many of its frame periods; set by hand."""

@@ -14,7 +14,8 @@ import numpy as np
 from depth_pose.core.errors import InputError
 from depth_pose.io.mcap_write import SkeletonWriter
 from depth_pose.rooms.camera_frame import CameraFrame
-from depth_pose.rooms.fusion import ROOM_FRAME, RoomFusion, RoomResult
+from depth_pose.rooms.fusion import RoomFusion, RoomResult
+from depth_pose.rooms.rig import ROOM_FRAME
 from depth_pose.rooms.watching import Watched, read_spool
 
 _SILENT = 2.5

@@ -15,6 +15,9 @@ from numpy.typing import NDArray
 from depth_pose.core.camera import Camera
 from depth_pose.core.errors import ConfigError, InputError
 
+ROOM_FRAME = "room"
+"""Name of the room's frame: z up, the floor at z = 0."""
+
 T_WORLD_ROOM: NDArray[np.float64] = np.array([[0.0, 1, 0, 0], [0, 0, 1, 0], [1, 0, 0, 0], [0, 0, 0, 1]])
 """From the room's frame, x forward, y left, z up, to the world's: x left, y up, z forward."""
 
