@@ -13,7 +13,7 @@ from command import environment
 from depth_pose.io.recording import Recording
 from depth_pose.rooms.rigfile import load_rig
 
-SECONDS = 7.0
+SECONDS = 6.0
 
 
 @pytest.fixture
@@ -34,9 +34,10 @@ def messages_of(room):
     """The messages of both cameras by their time, with the topic each goes to."""
     found = []
     for k, side in enumerate(("left", "right")):
-        for message in Recording(room.with_name(f"{room.stem}_{k}.mcap")).messages():
+        recording = Recording(room.with_name(f"{room.stem}_{k}.mcap"))
+        for message in recording.messages(*recording.topics):
             name = message.topic.rpartition("/")[2]
-            found.append((message.time_ns, f"/{side}/depth/{name}", message.data))
+            found.append((message.log_time_ns, f"/{side}/depth/{name}", message.data))
     return sorted(found)
 
 
