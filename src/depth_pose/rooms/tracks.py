@@ -14,10 +14,10 @@ from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 from depth_pose.rooms.room_person import FRESH_NS, RoomPerson
 from depth_pose.rooms.sightings import RoomSighting
+from depth_pose.track.tracks import best_pairs
 
 FORGET_NS = 5_000_000_000
 """Time after which a person whom no camera sees is forgotten, nanoseconds."""
@@ -169,9 +169,13 @@ class RoomTracks:
         """Pair sightings, by index, with people of the room at the largest sum of gains."""
         if not self.people or not people:
             return {}
-        gains = np.array([[p.gain(camera, stamp_ns, sighting) for p in self.people] for sighting in people])
-        rows, columns = linear_sum_assignment(np.maximum(gains, 0.0), maximize=True)
-        return {int(k): self.people[i] for k, i in zip(rows, columns, strict=True) if gains[k, i] > 0.0}
+        gains = {
+            (i, k): gain
+            for i, person in enumerate(self.people)
+            for k, sighting in enumerate(people)
+            if (gain := person.gain(camera, stamp_ns, sighting)) > 0.0
+        }
+        return {k: self.people[i] for i, k in best_pairs(gains, len(self.people), len(people))}
 
     def _merge_doubles(self, stamp_ns: int) -> dict[RoomPerson, RoomPerson]:
         """Make one of two who are at one place; return the younger with the older."""

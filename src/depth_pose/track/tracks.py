@@ -194,11 +194,19 @@ class PeopleTracks:
             and (k not in parts or track.seen_ns == self._before_ns)
             and (gain := self._gain(track, sighting, traits[k], stamp_ns)) > 0.0
         }
-        return {k: self._tracks[i] for i, k in _best_pairs(gains, len(self._tracks), len(sightings))}
+        return {k: self._tracks[i] for i, k in best_pairs(gains, len(self._tracks), len(sightings))}
 
 
-def _best_pairs(gains: dict[tuple[int, int], float], tracks: int, sightings: int) -> list[tuple[int, int]]:
-    """Choose disjoint pairs of (track, detection) with the largest sum of gains."""
+def best_pairs(gains: dict[tuple[int, int], float], tracks: int, sightings: int) -> list[tuple[int, int]]:
+    """Choose disjoint pairs of (track, detection) with the largest sum of gains.
+
+    Parameters
+    ----------
+    gains : dict of (int, int) to float
+        Positive, of the pairs that may be chosen.
+    tracks, sightings : int
+        Numbers of tracks and detections.
+    """
     if len({i for i, _ in gains}) == len({k for _, k in gains}) == len(gains):  # the usual case
         return list(gains)
     # `scipy.optimize` has the same but takes .4 s to import; a track may stay alone at a gain of 0

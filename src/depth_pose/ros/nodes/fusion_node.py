@@ -79,7 +79,7 @@ class FusionNode(BankNode):
         """Read the rig, and open the topics."""
         topics = [t for t in self.value("topics") if t]
         self._topics = topics
-        self._names = [t.removesuffix(SKELETONS).strip("/") or t for t in topics]
+        self._names = [t.removesuffix("/skeletons").removesuffix("/depth_pose").strip("/") for t in topics]
         self._given: list[Any] = [None] * len(topics)
         self._clock_offsets_s: Sequence[float] = ()
         if self.value("rig"):
