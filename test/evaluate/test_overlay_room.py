@@ -67,7 +67,7 @@ def test_the_command_draws_what_a_camera_sees(room: Path, call: Callable[..., Do
     assert refused.returncode == 2
     assert "are in a room's frame: give the rig file of its cameras, --rig" in refused.stderr
     assert not output.exists()
-    done = call("overlay", *inputs, "--rig", room / "rig.yaml")
+    done = call("overlay", *inputs, "--rig", room / "rig.yaml", "--frames", "1")
     assert done.returncode == 0, done.stderr
     assert "as camera1 sees it" in done.stdout
     assert output.exists()

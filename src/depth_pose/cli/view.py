@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.markup import escape
 
+from depth_pose.cli import shared
 from depth_pose.cli.console import console, loading
 from depth_pose.core.extras import require
 from depth_pose.core.printable import printable
@@ -27,7 +28,7 @@ def view(
     recording: Annotated[
         Path | None,
         typer.Argument(
-            help="Depth recording, in any format that `run` reads.",
+            help="Depth recording, in any format that `run` reads; or a room's skeletons alone.",
             show_default="the running nodes",
         ),
     ] = None,
@@ -53,12 +54,17 @@ def view(
         ),
     ] = None,
     topic: Annotated[str, typer.Option(help="The skeletons' topic in their recording.")] = PEOPLE_TOPIC,
+    rig: shared.RigFile = None,
+    camera: shared.RigCameraName = None,
 ) -> None:
     """Show people and depth in a browser: of the running nodes, or of a recording.
 
     Prints an address; open it in any browser on this machine. In a recording play, pause, scrub and set
     the speed; live, the panel shows the nodes' state, and follow, zone and nearest set their parameters.
     Without SKELETONS the recording's people are found while it is shown; nothing is saved.
+
+    Skeletons of `run --rig` are shown in their room, alone or with the depth of one camera; --rig tells
+    where the cameras stand.
 
     Other machines cannot connect unless --host admits them; there is no password.
 
@@ -71,6 +77,10 @@ def view(
     depth-pose view in.mcap
 
     depth-pose view in.mcap out.mcap --host 0.0.0.0 --port 9000
+
+    depth-pose view room.mcap
+
+    depth-pose view A.mcap room.mcap --rig rig.yaml
     """
     from depth_pose.viewer.app import Viewer
     from depth_pose.viewer.source import LiveSource
@@ -83,7 +93,7 @@ def view(
         watch = call_ros("tools.watch", "start_watch", depth_topic)
         source, stop = LiveSource(watch, points), watch.stop
     else:
-        source = recorded_source(recording, skeletons, bank, depth_topic, topic, points)
+        source = recorded_source(recording, skeletons, bank, depth_topic, topic, points, rig, camera)
         source.start()
         stop = source.stop
     viewer = None
@@ -106,16 +116,33 @@ def recorded_source(
     depth_topic: str | None,
     topic: str,
     points: int,
+    rig: Path | None = None,
+    camera: str | None = None,
 ) -> RecordedSource:
-    """Return the frames of a recording with skeletons read from a file, or found while it is shown."""
+    """Return the frames of a recording with skeletons read from a file, or found while it is shown.
+
+    Frames of a recording of a room's skeletons have no depth.
+    """
     from depth_pose.io.mcap_read import DepthReader
-    from depth_pose.io.skeleton_read import read_people
+    from depth_pose.rooms.placed_camera import answers_in_frames
+    from depth_pose.rooms.recorded import has_room, read_recorded
+    from depth_pose.rooms.rigfile import load_rig
+    from depth_pose.viewer.known_room import KnownRoom, level_sensor, source_without_depth
     from depth_pose.viewer.source import RecordedSource
 
+    is_room = skeletons is None and has_room(recording, topic)
+    if is_room and camera is None and rig is not None:
+        camera = "0"  # the first
+    placed = shared.placed_camera(rig, camera, recording)
+    room = None
+    if rig is not None and placed is not None:
+        room = KnownRoom(placed.T_room_camera, load_rig(rig).cameras)
+    if is_room:
+        return source_without_depth(read_recorded(recording, topic), room or KnownRoom(level_sensor()))
     reader = DepthReader(recording, depth_topic)
     if skeletons is not None:
-        known = {m.stamp_ns: m.skeletons for m in read_people(skeletons, topic)}
-        return RecordedSource(reader, lambda frame: known.get(frame.stamp_ns), points)
+        answer = answers_in_frames(read_recorded(skeletons, topic), placed)
+        return RecordedSource(reader, answer, points, room)
     from depth_pose.bank import Bank
     from depth_pose.bank.default import prepare_default_bank
     from depth_pose.pipeline import PosePipeline
@@ -124,7 +151,7 @@ def recorded_source(
     with loading("the bank"):
         pipeline = PosePipeline(Bank.load(bank))
         pipeline.warm_up()
-    return RecordedSource(reader, lambda frame: pipeline.process_frame(frame).skeletons, points)
+    return RecordedSource(reader, lambda frame: pipeline.process_frame(frame).skeletons, points, room)
 
 
 def _bodies(bank: Path | None) -> MeshOf | None:

@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
+from depth_pose.core.errors import InputError
 from depth_pose.core.rotations import slerp
 from depth_pose.core.types import Skeleton
 from depth_pose.io.schemas import PEOPLE_TOPIC
@@ -90,3 +91,12 @@ def read_recorded(path: Path | str, topic: str = PEOPLE_TOPIC) -> RecordedPeople
         frame_id = frame_id or message.frame_id
         answers[message.stamp_ns] = tuple(s for s in message.skeletons if not s.is_lost)
     return RecordedPeople(Path(path), frame_id, answers)
+
+
+def has_room(path: Path | str, topic: str = PEOPLE_TOPIC) -> bool:
+    """Whether a recording has skeletons, in a room's frame."""
+    try:
+        first = next(read_people(path, topic), None)
+    except InputError:  # no skeletons
+        return False
+    return first is not None and first.frame_id == ROOM_FRAME

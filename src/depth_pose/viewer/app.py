@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from depth_pose.core.config import FollowConfig
 from depth_pose.core.errors import ConfigError, DepthPoseError
 from depth_pose.core.extras import require
+from depth_pose.core.rotations import rotation_z
 from depth_pose.core.types import Skeleton
 from depth_pose.core.zone import Zone, parse_zone
 from depth_pose.track.follow import Follower
@@ -120,7 +121,8 @@ class Viewer:
         self._running = threading.RLock()
         self.server.gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False)
         self.server.scene.set_background_image(np.full((2, 2, 3), (18, 21, 27), np.uint8))
-        self._scene = Scene(self.server, mesh_of)
+        self._room = None if self._recorded is None else self._recorded.room
+        self._scene = Scene(self.server, mesh_of, self._room)
         self._aim_cameras()
         self.server.on_client_connect(self._aim)
         self._make_panel(mesh_of is not None)
@@ -196,7 +198,7 @@ class Viewer:
         with self._lock:
             self._must_draw = False
             self.frame = frame
-            found = self._floor.add(frame)
+            found = self._floor.add(frame) if self._room is None else None
             if found is not None:
                 self._scene.place(found)
                 self._aim_cameras()
@@ -224,9 +226,10 @@ class Viewer:
 
     def _view(self) -> tuple[Place, Place]:
         """Return the viewpoint and the target."""
-        x, y, z = (float(v) for v in self._scene.T_world_camera[:3, 3])
-        (a, b, c), (d, e, f) = _EYE, _TARGET
-        return (x + a, y + b, z + c), (x + d, y + e, z + f)
+        T = self._scene.T_world_camera
+        yaw = rotation_z(np.arctan2(T[1, 2], T[0, 2]))
+        eye, target = (tuple((T[:3, 3] + yaw @ at).tolist()) for at in (_EYE, _TARGET))
+        return eye, target
 
     # The panel
 

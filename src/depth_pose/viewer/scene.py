@@ -11,11 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.camera import Camera
-from depth_pose.core.rotations import matrix_to_quat
 from depth_pose.core.skeleton import BONES, JOINT_INDEX, JOINTS, JointState
 from depth_pose.core.types import Skeleton
 from depth_pose.viewer import colours
 from depth_pose.viewer.frames import ViewerFrame, owners
+from depth_pose.viewer.frusta import RoomCameras, add_frustum, pose_node
+from depth_pose.viewer.known_room import KnownRoom
 
 Array = NDArray[np.float64]
 
@@ -58,10 +59,15 @@ class Scene:
     server : viser.ViserServer
     mesh_of : callable, optional
         Returns vertices (V, 3) and faces (F, 3) of a person's fitted body; without it no bodies are shown.
+    room : KnownRoom, optional
+        Where the sensor stands, and all cameras; without it, the sensor alone is drawn.
     """
 
     def __init__(
-        self, server: Any, mesh_of: Callable[[Skeleton], tuple[Array, NDArray[np.int32]]] | None = None
+        self,
+        server: Any,
+        mesh_of: Callable[[Skeleton], tuple[Array, NDArray[np.int32]]] | None = None,
+        room: KnownRoom | None = None,
     ) -> None:
         self.wishes = Wishes()
         self._server = server
@@ -84,10 +90,13 @@ class Scene:
             section_color=(105, 112, 126),
         )
         self._frustum: Any = None
+        self._cameras = RoomCameras(server, room.cameras) if room is not None else None
         self._is_odd = False
         self._has_floor = False
         self._turn(_T_LEVEL)
         self._grid.visible = False
+        if room is not None:
+            self.place(room.T_room_sensor)
 
     def place(self, T_world_camera: Array) -> None:
         """Place the sensor above the floor."""
@@ -96,8 +105,7 @@ class Scene:
         self._grid.visible = self.wishes.floor
 
     def _turn(self, T_world_camera: Array) -> None:
-        x, y, z, w = matrix_to_quat(T_world_camera[:3, :3])
-        self._root.wxyz, self._root.position = (w, x, y, z), tuple(T_world_camera[:3, 3])
+        pose_node(self._root, T_world_camera)
         self.T_world_camera = T_world_camera
 
     def show(self, frame: ViewerFrame, skeletons: tuple[Skeleton, ...]) -> None:
@@ -136,13 +144,12 @@ class Scene:
         return [hands for _, hands in trail]
 
     def _show_camera(self, camera: Camera) -> None:
-        if camera != self._camera:
-            self._camera = camera
-            fov = 2 * np.arctan2(camera.height / 2, camera.fy)
-            self._frustum = self._server.scene.add_camera_frustum(
-                "/sensor/camera", float(fov), camera.width / camera.height, scale=0.25, color=(240, 170, 60)
-            )
-        self._frustum.visible = self.wishes.camera
+        if self._cameras is not None:
+            self._cameras.show(self.wishes.camera)
+        elif camera != self._camera:
+            self._camera, self._frustum = camera, add_frustum(self._server, "/sensor/camera", camera)
+        if self._frustum is not None:
+            self._frustum.visible = self.wishes.camera
         self._grid.visible = self.wishes.floor and self._has_floor
 
     def _show_points(self, frame: ViewerFrame, skeletons: tuple[Skeleton, ...]) -> None:

@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 from depth_pose.core.errors import DepthPoseError
 from depth_pose.core.types import DepthFrame, Skeleton
+from depth_pose.rooms.placed_camera import Answer
 from depth_pose.viewer.frames import ViewerFrame, keep
 from depth_pose.viewer.playback import Playback
 
 if TYPE_CHECKING:
     from depth_pose.ros.tools.watch import NodeState, Watch
-
-Answer = Callable[[DepthFrame], tuple[Skeleton, ...] | None]
-"""Skeletons of a frame; None if it was not answered."""
-
+    from depth_pose.viewer.known_room import KnownRoom
 
 _RECENT_NS = 1_000_000_000
 """Time for which a person is shown without a new answer: busy nodes process people in turn, so that each of
@@ -89,16 +87,22 @@ class RecordedSource:
         Returns the skeletons in a frame: read from a file, or found by the pipeline.
     most_points : int
         Points kept of a frame.
+    room : KnownRoom, optional
+        The sensor's place in a room; without it, the floor is estimated.
 
     Attributes
     ----------
     playback : Playback
     error : str
         Error that ended the reading early; empty if there was none.
+    room : KnownRoom or None
     """
 
-    def __init__(self, frames: Iterable[DepthFrame], answer: Answer, most_points: int) -> None:
+    def __init__(
+        self, frames: Iterable[DepthFrame], answer: Answer, most_points: int, room: KnownRoom | None = None
+    ) -> None:
         self.playback = Playback()
+        self.room = room
         self.error = ""
         self._frames, self._answer, self._most_points = frames, answer, most_points
         self._kept: list[ViewerFrame] = []
