@@ -9,7 +9,9 @@ from strollers import Stroller, empty_box, place_camera, record_camera
 from crowd import CAMERA, STEP_NS, WALL_M, person, seen
 from depth_pose.core.errors import InputError
 from depth_pose.io import schemas
-from depth_pose.io.mcap_write import DepthWriter
+from depth_pose.io.mcap_write import DepthWriter, RecordingWriter
+from depth_pose.io.messages import write_camera_info, write_image
+from depth_pose.io.schemas import CAMERA_INFO, DEPTH_TOPIC, IMAGE
 from depth_pose.io.static_transforms import StaticTransform, read_static_transforms
 from depth_pose.rooms.calibration_floor import BY_STANDING, find_floor
 from depth_pose.rooms.calibration_input import BodyTrack, CameraRecord, smooth_joints
@@ -126,9 +128,11 @@ def test_a_camera_on_its_side_is_levelled_by_people():
 
 def test_a_calibration_that_changes(tmp_path, bank_path):
     path = tmp_path / "changes.mcap"
-    with DepthWriter(path, CAMERA, "optical") as writer:
-        writer.write(0, seen(0, []).depth)
-        writer._camera = CAMERA._replace(fx=CAMERA.fx + 5.0)
-        writer.write(STEP_NS, seen(1, []).depth)
+    with RecordingWriter(path) as writer:
+        for k, camera in enumerate((CAMERA, CAMERA._replace(fx=CAMERA.fx + 5.0))):
+            info = write_camera_info(k * STEP_NS, "optical", camera)
+            image = write_image(k * STEP_NS, "optical", seen(k, []).depth)
+            writer.write_message("/camera/depth/camera_info", CAMERA_INFO, k * STEP_NS, info)
+            writer.write_message(DEPTH_TOPIC, IMAGE, k * STEP_NS, image)
     with pytest.raises(InputError, match="changes at frame 1"):
         read_record(str(path), "camera", RecordSetting(str(bank_path)), lambda share: None)
