@@ -10,6 +10,7 @@ from scipy.interpolate import CubicSpline
 
 from depth_pose.core.camera import Camera
 from depth_pose.core.skeleton import ADULT_STATURE_M, JOINT_NODES, JOINTS, MIRROR_JOINTS, rest_nodes
+from depth_pose.rooms.background import EmptyRoom
 from depth_pose.rooms.calibration_input import CameraRecord
 from skeletons import make_skeleton
 
@@ -101,10 +102,14 @@ def record_camera(
             skeletons.append(make_skeleton(joints, stamp_ns=stamp_ns, body_id=f"{name}_{i}"))
         record.add(stamp_ns, skeletons)
     if background:
-        record.background, record.background_camera = empty_box(T_room_camera), CAMERA
-        if mirrored:
-            record.background = record.background[:, ::-1].copy()
+        depth = empty_box(T_room_camera)
+        record.background = still_room(depth[:, ::-1].copy() if mirrored else depth)
     return record
+
+
+def still_room(depth: np.ndarray) -> EmptyRoom:
+    """Make the empty room of a sensor without noise."""
+    return EmptyRoom(depth, np.zeros_like(depth), CAMERA)
 
 
 def empty_box(T_room_camera: np.ndarray, low=ROOM[0], high=ROOM[1]) -> np.ndarray:

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 from static_transforms import transforms_message
-from strollers import CAMERA as STROLLERS_CAMERA
-from strollers import Stroller, empty_box, place_camera, record_camera
+from strollers import Stroller, empty_box, place_camera, record_camera, still_room
 
 from crowd import CAMERA, STEP_NS, WALL_M, person, seen
 from depth_pose.core.errors import InputError
@@ -43,7 +42,7 @@ def test_a_recording_of_two_people(recording, bank_path):
     assert len(record.tracks(0)) == 2
     walked = [np.ptp(track.joints[:, 0, 0]) for track in record.tracks(0)]
     assert max(walked) == pytest.approx(1.1, abs=0.15)
-    known = record.background[record.background > 0]
+    known = record.background.depth[record.background.depth > 0]
     assert np.median(known) == pytest.approx(WALL_M, abs=0.01)
     assert (known > 4.0).mean() > 0.99  # people are not part of the room
     assert not read.warnings
@@ -108,21 +107,21 @@ def test_the_floor_from_images_and_from_people():
     T = place_camera(0.0, 0.0, 1.5, (3.0, 0.0, 1.0), roll_deg=5.0)
     tracks = record_camera("camera", T, [Stroller.strolling(1, 10.0)], 10.0).tracks(0)
     up = T[:3, :3].T @ [0.0, 0.0, 1.0]
-    seen_floor = find_floor(tracks, empty_box(T), STROLLERS_CAMERA)
+    seen_floor = find_floor(tracks, still_room(empty_box(T)))
     assert seen_floor.height == pytest.approx(1.5, abs=0.01)
     assert seen_floor.up @ up > np.cos(np.radians(0.3))
-    stood = find_floor(tracks, None, None)
+    stood = find_floor(tracks, None)
     assert stood.source == BY_STANDING
     assert stood.height == pytest.approx(1.5, abs=0.1)
     assert stood.up @ up > np.cos(np.radians(3.0))
-    assert find_floor((), None, None) is None
+    assert find_floor((), None) is None
 
 
 def test_a_camera_on_its_side_is_levelled_by_people():
     """A floor in the images is looked for below the people who stand."""
     T = place_camera(0.0, 0.0, 1.5, (3.0, 0.0, 1.0), roll_deg=90.0)
     tracks = record_camera("camera", T, [Stroller.strolling(1, 10.0)], 10.0).tracks(0)
-    floor = find_floor(tracks, empty_box(T), STROLLERS_CAMERA)
+    floor = find_floor(tracks, still_room(empty_box(T)))
     assert floor.up @ (T[:3, :3].T @ [0.0, 0.0, 1.0]) > np.cos(np.radians(0.3))
 
 

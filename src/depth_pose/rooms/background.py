@@ -21,13 +21,10 @@ _MOST_IMAGES = 60
 """Number of images above which every second one is dropped. Set by hand."""
 _MARGIN = 0.012
 """Margin around people, as a share of the image's width. Set by hand."""
-_QUANTILE = 0.65
-"""Quantile over time of a pixel's depth: people who are not found stand before the room, so more than the
-median. Set by hand."""
 _LEAST_SHARE = 0.15
 """Share of images in which a pixel of the empty room has a return, and nobody covers it. Set by hand."""
-_SPREAD_M, _SPREAD = 0.02, 0.02
-"""Depths within this (m, and share of the depth) of the quantile are averaged. Set by hand."""
+_NEAR_M, _NEAR = 0.02, 0.02
+"""Depths within this (m, and share of the depth) of the median are averaged. Set by hand."""
 _VOXEL_M = 0.05
 """Points are thinned to one a cube of this side, metres. Set by hand."""
 _JUMP = 0.04
@@ -36,8 +33,26 @@ _NEIGHBOURS, _REACH_M = 16, 0.2
 """Neighbours from which a normal is computed, and their farthest distance, metres. Set by hand."""
 _LEAST_NEIGHBOURS = 6
 """Fewest neighbours of a point with a normal. Set by hand."""
-_FLAT = 0.02
+_FLAT_M = 0.02
 """Largest thickness of a flat neighbourhood: deviation along the normal, metres. Set by hand."""
+
+
+@dataclass(frozen=True)
+class EmptyRoom:
+    """The empty room as one camera sees it.
+
+    Attributes
+    ----------
+    depth : (H, W) float32
+        Metres; 0 where it is not known.
+    spread : (H, W) float32
+        Deviation of the depth over time, metres.
+    camera : Camera
+    """
+
+    depth: NDArray[np.float32]
+    spread: NDArray[np.float32]
+    camera: Camera
 
 
 @dataclass
@@ -62,9 +77,11 @@ class BackgroundBuilder:
         if len(self._images) > _MOST_IMAGES:
             self._images, self._every = self._images[::2], 2 * self._every
 
-    def image(self) -> NDArray[np.float32] | None:
-        """Return the depth image of the empty room, metres, 0 where unknown; None without images."""
-        return empty_room(np.stack(self._images)) if self._images else None
+    def room(self) -> EmptyRoom | None:
+        """Return the empty room; None without images."""
+        if self.camera is None or not self._images:
+            return None
+        return empty_room(np.stack(self._images), self.camera)
 
 
 def _covered(people: People, camera: Camera) -> NDArray[np.bool_]:
@@ -77,20 +94,26 @@ def _covered(people: People, camera: Camera) -> NDArray[np.bool_]:
     return np.asarray(covered[np.clip(row, 0, own.height - 1)][:, np.clip(column, 0, own.width - 1)])
 
 
-def empty_room(images: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Compute the depth image of the empty room from images (T, H, W) over time, metres; 0: no return.
+def empty_room(images: NDArray[np.float32], camera: Camera) -> EmptyRoom:
+    """Compute the empty room from depth images (T, H, W) over time, metres; 0: no return.
 
-    Depths near a pixel's quantile are averaged, which also evens out a sensor's steps.
+    Depths near a pixel's median are averaged, which also evens out a sensor's steps.
     """
+    middle = _median(images)
+    known = (images > 0).sum(axis=0) >= np.maximum(1.0, _LEAST_SHARE * len(images))
+    off = np.where(images > 0, np.abs(images - middle), np.float32(0.0))
+    spread = 1.48 * _median(np.maximum(off, np.float32(1e-6)) * (images > 0))
+    near = (images > 0) & (off < _NEAR_M + _NEAR * middle)
+    mean = (images * near).sum(axis=0) / np.maximum(near.sum(axis=0), 1)
+    return EmptyRoom(np.where(known, mean, 0.0).astype(np.float32), spread.astype(np.float32), camera)
+
+
+def _median(images: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return the median over time of what is above 0; 0 where nothing is."""
     count = (images > 0).sum(axis=0)
     ordered = np.sort(np.where(images > 0, images, np.float32(np.inf)), axis=0)
-    rank = np.clip((_QUANTILE * count).astype(np.int64), 0, np.maximum(count - 1, 0))
-    middle = np.take_along_axis(ordered, rank[None], axis=0)[0]
-    known = (count > 0) & (count >= _LEAST_SHARE * len(images))
-    middle = np.where(known, middle, np.float32(0.0))
-    near = (images > 0) & (np.abs(images - middle) < _SPREAD_M + _SPREAD * middle)
-    mean = (images * near).sum(axis=0) / np.maximum(near.sum(axis=0), 1)
-    return np.where(known, mean, 0.0).astype(np.float32)
+    found = np.take_along_axis(ordered, np.maximum(count - 1, 0)[None] // 2, axis=0)[0]
+    return np.where(count > 0, found, np.float32(0.0))
 
 
 @dataclass(frozen=True)
@@ -101,18 +124,24 @@ class RoomSurface:
     ----------
     points, normals : (N, 3) float64
         Metres; the normals look to the camera.
+    spread : (N,) float64
+        Deviation of their depth over time, metres.
     """
 
     points: Array
     normals: Array
+    spread: Array
 
 
-def find_surface(depth: NDArray[np.float32], camera: Camera) -> RoomSurface:
-    """Compute thinned points and normals of a depth image (H, W), metres; 0 where nothing returned."""
-    seen = camera.back_project(np.where(_is_smooth(depth), depth, np.float32(0.0)))
-    points = thin_to_voxels(seen[np.isfinite(seen).all(axis=-1)].astype(np.float64), _VOXEL_M)
+def find_surface(room: EmptyRoom) -> RoomSurface:
+    """Compute thinned points and normals of the empty room."""
+    seen = room.camera.back_project(np.where(_is_smooth(room.depth), room.depth, np.float32(0.0)))
+    there = np.isfinite(seen).all(axis=-1)
+    rows = np.column_stack([seen[there], room.spread[there]]).astype(np.float64)
+    rows = thin_to_voxels(rows, _VOXEL_M)
+    points, over_time = rows[:, :3], rows[:, 3]
     if len(points) <= _NEIGHBOURS:
-        return RoomSurface(np.zeros((0, 3)), np.zeros((0, 3)))
+        return RoomSurface(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0))
     distance, index = cKDTree(points).query(points, _NEIGHBOURS, distance_upper_bound=_REACH_M)
     near = np.isfinite(distance)
     count = near.sum(axis=1)
@@ -122,8 +151,8 @@ def find_surface(depth: NDArray[np.float32], camera: Camera) -> RoomSurface:
     spread, axes = np.linalg.eigh(np.einsum("nki,nkj->nij", around, around) / count[:, None, None])
     normals = axes[..., 0]
     normals = np.where(np.sum(normals * points, axis=1, keepdims=True) > 0, -normals, normals)
-    flat = (count >= _LEAST_NEIGHBOURS) & (np.sqrt(np.maximum(spread[:, 0], 0.0)) < _FLAT)
-    return RoomSurface(points[flat], normals[flat])
+    flat = (count >= _LEAST_NEIGHBOURS) & (np.sqrt(np.maximum(spread[:, 0], 0.0)) < _FLAT_M)
+    return RoomSurface(points[flat], normals[flat], over_time[flat])
 
 
 def _is_smooth(depth: NDArray[np.float32]) -> NDArray[np.bool_]:
@@ -142,11 +171,11 @@ def _is_smooth(depth: NDArray[np.float32]) -> NDArray[np.bool_]:
 
 
 def thin_to_voxels(points: Array, side_m: float) -> Array:
-    """Return the mean of the points (N, 3) in each cube of a grid, in a fixed order."""
+    """Return the mean of the rows (N, 3 or more) whose first three are in one cube of a grid."""
     if not len(points):
         return points
-    cells = np.floor(points / side_m).astype(np.int64)
+    cells = np.floor(points[:, :3] / side_m).astype(np.int64)
     _, where, count = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
     where = where.ravel()
-    total = np.stack([np.bincount(where, points[:, k], len(count)) for k in range(3)], axis=1)
+    total = np.stack([np.bincount(where, points[:, k], len(count)) for k in range(points.shape[1])], axis=1)
     return np.asarray(total / count[:, None])

@@ -135,7 +135,7 @@ def _reached(links: Iterable[tuple[int, int]]) -> set[int]:
 
 
 def _floor(record: CameraRecord, tracks: Sequence[BodyTrack]) -> Floor:
-    floor = find_floor(tracks, record.background, record.background_camera)
+    floor = find_floor(tracks, record.background)
     if floor is None:
         raise InputError(
             f"{record.name}: neither the floor nor anybody who stands is seen, so up is not known"
@@ -144,9 +144,7 @@ def _floor(record: CameraRecord, tracks: Sequence[BodyTrack]) -> Floor:
 
 
 def _surface(record: CameraRecord) -> RoomSurface | None:
-    if record.background is None or record.background_camera is None:
-        return None
-    return find_surface(record.background, record.background_camera)
+    return None if record.background is None else find_surface(record.background)
 
 
 def _chain(links: Mapping[tuple[int, int], _Link], floors: Sequence[Floor]) -> list[CameraState]:

@@ -149,11 +149,10 @@ def _is_copy(T_first_second: Array) -> bool:
 
 def _share_contradicted(first: CameraRecord, theirs: RoomSurface | None, T_first_second: Array) -> float:
     """Return the share of the second's surface that the first sees through; NaN where it is not known."""
-    camera, depth = first.background_camera, first.background
-    if camera is None or depth is None or theirs is None:
+    if first.background is None or theirs is None:
         return float("nan")
-    points = theirs.points
-    return share_contradicted(depth, camera, points @ T_first_second[:3, :3].T + T_first_second[:3, 3])
+    depth, camera = first.background.depth, first.background.camera
+    return share_contradicted(depth, camera, theirs.points @ T_first_second[:3, :3].T + T_first_second[:3, 3])
 
 
 def share_contradicted(depth: NDArray[np.float32], camera: Camera, points: Array) -> float:

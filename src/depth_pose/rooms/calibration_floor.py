@@ -7,12 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.core.camera import Camera
 from depth_pose.core.config import SegmentConfig
 from depth_pose.core.rotations import unit_vectors
 from depth_pose.core.skeleton import ADULT_STATURE_M, JOINT_INDEX, NODE_INDEX, rest_nodes
 from depth_pose.core.types import DepthFrame
 from depth_pose.detect.floor import Floor, FloorFinder
+from depth_pose.rooms.background import EmptyRoom
 from depth_pose.rooms.calibration_input import BodyTrack
 
 Array = NDArray[np.float64]
@@ -31,25 +31,20 @@ BY_STANDING = "people who stand"
 """Source of a floor that no depth image shows."""
 
 
-def find_floor(
-    tracks: Sequence[BodyTrack], background: NDArray[np.float32] | None, camera: Camera | None
-) -> Floor | None:
+def find_floor(tracks: Sequence[BodyTrack], background: EmptyRoom | None) -> Floor | None:
     """Find the floor below a camera, camera frame; None where neither images nor people show it.
 
     Parameters
     ----------
     tracks : sequence of BodyTrack
-    background : (H, W) float32, optional
-        Depth image of the empty room, metres.
-    camera : Camera, optional
-        Its camera.
+    background : EmptyRoom, optional
     """
     stood = _floor_of_standing(tracks)
-    if background is None or camera is None:
+    if background is None:
         return stood
     bodies = [joints for track in tracks for joints in track.joints[:: max(1, len(track.joints) // 10)]]
     finder = FloorFinder(SegmentConfig()) if stood is None else FloorFinder(SegmentConfig(), stood.up)
-    seen = finder.find(DepthFrame(0, "", background, camera), bodies[:_MOST_BODIES])
+    seen = finder.find(DepthFrame(0, "", background.depth, background.camera), bodies[:_MOST_BODIES])
     if seen is None:
         return stood
     if stood is not None and (seen.up @ stood.up < _SAME_UP or abs(seen.height - stood.height) > _SAME_M):

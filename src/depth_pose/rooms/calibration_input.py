@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from depth_pose.core.camera import Camera
 from depth_pose.core.skeleton import JointState
 from depth_pose.core.types import Skeleton
+from depth_pose.rooms.background import EmptyRoom
 
 Array = NDArray[np.float64]
 
@@ -95,10 +96,8 @@ class CameraRecord:
         The topic of its depth images.
     stamps_ns : list of int
         Of all frames, also of those without people.
-    background : (H, W) float32 or None
-        Depth image of the empty room, metres; 0 where nothing returned.
-    background_camera : Camera or None
-        Its camera.
+    background : EmptyRoom or None
+        The empty room, if it is known.
     upside_down : str
         Why the images look upside down; empty where they do not.
     """
@@ -108,8 +107,7 @@ class CameraRecord:
     frame_id: str = ""
     topic: str = ""
     stamps_ns: list[int] = field(default_factory=list)
-    background: NDArray[np.float32] | None = None
-    background_camera: Camera | None = None
+    background: EmptyRoom | None = None
     upside_down: str = ""
     _bodies: dict[str, list[Skeleton]] = field(default_factory=dict)
 

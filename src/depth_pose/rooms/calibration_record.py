@@ -89,6 +89,6 @@ def read_record(recording: str, name: str, setting: RecordSetting, tell: Tell) -
         if not 0 <= frame.stamp_ns - image_ns < _IMAGE_STEP_NS:
             image_ns = frame.stamp_ns
             room.add(frame, result.people)
-    record.background, record.background_camera = room.image(), room.camera
+    record.background = room.room()
     record.upside_down = "; ".join(pipeline.warnings)
     return Recorded(record, read_static_transforms(recording), tuple(reader.warnings))
