@@ -149,9 +149,11 @@ class RoomMerger:
         Returns
         -------
         tuple of Skeleton
-            One for each person, in the room's frame.
+            One for each person, in the room's frame; without those whom only one camera sees, with too little
+            confidence.
         """
-        merged = [s for p in self.tracks.people if (s := self._merge(p, stamp_ns)) is not None]
+        people = [p for p in self.tracks.people if p.is_sure]
+        merged = [s for p in people if (s := self._merge(p, stamp_ns)) is not None]
         self._kept = {p.room_id: k for p in self.tracks.people if (k := self._kept.get(p.room_id))}
         return tuple(merged)
 

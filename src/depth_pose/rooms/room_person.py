@@ -47,6 +47,10 @@ _SIZE_SD, _WORST_SIZE = 0.1, -4.0
 _SIZE_SHARE = 0.05
 """Weight of a new size in the running one; set by hand."""
 
+_SURE, _TRUST_SHARE = 0.3, 0.1
+"""Minimum of the running mean of confidences of a person whom only one camera has seen, and the weight of a
+new one; set by hand on simulated rooms."""
+
 _FASTEST_M_S, _COASTING_S = 3.0, 0.7
 """Maximum speed of a person (m/s), and time constant (s) with which an unseen person stops; set by hand."""
 
@@ -78,6 +82,10 @@ class RoomPerson:
         Logarithm of the size relative to the bank's body.
     split_from : RoomPerson or None
         The person whom a camera took this one for until then.
+    shared : bool
+        Whether two cameras have seen them at once.
+    trust : float
+        Running mean of the sightings' confidences.
     """
 
     number: int
@@ -85,6 +93,8 @@ class RoomPerson:
     velocity: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
     log_size: float | None = None
     split_from: RoomPerson | None = None
+    shared: bool = False
+    trust: float = 0.0
 
     @property
     def room_id(self) -> str:
@@ -95,6 +105,11 @@ class RoomPerson:
     def seen_ns(self) -> int:
         """Stamp of the last sighting by any camera."""
         return max((view.stamp_ns for view in self.views.values()), default=0)
+
+    @property
+    def is_sure(self) -> bool:
+        """Whether this is hardly a thing that one camera takes for a person."""
+        return self.shared or self.trust >= _SURE
 
     def offset(self, view: View, stamp_ns: int) -> NDArray[np.float64]:
         """Return the way (3,), metres, from a view to a stamp; who is unseen comes to rest."""
@@ -142,6 +157,9 @@ class RoomPerson:
             seconds = (stamp_ns - last.stamp_ns) * 1e-9
             if 0.0 < seconds <= FRESH_NS * 1e-9:
                 self._steer(last.sighting.shift_to(sighting) / seconds, seconds)
+        share = _TRUST_SHARE if self.views else 1.0
+        self.trust += share * (sighting.confidence - self.trust)
+        self.shared |= bool(self.fresh(stamp_ns, without=camera))
         self.views[camera] = View(stamp_ns, sighting)
         if sighting.scale > 0.0:
             size = math.log(sighting.scale)
