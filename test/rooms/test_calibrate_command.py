@@ -34,7 +34,7 @@ def record(path: Path, x: float, seconds: float, transform: bool = False) -> Pat
             pose = (APART_M, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
             message = transforms_message("left_optical", "right_optical", pose)
             writer.write_message("/tf_static", schemas.TRANSFORMS, 0, message)
-        for t in range(0, round(seconds * 1e9 / STEP_NS), 2):
+        for t in range(0, round(seconds * 1e9 / STEP_NS), 4):
             swing = np.sin(0.05 * t)
             people = [person(t, -0.2 + 0.6 * swing - x, 2.6), person(t, 0.5 - 0.4 * swing - x, 3.4, 1.0)]
             writer.write(t * STEP_NS, seen(t, people).depth)

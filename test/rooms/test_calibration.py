@@ -17,10 +17,10 @@ CAMERAS = (
 )
 OFFSETS = (0.0, 0.033, -0.12)
 RATES = (10.0, 14.0, 9.0)
-STROLLERS = tuple(Stroller.strolling(seed, 20.0) for seed in (1, 2))
+STROLLERS = tuple(Stroller.strolling(seed, 12.0) for seed in (1, 2))
 
 
-def record(number, walkers=STROLLERS, seconds=20.0, **options):
+def record(number, walkers=STROLLERS, seconds=12.0, **options):
     options = {"offset": OFFSETS[number], "fps": RATES[number], "seed": number} | options
     return record_camera(f"camera{number}", CAMERAS[number], walkers, seconds, **options)
 
@@ -59,7 +59,7 @@ def test_three_cameras_from_people_who_appear_too_near(background):
 def test_cameras_that_only_a_third_connects():
     """The first and the last see different people; the second sees both."""
     left, right = (
-        Stroller.strolling(s, 20.0, low, high)
+        Stroller.strolling(s, 12.0, low, high)
         for s, low, high in ((1, (1.0, -1.8), (2.5, 1.8)), (2, (3.0, -1.8), (4.5, 1.8)))
     )
     records = [record(0, (left,)), record(2, (right,)), record(1, (left, right))]
@@ -89,7 +89,7 @@ def refusal(records):
 
 @pytest.mark.parametrize("background", [True, False])
 def test_different_rooms(background):
-    others = [Stroller.strolling(seed, 20.0) for seed in (8, 9)]
+    others = [Stroller.strolling(seed, 12.0) for seed in (8, 9)]
     text = refusal([record(0, background=background), record(1, others, background=background)])
     assert "camera0 and camera1" in text
     assert "different rooms" in text

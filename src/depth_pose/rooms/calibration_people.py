@@ -40,9 +40,13 @@ ray and across it, metres. Measured on simulated pairs of cameras against the tr
 _NEAR_SHARE, _ALONG_M, _ACROSS_M = np.array([_ERRORS[name.rpartition("_")[2]] for name in JOINTS]).T
 _ALIKE_S = 0.7
 """A joint's error is the same for about this time, seconds. Set by hand."""
-_MOST_S = 25.0
-"""Two cameras' joints count as at most this much time: systematic errors remain, however long people walk.
-Chosen on simulated pairs from 5, 15 and no limit."""
+_MOST_S = 150.0
+"""Two cameras' joints count as at most this much time, summed over joints: systematic errors remain, however
+long people walk. Chosen on simulated pairs."""
+_LEAST_SURE = 0.1
+"""Least confidence of a joint that is used. Set by hand."""
+_MEDIAN_CHI2 = 2.366
+"""Median of the chi-squared distribution with three degrees of freedom."""
 _ALIKE_JOINTS = 4.0
 """Number of joints that err alike. Set by hand."""
 _FAR_M = 0.12
@@ -67,41 +71,69 @@ class PeopleTerm(NamedTuple):
         return float(self.track_a.seconds[self.agrees].sum())
 
 
+class _Seen(NamedTuple):
+    """Joints (N, 3) of both cameras, camera frames, velocities by b, joint numbers, certainty, seconds."""
+
+    pa: Array
+    pb: Array
+    vb: Array
+    joint: NDArray[np.int64]
+    sure: Array
+    seconds: Array
+
+
 def add_people(normal: Normal, states: Sequence[CameraState], terms: Sequence[PeopleTerm]) -> Array:
     """Add the joints that two cameras see at the same time; return the residuals' lengths (N,), metres."""
-    lengths = []
-    total: defaultdict[tuple[int, int], float] = defaultdict(float)
+    pairs: defaultdict[tuple[int, int], list[PeopleTerm]] = defaultdict(list)
     for term in terms:
-        total[term.a, term.b] += term.seconds
-    for a, b, track_a, track_b, agrees in terms:
-        first, second = states[a], states[b]
-        seen = track_b.at(track_a.times - first.offset + second.offset)
-        sure = np.sqrt(track_a.confidence * seen.confidence) * agrees[:, None]
-        frame, joint = np.nonzero(sure > 0.1)
-        if not len(frame):
-            continue
-        pa, pb = track_a.joints[frame, joint], seen.joints[frame, joint]
-        ua, ub = unit_vectors(pa), unit_vectors(pb)
-        Ra, Rb = first.T_room_camera[:3, :3], second.T_room_camera[:3, :3]
-        share = _NEAR_SHARE[joint, None]
-        qa, qb = first.to_room(pa + first.near * share * ua), second.to_room(pb + second.near * share * ub)
-        ua, ub, vb = ua @ Ra.T, ub @ Rb.T, seen.velocities[frame, joint] @ Rb.T
-        residual = qa - qb
-        length = np.linalg.norm(residual, axis=1)
-        lengths.append(length)
-        Ja, Jb = motion_rows(qa), -motion_rows(qb)
-        Ja[:, :, OFFSET], Jb[:, :, OFFSET] = vb, -vb
-        Ja[:, :, NEAR], Jb[:, :, NEAR] = share * ua, -share * ub
-        along, across = _ALONG_M[joint, None, None] ** 2, _ACROSS_M[joint, None, None] ** 2
-        spread = (along - across) * (ua[:, :, None] * ua[:, None] + ub[:, :, None] * ub[:, None])
-        spread += 2.0 * across * np.eye(3)
-        root = np.swapaxes(np.linalg.cholesky(np.linalg.inv(spread)), 1, 2)
-        seconds = track_a.seconds[frame]
-        trust = min(1.0, _MOST_S / total[a, b]) / (1.0 + (length / _FAR_M) ** 2) ** 2
-        weight = trust * sure[frame, joint] * seconds / (_ALIKE_S * _ALIKE_JOINTS)
-        rows = [(a, (root @ Ja).reshape(-1, SIZE)), (b, (root @ Jb).reshape(-1, SIZE))]
-        normal.add(rows, np.einsum("nij,nj->ni", root, residual).ravel(), np.repeat(weight, 3))
-    return np.concatenate(lengths) if lengths else np.zeros(0)
+        pairs[term.a, term.b].append(term)
+    lengths = [np.zeros(0)]
+    for (a, b), some in pairs.items():
+        seen = _Seen(*map(np.concatenate, zip(*(_see(term, states) for term in some), strict=True)))
+        if len(seen.joint):
+            lengths.append(_add_pair(normal, states, a, b, seen))
+    return np.concatenate(lengths)
+
+
+def _see(term: PeopleTerm, states: Sequence[CameraState]) -> _Seen:
+    first, second = term.track_a, term.track_b
+    at = second.at(first.times - states[term.a].offset + states[term.b].offset)
+    sure = np.sqrt(first.confidence * at.confidence) * term.agrees[:, None]
+    frame, joint = np.nonzero(sure > _LEAST_SURE)
+    return _Seen(
+        first.joints[frame, joint],
+        at.joints[frame, joint],
+        at.velocities[frame, joint],
+        joint,
+        sure[frame, joint],
+        first.seconds[frame],
+    )
+
+
+def _add_pair(normal: Normal, states: Sequence[CameraState], a: int, b: int, seen: _Seen) -> Array:
+    first, second = states[a], states[b]
+    Ra, Rb = first.T_room_camera[:3, :3], second.T_room_camera[:3, :3]
+    share = _NEAR_SHARE[seen.joint, None]
+    ua, ub = unit_vectors(seen.pa), unit_vectors(seen.pb)
+    qa = first.to_room(seen.pa + first.near * share * ua)
+    qb = second.to_room(seen.pb + second.near * share * ub)
+    ua, ub, vb = ua @ Ra.T, ub @ Rb.T, seen.vb @ Rb.T
+    residual = qa - qb
+    length = np.linalg.norm(residual, axis=1)
+    Ja, Jb = motion_rows(qa), -motion_rows(qb)
+    Ja[:, :, OFFSET], Jb[:, :, OFFSET] = vb, -vb
+    Ja[:, :, NEAR], Jb[:, :, NEAR] = share * ua, -share * ub
+    along, across = (deviation[seen.joint, None, None] ** 2 for deviation in (_ALONG_M, _ACROSS_M))
+    spread = (along - across) * (ua[:, :, None] * ua[:, None] + ub[:, :, None] * ub[:, None])
+    spread += 2.0 * across * np.eye(3)
+    root = np.swapaxes(np.linalg.cholesky(np.linalg.inv(spread)), 1, 2)
+    white = np.einsum("nij,nj->ni", root, residual)
+    excess = max(1.0, float(np.median(np.sum(white**2, axis=1))) / _MEDIAN_CHI2)
+    trust = min(1.0, _MOST_S / float(seen.sure @ seen.seconds)) / excess / (1.0 + (length / _FAR_M) ** 2) ** 2
+    weight = trust * seen.sure * seen.seconds / (_ALIKE_S * _ALIKE_JOINTS)
+    rows = [(a, (root @ Ja).reshape(-1, SIZE)), (b, (root @ Jb).reshape(-1, SIZE))]
+    normal.add(rows, white.ravel(), np.repeat(weight, 3))
+    return length
 
 
 def pair_tracks(tracks: Sequence[Sequence[BodyTrack]], states: Sequence[CameraState]) -> list[PeopleTerm]:
