@@ -10,8 +10,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from depth_pose.bank.bank import Bank
 from depth_pose.body.pose import BodyPose
 from depth_pose.core.config import MAX_STAMP_GAP_NS, PipelineConfig
@@ -129,7 +127,10 @@ class RoomFusion:
         for _, (at_ns, longest_ns, people) in sorted(self._newest.items()):
             if 0 <= stamp_ns - at_ns <= longest_ns:
                 for room_id, one in people.items():
-                    seen.setdefault(self._tracks.same.get(room_id, room_id), []).append(one)
+                    room_id = self._tracks.same.get(room_id, room_id)
+                    person = self._tracks.person(room_id)
+                    if person is not None and person.is_sure:
+                        seen.setdefault(room_id, []).append(one)
         self._memories = {
             i: m for i, m in self._memories.items() if i in seen or stamp_ns - m.stamp_ns <= FORGET_NS
         }
@@ -141,15 +142,15 @@ class RoomFusion:
         """Answer for one person, from one camera or from several."""
         memory = self._memories.setdefault(room_id, RoomMemory(JointFilter(self._smooth)))
         person = self._tracks.person(room_id)
-        velocity = np.zeros(3) if person is None else person.velocity
+        assert person is not None, "who is forgotten is not seen"
         answers = []
         for one in seen:
             target = self._refiner.bodies.target(one.person)
             seconds = (stamp_ns - one.stamp_ns) * 1e-9
-            view = view_at(one.person, target, self._places[one.camera], velocity * seconds)
+            view = view_at(one.person, target, self._places[one.camera], person.velocity * seconds)
             answers.append(Answer(view, view.pose_in_room(one.pose), one.skeleton.joint_confidence))
         if len(answers) > 1:
-            return self._refiner.refine(answers, memory, velocity, stamp_ns, (ROOM_FRAME, room_id))
+            return self._refiner.refine(answers, memory, person.velocity, stamp_ns, (ROOM_FRAME, room_id))
         memory.kept.beam, memory.stamp_ns = (answers[0].pose,), stamp_ns
         only = place(seen[0].skeleton, answers[0].view.T_room_camera, ROOM_FRAME)
         positions = memory.filter.filter(only.positions, stamp_ns)
