@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from depth_pose.body.body import Body
 from depth_pose.body.procedural import BodyShape, make_body
-from depth_pose.core.open3d import load_open3d
 from depth_pose.core.rotations import mirror_rotation, rotation_x, rotation_y, rotation_z
 from depth_pose.core.skeleton import NODE_INDEX
 
@@ -29,7 +28,7 @@ def turn(axis: str, degrees: float) -> Array:
 
 def shade(vertices: Array, faces: NDArray[np.int32], azimuth: float, width: int = 300) -> NDArray[np.uint8]:
     """Shaded orthographic view of a mesh from an azimuth in degrees, (460, width)."""
-    o3d = load_open3d()
+    import open3d as o3d
 
     scene = o3d.t.geometry.RaycastingScene()
     scene.add_triangles(vertices.astype(np.float32), faces.astype(np.uint32))

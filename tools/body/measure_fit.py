@@ -21,7 +21,6 @@ from numpy.typing import NDArray
 
 from depth_pose.body.body import Body
 from depth_pose.body.procedural import make_body
-from depth_pose.core.open3d import load_open3d
 from depth_pose.core.rotations import nearest_rotation
 from depth_pose.core.skeleton import JOINTS, NODE_INDEX, NODE_PARENTS, NODES
 
@@ -171,7 +170,7 @@ def render(
     vertices: Array, faces: NDArray[np.int32], k: Array, shape: tuple[int, int]
 ) -> tuple[Array, Array]:
     """Depth image (inf where nothing) and index of the hit face."""
-    o3d = load_open3d()
+    import open3d as o3d
 
     scene = o3d.t.geometry.RaycastingScene()
     scene.add_triangles(vertices.astype(np.float32), faces.astype(np.uint32))
