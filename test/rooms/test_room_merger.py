@@ -191,3 +191,20 @@ def test_nobody_and_one_camera():
     assert (one.body_id, one.frame_id, one.stamp_ns) == ("person_1", "room", 2 * S)
     assert np.allclose(one.positions, [3.0, 0.0, 1.5])
     assert merger.skeletons_at(2 * S + 300_000_000) == ()
+
+
+def test_what_one_camera_takes_for_a_person_is_not_reported():
+    """A coat that one camera sees with little confidence; then another camera sees it as well."""
+    merger = RoomMerger(["a", "b"], [pose(0, 0, 0.0), pose(0, 1, 0.0)])
+
+    def show(camera, k, confidence):
+        positions = np.tile([camera * 1.0, 0.0, 2.0], (19, 1))  # both at 2 m along x, y = 0
+        merger.add(camera, k * S // 15, [make_skeleton(positions, confidence=confidence)])
+        return merger.skeletons_at(k * S // 15)
+
+    assert all(show(0, k, 0.15) == () for k in range(30))
+    assert any(len(show(0, k, 0.8)) == 1 for k in range(30, 45))  # it moves, and is somebody
+    merger.reset()
+    assert show(0, 50, 0.15) == ()
+    (shared,) = show(1, 50, 0.15)
+    assert shared.body_id == "person_2"

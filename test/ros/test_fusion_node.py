@@ -195,8 +195,6 @@ def test_places_by_tf_static_pause_and_bad_input(peer, start):
 def test_what_cannot_be_started_is_refused(start, rig_path):
     node = ("-m", "depth_pose.ros.nodes.fusion_node", "--ros-args")
     cases = (
-        ((), "give the parameter rig (a rig file), or topics"),
-        (("-p", "rig:=/none.yaml"), "none.yaml"),
         (("-p", f"rig:={rig_path}", "-p", "topics:=[/a]"), "has 2 cameras: cam_a, cam_b"),
         (("-p", "topics:=['/a b', /c]"), "name all cameras' topics by the parameter topics"),
     )

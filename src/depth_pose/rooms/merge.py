@@ -30,7 +30,7 @@ WITHIN_M = 0.1
 _ALONG, _ACROSS = 1.26, 0.84
 """Spread along a camera's ray and across it, in units of the mean spread: 1.5 to 1; set by hand."""
 
-_WEAKER = np.array([1.0, 1.4, 2.0, 4.0])
+_WEAKER = np.array([1.0, 1.2, 1.5, 4.0])
 """Factor on the spread of joints by `JointState`; set by hand."""
 
 _AGING_M_S = 0.5
@@ -39,7 +39,7 @@ _AGING_M_S = 0.5
 _SHARED_M = 0.02
 """Spread of the errors that all cameras have in common (m); set by hand."""
 
-_FREEDOM = 3.0
+_FREEDOM = 6.0
 """Degrees of freedom of Student's t; set by hand."""
 
 _STEPS = 4

@@ -19,7 +19,7 @@ from depth_pose.rooms.room_person import FRESH_NS, RoomPerson
 from depth_pose.rooms.sightings import RoomSighting
 from depth_pose.track.tracks import best_pairs
 
-FORGET_NS = 5_000_000_000
+FORGET_NS = 10_000_000_000
 """Time after which a person whom no camera sees is forgotten, nanoseconds."""
 
 _BACK_NS = 1_000_000_000

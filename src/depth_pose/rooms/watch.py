@@ -31,8 +31,9 @@ CLOCK_S = 0.02
 _USUAL_DELAY_S = 0.1
 """Usual time from a stamp to the skeleton's arrival (s): the camera nearest to it has the right clock."""
 
-_DELAYS = 30
-"""Messages of a camera over which the least delay is taken; set by hand."""
+_DELAYS, _FEW_DELAYS = 30, 5
+"""Messages of a camera over which the least delay is taken, and the number below which it is not judged; set
+by hand."""
 
 _FASTER = 1.25
 """Factor by which another camera must be faster to set the pace; set by hand."""
@@ -244,8 +245,9 @@ class CameraWatch:
 
     def _late_s(self, camera: int) -> float:
         """Return how much later than the best camera's a camera's messages come (s)."""
-        delays = [of.delay_s for of in self.cameras if of.state != CameraState.STOPPED and of.delays]
-        if not delays or not self.cameras[camera].delays:
+        judged = [of for of in self.cameras if len(of.delays) >= _FEW_DELAYS]
+        delays = [of.delay_s for of in judged if of.state != CameraState.STOPPED]
+        if not delays or self.cameras[camera] not in judged:
             return 0.0
         return self.cameras[camera].delay_s - min(delays, key=lambda d: abs(d - _USUAL_DELAY_S))
 
