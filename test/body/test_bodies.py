@@ -70,6 +70,18 @@ def test_anny_not_installed(monkeypatch):
 
 
 @pytest.mark.slow
+def test_shapes_of_anny_share_their_faces_and_differ():
+    pytest.importorskip("anny", reason="the extra 'anny' is not installed")
+    from depth_pose.body.anny_body import AnnyShape, make_anny_body
+
+    average, heavy = make_anny_body(), make_anny_body(AnnyShape(weight=1.0, muscle=0.2, age=1.0))
+    np.testing.assert_array_equal(average.faces, heavy.faces)
+    same = make_anny_body(AnnyShape())  # its own vertices, not those that the decimation moved
+    assert np.linalg.norm(same.vertices - average.vertices, axis=1).max() < 0.02
+    assert np.ptp(heavy.vertices[:, 2]) > np.ptp(average.vertices[:, 2]) + 0.03
+
+
+@pytest.mark.slow
 def test_anny_is_a_body_in_our_rest_pose():
     pytest.importorskip("anny", reason="the extra 'anny' is not installed")
     found = find_body("anny")

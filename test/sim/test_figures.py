@@ -153,3 +153,13 @@ def test_loose_postures_reach_farther_about():
     assert behind > 0.02
     assert above > 0.1
     assert np.linalg.norm(loose, axis=1).max() < 0.5  # arms are no longer than that
+
+
+@pytest.mark.slow
+def test_anny_s_bodies_are_dressed_and_stand_on_the_floor():
+    pytest.importorskip("anny", reason="the extra 'anny' is not installed")
+    for posture in ("stand", "sit", "lie"):
+        figure = sample_figure(np.random.default_rng(2), posture, anny=1.0)
+        assert -0.04 < figure.vertices[:, 1].min() < 0.3
+        inside = np.linalg.norm(figure.vertices[:, None] - figure.joints, axis=-1).min(axis=0)
+        assert inside.max() < 0.25

@@ -76,16 +76,20 @@ class CloseUpMaker:
     ----------
     views : int
         Number of cameras that look at each person.
+    anny : float
+        Share of people with a body of Anny.
     """
 
     views: int = 4
+    anny: float = 0.0
     _others: list[Settled] = field(default_factory=list)
 
     def make(self, rng: np.random.Generator) -> list[CloseUp]:
         """Sample a person, their surroundings and some cameras; return the views that show enough of them."""
         names = list(POSTURES)
         shares = np.array(list(POSTURES.values()))
-        figure = sample_figure(rng, names[rng.choice(len(names), p=shares / shares.sum())], loose=True)
+        posture = names[rng.choice(len(names), p=shares / shares.sum())]
+        figure = sample_figure(rng, posture, loose=True, anny=self.anny)
         settled = settle(figure, rng)
         person = place(settled.figure, 0.0, 0.0, 0.0, rng)
         shapes = Assembly(Kind.WALL)

@@ -145,7 +145,7 @@ class CoarseNet(nn.Module):
         state = {}
         for node in model.graph.node:
             if node.op_type in ("Conv", "Gemm"):
-                layer = _layer_of(node.name)
+                layer = layer_of(node.name)
                 state[f"{layer}.weight"], state[f"{layer}.bias"] = held[node.input[1]], held[node.input[2]]
         missing = set(self.state_dict()) - set(state)
         if missing:
@@ -153,7 +153,7 @@ class CoarseNet(nn.Module):
         self.load_state_dict({k: v.float() for k, v in state.items()})
 
 
-def _layer_of(node: str) -> str:
+def layer_of(node: str) -> str:
     """Return the layer name of a node of an exported net, as ``/down4/down4.1/first/first.0/Conv``."""
     names: list[str] = []
     for name in node.split("/")[1:-1]:

@@ -1,4 +1,4 @@
-"""Store the weights of a net (ONNX) in 16 bits, and convert them back to 32."""
+"""Store the weights of a net (ONNX) in 16 bits, and convert them and 8-bit integers back to 32."""
 
 from __future__ import annotations
 
@@ -39,3 +39,16 @@ def widen(model: onnx.ModelProto) -> None:
         model.graph.initializer.append(wide)
         model.graph.initializer.remove(half)
         model.graph.node.remove(node)
+
+
+def float_weights(model: onnx.ModelProto) -> dict[str, np.ndarray]:
+    """Return all weights as floats, also those stored as integers, by the names that layers read."""
+    widen(model)
+    values = {t.name: numpy_helper.to_array(t) for t in model.graph.initializer}
+    for node in model.graph.node:
+        if node.op_type == "DequantizeLinear" and node.input[0] in values:
+            whole, scale, zero = (values[name] for name in node.input)
+            by_channel = (-1,) + (1,) * (whole.ndim - 1) if scale.ndim else ()
+            off = whole.astype(np.float32) - zero.reshape(by_channel)
+            values[node.output[0]] = (off * scale.reshape(by_channel)).astype(np.float32)
+    return values

@@ -54,11 +54,13 @@ class Stream:
         Number of close-ups kept.
     fresh : float
         New close-ups for each one used.
+    anny : float
+        Share of people with a body of Anny.
     """
 
-    def __init__(self, seed: tuple[int, ...], room: int, fresh: float) -> None:
+    def __init__(self, seed: tuple[int, ...], room: int, fresh: float, anny: float) -> None:
         self._rng = np.random.default_rng(seed)
-        self._maker, self._room, self._fresh = CloseUpMaker(), room, fresh
+        self._maker, self._room, self._fresh = CloseUpMaker(anny=anny), room, fresh
         self._kept: list[CloseUp] = []
         self._due, self._next = 0.0, 0
         while len(self._kept) < min(room, 500):
@@ -89,6 +91,10 @@ def train(
     keep: Annotated[int, typer.Option(help="Close-ups that are kept (30 kB each)")] = 16_000,
     sightings: Annotated[Path | None, typer.Option(help="File from find_sightings.py")] = None,
     found: Annotated[int, typer.Option(help="Number of a step's crops that are sightings")] = 10,
+    anny: Annotated[float, typer.Option(help="Share of close-ups with a body of Anny (extra 'anny')")] = 0.0,
+    keep_belief: Annotated[
+        Path | None, typer.Option(help="Weights whose belief sightings teach, not whether they are people")
+    ] = None,
     seed: Annotated[int, typer.Option(help="Start of all random numbers")] = 1,
     start: Annotated[Path | None, typer.Option(help="Weights to start from where OUT has none")] = None,
     coarse: Annotated[Path | None, typer.Option(help="The coarse net (ONNX), where neither is given")] = None,
@@ -104,9 +110,12 @@ def train(
     torch.manual_seed(seed)
     out.mkdir(parents=True, exist_ok=True)
     run = _Run(out, rate, exact, start, coarse)
-    apart = CropSampler().batch(_check_set(), None)
+    if keep_belief is not None:
+        run.keep_belief(keep_belief)
+    families = {"": 0.0, "anny_": 1.0} if anny > 0.0 else {"": 0.0}
+    apart = {name: CropSampler().batch(_check_set(share), None) for name, share in families.items()}
     seen = Sightings.load(sightings) if sightings else None
-    stream = Stream((seed, run.done), keep, fresh)
+    stream = Stream((seed, run.done), keep, fresh, anny)
     rng = np.random.default_rng([seed, run.done, 1])
     sampler = CropSampler()
 
@@ -149,6 +158,7 @@ class _Run:
         learned = [p for p in self.net.parameters() if p.requires_grad]
         self.optimiser = torch.optim.AdamW(learned, rate, weight_decay=_WEIGHT_DECAY, fused=True)
         self.rate, self.exact, self.steps, self.done = rate, exact, 0, 0
+        self._believing: JointNet | None = None
         self._mean: dict[str, float] = {}
         self._log, self._began = out / "log.jsonl", time.perf_counter()
         if (out / "stable.pt").exists():
@@ -158,6 +168,11 @@ class _Run:
             self.optimiser.load_state_dict(kept["optimiser"])
             self.steps, self.done = kept["steps"], kept["done"]
 
+    def keep_belief(self, weights: Path) -> None:
+        """Teach from now on what a net of these weights believes to be a person, where a crop asks for that."""
+        self._believing = copy.deepcopy(self.net).eval()
+        self._believing.load_state_dict(torch.load(weights, weights_only=True))
+
     def step(self, crops: CropBatch, share: float, keep: float) -> None:
         """Train on a batch at a share of the highest rate; ``keep`` is the decay of the averaged weights."""
         for group in self.optimiser.param_groups:
@@ -165,6 +180,10 @@ class _Run:
         with arithmetic(self.exact):
             answer = self.net.vote(to_input(crops))
         truth = Truth(*map(torch.from_numpy, (crops.joints, crops.side, crops.person, crops.mask)))
+        if self._believing is not None:
+            asked = truth.person.isfinite()
+            with arithmetic(self.exact), torch.no_grad():
+                truth.person[asked] = torch.sigmoid(self._believing(to_input(crops)[asked])[3])
         loss, parts = joint_loss(answer, self.net.cells[0, 0, :2].T, truth)
         self.optimiser.zero_grad()
         loss.backward()
@@ -175,7 +194,7 @@ class _Run:
         follow(self.average, self.net, min(keep, (1 + self.steps) / (10 + self.steps)))
         self._mean = {k: 0.99 * self._mean.get(k, v) + 0.01 * v for k, v in parts.items()}
 
-    def save(self, path: Path, apart: CropBatch) -> None:
+    def save(self, path: Path, apart: dict[str, CropBatch]) -> None:
         """Write a checkpoint, and a line to the log."""
         part = path.with_suffix(".part")
         state: dict[str, Any] = {
@@ -191,14 +210,14 @@ class _Run:
             "crops": self.done,
             "seconds": round(time.perf_counter() - self._began),
             **{k: round(v, 4) for k, v in self._mean.items()},
-            **score(self.average, apart),
+            **{f"{name}{k}": v for name, some in apart.items() for k, v in score(self.average, some).items()},
         }
         with self._log.open("a") as log:
             print(json.dumps(line), file=log)
 
 
-def _check_set() -> list[CloseUp]:
-    rng, maker, out = np.random.default_rng(_CHECK_SEED), CloseUpMaker(2), []
+def _check_set(anny: float) -> list[CloseUp]:
+    rng, maker, out = np.random.default_rng(_CHECK_SEED), CloseUpMaker(2, anny), []
     while len(out) < _CHECKS:
         out += maker.make(rng)
     return out[:_CHECKS]

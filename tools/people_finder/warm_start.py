@@ -51,7 +51,7 @@ def norm_after(net: nn.Module) -> dict[nn.Module, nn.BatchNorm2d]:
     return {a: b for a, b in pairs if isinstance(a, nn.Conv2d) and isinstance(b, nn.BatchNorm2d)}
 
 
-def unfold(net: FinderNet, features: NDArray[np.float32]) -> None:
+def unfold(net: nn.Module, features: NDArray[np.float32]) -> None:
     """Set the statistics of norms to those of their inputs, and scales and shifts that undo them."""
 
     def measure(norm: nn.BatchNorm2d, inputs: tuple[Tensor], _: Tensor) -> None:

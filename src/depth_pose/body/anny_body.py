@@ -8,13 +8,15 @@ Everything that is needed comes with the package; nothing is downloaded when it 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.body.body import Body
-from depth_pose.body.rigged import RiggedMesh, rigged_body
+from depth_pose.body.rigged import RiggedMesh, Thinning, rigged_body
 from depth_pose.core.extras import require
 from depth_pose.core.options import Checked, option
 from depth_pose.core.skeleton import NODE_INDEX, NODES
@@ -59,41 +61,55 @@ def make_anny_body(shape: AnnyShape | None = None) -> Body:
     Parameters
     ----------
     shape : AnnyShape, optional
-        An average adult by default.
+        An average adult by default. Bodies of all shapes share their faces.
 
     Raises
     ------
     ConfigError
         Where Anny is not installed.
     """
-    return rigged_body("anny", _largest_part(_load(shape or AnnyShape())))
+    average, thinning = _average()
+    return rigged_body("anny", _load(shape), thinning)[0] if shape else average
 
 
-def _load(shape: AnnyShape) -> RiggedMesh:
-    """Read Anny's rest pose, rig and skin weights."""
+@lru_cache(maxsize=1)
+def _average() -> tuple[Body, Thinning]:
+    """Make the average adult; all shapes keep the vertices that its decimation keeps."""
+    return rigged_body("anny", _load(AnnyShape()))
+
+
+@lru_cache(maxsize=1)
+def _model() -> Any:
+    """Load Anny; the first time compiles its kernels, for a minute."""
     require("anny", "the body 'anny'")
-    from dataclasses import asdict
-
     from anny import Anny
 
-    model = Anny()
-    rest = model(phenotype_kwargs=asdict(shape))
-    labels = list(model.bone_labels)
-    turn = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])  # Anny's z is up, -y forward
-    heads = _array(rest["rest_bone_heads"][0]) @ turn.T
-    owners = bone_owners(labels, [int(p) for p in model.bone_parents])
+    return Anny()
+
+
+@lru_cache(maxsize=1)
+def _rig() -> tuple[Array, NDArray[np.int64]]:
+    """Skin weights, merged into our nodes, and triangles of Anny, which all its shapes share."""
+    model = _model()
+    owners = bone_owners(list(model.bone_labels), [int(p) for p in model.bone_parents])
     index, weight = np.asarray(model.vertex_bone_indices.cpu()), _array(model.vertex_bone_weights)
     weights = np.zeros((len(index), len(NODES)))
     np.add.at(weights, (np.arange(len(index))[:, None], owners[index]), weight)
     faces = np.asarray(model.faces.cpu(), np.int64)
     if faces.shape[1] == 4:
         faces = np.concatenate([faces[:, [0, 1, 2]], faces[:, [0, 2, 3]]])
-    return RiggedMesh(
-        vertices=_array(rest["rest_vertices"][0]) @ turn.T,
-        faces=faces,
-        weights=weights / weights.sum(axis=1, keepdims=True),
-        nodes=_place_nodes(labels, heads),
-    )
+    return weights / weights.sum(axis=1, keepdims=True), faces
+
+
+def _load(shape: AnnyShape) -> RiggedMesh:
+    """Read Anny's rest pose, rig and skin weights."""
+    model = _model()
+    rest = model(phenotype_kwargs=asdict(shape))
+    turn = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])  # Anny's z is up, -y forward
+    heads = _array(rest["rest_bone_heads"][0]) @ turn.T
+    weights, faces = _rig()
+    nodes = _place_nodes(list(model.bone_labels), heads)
+    return _largest_part(RiggedMesh(_array(rest["rest_vertices"][0]) @ turn.T, faces, weights, nodes))
 
 
 def _array(tensor: object) -> Array:

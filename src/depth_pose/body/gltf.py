@@ -87,7 +87,7 @@ def _load(path: Path) -> Body:
     if weights.sum(axis=1).min() <= 0:
         raise InputError(f"{path}: some vertices have no weights; bind all of the mesh to the rig")
     weights /= weights.sum(axis=1, keepdims=True)
-    return rigged_body(path.stem, RiggedMesh(mesh.vertices @ turn.T, mesh.faces, weights, nodes))
+    return rigged_body(path.stem, RiggedMesh(mesh.vertices @ turn.T, mesh.faces, weights, nodes))[0]
 
 
 def _read(path: Path) -> tuple[GLTF2, list[bytes]]:

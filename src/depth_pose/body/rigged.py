@@ -41,7 +41,15 @@ class RiggedMesh:
     nodes: Array
 
 
-def rigged_body(name: str, mesh: RiggedMesh) -> Body:
+@dataclass(frozen=True)
+class Thinning:
+    """Part of a mesh's vertices, (V,), and triangles between them, (F, 3), numbered anew."""
+
+    vertices: NDArray[np.int64]
+    faces: NDArray[np.int64]
+
+
+def rigged_body(name: str, mesh: RiggedMesh, thinning: Thinning | None = None) -> tuple[Body, Thinning]:
     """Make a body of a rigged mesh: in the rest pose of `depth_pose.core.skeleton`, thinned and scaled.
 
     Parameters
@@ -49,19 +57,27 @@ def rigged_body(name: str, mesh: RiggedMesh) -> Body:
     name : str
     mesh : RiggedMesh
         In any pose and of any size.
+    thinning : Thinning, optional
+        Of a body of the same mesh in another shape, as returned with it: the same vertices are kept.
     """
-    mesh = _decimate(_to_rest_pose(mesh))
-    low, high = mesh.vertices[:, 1].min(), mesh.vertices[:, 1].max()
+    mesh = _to_rest_pose(mesh)
+    if thinning is None:
+        thinned, thinning = _decimate(mesh)
+    else:
+        kept = thinning.vertices
+        thinned = RiggedMesh(mesh.vertices[kept], thinning.faces, mesh.weights[kept], mesh.nodes)
+    low, high = thinned.vertices[:, 1].min(), thinned.vertices[:, 1].max()
     scale = ADULT_STATURE_M / (high - low)
-    middle = np.array([mesh.nodes[0, 0], low, mesh.nodes[0, 2]])
-    return Body(
+    middle = np.array([thinned.nodes[0, 0], low, thinned.nodes[0, 2]])
+    body = Body(
         name=name,
-        vertices=np.ascontiguousarray((mesh.vertices - middle) * scale),
-        faces=np.ascontiguousarray(mesh.faces, np.int32),
-        weights=keep_largest(mesh.weights),
-        nodes=np.ascontiguousarray((mesh.nodes - middle) * scale),
+        vertices=np.ascontiguousarray((thinned.vertices - middle) * scale),
+        faces=np.ascontiguousarray(thinned.faces, np.int32),
+        weights=keep_largest(thinned.weights),
+        nodes=np.ascontiguousarray((thinned.nodes - middle) * scale),
         stature=ADULT_STATURE_M,
     )
+    return body, thinning
 
 
 def _to_rest_pose(mesh: RiggedMesh) -> RiggedMesh:
@@ -86,7 +102,7 @@ def _to_rest_pose(mesh: RiggedMesh) -> RiggedMesh:
     return RiggedMesh(vertices, mesh.faces, mesh.weights, nodes)
 
 
-def _decimate(mesh: RiggedMesh) -> RiggedMesh:
+def _decimate(mesh: RiggedMesh) -> tuple[RiggedMesh, Thinning]:
     """Collapse edges by the quadric error; weights are those of the nearest former vertex."""
     open3d = load_open3d()
     from scipy.spatial import cKDTree
@@ -100,4 +116,4 @@ def _decimate(mesh: RiggedMesh) -> RiggedMesh:
     vertices = np.asarray(coarse.vertices).copy()
     nearest = cKDTree(mesh.vertices).query(vertices)[1]
     faces = np.asarray(coarse.triangles).astype(np.int64)
-    return RiggedMesh(vertices, faces, mesh.weights[nearest], mesh.nodes)
+    return RiggedMesh(vertices, faces, mesh.weights[nearest], mesh.nodes), Thinning(nearest, faces)

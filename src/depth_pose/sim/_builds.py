@@ -4,11 +4,14 @@ Statures of adults are normal about the means of NCD Risk Factor Collaboration, 
 trends in adult human height*, eLife 5, 2016 (rounded: 1.76 m and 1.63 m in high-income countries,
 standard deviation 0.07 m). Body mass indices are log-normal, about 25 kg/m2. A head grows with
 about the 0.38th power of stature (the fraction of a child's head is larger).
+
+There are two families of bodies: the embedded one, and with the extra ``anny`` the shapes of Anny, whose
+proportions, muscles and fat come from its phenotypes.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -16,8 +19,8 @@ import numpy as np
 from depth_pose.body.body import Body
 from depth_pose.body.procedural import BodyShape, make_body
 
-POOL = 320
-"""Maximum number of builds per process; each costs some 7 ms, once."""
+POOL, ANNY_POOL = 320, 1500
+"""Maximum number of builds per process and family; each costs some 7 or 30 ms, once."""
 
 CHILDREN = 0.2
 """Share of children."""
@@ -38,17 +41,32 @@ class Build:
     heaviness : float
         Logarithm of the body mass index against the average build's.
     woman : bool
+    template : Body
+        Average body of the family: the same faces, 1.75 m.
     """
 
     body: Body
     heaviness: float
     woman: bool
+    template: Body
 
 
-def draw_build(rng: np.random.Generator, tallest: float = np.inf) -> Build:
-    """Pick a build, no taller than some metres, from this process's pool: the same in every process."""
+def draw_build(rng: np.random.Generator, tallest: float = np.inf, anny: float = 0.0) -> Build:
+    """Pick a build from this process's pools, which are the same in every process.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+    tallest : float
+        Maximum stature, metres.
+    anny : float
+        Share of bodies of Anny.
+    """
     while True:
-        build = _build(int(rng.integers(POOL)))
+        if anny > 0.0 and rng.random() < anny:
+            build = _anny_build(int(rng.integers(ANNY_POOL)))
+        else:
+            build = _build(int(rng.integers(POOL)))
         if build.body.stature <= tallest:
             return build
 
@@ -57,14 +75,51 @@ def draw_build(rng: np.random.Generator, tallest: float = np.inf) -> Build:
 def _build(index: int) -> Build:
     rng = np.random.default_rng([_POOL_SEED, index])
     child, woman = rng.uniform() < CHILDREN, bool(rng.uniform() < 0.5)
+    stature, heaviness = _size(rng, child, woman)
+    shape = _shape(rng, stature, heaviness, child, woman)
+    return Build(make_body(shape), heaviness, woman and not child, _template())
+
+
+@lru_cache(maxsize=1)
+def _template() -> Body:
+    return make_body()
+
+
+@lru_cache(maxsize=ANNY_POOL)
+def _anny_build(index: int) -> Build:
+    """Sample one of Anny's phenotypes; muscles, fat and proportions vary evenly over their whole range."""
+    from depth_pose.body.anny_body import AnnyShape, make_anny_body
+
+    rng = np.random.default_rng([_POOL_SEED, 1, index])
+    child, woman = rng.uniform() < CHILDREN, bool(rng.uniform() < 0.5)
+    stature, heaviness = _size(rng, child, woman)
+    shape = AnnyShape(
+        gender=float(np.clip((1.0 if woman else 0.0) + rng.normal(0.0, 0.15), 0.0, 1.0)),
+        age=float(np.interp(stature, (1.0, 1.55), (0.28, 0.5)) if child else rng.uniform(0.6, 1.0)),
+        muscle=float(rng.uniform()),
+        weight=float(np.clip(0.5 + 0.9 * heaviness + rng.normal(0.0, 0.15), 0.0, 1.0)),
+        height=float(rng.uniform()),
+        proportions=float(rng.uniform()),
+    )
+    body = make_anny_body(shape)
+    size = stature / body.stature
+    scaled = replace(body, vertices=size * body.vertices, nodes=size * body.nodes, stature=stature)
+    return Build(scaled, heaviness, woman and not child, _anny_template())
+
+
+@lru_cache(maxsize=1)
+def _anny_template() -> Body:
+    from depth_pose.body.anny_body import make_anny_body
+
+    return make_anny_body()
+
+
+def _size(rng: np.random.Generator, child: bool, woman: bool) -> tuple[float, float]:
+    """Sample a stature, metres, and a heaviness."""
     if child:
-        stature = rng.uniform(1.0, 1.55)
-        heaviness = float(np.clip(rng.normal(0.0, 0.14), -0.2, 0.45))
-    else:
-        stature = float(np.clip(rng.normal(1.63 if woman else 1.76, 0.075), 1.45, 2.0))
-        heaviness = float(np.clip(rng.normal(np.log(25.5 / _AVERAGE_BMI), 0.19), -0.3, 0.65))
-    shape = _shape(rng, float(stature), heaviness, child, woman)
-    return Build(make_body(shape), heaviness, woman and not child)
+        return float(rng.uniform(1.0, 1.55)), float(np.clip(rng.normal(0.0, 0.14), -0.2, 0.45))
+    stature = float(np.clip(rng.normal(1.63 if woman else 1.76, 0.075), 1.45, 2.0))
+    return stature, float(np.clip(rng.normal(np.log(25.5 / _AVERAGE_BMI), 0.19), -0.3, 0.65))
 
 
 def _shape(rng: np.random.Generator, stature: float, heaviness: float, child: bool, woman: bool) -> BodyShape:

@@ -12,8 +12,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from depth_pose.body.body import Body
 from depth_pose.body.normals import normals_of
-from depth_pose.body.procedural import make_body
 from depth_pose.core.skeleton import ADULT_STATURE_M, NODES
 from depth_pose.sim._builds import Build
 from depth_pose.sim._meshes import smooth_noise
@@ -33,7 +33,7 @@ _REGION_OF = {
 
 @dataclass(frozen=True)
 class Surface:
-    """Attributes of the template's surface that clothes need.
+    """Attributes of a template's surface that clothes need.
 
     Attributes
     ----------
@@ -54,10 +54,9 @@ class Surface:
     chest: Array
 
 
-@lru_cache(maxsize=1)
-def template_surface() -> Surface:
-    """Regions of the embedded body's mesh, which all builds share."""
-    body = make_body()
+@lru_cache(maxsize=4)
+def surface_of(body: Body) -> Surface:
+    """Regions of a family's average body, whose mesh all its builds share."""
     regions = np.zeros((len(body.vertices), len(REGIONS)))
     for i, name in enumerate(NODES):
         bare = name.removeprefix("left_").removeprefix("right_")
@@ -141,9 +140,7 @@ def draw_cut(rng: np.random.Generator, build: Build) -> Cut:
     )
 
 
-def dress(
-    rng: np.random.Generator, vertices: Array, faces: NDArray[np.int32], cut: Cut, stature: float
-) -> Array:
+def dress(rng: np.random.Generator, vertices: Array, build: Build, cut: Cut) -> Array:
     """Push a posed body's skin out to its clothes.
 
     Parameters
@@ -152,17 +149,15 @@ def dress(
         Of the folds.
     vertices : (V, 3)
         Posed, metres, y up.
-    faces : (F, 3)
+    build : Build
     cut : Cut
-    stature : float
-        Metres.
 
     Returns
     -------
     (V, 3) float64
     """
-    surface, size = template_surface(), stature / ADULT_STATURE_M
-    normals = normals_of(vertices, faces, by_face=True)
+    surface, size = surface_of(build.template), build.body.stature / ADULT_STATURE_M
+    normals = normals_of(vertices, build.body.faces, by_face=True)
     wide = smooth_noise(rng, surface.rest, (0.25, 0.7), 8)
     folds = smooth_noise(rng, surface.rest, (0.06, 0.18), 10)
     out = surface.regions @ cut.thickness

@@ -59,6 +59,7 @@ def sample_clip(
     people: int = 2,
     width: int = 320,
     progress: Callable[[int], None] | None = None,
+    anny: float = 0.0,
 ) -> RoomClip:
     """Make a random video.
 
@@ -75,11 +76,13 @@ def sample_clip(
         As for `depth_pose.sim.scenes.sample_scene`.
     progress : callable, optional
         Called with the number of frames done.
+    anny : float
+        Share of people with a body of Anny, which need the extra ``anny``.
     """
     view, room = sample_stage(rng, width)
     cast: list[tuple[Performer, Track]] = []
     for i in range(people):
-        performer = Performer(rng, fps)
+        performer = Performer(rng, fps, anny)
         track = sample_track(rng, performer, view, room, [t for _, t in cast], frames, may_sit=i == 0)
         if track is not None:
             cast.append((performer, track))

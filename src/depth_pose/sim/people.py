@@ -108,6 +108,7 @@ def sample_figure(
     loose: bool = False,
     doing: str | None = None,
     tallest: float = np.inf,
+    anny: float = 0.0,
 ) -> Figure:
     """Draw a person.
 
@@ -126,6 +127,8 @@ def sample_figure(
         One of `HANDS_M`; random by default.
     tallest : float
         Maximum stature, metres.
+    anny : float
+        Share of bodies of Anny, which need the extra ``anny``; the others are of the embedded family.
 
     Raises
     ------
@@ -137,14 +140,14 @@ def sample_figure(
         posture = str(rng.choice(list(POSTURES), p=share / share.sum()))
     elif posture not in POSTURES:
         raise ConfigError(f"unknown posture {posture!r}; there are: {', '.join(POSTURES)}")
-    build = draw_build(rng, tallest)
+    build = draw_build(rng, tallest, anny)
     if doing is None and rng.random() < AIDED.get(posture, 0.0):
         doing = str(rng.choice([name for name in HANDS_M if name != "child" or build.body.stature > ADULT_M]))
     rotations, kind = _draw_rotations(rng, posture, loose, doing)
     doing = doing or kind.doing
     posed = build.body.pose(rotations, np.zeros(3))
     cut = draw_cut(rng, build)
-    skin = dress(rng, posed.vertices, build.body.faces, cut, build.body.stature)
+    skin = dress(rng, posed.vertices, build, cut)
     rested = put_down(rng, (skin, posed.nodes, rotations), build, posture, kind.raised)
     floor = rested.seat if posture == "lie" else 0.0
     wearer = Wearer(

@@ -116,11 +116,13 @@ class Performer:
         Random numbers for build, outfit and habits.
     fps : float
         Frame rate of the motion.
+    anny : float
+        Share of bodies of Anny.
     """
 
-    def __init__(self, rng: np.random.Generator, fps: float) -> None:
+    def __init__(self, rng: np.random.Generator, fps: float, anny: float = 0.0) -> None:
         self.fps = fps
-        self._build = draw_build(rng)
+        self._build = draw_build(rng, anny=anny)
         self._cut = draw_cut(rng, self._build)
         self._outfit, self.clothes_seed = (int(n) for n in rng.integers(2**62, size=2))
         self._clips = {
@@ -200,7 +202,7 @@ class Performer:
         body = self._build.body
         rng = np.random.default_rng(self._outfit)  # the same folds, hair and bags each time
         posed = body.pose(rotations, np.zeros(3))
-        skin = dress(rng, posed.vertices, body.faces, self._cut, body.stature)
+        skin = dress(rng, posed.vertices, self._build, self._cut)
         rise = -float(skin[:, 1].min())
         skin[:, 1] += rise
         nodes = posed.nodes + [0.0, rise, 0.0]
