@@ -169,7 +169,7 @@ class _Run:
             self.steps, self.done = kept["steps"], kept["done"]
 
     def keep_belief(self, weights: Path) -> None:
-        """Teach from now on what a net of these weights believes to be a person, where a crop asks for that."""
+        """Teach from now on what a net of these weights believes to be a person."""
         self._believing = copy.deepcopy(self.net).eval()
         self._believing.load_state_dict(torch.load(weights, weights_only=True))
 
