@@ -249,7 +249,9 @@ def test_signals_end_it_cleanly(start, number):
         process = start(TRIAL)
         time.sleep(0.3)  # while it starts
         code, seconds = process.end(number)
-        assert code in (0, -number), process.output
+        # an extension that is being imported makes an ImportError of the interrupt, in any Python program
+        is_interrupted = "ImportError: initialization failed" in process.output.split("KeyboardInterrupt")[-1]
+        assert code in (0, -number) or (number == signal.SIGINT and is_interrupted), process.output
         return seconds
 
     def late():
