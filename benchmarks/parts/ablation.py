@@ -88,7 +88,7 @@ def run(pipeline: PosePipeline, path: Path) -> tuple[np.ndarray, np.ndarray]:
     """Compute joint errors (F, 19), metres, NaN without an answer, and processor times (F,), seconds."""
     errors, times = [], []
     truth = load_truth(path.with_suffix(".npz"))
-    pipeline.reset()
+    pipeline.restart()
     for frame in DepthReader(path):
         start = time.process_time()
         skeleton = pipeline.process_frame(frame).skeleton

@@ -42,7 +42,7 @@ FAR = 0.35
 
 def answered(pipeline: PosePipeline, path: Path) -> Iterator[tuple[int, Camera, list[Pair]]]:
     """Yield stamp, camera, and every person with a skeleton."""
-    pipeline.reset()
+    pipeline.restart()
     for frame in DepthReader(path):
         result = pipeline.process_frame(frame)
         proposed = {p.body_id: p.found.proposals.astype(float) for p in result.people.persons}
