@@ -77,7 +77,9 @@ def test_shapes_of_anny_share_their_faces_and_differ():
     average, heavy = make_anny_body(), make_anny_body(AnnyShape(weight=1.0, muscle=0.2, age=1.0))
     np.testing.assert_array_equal(average.faces, heavy.faces)
     same = make_anny_body(AnnyShape())  # its own vertices, not those that the decimation moved
-    assert np.linalg.norm(same.vertices - average.vertices, axis=1).max() < 0.02
+    moved = np.linalg.norm(same.vertices - average.vertices, axis=1)
+    assert np.median(moved) < 0.003
+    assert moved.max() < 0.04
     assert np.ptp(heavy.vertices[:, 2]) > np.ptp(average.vertices[:, 2]) + 0.03
 
 

@@ -1,10 +1,12 @@
-"""Interpolate between a checkpoint of the finder and another that was trained further from it.
+"""Interpolate between a checkpoint and another that was trained further from it.
 
     python tools/people_finder/blend.py start.pt people/last.pt people/blend.pt --share 0.4
+    python tools/people_finder/blend.py start.pt joints/last.pt joints/blend.pt --share 0.5 --no-fold
 
 A short training on new kinds of rooms forgets some of what a long one had learned. A net between the two
 keeps both (Wortsman et al. 2022, *Robust fine-tuning of zero-shot models*). Norms are folded into the
-convolutions first, because their statistics and scales belong together.
+convolutions first, because their statistics and scales belong together. Without folding all values are
+interpolated as they are, for either net; the released second look was made so.
 """
 
 from __future__ import annotations
@@ -41,9 +43,10 @@ def main(
     share: Annotated[
         float, typer.Option(help="Fraction of the way from the first to the second, 0 to 1", min=0.0, max=1.0)
     ] = 0.4,
+    fold: Annotated[bool, typer.Option(help="Fold the norms of the finder first")] = True,
 ) -> None:
     """Write the checkpoint."""
-    first, last = folded(start), folded(end)
+    first, last = (folded(path) if fold else torch.load(path, weights_only=True) for path in (start, end))
     torch.save(
         {n: torch.lerp(v, last[n], share) if v.is_floating_point() else v for n, v in first.items()}, out
     )

@@ -77,12 +77,7 @@ def _build(index: int) -> Build:
     child, woman = rng.uniform() < CHILDREN, bool(rng.uniform() < 0.5)
     stature, heaviness = _size(rng, child, woman)
     shape = _shape(rng, stature, heaviness, child, woman)
-    return Build(make_body(shape), heaviness, woman and not child, _template())
-
-
-@lru_cache(maxsize=1)
-def _template() -> Body:
-    return make_body()
+    return Build(make_body(shape), heaviness, woman and not child, make_body())
 
 
 @lru_cache(maxsize=ANNY_POOL)
@@ -104,14 +99,7 @@ def _anny_build(index: int) -> Build:
     body = make_anny_body(shape)
     size = stature / body.stature
     scaled = replace(body, vertices=size * body.vertices, nodes=size * body.nodes, stature=stature)
-    return Build(scaled, heaviness, woman and not child, _anny_template())
-
-
-@lru_cache(maxsize=1)
-def _anny_template() -> Body:
-    from depth_pose.body.anny_body import make_anny_body
-
-    return make_anny_body()
+    return Build(scaled, heaviness, woman and not child, make_anny_body())
 
 
 def _size(rng: np.random.Generator, child: bool, woman: bool) -> tuple[float, float]:
