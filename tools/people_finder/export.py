@@ -37,6 +37,7 @@ JOINT_CODE = (
     "close_ups.py",
     "crops.py",
     "_crop_spoil_kernels.py",
+    "crop_changes.py",
     "find_sightings.py",
     "sightings.py",
     "train_joints.py",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import torch
@@ -34,7 +35,7 @@ class Truth(NamedTuple):
     mask: Tensor
 
 
-def joint_loss(answer: Answer, cells: Tensor, truth: Truth) -> tuple[Tensor, dict[str, float]]:
+def joint_loss(answer: Answer, cells: Tensor, truth: Truth) -> tuple[Tensor, dict[str, Tensor]]:
     """Sum the losses: joints where they are known, person or object where that is included.
 
     The mean of the votes alone teaches too slowly which votes should count, so cells near a joint are trained
@@ -45,41 +46,53 @@ def joint_loss(answer: Answer, cells: Tensor, truth: Truth) -> tuple[Tensor, dic
     a width of its own.
     """
     shown = truth.joints.isfinite().all(dim=(1, 2))
-    joints, log_error, behind = (part[shown] for part in answer[:3])
-    log_weights, own = answer.log_weights[shown], answer.own[shown]
-    places, side = truth.joints[shown], truth.side[shown]
-    width = LEAST_WIDTH_M + torch.exp(log_error.clamp(-6, 2))
+    places, side = torch.where(shown[:, None, None], truth.joints, 0.0), truth.side
+    joints, own = answer.joints, answer.own
+    width = LEAST_WIDTH_M + torch.exp(answer.log_error.clamp(-6, 2))
     size = 2 * torch.log(width[..., 0]) + torch.log(width[..., 1])
 
     def unlikelihood(target: Tensor) -> Tensor:
         off = joints - target
         aside = (off[..., :2].square().sum(dim=-1) + 1e-8).sqrt() / width[..., 0]
-        place = _place_loss(log_weights, cells, target)
+        place = _place_loss(answer.log_weights, cells, target)
         alone = (own - target).square().sum(dim=-1).add(1e-8).sqrt() / _OWN_M
         likely = aside + off[..., 2].abs() / width[..., 1] + size
         return (likely + alone + _PLACE_WEIGHT * place).mean(dim=1)
 
-    named, mirrored = unlikelihood(places), unlikelihood(places[:, MIRROR_JOINTS])
+    named, mirrored = unlikelihood(places), unlikelihood(rename(places))
     other = (mirrored < named) & (side.abs() < 1)
-    loss = torch.where(other, mirrored, named).mean()
+    loss = _mean(torch.where(other, mirrored, named), shown)
     from_behind = ((side > 0) ^ other).float()
-    loss_behind = functional.binary_cross_entropy_with_logits(behind, from_behind)
-    asked_pixels = (truth.mask != NO_DEPTH).float()
-    loss_mask = functional.binary_cross_entropy_with_logits(
-        answer.mask, (truth.mask == 1).float(), asked_pixels, reduction="sum"
-    ) / asked_pixels.sum().clamp(min=1)
-    target = torch.where(other[:, None, None], places[:, MIRROR_JOINTS], places)
-    off_mm = 1000 * torch.linalg.vector_norm(joints.detach() - target, dim=-1).mean()
-    parts = {
-        "joints": loss.item(), "behind": loss_behind.item(), "mask": loss_mask.item(), "mm": off_mm.item(),
-    }  # fmt: skip
-    total = loss + _BEHIND_WEIGHT * loss_behind + _MASK_WEIGHT * loss_mask
+    loss_behind = _mean(_cross_entropy(answer.behind, from_behind), shown)
+    loss_mask = _mean(_cross_entropy(answer.mask, (truth.mask == 1).float()), truth.mask != NO_DEPTH)
     asked = truth.person.isfinite()
-    if asked.any():
-        loss_person = functional.binary_cross_entropy_with_logits(answer.person[asked], truth.person[asked])
-        parts["person"] = loss_person.item()
-        total = total + _PERSON_WEIGHT * loss_person
-    return total, parts
+    loss_person = _mean(_cross_entropy(answer.person, torch.where(asked, truth.person, 0.0)), asked)
+    target = torch.where(other[:, None, None], rename(places), places)
+    off_mm = 1000 * _mean(torch.linalg.vector_norm(joints - target, dim=-1).mean(dim=1), shown)
+    parts = {
+        "joints": loss, "behind": loss_behind, "mask": loss_mask, "person": loss_person, "mm": off_mm,
+    }  # fmt: skip
+    total = loss + _BEHIND_WEIGHT * loss_behind + _MASK_WEIGHT * loss_mask + _PERSON_WEIGHT * loss_person
+    return total, {name: part.detach() for name, part in parts.items()}
+
+
+def rename(joints: Tensor) -> Tensor:
+    """Exchange left and right in the names of joints (N, J, 3)."""
+    return joints[:, _mirror(joints.device)]
+
+
+@lru_cache
+def _mirror(device: torch.device) -> Tensor:
+    return torch.tensor(MIRROR_JOINTS, device=device)
+
+
+def _mean(values: Tensor, counted: Tensor) -> Tensor:
+    """Mean of those values that are counted; 0 where none is. Its shape does not depend on how many are."""
+    return torch.where(counted, values, 0.0).sum() / counted.sum().clamp(min=1)
+
+
+def _cross_entropy(logits: Tensor, target: Tensor) -> Tensor:
+    return functional.binary_cross_entropy_with_logits(logits, target, reduction="none")
 
 
 def _place_loss(log_weights: Tensor, cells: Tensor, target: Tensor) -> Tensor:

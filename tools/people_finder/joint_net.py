@@ -5,9 +5,9 @@ mean of the votes (as the anchors of Xiong et al. 2019, *A2J: anchor-to-joint re
 expected place of Sun et al. 2018, *Integral human pose regression*). Most channels are spent at an eighth of
 the crop's resolution and below, where convolutions run near a processor's peak.
 
-There are two nets. The coarse one sees the middle of the crop at 3.2 cm a pixel, was trained before (it was
-released by itself) and stays fixed. The fine one sees the whole crop at 2.2 cm and features of the coarse
-one, predicts joints by itself, and weighs both predictions joint by joint.
+There are two nets. The coarse one sees the middle of the crop at 3.2 cm a pixel, and was trained before (it
+was released by itself). The fine one sees the whole crop at 2.2 cm and features of the coarse one, predicts
+joints by itself, and weighs both predictions joint by joint.
 """
 
 from __future__ import annotations
@@ -213,9 +213,8 @@ class JointNet(nn.Module):
 
     def vote(self, x: Tensor) -> Answer:
         """Return the full output, as training needs it."""
-        with torch.no_grad():
-            coarse = self.coarse(x.index_select(2, self.middle).index_select(3, self.middle))
-            felt = coarse.felt.index_select(2, self.handed).index_select(3, self.handed)
+        coarse = self.coarse(x.index_select(2, self.middle).index_select(3, self.middle))
+        felt = coarse.felt.index_select(2, self.handed).index_select(3, self.handed)
         x4 = self.down4(self.stem(x))
         x8 = self.down8(x4)
         x16 = self.down16(x8)

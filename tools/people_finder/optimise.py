@@ -34,15 +34,16 @@ class Plan(NamedTuple):
     seed: int
 
 
-def arithmetic(exact: bool | None) -> torch.autocast:
+def arithmetic(exact: bool | None, device: str = "cpu") -> torch.autocast:
     """Return the context of a net's forward pass: bfloat16, or 32 bits throughout.
 
     The default is bfloat16 where the processor supports it; others emulate it, at twice the time of 32 bits.
     """
-    has = torch.cpu.get_capabilities()
     if exact is None:
-        exact = not (has.get("amx_bf16") or has.get("avx512_bf16"))
-    return torch.autocast("cpu", torch.bfloat16, enabled=not exact)
+        has = torch.cpu.get_capabilities()
+        exact = device == "cpu" and not (has.get("amx_bf16") or has.get("avx512_bf16"))
+    # casts are not kept: those of a recorded step would outlive it
+    return torch.autocast(device, torch.bfloat16, enabled=not exact, cache_enabled=device == "cpu")
 
 
 def optimise(
@@ -116,8 +117,8 @@ def optimise(
 def follow(average: nn.Module, net: nn.Module, keep: float) -> None:
     """Move the averaged weights towards the net's."""
     with torch.no_grad():
-        for a, b in zip(average.state_dict().values(), net.state_dict().values(), strict=True):
-            if a.is_floating_point():
-                a.lerp_(b, 1 - keep)
-            else:
-                a.copy_(b)
+        own, others = ([*n.parameters(), *n.buffers()] for n in (average, net))
+        floats = [k for k, a in enumerate(own) if a.is_floating_point()]
+        torch._foreach_lerp_([own[k] for k in floats], [others[k] for k in floats], 1 - keep)
+        for k in set(range(len(own))) - set(floats):
+            own[k].copy_(others[k])

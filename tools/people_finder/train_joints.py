@@ -1,4 +1,4 @@
-"""Train the net of the second look on people simulated during training.
+r"""Train the net of the second look on people simulated during training.
 
     git show fe355e5:src/depth_pose/people/weights/joint_finder.onnx > coarse.onnx
     python tools/people_finder/train_joints.py runs/joints --coarse coarse.onnx --crops 1000000 --decay 80000
@@ -8,20 +8,33 @@ OUT/stable.pt is the end of the second part, from which a later call with more `
 call ends with a fall that starts from it and writes OUT/last.pt. So a finished net is available at any time,
 and no training is lost. If stopped (Ctrl-C, kill), it continues from OUT/stable.pt, which is written every
 few minutes.
+
+A graphics card trains faster than processors draw crops, of which a core draws 200 to 300 in a second. So
+``--workers`` draws in processes of their own, and where no batch is ready, an earlier one is changed
+(`change`) and used again:
+
+    python tools/people_finder/train_joints.py runs/joints --start start.pt --keep-belief start.pt \
+        --sightings sightings.npz --anny 0.4 --crops 820000 --decay 1910000 --batch 256 --found 32 \
+        --fresh 0.2 --device cuda --workers 15
 """
 
 from __future__ import annotations
 
 import copy
 import json
+import threading
 import time
+from collections.abc import Iterator
+from dataclasses import fields
 from pathlib import Path
+from queue import Empty, Queue
 from typing import Annotated, Any
 
 import numpy as np
 import torch
 import typer
 from close_ups import CloseUp, CloseUpMaker
+from crop_changes import change
 from crops import CropBatch, CropSampler
 from joint_losses import Truth, joint_loss
 from joint_net import JointNet
@@ -29,6 +42,7 @@ from numpy.typing import NDArray
 from optimise import arithmetic, follow
 from sightings import Sightings
 from torch import Tensor
+from torch.utils.data import DataLoader, IterableDataset, get_worker_info
 
 from depth_pose.core.skeleton import JOINTS, MIRROR_JOINTS
 
@@ -37,6 +51,12 @@ _GROUPS = ("head", "neck", "chest", "pelvis", "shoulder", "elbow", "wrist", "hip
 _EMA, _EMA_FALLING, _WEIGHT_DECAY, _WARM_UP, _CLIP = 0.999, 0.995, 0.02, 400, 5.0
 """Decay of the averaged weights per step, the same while the rate falls, weight decay, steps in which the
 rate rises, and largest norm of a gradient. Set by hand."""
+
+_AHEAD, _KEPT, _LEAST_KEPT = 6, 250, 8
+"""Batches on the device that are waiting, those kept for using them again, and how many that needs."""
+
+_BEFORE_GRAPH = 4
+"""Steps before one is recorded as a graph."""
 
 _CHECK_SEED, _CHECKS = 900_001, 400
 """Seed and number of the validation close-ups; training seeds are small numbers."""
@@ -80,6 +100,71 @@ class Stream:
         return [self._kept[k] for k in self._rng.integers(len(self._kept), size=size)]
 
 
+class Batches(IterableDataset[list[Tensor]]):
+    """Batches of crops without end, drawn in each worker by itself; their order differs with the seed.
+
+    Parameters
+    ----------
+    seed : tuple of int
+    batch, found : int
+        Crops of a batch, and how many of them, the last ones, are sightings.
+    sightings : Path or None
+    room, fresh, anny
+        As `Stream`; ``room`` is shared by all workers.
+    """
+
+    def __init__(
+        self,
+        seed: tuple[int, ...],
+        batch: int,
+        found: int,
+        sightings: Path | None,
+        room: int,
+        fresh: float,
+        anny: float,
+    ) -> None:
+        self._seed, self._batch, self._found = seed, batch, found if sightings else 0
+        self._sightings, self._room, self._fresh, self._anny = sightings, room, fresh, anny
+
+    def __iter__(self) -> Iterator[list[Tensor]]:
+        worker = get_worker_info()
+        number, count = (worker.id, worker.num_workers) if worker else (0, 1)
+        seed = (*self._seed, number)
+        seen = Sightings.load(self._sightings) if self._sightings else None
+        stream = Stream(seed, self._room // count, self._fresh, self._anny)
+        rng, sampler = np.random.default_rng([*seed, 1]), CropSampler()
+        while True:
+            crops = sampler.batch(stream.next(self._batch - self._found), rng)
+            if seen is not None:
+                crops = joined([crops, seen.batch(seen.draw(self._found, rng), rng)])
+            yield to_tensors(crops)
+
+
+def on_device(drawn: Batches, workers: int, device: str, rng: np.random.Generator) -> Iterator[list[Tensor]]:
+    """Yield batches on a device: as they are drawn, and, where workers draw them too slowly, changed ones."""
+    loader = iter(DataLoader(drawn, None, num_workers=workers, pin_memory=device != "cpu"))
+    if device == "cpu":
+        yield from loader
+    ready, kept = Queue[list[Tensor]](_AHEAD), list[list[Tensor]]()
+
+    def fetch() -> None:
+        for batch in loader:
+            ready.put([part.to(device, non_blocking=True) for part in batch])
+
+    threading.Thread(target=fetch, daemon=True).start()
+    while True:
+        try:
+            batch = ready.get(block=len(kept) < _LEAST_KEPT)
+        except Empty:
+            yield change(kept[int(rng.integers(len(kept)))])
+            continue
+        if len(kept) == _KEPT:
+            kept[int(rng.integers(_KEPT))] = batch
+        else:
+            kept.append(batch)
+        yield batch
+
+
 @app.command()
 def train(
     out: Annotated[Path, typer.Argument(help="Folder for checkpoints and log.jsonl")],
@@ -88,7 +173,7 @@ def train(
     batch: Annotated[int, typer.Option(help="Crops per step")] = 32,
     rate: Annotated[float, typer.Option(help="Highest learning rate")] = 1.5e-3,
     fresh: Annotated[float, typer.Option(help="New close-ups for each crop")] = 0.3,
-    keep: Annotated[int, typer.Option(help="Close-ups that are kept (30 kB each)")] = 16_000,
+    keep: Annotated[int, typer.Option(help="Close-ups that are kept (100 kB each)")] = 16_000,
     sightings: Annotated[Path | None, typer.Option(help="File from find_sightings.py")] = None,
     found: Annotated[int, typer.Option(help="Number of a step's crops that are sightings")] = 10,
     anny: Annotated[float, typer.Option(help="Share of close-ups with a body of Anny (extra 'anny')")] = 0.0,
@@ -98,8 +183,13 @@ def train(
     seed: Annotated[int, typer.Option(help="Start of all random numbers")] = 1,
     start: Annotated[Path | None, typer.Option(help="Weights to start from where OUT has none")] = None,
     coarse: Annotated[Path | None, typer.Option(help="The coarse net (ONNX), where neither is given")] = None,
+    coarse_rate: Annotated[
+        float, typer.Option(help="Learning rate of the coarse net as a share; 0: it stays as it is")
+    ] = 0.3,
     save_every: Annotated[int, typer.Option(help="Crops between checkpoints")] = 20_000,
     threads: Annotated[int, typer.Option(help="Threads")] = 1,
+    workers: Annotated[int, typer.Option(help="Processes that draw crops; 0: this one does")] = 0,
+    device: Annotated[str, typer.Option(help="Where the net is trained: cpu or cuda")] = "cpu",
     exact: Annotated[
         bool | None,
         typer.Option(help="Use 32 bits throughout; the default where the processor has no bfloat16"),
@@ -109,42 +199,39 @@ def train(
     torch.set_num_threads(threads)
     torch.manual_seed(seed)
     out.mkdir(parents=True, exist_ok=True)
-    run = _Run(out, rate, exact, start, coarse)
+    run = Run(out, rate, device, exact, start, coarse, coarse_rate)
     if keep_belief is not None:
-        run.keep_belief(keep_belief)
+        run.keep_belief(keep_belief, found)
     families = {"": 0.0, "anny_": 1.0} if anny > 0.0 else {"": 0.0}
     apart = {name: CropSampler().batch(_check_set(share), None) for name, share in families.items()}
-    seen = Sightings.load(sightings) if sightings else None
-    stream = Stream((seed, run.done), keep, fresh, anny)
-    rng = np.random.default_rng([seed, run.done, 1])
-    sampler = CropSampler()
-
-    def next_batch() -> CropBatch:
-        if seen is None:
-            return sampler.batch(stream.next(batch), rng)
-        return joined(
-            [sampler.batch(stream.next(batch - found), rng), seen.batch(seen.draw(found, rng), rng)]
-        )
-
+    drawn = Batches((seed, run.done), batch, found, sightings, keep, fresh, anny)
+    batches = on_device(drawn, workers, device, np.random.default_rng([seed, run.done, 2]))
     while run.done < crops:
-        run.step(next_batch(), min(1.0, (run.steps + 1) / _WARM_UP), _EMA)
+        run.step(next(batches), min(1.0, (run.steps + 1) / _WARM_UP), _EMA)
         if run.done % save_every < batch:
             run.save(out / "stable.pt", apart)
     run.save(out / "stable.pt", apart)
     first = run.done
     while run.done < first + decay:
-        run.step(next_batch(), 1.0 - (run.done - first) / decay, _EMA_FALLING)
+        run.step(next(batches), 1.0 - (run.done - first) / decay, _EMA_FALLING)
         if run.done % save_every < batch:
             run.save(out / "falling.pt", apart)
     run.save(out / "falling.pt", apart)
-    torch.save(run.average.state_dict(), out / "last.pt")
+    torch.save(run.average.cpu().state_dict(), out / "last.pt")
 
 
-class _Run:
-    """State of training: a net, its optimiser and their progress."""
+class Run:
+    """State of training: a net, its optimiser and their progress; parameters as the options of `train`."""
 
     def __init__(
-        self, out: Path, rate: float, exact: bool | None, start: Path | None, coarse: Path | None
+        self,
+        out: Path,
+        rate: float,
+        device: str,
+        exact: bool | None,
+        start: Path | None,
+        coarse: Path | None,
+        coarse_rate: float,
     ) -> None:
         self.net = JointNet()
         if start is not None:
@@ -153,46 +240,88 @@ class _Run:
             self.net.coarse.load_onnx(coarse)
         elif not (out / "stable.pt").exists():
             raise typer.BadParameter("a new net needs --coarse or --start")
-        self.net = self.net.to(memory_format=torch.channels_last)
+        self.net = self.net.to(device, memory_format=torch.channels_last)
+        self.net.coarse.requires_grad_(coarse_rate > 0.0)
         self.average = copy.deepcopy(self.net).eval()
-        learned = [p for p in self.net.parameters() if p.requires_grad]
-        self.optimiser = torch.optim.AdamW(learned, rate, weight_decay=_WEIGHT_DECAY, fused=True)
-        self.rate, self.exact, self.steps, self.done = rate, exact, 0, 0
+        before = set(self.net.coarse.parameters()) if coarse_rate > 0.0 else set[Tensor]()
+        learned = [p for p in self.net.parameters() if p.requires_grad and p not in before]
+        groups = [{"params": learned, "share": 1.0}, {"params": list(before), "share": coarse_rate}]
+        groups = [group | {"lr": torch.zeros((), device=device)} for group in groups if group["params"]]
+        self.optimiser = torch.optim.AdamW(
+            groups,
+            torch.zeros((), device=device),
+            weight_decay=_WEIGHT_DECAY,
+            fused=True,
+            capturable=device != "cpu",
+        )
+        self.rate, self.device, self.exact, self.steps, self.done = rate, device, exact, 0, 0
         self._believing: JointNet | None = None
-        self._mean: dict[str, float] = {}
+        self._found = 0
+        self._inputs: list[Tensor] = []
+        self._parts: dict[str, Tensor] = {}
+        self._mean: dict[str, Tensor] = {}
+        self._graph: torch.cuda.CUDAGraph | None = None
         self._log, self._began = out / "log.jsonl", time.perf_counter()
         if (out / "stable.pt").exists():
-            kept = torch.load(out / "stable.pt", weights_only=True)
+            kept = torch.load(out / "stable.pt", weights_only=True, map_location=device)
             self.net.load_state_dict(kept["net"])
             self.average.load_state_dict(kept["average"])
             self.optimiser.load_state_dict(kept["optimiser"])
             self.steps, self.done = kept["steps"], kept["done"]
 
-    def keep_belief(self, weights: Path) -> None:
-        """Teach from now on what a net of these weights believes to be a person."""
-        self._believing = copy.deepcopy(self.net).eval()
+    def keep_belief(self, weights: Path, found: int) -> None:
+        """Teach from now on, by the last crops of each batch, what a net of these weights believes."""
+        self._believing, self._found = copy.deepcopy(self.net).eval(), found
         self._believing.load_state_dict(torch.load(weights, weights_only=True))
 
-    def step(self, crops: CropBatch, share: float, keep: float) -> None:
+    def step(self, crops: list[Tensor], share: float, keep: float) -> None:
         """Train on a batch at a share of the highest rate; ``keep`` is the decay of the averaged weights."""
         for group in self.optimiser.param_groups:
-            group["lr"] = share * self.rate
-        with arithmetic(self.exact):
-            answer = self.net.vote(to_input(crops))
-        truth = Truth(*map(torch.from_numpy, (crops.joints, crops.side, crops.person, crops.mask)))
-        if self._believing is not None:
-            asked = truth.person.isfinite()
-            with arithmetic(self.exact), torch.no_grad():
-                truth.person[asked] = torch.sigmoid(self._believing(to_input(crops)[asked])[3])
-        loss, parts = joint_loss(answer, self.net.cells[0, 0, :2].T, truth)
+            group["lr"].fill_(share * self.rate * group["share"])
+        if not self._inputs:
+            form = {"dtype": torch.float32, "memory_format": torch.channels_last}
+            self._inputs = [torch.empty_like(crops[0], **form), *map(torch.empty_like, crops[1:])]
+        for own, part in zip(self._inputs, crops, strict=True):
+            own.copy_(part)
+        if self.device == "cpu":
+            self._update()
+        else:
+            self._graph = self._graph or self._record()
+            self._graph.replay()
+        self.steps += 1
+        self.done += len(crops[0])
+        follow(self.average, self.net, min(keep, (1 + self.steps) / (10 + self.steps)))
+        self._mean = {k: 0.99 * self._mean.get(k, v) + 0.01 * v for k, v in self._parts.items()}
+
+    def _update(self) -> None:
+        """Take a step on the batch in ``_inputs``."""
+        x, *targets = self._inputs
+        truth, exact = Truth(*targets), self.exact
+        with arithmetic(exact, self.device):
+            answer = self.net.vote(x)
+        if self._believing is not None and self._found:
+            with arithmetic(exact, self.device), torch.no_grad():
+                believed = torch.sigmoid(self._believing(x[-self._found :])[3])
+            truth = truth._replace(person=torch.cat([truth.person[: -self._found], believed]))
+        loss, self._parts = joint_loss(answer, self.net.cells[0, 0, :2].T, truth)
         self.optimiser.zero_grad()
         loss.backward()
         torch.nn.utils.clip_grad_norm_(self.net.parameters(), _CLIP)
         self.optimiser.step()
-        self.steps += 1
-        self.done += len(crops.features)
-        follow(self.average, self.net, min(keep, (1 + self.steps) / (10 + self.steps)))
-        self._mean = {k: 0.99 * self._mean.get(k, v) + 0.01 * v for k, v in parts.items()}
+
+    def _record(self) -> torch.cuda.CUDAGraph:
+        """Record a step as a graph: started one by one, its thousand kernels take four times as long."""
+        beside = torch.cuda.Stream()
+        beside.wait_stream(torch.cuda.current_stream())
+        with torch.cuda.stream(beside):
+            for _ in range(_BEFORE_GRAPH):
+                self._update()
+        torch.cuda.current_stream().wait_stream(beside)
+        self.optimiser.zero_grad()
+        graph = torch.cuda.CUDAGraph()
+        with torch.cuda.graph(graph):
+            self._update()
+        return graph
 
     def save(self, path: Path, apart: dict[str, CropBatch]) -> None:
         """Write a checkpoint, and a line to the log."""
@@ -209,7 +338,7 @@ class _Run:
         line = {
             "crops": self.done,
             "seconds": round(time.perf_counter() - self._began),
-            **{k: round(v, 4) for k, v in self._mean.items()},
+            **{k: round(v.item(), 4) for k, v in self._mean.items()},
             **{f"{name}{k}": v for name, some in apart.items() for k, v in score(self.average, some).items()},
         }
         with self._log.open("a") as log:
@@ -230,18 +359,18 @@ def joined(parts: list[CropBatch]) -> CropBatch:
     )
 
 
-def to_input(crops: CropBatch) -> Tensor:
-    """Return a batch's features as a tensor."""
-    return torch.from_numpy(crops.features).contiguous(memory_format=torch.channels_last)
+def to_tensors(crops: CropBatch) -> list[Tensor]:
+    """Return a batch as tensors: features, in 16 bits, and the parts of its truth."""
+    features, *targets = (torch.from_numpy(getattr(crops, f.name)) for f in fields(crops))
+    return [features.half(), *targets]
 
 
 def score(net: JointNet, crops: CropBatch) -> dict[str, float]:
     """Compute mean errors (mm), shares within 10 cm and of correct facings, and the mask's overlap."""
-    answers = []
+    features = torch.from_numpy(crops.features).contiguous(memory_format=torch.channels_last)
     with torch.no_grad():
-        for k in range(0, len(crops.features), 50):
-            x = torch.from_numpy(crops.features[k : k + 50]).contiguous(memory_format=torch.channels_last)
-            answers.append([o.numpy() for o in net(x)])
+        some = features.to(net.cells.device).split(50)
+        answers = [[part.cpu().numpy() for part in net(x)] for x in some]
     joints, _, behind, _, mask = (np.concatenate(parts) for parts in zip(*answers, strict=True))
     named = np.linalg.norm(joints - crops.joints, axis=-1)
     swapped = np.linalg.norm(joints - crops.joints[:, MIRROR_JOINTS], axis=-1)

@@ -18,9 +18,9 @@ _NEAR, _FAR = np.float32(0.2), np.float32(12.0)
 """Depths outside this range are invalid, metres. Set by hand, not swept."""
 
 _UNIT_M = 0.5
-"""Unit of depths relative to the torso, which are clipped at `_MOST` units."""
+"""Unit of depths relative to the torso, which are clipped at `FARTHEST` units."""
 
-_MOST = 2.4
+FARTHEST = 2.4
 """In units of `_UNIT_M`: 1.2 m. Set by hand, not swept."""
 
 
@@ -169,7 +169,7 @@ def fill_features(grid, whose, label, look, out):
                 out[4, i, j] = 1.0
             if grid[i, j] <= np.float32(0.0):
                 continue
-            off = bounded((grid[i, j] - np.float32(look.z)) / np.float32(_UNIT_M), _MOST)
+            off = bounded((grid[i, j] - np.float32(look.z)) / np.float32(_UNIT_M), FARTHEST)
             out[2, i, j], out[3, i, j] = off, 1.0
             if whose[i, j] == label:
                 out[0, i, j], out[1, i, j] = off, 1.0
