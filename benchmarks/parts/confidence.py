@@ -378,6 +378,10 @@ def main() -> None:
     parser.add_argument("--check", type=Path, help="recordings with truth files")
     parser.add_argument("-o", "--output", type=Path, default=Path("reliability.png"))
     arguments = parser.parse_args()
+    checked = sorted(arguments.check.glob("*.mcap")) if arguments.check else []
+    checked = [path for path in checked if path.with_suffix(".npz").exists()]
+    if arguments.check and not checked:
+        parser.error(f"--check {arguments.check}: no NAME.mcap with its truth NAME.npz in this folder")
     bank = Bank.load(arguments.bank or default_bank_path())
     pipeline = PosePipeline(bank)
     pipeline.warm_up()
@@ -392,9 +396,8 @@ def main() -> None:
             print(f"\r{len(parts)} of {arguments.clips} clips", end="", flush=True)
     print()
     measured = {"simulated": join(parts)}
-    if arguments.check:
-        paths = [p for p in sorted(arguments.check.glob("*.mcap")) if p.with_suffix(".npz").exists()]
-        measured["recordings"] = join([measure(pipeline, path) for path in paths])
+    if checked:
+        measured["recordings"] = join([measure(pipeline, path) for path in checked])
     weights = fit(measured["simulated"])
     for name, value in zip([*KINDS, *SIGNS, "score"], weights, strict=True):
         print(f'    "{name}": {value:.2f},')
