@@ -262,7 +262,7 @@ def test_keeps_a_doubtful_pose_that_agrees_better(run) -> None:
 
 
 def test_carried_poses_are_compared_as_the_fits_were(run) -> None:
-    """Whatever the band, right fits and right carried poses have about the same score."""
+    """Whatever the band, right fits and right carried poses score alike; with another band, three times."""
     for band in (0.06, 0.3):
         match = MatchConfig(scale=1.0, score_band=band)
         config = PipelineConfig(match=match, smooth=SmoothConfig(enabled=False))
@@ -275,7 +275,7 @@ def test_carried_poses_are_compared_as_the_fits_were(run) -> None:
         registered = stage.carry(past, person, as_it_was.score - 0.01)  # nearly good enough: more is tried
         assert (registered.joints != as_it_was.joints).any()
         for carried in (as_it_was, registered):
-            assert carried.score == pytest.approx(seen.score, abs=0.3 * seen.score)
+            assert carried.score == pytest.approx(seen.score, abs=0.5 * seen.score)
         hopeless = stage.carry(past, person, as_it_was.score - 0.1)
         assert (hopeless.joints == as_it_was.joints).all()
 
