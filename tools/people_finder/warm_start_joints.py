@@ -1,7 +1,6 @@
 """Convert the second look's weights (ONNX, floats or integers) to a checkpoint for training to continue from.
 
-    git show fe355e5:src/depth_pose/people/weights/joint_finder.onnx > coarse.onnx
-    python tools/people_finder/warm_start_joints.py weights/joint_finder.onnx coarse.onnx start.pt
+    python tools/people_finder/warm_start_joints.py src/depth_pose/detect/weights/joint_finder.onnx start.pt
 
 As `warm_start`: norms get the statistics of their inputs, here in simulated close-ups. Weights that were
 stored as integers keep their rounding; training removes it.
@@ -34,7 +33,7 @@ def load_folded(net: JointNet, path: Path) -> None:
     with torch.no_grad():
         for node in model.graph.node:
             name = layer_of(node.name)
-            if node.op_type not in ("Conv", "Gemm") or name.startswith("coarse"):
+            if node.op_type not in ("Conv", "Gemm"):
                 continue
             layer = layers[name]
             shifted = norms.get(layer)
@@ -48,12 +47,10 @@ def load_folded(net: JointNet, path: Path) -> None:
 
 def main(
     weights: Annotated[Path, typer.Argument(help="The second look's net (.onnx)")],
-    coarse: Annotated[Path, typer.Argument(help="Its coarse net, floats (.onnx)")],
     out: Annotated[Path, typer.Argument(help="Checkpoint to write (.pt)")],
 ) -> None:
     """Write the checkpoint."""
     net = JointNet().eval()
-    net.coarse.load_onnx(coarse)
     load_folded(net, weights)
     rng, maker, seen = np.random.default_rng(_SEED), CloseUpMaker(2), list[CloseUp]()
     while len(seen) < _CLOSE_UPS:
