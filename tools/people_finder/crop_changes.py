@@ -1,4 +1,4 @@
-"""Crops turned, scaled and mirrored where they are trained on, for use while workers draw new ones."""
+"""Change crops on the training device, so that they can be used again while workers draw new ones."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ _SEEN = 5
 
 
 def change(crops: list[Tensor]) -> list[Tensor]:
-    """Return the crops of a batch (as `train_joints.to_tensors`) about their middle turned, scaled, mirrored.
+    """Turn, scale and mirror the crops of a batch (`train_joints.to_tensors`) about their middle.
 
-    What was in no image before, such as the corners of a turned crop, counts as outside the image.
+    What no image showed before, such as the corners of a turned crop, counts as outside the image.
     """
     features, joints, side, person, mask = crops
     count, device = len(features), features.device
@@ -48,7 +48,7 @@ def _turn(angle: Tensor) -> Tensor:
 
 
 def _resample(images: Tensor, mask: Tensor, back: Tensor) -> tuple[Tensor, Tensor]:
-    """Read images (N, C, H, W) and masks (N, H, W) at places that matrices (N, 2, 2) take to older ones."""
+    """Sample images (N, C, H, W) and masks (N, H, W); ``back`` (N, 2, 2) takes new places to old ones."""
     theta = functional.pad(back, (0, 1))
     grid = functional.affine_grid(theta, [len(images), 1, SIDE, SIDE], align_corners=False)
     both = torch.cat([images.float(), mask[:, None].float() + 1.0], 1)  # 0 is left for what is outside
