@@ -293,10 +293,12 @@ def test_too_little_memory_is_one_line(
         assert done.returncode == 1
         (line,) = done.stderr.splitlines()
         assert line.startswith("error: there is too little memory: ulimit -v allows")
-    (tmp_path / "images").mkdir()
-    np.save(tmp_path / "images/1.npy", np.full((4096, 4096), 2000, np.uint16))
+    for name, side in (("small", 64), ("images", 4096)):
+        (tmp_path / name).mkdir()
+        np.save(tmp_path / name / "1.npy", np.full((side, side), 2000, np.uint16))
     monkeypatch.setattr("depth_pose.cli.LEAST_MEMORY_MB", 0)
-    with little_memory(60):
+    assert call("info", tmp_path / "small", "--intrinsics", "60,60,32,32").returncode == 0  # modules are loaded
+    with little_memory(40):
         done = call("info", tmp_path / "images", "--intrinsics", "2000,2000,2048,2048")
     assert done.returncode == 1
     (line,) = done.stderr.splitlines()

@@ -1,5 +1,6 @@
 """What listens where, who may read what, and two suites side by side: real sockets, real accounts."""
 
+import contextlib
 import os
 import shutil
 import socket
@@ -24,9 +25,18 @@ from depth_pose.ros.messages.basics import ns_to_stamp
 from depth_pose.ros.process.supervisor import NODES, Suite
 
 
+def open_files(pid):
+    """Return what a process holds open; it may close a file while they are listed."""
+    found = set()
+    for f in Path(f"/proc/{pid}/fd").iterdir():
+        with contextlib.suppress(FileNotFoundError):
+            found.add(os.readlink(f))
+    return found
+
+
 def addresses(pid):
     """Return the local addresses of a process's network sockets, of every kind."""
-    links = {os.readlink(f) for f in Path(f"/proc/{pid}/fd").iterdir() if f.exists()}
+    links = open_files(pid)
     found = set()
     for kind in ("udp", "udp6", "udplite", "udplite6", "tcp", "tcp6", "raw", "raw6"):
         table = Path(f"/proc/net/{kind}")
@@ -46,8 +56,7 @@ def processes(pid):
 
 def segments(pid):
     """List the shared memory of a process, and its locks, which it holds open."""
-    links = {os.readlink(f) for f in Path(f"/proc/{pid}/fd").iterdir() if f.exists()}
-    locks = {f for f in links if f.startswith("/dev/shm/fastrtps_") and Path(f).exists()}
+    locks = {f for f in open_files(pid) if f.startswith("/dev/shm/fastrtps_") and Path(f).exists()}
     return [Path(f) for f in locks | {f.removesuffix("_el") for f in locks}]
 
 

@@ -7,6 +7,7 @@ Options that are not given are read from ``camera.json`` in the folder, if it ex
 from __future__ import annotations
 
 import contextlib
+import errno
 import json
 import math
 import re
@@ -195,6 +196,8 @@ def _read(file: Path, scale: float | None) -> NDArray[np.generic]:
             raise InputError(f"{file} is too large")
         pixels = decode_png(file.read_bytes()) if file.suffix.lower() == ".png" else _read_npy(file)
     except OSError as error:
+        if error.errno == errno.ENOMEM:  # the file is not at fault
+            raise MemoryError(f"{file} cannot be mapped") from error
         raise InputError(f"{file} cannot be read: {error.strerror or error}") from error
     except InputError as error:
         raise InputError(f"{file}: {error}") from error
