@@ -124,7 +124,7 @@ class MatchConfig(Checked):
         choices=("joints", "exemplars"),
     )
     shortlist: int = option(
-        128, "Nearest exemplars in the subspace that are compared by rendered depth", low=1, high=4096
+        32, "Nearest exemplars in the subspace that are compared by rendered depth", low=1, high=4096
     )
     keep: int = option(3, "Candidates handed to the refinement", low=1, high=64)
     search_every: int = option(
@@ -214,6 +214,13 @@ class FitConfig(Checked):
     proposal_weight: float = option(
         7.0,
         "Weight of a proposed joint, in points of the cloud of the same standard deviation; 0: ignored",
+        low=0.0,
+        high=1000.0,
+    )
+    floor_weight: float = option(
+        5.0,
+        "Weight of the floor under a foot that is near it, in points of the cloud of the same standard "
+        "deviation; 0: ignored",
         low=0.0,
         high=1000.0,
     )

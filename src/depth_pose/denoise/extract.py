@@ -15,12 +15,17 @@ from depth_pose.core.stamps import StampGuard
 from depth_pose.core.types import HIDDEN, DepthFrame, FoundPerson
 from depth_pose.core.zone import parse_zone
 from depth_pose.denoise.denoise import denoise_depth
+from depth_pose.detect.floor import FloorFinder
 from depth_pose.detect.learned_segmenter import LearnedSegmenter
 from depth_pose.detect.plane_segmenter import PlaneSegmenter
+from depth_pose.detect.sample_frame import sample_frame
 from depth_pose.detect.segmentation import Segmenter, Sighting
 from depth_pose.track.choice import PeopleChoice
-from depth_pose.track.person import MIN_POINTS, People, see_people
+from depth_pose.track.person import MIN_POINTS, NO_FLOOR, People, see_people
 from depth_pose.track.tracks import PeopleTracks
+
+_FLOOR_EVERY = 15
+"""Frames from one look for the floor to the next; set by hand."""
 
 _METHODS: dict[str, Callable[[SegmentConfig], Segmenter]] = {
     "learned": LearnedSegmenter,
@@ -64,14 +69,18 @@ class PeopleExtractor:
         self.choice = PeopleChoice(
             parse_zone(segment.zone), segment.most_people, rotation_sensor_upright(mount.roll)
         )
+        self._floor = FloorFinder(segment)
         self._guard = StampGuard()
         self.passed_over: Counter[str] = Counter()
+        self._frames = 0
 
     def reset(self) -> None:
         """Forget all tracks."""
         self.segmenter.reset()
         self._tracks.reset()
         self.choice.reset()
+        self._floor.reset()
+        self._frames = 0
 
     def restart(self) -> None:
         """Forget all tracks and ids, as if new."""
@@ -82,6 +91,8 @@ class PeopleExtractor:
     def warm_up(self) -> None:
         """Compile every kernel."""
         self.segmenter.warm_up()
+        self._floor.find(sample_frame())
+        self._floor.reset()
         camera = Camera(64, 48, 60.0, 60.0, 31.5, 23.5)
         depth = denoise_depth(np.full((48, 64), 2.0, np.float32), camera, self._denoise)
         found = FoundPerson(1, "", 1.0)
@@ -108,15 +119,19 @@ class PeopleExtractor:
         self.passed_over["not sure enough"] += names.count(None)
         self.passed_over["too few points"] += shown.count(None) - names.count(None)
         self.passed_over.update(self.choice.left_out)
-        found = (
+        found = [
             FoundPerson(s.label, name, self._tracks.probability(name), *self._proposed(s))
             for s, name in zip(seen.sightings, chosen, strict=True)
             if name is not None
-        )
+        ]
         # Ye et al. eq. 2: x and y follow the depth along the pixel's ray
         # Ye et al. eq. 4: also in further iterations, if `denoise.iterations` is above 1
         points = seen.camera.back_project(depth)
-        return see_people(frame.stamp_ns, frame.frame_id, seen.camera, points, labels, found)
+        if self._frames % _FLOOR_EVERY == 0:
+            self._floor.update(frame, [points[labels == person.label] for person in found])
+        self._frames += 1
+        floor = NO_FLOOR if self._floor.floor is None else self._floor.floor.plane
+        return see_people(frame.stamp_ns, frame.frame_id, seen.camera, points, labels, found, floor)
 
     def _proposed(self, sighting: Sighting) -> tuple[NDArray[np.float32], ...]:
         """Return a sighting's proposed joints, confidences and deviations, or nothing."""

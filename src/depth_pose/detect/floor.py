@@ -71,6 +71,11 @@ class Floor:
     source: str = "depth images"
 
     @property
+    def plane(self) -> Array:
+        """Normal, upward, and height, (4,)."""
+        return np.array([*self.up, self.height])
+
+    @property
     def T_camera_floor(self) -> Array:
         """Transform from the floor frame (below the sensor, z up, x forward, y left), shape (4, 4)."""
         look = np.array([0.0, 0.0, 1.0])

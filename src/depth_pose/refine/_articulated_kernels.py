@@ -49,6 +49,10 @@ simulated and three real sets."""
 _ELSEWHERE_M = 0.15
 """Joint distance (m) at which the robust weight is a quarter; it falls further beyond; set by hand."""
 
+_FLOOR_M, _OFF_FLOOR_M = 0.015, 0.04
+"""Standard deviation of a standing sole's height (m), and the height at which the robust weight is a
+quarter; set by hand."""
+
 
 class Settings(NamedTuple):
     """Values of `depth_pose.core.config.FitConfig`, by the same names; ``root_prior`` is 0."""
@@ -61,6 +65,7 @@ class Settings(NamedTuple):
     free_space_slack: float
     free_space_limit: float
     proposal_weight: float
+    floor_weight: float
     prior: float
     root_prior: float
     damping: float
@@ -225,6 +230,27 @@ def add_proposals(proposals, nodes, origin, weight, equations):
         add_vertex(nodes[n], origin, metric, r, equations, n)
 
 
+@njit(cache=True, fastmath=True, forceinline=True)
+def add_floor(surface, soles, floor, origin, weight, equations):
+    """Pull balls of feet to the floor where they are near it, and heels out of it; robust as proposals."""
+    if floor[3] <= 0.0:
+        return
+    metric, r = np.empty((3, 3)), np.empty(3)
+    for k in range(soles.vertices.shape[0]):
+        i = soles.vertices[k]
+        v, height = surface.vertices[i], floor[3]
+        for a in range(3):
+            height += floor[a] * v[a]
+        if height > 0.0 and soles.is_heel[k]:
+            continue
+        share = weight * soles.share[k] / (_FLOOR_M * (1.0 + (height / _OFF_FLOOR_M) ** 2)) ** 2
+        for a in range(3):
+            r[a] = -height * floor[a]
+            for b in range(3):
+                metric[a, b] = share * floor[a] * floor[b]
+        add_vertex(v, origin, metric, r, equations, surface.segment[i])
+
+
 class Workspace(NamedTuple):
     """Arrays of the fit of one body to one view of a person, allocated once for all its iterations."""
 
@@ -286,6 +312,8 @@ def add_view(target, body, settings, sigma, k, scale, rotations, root, work, equ
     add_free_space(surface, target.full, target.nearest, root, weight, settings, equations)
     weight = settings.proposal_weight * sigma**2 * amount  # the mixture lacks its 1/sigma^2
     add_proposals(target.proposals, nodes, root, weight, equations)
+    weight = settings.floor_weight * sigma**2 * amount
+    add_floor(surface, body.soles, target.floor, root, weight, equations)
     return amount
 
 

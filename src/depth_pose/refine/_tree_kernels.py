@@ -18,6 +18,23 @@ _HOLD = 1e-6
 """Added to the diagonal of the normal equations, so that unobserved parts have a solution."""
 
 
+class Soles(NamedTuple):
+    """Soles of both feet.
+
+    Attributes
+    ----------
+    vertices : (S,) int64
+        The lowest vertices of the balls and heels in the rest pose.
+    is_heel : (S,) bool
+    share : (S,) float64
+        One by the number of vertices of the same ball or heel.
+    """
+
+    vertices: NDArray[np.int64]
+    is_heel: NDArray[np.bool_]
+    share: NDArray[np.float64]
+
+
 class Articulation(NamedTuple):
     """A body prepared for pose fits (by `depth_pose.refine.articulated.articulate`).
 
@@ -33,6 +50,10 @@ class Articulation(NamedTuple):
         then three of each free node.
     stiffness : (F,) float64
         Stiffness of each free node toward the start.
+    neutral : (F, 3) float64
+        Stiffness of each free node's rotation from its parent's toward none, as in the rest pose, about
+        the parent's axes.
+    soles : Soles
     """
 
     skin: Skin
@@ -40,6 +61,8 @@ class Articulation(NamedTuple):
     free: NDArray[np.int64]
     above: NDArray[np.int64]
     stiffness: NDArray[np.float64]
+    neutral: NDArray[np.float64]
+    soles: Soles
 
 
 class Equations(NamedTuple):
@@ -185,6 +208,27 @@ def solve_tree(matrix, above, right):
 
 
 @njit(cache=True)
+def hold_neutral(body, weight, rotations, matrix, gradient):
+    """Pull nodes' rotations from their parents' toward the rest pose, about each of the parent's axes."""
+    parents, free, stiffness = body.skin.parents, body.free, body.neutral
+    for n in range(1, parents.shape[0]):
+        f = free[n]
+        if f < 0 or stiffness[f].max() <= 0.0:
+            continue
+        above, own, c = rotations[parents[n]], rotations[n], 3 + 3 * f
+        for i in range(3):
+            j, k = (i + 1) % 3, (i + 2) % 3
+            turned = 0.0  # sine of the rotation about axis i
+            for a in range(3):
+                turned += 0.5 * (above[a, k] * own[a, j] - above[a, j] * own[a, k])
+            for a in range(3):
+                hold = weight * stiffness[f, i] * above[a, i]
+                gradient[c + a] -= hold * turned
+                for b in range(3):
+                    matrix[c + a, c + b] += hold * above[b, i]
+
+
+@njit(cache=True)
 def take_step(equations, body, settings, amount, nodes, moved, rotations, root):
     """Take one damped Gauss-Newton step.
 
@@ -201,6 +245,7 @@ def take_step(equations, body, settings, amount, nodes, moved, rotations, root):
             hold = settings.prior * amount * body.stiffness[(i - 3) // 3]
         matrix[i, i] += hold
         gradient[i] -= hold * moved[i]
+    hold_neutral(body, settings.prior * amount, rotations, matrix, gradient)
     solve_tree(matrix, body.above, gradient)
     most = np.abs(gradient[3:]).max()
     if most > settings.max_step:

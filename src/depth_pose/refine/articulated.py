@@ -10,7 +10,8 @@ iteration does
 *M-step*  one damped Gauss-Newton step on
 
 .. math:: \sum_m P_m \left[ a\,(n_m \cdot (v_m - y_m))^2 + b\,\|v_m - y_m\|^2 \right]
-   + E_{free} + E_{joints} + E_{prior}, \qquad P_m = \sum_n p_{mn},\; y_m = \sum_n p_{mn} x_n / P_m
+   + E_{free} + E_{joints} + E_{floor} + E_{prior}, \qquad
+   P_m = \sum_n p_{mn},\; y_m = \sum_n p_{mn} x_n / P_m
 
 with a variance that decreases from coarse to fine. :math:`E_{free}` keeps vertices out of space that was seen
 to be free: beside the silhouette, and in front of the observed surface. :math:`E_{joints}` takes the finder's
@@ -23,13 +24,16 @@ with the deviations that the second look states across and along the ray :math:`
 for what all frames of a person have in common, and the robust weights :math:`\rho_j` of Geman and McClure
 (*Statistical methods for tomographic image reconstruction*, 1987). The factor :math:`\sigma^2` states them in
 the units of the mixture, whose own :math:`1 / \sigma^2` is left out: proposals decide more at the coarse
-stages, and where there are no points, as under a desk or beyond the image's border. :math:`E_{prior}` keeps
-each joint near the start. The parameters are a translation and, for every free node, a rotation vector in the
-camera frame that turns the whole subtree: a vertex moves by :math:`\delta t + \sum_k \omega_k \times (v_m -
-p_k)`, summed over the free nodes above the segment that moves it most. All vertices of a segment therefore
-share one 6 x 6 matrix of a free rigid motion, and the normal equations of the joint angles are assembled from
-those 21 (the composite rigid body algorithm of M. Walker and D. Orin, *Efficient dynamic computer simulation
-of robotic mechanisms*, 1982).
+stages, and where there are no points, as under a desk or beyond the image's border. :math:`E_{floor}` takes
+the heights of the soles above the floor, where it is known, as observations of 0, in the same units and with
+the same robust weights: balls of feet near it stand on it, and heels, which may be raised, are not below it.
+:math:`E_{prior}` keeps each joint near the start, and each ankle near the rest pose, least about its hinge.
+The parameters are a translation and, for every free node, a rotation vector in the camera frame that turns
+the whole subtree: a vertex moves by :math:`\delta t + \sum_k \omega_k \times (v_m - p_k)`, summed over the
+free nodes above the segment that moves it most. All vertices of a segment therefore share one 6 x 6 matrix of
+a free rigid motion, and the normal equations of the joint angles are assembled from those 21 (the composite
+rigid body algorithm of M. Walker and D. Orin, *Efficient dynamic computer simulation of robotic mechanisms*,
+1982).
 """
 
 from __future__ import annotations
@@ -45,7 +49,7 @@ from depth_pose.body.pose import BodyPose
 from depth_pose.core.config import FitConfig
 from depth_pose.core.skeleton import NODE_INDEX, NODE_PARENTS, NODES
 from depth_pose.refine import _articulated_kernels as kernels
-from depth_pose.refine._tree_kernels import Articulation
+from depth_pose.refine._tree_kernels import Articulation, Soles
 from depth_pose.track.target import FitTarget
 
 _STIFFNESS: dict[str, float] = {
@@ -59,10 +63,17 @@ _STIFFNESS: dict[str, float] = {
     "wrist": 2.0,
     "hip": 0.1,
     "knee": 0.1,
-    "ankle": 2.0,
+    "ankle": 0.3,
 }
 """Relative stiffness of each free node toward the start; other nodes follow their parent. Set by hand:
 parts that depth shows poorly (collar bones, hands, feet) are stiff."""
+
+_NEUTRAL: dict[str, tuple[float, float, float]] = {"ankle": (0.2, 2.0, 2.0)}
+"""Relative stiffness of a free node toward the rest pose, about its parent's x, y and z: an ankle is a hinge
+about the first, and turns little about the shank and about the foot. Chosen on development clips."""
+
+_SOLE_M = 0.012
+"""Height of a sole's vertices above the lowest one (m); set by hand."""
 
 
 class ArticulatedFitter:
@@ -71,7 +82,7 @@ class ArticulatedFitter:
     def __init__(self, body: Body, config: FitConfig | None = None) -> None:
         self.body = body
         self.config = config or FitConfig()
-        self.articulation = articulate(body, _STIFFNESS)
+        self.articulation = articulate(body, _STIFFNESS, _NEUTRAL)
         numbers = {n: float(getattr(self.config, n)) for n in kernels.Settings._fields if n != "root_prior"}
         self.settings = kernels.Settings(root_prior=0.0, **numbers)
 
@@ -104,7 +115,11 @@ class ArticulatedFitter:
         return BodyPose(rotations, root, start.scale)
 
 
-def articulate(body: Body, stiffness: Mapping[str, float]) -> Articulation:
+def articulate(
+    body: Body,
+    stiffness: Mapping[str, float],
+    neutral: Mapping[str, tuple[float, float, float]] | None = None,
+) -> Articulation:
     """Prepare a body for fits of its pose.
 
     Parameters
@@ -112,15 +127,40 @@ def articulate(body: Body, stiffness: Mapping[str, float]) -> Articulation:
     body : Body
     stiffness : mapping
         Relative stiffness toward the start of each free node, by its name without the side.
+    neutral : mapping, optional
+        The same toward the rest pose, about the axes of the node's parent.
     """
     free = np.full(len(NODES), -1)
-    values: list[float] = []
+    kinds: list[str] = []
     for name, node in NODE_INDEX.items():
         kind = name.split("_")[-1]
         if kind in stiffness:
-            free[node] = len(values)
-            values.append(stiffness[kind])
-    return Articulation(body.skin, body.normals, free, _parameters_above(free), np.array(values))
+            free[node] = len(kinds)
+            kinds.append(kind)
+    to_start = np.array([stiffness[kind] for kind in kinds])
+    to_rest = np.array([(neutral or {}).get(kind, (0.0, 0.0, 0.0)) for kind in kinds])
+    above = _parameters_above(free)
+    return Articulation(body.skin, body.normals, free, above, to_start, to_rest, _find_soles(body))
+
+
+def _find_soles(body: Body) -> Soles:
+    """Find the lowest vertices of the balls and heels of both feet."""
+    parts = []
+    for side in ("left", "right"):
+        ankle, ball = (NODE_INDEX[f"{side}_{name}"] for name in ("ankle", "foot"))
+        foot = np.flatnonzero(np.isin(body.skin.influence[:, 0], [ankle, ball]))
+        behind = body.vertices[foot, 2] < body.nodes[[ankle, ball], 2].mean()
+        parts += [(foot[~behind], False), (foot[behind], True)]
+    lowest = [
+        (part[body.vertices[part, 1] < body.vertices[part, 1].min() + _SOLE_M], is_heel)
+        for part, is_heel in parts
+        if len(part)
+    ]
+    return Soles(
+        np.array([v for part, _ in lowest for v in part], np.int64),
+        np.array([is_heel for part, is_heel in lowest for _ in part], np.bool_),
+        np.array([1.0 / len(part) for part, _ in lowest for _ in part]),
+    )
 
 
 def _parameters_above(free: NDArray[np.int64]) -> NDArray[np.int64]:

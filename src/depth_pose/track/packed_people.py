@@ -28,6 +28,7 @@ class PackedPeople(NamedTuple):
     labels : bytes
         Compressed.
     found : tuple of FoundPerson
+    floor : (4,) float64
     """
 
     stamp_ns: int
@@ -37,6 +38,7 @@ class PackedPeople(NamedTuple):
     points: NDArray[np.float32]
     labels: bytes
     found: tuple[FoundPerson, ...]
+    floor: NDArray[np.float64]
 
 
 def pack_people(people: People) -> PackedPeople:
@@ -45,7 +47,9 @@ def pack_people(people: People) -> PackedPeople:
     points = people.points.reshape(-1, 3)[at]
     labels = zlib.compress(people.labels.tobytes(), 1)
     found = tuple(person.found for person in people.persons)
-    return PackedPeople(people.stamp_ns, people.frame_id, people.camera, at, points, labels, found)
+    return PackedPeople(
+        people.stamp_ns, people.frame_id, people.camera, at, points, labels, found, people.floor
+    )
 
 
 def unpack_people(packed: PackedPeople) -> People:
@@ -54,4 +58,4 @@ def unpack_people(packed: PackedPeople) -> People:
     labels = np.frombuffer(zlib.decompress(packed.labels), np.uint8).reshape(camera.height, camera.width)
     points = np.full((*labels.shape, 3), np.nan, np.float32)
     points.reshape(-1, 3)[packed.at] = packed.points
-    return see_people(packed.stamp_ns, packed.frame_id, camera, points, labels, packed.found)
+    return see_people(packed.stamp_ns, packed.frame_id, camera, points, labels, packed.found, packed.floor)

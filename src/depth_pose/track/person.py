@@ -39,6 +39,10 @@ _SIDE_PIXELS = 3
 """A person with more pixels than this in an outermost column may extend beyond the image."""
 
 
+NO_FLOOR = np.zeros(4)
+"""An unknown floor (`People.floor`)."""
+
+
 @dataclass(frozen=True)
 class Person:
     """One person in one frame.
@@ -60,6 +64,8 @@ class Person:
         both knees are occluded.
     is_cut_beside : bool
         Whether the image's left or right border may cut through the person.
+    floor : (4,) float64
+        As in `People`.
     """
 
     stamp_ns: int
@@ -71,6 +77,7 @@ class Person:
     coarse: Observation
     is_cut_below: bool
     is_cut_beside: bool
+    floor: NDArray[np.float64]
 
     @property
     def body_id(self) -> str:
@@ -84,9 +91,8 @@ class Person:
 
     @cached_property
     def _target(self) -> FitTarget:
-        return FitTarget(
-            self.points, self.full, self.coarse, nearest_person_pixels(self.full), name_proposals(self.found)
-        )
+        nearest, proposals = nearest_person_pixels(self.full), name_proposals(self.found)
+        return FitTarget(self.points, self.full, self.coarse, nearest, proposals, self.floor)
 
     def target(self, most_points: int, *, with_proposals: bool = True) -> FitTarget:
         """Return the data that a body is fitted to, with at most ``most_points`` points."""
@@ -110,6 +116,8 @@ class People:
         Number of the person at each pixel; 0 for free space, `depth_pose.core.types.HIDDEN` where
         something nearer, or nothing, was measured.
     persons : tuple of Person
+    floor : (4,) float64
+        The floor's normal, upward, and the sensor's height above it, metres; 0 where it is unknown.
     """
 
     stamp_ns: int
@@ -118,6 +126,7 @@ class People:
     points: NDArray[np.float32]
     labels: NDArray[np.uint8]
     persons: tuple[Person, ...]
+    floor: NDArray[np.float64]
 
 
 def see_people(
@@ -127,12 +136,13 @@ def see_people(
     points: NDArray[np.float32],
     labels: NDArray[np.uint8],
     found: Iterable[FoundPerson],
+    floor: NDArray[np.float64] = NO_FLOOR,
 ) -> People:
     """Prepare all people of a frame that have enough points.
 
     Parameters
     ----------
-    stamp_ns, frame_id, camera, points, labels
+    stamp_ns, frame_id, camera, points, labels, floor
         As in `People`.
     found : iterable of FoundPerson
         The people that the labels denote.
@@ -140,9 +150,9 @@ def see_people(
     persons = tuple(
         person
         for f in found
-        if (person := _see_person(stamp_ns, frame_id, camera, points, labels, f)) is not None
+        if (person := _see_person(stamp_ns, frame_id, camera, points, labels, f, floor)) is not None
     )
-    return People(stamp_ns, frame_id, camera, points, labels, persons)
+    return People(stamp_ns, frame_id, camera, points, labels, persons, floor)
 
 
 def _see_person(
@@ -152,6 +162,7 @@ def _see_person(
     points: NDArray[np.float32],
     labels: NDArray[np.uint8],
     found: FoundPerson,
+    floor: NDArray[np.float64],
 ) -> Person | None:
     """Prepare one person; None with too few points."""
     taken, depth = np.empty((labels.size, 3)), np.empty(labels.shape, np.float32)
@@ -173,6 +184,7 @@ def _see_person(
         is_cut_below=bool(low.any() and np.ptp(points[-1, low, 0]) > _CUT_WIDTH_M)
         or _hides_knees(own, camera, found.proposals),
         is_cut_beside=int((own[:, [0, 1, -2, -1]] == PERSON).sum()) > _SIDE_PIXELS,
+        floor=floor,
     )
 
 

@@ -51,6 +51,8 @@ class FitTarget(NamedTuple):
     nearest : (h, w, 2) int32
         Row and column of the nearest person pixel to every pixel of ``full``.
     proposals : Proposals
+    floor : (4,) float64
+        The floor's normal, upward, and the sensor's height above it, metres; 0 where it is unknown.
     """
 
     points: NDArray[np.float64]
@@ -58,6 +60,7 @@ class FitTarget(NamedTuple):
     coarse: Observation
     nearest: NDArray[np.int32]
     proposals: Proposals
+    floor: NDArray[np.float64]
 
 
 def name_proposals(found: FoundPerson) -> Proposals:

@@ -57,6 +57,7 @@ def people_to_msgs(people: People) -> tuple[PointCloud2, PeopleMsg]:
     return cloud, PeopleMsg(
         header=header,
         **people.camera._asdict(),
+        floor=people.floor.tolist(),
         people=[_found_to_msg(person.found) for person in people.persons],
     )
 
@@ -99,6 +100,7 @@ def msgs_to_people(points: PointCloud2, people: PeopleMsg) -> People:
             f"{people.fx:g}, {people.fy:g}; the points have {points.width} x {points.height}"
         )
     check_numbers("the camera", [people.fx, people.fy, people.cx, people.cy], 1e6)
+    check_numbers("the floor", people.floor, 1e6)
     check_people("people", [found.body_id for found in people.people])
     packed = np.frombuffer(points.data, np.uint8).reshape(points.height, points.width, 16)
     xyz = np.ascontiguousarray(packed[..., :12]).view("<f4")
@@ -111,6 +113,7 @@ def msgs_to_people(points: PointCloud2, people: PeopleMsg) -> People:
         xyz.astype(np.float32, copy=False),
         labels,
         [_msg_to_found(found) for found in people.people],
+        np.array(people.floor),
     )
 
 
