@@ -68,6 +68,19 @@ def test_dropped_points_are_unknown_not_free(extractor, person):
     assert (people.labels[inner] == HIDDEN).mean() > 0.9
 
 
+def test_the_floor_is_found_and_kept(extractor, person):
+    """From the first frame on, also while it is out of view; a reset forgets it."""
+    frame = syn.to_frame(np.minimum(person, syn.room(floor=0.95)))
+    np.testing.assert_allclose(extractor.extract(frame).floor, [0.0, -1.0, 0.0, 0.95], atol=0.01)
+    alone = replace(syn.to_frame(person), stamp_ns=frame.stamp_ns + 30_000_000)
+    people = extractor.extract(alone)
+    np.testing.assert_allclose(people.floor, [0.0, -1.0, 0.0, 0.95], atol=0.01)
+    for shown in people.persons:
+        np.testing.assert_array_equal(shown.target(100).floor, people.floor)
+    extractor.reset()
+    assert not extractor.extract(alone).floor.any()
+
+
 def test_nobody(extractor):
     people = extractor.extract(syn.to_frame(syn.room()))
     assert people.persons == ()

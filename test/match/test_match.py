@@ -10,7 +10,7 @@ import pytest
 import synthetic as syn
 from depth_pose.bank.views import DISTANCE_M, view_directions, view_rotation
 from depth_pose.core.config import MatchConfig
-from depth_pose.core.skeleton import MIRROR_NODES
+from depth_pose.core.skeleton import JOINT_NODES, MIRROR_JOINTS, MIRROR_NODES, NODE_INDEX
 from depth_pose.match.match import match_confidence
 from depth_pose.match.placing import join
 from stages import make_matcher
@@ -164,3 +164,24 @@ def test_a_wrong_facing_that_agrees_nearly_as_well_gives_way(bank, matcher):
     far = wrong._replace(scores=right.scores - 0.2)
     kept = matcher.settle_facing(join([far, right]), person, 1.0)
     np.testing.assert_array_equal(kept.rotations[0], half[0])
+
+
+@pytest.mark.parametrize("view", [1, 4, 6])
+@pytest.mark.parametrize("swapped", [False, True])
+def test_a_candidate_faces_as_the_proposed_joints_do(bank, matcher, swapped, view):
+    """Even where all that agree best face the other way."""
+    nodes, people = seen_as_in_the_bank(bank, 31, view)
+    joints = nodes[JOINT_NODES][MIRROR_JOINTS if swapped else slice(None)].astype(np.float32)
+    sure, sigma = np.ones(len(joints), np.float32), np.full((len(joints), 2), 0.05, np.float32)
+    (person,) = people.persons
+    found = replace(person.found, proposals=joints, proposal_confidence=sure, proposal_sigma=sigma)
+    matcher.reset()
+    (match,) = matcher.match(replace(people, persons=(replace(person, found=found),)))
+
+    def across(at):
+        left, right = ([NODE_INDEX[f"{side}_{n}"] for n in ("shoulder", "hip")] for side in ("left", "right"))
+        return at[left].sum(axis=0) - at[right].sum(axis=0)
+
+    facing = [across(nodes_of(bank, c)) @ across(nodes) > 0.0 for c in match.candidates]
+    assert (not swapped) in facing
+    assert facing[0]  # the one that agrees best stays the first

@@ -96,6 +96,70 @@ def test_proposals_far_from_the_truth_do_little(body, fitter):
     assert syn.joint_error(fits[1], fits[0]) < 0.01
 
 
+@pytest.mark.parametrize("raised", [0.0, 0.03, -0.03])
+def test_soles_stand_on_a_floor_that_is_known(body, fitter, raised):
+    """Feet hidden by something, so that only the floor tells their height; far from it, it does nothing."""
+    posed = syn.posed(syn.arms_down(), distance=2.8)
+    depth = syn.draw(syn.mesh(posed))
+    hidden = np.zeros(depth.shape, np.bool_)
+    hidden[100:] = True  # from the knees down
+    person = syn.to_person(depth, hidden=hidden)
+    lowest = posed.vertices[:, 1].max()
+    start = BodyPose(syn.FACING @ syn.arms_down(), posed.nodes[0] - [0.0, raised, 0.0], 1.0)
+    patient = fitter.config.sigmas + 10 * (0.02,)
+
+    def lowest_of(floor):
+        person_there = replace(person, floor=floor)
+        pose = fitter.fit(person_there.target(800), start, patient)
+        return body.pose(pose.rotations, pose.root, pose.scale).vertices[:, 1].max()
+
+    up = np.array([0.0, -1.0, 0.0])
+    for height in (lowest - 0.02, lowest + 0.02):
+        gaps = [abs(lowest_of(floor) - height) for floor in (np.zeros(4), np.array([*up, height]))]
+        assert gaps[1] < 0.7 * gaps[0]
+    far = np.array([*up, lowest + 0.5])
+    assert lowest_of(far) == pytest.approx(lowest_of(np.zeros(4)), abs=2e-3)
+
+
+def test_soles_are_the_lowest_of_balls_and_heels(body, fitter):
+    soles = fitter.articulation.soles
+    at = body.vertices[soles.vertices]
+    assert at[:, 1].max() < 0.03
+    for side, sign in (("left", 1.0), ("right", -1.0)):
+        own = sign * at[:, 0] > 0.0
+        ankle, ball = (body.nodes[NODE_INDEX[f"{side}_{name}"], 2] for name in ("ankle", "foot"))
+        for is_heel in (False, True):
+            part = own & (soles.is_heel == is_heel)
+            assert soles.share[part].sum() == pytest.approx(1.0)
+            assert ((at[part, 2] < 0.5 * (ankle + ball)) == is_heel).all()
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_an_ankle_is_a_hinge(fitter, axis):
+    """Turned about the shank or the foot it is pulled back; about its hinge it hardly is."""
+    rotations = syn.FACING @ syn.varied(0, 30.0)
+    knee, ankle = NODE_INDEX["left_knee"], NODE_INDEX["left_ankle"]
+    angle = 0.4
+    turn = rotvec_to_matrix(angle * np.eye(3)[axis])
+    rotations[ankle] = rotations[knee] @ turn
+    other = NODE_INDEX["right_ankle"]
+    rotations[other] = rotations[NODE_INDEX["right_knee"]]
+    size = len(fitter.articulation.above)
+    matrix, gradient = np.zeros((size, size)), np.zeros(size)
+    tree.hold_neutral(fitter.articulation, 1.0, rotations, matrix, gradient)
+    first = 3 + 3 * fitter.articulation.free[ankle]
+    own = slice(first, first + 3)
+    stiffness = fitter.articulation.neutral[fitter.articulation.free[ankle]]
+    pull = rotations[knee].T @ gradient[own]  # in the shank's axes
+    np.testing.assert_allclose(pull, -stiffness * np.sin(angle) * np.eye(3)[axis], atol=1e-12)
+    np.testing.assert_allclose(
+        rotations[knee].T @ matrix[own, own] @ rotations[knee], np.diag(stiffness), atol=1e-12
+    )
+    assert stiffness[0] < 0.2 * stiffness[1:].min()
+    gradient[own] = 0.0
+    assert np.abs(gradient).max() < 1e-12  # every other joint is free, or at rest
+
+
 def disturbed_start(seed, degrees):
     """A posed body, and a start with all limbs off and the root 5 cm away."""
     true = syn.varied(seed, 25.0)

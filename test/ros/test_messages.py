@@ -63,7 +63,8 @@ def people(rng):
         )
     ]
     points = camera.back_project(depth.astype(np.float32))
-    return see_people(1_700_000_000_123_456_789, "optical", camera, points, labels, found)
+    floor = np.array([0.0, -0.8, -0.6, 1.25])
+    return see_people(1_700_000_000_123_456_789, "optical", camera, points, labels, found, floor)
 
 
 @pytest.fixture(scope="module")
@@ -89,6 +90,7 @@ def test_people_round_trip_is_exact(people):
     assert (back.stamp_ns, back.frame_id, back.camera) == (people.stamp_ns, people.frame_id, people.camera)
     assert_same_bits(back.points, people.points)
     assert_same_bits(back.labels, people.labels)
+    assert_same_bits(back.floor, people.floor)
     assert [p.body_id for p in back.persons] == [p.body_id for p in people.persons] == ["body_5"]
     for a, b in zip(back.persons, people.persons, strict=True):
         assert a.found.probability == b.found.probability and a.found.label == b.found.label

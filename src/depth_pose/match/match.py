@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from depth_pose.bank.bank import Bank
 from depth_pose.bank.canonical import describe
@@ -20,8 +21,8 @@ from depth_pose.bank.views import AXES
 from depth_pose.body.pose import BodyPose
 from depth_pose.body.rendered_depth import Observation
 from depth_pose.core.config import MatchConfig
-from depth_pose.core.skeleton import NODE_INDEX
-from depth_pose.core.types import Candidate, PoseMatch
+from depth_pose.core.skeleton import JOINT_NODES, JOINTS, NODE_INDEX, NODES
+from depth_pose.core.types import Candidate, FoundPerson, PoseMatch
 from depth_pose.match._match_kernels import keep_different
 from depth_pose.match.last_match import LastMatch
 from depth_pose.match.placing import (
@@ -194,7 +195,7 @@ class Matcher:
         placed = self._compare_finely(person, scale, rough)
         if not is_new and not self._is_known(size.finder):
             size.finder.add(person, self._pose(placed, 0, scale))
-        return PoseMatch(person.body_id, self.bank.bank_id, scale, self._keep_different(placed))
+        return PoseMatch(person.body_id, self.bank.bank_id, scale, self._keep_different(placed, person.found))
 
     def _is_known(self, finder: ScaleFinder) -> bool:
         """Check that the size is configured, or estimated and held."""
@@ -272,11 +273,13 @@ class Matcher:
     def _compare_finely(self, person: Person, scale: float, rough: Placed) -> Placed:
         """Compare the best of the shortlist in a finer image, and sort them by score."""
         image = _thinned(person, _FINE_M)
-        there = rough.take(rough.ranking()[:_FINALISTS])
+        ranking = rough.ranking()
+        there = rough.take(_with_facing(ranking, _FINALISTS, _faces_alike(rough, person.found)))
         # a correction from few pixels is only tried
         pairs = (self._renderer.compare(p, scale, image) for p in (there, there.moved()))
         compared = better(*pairs)
-        best = compared.take(compared.ranking()[:_CORRECTED])
+        ranking = compared.ranking()
+        best = compared.take(_with_facing(ranking, _CORRECTED, _faces_alike(compared, person.found)))
         best = better(best, self._renderer.compare(best.moved(), scale, image))
         return self.settle_facing(best.take(best.ranking()), person, scale)
 
@@ -297,7 +300,7 @@ class Matcher:
         -------
         Placed
         """
-        across = placed.nodes[:, _LEFT].sum(axis=1) - placed.nodes[:, _RIGHT].sum(axis=1)
+        across = _across(placed.nodes)
         close = placed.scores < placed.scores[0] + _NEARLY
         turned = np.flatnonzero(close & (across @ across[0] < 0.0))
         if turned.size == 0:
@@ -308,9 +311,10 @@ class Matcher:
         rows = np.arange(len(placed.scores))
         return placed.take(np.insert(rows[rows != other], 0, other))
 
-    def _keep_different(self, placed: Placed) -> tuple[Candidate, ...]:
-        """Return the best few candidates with different poses."""
-        kept = keep_different(placed.nodes, _SAME_POSE_M, self.config.keep)
+    def _keep_different(self, placed: Placed, found: FoundPerson) -> tuple[Candidate, ...]:
+        """Return the best few candidates with different poses, one of them facing as is proposed."""
+        different = keep_different(placed.nodes, _SAME_POSE_M, len(placed.scores))
+        kept = _with_facing(different, self.config.keep, _faces_alike(placed, found))
         return tuple(
             Candidate(
                 exemplar=int(placed.exemplars[k]),
@@ -322,6 +326,28 @@ class Matcher:
             )
             for k in kept
         )
+
+
+def _faces_alike(placed: Placed, found: FoundPerson) -> NDArray[np.bool_]:
+    """Return which exemplars (K,) face as the proposed joints do; all without proposals."""
+    if len(found.proposals) != len(JOINTS):
+        return np.ones(len(placed.scores), np.bool_)
+    proposed = np.empty((len(NODES), 3))
+    proposed[JOINT_NODES] = found.proposals
+    return np.asarray(_across(placed.nodes) @ _across(proposed[None])[0] > 0.0)
+
+
+def _across(nodes: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return vectors (K, 3) to the persons' left."""
+    return np.asarray(nodes[:, _LEFT].sum(axis=1) - nodes[:, _RIGHT].sum(axis=1))
+
+
+def _with_facing(rows: NDArray[np.int64], most: int, alike: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Return the first ``most`` rows; if none of them faces alike, the last gives way to the first that does."""
+    taken, others = rows[:most], rows[most:]
+    if alike[taken].any() or not alike[others].any():
+        return taken
+    return np.append(taken[:-1], others[alike[others]][0])
 
 
 def _thinned(person: Person, spacing_m: float) -> Observation:
