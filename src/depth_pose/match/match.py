@@ -343,7 +343,7 @@ def _across(nodes: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _with_facing(rows: NDArray[np.int64], most: int, alike: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Return the first ``most`` rows; if none of them faces alike, the last gives way to the first that does."""
+    """Return the first ``most`` rows; if none faces alike, the last gives way to the first that does."""
     taken, others = rows[:most], rows[most:]
     if alike[taken].any() or not alike[others].any():
         return taken
