@@ -65,7 +65,7 @@ class KeptPoses:
     beam : tuple of BodyPose
         The answer, and the next best poses that differ from it and from one another.
     turn : int
-        The group searched for limbs in this frame.
+        Number of the frame; the groups are searched for limbs in turn.
     lead : float
         Score advantage of a different pose that was not the answer, summed over the last frames.
     """
@@ -103,7 +103,7 @@ def choose_answer(
         assert best is not None, "the best side is always finished"
         return best
     better = old.score - rival.score
-    if better <= 0.0 or _gaps(rival, old).mean() < _SAME_M:
+    if better <= 0.0 or joint_gaps(rival, old).mean() < _SAME_M:
         return rival if better > 0.0 else old
     if before + better > _LEAD:
         return rival
@@ -117,12 +117,12 @@ def keep_differing(best: ScoredFit, sides: list[ScoredFit], most: int) -> tuple[
     for side in sorted(sides, key=by_score):
         if len(beam) >= most or side.score > best.score + _HOPELESS:
             break
-        if all(_gaps(side, other).max() > _DIFFERS_M for other in beam):
+        if all(joint_gaps(side, other).max() > _DIFFERS_M for other in beam):
             beam.append(side)
     return tuple(pose.body.pose for pose in beam)
 
 
-def _gaps(one: ScoredFit, other: ScoredFit) -> NDArray[np.float64]:
+def joint_gaps(one: ScoredFit, other: ScoredFit) -> NDArray[np.float64]:
     """Compute the distances (J,) between the joints of two poses, metres."""
     return np.asarray(np.linalg.norm(one.body.nodes[JOINT_NODES] - other.body.nodes[JOINT_NODES], axis=1))
 

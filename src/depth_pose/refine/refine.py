@@ -27,7 +27,14 @@ from depth_pose.core.skeleton import Source
 from depth_pose.core.types import Candidate, PoseMatch
 from depth_pose.refine.body_fitter import BodyFitter, FrameFit, PersonFitter
 from depth_pose.refine.build_learner import BuildLearner
-from depth_pose.refine.kept_poses import KeptPoses, ScoredFit, by_score, choose_answer, keep_differing
+from depth_pose.refine.kept_poses import (
+    KeptPoses,
+    ScoredFit,
+    by_score,
+    choose_answer,
+    joint_gaps,
+    keep_differing,
+)
 from depth_pose.refine.limbs import LimbSearch
 from depth_pose.refine.pose_prior import PosePrior, usual_joints
 from depth_pose.refine.proposals import aim_legs, from_proposals
@@ -36,14 +43,21 @@ from depth_pose.track.memory import Subject, Subjects
 from depth_pose.track.person import People, Person
 from depth_pose.track.sample_people import SAMPLE_DISTANCE_M, sample_people
 
-_ROUGH = 2
-"""Number of candidates, the best after a glance, that are fitted roughly."""
-
 _FIRST_ROUNDS = 4
 """Rounds of limb search while there is no previous pose to start from."""
 
+_LIMBS_EVERY = 2
+"""Frames from one limb search to the next for a person with a previous pose; the groups take turns."""
+
+_DOUBTFUL_M = 0.03
+"""Mean distance (m) of a pose from its proposals above which limbs are searched in every frame; chosen on
+development clips."""
+
 _NEARLY = 0.04
 """The worse group is also fitted finely if its score is at most this much higher."""
+
+_SAME_M = 0.03
+"""But not if no joint is farther than this (m) from the better one's."""
 
 
 class Refiner:
@@ -156,17 +170,19 @@ class Refiner:
         )
 
     def _fit_best(self, person: Person, match: PoseMatch, kept: KeptPoses, fit: FrameFit) -> ScoredFit:
-        """Fit fresh and kept starts roughly, search limbs in one or both groups, finish, and choose."""
+        """Fit fresh and kept starts roughly, search limbs in one group, finish, and choose."""
         fresh = self._fit_candidates(person, match, fit)
         sides = [fresh, *self._fit_kept(person, kept, match.scale, fit)]
-        kept.turn = (kept.turn + 1) % min(2, len(sides))
-        for number, side in enumerate(sides):
-            if number == kept.turn or number >= 2:
-                rounds = _FIRST_ROUNDS if len(sides) == 1 else 1
-                sides[number] = self._search_limbs(person, side, rounds, fit)
-        enough = min(side.score for side in sides) + _NEARLY
+        kept.turn += 1
+        if len(sides) == 1:
+            sides[0] = self._search_limbs(person, fresh, _FIRST_ROUNDS, fit)
+        elif kept.turn % _LIMBS_EVERY == 0 or min(side.away for side in sides) > _DOUBTFUL_M:
+            number = kept.turn // _LIMBS_EVERY % len(sides)
+            sides[number] = self._search_limbs(person, sides[number], 1, fit)
+        first = min(sides, key=by_score)
         finished = [
-            self._compare(person, fit.finish(side.body)) if side.score <= enough else None for side in sides
+            self._compare(person, fit.finish(side.body)) if _is_worth_it(side, first) else None
+            for side in sides
         ]
         best = choose_answer(kept, *finished)
         answers = [done or rough for done, rough in zip(finished, sides, strict=True)]
@@ -174,15 +190,15 @@ class Refiner:
         return best
 
     def _fit_candidates(self, person: Person, match: PoseMatch, fit: FrameFit) -> ScoredFit:
-        """Return the best rough fit among the best candidates of a glance."""
+        """Return the rough fit of the best candidate after a glance."""
         starts = [self.bank.pose(candidate, match.scale) for candidate in match.candidates]
-        glances = sorted((self._compare(person, fit.glance(s)) for s in starts), key=by_score)
-        return self._best_rough(person, [g.body.pose for g in glances[:_ROUGH]], fit)
+        return self._fit_one(person, starts, fit)
 
     def _fit_kept(self, person: Person, kept: KeptPoses, scale: float, fit: FrameFit) -> list[ScoredFit]:
         """Return the rough fits of the poses kept from the previous frame, the answer first."""
         beam = kept.beam if self.config.track else ()
-        return [self._best_rough(person, [BodyPose(pose.rotations, pose.root, scale)], fit) for pose in beam]
+        starts = [BodyPose(pose.rotations, pose.root, scale) for pose in beam]
+        return [self._compare(person, fit.rough(start)) for start in starts]
 
     def _search_limbs(self, person: Person, side: ScoredFit, rounds: int, fit: FrameFit) -> ScoredFit:
         """Replace arms and legs as long as the fit improves."""
@@ -192,15 +208,16 @@ class Refiner:
             starts += [] if aimed is None else [aimed]
             if not starts:
                 break
-            glanced = min((self._compare(person, fit.glance(s)) for s in starts), key=by_score)
-            exchanged = self._best_rough(person, [glanced.body.pose], fit)
+            exchanged = self._fit_one(person, starts, fit)
             if exchanged.score >= side.score:
                 break
             side = exchanged
         return side
 
-    def _best_rough(self, person: Person, starts: Iterable[BodyPose], fit: FrameFit) -> ScoredFit:
-        return min((self._compare(person, fit.rough(start)) for start in starts), key=by_score)
+    def _fit_one(self, person: Person, starts: Iterable[BodyPose], fit: FrameFit) -> ScoredFit:
+        """Return the rough fit of the start that is best after a glance."""
+        best = min((self._compare(person, fit.glance(start)) for start in starts), key=by_score)
+        return self._compare(person, fit.rough(best.body.pose))
 
     def _compare(self, person: Person, body: FittedBody) -> ScoredFit:
         """Compare a fitted body with the depth, the proposed joints and the pose prior."""
@@ -210,3 +227,10 @@ class Refiner:
             from_proposals(body.nodes, person.found),
             self._prior.excess(body.nodes, body.pose.scale),
         )
+
+
+def _is_worth_it(side: ScoredFit, first: ScoredFit) -> bool:
+    """Check whether a rough fit is worth a fine one, given the best one."""
+    if side is first:
+        return True
+    return side.score <= first.score + _NEARLY and bool(joint_gaps(side, first).max() > _SAME_M)
