@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from depth_pose.core.camera import Camera
 from depth_pose.core.config import DenoiseConfig, MatchConfig, MountConfig, SegmentConfig
-from depth_pose.core.mount import rotation_sensor_upright
+from depth_pose.core.mount import rotation_sensor_upright, up_direction
 from depth_pose.core.stamps import StampGuard
 from depth_pose.core.types import HIDDEN, DepthFrame, FoundPerson
 from depth_pose.core.zone import parse_zone
@@ -24,8 +24,8 @@ from depth_pose.track.choice import PeopleChoice
 from depth_pose.track.person import MIN_POINTS, NO_FLOOR, People, see_people
 from depth_pose.track.tracks import PeopleTracks
 
-_FLOOR_EVERY = 15
-"""Frames from one look for the floor to the next; set by hand."""
+_FLOOR_EVERY_NS = 1_000_000_000
+"""Time from one search for the floor to the next (ns); set by hand."""
 
 _METHODS: dict[str, Callable[[SegmentConfig], Segmenter]] = {
     "learned": LearnedSegmenter,
@@ -50,6 +50,8 @@ class PeopleExtractor:
     segmenter : Segmenter
         Detects people, and keeps its state from frame to frame.
     choice : PeopleChoice
+    floor_finder : FloorFinder
+        Searches every second, and holds the floor.
     passed_over : Counter of str
         Number of detections not used, over all frames: ``too near or too far``, ``not sure enough``,
         ``too few points``, and the exclusions by `PeopleChoice`.
@@ -69,18 +71,18 @@ class PeopleExtractor:
         self.choice = PeopleChoice(
             parse_zone(segment.zone), segment.most_people, rotation_sensor_upright(mount.roll)
         )
-        self._floor = FloorFinder(segment)
+        self.floor_finder = FloorFinder(segment, up_direction(mount))
+        self._searched_ns: int | None = None
         self._guard = StampGuard()
         self.passed_over: Counter[str] = Counter()
-        self._frames = 0
 
     def reset(self) -> None:
         """Forget all tracks."""
         self.segmenter.reset()
         self._tracks.reset()
         self.choice.reset()
-        self._floor.reset()
-        self._frames = 0
+        self.floor_finder.reset()
+        self._searched_ns = None
 
     def restart(self) -> None:
         """Forget all tracks and ids, as if new."""
@@ -91,8 +93,8 @@ class PeopleExtractor:
     def warm_up(self) -> None:
         """Compile every kernel."""
         self.segmenter.warm_up()
-        self._floor.find(sample_frame())
-        self._floor.reset()
+        self.floor_finder.find(sample_frame())
+        self.floor_finder.reset()
         camera = Camera(64, 48, 60.0, 60.0, 31.5, 23.5)
         depth = denoise_depth(np.full((48, 64), 2.0, np.float32), camera, self._denoise)
         found = FoundPerson(1, "", 1.0)
@@ -127,11 +129,12 @@ class PeopleExtractor:
         # Ye et al. eq. 2: x and y follow the depth along the pixel's ray
         # Ye et al. eq. 4: also in further iterations, if `denoise.iterations` is above 1
         points = seen.camera.back_project(depth)
-        if self._frames % _FLOOR_EVERY == 0:
-            self._floor.update(frame, [points[labels == person.label] for person in found])
-        self._frames += 1
-        floor = NO_FLOOR if self._floor.floor is None else self._floor.floor.plane
-        return see_people(frame.stamp_ns, frame.frame_id, seen.camera, points, labels, found, floor)
+        if self._searched_ns is None or frame.stamp_ns - self._searched_ns >= _FLOOR_EVERY_NS:
+            self._searched_ns = frame.stamp_ns
+            self.floor_finder.update(frame, [points[labels == person.label] for person in found])
+        floor = self.floor_finder.floor
+        plane = NO_FLOOR if floor is None else floor.plane
+        return see_people(frame.stamp_ns, frame.frame_id, seen.camera, points, labels, found, plane)
 
     def _proposed(self, sighting: Sighting) -> tuple[NDArray[np.float32], ...]:
         """Return a sighting's proposed joints, confidences and deviations, or nothing."""

@@ -114,7 +114,7 @@ class DenoiseNode(StageNode):
         self._points.publish(points)
         self._people.publish(people)
         self._in_flight.begin(found.stamp_ns, time.monotonic())
-        self._room.tell(frame, upright, found)
+        self._room.tell(frame, found, self.stage.floor_finder)
         self._mounting.look(upright, found)
         self._say()
         self.statistics.values["people"] = len(people.people)

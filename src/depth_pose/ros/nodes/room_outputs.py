@@ -10,11 +10,10 @@ from geometry_msgs.msg import PoseStamped
 from numpy.typing import NDArray
 from sensor_msgs.msg import Image
 
-from depth_pose.core.camera import Camera
 from depth_pose.core.config import MountConfig
-from depth_pose.core.mount import UPRIGHT, rotation_sensor_upright, up_direction
+from depth_pose.core.mount import UPRIGHT, rotation_sensor_upright
 from depth_pose.core.types import DepthFrame
-from depth_pose.detect.floor import FloorFinder
+from depth_pose.detect.floor import Floor, FloorFinder
 from depth_pose.ros.messages.basics import make_header
 from depth_pose.ros.transport.level import Level
 from depth_pose.ros.transport.tf import LATCHED, Transforms, pose_of, stamped
@@ -27,9 +26,6 @@ if TYPE_CHECKING:
 FLOOR = "floor"
 """Name of the floor's frame, without the prefix."""
 
-FLOOR_EVERY_NS = 1_000_000_000
-"""Interval between two searches for the floor, nanoseconds of the frames' stamps."""
-
 _ROLL_SEEN = np.cos(np.radians(60.0))
 """Minimum component of up in the image plane to measure a roll; smaller if a sensor looks straight down."""
 _ROLL_DEG = 40.0
@@ -39,7 +35,7 @@ _ROLL_DEG = 40.0
 class RoomOutputs:
     """Publishes ``labels`` and ``floor``, and on ``/tf_static`` the floor and the upright frame.
 
-    Labels are drawn only with a subscriber; the floor is searched with a subscriber or if ``tf`` is set.
+    Labels are drawn only with a subscriber.
 
     Parameters
     ----------
@@ -58,59 +54,49 @@ class RoomOutputs:
         self.doubt = ""
         """Reason why the roll of the mounting looks wrong; empty if it does not."""
         self._take_settings()
-        if self._tf:  # loads the kernels
-            FloorFinder(self._config.segment).find(
-                DepthFrame(
-                    0, "", np.full((96, 128), 2.0, np.float32), Camera(128, 96, 110.0, 110.0, 63.5, 47.5)
-                )
-            )
 
     def _take_settings(self) -> None:
         self._config = self._node.config
         self._mount: MountConfig = self._config.mount
-        self._finder = FloorFinder(self._config.segment, up_direction(self._mount))
-        self._looked_ns: int | None = None
+        self._told: Floor | None = None
 
-    def tell(self, frame: DepthFrame, upright: DepthFrame, people: People) -> None:
+    def tell(self, frame: DepthFrame, people: People, finder: FloorFinder) -> None:
         """Publish the enabled outputs of one frame.
 
         Parameters
         ----------
-        frame, upright : DepthFrame
-            As measured by the sensor, and as processed.
+        frame : DepthFrame
+            As measured by the sensor.
         people : People
             Of this frame.
+        finder : FloorFinder
+            Takes the measured direction of up.
         """
         if self._node.config is not self._config:
             self._take_settings()
         if self._labels.get_subscription_count():
             self._labels.publish(labels_to_msg(draw_labels(people, frame, self._mount), frame))
-        self._take_level(frame)
-        if self._tf or self._floor.get_subscription_count():
-            self._look_down(frame, upright, people)
+        self._take_level(frame, finder)
+        if finder.floor is not None and finder.floor is not self._told:
+            self._told = finder.floor
+            self._tell_floor(frame, finder.floor)
         if (frame.frame_id, self._mount.roll) != self._upright:
             self._tell_upright(frame)
 
-    def _take_level(self, frame: DepthFrame) -> None:
+    def _take_level(self, frame: DepthFrame, finder: FloorFinder) -> None:
         """Use the measured direction of up, and compare it with the roll of the mounting."""
         up = self._level.up(frame.frame_id)
         if up is None:
             return
-        self._finder.up = rotation_sensor_upright(self._mount.roll).T @ up
+        finder.up = rotation_sensor_upright(self._mount.roll).T @ up
         roll = float(np.degrees(np.arctan2(-up[0], -up[1]))) % 360.0
         away = (roll - self._mount.roll + 180.0) % 360.0 - 180.0
         rolled = np.hypot(up[0], up[1]) > _ROLL_SEEN and abs(away) > _ROLL_DEG
         says = f"{self._level.source} says that the sensor is rolled by {roll:.0f} degrees"
         self.doubt = f"{says}: set mount.roll: {roll:.0f} for all nodes" if rolled else ""
 
-    def _look_down(self, frame: DepthFrame, upright: DepthFrame, people: People) -> None:
-        if self._looked_ns is not None and 0 <= frame.stamp_ns - self._looked_ns < FLOOR_EVERY_NS:
-            return
-        self._looked_ns = frame.stamp_ns
-        standing = [person.points for person in people.persons]
-        if not self._finder.update(upright, standing) or self._finder.floor is None:
-            return
-        T_sensor_floor = self._finder.floor.turned(rotation_sensor_upright(self._mount.roll)).T_camera_floor
+    def _tell_floor(self, frame: DepthFrame, floor: Floor) -> None:
+        T_sensor_floor = floor.turned(rotation_sensor_upright(self._mount.roll)).T_camera_floor
         header = make_header(frame.stamp_ns, frame.frame_id)
         self._floor.publish(PoseStamped(header=header, pose=pose_of(T_sensor_floor)))
         if self._statics is not None and self._tf:
