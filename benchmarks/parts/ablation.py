@@ -47,7 +47,7 @@ CONFIGS = {
     "no learned joints: the paper's way": PipelineConfig(match=MatchConfig(method="exemplars")),
     "no pose of the frame before": PipelineConfig(refine=RefineConfig(track=False)),
     "no recovery": PipelineConfig(recover=RecoverConfig(enabled=False)),
-    "a quarter of the shortlist": PipelineConfig(match=MatchConfig(shortlist=32)),
+    "four times the shortlist": PipelineConfig(match=MatchConfig(shortlist=4 * MatchConfig().shortlist)),
     "a search for exemplars in every frame": PipelineConfig(match=MatchConfig(search_every=1)),
     "a search for people in every frame": PipelineConfig(segment=SegmentConfig(find_every=1)),
 }

@@ -2,9 +2,10 @@
 
 The cloud is transformed to canonical axes, drawn as a small depth image, projected into the bank's PCA
 subspace, and compared with every view of every exemplar there (Ye et al. eq. 6, exact search). The paper
-takes the nearest one. Here the nearest hundred are posed, placed at the input and rendered as small images,
-and the best few of them as larger ones. The disagreement of rendered and observed depth ranks them, and
-several are passed to the refinement. The same score determines the person's size over the first frames.
+takes the nearest one. Here the nearest few dozen, and those nearest to the proposed joints, are posed, placed
+at the input and rendered as small images, and the best of them as larger ones. The disagreement of rendered
+and observed depth ranks them, and several are passed to the refinement, one of which faces as the proposed
+joints do. The same score determines the person's size over the first frames.
 """
 
 from __future__ import annotations

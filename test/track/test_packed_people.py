@@ -1,0 +1,41 @@
+"""People as few bytes: nothing is lost."""
+
+from __future__ import annotations
+
+import pickle
+from dataclasses import replace
+
+import numpy as np
+
+import synthetic as syn
+from depth_pose.track.packed_people import pack_people, unpack_people
+from depth_pose.track.person import see_people
+
+
+def test_unpacked_people_are_the_same_bit_for_bit():
+    two = [syn.draw(syn.mesh(syn.posed(syn.arms_down(), aside=aside))) for aside in (-0.6, 0.6)]
+    seen = syn.to_people(*two)
+    rng = np.random.default_rng(0)
+    found = [
+        replace(
+            person.found,
+            proposals=rng.normal(size=(19, 3)).astype(np.float32),
+            proposal_confidence=rng.random(19).astype(np.float32),
+            proposal_sigma=rng.random((19, 2)).astype(np.float32),
+        )
+        for person in seen.persons
+    ]
+    floor = np.array([0.0, -0.8, -0.6, 1.25])
+    people = see_people(7, "optical", seen.camera, seen.points, seen.labels, found, floor)
+    packed = pickle.dumps(pack_people(people))
+    back = unpack_people(pickle.loads(packed))
+    assert len(packed) < 0.3 * people.points.nbytes
+    assert (back.stamp_ns, back.frame_id, back.camera) == (7, "optical", people.camera)
+    for name in ("points", "labels", "floor"):
+        np.testing.assert_array_equal(getattr(back, name), getattr(people, name))
+    for a, b in zip(back.persons, people.persons, strict=True):
+        assert a.body_id == b.body_id
+        for name in ("proposals", "proposal_confidence", "proposal_sigma"):
+            np.testing.assert_array_equal(getattr(a.found, name), getattr(b.found, name))
+        np.testing.assert_array_equal(a.points, b.points)
+        np.testing.assert_array_equal(a.target(100).floor, floor)
