@@ -83,14 +83,15 @@ def draw(measured: list[stages.StageTimes], compared: list[peers.Peer], path: Pa
     figure = Figure(figsize=(11, 4.2), layout="constrained")
     left, right = figure.subplots(1, 2)
     names = [f"{m.images}, {m.people.max()}\n{m.method}" for m in measured]
-    start = np.zeros(len(measured))
+    rows, start = np.arange(len(measured)), np.zeros(len(measured))
     for k, stage in enumerate(stages.STAGES):
         wide = np.array([np.median(m.known[:, k]) for m in measured])
-        left.barh(names, wide, left=start, label=stage)
+        left.barh(rows, wide, left=start, label=stage)
         start += wide
     for y, total in enumerate(start):
         left.text(total + 0.5, y, f"{total:.0f}", va="center", fontsize=8)
     left.set(xlabel="ms of processor time a frame, medians", title="the pipeline, one thread")
+    left.set_yticks(rows, names)
     left.set_xlim(0, 1.1 * start.max())
     left.invert_yaxis()
     left.legend(fontsize=8, loc="upper right")
