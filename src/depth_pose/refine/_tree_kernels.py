@@ -27,7 +27,7 @@ class Soles(NamedTuple):
         The lowest vertices of the balls and heels in the rest pose.
     is_heel : (S,) bool
     share : (S,) float64
-        One by the number of vertices of the same ball or heel.
+        One over the number of vertices of the same ball or heel.
     """
 
     vertices: NDArray[np.int64]
@@ -51,8 +51,7 @@ class Articulation(NamedTuple):
     stiffness : (F,) float64
         Stiffness of each free node toward the start.
     neutral : (F, 3) float64
-        Stiffness of each free node's rotation from its parent's toward none, as in the rest pose, about
-        the parent's axes.
+        Stiffness of each free node toward its rest pose relative to its parent, about the parent's axes.
     soles : Soles
     """
 

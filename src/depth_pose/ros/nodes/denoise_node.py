@@ -109,6 +109,7 @@ class DenoiseNode(StageNode):
             raise Held
         frame = self._frame(message)
         upright = rotate_upright(frame, self.config.mount)
+        self._room.take_level(frame, self.stage.floor_finder)
         found = self.stage.extract(upright)
         points, people = people_to_msgs(found)
         self._points.publish(points)

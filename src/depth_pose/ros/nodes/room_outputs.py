@@ -70,21 +70,20 @@ class RoomOutputs:
         people : People
             Of this frame.
         finder : FloorFinder
-            Takes the measured direction of up.
+            Holds the floor.
         """
         if self._node.config is not self._config:
             self._take_settings()
         if self._labels.get_subscription_count():
             self._labels.publish(labels_to_msg(draw_labels(people, frame, self._mount), frame))
-        self._take_level(frame, finder)
         if finder.floor is not None and finder.floor is not self._told:
             self._told = finder.floor
             self._tell_floor(frame, finder.floor)
         if (frame.frame_id, self._mount.roll) != self._upright:
             self._tell_upright(frame)
 
-    def _take_level(self, frame: DepthFrame, finder: FloorFinder) -> None:
-        """Use the measured direction of up, and compare it with the roll of the mounting."""
+    def take_level(self, frame: DepthFrame, finder: FloorFinder) -> None:
+        """Give a finder the measured direction of up, and compare it with the roll of the mounting."""
         up = self._level.up(frame.frame_id)
         if up is None:
             return
