@@ -32,6 +32,23 @@ STOPS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 _PR_SET_PDEATHSIG = 1
 """Of Linux' prctl: the signal that a process gets when its parent dies."""
 
+_END_S = 10.0
+"""Seconds for an orderly end, after which the process prints a traceback and ends. Set by hand."""
+
+
+class _Stop:
+    """Handler of `STOPS`: interrupts what runs, and remembers it.
+
+    Python drops exceptions that are raised in destructors and some callbacks.
+    """
+
+    def __init__(self) -> None:
+        self.is_asked = False
+
+    def __call__(self, number: int, frame: object) -> None:
+        self.is_asked = True
+        raise KeyboardInterrupt
+
 
 def run_node(make: Callable[[], Any], args: Sequence[str] | None = None) -> int:
     """Create a node and run it until a stop signal.
@@ -49,14 +66,15 @@ def run_node(make: Callable[[], Any], args: Sequence[str] | None = None) -> int:
         Exit code: 0 after one of `STOPS`, `EXIT_CONFIG` where the settings cannot be used.
     """
     faulthandler.enable()  # a crash prints a traceback
+    stop = _Stop()
     for number in _heard():
-        signal.signal(number, _stop)
+        signal.signal(number, stop)
     os.umask(PRIVATE_UMASK)
     if os.environ.get(END_WITH_PARENT):
         end_with_parent()
     if args is None:
         set_title(Path(sys.argv[0]).stem)
-    code = _run(make, args)
+    code = _run(make, args, stop)
     if args is None:
         leave(code)
     return code
@@ -71,7 +89,7 @@ def leave(code: int) -> NoReturn:
     os._exit(code)
 
 
-def _run(make: Callable[[], Any], args: Sequence[str] | None) -> int:
+def _run(make: Callable[[], Any], args: Sequence[str] | None, stop: _Stop) -> int:
     import rclpy  # after the handlers: a stop during these imports must be clean, too
     from rclpy.executors import ExternalShutdownException
     from rclpy.signals import SignalHandlerOptions, install_signal_handlers
@@ -90,7 +108,7 @@ def _run(make: Callable[[], Any], args: Sequence[str] | None) -> int:
         install_signal_handlers(SignalHandlerOptions.ALL)
         if os.environ.get(PULSE) or os.environ.get(END_WITH_PARENT):  # the supervisor restarts it
             start_pulse(bool(os.environ.get(PULSE)))
-        _spin(node)
+        _spin(node, stop)
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     except (ConfigError, BankError) as e:
@@ -102,25 +120,28 @@ def _run(make: Callable[[], Any], args: Sequence[str] | None) -> int:
     finally:
         for number in STOPS:
             signal.signal(number, signal.SIG_IGN)
+        if args is None:
+            faulthandler.dump_traceback_later(_END_S, exit=True)
         if node is not None:
             if sys.exc_info()[0] is None:  # it was told to stop
                 with contextlib.suppress(OSError):  # nobody reads it
                     print(f"{node.get_name()} {DONE}", flush=True)
             with contextlib.suppress(Exception):
                 node.destroy_node()
-        rclpy.try_shutdown()
+        with contextlib.suppress(RuntimeError):  # the signal handler's thread shuts down at the same time
+            rclpy.try_shutdown()
     return 0
 
 
-def _spin(node: Any) -> None:
-    """Run callbacks until shutdown, and process complete frames."""
+def _spin(node: Any, stop: _Stop) -> None:
+    """Run callbacks until shutdown or a signal, and process complete frames."""
     import rclpy
     from rclpy.executors import SingleThreadedExecutor
 
     executor = SingleThreadedExecutor()
     executor.add_node(node)
     try:
-        while rclpy.ok():
+        while rclpy.ok() and not stop.is_asked:
             _spin_once(executor, node)
     finally:
         executor.shutdown(timeout_sec=0.2)
@@ -166,7 +187,3 @@ def on_stop(callback: Callable[[], None]) -> Iterator[None]:
 def _heard() -> list[signal.Signals]:
     """Return `STOPS`, without SIGHUP where it is ignored: ``nohup`` asks for that."""
     return [n for n in STOPS if n != signal.SIGHUP or signal.getsignal(n) != signal.SIG_IGN]
-
-
-def _stop(number: int, frame: object) -> None:
-    raise KeyboardInterrupt
