@@ -11,7 +11,7 @@ import pytest
 
 import synthetic as syn
 from depth_pose.core.config import SegmentConfig
-from depth_pose.core.skeleton import JOINT_INDEX, JOINT_NODES
+from depth_pose.core.skeleton import JOINT_INDEX, JOINT_NODES, NODE_INDEX
 from depth_pose.core.types import BACKGROUND, HIDDEN, DepthFrame
 from depth_pose.detect import _crop_kernels as kernels
 from depth_pose.detect._crop_kernels import CropView
@@ -61,6 +61,9 @@ def test_joints_of_somebody_who_stands_free(distance, turn):
     assert ((seen.proposal_confidence > 0) & (seen.proposal_confidence <= 1)).all()
     assert seen.proposal_sigma.shape == (19, 2)
     assert (seen.proposal_sigma > 0).all()
+    ankles = body.nodes[[NODE_INDEX["left_ankle"], NODE_INDEX["right_ankle"]]]
+    assert np.linalg.norm(seen.heels[:, :3] - ankles, axis=1).max() < 0.2
+    assert (seen.heels[:, 3:] > 0).all()
 
 
 def test_same_frame_same_bits():

@@ -36,6 +36,7 @@ class Watcher:
             np.tile(person.torso, (19, 1)),
             np.full(19, 0.05),
             np.full((19, 2), 0.05),
+            np.tile([*person.torso, 0.05, 0.05], (2, 1)),
             0.0,
             self.probability,
             CropMask(np.zeros((8, 8), np.float32), CropView(*person.torso.tolist(), 0.3)),

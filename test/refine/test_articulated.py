@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import synthetic as syn
+from depth_pose.body.feet import heel_vertices
 from depth_pose.body.pose import BodyPose
 from depth_pose.body.rendered_depth import Observation
 from depth_pose.core._rotation_kernels import rotation_of
@@ -96,6 +97,32 @@ def test_proposals_far_from_the_truth_do_little(body, fitter):
     assert syn.joint_error(fits[1], fits[0]) < 0.01
 
 
+@pytest.mark.parametrize("swapped", [False, True])
+def test_heels_that_nobody_sees_go_where_they_are_proposed(body, fitter, swapped):
+    """On the toes, below the image's border, the balls unknown; names of sides do not matter."""
+    rotations = syn.arms_down()
+    for side in ("left", "right"):
+        below = syn.subtree(NODE_INDEX[f"{side}_ankle"])
+        rotations[below] = rotvec_to_matrix(np.array([0.7, 0.0, 0.0])) @ rotations[below]
+    posed = syn.posed(rotations, distance=2.8)
+    depth = syn.draw(syn.mesh(posed))
+    depth[depth.shape[0] // 2 :] = 0.0
+    person = syn.to_person(depth)
+    truth = posed.nodes[JOINT_NODES]
+    sure = np.array(["foot" not in name for name in JOINTS]).astype(float)
+    found = proposed(truth[MIRROR_JOINTS] if swapped else truth, sure)
+    heels = posed.vertices[heel_vertices(body)]
+    named = np.column_stack([heels[::-1] if swapped else heels, np.full((2, 2), 0.01)]).astype(np.float32)
+    start = BodyPose(syn.FACING @ syn.arms_down(), posed.nodes[0], 1.0)
+    away = []
+    for one in (found, replace(found, heels=named)):
+        pose = fitter.fit(replace(person, found=one).target(800), start, 20 * (0.06,))
+        fitted = body.pose(pose.rotations, pose.root, pose.scale).vertices[heel_vertices(body)]
+        away.append(np.linalg.norm(fitted - heels, axis=1).max())
+    print(away)
+    assert away[1] < 0.7 * away[0]
+
+
 @pytest.mark.parametrize("raised", [0.0, 0.03, -0.03])
 def test_soles_stand_on_a_floor_that_is_known(body, fitter, raised):
     """Feet hidden by something, so that only the floor tells their height; far from it, it does nothing."""
@@ -122,15 +149,15 @@ def test_soles_stand_on_a_floor_that_is_known(body, fitter, raised):
 
 
 def test_soles_are_the_lowest_of_balls_and_heels(body, fitter):
-    soles = fitter.articulation.soles
-    at = body.vertices[soles.vertices]
+    feet = fitter.articulation.feet
+    at = body.vertices[feet.soles]
     assert at[:, 1].max() < 0.03
     for side, sign in (("left", 1.0), ("right", -1.0)):
         own = sign * at[:, 0] > 0.0
         ankle, ball = (body.nodes[NODE_INDEX[f"{side}_{name}"], 2] for name in ("ankle", "foot"))
         for is_heel in (False, True):
-            part = own & (soles.is_heel == is_heel)
-            assert soles.share[part].sum() == pytest.approx(1.0)
+            part = own & (feet.is_heel == is_heel)
+            assert feet.share[part].sum() == pytest.approx(1.0)
             assert ((at[part, 2] < 0.5 * (ankle + ball)) == is_heel).all()
 
 

@@ -108,6 +108,7 @@ PEOPLE = {
     "twice": (twice("people", "people"), "the people have 'body_1' twice"),
     "crowd": (crowd, "of 10000 people; at most 255"),
     "nan": (set_first("people", proposals=[math.nan], proposal_confidence=[]), "numbers of proposed joints"),
+    "heels": (set_first("people", heels=[0.0] * 7), "has 7 numbers of heels"),
     "grid": (odd_grid, "focal lengths nan"),
     "fields": (odd_fields, "intensity at 12"),
     "cut": (cut_points, "bytes of data, not"),

@@ -55,7 +55,13 @@ def people(rng):
     depth = np.where((labels == 1) | (labels == 2), rng.uniform(2.0, 3.0, labels.shape), 0.0)
     found = [
         FoundPerson(
-            k, f"body_{k + 4}", float(np.float32(0.3 * k)), proposals, proposals[:, 0], proposals[:, :2]
+            k,
+            f"body_{k + 4}",
+            float(np.float32(0.3 * k)),
+            proposals,
+            proposals[:, 0],
+            proposals[:, :2],
+            np.tile(proposals[:2, :1], 5),
         )
         for k, proposals in (
             (1, rng.normal(size=(3, 3)).astype(np.float32)),
@@ -97,6 +103,7 @@ def test_people_round_trip_is_exact(people):
         assert_same_bits(a.found.proposals, b.found.proposals)
         assert_same_bits(a.found.proposal_confidence, b.found.proposal_confidence)
         assert_same_bits(a.found.proposal_sigma, b.found.proposal_sigma)
+        assert_same_bits(a.found.heels, b.found.heels)
         assert_same_bits(a.points, b.points)
         assert_same_bits(a.full.labels, b.full.labels)
         assert_same_bits(a.coarse.depth, b.coarse.depth)

@@ -22,6 +22,7 @@ def test_unpacked_people_are_the_same_bit_for_bit():
             proposals=rng.normal(size=(19, 3)).astype(np.float32),
             proposal_confidence=rng.random(19).astype(np.float32),
             proposal_sigma=rng.random((19, 2)).astype(np.float32),
+            heels=rng.random((2, 5)).astype(np.float32),
         )
         for person in seen.persons
     ]
@@ -35,7 +36,7 @@ def test_unpacked_people_are_the_same_bit_for_bit():
         np.testing.assert_array_equal(getattr(back, name), getattr(people, name))
     for a, b in zip(back.persons, people.persons, strict=True):
         assert a.body_id == b.body_id
-        for name in ("proposals", "proposal_confidence", "proposal_sigma"):
+        for name in ("proposals", "proposal_confidence", "proposal_sigma", "heels"):
             np.testing.assert_array_equal(getattr(a.found, name), getattr(b.found, name))
         np.testing.assert_array_equal(a.points, b.points)
         np.testing.assert_array_equal(a.target(100).floor, floor)

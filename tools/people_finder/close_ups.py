@@ -58,14 +58,14 @@ class CloseUp:
         1 where the image shows the person, 2 for others, 0 for things.
     camera : Camera
         Camera of this part.
-    joints : (19, 3) float32
-        Optical frame, metres.
+    landmarks : (21, 3) float32
+        `depth_pose.core.skeleton.LANDMARKS`, optical frame, metres.
     """
 
     depth: NDArray[np.uint16]
     whose: NDArray[np.uint8]
     camera: Camera
-    joints: NDArray[np.float32]
+    landmarks: NDArray[np.float32]
 
 
 @dataclass
@@ -274,7 +274,8 @@ def _render(
     whose[measured == 0] = 0
     if int((whose == 1).sum()) < _LEAST_PIXELS:
         return None
-    return CloseUp(np.rint(measured * 1000).astype(np.uint16), whose, camera, joints.astype(np.float32))
+    landmarks = np.concatenate([joints, view.to_optical(person.heels)]).astype(np.float32)
+    return CloseUp(np.rint(measured * 1000).astype(np.uint16), whose, camera, landmarks)
 
 
 def _family(rng: np.random.Generator) -> str:

@@ -23,7 +23,7 @@ def change(crops: list[Tensor]) -> list[Tensor]:
 
     What no image showed before, such as the corners of a turned crop, counts as outside the image.
     """
-    features, joints, side, person, mask = crops
+    features, landmarks, side, person, mask = crops
     count, device = len(features), features.device
     angle = torch.randn(count, device=device) * _ANGLE * (torch.rand(count, device=device) < _TURNED)
     size = torch.exp((2.0 * torch.rand(count, device=device) - 1.0) * _SIZE)[:, None, None]
@@ -35,10 +35,10 @@ def change(crops: list[Tensor]) -> list[Tensor]:
     slopes = torch.einsum("nij,nj->ni", turn, features[:, 5:7, 0, 0].float())
     constant = torch.cat([slopes, features[:, 7:, 0, 0].float()], 1)[:, :, None, None]
     constant = constant.expand(count, CHANNELS - _SEEN, SIDE, SIDE)
-    aside = torch.einsum("nij,nkj->nki", turn, joints[..., :2])
-    joints = size * torch.cat([aside, joints[..., 2:]], 2)
-    joints = torch.where(mirrored, rename(joints), joints)
-    return [torch.cat([shown, constant], 1).to(features.dtype), joints, side, person, mask]
+    aside = torch.einsum("nij,nkj->nki", turn, landmarks[..., :2])
+    landmarks = size * torch.cat([aside, landmarks[..., 2:]], 2)
+    landmarks = torch.where(mirrored, rename(landmarks), landmarks)
+    return [torch.cat([shown, constant], 1).to(features.dtype), landmarks, side, person, mask]
 
 
 def _turn(angle: Tensor) -> Tensor:

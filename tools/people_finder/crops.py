@@ -11,7 +11,7 @@ from joint_net import CELL_M, SIDE
 from numpy.typing import NDArray
 from scenes import seen_from_behind, spoil
 
-from depth_pose.core.skeleton import JOINT_INDEX, JOINTS, MIRROR_JOINTS
+from depth_pose.core.skeleton import JOINT_INDEX, JOINTS, LANDMARKS, MIRROR_LANDMARKS
 from depth_pose.detect._crop_kernels import CHANNELS, CropView, fill_features, sample_crop, to_crop
 
 _TORSO = [JOINT_INDEX[f"{side}_{n}"] for side in ("left", "right") for n in ("shoulder", "hip")]
@@ -36,7 +36,7 @@ class CropBatch:
     Attributes
     ----------
     features : (B, C, H, W) float32
-    joints : (B, J, 3) float32
+    landmarks : (B, L, 3) float32
         In the crop's coordinates, metres; named as if all people faced the camera.
         Not finite where unknown, as for an object.
     side : (B,) float32
@@ -48,7 +48,7 @@ class CropBatch:
     """
 
     features: NDArray[np.float32]
-    joints: NDArray[np.float32]
+    landmarks: NDArray[np.float32]
     side: NDArray[np.float32]
     person: NDArray[np.float32]
     mask: NDArray[np.uint8]
@@ -58,22 +58,22 @@ class CropBatch:
         """Allocate arrays for some samples."""
         return cls(
             np.empty((n, CHANNELS, SIDE, SIDE), np.float32),
-            np.full((n, len(JOINTS), 3), np.nan, np.float32),
+            np.full((n, len(LANDMARKS), 3), np.nan, np.float32),
             np.zeros(n, np.float32),
             np.full(n, np.nan, np.float32),
             np.full((n, SIDE, SIDE), NO_DEPTH, np.uint8),
         )
 
-    def place(self, k: int, joints: NDArray[np.float64], look: CropView) -> None:
-        """Set the joints (J, 3) of sample ``k``, camera frame, metres."""
-        places = np.empty((len(JOINTS), 3))
-        to_crop(joints, look, places)
+    def place(self, k: int, landmarks: NDArray[np.float64], look: CropView) -> None:
+        """Set the landmarks (L, 3) of sample ``k``, camera frame, metres; unknown ones are not finite."""
+        places = np.empty((len(LANDMARKS), 3))
+        to_crop(landmarks, look, places)
         if look.flip < 0:
-            places = places[MIRROR_JOINTS]
-        shown = places + np.array([0.0, 0.0, look.z])
+            places = places[MIRROR_LANDMARKS]
+        shown = places[: len(JOINTS)] + np.array([0.0, 0.0, look.z])
         shown[:, :2] *= shown[:, 2:] / look.z  # as points, to tell whether the person is seen from behind
         side = float(seen_from_behind(shown[None].astype(np.float32))[0])
-        self.joints[k] = places[MIRROR_JOINTS] if side > 0 else places
+        self.landmarks[k] = places[MIRROR_LANDMARKS] if side > 0 else places
         self.side[k] = side
 
 
@@ -95,8 +95,8 @@ class CropSampler:
     def _fill(self, seen: CloseUp, rng: np.random.Generator | None, out: CropBatch, k: int) -> bool:
         size = 1.0 if rng is None else float(np.exp(rng.uniform(-0.1, 0.1)))  # larger or smaller people
         depth = seen.depth * np.float32(0.001 * size)
-        joints = seen.joints.astype(np.float64) * size
-        look = _look(joints[_TORSO].mean(axis=0), rng)
+        landmarks = seen.landmarks.astype(np.float64) * size
+        look = _look(landmarks[_TORSO].mean(axis=0), rng)
         grid, whose = self._grid, self._whose
         sample_crop(depth, seen.whose, seen.camera, look, grid, whose)
         outside = whose < 0
@@ -109,12 +109,12 @@ class CropSampler:
         if rng is not None:
             if int(own.sum()) < _LEAST_PIXELS:
                 return False
-            _spoil_mask(grid, whose, joints, look, rng)
+            _spoil_mask(grid, whose, landmarks, look, rng)
             if int((whose == 1).sum()) < _LEAST_PIXELS:
                 whose[own] = 1
         out.mask[k] = np.where(grid > 0, own, NO_DEPTH)
         fill_features(grid, whose, 1, look, out.features[k])
-        out.place(k, joints, look)
+        out.place(k, landmarks, look)
         return True
 
 
@@ -135,13 +135,13 @@ def _look(torso: NDArray[np.float64], rng: np.random.Generator | None) -> CropVi
 def _spoil_mask(
     grid: NDArray[np.float32],
     whose: NDArray[np.int64],
-    joints: NDArray[np.float64],
+    landmarks: NDArray[np.float64],
     look: CropView,
     rng: np.random.Generator,
 ) -> None:
     """Remove limbs from the mask and add nearby pixels to it, each with some probability."""
-    places = np.empty((len(joints), 3))
-    to_crop(joints, look, places)
+    places = np.empty((len(landmarks), 3))
+    to_crop(landmarks, look, places)
     pixels = places[:, :2] / CELL_M + 0.5 * (SIDE - 1)
     for joint in _LIMBS:
         if rng.random() < 0.07:

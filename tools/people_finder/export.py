@@ -51,7 +51,7 @@ JOINT_FEATURES = "src/depth_pose/detect/_crop_kernels.py"
 def export_net(checkpoint: Path, target: Path) -> bytes:
     """Write a checkpoint as ONNX: ``mask`` and ``torso``, packed; votes for joints only serve training."""
     net = _Seen(_load(FinderNet(), checkpoint))
-    return _export(net, target, (CHANNELS, ROWS, COLS), ["mask", "torso"])
+    return _export(net, target, {"features": (CHANNELS, ROWS, COLS)}, ["mask", "torso"])
 
 
 class _Seen(nn.Module):
@@ -69,9 +69,13 @@ class _Seen(nn.Module):
 
 def export_joint_net(checkpoint: Path, target: Path) -> bytes:
     """Write a checkpoint of the second look as ONNX, with the names of `joint_net.Answer`."""
-    shape = (crop_kernels.CHANNELS, SIDE, SIDE)
-    outputs = ["joints", "log_error", "behind", "person", "mask"]
-    return _export(_load(JointNet(), checkpoint), target, shape, outputs)
+    net = JointNet()
+    inputs = {
+        name: (crop_kernels.CHANNELS, side, side)
+        for name, side in (("features", SIDE), ("middle", len(net.middle)))
+    }
+    outputs = ["landmarks", "log_error", "behind", "person", "mask"]
+    return _export(_load(net, checkpoint), target, inputs, outputs)
 
 
 def _load(net: nn.Module, checkpoint: Path) -> nn.Module:
@@ -79,16 +83,18 @@ def _load(net: nn.Module, checkpoint: Path) -> nn.Module:
     return net
 
 
-def _export(net: nn.Module, target: Path, shape: tuple[int, int, int], outputs: list[str]) -> bytes:
+def _export(
+    net: nn.Module, target: Path, inputs: dict[str, tuple[int, int, int]], outputs: list[str]
+) -> bytes:
     net = net.eval().to(memory_format=torch.contiguous_format)
     target.parent.mkdir(parents=True, exist_ok=True)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         torch.onnx.export(
             net,
-            (torch.zeros(1, *shape),),
+            tuple(torch.zeros(1, *shape) for shape in inputs.values()),
             str(target),
-            input_names=["features"],
+            input_names=list(inputs),
             output_names=outputs,
             opset_version=17,
             dynamo=False,

@@ -10,7 +10,7 @@ from typing import Annotated
 
 import numpy as np
 import typer
-from joint_net import CELL_M, LEAST_WIDTH_M, SIDE
+from joint_net import CELL_M, LEAST_WIDTH_M, SIDE, JointNet
 from numpy.typing import NDArray
 from sightings import Sightings
 
@@ -29,10 +29,11 @@ _THINGS = 0.2
 def logits_of(model: bytes, found: Sightings) -> NDArray[np.float64]:
     """Return the logits of both looks, (N, 2)."""
     session = open_net(model)
-    second = [
-        session.run(["person"], {"features": found.batch(np.array([k]), None).features})[0].item()
-        for k in range(len(found))
-    ]
+    rows, second = JointNet().middle.numpy(), []
+    for k in range(len(found)):
+        features = found.batch(np.array([k]), None).features
+        middle = features[:, :, rows][..., rows]
+        second.append(session.run(["person"], {"features": features, "middle": middle})[0].item())
     return np.stack([[logit_of(float(p)) for p in found.probability], second], axis=1)
 
 
@@ -62,7 +63,12 @@ def main(
     found = Sightings.load(sightings)
     person = fit_odds(logits_of(model, found), found.is_person)
     code = hash_code(JOINT_CODE, JOINT_FEATURES)
-    crop = {"side": SIDE, "cell_m": CELL_M, "least_width_m": LEAST_WIDTH_M}
+    crop = {
+        "side": SIDE,
+        "middle": JointNet().middle.tolist(),
+        "cell_m": CELL_M,
+        "least_width_m": LEAST_WIDTH_M,
+    }
     write_settings(out / "joint_finder.json", model, code, training=note, person=person.tolist(), **crop)
 
 

@@ -11,7 +11,7 @@ from joint_net import LEAST_WIDTH_M, Answer
 from torch import Tensor
 from torch.nn import functional
 
-from depth_pose.core.skeleton import MIRROR_JOINTS
+from depth_pose.core.skeleton import MIRROR_LANDMARKS
 
 _BEHIND_WEIGHT = 0.5
 _PLACE_WEIGHT = 0.5
@@ -29,35 +29,36 @@ _NEAR_M = 0.06
 class Truth(NamedTuple):
     """Targets of a batch of crops; shapes as `crops.CropBatch`."""
 
-    joints: Tensor
+    landmarks: Tensor
     side: Tensor
     person: Tensor
     mask: Tensor
 
 
 def joint_loss(answer: Answer, cells: Tensor, truth: Truth) -> tuple[Tensor, dict[str, Tensor]]:
-    """Sum the losses: joints where they are known, person or object where that is included.
+    """Sum the losses: landmarks where they are known, person or object where that is included.
 
     The mean of the votes alone teaches too slowly which votes should count, so cells near a joint are trained
     to vote for it. ``cells`` (cells, 2) holds their positions, metres.
-    Joints are named by the side of the image. For people seen from the side either naming is valid, as long
-    as the answer to "seen from behind" agrees: the lower loss of both is used.
-    A joint's distance from the truth follows exp(-r / width) in the image plane, and so does its depth with
-    a width of its own.
+    Landmarks are named by the side of the image. For people seen from the side either naming is valid, as
+    long as the answer to "seen from behind" agrees: the lower loss of both is used.
+    A landmark's distance from the truth follows exp(-r / width) in the image plane, and so does its depth
+    with a width of its own.
     """
-    shown = truth.joints.isfinite().all(dim=(1, 2))
-    places, side = torch.where(shown[:, None, None], truth.joints, 0.0), truth.side
-    joints, own = answer.joints, answer.own
+    known = truth.landmarks.isfinite().all(dim=2)
+    shown, side = known.any(dim=1), truth.side
+    places = torch.where(known[:, :, None], truth.landmarks, 0.0)
+    landmarks, own = answer.landmarks, answer.own
     width = LEAST_WIDTH_M + torch.exp(answer.log_error.clamp(-6, 2))
     size = 2 * torch.log(width[..., 0]) + torch.log(width[..., 1])
 
     def unlikelihood(target: Tensor) -> Tensor:
-        off = joints - target
+        off = landmarks - target
         aside = (off[..., :2].square().sum(dim=-1) + 1e-8).sqrt() / width[..., 0]
         place = _place_loss(answer.log_weights, cells, target)
         alone = (own - target).square().sum(dim=-1).add(1e-8).sqrt() / _OWN_M
         likely = aside + off[..., 2].abs() / width[..., 1] + size
-        return (likely + alone + _PLACE_WEIGHT * place).mean(dim=1)
+        return _mean(likely + alone + _PLACE_WEIGHT * place, known, 1)
 
     named, mirrored = unlikelihood(places), unlikelihood(rename(places))
     other = (mirrored < named) & (side.abs() < 1)
@@ -68,7 +69,7 @@ def joint_loss(answer: Answer, cells: Tensor, truth: Truth) -> tuple[Tensor, dic
     asked = truth.person.isfinite()
     loss_person = _mean(_cross_entropy(answer.person, torch.where(asked, truth.person, 0.0)), asked)
     target = torch.where(other[:, None, None], rename(places), places)
-    off_mm = 1000 * _mean(torch.linalg.vector_norm(joints - target, dim=-1).mean(dim=1), shown)
+    off_mm = 1000 * _mean(_mean(torch.linalg.vector_norm(landmarks - target, dim=-1), known, 1), shown)
     parts = {
         "joints": loss, "behind": loss_behind, "mask": loss_mask, "person": loss_person, "mm": off_mm,
     }  # fmt: skip
@@ -76,19 +77,19 @@ def joint_loss(answer: Answer, cells: Tensor, truth: Truth) -> tuple[Tensor, dic
     return total, {name: part.detach() for name, part in parts.items()}
 
 
-def rename(joints: Tensor) -> Tensor:
-    """Exchange left and right in the names of joints (N, J, 3)."""
-    return joints[:, _mirror(joints.device)]
+def rename(landmarks: Tensor) -> Tensor:
+    """Exchange left and right in the names of landmarks (N, L, 3)."""
+    return landmarks[:, _mirror(landmarks.device)]
 
 
 @lru_cache
 def _mirror(device: torch.device) -> Tensor:
-    return torch.tensor(MIRROR_JOINTS, device=device)
+    return torch.tensor(MIRROR_LANDMARKS, device=device)
 
 
-def _mean(values: Tensor, counted: Tensor) -> Tensor:
+def _mean(values: Tensor, counted: Tensor, dim: int | None = None) -> Tensor:
     """Mean of those values that are counted; 0 where none is. Its shape does not depend on how many are."""
-    return torch.where(counted, values, 0.0).sum() / counted.sum().clamp(min=1)
+    return torch.where(counted, values, 0.0).sum(dim) / counted.sum(dim).clamp(min=1)
 
 
 def _cross_entropy(logits: Tensor, target: Tensor) -> Tensor:

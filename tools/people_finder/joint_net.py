@@ -20,7 +20,7 @@ from net import ConvUnit, Residual
 from torch import Tensor, nn
 from torch.nn import functional
 
-from depth_pose.core.skeleton import JOINTS
+from depth_pose.core.skeleton import JOINT_INDEX, JOINTS, LANDMARKS
 from depth_pose.detect._crop_kernels import CHANNELS
 
 SIDE = 128
@@ -40,6 +40,7 @@ _COARSE_SIDE, _COARSE_CELL_M, _COARSE_WIDTH = 80, 0.032, 48
 """Pixels along the coarse net's crop, the side of one in metres, and channels that it passes on."""
 _TRUST, _DOUBT = -1.5, -1.0
 """Initial weight of the coarse answer: logit at an error of 1 m, and its slope by the logarithm."""
+_HEELS = len(LANDMARKS) - len(JOINTS)
 _PERSON_WIDTH = 64
 """Channels from which "is a person" and "seen from behind" are predicted."""
 
@@ -49,21 +50,21 @@ class Answer(NamedTuple):
 
     Attributes
     ----------
-    joints : (N, J, 3)
-        In the crop's coordinates, metres.
-    log_error : (N, J, 2)
+    landmarks : (N, L, 3)
+        Joints, then heels, in the crop's coordinates, metres.
+    log_error : (N, L, 2)
         Logarithms of the widths of their distributions, in the image plane and in depth, metres.
     behind, person : (N,)
         Logits of being seen from behind, and of being a person.
     mask : (N, SIDE, SIDE)
         Logits of a pixel showing the person.
-    log_weights : (N, J, cells)
+    log_weights : (N, L, cells)
         Logarithms of the weights of the fine net's votes.
-    own : (N, J, 3)
-        Joints from the fine net alone.
+    own : (N, L, 3)
+        Landmarks from the fine net alone.
     """
 
-    joints: Tensor
+    landmarks: Tensor
     log_error: Tensor
     behind: Tensor
     person: Tensor
@@ -153,6 +154,15 @@ class CoarseNet(nn.Module):
         self.load_state_dict({k: v.float() for k, v in state.items()})
 
 
+def heels_of_ankles(state: dict[str, Tensor]) -> dict[str, Tensor]:
+    """Return a first state of the heels' layer: heels are where a net's weights place the ankles."""
+    n, ankles = len(JOINTS), torch.tensor([JOINT_INDEX[f"{side}_ankle"] for side in ("left", "right")])
+    votes = (3 * ankles[:, None] + torch.arange(3)).flatten()
+    errors = (4 * n + 3 * ankles[:, None] + torch.arange(2)).flatten()
+    rows = torch.cat([votes, 3 * n + ankles, errors])
+    return {f"heels.{name}": state[f"votes.{name}"][rows] for name in ("weight", "bias")}
+
+
 def layer_of(node: str) -> str:
     """Return the layer name of a node of an exported net, as ``/down4/down4.1/first/first.0/Conv``."""
     names: list[str] = []
@@ -199,6 +209,7 @@ class JointNet(nn.Module):
         n = len(JOINTS)
         # votes (metres), their weights, two logarithms of errors, trust in the coarse answer; behind
         self.votes = nn.Conv2d(b, 7 * n + 1, 1)
+        self.heels = nn.Conv2d(b, 6 * _HEELS, 1)  # votes, weights and errors; the coarse net has no heels
         self.mask = nn.Conv2d(b, STRIDE**2, 1)
         self.look = ConvUnit(d, _PERSON_WIDTH, 1)
         self.person = nn.Linear(2 * _PERSON_WIDTH, 1)
@@ -211,31 +222,40 @@ class JointNet(nn.Module):
         handed = _nearest(SIDE // 8, 8 * CELL_M, _COARSE_SIDE // 4, 4 * _COARSE_CELL_M)
         self.register_buffer("handed", handed, persistent=False)
 
-    def vote(self, x: Tensor) -> Answer:
-        """Return the full output, as training needs it."""
-        coarse = self.coarse(x.index_select(2, self.middle).index_select(3, self.middle))
+    def vote(self, x: Tensor, middle: Tensor | None = None) -> Answer:
+        """Return the full output, as training needs it; ``middle`` is the coarse net's input, if prepared."""
+        if middle is None:
+            middle = x.index_select(2, self.middle).index_select(3, self.middle)
+        coarse = self.coarse(middle)
         felt = coarse.felt.index_select(2, self.handed).index_select(3, self.handed)
         x4 = self.down4(self.stem(x))
         x8 = self.down8(x4)
         x16 = self.down16(x8)
         y8 = self.up8(self.squeeze8(torch.cat([x8, functional.interpolate(x16, scale_factor=2), felt], 1)))
         y4 = self.up4(self.squeeze4(torch.cat([x4, functional.interpolate(y8, scale_factor=2)], 1)))
-        votes = self.votes(y4).float().flatten(2)
-        n = len(JOINTS)
-        log_weights = torch.log_softmax(votes[:, 3 * n : 4 * n], dim=-1)
-        weights = log_weights.exp()
-        offsets = votes[:, : 3 * n].unflatten(1, (n, 3)) + self.cells
-        own = (offsets * weights[:, :, None]).sum(dim=-1)
-        said = (votes[:, 4 * n : 7 * n].unflatten(1, (n, 3)) * weights[:, :, None]).sum(dim=-1)
+        votes, heels = self.votes(y4).float().flatten(2), self.heels(y4).float().flatten(2)
+        own, said, log_weights = self._count(votes[:, :-1], len(JOINTS))
+        heel, heel_error, heel_weights = self._count(heels, _HEELS)
         share = torch.sigmoid(said[:, :, 2] + self.trust + self.doubt * coarse.log_error)[:, :, None]
         joints = share * coarse.joints + (1 - share) * own
+        own = torch.cat([own, heel], 1)
+        landmarks, errors = torch.cat([joints, heel], 1), torch.cat([said[:, :, :2], heel_error], 1)
         seen = self.look(x16).float().flatten(2)
         pooled = torch.cat([seen.mean(dim=-1), seen.amax(dim=-1)], 1).to(x16.dtype)
         person = coarse.person + self.person(pooled)[:, 0].float()
         behind = coarse.behind + self.behind(pooled)[:, 0].float() + votes[:, -1].mean(dim=-1)
         mask = functional.pixel_shuffle(self.mask(y4).float(), STRIDE)[:, 0]
-        return Answer(joints, said[:, :, :2], behind, person, mask, log_weights, own)
+        log_weights = torch.cat([log_weights, heel_weights], 1)
+        return Answer(landmarks, errors, behind, person, mask, log_weights, own)
 
-    def forward(self, x: Tensor) -> tuple[Tensor, ...]:
+    def _count(self, votes: Tensor, n: int) -> tuple[Tensor, Tensor, Tensor]:
+        """Return the weighted means of votes for ``n`` points, and of what else they say; their weights."""
+        log_weights = torch.log_softmax(votes[:, 3 * n : 4 * n], dim=-1)
+        weights = log_weights.exp()[:, :, None]
+        offsets = votes[:, : 3 * n].unflatten(1, (n, 3)) + self.cells
+        said = (votes[:, 4 * n :].unflatten(1, (n, -1)) * weights).sum(dim=-1)
+        return (offsets * weights).sum(dim=-1), said, log_weights
+
+    def forward(self, x: Tensor, middle: Tensor | None = None) -> tuple[Tensor, ...]:
         """Return the output without what only training needs."""
-        return tuple(self.vote(x)[:5])
+        return tuple(self.vote(x, middle)[:5])

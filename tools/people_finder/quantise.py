@@ -51,7 +51,8 @@ _KEPT = {
 _SEED, _FRAMES, _EVERY, _MOST = 77, 12, 4, 100
 """Seed of the rooms, frames of each, every n-th of which is used, and number of inputs to find a range."""
 
-Features = NDArray[np.float32]
+Features = dict[str, NDArray[np.float32]]
+"""Inputs of a net, by their names."""
 
 
 class _Watched:
@@ -60,19 +61,19 @@ class _Watched:
     def __init__(self, session: Any) -> None:
         self._session, self.inputs = session, list[Features]()
 
-    def run(self, outputs: list[str] | None, inputs: dict[str, Features]) -> list[NDArray[Any]]:
+    def run(self, outputs: list[str] | None, inputs: Features) -> list[NDArray[Any]]:
         """Run the net and record its inputs."""
-        self.inputs += [v.copy() for v in inputs.values()]
+        self.inputs.append({name: v.copy() for name, v in inputs.items()})
         return self._session.run(outputs, inputs)
 
 
 class _Inputs(CalibrationDataReader):
     """Recorded inputs, one at a time, as ONNX Runtime's quantiser reads them."""
 
-    def __init__(self, name: str, inputs: Iterable[Features]) -> None:
-        self._inputs = ({name: i} for i in inputs)
+    def __init__(self, inputs: Iterable[Features]) -> None:
+        self._inputs = iter(inputs)
 
-    def get_next(self) -> dict[str, Features] | None:
+    def get_next(self) -> Features | None:
         """Return the next input; None after the last."""
         return next(self._inputs, None)
 
@@ -104,7 +105,7 @@ def quantise(source: Path, target: Path, inputs: list[Features]) -> None:
         quantize_static(
             str(ready),
             str(target),
-            _Inputs(model.graph.input[0].name, inputs),
+            _Inputs(inputs),
             quant_format=QuantFormat.QDQ,
             op_types_to_quantize=["Conv", "Relu"],
             nodes_to_exclude=kept,

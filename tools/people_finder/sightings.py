@@ -11,6 +11,7 @@ from joint_net import CELL_M
 from numpy.typing import NDArray
 from replicas import Replica
 
+from depth_pose.core.skeleton import JOINTS, LANDMARKS
 from depth_pose.detect._crop_kernels import CropView, fill_features
 
 OUTSIDE = 255
@@ -51,7 +52,6 @@ class Sightings:
             grid = self.depth[n] * np.float32(0.001)
             whose = np.where(self.whose[n] == OUTSIDE, -1, self.whose[n].astype(np.int64))
             x, y, z = self.torso[n].tolist()
-            joints = self.joints[n].astype(np.float64)
             flip = 1.0
             if rng is not None:
                 spoil_crop(grid, whose, rng)
@@ -61,7 +61,9 @@ class Sightings:
             fill_features(grid, whose, 1, look, out.features[k])
             out.person[k] = float(self.is_person[n])
             if self.is_person[n]:
-                out.place(k, joints, look)
+                landmarks = np.full((len(LANDMARKS), 3), np.nan)  # rooms do not know the heels
+                landmarks[: len(JOINTS)] = self.joints[n]
+                out.place(k, landmarks, look)
         return out
 
 

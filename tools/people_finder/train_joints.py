@@ -37,16 +37,29 @@ from close_ups import CloseUp, CloseUpMaker
 from crop_changes import change
 from crops import CropBatch, CropSampler
 from joint_losses import Truth, joint_loss
-from joint_net import JointNet
+from joint_net import JointNet, heels_of_ankles
 from numpy.typing import NDArray
 from optimise import arithmetic, follow
 from sightings import Sightings
 from torch import Tensor
 from torch.utils.data import DataLoader, IterableDataset, get_worker_info
 
-from depth_pose.core.skeleton import JOINTS, MIRROR_JOINTS
+from depth_pose.core.skeleton import LANDMARKS, MIRROR_LANDMARKS
 
-_GROUPS = ("head", "neck", "chest", "pelvis", "shoulder", "elbow", "wrist", "hip", "knee", "ankle", "foot")
+_GROUPS = (
+    "head",
+    "neck",
+    "chest",
+    "pelvis",
+    "shoulder",
+    "elbow",
+    "wrist",
+    "hip",
+    "knee",
+    "ankle",
+    "foot",
+    "heel",
+)
 
 _EMA, _EMA_FALLING, _WEIGHT_DECAY, _WARM_UP, _CLIP = 0.999, 0.995, 0.02, 400, 5.0
 """Decay of the averaged weights per step, the same while the rate falls, weight decay, steps in which the
@@ -186,6 +199,9 @@ def train(
     coarse_rate: Annotated[
         float, typer.Option(help="Learning rate of the coarse net as a share; 0: it stays as it is")
     ] = 0.3,
+    only_heels: Annotated[
+        bool, typer.Option(help="Train the layer of the heels, which START may lack; all else stays as it is")
+    ] = False,
     save_every: Annotated[int, typer.Option(help="Crops between checkpoints")] = 20_000,
     threads: Annotated[int, typer.Option(help="Threads")] = 1,
     workers: Annotated[int, typer.Option(help="Processes that draw crops; 0: this one does")] = 0,
@@ -199,7 +215,7 @@ def train(
     torch.set_num_threads(threads)
     torch.manual_seed(seed)
     out.mkdir(parents=True, exist_ok=True)
-    run = Run(out, rate, device, exact, start, coarse, coarse_rate)
+    run = Run(out, rate, device, exact, start, coarse, coarse_rate, only_heels)
     if keep_belief is not None:
         run.keep_belief(keep_belief, found)
     families = {"": 0.0, "anny_": 1.0} if anny > 0.0 else {"": 0.0}
@@ -232,16 +248,21 @@ class Run:
         start: Path | None,
         coarse: Path | None,
         coarse_rate: float,
+        only_heels: bool,
     ) -> None:
         self.net = JointNet()
         if start is not None:
-            self.net.load_state_dict(torch.load(start, weights_only=True))
+            given = torch.load(start, weights_only=True)
+            self.net.load_state_dict((heels_of_ankles(given) if only_heels else {}) | given)
         elif coarse is not None:
             self.net.coarse.load_onnx(coarse)
         elif not (out / "stable.pt").exists():
             raise typer.BadParameter("a new net needs --coarse or --start")
         self.net = self.net.to(device, memory_format=torch.channels_last)
         self.net.coarse.requires_grad_(coarse_rate > 0.0)
+        if only_heels:
+            self.net.eval().requires_grad_(False).heels.requires_grad_(True)
+            coarse_rate = 0.0
         self.average = copy.deepcopy(self.net).eval()
         before = set(self.net.coarse.parameters()) if coarse_rate > 0.0 else set[Tensor]()
         learned = [p for p in self.net.parameters() if p.requires_grad and p not in before]
@@ -371,14 +392,14 @@ def score(net: JointNet, crops: CropBatch) -> dict[str, float]:
     with torch.no_grad():
         some = features.to(net.cells.device).split(50)
         answers = [[part.cpu().numpy() for part in net(x)] for x in some]
-    joints, _, behind, _, mask = (np.concatenate(parts) for parts in zip(*answers, strict=True))
-    named = np.linalg.norm(joints - crops.joints, axis=-1)
-    swapped = np.linalg.norm(joints - crops.joints[:, MIRROR_JOINTS], axis=-1)
+    landmarks, _, behind, _, mask = (np.concatenate(parts) for parts in zip(*answers, strict=True))
+    named = np.linalg.norm(landmarks - crops.landmarks, axis=-1)
+    swapped = np.linalg.norm(landmarks - crops.landmarks[:, MIRROR_LANDMARKS], axis=-1)
     other = (swapped.mean(1) < named.mean(1)) & (np.abs(crops.side) < 1)
     error = np.where(other[:, None], swapped, named)
     right = (behind > 0) == ((crops.side > 0) ^ other)
     said, own = (mask > 0) & (crops.mask < 2), crops.mask == 1
-    kinds = {g: [n for n, name in enumerate(JOINTS) if name.endswith(g)] for g in _GROUPS}
+    kinds = {g: [n for n, name in enumerate(LANDMARKS) if name.endswith(g)] for g in _GROUPS}
     return {
         "all": round(1000 * float(error.mean()), 1),
         "within": round(float((error < 0.1).mean()), 4),

@@ -110,6 +110,12 @@ MIRROR_NODES: NDArray[np.int64] = np.array([NODE_INDEX[_mirror_name(name)] for n
 MIRROR_JOINTS: NDArray[np.int64] = np.array([JOINT_INDEX[_mirror_name(name)] for name in JOINTS])
 """Index of each joint's mirror image, shape (19,)."""
 
+LANDMARKS: tuple[str, ...] = (*JOINTS, "left_heel", "right_heel")
+"""What the finder proposes: the joints, and the backs of the heels, where the skin is rearmost."""
+
+MIRROR_LANDMARKS: NDArray[np.int64] = np.array([LANDMARKS.index(_mirror_name(n)) for n in LANDMARKS])
+"""Index of each landmark's mirror image, shape (21,)."""
+
 
 _MEASURED = np.array(
     [

@@ -84,6 +84,9 @@ class FoundPerson:
     proposal_sigma : (J, 2) float32
         Standard deviation of each proposal in each direction of the image plane, and in depth, metres;
         no rows without proposals.
+    heels : (H, 5) float32
+        Backs of the left and the right heel, camera frame, metres, and their two standard deviations as
+        those of the joints; no rows without proposals.
     """
 
     label: int
@@ -92,6 +95,7 @@ class FoundPerson:
     proposals: NDArray[np.float32] = field(default_factory=lambda: np.zeros((0, 3), np.float32))
     proposal_confidence: NDArray[np.float32] = field(default_factory=lambda: np.zeros(0, np.float32))
     proposal_sigma: NDArray[np.float32] = field(default_factory=lambda: np.zeros((0, 2), np.float32))
+    heels: NDArray[np.float32] = field(default_factory=lambda: np.zeros((0, 5), np.float32))
 
 
 @dataclass(frozen=True)

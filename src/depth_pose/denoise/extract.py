@@ -137,7 +137,7 @@ class PeopleExtractor:
         return see_people(frame.stamp_ns, frame.frame_id, seen.camera, points, labels, found, plane)
 
     def _proposed(self, sighting: Sighting) -> tuple[NDArray[np.float32], ...]:
-        """Return a sighting's proposed joints, confidences and deviations, or nothing."""
+        """Return a sighting's proposed joints, confidences, deviations and heels, or nothing."""
         if not self._with_joints:
             return ()
-        return sighting.proposals, sighting.proposal_confidence, sighting.proposal_sigma
+        return sighting.proposals, sighting.proposal_confidence, sighting.proposal_sigma, sighting.heels

@@ -176,6 +176,15 @@ def fill_features(grid, whose, label, look, out):
 
 
 @njit(cache=True)
+def take_pixels(features, chosen, out):
+    """Copy some rows of features (C, H, W), and the columns of the same numbers: the coarse net's input."""
+    for c in range(features.shape[0]):
+        for i in range(chosen.shape[0]):
+            for j in range(chosen.shape[0]):
+                out[c, i, j] = features[c, chosen[i], chosen[j]]
+
+
+@njit(cache=True)
 def apply_mask(depth, labels, camera, look, logits, label, limits):
     """Correct a person's pixels by the mask of a crop that is neither turned nor mirrored.
 

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.camera import Camera
-from depth_pose.core.skeleton import MIRROR_JOINTS
+from depth_pose.core.skeleton import JOINTS, MIRROR_LANDMARKS
 from depth_pose.detect import _crop_kernels as kernels
 from depth_pose.detect._crop_kernels import CropView, MaskLimits
 from depth_pose.detect.net import open_net, read_weights
@@ -31,9 +31,10 @@ _STANDARD = np.sqrt([3.0, 2.0])
 _MEAN_SQUARE = np.array([4.0 / 3.0, 0.5])
 """Squares of the mean distances, 2 widths in the plane and 1 in depth, by the squares of those deviations."""
 
-_OUTPUTS = ["joints", "log_error", "behind", "person", "mask"]
+_OUTPUTS = ["landmarks", "log_error", "behind", "person", "mask"]
 """Outputs of the net."""
 
+_JOINT_COUNT = len(JOINTS)
 _SUREST = 1e-4
 """Probabilities are limited to this."""
 
@@ -79,6 +80,8 @@ class JointProposals:
         Expected error, metres, including that of swapping left and right.
     sigma : (19, 2) float64
         Standard deviation in each direction of the image plane, and in depth, metres.
+    heels : (2, 5) float64
+        As in `depth_pose.core.types.FoundPerson`.
     from_behind : float
         Probability that the person's left is on the image's left.
     probability : float
@@ -89,6 +92,7 @@ class JointProposals:
     joints: NDArray[np.float64]
     error: NDArray[np.float64]
     sigma: NDArray[np.float64]
+    heels: NDArray[np.float64]
     from_behind: float
     probability: float
     mask: CropMask
@@ -103,7 +107,8 @@ class JointProposals:
         look = self.mask.look
         x, y, z = (look.x, look.y, look.z) + by
         moved = replace(self.mask, look=look._replace(x=x, y=y, z=z))
-        return replace(self, joints=self.joints + by, mask=moved)
+        heels = self.heels + np.concatenate([by, np.zeros(2)])
+        return replace(self, joints=self.joints + by, heels=heels, mask=moved)
 
 
 class PersonOdds(NamedTuple):
@@ -163,6 +168,9 @@ class JointFinder:
         self._cell_m, self._least_width_m = float(settings["cell_m"]), float(settings["least_width_m"])
         shape = (int(settings["side"]), int(settings["side"]))
         self._features = np.zeros((1, kernels.CHANNELS, *shape), np.float32)
+        self._rows = np.array(settings["middle"])
+        self._middle = np.zeros((1, kernels.CHANNELS, len(self._rows), len(self._rows)), np.float32)
+        self._inputs = {"features": self._features, "middle": self._middle}
         self._grid, self._whose = np.empty(shape, np.float32), np.empty(shape, np.int64)
 
     def find(
@@ -194,13 +202,16 @@ class JointFinder:
         look = CropView(x, y, z, self._cell_m)
         kernels.sample_crop(depth, labels, camera, look, self._grid, self._whose)
         kernels.fill_features(self._grid, self._whose, label, look, self._features[0])
-        places, log_width, behind, person, mask = self._session.run(_OUTPUTS, {"features": self._features})
-        joints = kernels.from_crop(places[0].astype(np.float64), look)
+        kernels.take_pixels(self._features[0], self._rows, self._middle[0])
+        places, log_width, behind, person, mask = self._session.run(_OUTPUTS, self._inputs)
+        points = kernels.from_crop(places[0].astype(np.float64), look)
         sigma, error = _spread(log_width[0], self._least_width_m)
         from_behind = _logistic(float(behind[0]))
         if from_behind > 0.5:
-            joints, sigma, error = joints[MIRROR_JOINTS], sigma[MIRROR_JOINTS], error[MIRROR_JOINTS]
-        apart = np.linalg.norm(joints - joints[MIRROR_JOINTS], axis=1)
+            points, sigma, error = (v[MIRROR_LANDMARKS] for v in (points, sigma, error))
+        apart = np.linalg.norm(points - points[MIRROR_LANDMARKS], axis=1)
         error += min(from_behind, 1.0 - from_behind) * apart
         both = self._person.probability(probability, float(person[0]))
-        return JointProposals(joints, error, sigma, from_behind, both, CropMask(mask[0], look))
+        heels = np.column_stack([points, sigma])[_JOINT_COUNT:]
+        joints, error, sigma = points[:_JOINT_COUNT], error[:_JOINT_COUNT], sigma[:_JOINT_COUNT]
+        return JointProposals(joints, error, sigma, heels, from_behind, both, CropMask(mask[0], look))

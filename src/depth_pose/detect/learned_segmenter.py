@@ -137,5 +137,6 @@ def _sighting(
         proposals=seen.joints.astype(np.float32),
         proposal_confidence=seen.confidence,
         proposal_sigma=seen.sigma.astype(np.float32),
+        heels=seen.heels.astype(np.float32),
         is_new_content=bool(np.count_nonzero(news & own) > _NEWS * np.count_nonzero(own)),
     )

@@ -28,6 +28,7 @@ class Sighting:
         Joints proposed by the finder, camera frame, metres; no rows without proposals.
     proposal_confidence : (J,) float32
     proposal_sigma : (J, 2) float32
+    heels : (H, 5) float32
         As in `depth_pose.core.types.FoundPerson`.
     is_new_content : bool
         Whether much of the person is new since the previous frame, while the room is not.
@@ -39,6 +40,7 @@ class Sighting:
     proposals: NDArray[np.float32]
     proposal_confidence: NDArray[np.float32]
     proposal_sigma: NDArray[np.float32] = field(default_factory=lambda: np.zeros((0, 2), np.float32))
+    heels: NDArray[np.float32] = field(default_factory=lambda: np.zeros((0, 5), np.float32))
     is_new_content: bool = False
 
 

@@ -49,6 +49,9 @@ simulated and three real sets."""
 _ELSEWHERE_M = 0.15
 """Joint distance (m) at which the robust weight is a quarter; it falls further beyond; set by hand."""
 
+_FOOT_SHARE = 0.5
+"""Weight of the proposals of an ankle and of its heel, whose errors are alike: together they count once."""
+
 _FLOOR_M, _OFF_FLOOR_M = 0.015, 0.04
 """Standard deviation of a standing sole's height (m), and the height at which the robust weight is a
 quarter; set by hand."""
@@ -204,46 +207,59 @@ def add_free_space(surface, observed, nearest, origin, weight, settings, equatio
 
 
 @njit(cache=True, fastmath=True, forceinline=True)
-def add_proposals(proposals, nodes, origin, weight, equations):
-    """Pull joints to their proposed places, with the left/right naming that is nearer to the pose.
-
-    Each is an observation with one variance across the ray to it and another along it. The robust weights are
-    those of Geman and McClure (1987), with distances in units of `_ELSEWHERE_M`.
-    """
+def add_proposals(proposals, feet, surface, nodes, origin, weight, equations):
+    """Pull joints and heels to their proposed places, with the left/right naming nearer to the pose."""
     side = nearer_naming(nodes[proposals.nodes], proposals.places, proposals.weights)
-    metric, r, ray = np.empty((3, 3)), np.empty(3), np.empty(3)
+    heels = proposals.heels[side]
     for j in range(proposals.nodes.shape[0]):
-        n, far, long = proposals.nodes[j], 0.0, 0.0
-        for a in range(3):
-            r[a] = proposals.places[side, j, a] - nodes[n, a]
-            far += r[a] * r[a]
-            long += proposals.places[side, j, a] ** 2
-        share = weight / (1.0 + far / (_ELSEWHERE_M * _ELSEWHERE_M)) ** 2
-        across = share / (proposals.sigmas[side, j, 0] ** 2 + _SHARED_M**2)
-        along = share / (proposals.sigmas[side, j, 1] ** 2 + _SHARED_M**2)
-        for a in range(3):
-            ray[a] = proposals.places[side, j, a] / np.sqrt(long)
-        for a in range(3):
-            for b in range(3):
-                metric[a, b] = (along - across) * ray[a] * ray[b]
-            metric[a, a] += across
-        add_vertex(nodes[n], origin, metric, r, equations, n)
+        n, place, sigmas = proposals.nodes[j], proposals.places[side, j], proposals.sigmas[side, j]
+        is_shared = heels.shape[0] > 0 and (n == feet.ankles[0] or n == feet.ankles[1])
+        w = _FOOT_SHARE * weight if is_shared else weight
+        _observe(nodes[n], place, sigmas[0], sigmas[1], origin, w, equations, n)
+    for h in range(heels.shape[0]):
+        i, w = feet.heels[h], _FOOT_SHARE * weight
+        place, across, along = heels[h, :3], heels[h, 3], heels[h, 4]
+        _observe(surface.vertices[i], place, across, along, origin, w, equations, surface.segment[i])
 
 
 @njit(cache=True, fastmath=True, forceinline=True)
-def add_floor(surface, soles, floor, origin, weight, equations):
+def _observe(point, place, across_m, along_m, origin, weight, equations, segment):
+    """Add an observation of a point, with one variance across the ray to its place and another along it.
+
+    The robust weights are those of Geman and McClure (1987), with distances in units of `_ELSEWHERE_M`.
+    """
+    metric, r, ray = np.empty((3, 3)), np.empty(3), np.empty(3)
+    far, long = 0.0, 0.0
+    for a in range(3):
+        r[a] = place[a] - point[a]
+        far += r[a] * r[a]
+        long += place[a] ** 2
+    share = weight / (1.0 + far / (_ELSEWHERE_M * _ELSEWHERE_M)) ** 2
+    across = share / (across_m**2 + _SHARED_M**2)
+    along = share / (along_m**2 + _SHARED_M**2)
+    for a in range(3):
+        ray[a] = place[a] / np.sqrt(long)
+    for a in range(3):
+        for b in range(3):
+            metric[a, b] = (along - across) * ray[a] * ray[b]
+        metric[a, a] += across
+    add_vertex(point, origin, metric, r, equations, segment)
+
+
+@njit(cache=True, fastmath=True, forceinline=True)
+def add_floor(surface, feet, floor, origin, weight, equations):
     """Pull balls of feet to the floor where they are near it, and heels out of it; robust as proposals."""
     if floor[3] <= 0.0:
         return
     metric, r = np.empty((3, 3)), np.empty(3)
-    for k in range(soles.vertices.shape[0]):
-        i = soles.vertices[k]
+    for k in range(feet.soles.shape[0]):
+        i = feet.soles[k]
         v, height = surface.vertices[i], floor[3]
         for a in range(3):
             height += floor[a] * v[a]
-        if height > 0.0 and soles.is_heel[k]:
+        if height > 0.0 and feet.is_heel[k]:
             continue
-        share = weight * soles.share[k] / (_FLOOR_M * (1.0 + (height / _OFF_FLOOR_M) ** 2)) ** 2
+        share = weight * feet.share[k] / (_FLOOR_M * (1.0 + (height / _OFF_FLOOR_M) ** 2)) ** 2
         for a in range(3):
             r[a] = -height * floor[a]
             for b in range(3):
@@ -311,9 +327,9 @@ def add_view(target, body, settings, sigma, k, scale, rotations, root, work, equ
     weight = 2.0 * settings.free_space_weight * amount
     add_free_space(surface, target.full, target.nearest, root, weight, settings, equations)
     weight = settings.proposal_weight * sigma**2 * amount  # the mixture lacks its 1/sigma^2
-    add_proposals(target.proposals, nodes, root, weight, equations)
+    add_proposals(target.proposals, body.feet, surface, nodes, root, weight, equations)
     weight = settings.floor_weight * sigma**2 * amount
-    add_floor(surface, body.soles, target.floor, root, weight, equations)
+    add_floor(surface, body.feet, target.floor, root, weight, equations)
     return amount
 
 

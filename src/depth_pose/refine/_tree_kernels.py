@@ -18,21 +18,25 @@ _HOLD = 1e-6
 """Added to the diagonal of the normal equations, so that unobserved parts have a solution."""
 
 
-class Soles(NamedTuple):
-    """Soles of both feet.
+class Feet(NamedTuple):
+    """Soles and heels of both feet.
 
     Attributes
     ----------
-    vertices : (S,) int64
+    soles : (S,) int64
         The lowest vertices of the balls and heels in the rest pose.
     is_heel : (S,) bool
     share : (S,) float64
         One over the number of vertices of the same ball or heel.
+    heels, ankles : (2,) int64
+        The rearmost vertices of the left and the right foot, and the nodes of their ankles.
     """
 
-    vertices: NDArray[np.int64]
+    soles: NDArray[np.int64]
     is_heel: NDArray[np.bool_]
     share: NDArray[np.float64]
+    heels: NDArray[np.int64]
+    ankles: NDArray[np.int64]
 
 
 class Articulation(NamedTuple):
@@ -52,7 +56,7 @@ class Articulation(NamedTuple):
         Stiffness of each free node toward the start.
     neutral : (F, 3) float64
         Stiffness of each free node toward its rest pose relative to its parent, about the parent's axes.
-    soles : Soles
+    feet : Feet
     """
 
     skin: Skin
@@ -61,7 +65,7 @@ class Articulation(NamedTuple):
     above: NDArray[np.int64]
     stiffness: NDArray[np.float64]
     neutral: NDArray[np.float64]
-    soles: Soles
+    feet: Feet
 
 
 class Equations(NamedTuple):

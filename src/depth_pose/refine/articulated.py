@@ -45,11 +45,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.body.body import Body
+from depth_pose.body.feet import find_balls, find_heels, heel_vertices
 from depth_pose.body.pose import BodyPose
 from depth_pose.core.config import FitConfig
 from depth_pose.core.skeleton import NODE_INDEX, NODE_PARENTS, NODES
 from depth_pose.refine import _articulated_kernels as kernels
-from depth_pose.refine._tree_kernels import Articulation, Soles
+from depth_pose.refine._tree_kernels import Articulation, Feet
 from depth_pose.track.target import FitTarget
 
 _STIFFNESS: dict[str, float] = {
@@ -71,9 +72,6 @@ parts that depth shows poorly (collar bones, hands, feet) are stiff."""
 _NEUTRAL: dict[str, tuple[float, float, float]] = {"ankle": (0.2, 2.0, 2.0)}
 """Relative stiffness of a free node toward the rest pose, about its parent's x, y and z: an ankle is a hinge
 about the first, and turns little about the shank and about the foot. Chosen on development clips."""
-
-_SOLE_M = 0.012
-"""Height of a sole's vertices above the lowest one (m); set by hand."""
 
 
 class ArticulatedFitter:
@@ -140,26 +138,17 @@ def articulate(
     to_start = np.array([stiffness[kind] for kind in kinds])
     to_rest = np.array([(neutral or {}).get(kind, (0.0, 0.0, 0.0)) for kind in kinds])
     above = _parameters_above(free)
-    return Articulation(body.skin, body.normals, free, above, to_start, to_rest, _find_soles(body))
+    return Articulation(body.skin, body.normals, free, above, to_start, to_rest, _find_feet(body))
 
 
-def _find_soles(body: Body) -> Soles:
-    """Find the lowest vertices of the balls and heels of both feet."""
-    parts = []
-    for side in ("left", "right"):
-        ankle, ball = (NODE_INDEX[f"{side}_{name}"] for name in ("ankle", "foot"))
-        foot = np.flatnonzero(np.isin(body.skin.influence[:, 0], [ankle, ball]))
-        behind = body.vertices[foot, 2] < body.nodes[[ankle, ball], 2].mean()
-        parts += [(foot[~behind], False), (foot[behind], True)]
-    lowest = [
-        (part[body.vertices[part, 1] < body.vertices[part, 1].min() + _SOLE_M], is_heel)
-        for part, is_heel in parts
-        if len(part)
-    ]
-    return Soles(
+def _find_feet(body: Body) -> Feet:
+    lowest = [(part, False) for part in find_balls(body)] + [(part, True) for part in find_heels(body)]
+    return Feet(
         np.array([v for part, _ in lowest for v in part], np.int64),
         np.array([is_heel for part, is_heel in lowest for _ in part], np.bool_),
         np.array([1.0 / len(part) for part, _ in lowest for _ in part]),
+        heel_vertices(body),
+        np.array([NODE_INDEX["left_ankle"], NODE_INDEX["right_ankle"]]),
     )
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.body.angles import ANGLE_INDEX, ARM, LEG, SIDES, TRUNK, rotations_from_angles
+from depth_pose.body.feet import heel_vertices
 from depth_pose.body.limits import clamp_angles, with_shoulder_rhythm
 from depth_pose.core.errors import ConfigError
 from depth_pose.core.skeleton import JOINT_NODES
@@ -77,6 +78,8 @@ class Figure:
         Skin, clothes, hair, worn objects: all that counts as the person.
     joints : (19, 3) float32
         In the order of `depth_pose.core.skeleton.JOINTS`, metres.
+    heels : (2, 3) float32
+        Backs of the left and the right heel, metres.
     held_vertices : (H, 3) float32
     held_faces : (G, 3) int32
         Objects in the hands, which do not count as the person; may be empty.
@@ -94,6 +97,7 @@ class Figure:
     vertices: NDArray[np.float32]
     faces: NDArray[np.int32]
     joints: NDArray[np.float32]
+    heels: NDArray[np.float32]
     held_vertices: NDArray[np.float32]
     held_faces: NDArray[np.int32]
     posture: str
@@ -160,6 +164,7 @@ def sample_figure(
         vertices.astype(np.float32),
         faces,
         rested.nodes[JOINT_NODES].astype(np.float32),
+        rested.skin[heel_vertices(build.body)].astype(np.float32),
         held_vertices.astype(np.float32),
         held_faces,
         posture,

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from depth_pose.body.feet import heel_vertices
 from depth_pose.core.rotations import rotation_y
 from depth_pose.core.skeleton import JOINT_NODES, NODE_INDEX, forward_kinematics
 from depth_pose.motion.clip import without_heading
@@ -214,6 +215,7 @@ class Performer:
             vertices.astype(np.float32),
             faces,
             nodes[JOINT_NODES].astype(np.float32),
+            skin[heel_vertices(body)].astype(np.float32),
             held_vertices.astype(np.float32),
             held_faces,
             "stand",

@@ -104,6 +104,7 @@ class Placed:
     ----------
     vertices, held_vertices : (V, 3) float64
     joints : (19, 3) float64
+    heels : (2, 3) float64
     faces, held_faces : (F, 3) int64
     albedo : (F,) float32
         Of `faces`.
@@ -113,6 +114,7 @@ class Placed:
     vertices: Array
     faces: NDArray[np.int64]
     joints: Array
+    heels: Array
     held_vertices: Array
     held_faces: NDArray[np.int64]
     albedo: NDArray[np.float32]
@@ -289,16 +291,16 @@ def place(figure: Figure, x: float, z: float, turn: float, rng: np.random.Genera
     """Stand a figure on a spot of the floor, turned about the vertical, in clothes of random albedo."""
     c, s = np.cos(turn), np.sin(turn)
     turned = np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
-    joints = figure.joints.astype(np.float64)
     moved = [
         points.astype(np.float64).reshape(-1, 3) @ turned.T + np.array([x, 0.0, z])
-        for points in (figure.vertices, joints, figure.held_vertices)
+        for points in (figure.vertices, figure.joints, figure.heels, figure.held_vertices)
     ]
     return Placed(
         vertices=moved[0],
         faces=figure.faces.astype(np.int64),
         joints=moved[1],
-        held_vertices=moved[2],
+        heels=moved[2],
+        held_vertices=moved[3],
         held_faces=figure.held_faces.astype(np.int64).reshape(-1, 3),
         albedo=_person_albedo(figure, rng),
         held_albedo=random_albedo(rng, 0.3),

@@ -70,6 +70,7 @@ def _found_to_msg(found: FoundPerson) -> FoundPersonMsg:
         proposals=found.proposals.ravel().tolist(),
         proposal_confidence=found.proposal_confidence.tolist(),
         proposal_sigma=found.proposal_sigma.ravel().tolist(),
+        heels=found.heels.ravel().tolist(),
     )
 
 
@@ -126,7 +127,17 @@ def _msg_to_found(msg: FoundPersonMsg) -> FoundPerson:
             f"and {len(confidence)} confidences; each joint has 3, 2 and 1"
         )
     check_numbers(f"the proposed joints of {msg.body_id}", proposals)
+    heels = np.array(msg.heels, np.float32)
+    if len(heels) not in (0, 10):
+        raise InputError(f"{msg.body_id} has {len(heels)} numbers of heels; two heels have 5 each")
     check_numbers(f"the standard deviations of {msg.body_id}", sigma)
+    check_numbers(f"the heels of {msg.body_id}", heels)
     return FoundPerson(
-        msg.label, msg.body_id, msg.probability, proposals.reshape(-1, 3), confidence, sigma.reshape(-1, 2)
+        msg.label,
+        msg.body_id,
+        msg.probability,
+        proposals.reshape(-1, 3),
+        confidence,
+        sigma.reshape(-1, 2),
+        heels.reshape(-1, 5),
     )
