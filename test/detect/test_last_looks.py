@@ -20,7 +20,7 @@ def at(x: float, label: int = 1, z: float = 3.0) -> Detection:
     return Detection(label, 0.99, np.array([x, 0.0, z]))
 
 
-FAR = at(2.0, label=2)
+FAR, FARTHER = at(2.0, label=2), at(4.0, label=3)
 
 
 class Watcher:
@@ -52,15 +52,23 @@ class Watcher:
 
 def test_what_was_seen_goes_along_with_the_person() -> None:
     watcher = Watcher()
-    assert [watcher.see(at(0.02 * k), FAR) for k in range(4)] == [2, 1, 1, 1]
-    for x in (0.08, 0.1):
-        watcher.see(at(x), FAR)
-        np.testing.assert_allclose(watcher.seen[0].joints, np.tile([x, 0.0, 3.0], (19, 1)))
+    assert [watcher.see(at(0.02 * k), FAR, FARTHER) for k in range(4)] == [3, 2, 2, 2]
+    sigmas = set()
+    for x in (0.08, 0.1, 0.12):
+        watcher.see(at(x), FAR, FARTHER)
+        seen = watcher.seen[0]
+        for points in (seen.joints, seen.heels[:, :3]):
+            np.testing.assert_allclose(points, np.tile([x, 0.0, 3.0], (len(points), 1)))
+        assert (seen.heels[:, 3:] == seen.sigma[0]).all()
+        sigmas.add(float(seen.sigma[0, 0]))
+    assert min(sigmas) == 0.05
+    assert max(sigmas) > 0.08  # of a reused look
 
 
-def test_who_is_alone_is_looked_at_in_every_frame() -> None:
+def test_two_people_are_looked_at_in_every_frame() -> None:
     watcher = Watcher()
     assert [watcher.see(at(0.0)) for _ in range(3)] == [1, 1, 1]
+    assert [watcher.see(at(0.0), FAR) for _ in range(3)] == [2, 2, 2]
 
 
 def test_people_take_turns() -> None:
@@ -71,44 +79,53 @@ def test_people_take_turns() -> None:
 
 def test_everybody_is_looked_at_where_that_is_asked_for() -> None:
     watcher = Watcher(every=1)
-    assert [watcher.see(at(0.0), FAR) for _ in range(3)] == [2, 2, 2]
+    assert [watcher.see(at(0.0), FAR, FARTHER) for _ in range(3)] == [3, 3, 3]
 
 
 @pytest.mark.parametrize("probability", [0.3, 0.8])
 def test_who_may_be_a_thing_is_looked_at_in_every_frame(probability: float) -> None:
     watcher = Watcher(probability=probability)
-    assert [watcher.see(at(0.0), FAR) for _ in range(3)] == [2, 2, 2]
+    assert [watcher.see(at(0.0), FAR, FARTHER) for _ in range(3)] == [3, 3, 3]
 
 
 @pytest.mark.parametrize("step_ns", [101_000_000, 0, -STEP_NS])
 def test_no_look_is_carried_for_long_or_back_in_time(step_ns: int) -> None:
     watcher = Watcher()
-    watcher.see(at(0.0), FAR)
-    assert watcher.see(at(0.0), FAR, step_ns=step_ns) == 2
+    watcher.see(at(0.0), FAR, FARTHER)
+    assert watcher.see(at(0.0), FAR, FARTHER, step_ns=step_ns) == 3
 
 
-def test_who_jumps_or_stands_close_to_another_is_looked_at() -> None:
-    watcher = Watcher(every=3)
-    watcher.see(at(0.0), FAR)
-    assert watcher.see(at(0.2), FAR) == 1
-    watcher = Watcher(every=3)
-    watcher.see(at(0.0), at(0.3, label=2))
-    assert watcher.see(at(0.0), at(0.3, label=2)) == 2
+@pytest.mark.parametrize(("aside", "looks"), [(0.0, 2), (0.2, 3)])
+def test_who_jumps_is_looked_at(aside: float, looks: int) -> None:
+    watcher = Watcher(every=4)
+    for _ in range(2):
+        watcher.see(at(0.0), FAR, FARTHER)
+    jumped = [at(aside), at(2.0 + aside, label=2), at(4.0 + aside, label=3)]
+    assert watcher.see(*jumped) == looks
+
+
+@pytest.mark.parametrize(("apart", "looks"), [(0.5, 2), (0.3, 3)])
+def test_people_who_stand_close_together_are_looked_at(apart: float, looks: int) -> None:
+    watcher = Watcher(every=4)
+    crowd = [at(apart * k, label=k + 1) for k in range(3)]
+    watcher.see(*crowd)
+    assert watcher.see(*crowd) == looks
 
 
 def test_a_reset_forgets_everybody() -> None:
     watcher = Watcher(every=3)
-    watcher.see(at(0.0), FAR)
+    watcher.see(at(0.0), FAR, FARTHER)
     watcher.looks.reset()
-    assert watcher.see(at(0.0), FAR) == 2
+    assert watcher.see(at(0.0), FAR, FARTHER) == 3
 
 
 def test_people_who_stand_still_are_seen_the_same_in_between() -> None:
     """What is carried along is what the look said, in the frames in between as well."""
-    frames = [seen(k, [person(0, -0.9, 3.2), person(0, 0.6, 2.8)]) for k in range(4)]
+    frames = [seen(k, [person(0, -1.0, 3.4), person(0, 0.0, 3.2), person(0, 0.9, 2.8)]) for k in range(4)]
     carried, fresh = (LearnedSegmenter(SegmentConfig(look_every=n)) for n in (2, 1))
     for frame in frames:
-        pairs = zip(*(s.segment(frame).sightings for s in (carried, fresh)), strict=True)
+        pairs = list(zip(*(s.segment(frame).sightings for s in (carried, fresh)), strict=True))
+        assert len(pairs) == 3
         for a, b in pairs:
             np.testing.assert_allclose(a.proposals, b.proposals, atol=1e-5)
             assert a.probability == pytest.approx(b.probability)

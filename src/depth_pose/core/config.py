@@ -58,7 +58,7 @@ class SegmentConfig(Checked):
     )
     look_every: int = option(
         2,
-        "Frames from one close look at a person to the next, where there are several; learned only",
+        "Frames from one close look at a person to the next, where there are more than two; learned only",
         low=1,
         high=100,
     )

@@ -102,13 +102,17 @@ class JointProposals:
         """Confidence of each joint, 0 to 1, (19,); one half where the error is 0.1 m."""
         return (1.0 / (1.0 + (self.error / TYPICAL_ERROR_M) ** 2)).astype(np.float32)
 
-    def moved(self, by: NDArray[np.float64]) -> JointProposals:
-        """Return the proposals translated by a vector (3,), metres."""
+    def moved(self, by: NDArray[np.float64], unsure_m: float) -> JointProposals:
+        """Return the proposals translated by a vector (3,), metres, with a deviation added to theirs."""
         look = self.mask.look
         x, y, z = (look.x, look.y, look.z) + by
-        moved = replace(self.mask, look=look._replace(x=x, y=y, z=z))
-        heels = self.heels + np.concatenate([by, np.zeros(2)])
-        return replace(self, joints=self.joints + by, heels=heels, mask=moved)
+        return replace(
+            self,
+            joints=self.joints + by,
+            sigma=np.hypot(self.sigma, unsure_m),
+            heels=np.column_stack([self.heels[:, :3] + by, np.hypot(self.heels[:, 3:], unsure_m)]),
+            mask=replace(self.mask, look=look._replace(x=x, y=y, z=z)),
+        )
 
 
 class PersonOdds(NamedTuple):

@@ -1,7 +1,7 @@
-"""Schedule of second looks: several people take turns.
+"""Schedule of second looks: where there are more than two people, they take turns.
 
-The last look is reused for a person who was confirmed a moment ago and has not moved away. A single person is
-examined in every frame: that costs little, and reused joints lag behind fast motion.
+The last look is reused for a person who was confirmed a moment ago and has not moved away. Two people are
+examined in every frame: reused joints lag behind fast motion, and count as less exact.
 """
 
 from __future__ import annotations
@@ -20,6 +20,14 @@ _LONGEST_NS = 100_000_000
 
 _MOVED_M, _APART_M = 0.15, 0.4
 """Maximum movement (m) of the same person, and least distance (m) of another person."""
+
+_MOST_FRESH = 2
+"""Number of people examined in every frame; of more, the rest take turns. On the development recordings with
+several people the error falls from 25.0 to 24.0 mm with two in place of one, and to 23.8 mm without turns."""
+
+_STALE_M = 0.08
+"""Standard deviation added to a reused look's, metres: limbs move by this. Chosen on the same recordings of
+.04, .08 and .2."""
 
 _SURE = 0.9
 """Least person probability of both looks for reusing the last one."""
@@ -70,16 +78,23 @@ class LastLooks:
         list of JointProposals
             One for each of ``people``.
         """
+        before = [self._before(person) for person in people]
+        resting = sorted(
+            (last.age, n)
+            for n, last in enumerate(before)
+            if last is not None and self._may_rest(last, stamp_ns)
+        )
+        spare = max(0, _MOST_FRESH - (len(people) - len(resting)))
+        rests = {n for _, n in resting[: max(0, len(resting) - spare)]}  # the oldest looks are renewed first
         looks = []
-        are_several = sum(k.seen.probability >= _SURE for k in self._looks) > 1
         for n, person in enumerate(people):
-            before = self._before(person)
-            if before is not None and are_several and self._may_rest(before, stamp_ns):
-                moved = before.seen.moved(person.torso - before.torso)
-                looks.append(_Look(person.torso, moved, before.stamp_ns, before.age + 1))
+            last = before[n]
+            if last is not None and n in rests:
+                moved = last.seen.moved(person.torso - last.torso, _STALE_M)
+                looks.append(_Look(person.torso, moved, last.stamp_ns, last.age + 1))
             else:
                 # the first interval varies, so that not all people are examined in the same frames
-                age = 0 if before is not None else n % self._every
+                age = 0 if last is not None else n % self._every
                 looks.append(_Look(person.torso, look(person), stamp_ns, age))
         self._looks = looks
         return [k.seen for k in looks]
