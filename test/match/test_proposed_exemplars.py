@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -76,15 +78,25 @@ def test_legs_are_aimed_where_proposals_are_sure_and_nowhere_else(bank):
     assert aim_legs(bank.body, start, found(wanted, 0.1)) is None
 
 
-def test_how_far_joints_are_from_proposals_counts_as_far_as_these_are_sure(bank):
+def test_distances_from_proposals_count_in_their_standard_deviations(bank):
     pose = pose_of(bank, 12, 0.0)
     nodes = forward_kinematics(pose.rotations, pose.root, bank.body.nodes, pose.scale)
     joints = nodes[JOINT_NODES]
-    assert from_proposals(nodes, found(joints)) == pytest.approx(0.0, abs=1e-6)
-    joints[7] += [0.0, 0.2, 0.0]
-    assert from_proposals(nodes, found(joints, 0.5)) == pytest.approx(0.5 * 0.2 / 19, rel=1e-4)
-    joints[7] += [0.0, 4.0, 0.0]  # no more than 0.3 m
-    assert from_proposals(nodes, found(joints, 0.5)) == pytest.approx(0.5 * 0.3 / 19, rel=1e-4)
+    sigma = np.tile(np.float32([0.03, 0.05]), (19, 1))
+    across, along = np.hypot([0.03, 0.05], 0.04)
+    ray = joints[7] / np.linalg.norm(joints[7])
+    aside = np.cross(ray, [0.0, 1.0, 0.0])
+    aside /= np.linalg.norm(aside)
+
+    def moved(by):
+        places = joints.copy()
+        places[7] += by
+        return from_proposals(nodes, replace(found(places), proposal_sigma=sigma))
+
+    assert moved(np.zeros(3)) == pytest.approx(0.0, abs=1e-5)
+    assert moved(0.1 * aside) == pytest.approx(0.1 / across / 19, rel=0.02)
+    assert moved(0.1 * ray) == pytest.approx(0.1 / along / 19, rel=0.02)
+    assert moved(4.0 * ray) == pytest.approx(5.0 / 19, rel=1e-4)  # and no more
 
 
 def test_a_first_guess_of_the_size(bank, exemplars):

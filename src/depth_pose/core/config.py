@@ -63,7 +63,7 @@ class SegmentConfig(Checked):
         high=100,
     )
     working_height: int = option(
-        144, "Images with more rows than this are reduced to about it", unit="px", low=48, high=1080
+        180, "Images with more rows than this are reduced to about it", unit="px", low=48, high=1080
     )
     depth_jump: float = option(
         0.08,

@@ -12,7 +12,7 @@ from depth_pose.core._fast_exp import falling_exp
 from depth_pose.core._grid_kernels import Grid, bounds, sort_into_cells
 from depth_pose.core._raster_kernels import NEAR_M, rasterize
 from depth_pose.core.kernels import njit
-from depth_pose.refine._aim_kernels import nearer_naming
+from depth_pose.refine._aim_kernels import SHARED_M, nearer_naming
 from depth_pose.refine._tree_kernels import Equations, add_vertex, take_step
 from depth_pose.refine._visibility_kernels import mark_visible, turn_normals
 
@@ -41,10 +41,6 @@ _BEHIND_M = 0.05
 
 _LOOK_EVERY = 2
 """Iterations between two visibility updates; 2 is as accurate as 1 and a fifth faster."""
-
-_SHARED_M = 0.04
-"""Standard deviation (m) added to each proposal's: errors that all frames of a person share; chosen on three
-simulated and three real sets."""
 
 _ELSEWHERE_M = 0.15
 """Joint distance (m) at which the robust weight is a quarter; it falls further beyond; set by hand."""
@@ -235,8 +231,8 @@ def _observe(point, place, across_m, along_m, origin, weight, equations, segment
         far += r[a] * r[a]
         long += place[a] ** 2
     share = weight / (1.0 + far / (_ELSEWHERE_M * _ELSEWHERE_M)) ** 2
-    across = share / (across_m**2 + _SHARED_M**2)
-    along = share / (along_m**2 + _SHARED_M**2)
+    across = share / (across_m**2 + SHARED_M**2)
+    along = share / (along_m**2 + SHARED_M**2)
     for a in range(3):
         ray[a] = place[a] / np.sqrt(long)
     for a in range(3):

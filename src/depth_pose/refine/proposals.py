@@ -22,8 +22,8 @@ _SURE = 0.2
 """Least confidence of a proposal that a leg is aimed at: an expected error of 0.2 m; chosen on development
 clips."""
 
-_FAR_M = 0.3
-"""Maximum distance (m) that counts between a joint and its proposal; set by hand."""
+_FAR = 5.0
+"""Maximum distance that counts between a joint and its proposal, standard deviations; 8 is the same."""
 
 
 def aim_legs(body: Body, pose: BodyPose, found: FoundPerson) -> BodyPose | None:
@@ -55,10 +55,10 @@ def aim_legs(body: Body, pose: BodyPose, found: FoundPerson) -> BodyPose | None:
 
 
 def from_proposals(nodes: NDArray[np.float64], found: FoundPerson) -> float:
-    """Compute the confidence-weighted distance (m) of a pose's joints from a person's proposals."""
+    """Compute the mean distance of a pose's joints from a person's proposals, standard deviations."""
     if len(found.proposals) != len(JOINTS):
         return 0.0
-    return kernels.mean_gap(nodes[JOINT_NODES], found.proposals, found.proposal_confidence, _FAR_M)
+    return kernels.mean_deviation(nodes[JOINT_NODES], found.proposals, found.proposal_sigma, _FAR)
 
 
 class Named(NamedTuple):

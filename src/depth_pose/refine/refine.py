@@ -49,9 +49,9 @@ _FIRST_ROUNDS = 4
 _LIMBS_EVERY = 2
 """Frames from one limb search to the next for a person with a previous pose; the groups take turns."""
 
-_DOUBTFUL_M = 0.03
-"""Mean distance (m) of a pose from its proposals above which limbs are searched in every frame; chosen on
-development clips."""
+_DOUBTFUL = 0.65
+"""Mean distance of a pose from its proposals (standard deviations) above which limbs are searched in every
+frame; chosen on development clips."""
 
 _NEARLY = 0.04
 """The worse group is also fitted finely if its score is at most this much higher."""
@@ -176,7 +176,7 @@ class Refiner:
         kept.turn += 1
         if len(sides) == 1:
             sides[0] = self._search_limbs(person, fresh, _FIRST_ROUNDS, fit)
-        elif kept.turn % _LIMBS_EVERY == 0 or min(side.away for side in sides) > _DOUBTFUL_M:
+        elif kept.turn % _LIMBS_EVERY == 0 or min(side.away for side in sides) > _DOUBTFUL:
             number = kept.turn // _LIMBS_EVERY % len(sides)
             sides[number] = self._search_limbs(person, sides[number], 1, fit)
         first = min(sides, key=by_score)
