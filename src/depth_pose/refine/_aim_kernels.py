@@ -54,7 +54,7 @@ def mean_deviation(joints, places, sigmas, most):
             far += gap * gap
             along += gap * places[j, a]
             long += places[j, a] * places[j, a]
-        along *= along / long
+        along *= along / max(long, 1e-12)
         across_2, along_2 = sigmas[j, 0] ** 2 + SHARED_M**2, sigmas[j, 1] ** 2 + SHARED_M**2
         total += min(np.sqrt((far - along) / across_2 + along / along_2), most)
     return total / places.shape[0]
