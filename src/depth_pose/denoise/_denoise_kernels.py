@@ -20,7 +20,7 @@ _LANES = 8
 _FAR_AWAY = np.float32(1e4)
 """Coordinate of the padding, in units of h / 4, too far away to get any weight."""
 
-_READ = 8
+_READ = 5
 """Approximate number of neighbours read on each side of a pixel; more have almost no effect (see the
 tests)."""
 
@@ -43,7 +43,7 @@ def window(h, camera, z):
 
 @njit(cache=True)
 def step_of(depth, h, fx):
-    """Compute the step at which about 16 x 16 neighbours of a pixel are read, at the mean depth."""
+    """Compute the step at which about 10 x 10 neighbours of a pixel are read, at the mean depth."""
     total, count = 0.0, 0
     for i in range(depth.shape[0]):
         for j in range(depth.shape[1]):
