@@ -211,11 +211,11 @@ def test_tiny_images(shape, value):
 
 def test_large_images_are_reduced_to_the_working_grid(person):
     """Blocks of 3 x 3 pixels: the same person, on the grid of a third of the size."""
-    camera = Camera(528, 432, 570.0, 570.0, 263.5, 215.5)
+    camera = Camera(660, 540, 712.5, 712.5, 329.5, 269.5)
     vertices_faces = syn.mesh(syn.posed(syn.arms_down()))
     large = syn.draw(vertices_faces, camera=camera)
     found = segment(np.minimum(large, syn.room(camera=camera)), camera=camera)
-    assert found.labels.shape == (144, 176)
+    assert found.labels.shape == (180, 220)
     assert found.camera == reduce_camera(camera, 3)
     truth = syn.draw(vertices_faces, camera=found.camera)
     assert recall(found, np.isfinite(truth)) > 0.93
