@@ -93,16 +93,17 @@ def project_first(depth, camera, h, step):
             if depth[i, j] <= 0.0:
                 continue
             reach_y, reach_x = window(h, camera, depth[i, j])
-            reach_y, reach_x = reach_y // step + 1, reach_x // step + 1
-            lanes = np.uint64((2 * reach_x + _LANES) // _LANES * _LANES)
+            wide = reach_x // step
+            lanes = np.uint64((2 * wide + _LANES) // _LANES * _LANES)
             own = i * width + j % step * part + pad + j // step
             x0, y0, z0 = x[own], y[own], z[own]
             # Ye et al. eq. 1: the mean of the neighbours' depths, weighted by theta of their distance
             total, weight = np.float32(0.0), np.float32(0.0)
-            for a in range(i - reach_y * step, i + reach_y * step + 1, step):
-                if a < 0 or a >= rows or last[a] < j - reach_x * step or first[a] > j + reach_x * step:
+            for down in range(-(reach_y // step) * step, reach_y + 1, step):
+                a = i + down
+                if a < 0 or a >= rows or last[a] < j - reach_x or first[a] > j + reach_x:
                     continue
-                start = np.uint64(own + (a - i) * width - reach_x)
+                start = np.uint64(own + down * width - wide)
                 for k in range(lanes):
                     dx, dy, dz = x[start + k] - x0, y[start + k] - y0, z[start + k] - z0
                     w = theta(dx * dx + dy * dy + dz * dz)
@@ -168,21 +169,26 @@ def drop_outliers(depth, camera, distance):
             z = depth[i, j]
             if z <= 0.0:
                 continue
-            rx, ry = ray(camera, j, i)
             reach = int(distance * camera.fx / z) + 1
-            near = False
-            for a in range(max(0, i - reach), min(rows, i + reach + 1)):
-                for b in range(max(0, j - reach), min(cols, j + reach + 1)):
-                    zs = depth[a, b]
-                    if zs <= 0.0 or (a == i and b == j):
-                        continue
-                    sx, sy = ray(camera, b, a)
-                    dx, dy, dz = sx * zs - rx * z, sy * zs - ry * z, zs - z
-                    if dx * dx + dy * dy + dz * dz < distance * distance:
-                        near = True
-                        break
-                if near:
-                    break
-            if not near:
+            is_alone = not has_near(depth, camera, distance, i, j, 1)  # few points are
+            if is_alone and not has_near(depth, camera, distance, i, j, reach):
                 out[i, j] = 0.0
     return out
+
+
+@njit(cache=True)
+def has_near(depth, camera, distance, i, j, reach):
+    """Check whether a point within ``reach`` pixels lies within ``distance`` of the point at a pixel."""
+    rows, cols = depth.shape
+    z = depth[i, j]
+    rx, ry = ray(camera, j, i)
+    for a in range(max(0, i - reach), min(rows, i + reach + 1)):
+        for b in range(max(0, j - reach), min(cols, j + reach + 1)):
+            zs = depth[a, b]
+            if zs <= 0.0 or (a == i and b == j):
+                continue
+            sx, sy = ray(camera, b, a)
+            dx, dy, dz = sx * zs - rx * z, sy * zs - ry * z, zs - z
+            if dx * dx + dy * dy + dz * dz < distance * distance:
+                return True
+    return False

@@ -9,6 +9,9 @@ import numpy as np
 from depth_pose.core.kernels import njit
 from depth_pose.core.types import BACKGROUND
 
+_FAR_AWAY = 10_000
+"""Number of rings around a pixel within which all labels are the same: the whole image."""
+
 
 class Before(NamedTuple):
     """The previous frame.
@@ -49,6 +52,7 @@ def carry_labels(before, depth, camera, limits, labels, is_new):
     """
     rows, cols = depth.shape
     most = limits.moved * limits.moved
+    uniform = to_other_label(before.labels)
     for i in range(rows):
         for j in range(cols):
             labels[i, j], is_new[i, j] = BACKGROUND, False
@@ -56,8 +60,13 @@ def carry_labels(before, depth, camera, limits, labels, is_new):
             if z <= 0.0:
                 continue
             pixel, least = z / camera.fx, most
+            same = min(most, (uniform[i, j] * pixel) ** 2)  # all points nearer than this have one label
+            deep = before.depth[i, j] - z
+            if deep * deep < same and before.depth[i, j] > 0.0:  # most pixels
+                labels[i, j] = before.labels[i, j]
+                continue
             for ring in range(limits.pixels + 1):
-                if (ring * pixel) ** 2 >= least:
+                if (ring * pixel) ** 2 >= least or least < same:
                     break
                 for a in range(max(0, i - ring), min(rows, i + ring + 1)):
                     step = (
@@ -71,6 +80,45 @@ def carry_labels(before, depth, camera, limits, labels, is_new):
                         if apart < least:
                             least, labels[i, j] = apart, before.labels[a, b]
             is_new[i, j] = least >= most
+
+
+@njit(cache=True)
+def to_other_label(labels):
+    """Compute the number of rings around each pixel to the first that has another label, (h, w) int32."""
+    rows, cols = labels.shape
+    rings = np.empty((rows, cols), np.int32)
+    for i in range(rows):
+        above, below = labels[max(i - 1, 0)], labels[min(i + 1, rows - 1)]
+        find_borders(above, labels[i], below, rings[i])
+    for i in range(rows):
+        grow_rings(rings[max(i - 1, 0)], rings[i], 1)
+    for i in range(rows - 1, -1, -1):
+        grow_rings(rings[min(i + 1, rows - 1)], rings[i], -1)
+    return rings
+
+
+@njit(cache=True)
+def find_borders(above, own, below, rings):
+    """Write 1 where one of the eight neighbours has another label, else a large number."""
+    cols = own.shape[0]
+    for j in range(1, cols - 1):
+        k = own[j]
+        is_same = (own[j - 1] == k) & (own[j + 1] == k)
+        is_same &= (above[j - 1] == k) & (above[j] == k) & (above[j + 1] == k)
+        is_same &= (below[j - 1] == k) & (below[j] == k) & (below[j + 1] == k)
+        rings[j] = _FAR_AWAY if is_same else 1
+    rings[0] = rings[cols - 1] = 1
+
+
+@njit(cache=True)
+def grow_rings(before, own, step):
+    """Take over one ring more than the neighbours in the row before, and than the one before in the row."""
+    cols = own.shape[0]
+    for j in range(1, cols - 1):
+        own[j] = min(own[j], min(before[j - 1], min(before[j], before[j + 1])) + 1)
+    for k in range(1, cols):
+        j = k if step > 0 else cols - 1 - k
+        own[j] = min(own[j], own[j - step] + 1)
 
 
 @njit(cache=True)

@@ -69,11 +69,14 @@ class KeptPoses:
         Number of the frame; the groups are searched for limbs in turn.
     lead : float
         Score advantage of a different pose that was not the answer, summed over the last frames.
+    tried : tuple of int
+        Exemplars of the last match.
     """
 
     beam: tuple[BodyPose, ...] = ()
     turn: int = 0
     lead: float = 0.0
+    tried: tuple[int, ...] = ()
 
 
 def choose_answer(

@@ -8,7 +8,8 @@ candidates, and a short beam from the previous frame, which is its answer and, w
 poses that differed from it. Tracking alone loses arms and does not recover them. A pose that has converged
 over many frames, however, agrees better than any unfitted one even if it is wrong. Each group is therefore
 fitted separately. A pose that differs much from the continued answer replaces it after it agreed better,
-summed over consecutive frames, by a given margin.
+summed over consecutive frames, by a given margin. Exemplars that lost to it are not fitted again before the
+next search, unless the answer is doubtful.
 """
 
 from __future__ import annotations
@@ -46,7 +47,7 @@ from depth_pose.track.sample_people import SAMPLE_DISTANCE_M, sample_people
 _FIRST_ROUNDS = 4
 """Rounds of limb search while there is no previous pose to start from."""
 
-_LIMBS_EVERY = 2
+_LIMBS_EVERY = 4
 """Frames from one limb search to the next for a person with a previous pose; the groups take turns."""
 
 _DOUBTFUL = 0.65
@@ -171,11 +172,12 @@ class Refiner:
 
     def _fit_best(self, person: Person, match: PoseMatch, kept: KeptPoses, fit: FrameFit) -> ScoredFit:
         """Fit fresh and kept starts roughly, search limbs in one group, finish, and choose."""
-        fresh = self._fit_candidates(person, match, fit)
-        sides = [fresh, *self._fit_kept(person, kept, match.scale, fit)]
+        old = self._fit_kept(person, kept, match.scale, fit)
+        fresh = [] if _settles(kept, old, match) else [self._fit_candidates(person, match, fit)]
+        sides = fresh + old
         kept.turn += 1
-        if len(sides) == 1:
-            sides[0] = self._search_limbs(person, fresh, _FIRST_ROUNDS, fit)
+        if not old:
+            sides = [self._search_limbs(person, side, _FIRST_ROUNDS, fit) for side in fresh]
         elif kept.turn % _LIMBS_EVERY == 0 or min(side.away for side in sides) > _DOUBTFUL:
             number = kept.turn // _LIMBS_EVERY % len(sides)
             sides[number] = self._search_limbs(person, sides[number], 1, fit)
@@ -184,7 +186,7 @@ class Refiner:
             self._compare(person, fit.finish(side.body)) if _is_worth_it(side, first) else None
             for side in sides
         ]
-        best = choose_answer(kept, *finished)
+        best = choose_answer(kept, *finished) if fresh else choose_answer(kept, None, *finished)
         answers = [done or rough for done, rough in zip(finished, sides, strict=True)]
         kept.beam = keep_differing(best, answers, self.config.beam)
         return best
@@ -227,6 +229,12 @@ class Refiner:
             from_proposals(body.nodes, person.found),
             self._prior.excess(body.nodes, body.pose.scale),
         )
+
+
+def _settles(kept: KeptPoses, old: list[ScoredFit], match: PoseMatch) -> bool:
+    """Check that the same exemplars lost to the kept pose already, and that this is not doubtful."""
+    tried, kept.tried = kept.tried, tuple(c.exemplar for c in match.candidates)
+    return bool(old) and kept.tried == tried and kept.lead == 0.0 and old[0].away <= _DOUBTFUL
 
 
 def _is_worth_it(side: ScoredFit, first: ScoredFit) -> bool:
