@@ -115,9 +115,7 @@ def main() -> None:
     parser.add_argument("--bank", type=Path, default=default_bank_path())
     arguments = parser.parse_args()
     pipeline = PosePipeline(Bank.load(arguments.bank))
-    print(
-        "| data | joints | answers | proposals | the same without the common offset, or within one deviation |"
-    )
+    print("| data | joints | answers | proposals | without the common offset, or within one deviation |")
     print("|---|---|---|---|---|")
     for folder in arguments.data:
         for ending, measure, describe in (

@@ -51,7 +51,7 @@ class SegmentConfig(Checked):
     near: float = option(0.4, "Ignore anything nearer than this", unit="m", low=0.0, high=20.0)
     far: float = option(8.0, "Ignore anything farther than this", unit="m", low=0.1, high=50.0)
     find_every: int = option(
-        3,
+        2,
         "Frames from one search of the image for people to the next, while all are sure; learned only",
         low=1,
         high=100,
