@@ -11,12 +11,12 @@ import pytest
 
 import synthetic as syn
 from depth_pose.core.config import SegmentConfig
-from depth_pose.core.skeleton import JOINT_INDEX, JOINT_NODES, NODE_INDEX
+from depth_pose.core.skeleton import JOINT_INDEX, JOINT_NODES, MIRROR_JOINTS, MIRROR_LANDMARKS, NODE_INDEX
 from depth_pose.core.types import BACKGROUND, HIDDEN, DepthFrame
 from depth_pose.detect import _crop_kernels as kernels
 from depth_pose.detect._crop_kernels import CropView
 from depth_pose.detect.candidates import CandidateFinder
-from depth_pose.detect.joint_finder import CropMask, JointFinder, PersonOdds
+from depth_pose.detect.joint_finder import CropMask, JointFinder, NetAnswer, PersonOdds
 from depth_pose.detect.learned_segmenter import LearnedSegmenter
 from depth_pose.detect.net import read_weights
 from depth_pose.sim.scenes import sample_scene
@@ -71,6 +71,38 @@ def test_same_frame_same_bits():
     first, again = (LearnedSegmenter(SegmentConfig()).segment(frame).sightings[0] for _ in range(2))
     np.testing.assert_array_equal(first.proposals, again.proposals)
     np.testing.assert_array_equal(first.proposal_confidence, again.proposal_confidence)
+
+
+@pytest.mark.parametrize("turn", [0.0, 80.0, 160.0])
+def test_with_the_mirror_image_left_and_right_are_seen_alike(turn):
+    depth = scene(syn.posed(syn.arms_down(), distance=2.6, aside=0.3, turn=turn)).depth
+    both = depth, np.ascontiguousarray(depth[:, ::-1])  # the camera's axis is in the middle
+    torso = np.array([0.3, 0.2, 2.6])
+    gaps = []
+    for mirror in (True, False):
+        finder, points = JointFinder(mirror=mirror), []
+        for image, sign in zip(both, (1.0, -1.0), strict=True):
+            labels = (np.abs(image - 2.6) < 0.5).astype(np.uint8)
+            seen = finder.find(image, labels, syn.CAMERA, 1, torso * [sign, 1.0, 1.0], 0.9)
+            points.append(seen.joints * [sign, 1.0, 1.0])
+        swapped = points[1][MIRROR_JOINTS]  # the mirror image's left is the right
+        gaps.append(np.linalg.norm(points[0] - swapped, axis=1).mean())
+    assert gaps[0] < 0.01 < gaps[1]
+
+
+def test_mirrored_twice_is_the_same():
+    rng = np.random.default_rng(5)
+    count = len(MIRROR_LANDMARKS)
+    places, width = rng.normal(size=(count, 3)), rng.normal(size=(count, 2))
+    answer = NetAnswer(
+        *(v.astype(np.float32) for v in (places, width)), 1.5, 2.0, np.eye(4, dtype=np.float32)
+    )
+    again = answer.mirrored().mirrored()
+    np.testing.assert_array_equal(again.places, answer.places)
+    np.testing.assert_array_equal(again.mask, answer.mask)
+    other = answer._replace(places=places[MIRROR_LANDMARKS], behind=-1.5)
+    assert answer.mean(other).behind == answer.behind  # the other names left and right the other way
+    np.testing.assert_array_equal(answer.mean(other).places, answer.places)
 
 
 @pytest.mark.parametrize("torso", [(0.0, 0.0, 0.3), (4.0, -3.0, 1.0), (0.0, 0.0, 9.0)])

@@ -100,8 +100,8 @@ def run(
         typer.Option(
             min=1,
             max=2,
-            help="2: play each recording back as well, with the builds of all of it, and join both answers. "
-            "More accurate; takes half as long again.",
+            help="2: play each recording back as well, with the builds of all of it, and join both answers; "
+            "people's mirror images are looked at, too. More accurate; takes twice as long.",
         ),
     ] = 1,
     raw: Annotated[bool, typer.Option("--raw", help="Do not smooth the joints.")] = False,
@@ -178,6 +178,8 @@ def run(
     ):
         if chosen:
             values.setdefault(section, {}).update(chosen)
+    if passes > 1:
+        values.setdefault("segment", {}).setdefault("mirror", True)
     config = PipelineConfig.from_mapping(values)
     images = ImageOptions.parse(intrinsics, depth_scale, fps)
     target = Path(output)

@@ -36,6 +36,7 @@ _OUTPUTS = ["landmarks", "log_error", "behind", "person", "mask"]
 
 _JOINT_COUNT = len(JOINTS)
 _TRUNK = [JOINT_INDEX[f"{side}_{joint}"] for side in ("left", "right") for joint in ("shoulder", "hip")]
+_HALF = np.float32(0.5)
 _SUREST = 1e-4
 """Probabilities are limited to this."""
 
@@ -121,6 +122,50 @@ class JointProposals:
         )
 
 
+class NetAnswer(NamedTuple):
+    """Outputs of the net for one crop.
+
+    Attributes
+    ----------
+    places : (K, 3) float32
+        Landmarks in the crop's coordinates, metres; left and right as in the image.
+    log_width : (K, 2) float32
+        Logarithms of the widths of their distributions, in the image plane and in depth.
+    behind, person : float
+        Logits of a back view, and of a person.
+    mask : (side, side) float32
+    """
+
+    places: NDArray[np.float32]
+    log_width: NDArray[np.float32]
+    behind: float
+    person: float
+    mask: NDArray[np.float32]
+
+    def mirrored(self) -> NetAnswer:
+        """Return the answer for the mirror image of the crop."""
+        places = self.places[MIRROR_LANDMARKS] * np.array([-1.0, 1.0, 1.0], np.float32)
+        width, mask = self.log_width[MIRROR_LANDMARKS], np.ascontiguousarray(self.mask[:, ::-1])
+        return self._replace(places=places, log_width=width, mask=mask)
+
+    def mean(self, other: NetAnswer) -> NetAnswer:
+        """Return the mean of two answers for one crop; left and right of the other are named alike."""
+        gap, swapped_gap = (
+            np.linalg.norm(self.places - places, axis=1).sum()
+            for places in (other.places, other.places[MIRROR_LANDMARKS])
+        )
+        if swapped_gap < gap:  # seen from the side: then it is also the other view
+            places, width = other.places[MIRROR_LANDMARKS], other.log_width[MIRROR_LANDMARKS]
+            other = other._replace(places=places, log_width=width, behind=-other.behind)
+        return NetAnswer(
+            _HALF * (self.places + other.places),
+            _HALF * (self.log_width + other.log_width),
+            0.5 * (self.behind + other.behind),
+            0.5 * (self.person + other.person),
+            _HALF * (self.mask + other.mask),
+        )
+
+
 class PersonOdds(NamedTuple):
     """Logistic regression on both looks' logits of a person.
 
@@ -169,9 +214,12 @@ class JointFinder:
     ----------
     weights : path, optional
         A folder with a net in place of the packaged one.
+    mirror : bool
+        Whether to look at the mirror image, too, and to take the mean of both answers.
     """
 
-    def __init__(self, weights: Path | None = None) -> None:
+    def __init__(self, weights: Path | None = None, mirror: bool = False) -> None:
+        self._mirror = mirror
         self._session = open_net(read_weights("joint_finder.onnx", weights))
         settings = json.loads(read_weights("joint_finder.json", weights))
         self._person = PersonOdds(*settings["person"])
@@ -210,18 +258,33 @@ class JointFinder:
         """
         x, y, z = torso.tolist()
         look = CropView(x, y, z, self._cell_m)
-        kernels.sample_crop(depth, labels, camera, look, self._grid, self._whose)
-        kernels.fill_features(self._grid, self._whose, label, look, self._features[0])
-        kernels.take_pixels(self._features[0], self._rows, self._middle[0])
-        places, log_width, behind, person, mask = self._session.run(_OUTPUTS, self._inputs)
-        points = kernels.from_crop(places[0].astype(np.float64), look)
-        sigma, error = _spread(log_width[0], self._least_width_m)
-        from_behind = _logistic(float(behind[0]))
+        answer = self._ask(depth, labels, camera, label, look)
+        if self._mirror:
+            mirrored = self._ask(depth, labels, camera, label, look._replace(flip=-1.0))
+            answer = answer.mean(mirrored.mirrored())
+        points = kernels.from_crop(answer.places.astype(np.float64), look)
+        sigma, error = _spread(answer.log_width, self._least_width_m)
+        from_behind = _logistic(answer.behind)
         if from_behind > 0.5:
             points, sigma, error = (v[MIRROR_LANDMARKS] for v in (points, sigma, error))
         apart = np.linalg.norm(points - points[MIRROR_LANDMARKS], axis=1)
         error += min(from_behind, 1.0 - from_behind) * apart
-        both = self._person.probability(probability, float(person[0]))
+        both = self._person.probability(probability, answer.person)
         heels = np.column_stack([points, sigma])[_JOINT_COUNT:]
         joints, error, sigma = points[:_JOINT_COUNT], error[:_JOINT_COUNT], sigma[:_JOINT_COUNT]
-        return JointProposals(joints, error, sigma, heels, from_behind, both, CropMask(mask[0], look))
+        return JointProposals(joints, error, sigma, heels, from_behind, both, CropMask(answer.mask, look))
+
+    def _ask(
+        self,
+        depth: NDArray[np.float32],
+        labels: NDArray[np.uint8],
+        camera: Camera,
+        label: int,
+        look: CropView,
+    ) -> NetAnswer:
+        """Run the net on one crop."""
+        kernels.sample_crop(depth, labels, camera, look, self._grid, self._whose)
+        kernels.fill_features(self._grid, self._whose, label, look, self._features[0])
+        kernels.take_pixels(self._features[0], self._rows, self._middle[0])
+        places, log_width, behind, person, mask = self._session.run(_OUTPUTS, self._inputs)
+        return NetAnswer(places[0], log_width[0], float(behind[0]), float(person[0]), mask[0])

@@ -53,7 +53,7 @@ class LearnedSegmenter:
     def __init__(self, config: SegmentConfig, weights: Path | None = None) -> None:
         self.config = config
         self.candidates = CandidateFinder(config, weights)
-        self._joints = JointFinder(weights)
+        self._joints = JointFinder(weights, config.mirror)
         self._people = LastPeople(config)
         self._looks = LastLooks(config.look_every)
         self._beliefs = Beliefs(config.sure)
