@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,7 +16,9 @@ from depth_pose.core.errors import BankError
 from depth_pose.core.skeleton import JOINT_NODES, Source
 from depth_pose.core.types import Candidate, PoseMatch
 from depth_pose.recover.confidence import fit_confidence
+from depth_pose.refine.body_fitter import BodyFitter
 from depth_pose.refine.kept_poses import KeptPoses, ScoredFit, choose_answer, keep_differing
+from depth_pose.refine.refine import Refiner
 from stages import make_matcher, make_refiner
 
 
@@ -94,6 +97,36 @@ def test_a_wrong_pose_that_converged_gives_way(bank):
         fitted = refined(refiner, now, start)
         errors.append(syn.joint_error(fitted.joints, posed.nodes[JOINT_NODES]))
     assert errors[-1] < 0.04 < 0.06 < errors[-2]
+
+
+class CountingFitter:
+    """Counts the starts that are glanced at."""
+
+    def __init__(self, fitter):
+        self.fitter, self.glances = fitter, 0
+
+    def fit_to(self, person, build):
+        fit = self.fitter.fit_to(person, build)
+
+        def glance(start):
+            self.glances += 1
+            return fit.glance(start)
+
+        return SimpleNamespace(glance=glance, rough=fit.rough, finish=fit.finish)
+
+
+def test_exemplars_that_lost_are_not_fitted_again_before_the_next_search(bank):
+    _, people = scene(bank, 31)
+    bodies = BodyFitter(bank.body)
+    fitter = CountingFitter(bodies)
+    refiner = Refiner(bank, RefineConfig(), MatchConfig(), bodies, fitter)
+    spent = []
+    for k, exemplar in enumerate((31, 31, 31, 208)):
+        refined(refiner, syn.restamped(people, people.stamp_ns + k * syn.STEP_NS), candidate(exemplar))
+        spent.append(fitter.glances - sum(spent))
+    assert spent[0] > 1
+    assert spent[1:3] == [0, 0]
+    assert spent[3] > 0
 
 
 def compared(bank, score, aside):
