@@ -118,10 +118,7 @@ def main() -> None:
     print("| data | joints | answers | proposals | without the common offset, or within one deviation |")
     print("|---|---|---|---|---|")
     for folder in arguments.data:
-        for ending, measure, describe in (
-            (".npz", against_truth, of_truth),
-            (".json", against_image, of_image),
-        ):
+        for ending, measure, describe in KINDS:
             paths = [p for p in sorted(folder.glob("*.mcap")) if p.with_suffix(ending).exists()]
             if paths:
                 off = np.concatenate([measure(pipeline, path) for path in paths])
@@ -133,9 +130,8 @@ def main() -> None:
 def of_truth(off: np.ndarray) -> str:
     """Summarise distances from the truth (joints, 4), three columns."""
     cells = [f"{1000 * one.mean():.1f} mm, {(one < 0.1).mean():.3f}" for one in off[:, :2].T]
-    return " | ".join(
-        [*cells, f"{(off[:, 2] < 1).mean():.2f} in the plane, {(off[:, 3] < 1).mean():.2f} in depth"]
-    )
+    across, along = (off[:, 2:] < 1.0).mean(axis=0)
+    return " | ".join([*cells, f"{across:.2f} in the plane, {along:.2f} in depth"])
 
 
 def of_image(off: np.ndarray) -> str:

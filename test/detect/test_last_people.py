@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from crowd import CAMERA, person, seen
+from depth_pose.core.camera import Camera
 from depth_pose.core.config import SegmentConfig
 from depth_pose.core.types import HIDDEN, PERSON, DepthFrame
-from depth_pose.detect._carry_kernels import count_inside, take_new
+from depth_pose.detect._carry_kernels import Before, CarryLimits, carry_labels, count_inside, take_new
 from depth_pose.detect.candidates import Candidates
 from depth_pose.detect.last_people import LastPeople
 from depth_pose.detect.learned_segmenter import LearnedSegmenter
@@ -134,3 +135,31 @@ def test_the_warm_up_carries_people_over(monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setattr(LastPeople, "carry", watch)
     segmenter.warm_up()
     assert [c is not None for c in carried] == [False, True]
+
+
+def test_labels_twin() -> None:
+    """Every pixel takes the label of the nearest point of the previous frame, or is new."""
+    rng = np.random.default_rng(8)
+    camera, limits = Camera(24, 18, 20.0, 20.0, 11.5, 8.5), CarryLimits(0.25, 0.08, 5)
+    v, u = np.mgrid[: camera.height, : camera.width]
+    body = (np.abs(u - 11) < 5) & (np.abs(v - 9) < 6)
+    before = Before(
+        np.where(body, 2.0, 3.0) + rng.normal(0.0, 0.1, body.shape), np.where(body, 1 + (u > 11), 0)
+    )
+    depth = np.where(np.roll(body, 4, axis=1), 2.0, 3.0) + rng.normal(0.0, 0.1, body.shape)
+    before.depth[rng.random(body.shape) < 0.1] = 0.0
+    depth[rng.random(body.shape) < 0.1] = 0.0
+    labels, is_new = np.empty(body.shape, np.uint8), np.empty(body.shape, np.bool_)
+    before = Before(before.depth.astype(np.float32), before.labels.astype(np.uint8))
+    carry_labels(before, depth.astype(np.float32), camera, limits, labels, is_new)
+    for i, j in np.ndindex(body.shape):
+        z = depth[i, j]
+        aside = z / camera.fx * np.hypot(v - i, u - j)
+        far = np.hypot(aside, before.depth - z)
+        seen = (before.depth > 0) & (np.maximum(np.abs(v - i), np.abs(u - j)) <= limits.pixels)
+        far = np.where(seen, far, np.inf)
+        is_known = z > 0 and far.min() < limits.moved
+        assert is_new[i, j] == (z > 0 and not is_known)
+        assert labels[i, j] == (before.labels.ravel()[far.argmin()] if is_known else 0)
+    assert is_new.any()
+    assert set(np.unique(labels)) == {0, 1, 2}
