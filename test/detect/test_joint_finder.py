@@ -93,10 +93,8 @@ def test_with_the_mirror_image_left_and_right_are_seen_alike(turn):
 def test_mirrored_twice_is_the_same():
     rng = np.random.default_rng(5)
     count = len(MIRROR_LANDMARKS)
-    places, width = rng.normal(size=(count, 3)), rng.normal(size=(count, 2))
-    answer = NetAnswer(
-        *(v.astype(np.float32) for v in (places, width)), 1.5, 2.0, np.eye(4, dtype=np.float32)
-    )
+    places, width = (rng.normal(size=(count, n)).astype(np.float32) for n in (3, 2))
+    answer = NetAnswer(places, width, 1.5, 2.0, np.eye(4, dtype=np.float32))
     again = answer.mirrored().mirrored()
     np.testing.assert_array_equal(again.places, answer.places)
     np.testing.assert_array_equal(again.mask, answer.mask)

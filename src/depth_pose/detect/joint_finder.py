@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.camera import Camera
-from depth_pose.core.skeleton import JOINT_INDEX, JOINTS, MIRROR_LANDMARKS
+from depth_pose.core.skeleton import JOINTS, MIRROR_LANDMARKS
 from depth_pose.detect import _crop_kernels as kernels
 from depth_pose.detect._crop_kernels import CropView, MaskLimits
 from depth_pose.detect.net import open_net, read_weights
@@ -35,7 +35,6 @@ _OUTPUTS = ["landmarks", "log_error", "behind", "person", "mask"]
 """Outputs of the net."""
 
 _JOINT_COUNT = len(JOINTS)
-_TRUNK = [JOINT_INDEX[f"{side}_{joint}"] for side in ("left", "right") for joint in ("shoulder", "hip")]
 _HALF = np.float32(0.5)
 _SUREST = 1e-4
 """Probabilities are limited to this."""
@@ -103,11 +102,6 @@ class JointProposals:
     def confidence(self) -> NDArray[np.float32]:
         """Confidence of each joint, 0 to 1, (19,); one half where the error is 0.1 m."""
         return (1.0 / (1.0 + (self.error / TYPICAL_ERROR_M) ** 2)).astype(np.float32)
-
-    @property
-    def torso(self) -> NDArray[np.float64]:
-        """Centre of shoulders and hips, (3,), as in `depth_pose.detect.finder.Detection`."""
-        return np.asarray(self.joints[_TRUNK].mean(axis=0))
 
     def moved(self, by: NDArray[np.float64], unsure_m: float) -> JointProposals:
         """Return the proposals translated by a vector (3,), metres, with a deviation added to theirs."""

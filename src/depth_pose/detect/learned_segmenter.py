@@ -91,10 +91,7 @@ class LearnedSegmenter:
                 labels[labels == thing.label] = BACKGROUND
             elif _is_alone(thing, sure):
                 looked.mask.apply(found.depth, labels, found.camera, thing.label)
-        placed = tuple(
-            replace(person, torso=looked.torso) for person, looked in zip(found.people, seen, strict=True)
-        )
-        self._people.keep(replace(found, people=placed), sure, frame.stamp_ns)
+        self._people.keep(found, sure, frame.stamp_ns)
         if sightings:  # removed pixels may occlude more of a person
             mark_nearer(found.depth, labels, found.camera, self.config.depth_jump)
         is_person = (labels != BACKGROUND) & (labels != HIDDEN)

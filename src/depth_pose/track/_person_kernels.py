@@ -10,6 +10,27 @@ _BESIDE_M = 0.15
 
 
 @njit(cache=True)
+def unpack_points(numbers, octets, is_person, most, points, labels):
+    """Copy points and labels of 16-byte records, (h, w, 4) float32 and (h, w, 16) uint8 of the same memory.
+
+    Returns the flat index of the first point of a person (``is_person`` (256,)) with a number that is NaN or
+    beyond ``most``, or -1.
+    """
+    rows, cols = labels.shape
+    bad = -1
+    for i in range(rows):
+        for j in range(cols):
+            labels[i, j] = octets[i, j, 12]
+            is_good = True
+            for a in range(3):
+                points[i, j, a] = numbers[i, j, a]
+                is_good &= abs(numbers[i, j, a]) <= most
+            if bad < 0 and is_person[labels[i, j]] and not is_good:
+                bad = i * cols + j
+    return bad
+
+
+@njit(cache=True)
 def take_person(points, labels, label, taken, depth):
     """Copy a person's points to ``taken`` and their depths to an image; return the number of points."""
     count = 0

@@ -16,7 +16,7 @@ _BODY_ID = re.compile("[A-Za-z0-9_]{1,64}")
 MOST_PEOPLE = 255
 """Maximum number of people in a frame: their labels in the points are 1 to 255."""
 
-_FARTHEST_M = 1e3
+FARTHEST_M = 1e3
 """Maximum distance, metres; no depth sensor sees farther, and larger numbers overflow when squared."""
 
 
@@ -41,7 +41,7 @@ def check_people(what: str, body_ids: Sequence[str]) -> None:
         )
 
 
-def check_numbers(what: str, numbers: ArrayLike, most: float = _FARTHEST_M) -> NDArray[np.float64]:
+def check_numbers(what: str, numbers: ArrayLike, most: float = FARTHEST_M) -> NDArray[np.float64]:
     """Return numbers as an array.
 
     Raises

@@ -11,7 +11,8 @@ from depth_pose.core.camera import Camera
 from depth_pose.core.errors import InputError
 from depth_pose.core.types import FoundPerson
 from depth_pose.ros.messages.basics import make_header, stamp_to_ns
-from depth_pose.ros.messages.checks import check_numbers, check_people
+from depth_pose.ros.messages.checks import FARTHEST_M, check_numbers, check_people
+from depth_pose.track._person_kernels import unpack_points
 from depth_pose.track.person import People, see_people
 
 POINT_DTYPE = np.dtype(
@@ -103,19 +104,32 @@ def msgs_to_people(points: PointCloud2, people: PeopleMsg) -> People:
     check_numbers("the camera", [people.fx, people.fy, people.cx, people.cy], 1e6)
     check_numbers("the floor", people.floor, 1e6)
     check_people("people", [found.body_id for found in people.people])
-    packed = np.frombuffer(points.data, np.uint8).reshape(points.height, points.width, 16)
-    xyz = np.ascontiguousarray(packed[..., :12]).view("<f4")
-    labels = np.ascontiguousarray(packed[..., 12])
-    check_numbers("a person's points", xyz[np.isin(labels, [found.label for found in people.people])])
+    shape = points.height, points.width
+    octets = np.frombuffer(points.data, np.uint8).reshape(*shape, 16)
+    xyz, labels, is_person = (
+        np.empty((*shape, 3), np.float32),
+        np.empty(shape, np.uint8),
+        np.zeros(256, np.bool_),
+    )
+    is_person[[found.label for found in people.people]] = True
+    bad = unpack_points(octets.view("<f4"), octets, is_person, FARTHEST_M, xyz, labels)
+    if bad >= 0:
+        check_numbers("a person's points", xyz.reshape(-1, 3)[bad])
     return see_people(
         stamp_to_ns(points.header.stamp),
         points.header.frame_id,
         Camera(people.width, people.height, people.fx, people.fy, people.cx, people.cy),
-        xyz.astype(np.float32, copy=False),
+        xyz,
         labels,
         [_msg_to_found(found) for found in people.people],
         np.array(people.floor),
     )
+
+
+def warm_up() -> None:
+    """Compile the kernels that read people."""
+    camera, nobody = Camera(4, 3, 4.0, 4.0, 1.5, 1.0), np.full((3, 4, 3), np.nan, np.float32)
+    msgs_to_people(*people_to_msgs(see_people(0, "", camera, nobody, np.zeros((3, 4), np.uint8), [])))
 
 
 def _msg_to_found(msg: FoundPersonMsg) -> FoundPerson:

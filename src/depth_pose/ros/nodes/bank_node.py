@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from depth_pose.bank import Bank, default_bank_path
+from depth_pose.ros.messages import people
 from depth_pose.ros.nodes.node_base import StageNode
 
 
@@ -23,3 +24,8 @@ class BankNode(StageNode):
         if self._bank is None:
             self._bank = Bank.load(self.value("bank") or default_bank_path())
         return self._bank
+
+    def prepare(self) -> None:
+        """Build the stage, and compile what reads its input."""
+        people.warm_up()
+        super().prepare()
