@@ -7,11 +7,15 @@ Uses every NAME.mcap of a folder that has one of these beside it:
 - NAME.npz, a truth file (`depth-pose eval`): mean distance of the joints, and share within 10 cm; also the
   shares of proposals within the deviation that they state, in the image plane and in depth, of which the
   net's distributions claim .70 and .76;
+- NAME.npz of another tracker, which has fewer joints and places them otherwise: shares within .10 and .05 of
+  a standing height, each joint's mean offset in the axes of the trunk removed;
 - NAME.json, a list of ``{"stamp_ns": ..., "persons": [{"box": [x0, y0, x1, y1], "median_depth_m": ...,
   "joints": {NAME: [u, v, score]}}]}`` in pixels of the depth image: shares of the joints within .10 and .05
   of the person's height in the image. A person with ``"ignore": true`` is left out. References from a colour
   image that is not registered with the depth image are all shifted alike: the shares are also given without
   the folder's median offset.
+- joints_2d.json, a list of one ``{NAME: [u, v, score]}`` for each frame, in which somebody is cut out: the
+  same shares; the height is that of all that the frame shows.
 
 Only joints of people with a skeleton count.
 """
@@ -28,9 +32,10 @@ from command_line import make_parser
 from depth_pose.bank import Bank, default_bank_path
 from depth_pose.core.camera import Camera
 from depth_pose.core.errors import InputError
-from depth_pose.core.skeleton import JOINT_INDEX
+from depth_pose.core.skeleton import JOINT_INDEX, JOINTS
+from depth_pose.core.types import DepthFrame
 from depth_pose.evaluate.overlay import project
-from depth_pose.evaluate.truth import load_truth
+from depth_pose.evaluate.truth import load_known_people
 from depth_pose.io.mcap_read import DepthReader
 from depth_pose.pipeline import PosePipeline
 
@@ -40,28 +45,28 @@ Person = tuple[np.ndarray, np.ndarray, np.ndarray]
 STANDING_M = 1.7
 """A person is taken to be this tall where the box shows less than `WHOLE` of it."""
 WHOLE = 0.8
+CUT_OUT = "joints_2d.json"
 FAR = 0.35
 """An answer farther than this from a person, on average, is not theirs, in body heights."""
 
 
-def answered(pipeline: PosePipeline, path: Path) -> Iterator[tuple[int, Camera, list[Person]]]:
-    """Yield stamp, camera, and every person with a skeleton."""
+def answered(pipeline: PosePipeline, path: Path) -> Iterator[tuple[DepthFrame, list[Person]]]:
+    """Yield each frame, and every person with a skeleton."""
     pipeline.restart()
     for frame in DepthReader(path):
         result = pipeline.process_frame(frame)
         found = {p.body_id: p.found for p in result.people.persons}
         pairs = [(s, found[s.body_id]) for s in result.skeletons if len(found[s.body_id].proposals)]
         people = [(s.positions, f.proposals.astype(float), f.proposal_sigma) for s, f in pairs]
-        yield frame.stamp_ns, frame.camera, people
+        yield frame, people
 
 
 def against_truth(pipeline: PosePipeline, path: Path) -> np.ndarray:
     """Errors (metres) of answers and proposals, and those of proposals in deviations, (joints, 4)."""
-    truth = load_truth(path.with_suffix(".npz"))
-    known = truth.joints if truth.joints.ndim == 4 else truth.joints[:, None]
-    off = []
-    for stamp_ns, _, people in answered(pipeline, path):
-        for joints in known[int(np.argmin(np.abs(truth.stamps_ns - stamp_ns)))] if people else ():
+    truth, off = load_known_people(path.with_suffix(".npz")), []
+    for frame, people in answered(pipeline, path):
+        nearest = int(np.argmin(np.abs(truth.stamps_ns - frame.stamp_ns)))
+        for joints in truth.joints[nearest] if people else ():
             answer, proposed, sigma = min(
                 people, key=lambda p: float(np.linalg.norm(p[0] - joints, axis=1).mean())
             )
@@ -73,26 +78,62 @@ def against_truth(pipeline: PosePipeline, path: Path) -> np.ndarray:
     return np.concatenate(off)
 
 
+def against_tracker(pipeline: PosePipeline, path: Path) -> np.ndarray:
+    """Offsets (heights) of answers and proposals from another tracker's joints, (joints, 2, 3)."""
+    known, off = load_known_people(path.with_suffix(".npz")), []
+    rows = [JOINT_INDEX[name] for name in known.names]
+    at = {name: n for n, name in enumerate(known.names)}
+    for frame, people in answered(pipeline, path):
+        joints = known.joints[int(np.argmin(np.abs(known.stamps_ns - frame.stamp_ns))), 0]
+        if people:
+            both = np.stack([one[rows] for one in people[0][:2]], axis=1) - joints[:, None]
+            off.append(both @ trunk_axes(joints, at) / STANDING_M)
+    return np.concatenate(off - np.mean(off, axis=0))
+
+
+def trunk_axes(joints: np.ndarray, at: dict[str, int]) -> np.ndarray:
+    """Axes of a trunk to its left, upwards and across both, as columns (3, 3)."""
+    left, right = (joints[at[f"{side}_shoulder"]] + joints[at[f"{side}_hip"]] for side in ("left", "right"))
+    up = joints[at["neck"]] - 0.5 * (joints[at["left_hip"]] + joints[at["right_hip"]])
+    aside = (left - right) / np.linalg.norm(left - right)
+    across = np.cross(up, aside)
+    across /= np.linalg.norm(across)
+    return np.stack([aside, np.cross(aside, across), across], axis=1)
+
+
 def against_image(pipeline: PosePipeline, path: Path) -> np.ndarray:
     """Offsets (heights of the person) of answers and proposals in the image, (joints, 2, 2)."""
     known = {f["stamp_ns"]: f["persons"] for f in json.loads(path.with_suffix(".json").read_text())}
     stamps, off = np.array(sorted(known)), []
-    for stamp_ns, camera, people in answered(pipeline, path):
-        near = int(stamps[np.argmin(np.abs(stamps - stamp_ns))])
-        for person in known[near] if people and abs(near - stamp_ns) < 2_000_000 else ():
+    for frame, people in answered(pipeline, path):
+        near = int(stamps[np.argmin(np.abs(stamps - frame.stamp_ns))])
+        for person in known[near] if people and abs(near - frame.stamp_ns) < 2_000_000 else ():
             if person.get("ignore") or not person["joints"]:
                 continue
-            rows = [JOINT_INDEX[name] for name in person["joints"]]
-            places = np.array([uv[:2] for uv in person["joints"].values()])
-            height = height_px(person, camera)
-            each = [
-                np.stack([(project(one, camera)[rows] - places) / height for one in pair[:2]], axis=1)
-                for pair in people
-            ]
-            best = min(each, key=mean_of_answer)
-            if mean_of_answer(best) < FAR:
-                off.append(best)
+            off += nearest_offsets(people, person["joints"], height_px(person, frame.camera), frame.camera)
     return np.concatenate(off)
+
+
+def against_cut_out(pipeline: PosePipeline, path: Path) -> np.ndarray:
+    """Return the same for frames that show one person and nothing else."""
+    known, off = json.loads(path.with_name(CUT_OUT).read_text()), []
+    for (frame, people), joints in zip(answered(pipeline, path), known, strict=True):
+        height = float(np.ptp(np.flatnonzero((frame.depth > 0).any(axis=1)))) + 1.0
+        off += nearest_offsets(people, joints, height, frame.camera) if people else []
+    return np.concatenate(off)
+
+
+def nearest_offsets(
+    people: list[Person], joints: dict[str, list[float]], height: float, camera: Camera
+) -> list[np.ndarray]:
+    """Return the offsets (joints, 2, 2) of the nearest skeleton, in heights; nothing where it is far off."""
+    rows, places = [JOINT_INDEX[name] for name in joints], np.array([uv[:2] for uv in joints.values()])
+    each = [
+        np.stack([(project(one, camera)[rows] - places) / height for one in pair[:2]], axis=1)
+        for pair in people
+    ]
+    best = min(each, key=mean_of_answer)
+    return [best] if mean_of_answer(best) < FAR else []
 
 
 def mean_of_answer(off: np.ndarray) -> float:
@@ -118,10 +159,11 @@ def main() -> None:
     print("| data | joints | answers | proposals | without the common offset, or within one deviation |")
     print("|---|---|---|---|---|")
     for folder in arguments.data:
-        for ending, measure, describe in KINDS:
-            paths = [p for p in sorted(folder.glob("*.mcap")) if p.with_suffix(ending).exists()]
-            if paths:
-                off = np.concatenate([measure(pipeline, path) for path in paths])
+        paths = sorted(folder.glob("*.mcap"))
+        for fits, measure, describe in KINDS:
+            some = [measure(pipeline, path) for path in paths if fits(path)]
+            if some:
+                off = np.concatenate(some)
                 print(f"| {folder.name} | {len(off)} | {describe(off)} |", flush=True)
     if not any(folder.glob("*.mcap") for folder in arguments.data):
         raise InputError("the folders have no recordings")
@@ -147,8 +189,33 @@ def shares(offsets: np.ndarray) -> str:
     return f"{(far < 0.10).mean():.3f} / {(far < 0.05).mean():.3f}"
 
 
-KINDS = ((".npz", against_truth, of_truth), (".json", against_image, of_image))
-"""Ending of a reference, how to compare with it, and how to summarise."""
+def of_tracker(off: np.ndarray) -> str:
+    """Summarise offsets from another tracker (joints, 2, 3), three columns."""
+    cells = [
+        f"{1000 * STANDING_M * np.linalg.norm(one, axis=1).mean():.1f} mm, {shares(one)}"
+        for one in np.moveaxis(off, 1, 0)
+    ]
+    return " | ".join([*cells, ""])
+
+
+def has_truth(path: Path) -> bool:
+    """Whether a truth file with all joints is beside a recording."""
+    file = path.with_suffix(".npz")
+    return file.exists() and set(JOINTS) <= set(load_known_people(file).names)
+
+
+def has_tracker(path: Path) -> bool:
+    """Whether another tracker's joints are beside a recording."""
+    return path.with_suffix(".npz").exists() and not has_truth(path)
+
+
+KINDS = (
+    (has_truth, against_truth, of_truth),
+    (has_tracker, against_tracker, of_tracker),
+    (lambda path: path.with_suffix(".json").exists(), against_image, of_image),
+    (lambda path: path.with_name(CUT_OUT).exists(), against_cut_out, of_image),
+)
+"""Whether a recording has a reference, how to compare with it, and how to summarise."""
 
 
 if __name__ == "__main__":

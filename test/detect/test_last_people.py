@@ -13,8 +13,10 @@ from depth_pose.core.config import SegmentConfig
 from depth_pose.core.types import HIDDEN, PERSON, DepthFrame
 from depth_pose.detect._carry_kernels import Before, CarryLimits, carry_labels, count_inside, take_new
 from depth_pose.detect.candidates import Candidates
+from depth_pose.detect.finder import Detection
 from depth_pose.detect.last_people import LastPeople
 from depth_pose.detect.learned_segmenter import LearnedSegmenter
+from depth_pose.detect.segmentation import Sighting
 
 STEP_NS = 33_000_000
 
@@ -135,6 +137,34 @@ def test_the_warm_up_carries_people_over(monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setattr(LastPeople, "carry", watch)
     segmenter.warm_up()
     assert [c is not None for c in carried] == [False, True]
+
+
+@pytest.mark.parametrize("probability", [0.3, 0.9])
+def test_a_weak_detection_takes_nothing_from_a_confirmed_person(probability: float) -> None:
+    depth = np.full((12, 20), np.float32(2.0))
+    shown = np.zeros(depth.shape, np.uint8)
+    shown[2:10, 4:16] = 1
+    known = Detection(1, 0.95, np.array([0.0, 0.0, 2.0]))
+    before = Candidates(depth, shown, Camera(20, 12, 20.0, 20.0, 9.5, 5.5), (known,), 0)
+    people = LastPeople(SegmentConfig())
+    nothing = np.zeros((0, 3), np.float32)
+    people.keep(before, [Sighting(1, known.torso, 0.95, nothing, nothing[:, 0])], 10**18, shown)
+    now = depth.copy()
+    now[:, 13:] = 2.3  # the person is not there any more
+    labels = shown.copy()
+    labels[7:, :] = 2  # a bed, with a part of the person
+    labels[2, 4:16] = 0  # lost by the search
+    found = replace(
+        before, depth=now, labels=labels, people=(known, Detection(2, probability, known.torso + 0.3))
+    )
+    kept, is_returned = people.give_back(found, 10**18 + STEP_NS)
+    was_theirs = (shown == 1) & (now == 2.0)
+    expected = was_theirs & ((labels == 0) | ((labels == 2) & (probability < 0.5)))
+    np.testing.assert_array_equal(is_returned, expected)
+    np.testing.assert_array_equal(kept.labels, np.where(expected, 1, labels))
+    assert is_returned.any()
+    for later_ns in (0, 60_000_000):  # not over a gap
+        assert not people.give_back(found, 10**18 + later_ns)[1].any()
 
 
 def test_labels_twin() -> None:

@@ -237,6 +237,27 @@ def test_a_right_detection_wins_over_a_wrong_past(run) -> None:
     assert stage.last_reasons == {}
 
 
+def test_proposed_joints_speak_for_a_sudden_pose(run) -> None:
+    """A carried pose that agrees better with the depth loses to one where the joints were proposed."""
+    (jumped,) = run[3].refined
+    jumped = moved(jumped, jumped.nodes + (0.0, 0.0, 0.4))
+    for sigma_m, source in ((10.0, Source.RECOVERED), (0.1, Source.REFINED)):
+        stage, _ = with_memory()
+        for k in range(3):
+            recovered(stage, run[k].people, *run[k].refined)
+        (person,) = run[3].people.persons
+        found = replace(
+            person.found,
+            proposals=jumped.joints.astype(np.float32),
+            proposal_confidence=np.zeros(len(JOINTS), np.float32),  # does not pull the carried pose
+            proposal_sigma=np.full((len(JOINTS), 2), sigma_m, np.float32),
+        )
+        people = replace(run[3].people, persons=(replace(person, found=found),))
+        answer = recovered(stage, people, replace(jumped, score=jumped.score + 0.1))
+        assert "joint_speed" in stage.last_reasons["body_1"]
+        assert answer.source == source
+
+
 def test_disabled_passes_failures_on(run) -> None:
     answers = replay(recoverer(enabled=False), run, scattered)
     assert all(a.source == Source.REFINED for a in answers)

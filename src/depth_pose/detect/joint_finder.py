@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from depth_pose.core.camera import Camera
 from depth_pose.core.skeleton import JOINTS, MIRROR_LANDMARKS
+from depth_pose.core.types import BACKGROUND
 from depth_pose.detect import _crop_kernels as kernels
 from depth_pose.detect._crop_kernels import CropView, MaskLimits
 from depth_pose.detect.net import open_net, read_weights
@@ -48,6 +49,10 @@ _MASK = MaskLimits(least=-3.0, most=3.0, near=1.0)
 pixels are added."""
 
 
+_LIKELY = 1.5
+"""Logit below which a doubted pixel is removed; chosen on development clips of 0, 1.5 and 3."""
+
+
 @dataclass(frozen=True)
 class CropMask:
     """Which pixels of a crop show the person.
@@ -67,6 +72,18 @@ class CropMask:
     ) -> None:
         """Remove touching furniture from a person's labels, and add missed pixels."""
         kernels.apply_mask(depth, labels, camera, self.look, self.logits, label, _MASK)
+
+    def refuse(
+        self, labels: NDArray[np.uint8], doubted: NDArray[np.bool_], camera: Camera, label: int
+    ) -> None:
+        """Remove doubted pixels from a person's labels where it is not probable that they show the person."""
+        v, u = np.nonzero(doubted & (labels == label))
+        x, y, z, cell = self.look[:4]
+        side = len(self.logits)
+        i = ((v - camera.cy - camera.fy * y / z) * z / (cell * camera.fy) + 0.5 * side).astype(int)
+        j = ((u - camera.cx - camera.fx * x / z) * z / (cell * camera.fx) + 0.5 * side).astype(int)
+        is_refused = self.logits[i.clip(0, side - 1), j.clip(0, side - 1)] < _LIKELY
+        labels[v[is_refused], u[is_refused]] = BACKGROUND
 
 
 @dataclass(frozen=True)

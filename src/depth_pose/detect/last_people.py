@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from depth_pose.core.config import SegmentConfig
 from depth_pose.core.types import BACKGROUND, DepthFrame
@@ -31,16 +32,23 @@ _MOVED_M, _MOVED_PIXELS = 0.1, 8
 _SURE = 0.9
 """Least probability of all people; others are searched again; set by hand."""
 
+_WEAK = 0.5
+"""First look's probability below which a detection takes no pixels of confirmed people; set by hand."""
+
+_STILL_M = 0.05
+"""Maximum change of a returned pixel's depth (m); chosen on development clips of .03, .05 and .1."""
+
 _MOST_NEW = 0.02
 """Maximum share of people's pixels that may be new; the maximum on development clips is .004; set by hand."""
 
 
 @dataclass(frozen=True)
 class _Before:
-    """The people of the previous frame, and its stamp."""
+    """The people of the previous frame, its stamp, and their pixels after both looks."""
 
     candidates: Candidates
     stamp_ns: int
+    shown: NDArray[np.uint8]
 
 
 class LastPeople:
@@ -69,8 +77,46 @@ class LastPeople:
             self._age = 0
         return carried
 
-    def keep(self, candidates: Candidates, sightings: Sequence[Sighting], stamp_ns: int) -> None:
-        """Keep the confirmed people; none if one of them is uncertain."""
+    def give_back(self, found: Candidates, stamp_ns: int) -> tuple[Candidates, NDArray[np.bool_]]:
+        """Return pixels to confirmed people of the previous frame who have lost them to no other person.
+
+        A bed under a leg, once detected, would otherwise take the leg; and a search now and then finds half
+        of somebody who lies. Pixels that stayed where they were go to the detection that shows most of
+        the person; the second look may refuse them.
+
+        Returns
+        -------
+        Candidates
+        (h, w) bool
+            The returned pixels.
+        """
+        labels, is_returned = found.labels.copy(), np.zeros(found.labels.shape, np.bool_)
+        before = self._before
+        if before is None or not 0 < stamp_ns - before.stamp_ns <= _LONGEST_NS:
+            return found, is_returned
+        was = before.candidates
+        if found.camera != was.camera:
+            return found, is_returned
+        strong = [p.label for p in found.people if p.probability >= _WEAK]
+        is_free = ~np.isin(labels, strong)
+        is_still = np.abs(found.depth - was.depth) < _STILL_M
+        for person in was.people:
+            shown = is_still & (before.shown == person.label)
+            counts = np.bincount(found.labels[shown], minlength=256)
+            heir = max(strong, key=lambda label: counts[label], default=BACKGROUND)
+            if heir != BACKGROUND and counts[heir] > 0:
+                is_returned |= shown & is_free
+                labels[shown & is_free] = heir
+        return replace(found, labels=labels), is_returned
+
+    def keep(
+        self,
+        candidates: Candidates,
+        sightings: Sequence[Sighting],
+        stamp_ns: int,
+        shown: NDArray[np.uint8],
+    ) -> None:
+        """Keep the confirmed people, and their pixels after both looks; none if one is uncertain."""
         self._before = None
         if not sightings or min(s.probability for s in sightings) < _SURE:
             return
@@ -80,7 +126,7 @@ class LastPeople:
         for thing in candidates.people:
             if thing.label not in sure:
                 labels = np.where(labels == thing.label, np.uint8(BACKGROUND), labels)
-        self._before = _Before(replace(candidates, labels=labels, people=people), stamp_ns)
+        self._before = _Before(replace(candidates, labels=labels, people=people), stamp_ns, shown.copy())
 
     def _carry(self, before: _Before, frame: DepthFrame) -> Candidates | None:
         if self._age >= self._config.find_every or not 0 < frame.stamp_ns - before.stamp_ns <= _LONGEST_NS:

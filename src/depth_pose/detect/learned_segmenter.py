@@ -77,7 +77,9 @@ class LearnedSegmenter:
 
     def segment(self, frame: DepthFrame) -> Segmentation:
         """Label every pixel of the working grid."""
-        found = self._people.carry(frame) or self.candidates.find(frame)
+        found, is_returned = self._people.carry(frame), None
+        if found is None:
+            found, is_returned = self._people.give_back(self.candidates.find(frame), frame.stamp_ns)
         labels = self.candidates.mark_hidden(found, frame.filled)
         news = self._news(found.depth)
         seen = self._looks.renew(found.people, frame.stamp_ns, lambda p: self._look_closer(found, labels, p))
@@ -89,9 +91,12 @@ class LearnedSegmenter:
         for thing, looked in zip(sightings, seen, strict=True):
             if thing.probability < self.config.keep:
                 labels[labels == thing.label] = BACKGROUND
-            elif _is_alone(thing, sure):
+                continue
+            if is_returned is not None:
+                looked.mask.refuse(labels, is_returned, found.camera, thing.label)
+            if _is_alone(thing, sure):
                 looked.mask.apply(found.depth, labels, found.camera, thing.label)
-        self._people.keep(found, sure, frame.stamp_ns)
+        self._people.keep(found, sure, frame.stamp_ns, labels)
         if sightings:  # removed pixels may occlude more of a person
             mark_nearer(found.depth, labels, found.camera, self.config.depth_jump)
         is_person = (labels != BACKGROUND) & (labels != HIDDEN)

@@ -30,6 +30,8 @@ from depth_pose.recover.measurements import weigh_joints
 from depth_pose.recover.smooth import JointFilter
 from depth_pose.recover.temporal import TemporalCarrier
 from depth_pose.refine.body_fitter import BodyFitter
+from depth_pose.refine.kept_poses import AWAY_WEIGHT
+from depth_pose.refine.proposals import from_proposals
 from depth_pose.track.memory import Subject, Subjects
 from depth_pose.track.person import People, Person, thin
 from depth_pose.track.sample_people import sample_people
@@ -259,9 +261,9 @@ class Recoverer:
         if memory.before is None or self._is_over(memory, person.stamp_ns):
             return None if in_itself else memory.trust(person, refined)
         partial = len(person.points) < _PART * memory.good_points
-        limit = refined.score + max(_WORSE.get(failure.kind, 0.0), _WORSE_OF_PART if partial else 0.0)
-        recovered = self.carry(memory, person, limit)
-        if recovered.score >= limit:
+        allowed = max(_WORSE.get(failure.kind, 0.0), _WORSE_OF_PART if partial else 0.0)
+        recovered = self.carry(memory, person, refined.score + allowed)
+        if _disagreement(recovered, person) >= _disagreement(refined, person) + allowed:
             is_bad = in_itself or failure.kind == "low_confidence"
             return refined if is_bad else memory.trust(person, refined)
         self.recoveries += 1
@@ -306,3 +308,10 @@ class Recoverer:
         seen = person.comparer.compare(mesh.vertices, fitter.body.faces, self._band)
         body = FittedBody(pose, mesh.vertices, mesh.nodes)
         return Fitted(person.body_id, person.stamp_ns, Source.RECOVERED, body, build, seen.score, seen.gap)
+
+
+def _disagreement(fitted: Fitted, person: Person) -> float:
+    """Return the disagreement with the depth image and with the proposed joints, as for fits."""
+    if fitted.is_lost:
+        return fitted.score
+    return fitted.score + AWAY_WEIGHT * from_proposals(fitted.nodes, person.found)

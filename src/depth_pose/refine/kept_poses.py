@@ -23,7 +23,7 @@ _DIFFERS_M = 0.06
 _HOPELESS = 0.08
 """Score above the answer's at which a pose leaves the beam; set by hand."""
 
-_AWAY_WEIGHT = 0.09
+AWAY_WEIGHT = 0.09
 """Weight in the score of the mean distance of joints from their proposals (`from_proposals`); .06 keeps a leg
 that kneels in a wrong place, .12 is as good."""
 
@@ -54,7 +54,7 @@ class ScoredFit:
     @property
     def score(self) -> float:
         """Return the sum of rendered-depth disagreement, distance from proposals and pose prior."""
-        return self.comparison.score + _AWAY_WEIGHT * self.away + _ODD_WEIGHT * self.odd
+        return self.comparison.score + AWAY_WEIGHT * self.away + _ODD_WEIGHT * self.odd
 
 
 @dataclass

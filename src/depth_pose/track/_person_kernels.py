@@ -20,14 +20,22 @@ def unpack_points(numbers, octets, is_person, most, points, labels):
     bad = -1
     for i in range(rows):
         for j in range(cols):
-            labels[i, j] = octets[i, j, 12]
-            is_good = True
-            for a in range(3):
-                points[i, j, a] = numbers[i, j, a]
-                is_good &= abs(numbers[i, j, a]) <= most
-            if bad < 0 and is_person[labels[i, j]] and not is_good:
+            x, y, z, label = numbers[i, j, 0], numbers[i, j, 1], numbers[i, j, 2], octets[i, j, 12]
+            points[i, j, 0], points[i, j, 1], points[i, j, 2], labels[i, j] = x, y, z, label
+            if is_person[label] and not (abs(x) <= most and abs(y) <= most and abs(z) <= most) and bad < 0:
                 bad = i * cols + j
     return bad
+
+
+@njit(cache=True)
+def pack_points(points, labels, numbers, octets):
+    """Write points and labels as 16-byte records, as `unpack_points` reads them."""
+    for i in range(labels.shape[0]):
+        for j in range(labels.shape[1]):
+            for a in range(3):
+                numbers[i, j, a] = points[i, j, a]
+            numbers[i, j, 3] = 0.0
+            octets[i, j, 12] = labels[i, j]
 
 
 @njit(cache=True)

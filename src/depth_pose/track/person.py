@@ -195,7 +195,7 @@ def _hides_knees(own: NDArray[np.uint8], camera: Camera, proposals: NDArray[np.f
     for x, y, z in proposals[_KNEES].tolist():
         if not z > 0.0:
             continue
-        u, v = camera.project(np.array([x, y, z])).tolist()
+        u, v = camera.fx * x / z + camera.cx, camera.fy * y / z + camera.cy
         aside, along = _KNEE_M * camera.fx / z, _KNEE_M * camera.fy / z
         top, left = max(0, round(v - along)), max(0, round(u - aside))
         window = own[top : max(0, round(v + along) + 1), left : max(0, round(u + aside) + 1)]

@@ -12,7 +12,7 @@ from depth_pose.core.errors import InputError
 from depth_pose.core.types import FoundPerson
 from depth_pose.ros.messages.basics import make_header, stamp_to_ns
 from depth_pose.ros.messages.checks import FARTHEST_M, check_numbers, check_people
-from depth_pose.track._person_kernels import unpack_points
+from depth_pose.track._person_kernels import pack_points, unpack_points
 from depth_pose.track.person import People, see_people
 
 POINT_DTYPE = np.dtype(
@@ -40,9 +40,8 @@ def people_to_msgs(people: People) -> tuple[PointCloud2, PeopleMsg]:
     The data is assigned as ``bytes``: a numpy array would take 50 times as long.
     """
     height, width = people.labels.shape
-    packed = np.zeros((height, width, 4), "<f4")
-    packed[..., :3] = people.points
-    packed.view(np.uint8)[..., 12] = people.labels
+    packed = np.empty((height, width, 4), "<f4")
+    pack_points(people.points, people.labels, packed, packed.view(np.uint8))
     header = make_header(people.stamp_ns, people.frame_id)
     cloud = PointCloud2(
         header=header,
@@ -127,7 +126,7 @@ def msgs_to_people(points: PointCloud2, people: PeopleMsg) -> People:
 
 
 def warm_up() -> None:
-    """Compile the kernels that read people."""
+    """Compile the kernels that read and write people."""
     camera, nobody = Camera(4, 3, 4.0, 4.0, 1.5, 1.0), np.full((3, 4, 3), np.nan, np.float32)
     msgs_to_people(*people_to_msgs(see_people(0, "", camera, nobody, np.zeros((3, 4), np.uint8), [])))
 

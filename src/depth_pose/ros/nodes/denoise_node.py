@@ -22,9 +22,9 @@ from depth_pose.io.calibration import is_rectified
 from depth_pose.io.camera_infos import CameraInfos
 from depth_pose.io.compressed import TOPIC_ENDING
 from depth_pose.io.depth_unit import UnitWatch, unit_of
+from depth_pose.ros.messages import people
 from depth_pose.ros.messages.basics import first_stamp_ns, stamp_to_ns
 from depth_pose.ros.messages.frames import image_to_frame, msg_to_frame
-from depth_pose.ros.messages.people import people_to_msgs
 from depth_pose.ros.nodes.node_base import Held, Input, StageNode
 from depth_pose.ros.nodes.parameters import DENOISE
 from depth_pose.ros.nodes.room_outputs import RoomOutputs
@@ -66,6 +66,11 @@ class DenoiseNode(StageNode):
         super().__init__("denoise")
         if not self.lossless:
             self.create_timer(LONGEST_S, self._begin_waiting, clock=self.steady_clock)
+
+    def prepare(self) -> None:
+        """Build the stage, and compile what writes its output."""
+        people.warm_up()
+        super().prepare()
 
     def make_stage(self, config: PipelineConfig) -> PeopleExtractor:
         """Build the extractor."""
@@ -111,14 +116,14 @@ class DenoiseNode(StageNode):
         upright = rotate_upright(frame, self.config.mount)
         self._room.take_level(frame, self.stage.floor_finder)
         found = self.stage.extract(upright)
-        points, people = people_to_msgs(found)
+        points, names = people.people_to_msgs(found)
         self._points.publish(points)
-        self._people.publish(people)
+        self._people.publish(names)
         self._in_flight.begin(found.stamp_ns, time.monotonic())
         self._room.tell(frame, found, self.stage.floor_finder)
         self._mounting.look(upright, found)
         self._say()
-        self.statistics.values["people"] = len(people.people)
+        self.statistics.values["people"] = len(names.people)
         self.statistics.values["people cut off or half hidden"] = sum(
             p.is_cut_below or p.is_cut_beside for p in found.persons
         )
