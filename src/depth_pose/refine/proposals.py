@@ -9,27 +9,33 @@ from numpy.typing import NDArray
 
 from depth_pose.body.body import Body
 from depth_pose.body.pose import BodyPose
-from depth_pose.core.skeleton import JOINT_INDEX, JOINT_NODES, JOINTS
+from depth_pose.core.skeleton import JOINT_NODES, JOINTS
 from depth_pose.core.types import FoundPerson
 from depth_pose.refine import _aim_kernels as kernels
 from depth_pose.refine.skeleton_pose import aim_limbs
 from depth_pose.track.target import name_proposals
 
-_AIMED = np.zeros(len(JOINTS), bool)
-_AIMED[[JOINT_INDEX[f"{s}_{n}"] for s in ("left", "right") for n in ("knee", "ankle")]] = True
+
+def _of_limbs(*names: str) -> NDArray[np.bool_]:
+    joints = {f"{side}_{name}" for side in ("left", "right") for name in names}
+    return np.array([joint in joints for joint in JOINTS])
+
+
+_LEGS, _ARMS = _of_limbs("knee", "ankle"), _of_limbs("elbow", "wrist")
 
 _SURE = 0.2
-"""Least confidence of a proposal that a leg is aimed at: an expected error of 0.2 m; chosen on development
+"""Least confidence of a proposal that a limb is aimed at: an expected error of 0.2 m; chosen on development
 clips."""
 
 _FAR = 5.0
-"""Maximum distance that counts between a joint and its proposal, standard deviations; 8 is the same."""
+"""Maximum distance that counts between a joint and its proposal, standard deviations; 8 is the same. Arms are
+aimed at proposals that are farther away."""
 
 
-def aim_legs(body: Body, pose: BodyPose, found: FoundPerson) -> BodyPose | None:
-    """Turn a pose's legs toward a person's proposed knees and ankles.
+def aim_at_proposals(body: Body, pose: BodyPose, found: FoundPerson) -> list[BodyPose]:
+    """Turn a pose's legs, and arms that are far off, toward a person's proposed joints.
 
-    Arms are excluded: where they are visible, the limb search finds them better than proposals do.
+    Arms that are near stay: where they are visible, the limb search finds them better than proposals do.
 
     Parameters
     ----------
@@ -40,18 +46,22 @@ def aim_legs(body: Body, pose: BodyPose, found: FoundPerson) -> BodyPose | None:
 
     Returns
     -------
-    BodyPose or None
-        None if no proposal is confident enough.
+    list of BodyPose
+        One with other legs and one with other arms; none where no proposal is confident enough.
     """
     if len(found.proposals) != len(JOINTS):
-        return None
+        return []
     nodes = body.place(pose.rotations, pose.root, pose.scale)
     proposed = named_alike(nodes[JOINT_NODES], found)
-    sure = _AIMED & (proposed.confidence >= _SURE)
-    if not sure.any():
-        return None
-    nodes[JOINT_NODES[sure]] = proposed.places[sure]
-    return BodyPose(aim_limbs(body, pose.rotations, nodes), pose.root, pose.scale)
+    off = np.linalg.norm(nodes[JOINT_NODES] - proposed.places, axis=1) / proposed.sigmas[:, 0]
+    is_sure = proposed.confidence >= _SURE
+    aimed = []
+    for chosen in (_LEGS & is_sure, _ARMS & is_sure & (off > _FAR)):
+        if chosen.any():
+            goal = nodes.copy()
+            goal[JOINT_NODES[chosen]] = proposed.places[chosen]
+            aimed.append(BodyPose(aim_limbs(body, pose.rotations, goal), pose.root, pose.scale))
+    return aimed
 
 
 def from_proposals(nodes: NDArray[np.float64], found: FoundPerson) -> float:

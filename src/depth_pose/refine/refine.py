@@ -38,7 +38,7 @@ from depth_pose.refine.kept_poses import (
 )
 from depth_pose.refine.limbs import LimbSearch
 from depth_pose.refine.pose_prior import PosePrior, usual_joints
-from depth_pose.refine.proposals import aim_legs, from_proposals
+from depth_pose.refine.proposals import aim_at_proposals, from_proposals
 from depth_pose.refine.unseen_legs import UnseenLegs
 from depth_pose.track.memory import Subject, Subjects
 from depth_pose.track.person import People, Person
@@ -206,8 +206,7 @@ class Refiner:
         """Replace arms and legs as long as the fit improves."""
         for _ in range(rounds):
             starts = self.limbs.propose(side.body, person.comparer)
-            aimed = aim_legs(self.bank.body, side.body.pose, person.found)
-            starts += [] if aimed is None else [aimed]
+            starts += aim_at_proposals(self.bank.body, side.body.pose, person.found)
             if not starts:
                 break
             exchanged = self._fit_one(person, starts, fit)
