@@ -207,3 +207,25 @@ def test_the_mask_takes_furniture_out_and_puts_limbs_in():
     assert rows.max() - syn.CAMERA.cy <= syn.CAMERA.fy * 0.25 * SIDE * CELL_M / 3.0 + 2
     right = np.flatnonzero((changed & (before == 1)).any(axis=0))
     assert right.min() >= depth.shape[1] // 2 - 1
+
+
+def test_a_mask_refuses_only_doubted_pixels_that_hardly_show_the_person():
+    """The crop's right half shows nobody, its lower quarter is unclear, the rest is somebody for certain."""
+    camera = syn.CAMERA
+    labels = np.ones((camera.height, camera.width), np.uint8)
+    labels[:10] = 2  # somebody else
+    doubted = np.zeros(labels.shape, np.bool_)
+    doubted[::2] = True
+    logits = np.full((SIDE, SIDE), 9.0, np.float32)
+    logits[:, SIDE // 2 :], logits[3 * SIDE // 4 :] = -9.0, 0.0
+    mask = CropMask(logits, CropView(0.1, 0.0, 3.0, CELL_M))
+    before = labels.copy()
+    mask.refuse(labels, doubted, camera, 1)
+    v, u = np.mgrid[: camera.height, : camera.width]
+    right = u - camera.cx > camera.fx * 0.1 / 3.0
+    low = v - camera.cy > camera.fy * 0.25 * SIDE * CELL_M / 3.0
+    border = np.abs(u - camera.cx - camera.fx * 0.1 / 3.0) < 2
+    border |= np.abs(v - camera.cy - camera.fy * 0.25 * SIDE * CELL_M / 3.0) < 2
+    expected = np.where(doubted & (before == 1) & (right | low), BACKGROUND, before)
+    np.testing.assert_array_equal(labels[~border], expected[~border])
+    assert (labels[~border] != before[~border]).any()

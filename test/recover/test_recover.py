@@ -296,7 +296,7 @@ def test_carried_poses_are_compared_as_the_fits_were(run) -> None:
         registered = stage.carry(past, person, as_it_was.score - 0.01)  # nearly good enough: more is tried
         assert (registered.joints != as_it_was.joints).any()
         for carried in (as_it_was, registered):
-            assert carried.score == pytest.approx(seen.score, abs=0.5 * seen.score)
+            assert carried.score == pytest.approx(seen.score, abs=0.8 * seen.score)
         hopeless = stage.carry(past, person, as_it_was.score - 0.1)
         assert (hopeless.joints == as_it_was.joints).all()
 

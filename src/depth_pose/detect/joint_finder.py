@@ -44,9 +44,9 @@ TYPICAL_ERROR_M = 0.1
 """Error of a joint's proposal at which its confidence is one half."""
 
 
-_MASK = MaskLimits(least=-3.0, most=3.0, near=1.0)
-"""Logits below and above which a pixel's label changes, and the depth (m) from the torso within which
-pixels are added."""
+_MASK = MaskLimits(least=-1.0, most=2.0, near=1.0)
+"""Logits below and above which a pixel's label changes (chosen on development clips), and the depth (m) from
+the torso within which pixels are added."""
 
 
 _LIKELY = 1.5
