@@ -3,7 +3,8 @@
 People and rooms move little in a thirtieth of a second. While both looks were confident of all people, every
 pixel of the next frame takes the person of the nearest previous point, and connected new pixels are added to
 the person. If more is new, someone may have come in, and the frame is searched. So is every second frame
-(`SegmentConfig.find_every`), and the first after a gap in the stream.
+(`SegmentConfig.find_every`), and the first after a gap in the stream. Pixels that a search finds nobody in,
+though they showed a person before, are returned.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Joint proposals and poses: aiming legs at proposals, and the distance of joints from them."""
+"""Joint proposals and poses: aiming limbs at proposals, and the distance of joints from them."""
 
 from __future__ import annotations
 
