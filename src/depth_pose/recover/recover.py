@@ -177,6 +177,7 @@ class Recoverer:
             fitted = self._fit(person, start, np.zeros(0, np.float32))
             sure = report_joints(fitted.joints, fitted.pose.scale, person, fitted.score).confidence
             weigh_joints(fitted.joints, fitted.score, sure, person.found)
+            _disagreement(fitted, person)
             excess_of(fitted.pose.rotations)
 
     def recover(self, people: People, fitted: Iterable[Fitted]) -> tuple[Skeleton, ...]:
