@@ -8,14 +8,14 @@ Uses every NAME.mcap of a folder that has one of these beside it:
   shares of proposals within the deviation that they state, in the image plane and in depth, of which the
   net's distributions claim .70 and .76;
 - NAME.npz of another tracker, which has fewer joints and places them otherwise: shares within .10 and .05 of
-  a standing height, each joint's mean offset in the axes of the trunk removed;
+  a standing height, each joint's mean offset in the torso's axes removed;
 - NAME.json, a list of ``{"stamp_ns": ..., "persons": [{"box": [x0, y0, x1, y1], "median_depth_m": ...,
   "joints": {NAME: [u, v, score]}}]}`` in pixels of the depth image: shares of the joints within .10 and .05
   of the person's height in the image. A person with ``"ignore": true`` is left out. References from a colour
   image that is not registered with the depth image are all shifted alike: the shares are also given without
-  the folder's median offset.
-- joints_2d.json, a list of one ``{NAME: [u, v, score]}`` for each frame, in which somebody is cut out: the
-  same shares; the height is that of all that the frame shows.
+  the folder's median offset;
+- joints_2d.json, a list of one ``{NAME: [u, v, score]}`` for each frame of people who are cut out: the same
+  shares; the height is that of all that the frame shows.
 
 Only joints of people with a skeleton count.
 """
@@ -35,6 +35,7 @@ from depth_pose.core.errors import InputError
 from depth_pose.core.skeleton import JOINT_INDEX, JOINTS
 from depth_pose.core.types import DepthFrame
 from depth_pose.evaluate.overlay import project
+from depth_pose.evaluate.score import torso_axes
 from depth_pose.evaluate.truth import load_known_people
 from depth_pose.io.mcap_read import DepthReader
 from depth_pose.pipeline import PosePipeline
@@ -46,6 +47,7 @@ STANDING_M = 1.7
 """A person is taken to be this tall where the box shows less than `WHOLE` of it."""
 WHOLE = 0.8
 CUT_OUT = "joints_2d.json"
+"""References of frames that show one person and nothing else."""
 FAR = 0.35
 """An answer farther than this from a person, on average, is not theirs, in body heights."""
 
@@ -82,23 +84,12 @@ def against_tracker(pipeline: PosePipeline, path: Path) -> np.ndarray:
     """Offsets (heights) of answers and proposals from another tracker's joints, (joints, 2, 3)."""
     known, off = load_known_people(path.with_suffix(".npz")), []
     rows = [JOINT_INDEX[name] for name in known.names]
-    at = {name: n for n, name in enumerate(known.names)}
     for frame, people in answered(pipeline, path):
         joints = known.joints[int(np.argmin(np.abs(known.stamps_ns - frame.stamp_ns))), 0]
         if people:
             both = np.stack([one[rows] for one in people[0][:2]], axis=1) - joints[:, None]
-            off.append(both @ trunk_axes(joints, at) / STANDING_M)
+            off.append(both @ torso_axes(joints, known.names) / STANDING_M)
     return np.concatenate(off - np.mean(off, axis=0))
-
-
-def trunk_axes(joints: np.ndarray, at: dict[str, int]) -> np.ndarray:
-    """Axes of a trunk to its left, upwards and across both, as columns (3, 3)."""
-    left, right = (joints[at[f"{side}_shoulder"]] + joints[at[f"{side}_hip"]] for side in ("left", "right"))
-    up = joints[at["neck"]] - 0.5 * (joints[at["left_hip"]] + joints[at["right_hip"]])
-    aside = (left - right) / np.linalg.norm(left - right)
-    across = np.cross(up, aside)
-    across /= np.linalg.norm(across)
-    return np.stack([aside, np.cross(aside, across), across], axis=1)
 
 
 def against_image(pipeline: PosePipeline, path: Path) -> np.ndarray:

@@ -164,7 +164,7 @@ def test_a_weak_detection_takes_nothing_from_a_confirmed_person(probability: flo
     np.testing.assert_array_equal(kept.labels, np.where(expected, 1, labels))
     assert is_returned.any()
     for later_ns in (0, 60_000_000):  # not over a gap
-        assert not people.give_back(found, 10**18 + later_ns)[1].any()
+        assert people.give_back(found, 10**18 + later_ns) == (found, None)
 
 
 def test_labels_twin() -> None:

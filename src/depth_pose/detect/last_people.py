@@ -78,7 +78,7 @@ class LastPeople:
             self._age = 0
         return carried
 
-    def give_back(self, found: Candidates, stamp_ns: int) -> tuple[Candidates, NDArray[np.bool_]]:
+    def give_back(self, found: Candidates, stamp_ns: int) -> tuple[Candidates, NDArray[np.bool_] | None]:
         """Return pixels to confirmed people of the previous frame who have lost them to no other person.
 
         A bed under a leg, once detected, would otherwise take the leg; and a search now and then finds half
@@ -88,16 +88,16 @@ class LastPeople:
         Returns
         -------
         Candidates
-        (h, w) bool
-            The returned pixels.
+        (h, w) bool or None
+            The returned pixels; None without such a frame just before.
         """
-        labels, is_returned = found.labels.copy(), np.zeros(found.labels.shape, np.bool_)
         before = self._before
         if before is None or not 0 < stamp_ns - before.stamp_ns <= _LONGEST_NS:
-            return found, is_returned
+            return found, None
         was = before.candidates
         if found.camera != was.camera:
-            return found, is_returned
+            return found, None
+        labels, is_returned = found.labels.copy(), np.zeros(found.labels.shape, np.bool_)
         strong = [p.label for p in found.people if p.probability >= _WEAK]
         is_free = ~np.isin(labels, strong)
         is_still = np.abs(found.depth - was.depth) < _STILL_M

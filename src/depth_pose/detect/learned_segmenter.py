@@ -77,7 +77,8 @@ class LearnedSegmenter:
 
     def segment(self, frame: DepthFrame) -> Segmentation:
         """Label every pixel of the working grid."""
-        found, is_returned = self._people.carry(frame), None
+        found = self._people.carry(frame)
+        is_returned = None
         if found is None:
             found, is_returned = self._people.give_back(self.candidates.find(frame), frame.stamp_ns)
         labels = self.candidates.mark_hidden(found, frame.filled)

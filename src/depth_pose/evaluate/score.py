@@ -154,7 +154,7 @@ def match_sequence(
             if joint in answers[nearest]:
                 answered[i, j] = answers[nearest][joint]
     difference = answered - truth.joints
-    torso = np.stack([_torso_axes(joints, truth.names) for joints in truth.joints])
+    torso = np.stack([torso_axes(joints, truth.names) for joints in truth.joints])
     return SequenceErrors(
         name=name,
         names=truth.names,
@@ -164,12 +164,12 @@ def match_sequence(
     )
 
 
-def _torso_axes(joints: NDArray[np.float64], names: tuple[str, ...]) -> NDArray[np.float64]:
-    """Axes of the torso in the camera frame, as columns, (3, 3)."""
+def torso_axes(joints: NDArray[np.float64], names: tuple[str, ...]) -> NDArray[np.float64]:
+    """Axes of the torso in the camera frame, as columns, (3, 3); a missing pelvis is between the hips."""
     at = {name: joints[names.index(name)] for name in names}
     x = at["left_shoulder"] + at["left_hip"] - at["right_shoulder"] - at["right_hip"]
     x = x / np.linalg.norm(x)
-    y = np.cross(at["neck"] - at["pelvis"], x)
+    y = np.cross(at["neck"] - at.get("pelvis", 0.5 * (at["left_hip"] + at["right_hip"])), x)
     y = y / np.linalg.norm(y)
     return np.stack([x, y, np.cross(x, y)], axis=1)
 
