@@ -14,7 +14,6 @@ from net import FinderNet
 from onnx_weights import halve
 from torch import Tensor, nn
 
-from depth_pose.core.skeleton import LANDMARKS
 from depth_pose.detect import _crop_kernels as crop_kernels
 from depth_pose.detect._finder_kernels import CHANNELS, COLS, ROWS
 
@@ -34,7 +33,6 @@ JOINT_CODE = (
     "net.py",
     "joint_net.py",
     "joint_losses.py",
-    "last_answers.py",
     "scenes.py",
     "close_ups.py",
     "crops.py",
@@ -72,11 +70,10 @@ class _Seen(nn.Module):
 def export_joint_net(checkpoint: Path, target: Path) -> bytes:
     """Write a checkpoint of the second look as ONNX, with the names of `joint_net.Answer`."""
     net = JointNet()
-    inputs: dict[str, tuple[int, ...]] = {
+    inputs = {
         name: (crop_kernels.CHANNELS, side, side)
         for name, side in (("features", SIDE), ("middle", len(net.middle)))
     }
-    inputs |= {"last": (len(LANDMARKS), 4), "last_facts": (2,)}
     outputs = ["landmarks", "log_error", "behind", "person", "mask"]
     return _export(_load(net, checkpoint), target, inputs, outputs)
 
@@ -86,7 +83,9 @@ def _load(net: nn.Module, checkpoint: Path) -> nn.Module:
     return net
 
 
-def _export(net: nn.Module, target: Path, inputs: dict[str, tuple[int, ...]], outputs: list[str]) -> bytes:
+def _export(
+    net: nn.Module, target: Path, inputs: dict[str, tuple[int, int, int]], outputs: list[str]
+) -> bytes:
     net = net.eval().to(memory_format=torch.contiguous_format)
     target.parent.mkdir(parents=True, exist_ok=True)
     with warnings.catch_warnings():

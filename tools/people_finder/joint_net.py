@@ -5,9 +5,9 @@ mean of the votes (as the anchors of Xiong et al. 2019, *A2J: anchor-to-joint re
 expected place of Sun et al. 2018, *Integral human pose regression*). Most channels are spent at an eighth of
 the crop's resolution and below, where convolutions run near a processor's peak.
 
-There are two nets. The coarse one sees the crop at 3.2 cm a pixel, and was trained before (it was released
-by itself). The fine one sees it at 2 cm, features of the coarse one, and the previous answer for this person
-where there is one; it predicts joints by itself, and weighs both predictions joint by joint.
+There are two nets. The coarse one sees the crop at 3.2 cm a pixel, and was trained before (it was released by
+itself). The fine one sees it at 2 cm and features of the coarse one, predicts joints by itself, and weighs
+both predictions joint by joint.
 """
 
 from __future__ import annotations
@@ -41,8 +41,6 @@ _COARSE_SIDE, _COARSE_CELL_M, _COARSE_WIDTH = 80, 0.032, 48
 _TRUST, _DOUBT = -1.5, -1.0
 """Initial weight of the coarse answer: logit at an error of 1 m, and its slope by the logarithm."""
 _HEELS = len(LANDMARKS) - len(JOINTS)
-_LAST_WIDTH, _LAST_M, _AGE_S = 32, 0.15, 0.1
-"""Channels of the previous answer, deviation of a landmark's place in them, metres, and unit of its age."""
 _PERSON_WIDTH = 64
 """Channels from which "is a person" and "seen from behind" are predicted."""
 
@@ -73,27 +71,6 @@ class Answer(NamedTuple):
     mask: Tensor
     log_weights: Tensor
     own: Tensor
-
-
-class Last(NamedTuple):
-    """The previous answer for the same person, in this crop's coordinates; all zeros where there is none.
-
-    Attributes
-    ----------
-    landmarks : (N, L, 4)
-        Places, metres, named as in `Answer`, and 1 where they are known.
-    facts : (N, 2)
-        How surely the person was seen from behind, -1 to 1; and how long ago, seconds.
-    """
-
-    landmarks: Tensor
-    facts: Tensor
-
-    @classmethod
-    def none(cls, like: Tensor) -> Last:
-        """Return what stands for no previous answer, for a batch of crops."""
-        count = len(like)
-        return cls(like.new_zeros((count, len(LANDMARKS), 4)), like.new_zeros((count, 2)))
 
 
 class _Unit(nn.Sequential):
@@ -225,8 +202,7 @@ class JointNet(nn.Module):
         self.down4 = nn.Sequential(ConvUnit(a, b, 3, 2), ConvUnit(b, b))
         self.down8 = nn.Sequential(ConvUnit(b, c, 3, 2), Residual(c), Residual(c))
         self.down16 = nn.Sequential(ConvUnit(c, d, 3, 2), Residual(d))
-        self.last = ConvUnit(2 * len(LANDMARKS) + 2, _LAST_WIDTH, 1)
-        self.squeeze8 = ConvUnit(c + d + _COARSE_WIDTH + _LAST_WIDTH, 96, 1)
+        self.squeeze8 = ConvUnit(c + d + _COARSE_WIDTH, 96, 1)
         self.up8 = ConvUnit(96, 96)
         self.squeeze4 = ConvUnit(b + 96, b, 1)
         self.up4 = ConvUnit(b, b)
@@ -245,12 +221,9 @@ class JointNet(nn.Module):
         self.register_buffer("middle", _nearest(_COARSE_SIDE, _COARSE_CELL_M, SIDE, CELL_M), persistent=False)
         handed = _nearest(SIDE // 8, 8 * CELL_M, _COARSE_SIDE // 4, 4 * _COARSE_CELL_M)
         self.register_buffer("handed", handed, persistent=False)
-        along = _places(SIDE // 8, 8 * CELL_M)[0, 0, 0, : SIDE // 8]
-        self.register_buffer("along", along.clone(), persistent=False)
 
-    def vote(self, x: Tensor, middle: Tensor | None = None, last: Last | None = None) -> Answer:
+    def vote(self, x: Tensor, middle: Tensor | None = None) -> Answer:
         """Return the full output, as training needs it; ``middle`` is the coarse net's input, if prepared."""
-        last = Last.none(x.float()) if last is None else last
         if middle is None:
             middle = x.index_select(2, self.middle).index_select(3, self.middle)
         coarse = self.coarse(middle)
@@ -258,8 +231,7 @@ class JointNet(nn.Module):
         x4 = self.down4(self.stem(x))
         x8 = self.down8(x4)
         x16 = self.down16(x8)
-        wide = functional.interpolate(x16, scale_factor=2)
-        y8 = self.up8(self.squeeze8(torch.cat([x8, wide, felt, self.last(self._drawn(last))], 1)))
+        y8 = self.up8(self.squeeze8(torch.cat([x8, functional.interpolate(x16, scale_factor=2), felt], 1)))
         y4 = self.up4(self.squeeze4(torch.cat([x4, functional.interpolate(y8, scale_factor=2)], 1)))
         votes, heels = self.votes(y4).float().flatten(2), self.heels(y4).float().flatten(2)
         own, said, log_weights = self._count(votes[:, :-1], len(JOINTS))
@@ -276,15 +248,6 @@ class JointNet(nn.Module):
         log_weights = torch.cat([log_weights, heel_weights], 1)
         return Answer(landmarks, errors, behind, person, mask, log_weights, own)
 
-    def _drawn(self, last: Last) -> Tensor:
-        """Draw the previous answer at an eighth of the resolution: places, depths, and what is known."""
-        x, y, z, known = (last.landmarks[..., k, None] for k in range(4))
-        across, down = (torch.exp(-((self.along - p) ** 2) / (2 * _LAST_M**2)) for p in (x, y))
-        spots = down[..., None] * (across * known)[:, :, None]
-        facts = torch.stack([last.facts[:, 0], last.facts[:, 1] / _AGE_S], 1)[:, :, None, None]
-        facts = facts.expand(-1, -1, len(self.along), len(self.along))
-        return torch.cat([spots, spots * z[..., None], facts], 1)
-
     def _count(self, votes: Tensor, n: int) -> tuple[Tensor, Tensor, Tensor]:
         """Return the weighted means of votes for ``n`` points, and of what else they say; their weights."""
         log_weights = torch.log_softmax(votes[:, 3 * n : 4 * n], dim=-1)
@@ -293,13 +256,6 @@ class JointNet(nn.Module):
         said = (votes[:, 4 * n :].unflatten(1, (n, -1)) * weights).sum(dim=-1)
         return (offsets * weights).sum(dim=-1), said, log_weights
 
-    def forward(
-        self,
-        x: Tensor,
-        middle: Tensor | None = None,
-        landmarks: Tensor | None = None,
-        facts: Tensor | None = None,
-    ) -> tuple[Tensor, ...]:
-        """Return the output without what only training needs; the last two are `Last`."""
-        last = None if landmarks is None or facts is None else Last(landmarks, facts)
-        return tuple(self.vote(x, middle, last)[:5])
+    def forward(self, x: Tensor, middle: Tensor | None = None) -> tuple[Tensor, ...]:
+        """Return the output without what only training needs."""
+        return tuple(self.vote(x, middle)[:5])

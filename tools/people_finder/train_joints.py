@@ -38,7 +38,6 @@ from crop_changes import change
 from crops import CropBatch, CropSampler
 from joint_losses import Truth, joint_loss
 from joint_net import JointNet, heels_of_ankles
-from last_answers import last_answer
 from numpy.typing import NDArray
 from optimise import arithmetic, follow
 from sightings import Sightings
@@ -68,9 +67,6 @@ rate rises, and largest norm of a gradient. Set by hand."""
 
 _AHEAD, _KEPT, _LEAST_KEPT = 6, 250, 8
 """Batches on the device that are waiting, those kept for using them again, and how many that needs."""
-
-_AGE_S = 1 / 30
-"""Age of the previous answers in the check, seconds."""
 
 _BEFORE_GRAPH = 4
 """Steps before one is recorded as a graph."""
@@ -322,11 +318,8 @@ class Run:
         """Take a step on the batch in ``_inputs``."""
         x, *targets = self._inputs
         truth, exact = Truth(*targets), self.exact
-        with arithmetic(exact, self.device), torch.no_grad():
-            alone = self.average(x)
-            last = last_answer(truth, alone[0], alone[2])
         with arithmetic(exact, self.device):
-            answer = self.net.vote(x, last=last)
+            answer = self.net.vote(x)
         if self._believing is not None and self._found:
             with arithmetic(exact, self.device), torch.no_grad():
                 believed = torch.sigmoid(self._believing(x[-self._found :])[3])
@@ -394,43 +387,26 @@ def to_tensors(crops: CropBatch) -> list[Tensor]:
 
 
 def score(net: JointNet, crops: CropBatch) -> dict[str, float]:
-    """Compute mean errors (mm), shares within 10 cm and of correct facings, and the mask's overlap.
-
-    ``again`` is the mean error where the first answer is given as the previous one: with nothing new, it
-    should not grow.
-    """
+    """Compute mean errors (mm), shares within 10 cm and of correct facings, and the mask's overlap."""
     features = torch.from_numpy(crops.features).contiguous(memory_format=torch.channels_last)
-    answers, again = [], []
     with torch.no_grad():
-        for x in features.to(net.cells.device).split(50):
-            answers.append([part.cpu().numpy() for part in net(x)])
-            places, behind = (torch.from_numpy(answers[-1][k]).to(x.device) for k in (0, 2))
-            marked = torch.cat([places, torch.ones_like(places[..., :1])], 2)
-            facts = torch.stack([torch.tanh(0.5 * behind), torch.full_like(behind, _AGE_S)], 1)
-            again.append(net(x, None, marked, facts)[0].cpu().numpy())
+        some = features.to(net.cells.device).split(50)
+        answers = [[part.cpu().numpy() for part in net(x)] for x in some]
     landmarks, _, behind, _, mask = (np.concatenate(parts) for parts in zip(*answers, strict=True))
-    error, other = _errors(landmarks, crops)
+    named = np.linalg.norm(landmarks - crops.landmarks, axis=-1)
+    swapped = np.linalg.norm(landmarks - crops.landmarks[:, MIRROR_LANDMARKS], axis=-1)
+    other = (swapped.mean(1) < named.mean(1)) & (np.abs(crops.side) < 1)
+    error = np.where(other[:, None], swapped, named)
     right = (behind > 0) == ((crops.side > 0) ^ other)
     said, own = (mask > 0) & (crops.mask < 2), crops.mask == 1
     kinds = {g: [n for n, name in enumerate(LANDMARKS) if name.endswith(g)] for g in _GROUPS}
     return {
         "all": round(1000 * float(error.mean()), 1),
-        "again": round(1000 * float(_errors(np.concatenate(again), crops)[0].mean()), 1),
         "within": round(float((error < 0.1).mean()), 4),
         "facing": round(float(right.mean()), 4),
         "overlap": round(float((said & own).sum() / (said | own).sum()), 4),
         **{g: round(1000 * float(error[:, k].mean()), 1) for g, k in kinds.items()},
     }
-
-
-def _errors(
-    landmarks: NDArray[np.float32], crops: CropBatch
-) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    """Return errors (N, L), metres, and where left and right are exchanged, which is right from the side."""
-    named = np.linalg.norm(landmarks - crops.landmarks, axis=-1)
-    swapped = np.linalg.norm(landmarks - crops.landmarks[:, MIRROR_LANDMARKS], axis=-1)
-    other = (swapped.mean(1) < named.mean(1)) & (np.abs(crops.side) < 1)
-    return np.where(other[:, None], swapped, named), other
 
 
 def in_order(values: NDArray[np.float32], is_person: NDArray[np.bool_]) -> float:

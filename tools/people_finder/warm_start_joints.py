@@ -37,9 +37,7 @@ def load_folded(net: JointNet, path: Path) -> None:
                 continue
             layer = layers[name]
             shifted = norms.get(layer)
-            weight = torch.from_numpy(values[node.input[1]].copy())
-            layer.weight.zero_()  # of inputs that the exported net has not
-            layer.weight[:, : weight.shape[1]] = weight
+            layer.weight.copy_(torch.from_numpy(values[node.input[1]].copy()))
             (layer if shifted is None else shifted).bias.copy_(torch.from_numpy(values[node.input[2]].copy()))
             if shifted is not None:
                 shifted.running_var.fill_(1.0 - shifted.eps)

@@ -217,7 +217,7 @@ class FitConfig(Checked):
         0.10, "Out of free space skin is pulled by at most this a step", unit="m", low=0.0, high=1.0
     )
     proposal_weight: float = option(
-        7.0,
+        5.0,
         "Weight of a proposed joint, in points of the cloud of the same standard deviation; 0: ignored",
         low=0.0,
         high=1000.0,
