@@ -137,4 +137,5 @@ def test_a_thing_that_the_second_look_refuses_still_hides(monkeypatch) -> None:
     monkeypatch.setattr(segmenter.candidates, "find", with_the_board)
     after = segmenter.segment(replace(shown, stamp_ns=shown.stamp_ns + 10**9))
     assert [s.label for s in after.sightings] == [1]  # the board is refused
-    np.testing.assert_array_equal(after.labels, before.labels)
+    # the mask, which is applied before, may move the border by a pixel
+    assert (after.labels != before.labels).sum() < 0.02 * (before.labels[board] == HIDDEN).sum()

@@ -120,7 +120,7 @@ def test_heels_that_nobody_sees_go_where_they_are_proposed(body, fitter, swapped
         fitted = body.pose(pose.rotations, pose.root, pose.scale).vertices[heel_vertices(body)]
         away.append(np.linalg.norm(fitted - heels, axis=1).max())
     print(away)
-    assert away[1] < 0.7 * away[0]
+    assert away[1] < 0.75 * away[0]
 
 
 @pytest.mark.parametrize("raised", [0.0, 0.03, -0.03])
