@@ -23,9 +23,9 @@ _DIFFERS_M = 0.06
 _HOPELESS = 0.08
 """Score above the answer's at which a pose leaves the beam; set by hand."""
 
-AWAY_WEIGHT = 0.09
+AWAY_WEIGHT = 0.12
 """Weight in the score of the mean distance of joints from their proposals (`from_proposals`); .06 keeps a leg
-that kneels in a wrong place, .12 is as good."""
+that kneels in a wrong place, .09 and .16 are as good."""
 
 _ODD_WEIGHT = 0.2
 """Weight in the score of each standard deviation above the usual (`PosePrior.excess`)."""
