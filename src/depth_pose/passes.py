@@ -117,7 +117,7 @@ class SecondPass:
             unanswered, doubtful = pipeline.unanswered, pipeline.recoverer.doubtful
             for people in spool.played_back():
                 again = pipeline.answer(people).skeletons
-                backward.append([replace(s, stamp_ns=spool.time_of(people.stamp_ns)) for s in again])
+                backward.append([s.at(spool.time_of(people.stamp_ns)) for s in again])
                 progress()
         everybody, self.gain = join([one.skeletons for one in forward], backward[::-1])
         answered = sum(

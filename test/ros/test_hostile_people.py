@@ -109,6 +109,7 @@ PEOPLE = {
     "crowd": (crowd, "of 10000 people; at most 255"),
     "nan": (set_first("people", proposals=[math.nan], proposal_confidence=[]), "numbers of proposed joints"),
     "heels": (set_first("people", heels=[0.0] * 7), "has 7 numbers of heels"),
+    "sides": (set_first("people", sides=math.nan), "the sides of body_1 have the probability nan"),
     "grid": (odd_grid, "focal lengths nan"),
     "fields": (odd_fields, "intensity at 12"),
     "cut": (cut_points, "bytes of data, not"),

@@ -62,6 +62,7 @@ def people(rng):
             proposals[:, 0],
             proposals[:, :2],
             np.tile(proposals[:2, :1], 5),
+            0.75,
         )
         for k, proposals in (
             (1, rng.normal(size=(3, 3)).astype(np.float32)),
@@ -104,6 +105,7 @@ def test_people_round_trip_is_exact(people):
         assert_same_bits(a.found.proposal_confidence, b.found.proposal_confidence)
         assert_same_bits(a.found.proposal_sigma, b.found.proposal_sigma)
         assert_same_bits(a.found.heels, b.found.heels)
+        assert a.found.sides == b.found.sides
         assert_same_bits(a.points, b.points)
         assert_same_bits(a.full.labels, b.full.labels)
         assert_same_bits(a.coarse.depth, b.coarse.depth)

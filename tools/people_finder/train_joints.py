@@ -89,11 +89,13 @@ class Stream:
         New close-ups for each one used.
     anny : float
         Share of people with a body of Anny.
+    views : int
+        Number of cameras that look at each person.
     """
 
-    def __init__(self, seed: tuple[int, ...], room: int, fresh: float, anny: float) -> None:
+    def __init__(self, seed: tuple[int, ...], room: int, fresh: float, anny: float, views: int) -> None:
         self._rng = np.random.default_rng(seed)
-        self._maker, self._room, self._fresh = CloseUpMaker(anny=anny), room, fresh
+        self._maker, self._room, self._fresh = CloseUpMaker(views, anny), room, fresh
         self._kept: list[CloseUp] = []
         self._due, self._next = 0.0, 0
         while len(self._kept) < min(room, 500):
@@ -122,7 +124,7 @@ class Batches(IterableDataset[list[Tensor]]):
     batch, found : int
         Crops of a batch, and how many of them, the last ones, are sightings.
     sightings : Path or None
-    room, fresh, anny
+    room, fresh, anny, views
         As `Stream`; ``room`` is shared by all workers.
     """
 
@@ -135,16 +137,18 @@ class Batches(IterableDataset[list[Tensor]]):
         room: int,
         fresh: float,
         anny: float,
+        views: int,
     ) -> None:
         self._seed, self._batch, self._found = seed, batch, found if sightings else 0
-        self._sightings, self._room, self._fresh, self._anny = sightings, room, fresh, anny
+        self._sightings, self._room, self._fresh = sightings, room, fresh
+        self._anny, self._views = anny, views
 
     def __iter__(self) -> Iterator[list[Tensor]]:
         worker = get_worker_info()
         number, count = (worker.id, worker.num_workers) if worker else (0, 1)
         seed = (*self._seed, number)
         seen = Sightings.load(self._sightings) if self._sightings else None
-        stream = Stream(seed, self._room // count, self._fresh, self._anny)
+        stream = Stream(seed, self._room // count, self._fresh, self._anny, self._views)
         rng, sampler = np.random.default_rng([*seed, 1]), CropSampler()
         while True:
             crops = sampler.batch(stream.next(self._batch - self._found), rng)
@@ -190,6 +194,7 @@ def train(
     sightings: Annotated[Path | None, typer.Option(help="File from find_sightings.py")] = None,
     found: Annotated[int, typer.Option(help="Number of a step's crops that are sightings")] = 10,
     anny: Annotated[float, typer.Option(help="Share of close-ups with a body of Anny (extra 'anny')")] = 0.0,
+    views: Annotated[int, typer.Option(help="Cameras that look at each person")] = 4,
     keep_belief: Annotated[
         Path | None, typer.Option(help="Weights whose belief sightings teach, not whether they are people")
     ] = None,
@@ -220,7 +225,7 @@ def train(
         run.keep_belief(keep_belief, found)
     families = {"": 0.0, "anny_": 1.0} if anny > 0.0 else {"": 0.0}
     apart = {name: CropSampler().batch(_check_set(share), None) for name, share in families.items()}
-    drawn = Batches((seed, run.done), batch, found, sightings, keep, fresh, anny)
+    drawn = Batches((seed, run.done), batch, found, sightings, keep, fresh, anny, views)
     batches = on_device(drawn, workers, device, np.random.default_rng([seed, run.done, 2]))
     while run.done < crops:
         run.step(next(batches), min(1.0, (run.steps + 1) / _WARM_UP), _EMA)

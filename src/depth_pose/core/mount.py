@@ -77,8 +77,10 @@ def rotate_to_sensor(skeleton: Skeleton, config: MountConfig) -> Skeleton:
 
 def _rotated(skeleton: Skeleton, rotation: NDArray[np.float64], frame_id: str) -> Skeleton:
     quats = matrix_to_quat(rotation @ quat_to_matrix(skeleton.quats_xyzw))
+    other = skeleton.alternative
     return replace(
         skeleton,
+        alternative=None if other is None else _rotated(other, rotation, frame_id),
         frame_id=frame_id,
         positions=skeleton.positions @ rotation.T,
         quats_xyzw=quats.reshape(-1, 4),

@@ -5,7 +5,8 @@ All of them are frozen and in SI units.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -87,6 +88,8 @@ class FoundPerson:
     heels : (H, 5) float32
         Backs of the left and the right heel, camera frame, metres, and their two standard deviations as
         those of the joints; no rows without proposals.
+    sides : float
+        Probability that left and right of the proposals are not exchanged, .5 to 1.
     """
 
     label: int
@@ -96,6 +99,7 @@ class FoundPerson:
     proposal_confidence: NDArray[np.float32] = field(default_factory=lambda: np.zeros(0, np.float32))
     proposal_sigma: NDArray[np.float32] = field(default_factory=lambda: np.zeros((0, 2), np.float32))
     heels: NDArray[np.float32] = field(default_factory=lambda: np.zeros((0, 5), np.float32))
+    sides: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -217,6 +221,9 @@ class Skeleton:
         `depth_pose.core.skeleton.JointState` values.
     build : (13,) float32
         The person's proportions (`depth_pose.body.build.BUILD_NAMES`); empty where they are not known.
+    alternative : Skeleton or None
+        The same person facing the other way, where left and right cannot be told; its confidences are lower
+        by the probability of that.
 
     Examples
     --------
@@ -250,6 +257,7 @@ class Skeleton:
     joint_confidence: NDArray[np.float32]
     joint_states: NDArray[np.uint8]
     build: NDArray[np.float32] = field(default_factory=lambda: np.zeros(0, np.float32))
+    alternative: Skeleton | None = None
 
     @property
     def id(self) -> str:
@@ -283,8 +291,12 @@ class Skeleton:
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """Return plain numbers, strings and lists, suitable for JSON; joints by their names."""
-        return {
+        """Return plain numbers, strings and lists, suitable for JSON; joints by their names.
+
+        An `alternative` is included where there is one.
+        """
+        other = {} if self.alternative is None else {"alternative": self.alternative.to_dict()}
+        return other | {
             "id": self.body_id,
             "time": self.time,
             "stamp_ns": self.stamp_ns,
@@ -342,6 +354,11 @@ class Skeleton:
             }
         )
 
+    def at(self, stamp_ns: int) -> Skeleton:
+        """Return the same pose at another time."""
+        other = None if self.alternative is None else self.alternative.at(stamp_ns)
+        return replace(self, stamp_ns=stamp_ns, alternative=other)
+
     @property
     def is_lost(self) -> bool:
         """Whether no pose is known."""
@@ -363,3 +380,8 @@ class Skeleton:
             joint_confidence=np.zeros(0, np.float32),
             joint_states=np.zeros(0, np.uint8),
         )
+
+
+def alternatives_of(skeletons: Iterable[Skeleton]) -> tuple[Skeleton, ...]:
+    """Return the second answers of those skeletons that have one."""
+    return tuple(s.alternative for s in skeletons if s.alternative is not None)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from depth_pose.core.camera import Camera
 from depth_pose.core.config import DenoiseConfig, MatchConfig, MountConfig, SegmentConfig
@@ -122,9 +122,7 @@ class PeopleExtractor:
         self.passed_over["too few points"] += shown.count(None) - names.count(None)
         self.passed_over.update(self.choice.left_out)
         found = [
-            FoundPerson(s.label, name, self._tracks.probability(name), *self._proposed(s))
-            for s, name in zip(seen.sightings, chosen, strict=True)
-            if name is not None
+            self._found(s, name) for s, name in zip(seen.sightings, chosen, strict=True) if name is not None
         ]
         # Ye et al. eq. 2: x and y follow the depth along the pixel's ray
         # Ye et al. eq. 4: also in further iterations, if `denoise.iterations` is above 1
@@ -136,8 +134,16 @@ class PeopleExtractor:
         plane = NO_FLOOR if floor is None else floor.plane
         return see_people(frame.stamp_ns, frame.frame_id, seen.camera, points, labels, found, plane)
 
-    def _proposed(self, sighting: Sighting) -> tuple[NDArray[np.float32], ...]:
-        """Return a sighting's proposed joints, confidences, deviations and heels, or nothing."""
+    def _found(self, seen: Sighting, name: str) -> FoundPerson:
+        """Return a sighting with its id, and without proposals where they are not wanted."""
+        found = FoundPerson(seen.label, name, self._tracks.probability(name))
         if not self._with_joints:
-            return ()
-        return sighting.proposals, sighting.proposal_confidence, sighting.proposal_sigma, sighting.heels
+            return found
+        return replace(
+            found,
+            proposals=seen.proposals,
+            proposal_confidence=seen.proposal_confidence,
+            proposal_sigma=seen.proposal_sigma,
+            heels=seen.heels,
+            sides=seen.sides,
+        )

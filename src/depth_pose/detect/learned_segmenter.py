@@ -144,5 +144,6 @@ def _sighting(
         proposal_confidence=seen.confidence,
         proposal_sigma=seen.sigma.astype(np.float32),
         heels=seen.heels.astype(np.float32),
+        sides=max(seen.from_behind, 1.0 - seen.from_behind),
         is_new_content=bool(np.count_nonzero(news & own) > _NEWS * np.count_nonzero(own)),
     )

@@ -29,6 +29,7 @@ class Sighting:
     proposal_confidence : (J,) float32
     proposal_sigma : (J, 2) float32
     heels : (H, 5) float32
+    sides : float
         As in `depth_pose.core.types.FoundPerson`.
     is_new_content : bool
         Whether much of the person is new since the previous frame, while the room is not.
@@ -41,6 +42,7 @@ class Sighting:
     proposal_confidence: NDArray[np.float32]
     proposal_sigma: NDArray[np.float32] = field(default_factory=lambda: np.zeros((0, 2), np.float32))
     heels: NDArray[np.float32] = field(default_factory=lambda: np.zeros((0, 5), np.float32))
+    sides: float = 1.0
     is_new_content: bool = False
 
 

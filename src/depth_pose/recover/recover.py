@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,11 +27,13 @@ from depth_pose.paper.completion import MeshCompleter
 from depth_pose.recover.confidence import fit_confidence, report_joints, skeleton_confidence
 from depth_pose.recover.failure import KINDS, FailureCheck, excess_of
 from depth_pose.recover.measurements import weigh_joints
+from depth_pose.recover.other_view import SidesBelief
 from depth_pose.recover.smooth import JointFilter
 from depth_pose.recover.temporal import TemporalCarrier
 from depth_pose.refine.body_fitter import BodyFitter
 from depth_pose.refine.kept_poses import AWAY_WEIGHT
 from depth_pose.refine.proposals import from_proposals
+from depth_pose.refine.skeleton_pose import about_face
 from depth_pose.track.memory import Subject, Subjects
 from depth_pose.track.person import People, Person, thin
 from depth_pose.track.sample_people import sample_people
@@ -56,6 +58,12 @@ _NEARLY = 0.02
 """Clouds are registered only if the previous body, fitted unchanged, misses the score to reach by less
 than this."""
 
+_SIDES_SURE = 0.9
+"""Probability that left and right are not exchanged, below which the other view is answered, too."""
+
+_CONTRADICTED = 0.08
+"""But not if the depth image disagrees by this much more with it."""
+
 _HOPELESS = 0.5
 """Share of `min_confidence` below which a new person is not published: it is furniture."""
 
@@ -77,6 +85,7 @@ class RecoveryMemory:
     Attributes
     ----------
     filter : JointFilter
+    sides : SidesBelief
     standing : float
         Person probability times the fit's confidence, averaged over the last frames.
     before : Fitted or None
@@ -92,6 +101,7 @@ class RecoveryMemory:
     """
 
     filter: JointFilter
+    sides: SidesBelief = field(default_factory=SidesBelief)
     standing: float = _FIRST_STANDING
     before: Fitted | None = None
     person_before: Person | None = None
@@ -102,6 +112,7 @@ class RecoveryMemory:
     def lose(self) -> None:
         """Forget the poses, and wait for a good one."""
         self.filter.reset()
+        self.sides.reset()
         self.before = self.person_before = self.good = None
         self.good_points, self.is_waiting = 0, True
 
@@ -177,6 +188,7 @@ class Recoverer:
             fitted = self._fit(person, start, np.zeros(0, np.float32))
             sure = report_joints(fitted.joints, fitted.pose.scale, person, fitted.score).confidence
             weigh_joints(fitted.joints, fitted.score, sure, person.found)
+            SidesBelief().renew(fitted.joints, person.found, person.stamp_ns)
             _disagreement(fitted, person)
             excess_of(fitted.pose.rotations)
 
@@ -193,7 +205,8 @@ class Recoverer:
         -------
         tuple of Skeleton
             Source REFINED or RECOVERED, with filtered positions; lost people are omitted. Their
-            confidence is the probability that this is a person and that the pose is right.
+            confidence is the probability that this is a person and that the pose is right. Where left and
+            right cannot be told, with an alternative that faces the other way.
         """
         self._subjects.begin(people)
         self.last_reasons = {}
@@ -217,29 +230,25 @@ class Recoverer:
         trust = _TRUST if is_recovered else 1.0
         standing = person.found.probability * trust * fit_confidence(answer.score)
         memory.standing += _VETO_SHARE * (standing - memory.standing)
-        sure = report_joints(answer.joints, answer.pose.scale, person, answer.score).confidence
-        measured = weigh_joints(answer.joints, answer.score, sure, person.found)
-        positions = memory.filter.filter(measured.joints, person.stamp_ns)
+        joints = _weighed(person, answer)
+        positions = memory.filter.filter(joints, person.stamp_ns)
+        sides = memory.sides.renew(joints, person.found, person.stamp_ns)
         if memory.standing < _VETO:
             self.doubtful += 1
             if not is_sure:
                 return None
-        report = report_joints(measured.joints, answer.pose.scale, person, answer.score)
-        joint_confidence = (_JOINT_TRUST if is_recovered else 1.0) * report.confidence
-        return Skeleton(
-            stamp_ns=person.stamp_ns,
-            frame_id=person.frame_id,
-            body_id=person.body_id,
-            source=answer.source,
-            confidence=trust * skeleton_confidence(person, measured.joints, report.states, joint_confidence),
-            residual=answer.gap,
-            scale=answer.pose.scale,
-            positions=positions,
-            quats_xyzw=matrix_to_quat(answer.pose.rotations[JOINT_NODES]),
-            joint_confidence=joint_confidence.astype(np.float32),
-            joint_states=report.states,
-            build=answer.build,
-        )
+        skeleton = _skeleton(person, answer, joints, trust, _JOINT_TRUST if is_recovered else 1.0)
+        alternative = self._other_view(person, answer, sides) if sides < _SIDES_SURE else None
+        return replace(skeleton, positions=positions, alternative=alternative)
+
+    def _other_view(self, person: Person, answer: Fitted, sides: float) -> Skeleton | None:
+        """Return the answer for the same person facing the other way; None if the input contradicts it."""
+        turned = replace(self._fit(person, about_face(answer.pose), answer.build), source=answer.source)
+        if turned.score > answer.score + _CONTRADICTED:
+            return None
+        other, share = _skeleton(person, turned, _weighed(person, turned), 1.0, 1.0), 1.0 - sides
+        joint_confidence = np.float32(share) * other.joint_confidence
+        return replace(other, confidence=share * other.confidence, joint_confidence=joint_confidence)
 
     def _remembered(self, subject: Subject) -> RecoveryMemory:
         if subject.recovery is None:
@@ -309,6 +318,34 @@ class Recoverer:
         seen = person.comparer.compare(mesh.vertices, fitter.body.faces, self._band)
         body = FittedBody(pose, mesh.vertices, mesh.nodes)
         return Fitted(person.body_id, person.stamp_ns, Source.RECOVERED, body, build, seen.score, seen.gap)
+
+
+def _weighed(person: Person, answer: Fitted) -> NDArray[np.float64]:
+    """Return the joints (19, 3) of a fit, weighed with those proposed."""
+    sure = report_joints(answer.joints, answer.pose.scale, person, answer.score).confidence
+    return weigh_joints(answer.joints, answer.score, sure, person.found).joints
+
+
+def _skeleton(
+    person: Person, answer: Fitted, joints: NDArray[np.float64], trust: float, joint_trust: float
+) -> Skeleton:
+    """Return the skeleton of an answer and its joints (19, 3), with factors on its confidences."""
+    report = report_joints(joints, answer.pose.scale, person, answer.score)
+    joint_confidence = joint_trust * report.confidence
+    return Skeleton(
+        stamp_ns=person.stamp_ns,
+        frame_id=person.frame_id,
+        body_id=person.body_id,
+        source=answer.source,
+        confidence=trust * skeleton_confidence(person, joints, report.states, joint_confidence),
+        residual=answer.gap,
+        scale=answer.pose.scale,
+        positions=joints,
+        quats_xyzw=matrix_to_quat(answer.pose.rotations[JOINT_NODES]),
+        joint_confidence=joint_confidence.astype(np.float32),
+        joint_states=report.states,
+        build=answer.build,
+    )
 
 
 def _disagreement(fitted: Fitted, person: Person) -> float:

@@ -64,6 +64,12 @@ def aim_at_proposals(body: Body, pose: BodyPose, found: FoundPerson) -> list[Bod
     return aimed
 
 
+def is_named_alike(joints: NDArray[np.float64], found: FoundPerson) -> bool:
+    """Check whether joints (19, 3) are nearer to a person's proposals as named than with sides exchanged."""
+    proposals = name_proposals(found)
+    return bool(kernels.nearer_naming(joints, proposals.places, proposals.weights) == 0)
+
+
 def from_proposals(nodes: NDArray[np.float64], found: FoundPerson) -> float:
     """Compute the mean distance of a pose's joints from a person's proposals, standard deviations."""
     if len(found.proposals) != len(JOINTS):

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.body.body import Body
 from depth_pose.body.pose import BodyPose
 from depth_pose.core.rotations import quat_to_matrix
-from depth_pose.core.skeleton import JOINT_NODES, NODE_INDEX, NODES
+from depth_pose.core.skeleton import JOINT_NODES, MIRROR_NODES, NODE_INDEX, NODES
 from depth_pose.core.types import Skeleton
 from depth_pose.refine import _aim_kernels as kernels
 
@@ -26,6 +28,9 @@ _AIMED = np.array(
     ]
 ).T
 """Segments that are turned toward the node at their end, and those nodes."""
+
+_ABOUT_FACE = np.diag([-1.0, 1.0, -1.0])
+"""Half a turn about the vertical."""
 
 
 def pose_from_skeleton(body: Body, skeleton: Skeleton) -> BodyPose:
@@ -52,6 +57,11 @@ def pose_from_skeleton(body: Body, skeleton: Skeleton) -> BodyPose:
         reach = skeleton.scale * (body.nodes[clavicle] - body.nodes[chest])
         nodes[clavicle] = nodes[chest] + rotations[chest] @ reach
     return pose_from_nodes(body, rotations, nodes, skeleton.scale)
+
+
+def about_face(pose: BodyPose) -> BodyPose:
+    """Turn a body about its own vertical, limbs in place: left and right, front and back are exchanged."""
+    return replace(pose, rotations=pose.rotations[MIRROR_NODES] @ _ABOUT_FACE)
 
 
 def aim_limbs(body: Body, rotations: NDArray[np.float64], nodes: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -15,20 +15,18 @@ import numpy as np
 from depth_pose.bank.bank import Bank
 from depth_pose.body.pose import BodyPose, Fitted, FittedBody
 from depth_pose.core.config import MatchConfig
-from depth_pose.core.skeleton import MIRROR_NODES, NODE_INDEX, forward_kinematics
-from depth_pose.refine.skeleton_pose import pose_from_nodes
+from depth_pose.core.skeleton import NODE_INDEX, forward_kinematics
+from depth_pose.refine.skeleton_pose import about_face, pose_from_nodes
 from depth_pose.track.person import Person
 
 _ARMS = [
     [NODE_INDEX[f"{s}_{n}"] for n in ("clavicle", "shoulder", "elbow", "wrist")] for s in ("left", "right")
 ]
 _LEGS = [[NODE_INDEX[f"{s}_{n}"] for n in ("hip", "knee", "ankle", "foot")] for s in ("left", "right")]
-_ABOUT_FACE = np.diag([-1.0, 1.0, -1.0])
-"""Half a turn about the vertical."""
 
 
 def _flip(bank: Bank, pose: BodyPose, rng: np.random.Generator) -> BodyPose:
-    return replace(pose, rotations=pose.rotations[MIRROR_NODES] @ _ABOUT_FACE)
+    return about_face(pose)
 
 
 def _exchange_legs(bank: Bank, pose: BodyPose, rng: np.random.Generator) -> BodyPose:

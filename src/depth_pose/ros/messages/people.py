@@ -71,6 +71,7 @@ def _found_to_msg(found: FoundPerson) -> FoundPersonMsg:
         proposal_confidence=found.proposal_confidence.tolist(),
         proposal_sigma=found.proposal_sigma.ravel().tolist(),
         heels=found.heels.ravel().tolist(),
+        sides=float(found.sides),
     )
 
 
@@ -145,6 +146,8 @@ def _msg_to_found(msg: FoundPersonMsg) -> FoundPerson:
         raise InputError(f"{msg.body_id} has {len(heels)} numbers of heels; two heels have 5 each")
     check_numbers(f"the standard deviations of {msg.body_id}", sigma)
     check_numbers(f"the heels of {msg.body_id}", heels)
+    if not 0.0 <= msg.sides <= 1.0:
+        raise InputError(f"the sides of {msg.body_id} have the probability {msg.sides}; it is 0 to 1")
     return FoundPerson(
         msg.label,
         msg.body_id,
@@ -153,4 +156,5 @@ def _msg_to_found(msg: FoundPersonMsg) -> FoundPerson:
         confidence,
         sigma.reshape(-1, 2),
         heels.reshape(-1, 5),
+        msg.sides,
     )

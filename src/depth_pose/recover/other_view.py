@@ -1,0 +1,58 @@
+"""A second answer, for frames in which a person's left and right cannot be told.
+
+From the front and from behind people may look alike, as from straight above, or far away. The second look
+states how surely it names the sides (`FoundPerson.sides`). What was seen surely is remembered for a moment: a
+pose that is followed keeps its sides.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from depth_pose.core.skeleton import MIRROR_JOINTS
+from depth_pose.core.types import FoundPerson
+from depth_pose.refine.proposals import is_named_alike
+
+_HALF_LIFE_S = 0.5
+"""Half-life of the remembered log-odds: a person may turn round in a second. Set by hand."""
+
+_SUREST = 1e-4
+"""Probabilities are clipped to this distance from 0 and 1."""
+
+
+class SidesBelief:
+    """Probability that left and right of one person's answers are not exchanged.
+
+    The stronger of what this frame says and what is remembered counts.
+    """
+
+    def __init__(self) -> None:
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget everything."""
+        self._logit, self._stamp_ns = 0.0, 0
+        self._joints: NDArray[np.float64] | None = None
+
+    def renew(self, joints: NDArray[np.float64], found: FoundPerson, stamp_ns: int) -> float:
+        """Return the probability for an answer's joints (19, 3); frames are passed in their order.
+
+        Without proposals nothing speaks against an answer: then it is 1.
+        """
+        if not len(found.proposals):
+            return 1.0
+        p = min(max(float(found.sides), _SUREST), 1.0 - _SUREST)
+        said = float(np.log(p / (1.0 - p))) * (1.0 if is_named_alike(joints, found) else -1.0)
+        kept = self._logit * 0.5 ** (1e-9 * (stamp_ns - self._stamp_ns) / _HALF_LIFE_S)
+        if self._joints is not None and _is_turned(joints, self._joints):
+            kept = 0.0  # they turned round, or the answer changed its mind
+        self._logit = said if abs(said) >= abs(kept) else kept
+        self._stamp_ns, self._joints = stamp_ns, joints
+        return float(1.0 / (1.0 + np.exp(-self._logit)))
+
+
+def _is_turned(joints: NDArray[np.float64], before: NDArray[np.float64]) -> bool:
+    """Check whether joints are nearer to those of the frame before with left and right exchanged."""
+    gaps = [float(np.linalg.norm(joints - other).sum()) for other in (before, before[MIRROR_JOINTS])]
+    return gaps[1] < gaps[0]
