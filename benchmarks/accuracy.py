@@ -5,6 +5,7 @@
     python benchmarks/accuracy.py confidence --check DATA        # fits and checks the confidence of joints
     python benchmarks/accuracy.py builds --people 10             # bone lengths found, against the true ones
     python benchmarks/accuracy.py proposals DATA                 # the answer beside the second look's joints
+    python benchmarks/accuracy.py deviations --check DATA        # the deviations that the second look states
 
 DATA is a folder of recordings with truth files beside them. ``accuracy.py PART --help`` says more.
 """
@@ -15,4 +16,5 @@ import one_thread  # noqa: F401
 from command_line import run_part
 
 if __name__ == "__main__":
-    run_part(__doc__, {name: name for name in ("table1", "ablation", "confidence", "builds", "proposals")})
+    parts = ("table1", "ablation", "confidence", "builds", "proposals", "deviations")
+    run_part(__doc__, {name: name for name in parts})

@@ -31,7 +31,7 @@ def test_every_stage_is_timed(bank_path, tmp_path):
 
 COMMANDS = [
     ("speed.py",),
-    *(("accuracy.py", part) for part in ("table1", "ablation", "confidence", "builds")),
+    *(("accuracy.py", part) for part in ("table1", "ablation", "confidence", "builds", "deviations")),
     ("finder.py",),
     ("faults.py",),
     ("drivers.py",),

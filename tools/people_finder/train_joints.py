@@ -16,6 +16,8 @@ A graphics card trains faster than processors draw crops, of which a core draws 
     python tools/people_finder/train_joints.py runs/joints --start start.pt --keep-belief start.pt \
         --sightings sightings.npz --anny 0.4 --crops 820000 --decay 1910000 --batch 256 --found 32 \
         --fresh 0.2 --device cuda --workers 15
+
+with ``OMP_NUM_THREADS=1``, or each of these processes starts a thread for each core.
 """
 
 from __future__ import annotations
