@@ -43,7 +43,7 @@ class ScoredFit:
     away : float
         Mean distance of the joints from their proposals, standard deviations.
     odd : float
-        Excess of the pose prior, standard deviations.
+        Excess of the pose prior, standard deviations; less where the pose is near its proposals.
     """
 
     body: FittedBody

@@ -222,12 +222,17 @@ class Refiner:
         return min(self._compare(person, fit.finish(side.body)), side, key=by_score)
 
     def _compare(self, person: Person, body: FittedBody) -> ScoredFit:
-        """Compare a fitted body with the depth, the proposed joints and the pose prior."""
+        """Compare a fitted body with the depth, the proposed joints and the pose prior.
+
+        The prior is for what proposals leave open: near them, an unusual pose costs less.
+        """
+        away = from_proposals(body.nodes, person.found)
+        open_share = min(1.0, away) if len(person.found.proposals) else 1.0
         return ScoredFit(
             body,
             person.comparer.compare(body.vertices, self.bank.body.faces, self._match_config.score_band),
-            from_proposals(body.nodes, person.found),
-            self._prior.excess(body.nodes, body.pose.scale),
+            away,
+            open_share * self._prior.excess(body.nodes, body.pose.scale),
         )
 
 
