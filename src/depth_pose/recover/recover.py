@@ -59,10 +59,10 @@ _NEARLY = 0.02
 than this."""
 
 _SIDES_SURE = 0.9
-"""Probability that left and right are not exchanged, below which the other view is answered, too."""
+"""Probability that sides are not exchanged, below which the other view is answered, too. Set by hand."""
 
 _CONTRADICTED = 0.08
-"""But not if the depth image disagrees by this much more with it."""
+"""But not if the depth image disagrees by this much more with it. Set by hand."""
 
 _HOPELESS = 0.5
 """Share of `min_confidence` below which a new person is not published: it is furniture."""
