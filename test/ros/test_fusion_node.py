@@ -64,7 +64,7 @@ class Cameras:
         self.rng = np.random.default_rng(0)
 
     def people(self, t):
-        return np.array([[np.cos(t), np.sin(t), 0.0], [-1.5, 0.3 * np.sin(2.0 * t), 0.0]])
+        return np.array([[np.cos(t), np.sin(t), 0.0], [-2.5, 0.3 * np.sin(2.0 * t), 0.0]])
 
     def show(self, camera, stamp_ns):
         T = np.linalg.inv(self.poses[camera])
