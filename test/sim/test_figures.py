@@ -155,6 +155,14 @@ def test_loose_postures_reach_farther_about():
     assert np.linalg.norm(loose, axis=1).max() < 0.5  # arms are no longer than that
 
 
+def test_loose_people_share_their_build_with_nobody():
+    rng, count = np.random.default_rng(12), 150
+    apart = [
+        len({sample_figure(rng, "stand", loose).stature for _ in range(count)}) for loose in (True, False)
+    ]
+    assert apart[0] == count > apart[1]
+
+
 @pytest.mark.slow
 def test_anny_s_bodies_are_dressed_and_stand_on_the_floor():
     pytest.importorskip("anny", reason="the extra 'anny' is not installed")

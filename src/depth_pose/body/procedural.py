@@ -72,9 +72,10 @@ def make_body(shape: BodyShape | None = None) -> Body:
     if shape == BodyShape():
         return template
     nodes, stretch = _shaped_nodes(template.nodes, shape)
-    moved = template.vertices[:, None, :] - template.nodes
-    moved = np.einsum("nij,vnj->vni", stretch, moved) + nodes
-    vertices = np.einsum("vn,vni->vi", template.weights, moved)
+    # each segment maps a point x to stretch (x - node) + new node; a vertex takes the weighted mean of maps
+    shift = nodes - (stretch @ template.nodes[..., None])[..., 0]
+    maps = template.weights @ np.concatenate([stretch.reshape(-1, 9), shift], axis=1)
+    vertices = (maps[:, :9].reshape(-1, 3, 3) @ template.vertices[..., None])[..., 0] + maps[:, 9:]
     low, high = float(vertices[:, 1].min()), float(vertices[:, 1].max())
     factor = shape.stature_m / (high - low)
     floor = np.array([0.0, low, 0.0])

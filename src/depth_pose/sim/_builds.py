@@ -51,8 +51,10 @@ class Build:
     template: Body
 
 
-def draw_build(rng: np.random.Generator, tallest: float = np.inf, anny: float = 0.0) -> Build:
-    """Pick a build from this process's pools, which are the same in every process.
+def draw_build(
+    rng: np.random.Generator, tallest: float = np.inf, anny: float = 0.0, is_new: bool = False
+) -> Build:
+    """Pick a build from this process's pools, which are the same in every process, or sample a new one.
 
     Parameters
     ----------
@@ -61,9 +63,14 @@ def draw_build(rng: np.random.Generator, tallest: float = np.inf, anny: float = 
         Maximum stature, metres.
     anny : float
         Share of bodies of Anny.
+    is_new : bool
+        Sample a build that nobody else has. A new one of Anny lies between two of the pool.
     """
     while True:
-        if anny > 0.0 and rng.random() < anny:
+        of_anny = anny > 0.0 and rng.random() < anny
+        if is_new:
+            build = _between_two(rng) if of_anny else _sample_build(rng)
+        elif of_anny:
             build = _anny_build(int(rng.integers(ANNY_POOL)))
         else:
             build = _build(int(rng.integers(POOL)))
@@ -73,11 +80,29 @@ def draw_build(rng: np.random.Generator, tallest: float = np.inf, anny: float = 
 
 @lru_cache(maxsize=POOL)
 def _build(index: int) -> Build:
-    rng = np.random.default_rng([_POOL_SEED, index])
+    return _sample_build(np.random.default_rng([_POOL_SEED, index]))
+
+
+def _sample_build(rng: np.random.Generator) -> Build:
+    """Sample a build of the embedded body."""
     child, woman = rng.uniform() < CHILDREN, bool(rng.uniform() < 0.5)
     stature, heaviness = _size(rng, child, woman)
     shape = _shape(rng, stature, heaviness, child, woman)
     return Build(make_body(shape), heaviness, woman and not child, make_body())
+
+
+def _between_two(rng: np.random.Generator) -> Build:
+    """Interpolate between two builds of Anny, at a random share of the way."""
+    a, b = (_anny_build(int(i)) for i in rng.integers(ANNY_POOL, size=2))
+    share = float(rng.uniform())
+    body = replace(
+        a.body,
+        vertices=a.body.vertices + share * (b.body.vertices - a.body.vertices),
+        nodes=a.body.nodes + share * (b.body.nodes - a.body.nodes),
+        stature=a.body.stature + share * (b.body.stature - a.body.stature),
+    )
+    heaviness = a.heaviness + share * (b.heaviness - a.heaviness)
+    return Build(body, heaviness, a.woman if share < 0.5 else b.woman, a.template)
 
 
 @lru_cache(maxsize=ANNY_POOL)

@@ -29,7 +29,8 @@ def join(pieces: Sequence[Piece]) -> Piece:
     first = np.cumsum([0] + [len(v) for v, _ in pieces[:-1]])
     vertices = np.concatenate([v for v, _ in pieces])
     faces = np.concatenate([f + n for (_, f), n in zip(pieces, first, strict=True)])
-    area = 0.5 * np.sqrt((face_normals(vertices, faces) ** 2).sum(axis=1))
+    normals = face_normals(vertices, faces)
+    area = 0.5 * np.sqrt(np.einsum("ij,ij->i", normals, normals))
     return vertices, faces[area > SMALLEST_AREA_M2].astype(np.int32)
 
 

@@ -15,7 +15,17 @@ def raster(vertices, faces, camera, near, inverse, index):
     A triangle that reaches behind the plane z = ``near`` is cut there.
     """
     corners = np.empty((4, 3))
+    shown = np.empty((vertices.shape[0], 3))
+    for k in range(vertices.shape[0]):
+        x, y, z = vertices[k]
+        if z >= near:
+            shown[k, 0], shown[k, 1] = project(camera, x, y, z)
+            shown[k, 2] = 1.0 / z
     for f in range(faces.shape[0]):
+        i, j, k = faces[f]
+        if vertices[i, 2] >= near and vertices[j, 2] >= near and vertices[k, 2] >= near:
+            _draw(shown[i], shown[j], shown[k], f, inverse, index)
+            continue
         count = 0
         for k in range(3):
             p = vertices[faces[f, k]]
@@ -105,3 +115,44 @@ def shade(vertices, faces, index, camera, cosine):
             x, y = ray(camera, u, v)
             size = np.sqrt((nx * nx + ny * ny + nz * nz) * (x * x + y * y + 1.0))
             cosine[v, u] = abs(nx * x + ny * y + nz) / max(size, 1e-18)
+
+
+@njit(cache=True)
+def spread_bsplines(cell, weights):
+    """Fill the weights (size, coarse) of cubic B-splines that are ``cell`` pixels apart; 0 elsewhere."""
+    for i in range(weights.shape[0]):
+        first, squares = int(i / cell), 0.0
+        for k in range(first, min(first + 4, weights.shape[1])):
+            away = abs(i / cell + 1.0 - k)
+            outside = max(2.0 - away, 0.0)
+            near = 2.0 / 3.0 - away * away * (1.0 - 0.5 * away)
+            weights[i, k] = near if away < 1.0 else outside * outside * outside / 6.0
+            squares += weights[i, k] ** 2
+        for k in range(first, min(first + 4, weights.shape[1])):
+            weights[i, k] /= np.sqrt(squares)
+
+
+@njit(cache=True)
+def nearest_and_farthest(depth, near, far):
+    """Fill the least and greatest depth (H, W) of a pixel and its neighbours that have some; 0 for none."""
+    height, width = depth.shape
+    for v in range(height):
+        for u in range(width):
+            low, high = np.float32(np.inf), np.float32(0.0)
+            for i in range(max(v - 1, 0), min(v + 2, height)):
+                for j in range(max(u - 1, 0), min(u + 2, width)):
+                    z = depth[i, j]
+                    if z > 0.0:
+                        low, high = min(low, z), max(high, z)
+            near[v, u], far[v, u] = min(low, high), high
+
+
+@njit(cache=True)
+def look_aside(image, down, across, out):
+    """Take each pixel (H, W) some rows and columns aside, rounded, or at the border."""
+    height, width = image.shape
+    for v in range(height):
+        for u in range(width):
+            i = min(max(v + int(np.rint(down[v, u])), 0), height - 1)
+            j = min(max(u + int(np.rint(across[v, u])), 0), width - 1)
+            out[v, u] = image[i, j]

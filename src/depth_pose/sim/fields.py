@@ -7,6 +7,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from depth_pose.sim._scene_kernels import spread_bsplines
+
 Image = NDArray[np.float32]
 
 
@@ -20,8 +22,6 @@ def smooth_field(rng: np.random.Generator, shape: tuple[int, ...], cell: float) 
 @lru_cache(maxsize=512)
 def _spread(size: int, cell: float) -> Image:
     """Weights (size, coarse) of a cubic B-spline, scaled to keep the variance on average."""
-    count = int(np.ceil(size / cell)) + 3
-    away = np.abs(np.arange(size)[:, None] / cell + 1.0 - np.arange(count)[None])
-    inner, outer = 2 / 3 - away**2 + away**3 / 2, np.maximum(2 - away, 0.0) ** 3 / 6
-    weights = np.where(away < 1, inner, outer)
-    return (weights / np.sqrt((weights**2).sum(axis=1, keepdims=True))).astype(np.float32)
+    weights = np.zeros((size, int(np.ceil(size / cell)) + 3), np.float32)
+    spread_bsplines(cell, weights)
+    return weights

@@ -126,7 +126,8 @@ def sample_figure(
     posture : str, optional
         One of `POSTURES`; drawn by their probabilities when left out.
     loose : bool
-        Vary the posture widely: halfway to another of its kind, and with arms that point anywhere.
+        Vary the posture widely: halfway to another of its kind, and with arms that point anywhere; and
+        sample a new build for this figure alone.
     doing : str, optional
         One of `HANDS_M`; random by default.
     tallest : float
@@ -144,7 +145,7 @@ def sample_figure(
         posture = str(rng.choice(list(POSTURES), p=share / share.sum()))
     elif posture not in POSTURES:
         raise ConfigError(f"unknown posture {posture!r}; there are: {', '.join(POSTURES)}")
-    build = draw_build(rng, tallest, anny)
+    build = draw_build(rng, tallest, anny, is_new=loose)
     if doing is None and rng.random() < AIDED.get(posture, 0.0):
         doing = str(rng.choice([name for name in HANDS_M if name != "child" or build.body.stature > ADULT_M]))
     rotations, kind = _draw_rotations(rng, posture, loose, doing)

@@ -25,9 +25,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import maximum_filter, minimum_filter
 
-from depth_pose.sim._scene_kernels import cast_shadow
+from depth_pose.sim._scene_kernels import cast_shadow, look_aside, nearest_and_farthest
 from depth_pose.sim.fields import smooth_field
 from depth_pose.sim.stereo import StereoConfig, measure_stereo
 
@@ -210,8 +209,9 @@ def measure(
         steady = _patches(np.random.default_rng(steady_seed), shape)
         patches = _STEADY * steady + _FLEETING * patches
     lost = _shadow(depth, sensor, shown.focal) if sensor.baseline else np.zeros(shape, bool)
-    rows, columns = _aside(rng, shape, sensor.raggedness)
-    depth, cosine, albedo = depth[rows, columns], cosine[rows, columns], albedo[rows, columns]
+    if sensor.raggedness > 0:
+        down, across = (np.float32(sensor.raggedness) * smooth_field(rng, shape, 2.5) for _ in range(2))
+        depth, cosine, albedo = (_aside(image, down, across) for image in (depth, cosine, albedo))
     light = albedo * np.maximum(cosine, 0.02) ** sensor.grazing_power / np.maximum(depth, 0.3) ** 2
     near, far = _around(depth)
     edge = far - near > _EDGE_JUMP * far
@@ -275,22 +275,16 @@ def _shadow(depth: Image, sensor: SceneSensor, focal: float) -> NDArray[np.bool_
 
 def _around(depth: Image) -> tuple[Image, Image]:
     """Least and greatest depth of a pixel and its neighbours that have some."""
-    high = maximum_filter(depth, 3)
-    low = minimum_filter(np.where(depth > 0, depth, np.float32(1e3)), 3)
-    return np.minimum(low, high), high
+    low, high = np.empty_like(depth), np.empty_like(depth)
+    nearest_and_farthest(depth, low, high)
+    return low, high
 
 
-def _aside(
-    rng: np.random.Generator, shape: tuple[int, ...], far: float
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Rows and columns of the pixels looked at instead."""
-    rows, columns = np.mgrid[: shape[0], : shape[1]]
-    if far > 0:
-        rows = np.clip(rows + np.rint(far * smooth_field(rng, shape, 2.5)).astype(np.int64), 0, shape[0] - 1)
-        columns = np.clip(
-            columns + np.rint(far * smooth_field(rng, shape, 2.5)).astype(np.int64), 0, shape[1] - 1
-        )
-    return rows, columns
+def _aside(image: Image, down: Image, across: Image) -> Image:
+    """Look some pixels aside instead."""
+    out = np.empty_like(image)
+    look_aside(image, down, across, out)
+    return out
 
 
 def _outside(shape: tuple[int, ...], radius: float) -> NDArray[np.bool_]:

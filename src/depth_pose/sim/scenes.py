@@ -316,9 +316,10 @@ def _person_albedo(figure: Figure, rng: np.random.Generator) -> NDArray[np.float
     trunk = (neck - pelvis) / max(float(np.linalg.norm(neck - pelvis)), 1e-6)
     along = (middles - pelvis) @ trunk
     albedo = np.where(along > 0.03, shirt, trousers)
-    on_head = np.linalg.norm(middles - head, axis=1) < 1.3 * np.linalg.norm(head - neck) + 0.06
+    off = middles - head
+    on_head = np.einsum("ij,ij->i", off, off) < (1.3 * np.linalg.norm(head - neck) + 0.06) ** 2
     skull = (head - neck) / max(float(np.linalg.norm(head - neck)), 1e-6)
-    above = (middles - head) @ skull > 0.02
+    above = off @ skull > 0.02
     return np.where(on_head, np.where(above, hair, 0.6), albedo).astype(np.float32)
 
 
