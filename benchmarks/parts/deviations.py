@@ -7,13 +7,15 @@ Of the net's own distributions .70 lie within one deviation in the image plane (
 directions) and .76 in depth; of normal ones .63 and .68. Printed are the shares of the joints that do, and
 the factor on all deviations with which the net's shares would.
 
-Simulated are people of other builds than the bank's, two clips for each sensor and distance. Recordings are
+Simulated are people in furnished rooms, by family of sensors and distance, and people of other builds than
+the bank's who stand alone, two clips for each sensor and distance. Recordings are
 as for ``accuracy.py proposals``; in those with joints in the image, only the plane is checked, without the
 folder's median offset, and a joint counts at its proposed distance.
 """
 
 from __future__ import annotations
 
+import itertools
 import json
 import tempfile
 from collections.abc import Iterator
@@ -24,13 +26,15 @@ from command_line import make_parser
 
 from depth_pose.core.config import DenoiseConfig, MountConfig, SegmentConfig
 from depth_pose.core.skeleton import JOINT_INDEX
-from depth_pose.core.types import FoundPerson
+from depth_pose.core.types import DepthFrame, FoundPerson
 from depth_pose.denoise.extract import PeopleExtractor
 from depth_pose.evaluate.overlay import project
 from depth_pose.evaluate.truth import load_known_people
 from depth_pose.io.mcap_read import DepthReader
 from depth_pose.motion.procedural.generator import CLIPS
+from depth_pose.sim.clips import sample_clip
 from depth_pose.sim.motion import load_motion
+from depth_pose.sim.scene_noise import FAMILIES
 from depth_pose.sim.sensor import SENSORS
 from depth_pose.sim.simulate import Stage, simulate
 from parts.proposals import CUT_OUT, has_truth
@@ -40,6 +44,9 @@ SHARES = (0.70, 0.76)
 """Shares of the net's distributions within one deviation, in the plane and in depth."""
 DISTANCES = (1.8, 2.6, 3.4, 4.2)
 CLIPS_EACH, FRAMES, SEED = 2, 20, 515
+ROOM_FRAMES, ROOM_FPS, ROOM_DISTANCES = 8, 6.0, (2.0, 3.0, 4.0)
+SHOWN = 0.3
+"""Least visible share of a person in a room."""
 FAR_M = 0.4
 """A person whose proposals are farther from the truth, on average, is another one."""
 FAR_PX = 0.35
@@ -109,6 +116,21 @@ def report(label: str, off: np.ndarray) -> None:
     print(f"| {label} | {len(off)} | {' | '.join(cells)} |", flush=True)
 
 
+def in_rooms(family: str, number: int) -> Iterator[tuple[float, np.ndarray]]:
+    """Yield distances, metres, and errors in deviations, (19, 2), of people in a furnished room."""
+    rng = np.random.default_rng([SEED, FAMILIES.index(family), number])
+    clip = sample_clip(rng, ROOM_FRAMES, ROOM_FPS, people=1 + number % 2, sensor=family)
+    extractor = PeopleExtractor(SegmentConfig(), DenoiseConfig(), MountConfig())
+    for t in range(ROOM_FRAMES):
+        frame = DepthFrame(int(clip.stamps_ns[t]), "", clip.depth[t], clip.camera)
+        people = [p.found for p in extractor.extract(frame).persons if len(p.found.proposals)]
+        for joints in clip.joints[t][clip.visible[t] > SHOWN]:
+            gaps = [float(np.linalg.norm(p.proposals - joints, axis=1).mean()) for p in people]
+            if gaps and min(gaps) < FAR_M:
+                nearest = people[int(np.argmin(gaps))]
+                yield float(nearest.proposals[:, 2].mean()), in_deviations(nearest, joints)
+
+
 def simulated(folder: Path, sensor: str, distance: float) -> Iterator[Path]:
     """Simulate people before one kind of sensor at one distance, from all around."""
     model, names = SENSORS[sensor], sorted(CLIPS)
@@ -129,6 +151,7 @@ def main() -> None:
     parser = make_parser(__doc__)
     parser.add_argument("--check", type=Path, nargs="+", help="folders of recordings, in place of simulation")
     parser.add_argument("--sensors", nargs="+", choices=sorted(SENSORS), default=sorted(SENSORS))
+    parser.add_argument("--rooms", type=int, default=60, help="furnished rooms for each family of sensors")
     arguments = parser.parse_args()
     print("| | joints | in the plane | factor | in depth | factor |\n|---|---|---|---|---|---|")
     for data in arguments.check or ():
@@ -144,6 +167,13 @@ def main() -> None:
         report(data.name, off[:, None])
     if arguments.check:
         return
+    for family in FAMILIES:
+        seen = [one for number in range(arguments.rooms) for one in in_rooms(family, number)]
+        away = np.digitize([distance for distance, _ in seen], ROOM_DISTANCES)
+        for n, (near, far) in enumerate(itertools.pairwise((0.0, *ROOM_DISTANCES, np.inf))):
+            some = [off for (_, off), k in zip(seen, away, strict=True) if k == n]
+            report(f"rooms, {family}, {near:g} to {far:g} m", np.concatenate([np.zeros((0, 2)), *some]))
+        report(f"rooms, {family}", np.concatenate([off for _, off in seen]))
     everything: dict[str, list[np.ndarray]] = {}
     with tempfile.TemporaryDirectory() as folder:
         for sensor in arguments.sensors:

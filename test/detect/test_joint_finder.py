@@ -16,7 +16,7 @@ from depth_pose.core.types import BACKGROUND, HIDDEN, DepthFrame
 from depth_pose.detect import _crop_kernels as kernels
 from depth_pose.detect._crop_kernels import CropView
 from depth_pose.detect.candidates import CandidateFinder
-from depth_pose.detect.joint_finder import CropMask, JointFinder, NetAnswer, PersonOdds
+from depth_pose.detect.joint_finder import CropMask, DeviationScale, JointFinder, NetAnswer, PersonOdds
 from depth_pose.detect.learned_segmenter import LearnedSegmenter
 from depth_pose.detect.net import read_weights
 from depth_pose.sim.scenes import sample_scene
@@ -101,6 +101,54 @@ def test_mirrored_twice_is_the_same():
     other = answer._replace(places=places[MIRROR_LANDMARKS], behind=-1.5)
     assert answer.mean(other).behind == answer.behind  # the other names left and right the other way
     np.testing.assert_array_equal(answer.mean(other).places, answer.places)
+
+
+def test_deviations_are_scaled_and_confidences_are_not(tmp_path):
+    settings = json.loads(read_weights("joint_finder.json"))
+    seen = []
+    for number, bias in enumerate((0.0, np.log(2.0))):
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        (folder / "joint_finder.onnx").write_bytes(read_weights("joint_finder.onnx"))
+        weights = np.zeros_like(settings["deviations"]["weights"])
+        weights[0, 0] = bias  # in the plane alone
+        scaled = settings["deviations"] | {"weights": weights.tolist()}
+        (folder / "joint_finder.json").write_text(json.dumps(settings | {"deviations": scaled}))
+        depth = scene(syn.posed(syn.arms_down(), distance=2.6)).depth
+        labels = (np.abs(depth - 2.6) < 0.5).astype(np.uint8)
+        seen.append(JointFinder(folder).find(depth, labels, syn.CAMERA, 1, np.array([0.0, 0.2, 2.6]), 0.9))
+    np.testing.assert_allclose(seen[1].sigma, seen[0].sigma * [2.0, 1.0])
+    np.testing.assert_allclose(seen[1].heels[:, 3:], seen[0].heels[:, 3:] * [2.0, 1.0])
+    np.testing.assert_array_equal(seen[1].confidence, seen[0].confidence)
+
+
+def test_factors_on_deviations_do_not_grow_beyond_what_they_were_fitted_for():
+    scale = DeviationScale(
+        **{k: np.array(v) for k, v in json.loads(read_weights("joint_finder.json"))["deviations"].items()}
+    )
+    corners = np.stack(np.meshgrid(*zip(scale.least, scale.most, strict=True)), axis=-1).reshape(-1, 3)
+    inside = np.random.default_rng(3).uniform(scale.least, scale.most, (200, 3))
+    factors = scale.factors(np.concatenate([corners, inside]))
+    assert (factors > 0.3).all()
+    assert (factors < 3.0).all()
+    outside = scale.least - 5.0
+    np.testing.assert_array_equal(scale.factors(outside), scale.factors(scale.least))
+    middle = 0.5 * (scale.least + scale.most)
+    np.testing.assert_allclose(scale.factors(middle), np.exp(scale.weights[:, 0]))
+
+
+def test_bends_tell_noise_of_pixels_from_that_of_blocks():
+    rng, whose = np.random.default_rng(4), np.ones((64, 64), np.int64)
+    plane = (2.0 + 0.01 * np.arange(64)[:, None] + 0.02 * np.arange(64)).astype(np.float32)
+    assert kernels.measure_bend(plane, whose, 1, 1) <= 2 * kernels.STRAIGHTEST
+    fine = plane + rng.normal(0, 0.01, plane.shape).astype(np.float32)
+    coarse = plane + np.kron(rng.normal(0, 0.01, (16, 16)), np.ones((4, 4))).astype(np.float32)
+    expected = 0.01 * np.sqrt(6.0) * 0.6745  # the median of |a - 2 b + c|
+    for step in (1, 4):
+        assert kernels.measure_bend(fine, whose, 1, step) == pytest.approx(expected, rel=0.1)
+    assert kernels.measure_bend(coarse, whose, 1, 4) == pytest.approx(expected, rel=0.15)
+    assert kernels.measure_bend(coarse, whose, 1, 1) < 0.6 * expected
+    assert kernels.measure_bend(fine, whose, 2, 1) == kernels.STRAIGHTEST
 
 
 @pytest.mark.parametrize("torso", [(0.0, 0.0, 0.3), (4.0, -3.0, 1.0), (0.0, 0.0, 9.0)])

@@ -10,6 +10,7 @@ from typing import Annotated
 
 import numpy as np
 import typer
+from fit_deviations import UNFITTED
 from joint_net import CELL_M, LEAST_WIDTH_M, SIDE, JointNet
 from numpy.typing import NDArray
 from sightings import Sightings
@@ -69,7 +70,8 @@ def main(
         "cell_m": CELL_M,
         "least_width_m": LEAST_WIDTH_M,
     }
-    write_settings(out / "joint_finder.json", model, code, training=note, person=person.tolist(), **crop)
+    settings = {"person": person.tolist(), "deviations": UNFITTED, **crop}
+    write_settings(out / "joint_finder.json", model, code, training=note, **settings)
 
 
 if __name__ == "__main__":

@@ -4,7 +4,8 @@ The finder looks at whole images and places trunks well, limbs badly. Here a cro
 same pixel size for every sensor and distance, goes through another small net. Each of its cells votes for
 every joint and predicts a weight for its vote (Xiong et al. 2019, *A2J*); the net also predicts the deviation
 of each joint in the image plane and in depth, and whether the person is seen from behind. Hidden joints are
-inferred from the others, with larger deviations. Last, it predicts the probability that this is a person and
+inferred from the others, with larger deviations. `DeviationScale` calibrates the deviations by distance and
+sensor. Last, it predicts the probability that this is a person and
 not an object, trained on the finder's detections; logistic regression combines this with the finder's own
 probability. ``tools/people_finder`` makes the weights; their settings hold the size of the crop.
 """
@@ -196,6 +197,53 @@ class PersonOdds(NamedTuple):
         return _logistic(self.first * logit_of(found) + self.second * logit + self.bias)
 
 
+class DeviationScale(NamedTuple):
+    """Factors on the net's deviations, by sensor and distance: exponentials of quadratic functions.
+
+    Attributes
+    ----------
+    weights : (2, K) float64
+        Weights of the `terms`, in the plane and in depth.
+    least, most : (M,) float64
+        Range of the `look_measures` for which the weights were fitted; others are clipped.
+    """
+
+    weights: NDArray[np.float64]
+    least: NDArray[np.float64]
+    most: NDArray[np.float64]
+
+    def terms(self, measures: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return 1, the measures (..., M) from -1 to 1, and the products of two of them, (..., K)."""
+        x = 2.0 * (measures.clip(self.least, self.most) - self.least) / (self.most - self.least) - 1.0
+        first, second = np.triu_indices(len(self.least))
+        return np.concatenate([np.ones_like(x[..., :1]), x, x[..., first] * x[..., second]], axis=-1)
+
+    def factors(self, measures: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Compute the factors (..., 2) for looks with measures (..., M)."""
+        return np.exp(self.terms(measures) @ self.weights.T)
+
+
+_BENDS = (1, 4)
+"""Steps of `measure_bend`, pixels of a crop."""
+
+
+def look_measures(
+    grid: NDArray[np.float32], whose: NDArray[np.int64], label: int, distance: float
+) -> NDArray[np.float64]:
+    """Return what tells sensors and distances apart, (3,): logarithms of the distance and of bends, metres.
+
+    Parameters
+    ----------
+    grid, whose : (side, side)
+        A crop's depth, metres, and labels (`sample_crop`).
+    label : int
+        The person's.
+    distance : float
+        Of the torso, metres.
+    """
+    return np.log([distance, *(kernels.measure_bend(grid, whose, label, step) for step in _BENDS)])
+
+
 def logit_of(probability: float) -> float:
     """Return the logit of a probability, clipped to `_SUREST` from 0 and 1."""
     p = min(max(probability, _SUREST), 1.0 - _SUREST)
@@ -234,6 +282,9 @@ class JointFinder:
         self._session = open_net(read_weights("joint_finder.onnx", weights))
         settings = json.loads(read_weights("joint_finder.json", weights))
         self._person = PersonOdds(*settings["person"])
+        self._deviations = DeviationScale(
+            *(np.array(settings["deviations"][k]) for k in DeviationScale._fields)
+        )
         self._cell_m, self._least_width_m = float(settings["cell_m"]), float(settings["least_width_m"])
         shape = (int(settings["side"]), int(settings["side"]))
         self._features = np.zeros((1, kernels.CHANNELS, *shape), np.float32)
@@ -275,6 +326,7 @@ class JointFinder:
             answer = answer.mean(mirrored.mirrored())
         points = kernels.from_crop(answer.places.astype(np.float64), look)
         sigma, error = _spread(answer.log_width, self._least_width_m)
+        sigma *= self._deviations.factors(look_measures(self._grid, self._whose, label, z))
         from_behind = _logistic(answer.behind)
         if from_behind > 0.5:
             points, sigma, error = (v[MIRROR_LANDMARKS] for v in (points, sigma, error))

@@ -60,6 +60,7 @@ def sample_clip(
     width: int = 320,
     progress: Callable[[int], None] | None = None,
     anny: float = 0.0,
+    sensor: str | None = None,
 ) -> RoomClip:
     """Make a random video.
 
@@ -78,6 +79,8 @@ def sample_clip(
         Called with the number of frames done.
     anny : float
         Share of people with a body of Anny, which need the extra ``anny``.
+    sensor : str, optional
+        Family of the sensor (`depth_pose.sim.scene_noise.FAMILIES`); random by default.
     """
     view, room = sample_stage(rng, width)
     cast: list[tuple[Performer, Track]] = []
@@ -87,12 +90,12 @@ def sample_clip(
         if track is not None:
             cast.append((performer, track))
     surfaces = furnish_around(rng, room, view, cast)
-    sensor = replace(sample_sensor(rng), far=rng.uniform(6.0, 10.0))
+    seen_by = replace(sample_sensor(rng, sensor), far=rng.uniform(6.0, 10.0))
     steady = int(rng.integers(2**31))
     scenes = []
     for t in range(frames):
         persons = [person_at(p, track, t) for p, track in cast]
-        scene = render(view, surfaces, persons, sensor, rng, steady)
+        scene = render(view, surfaces, persons, seen_by, rng, steady)
         scenes.append((scene.depth, scene.joints, scene.seen, scene.visible))
         if progress:
             progress(t + 1)
