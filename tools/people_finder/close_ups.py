@@ -31,14 +31,18 @@ POSTURES = {
 }  # fmt: skip
 """Frequency of each posture: rare ones are drawn more often than in rooms. Set by hand."""
 
-REACH_M = 1.8
+REACH_M = 1.6
 """Half of the side of the area drawn around a torso, metres: the crop, rotated and displaced. Set by hand."""
 
 _TORSO = [JOINT_INDEX[f"{side}_{n}"] for side in ("left", "right") for n in ("shoulder", "hip")]
 _LEAST_PIXELS, _LEAST_SHOWN = 60, 0.3
 """People with fewer pixels, or with a smaller visible share, are not used. Set by hand."""
-_COMMON_SHARE = 0.6
-"""Share of cameras in the usual arrangement: 2 to 4.6 m away, upright, with the person in the middle."""
+_COMMON_SHARE = 0.55
+_ABOVE_SHARE = 0.5
+"""Share of cameras in the usual arrangement: 2 to 4.6 m away, upright, with the person in the middle; and of
+the others, those that look down from under a ceiling. Set by hand."""
+_TRIES = 2
+"""Number of cameras tried for each that is wanted. Set by hand."""
 _BLOCK = 32
 """Sides of drawn images are multiples of this many pixels, where the image has room."""
 _NEAR_M = 0.05
@@ -85,7 +89,10 @@ class CloseUpMaker:
     _others: list[Settled] = field(default_factory=list)
 
     def make(self, rng: np.random.Generator) -> list[CloseUp]:
-        """Sample a person, their surroundings and some cameras; return the views that show enough of them."""
+        """Sample a person, their surroundings and some cameras; return the views that show enough of them.
+
+        It may be fewer than wanted, or none.
+        """
         names = list(POSTURES)
         shares = np.array(list(POSTURES.values()))
         posture = names[rng.choice(len(names), p=shares / shares.sum())]
@@ -100,11 +107,14 @@ class CloseUpMaker:
         room = triangulate(surroundings.shapes, rng)
         self._others = [*self._others[-_OTHERS:], settled]
         out = []
-        for _ in range(self.views):
-            view = _sample_view(person.joints[_TORSO].mean(axis=0), surroundings, rng)
+        torso = person.joints[_TORSO].mean(axis=0)
+        for _ in range(_TRIES * self.views):
+            view = _sample_view(torso, surroundings, rng)
             seen = None if view is None else _render(view, person, beside, room, rng)
             if seen is not None:
                 out.append(seen)
+            if len(out) == self.views:
+                break
         return out
 
     def _beside(
@@ -192,7 +202,7 @@ def _sample_view(torso: Array, around: _Surroundings, rng: np.random.Generator) 
     azimuth = rng.normal(0, 0.8) if rng.random() < 0.5 else rng.uniform(-np.pi, np.pi)
     common = rng.random() < _COMMON_SHARE
     away = rng.uniform(1.9, 4.6) if common else float(np.clip(np.exp(rng.normal(0.9, 0.6)), 0.55, 6.5))
-    above = not common and rng.random() < 0.4
+    above = not common and rng.random() < _ABOVE_SHARE
     lift = rng.uniform(1.9, 4.0) if above else float(np.clip(rng.normal(1.3, 0.5), 0.25, 3.0))
     flat = rng.uniform(0.0, 2.2) if above else np.sqrt(max(away**2 - (lift - torso[1]) ** 2, 0.2))
     at = np.array([torso[0] + flat * np.sin(azimuth), lift, torso[2] + flat * np.cos(azimuth)])
@@ -260,8 +270,9 @@ def _render(
     starts = np.cumsum([0] + [len(v) for v, _ in parts[:-1]])
     vertices = np.concatenate([v for v, _ in parts])
     faces = np.concatenate([f + n for (_, f), n in zip(parts, starts, strict=True)])
-    inverse[:], face[:] = 0.0, -1
-    kernels.raster(vertices, faces, camera, _NEAR_M, inverse, face)
+    rest = np.full(shape, -1, np.int32)  # what lies before the person, drawn already
+    kernels.raster(vertices, faces[len(person.faces) :], camera, _NEAR_M, inverse, rest)
+    face = np.where(rest >= 0, rest + len(person.faces), face)
     whose = np.append(np.concatenate(owners), np.uint8(0))[face]
     shown = int((whose == 1).sum())
     if shown < max(_LEAST_PIXELS, _LEAST_SHOWN * alone):

@@ -1,4 +1,4 @@
-"""Make the people finder's weights from scratch: scenes, training, verifier, and the second look's net.
+"""Make the people finder's weights from scratch: scenes, training, verifier, the second look, its deviations.
 
     pip install -e '.[train]'
     python tools/people_finder/make_weights.py build/people_finder
@@ -30,6 +30,8 @@ _IMAGES, _BATCH, _RATE = 240_000, 16, 2e-3
 """The finder's training: images in all, images per step, and the highest learning rate. Set by hand."""
 _CROPS, _FALL = 2_300_000, 300_000
 """The second look's training: crops at the highest rate, and while it falls. Set by hand."""
+_FRESH = 0.6
+"""New close-ups for each crop that is no sighting, each of another person: a million in all. Set by hand."""
 _COARSE = ("git", "show", "fe355e5:src/depth_pose/people/weights/joint_finder.onnx")
 """Its coarse net is the one released before, with floats."""
 
@@ -71,11 +73,12 @@ def main(
     if not coarse.exists():
         coarse.write_bytes(subprocess.run(_COARSE, check=True, capture_output=True, cwd=_HERE).stdout)
     if not (joints / "last.pt").exists():
-        length = ("--crops", _CROPS, "--decay", _FALL, "--seed", seed)
+        length = ("--crops", _CROPS, "--decay", _FALL, "--fresh", _FRESH, "--views", 1, "--seed", seed)
         call("train_joints.py", joints, "--coarse", coarse, "--sightings", found, *length)
     note = f"{_CROPS} and {_FALL} crops, seed {seed}"
     call("export_joints.py", joints / "last.pt", found_apart, folder / "weights", "--note", note)
     call("quantise.py", folder / "weights", folder / "integers")
+    call("fit_deviations.py", folder / "integers")
 
 
 def call(script: str, *arguments: object) -> None:
