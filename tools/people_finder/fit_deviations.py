@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 import typer
@@ -20,7 +20,6 @@ from rich.progress import track
 from scipy.optimize import minimize
 from scipy.special import expit
 
-from depth_pose.core.camera import Camera
 from depth_pose.core.config import SegmentConfig
 from depth_pose.core.types import DepthFrame
 from depth_pose.detect.joint_finder import DeviationScale, JointFinder, JointProposals, look_measures
@@ -66,17 +65,10 @@ class _Watched(JointFinder):
         self._deviations = DeviationScale(*map(np.array, UNFITTED.values()))
         self.seen = list[tuple[NDArray[np.float64], JointProposals]]()
 
-    def find(
-        self,
-        depth: NDArray[np.float32],
-        labels: NDArray[np.uint8],
-        camera: Camera,
-        label: int,
-        torso: NDArray[np.float64],
-        probability: float,
-    ) -> JointProposals:
+    def find(self, *look: Any) -> JointProposals:
         """Find joints, and record them."""
-        out = super().find(depth, labels, camera, label, torso, probability)
+        out = super().find(*look)
+        label, torso = look[3:5]
         self.seen.append((look_measures(self._grid, self._whose, label, torso[2]), out))
         return out
 
