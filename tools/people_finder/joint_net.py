@@ -131,9 +131,7 @@ class CoarseNet(nn.Module):
         joints = (offsets * weights[:, :, None]).sum(dim=-1)
         errors = (votes[:, 4 * n : 5 * n] * weights).sum(dim=-1)
         seen = self.look(x8).float().flatten(2)
-        person = self.person(torch.cat([seen.mean(dim=-1), seen.max(dim=-1).values], 1).to(x8.dtype))[
-            :, 0
-        ].float()
+        person = self.person(_pooled(seen).to(x8.dtype))[:, 0].float()
         return Coarse(joints, errors, votes[:, -1].mean(dim=-1), person, y4)
 
     def load_onnx(self, path: Path) -> None:
@@ -180,6 +178,14 @@ def _places(cells: int, cell_m: float) -> Tensor:
     place = (torch.arange(cells) + 0.5 - cells / 2) * cell_m
     across, down = place.expand(cells, cells), place[:, None].expand(cells, cells)
     return torch.stack([across, down, torch.zeros(cells, cells)]).reshape(1, 1, 3, -1)
+
+
+def _pooled(channels: Tensor) -> Tensor:
+    """Means, then maxima of channels (N, C, cells), (N, 2 C).
+
+    The gradient of ``amax`` is not finite once `torch.compile` has fused it with a rounding.
+    """
+    return torch.cat([channels.mean(dim=-1), channels.max(dim=-1).values], 1)
 
 
 def _nearest(cells: int, cell_m: float, others: int, other_m: float) -> Tensor:
@@ -242,9 +248,8 @@ class JointNet(nn.Module):
         joints = share * coarse.joints + (1 - share) * own
         own = torch.cat([own, heel], 1)
         landmarks, errors = torch.cat([joints, heel], 1), torch.cat([said[:, :, :2], heel_error], 1)
-        # max and not amax, whose gradient is not finite once `torch.compile` has fused it with a rounding
         seen = self.look(x16).float().flatten(2)
-        pooled = torch.cat([seen.mean(dim=-1), seen.max(dim=-1).values], 1).to(x16.dtype)
+        pooled = _pooled(seen).to(x16.dtype)
         person = coarse.person + self.person(pooled)[:, 0].float()
         behind = coarse.behind + self.behind(pooled)[:, 0].float() + votes[:, -1].mean(dim=-1)
         mask = functional.pixel_shuffle(self.mask(y4).float(), STRIDE)[:, 0]

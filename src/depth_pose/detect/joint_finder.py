@@ -4,10 +4,10 @@ The finder looks at whole images and places trunks well, limbs badly. Here a cro
 same pixel size for every sensor and distance, goes through another small net. Each of its cells votes for
 every joint and predicts a weight for its vote (Xiong et al. 2019, *A2J*); the net also predicts the deviation
 of each joint in the image plane and in depth, and whether the person is seen from behind. Hidden joints are
-inferred from the others, with larger deviations. `DeviationScale` calibrates the deviations by distance and
-sensor. Last, it predicts the probability that this is a person and
-not an object, trained on the finder's detections; logistic regression combines this with the finder's own
-probability. ``tools/people_finder`` makes the weights; their settings hold the size of the crop.
+inferred from the others, with larger deviations. `DeviationScale` calibrates all of them by sensor and
+distance. Last, the net predicts the probability that this is a person and not an object, trained on the
+finder's detections; logistic regression combines this with the finder's own probability.
+``tools/people_finder`` makes the weights; their settings hold the size of the crop.
 """
 
 from __future__ import annotations
@@ -197,6 +197,13 @@ class PersonOdds(NamedTuple):
         return _logistic(self.first * logit_of(found) + self.second * logit + self.bias)
 
 
+_BENDS = (1, 4)
+"""Steps of `measure_bend`, pixels of a crop."""
+
+_PAIRS = np.triu_indices(1 + len(_BENDS))
+"""All pairs of two `look_measures`, each with itself, too."""
+
+
 class DeviationScale(NamedTuple):
     """Factors on the net's deviations, by sensor and distance: exponentials of quadratic functions.
 
@@ -215,16 +222,12 @@ class DeviationScale(NamedTuple):
     def terms(self, measures: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return 1, the measures (..., M) from -1 to 1, and the products of two of them, (..., K)."""
         x = 2.0 * (measures.clip(self.least, self.most) - self.least) / (self.most - self.least) - 1.0
-        first, second = np.triu_indices(len(self.least))
+        first, second = _PAIRS
         return np.concatenate([np.ones_like(x[..., :1]), x, x[..., first] * x[..., second]], axis=-1)
 
     def factors(self, measures: NDArray[np.float64]) -> NDArray[np.float64]:
         """Compute the factors (..., 2) for looks with measures (..., M)."""
         return np.exp(self.terms(measures) @ self.weights.T)
-
-
-_BENDS = (1, 4)
-"""Steps of `measure_bend`, pixels of a crop."""
 
 
 def look_measures(
