@@ -140,6 +140,24 @@ def test_a_camera_that_is_moved_is_left_out_until_it_is_put_back(camera, way):
     assert {s.body_id for _, skeletons in answers for s in skeletons} == {"person_1", "person_2"}
 
 
+@pytest.mark.parametrize("camera", [0, 1])
+def test_frames_in_bursts_do_not_hide_which_camera_was_moved(camera):
+    """After a stall several frames have nearly the same stamps: velocities between them are noise."""
+    for seed in range(8):
+        rng, room = np.random.default_rng(seed), Room([Eye(seed=2 * seed), Eye(seed=2 * seed + 1)], circle)
+        for moment in range(180):
+            if moment == 80:
+                room.true_poses[camera] = room.poses[camera].copy()
+                room.true_poses[camera][0, 3] += 0.6
+            stalled = rng.random() < 0.1
+            room.now_s += 0.3 if stalled else 0.05
+            for k in range(6 if stalled else 1):
+                for eye in range(2):
+                    room.frame(eye, room.now_s + 1e-4 * (2 * k + eye))
+            room.now_s += 1e-3
+        assert [room.state(c) for c in (camera, 1 - camera)] == [CameraState.MOVED, CameraState.USED]
+
+
 def test_of_three_the_one_that_disagrees_was_moved():
     """Slowly, so that nobody jumps."""
     room = Room([Eye(seed=c) for c in range(3)], circle)

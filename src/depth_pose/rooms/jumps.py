@@ -13,8 +13,8 @@ from depth_pose.rooms.sightings import RoomSighting
 _GAP_S = 1.0
 """Time (s) for which somebody is remembered; set by hand."""
 
-_VELOCITY_SHARE, _FASTEST_M_S = 0.3, 3.0
-"""Weight of a new velocity, and the maximum (m/s); set by hand."""
+_VELOCITY_S, _FASTEST_M_S = 0.1, 3.0
+"""Time constant (s) of the velocity, and its maximum (m/s); set by hand."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,6 +59,7 @@ class JumpMeter:
 
     @staticmethod
     def _velocity(last: _Seen, person: RoomSighting, stamp_ns: int) -> NDArray[np.float64]:
-        measured = last.sighting.shift_to(person) / ((stamp_ns - last.stamp_ns) * 1e-9)
-        velocity = last.velocity + _VELOCITY_SHARE * (measured - last.velocity)
+        seconds = (stamp_ns - last.stamp_ns) * 1e-9
+        measured = last.sighting.shift_to(person) / seconds
+        velocity = last.velocity - np.expm1(-seconds / _VELOCITY_S) * (measured - last.velocity)
         return np.asarray(velocity * min(1.0, _FASTEST_M_S / max(float(np.linalg.norm(velocity)), 1e-6)))

@@ -201,14 +201,14 @@ class CameraWatch:
     def check(self, now_s: float) -> list[int]:
         """Update all states; return the cameras that have just been left out."""
         left_out = [c for c in range(len(self.cameras)) if self._check_messages(c, now_s)]
-        apart = [
-            c
+        apart_s = {
+            c: (of.compared_ns - of.apart_ns) * 1e-9
             for c, of in enumerate(self.cameras)
-            if of.state == CameraState.USED
-            and of.apart_ns is not None
-            and (of.compared_ns - of.apart_ns) * 1e-9 >= MOVED_S
-        ]
-        if apart:  # of two that disagree, the one whose people jumped; in doubt not the first
+            if of.state == CameraState.USED and of.apart_ns is not None
+        }
+        if max(apart_s.values(), default=0.0) >= MOVED_S:
+            # two that disagree reach the limit a frame apart: whose people jumped, in doubt not the first
+            apart = [c for c, seconds in apart_s.items() if seconds > MOVED_S - _GAP_S]
             moved = max(apart, key=lambda c: (round(self.cameras[c].jump_m, 2), c))
             of = self.cameras[moved]
             self._leave_out(
