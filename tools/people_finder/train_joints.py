@@ -165,11 +165,17 @@ class Batches(IterableDataset[list[Tensor]]):
             yield to_tensors(crops)
 
 
-def on_device(drawn: Batches, workers: int, device: str, rng: np.random.Generator) -> Iterator[list[Tensor]]:
-    """Yield batches on a device: as they are drawn, and, where workers draw them too slowly, changed ones."""
+def on_device(
+    drawn: Batches, workers: int, device: str, changed: float, rng: np.random.Generator
+) -> Iterator[list[Tensor]]:
+    """Yield batches on a device as they are drawn, some of them changed (`change`).
+
+    Where workers draw too slowly for a graphics card, earlier batches are changed and used again.
+    """
     loader = iter(DataLoader(drawn, None, num_workers=workers, pin_memory=device != "cpu"))
     if device == "cpu":
-        yield from loader
+        for batch in loader:
+            yield change(batch) if rng.random() < changed else batch
     ready, kept = Queue[list[Tensor]](_AHEAD), list[list[Tensor]]()
 
     def fetch() -> None:
@@ -203,6 +209,9 @@ def train(
     found: Annotated[int, typer.Option(help="Number of a step's crops that are sightings")] = 10,
     anny: Annotated[float, typer.Option(help="Share of close-ups with a body of Anny (extra 'anny')")] = 0.0,
     views: Annotated[int, typer.Option(help="Cameras that look at each person")] = 4,
+    changed: Annotated[
+        float, typer.Option(help="Share of batches that are stretched and covered, on processors")
+    ] = 0.0,
     keep_belief: Annotated[
         Path | None, typer.Option(help="Weights whose belief sightings teach, not whether they are people")
     ] = None,
@@ -238,12 +247,11 @@ def train(
     families = {"": 0.0, "anny_": 1.0} if anny > 0.0 else {"": 0.0}
     apart = {name: CropSampler().batch(_check_set(share), None) for name, share in families.items()}
     drawn = Batches((seed, run.done), batch, found, sightings, keep, fresh, anny, views)
-    batches = on_device(drawn, workers, device, np.random.default_rng([seed, run.done, 2]))
+    batches = on_device(drawn, workers, device, changed, np.random.default_rng([seed, run.done, 2]))
     while run.done < crops:
         run.step(next(batches), min(1.0, (run.steps + 1) / _WARM_UP), _EMA)
-        if run.done % save_every < batch:
+        if run.done % save_every < batch or run.done >= crops:
             run.save(out / "stable.pt", apart)
-    run.save(out / "stable.pt", apart)
     first = run.done
     while run.done < first + decay:
         run.step(next(batches), 1.0 - (run.done - first) / decay, _EMA_FALLING)
@@ -280,11 +288,12 @@ class Run:
         self.net.coarse.requires_grad_(coarse_rate > 0.0)
         if only_heels:
             self.net.eval().requires_grad_(False).heels.requires_grad_(True)
-            coarse_rate = 0.0
         self.average = copy.deepcopy(self.net).eval()
-        before = set(self.net.coarse.parameters()) if coarse_rate > 0.0 else set[Tensor]()
-        learned = [p for p in self.net.parameters() if p.requires_grad and p not in before]
-        groups = [{"params": learned, "share": 1.0}, {"params": list(before), "share": coarse_rate}]
+        learned = [(name, p) for name, p in self.net.named_parameters() if p.requires_grad]
+        groups = [
+            {"params": [p for name, p in learned if name.startswith("coarse.") == is_coarse], "share": share}
+            for is_coarse, share in ((False, 1.0), (True, coarse_rate))
+        ]
         groups = [group | {"lr": torch.zeros((), device=device)} for group in groups if group["params"]]
         self.optimiser = torch.optim.AdamW(
             groups,
