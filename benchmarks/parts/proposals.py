@@ -149,6 +149,7 @@ def main() -> None:
     pipeline = PosePipeline(Bank.load(arguments.bank))
     print("| data | joints | answers | proposals | without the common offset, or within one deviation |")
     print("|---|---|---|---|---|")
+    compared = 0
     for folder in arguments.data:
         paths = sorted(folder.glob("*.mcap"))
         for fits, measure, describe in KINDS:
@@ -156,8 +157,9 @@ def main() -> None:
             if some:
                 off = np.concatenate(some)
                 print(f"| {folder.name} | {len(off)} | {describe(off)} |", flush=True)
-    if not any(folder.glob("*.mcap") for folder in arguments.data):
-        raise InputError("the folders have no recordings")
+                compared += len(off)
+    if not compared:
+        raise InputError("the folders have no recordings with a truth, references or a tracker's joints")
 
 
 def of_truth(off: np.ndarray) -> str:
