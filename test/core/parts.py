@@ -21,12 +21,19 @@ def die_once(mark, number, tell):
     return os.getpid()
 
 
+def _leave_id(mark):
+    """Write this process's id, whole from the first moment that the file is there."""
+    part = mark.with_suffix(".part")
+    part.write_text(str(os.getpid()))
+    part.replace(mark)
+
+
 def sleep(mark):
-    mark.write_text(str(os.getpid()))
-    time.sleep(60)
+    _leave_id(mark)
+    time.sleep(600)
 
 
 def first_then_sleep(mark, tell):
-    mark.write_text(str(os.getpid()))
+    _leave_id(mark)
     if mark.name != "0":
-        time.sleep(60)
+        time.sleep(600)

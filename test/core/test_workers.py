@@ -49,6 +49,17 @@ def test_the_first_error_of_parts_is_raised():
         list(run_parts(divmod, [(4, 2), (1, 0), (9, 3)], workers=1))
 
 
+LIMIT_S = 120.0
+"""Hard limit of every wait: it tells that something is wrong, not how fast it is."""
+
+
+def wait_until(condition, what):
+    limit_s = time.monotonic() + LIMIT_S
+    while not condition():
+        assert time.monotonic() < limit_s, f"{what} took longer than {LIMIT_S} s"
+        time.sleep(0.02)
+
+
 def is_running(pid):
     try:
         return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
@@ -67,25 +78,19 @@ def test_workers_end_with_whoever_started_them(tmp_path):
     list(run_parts(sleep, [(Path({str(mark)!r}),)], 1))"""
     (tmp_path / "program.py").write_text(code)
     program = subprocess.Popen([sys.executable, tmp_path / "program.py"])
-    end = time.monotonic() + 60
-    while not (mark.exists() and mark.read_text()) and time.monotonic() < end:
-        time.sleep(0.05)
+    wait_until(mark.exists, "the worker's start")
     worker = int(mark.read_text())
     assert is_running(worker)
     program.kill()
     program.wait()
-    while is_running(worker) and time.monotonic() < end:
-        time.sleep(0.05)
-    assert not is_running(worker)
+    wait_until(lambda: not is_running(worker), "the worker's end")
 
 
 def test_who_stops_listening_ends_the_workers(tmp_path):
     marks = [tmp_path / str(k) for k in range(2)]
     outcomes = run_each(first_then_sleep, [(mark,) for mark in marks], 2)
     next(outcomes)
-    end = time.monotonic() + 60
-    while not all(mark.exists() for mark in marks) and time.monotonic() < end:
-        time.sleep(0.05)
+    wait_until(lambda: all(mark.exists() for mark in marks), "the workers' start")
     outcomes.close()
     assert not any(is_running(int(mark.read_text())) for mark in marks)
 
@@ -121,7 +126,7 @@ def test_a_scheduler_that_dies_is_said_in_one_line(tmp_path):
     import distributed, time
     made = distributed.LocalCluster(n_workers=1, processes=False, dashboard_address=None, protocol="tcp")
     print(made.scheduler_address, flush=True)
-    time.sleep(120)"""
+    time.sleep(600)"""
     (tmp_path / "cluster.py").write_text(start)
     mark = tmp_path / "mark"
     code = f"""if __name__ == "__main__":
@@ -144,11 +149,9 @@ def test_a_scheduler_that_dies_is_said_in_one_line(tmp_path):
         [sys.executable, tmp_path / "program.py", address], stderr=subprocess.PIPE, text=True
     )
     try:
-        end = time.monotonic() + 60
-        while not mark.exists() and program.poll() is None and time.monotonic() < end:
-            time.sleep(0.05)
+        wait_until(lambda: mark.exists() or program.poll() is not None, "the task's start")
         cluster.kill()
-        _, said = program.communicate(timeout=90)
+        _, said = program.communicate(timeout=LIMIT_S)
     finally:
         program.kill()
         cluster.kill()

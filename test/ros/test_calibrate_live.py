@@ -6,7 +6,7 @@ import time
 
 import numpy as np
 import pytest
-from peer import join_own_domain, patient
+from peer import LIMIT_S, join_own_domain
 from sensor_msgs.msg import CameraInfo, Image
 
 from command import environment
@@ -63,7 +63,7 @@ def test_two_live_cameras_are_placed(domain, tmp_path, bank_path):
             stderr=subprocess.STDOUT,
             text=True,
         )
-        limit_s = time.monotonic() + patient(30.0)
+        limit_s = time.monotonic() + LIMIT_S
         while min(p.get_subscription_count() for p in publishers.values()) == 0:
             assert time.monotonic() < limit_s, "it does not subscribe"
             time.sleep(0.05)
@@ -71,7 +71,7 @@ def test_two_live_cameras_are_placed(domain, tmp_path, bank_path):
         for at_ns, topic, data in messages:
             time.sleep(max(0.0, began_s + (at_ns - first_ns) * 1e-9 - time.monotonic()))
             publishers[topic].publish(data)
-        said, _ = running.communicate(timeout=patient(120.0))
+        said, _ = running.communicate(timeout=3.0 * LIMIT_S)
         assert running.returncode == 0, said
     finally:
         rclpy.shutdown(context=context)

@@ -52,31 +52,49 @@ def starved(silent):
         first.kill()
 
 
-def watch(child, told, until):
-    """Look after it ten times a second as a supervisor does that waits for nothing."""
+STEP_S = 0.1
+
+
+def check_repeatedly(child, told, seconds):
+    """Check it for some seconds of the supervisor's own time, which no busy machine stretches."""
+    for _ in range(round(seconds / STEP_S)):
+        child.kill_if_hung(STEP_S, told.append)
+
+
+def check_until(child, told, until):
+    """Check it ten times a second until a condition holds."""
     limit_s = time.monotonic() + LIMIT_S
     while not until():
         assert time.monotonic() < limit_s, f"nothing in {LIMIT_S} s"
-        time.sleep(0.1)
-        child.kill_if_hung(0.1, told.append)
+        time.sleep(STEP_S)
+        child.kill_if_hung(STEP_S, told.append)
+
+
+def await_state(pid, state):
+    """Wait until Linux shows a process in a state: R runs, T is stopped."""
+    limit_s = time.monotonic() + LIMIT_S
+    while Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != state:
+        assert time.monotonic() < limit_s, f"it is not in state {state}"
+        time.sleep(0.01)
 
 
 def test_who_waits_for_the_processor_does_not_hang(starved):
     child, first = starved
-    told, ends_s = [], time.monotonic() + 2.0
-    watch(child, told, lambda: time.monotonic() > ends_s)
+    told = []
+    check_repeatedly(child, told, 2.0)
     assert not told and child.silent_s < PATIENCE_S
     first.kill()
     give_share(child.pid, os.sched_getaffinity(0), os.SCHED_OTHER, 0)
-    watch(child, told, lambda: told)  # it could now, and does not
+    check_until(child, told, lambda: told)  # it could now, and does not
     child.read(told.append)
     assert child.code == -signal.SIGKILL and len(told) == 1
 
 
 def test_who_is_stopped_hangs_and_that_is_said_once(silent):
     os.kill(silent.pid, signal.SIGSTOP)
-    told, ends_s = [], time.monotonic() + 1.5
-    watch(silent, told, lambda: time.monotonic() > ends_s)
+    await_state(silent.pid, "T")
+    told = []
+    check_repeatedly(silent, told, 1.5)
     assert told == ["[it] gave no sign of life for 3.0 s; it is killed"]
     silent.read(told.append)
     assert silent.code == -signal.SIGKILL

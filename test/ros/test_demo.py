@@ -14,11 +14,12 @@ from depth_pose.io.skeleton_read import read_people, read_skeletons
 from depth_pose.ros.tools.demo import replay_live, run_demo
 
 FRAMES = 6
-PERIOD_NS = 1_500_000_000
+PERIOD_NS = 200_000_000
+LOSSLESS = {"reliable": True, "queue": 2 * FRAMES}
+"""Every frame is answered, however slow the machine is."""
 
 
 def write(path, frames=FRAMES, period_ns=PERIOD_NS):
-    """Frames so far apart that a slow machine answers each before the next comes."""
     stamps = [1_000_000_000 + i * period_ns for i in range(frames)]
     with DepthWriter(path, scene.CAMERA, "optical") as writer:
         for stamp_ns, frame in zip(stamps, scene.frames(frames), strict=True):
@@ -26,25 +27,24 @@ def write(path, frames=FRAMES, period_ns=PERIOD_NS):
     return stamps
 
 
-def test_every_slow_frame_is_answered(tmp_path, bank_path):
-    stamps = write(tmp_path / "slow.mcap")
-    for _ in range(5):  # unless the machine stood still for longer than lies between two frames
-        ready, progress = [], []
-        result = replay_live(
-            tmp_path / "slow.mcap",
-            tmp_path / "out.mcap",
-            bank_path,
-            on_ready=lambda ready=ready: ready.append(True),
-            progress=progress.append,
-        )
-        if result.answered == FRAMES and result.input_hz <= 1.1e9 / PERIOD_NS:
-            break
+def test_answers_and_times_are_counted(tmp_path, bank_path):
+    stamps = write(tmp_path / "in.mcap")
+    ready, progress = [], []
+    result = replay_live(
+        tmp_path / "in.mcap",
+        tmp_path / "out.mcap",
+        bank_path,
+        parameters=LOSSLESS,
+        on_ready=lambda: ready.append(True),
+        progress=progress.append,
+    )
     assert (result.frames, result.answered, result.restarts, result.damage) == (FRAMES, FRAMES, 0, ())
     followed, everybody = read_skeletons(tmp_path / "out.mcap"), list(read_people(tmp_path / "out.mcap"))
     assert [s.stamp_ns for s in followed] == [frame.stamp_ns for frame in everybody] == stamps
     assert result.occupied == sum(bool(frame.skeletons) for frame in everybody) > 0
     assert result.people == len({s.body_id for frame in everybody for s in frame.skeletons})
-    assert (FRAMES - 1) / result.wall_s <= result.input_hz <= 1.1e9 / PERIOD_NS
+    assert result.wall_s >= (FRAMES - 1) * PERIOD_NS * 1e-9 - 0.05  # at its own rate
+    assert (FRAMES - 1) / result.wall_s <= result.input_hz
     assert result.latency_s.shape == (FRAMES,) and np.all(result.latency_s > 0.0)
     assert ready == [True] and progress == list(range(1, FRAMES + 1))
 

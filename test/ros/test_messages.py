@@ -188,10 +188,10 @@ def test_more_people_than_labels_or_one_of_them_twice_are_refused(people, space)
         with pytest.raises(InputError, match="have 'a' twice"):
             read(make(["a", "b", "a"]))
     crowd = SkeletonArray(skeletons=[SkeletonMsg(body_id=str(i)) for i in range(100_000)])
-    started = time.monotonic()
+    started = time.process_time()  # of this process alone
     with pytest.raises(InputError, match="of 100000 people; at most 255"):
         msg_to_fitted(FittedArray(skeletons=crowd.skeletons, scores=[0.0] * 100_000), space)
-    assert time.monotonic() - started < 5.0
+    assert time.process_time() - started < 5.0
 
 
 def test_matches_make_a_round_trip(rng, people):

@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 import scene
 from depth_pose_msgs.msg import SkeletonArray
-from peer import RELIABLE, SENSOR
+from peer import LIMIT_S, RELIABLE, SENSOR
 from sensor_msgs.msg import CameraInfo, Image
 from test_denoise_node import image_msg, info_msg
 
@@ -138,7 +138,7 @@ def test_what_is_played_is_this_account_s(start, tmp_path):
     """A recording's images lie in the player's shared memory."""
     path = scene.write_recording(tmp_path / "small.mcap", 3)
     player = start("-m", "depth_pose.cli", "play", path, "--wait-for", 1)
-    deadline = time.monotonic() + 60.0
+    deadline = time.monotonic() + LIMIT_S
     while not segments(player.process.pid):
         assert time.monotonic() < deadline, player.output
         time.sleep(0.05)

@@ -6,6 +6,7 @@ import subprocess
 import sys
 
 import pytest
+from peer import LIMIT_S
 
 from depth_pose.ros.process import BEAT
 from depth_pose.ros.process.pulse import STARVED_S
@@ -53,7 +54,7 @@ def test_it_beats_until_nobody_hears_it(start):
     for _ in range(3):
         read_until(process, BEAT)
     process.stdout.close()
-    assert process.wait(10.0) == -signal.SIGTERM
+    assert process.wait(LIMIT_S) == -signal.SIGTERM
 
 
 def test_who_did_not_run_for_long_says_so_and_ends(start):
@@ -64,5 +65,5 @@ def test_who_did_not_run_for_long_says_so_and_ends(start):
         process.wait(1.0)
     process.send_signal(signal.SIGCONT)
     read_until(process, b"did not run for 0.5 s or more")
-    assert process.wait(30.0) == -signal.SIGTERM
+    assert process.wait(LIMIT_S) == -signal.SIGTERM
     assert BEAT not in process.stdout.read()  # nobody has asked for signs of life

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from depth_pose_msgs.msg import Skeleton
 from diagnostic_msgs.msg import DiagnosticArray
-from peer import RELIABLE, bring
+from peer import LIMIT_S, RELIABLE, bring
 from sensor_msgs.msg import CameraInfo, Image, JointState
 from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import MarkerArray
@@ -120,7 +120,7 @@ class Rehearsal:
         """Play frames at their rate by the wall clock, on and on until a condition holds."""
         began, first = time.monotonic(), self.next
         while not until():
-            assert time.monotonic() < began + 90.0, f"{what} did not come:\n{self.process.output}"
+            assert time.monotonic() < began + LIMIT_S, f"{what} did not come:\n{self.process.output}"
             shown = images[self.next % len(images)]
             self.show(self.next, change(shown) if change else shown, cameras)
             self.next += 1
@@ -260,7 +260,7 @@ def test_cameras_from_camera_info_and_extrinsics(start, peer, model_path, images
     listed = "[" + ", ".join(f"{float(p):.9f}" for p in poses) + "]"
     given = {"extrinsics": listed} if told_by == "parameter" else {}
     process = start_node(start, model=model_path, topics=topics, **given)
-    process.wait_for("waits for CameraInfo of /camera0/silhouette", 60.0)
+    process.wait_for("waits for CameraInfo of /camera0/silhouette")
     if told_by == "/tf_static":
         peer.node.create_publisher(TFMessage, told_by, LATCHED).publish(TFMessage(transforms=transforms))
     infos = [peer.publisher(CameraInfo, f"/camera{i}/camera_info") for i in range(CAMERAS)]
@@ -420,5 +420,5 @@ def test_settings_that_cannot_be_used(start, model_path, given, says):
     for name, value in given.items():
         arguments += ["-p", f"{name}:={model_path if value == 'MODEL' else value}"]
     process = start(*arguments)
-    assert process.process.wait(60.0) == 2
+    assert process.process.wait(LIMIT_S) == 2
     assert says in process.output

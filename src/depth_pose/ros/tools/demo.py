@@ -9,11 +9,11 @@ from __future__ import annotations
 import os
 import random
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -122,6 +122,7 @@ def replay_live(
     skeletons: Path | str,
     bank: Path | str | None = None,
     *,
+    parameters: Mapping[str, Any] | None = None,
     on_ready: Callable[[], None] | None = None,
     progress: Callable[[int], None] | None = None,
     sink: Callable[[str], None] | None = None,
@@ -136,6 +137,8 @@ def replay_live(
         MCAP file for the skeletons.
     bank : Path or str, optional
         Exemplar bank; the set-up's by default.
+    parameters : mapping, optional
+        Further parameters of the nodes.
     on_ready : callable, optional
         Called when the nodes are ready, before the first frame.
     progress : callable, optional
@@ -152,7 +155,11 @@ def replay_live(
     """
     topic = DepthReader(recording).topic
     timing = _Timing(topic.name, progress or (lambda done: None))
-    suite = Suite(bank=bank, parameters=_topic_parameters(topic), sink=sink or (lambda line: None))
+    suite = Suite(
+        bank=bank,
+        parameters={**_topic_parameters(topic), **(parameters or {})},
+        sink=sink or (lambda line: None),
+    )
     recorder = Recorder(skeletons, [PEOPLE_TOPIC, SKELETON_TOPIC], on_message=timing.received)
     topics = [name for name in (topic.name, topic.info_topic) if name]
     player = Player(recording, topics=topics, wait_for_subscribers=topics, on_message=timing.sent)
