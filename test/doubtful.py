@@ -8,6 +8,7 @@ import numpy as np
 
 from acted import frame_of, posed, the_bank
 from depth_pose.core.config import MatchConfig, PipelineConfig, SmoothConfig
+from depth_pose.core.measurement import JointMeasurement
 from depth_pose.core.skeleton import JOINTS, NODE_INDEX
 from depth_pose.pipeline import FrameResult, PosePipeline
 from depth_pose.track.person import People
@@ -28,11 +29,11 @@ def see(noise_m: float = NOISE_M) -> FrameResult:
 def doubted(seen: FrameResult, sides: float) -> People:
     """The person as seen, with left and right named with a probability."""
     (person,) = seen.people.persons
-    found = replace(
-        person.found,
-        proposals=posed(0).nodes[[NODE_INDEX[name] for name in JOINTS]].astype(np.float32),
-        proposal_confidence=np.full(len(JOINTS), 0.9, np.float32),
-        proposal_sigma=np.full((len(JOINTS), 2), 0.05, np.float32),
+    measured = JointMeasurement(
+        places=posed(0).nodes[[NODE_INDEX[name] for name in JOINTS]].astype(np.float32),
+        sigma=np.full((len(JOINTS), 2), 0.05, np.float32),
+        confidence=np.full(len(JOINTS), 0.9, np.float32),
         sides=sides,
     )
+    found = replace(person.found, measured=measured)
     return replace(seen.people, persons=(replace(person, found=found),))

@@ -25,8 +25,9 @@ import numpy as np
 from command_line import make_parser
 
 from depth_pose.core.config import DenoiseConfig, MountConfig, SegmentConfig
+from depth_pose.core.measurement import JointMeasurement
 from depth_pose.core.skeleton import JOINT_INDEX
-from depth_pose.core.types import DepthFrame, FoundPerson
+from depth_pose.core.types import DepthFrame
 from depth_pose.denoise.extract import PeopleExtractor
 from depth_pose.evaluate.overlay import project
 from depth_pose.evaluate.truth import load_known_people
@@ -58,7 +59,7 @@ def found_in(path: Path) -> Iterator[tuple]:
     extractor = PeopleExtractor(SegmentConfig(), DenoiseConfig(), MountConfig())
     for frame in DepthReader(path):
         people = extractor.extract(frame).persons
-        yield frame, [p.found for p in people if len(p.found.proposals)]
+        yield frame, [p.measured for p in people if p.measured is not None]
 
 
 def against_truth(path: Path) -> np.ndarray:
@@ -67,15 +68,15 @@ def against_truth(path: Path) -> np.ndarray:
     for frame, people in found_in(path):
         nearest = int(np.argmin(np.abs(truth.stamps_ns - frame.stamp_ns)))
         for joints in truth.joints[nearest]:
-            gaps = [float(np.linalg.norm(p.proposals - joints, axis=1).mean()) for p in people]
+            gaps = [float(np.linalg.norm(p.places - joints, axis=1).mean()) for p in people]
             if gaps and min(gaps) < FAR_M:
                 off.append(in_deviations(people[int(np.argmin(gaps))], joints))
     return np.concatenate(off)
 
 
-def in_deviations(found: FoundPerson, joints: np.ndarray) -> np.ndarray:
+def in_deviations(measured: JointMeasurement, joints: np.ndarray) -> np.ndarray:
     """Errors (19, 2) of proposals, across their rays and along them."""
-    places, sigma = found.proposals.astype(float), found.proposal_sigma.astype(float)
+    places, sigma = measured.places.astype(float), measured.sigma.astype(float)
     ray = places / np.linalg.norm(places, axis=1, keepdims=True)
     deep = ((places - joints) * ray).sum(axis=1)
     across = np.linalg.norm(places - joints - deep[:, None] * ray, axis=1)
@@ -88,11 +89,11 @@ def against_image(path: Path) -> np.ndarray:
     for (frame, people), persons in zip(found_in(path), known_in_image(path), strict=True):
         for joints in persons if people else ():
             rows, places = [JOINT_INDEX[n] for n in joints], np.array([uv[:2] for uv in joints.values()])
-            offsets = [project(p.proposals.astype(float), frame.camera)[rows] - places for p in people]
+            offsets = [project(p.places.astype(float), frame.camera)[rows] - places for p in people]
             gaps = [float(np.median(np.linalg.norm(o, axis=1))) for o in offsets]
             best = int(np.argmin(gaps))
             if gaps[best] < FAR_PX * max(float(np.ptp(places[:, 1])), 1.0):
-                deep, sigma = people[best].proposals[rows, 2], people[best].proposal_sigma[rows, 0]
+                deep, sigma = people[best].places[rows, 2], people[best].sigma[rows, 0]
                 out.append(offsets[best] * (deep / (frame.camera.fx * sigma))[:, None])
     return np.concatenate(out)
 
@@ -123,12 +124,12 @@ def in_rooms(family: str, number: int) -> Iterator[tuple[float, np.ndarray]]:
     extractor = PeopleExtractor(SegmentConfig(), DenoiseConfig(), MountConfig())
     for t in range(ROOM_FRAMES):
         frame = DepthFrame(int(clip.stamps_ns[t]), "", clip.depth[t], clip.camera)
-        people = [p.found for p in extractor.extract(frame).persons if len(p.found.proposals)]
+        people = [p.measured for p in extractor.extract(frame).persons if p.measured is not None]
         for joints in clip.joints[t][clip.visible[t] > SHOWN]:
-            gaps = [float(np.linalg.norm(p.proposals - joints, axis=1).mean()) for p in people]
+            gaps = [float(np.linalg.norm(p.places - joints, axis=1).mean()) for p in people]
             if gaps and min(gaps) < FAR_M:
                 nearest = people[int(np.argmin(gaps))]
-                yield float(nearest.proposals[:, 2].mean()), in_deviations(nearest, joints)
+                yield float(nearest.places[:, 2].mean()), in_deviations(nearest, joints)
 
 
 def simulated(folder: Path, sensor: str, distance: float) -> Iterator[Path]:

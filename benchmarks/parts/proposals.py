@@ -58,8 +58,8 @@ def answered(pipeline: PosePipeline, path: Path) -> Iterator[tuple[DepthFrame, l
     for frame in DepthReader(path):
         result = pipeline.process_frame(frame)
         found = {p.body_id: p.found for p in result.people.persons}
-        pairs = [(s, found[s.body_id]) for s in result.skeletons if len(found[s.body_id].proposals)]
-        people = [(s.positions, f.proposals.astype(float), f.proposal_sigma) for s, f in pairs]
+        pairs = [(s, found[s.body_id]) for s in result.skeletons if found[s.body_id].measured]
+        people = [(s.positions, f.measured.places.astype(float), f.measured.sigma) for s, f in pairs]
         yield frame, people
 
 

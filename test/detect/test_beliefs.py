@@ -10,8 +10,7 @@ STEP_NS = 100_000_000
 
 
 def sighting(probability, label=1):
-    nothing = np.zeros((0, 3), np.float32)
-    return Sighting(label, np.zeros(3), probability, nothing, nothing[:, 0])
+    return Sighting(label, np.zeros(3), probability)
 
 
 def frame(columns=(10, 30), away=2.0):

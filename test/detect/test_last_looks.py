@@ -7,9 +7,8 @@ import pytest
 
 from crowd import person, seen
 from depth_pose.core.config import SegmentConfig
-from depth_pose.detect._crop_kernels import CropView
+from depth_pose.core.measurement import CropMask, CropView, JointMeasurement
 from depth_pose.detect.finder import Detection
-from depth_pose.detect.joint_finder import CropMask, JointProposals
 from depth_pose.detect.last_looks import LastLooks
 from depth_pose.detect.learned_segmenter import LearnedSegmenter
 
@@ -30,16 +29,15 @@ class Watcher:
         self.looks, self.probability, self.told = LastLooks(every), probability, 0
         self.stamp_ns = 10**18
 
-    def look(self, person: Detection) -> JointProposals:
+    def look(self, person: Detection) -> JointMeasurement:
         self.told += 1
-        return JointProposals(
-            np.tile(person.torso, (19, 1)),
-            np.full(19, 0.05),
-            np.full((19, 2), 0.05),
-            np.tile([*person.torso, 0.05, 0.05], (2, 1)),
-            0.0,
-            self.probability,
-            CropMask(np.zeros((8, 8), np.float32), CropView(*person.torso.tolist(), 0.3)),
+        return JointMeasurement(
+            places=np.tile(person.torso, (19, 1)).astype(np.float32),
+            sigma=np.full((19, 2), 0.05, np.float32),
+            confidence=np.full(19, 0.8, np.float32),
+            heels=np.tile([*person.torso, 0.05, 0.05], (2, 1)).astype(np.float32),
+            probability=self.probability,
+            mask=CropMask(np.zeros((8, 8), np.float32), CropView(*person.torso.tolist(), 0.3)),
         )
 
     def see(self, *people: Detection, step_ns: int = STEP_NS) -> int:
@@ -57,11 +55,11 @@ def test_what_was_seen_goes_along_with_the_person() -> None:
     for x in (0.08, 0.1, 0.12):
         watcher.see(at(x), FAR, FARTHER)
         seen = watcher.seen[0]
-        for points in (seen.joints, seen.heels[:, :3]):
-            np.testing.assert_allclose(points, np.tile([x, 0.0, 3.0], (len(points), 1)))
+        for points in (seen.places, seen.heels[:, :3]):
+            np.testing.assert_allclose(points, np.tile([x, 0.0, 3.0], (len(points), 1)), atol=1e-6)
         assert (seen.heels[:, 3:] == seen.sigma[0]).all()
         sigmas.add(float(seen.sigma[0, 0]))
-    assert min(sigmas) == 0.05
+    assert min(sigmas) == np.float32(0.05)
     assert max(sigmas) > 0.08  # of a reused look
 
 
@@ -127,5 +125,5 @@ def test_people_who_stand_still_are_seen_the_same_in_between() -> None:
         pairs = list(zip(*(s.segment(frame).sightings for s in (carried, fresh)), strict=True))
         assert len(pairs) == 3
         for a, b in pairs:
-            np.testing.assert_allclose(a.proposals, b.proposals, atol=1e-5)
+            np.testing.assert_allclose(a.measured.places, b.measured.places, atol=1e-5)
             assert a.probability == pytest.approx(b.probability)

@@ -147,8 +147,7 @@ def test_a_weak_detection_takes_nothing_from_a_confirmed_person(probability: flo
     known = Detection(1, 0.95, np.array([0.0, 0.0, 2.0]))
     before = Candidates(depth, shown, Camera(20, 12, 20.0, 20.0, 9.5, 5.5), (known,), 0)
     people = LastPeople(SegmentConfig())
-    nothing = np.zeros((0, 3), np.float32)
-    people.keep(before, [Sighting(1, known.torso, 0.95, nothing, nothing[:, 0])], 10**18, shown)
+    people.keep(before, [Sighting(1, known.torso, 0.95)], 10**18, shown)
     now = depth.copy()
     now[:, 13:] = 2.3  # the person is not there any more
     labels = shown.copy()

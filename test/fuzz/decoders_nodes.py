@@ -18,6 +18,7 @@ from depth_pose.body.pose import BodyPose, Fitted, FittedBody
 from depth_pose.body.procedural import make_body
 from depth_pose.core.camera import Camera
 from depth_pose.core.errors import DepthPoseError
+from depth_pose.core.measurement import JointMeasurement
 from depth_pose.core.skeleton import NODES, Source
 from depth_pose.core.types import BUILD_SIZE, Candidate, FoundPerson, PoseMatch
 from depth_pose.ros.messages.matches import matches_to_msg, msg_to_matches
@@ -41,7 +42,10 @@ def everybody() -> Any:
     rng = np.random.default_rng(0)
     found = [
         FoundPerson(
-            n, f"body_{n}", 0.9, *(rng.random(shape).astype("f4") for shape in ((19, 3), 19, (19, 2)))
+            n,
+            f"body_{n}",
+            0.9,
+            JointMeasurement(*(rng.random(shape).astype("f4") for shape in ((19, 3), (19, 2), 19))),
         )
         for n in (1, 2)
     ]

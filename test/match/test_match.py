@@ -10,6 +10,7 @@ import pytest
 import synthetic as syn
 from depth_pose.bank.views import DISTANCE_M, view_directions, view_rotation
 from depth_pose.core.config import MatchConfig
+from depth_pose.core.measurement import JointMeasurement
 from depth_pose.core.skeleton import JOINT_NODES, MIRROR_JOINTS, MIRROR_NODES, NODE_INDEX
 from depth_pose.match.match import match_confidence
 from depth_pose.match.placing import join
@@ -174,7 +175,7 @@ def test_a_candidate_faces_as_the_proposed_joints_do(bank, matcher, swapped, vie
     joints = nodes[JOINT_NODES][MIRROR_JOINTS if swapped else slice(None)].astype(np.float32)
     sure, sigma = np.ones(len(joints), np.float32), np.full((len(joints), 2), 0.05, np.float32)
     (person,) = people.persons
-    found = replace(person.found, proposals=joints, proposal_confidence=sure, proposal_sigma=sigma)
+    found = replace(person.found, measured=JointMeasurement(joints, sigma, sure))
     matcher.reset()
     (match,) = matcher.match(replace(people, persons=(replace(person, found=found),)))
 

@@ -9,9 +9,9 @@ import pytest
 
 import synthetic as syn
 from depth_pose.body.pose import BodyPose
+from depth_pose.core.measurement import JointMeasurement
 from depth_pose.core.rotations import R_CAMERA_FACING_MODEL
 from depth_pose.core.skeleton import JOINT_INDEX, JOINT_NODES, MIRROR_JOINTS, forward_kinematics
-from depth_pose.core.types import FoundPerson
 from depth_pose.match.proposed_exemplars import ProposedExemplars
 from depth_pose.refine.proposals import aim_at_proposals, from_proposals
 
@@ -33,7 +33,7 @@ def joints_of(body, pose):
 
 def found(joints, confidence=0.9):
     sure = np.broadcast_to(np.float32(confidence), (19,)).astype(np.float32)
-    return FoundPerson(1, "a", 1.0, joints.astype(np.float32), sure, np.full((19, 2), 0.05, np.float32))
+    return JointMeasurement(joints.astype(np.float32), np.full((19, 2), 0.05, np.float32), sure)
 
 
 @pytest.mark.parametrize("exemplar", [3, 90, 201])
@@ -59,9 +59,8 @@ def test_a_joint_that_nobody_is_sure_of_does_not_count(bank, exemplars):
 
 
 def test_without_proposals_there_is_nothing(bank, exemplars):
-    nobody = FoundPerson(1, "a", 1.0)
-    assert exemplars.find(nobody, 1.0) is None
-    assert aim_at_proposals(bank.body, pose_of(bank, 0, 0.0), nobody) == []
+    assert exemplars.find(None, 1.0) is None
+    assert aim_at_proposals(bank.body, pose_of(bank, 0, 0.0), None) == []
 
 
 @pytest.mark.parametrize("limb", [("hip", "knee", "ankle", "foot"), ("shoulder", "elbow", "wrist")])
@@ -71,7 +70,7 @@ def test_limbs_are_aimed_where_proposals_are_sure_and_nowhere_else(bank, limb):
     root, middle, end, *more = (JOINT_INDEX[f"left_{name}"] for name in limb)
     confidence = np.full(19, 0.1)
     confidence[[middle, end]] = 0.9
-    sure = replace(found(wanted, confidence), proposal_sigma=np.full((19, 2), 0.001, np.float32))
+    sure = replace(found(wanted, confidence), sigma=np.full((19, 2), 0.001, np.float32))
     (aimed,) = aim_at_proposals(bank.body, start, sure)
     reached = joints_of(bank.body, aimed)
     others = np.delete(np.arange(19), [middle, end, *more])
@@ -88,9 +87,9 @@ def test_arms_near_their_proposals_stay(bank):
     wrist = JOINT_INDEX["left_wrist"]
     wanted[wrist] += 0.1
     confidence[wrist] = 0.9
-    unsure = replace(found(wanted, confidence), proposal_sigma=np.full((19, 2), 0.05, np.float32))
+    unsure = replace(found(wanted, confidence), sigma=np.full((19, 2), 0.05, np.float32))
     assert aim_at_proposals(bank.body, start, unsure) == []
-    surer = replace(unsure, proposal_sigma=np.full((19, 2), 0.01, np.float32))
+    surer = replace(unsure, sigma=np.full((19, 2), 0.01, np.float32))
     assert len(aim_at_proposals(bank.body, start, surer)) == 1
 
 
@@ -107,7 +106,7 @@ def test_distances_from_proposals_count_in_their_standard_deviations(bank):
     def moved(by):
         places = joints.copy()
         places[7] += by
-        return from_proposals(nodes, replace(found(places), proposal_sigma=sigma))
+        return from_proposals(nodes, replace(found(places), sigma=sigma))
 
     assert moved(np.zeros(3)) == pytest.approx(0.0, abs=1e-5)
     assert moved(0.1 * aside) == pytest.approx(0.1 / across / 19, rel=0.02)

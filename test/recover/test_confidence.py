@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import synthetic as syn
+from depth_pose.core.measurement import JointMeasurement
 from depth_pose.core.skeleton import JOINT_INDEX, JOINT_NODES, JOINTS, JointState
 from depth_pose.core.types import PERSON, UNKNOWN
 from depth_pose.recover.confidence import (
@@ -104,10 +105,12 @@ def test_a_joint_where_the_finder_proposes_it_is_more_certain():
     joints, j = body.nodes[JOINT_NODES], JOINT_INDEX["left_wrist"]
 
     def confidence(away, sure):
-        proposals = (joints + np.array([away, 0.0, 0.0])).astype(np.float32)
-        found = replace(
-            person.found, proposals=proposals, proposal_confidence=np.full(len(JOINTS), sure, np.float32)
+        places = (joints + np.array([away, 0.0, 0.0])).astype(np.float32)
+        sigma, confidences = (
+            np.full((len(JOINTS), 2), 0.05, np.float32),
+            np.full(len(JOINTS), sure, np.float32),
         )
+        found = replace(person.found, measured=JointMeasurement(places, sigma, confidences))
         return report_joints(joints, 1.0, replace(person, found=found), SCORE).confidence[j]
 
     assert confidence(0.0, 0.9) > confidence(0.2, 0.9) > confidence(0.4, 0.9)

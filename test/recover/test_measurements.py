@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from depth_pose.core.measurement import JointMeasurement
 from depth_pose.core.skeleton import JOINTS, MIRROR_JOINTS
-from depth_pose.core.types import FoundPerson
 from depth_pose.recover.measurements import weigh_joints
 
 RNG = np.random.default_rng(0)
@@ -17,9 +17,7 @@ def found(places, across=0.05, along=0.05):
     count = len(places)
     sigmas = np.tile(np.array([across, along], np.float32), (count, 1))
     confidences = np.full(count, 0.5, np.float32)
-    return FoundPerson(
-        1, "body_1", 1.0, np.asarray(places, np.float32).reshape(count, 3), confidences, sigmas
-    )
+    return JointMeasurement(np.asarray(places, np.float32), sigmas, confidences)
 
 
 SURE, EVEN = np.full(len(JOINTS), 1.0), np.full(len(JOINTS), 0.5)
@@ -63,6 +61,6 @@ def test_left_and_right_are_named_as_in_the_fit():
 
 
 def test_without_proposals_the_fit_is_all():
-    measured = weigh_joints(FITTED, 0.7, EVEN, found(np.zeros((0, 3))))
+    measured = weigh_joints(FITTED, 0.7, EVEN, None)
     assert measured.joints is FITTED
     assert not measured.share.any()

@@ -7,9 +7,10 @@ import pytest
 
 from acted import posed, the_bank
 from depth_pose.core.config import MountConfig
+from depth_pose.core.measurement import JointMeasurement
 from depth_pose.core.mount import rotate_to_sensor
 from depth_pose.core.skeleton import JOINT_INDEX, JOINTS, MIRROR_JOINTS, NODE_INDEX
-from depth_pose.core.types import FoundPerson, Skeleton, alternatives_of
+from depth_pose.core.types import Skeleton, alternatives_of
 from depth_pose.io.mcap_write import SkeletonWriter
 from depth_pose.io.schemas import ALTERNATIVES_TOPIC, PEOPLE_TOPIC
 from depth_pose.io.skeleton_read import read_people
@@ -33,9 +34,9 @@ def answer(seen: FrameResult, sides: float) -> Skeleton:
     return skeleton
 
 
-def found(joints: np.ndarray, sides: float) -> FoundPerson:
+def found(joints: np.ndarray, sides: float) -> JointMeasurement:
     sure, sigma = np.ones(len(JOINTS), np.float32), np.full((len(JOINTS), 2), 0.05, np.float32)
-    return FoundPerson(1, "a", 1.0, joints.astype(np.float32), sure, sigma, sides=sides)
+    return JointMeasurement(joints.astype(np.float32), sigma, sure, sides=sides)
 
 
 def test_a_doubtful_view_has_a_second_answer(seen) -> None:
@@ -67,7 +68,7 @@ def test_what_was_seen_surely_is_remembered_for_a_moment() -> None:
     assert belief.renew(exchanged, found(joints, 0.7), 22 * STEP_NS) == pytest.approx(0.3)
     belief.reset()
     assert belief.renew(joints, found(joints, 0.6), 23 * STEP_NS) == pytest.approx(0.6)
-    assert belief.renew(joints, FoundPerson(1, "a", 1.0), 24 * STEP_NS) == 1.0
+    assert belief.renew(joints, None, 24 * STEP_NS) == 1.0
 
 
 def test_second_answers_are_recorded_on_a_topic_of_their_own(seen, tmp_path) -> None:

@@ -14,6 +14,7 @@ from acted import empty_frame, frame_of, posed, the_bank, the_body
 from depth_pose.body.build import BuildSpace
 from depth_pose.body.pose import Fitted
 from depth_pose.core.config import MatchConfig, PipelineConfig, RecoverConfig, RefineConfig, SmoothConfig
+from depth_pose.core.measurement import JointMeasurement
 from depth_pose.core.rotations import matrix_to_quat, rotvec_to_matrix
 from depth_pose.core.skeleton import BONES, JOINT_NODES, JOINTS, NODE_INDEX, Source
 from depth_pose.core.types import Skeleton
@@ -246,12 +247,12 @@ def test_proposed_joints_speak_for_a_sudden_pose(run) -> None:
         for k in range(3):
             recovered(stage, run[k].people, *run[k].refined)
         (person,) = run[3].people.persons
-        found = replace(
-            person.found,
-            proposals=jumped.joints.astype(np.float32),
-            proposal_confidence=np.zeros(len(JOINTS), np.float32),  # does not pull the carried pose
-            proposal_sigma=np.full((len(JOINTS), 2), sigma_m, np.float32),
+        measured = JointMeasurement(
+            places=jumped.joints.astype(np.float32),
+            sigma=np.full((len(JOINTS), 2), sigma_m, np.float32),
+            confidence=np.zeros(len(JOINTS), np.float32),  # does not pull the carried pose
         )
+        found = replace(person.found, measured=measured)
         people = replace(run[3].people, persons=(replace(person, found=found),))
         answer = recovered(stage, people, replace(jumped, score=jumped.score + 0.1))
         assert "joint_speed" in stage.last_reasons["body_1"]

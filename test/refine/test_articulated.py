@@ -13,6 +13,7 @@ from depth_pose.body.pose import BodyPose
 from depth_pose.body.rendered_depth import Observation
 from depth_pose.core._rotation_kernels import rotation_of
 from depth_pose.core.config import FitConfig
+from depth_pose.core.measurement import JointMeasurement
 from depth_pose.core.rotations import rotvec_to_matrix
 from depth_pose.core.skeleton import JOINT_NODES, JOINTS, MIRROR_JOINTS, NODE_INDEX, NODE_PARENTS
 from depth_pose.core.types import BACKGROUND, PERSON, UNKNOWN, Candidate, FoundPerson
@@ -52,7 +53,8 @@ def proposed(joints, confidence):
     """A person whose joints the finder proposes."""
     sigma = np.sqrt(1.0 / np.clip(confidence, 0.01, 0.99) - 1.0) * 0.1 / 1.6
     deviations = np.repeat(sigma[:, None], 2, axis=1).astype(np.float32)
-    return FoundPerson(1, "body_1", 1.0, joints.astype(np.float32), confidence.astype(np.float32), deviations)
+    measured = JointMeasurement(joints.astype(np.float32), deviations, confidence.astype(np.float32))
+    return FoundPerson(1, "body_1", 1.0, measured)
 
 
 def nodes_of(body, pose):
@@ -115,7 +117,7 @@ def test_heels_that_nobody_sees_go_where_they_are_proposed(body, fitter, swapped
     named = np.column_stack([heels[::-1] if swapped else heels, np.full((2, 2), 0.01)]).astype(np.float32)
     start = BodyPose(syn.FACING @ syn.arms_down(), posed.nodes[0], 1.0)
     away = []
-    for one in (found, replace(found, heels=named)):
+    for one in (found, replace(found, measured=replace(found.measured, heels=named))):
         pose = fitter.fit(replace(person, found=one).target(800), start, 20 * (0.06,))
         fitted = body.pose(pose.rotations, pose.root, pose.scale).vertices[heel_vertices(body)]
         away.append(np.linalg.norm(fitted - heels, axis=1).max())

@@ -11,10 +11,10 @@ from depth_pose.body.build_file import KnownBuild, save_build
 from depth_pose.body.pose import BodyPose, FittedBody
 from depth_pose.core.config import FitConfig, PersonalConfig
 from depth_pose.core.errors import ConfigError
+from depth_pose.core.measurement import Proposals
 from depth_pose.core.skeleton import JOINT_NODES, MIRROR_JOINTS
 from depth_pose.refine.build_learner import BuildLearner
 from depth_pose.track.memory import Subject
-from depth_pose.track.target import Proposals
 
 PARTS = len(BUILD_NAMES)
 

@@ -8,13 +8,13 @@ import pytest
 import synthetic as syn
 from depth_pose.body.build import BUILD_NAMES, BuildSpace
 from depth_pose.core.config import PersonalConfig
+from depth_pose.core.measurement import NO_PROPOSALS, Proposals
 from depth_pose.core.skeleton import JOINT_NODES, JOINTS, MIRROR_JOINTS
 from depth_pose.refine import proposed_bones
 from depth_pose.refine.personal import Evidence, PersonalBuild, Proposed
 from depth_pose.refine.proposed_bones import BoneLengths, ProposedBones, measure_bones
 from depth_pose.refine.proposed_depth import TrunkDepth
 from depth_pose.refine.upright_stance import find_standing
-from depth_pose.track.target import NO_PROPOSALS, Proposals
 
 PARTS = len(BUILD_NAMES)
 BONES = len(proposed_bones.BONES)

@@ -9,6 +9,7 @@ import pytest
 
 import synthetic as syn
 from acted import rotations, the_bank, the_body
+from depth_pose.core.measurement import JointMeasurement
 from depth_pose.core.rotations import R_CAMERA_FACING_MODEL
 from depth_pose.core.skeleton import JOINT_NODES, JOINTS
 from depth_pose.core.types import Candidate, PoseMatch
@@ -26,12 +27,12 @@ def test_an_arm_that_no_exemplar_lifts_so_far_is_found(lift) -> None:
     people = syn.to_people(syn.draw((posed.vertices, the_body().faces)))
     (person,) = people.persons
     joints = posed.nodes[JOINT_NODES]
-    found = replace(
-        person.found,
-        proposals=joints.astype(np.float32),
-        proposal_confidence=np.full(len(JOINTS), 0.9, np.float32),
-        proposal_sigma=np.full((len(JOINTS), 2), 0.03, np.float32),
+    measured = JointMeasurement(
+        places=joints.astype(np.float32),
+        sigma=np.full((len(JOINTS), 2), 0.03, np.float32),
+        confidence=np.full(len(JOINTS), 0.9, np.float32),
     )
+    found = replace(person.found, measured=measured)
     people = replace(people, persons=(replace(person, found=found),))
     start = Candidate(0, 0, R_CAMERA_FACING_MODEL, PLACE, 0.0, 0.0)
     match = PoseMatch(person.body_id, the_bank().bank_id, 1.0, (start,))

@@ -7,6 +7,7 @@ from depth_pose.body.pose import BodyPose, FittedBody
 from depth_pose.body.rendered_depth import render_depth
 from depth_pose.core.camera import Camera
 from depth_pose.core.config import PipelineConfig, SmoothConfig
+from depth_pose.core.measurement import JointMeasurement
 from depth_pose.core.rotations import rotvec_to_matrix
 from depth_pose.core.skeleton import JOINT_INDEX, JOINT_NODES, NODE_INDEX, Source
 from depth_pose.core.types import BACKGROUND, PERSON, FoundPerson
@@ -58,7 +59,8 @@ def see(bank, pose, T_room_camera, bodies, way=STILL, proposals=False):
     if proposals:
         joints = posed.nodes[JOINT_NODES].astype(np.float32)
         sigma = np.full((len(joints), 2), 0.05, np.float32)
-        found = FoundPerson(PERSON, "body_1", 1.0, joints, np.ones(len(joints), np.float32), sigma)
+        measured = JointMeasurement(joints, sigma, np.ones(len(joints), np.float32))
+        found = FoundPerson(PERSON, "body_1", 1.0, measured)
     (person,) = see_people(0, "", CAMERA, CAMERA.back_project(depth), labels, [found]).persons
     return view_at(person, bodies.target(person), T_room_camera, way)
 

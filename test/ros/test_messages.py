@@ -13,6 +13,7 @@ from depth_pose.body.build import BuildSpace
 from depth_pose.body.pose import BodyPose, Fitted, FittedBody
 from depth_pose.core.camera import Camera
 from depth_pose.core.errors import InputError
+from depth_pose.core.measurement import JointMeasurement
 from depth_pose.core.rotations import quat_to_matrix
 from depth_pose.core.skeleton import BONES, JOINTS, NODE_INDEX, NODES, JointState, Source
 from depth_pose.core.types import BUILD_SIZE, HIDDEN, Candidate, FoundPerson, PoseMatch, Skeleton
@@ -46,6 +47,13 @@ def rng():
     return np.random.default_rng(7)
 
 
+def measurement(rng):
+    places, sigma, confidence, heels = (
+        rng.random(shape).astype(np.float32) for shape in ((19, 3), (19, 2), 19, (2, 5))
+    )
+    return JointMeasurement(places, sigma, confidence, heels, sides=0.75)
+
+
 @pytest.fixture
 def people(rng):
     """Two people on a small grid, the second of whom has too few points."""
@@ -58,16 +66,9 @@ def people(rng):
             k,
             f"body_{k + 4}",
             float(np.float32(0.3 * k)),
-            proposals,
-            proposals[:, 0],
-            proposals[:, :2],
-            np.tile(proposals[:2, :1], 5),
-            0.75,
+            measured,
         )
-        for k, proposals in (
-            (1, rng.normal(size=(3, 3)).astype(np.float32)),
-            (2, np.zeros((0, 3), np.float32)),
-        )
+        for k, measured in ((1, measurement(rng)), (2, None))
     ]
     points = camera.back_project(depth.astype(np.float32))
     floor = np.array([0.0, -0.8, -0.6, 1.25])
@@ -101,11 +102,11 @@ def test_people_round_trip_is_exact(people):
     assert [p.body_id for p in back.persons] == [p.body_id for p in people.persons] == ["body_5"]
     for a, b in zip(back.persons, people.persons, strict=True):
         assert a.found.probability == b.found.probability and a.found.label == b.found.label
-        assert_same_bits(a.found.proposals, b.found.proposals)
-        assert_same_bits(a.found.proposal_confidence, b.found.proposal_confidence)
-        assert_same_bits(a.found.proposal_sigma, b.found.proposal_sigma)
-        assert_same_bits(a.found.heels, b.found.heels)
-        assert a.found.sides == b.found.sides
+        assert (a.measured is None) == (b.measured is None)
+        if a.measured is not None:
+            for name in ("places", "sigma", "confidence", "heels"):
+                assert_same_bits(getattr(a.measured, name), getattr(b.measured, name))
+            assert a.measured.sides == b.measured.sides
         assert_same_bits(a.points, b.points)
         assert_same_bits(a.full.labels, b.full.labels)
         assert_same_bits(a.coarse.depth, b.coarse.depth)

@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
+from depth_pose.core.measurement import TYPICAL_ERROR_M, JointMeasurement
 from depth_pose.core.skeleton import JOINT_NODES, rest_nodes
-from depth_pose.detect.joint_finder import TYPICAL_ERROR_M
 from depth_pose.detect.segmentation import Sighting
 from depth_pose.track import likeness
 from depth_pose.track.likeness import Size, Traits
@@ -18,7 +18,13 @@ HERE = np.array([0.3, 0.1, 3.0])
 
 def seen(joints: np.ndarray, error_m: float = 0.05) -> Traits:
     confidence = np.full(len(joints), 1.0 / (1.0 + (error_m / TYPICAL_ERROR_M) ** 2), np.float32)
-    return likeness.traits_of(Sighting(1, HERE, 1.0, joints.astype(np.float32), confidence))
+    return traits(joints, confidence)
+
+
+def traits(joints: np.ndarray, confidence: np.ndarray) -> Traits:
+    sigma = np.full((len(joints), 2), 0.05, np.float32)
+    measured = JointMeasurement(joints.astype(np.float32), sigma, confidence)
+    return likeness.traits_of(Sighting(1, HERE, 1.0, measured))
 
 
 def rest(stature: float = 1.7) -> np.ndarray:
@@ -52,7 +58,7 @@ def test_joints_that_nobody_trusts_do_not_move_the_size() -> None:
     joints[-1] += 0.5
     joints[5] += 0.5
     confidence[[5, -1]] = 1e-6
-    size = likeness.traits_of(Sighting(1, HERE, 1.0, joints.astype(np.float32), confidence)).size
+    size = traits(joints, confidence).size
     assert size is not None
     assert math.exp(size.log_m) == pytest.approx(1.7, rel=0.01)
 

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 import synthetic as syn
+from depth_pose.core.measurement import JointMeasurement
 from depth_pose.track.packed_people import pack_people, unpack_people
 from depth_pose.track.person import see_people
 
@@ -19,10 +20,12 @@ def test_unpacked_people_are_the_same_bit_for_bit():
     found = [
         replace(
             person.found,
-            proposals=rng.normal(size=(19, 3)).astype(np.float32),
-            proposal_confidence=rng.random(19).astype(np.float32),
-            proposal_sigma=rng.random((19, 2)).astype(np.float32),
-            heels=rng.random((2, 5)).astype(np.float32),
+            measured=JointMeasurement(
+                places=rng.normal(size=(19, 3)).astype(np.float32),
+                sigma=rng.random((19, 2)).astype(np.float32),
+                confidence=rng.random(19).astype(np.float32),
+                heels=rng.random((2, 5)).astype(np.float32),
+            ),
         )
         for person in seen.persons
     ]
@@ -36,7 +39,7 @@ def test_unpacked_people_are_the_same_bit_for_bit():
         np.testing.assert_array_equal(getattr(back, name), getattr(people, name))
     for a, b in zip(back.persons, people.persons, strict=True):
         assert a.body_id == b.body_id
-        for name in ("proposals", "proposal_confidence", "proposal_sigma", "heels"):
-            np.testing.assert_array_equal(getattr(a.found, name), getattr(b.found, name))
+        for name in ("places", "sigma", "confidence", "heels"):
+            np.testing.assert_array_equal(getattr(a.measured, name), getattr(b.measured, name))
         np.testing.assert_array_equal(a.points, b.points)
         np.testing.assert_array_equal(a.target(100).floor, floor)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from depth_pose.core.config import MAX_STAMP_GAP_NS
+from depth_pose.core.measurement import JointMeasurement
 from depth_pose.core.skeleton import JOINT_NODES, rest_nodes
 from depth_pose.detect.segmentation import Sighting
 from depth_pose.track.memory import RETURN_NS
@@ -17,14 +18,18 @@ STEP_NS = 40_000_000
 
 
 def at(x: float, z: float = 3.0, y: float = 0.0, probability: float = 1.0) -> Sighting:
-    nowhere = np.zeros((0, 3), np.float32), np.zeros(0, np.float32)
-    return Sighting(1, np.array([x, y, z]), probability, *nowhere)
+    return Sighting(1, np.array([x, y, z]), probability)
+
+
+def measured(joints: np.ndarray, confidence: float) -> JointMeasurement:
+    sigma = np.full((len(joints), 2), 0.05, np.float32)
+    return JointMeasurement(joints, sigma, np.full(len(joints), confidence, np.float32))
 
 
 def of_size(stature: float, x: float) -> Sighting:
     """Somebody upright with the joints of the rest pose."""
     joints = (stature * rest_nodes()[JOINT_NODES] + [x, 0.0, 3.0]).astype(np.float32)
-    return Sighting(1, np.array([x, 0.0, 3.0]), 1.0, joints, np.ones(len(joints), np.float32))
+    return Sighting(1, np.array([x, 0.0, 3.0]), 1.0, measured(joints, 1.0))
 
 
 def person(
@@ -36,9 +41,7 @@ def person(
     noise = np.zeros(rest.shape) if rng is None else rng.normal(0.0, 0.02, rest.shape)
     joints = (stature * bent + noise + [x, 0.0, z]).astype(np.float32)
     shaken = np.zeros(3) if rng is None else rng.normal(0.0, 0.03, 3)
-    return Sighting(
-        1, np.array([x, 0.0, z]) + shaken, probability, joints, np.full(len(joints), 0.86, np.float32)
-    )
+    return Sighting(1, np.array([x, 0.0, z]) + shaken, probability, measured(joints, 0.86))
 
 
 @pytest.fixture
@@ -326,7 +329,7 @@ def test_a_part_of_somebody_does_not_bring_back_who_is_hidden(tracks) -> None:
     for k in range(20, 40):
         assert tracks.assign([person(1.7, 0.0, pose=1)], k * STEP_NS) == ("body_1",)
     part = person(1.6, 0.15, pose=3)
-    part = replace(part, proposal_confidence=part.proposal_confidence * 0.4)
+    part = replace(part, measured=replace(part.measured, confidence=part.measured.confidence * 0.4))
     assert tracks.assign([person(1.7, 0.0, pose=1), part], 40 * STEP_NS) == ("body_1", None)
     assert tracks.assign([person(1.7, 0.0, pose=1)], 41 * STEP_NS) == ("body_1",)
 

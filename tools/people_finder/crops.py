@@ -11,8 +11,9 @@ from joint_net import CELL_M, SIDE
 from numpy.typing import NDArray
 from scenes import seen_from_behind, spoil
 
+from depth_pose.core.measurement import CropView
 from depth_pose.core.skeleton import JOINT_INDEX, JOINTS, LANDMARKS, MIRROR_LANDMARKS
-from depth_pose.detect._crop_kernels import CHANNELS, CropView, fill_features, sample_crop, to_crop
+from depth_pose.detect._crop_kernels import CHANNELS, fill_features, sample_crop, to_crop
 
 _TORSO = [JOINT_INDEX[f"{side}_{n}"] for side in ("left", "right") for n in ("shoulder", "hip")]
 _LIMBS = [

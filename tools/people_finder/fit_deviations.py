@@ -21,8 +21,9 @@ from scipy.optimize import minimize
 from scipy.special import expit
 
 from depth_pose.core.config import SegmentConfig
+from depth_pose.core.measurement import JointMeasurement
 from depth_pose.core.types import DepthFrame
-from depth_pose.detect.joint_finder import DeviationScale, JointFinder, JointProposals, look_measures
+from depth_pose.detect.joint_finder import DeviationScale, JointFinder, look_measures
 from depth_pose.detect.learned_segmenter import LearnedSegmenter
 from depth_pose.sim.clips import sample_clip
 from depth_pose.sim.scene_noise import FAMILIES
@@ -63,9 +64,9 @@ class _Watched(JointFinder):
     def __init__(self, weights: Path) -> None:
         super().__init__(weights)
         self._deviations = DeviationScale(*map(np.array, UNFITTED.values()))
-        self.seen = list[tuple[NDArray[np.float64], JointProposals]]()
+        self.seen = list[tuple[NDArray[np.float64], JointMeasurement]]()
 
-    def find(self, *look: Any) -> JointProposals:
+    def find(self, *look: Any) -> JointMeasurement:
         """Find joints, and record them."""
         out = super().find(*look)
         label, torso = look[3:5]
@@ -87,16 +88,16 @@ def collect(weights: Path, rooms: int, seed: int) -> Looks:
             segmenter.segment(DepthFrame(int(clip.stamps_ns[t]), "", clip.depth[t], clip.camera))
             truth = clip.joints[t][clip.visible[t] > _SHOWN].astype(float)
             for measured, seen in watched.seen:
-                gaps = np.linalg.norm(truth - seen.joints, axis=-1).mean(axis=-1)
+                gaps = np.linalg.norm(truth - seen.places, axis=-1).mean(axis=-1)
                 if len(gaps) and gaps.min() < _NEAR_M:
                     measures.append(measured)
                     errors.append(in_deviations(seen, truth[gaps.argmin()]))
     return Looks(np.array(measures), np.array(errors))
 
 
-def in_deviations(seen: JointProposals, truth: NDArray[np.float64]) -> NDArray[np.float64]:
+def in_deviations(seen: JointMeasurement, truth: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the errors (19, 2) of joints across and along their rays, in deviations."""
-    off, ray = seen.joints - truth, seen.joints / np.linalg.norm(seen.joints, axis=1, keepdims=True)
+    off, ray = seen.places - truth, seen.places / np.linalg.norm(seen.places, axis=1, keepdims=True)
     deep = (off * ray).sum(axis=1)
     across = np.linalg.norm(off - deep[:, None] * ray, axis=1) / np.sqrt(2.0)
     return np.column_stack([across, np.abs(deep)]) / seen.sigma

@@ -58,7 +58,8 @@ def _frames(path: Path, weights: Path | None, step: int) -> Iterator[tuple[Any, 
         extractor.segmenter = LearnedSegmenter(SegmentConfig(), weights)
     for k, frame in enumerate(read_frames(path)):
         if k % step == 0:
-            yield frame, [p.found for p in extractor.extract(frame).persons]
+            people = extractor.extract(frame).persons
+            yield frame, [p.measured for p in people if p.measured is not None]
 
 
 def score_clip(path: Path, weights: Path | None, step: int) -> Iterator[Looked | None]:
@@ -66,17 +67,12 @@ def score_clip(path: Path, weights: Path | None, step: int) -> Iterator[Looked |
     data = np.load(path.with_suffix(".npz"))
     for frame, found in _frames(path, weights, step):
         truth = data["joints"][int(np.argmin(np.abs(data["stamps_ns"] - frame.stamp_ns)))].astype(float)
-        away = [np.linalg.norm((p.proposals[_TORSO] - truth[_TORSO]).mean(axis=0)) for p in found]
+        away = [np.linalg.norm((p.places[_TORSO] - truth[_TORSO]).mean(axis=0)) for p in found]
         if not away or min(away) > _FAR_M:
             yield None
             continue
         person = found[int(np.argmin(away))]
-        yield Looked(person.proposals - truth, _sigma(person), np.zeros(0))
-
-
-def _sigma(person: Any) -> Array:
-    sigma = getattr(person, "proposal_sigma", np.zeros((0, 2)))
-    return np.asarray(sigma if len(sigma) else np.full((len(JOINTS), 2), np.nan), float)
+        yield Looked(person.places - truth, person.sigma.astype(float), np.zeros(0))
 
 
 def score_sequence(path: Path, weights: Path | None) -> Iterator[Looked | None]:
@@ -109,7 +105,7 @@ def _height(asked: dict[str, Any], camera: Camera) -> float:
 def _best(found: list[Any], joints: dict[str, Any], camera: Camera, height: float) -> Looked | None:
     shares = []
     for person in found:
-        pixels = camera.project(person.proposals.astype(float))
+        pixels = camera.project(person.places.astype(float))
         off = [np.hypot(*(pixels[JOINT_INDEX[n]] - [u, v])) for n, (u, v, _) in joints.items()]
         shares.append(np.array(off) / height)
     if not shares or min(np.median(s) for s in shares) > 0.5:

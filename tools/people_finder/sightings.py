@@ -11,8 +11,9 @@ from joint_net import CELL_M
 from numpy.typing import NDArray
 from replicas import Replica
 
+from depth_pose.core.measurement import CropView
 from depth_pose.core.skeleton import JOINTS, LANDMARKS
-from depth_pose.detect._crop_kernels import CropView, fill_features
+from depth_pose.detect._crop_kernels import fill_features
 
 OUTSIDE = 255
 """Mask value of pixels outside the image."""

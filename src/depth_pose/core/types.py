@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from depth_pose.core.camera import Camera
 from depth_pose.core.errors import InputError
 from depth_pose.core.extras import require
+from depth_pose.core.measurement import JointMeasurement
 from depth_pose.core.skeleton import JOINT_INDEX, JOINTS, JointState, Source
 
 
@@ -78,28 +79,14 @@ class FoundPerson:
         Stays the same while they are followed.
     probability : float
         Probability that this is a person, 0 to 1, over all frames in which they were followed.
-    proposals : (J, 3) float32
-        Joints (`JOINTS`) proposed by the finder, camera frame, metres;
-        no rows without proposals.
-    proposal_confidence : (J,) float32
-    proposal_sigma : (J, 2) float32
-        Standard deviation of each proposal in each direction of the image plane, and in depth, metres;
-        no rows without proposals.
-    heels : (H, 5) float32
-        Backs of the left and the right heel, camera frame, metres, and their two standard deviations as
-        those of the joints; no rows without proposals.
-    sides : float
-        Probability that left and right of the proposals are not exchanged, .5 to 1.
+    measured : JointMeasurement or None
+        Their joints, as the joint net measured them; None without.
     """
 
     label: int
     body_id: str
     probability: float
-    proposals: NDArray[np.float32] = field(default_factory=lambda: np.zeros((0, 3), np.float32))
-    proposal_confidence: NDArray[np.float32] = field(default_factory=lambda: np.zeros(0, np.float32))
-    proposal_sigma: NDArray[np.float32] = field(default_factory=lambda: np.zeros((0, 2), np.float32))
-    heels: NDArray[np.float32] = field(default_factory=lambda: np.zeros((0, 5), np.float32))
-    sides: float = 1.0
+    measured: JointMeasurement | None = None
 
 
 @dataclass(frozen=True)

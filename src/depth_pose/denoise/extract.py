@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 
@@ -135,15 +134,6 @@ class PeopleExtractor:
         return see_people(frame.stamp_ns, frame.frame_id, seen.camera, points, labels, found, plane)
 
     def _found(self, seen: Sighting, name: str) -> FoundPerson:
-        """Return a sighting with its id, and without proposals where they are not wanted."""
-        found = FoundPerson(seen.label, name, self._tracks.probability(name))
-        if not self._with_joints:
-            return found
-        return replace(
-            found,
-            proposals=seen.proposals,
-            proposal_confidence=seen.proposal_confidence,
-            proposal_sigma=seen.proposal_sigma,
-            heels=seen.heels,
-            sides=seen.sides,
-        )
+        """Return a sighting with its id, and without measured joints where they are not wanted."""
+        measured = seen.measured if self._with_joints else None
+        return FoundPerson(seen.label, name, self._tracks.probability(name), measured)

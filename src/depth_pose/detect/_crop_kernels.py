@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.kernels import njit
+from depth_pose.core.measurement import CropView
 from depth_pose.core.types import BACKGROUND
 from depth_pose.detect._finder_kernels import bounded, near_second
 
@@ -26,33 +27,6 @@ FARTHEST = 2.4
 
 STRAIGHTEST = np.float32(1e-4)
 """Least value of `measure_bend`, metres."""
-
-
-class CropView(NamedTuple):
-    """Placement of a crop in an image.
-
-    Attributes
-    ----------
-    x, y, z : float
-        Centre of the torso, camera frame, metres.
-    cell : float
-        Side of a pixel of the crop at the torso's distance, metres.
-    cos, sin : float
-        Cosine and sine of the crop's rotation in the image.
-    flip : float
-        1, or -1 for the mirror image.
-    coarse : int
-        Side of the blocks of pixels that are read as one; each block shows its first pixel.
-    """
-
-    x: float
-    y: float
-    z: float
-    cell: float
-    cos: float = 1.0
-    sin: float = 0.0
-    flip: float = 1.0
-    coarse: int = 1
 
 
 class MaskLimits(NamedTuple):

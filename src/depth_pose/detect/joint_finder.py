@@ -13,7 +13,6 @@ finder's detections; logistic regression combines this with the finder's own pro
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -21,10 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.camera import Camera
+from depth_pose.core.measurement import TYPICAL_ERROR_M, CropMask, CropView, JointMeasurement
 from depth_pose.core.skeleton import JOINTS, MIRROR_LANDMARKS
-from depth_pose.core.types import BACKGROUND
 from depth_pose.detect import _crop_kernels as kernels
-from depth_pose.detect._crop_kernels import CropView, MaskLimits
 from depth_pose.detect.net import open_net, read_weights
 
 _STANDARD = np.sqrt([3.0, 2.0])
@@ -40,98 +38,6 @@ _JOINT_COUNT = len(JOINTS)
 _HALF = np.float32(0.5)
 _SUREST = 1e-4
 """Probabilities are limited to this."""
-
-TYPICAL_ERROR_M = 0.1
-"""Error of a joint's proposal at which its confidence is one half."""
-
-
-_MASK = MaskLimits(least=-1.0, most=2.0, near=1.0)
-"""Logits below and above which a pixel's label changes (chosen on development clips), and the depth (m) from
-the torso within which pixels are added."""
-
-
-_LIKELY = 1.5
-"""Logit below which a doubted pixel is removed; chosen on development clips of 0, 1.5 and 3."""
-
-
-@dataclass(frozen=True)
-class CropMask:
-    """Which pixels of a crop show the person.
-
-    Attributes
-    ----------
-    logits : (side, side) float32
-    look : CropView
-        Placement of the crop in the image.
-    """
-
-    logits: NDArray[np.float32]
-    look: CropView
-
-    def apply(
-        self, depth: NDArray[np.float32], labels: NDArray[np.uint8], camera: Camera, label: int
-    ) -> None:
-        """Remove touching furniture from a person's labels, and add missed pixels."""
-        kernels.apply_mask(depth, labels, camera, self.look, self.logits, label, _MASK)
-
-    def refuse(
-        self, labels: NDArray[np.uint8], doubted: NDArray[np.bool_], camera: Camera, label: int
-    ) -> None:
-        """Remove doubted pixels from a person's labels where it is not probable that they show the person."""
-        v, u = np.nonzero(doubted & (labels == label))
-        x, y, z, cell = self.look[:4]
-        side = len(self.logits)
-        i = ((v - camera.cy - camera.fy * y / z) * z / (cell * camera.fy) + 0.5 * side).astype(int)
-        j = ((u - camera.cx - camera.fx * x / z) * z / (cell * camera.fx) + 0.5 * side).astype(int)
-        is_refused = self.logits[i.clip(0, side - 1), j.clip(0, side - 1)] < _LIKELY
-        labels[v[is_refused], u[is_refused]] = BACKGROUND
-
-
-@dataclass(frozen=True)
-class JointProposals:
-    """Proposed joints of one person.
-
-    Attributes
-    ----------
-    joints : (19, 3) float64
-        Including hidden ones, camera frame, metres; left and right as in ``from_behind``.
-    error : (19,) float64
-        Expected error, metres, including that of swapping left and right.
-    sigma : (19, 2) float64
-        Standard deviation in each direction of the image plane, and in depth, metres.
-    heels : (2, 5) float64
-        As in `depth_pose.core.types.FoundPerson`.
-    from_behind : float
-        Probability that the person's left is on the image's left.
-    probability : float
-        Probability of a person, from both looks.
-    mask : CropMask
-    """
-
-    joints: NDArray[np.float64]
-    error: NDArray[np.float64]
-    sigma: NDArray[np.float64]
-    heels: NDArray[np.float64]
-    from_behind: float
-    probability: float
-    mask: CropMask
-
-    @property
-    def confidence(self) -> NDArray[np.float32]:
-        """Confidence of each joint, 0 to 1, (19,); one half where the error is 0.1 m."""
-        return (1.0 / (1.0 + (self.error / TYPICAL_ERROR_M) ** 2)).astype(np.float32)
-
-    def moved(self, by: NDArray[np.float64], unsure_m: float) -> JointProposals:
-        """Return the proposals translated by a vector (3,), metres, with a deviation added to theirs."""
-        look = self.mask.look
-        x, y, z = (look.x, look.y, look.z) + by
-        return replace(
-            self,
-            joints=self.joints + by,
-            sigma=np.hypot(self.sigma, unsure_m),
-            heels=np.column_stack([self.heels[:, :3] + by, np.hypot(self.heels[:, 3:], unsure_m)]),
-            mask=replace(self.mask, look=look._replace(x=x, y=y, z=z)),
-        )
 
 
 class NetAnswer(NamedTuple):
@@ -260,11 +166,9 @@ def _logistic(logit: float) -> float:
 def _spread(log_width: NDArray[np.float32], least: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return standard deviations (J, 2) and mean distances (J,) of a net's distributions, metres.
 
-    ``log_width`` is (J, 2), in the image plane and in depth; or (J,), one for all directions.
+    ``log_width`` is (J, 2), in the image plane and in depth.
     """
     width = least + np.exp(log_width.astype(np.float64).clip(-6.0, 2.0))
-    if width.ndim == 1:  # exp(-r / width) in space
-        return np.repeat(2.0 * width[:, None], 2, axis=1), 3.0 * width
     sigma = _STANDARD * width
     return sigma, np.sqrt(sigma**2 @ _MEAN_SQUARE)
 
@@ -304,7 +208,7 @@ class JointFinder:
         label: int,
         torso: NDArray[np.float64],
         probability: float,
-    ) -> JointProposals:
+    ) -> JointMeasurement:
         """Find the joints of one person.
 
         Parameters
@@ -337,8 +241,16 @@ class JointFinder:
         error += min(from_behind, 1.0 - from_behind) * apart
         both = self._person.probability(probability, answer.person)
         heels = np.column_stack([points, sigma])[_JOINT_COUNT:]
-        joints, error, sigma = points[:_JOINT_COUNT], error[:_JOINT_COUNT], sigma[:_JOINT_COUNT]
-        return JointProposals(joints, error, sigma, heels, from_behind, both, CropMask(answer.mask, look))
+        error = error[:_JOINT_COUNT]
+        return JointMeasurement(
+            places=points[:_JOINT_COUNT].astype(np.float32),
+            sigma=sigma[:_JOINT_COUNT].astype(np.float32),
+            confidence=(1.0 / (1.0 + (error / TYPICAL_ERROR_M) ** 2)).astype(np.float32),
+            heels=heels.astype(np.float32),
+            sides=max(from_behind, 1.0 - from_behind),
+            probability=both,
+            mask=CropMask(answer.mask, look),
+        )
 
     def _ask(
         self,

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from depth_pose.core.measurement import JointMeasurement
 from depth_pose.detect.finder import Detection
-from depth_pose.detect.joint_finder import JointProposals
 
 _LONGEST_NS = 100_000_000
 """Maximum age (ns) of a reused look, the same as for the matcher's candidates."""
@@ -38,7 +38,7 @@ class _Look:
     """The last look at a person: place, result, stamp, and age in frames."""
 
     torso: NDArray[np.float64]
-    seen: JointProposals
+    seen: JointMeasurement
     stamp_ns: int
     age: int
 
@@ -61,8 +61,8 @@ class LastLooks:
         self._looks: list[_Look] = []
 
     def renew(
-        self, people: Sequence[Detection], stamp_ns: int, look: Callable[[Detection], JointProposals]
-    ) -> list[JointProposals]:
+        self, people: Sequence[Detection], stamp_ns: int, look: Callable[[Detection], JointMeasurement]
+    ) -> list[JointMeasurement]:
         """Examine the people whose turn it is, and reuse the last looks of the others.
 
         Parameters
@@ -75,7 +75,7 @@ class LastLooks:
 
         Returns
         -------
-        list of JointProposals
+        list of JointMeasurement
             One for each of ``people``.
         """
         before = [self._before(person) for person in people]

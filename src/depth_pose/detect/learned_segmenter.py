@@ -10,13 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.config import SegmentConfig
+from depth_pose.core.measurement import JointMeasurement
 from depth_pose.core.types import BACKGROUND, HIDDEN, DepthFrame
 from depth_pose.detect import working_grid
 from depth_pose.detect._border_kernels import mark_nearer
 from depth_pose.detect.beliefs import Beliefs
 from depth_pose.detect.candidates import CandidateFinder, Candidates
+from depth_pose.detect.crop_mask import add_and_remove, refuse
 from depth_pose.detect.finder import Detection
-from depth_pose.detect.joint_finder import JointFinder, JointProposals
+from depth_pose.detect.joint_finder import JointFinder
 from depth_pose.detect.last_looks import LastLooks
 from depth_pose.detect.last_people import LastPeople
 from depth_pose.detect.sample_frame import sample_frame
@@ -90,13 +92,15 @@ class LearnedSegmenter:
         sightings = self._beliefs.renew(sightings, labels, found.depth, frame.stamp_ns)
         sure = tuple(s for s in sightings if s.probability >= self.config.keep)
         for thing, looked in zip(sightings, seen, strict=True):
+            mask = looked.mask
+            assert mask is not None, "it was measured in this process"
             if thing.probability < self.config.keep:
                 labels[labels == thing.label] = BACKGROUND
                 continue
             if is_returned is not None:
-                looked.mask.refuse(labels, is_returned, found.camera, thing.label)
+                refuse(mask, labels, is_returned, found.camera, thing.label)
             if _is_alone(thing, sure):
-                looked.mask.apply(found.depth, labels, found.camera, thing.label)
+                add_and_remove(mask, found.depth, labels, found.camera, thing.label)
         self._people.keep(found, sure, frame.stamp_ns, labels)
         if sightings:  # removed pixels may occlude more of a person
             mark_nearer(found.depth, labels, found.camera, self.config.depth_jump)
@@ -119,7 +123,9 @@ class LearnedSegmenter:
         is_another_view = changed.sum() > _MOST_CHANGED * known.sum()
         return changed & (depth < before) & ~is_another_view
 
-    def _look_closer(self, found: Candidates, labels: NDArray[np.uint8], person: Detection) -> JointProposals:
+    def _look_closer(
+        self, found: Candidates, labels: NDArray[np.uint8], person: Detection
+    ) -> JointMeasurement:
         """Propose a person's joints from a crop around them, and compute the probability of a person."""
         return self._joints.find(
             found.depth, labels, found.camera, person.label, person.torso, person.probability
@@ -132,18 +138,14 @@ def _is_alone(person: Sighting, people: Sequence[Sighting]) -> bool:
 
 
 def _sighting(
-    person: Detection, seen: JointProposals, labels: NDArray[np.uint8], news: NDArray[np.bool_]
+    person: Detection, measured: JointMeasurement, labels: NDArray[np.uint8], news: NDArray[np.bool_]
 ) -> Sighting:
-    """Combine the results of both looks at one person."""
+    """Return the detection of a person with measured joints."""
     own = labels == person.label
     return Sighting(
         label=person.label,
         place=person.torso,
-        probability=seen.probability,
-        proposals=seen.joints.astype(np.float32),
-        proposal_confidence=seen.confidence,
-        proposal_sigma=seen.sigma.astype(np.float32),
-        heels=seen.heels.astype(np.float32),
-        sides=max(seen.from_behind, 1.0 - seen.from_behind),
+        probability=measured.probability,
+        measured=measured,
         is_new_content=bool(np.count_nonzero(news & own) > _NEWS * np.count_nonzero(own)),
     )

@@ -161,7 +161,7 @@ def _sighting_of(points: NDArray[np.float32]) -> tuple[Sighting, ...]:
     if len(points) == 0:
         return ()
     place = np.median(points.astype(np.float64), axis=0)
-    return (Sighting(PERSON, place, 1.0, np.zeros((0, 3), np.float32), np.zeros(0, np.float32)),)
+    return (Sighting(PERSON, place, 1.0),)
 
 
 def _share_inside(low: NDArray[np.float64], high: NDArray[np.float64], box: NDArray[np.float64]) -> float:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.camera import Camera
+from depth_pose.core.measurement import JointMeasurement
 from depth_pose.core.types import DepthFrame
 
 
@@ -24,13 +25,8 @@ class Sighting:
         Centre of the person, camera frame, metres.
     probability : float
         Probability of a person.
-    proposals : (J, 3) float32
-        Joints proposed by the finder, camera frame, metres; no rows without proposals.
-    proposal_confidence : (J,) float32
-    proposal_sigma : (J, 2) float32
-    heels : (H, 5) float32
-    sides : float
-        As in `depth_pose.core.types.FoundPerson`.
+    measured : JointMeasurement or None
+        None without a net that measures joints.
     is_new_content : bool
         Whether much of the person is new since the previous frame, while the room is not.
     """
@@ -38,11 +34,7 @@ class Sighting:
     label: int
     place: NDArray[np.float64]
     probability: float
-    proposals: NDArray[np.float32]
-    proposal_confidence: NDArray[np.float32]
-    proposal_sigma: NDArray[np.float32] = field(default_factory=lambda: np.zeros((0, 2), np.float32))
-    heels: NDArray[np.float32] = field(default_factory=lambda: np.zeros((0, 5), np.float32))
-    sides: float = 1.0
+    measured: JointMeasurement | None = None
     is_new_content: bool = False
 
 

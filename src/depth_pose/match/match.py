@@ -22,8 +22,9 @@ from depth_pose.bank.views import AXES
 from depth_pose.body.pose import BodyPose
 from depth_pose.body.rendered_depth import Observation
 from depth_pose.core.config import MatchConfig
-from depth_pose.core.skeleton import JOINT_NODES, JOINTS, NODE_INDEX, NODES
-from depth_pose.core.types import Candidate, FoundPerson, PoseMatch
+from depth_pose.core.measurement import JointMeasurement
+from depth_pose.core.skeleton import JOINT_NODES, NODE_INDEX, NODES
+from depth_pose.core.types import Candidate, PoseMatch
 from depth_pose.match._match_kernels import keep_different
 from depth_pose.match.last_match import LastMatch
 from depth_pose.match.placing import (
@@ -196,7 +197,9 @@ class Matcher:
         placed = self._compare_finely(person, scale, rough)
         if not is_new and not self._is_known(size.finder):
             size.finder.add(person, self._pose(placed, 0, scale))
-        return PoseMatch(person.body_id, self.bank.bank_id, scale, self._keep_different(placed, person.found))
+        return PoseMatch(
+            person.body_id, self.bank.bank_id, scale, self._keep_different(placed, person.measured)
+        )
 
     def _is_known(self, finder: ScaleFinder) -> bool:
         """Check that the size is configured, or estimated and held."""
@@ -231,7 +234,7 @@ class Matcher:
     def _first_sizes(self, person: Person) -> list[float]:
         """Return the sizes that are compared first: near the proposals' size, or over the whole range."""
         sizes = SCALES[1::3]
-        if (guess := self._proposed.size(person.found)) is None:
+        if (guess := self._proposed.size(person.measured)) is None:
             return sizes.tolist()
         nearest = int(np.argmin(np.abs(np.log(sizes / guess))))
         return sizes[max(0, nearest - 1) : nearest + 2].tolist()
@@ -267,7 +270,7 @@ class Matcher:
         if person.is_cut_below:
             hung, upright = head_axes(person.points, scale), self._upright
             parts.append(place_exemplars(upright.views, upright.all, hung, scale))
-        if (proposed := self._proposed.find(person.found, scale)) is not None:
+        if (proposed := self._proposed.find(person.measured, scale)) is not None:
             parts.append(proposed)
         return self._renderer.compare(join(parts), scale, _thinned(person, _ROUGH_M))
 
@@ -275,12 +278,12 @@ class Matcher:
         """Compare the best of the shortlist in a finer image, and sort them by score."""
         image = _thinned(person, _FINE_M)
         ranking = rough.ranking()
-        there = rough.take(_with_facing(ranking, _FINALISTS, _faces_alike(rough, person.found)))
+        there = rough.take(_with_facing(ranking, _FINALISTS, _faces_alike(rough, person.measured)))
         # a correction from few pixels is only tried
         pairs = (self._renderer.compare(p, scale, image) for p in (there, there.moved()))
         compared = better(*pairs)
         ranking = compared.ranking()
-        best = compared.take(_with_facing(ranking, _CORRECTED, _faces_alike(compared, person.found)))
+        best = compared.take(_with_facing(ranking, _CORRECTED, _faces_alike(compared, person.measured)))
         best = better(best, self._renderer.compare(best.moved(), scale, image))
         return self.settle_facing(best.take(best.ranking()), person, scale)
 
@@ -312,10 +315,10 @@ class Matcher:
         rows = np.arange(len(placed.scores))
         return placed.take(np.insert(rows[rows != other], 0, other))
 
-    def _keep_different(self, placed: Placed, found: FoundPerson) -> tuple[Candidate, ...]:
+    def _keep_different(self, placed: Placed, measured: JointMeasurement | None) -> tuple[Candidate, ...]:
         """Return the best few candidates with different poses, one of them facing as is proposed."""
         different = keep_different(placed.nodes, _SAME_POSE_M, len(placed.scores))
-        kept = _with_facing(different, self.config.keep, _faces_alike(placed, found))
+        kept = _with_facing(different, self.config.keep, _faces_alike(placed, measured))
         return tuple(
             Candidate(
                 exemplar=int(placed.exemplars[k]),
@@ -329,12 +332,12 @@ class Matcher:
         )
 
 
-def _faces_alike(placed: Placed, found: FoundPerson) -> NDArray[np.bool_]:
+def _faces_alike(placed: Placed, measured: JointMeasurement | None) -> NDArray[np.bool_]:
     """Return which exemplars (K,) face as the proposed joints do; all without proposals."""
-    if len(found.proposals) != len(JOINTS):
+    if measured is None:
         return np.ones(len(placed.scores), np.bool_)
     proposed = np.empty((len(NODES), 3))
-    proposed[JOINT_NODES] = found.proposals
+    proposed[JOINT_NODES] = measured.places
     return np.asarray(_across(placed.nodes) @ _across(proposed[None])[0] > 0.0)
 
 

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.bank.bank import Bank
+from depth_pose.core.measurement import JointMeasurement
 from depth_pose.core.rotations import nearest_rotation
-from depth_pose.core.skeleton import JOINT_INDEX, JOINT_NODES, JOINTS, MIRROR_JOINTS, body_length
-from depth_pose.core.types import FoundPerson
+from depth_pose.core.skeleton import JOINT_INDEX, JOINT_NODES, body_length
 from depth_pose.match import _search_kernels as kernels
 from depth_pose.match.placing import Placed, unscored
 
@@ -43,15 +43,13 @@ class ProposedExemplars:
         self._local = np.ascontiguousarray(local.reshape(bank.poses, -1).T)
         self._squares = np.ascontiguousarray((local**2).sum(axis=2).T)
 
-    def find(self, found: FoundPerson, scale: float) -> Placed | None:
+    def find(self, measured: JointMeasurement | None, scale: float) -> Placed | None:
         """Return the exemplars whose joints are nearest to a person's proposals; None without proposals."""
-        if len(found.proposals) != len(JOINTS):
+        if measured is None:
             return None
-        joints = found.proposals.astype(np.float64)
-        confidence = np.maximum(found.proposal_confidence.astype(np.float64), 1e-3)
-        weights = 1.0 / (_EVEN + 1.0 / confidence - 1.0)
-        weights /= weights.sum()
-        named, weights = _both(joints), _both(weights)
+        named = measured.both.places
+        weights = 1.0 / (_EVEN + 1.0 / np.maximum(measured.both.weights, 1e-3) - 1.0)
+        weights /= weights[:1].sum()
         near = self._nearest(named, weights, scale)
         rows = np.repeat([0, 1], near.shape[1])
         gaps, turns, roots = _lay(scale * self._joints[near.ravel()], named[rows], weights[rows])
@@ -59,11 +57,11 @@ class ProposedExemplars:
         taken = np.concatenate([n * near.shape[1] + best[n, :count] for n, count in enumerate(_TAKEN)])
         return unscored(near.ravel()[taken], turns[taken], roots[taken])
 
-    def size(self, found: FoundPerson) -> float | None:
+    def size(self, measured: JointMeasurement | None) -> float | None:
         """Estimate a person's size from the lengths between proposed joints; None without proposals."""
-        if len(found.proposals) != len(JOINTS):
+        if measured is None:
             return None
-        return body_length(found.proposals) / self._length
+        return body_length(measured.places) / self._length
 
     def _nearest(
         self, named: NDArray[np.float64], weights: NDArray[np.float64], scale: float
@@ -76,11 +74,6 @@ class ProposedExemplars:
         kernels.joint_distances(self._squares, self._local, weights.astype(np.float32), pulls, distance)
         count = min(_LAID, distance.shape[1])
         return np.asarray(kernels.least_of_rows(distance, count))
-
-
-def _both(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Stack joint values and the same with left and right exchanged."""
-    return np.stack([values, values[MIRROR_JOINTS]])
 
 
 def _lay(

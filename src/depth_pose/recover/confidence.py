@@ -18,8 +18,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from depth_pose.core.measurement import JointMeasurement
 from depth_pose.core.skeleton import JOINT_INDEX, JOINTS, JointState
-from depth_pose.core.types import FoundPerson
 from depth_pose.recover import _confidence_kernels as kernels
 from depth_pose.track.person import Person
 
@@ -152,13 +152,13 @@ def skeleton_signs(
     joint_confidence: NDArray[np.float64],
 ) -> NDArray[np.float64]:
     """Compute the evidence for the confidence of a skeleton, (4,): `SKELETON_SIGNS`."""
-    found, seen, gap = person.found, joints_that_count(states), 0.0
-    if len(found.proposals) == len(joints):
-        trust = seen * found.proposal_confidence.astype(np.float64)
-        apart = np.linalg.norm(joints - found.proposals, axis=1)
+    measured, seen, gap = person.measured, joints_that_count(states), 0.0
+    if measured is not None:
+        trust = seen * measured.confidence.astype(np.float64)
+        apart = np.linalg.norm(joints - measured.places, axis=1)
         gap = float(np.minimum(apart, _FAR_APART_M) @ trust / max(float(trust.sum()), 1e-6))
     mean = float(joint_confidence[seen].mean())
-    return np.array([1.0, _log_odds(found.probability), _log_odds(mean), gap])
+    return np.array([1.0, _log_odds(person.found.probability), _log_odds(mean), gap])
 
 
 def joints_that_count(states: NDArray[np.uint8]) -> NDArray[np.bool_]:
@@ -220,16 +220,16 @@ def measure_joint_signs(positions: NDArray[np.float64], scale: float, person: Pe
         states,
         signs,
     )
-    signs[:, -2:] = _proposal_signs(positions, person.found)
+    signs[:, -2:] = _proposal_signs(positions, person.measured)
     return JointSigns(states, signs)
 
 
-def _proposal_signs(positions: NDArray[np.float64], found: FoundPerson) -> NDArray[np.float64]:
-    """Compute the distances of joints (19, 3) from their proposals, and the confidences, (19, 2)."""
-    if len(found.proposals) != len(positions):
+def _proposal_signs(positions: NDArray[np.float64], measured: JointMeasurement | None) -> NDArray[np.float64]:
+    """Compute the distances of joints (19, 3) from the measured ones, and the confidences, (19, 2)."""
+    if measured is None:
         return np.zeros((len(positions), 2))
-    sure = found.proposal_confidence.astype(np.float64)
-    apart = np.linalg.norm(positions - found.proposals, axis=1) / _APART_UNIT_M
+    sure = measured.confidence.astype(np.float64)
+    apart = np.linalg.norm(positions - measured.places, axis=1) / _APART_UNIT_M
     return np.stack([np.minimum(apart, _MOST_APART) * sure, sure], axis=1)
 
 

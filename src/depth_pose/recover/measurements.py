@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.core.types import FoundPerson
+from depth_pose.core.measurement import JointMeasurement
 from depth_pose.refine.proposals import named_alike
 
 _FIT_M, _FIT_RISE_M, _FIT_SCORE = 0.01, 0.3, 0.25
@@ -45,7 +45,10 @@ class Measured(NamedTuple):
 
 
 def weigh_joints(
-    fitted: NDArray[np.float64], score: float, confidence: NDArray[np.float64], found: FoundPerson
+    fitted: NDArray[np.float64],
+    score: float,
+    confidence: NDArray[np.float64],
+    measured: JointMeasurement | None,
 ) -> Measured:
     """Compute the mean of fitted and proposed joints, weighted by their inverse covariances.
 
@@ -57,12 +60,12 @@ def weigh_joints(
         Rendered-depth disagreement of the fit.
     confidence : (19,) float64
         Confidence of each fitted joint, 0 to 1.
-    found : FoundPerson
+    measured : JointMeasurement or None
         Left and right are exchanged if that is nearer to the fit.
     """
-    if len(found.proposals) != len(fitted):
+    if measured is None:
         return Measured(fitted, np.zeros((len(fitted), 2)))
-    proposed = named_alike(fitted, found)
+    proposed = named_alike(fitted, measured)
     apart = proposed.places - fitted
     ray = proposed.places / np.linalg.norm(proposed.places, axis=1, keepdims=True)
     along = (apart * ray).sum(axis=1, keepdims=True) * ray

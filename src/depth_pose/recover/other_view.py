@@ -1,8 +1,8 @@
 """A second answer, for frames in which a person's left and right cannot be told.
 
 From the front and from behind people may look alike, as from straight above, or far away. The second look
-states how surely it names the sides (`FoundPerson.sides`). What was seen surely is remembered for a moment: a
-pose that is followed keeps its sides.
+states how surely it names the sides (`JointMeasurement.sides`). What was seen surely is remembered for a
+moment: a pose that is followed keeps its sides.
 """
 
 from __future__ import annotations
@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from depth_pose.core.measurement import JointMeasurement
 from depth_pose.core.skeleton import MIRROR_JOINTS
-from depth_pose.core.types import FoundPerson
 from depth_pose.refine.proposals import is_named_alike
 
 _HALF_LIFE_S = 0.5
@@ -35,15 +35,15 @@ class SidesBelief:
         self._logit, self._stamp_ns = 0.0, 0
         self._joints: NDArray[np.float64] | None = None
 
-    def renew(self, joints: NDArray[np.float64], found: FoundPerson, stamp_ns: int) -> float:
+    def renew(self, joints: NDArray[np.float64], measured: JointMeasurement | None, stamp_ns: int) -> float:
         """Return the probability for an answer's joints (19, 3); frames are passed in their order.
 
-        Without proposals nothing speaks against an answer: then it is 1.
+        Without measured joints nothing speaks against an answer: then it is 1.
         """
-        if not len(found.proposals):
+        if measured is None:
             return 1.0
-        p = min(max(float(found.sides), _SUREST), 1.0 - _SUREST)
-        said = float(np.log(p / (1.0 - p))) * (1.0 if is_named_alike(joints, found) else -1.0)
+        p = min(max(float(measured.sides), _SUREST), 1.0 - _SUREST)
+        said = float(np.log(p / (1.0 - p))) * (1.0 if is_named_alike(joints, measured) else -1.0)
         kept = self._logit * 0.5 ** (1e-9 * (stamp_ns - self._stamp_ns) / _HALF_LIFE_S)
         if self._joints is not None and _is_turned(joints, self._joints):
             kept = 0.0  # they turned round, or the answer changed its mind

@@ -187,8 +187,8 @@ class Recoverer:
             self._carrier.carry(points, points, person.coarse, start, self.bank.body)
             fitted = self._fit(person, start, np.zeros(0, np.float32))
             sure = report_joints(fitted.joints, fitted.pose.scale, person, fitted.score).confidence
-            weigh_joints(fitted.joints, fitted.score, sure, person.found)
-            SidesBelief().renew(fitted.joints, person.found, person.stamp_ns)
+            weigh_joints(fitted.joints, fitted.score, sure, person.measured)
+            SidesBelief().renew(fitted.joints, person.measured, person.stamp_ns)
             _disagreement(fitted, person)
             excess_of(fitted.pose.rotations)
 
@@ -232,7 +232,7 @@ class Recoverer:
         memory.standing += _VETO_SHARE * (standing - memory.standing)
         joints = _weighed(person, answer)
         positions = memory.filter.filter(joints, person.stamp_ns)
-        sides = memory.sides.renew(joints, person.found, person.stamp_ns)
+        sides = memory.sides.renew(joints, person.measured, person.stamp_ns)
         if memory.standing < _VETO:
             self.doubtful += 1
             if not is_sure:
@@ -323,7 +323,7 @@ class Recoverer:
 def _weighed(person: Person, answer: Fitted) -> NDArray[np.float64]:
     """Return the joints (19, 3) of a fit, weighed with those proposed."""
     sure = report_joints(answer.joints, answer.pose.scale, person, answer.score).confidence
-    return weigh_joints(answer.joints, answer.score, sure, person.found).joints
+    return weigh_joints(answer.joints, answer.score, sure, person.measured).joints
 
 
 def _skeleton(
@@ -352,4 +352,4 @@ def _disagreement(fitted: Fitted, person: Person) -> float:
     """Return the disagreement with the depth image and with the proposed joints, as for fits."""
     if fitted.is_lost:
         return fitted.score
-    return fitted.score + AWAY_WEIGHT * from_proposals(fitted.nodes, person.found)
+    return fitted.score + AWAY_WEIGHT * from_proposals(fitted.nodes, person.measured)

@@ -9,11 +9,10 @@ from numpy.typing import NDArray
 
 from depth_pose.body.body import Body
 from depth_pose.body.pose import BodyPose
+from depth_pose.core.measurement import JointMeasurement
 from depth_pose.core.skeleton import JOINT_NODES, JOINTS
-from depth_pose.core.types import FoundPerson
 from depth_pose.refine import _aim_kernels as kernels
 from depth_pose.refine.skeleton_pose import aim_limbs
-from depth_pose.track.target import name_proposals
 
 
 def _of_limbs(*names: str) -> NDArray[np.bool_]:
@@ -32,7 +31,7 @@ _FAR = 5.0
 aimed at proposals that are farther away."""
 
 
-def aim_at_proposals(body: Body, pose: BodyPose, found: FoundPerson) -> list[BodyPose]:
+def aim_at_proposals(body: Body, pose: BodyPose, measured: JointMeasurement | None) -> list[BodyPose]:
     """Turn a pose's legs, and arms that are far off, toward a person's proposed joints.
 
     Arms that are near stay: where they are visible, the limb search finds them better than proposals do.
@@ -42,17 +41,17 @@ def aim_at_proposals(body: Body, pose: BodyPose, found: FoundPerson) -> list[Bod
     body : Body
     pose : BodyPose
         In the camera frame; defines left and right, and keeps its trunk.
-    found : FoundPerson
+    measured : JointMeasurement or None
 
     Returns
     -------
     list of BodyPose
         One with other legs and one with other arms; none where no proposal is confident enough.
     """
-    if len(found.proposals) != len(JOINTS):
+    if measured is None:
         return []
     nodes = body.place(pose.rotations, pose.root, pose.scale)
-    proposed = named_alike(nodes[JOINT_NODES], found)
+    proposed = named_alike(nodes[JOINT_NODES], measured)
     off = np.linalg.norm(nodes[JOINT_NODES] - proposed.places, axis=1) / proposed.sigmas[:, 0]
     is_sure = proposed.confidence >= _SURE
     aimed = []
@@ -64,17 +63,17 @@ def aim_at_proposals(body: Body, pose: BodyPose, found: FoundPerson) -> list[Bod
     return aimed
 
 
-def is_named_alike(joints: NDArray[np.float64], found: FoundPerson) -> bool:
+def is_named_alike(joints: NDArray[np.float64], measured: JointMeasurement) -> bool:
     """Check whether joints (19, 3) are nearer to a person's proposals as named than with sides exchanged."""
-    proposals = name_proposals(found)
+    proposals = measured.both
     return bool(kernels.nearer_naming(joints, proposals.places, proposals.weights) == 0)
 
 
-def from_proposals(nodes: NDArray[np.float64], found: FoundPerson) -> float:
+def from_proposals(nodes: NDArray[np.float64], measured: JointMeasurement | None) -> float:
     """Compute the mean distance of a pose's joints from a person's proposals, standard deviations."""
-    if len(found.proposals) != len(JOINTS):
+    if measured is None:
         return 0.0
-    return kernels.mean_deviation(nodes[JOINT_NODES], found.proposals, found.proposal_sigma, _FAR)
+    return kernels.mean_deviation(nodes[JOINT_NODES], measured.places, measured.sigma, _FAR)
 
 
 class Named(NamedTuple):
@@ -85,8 +84,8 @@ class Named(NamedTuple):
     sigmas: NDArray[np.float64]
 
 
-def named_alike(own: NDArray[np.float64], found: FoundPerson) -> Named:
+def named_alike(own: NDArray[np.float64], measured: JointMeasurement) -> Named:
     """Return a person's proposals with the left/right naming nearer to the joints ``own``, (19, 3)."""
-    proposals = name_proposals(found)
+    proposals = measured.both
     side = kernels.nearer_naming(own, proposals.places, proposals.weights)
     return Named(proposals.places[side], proposals.weights[side], proposals.sigmas[side])

@@ -203,7 +203,7 @@ class Refiner:
         """Replace arms and legs as long as the fit improves."""
         for _ in range(rounds):
             starts = self.limbs.propose(side.body, person.comparer)
-            starts += aim_at_proposals(self.bank.body, side.body.pose, person.found)
+            starts += aim_at_proposals(self.bank.body, side.body.pose, person.measured)
             if not starts:
                 break
             exchanged = self._fit_one(person, starts, fit)
@@ -226,8 +226,8 @@ class Refiner:
 
         The prior is for what proposals leave open: near them, an unusual pose costs less.
         """
-        away = from_proposals(body.nodes, person.found)
-        open_share = min(1.0, away) if len(person.found.proposals) else 1.0
+        away = from_proposals(body.nodes, person.measured)
+        open_share = min(1.0, away) if person.measured is not None else 1.0
         return ScoredFit(
             body,
             person.comparer.compare(body.vertices, self.bank.body.faces, self._match_config.score_band),

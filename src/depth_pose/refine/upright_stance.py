@@ -11,9 +11,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from depth_pose.core.measurement import Proposals
 from depth_pose.core.skeleton import JOINT_INDEX, NODE_INDEX
 from depth_pose.refine._aim_kernels import nearer_naming
-from depth_pose.track.target import Proposals
 
 Array = NDArray[np.float64]
 

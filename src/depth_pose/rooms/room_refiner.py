@@ -155,7 +155,7 @@ class RoomRefiner:
         weights /= weights.sum()
         posed = [view.body_in_camera(body) for view in views]
         seen = [self._disagreement(view, one) for view, one in zip(views, posed, strict=True)]
-        away = [from_proposals(one.nodes, v.person.found) for v, one in zip(views, posed, strict=True)]
+        away = [from_proposals(one.nodes, v.person.measured) for v, one in zip(views, posed, strict=True)]
         return ScoredFit(
             body,
             Comparison(float(weights @ [c.score for c in seen]), float(weights @ [c.gap for c in seen])),
@@ -183,7 +183,7 @@ class RoomRefiner:
             posed = view.body_in_camera(best.body)
             joints, score = posed.nodes[JOINT_NODES], self._disagreement(view, posed).score
             sure = report_joints(joints, scale, view.person, score)
-            measured = weigh_joints(joints, score, sure.confidence, view.person.found).joints
+            measured = weigh_joints(joints, score, sure.confidence, view.person.measured).joints
             report = report_joints(measured, scale, view.person, score)
             places.append(view.to_room(measured))
             confidence.append(report.confidence)

@@ -28,8 +28,8 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.core.skeleton import JOINT_INDEX, JOINT_NODES, JOINTS, rest_nodes
-from depth_pose.detect.joint_finder import TYPICAL_ERROR_M
+from depth_pose.core.measurement import TYPICAL_ERROR_M
+from depth_pose.core.skeleton import JOINT_INDEX, JOINT_NODES, rest_nodes
 from depth_pose.detect.segmentation import Sighting
 
 _MISSED, _HIDES_S = 0.03, 4.0
@@ -151,7 +151,7 @@ class Traits:
     size : Size or None
         None without proposed joints.
     joints : (19, 3) float64
-        Proposed joints, camera frame (m); no rows without proposals.
+        Measured joints, camera frame (m); no rows without.
     variance : (19,) float64
         Their squared expected errors (m^2).
     """
@@ -168,11 +168,12 @@ def traits_of(sighting: Sighting) -> Traits:
     The size is the least-squares scale of the average skeleton's bones to the proposed ones, each weighted by
     the errors of its two ends; a third of a joint's squared error lies along the bone.
     """
-    joints = sighting.proposals.astype(np.float64)
-    confidence = np.maximum(sighting.proposal_confidence.astype(np.float64), _LEAST_CONFIDENCE)
+    measured = sighting.measured
+    if measured is None:
+        return Traits(sighting.place, None, np.zeros((0, 3)), np.zeros(0))
+    joints = measured.places.astype(np.float64)
+    confidence = np.maximum(measured.confidence.astype(np.float64), _LEAST_CONFIDENCE)
     variance = TYPICAL_ERROR_M**2 * (1.0 / confidence - 1.0)
-    if len(joints) != len(JOINTS):
-        return Traits(sighting.place, None, joints, variance)
     weight = _FRACTIONS / ((variance[_BONES[0]] + variance[_BONES[1]]) / 3.0 + 1e-6)
     total = float(weight @ _FRACTIONS)
     stature = max(float(weight @ _lengths(joints)) / total, 1e-2)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import zlib
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -46,10 +47,15 @@ def pack_people(people: People) -> PackedPeople:
     at = np.flatnonzero(np.isfinite(people.points[..., 2]))
     points = people.points.reshape(-1, 3)[at]
     labels = zlib.compress(people.labels.tobytes(), 1)
-    found = tuple(person.found for person in people.persons)
+    found = tuple(_without_mask(person.found) for person in people.persons)
     return PackedPeople(
         people.stamp_ns, people.frame_id, people.camera, at, points, labels, found, people.floor
     )
+
+
+def _without_mask(found: FoundPerson) -> FoundPerson:
+    measured = found.measured
+    return found if measured is None else replace(found, measured=measured.without_mask())
 
 
 def unpack_people(packed: PackedPeople) -> People:

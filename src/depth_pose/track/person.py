@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 
 from depth_pose.body.rendered_depth import DepthComparer, Observation, observe
 from depth_pose.core.camera import Camera
-from depth_pose.core.skeleton import JOINT_INDEX, JOINTS
+from depth_pose.core.measurement import NO_PROPOSALS, JointMeasurement, both_namings
+from depth_pose.core.skeleton import JOINT_INDEX
 from depth_pose.core.types import PERSON, FoundPerson
 from depth_pose.track import _person_kernels as kernels
-from depth_pose.track.target import NO_PROPOSALS, FitTarget, name_proposals, nearest_person_pixels
+from depth_pose.track.target import FitTarget, nearest_person_pixels
 
 MIN_POINTS = 100
 """Least number of points of a person that can be matched; set by hand."""
@@ -31,7 +32,7 @@ _CUT_WIDTH_M = 0.22
 """A cut through a trunk is wider than this (m); one through ankles or shins is narrower."""
 
 _KNEE_M = 0.15
-"""A proposed knee is visible if a pixel of the person lies this close to it (m); set by hand."""
+"""A measured knee is visible if a pixel of the person lies this close to it (m); set by hand."""
 
 _KNEES = [JOINT_INDEX["left_knee"], JOINT_INDEX["right_knee"]]
 
@@ -52,7 +53,7 @@ class Person:
     stamp_ns : int
     frame_id : str
     found : FoundPerson
-        Id, probability and proposed joints.
+        Id, probability and measured joints.
     camera : Camera
         Camera of the whole working grid.
     points : (N, 3) float64
@@ -84,6 +85,11 @@ class Person:
         """Body id of the track."""
         return self.found.body_id
 
+    @property
+    def measured(self) -> JointMeasurement | None:
+        """The person's joints, as the joint net measured them; None without."""
+        return self.found.measured
+
     @cached_property
     def comparer(self) -> DepthComparer:
         """Compares posed bodies with the half-resolution window."""
@@ -91,7 +97,7 @@ class Person:
 
     @cached_property
     def _target(self) -> FitTarget:
-        nearest, proposals = nearest_person_pixels(self.full), name_proposals(self.found)
+        nearest, proposals = nearest_person_pixels(self.full), both_namings(self.measured)
         return FitTarget(self.points, self.full, self.coarse, nearest, proposals, self.floor)
 
     def target(self, most_points: int, *, with_proposals: bool = True) -> FitTarget:
@@ -182,17 +188,17 @@ def _see_person(
         full=observe(depth, own, camera, 1, _MARGIN_M),
         coarse=observe(depth, own, camera, 2, _MARGIN_M),
         is_cut_below=bool(low.any() and np.ptp(points[-1, low, 0]) > _CUT_WIDTH_M)
-        or _hides_knees(own, camera, found.proposals),
+        or _hides_knees(own, camera, found.measured),
         is_cut_beside=int((own[:, [0, 1, -2, -1]] == PERSON).sum()) > _SIDE_PIXELS,
         floor=floor,
     )
 
 
-def _hides_knees(own: NDArray[np.uint8], camera: Camera, proposals: NDArray[np.float32]) -> bool:
-    """Check that no pixel of the person lies near the proposed knees."""
-    if len(proposals) != len(JOINTS):
+def _hides_knees(own: NDArray[np.uint8], camera: Camera, measured: JointMeasurement | None) -> bool:
+    """Check that no pixel of the person lies near the measured knees."""
+    if measured is None:
         return False
-    for x, y, z in proposals[_KNEES].tolist():
+    for x, y, z in measured.places[_KNEES].tolist():
         if not z > 0.0:
             continue
         u, v = camera.fx * x / z + camera.cx, camera.fy * y / z + camera.cy

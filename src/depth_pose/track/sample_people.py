@@ -7,6 +7,7 @@ import numpy as np
 from depth_pose.bank.bank import Bank
 from depth_pose.body.rendered_depth import render_depth
 from depth_pose.core.camera import Camera
+from depth_pose.core.measurement import JointMeasurement
 from depth_pose.core.rotations import R_CAMERA_FACING_MODEL
 from depth_pose.core.skeleton import JOINT_NODES
 from depth_pose.core.types import BACKGROUND, PERSON, FoundPerson
@@ -28,5 +29,5 @@ def sample_people(bank: Bank) -> People:
     labels = np.where(depth > 0, PERSON, BACKGROUND).astype(np.uint8)
     joints = posed.nodes[JOINT_NODES].astype(np.float32)
     sure, sigma = np.ones(len(joints), np.float32), np.full((len(joints), 2), _SIGMA_M, np.float32)
-    found = FoundPerson(PERSON, "sample", 1.0, joints, sure, sigma)
+    found = FoundPerson(PERSON, "sample", 1.0, JointMeasurement(joints, sigma, sure))
     return see_people(0, "", _CAMERA, _CAMERA.back_project(depth), labels, [found])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from depth_pose_msgs.msg import FoundPerson as FoundPersonMsg
 from depth_pose_msgs.msg import People as PeopleMsg
@@ -9,6 +11,8 @@ from sensor_msgs.msg import PointCloud2, PointField
 
 from depth_pose.core.camera import Camera
 from depth_pose.core.errors import InputError
+from depth_pose.core.measurement import JointMeasurement
+from depth_pose.core.skeleton import JOINTS
 from depth_pose.core.types import FoundPerson
 from depth_pose.ros.messages.basics import make_header, stamp_to_ns
 from depth_pose.ros.messages.checks import FARTHEST_M, check_numbers, check_people
@@ -67,12 +71,20 @@ def _found_to_msg(found: FoundPerson) -> FoundPersonMsg:
         label=found.label,
         body_id=found.body_id,
         probability=float(found.probability),
-        proposals=found.proposals.ravel().tolist(),
-        proposal_confidence=found.proposal_confidence.tolist(),
-        proposal_sigma=found.proposal_sigma.ravel().tolist(),
-        heels=found.heels.ravel().tolist(),
-        sides=float(found.sides),
+        **_measurement_to_fields(found.measured),
     )
+
+
+def _measurement_to_fields(measured: JointMeasurement | None) -> dict[str, Any]:
+    if measured is None:
+        return {}
+    return {
+        "proposals": measured.places.ravel().tolist(),
+        "proposal_confidence": measured.confidence.tolist(),
+        "proposal_sigma": measured.sigma.ravel().tolist(),
+        "heels": measured.heels.ravel().tolist(),
+        "sides": float(measured.sides),
+    }
 
 
 def msgs_to_people(points: PointCloud2, people: PeopleMsg) -> People:
@@ -133,14 +145,19 @@ def warm_up() -> None:
 
 
 def _msg_to_found(msg: FoundPersonMsg) -> FoundPerson:
+    return FoundPerson(msg.label, msg.body_id, msg.probability, _msg_to_measurement(msg))
+
+
+def _msg_to_measurement(msg: FoundPersonMsg) -> JointMeasurement | None:
     confidence = np.array(msg.proposal_confidence, np.float32)
-    proposals, sigma = np.array(msg.proposals, np.float32), np.array(msg.proposal_sigma, np.float32)
-    if (len(proposals), len(sigma)) != (3 * len(confidence), 2 * len(confidence)):
+    places, sigma = np.array(msg.proposals, np.float32), np.array(msg.proposal_sigma, np.float32)
+    count = len(confidence)
+    if (len(places), len(sigma)) != (3 * count, 2 * count) or count not in (0, len(JOINTS)):
         raise InputError(
-            f"{msg.body_id} has {len(proposals)} numbers of proposed joints, {len(sigma)} of deviations "
-            f"and {len(confidence)} confidences; each joint has 3, 2 and 1"
+            f"{msg.body_id} has {len(places)} numbers of proposed joints, {len(sigma)} of deviations "
+            f"and {count} confidences; each of {len(JOINTS)} joints has 3, 2 and 1"
         )
-    check_numbers(f"the proposed joints of {msg.body_id}", proposals)
+    check_numbers(f"the proposed joints of {msg.body_id}", places)
     heels = np.array(msg.heels, np.float32)
     if len(heels) not in (0, 10):
         raise InputError(f"{msg.body_id} has {len(heels)} numbers of heels; two heels have 5 each")
@@ -148,13 +165,8 @@ def _msg_to_found(msg: FoundPersonMsg) -> FoundPerson:
     check_numbers(f"the heels of {msg.body_id}", heels)
     if not 0.0 <= msg.sides <= 1.0:
         raise InputError(f"the sides of {msg.body_id} have the probability {msg.sides}; it is 0 to 1")
-    return FoundPerson(
-        msg.label,
-        msg.body_id,
-        msg.probability,
-        proposals.reshape(-1, 3),
-        confidence,
-        sigma.reshape(-1, 2),
-        heels.reshape(-1, 5),
-        msg.sides,
+    if not count:
+        return None
+    return JointMeasurement(
+        places.reshape(-1, 3), sigma.reshape(-1, 2), confidence, heels.reshape(-1, 5), msg.sides
     )
