@@ -57,6 +57,10 @@ def proposed(joints, confidence):
     return FoundPerson(1, "body_1", 1.0, measured)
 
 
+def fit_pose(fitter, *given):
+    return fitter.fit(*given).pose
+
+
 def nodes_of(body, pose):
     return body.pose(pose.rotations, pose.root, pose.scale).nodes
 
@@ -82,7 +86,7 @@ def test_joints_that_nobody_sees_go_where_they_are_proposed(body, fitter, swappe
     errors = []
     for with_proposals in (False, True):
         target = replace(person, found=proposals).target(800, with_proposals=with_proposals)
-        fitted = nodes_of(body, fitter.fit(target, start, fitter.config.sigmas + 10 * (0.02,)))
+        fitted = nodes_of(body, fit_pose(fitter, target, start, fitter.config.sigmas + 10 * (0.02,)))
         errors.append(np.linalg.norm(fitted - posed.nodes, axis=1)[legs].mean())
     assert errors[0] > 0.1
     assert errors[1] < 0.3 * errors[0]
@@ -95,7 +99,7 @@ def test_proposals_far_from_the_truth_do_little(body, fitter):
     wrong = posed.nodes[JOINT_NODES] + [0.0, 0.0, 0.6]
     plain = person.target(800, with_proposals=False)
     misled = replace(person, found=proposed(wrong, np.ones(len(JOINTS)))).target(800)
-    fits = [nodes_of(body, fitter.fit(t, start)) for t in (plain, misled)]
+    fits = [nodes_of(body, fit_pose(fitter, t, start)) for t in (plain, misled)]
     assert syn.joint_error(fits[1], fits[0]) < 0.01
 
 
@@ -118,7 +122,7 @@ def test_heels_that_nobody_sees_go_where_they_are_proposed(body, fitter, swapped
     start = BodyPose(syn.FACING @ syn.arms_down(), posed.nodes[0], 1.0)
     away = []
     for one in (found, replace(found, measured=replace(found.measured, heels=named))):
-        pose = fitter.fit(replace(person, found=one).target(800), start, 20 * (0.06,))
+        pose = fit_pose(fitter, replace(person, found=one).target(800), start, 20 * (0.06,))
         fitted = body.pose(pose.rotations, pose.root, pose.scale).vertices[heel_vertices(body)]
         away.append(np.linalg.norm(fitted - heels, axis=1).max())
     print(away)
@@ -139,7 +143,7 @@ def test_soles_stand_on_a_floor_that_is_known(body, fitter, raised):
 
     def lowest_of(floor):
         person_there = replace(person, floor=floor)
-        pose = fitter.fit(person_there.target(800), start, patient)
+        pose = fit_pose(fitter, person_there.target(800), start, patient)
         return body.pose(pose.rotations, pose.root, pose.scale).vertices[:, 1].max()
 
     up = np.array([0.0, -1.0, 0.0])
@@ -206,9 +210,9 @@ def test_a_known_pose_is_found_from_a_start_nearby(body, fitter, seed, degrees, 
     before = syn.joint_error(nodes_of(body, start), posed.nodes)
     assert before > 0.06
     target = target_of(posed, noise)
-    quick = nodes_of(body, fitter.fit(target, start))
+    quick = nodes_of(body, fit_pose(fitter, target, start))
     assert syn.joint_error(quick, posed.nodes) < 0.2 * before
-    patient = nodes_of(body, fitter.fit(target, start, fitter.config.sigmas + 10 * (0.02,)))
+    patient = nodes_of(body, fit_pose(fitter, target, start, fitter.config.sigmas + 10 * (0.02,)))
     assert syn.joint_error(patient, posed.nodes) < 0.010
 
 
@@ -217,7 +221,7 @@ def test_most_poses_are_found_from_any_start_nearby(body, fitter):
     errors = []
     for seed in range(12):
         posed, start = disturbed_start(seed, 10.0)
-        errors.append(syn.joint_error(nodes_of(body, fitter.fit(target_of(posed), start)), posed.nodes))
+        errors.append(syn.joint_error(nodes_of(body, fit_pose(fitter, target_of(posed), start)), posed.nodes))
     assert np.median(errors) < 0.018
     assert np.mean(np.array(errors) < 0.03) > 0.7
 
@@ -225,7 +229,7 @@ def test_most_poses_are_found_from_any_start_nearby(body, fitter):
 def test_the_true_pose_stays(body, fitter):
     posed = syn.posed(syn.varied(5, 20.0))
     pose = BodyPose(syn.FACING @ syn.varied(5, 20.0), posed.nodes[0], 1.0)
-    found = fitter.fit(target_of(posed), pose)
+    found = fit_pose(fitter, target_of(posed), pose)
     assert syn.joint_error(nodes_of(body, found), posed.nodes) < 0.008
 
 
@@ -233,7 +237,7 @@ def test_one_arm_far_off(body, fitter):
     true = syn.upright(left_shoulder=syn.rotation("z", 20.0))
     posed = syn.posed(true)
     start = BodyPose(syn.FACING @ syn.upright(left_shoulder=syn.rotation("z", -10.0)), posed.nodes[0], 1.0)
-    found = nodes_of(body, fitter.fit(target_of(posed), start))
+    found = nodes_of(body, fit_pose(fitter, target_of(posed), start))
     wrist = NODE_INDEX["left_wrist"]
     assert np.linalg.norm(nodes_of(body, start)[wrist] - posed.nodes[wrist]) > 0.25
     assert np.linalg.norm(found[wrist] - posed.nodes[wrist]) < 0.02
@@ -243,7 +247,7 @@ def test_one_arm_far_off(body, fitter):
 def test_scale_is_kept(body, fitter, scale):
     posed = syn.posed(syn.arms_down(), scale=scale, distance=3.2)
     start = BodyPose(syn.FACING @ disturbed(syn.arms_down(), 0, 8.0), posed.nodes[0], scale)
-    found = fitter.fit(target_of(posed), start)
+    found = fit_pose(fitter, target_of(posed), start)
     assert found.scale == scale
     assert syn.joint_error(nodes_of(body, found), posed.nodes) < 0.02
 
@@ -252,13 +256,13 @@ def test_results_are_rotations_and_inputs_are_untouched(fitter):
     posed = syn.posed(syn.varied(1, 25.0))
     start = BodyPose(syn.FACING @ disturbed(syn.varied(1, 25.0), 1, 12.0), posed.nodes[0].copy(), 1.0)
     before = start.rotations.copy(), start.root.copy()
-    found = fitter.fit(target_of(posed), start)
+    found = fit_pose(fitter, target_of(posed), start)
     r = found.rotations
     np.testing.assert_allclose(r @ r.transpose(0, 2, 1), np.broadcast_to(np.eye(3), r.shape), atol=1e-9)
     np.testing.assert_allclose(np.linalg.det(r), 1.0)
     np.testing.assert_array_equal(start.rotations, before[0])
     np.testing.assert_array_equal(start.root, before[1])
-    again = fitter.fit(target_of(posed), start)
+    again = fit_pose(fitter, target_of(posed), start)
     np.testing.assert_array_equal(again.rotations, r)
 
 
@@ -278,7 +282,7 @@ def test_half_a_turn_of_the_camera_turns_the_result(body, free_space, most):
     def fitted(image, pose, order):
         person = syn.to_person(image)
         target = person.target(len(person.points))
-        return fitter.fit(target._replace(points=person.points[::order], coarse=person.full), pose)
+        return fit_pose(fitter, target._replace(points=person.points[::order], coarse=person.full), pose)
 
     plain = fitted(depth, start, 1)
     rolled = fitted(depth[::-1, ::-1], BodyPose(roll @ start.rotations, roll @ start.root, 1.0), -1)
@@ -295,7 +299,7 @@ def test_moving_the_person_moves_the_result(body, fitter, distance, aside, turn)
         posed = syn.posed(true, **where)
         rotation = syn.FACING @ syn.rotation("y", where["turn"])
         start = BodyPose(rotation @ disturbed(true, 4, 8.0), posed.nodes[0], 1.0)
-        nodes = nodes_of(body, fitter.fit(target_of(posed), start))
+        nodes = nodes_of(body, fit_pose(fitter, target_of(posed), start))
         found.append((nodes - posed.nodes) @ rotation)  # error in the person's own frame
     assert np.linalg.norm(found[0] - found[1], axis=1).mean() < 0.015
 
@@ -304,9 +308,35 @@ def test_no_points_near_the_body_leave_it_where_it_is(body, fitter):
     """Far beyond reach nothing pulls, and nothing may become NaN."""
     target = target_of(syn.posed(syn.arms_down(), aside=0.3))
     start = BodyPose(syn.FACING @ syn.arms_down(), np.array([30.0, 0.0, 3.0]), 1.0)
-    found = fitter.fit(target, start)
+    found = fit_pose(fitter, target, start)
     assert np.isfinite(found.rotations).all()
     np.testing.assert_allclose(found.root, start.root, atol=0.5)
+
+
+def test_a_fit_tells_how_it_ended(fitter):
+    """Its cost falls, its steps get short, and its information is symmetric and definite."""
+    posed, start = disturbed_start(1, 10.0)
+    target = target_of(posed)
+    short, long = (fitter.fit(target, start, n * (0.02,)) for n in (2, 30))
+    assert long.cost.points < short.cost.points
+    assert long.last_turn < 0.2 * short.last_turn
+    assert (long.iterations, long.points) == (30, len(target.points))
+    np.testing.assert_allclose(long.information, long.information.T, rtol=1e-9, atol=1e-6)
+    assert np.linalg.eigvalsh(long.information).min() > 0.0
+
+
+def test_information_is_less_where_nothing_is_seen(body, fitter):
+    """Legs below the image's border may stand anywhere; arms, which are in view, may not."""
+    posed = syn.posed(syn.arms_down(), distance=2.8)
+    depth = syn.draw(syn.mesh(posed))
+    depth[depth.shape[0] // 2 :] = 0.0
+    start = BodyPose(syn.FACING @ syn.arms_down(), posed.nodes[0], 1.0)
+    result = fitter.fit(syn.to_person(depth).target(800, with_proposals=False), start)
+    variance = np.diag(np.linalg.inv(result.information))
+    turn = {
+        n: variance[3 + 3 * fitter.articulation.free[NODE_INDEX[n]]] for n in ("left_shoulder", "left_knee")
+    }
+    assert turn["left_knee"] > 4.0 * turn["left_shoulder"]
 
 
 def test_candidate_pose(bank):

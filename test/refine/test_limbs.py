@@ -56,7 +56,7 @@ def test_wrong_limbs_are_replaced(body, search, true, moved):
     fitter = ArticulatedFitter(body)
 
     def compared(start):
-        pose = fitter.fit(target, start)
+        pose = fitter.fit(target, start).pose
         found = body.pose(pose.rotations, pose.root)
         return comparer.compare(found.vertices, body.faces, BAND).score, found.nodes
 

@@ -87,7 +87,7 @@ def followed(space, person, seed, frames=36):
         noisy = np.where(depth > 0, depth + 0.005 * rng.standard_normal(depth.shape), 0.0)
         target, body = target_of(noisy), space.body(personal.build)
         start = BodyPose(pose.rotations, pose.root, personal.scale)
-        fitted = fitter.of(body).fit(target, start)
+        fitted = fitter.of(body).fit(target, start).pose
         personal.add(k * 60_000_000, 0.2, finder.find(body, target, fitted, personal.build))
     personal.take_size(1.02, is_given=False)
     return personal

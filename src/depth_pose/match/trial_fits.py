@@ -24,7 +24,7 @@ class TrialFits:
 
     def score(self, start: BodyPose) -> float:
         """Fit from a start, and return the rendered-depth score."""
-        pose = self._fitter.fit(self._target, start, self._fitter.config.trial)
+        pose = self._fitter.fit(self._target, start, self._fitter.config.trial).pose
         body = self._fitter.body
         posed = body.pose(pose.rotations, pose.root, pose.scale)
         return self._comparer.compare(posed.vertices, body.faces, self._band).score

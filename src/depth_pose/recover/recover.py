@@ -313,7 +313,7 @@ class Recoverer:
     def _fit(self, person: Person, start: BodyPose, build: NDArray[np.float32]) -> Fitted:
         """Fit the body of the previous frame to this frame, and compare the two."""
         fitter = self._bodies.of(build)
-        pose = fitter.fit(self._bodies.target(person), start, fitter.config.carried)
+        pose = fitter.fit(self._bodies.target(person), start, fitter.config.carried).pose
         mesh = fitter.body.pose(pose.rotations, pose.root, pose.scale)
         seen = person.comparer.compare(mesh.vertices, fitter.body.faces, self._band)
         body = FittedBody(pose, mesh.vertices, mesh.nodes)

@@ -152,11 +152,25 @@ def assign(points, stride, vertices, visible, sigma, outlier, mass, pull):
 
 
 @njit(cache=True, fastmath=True, forceinline=True)
+def _cost_of(metric, r):
+    """Compute ``r' M r`` of a residual."""
+    cost = 0.0
+    for a in range(3):
+        for b in range(3):
+            cost += r[a] * metric[a, b] * r[b]
+    return cost
+
+
+@njit(cache=True, fastmath=True, forceinline=True)
 def add_points(surface, mass, pull, origin, settings, equations):
-    """Add the data term of the M-step: pull each vertex to its mean point, along its normal and overall."""
+    """Add the data term of the M-step: pull each vertex to its mean point, along its normal and overall.
+
+    Returns the cost, as all terms do: the sum of ``r' M r``.
+    """
     vertices, normals = surface.vertices, surface.normals
     metric = np.empty((3, 3))
     r = np.empty(3)
+    cost = 0.0
     for i in range(vertices.shape[0]):
         if mass[i] < _LEAST_MASS:
             continue
@@ -165,7 +179,9 @@ def add_points(surface, mass, pull, origin, settings, equations):
             for b in range(3):
                 metric[a, b] = mass[i] * settings.plane_weight * normals[i, a] * normals[i, b]
             metric[a, a] += mass[i] * settings.point_weight
+        cost += _cost_of(metric, r)
         add_vertex(vertices[i], origin, metric, r, equations, surface.segment[i])
+    return cost
 
 
 @njit(cache=True, fastmath=True, forceinline=True)
@@ -176,6 +192,7 @@ def add_free_space(surface, observed, nearest, origin, weight, settings, equatio
     rows, cols = depth.shape
     metric = np.zeros((3, 3))
     r = np.zeros(3)
+    cost = 0.0
     for i in range(0, vertices.shape[0], 2):  # every second vertex is enough
         x, y, z = vertices[i, 0], vertices[i, 1], vertices[i, 2]
         if z < NEAR_M:
@@ -199,23 +216,26 @@ def add_free_space(surface, observed, nearest, origin, weight, settings, equatio
             metric[0, 0], metric[1, 1], metric[2, 2] = weight, weight, 0.0
         else:
             continue
+        cost += _cost_of(metric, r)
         add_vertex(vertices[i], origin, metric, r, equations, surface.segment[i])
+    return cost
 
 
 @njit(cache=True, fastmath=True, forceinline=True)
 def add_proposals(proposals, feet, surface, nodes, origin, weight, equations):
     """Pull joints and heels to their proposed places, with the left/right naming nearer to the pose."""
     side = nearer_naming(nodes[proposals.nodes], proposals.places, proposals.weights)
-    heels = proposals.heels[side]
+    heels, cost = proposals.heels[side], 0.0
     for j in range(proposals.nodes.shape[0]):
         n, place, sigmas = proposals.nodes[j], proposals.places[side, j], proposals.sigmas[side, j]
         is_shared = heels.shape[0] > 0 and (n == feet.ankles[0] or n == feet.ankles[1])
         w = _FOOT_SHARE * weight if is_shared else weight
-        _observe(nodes[n], place, sigmas[0], sigmas[1], origin, w, equations, n)
+        cost += _observe(nodes[n], place, sigmas[0], sigmas[1], origin, w, equations, n)
     for h in range(heels.shape[0]):
         i, w = feet.heels[h], _FOOT_SHARE * weight
         place, across, along = heels[h, :3], heels[h, 3], heels[h, 4]
-        _observe(surface.vertices[i], place, across, along, origin, w, equations, surface.segment[i])
+        cost += _observe(surface.vertices[i], place, across, along, origin, w, equations, surface.segment[i])
+    return cost
 
 
 @njit(cache=True, fastmath=True, forceinline=True)
@@ -240,13 +260,15 @@ def _observe(point, place, across_m, along_m, origin, weight, equations, segment
             metric[a, b] = (along - across) * ray[a] * ray[b]
         metric[a, a] += across
     add_vertex(point, origin, metric, r, equations, segment)
+    return _cost_of(metric, r)
 
 
 @njit(cache=True, fastmath=True, forceinline=True)
 def add_floor(surface, feet, floor, origin, weight, equations):
     """Pull balls of feet to the floor where they are near it, and heels out of it; robust as proposals."""
+    cost = 0.0
     if floor[3] <= 0.0:
-        return
+        return cost
     metric, r = np.empty((3, 3)), np.empty(3)
     for k in range(feet.soles.shape[0]):
         i = feet.soles[k]
@@ -260,11 +282,16 @@ def add_floor(surface, feet, floor, origin, weight, equations):
             r[a] = -height * floor[a]
             for b in range(3):
                 metric[a, b] = share * floor[a] * floor[b]
+        cost += share * height * height
         add_vertex(v, origin, metric, r, equations, surface.segment[i])
+    return cost
 
 
 class Workspace(NamedTuple):
-    """Arrays of the fit of one body to one view of a person, allocated once for all its iterations."""
+    """Arrays of the fit of one body to one view of a person, allocated once for all its iterations.
+
+    ``cost`` (4,) has the last iteration's sums of weighted squares: points, free space, joints, floor.
+    """
 
     surface: Surface
     nodes: Any
@@ -273,6 +300,7 @@ class Workspace(NamedTuple):
     pull: Any
     seen: Any
     visible: Any
+    cost: Any
 
 
 @njit(cache=True)
@@ -287,6 +315,7 @@ def make_workspace(target, body):
         np.empty((count, 3)),
         np.empty(count, np.bool_),
         np.empty(count, np.bool_),
+        np.zeros(4),
     )
 
 
@@ -317,23 +346,28 @@ def add_view(target, body, settings, sigma, k, scale, rotations, root, work, equ
     assign(target.points, stride, surface.vertices, visible, sigma, settings.outlier, work.mass, work.pull)
     equations.inertia[:] = 0.0
     equations.force[:] = 0.0
-    add_points(surface, work.mass, work.pull, root, settings, equations)
+    work.cost[0] = add_points(surface, work.mass, work.pull, root, settings, equations)
     # scale all other terms with the number of points
     amount = target.points.shape[0] / stride / USUAL_POINTS
     weight = 2.0 * settings.free_space_weight * amount
-    add_free_space(surface, target.full, target.nearest, root, weight, settings, equations)
+    work.cost[1] = add_free_space(surface, target.full, target.nearest, root, weight, settings, equations)
     weight = settings.proposal_weight * sigma**2 * amount  # the mixture lacks its 1/sigma^2
-    add_proposals(target.proposals, body.feet, surface, nodes, root, weight, equations)
+    work.cost[2] = add_proposals(target.proposals, body.feet, surface, nodes, root, weight, equations)
     weight = settings.floor_weight * sigma**2 * amount
-    add_floor(surface, body.feet, target.floor, root, weight, equations)
+    work.cost[3] = add_floor(surface, body.feet, target.floor, root, weight, equations)
     return amount
 
 
 @njit(cache=True)
 def fit(target, body, settings, sigmas, scale, rotations, root):
-    """Run one iteration per sigma; ``rotations`` and ``root`` hold the start and are updated in place."""
+    """Run one iteration per sigma; ``rotations`` and ``root`` hold the start and are updated in place.
+
+    Returns the last iteration's cost by term (4,), its normal equations (P, P), and its step (P,).
+    """
     work, equations = make_workspace(target, body), make_equations(body)
     moved = np.zeros(body.above.shape[0])
+    matrix, step = np.zeros((moved.shape[0], moved.shape[0])), np.zeros(moved.shape[0])
     for k in range(sigmas.shape[0]):
         amount = add_view(target, body, settings, sigmas[k], k, scale, rotations, root, work, equations)
-        take_step(equations, body, settings, amount, work.nodes, moved, rotations, root)
+        matrix, step = take_step(equations, body, settings, amount, work.nodes, moved, rotations, root)
+    return work.cost, matrix, step

@@ -237,6 +237,8 @@ def take_step(equations, body, settings, amount, nodes, moved, rotations, root):
 
     ``rotations`` and ``root`` are updated in place, and ``moved`` (P,) accumulates the steps. ``settings``
     has damping, prior and root_prior, which scale with the ``amount`` of data, and max_step, radians.
+
+    Returns the normal equations (P, P) that were solved, and the step (P,).
     """
     size = moved.shape[0]
     matrix, gradient = np.zeros((size, size)), np.empty(size)
@@ -249,6 +251,7 @@ def take_step(equations, body, settings, amount, nodes, moved, rotations, root):
         matrix[i, i] += hold
         gradient[i] -= hold * moved[i]
     hold_neutral(body, settings.prior * amount, rotations, matrix, gradient)
+    solved = matrix.copy()
     solve_tree(matrix, body.above, gradient)
     most = np.abs(gradient[3:]).max()
     if most > settings.max_step:
@@ -256,3 +259,4 @@ def take_step(equations, body, settings, amount, nodes, moved, rotations, root):
     update(gradient, body, rotations)
     root += gradient[:3]
     moved += gradient
+    return solved, gradient

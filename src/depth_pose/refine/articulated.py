@@ -41,6 +41,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from copy import copy
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,6 +76,45 @@ _NEUTRAL: dict[str, tuple[float, float, float]] = {"ankle": (0.2, 2.0, 2.0)}
 about the first, and turns little about the shank and about the foot. Chosen on development clips."""
 
 
+class FitCost(NamedTuple):
+    """Sums of weighted squares (m^2), by term of the module's equation; the prior is in the information."""
+
+    points: float
+    free_space: float
+    joints: float
+    floor: float
+
+
+class FitResult(NamedTuple):
+    """A fitted pose, and the normal equations of the last iteration.
+
+    Attributes
+    ----------
+    pose : BodyPose
+    cost : FitCost
+        Before the last step.
+    information : (P, P) float64
+        Information on the translation (1/m^2) and on each free node's rotation (1/rad^2), with the prior.
+    step : (P,) float64
+        The last step, metres and radians: near 0 where the fit has converged.
+    iterations : int
+    points : int
+        Number of the cloud's points.
+    """
+
+    pose: BodyPose
+    cost: FitCost
+    information: NDArray[np.float64]
+    step: NDArray[np.float64]
+    iterations: int
+    points: int
+
+    @property
+    def last_turn(self) -> float:
+        """Largest rotation of the last step, radians."""
+        return float(np.abs(self.step[3:]).max())
+
+
 class ArticulatedFitter:
     """Fits one body; all data that is constant between frames is prepared here."""
 
@@ -94,7 +134,7 @@ class ArticulatedFitter:
         other.articulation = self.articulation._replace(skin=body.skin, normals=body.normals)
         return other
 
-    def fit(self, target: FitTarget, start: BodyPose, sigmas: tuple[float, ...] | None = None) -> BodyPose:
+    def fit(self, target: FitTarget, start: BodyPose, sigmas: tuple[float, ...] | None = None) -> FitResult:
         """Fit the body's pose to a cloud.
 
         Parameters
@@ -106,12 +146,21 @@ class ArticulatedFitter:
 
         Returns
         -------
-        BodyPose
+        FitResult
         """
         levels = np.array(self.config.sigmas if sigmas is None else sigmas)
         rotations, root = start.rotations.copy(), start.root.copy()
-        kernels.fit(target, self.articulation, self.settings, levels, start.scale, rotations, root)
-        return BodyPose(rotations, root, start.scale)
+        cost, matrix, step = kernels.fit(
+            target, self.articulation, self.settings, levels, start.scale, rotations, root
+        )
+        return FitResult(
+            pose=BodyPose(rotations, root, start.scale),
+            cost=FitCost(*cost.tolist()),
+            information=matrix / levels[-1] ** 2,
+            step=step,
+            iterations=len(levels),
+            points=len(target.points),
+        )
 
 
 def articulate(

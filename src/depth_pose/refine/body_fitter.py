@@ -48,13 +48,13 @@ class _ArticulatedFit:
     target: FitTarget
 
     def glance(self, start: BodyPose) -> FittedBody:
-        return self._posed(self.coarse.fit(self.target, start, self.coarse.config.glance))
+        return self._posed(self.coarse.fit(self.target, start, self.coarse.config.glance).pose)
 
     def rough(self, start: BodyPose) -> FittedBody:
-        return self._posed(self.coarse.fit(self.target, start, self.coarse.config.rough))
+        return self._posed(self.coarse.fit(self.target, start, self.coarse.config.rough).pose)
 
     def finish(self, fitted: FittedBody) -> FittedBody:
-        return self._posed(self.fine.fit(self.target, fitted.pose, self.fine.config.fine))
+        return self._posed(self.fine.fit(self.target, fitted.pose, self.fine.config.fine).pose)
 
     def _posed(self, pose: BodyPose) -> FittedBody:
         posed = self.fine.body.pose(pose.rotations, pose.root, pose.scale)
